@@ -1,0 +1,201 @@
+//! What has become of every planned tap: plan - ledger is the work left to do.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::Stamp;
+
+/// State of one planned tap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum TapState {
+    /// Not there yet: work to do.
+    Missing,
+    /// Samples and discriminators are in the archive.
+    Archived,
+    /// Refused for a stated reason; it will not come.
+    Refused,
+}
+
+impl TapState {
+    const ALL: [Self; 3] = [Self::Missing, Self::Archived, Self::Refused];
+
+    /// Number that stands for the state on the wire and in archives.
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// The state that `code` stands for.
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|s| s.code() == code)
+    }
+
+    /// The state's name in tables.
+    pub fn name(self) -> &'static str {
+        ["missing", "archived", "refused"][self as usize]
+    }
+
+    /// Whether nothing is left to do for the tap.
+    pub fn is_settled(self) -> bool {
+        self != Self::Missing
+    }
+}
+
+/// State of one scan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ScanState {
+    /// Taps are still to come.
+    Open,
+    /// Its end has come, in band.
+    Ended,
+    /// Its verdict is in the archive.
+    Judged,
+}
+
+impl ScanState {
+    const ALL: [Self; 3] = [Self::Open, Self::Ended, Self::Judged];
+
+    /// Number that stands for the state on the wire and in archives.
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// The state that `code` stands for.
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|s| s.code() == code)
+    }
+}
+
+/// Header of a ledger snapshot; the states follow it, one byte each: taps, then scans, then the barriers passed.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("tapline.LedgerHeader.v1")]
+pub struct LedgerHeader {
+    /// Which snapshot this is.
+    pub stamp: Stamp,
+    /// Planned taps.
+    pub tap_count: u32,
+    /// Planned scans.
+    pub scan_count: u32,
+    /// Stations, each with the last barrier that passed.
+    pub station_count: u32,
+    /// Taps in the archive.
+    pub archived_count: u32,
+    /// Taps refused.
+    pub refused_count: u32,
+    /// Keeps the layout free of padding.
+    pub reserved: u32,
+    /// Records lost in transit so far, as their sequence numbers tell.
+    pub lost_count: u64,
+}
+
+/// A copy of the ledger as the archive had it at one moment.
+///
+/// It is whole, not a difference: a snapshot that is missed costs nothing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ledger {
+    taps: Vec<TapState>,
+    scans: Vec<ScanState>,
+    /// For each station, ascending: the last barrier that has passed through every stage.
+    barriers: Vec<u8>,
+    /// Records lost in transit so far.
+    pub lost_count: u64,
+}
+
+impl Ledger {
+    /// A ledger in which nothing has happened.
+    pub fn empty(tap_count: usize, scan_count: usize, station_count: usize) -> Self {
+        Self {
+            taps: vec![TapState::Missing; tap_count],
+            scans: vec![ScanState::Open; scan_count],
+            barriers: vec![0; station_count],
+            lost_count: 0,
+        }
+    }
+
+    /// States of the planned taps, by plan row.
+    pub fn taps(&self) -> &[TapState] {
+        &self.taps
+    }
+
+    /// States of the scans, by scan number.
+    pub fn scans(&self) -> &[ScanState] {
+        &self.scans
+    }
+
+    /// The last barrier of the station with number `station` in ascending order that has passed.
+    pub fn barrier(&self, station: usize) -> u8 {
+        self.barriers[station]
+    }
+
+    /// Sets the state of the tap in plan row `row`.
+    pub fn set_tap(&mut self, row: usize, state: TapState) {
+        self.taps[row] = state;
+    }
+
+    /// Sets the state of scan `number`.
+    pub fn set_scan(&mut self, number: usize, state: ScanState) {
+        self.scans[number] = state;
+    }
+
+    /// Records that `barrier` of `station` has passed.
+    pub fn set_barrier(&mut self, station: usize, barrier: u8) {
+        self.barriers[station] = barrier;
+    }
+
+    /// How many taps are in `state`.
+    pub fn count(&self, state: TapState) -> usize {
+        self.taps.iter().filter(|&&s| s == state).count()
+    }
+
+    /// Whether every scan has its verdict.
+    pub fn is_judged(&self) -> bool {
+        self.scans.iter().all(|&s| s == ScanState::Judged)
+    }
+
+    /// Bytes of a snapshot for so many taps, scans and stations.
+    pub fn encoded_bytes(tap_count: usize, scan_count: usize, station_count: usize) -> usize {
+        tap_count + scan_count + station_count
+    }
+
+    /// Writes the snapshot into `bytes`, which must be [`Ledger::encoded_bytes`] long, and returns its header.
+    ///
+    /// # Panics
+    /// If `bytes` has another length.
+    pub fn encode(&self, bytes: &mut [u8]) -> LedgerHeader {
+        assert_eq!(
+            bytes.len(),
+            self.taps.len() + self.scans.len() + self.barriers.len(),
+            "length of a ledger snapshot"
+        );
+        let (taps, rest) = bytes.split_at_mut(self.taps.len());
+        let (scans, barriers) = rest.split_at_mut(self.scans.len());
+        for (byte, state) in taps.iter_mut().zip(&self.taps) {
+            *byte = state.code();
+        }
+        for (byte, state) in scans.iter_mut().zip(&self.scans) {
+            *byte = state.code();
+        }
+        barriers.copy_from_slice(&self.barriers);
+        let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        LedgerHeader {
+            tap_count: count(self.taps.len()),
+            scan_count: count(self.scans.len()),
+            station_count: count(self.barriers.len()),
+            archived_count: count(self.count(TapState::Archived)),
+            refused_count: count(self.count(TapState::Refused)),
+            lost_count: self.lost_count,
+            ..LedgerHeader::default()
+        }
+    }
+
+    /// The ledger that `header` and `bytes` carry, `None` when they do not fit each other.
+    pub fn decode(header: &LedgerHeader, bytes: &[u8]) -> Option<Self> {
+        let (taps, rest) = bytes.split_at_checked(header.tap_count as usize)?;
+        let (scans, barriers) = rest.split_at_checked(header.scan_count as usize)?;
+        Some(Self {
+            taps: taps.iter().map(|&b| TapState::from_code(b)).collect::<Option<_>>()?,
+            scans: scans.iter().map(|&b| ScanState::from_code(b)).collect::<Option<_>>()?,
+            barriers: (barriers.len() == header.station_count as usize).then(|| barriers.to_vec())?,
+            lost_count: header.lost_count,
+        })
+    }
+}

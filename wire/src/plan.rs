@@ -1,0 +1,214 @@
+//! The scan plan: every tap that must exist, and what its record will look like.
+
+use std::collections::{BTreeMap, HashMap};
+
+use sha2::{Digest, Sha256};
+
+use crate::{Channel, Geometry, SampleFormat, Serial, TapId};
+
+/// One tap that must exist.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlannedTap {
+    /// Its name; `attempt` is 0.
+    pub id: TapId,
+    /// Angle on the ring in degrees, `None` when unknown or on a line.
+    pub angle_deg: Option<f64>,
+    /// Whether it repeats the first location to close the ring: it shows drift and enters no index.
+    pub is_closing: bool,
+}
+
+/// Shape of every record of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recording {
+    /// Samples per second and channel.
+    pub sample_rate_hz: f64,
+    /// Samples before the trigger.
+    pub pre_trigger_samples: u32,
+    /// Most samples a channel can have.
+    pub sample_count_max: u32,
+    /// How the converter gives its samples.
+    pub sample_format: SampleFormat,
+    /// Channels, in the order of the samples.
+    pub channels: Vec<Channel>,
+}
+
+impl Recording {
+    /// Bytes of the largest record's samples.
+    pub fn payload_bytes_max(&self) -> usize {
+        self.channels.len() * self.sample_count_max as usize * self.sample_format.bytes()
+    }
+}
+
+/// One shoulder's scan: the taps that together get one damage map and one verdict.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scan {
+    /// Rig that makes the taps.
+    pub station: u16,
+    /// Serial number of the casing.
+    pub tyre: Serial,
+    /// Side of the casing.
+    pub shoulder: u16,
+    /// Plan rows of its taps, ascending.
+    pub taps: Vec<u32>,
+    /// Locations the damage map covers, ascending, each with its angle in degrees where known.
+    pub locations: Vec<(u32, Option<f64>)>,
+}
+
+/// Whether a location is cracked: what the truth of a tap set or of a simulated tyre says.
+pub type Truth = BTreeMap<(Serial, u16, u32), bool>;
+
+/// Every tap that must exist, in the order in which each station takes its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Shape of what is scanned.
+    pub geometry: Geometry,
+    /// Shape of the records.
+    pub recording: Recording,
+    taps: Vec<PlannedTap>,
+    scans: Vec<Scan>,
+    truth: Truth,
+    digest: u64,
+}
+
+/// Why a list of taps is no plan.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// There is nothing to do.
+    #[error("the scan plan has no taps")]
+    Empty,
+    /// Two rows name the same tap.
+    #[error("plan rows {first} and {second} both name {id}")]
+    Duplicate {
+        /// The name.
+        id: TapId,
+        /// Row of the first, from 0.
+        first: usize,
+        /// Row of the second, from 0.
+        second: usize,
+    },
+    /// One shoulder is split over two stations.
+    #[error("shoulder {shoulder} of tyre {tyre} is planned at station {first} and at station {second}")]
+    TwoStations {
+        /// Serial number.
+        tyre: Serial,
+        /// Side.
+        shoulder: u16,
+        /// One station.
+        first: u16,
+        /// The other.
+        second: u16,
+    },
+    /// More taps than a plan row number can name.
+    #[error("the scan plan has {got} taps; at most {most} can be numbered")]
+    TooMany {
+        /// Taps given.
+        got: usize,
+        /// Most taps allowed.
+        most: usize,
+    },
+}
+
+impl Plan {
+    /// The plan of `taps`; scans are formed by tyre and shoulder, in order of first appearance.
+    ///
+    /// # Errors
+    /// [`PlanError`] when there are no taps, two share a name, or a shoulder has two stations.
+    pub fn new(
+        geometry: Geometry,
+        recording: Recording,
+        taps: Vec<PlannedTap>,
+        truth: Truth,
+    ) -> Result<Self, PlanError> {
+        if taps.is_empty() {
+            return Err(PlanError::Empty);
+        }
+        let most = u32::MAX as usize;
+        if taps.len() > most {
+            return Err(PlanError::TooMany { got: taps.len(), most });
+        }
+        let mut first_row = HashMap::with_capacity(taps.len());
+        for (second, tap) in taps.iter().enumerate() {
+            if let Some(first) = first_row.insert(tap.id, second) {
+                return Err(PlanError::Duplicate { id: tap.id, first, second });
+            }
+        }
+        let scans = scans_of(&taps)?;
+        let digest = digest_of(geometry, &recording, &taps);
+        Ok(Self { geometry, recording, taps, scans, truth, digest })
+    }
+
+    /// The planned taps; a tap's place here is its plan index.
+    pub fn taps(&self) -> &[PlannedTap] {
+        &self.taps
+    }
+
+    /// The scans, in order of their first tap.
+    pub fn scans(&self) -> &[Scan] {
+        &self.scans
+    }
+
+    /// What is known of where cracks are, for scoring; empty where nothing is known.
+    pub fn truth(&self) -> &Truth {
+        &self.truth
+    }
+
+    /// A number that differs for different plans: stages and archives that disagree on it refuse each other.
+    pub fn digest(&self) -> u64 {
+        self.digest
+    }
+
+    /// The stations, ascending.
+    pub fn stations(&self) -> Vec<u16> {
+        let mut stations: Vec<u16> = self.scans.iter().map(|s| s.station).collect();
+        stations.sort_unstable();
+        stations.dedup();
+        stations
+    }
+
+    /// For every plan row, the number of its scan.
+    pub fn scan_of_tap(&self) -> Vec<u32> {
+        let mut scan_of_tap = vec![0; self.taps.len()];
+        for (number, scan) in (0..).zip(&self.scans) {
+            for &row in &scan.taps {
+                scan_of_tap[row as usize] = number;
+            }
+        }
+        scan_of_tap
+    }
+}
+
+fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
+    let mut scans: Vec<Scan> = Vec::new();
+    let mut number_of: HashMap<(Serial, u16), usize> = HashMap::new();
+    for (row, tap) in (0..).zip(taps) {
+        let TapId { station, tyre, shoulder, .. } = tap.id;
+        let number = *number_of.entry((tyre, shoulder)).or_insert_with(|| {
+            scans.push(Scan { station, tyre, shoulder, taps: Vec::new(), locations: Vec::new() });
+            scans.len() - 1
+        });
+        let scan = &mut scans[number];
+        if scan.station != station {
+            return Err(PlanError::TwoStations { tyre, shoulder, first: scan.station, second: station });
+        }
+        scan.taps.push(row);
+        if !tap.is_closing {
+            scan.locations.push((tap.id.location, tap.angle_deg));
+        }
+    }
+    for scan in &mut scans {
+        scan.locations.sort_by_key(|&(location, _)| location);
+        scan.locations.dedup_by_key(|&mut (location, _)| location);
+    }
+    Ok(scans)
+}
+
+fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap]) -> u64 {
+    let mut hasher = Sha256::new();
+    hasher.update(format!("{geometry:?} {recording:?}"));
+    for tap in taps {
+        hasher.update(format!("\n{} {:?} {}", tap.id, tap.angle_deg, tap.is_closing));
+    }
+    let digest = hasher.finalize();
+    digest.iter().take(8).fold(0, |number, &byte| (number << 8) | u64::from(byte))
+}

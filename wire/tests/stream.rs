@@ -1,0 +1,270 @@
+//! The laws of the stream that shared memory alone does not keep: late, restarted and killed participants.
+
+use std::process::{Child, Command};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use tapline_wire::{
+    Channel, DiscriminatorTopic, Geometry, Line, LineAddress, LineError, Plan, PlannedTap, Publisher, RecordKind,
+    Recording, Role, SampleFormat, Serial, Subscriber, TapHeader, TapId, TapTopic, Truth, bytes_of, i16_of_mut,
+};
+
+const SAMPLES: u32 = 1024;
+
+fn plan() -> Plan {
+    let tyre = Serial::new("T-1").unwrap();
+    let taps =
+        (0..4).map(|location| PlannedTap { id: TapId::new(1, tyre, 1, location), angle_deg: None, is_closing: false });
+    let recording = Recording {
+        sample_rate_hz: 41e3,
+        pre_trigger_samples: 64,
+        sample_count_max: SAMPLES,
+        sample_format: SampleFormat::I16,
+        channels: vec![Channel::Sound],
+    };
+    Plan::new(Geometry::Line, recording, taps.collect(), Truth::new()).unwrap()
+}
+
+/// An address of its own for each test, cleared when the test ends.
+struct Place(LineAddress);
+
+impl Place {
+    fn new() -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        Self(LineAddress::new(&format!("w{}-{count}", std::process::id())))
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.clear().unwrap();
+    }
+}
+
+fn join(address: &LineAddress, role: Role) -> Line {
+    Line::join(address, role, plan().digest(), Arc::default()).unwrap()
+}
+
+/// Sends `count` taps; tap k carries k in its plan index and in all its samples.
+fn send_taps(publisher: &Publisher<'_, TapTopic>, from: u32, count: u32) -> Result<(), LineError> {
+    for k in from..from + count {
+        let mut loan = publisher.loan(SAMPLES as usize * 2 / 64)?;
+        loan.fill(|header, lanes| {
+            *header = TapHeader { plan_index: k, sample_count: SAMPLES, channel_count: 1, sample_format: 1, ..*header };
+            i16_of_mut(lanes).fill(k as i16);
+        });
+        loan.send(RecordKind::Data)?;
+    }
+    Ok(())
+}
+
+/// Receives taps until one carries `last`; the plan indices in order, and the records lost.
+fn receive_taps(line: &Line, last: u32, slowness: Duration) -> (Vec<u32>, u64) {
+    let plan = plan();
+    let subscriber = Subscriber::<TapTopic>::open(line, &plan).unwrap();
+    let mut seen = Vec::new();
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while seen.last() != Some(&last) {
+        assert!(Instant::now() < deadline, "only {} records came", seen.len());
+        while let Some(tap) = subscriber.receive().unwrap() {
+            let k = tap.header().plan_index;
+            assert!(bytes_of(&tap).chunks(2).all(|b| i16::from_ne_bytes([b[0], b[1]]) == k as i16), "samples of {k}");
+            seen.push(k);
+            std::thread::sleep(slowness);
+        }
+        line.wait(Duration::from_millis(20)).unwrap();
+    }
+    (seen, subscriber.lost())
+}
+
+fn in_thread<R: Send + 'static>(name: &str, work: impl FnOnce() -> R + Send + 'static) -> std::thread::JoinHandle<R> {
+    std::thread::Builder::new().name(name.to_owned()).spawn(work).unwrap()
+}
+
+fn subscriber_in_thread(
+    address: &LineAddress,
+    role: Role,
+    last: u32,
+    delay: Duration,
+) -> std::thread::JoinHandle<(Vec<u32>, u64)> {
+    let address = address.clone();
+    in_thread(&role.name(), move || {
+        std::thread::sleep(delay);
+        receive_taps(&join(&address, role), last, Duration::ZERO)
+    })
+}
+
+/// Law 2. Without the READY handshake the publisher fills the buffer of a subscriber that has not mapped it yet, and
+/// everything beyond is dropped while `send` reports success.
+#[test]
+fn subscribers_that_come_late_lose_nothing() {
+    let place = Place::new();
+    let count = 600;
+    let process = subscriber_in_thread(&place.0, Role::Process, count - 1, Duration::from_millis(200));
+    let store = subscriber_in_thread(&place.0, Role::Store, count - 1, Duration::from_millis(500));
+    let (line, plan) = (join(&place.0, Role::Acquire(1)), plan());
+    let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+    send_taps(&publisher, 0, count).unwrap();
+    for subscriber in [process, store] {
+        let (seen, lost) = subscriber.join().unwrap();
+        assert_eq!((seen, lost), ((0..count).collect(), 0));
+    }
+}
+
+/// Law 2. A publisher that restarts greets again, and its numbers start anew without looking like a gap.
+#[test]
+fn a_restarted_publisher_loses_nothing() {
+    let place = Place::new();
+    let process = subscriber_in_thread(&place.0, Role::Process, 599, Duration::ZERO);
+    let store = subscriber_in_thread(&place.0, Role::Store, 599, Duration::ZERO);
+    let plan = plan();
+    for life in 0..3 {
+        let line = join(&place.0, Role::Acquire(1));
+        let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+        send_taps(&publisher, life * 200, 200).unwrap();
+        // What is still in a buffer when its sender leaves is the sender's to wait for, as acquire does.
+        std::thread::sleep(Duration::from_millis(300));
+    }
+    for subscriber in [process, store] {
+        let (seen, lost) = subscriber.join().unwrap();
+        assert_eq!((seen, lost), ((0..600).collect(), 0));
+    }
+}
+
+/// Law 2. While a role has no subscriber the publisher waits; the one that comes back gets all that is sent from then on.
+#[test]
+fn a_publisher_waits_for_a_subscriber_that_restarts() {
+    let place = Place::new();
+    let store = subscriber_in_thread(&place.0, Role::Store, 599, Duration::ZERO);
+    let address = place.0.clone();
+    let process = in_thread("process", move || {
+        let first = receive_taps(&join(&address, Role::Process), 299, Duration::ZERO).0;
+        std::thread::sleep(Duration::from_millis(200));
+        (first, receive_taps(&join(&address, Role::Process), 599, Duration::ZERO))
+    });
+    let (line, plan) = (join(&place.0, Role::Acquire(1)), plan());
+    let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+    send_taps(&publisher, 0, 300).unwrap();
+    std::thread::sleep(Duration::from_millis(100));
+    send_taps(&publisher, 300, 300).unwrap();
+    assert_eq!(store.join().unwrap(), ((0..600).collect(), 0));
+    let (first, (second, lost)) = process.join().unwrap();
+    assert_eq!(first, (0..300).collect::<Vec<_>>());
+    assert_eq!((second, lost), ((300..600).collect(), 0));
+}
+
+/// A process asked to stop does not wait for ever for someone who never comes.
+#[test]
+fn a_stopped_publisher_gives_up() {
+    let place = Place::new();
+    let plan = plan();
+    let stop = Arc::new(AtomicBool::new(false));
+    let line = Line::join(&place.0, Role::Acquire(1), plan.digest(), stop.clone()).unwrap();
+    let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+    let stopper = in_thread("stopper", move || {
+        std::thread::sleep(Duration::from_millis(200));
+        stop.store(true, Ordering::Relaxed);
+    });
+    assert!(matches!(send_taps(&publisher, 0, 1), Err(LineError::Stopped { .. })));
+    stopper.join().unwrap();
+}
+
+/// Stages that work from different plans refuse each other's records and say so.
+#[test]
+fn a_record_of_another_plan_is_refused() {
+    let place = Place::new();
+    let plan = plan();
+    let address = place.0.clone();
+    let other = plan.digest() ^ 1;
+    let fuse = in_thread("fuse", move || {
+        let plan = self::plan();
+        let line = Line::join(&address, Role::Fuse, other, Arc::default()).unwrap();
+        let subscriber = Subscriber::<DiscriminatorTopic>::open(&line, &plan).unwrap();
+        loop {
+            line.wait(Duration::from_millis(20)).unwrap();
+            match subscriber.receive() {
+                Ok(None) => {}
+                Ok(Some(record)) => panic!("accepted {record:?}"),
+                Err(error) => return error.to_string(),
+            }
+        }
+    });
+    let stop = Arc::new(AtomicBool::new(false));
+    let line = Line::join(&place.0, Role::Process, plan.digest(), stop.clone()).unwrap();
+    let store_line = join(&place.0, Role::Store);
+    let _store = Subscriber::<DiscriminatorTopic>::open(&store_line, &plan).unwrap();
+    let publisher = Publisher::<DiscriminatorTopic>::open(&line, &plan).unwrap();
+    while !fuse.is_finished() {
+        // Never READY, since the greeting is refused already.
+        assert!(!publisher.try_send(RecordKind::Data, Default::default(), &[]).unwrap());
+        line.wait(Duration::from_millis(5)).unwrap();
+    }
+    let error = fuse.join().unwrap();
+    assert!(error.contains(&format!("{:016x}", plan.digest())) && error.contains(&format!("{other:016x}")), "{error}");
+}
+
+const CHILD_LINE: &str = "TAPLINE_TEST_LINE";
+
+/// Not a test of its own: the subscriber that `a_killed_subscriber_does_not_hold_its_publisher` kills.
+#[test]
+fn child_subscriber() {
+    let Ok(name) = std::env::var(CHILD_LINE) else { return };
+    let line = join(&LineAddress::new(&name), Role::Process);
+    let slowness = Duration::from_millis(std::env::var("TAPLINE_TEST_SLOW_MS").unwrap().parse().unwrap());
+    receive_taps(&line, 399, slowness);
+}
+
+fn child(name: &str, slow_ms: u32) -> Child {
+    Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "child_subscriber", "--nocapture"])
+        .env(CHILD_LINE, name)
+        .env("TAPLINE_TEST_SLOW_MS", slow_ms.to_string())
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+/// Laws 2 and 5 of faults: killed while the publisher waits for it, a subscriber must not hold the publisher for ever.
+#[test]
+fn a_killed_subscriber_does_not_hold_its_publisher() {
+    let name = format!("k{}", std::process::id());
+    let place = Place(LineAddress::new(&name));
+    let store = subscriber_in_thread(&place.0, Role::Store, 399, Duration::ZERO);
+    let mut slow = child(&name, 60_000);
+    let address = place.0.clone();
+    let publisher = in_thread("acquire-1", move || {
+        let (line, plan) = (join(&address, Role::Acquire(1)), plan());
+        let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+        send_taps(&publisher, 0, 400).unwrap();
+    });
+    std::thread::sleep(Duration::from_millis(700)); // by now the buffer of the slow one is full
+    assert!(!publisher.is_finished());
+    slow.kill().unwrap();
+    slow.wait().unwrap();
+    let mut quick = child(&name, 0);
+    assert_eq!(store.join().unwrap(), ((0..400).collect(), 0));
+    assert!(quick.wait().unwrap().success());
+    publisher.join().unwrap();
+}
+
+/// A line that is over leaves nothing in shared memory.
+#[test]
+fn nothing_is_left_behind() {
+    let place = Place::new();
+    {
+        let line = join(&place.0, Role::Acquire(1));
+        let plan = plan();
+        let _publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+        assert!(shm_files(&place.0) > 0);
+    }
+    place.0.clear().unwrap();
+    assert_eq!(shm_files(&place.0), 0);
+    assert!(!place.0.root.exists());
+}
+
+fn shm_files(address: &LineAddress) -> usize {
+    let files = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    files.filter(|f| f.file_name().to_string_lossy().starts_with(&address.prefix)).count()
+}
