@@ -1,2 +1,52 @@
-//! placeholder
-fn main() {}
+//! Finds hidden cracks in truck-tyre casings by tapping them and listening: the one program of the workspace.
+//!
+//! This package is glue: it reads the command line and the configuration, starts the stages of a line as processes and
+//! heals them, and prints. What is computed is computed in the libraries.
+
+mod child;
+mod cli;
+mod config;
+mod line;
+mod progress;
+mod stage;
+mod summary;
+mod tables;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+use tracing_subscriber::EnvFilter;
+
+use crate::cli::{Cli, ModelVerb, Verb};
+
+/// Ended, but not whole: taps are missing or refused, or the archive contradicts itself.
+const INCOMPLETE: u8 = 3;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let filter = EnvFilter::try_from_env("TAPLINE_LOG").unwrap_or_else(|_| EnvFilter::new("warn"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    match dispatch(&cli.verb) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(INCOMPLETE),
+        Err(error) => {
+            tracing::debug!(?error);
+            eprintln!("tapline: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Does what was asked; whether it ended whole.
+fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
+    match verb {
+        Verb::Run(args) => line::run(args),
+        Verb::Acquire { line, station } => stage::acquire(line, *station),
+        Verb::Process(line) => stage::process(line),
+        Verb::Fuse(line) => stage::fuse(line),
+        Verb::Store(line) => stage::store(line),
+        Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
+        Verb::Verify { archive, json } => tables::verify(archive, *json),
+        Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
+    }
+}

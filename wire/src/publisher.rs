@@ -144,9 +144,9 @@ impl<'l, T: Topic> Publisher<'l, T> {
         }
     }
 
-    /// Subscribers there are, whether they must have the records or not.
-    pub fn subscriber_count(&self) -> usize {
-        self.service.dynamic_config().number_of_subscribers()
+    /// Whether anyone but `role` subscribes to the topic.
+    pub fn has_subscriber_other_than(&self, role: Role) -> bool {
+        self.subscribers().1.iter().any(|name| *name != role.name())
     }
 
     fn loan_copy(&self, header: T::Header, elements: &[T::Element]) -> Result<Loan<'_, 'l, T>, LineError> {

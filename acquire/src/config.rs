@@ -1,0 +1,265 @@
+//! The tables `[acquire]` and `[scan]` of a configuration.
+
+use serde::{Deserialize, Serialize};
+use tapline_model::Crack;
+use tapline_wire::Serial;
+
+use crate::Error;
+
+/// Most taps of a simulated scan, some two thousand tyres: the plan is held in memory, 130 bytes or so a tap.
+const TAPS_MAX: u64 = 10_000_000;
+
+/// Fastest impact that is simulated; at 1000 m/s the contact model means nothing.
+const VELOCITY_MAX_M_PER_S: f64 = 20.0;
+
+/// Farthest offset from the belt edge that a tap's name can hold.
+const OFFSET_MAX_MM: f64 = 2000.0;
+
+/// How taps are acquired, whatever their source: the table `[acquire]`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AcquireConfig {
+    /// Taps per second of each station; as fast as the line takes them when left out.
+    pub taps_per_s: Option<f64>,
+}
+
+impl AcquireConfig {
+    /// Checks every value against its bounds.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for the first value out of bounds.
+    pub fn validate(&self) -> Result<(), Error> {
+        match self.taps_per_s {
+            Some(taps_per_s) if !(taps_per_s > 0.0 && taps_per_s <= 1e6) => {
+                refuse("acquire.taps_per_s", taps_per_s, "above 0 and at most 1000000, or left out")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What the simulated line scans and how (section 4 of the method): the table `[scan]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ScanConfig {
+    /// Seed of everything that is left to chance.
+    pub seed: u64,
+    /// Number of stations.
+    pub stations: u16,
+    /// Offsets x from the belt edge.
+    pub offsets_mm: Vec<f64>,
+    /// Impact velocities.
+    pub velocities_m_per_s: Vec<f64>,
+    /// Full turns at each offset and velocity.
+    pub repetitions: u16,
+    /// Locations of a full turn.
+    pub locations: u32,
+    /// Shoulders of a tyre that are scanned, 1 or 2.
+    pub shoulders: u16,
+    /// Whether each turn ends with the first location again.
+    pub closing_tap: bool,
+    /// Time of the first tap of each station, ns since the Unix epoch: the simulation reads no clock.
+    pub start_ns: i64,
+    /// Time from tap to tap of a station.
+    pub tap_period_s: f64,
+    /// The tyres; one per station when left out, those at odd stations cracked.
+    pub tyre: Vec<TyreConfig>,
+}
+
+/// One simulated tyre: an entry `[[scan.tyre]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TyreConfig {
+    /// Serial number.
+    pub serial: String,
+    /// Station at which it is scanned, from 1.
+    #[serde(default = "first_station")]
+    pub station: u16,
+    /// Its cracks; none when left out.
+    #[serde(default)]
+    pub crack: Vec<Crack>,
+}
+
+fn first_station() -> u16 {
+    1
+}
+
+impl Default for ScanConfig {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            stations: 1,
+            offsets_mm: vec![0.0, 5.0, 10.0, 15.0],
+            velocities_m_per_s: vec![1.2, 1.5, 1.85],
+            repetitions: 2,
+            locations: 100,
+            shoulders: 2,
+            closing_tap: true,
+            start_ns: 1_767_225_600_000_000_000, // 2026-01-01T00:00:00Z
+            tap_period_s: 0.1,
+            tyre: Vec::new(),
+        }
+    }
+}
+
+impl ScanConfig {
+    /// Checks every value against its bounds.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for the first value out of bounds.
+    pub fn validate(&self) -> Result<(), Error> {
+        if self.stations == 0 {
+            return refuse("scan.stations", 0, "from 1 to 65535");
+        }
+        all_distinct("scan.offsets_mm", &self.offsets_mm, 1e3, (-OFFSET_MAX_MM, OFFSET_MAX_MM))?;
+        all_distinct("scan.velocities_m_per_s", &self.velocities_m_per_s, 1e6, (0.01, VELOCITY_MAX_M_PER_S))?;
+        if self.repetitions == 0 {
+            return refuse("scan.repetitions", 0, "from 1 to 65535");
+        }
+        if !(1..1_000_000).contains(&self.locations) {
+            return refuse("scan.locations", self.locations, "from 1 to 999999");
+        }
+        if !(1..=2).contains(&self.shoulders) {
+            return refuse("scan.shoulders", self.shoulders, "1 or 2");
+        }
+        if !(self.tap_period_s > 0.0 && self.tap_period_s <= 3600.0) {
+            return refuse("scan.tap_period_s", self.tap_period_s, "above 0 and at most 3600");
+        }
+        if !(0..=i64::MAX / 2).contains(&self.start_ns) {
+            return refuse("scan.start_ns", self.start_ns, "from 0 to 4611686018427387903");
+        }
+        self.validate_tyres()?;
+        match self.tap_count() {
+            count if count > u128::from(TAPS_MAX) => {
+                refuse("scan: the number of taps", count, &format!("at most {TAPS_MAX}"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Taps of the whole scan.
+    fn tap_count(&self) -> u128 {
+        let tyres = if self.tyre.is_empty() { usize::from(self.stations) } else { self.tyre.len() };
+        let turns = tyres as u128
+            * u128::from(self.shoulders)
+            * self.offsets_mm.len() as u128
+            * self.velocities_m_per_s.len() as u128
+            * u128::from(self.repetitions);
+        turns.saturating_mul(u128::from(self.locations) + u128::from(self.closing_tap))
+    }
+
+    fn validate_tyres(&self) -> Result<(), Error> {
+        for (number, tyre) in self.tyre.iter().enumerate() {
+            let key = |field: &str| format!("scan.tyre[{number}].{field}");
+            let serial = &tyre.serial;
+            if Serial::new(serial).is_err() {
+                let bound = "1 to 32 bytes without control characters or '/'";
+                return refuse(&key("serial"), format!("{serial:?}"), bound);
+            }
+            if self.tyre[..number].iter().any(|other| other.serial == *serial) {
+                return refuse(&key("serial"), format!("{serial:?}"), "another serial than those before it");
+            }
+            if !(1..=self.stations).contains(&tyre.station) {
+                return refuse(&key("station"), tyre.station, &format!("from 1 to scan.stations = {}", self.stations));
+            }
+            for (crack_number, crack) in tyre.crack.iter().enumerate() {
+                self.validate_crack(crack, |field| key(&format!("crack[{crack_number}].{field}")))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks where `crack` lies in the scan; how deep and long it may be, the model knows.
+    fn validate_crack(&self, crack: &Crack, key: impl Fn(&str) -> String) -> Result<(), Error> {
+        let &Self { shoulders, locations, .. } = self;
+        if !(1..=shoulders).contains(&crack.shoulder) {
+            return refuse(&key("shoulder"), crack.shoulder, &format!("from 1 to scan.shoulders = {shoulders}"));
+        }
+        if crack.first_location >= locations {
+            let bound = format!("from 0 to scan.locations - 1 = {}", locations - 1);
+            return refuse(&key("first_location"), crack.first_location, &bound);
+        }
+        if !(1..=locations).contains(&crack.location_count) {
+            let bound = format!("from 1 to scan.locations = {locations}");
+            return refuse(&key("location_count"), crack.location_count, &bound);
+        }
+        Ok(())
+    }
+}
+
+/// Refuses an empty list, a value out of bounds, and two values that are one in a tap's name.
+fn all_distinct(key: &str, values: &[f64], scale: f64, (low, high): (f64, f64)) -> Result<(), Error> {
+    if values.is_empty() {
+        return refuse(key, "[]", "at least one value");
+    }
+    for (number, &value) in values.iter().enumerate() {
+        if !(low..=high).contains(&value) {
+            return refuse(&format!("{key}[{number}]"), value, &format!("from {low} to {high}"));
+        }
+        if values[..number].iter().any(|other| ((value - other) * scale).abs() < 1.0) {
+            return refuse(&format!("{key}[{number}]"), value, "another value than those before it");
+        }
+    }
+    Ok(())
+}
+
+fn refuse(key: &str, value: impl ToString, bound: &str) -> Result<(), Error> {
+    Err(Error::Setting { key: key.to_owned(), value: value.to_string(), bound: bound.to_owned() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scan(text: &str) -> Result<ScanConfig, String> {
+        let config: ScanConfig = toml::from_str(text).map_err(|e| e.message().to_owned())?;
+        config.validate().map_err(|e| e.to_string())?;
+        Ok(config)
+    }
+
+    /// Catches a default that is out of its own bounds, or does not survive being written.
+    #[test]
+    fn defaults_are_valid_and_survive_toml() {
+        let config = ScanConfig::default();
+        assert_eq!(scan("").unwrap(), config);
+        assert_eq!(scan(&toml::to_string(&config).unwrap()).unwrap(), config);
+        AcquireConfig::default().validate().unwrap();
+        assert_eq!(config.tap_count(), 4848);
+    }
+
+    /// Catches a value that is let through, or refused without its key, value and bound.
+    #[test]
+    fn what_is_out_of_bounds_is_refused() {
+        for (text, want) in [
+            ("speed = 3", "unknown field `speed`"),
+            ("stations = 0", "scan.stations is 0; it must be from 1 to 65535"),
+            ("offsets_mm = []", "scan.offsets_mm is []; it must be at least one value"),
+            ("offsets_mm = [0.0, nan]", "scan.offsets_mm[1] is NaN; it must be from -2000 to 2000"),
+            ("offsets_mm = [5.0, 5.0]", "scan.offsets_mm[1] is 5; it must be another value"),
+            ("velocities_m_per_s = [0.0]", "scan.velocities_m_per_s[0] is 0; it must be from 0.01 to 20"),
+            ("repetitions = 0", "scan.repetitions is 0"),
+            ("locations = 0", "scan.locations is 0; it must be from 1 to 999999"),
+            ("shoulders = 3", "scan.shoulders is 3; it must be 1 or 2"),
+            ("tap_period_s = 0.0", "scan.tap_period_s is 0"),
+            ("start_ns = -1", "scan.start_ns is -1"),
+            (
+                "locations = 999999\nstations = 60000",
+                "scan: the number of taps is 2880000000000; it must be at most 10000000",
+            ),
+            ("[[tyre]]\nserial = \"\"", "scan.tyre[0].serial is \"\""),
+            ("[[tyre]]\nserial = \"A\"\n[[tyre]]\nserial = \"A\"", "scan.tyre[1].serial is \"A\"; it must be another"),
+            (
+                "[[tyre]]\nserial = \"A\"\nstation = 2",
+                "scan.tyre[0].station is 2; it must be from 1 to scan.stations = 1",
+            ),
+            ("[[tyre]]\nserial = \"A\"\ncolour = 2", "unknown field `colour`"),
+        ] {
+            let error = scan(text).unwrap_err();
+            assert!(error.contains(want), "{error:?} lacks {want:?}");
+        }
+        for taps_per_s in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let error = AcquireConfig { taps_per_s: Some(taps_per_s) }.validate().unwrap_err().to_string();
+            assert!(error.contains("acquire.taps_per_s is "), "{error}");
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Why a source of taps cannot be opened.
+
+use std::path::PathBuf;
+
+/// A structural fault: nothing can be acquired before it is mended.
+///
+/// A fault of a single recording is not among these: it is a [`crate::Refusal`] of that tap.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file cannot be read at all.
+    #[error("{}: cannot be read: {source}", file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file is not text.
+    #[error("{} line {line}: is not UTF-8 text", file.display())]
+    NotText {
+        /// The file.
+        file: PathBuf,
+        /// Line of the first byte that is no text, from 1.
+        line: usize,
+    },
+    /// A file breaks the rules of TOML or CSV.
+    #[error("{} line {line}: {reason}", file.display())]
+    Syntax {
+        /// The file.
+        file: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What the parser says.
+        reason: String,
+    },
+    /// A key that has no meaning.
+    #[error("{} line {line}: unknown key {key}; known are {known}", file.display())]
+    UnknownKey {
+        /// The file.
+        file: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// The key.
+        key: String,
+        /// The keys there are.
+        known: String,
+    },
+    /// A key without which the recordings have no meaning.
+    #[error("{}: the key {key} is missing; it must be {bound}", file.display())]
+    MissingKey {
+        /// The file.
+        file: PathBuf,
+        /// The key.
+        key: &'static str,
+        /// What its value must be.
+        bound: String,
+    },
+    /// The value of a key is out of bounds or of another kind.
+    #[error("{} line {line}: {key} is {value}; it must be {bound}", file.display())]
+    Key {
+        /// The file.
+        file: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// The key.
+        key: &'static str,
+        /// What was given.
+        value: String,
+        /// What it must be.
+        bound: String,
+    },
+    /// The header of a table has not exactly the columns it must have.
+    #[error("{} line {line}: {fault} column {column:?}; the columns are {known}, in any order", file.display())]
+    Column {
+        /// The file.
+        file: PathBuf,
+        /// Line of the header, from 1.
+        line: usize,
+        /// `unknown`, `missing` or `repeated`.
+        fault: &'static str,
+        /// The column.
+        column: String,
+        /// The columns there must be.
+        known: String,
+    },
+    /// A cell of a table is out of bounds or of another kind.
+    #[error("{} line {line}: {column} is {value:?}; it must be {bound}", file.display())]
+    Cell {
+        /// The file.
+        file: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// The column.
+        column: &'static str,
+        /// What was given.
+        value: String,
+        /// What it must be.
+        bound: String,
+    },
+    /// Two rows of a table say something of the same thing.
+    #[error("{} line {second}: names {what} again; line {first} has it already", file.display())]
+    Duplicate {
+        /// The file.
+        file: PathBuf,
+        /// What both name.
+        what: String,
+        /// Line of the first, from 1.
+        first: usize,
+        /// Line of the second, from 1.
+        second: usize,
+    },
+    /// A table without rows.
+    #[error("{}: has no rows below its header", file.display())]
+    NoRows {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Not one recording of the set can be used.
+    #[error("{}: none of the {tap_count} taps can be used: {reasons}", file.display())]
+    NoUsableTap {
+        /// The list of taps.
+        file: PathBuf,
+        /// Taps listed.
+        tap_count: usize,
+        /// The first few refusals.
+        reasons: String,
+    },
+    /// A setting of the configuration, or an argument, is out of bounds.
+    #[error("{key} is {value}; it must be {bound}")]
+    Setting {
+        /// The key, with its table.
+        key: String,
+        /// What was given.
+        value: String,
+        /// What it must be.
+        bound: String,
+    },
+    /// The simulated rig or one of its tyres is impossible.
+    #[error("simulation: {0}")]
+    Model(#[from] tapline_model::Error),
+    /// The taps make no plan.
+    #[error(transparent)]
+    Plan(#[from] tapline_wire::PlanError),
+}

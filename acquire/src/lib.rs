@@ -1,0 +1,39 @@
+//! Sources of taps: whoever asks one for a row of its plan gets that tap, rendered in place.
+//!
+//! A [`TapSet`] reads recordings from a folder; a [`SimulatedLine`] computes them from the physics.
+//!
+//! ```
+//! use tapline_acquire::{ScanConfig, SimulatedLine, Source};
+//! use tapline_wire::{Lane, Samples, TapHeader, lanes_for};
+//!
+//! let scan = ScanConfig { offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+//! let mut line = SimulatedLine::new(&scan, &tapline_model::SimulationConfig::default())?;
+//! assert_eq!(line.plan().taps().len(), 2 * 2 * 101); // shoulders, repetitions, locations and the first again
+//!
+//! let mut header = TapHeader::default();
+//! let mut lanes = vec![Lane::default(); lanes_for(line.plan().recording.payload_bytes_max())];
+//! line.render(7, 0, &mut header, &mut lanes)?;
+//! assert_eq!(header.id.location, 7);
+//! assert!(matches!(Samples::view(&header, &lanes), Some(Samples::I16(s)) if s.len() == 2 * 16_384));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod config;
+mod error;
+mod run;
+mod scan_toml;
+mod simulated;
+mod source;
+mod table;
+mod taps_csv;
+mod tapset;
+mod text;
+mod truth_csv;
+mod wav;
+
+pub use config::{AcquireConfig, ScanConfig, TyreConfig};
+pub use error::Error;
+pub use run::{Outcome, run};
+pub use simulated::SimulatedLine;
+pub use source::{Refusal, Source};
+pub use tapset::TapSet;

@@ -1,0 +1,209 @@
+//! CSV tables whose columns are fixed by name and free in order.
+
+use std::path::Path;
+
+use csv::StringRecord;
+
+use crate::Error;
+
+/// Where the columns of a table lie.
+pub(crate) struct Table<'a> {
+    file: &'a Path,
+    columns: &'static [&'static str],
+    places: Vec<usize>,
+}
+
+/// One row of a table.
+pub(crate) struct Row<'a> {
+    table: &'a Table<'a>,
+    record: &'a StringRecord,
+    /// Line of the file, from 1.
+    pub(crate) line: usize,
+}
+
+/// Gives every row of the table `text` to `take`, in order.
+pub(crate) fn read_rows(
+    file: &Path,
+    text: &str,
+    columns: &'static [&'static str],
+    mut take: impl FnMut(&Row<'_>) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let mut reader =
+        csv::ReaderBuilder::new().has_headers(false).flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let mut lines = Lines { text: text.as_bytes(), at: 0, line: 1 };
+    let mut record = StringRecord::new();
+    let mut table: Option<Table<'_>> = None;
+    loop {
+        let line = lines.of_row_from(usize::try_from(reader.position().byte()).unwrap_or(usize::MAX));
+        let is_row = reader.read_record(&mut record).map_err(|e| Error::Syntax {
+            file: file.to_owned(),
+            line,
+            reason: e.to_string(),
+        })?;
+        match &table {
+            None => table = Some(Table::new(file, columns, &record, line)?),
+            _ if !is_row => return Ok(()),
+            Some(table) => take(&Row::new(table, &record, line)?)?,
+        }
+    }
+}
+
+impl<'a> Table<'a> {
+    fn new(
+        file: &'a Path,
+        columns: &'static [&'static str],
+        header: &StringRecord,
+        line: usize,
+    ) -> Result<Self, Error> {
+        let refuse = |fault, column: &str| Error::Column {
+            file: file.to_owned(),
+            line,
+            fault,
+            column: column.to_owned(),
+            known: columns.join(","),
+        };
+        for (place, name) in header.iter().enumerate() {
+            if !columns.contains(&name) {
+                return Err(refuse("unknown", name));
+            }
+            if header.iter().take(place).any(|n| n == name) {
+                return Err(refuse("repeated", name));
+            }
+        }
+        let places = columns
+            .iter()
+            .map(|column| header.iter().position(|n| n == *column).ok_or_else(|| refuse("missing", column)))
+            .collect::<Result<_, _>>()?;
+        Ok(Self { file, columns, places })
+    }
+}
+
+impl<'a> Row<'a> {
+    fn new(table: &'a Table<'a>, record: &'a StringRecord, line: usize) -> Result<Self, Error> {
+        let (got, need) = (record.len(), table.columns.len());
+        if got != need {
+            let reason = format!("has {got} cells; the header has {need} columns");
+            return Err(Error::Syntax { file: table.file.to_owned(), line, reason });
+        }
+        Ok(Self { table, record, line })
+    }
+
+    /// What stands in `column`; `column` is one of the table's.
+    pub(crate) fn text(&self, column: &'static str) -> &'a str {
+        let place = self.table.columns.iter().position(|c| *c == column).map(|i| self.table.places[i]);
+        place.and_then(|p| self.record.get(p)).unwrap_or("")
+    }
+
+    /// The refusal of what stands in `column`.
+    pub(crate) fn refuse(&self, column: &'static str, bound: impl Into<String>) -> Error {
+        Error::Cell {
+            file: self.table.file.to_owned(),
+            line: self.line,
+            column,
+            value: self.text(column).to_owned(),
+            bound: bound.into(),
+        }
+    }
+
+    /// The whole number in `column`, `None` when the cell is empty.
+    pub(crate) fn whole(&self, column: &'static str, low: u32, high: u32) -> Result<Option<u32>, Error> {
+        let text = self.text(column);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let number = text.parse().ok().filter(|n| (low..=high).contains(n));
+        number.map(Some).ok_or_else(|| self.refuse(column, format!("a whole number from {low} to {high}")))
+    }
+
+    /// The number in `column`, `None` when the cell is empty; `low` itself only counts when `is_low_in`.
+    pub(crate) fn number(
+        &self,
+        column: &'static str,
+        (low, is_low_in): (f64, bool),
+        high: f64,
+    ) -> Result<Option<f64>, Error> {
+        let text = self.text(column);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let number: Option<f64> = text.parse().ok();
+        number.filter(|&n| (n > low || is_low_in && n >= low) && n <= high).map(Some).ok_or_else(|| {
+            let from = if is_low_in { format!("from {low} to") } else { format!("above {low} and at most") };
+            self.refuse(column, format!("a number {from} {high}, or empty when unknown"))
+        })
+    }
+}
+
+/// Counts lines along with the CSV reader, whose own count is that of the line before a blank one.
+struct Lines<'a> {
+    text: &'a [u8],
+    at: usize,
+    line: usize,
+}
+
+impl Lines<'_> {
+    /// Line of the row that is read from byte `from` on.
+    fn of_row_from(&mut self, from: usize) -> usize {
+        while let Some(&byte) = self.text.get(self.at)
+            && (self.at < from || byte == b'\n' || byte == b'\r')
+        {
+            self.line += usize::from(byte == b'\n');
+            self.at += 1;
+        }
+        self.line
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const COLUMNS: &[&str] = &["a", "b"];
+
+    fn of(text: &str) -> Result<Vec<(usize, String, String)>, Error> {
+        let mut rows = Vec::new();
+        read_rows(Path::new("t.csv"), text, COLUMNS, |row| {
+            rows.push((row.line, row.text("a").to_owned(), row.text("b").to_owned()));
+            Ok(())
+        })?;
+        Ok(rows)
+    }
+
+    fn row(line: usize, a: &str, b: &str) -> (usize, String, String) {
+        (line, a.to_owned(), b.to_owned())
+    }
+
+    /// Catches columns taken by place, and lines miscounted at blank lines, either line end and quoted breaks.
+    #[test]
+    fn columns_go_by_name_and_lines_are_counted() {
+        assert_eq!(of("b,a\n2,1\n").unwrap(), [row(2, "1", "2")]);
+        let text = "\r\na , b\r\n1,2\r\n\r\n\r\n3,\"4\n4\"\r\n5,6";
+        assert_eq!(of(text).unwrap(), [row(3, "1", "2"), row(6, "3", "4\n4"), row(8, "5", "6")]);
+        assert_eq!(of("a,b\n").unwrap(), []);
+    }
+
+    /// Catches a header or row that is taken although it does not fit.
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        for (text, want) in [
+            ("", "t.csv line 1: missing column \"a\"; the columns are a,b, in any order"),
+            ("a\n", "line 1: missing column \"b\""),
+            ("a,b,c\n", "line 1: unknown column \"c\""),
+            ("\na,b,a\n", "line 2: repeated column \"a\""),
+            ("a,b\n1,2\n1,2,3\n", "line 3: has 3 cells; the header has 2 columns"),
+        ] {
+            let error = of(text).unwrap_err().to_string();
+            assert!(error.contains(want), "{error:?} lacks {want:?}");
+        }
+    }
+
+    proptest! {
+        /// Catches a panic, or an endless read, on text nobody would write.
+        #[test]
+        fn no_text_makes_it_panic(text in "(a,b|\"|,|\n|\r|[\\x00-\\x7f]|é){0,40}") {
+            let _unused = of(&text);
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Files of text, and where in them a fault lies.
+
+use std::fs;
+use std::path::Path;
+
+use crate::Error;
+
+/// Largest text file of a tap set: a list of some ten million taps.
+const TEXT_BYTES_MAX: u64 = 1 << 30;
+
+/// The byte-order mark.
+const MARK: char = '\u{feff}';
+
+/// The text of `file`, `None` when there is no such file.
+pub(crate) fn read(file: &Path) -> Result<Option<String>, Error> {
+    let unreadable = |source| Error::Unreadable { file: file.to_owned(), source };
+    let about = match fs::metadata(file) {
+        Ok(about) => about,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(e) => return Err(unreadable(e)),
+    };
+    // A pipe would block for ever, a device may never end.
+    if !about.is_file() {
+        return Err(unreadable(std::io::Error::other("it is not a file")));
+    }
+    if about.len() > TEXT_BYTES_MAX {
+        let reason = format!("it has {} bytes; at most {TEXT_BYTES_MAX} are read", about.len());
+        return Err(unreadable(std::io::Error::other(reason)));
+    }
+    let bytes = fs::read(file).map_err(unreadable)?;
+    decode(file, bytes).map(Some)
+}
+
+/// `bytes` as text, without the byte-order mark some editors put before it.
+pub(crate) fn decode(file: &Path, bytes: Vec<u8>) -> Result<String, Error> {
+    let mut text = String::from_utf8(bytes).map_err(|e| {
+        let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+        Error::NotText { file: file.to_owned(), line }
+    })?;
+    if text.starts_with(MARK) {
+        text.drain(..MARK.len_utf8());
+    }
+    Ok(text)
+}
+
+/// Number of the line that holds byte `at` of `text`, from 1.
+pub(crate) fn line_at(text: &str, at: usize) -> usize {
+    1 + text.bytes().take(at).filter(|&b| b == b'\n').count()
+}
+
+/// The refusal to go on without `file`.
+pub(crate) fn missing(file: &Path) -> Error {
+    let source = std::io::Error::from(std::io::ErrorKind::NotFound);
+    Error::Unreadable { file: file.to_owned(), source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a byte-order mark glued to the first column's name, and a wrong line for bad bytes.
+    #[test]
+    fn text_is_decoded_and_faults_are_placed() {
+        let file = Path::new("taps.csv");
+        assert_eq!(decode(file, b"\xef\xbb\xbffile\n".to_vec()).unwrap(), "file\n");
+        let error = decode(file, b"a\nb\n\xff".to_vec()).unwrap_err().to_string();
+        assert_eq!(error, "taps.csv line 3: is not UTF-8 text");
+        assert_eq!(line_at("a\nb\nc", 4), 3);
+    }
+}

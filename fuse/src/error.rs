@@ -1,0 +1,72 @@
+//! What can be wrong with a configuration or with a record's place.
+
+use tapline_wire::{Serial, TapId};
+
+/// Why the fusion cannot be set up, or a record has no place in it.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// No discriminator is to enter the index.
+    #[error("discriminators is empty; the index needs at least one")]
+    NoDiscriminators,
+    /// A discriminator is listed twice.
+    #[error("discriminators lists {name:?} twice; each counts once")]
+    TwiceListed {
+        /// Its name.
+        name: &'static str,
+    },
+    /// A number of the configuration lies outside its bounds.
+    #[error("{name} is {value}; it must lie in {low} to {high}")]
+    OutOfRange {
+        /// Which key.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// Least value allowed.
+        low: f64,
+        /// Greatest value allowed.
+        high: f64,
+    },
+    /// A reference is neither `self` nor `TYRE/SHOULDER`.
+    #[error("reference is {text:?}; it must be \"self\" or \"TYRE/SHOULDER\" with a shoulder of 0 to 65535")]
+    ReferenceText {
+        /// What was given.
+        text: String,
+    },
+    /// The reference is not a shoulder of the plan.
+    #[error("reference {tyre}/{shoulder} is none of the {scan_count} shoulders of the scan plan")]
+    ReferenceNotPlanned {
+        /// Serial number given.
+        tyre: Serial,
+        /// Shoulder given.
+        shoulder: u16,
+        /// Shoulders planned.
+        scan_count: usize,
+    },
+    /// A record names a row that the plan does not have.
+    #[error("a record names plan row {got}; the plan has {tap_count} rows")]
+    NoSuchRow {
+        /// Row named.
+        got: u32,
+        /// Rows there are.
+        tap_count: usize,
+    },
+    /// A record names a scan that the plan does not have.
+    #[error("scan {got} was named; the plan has {scan_count} scans")]
+    NoSuchScan {
+        /// Scan named.
+        got: usize,
+        /// Scans there are.
+        scan_count: usize,
+    },
+    /// A record's tap is not the one planned in its row.
+    #[error("plan row {row} is {planned}, but a record for it is named {got}")]
+    OtherTap {
+        /// Plan row.
+        row: u32,
+        /// Tap planned there.
+        planned: Box<TapId>,
+        /// Tap named by the record.
+        got: Box<TapId>,
+    },
+}

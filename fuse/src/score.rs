@@ -1,0 +1,168 @@
+//! How well the index and each discriminator tell cracked from sound, where the truth is known.
+
+use tapline_wire::{Discriminator, Discriminators, Plan};
+
+use crate::{Error, FuseConfig, Fusion, IndexKind};
+
+/// Areas under the ROC curve over all locations whose truth is known, all shoulders pooled.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Score {
+    /// Of the damage index as configured; `None` when one class is empty.
+    pub index: Option<f64>,
+    /// Of each discriminator alone, in the order of [`Discriminator::ALL`], configured for the index or
+    /// not: location means of robust z, neither clipped nor averaged along the ring, signed by the
+    /// configured direction. Below 0.5 the direction is wrong.
+    pub discriminators: [Option<f64>; 7],
+    /// Cracked locations that have an index.
+    pub cracked_count: u32,
+    /// Sound locations that have an index.
+    pub sound_count: u32,
+}
+
+impl Score {
+    /// The score of `records` against [`Plan::truth`].
+    ///
+    /// # Errors
+    /// What [`Fusion::new`] and [`Fusion::push`] refuse.
+    pub fn of(config: &FuseConfig, plan: &Plan, records: &[Discriminators]) -> Result<Self, Error> {
+        let mut fusion = Fusion::new(config, plan)?;
+        for record in records {
+            fusion.push(record)?;
+        }
+        let (index, labels) = pooled(&fusion, config, plan, |map| map.index);
+        let counted = |class: bool| index.iter().zip(&labels).filter(|&(i, &l)| !i.is_nan() && l == class).count();
+        let count = |class: bool| u32::try_from(counted(class)).unwrap_or(u32::MAX);
+        let alone = |which: Discriminator| {
+            let config = FuseConfig {
+                discriminators: vec![which],
+                index: IndexKind::Robust,
+                z_clip: f64::INFINITY,
+                ..config.clone()
+            };
+            let (z, labels) =
+                pooled(&fusion, &config, plan, |map| map.locations.iter().map(|location| location.value).collect());
+            auc(&z, &labels)
+        };
+        Ok(Self {
+            index: auc(&index, &labels),
+            discriminators: Discriminator::ALL.map(alone),
+            cracked_count: count(true),
+            sound_count: count(false),
+        })
+    }
+}
+
+/// Values of all locations whose truth is known, NaN where there is none, and whether each is cracked.
+fn pooled(
+    fusion: &Fusion,
+    config: &FuseConfig,
+    plan: &Plan,
+    values_of: impl Fn(crate::map::IndexMap) -> Vec<Option<f64>>,
+) -> (Vec<f64>, Vec<bool>) {
+    let mut pool = (Vec::new(), Vec::new());
+    for (number, scan) in plan.scans().iter().enumerate() {
+        let (_, map) = fusion.compare(config, number);
+        for (&(location, _), value) in scan.locations.iter().zip(values_of(map)) {
+            if let Some(&is_cracked) = plan.truth().get(&(scan.tyre, scan.shoulder, location)) {
+                pool.0.push(value.unwrap_or(f64::NAN));
+                pool.1.push(is_cracked);
+            }
+        }
+    }
+    pool
+}
+
+/// Area under the ROC curve: the chance that a cracked location scores above a sound one, ties counting half.
+///
+/// Scores that are NaN are left out with their labels (`true` is cracked). `None` when a class is empty
+/// then. O(n log n): the Mann-Whitney statistic from mid-ranks.
+///
+/// # Panics
+/// If there are not as many labels as scores.
+pub fn auc(scores: &[f64], labels: &[bool]) -> Option<f64> {
+    assert_eq!(scores.len(), labels.len(), "one label a score");
+    let pairs = scores.iter().copied().zip(labels.iter().copied());
+    // -0 + 0 = 0: the two zeros tie, though they sort apart.
+    let mut pairs: Vec<(f64, bool)> = pairs.filter(|(score, _)| !score.is_nan()).map(|(s, l)| (s + 0.0, l)).collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut sound_below, mut wins) = (0.0, 0.0);
+    for tied in pairs.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq()) {
+        let cracked = tied.iter().filter(|&&(_, is_cracked)| is_cracked).count() as f64;
+        let sound = tied.len() as f64 - cracked;
+        wins += cracked * (sound_below + 0.5 * sound);
+        sound_below += sound;
+    }
+    let cracked_count = pairs.len() as f64 - sound_below;
+    (cracked_count > 0.0 && sound_below > 0.0).then(|| wins / (cracked_count * sound_below))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::{Casing, records};
+
+    /// The definition: every pair of a cracked and a sound location.
+    fn auc_by_pairs(scores: &[f64], labels: &[bool]) -> Option<f64> {
+        let class = |c: bool| scores.iter().zip(labels).filter(move |&(s, &l)| l == c && !s.is_nan()).map(|(&s, _)| s);
+        let (mut wins, mut pairs) = (0.0, 0.0);
+        for cracked in class(true) {
+            for sound in class(false) {
+                pairs += 1.0;
+                wins += if cracked > sound {
+                    1.0
+                } else if cracked < sound {
+                    0.0
+                } else {
+                    0.5
+                };
+            }
+        }
+        (pairs > 0.0).then(|| wins / pairs)
+    }
+
+    proptest! {
+        #[test]
+        fn auc_is_that_of_all_pairs(
+            pairs in prop::collection::vec(
+                (prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(-0.0), (-4..4).prop_map(f64::from)], any::<bool>()), 0..60)
+        ) {
+            // Catches ties counted as wins, NaN entering, and the classes swapped.
+            let (scores, labels): (Vec<f64>, Vec<bool>) = pairs.into_iter().unzip();
+            let (got, expected) = (auc(&scores, &labels), auc_by_pairs(&scores, &labels));
+            prop_assert_eq!(got.is_some(), expected.is_some());
+            prop_assert!((got.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn each_discriminator_is_scored_alone() {
+        // Catches discriminators mixed up, a direction not applied, and the index scored raw.
+        let casing =
+            Casing { cracks: vec![(1, 20..26)], shift: 3.0, shifted: vec![Discriminator::Pr], ..Casing::default() };
+        let plan = casing.plan();
+        let records = records(&casing, &plan, 5);
+        let score = Score::of(&FuseConfig::default(), &plan, &records).unwrap();
+        let pr = score.discriminators[Discriminator::Pr as usize].unwrap();
+        assert!(pr > 0.99, "{score:?}");
+        for (which, alone) in Discriminator::ALL.into_iter().zip(score.discriminators) {
+            assert!(which == Discriminator::Pr || (0.2..0.8).contains(&alone.unwrap()), "{which:?} {alone:?}");
+        }
+        assert!(score.index.unwrap() > 0.9);
+        assert_eq!((score.cracked_count, score.sound_count), (6, 94));
+        let mut reversed = FuseConfig::default();
+        reversed.directions.pr = crate::Direction::Falls;
+        let reversed = Score::of(&reversed, &plan, &records).unwrap();
+        assert!(reversed.discriminators[Discriminator::Pr as usize].unwrap() < 0.01);
+    }
+
+    #[test]
+    fn without_truth_there_is_no_score() {
+        // Catches a division by zero when a class is empty.
+        let casing = Casing::default();
+        let sound = casing.plan();
+        let score = Score::of(&FuseConfig::default(), &sound, &records(&casing, &sound, 1)).unwrap();
+        assert_eq!((score.index, score.discriminators, score.cracked_count), (None, [None; 7], 0));
+    }
+}

@@ -1,0 +1,150 @@
+//! Casings made up for tests: Gaussian scatter of taps and locations, smooth change along the ring, cracks.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use tapline_wire::{
+    Discriminator, Discriminators, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, TapId, Truth, Values,
+};
+
+/// A casing, its scan and its scatter; standard deviations are in those of one tap.
+#[derive(Debug, Clone)]
+pub(crate) struct Casing {
+    pub(crate) shoulder_count: u16,
+    pub(crate) location_count: u32,
+    pub(crate) offsets_mm: Vec<f64>,
+    pub(crate) velocities_m_per_s: Vec<f64>,
+    pub(crate) repetition_count: u16,
+    /// Scatter from location to location.
+    pub(crate) location_sd: f64,
+    /// Height of the smooth change along the ring.
+    pub(crate) smooth: f64,
+    /// Part of the scatter that the discriminators share.
+    pub(crate) correlation: f64,
+    /// Shoulder and locations of each crack.
+    pub(crate) cracks: Vec<(u16, Range<u32>)>,
+    /// How far a crack moves a discriminator, in its direction.
+    pub(crate) shift: f64,
+    /// Which discriminators a crack moves.
+    pub(crate) shifted: Vec<Discriminator>,
+}
+
+impl Default for Casing {
+    fn default() -> Self {
+        Self {
+            shoulder_count: 1,
+            location_count: 100,
+            offsets_mm: vec![0.0, 10.0],
+            velocities_m_per_s: vec![1.0, 1.5],
+            repetition_count: 2,
+            location_sd: 0.5,
+            smooth: 0.3,
+            correlation: 0.6,
+            cracks: vec![],
+            shift: 0.0,
+            shifted: Discriminator::ALL.to_vec(),
+        }
+    }
+}
+
+pub(crate) fn tyre() -> Serial {
+    Serial::new("T1").unwrap()
+}
+
+/// A tap of unknown offset and velocity.
+pub(crate) fn tap_id(shoulder: u16, location: u32) -> TapId {
+    let mut id = TapId::default();
+    (id.tyre, id.shoulder, id.location) = (tyre(), shoulder, location);
+    id
+}
+
+impl Casing {
+    fn is_cracked(&self, shoulder: u16, location: u32) -> bool {
+        self.cracks.iter().any(|(s, arc)| *s == shoulder && arc.contains(&(location % self.location_count)))
+    }
+
+    /// The plan: shoulder by shoulder, condition by condition, ring by ring, each closed.
+    pub(crate) fn plan(&self) -> Plan {
+        let mut taps = Vec::new();
+        for shoulder in 1..=self.shoulder_count {
+            for &offset in &self.offsets_mm {
+                for &velocity in &self.velocities_m_per_s {
+                    for repetition in 0..self.repetition_count {
+                        for location in 0..=self.location_count {
+                            let mut id = tap_id(shoulder, location);
+                            id.repetition = repetition;
+                            let id = id.with_offset_mm(Some(offset)).unwrap();
+                            taps.push(PlannedTap {
+                                id: id.with_velocity_m_per_s(Some(velocity)).unwrap(),
+                                angle_deg: Some(360.0 * f64::from(location) / f64::from(self.location_count)),
+                                is_closing: location == self.location_count,
+                            });
+                        }
+                    }
+                }
+            }
+        }
+        let each = |shoulder| (0..self.location_count).map(move |location| (shoulder, location));
+        let truth: Truth = (1..=self.shoulder_count)
+            .flat_map(each)
+            .map(|(shoulder, location)| ((tyre(), shoulder, location), self.is_cracked(shoulder, location)))
+            .collect();
+        Plan::new(Geometry::Ring, recording(), taps, truth).unwrap()
+    }
+}
+
+pub(crate) fn recording() -> Recording {
+    Recording {
+        sample_rate_hz: 40_960.0,
+        pre_trigger_samples: 512,
+        sample_count_max: 16_384,
+        sample_format: SampleFormat::I16,
+        channels: vec![],
+    }
+}
+
+/// One record a planned tap, in plan order.
+///
+/// Each discriminator has a level and a spread of its own in every condition; a closing tap is far off,
+/// so that a test notices if it enters anything.
+pub(crate) fn records(casing: &Casing, plan: &Plan, seed: u64) -> Vec<Discriminators> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let shared = casing.correlation.sqrt();
+    let own = (1.0 - casing.correlation).sqrt();
+    let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+    let mut seven = || {
+        let common = normal();
+        [0; 7].map(|_| shared * common + own * normal())
+    };
+    let mut level = Vec::new();
+    for _ in 0..casing.shoulder_count {
+        let phases = seven();
+        for location in 0..casing.location_count {
+            let angle = TAU * f64::from(location) / f64::from(casing.location_count);
+            let scatter = seven();
+            level.push([0, 1, 2, 3, 4, 5, 6].map(|d| {
+                casing.location_sd * scatter[d]
+                    + casing.smooth * ((angle + TAU * phases[d]).cos() + (2.0 * angle).cos() / 2.0)
+            }));
+        }
+    }
+    let mut record = |(plan_index, tap): (u32, &PlannedTap)| {
+        let ring = (usize::from(tap.id.shoulder) - 1) * casing.location_count as usize;
+        let level = &level[ring + (tap.id.location % casing.location_count) as usize];
+        let is_cracked = casing.is_cracked(tap.id.shoulder, tap.id.location);
+        let condition = 1.0 + tap.id.offset_mm().unwrap_or(0.0) + 10.0 * tap.id.velocity_m_per_s().unwrap_or(0.0);
+        let mut values = Values::default();
+        for (which, noise) in Discriminator::ALL.into_iter().zip(seven()) {
+            let sign = if which == Discriminator::FMax { -1.0 } else { 1.0 };
+            let damage = if is_cracked && casing.shifted.contains(&which) { sign * casing.shift } else { 0.0 };
+            let drift = if tap.is_closing { 1e6 } else { 0.0 };
+            let deviation = level[which as usize] + noise + damage + drift;
+            values.set(which, Some(condition * (100.0 + deviation) * 10_f64.powi(which as i32 - 3)));
+        }
+        Discriminators { id: tap.id, plan_index, values, ..Discriminators::default() }
+    };
+    (0..).zip(plan.taps()).map(&mut record).collect()
+}

@@ -1,0 +1,63 @@
+//! The physics of a tap: contact, crack and sound, in closed form, as a differential equation and as a simulated tyre.
+//!
+//! Nothing here reads or writes anything; the numbers of the equations and tables are those of Shen, *Impact-Acoustic
+//! Evaluation Method of Internal Crack in Rubber Composite Structure*. Inside formulas the letters are its own:
+//!
+//! | letter | quantity | name, unit |
+//! |---|---|---|
+//! | V | velocity of the impactor at first touch | `velocity_m_per_s` |
+//! | m_1, m_2 | masses of impactor and target | `m_1_kg`, `m_2_kg` |
+//! | E, nu, rho | Young's modulus, Poisson's ratio, density | `e_1_pa`, `nu_1`, `rho_1_kg_per_m3`, ... |
+//! | h, l, w | depth and length of the crack, width of the block | `h_m`, `l_m`, `w_m` |
+//! | l_e | effective length of the crack (Table 1) | [`Scene::l_e_m`] |
+//! | K_c | contact stiffness (Eq. 9) | [`Scene::k_c_n_per_m1_5`] |
+//! | K_f | bending stiffness of the layer above the crack (Eq. 23) | [`Scene::k_f_n_per_m`] |
+//! | M | mass factor 1/m_1 + 1/m_2 (Eq. 14) | [`Scene::mass_factor_per_kg`] |
+//! | tan d | loss tangent (Eq. 26) | [`Scene::loss_tangent`] |
+//! | e, chi | restitution, and the damping that returns it | `restitution`, [`chi_for_restitution`] |
+//! | F_max, tau | peak force, duration | `f_max_n`, `tau_s` |
+//! | alpha, d_max | local deformation, deflection of the surface | `alpha_max_m`, `d_max_m` |
+//! | lambda_f | share of energy lost to bending (Eq. 34) | `lambda_f` |
+//!
+//! A crack 2.54 mm deep takes four fifths of the peak force in the closed form, and two thirds in the plate's
+//! equation of motion, which knows that the layer has mass:
+//!
+//! ```
+//! use tapline_model::{Impact, Scene, defect_contact, integral_contact};
+//!
+//! let scene = Scene { h_m: 2.54e-3, ..Scene::default() };
+//! assert!((integral_contact(&scene)?.f_max_n - 34.149).abs() < 1e-3);
+//! assert!((defect_contact(&scene)?.f_max_n - 6.613).abs() < 1e-3);
+//! assert!((Impact::plate(&scene)?.outcome()?.f_max_n - 11.246).abs() < 1e-3);
+//! # Ok::<(), tapline_model::Error>(())
+//! ```
+
+mod casing;
+mod converter;
+mod crack;
+mod damping;
+mod defect;
+mod error;
+#[cfg(test)]
+mod features_for_tests;
+mod identity;
+mod impact;
+mod integral;
+mod ode;
+mod pulse;
+mod scene;
+mod simulated;
+mod simulation_config;
+mod sound;
+mod tables;
+
+pub use crack::{Crack, plant_cracks, truth};
+pub use damping::chi_for_restitution;
+pub use defect::{DefectContact, defect_contact};
+pub use error::Error;
+pub use impact::{Impact, Outcome, Plate};
+pub use integral::{IntegralContact, integral_contact};
+pub use scene::{EffectiveLength, Scene};
+pub use simulated::{RenderedTap, SimulatedRig, SimulatedTap, SimulatedTyre};
+pub use simulation_config::SimulationConfig;
+pub use tables::{Table, table};

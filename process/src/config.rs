@@ -1,0 +1,133 @@
+//! Settings of the stage: the `[process]` table.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+
+/// Most workers that a configuration may ask for.
+const WORKERS_MAX: usize = 1024;
+
+/// Arithmetic of the long sums and the transform; the definitions are in `f64`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// Single precision: within 1e-4 of the double one, and faster.
+    #[default]
+    F32,
+    /// Double precision.
+    F64,
+}
+
+/// The `[process]` table: bands of the discriminators, arithmetic and workers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ProcessConfig {
+    /// Lower edge f_c of the flexural band, Hz.
+    pub f_c_hz: f64,
+    /// Upper edge of the flexural band, Hz.
+    pub f_hi_hz: f64,
+    /// Lower edge of the band that PR refers to, Hz.
+    pub f_lo_hz: f64,
+    /// Upper edge of the band that PR refers to, Hz.
+    pub f_top_hz: f64,
+    /// Whether f_c follows each tap as 1/(2 tau); a tap without tau keeps `f_c_hz`, and has the flag that says why.
+    pub f_c_follows_tau: bool,
+    /// Arithmetic.
+    pub precision: Precision,
+    /// Worker threads, 0 for one per core.
+    pub workers: usize,
+}
+
+impl Default for ProcessConfig {
+    /// The bands for tyres.
+    fn default() -> Self {
+        Self {
+            f_c_hz: 550.0,
+            f_hi_hz: 2000.0,
+            f_lo_hz: 70.0,
+            f_top_hz: 3000.0,
+            f_c_follows_tau: false,
+            precision: Precision::F32,
+            workers: 0,
+        }
+    }
+}
+
+impl ProcessConfig {
+    /// Whether the settings can be worked with.
+    ///
+    /// The flexural band need not lie inside the other: a ratio of two separate bands is a fair question too.
+    ///
+    /// # Errors
+    /// [`Error`] with the key, its value and the bound that it breaks.
+    pub fn validate(&self) -> Result<(), Error> {
+        let frequency = |key, value: f64, is_good: bool, bound| {
+            if value.is_finite() && is_good { Ok(()) } else { Err(Error::Frequency { key, value, bound }) }
+        };
+        frequency("f_c_hz", self.f_c_hz, self.f_c_hz > 0.0, "above 0")?;
+        frequency("f_hi_hz", self.f_hi_hz, self.f_hi_hz > 0.0, "above 0")?;
+        frequency("f_lo_hz", self.f_lo_hz, self.f_lo_hz >= 0.0, "not below 0")?;
+        frequency("f_top_hz", self.f_top_hz, self.f_top_hz > 0.0, "above 0")?;
+        let band = |key, value, bound_key, bound| {
+            if value > bound { Ok(()) } else { Err(Error::EmptyBand { key, value, bound_key, bound }) }
+        };
+        band("f_hi_hz", self.f_hi_hz, "f_c_hz", self.f_c_hz)?;
+        band("f_top_hz", self.f_top_hz, "f_lo_hz", self.f_lo_hz)?;
+        if self.workers > WORKERS_MAX {
+            return Err(Error::Workers { value: self.workers, bound: WORKERS_MAX });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a default that does not pass its own checks, or a default other than the method's bands.
+    #[test]
+    fn default_is_the_tyre_bands() {
+        let config = ProcessConfig::default();
+        assert_eq!(config.validate(), Ok(()));
+        let empty: ProcessConfig = toml::from_str("").unwrap();
+        assert_eq!(empty, config);
+        let edges = [config.f_lo_hz, config.f_c_hz, config.f_hi_hz, config.f_top_hz];
+        assert_eq!(edges.map(|f_hz| f_hz as u32), [70, 550, 2000, 3000]);
+    }
+
+    /// Catches keys that go unread, and a spelling of the precision other than the documented one.
+    #[test]
+    fn toml_keys() {
+        let config: ProcessConfig =
+            toml::from_str("f_lo_hz = 0.0\nprecision = \"f64\"\nf_c_follows_tau = true").unwrap();
+        assert_eq!((config.f_lo_hz, config.precision, config.f_c_follows_tau), (0.0, Precision::F64, true));
+        assert_eq!(config.validate(), Ok(()));
+        assert!(toml::from_str::<ProcessConfig>("f_high_hz = 1.0").is_err());
+        assert!(toml::from_str::<ProcessConfig>("precision = \"f16\"").is_err());
+    }
+
+    /// Catches a check that lets a band through which holds nothing, or that does not say which key is meant.
+    #[test]
+    fn refusals_name_key_value_and_bound() {
+        let good = ProcessConfig::default();
+        let message = |config: ProcessConfig| config.validate().unwrap_err().to_string();
+        assert_eq!(
+            message(ProcessConfig { f_hi_hz: 550.0, ..good }),
+            "process.f_hi_hz = 550 Hz: must be above process.f_c_hz = 550 Hz"
+        );
+        assert_eq!(
+            message(ProcessConfig { f_lo_hz: 5000.0, ..good }),
+            "process.f_top_hz = 3000 Hz: must be above process.f_lo_hz = 5000 Hz"
+        );
+        assert_eq!(
+            message(ProcessConfig { f_c_hz: f64::NAN, ..good }),
+            "process.f_c_hz = NaN Hz: must be finite and above 0"
+        );
+        assert_eq!(
+            message(ProcessConfig { f_lo_hz: -1.0, ..good }),
+            "process.f_lo_hz = -1 Hz: must be finite and not below 0"
+        );
+        assert_eq!(message(ProcessConfig { workers: 5000, ..good }), "process.workers = 5000: must be at most 1024");
+        assert!(ProcessConfig { f_top_hz: f64::INFINITY, ..good }.validate().is_err());
+    }
+}

@@ -1,0 +1,37 @@
+//! What can be wrong with a configuration; bad data is not an error.
+
+/// Why no extractor can be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A frequency is not a number or lies below what it may be.
+    #[error("process.{key} = {value} Hz: must be finite and {bound}")]
+    Frequency {
+        /// Key in the configuration.
+        key: &'static str,
+        /// Value given, Hz.
+        value: f64,
+        /// What is asked of it.
+        bound: &'static str,
+    },
+    /// A band ends at or below its beginning.
+    #[error("process.{key} = {value} Hz: must be above process.{bound_key} = {bound} Hz")]
+    EmptyBand {
+        /// Key of the band's upper edge.
+        key: &'static str,
+        /// Upper edge given, Hz.
+        value: f64,
+        /// Key of the band's lower edge.
+        bound_key: &'static str,
+        /// Lower edge given, Hz.
+        bound: f64,
+    },
+    /// More workers than any machine has use for.
+    #[error("process.workers = {value}: must be at most {bound}")]
+    Workers {
+        /// Number given.
+        value: usize,
+        /// Largest number allowed.
+        bound: usize,
+    },
+}

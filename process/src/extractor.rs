@@ -1,0 +1,232 @@
+//! One tap in, seven discriminators out: the state machine that owns plans and scratch.
+
+use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
+
+use crate::baseline::{Medians, baseline_count};
+use crate::force::Pulse;
+use crate::record::{Count, Extent, Record, Track};
+use crate::sound::{SOUND_M_PER_S, area, magnitude_area, onset_without_force};
+use crate::spectrum::{Bands, Spectrum};
+use crate::{Error, Precision, ProcessConfig, Real};
+
+/// Extracts the discriminators of taps, one after the other, in the arithmetic of `T`.
+///
+/// Only the transform, its power sums' terms and the magnitudes under A_2 are in `T`; everything else, and every sum,
+/// is in `f64`. One extractor serves one thread; its results depend on the tap alone, not on what came before.
+#[derive(Debug)]
+pub struct Extractor<T: Real> {
+    config: ProcessConfig,
+    medians: Medians,
+    signal: Vec<T>,
+    spectrum: Spectrum<T>,
+}
+
+impl<T: Real> Extractor<T> {
+    /// An extractor for `config`, whose `precision` and `workers` it leaves to whoever makes extractors.
+    ///
+    /// # Errors
+    /// What [`ProcessConfig::validate`] finds.
+    pub fn new(config: &ProcessConfig) -> Result<Self, Error> {
+        config.validate()?;
+        Ok(Self { config: *config, medians: Medians::default(), signal: Vec::new(), spectrum: Spectrum::new() })
+    }
+
+    /// The discriminators of the tap that `header` describes, from its planar `samples`.
+    ///
+    /// Never fails: what the record does not give is absent, and a flag says why (see the crate's table).
+    pub fn extract(&mut self, header: &TapHeader, samples: Samples<'_>) -> Discriminators {
+        let mut found = Found::default();
+        match samples {
+            Samples::I16(samples) => self.extract_counts(header, samples, &mut found),
+            Samples::F32(samples) => self.extract_counts(header, samples, &mut found),
+        }
+        Discriminators {
+            id: header.id,
+            plan_index: header.plan_index,
+            quality: found.0.quality,
+            velocity_measured_m_per_s: header.velocity_measured_m_per_s,
+            values: found.0.values,
+        }
+    }
+
+    fn extract_counts<C: Count>(&mut self, header: &TapHeader, samples: &[C], found: &mut Found) {
+        let Some(record) = Record::new(header, samples) else { return found.flag(Quality::REFUSED) };
+        let pulse = self.pulse(&record);
+        match &pulse {
+            Ok(pulse) => {
+                found.set(Discriminator::FMax, pulse.f_max_n);
+                found.set(Discriminator::Tau, pulse.tau_samples / record.sample_rate_hz);
+            }
+            Err(why) => found.flag(*why),
+        }
+        if let Err(why) = self.sound(&record, header.microphone_distance_m, pulse, found) {
+            found.flag(why);
+        }
+    }
+
+    /// The force pulse, or the flag that says why there is none.
+    fn pulse<C: Count>(&mut self, record: &Record<'_, C>) -> Result<Pulse, Quality> {
+        let track = record.force.ok_or(Quality::NO_FORCE)?;
+        let extent = extent_of(track)?;
+        let count = baseline_count(record.pre_trigger_samples, track.samples.len()).ok_or(Quality::NO_BASELINE)?;
+        let before = &track.samples[..count];
+        let base = self.medians.median(before);
+        let noise = self.medians.noise_counts(before, base);
+        Pulse::find(track, extent, base, noise).ok_or(Quality::NO_PULSE)
+    }
+
+    /// Areas and band powers of the sound.
+    fn sound<C: Count>(
+        &mut self,
+        record: &Record<'_, C>,
+        microphone_distance_m: f64,
+        pulse: Result<Pulse, Quality>,
+        found: &mut Found,
+    ) -> Result<(), Quality> {
+        let track = record.sound.ok_or(Quality::NO_SOUND)?;
+        let extent = extent_of(track)?;
+        if extent.is_constant() || track.unit_per_count == 0.0 {
+            return Err(Quality::NO_ONSET); // a dead microphone has no quiet spectrum, it has none
+        }
+        let baseline = baseline_count(record.pre_trigger_samples, track.samples.len())
+            .map(|count| self.medians.median(&track.samples[..count]));
+        let base = baseline.unwrap_or(0.0); // the spectrum removes the mean anyway
+        let gain = extent.gain(base);
+        self.signal.clear();
+        self.signal.extend(track.samples.iter().map(|x| x.centred::<T>(base, gain)));
+        let unit = track.unit_per_count.abs() / gain;
+
+        let base_of_areas = baseline.ok_or(Quality::NO_BASELINE);
+        match base_of_areas.and_then(|base| window(record, track, base, microphone_distance_m, &pulse)) {
+            Ok(window) => self.areas(track, base, gain, window, record.sample_rate_hz, found),
+            Err(why) => found.flag(why),
+        }
+        let tau_s = pulse.ok().map(|pulse| pulse.tau_samples / record.sample_rate_hz);
+        let bands = self.bands(tau_s).ok_or(Quality::NO_BAND)?;
+        let power = self.spectrum.band_power(&mut self.signal, record.sample_rate_hz, &bands);
+        let power = power.ok_or(Quality::NO_BAND)?;
+        found.set(Discriminator::Pr, power.pr);
+        found.set(Discriminator::Pf, power.p_f * unit * unit);
+        found.set(Discriminator::Ef, power.e_f * unit * unit);
+        Ok(())
+    }
+
+    /// A_1 and A_2 of a sound whose samples less `base`, times `gain`, are the signal.
+    fn areas<C: Count>(
+        &self,
+        track: Track<'_, C>,
+        base: f64,
+        gain: f64,
+        window: Window,
+        sample_rate_hz: f64,
+        found: &mut Found,
+    ) {
+        let unit = track.unit_per_count.abs();
+        if let Some(onset) = window.onset {
+            let initial = area(|i| track.samples[i].into() - base, onset, window.ringing);
+            found.set(Discriminator::A1, initial.abs() * unit / sample_rate_hz);
+        }
+        let ringing = magnitude_area(&self.signal, window.ringing);
+        found.set(Discriminator::A2, ringing * (unit / gain) / sample_rate_hz);
+    }
+
+    /// The bands for a tap of contact time `tau_s`; `None` when an f_c that follows it leaves the bands.
+    fn bands(&self, tau_s: Option<f64>) -> Option<Bands> {
+        let ProcessConfig { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz, .. } = self.config;
+        let fixed = Bands { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz };
+        match tau_s.filter(|_| self.config.f_c_follows_tau) {
+            None => Some(fixed),
+            Some(tau_s) => {
+                let f_c_hz = 1.0 / (2.0 * tau_s);
+                (f_lo_hz..=f_hi_hz).contains(&f_c_hz).then_some(Bands { f_c_hz, ..fixed })
+            }
+        }
+    }
+}
+
+/// Where the sound's areas begin, in samples.
+#[derive(Debug, Clone, Copy)]
+struct Window {
+    /// Beginning of A_1, absent without a force.
+    onset: Option<f64>,
+    /// End of A_1 and beginning of A_2.
+    ringing: f64,
+}
+
+/// The areas' window, or the flag that says why there is none.
+fn window<C: Count>(
+    record: &Record<'_, C>,
+    track: Track<'_, C>,
+    base: f64,
+    microphone_distance_m: f64,
+    pulse: &Result<Pulse, Quality>,
+) -> Result<Window, Quality> {
+    let last = track.samples.len() as f64 - 1.0;
+    let window = match *pulse {
+        Ok(pulse) => {
+            let travel_samples = microphone_distance_m / SOUND_M_PER_S * record.sample_rate_hz;
+            let onset = pulse.onset_samples + travel_samples;
+            let has_distance = microphone_distance_m >= 0.0 && onset >= 0.0;
+            has_distance.then_some(Window { onset: Some(onset), ringing: onset + pulse.tau_samples })
+        }
+        Err(Quality::NO_FORCE) => onset_without_force(track.samples, record.pre_trigger_samples, base)
+            .map(|onset| Window { onset: None, ringing: onset as f64 }),
+        Err(why) => return Err(why),
+    };
+    // Both areas must lie in the record, or the shorter would be taken for the quieter.
+    window.filter(|window| window.ringing < last).ok_or(Quality::NO_ONSET)
+}
+
+/// Extent of a channel whose samples and scale are all numbers.
+fn extent_of<C: Count>(track: Track<'_, C>) -> Result<Extent<C>, Quality> {
+    let has_scale = track.unit_per_count.is_finite();
+    Extent::of(track.samples).filter(|_| has_scale).ok_or(Quality::NON_FINITE)
+}
+
+/// What is found while it is being found.
+#[derive(Debug, Default)]
+struct Found(Discriminators);
+
+impl Found {
+    fn flag(&mut self, why: Quality) {
+        self.0.quality.insert(why);
+    }
+
+    /// Sets a value; one that a huge scale carried beyond all numbers is absent and flagged.
+    fn set(&mut self, which: Discriminator, value: f64) {
+        if !value.is_finite() {
+            self.flag(Quality::NON_FINITE);
+        }
+        self.0.values.set(which, Some(value));
+    }
+}
+
+/// An [`Extractor`] of the precision that the configuration asks for.
+#[derive(Debug)]
+pub enum ProcessExtractor {
+    /// Single precision.
+    F32(Extractor<f32>),
+    /// Double precision.
+    F64(Extractor<f64>),
+}
+
+impl ProcessExtractor {
+    /// An extractor for `config`, in its precision.
+    ///
+    /// # Errors
+    /// What [`ProcessConfig::validate`] finds.
+    pub fn new(config: &ProcessConfig) -> Result<Self, Error> {
+        match config.precision {
+            Precision::F32 => Extractor::new(config).map(Self::F32),
+            Precision::F64 => Extractor::new(config).map(Self::F64),
+        }
+    }
+
+    /// The discriminators of one tap; see [`Extractor::extract`].
+    pub fn extract(&mut self, header: &TapHeader, samples: Samples<'_>) -> Discriminators {
+        match self {
+            Self::F32(extractor) => extractor.extract(header, samples),
+            Self::F64(extractor) => extractor.extract(header, samples),
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! The seven discriminators of one tap, from its force and sound.
+//!
+//! Definitions are those of the method's section 2; each file states the ones it implements and
+//! where it goes beyond them. A value that cannot be had is absent and a [`Quality`] flag says why.
+//!
+//! | flag | what it takes away |
+//! |---|---|
+//! | `REFUSED` | everything: the header does not describe the samples, or gives no sample rate |
+//! | `NON_FINITE` | what rests on the channel with the sample, or the scale, that is not a number |
+//! | `NO_FORCE` | F_max, tau, A_1; A_2 starts at the onset that the sound itself shows |
+//! | `NO_SOUND` | A_1, A_2, PR, P_f, E_f |
+//! | `NO_BASELINE` | F_max, tau, A_1, A_2; the spectrum needs no baseline |
+//! | `NO_PULSE` | F_max, tau, A_1, A_2 |
+//! | `NO_ONSET` | A_1 and A_2; of a sound without any variation, PR, P_f and E_f too |
+//! | `NO_BAND` | PR, P_f, E_f |
+//!
+//! # Example
+//!
+//! ```
+//! use tapline_process::{Extractor, ProcessConfig};
+//! use tapline_wire::{Channel, ChannelHeader, Discriminator, SampleFormat, Samples, TapHeader};
+//!
+//! // A half-sine of 100 N and 1 ms at 40 kHz, and a sound that rings at 1 kHz after it.
+//! let force = (0..4000).map(|i| (100..140).contains(&i).then(|| (f64::from(i - 100) / 40.0)).unwrap_or(0.0))
+//!     .map(|phase| (100.0 * (std::f64::consts::PI * phase).sin()) as f32);
+//! let sound = (0..4000).map(|i| f64::from(i - 100) / 40e3)
+//!     .map(|t| if t < 0.0 { 0.0 } else { ((-200.0 * t).exp() * (6283.2 * t).sin()) as f32 });
+//! let samples: Vec<f32> = force.chain(sound).collect();
+//!
+//! let mut header = TapHeader {
+//!     sample_rate_hz: 40e3,
+//!     pre_trigger_samples: 100,
+//!     sample_count: 4000,
+//!     sample_format: SampleFormat::F32.code(),
+//!     channel_count: 2,
+//!     ..TapHeader::default()
+//! };
+//! header.channels[0] = ChannelHeader { code: Channel::Force.code(), unit_per_count: 1.0, ..Default::default() };
+//! header.channels[1] = ChannelHeader { code: Channel::Sound.code(), unit_per_count: 1.0, ..Default::default() };
+//!
+//! let mut extractor = Extractor::<f64>::new(&ProcessConfig::default())?;
+//! let found = extractor.extract(&header, Samples::F32(&samples));
+//! assert!(found.quality.is_clean());
+//! let tau_s = found.values.get(Discriminator::Tau).unwrap_or_default();
+//! assert!((tau_s - 1e-3).abs() < 2e-6);
+//! let pr = found.values.get(Discriminator::Pr).unwrap_or_default();
+//! assert!(pr > 0.9); // 1 kHz lies between 550 and 2000 Hz
+//! # Ok::<(), tapline_process::Error>(())
+//! ```
+//!
+//! [`Quality`]: tapline_wire::Quality
+
+mod baseline;
+mod config;
+mod error;
+mod extractor;
+mod force;
+mod real;
+mod record;
+mod run;
+mod sound;
+mod spectrum;
+
+pub use config::{Precision, ProcessConfig};
+pub use error::Error;
+pub use extractor::{Extractor, ProcessExtractor};
+pub use real::Real;
+pub use run::{Outcome, RunError, run};

@@ -1,0 +1,232 @@
+//! `process` on a line: one thread that talks to shared memory, and a worker per core that reads samples in place.
+
+use std::num::NonZeroUsize;
+use std::thread::{Builder, available_parallelism, scope};
+use std::time::Duration;
+
+use crossbeam::channel::{Receiver, Sender, bounded};
+use hdrhistogram::Histogram;
+use serde::{Deserialize, Serialize};
+use tapline_wire::{
+    DiscriminatorTopic, Discriminators, Ledger, LedgerTopic, Line, LineError, Plan, Publisher, Quality, Received,
+    RecordKind, Rope, Samples, Stamp, Subscriber, TapHeader, TapTopic, Topic, now_ns,
+};
+
+use crate::{Error, ProcessConfig, ProcessExtractor};
+
+/// Most taps in hand at once; below what a subscriber may borrow.
+const IN_HAND_MAX: usize = TapTopic::BORROWED - 2;
+
+/// Why `process` cannot go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// The configuration is not valid.
+    #[error(transparent)]
+    Config(#[from] Error),
+    /// Shared memory fails.
+    #[error(transparent)]
+    Line(#[from] LineError),
+    /// A worker cannot be started.
+    #[error("cannot start the worker {name}")]
+    Thread {
+        /// Its name.
+        name: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The workers have ended while there is work.
+    #[error("the workers have ended while there is work for them")]
+    WorkersGone,
+}
+
+/// What `process` did.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Taps whose discriminators were extracted.
+    pub tap_count: u64,
+    /// Bytes of samples read in place.
+    pub sample_bytes: u64,
+    /// Records lost on the way here.
+    pub lost_count: u64,
+    /// Median time from a tap's sending to its discriminators' sending.
+    pub latency_p50_us: u64,
+    /// The same for the slowest of a hundred.
+    pub latency_p99_us: u64,
+    /// Worker threads.
+    pub worker_count: usize,
+}
+
+/// Turns the taps on `line` into discriminators until every scan of `plan` is judged.
+///
+/// # Errors
+/// [`RunError`] when the configuration is not valid or shared memory fails. Being asked to stop is no error.
+pub fn run(line: &Line, plan: &Plan, config: &ProcessConfig) -> Result<Outcome, RunError> {
+    let worker_count = match config.workers {
+        0 => available_parallelism().map_or(1, NonZeroUsize::get),
+        count => count,
+    };
+    let mut hub = Hub::open(line, plan)?;
+    let (work, to_do) = bounded(IN_HAND_MAX);
+    let (finish, done) = bounded(IN_HAND_MAX);
+    let outcome = scope(|threads| {
+        for k in 0..worker_count {
+            let extractor = ProcessExtractor::new(config)?;
+            let (to_do, finish, rope) = (to_do.clone(), finish.clone(), line.rope()?);
+            let name = format!("extract-{k}");
+            Builder::new()
+                .name(name.clone())
+                .spawn_scoped(threads, move || extract_all(extractor, &to_do, &finish, &rope))
+                .map_err(|source| RunError::Thread { name, source })?;
+        }
+        // The workers end when the hub's end of their channel is gone.
+        hub.serve(&work, &done).map(|()| drop(work))
+    });
+    let mut outcome = match outcome {
+        Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => hub.outcome(),
+        Err(error) => return Err(error),
+    };
+    outcome.worker_count = worker_count;
+    Ok(outcome)
+}
+
+/// What a worker made of one tap, and when the tap was sent.
+struct Done {
+    record: Discriminators,
+    sent_ns: i64,
+    sample_bytes: usize,
+}
+
+fn extract_all(
+    mut extractor: ProcessExtractor,
+    to_do: &Receiver<Received<TapTopic>>,
+    finish: &Sender<Done>,
+    rope: &Rope,
+) {
+    for tap in to_do {
+        let header = tap.header();
+        // A header that does not fit its payload is flagged by the extractor, which then sees no samples.
+        let samples = Samples::view(header, &tap).unwrap_or(Samples::I16(&[]));
+        let record = extractor.extract(header, samples);
+        let done = Done { record, sent_ns: header.sent_ns, sample_bytes: header.payload_bytes() };
+        drop(tap);
+        if finish.send(done).is_err() {
+            return;
+        }
+        rope.pull();
+    }
+}
+
+/// The thread that talks to shared memory.
+struct Hub<'a> {
+    line: &'a Line,
+    taps: Subscriber<'a, TapTopic>,
+    snapshots: Subscriber<'a, LedgerTopic>,
+    found: Publisher<'a, DiscriminatorTopic>,
+    in_hand: usize,
+    tap_count: u64,
+    sample_bytes: u64,
+    latency_us: Histogram<u64>,
+    is_judged: bool,
+}
+
+impl<'a> Hub<'a> {
+    fn open(line: &'a Line, plan: &'a Plan) -> Result<Self, RunError> {
+        Ok(Self {
+            line,
+            taps: Subscriber::open(line, plan)?,
+            snapshots: Subscriber::open(line, plan)?,
+            found: Publisher::open(line, plan)?,
+            in_hand: 0,
+            tap_count: 0,
+            sample_bytes: 0,
+            latency_us: Histogram::new(3).expect("three significant digits are allowed"),
+            is_judged: false,
+        })
+    }
+
+    fn serve(&mut self, work: &Sender<Received<TapTopic>>, done: &Receiver<Done>) -> Result<(), RunError> {
+        loop {
+            let mut is_idle = true;
+            while let Ok(result) = done.try_recv() {
+                self.publish(&result)?;
+                is_idle = false;
+            }
+            while self.in_hand < IN_HAND_MAX {
+                let Some(tap) = self.taps.receive()? else { break };
+                is_idle = false;
+                self.handle(tap, work, done)?;
+            }
+            if let Some(snapshot) = self.snapshots.receive_newest()? {
+                self.is_judged = Ledger::decode(snapshot.header(), &snapshot).is_some_and(|l| l.is_judged());
+            }
+            if is_idle && self.in_hand == 0 && (self.is_judged || self.line.is_stopped()) {
+                return Ok(());
+            }
+            if is_idle {
+                self.line.wait(Duration::from_millis(100))?;
+            }
+        }
+    }
+
+    fn handle(
+        &mut self,
+        tap: Received<TapTopic>,
+        work: &Sender<Received<TapTopic>>,
+        done: &Receiver<Done>,
+    ) -> Result<(), RunError> {
+        match tap.kind() {
+            Some(RecordKind::Data) => {
+                self.in_hand += 1;
+                work.send(tap).map_err(|_| RunError::WorkersGone)
+            }
+            Some(RecordKind::Refusal) => self.send(RecordKind::Data, tap.header(), &[refused(tap.header())]),
+            Some(kind @ (RecordKind::Barrier | RecordKind::End)) => {
+                // What the mark follows must leave before it.
+                while self.in_hand > 0 {
+                    let result = done.recv().map_err(|_| RunError::WorkersGone)?;
+                    self.publish(&result)?;
+                }
+                self.send(kind, tap.header(), &[])
+            }
+            Some(RecordKind::Greeting) | None => Ok(()),
+        }
+    }
+
+    fn publish(&mut self, done: &Done) -> Result<(), RunError> {
+        self.in_hand -= 1;
+        self.found.send(RecordKind::Data, Stamp::default(), &[done.record])?;
+        self.tap_count += 1;
+        self.sample_bytes += done.sample_bytes as u64;
+        let latency_us = u64::try_from((now_ns() - done.sent_ns) / 1000).unwrap_or(0);
+        self.latency_us.saturating_record(latency_us);
+        Ok(())
+    }
+
+    /// Passes on a mark, or a refusal, of the station that `tap` came from.
+    fn send(&self, kind: RecordKind, tap: &TapHeader, records: &[Discriminators]) -> Result<(), RunError> {
+        let stamp = Stamp { mark: tap.stamp.mark, source: tap.stamp.source, ..Stamp::default() };
+        Ok(self.found.send(kind, stamp, records)?)
+    }
+
+    fn outcome(&self) -> Outcome {
+        Outcome {
+            tap_count: self.tap_count,
+            sample_bytes: self.sample_bytes,
+            lost_count: self.taps.lost(),
+            latency_p50_us: self.latency_us.value_at_quantile(0.5),
+            latency_p99_us: self.latency_us.value_at_quantile(0.99),
+            worker_count: 0,
+        }
+    }
+}
+
+fn refused(tap: &TapHeader) -> Discriminators {
+    Discriminators {
+        id: tap.id,
+        plan_index: tap.plan_index,
+        quality: Quality::REFUSED,
+        velocity_measured_m_per_s: f64::NAN,
+        ..Discriminators::default()
+    }
+}

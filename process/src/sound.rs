@@ -1,0 +1,124 @@
+//! The sound's two areas and, without a force, its onset.
+//!
+//! Conventions of the method's section 2, made exact: between samples the sound is a straight line, and
+//! its magnitude at an end between two samples is the magnitude of that line's value there; between
+//! that end and the next sample, and between samples, magnitudes are joined by straight lines too.
+
+use crate::Real;
+use crate::real::sum_of;
+use crate::record::Count;
+
+/// Speed of sound c in air, m/s.
+pub(crate) const SOUND_M_PER_S: f64 = 343.0;
+
+/// Standard deviations of the sound before the trigger that an onset exceeds.
+const ONSET_SIGMAS: f64 = 5.0;
+
+/// First sample of `samples` that is further than 5 sigma from `base`, sigma being the standard deviation of the
+/// `pre_trigger_samples` first ones (all p of them, about their own mean: `numpy.std`).
+pub(crate) fn onset_without_force<C: Count>(samples: &[C], pre_trigger_samples: usize, base: f64) -> Option<usize> {
+    let before = samples.get(..pre_trigger_samples)?;
+    let count = before.len() as f64;
+    let mean = before.iter().map(|&x| x.into()).sum::<f64>() / count;
+    let variance = before.iter().map(|&x| (x.into() - mean).powi(2)).sum::<f64>() / count;
+    let limit = ONSET_SIGMAS * variance.sqrt();
+    samples.iter().position(|&x| (x.into() - base).abs() > limit)
+}
+
+/// Value of a record at `at` samples from its beginning, on the line between the samples beside it.
+fn interpolated(value: impl Fn(usize) -> f64, at: f64) -> f64 {
+    let left = at.floor();
+    let part = at - left;
+    let x = value(left as usize);
+    if part > 0.0 { x + (value(left as usize + 1) - x) * part } else { x }
+}
+
+/// Integral of `value` over [`from`, `to`], by trapezoids with interpolated ends, in counts times samples.
+///
+/// `0 <= from < to <=` the index of the last sample.
+pub(crate) fn area(value: impl Fn(usize) -> f64, from: f64, to: f64) -> f64 {
+    let first = from.floor() as usize + 1;
+    let last = to.ceil() as usize - 1;
+    let (x_from, x_to) = (interpolated(&value, from), interpolated(&value, to));
+    if first > last {
+        return (to - from) * (x_from + x_to) / 2.0;
+    }
+    let inner: f64 = (first..last).map(|i| (value(i) + value(i + 1)) / 2.0).sum();
+    let head = (first as f64 - from) * (x_from + value(first)) / 2.0;
+    let tail = (to - last as f64) * (value(last) + x_to) / 2.0;
+    head + inner + tail
+}
+
+/// Integral of the magnitude of `signal` from `from` samples to its end, by trapezoids, in the signal's unit times
+/// samples; 0 when nothing is left there.
+pub(crate) fn magnitude_area<T: Real>(signal: &[T], from: f64) -> f64 {
+    let first = from.floor() as usize + 1;
+    let Some([next, .., last] | [next @ last]) = signal.get(first..) else { return 0.0 };
+    let at_from = interpolated(|i| signal[i].widened(), from).abs();
+    let (next, last) = (next.widened().abs(), last.widened().abs());
+    let head = (first as f64 - from) * (at_from + next) / 2.0;
+    // Trapezoids between samples weigh each by one, the two outermost by a half.
+    head + sum_of(&signal[first..], |x| x.abs()) - (next + last) / 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Catches an end taken at a whole sample: the integral of a straight line is known at any ends.
+    #[test]
+    fn area_of_a_line() {
+        for (from, to) in [(0.0, 9.0), (0.25, 8.5), (3.1, 3.9), (2.0, 3.0), (2.0, 3.5), (2.5, 3.0), (0.0, 0.5)] {
+            let exact = (to * to - from * from) * 1.5 - 4.0 * (to - from);
+            assert!((area(|i| 3.0 * i as f64 - 4.0, from, to) - exact).abs() < 1e-12, "[{from}, {to}]");
+        }
+    }
+
+    proptest! {
+        /// Catches a trapezoid counted twice or left out: areas of adjoining intervals add up.
+        #[test]
+        fn areas_add_up(samples in prop::collection::vec(-1e3..1e3_f64, 20), cuts in prop::array::uniform3(0.0..19.0_f64)) {
+            let mut cuts = cuts;
+            cuts.sort_by(f64::total_cmp);
+            let [a, b, c] = cuts;
+            prop_assume!(a < b && b < c);
+            // The cut at b puts a knot there, on the line, which changes nothing.
+            let of = |from, to| area(|i| samples[i], from, to);
+            prop_assert!((of(a, b) + of(b, c) - of(a, c)).abs() < 1e-9);
+        }
+
+        /// Catches a wrong half weight at either end: one trapezoid after the other.
+        #[test]
+        fn magnitude_area_like_a_loop(samples in prop::collection::vec(-1e3..1e3_f64, 2..300), part in 0.0..1.0_f64) {
+            let from = part * (samples.len() - 1) as f64;
+            let left = from as usize;
+            let mut points = vec![(from, (samples[left] + (samples[left + 1] - samples[left]) * (from - left as f64)).abs())];
+            points.extend((left + 1..samples.len()).map(|i| (i as f64, samples[i].abs())));
+            let expected: f64 = points.windows(2).map(|w| (w[1].0 - w[0].0) * (w[0].1 + w[1].1) / 2.0).sum();
+            prop_assert!((magnitude_area(&samples, from) - expected).abs() < 1e-9 * (1.0 + expected));
+        }
+    }
+
+    /// Catches a read past the end.
+    #[test]
+    fn nothing_is_left_at_the_end() {
+        assert!(magnitude_area(&[1.0_f64, 2.0], 1.0).abs() < 1e-15);
+        assert!(magnitude_area(&[1.0_f64, 2.0], 7.0).abs() < 1e-15);
+        assert!((magnitude_area(&[1.0_f64, 2.0], 0.0) - 1.5).abs() < 1e-15);
+    }
+
+    /// Catches sigma about the baseline instead of the mean, sigma of 0.75 p, and a signed comparison.
+    #[test]
+    fn onset_exceeds_five_sigma() {
+        let mut samples = vec![0.0_f32; 20];
+        samples[0] = 4.0; // std of four: sqrt(3), so the limit is 8.66; about the median 0 it would be 10
+        samples[9] = -9.0;
+        samples[12] = 50.0;
+        assert_eq!(onset_without_force(&samples, 4, 0.0), Some(9));
+        assert_eq!(onset_without_force(&samples, 3, 0.0), Some(12)); // of three: limit 9.43
+        assert_eq!(onset_without_force(&samples, 21, 0.0), None);
+        assert_eq!(onset_without_force(&[0_i16; 9], 4, 0.0), None);
+    }
+}

@@ -1,0 +1,10 @@
+//! The extractor against scipy, against a slow twin, against its own laws, and against garbage.
+#![expect(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
+mod garbage;
+mod laws;
+mod precision;
+mod reference;
+mod scipy;
+mod signal;
+mod twin;

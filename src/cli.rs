@@ -1,0 +1,132 @@
+//! The command line: what was written, before anything is opened.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Finds hidden cracks in truck-tyre casings by tapping them and listening.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 100, after_help = EXIT_CODES)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 ended, but taps are missing or refused, or the archive is not whole.";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    /// Run a whole line: one process, one fuse, one store and an acquire per station, until every shoulder is judged.
+    ///
+    /// Without --taps a simulated line is scanned. The same command again goes on with what is missing. Ctrl-C ends
+    /// the run in good order.
+    Run(RunArgs),
+    /// Take the taps of one station (one stage of a line, alone).
+    Acquire {
+        #[command(flatten)]
+        line: LineArgs,
+        /// Station whose taps to take.
+        #[arg(long)]
+        station: u16,
+    },
+    /// Extract the discriminators of the taps of all stations (one stage of a line, alone).
+    Process(LineArgs),
+    /// Turn discriminators into damage maps and verdicts (one stage of a line, alone).
+    Fuse(LineArgs),
+    /// Keep taps, discriminators, maps and verdicts in the archive (one stage of a line, alone).
+    Store(LineArgs),
+    /// Write a table of an archive.
+    Export {
+        /// The archive.
+        archive: PathBuf,
+        /// Which table.
+        #[arg(value_enum)]
+        table: Table,
+        /// Form of the table.
+        #[arg(long, value_enum, default_value_t = Format::Csv)]
+        format: Format,
+        /// File to write; standard output when left out.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// Check that an archive holds all its plan asks for and does not contradict itself.
+    Verify {
+        /// The archive.
+        archive: PathBuf,
+        /// Print the report as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// The contact models.
+    #[command(subcommand)]
+    Model(ModelVerb),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SourceArgs {
+    /// Configuration file (TOML); defaults hold for what it leaves out.
+    #[arg(long)]
+    pub(crate) config: Option<PathBuf>,
+    /// Folder of recorded taps (a tap set) to scan instead of simulated tyres.
+    #[arg(long)]
+    pub(crate) taps: Option<PathBuf>,
+    /// The archive; `simulated.h5`, or the name of the tap set with `.h5`, in this folder when left out.
+    #[arg(long)]
+    pub(crate) out: Option<PathBuf>,
+    /// Stations: how many are simulated, or over how many the shoulders of a tap set are shared out.
+    #[arg(long)]
+    pub(crate) stations: Option<u16>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct LineArgs {
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// Name of the line: stages with the same name meet. Letters, digits and '-'.
+    #[arg(long, default_value = "line")]
+    pub(crate) line: String,
+    /// End when the process that started this one ends.
+    #[arg(long, hide = true)]
+    pub(crate) child: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Table {
+    Discriminators,
+    Damage,
+    Regions,
+    Verdicts,
+    Ledger,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Format {
+    Csv,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum ModelVerb {
+    /// Print one of the dissertation's tables, computed, as CSV.
+    Table {
+        /// Number of the table: 4, 5, 6, 8, 9, 10 or 11.
+        number: u8,
+        /// How the effective length of a crack is had: as the printed tables used it, or as the text describes it.
+        #[arg(long, value_enum, default_value_t = Length::Published)]
+        effective_length: Length,
+    },
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Length {
+    Published,
+    Table1,
+}

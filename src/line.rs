@@ -1,0 +1,249 @@
+//! `tapline run`: a whole line, from the first tap to the table of verdicts.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, bail};
+use tapline_store::Reader;
+use tapline_wire::{Ledger, LedgerTopic, Line, LineAddress, Plan, Role, Subscriber, TapState, line_bytes, room};
+
+use crate::child::Stage;
+use crate::cli::RunArgs;
+use crate::config::Job;
+use crate::progress::Progress;
+use crate::stage::stop_flag;
+use crate::summary::{Pace, summarise};
+
+/// How often the stages and the ledger are looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+pub(crate) fn run(args: &RunArgs) -> Result<bool> {
+    let job = Job::resolve(&args.source)?;
+    let plan = job.source()?.plan().clone();
+    let pace = if is_finished(&job, &plan)? {
+        tracing::info!("nothing is left to do");
+        Pace::default()
+    } else {
+        let _lock = Lock::take(&job.out)?;
+        let workplace = Workplace::prepare(&job, &plan)?;
+        let stop = stop_flag()?;
+        Run::start(&job, args, &plan, &workplace, stop)?.until_done()?
+    };
+    summarise(&job, pace, args.json)
+}
+
+/// Whether the archive exists and lacks nothing; an archive of another plan or configuration is an error.
+fn is_finished(job: &Job, plan: &Plan) -> Result<bool> {
+    if !job.out.exists() {
+        return Ok(false);
+    }
+    let reader = Reader::open(&job.out)?;
+    let (archived, given) = (reader.plan().digest(), plan.digest());
+    if archived != given {
+        bail!(
+            "{} holds scan plan {archived:016x}; this run has scan plan {given:016x}: give another --out, or the same \
+             taps, stations and configuration as before",
+            job.out.display()
+        );
+    }
+    Ok(reader.ledger().is_judged() && reader.ledger().count(TapState::Missing) == 0)
+}
+
+/// Holds off a second line on the same archive, until it is dropped.
+struct Lock {
+    path: PathBuf,
+    _file: File,
+}
+
+impl Lock {
+    fn take(archive: &Path) -> Result<Self> {
+        let path = PathBuf::from(format!("{}.lock", archive.display()));
+        let file =
+            File::create(&path).with_context(|| format!("cannot write beside the archive: {}", path.display()))?;
+        if let Err(error) = file.try_lock() {
+            bail!("another line is writing {} ({error})", archive.display());
+        }
+        Ok(Self { path, _file: file })
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        if let Err(error) = fs::remove_file(&self.path) {
+            tracing::warn!(path = %self.path.display(), %error, "cannot remove the lock");
+        }
+    }
+}
+
+/// The line's place in shared memory and its copy of the configuration, cleared away when dropped.
+struct Workplace {
+    name: String,
+    address: LineAddress,
+    config: PathBuf,
+}
+
+impl Workplace {
+    fn prepare(job: &Job, plan: &Plan) -> Result<Self> {
+        // One archive, one name: what a line that died has left is found and cleared by the next.
+        let name = format!("{:016x}", fnv_1a(absolute(&job.out)?.as_os_str().as_encoded_bytes()));
+        let address = LineAddress::new(&name);
+        address.clear()?;
+        room::check("this line", line_bytes(plan))?;
+        fs::create_dir_all(&address.root).with_context(|| format!("cannot create {}", address.root.display()))?;
+        // Stages read this copy, also when they are restarted after the original has been edited.
+        let config = address.root.join("run.toml");
+        fs::write(&config, &job.config_toml).with_context(|| format!("cannot write {}", config.display()))?;
+        Ok(Self { name, address, config })
+    }
+}
+
+impl Drop for Workplace {
+    fn drop(&mut self) {
+        if let Err(error) = self.address.clear() {
+            tracing::warn!(%error, "cannot clear away the line's shared memory");
+        }
+    }
+}
+
+fn absolute(path: &Path) -> Result<PathBuf> {
+    std::path::absolute(path).with_context(|| format!("{} is no usable path", path.display()))
+}
+
+/// 64-bit FNV-1a, for a name that two runs agree on.
+fn fnv_1a(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// A line that is running.
+struct Run<'a> {
+    // Stages go before the watcher, and both before the workplace is cleared.
+    stages: Vec<Stage>,
+    watch: Line,
+    plan: &'a Plan,
+    stop: Arc<AtomicBool>,
+    progress: Progress,
+    ledger: Option<Ledger>,
+    /// Settled taps at the first look, when that was, and when the last change was seen.
+    span: Option<(usize, Instant, Instant)>,
+}
+
+impl<'a> Run<'a> {
+    fn start(job: &Job, args: &RunArgs, plan: &'a Plan, workplace: &Workplace, stop: Arc<AtomicBool>) -> Result<Self> {
+        // The watcher stays to the end, also when the stages are told to stop.
+        let watch = Line::join(&workplace.address, Role::Watch, plan.digest(), Arc::default())?;
+        let common = stage_arguments(job, args, workplace)?;
+        // Downstream first, so that nobody sends to no one.
+        let mut stages = Vec::new();
+        for verb in ["store", "fuse", "process"] {
+            stages.push(Stage::start(verb.to_owned(), [vec![verb.to_owned()], common.clone()].concat())?);
+        }
+        for station in plan.stations() {
+            let own = vec!["acquire".to_owned(), "--station".to_owned(), station.to_string()];
+            stages.push(Stage::start(format!("acquire {station}"), [own, common.clone()].concat())?);
+        }
+        let progress = Progress::new(plan.taps().len(), &job.out);
+        Ok(Self { stages, watch, plan, stop, progress, ledger: None, span: None })
+    }
+
+    fn until_done(mut self) -> Result<Pace> {
+        let is_whole = self.watch_over()?;
+        if !is_whole {
+            self.progress.say("stopping: waiting for what is under way to be archived");
+            self.end_in_order()?;
+        }
+        for stage in &mut self.stages {
+            stage.wait_for_end()?;
+        }
+        self.progress.finish();
+        Ok(self.pace())
+    }
+
+    /// Tends the stages until all have ended by themselves; false as soon as the run is to stop.
+    fn watch_over(&mut self) -> Result<bool> {
+        let plan = self.plan;
+        // A copy of the line's handle would not do: the subscriber borrows it, and so must not be kept in `self`.
+        loop {
+            let snapshots = Subscriber::<LedgerTopic>::open(&self.watch, plan)?;
+            while self.stages.iter().any(Stage::is_running) {
+                if self.stop.load(Ordering::Relaxed) {
+                    return Ok(false);
+                }
+                self.watch.wait(LOOK_EVERY)?;
+                if let Some(snapshot) = snapshots.receive_newest()?
+                    && let Some(ledger) = Ledger::decode(snapshot.header(), &snapshot)
+                {
+                    note(&mut self.span, &mut self.progress, &ledger);
+                    self.ledger = Some(ledger);
+                }
+                let is_store_done = !self.stages[0].is_running();
+                for stage in &mut self.stages {
+                    // When the archive is finished, whoever is killed has nothing left to do.
+                    stage.tend(!is_store_done)?;
+                }
+            }
+            return Ok(true);
+        }
+    }
+
+    /// Ends the sources first, then each stage once what was sent to it has arrived.
+    fn end_in_order(&mut self) -> Result<()> {
+        let (downstream, sources) = self.stages.split_at_mut(3);
+        for source in sources.iter() {
+            source.ask_to_end();
+        }
+        for source in sources {
+            source.wait_for_end()?;
+        }
+        for stage in downstream.iter_mut().rev() {
+            stage.ask_to_end();
+            stage.wait_for_end()?;
+        }
+        Ok(())
+    }
+
+    fn pace(&self) -> Pace {
+        let settled = self.ledger.as_ref().map_or(0, settled_count);
+        let elapsed = self.span.map(|(_, first, last)| last - first);
+        Pace {
+            settled_count: settled - self.span.map_or(0, |(at_first, ..)| at_first.min(settled)),
+            elapsed_s: elapsed.map_or(0.0, |d| d.as_secs_f64()),
+            restarts: self.stages.iter().map(|s| (s.name().to_owned(), s.restart_count)).collect(),
+            reports: self.stages.iter().filter_map(|s| s.report.clone()).collect(),
+        }
+    }
+}
+
+fn settled_count(ledger: &Ledger) -> usize {
+    ledger.taps().iter().filter(|state| state.is_settled()).count()
+}
+
+fn note(span: &mut Option<(usize, Instant, Instant)>, progress: &mut Progress, ledger: &Ledger) {
+    let settled = settled_count(ledger);
+    let now = Instant::now();
+    let (first, since, last) = span.get_or_insert((settled, now, now));
+    if settled == *first {
+        *since = now; // the clock starts with the first tap
+    }
+    if progress.update(settled, settled - *first, *since) {
+        *last = now;
+    }
+}
+
+fn stage_arguments(job: &Job, args: &RunArgs, workplace: &Workplace) -> Result<Vec<String>> {
+    let text = |path: &Path| {
+        let path = absolute(path)?;
+        path.to_str().map(ToOwned::to_owned).with_context(|| format!("{} is not valid UTF-8", path.display()))
+    };
+    let mut arguments = vec!["--child".to_owned(), "--line".to_owned(), workplace.name.clone()];
+    arguments.extend(["--config".to_owned(), text(&workplace.config)?, "--out".to_owned(), text(&job.out)?]);
+    if let Some(taps) = &job.taps {
+        arguments.extend(["--taps".to_owned(), text(taps)?]);
+    }
+    if let Some(stations) = args.source.stations {
+        arguments.extend(["--stations".to_owned(), stations.to_string()]);
+    }
+    Ok(arguments)
+}

@@ -1,0 +1,227 @@
+//! An open archive: its tables, found and checked.
+
+use std::fs::TryLockError;
+use std::io::{ErrorKind, Read as _};
+use std::path::{Path, PathBuf};
+
+use hdf5::types::VarLenUnicode;
+use hdf5::{File, H5Type, Location};
+use tapline_wire::{Channel, Geometry, Plan, Recording, SampleFormat, Truth};
+
+use crate::chunk::ChunkRows;
+use crate::create::{format_name, geometry_name};
+use crate::error::Context;
+use crate::layout::{
+    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, TruthRow,
+    attribute, table,
+};
+use crate::rows::serial;
+use crate::table::Table;
+use crate::{Error, Result};
+
+const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
+
+/// What an archive is opened for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Access {
+    Read,
+    Write,
+}
+
+/// An open archive.
+#[derive(Debug)]
+pub(crate) struct Archive {
+    pub(crate) path: PathBuf,
+    pub(crate) plan: Plan,
+    pub(crate) config: String,
+    pub(crate) samples: ChunkRows,
+    pub(crate) headers: Table<HeaderRow>,
+    pub(crate) discriminators: Table<DiscriminatorsRow>,
+    pub(crate) ledger: Table<LedgerRow>,
+    pub(crate) refusals: Table<ReasonRow>,
+    pub(crate) scans: Table<ScanRow>,
+    pub(crate) damage: Table<CellRow>,
+    pub(crate) file: File,
+}
+
+impl Archive {
+    /// Opens the archive at `path` and checks that all its tables are there and fit each other.
+    pub(crate) fn open(path: &Path, access: Access) -> Result<Self> {
+        probe(path, access)?;
+        let file = match access {
+            Access::Read => File::open(path),
+            Access::Write => File::open_rw(path),
+        }
+        .context("open the archive", path)?;
+        check_format(&file, path)?;
+        let plan = read_plan(&file, path)?;
+        let tap_count = plan.taps().len();
+        let cell_count = plan.scans().iter().map(|s| s.locations.len()).sum();
+        let config = file
+            .dataset(table::CONFIG)
+            .and_then(|d| d.read_scalar::<VarLenUnicode>())
+            .context("read the configuration", path)?;
+        let samples = file.dataset(table::SAMPLES).context("find the samples", path)?;
+        let samples = (samples.shape().first() == Some(&tap_count))
+            .then(|| ChunkRows::new(samples, plan.recording.payload_bytes_max()))
+            .flatten()
+            .ok_or_else(|| damaged(path, "the samples have not the shape that the plan asks for"))?;
+        Ok(Self {
+            path: path.to_owned(),
+            config: utf8(&config).ok_or_else(|| damaged(path, "the configuration is not UTF-8"))?,
+            samples,
+            headers: open_table(&file, path, table::HEADER, tap_count)?,
+            discriminators: open_table(&file, path, table::DISCRIMINATORS, tap_count)?,
+            ledger: open_table(&file, path, table::LEDGER, tap_count)?,
+            refusals: open_table(&file, path, table::REFUSALS, tap_count)?,
+            scans: open_table(&file, path, table::SCANS, plan.scans().len())?,
+            damage: open_table(&file, path, table::DAMAGE, cell_count)?,
+            plan,
+            file,
+        })
+    }
+
+    /// The error that this archive contradicts itself in `what`.
+    pub(crate) fn damaged(&self, what: impl Into<String>) -> Error {
+        damaged(&self.path, what)
+    }
+
+    /// Row in the damage table of the first cell of every scan, and of the end.
+    pub(crate) fn first_cells(&self) -> Vec<usize> {
+        let mut first_cells = vec![0];
+        for scan in self.plan.scans() {
+            first_cells.push(first_cells[first_cells.len() - 1] + scan.locations.len());
+        }
+        first_cells
+    }
+}
+
+fn damaged(path: &Path, what: impl Into<String>) -> Error {
+    Error::Damaged { path: path.to_owned(), what: what.into() }
+}
+
+/// Gives the plain reasons why a file cannot be opened, before the library gives its own.
+///
+/// The lock is tried with a descriptor of its own: the library shares one file between all its openings within a
+/// process and would let a second writer in.
+fn probe(path: &Path, access: Access) -> Result<()> {
+    let mut file = std::fs::OpenOptions::new()
+        .read(true)
+        .write(access == Access::Write)
+        .open(path)
+        .context("open the archive", path)?;
+    let locked = match access {
+        Access::Read => file.try_lock_shared(),
+        Access::Write => file.try_lock(),
+    };
+    match locked {
+        Err(TryLockError::WouldBlock) => return Err(Error::InUse { path: path.to_owned() }),
+        // A file system without locks cannot say; the library then decides.
+        Err(TryLockError::Error(_)) | Ok(()) => {}
+    }
+    let mut signature = [0; 8];
+    match file.read_exact(&mut signature) {
+        Ok(()) if signature == *SIGNATURE => Ok(()),
+        Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(error).context("read the archive", path),
+        _ => Err(Error::NotHdf5 { path: path.to_owned() }),
+    }
+}
+
+fn check_format(file: &File, path: &Path) -> Result<()> {
+    let format = read_text(file, attribute::FORMAT).unwrap_or_default();
+    if format != FORMAT {
+        let what = format!("its attribute {:?} is {format:?}, not {FORMAT:?}", attribute::FORMAT);
+        return Err(Error::NotAnArchive { path: path.to_owned(), what });
+    }
+    let got: u32 = read_number(file, attribute::FORMAT_VERSION).context("read the format version", path)?;
+    if got != FORMAT_VERSION {
+        return Err(Error::FormatVersion { path: path.to_owned(), got, known: FORMAT_VERSION });
+    }
+    Ok(())
+}
+
+fn read_plan(file: &File, path: &Path) -> Result<Plan> {
+    let geometry = read_text(file, attribute::GEOMETRY).context("read the geometry", path)?;
+    let geometry = [Geometry::Ring, Geometry::Line]
+        .into_iter()
+        .find(|&g| geometry_name(g) == geometry)
+        .ok_or_else(|| damaged(path, format!("its geometry is {geometry:?}")))?;
+    let recording = read_recording(file, path)?;
+    let mut taps = Vec::new();
+    for (k, row) in read_whole::<PlanRow>(file, path, table::PLAN)?.into_iter().enumerate() {
+        taps.push(row.to_tap().map_err(|e| damaged(path, format!("row {k} of its plan: {e}")))?);
+    }
+    let plan = Plan::new(geometry, recording, taps, read_truth(file, path)?)
+        .map_err(|e| damaged(path, format!("its plan: {e}")))?;
+    let archived: u64 = read_number(file, attribute::PLAN_DIGEST).context("read the plan's digest", path)?;
+    if plan.digest() != archived {
+        let what = format!("its plan has digest {:016x}, but it says {archived:016x}", plan.digest());
+        return Err(damaged(path, what));
+    }
+    Ok(plan)
+}
+
+fn read_recording(file: &File, path: &Path) -> Result<Recording> {
+    let samples = file.dataset(table::SAMPLES).context("find the samples", path)?;
+    let format = read_text(&samples, attribute::SAMPLE_FORMAT).context("read the sample format", path)?;
+    let sample_format = [SampleFormat::I16, SampleFormat::F32]
+        .into_iter()
+        .find(|&f| format_name(f) == format)
+        .ok_or_else(|| damaged(path, format!("its sample format is {format:?}")))?;
+    let names = read_text(&samples, attribute::CHANNELS).context("read the channels", path)?;
+    let channels: Option<Vec<Channel>> =
+        names.split(',').map(|name| [Channel::Force, Channel::Sound].into_iter().find(|c| c.name() == name)).collect();
+    let shape = samples.shape();
+    let sample_count_max = shape.get(2).and_then(|&n| u32::try_from(n).ok());
+    Ok(Recording {
+        sample_rate_hz: read_number(&samples, attribute::SAMPLE_RATE_HZ).context("read the sample rate", path)?,
+        pre_trigger_samples: read_number(&samples, attribute::PRE_TRIGGER_SAMPLES)
+            .context("read the pre-trigger samples", path)?,
+        sample_count_max: sample_count_max.ok_or_else(|| damaged(path, format!("its samples have shape {shape:?}")))?,
+        sample_format,
+        channels: channels.ok_or_else(|| damaged(path, format!("its channels are {names:?}")))?,
+    })
+}
+
+fn read_truth(file: &File, path: &Path) -> Result<Truth> {
+    if !file.link_exists(table::TRUTH) {
+        return Ok(Truth::new());
+    }
+    let mut truth = Truth::new();
+    for (k, row) in read_whole::<TruthRow>(file, path, table::TRUTH)?.into_iter().enumerate() {
+        let tyre = serial(&row.tyre).ok_or_else(|| damaged(path, format!("row {k} of its truth names no tyre")))?;
+        truth.insert((tyre, row.shoulder, row.location), row.cracked != 0);
+    }
+    Ok(truth)
+}
+
+/// Every row of a table whose length is not known beforehand.
+fn read_whole<R: H5Type + Clone>(file: &File, path: &Path, name: &'static str) -> Result<Vec<R>> {
+    let dataset = file.dataset(name).context(name, path)?;
+    let &[row_count] = dataset.shape().as_slice() else {
+        return Err(damaged(path, format!("{name} has shape {:?}", dataset.shape())));
+    };
+    // Space for all rows is in the file: a length that only claims to be must not ask for memory.
+    if dataset.storage_size() > file.size() || (row_count > 0 && dataset.storage_size() == 0) {
+        return Err(damaged(path, format!("{name} says it has {row_count} rows")));
+    }
+    open_table(file, path, name, row_count)?.read_all().context("read a table", path)
+}
+
+fn open_table<R: H5Type + Clone>(file: &File, path: &Path, name: &str, row_count: usize) -> Result<Table<R>> {
+    Table::open(file, name, row_count)
+        .context("find a table", path)?
+        .ok_or_else(|| damaged(path, format!("{name} has not {row_count} rows")))
+}
+
+fn utf8(text: &VarLenUnicode) -> Option<String> {
+    std::str::from_utf8(text.as_bytes()).ok().map(str::to_owned)
+}
+
+fn read_text(place: &Location, name: &str) -> hdf5::Result<String> {
+    utf8(&read_number(place, name)?).ok_or_else(|| hdf5::Error::from("a text is not UTF-8"))
+}
+
+fn read_number<T: H5Type>(place: &Location, name: &str) -> hdf5::Result<T> {
+    place.attr(name)?.read_scalar()
+}

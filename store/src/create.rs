@@ -1,0 +1,176 @@
+//! A new archive: every table at its final size, so that nothing but table contents changes afterwards.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use hdf5::plist::dataset_create::{AllocTime, FillTime};
+use hdf5::types::VarLenUnicode;
+use hdf5::{File, FileBuilder, H5Type, Location};
+use tapline_wire::{DamageCell, Geometry, Plan, SampleFormat, TapState};
+
+use crate::error::Context;
+use crate::layout::{
+    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
+    TruthRow, attribute, table,
+};
+use crate::rows::{fixed, no_reason};
+use crate::table::Table;
+use crate::{Error, Result};
+
+/// Page of memory and block of most file systems: samples that begin on one are written without touching a neighbour's.
+const PAGE_BYTES: u64 = 4096;
+
+/// Least size of what is put on a page boundary: rounding up smaller things would waste more than it gains.
+const ALIGN_FROM_BYTES: u64 = 8 * PAGE_BYTES;
+
+/// Creates the archive of `plan` at `path`; it appears there whole or not at all.
+pub(crate) fn create(path: &Path, plan: &Plan, config_toml: &str) -> Result<()> {
+    let recording = &plan.recording;
+    if recording.channels.is_empty() || recording.sample_count_max == 0 {
+        let (channel_count, sample_count_max) = (recording.channels.len(), recording.sample_count_max);
+        return Err(Error::EmptyRecording { channel_count, sample_count_max });
+    }
+    if path.try_exists().context("look for", path)? {
+        return Err(Error::Exists { path: path.to_owned() });
+    }
+    let draft = draft_of(path);
+    // The library's own message for a missing folder is a page of C; the system's is one line.
+    std::fs::File::create(&draft).context("create", path)?;
+    let outcome = fill(&draft, plan, config_toml)
+        .context("lay out the tables", path)
+        .and_then(|()| std::fs::rename(&draft, path).context("name", path));
+    if outcome.is_err() {
+        // The first error is the one to tell; a draft that cannot be removed harms nobody.
+        drop(std::fs::remove_file(&draft));
+    }
+    outcome
+}
+
+/// A name beside `path` that no other creation uses.
+fn draft_of(path: &Path) -> PathBuf {
+    static NUMBER: AtomicU32 = AtomicU32::new(0);
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}-{number}.new", std::process::id()));
+    path.with_file_name(name)
+}
+
+fn fill(path: &Path, plan: &Plan, config_toml: &str) -> hdf5::Result<()> {
+    let file = FileBuilder::new().with_fapl(|plist| plist.alignment(ALIGN_FROM_BYTES, PAGE_BYTES)).create(path)?;
+    write_text(&file, attribute::FORMAT, FORMAT)?;
+    write_number(&file, attribute::FORMAT_VERSION, &FORMAT_VERSION)?;
+    write_text(&file, attribute::TAPLINE_VERSION, env!("CARGO_PKG_VERSION"))?;
+    write_text(&file, attribute::GEOMETRY, geometry_name(plan.geometry))?;
+    write_number(&file, attribute::PLAN_DIGEST, &plan.digest())?;
+    let config = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::CONFIG)?;
+    config.write_scalar(&var_len(config_toml)?)?;
+
+    let (taps, scan_of_tap) = (plan.taps(), plan.scan_of_tap());
+    Table::<PlanRow>::create(&file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;
+    file.create_group(table::TAPS)?;
+    Table::<HeaderRow>::create(&file, table::HEADER, taps.len(), |_| HeaderRow::unwritten())?;
+    let discriminators = DiscriminatorsRow::unwritten();
+    Table::<DiscriminatorsRow>::create(&file, table::DISCRIMINATORS, taps.len(), |_| discriminators)?;
+    let missing = LedgerRow::new(TapState::Missing, 0);
+    Table::<LedgerRow>::create(&file, table::LEDGER, taps.len(), |_| missing)?;
+    Table::<ReasonRow>::create(&file, table::REFUSALS, taps.len(), |_| no_reason())?;
+    create_scans(&file, plan)?;
+    create_truth(&file, plan)?;
+    create_samples(&file, plan)?;
+    for (name, note, units) in NOTES {
+        let dataset = file.dataset(name)?;
+        write_text(&dataset, attribute::NOTE, note)?;
+        if !units.is_empty() {
+            write_text(&dataset, attribute::UNITS, units)?;
+        }
+    }
+    file.flush()
+}
+
+fn create_scans(file: &File, plan: &Plan) -> hdf5::Result<()> {
+    let mut first_cell = 0;
+    Table::<ScanRow>::create(file, table::SCANS, plan.scans().len(), |k| {
+        let row = ScanRow::open(&plan.scans()[k], first_cell);
+        first_cell += row.cell_count;
+        row
+    })?;
+    let cells: Vec<CellRow> = (0..)
+        .zip(plan.scans())
+        .flat_map(|(number, scan)| {
+            scan.locations.iter().map(move |&(location, angle_deg)| {
+                let angle_deg = angle_deg.unwrap_or(f64::NAN);
+                CellRow::new(number, scan, &DamageCell { location, angle_deg, ..DamageCell::default() })
+            })
+        })
+        .collect();
+    Table::<CellRow>::create(file, table::DAMAGE, cells.len(), |k| cells[k])?;
+    Ok(())
+}
+
+fn create_truth(file: &File, plan: &Plan) -> hdf5::Result<()> {
+    let rows: Vec<TruthRow> = plan
+        .truth()
+        .iter()
+        .map(|(&(tyre, shoulder, location), &cracked)| TruthRow {
+            tyre: fixed(tyre.as_str()),
+            shoulder,
+            location,
+            cracked: cracked.into(),
+        })
+        .collect();
+    if !rows.is_empty() {
+        Table::<TruthRow>::create(file, table::TRUTH, rows.len(), |k| rows[k])?;
+    }
+    Ok(())
+}
+
+/// Samples are the one table that is not written at creation: its space is allotted, so that the index of its chunks
+/// is final, but stays a hole in the file until a tap fills it.
+fn create_samples(file: &File, plan: &Plan) -> hdf5::Result<()> {
+    let recording = &plan.recording;
+    let (channel_count, sample_count) = (recording.channels.len(), recording.sample_count_max as usize);
+    let builder = match recording.sample_format {
+        SampleFormat::I16 => file.new_dataset::<i16>(),
+        SampleFormat::F32 => file.new_dataset::<f32>(),
+    };
+    let dataset = builder
+        .shape((plan.taps().len(), channel_count, sample_count))
+        .chunk((1, channel_count, sample_count))
+        .alloc_time(Some(AllocTime::Early))
+        .fill_time(FillTime::Never)
+        .obj_track_times(false)
+        .create(table::SAMPLES)?;
+    let channels: Vec<&str> = recording.channels.iter().map(|c| c.name()).collect();
+    write_text(&dataset, attribute::CHANNELS, &channels.join(","))?;
+    write_text(&dataset, attribute::SAMPLE_FORMAT, format_name(recording.sample_format))?;
+    write_number(&dataset, attribute::SAMPLE_RATE_HZ, &recording.sample_rate_hz)?;
+    write_number(&dataset, attribute::PRE_TRIGGER_SAMPLES, &recording.pre_trigger_samples)
+}
+
+/// Name of a geometry in archives, as in configurations.
+pub(crate) fn geometry_name(geometry: Geometry) -> &'static str {
+    match geometry {
+        Geometry::Ring => "ring",
+        Geometry::Line => "line",
+    }
+}
+
+/// Name of a sample format in archives, as in configurations.
+pub(crate) fn format_name(format: SampleFormat) -> &'static str {
+    match format {
+        SampleFormat::I16 => "i16",
+        SampleFormat::F32 => "f32",
+    }
+}
+
+fn var_len(text: &str) -> hdf5::Result<VarLenUnicode> {
+    text.parse().map_err(|_error| hdf5::Error::from("a text holds a NUL character"))
+}
+
+fn write_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
+    write_number(place, name, &var_len(text)?)
+}
+
+fn write_number<T: H5Type>(place: &Location, name: &str, value: &T) -> hdf5::Result<()> {
+    place.new_attr::<T>().create(name)?.write_scalar(value)
+}

@@ -1,0 +1,185 @@
+//! What can go wrong with an archive.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use tapline_wire::TapId;
+
+/// Why an archive cannot be made, opened, written, read or exported.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The HDF5 library refused.
+    #[error("cannot {action} in {}: {source}", path.display())]
+    Hdf5 {
+        /// What was tried.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: hdf5::Error,
+    },
+    /// A new archive would overwrite a file.
+    #[error("{} exists already; an archive is never overwritten", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Another writer has the archive, or a reader has what is to be written.
+    #[error("{} is in use: one writer or several readers may have an archive, not both", path.display())]
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file does not begin as an HDF5 file does.
+    #[error("{} is not an HDF5 file", path.display())]
+    NotHdf5 {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is HDF5, but no archive of this program.
+    #[error("{} is not a tapline archive: {what}", path.display())]
+    NotAnArchive {
+        /// The file.
+        path: PathBuf,
+        /// What is amiss.
+        what: String,
+    },
+    /// The archive has a layout this program does not know.
+    #[error("{} has archive format {got}; this program knows format {known}", path.display())]
+    FormatVersion {
+        /// The file.
+        path: PathBuf,
+        /// Format of the file.
+        got: u32,
+        /// Format of this program.
+        known: u32,
+    },
+    /// The archive belongs to another scan plan.
+    #[error("{} holds scan plan {archived:016x}; this run has scan plan {given:016x}", path.display())]
+    OtherPlan {
+        /// The file.
+        path: PathBuf,
+        /// Digest of the plan in the archive.
+        archived: u64,
+        /// Digest of the plan at hand.
+        given: u64,
+    },
+    /// The archive was begun under another configuration.
+    #[error("{} was begun with another configuration: line {line} was {archived:?}, now {given:?}", path.display())]
+    OtherConfiguration {
+        /// The file.
+        path: PathBuf,
+        /// First line that differs, from 1.
+        line: usize,
+        /// That line in the archive.
+        archived: String,
+        /// That line now.
+        given: String,
+    },
+    /// The archive contradicts itself.
+    #[error("{} is damaged: {what}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is amiss.
+        what: String,
+    },
+    /// A plan whose records would hold no samples.
+    #[error("a record of {channel_count} channels of {sample_count_max} samples is empty")]
+    EmptyRecording {
+        /// Channels planned.
+        channel_count: usize,
+        /// Most samples planned.
+        sample_count_max: u32,
+    },
+    /// A record names a plan row that does not exist.
+    #[error("plan row {plan_index} does not exist: the plan has {tap_count} taps")]
+    NoSuchRow {
+        /// Row named.
+        plan_index: u32,
+        /// Rows there are.
+        tap_count: usize,
+    },
+    /// A record carries another name than its plan row.
+    #[error("plan row {plan_index} is {planned}, not {got}")]
+    OtherTap {
+        /// Row named.
+        plan_index: u32,
+        /// Tap planned in that row.
+        planned: Box<TapId>,
+        /// Tap of the record.
+        got: Box<TapId>,
+    },
+    /// A record was made under another plan.
+    #[error("a record of plan row {plan_index} was made for scan plan {got:016x}, not {planned:016x}")]
+    OtherPlanRecord {
+        /// Row named.
+        plan_index: u32,
+        /// Digest of the record's plan.
+        got: u64,
+        /// Digest of the archive's plan.
+        planned: u64,
+    },
+    /// A record does not have the shape that the plan gives all records.
+    #[error("the record of plan row {plan_index} has {what} {got}; the plan allows {planned}")]
+    RecordShape {
+        /// Row named.
+        plan_index: u32,
+        /// Which property.
+        what: &'static str,
+        /// Its value.
+        got: String,
+        /// What was planned.
+        planned: String,
+    },
+    /// A scan number that does not exist.
+    #[error("scan {scan} does not exist: the plan has {scan_count} scans")]
+    NoSuchScan {
+        /// Number named.
+        scan: u32,
+        /// Scans there are.
+        scan_count: usize,
+    },
+    /// A damage map that does not cover its scan's locations.
+    #[error("the damage map of scan {scan} has {got} where the plan has {planned}")]
+    OtherCells {
+        /// Number of the scan.
+        scan: u32,
+        /// What the map has.
+        got: String,
+        /// What it must have.
+        planned: String,
+    },
+    /// A table could not be written.
+    #[error("cannot write the table: {0}")]
+    Csv(#[from] csv::Error),
+}
+
+/// Adds to an HDF5 error what was tried and on which file.
+pub(crate) trait Context<T> {
+    /// The result, its error naming `action` and `path`.
+    fn context(self, action: &'static str, path: &Path) -> Result<T, Error>;
+}
+
+impl<T> Context<T> for hdf5::Result<T> {
+    fn context(self, action: &'static str, path: &Path) -> Result<T, Error> {
+        self.map_err(|source| Error::Hdf5 { action, path: path.to_owned(), source })
+    }
+}
+
+impl<T> Context<T> for io::Result<T> {
+    fn context(self, action: &'static str, path: &Path) -> Result<T, Error> {
+        self.map_err(|source| Error::Io { action, path: path.to_owned(), source })
+    }
+}

@@ -1,0 +1,63 @@
+//! One HDF5 archive a run: written once, read back bit for bit.
+//!
+//! Row `k` of every table belongs to row `k` of the scan plan, so what an archive holds does not depend on the order in
+//! which taps arrived, and no tap can be there twice. All tables have their final size from the start: once created, a
+//! file's structure never changes again, which is why a writer that is killed leaves a file that opens plainly.
+//!
+//! ```
+//! use tapline_store::{Reader, Writer};
+//! use tapline_wire::{Channel, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, TapId, TapState};
+//!
+//! let mut id = TapId::default();
+//! (id.tyre, id.station, id.shoulder) = (Serial::new("A1")?, 1, 1);
+//! let recording = Recording {
+//!     sample_rate_hz: 40960.0,
+//!     pre_trigger_samples: 64,
+//!     sample_count_max: 256,
+//!     sample_format: SampleFormat::I16,
+//!     channels: vec![Channel::Force, Channel::Sound],
+//! };
+//! let taps = vec![PlannedTap { id, angle_deg: Some(0.0), is_closing: false }];
+//! let plan = Plan::new(Geometry::Ring, recording, taps, Default::default())?;
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("run.h5");
+//! let mut writer = Writer::create(&path, &plan, "[store]\n")?;
+//! writer.put_refusal(0, &id, "the impactor did not return")?;
+//! writer.finish()?;
+//!
+//! let reader = Reader::open(&path)?;
+//! assert_eq!(reader.ledger().taps(), [TapState::Refused]);
+//! assert_eq!(reader.plan(), &plan);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod archive;
+mod check;
+mod chunk;
+mod create;
+mod error;
+mod export;
+mod layout;
+mod reader;
+mod recall;
+mod regions;
+mod rows;
+mod run;
+mod table;
+mod track;
+mod verify;
+mod writer;
+
+pub use error::Error;
+pub use export::{Export, export};
+pub use layout::{FORMAT_VERSION, REASON_BYTES};
+pub use reader::{Judged, OwnedSamples, Reader, Refusal};
+pub use regions::{Region, regions};
+pub use run::{Outcome, RunError, run};
+pub use track::PutOutcome;
+pub use verify::{Problem, Report, verify};
+pub use writer::{PutCounts, Writer};
+
+/// What a fallible call of this crate returns.
+pub type Result<T, E = Error> = std::result::Result<T, E>;

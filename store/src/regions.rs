@@ -1,0 +1,155 @@
+//! Regions of damage: runs of neighbouring locations that carry one region number.
+
+use tapline_wire::{DamageCell, Geometry};
+
+/// An arc of damage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Region {
+    /// Number that its cells carry, from 1.
+    pub region: u32,
+    /// Where it begins, in the direction of rising locations; on a ring this may be beyond where it ends.
+    pub first_location: u32,
+    /// Where it ends.
+    pub last_location: u32,
+    /// Angle of its beginning in degrees.
+    pub start_deg: Option<f64>,
+    /// Angle of its end in degrees.
+    pub end_deg: Option<f64>,
+    /// Location of its greatest damage index; the first of several.
+    pub peak_location: u32,
+    /// Angle of that location in degrees.
+    pub peak_angle_deg: Option<f64>,
+    /// The greatest damage index, `None` when no cell has one.
+    pub peak_damage_index: Option<f64>,
+    /// How many locations it has.
+    pub extent_locations: u32,
+    /// Its share of the ring in degrees, each location standing for an equal part; `None` on a line.
+    pub extent_deg: Option<f64>,
+}
+
+/// The regions of a damage map, in order of their first location.
+///
+/// `cells` are all locations of one scan, ascending. A region is a run of neighbours with the same region number other
+/// than 0; on a ring the last cell is a neighbour of the first.
+pub fn regions(geometry: Geometry, cells: &[DamageCell]) -> Vec<Region> {
+    let mut runs: Vec<Vec<&DamageCell>> = cells
+        .chunk_by(|a, b| a.region == b.region)
+        .filter(|run| run[0].region != 0)
+        .map(|run| run.iter().collect())
+        .collect();
+    if geometry == Geometry::Ring && runs.len() > 1 && runs_join(cells) {
+        // The run at the end goes on at the beginning.
+        let head = runs.remove(0);
+        if let Some(tail) = runs.last_mut() {
+            tail.extend(head);
+        }
+    }
+    let mut regions: Vec<Region> = runs.iter().map(|run| region_of(geometry, cells.len(), run)).collect();
+    regions.sort_by_key(|region| region.first_location);
+    regions
+}
+
+fn runs_join(cells: &[DamageCell]) -> bool {
+    matches!((cells.first(), cells.last()), (Some(first), Some(last)) if first.region != 0 && first.region == last.region)
+}
+
+fn region_of(geometry: Geometry, cell_count: usize, run: &[&DamageCell]) -> Region {
+    let (first, last) = (run[0], run[run.len() - 1]);
+    let mut peak = first;
+    for &cell in run {
+        // A comparison with NaN is false, so the first number replaces an absent one explicitly.
+        if cell.damage_index > peak.damage_index || (peak.damage_index.is_nan() && !cell.damage_index.is_nan()) {
+            peak = cell;
+        }
+    }
+    let known = |value: f64| Some(value).filter(|v| v.is_finite());
+    let extent_locations = u32::try_from(run.len()).unwrap_or(u32::MAX);
+    let part_deg = 360.0 / f64::from(u32::try_from(cell_count).unwrap_or(u32::MAX));
+    Region {
+        region: first.region,
+        first_location: first.location,
+        last_location: last.location,
+        start_deg: known(first.angle_deg),
+        end_deg: known(last.angle_deg),
+        peak_location: peak.location,
+        peak_angle_deg: known(peak.angle_deg),
+        peak_damage_index: known(peak.damage_index),
+        extent_locations,
+        extent_deg: (geometry == Geometry::Ring).then(|| f64::from(extent_locations) * part_deg),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn cells(labels: &[u32]) -> Vec<DamageCell> {
+        let cell = |(location, &region): (u32, &u32)| DamageCell {
+            location,
+            region,
+            angle_deg: 36.0 * f64::from(location),
+            damage_index: f64::from(region * 10 + location),
+            ..DamageCell::default()
+        };
+        (0..).zip(labels).map(cell).collect()
+    }
+
+    /// Catches a region cut at the seam of a ring, and one joined across the ends of a line.
+    #[test]
+    fn a_ring_has_no_ends() {
+        let map = cells(&[1, 1, 0, 2, 2, 2, 0, 0, 1, 1]);
+        let ring = regions(Geometry::Ring, &map);
+        assert_eq!(
+            ring.iter().map(|r| (r.region, r.first_location, r.last_location)).collect::<Vec<_>>(),
+            [(2, 3, 5), (1, 8, 1)]
+        );
+        assert_eq!((ring[1].start_deg, ring[1].end_deg), (Some(288.0), Some(36.0)));
+        assert_eq!((ring[1].extent_locations, ring[1].extent_deg), (4, Some(144.0)));
+        assert_eq!((ring[1].peak_location, ring[1].peak_damage_index), (9, Some(19.0)));
+        let line = regions(Geometry::Line, &map);
+        assert_eq!(line.len(), 3);
+        assert_eq!(line[0].extent_deg, None);
+    }
+
+    /// Catches an absent index taken for a peak, or hiding one.
+    #[test]
+    fn an_absent_index_is_no_peak() {
+        let mut map = cells(&[1, 1, 1, 0]);
+        map[0].damage_index = f64::NAN;
+        map[2].damage_index = f64::NAN;
+        let found = regions(Geometry::Ring, &map)[0];
+        assert_eq!((found.peak_location, found.peak_damage_index), (1, Some(11.0)));
+        map[1].damage_index = f64::NAN;
+        assert_eq!(regions(Geometry::Ring, &map)[0].peak_damage_index, None);
+    }
+
+    /// Catches a whole ring counted twice or as no region.
+    #[test]
+    fn a_whole_ring_is_one_region() {
+        let found = regions(Geometry::Ring, &cells(&[1; 10]));
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].first_location, found[0].last_location, found[0].extent_deg), (0, 9, Some(360.0)));
+        assert!(regions(Geometry::Ring, &[]).is_empty());
+    }
+
+    proptest! {
+        /// Catches cells lost or counted twice, whatever the map: turning a ring moves its regions, nothing else.
+        #[test]
+        fn turning_a_ring_keeps_its_regions(labels in prop::collection::vec(0..3u32, 1..12), turn in 0..12usize) {
+            let extents = |labels: &[u32]| {
+                let found = regions(Geometry::Ring, &cells(labels));
+                let mut extents: Vec<_> = found.iter().map(|r| (r.region, r.extent_locations)).collect();
+                extents.sort_unstable();
+                extents
+            };
+            let mut turned = labels.clone();
+            turned.rotate_left(turn % labels.len());
+            let before = extents(&labels);
+            prop_assert_eq!(&before, &extents(&turned));
+            let damaged = labels.iter().filter(|&&label| label != 0).count();
+            prop_assert_eq!(before.iter().map(|e| e.1 as usize).sum::<usize>(), damaged);
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! A table of fixed length whose rows are written in contiguous runs.
+
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+use std::ops::Range;
+
+use hdf5::plist::dataset_create::{AllocTime, FillTime};
+use hdf5::{Dataset, Group, H5Type};
+use ndarray::ArrayView1;
+
+/// Rows read or written at a time when a whole table is walked: keeps memory flat.
+const BLOCK_ROWS: usize = 4096;
+
+/// A one-dimensional dataset of rows `R`.
+#[derive(Debug)]
+pub(crate) struct Table<R> {
+    dataset: Dataset,
+    row_count: usize,
+    row: PhantomData<R>,
+}
+
+impl<R: H5Type + Clone> Table<R> {
+    /// A new table of `row_count` rows, all written, so that no row is ever undefined.
+    pub(crate) fn create(
+        parent: &Group,
+        name: &str,
+        row_count: usize,
+        mut row: impl FnMut(usize) -> R,
+    ) -> hdf5::Result<Dataset> {
+        let dataset = parent
+            .new_dataset_builder()
+            .empty::<R>()
+            .shape(row_count)
+            .alloc_time(Some(AllocTime::Early))
+            .fill_time(FillTime::Never)
+            .obj_track_times(false)
+            .create(name)?;
+        for block in blocks(row_count) {
+            let rows: Vec<R> = block.clone().map(&mut row).collect();
+            dataset.write_slice(ArrayView1::from(&rows), block)?;
+        }
+        Ok(dataset)
+    }
+
+    /// The table `name` of `parent`; `None` when it has not `row_count` rows.
+    pub(crate) fn open(parent: &Group, name: &str, row_count: usize) -> hdf5::Result<Option<Self>> {
+        let dataset = parent.dataset(name)?;
+        let is_whole = dataset.shape() == [row_count];
+        Ok(is_whole.then_some(Self { dataset, row_count, row: PhantomData }))
+    }
+
+    /// The rows `range`.
+    pub(crate) fn read(&self, range: Range<usize>) -> hdf5::Result<Vec<R>> {
+        if range.is_empty() {
+            return Ok(Vec::new());
+        }
+        Ok(self.dataset.read_slice_1d::<R, _>(range)?.to_vec())
+    }
+
+    /// Calls `visit` with every row and its number.
+    pub(crate) fn for_each(&self, mut visit: impl FnMut(usize, R)) -> hdf5::Result<()> {
+        for block in blocks(self.row_count) {
+            for (number, row) in block.clone().zip(self.read(block)?) {
+                visit(number, row);
+            }
+        }
+        Ok(())
+    }
+
+    /// Every row.
+    pub(crate) fn read_all(&self) -> hdf5::Result<Vec<R>> {
+        self.read(0..self.row_count)
+    }
+
+    /// Writes `rows`, each run of neighbours at once: a write costs the same for one row as for many.
+    pub(crate) fn write(&self, rows: &BTreeMap<u32, R>) -> hdf5::Result<()> {
+        let mut run: Vec<R> = Vec::new();
+        let mut start = 0;
+        for (&number, row) in rows {
+            let number = number as usize;
+            if number != start + run.len() || run.len() == BLOCK_ROWS {
+                self.write_run(start, &run)?;
+                run.clear();
+                start = number;
+            }
+            run.push(row.clone());
+        }
+        self.write_run(start, &run)
+    }
+
+    /// Writes `rows` from row `start` on.
+    pub(crate) fn write_run(&self, start: usize, rows: &[R]) -> hdf5::Result<()> {
+        if rows.is_empty() {
+            return Ok(());
+        }
+        self.dataset.write_slice(ArrayView1::from(rows), start..start + rows.len())
+    }
+}
+
+fn blocks(row_count: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..row_count).step_by(BLOCK_ROWS).map(move |start| start..(start + BLOCK_ROWS).min(row_count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a run that is cut or joined at the wrong row, at either end of a block.
+    #[test]
+    fn scattered_rows_land_where_they_belong() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = hdf5::File::create(folder.path().join("t.h5")).unwrap();
+        let row_count = 2 * BLOCK_ROWS + 10;
+        Table::<u32>::create(&file, "t", row_count, |_| 0).unwrap();
+        let table = Table::<u32>::open(&file, "t", row_count).unwrap().unwrap();
+
+        let picked = (0..row_count as u32).filter(|k| k % 7 != 3 && *k != 4095);
+        let rows: BTreeMap<u32, u32> = picked.map(|k| (k, k + 1)).collect();
+        table.write(&rows).unwrap();
+
+        let read = table.read_all().unwrap();
+        let expected: Vec<u32> = (0..row_count as u32).map(|k| rows.get(&k).copied().unwrap_or(0)).collect();
+        assert_eq!(read, expected);
+        let mut walked = Vec::new();
+        table.for_each(|_, row| walked.push(row)).unwrap();
+        assert_eq!(walked, expected);
+    }
+
+    /// Catches a table of another length being taken for this one.
+    #[test]
+    fn another_length_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = hdf5::File::create(folder.path().join("t.h5")).unwrap();
+        Table::<u32>::create(&file, "t", 3, |_| 0).unwrap();
+        assert!(Table::<u32>::open(&file, "t", 4).unwrap().is_none());
+    }
+}

@@ -1,0 +1,168 @@
+//! Whether an archive holds what its plan asks for, and does not contradict itself.
+
+use std::fmt;
+use std::path::Path;
+
+use tapline_wire::{Ledger, Plan, ScanState, TapId, TapState, Verdict};
+
+use crate::Result;
+use crate::archive::{Access, Archive};
+use crate::error::Context;
+use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
+
+/// Something in an archive that cannot be right.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Problem {
+    /// A tap's rows contradict each other.
+    Tap {
+        /// Row of the tap in the scan plan.
+        plan_index: u32,
+        /// Name of the tap.
+        id: TapId,
+        /// What is amiss.
+        what: String,
+    },
+    /// A scan's rows contradict each other or its taps.
+    Scan {
+        /// Number of the scan.
+        scan: u32,
+        /// What is amiss.
+        what: String,
+    },
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Tap { plan_index, id, what } => write!(f, "plan row {plan_index} ({id}): {what}"),
+            Self::Scan { scan, what } => write!(f, "scan {scan}: {what}"),
+        }
+    }
+}
+
+/// What [`verify`] found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Digest of the scan plan.
+    pub plan_digest: u64,
+    /// State of every tap and scan; a state that cannot be counts as missing or open.
+    pub ledger: Ledger,
+    /// Contradictions, those of taps first, in plan order.
+    pub problems: Vec<Problem>,
+}
+
+impl Report {
+    /// Whether every planned tap is settled, every scan judged, and nothing contradicts itself.
+    pub fn is_complete(&self) -> bool {
+        self.problems.is_empty() && self.ledger.count(TapState::Missing) == 0 && self.ledger.is_judged()
+    }
+}
+
+/// Checks the archive at `path`; taps that are missing and scans that are open are no problems, but not complete.
+///
+/// # Errors
+/// As [`crate::Reader::open`]: a file whose plan or tables cannot be read is not checked further.
+pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
+    let archive = Archive::open(path.as_ref(), Access::Read)?;
+    let plan = &archive.plan;
+    let mut report = Report {
+        plan_digest: plan.digest(),
+        ledger: Ledger::empty(plan.taps().len(), plan.scans().len(), plan.stations().len()),
+        problems: Vec::new(),
+    };
+    let context = "read a table";
+    let ledger = archive.ledger.read_all().context(context, &archive.path)?;
+    let headers = archive.headers.read_all().context(context, &archive.path)?;
+    let discriminators = archive.discriminators.read_all().context(context, &archive.path)?;
+    for (plan_index, tap) in (0..).zip(plan.taps()) {
+        let k = plan_index as usize;
+        let mut complain = |what: String| report.problems.push(Problem::Tap { plan_index, id: tap.id, what });
+        match ledger[k].state() {
+            None => complain(format!("its state is {}, which is none", ledger[k].state)),
+            Some(state) => {
+                report.ledger.set_tap(k, state);
+                if state == TapState::Archived {
+                    check_tap(plan, plan_index, &ledger[k], &headers[k], &discriminators[k], &mut complain);
+                }
+            }
+        }
+    }
+    let scans = archive.scans.read_all().context(context, &archive.path)?;
+    let first_cells = archive.first_cells();
+    for (scan, row) in (0..).zip(&scans) {
+        let k = scan as usize;
+        let cells = archive.damage.read(first_cells[k]..first_cells[k + 1]).context(context, &archive.path)?;
+        let mut complain = |what: String| report.problems.push(Problem::Scan { scan, what });
+        match row.state() {
+            None => complain(format!("its state is {}, which is none", row.state)),
+            Some(state) => {
+                report.ledger.set_scan(k, state);
+                if state == ScanState::Judged {
+                    check_scan(plan, k, &report.ledger, row, &cells, &mut complain);
+                }
+            }
+        }
+    }
+    Ok(report)
+}
+
+fn check_tap(
+    plan: &Plan,
+    plan_index: u32,
+    ledger: &LedgerRow,
+    header: &HeaderRow,
+    discriminators: &DiscriminatorsRow,
+    complain: &mut impl FnMut(String),
+) {
+    for (half, named, attempt) in [
+        ("header", header.plan_index, header.attempt),
+        ("discriminators row", discriminators.plan_index, discriminators.attempt),
+    ] {
+        if named != plan_index {
+            complain(format!("it is archived, but its {half} names plan row {named}"));
+        } else if attempt != ledger.attempt {
+            complain(format!("the ledger has attempt {}, its {half} attempt {attempt}", ledger.attempt));
+        }
+    }
+    let most = plan.recording.sample_count_max;
+    if header.sample_count > most {
+        complain(format!("its header says {} samples; at most {most} are planned", header.sample_count));
+    }
+    if let Some(value) = discriminators.values().into_iter().find(|v| v.is_infinite()) {
+        complain(format!("a discriminator is {value}, neither a number nor absent"));
+    }
+}
+
+fn check_scan(
+    plan: &Plan,
+    number: usize,
+    ledger: &Ledger,
+    row: &ScanRow,
+    cells: &[CellRow],
+    complain: &mut impl FnMut(String),
+) {
+    let scan = &plan.scans()[number];
+    if Verdict::from_code(row.verdict).is_none() {
+        complain(format!("it is judged, but its verdict is {}, which is none", row.verdict));
+    }
+    if row.cell_count as usize != cells.len() {
+        complain(format!("it says {} cells; {} locations are planned", row.cell_count, cells.len()));
+    }
+    for (cell, &(location, _)) in cells.iter().zip(&scan.locations) {
+        if cell.scan as usize != number || cell.location != location {
+            let (of, at) = (cell.scan, cell.location);
+            complain(format!("the cell of location {location} is of scan {of}, location {at}"));
+        }
+    }
+    let count = |state| scan.taps.iter().filter(|&&tap| ledger.taps()[tap as usize] == state).count();
+    for (what, said, counted) in [
+        ("planned", row.planned_count, scan.taps.len()),
+        ("received", row.received_count, count(TapState::Archived)),
+        ("refused", row.refused_count, count(TapState::Refused)),
+    ] {
+        if said as usize != counted {
+            complain(format!("its judgement counts {said} taps {what}; there are {counted}"));
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! A small run: its plan, and records that depend on nothing but their plan row.
+
+use tapline_store::{Result, Writer};
+use tapline_wire::{
+    Channel, ChannelHeader, DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Quality,
+    Reasons, RecordKind, Recording, SampleFormat, Samples, Serial, SourceKind, Stamp, TapHeader, TapId, Truth, Verdict,
+};
+
+pub(crate) const CONFIG: &str = "[process]\nf_c_hz = 550.0 # \u{b5}\n";
+
+/// Locations of one ring.
+pub(crate) const LOCATIONS: u32 = 4;
+
+/// A plan of two stations with one shoulder each: four locations and a closing tap.
+pub(crate) fn plan(sample_format: SampleFormat) -> Plan {
+    let channels = vec![Channel::Force, Channel::Sound];
+    plan_of(Recording {
+        sample_rate_hz: 40960.0,
+        pre_trigger_samples: 8,
+        sample_count_max: 32,
+        sample_format,
+        channels,
+    })
+}
+
+pub(crate) fn plan_of(recording: Recording) -> Plan {
+    let mut taps = Vec::new();
+    for station in [1, 2] {
+        for location in 0..=LOCATIONS {
+            let mut id = TapId::default();
+            (id.station, id.tyre, id.shoulder) = (station, Serial::new("A\u{e9}-1").unwrap(), station);
+            id.location = location;
+            let offset_mm = (station == 1).then_some(5.0);
+            let id = id.with_offset_mm(offset_mm).unwrap().with_velocity_m_per_s(Some(1.85)).unwrap();
+            let angle_deg = (station == 1).then(|| 90.0 * f64::from(location % LOCATIONS));
+            taps.push(PlannedTap { id, angle_deg, is_closing: location == LOCATIONS });
+        }
+    }
+    let truth: Truth = [((Serial::new("A\u{e9}-1").unwrap(), 1, 2), true)].into_iter().collect();
+    Plan::new(Geometry::Ring, recording, taps, truth).unwrap()
+}
+
+/// Header of the tap in plan row `row`, with a record of `sample_count` samples a channel.
+pub(crate) fn header(plan: &Plan, row: u32, sample_count: u32) -> TapHeader {
+    let id = plan.taps()[row as usize].id;
+    let mut channels = [ChannelHeader::default(); 4];
+    for (header, channel) in channels.iter_mut().zip(&plan.recording.channels) {
+        *header = ChannelHeader { code: channel.code(), reserved: 0, unit_per_count: 1.0 / f64::from(row + 3) };
+    }
+    TapHeader {
+        stamp: Stamp {
+            sequence: u64::from(row) + (1 << 40),
+            epoch_ns: 1_700_000_000_000_000_001,
+            plan_digest: plan.digest(),
+            kind: RecordKind::Data.code(),
+            source: id.station.into(),
+            mark: 3,
+        },
+        id,
+        plan_index: row,
+        tap_time_ns: i64::from(row) - 5,
+        sent_ns: i64::from(row) + 7,
+        sample_rate_hz: plan.recording.sample_rate_hz,
+        velocity_measured_m_per_s: 1.8 + 0.1 / f64::from(row + 3),
+        microphone_distance_m: 0.05,
+        pre_trigger_samples: plan.recording.pre_trigger_samples,
+        sample_count,
+        text_bytes: 0,
+        sample_format: plan.recording.sample_format.code(),
+        channel_count: u32::try_from(plan.recording.channels.len()).unwrap(),
+        source: SourceKind::Simulated.code(),
+        channels,
+    }
+}
+
+/// Sample bytes of `header`, all different bit patterns, for f32 NaNs with payloads among them.
+pub(crate) fn samples(header: &TapHeader) -> Vec<u8> {
+    let words = 0..header.payload_bytes().div_ceil(4);
+    let seed = header.plan_index.wrapping_mul(0x9e37_79b9) ^ u32::from(header.id.attempt).wrapping_mul(77);
+    let mut bytes: Vec<u8> =
+        words.flat_map(|k| (seed ^ u32::try_from(k).unwrap().wrapping_mul(0x85eb_ca6b)).to_ne_bytes()).collect();
+    if header.sample_format == SampleFormat::F32.code() && bytes.len() >= 4 {
+        bytes[..4].copy_from_slice(&0x7fc0_1234_u32.to_ne_bytes());
+    }
+    bytes.truncate(header.payload_bytes());
+    bytes
+}
+
+/// What is "found" in the tap in plan row `row`; every third has no force.
+pub(crate) fn discriminators(plan: &Plan, row: u32) -> Discriminators {
+    let mut found = Discriminators {
+        id: plan.taps()[row as usize].id,
+        plan_index: row,
+        velocity_measured_m_per_s: 1.8 + 0.1 / f64::from(row + 3),
+        ..Discriminators::default()
+    };
+    for (k, which) in (0..).zip(Discriminator::ALL) {
+        found.values.set(which, Some(f64::from(row) + f64::from(k) / 8.0));
+    }
+    if row % 3 == 2 {
+        found.quality.insert(Quality::NO_FORCE);
+        for which in [Discriminator::FMax, Discriminator::Tau, Discriminator::A1] {
+            found.values.set(which, None);
+        }
+    }
+    found
+}
+
+/// A verdict on scan `scan` whose damage lies over the seam.
+pub(crate) fn judgement(plan: &Plan, scan: u32) -> (Judgement, Vec<DamageCell>) {
+    let planned = &plan.scans()[scan as usize];
+    let mut reasons = Reasons::DAMAGE;
+    reasons.insert(Reasons::SELF_REFERENCE);
+    let judgement = Judgement {
+        stamp: Stamp {
+            plan_digest: plan.digest(),
+            kind: RecordKind::Data.code(),
+            mark: scan.into(),
+            ..Stamp::default()
+        },
+        verdict: Verdict::Reject.code(),
+        reasons,
+        limit_re_inspect: 2.5,
+        limit_reject: 4.0,
+        planned_count: u32::try_from(planned.taps.len()).unwrap(),
+        received_count: u32::try_from(planned.taps.len()).unwrap(),
+        refused_count: 0,
+        absent_count: 5,
+    };
+    let cell = |&(location, angle_deg): &(u32, Option<f64>)| DamageCell {
+        location,
+        region: u32::from(location == 0 || location == LOCATIONS - 1),
+        angle_deg: angle_deg.unwrap_or(f64::NAN),
+        damage_index: if location == 1 { f64::NAN } else { 4.5 + f64::from(location) },
+        p_value: if location == 2 { 0.25 } else { f64::NAN },
+        tap_count: 2,
+        absent_count: location,
+    };
+    (judgement, planned.locations.iter().map(cell).collect())
+}
+
+/// Puts both halves of the tap in plan row `row`.
+pub(crate) fn put(writer: &mut Writer, row: u32) -> Result<()> {
+    let plan = writer.plan().clone();
+    let header = header(&plan, row, plan.recording.sample_count_max);
+    writer.put_tap(&header, &samples(&header))?;
+    writer.put_discriminators(&discriminators(&plan, row))?;
+    Ok(())
+}
+
+/// Puts everything there is.
+pub(crate) fn put_all(writer: &mut Writer) -> Result<()> {
+    let plan = writer.plan().clone();
+    for row in 0..u32::try_from(plan.taps().len()).unwrap() {
+        put(writer, row)?;
+    }
+    for scan in 0..u32::try_from(plan.scans().len()).unwrap() {
+        writer.end_scan(scan)?;
+        let (verdict, cells) = judgement(&plan, scan);
+        writer.put_judgement(scan, &verdict, &cells)?;
+    }
+    Ok(())
+}
+
+/// The bytes of `samples`.
+pub(crate) fn bytes(samples: Samples<'_>) -> Vec<u8> {
+    samples.as_bytes().to_vec()
+}

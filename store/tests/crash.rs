@@ -1,0 +1,127 @@
+//! A writer that is killed leaves an archive that opens plainly and can be gone on with.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use tapline_store::{Reader, Writer};
+use tapline_wire::{Plan, Recording, SampleFormat, TapState};
+
+use crate::common::{CONFIG, bytes, discriminators, header, plan, plan_of, put_all, samples};
+
+/// Names the archive to the test that is started again as the process to be killed.
+const VICTIM: &str = "TAPLINE_STORE_TEST_VICTIM";
+
+fn big_plan() -> Plan {
+    let recording = plan(SampleFormat::I16).recording;
+    plan_of(Recording { sample_count_max: 4096, ..recording })
+}
+
+/// Not a test by itself: writes the archive named by [`VICTIM`] again and again until it is killed.
+#[test]
+fn victim() {
+    let Ok(path) = std::env::var(VICTIM) else { return };
+    let plan = big_plan();
+    println!("begun");
+    loop {
+        let mut writer = Writer::open_or_create(&path, &plan, CONFIG).unwrap();
+        for row in 0..plan.taps().len() as u32 {
+            let tap = header(&plan, row, 4096);
+            writer.put_tap(&tap, &samples(&tap)).unwrap();
+            writer.put_discriminators(&discriminators(&plan, row)).unwrap();
+            writer.flush().unwrap();
+            if writer.ledger().taps()[row as usize] == TapState::Archived {
+                println!("archived {row}");
+            }
+        }
+        drop(writer);
+        std::fs::remove_file(&path).unwrap();
+    }
+}
+
+/// Kills a victim after `delay` and returns the rows that the last file it worked on was said to have.
+fn kill_after(path: &Path, delay: Duration) -> Vec<u32> {
+    let mut victim = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "crash::victim", "--nocapture"])
+        .env(VICTIM, path)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(victim.stdout.take().unwrap()).lines().map_while(Result::ok);
+    assert!(lines.any(|line| line.ends_with("begun")), "the victim did not begin");
+    std::thread::sleep(delay);
+    victim.kill().unwrap();
+    victim.wait().unwrap();
+    let mut said = Vec::new();
+    for row in lines.filter_map(|line| line.strip_prefix("archived ")?.parse::<u32>().ok()) {
+        if row == 0 {
+            said.clear();
+        }
+        said.push(row);
+    }
+    said
+}
+
+/// Catches a file that a killed writer leaves unreadable, a tap that was vouched for and is gone or torn, and an
+/// archive that cannot be completed afterwards.
+#[test]
+fn killed_at_any_time_it_opens_and_goes_on() {
+    let plan = big_plan();
+    let mut survivors = 0;
+    for trial in 0..12 {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        let said = kill_after(&path, Duration::from_micros(1_500 + 3_700 * trial));
+        if path.exists() {
+            survivors += 1;
+            let reader = Reader::open(&path).unwrap();
+            // When all rows were said to be there, the victim may have begun the next file already.
+            if said.len() < plan.taps().len() {
+                assert!(said.iter().all(|&row| reader.ledger().taps()[row as usize] == TapState::Archived));
+            }
+            for row in 0..plan.taps().len() as u32 {
+                if let Some((tap, got)) = reader.tap(row).unwrap() {
+                    assert_eq!(tap, header(&plan, row, 4096));
+                    assert!(bytes(got.as_samples()) == samples(&tap), "row {row} of trial {trial} is torn");
+                }
+            }
+            assert_eq!(tapline_store::verify(&path).unwrap().problems, []);
+        }
+        let mut writer = Writer::open_or_create(&path, &plan, CONFIG).unwrap();
+        put_all(&mut writer).unwrap();
+        writer.finish().unwrap();
+        assert!(tapline_store::verify(&path).unwrap().is_complete());
+    }
+    assert!(survivors > 0, "no victim lived long enough to prove anything");
+}
+
+/// Catches a change of the file's structure after its creation: the promise on which crash safety rests is that a
+/// run only ever overwrites what was allotted, so the length stays and so does all that is not table contents.
+#[test]
+fn a_run_never_changes_the_structure() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let plan = plan(SampleFormat::I16);
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let before = std::fs::read(&path).unwrap();
+    put_all(&mut writer).unwrap();
+    writer.flush().unwrap();
+    let after = std::fs::read(&path).unwrap();
+    drop(writer);
+    assert_eq!(before.len(), after.len());
+    let mut is_contents = vec![false; after.len()];
+    let file = hdf5::File::open(&path).unwrap();
+    for name in ["taps/header", "discriminators", "ledger", "scans", "damage"] {
+        let table = file.dataset(name).unwrap();
+        let start = table.offset().unwrap() as usize;
+        is_contents[start..start + table.storage_size() as usize].fill(true);
+    }
+    let samples = file.dataset("taps/samples").unwrap();
+    for k in 0..samples.num_chunks().unwrap() {
+        let chunk = samples.chunk_info(k).unwrap();
+        is_contents[chunk.addr as usize..(chunk.addr + chunk.size) as usize].fill(true);
+    }
+    let changed = (0..after.len()).filter(|&k| before[k] != after[k] && !is_contents[k]).count();
+    assert_eq!(changed, 0, "bytes outside the tables changed");
+}

@@ -1,0 +1,63 @@
+//! The archive as programs of other people see it.
+
+use std::process::Command;
+
+use tapline_store::{Reader, Writer};
+use tapline_wire::{Discriminator, SampleFormat};
+
+use crate::common::{CONFIG, bytes, plan, put};
+
+/// Reads what a stranger would, by name, and prints it.
+const SCRIPT: &str = r#"
+import sys, h5py, numpy as np
+with h5py.File(sys.argv[1], "r") as f:
+    text = lambda v: v.decode() if isinstance(v, bytes) else str(v)
+    print(text(f.attrs["format"]), int(f.attrs["format_version"]), text(f.attrs["geometry"]), int(f.attrs["plan_digest"]))
+    print(repr(text(f["config"][()])))
+    print(text(f["plan"]["tyre"][6]), f["plan"]["angle_deg"][1], np.isnan(f["plan"]["offset_mm"][6]), f["plan"]["is_closing"].tolist())
+    print(f["ledger"]["state"].tolist(), f["taps/header"]["tap_time_ns"][6], f["taps/header"]["unit_per_count"][6, 1].hex())
+    print(f["taps/samples"].shape, f["taps/samples"].dtype, f["taps/samples"][6].tobytes().hex())
+    print(f["discriminators"]["pr"][6], np.isnan(f["discriminators"]["tau_s"][5]), text(f["refusals"][9]))
+    print(text(f["taps/samples"].attrs["channels"]), float(f["taps/samples"].attrs["sample_rate_hz"]), f["damage"]["location"].tolist())
+"#;
+
+/// Catches an archive that only this program can read, or reads otherwise.
+#[test]
+fn h5py_reads_the_same() {
+    let Some(python) = ["/usr/bin/python3", "python3"]
+        .into_iter()
+        .find(|python| Command::new(python).args(["-c", "import h5py"]).output().is_ok_and(|out| out.status.success()))
+    else {
+        println!("no python3 with h5py here: not checked");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let plan = plan(SampleFormat::F32);
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    put(&mut writer, 5).unwrap();
+    put(&mut writer, 6).unwrap();
+    writer.put_refusal(9, &plan.taps()[9].id, "caf\u{e9}").unwrap();
+    writer.finish().unwrap();
+
+    let reader = Reader::open(&path).unwrap();
+    let (tap, samples) = reader.tap(6).unwrap().unwrap();
+    let hex: String = bytes(samples.as_samples()).iter().map(|byte| format!("{byte:02x}")).collect();
+    let found = reader.discriminators().unwrap()[6].unwrap();
+    let scale = Command::new(python)
+        .args(["-c", &format!("print(({:?}).hex())", tap.channels[1].unit_per_count)])
+        .output()
+        .unwrap();
+    let expected = [
+        format!("tapline 1 ring {}", plan.digest()),
+        format!("'[process]\\nf_c_hz = 550.0 # \u{b5}\\n'"),
+        "A\u{e9}-1 90.0 True [0, 0, 0, 0, 1, 0, 0, 0, 0, 1]".to_owned(),
+        format!("[0, 0, 0, 0, 0, 1, 1, 0, 0, 2] {} {}", tap.tap_time_ns, String::from_utf8_lossy(&scale.stdout).trim()),
+        format!("(10, 2, 32) float32 {hex}"),
+        format!("{} True caf\u{e9}", found.values.get(Discriminator::Pr).unwrap()),
+        "force,sound 40960.0 [0, 1, 2, 3, 0, 1, 2, 3]".to_owned(),
+    ];
+    let out = Command::new(python).env("PYTHONIOENCODING", "utf-8").args(["-c", SCRIPT]).arg(&path).output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    assert_eq!(String::from_utf8_lossy(&out.stdout).lines().collect::<Vec<_>>(), expected);
+}

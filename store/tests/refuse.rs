@@ -1,0 +1,167 @@
+//! What is not the archive asked for is refused, with an error that says which file and why.
+
+use std::fs;
+use std::path::Path;
+
+use tapline_store::{Error, Reader, Writer};
+use tapline_wire::{Plan, RecordKind, Recording, SampleFormat};
+
+use crate::common::{CONFIG, discriminators, header, judgement, plan, plan_of, put_all, samples};
+
+fn finished(path: &Path, plan: &Plan) {
+    let mut writer = Writer::create(path, plan, CONFIG).unwrap();
+    put_all(&mut writer).unwrap();
+    writer.finish().unwrap();
+}
+
+/// Catches an archive gone on with for another plan or configuration, and one that is overwritten.
+#[test]
+fn another_run_is_refused_with_both_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let given = plan(SampleFormat::I16);
+    finished(&path, &given);
+    let other = plan_of(Recording { pre_trigger_samples: 9, ..given.recording.clone() });
+
+    let error = Writer::resume(&path, &other, CONFIG).unwrap_err();
+    let (archived, now) = (format!("{:016x}", given.digest()), format!("{:016x}", other.digest()));
+    assert!(matches!(error, Error::OtherPlan { .. }), "{error}");
+    assert!([archived, now, path.display().to_string()].iter().all(|part| error.to_string().contains(part)), "{error}");
+
+    let error = Writer::open_or_create(&path, &given, "[process]\nf_c_hz = 600.0\n").unwrap_err();
+    let expected = "line 2 was \"f_c_hz = 550.0 # \u{b5}\", now \"f_c_hz = 600.0\"";
+    assert!(error.to_string().contains(expected), "{error}");
+    let error = Writer::resume(&path, &given, CONFIG.trim_end()).unwrap_err();
+    assert!(matches!(error, Error::OtherConfiguration { line: 2, .. }), "{error}");
+
+    let error = Writer::create(&path, &given, CONFIG).unwrap_err();
+    assert!(matches!(error, Error::Exists { .. }), "{error}");
+}
+
+/// Catches two writers, or a reader beside a writer, within one process.
+#[test]
+fn a_second_writer_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let given = plan(SampleFormat::I16);
+    let writer = Writer::create(&path, &given, CONFIG).unwrap();
+    for error in [Writer::resume(&path, &given, CONFIG).unwrap_err(), Reader::open(&path).unwrap_err()] {
+        assert!(matches!(error, Error::InUse { .. }), "{error}");
+        assert!(error.to_string().contains("run.h5"), "{error}");
+    }
+    drop(writer);
+    let first = Reader::open(&path).unwrap();
+    Reader::open(&path).unwrap();
+    assert!(matches!(Writer::resume(&path, &given, CONFIG).unwrap_err(), Error::InUse { .. }));
+    drop(first);
+    Writer::resume(&path, &given, CONFIG).unwrap();
+}
+
+/// Catches an error that does not name its file, or a panic, on files that are no archive.
+#[test]
+fn files_that_are_no_archive() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    fs::write(place("empty.h5"), "").unwrap();
+    fs::write(place("text.h5"), "station,tyre,shoulder\n").unwrap();
+    hdf5::File::create(place("other.h5")).unwrap();
+    let future = hdf5::File::create(place("future.h5")).unwrap();
+    let text: hdf5::types::VarLenUnicode = "tapline".parse().unwrap();
+    future.new_attr::<hdf5::types::VarLenUnicode>().create("format").unwrap().write_scalar(&text).unwrap();
+    future.new_attr::<u32>().create("format_version").unwrap().write_scalar(&9).unwrap();
+    drop(future);
+    let open = |name: &str| {
+        let error = Reader::open(place(name)).unwrap_err();
+        assert!(error.to_string().contains(name), "{error}");
+        error
+    };
+    assert!(matches!(open("absent.h5"), Error::Io { .. }));
+    assert!(matches!(open("empty.h5"), Error::NotHdf5 { .. }));
+    assert!(matches!(open("text.h5"), Error::NotHdf5 { .. }));
+    assert!(matches!(open("other.h5"), Error::NotAnArchive { .. }));
+    assert!(matches!(open("future.h5"), Error::FormatVersion { got: 9, known: 1, .. }));
+}
+
+/// Catches a panic on, or trust in, a file that was cut anywhere.
+#[test]
+fn a_cut_file_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    finished(&path, &plan(SampleFormat::I16));
+    let whole = fs::read(&path).unwrap();
+    let cut = folder.path().join("cut.h5");
+    for eighth in 0..8 {
+        fs::write(&cut, &whole[..whole.len() * eighth / 8]).unwrap();
+        let error = Reader::open(&cut).unwrap_err();
+        assert!(error.to_string().contains("cut.h5"), "{error}");
+    }
+}
+
+/// Catches a panic on a byte that changed, wherever it is.
+#[test]
+fn a_changed_byte_never_panics() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    finished(&path, &plan(SampleFormat::I16));
+    let whole = fs::read(&path).unwrap();
+    let bent = folder.path().join("bent.h5");
+    for place in [8, 600, 1000, 2000, 4000].into_iter().chain((0..40).map(|k| k * whole.len() / 40)) {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 0x5a;
+        fs::write(&bent, &bytes).unwrap();
+        // Damage in unused space changes nothing; elsewhere it is an error or a problem. Neither may panic.
+        drop(tapline_store::verify(&bent));
+        if let Ok(reader) = Reader::open(&bent) {
+            drop((reader.tap(3), reader.judgements(), reader.refusals()));
+        }
+    }
+}
+
+/// Catches an archive begun where it cannot be, and rubbish left behind by the attempt.
+#[test]
+fn places_that_cannot_be_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let given = plan(SampleFormat::I16);
+    for place in [folder.path().join("absent/run.h5"), Path::new("/proc/run.h5").to_owned()] {
+        let error = Writer::create(&place, &given, CONFIG).unwrap_err();
+        assert!(matches!(error, Error::Io { .. }) && error.to_string().contains("run.h5"), "{error}");
+    }
+    let place = folder.path().join("run.h5");
+    let error = Writer::create(&place, &given, "a\0b").unwrap_err();
+    assert!(error.to_string().contains("NUL"), "{error}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "a failed creation leaves nothing");
+    let silent = plan_of(Recording { sample_count_max: 0, ..given.recording });
+    assert!(matches!(Writer::create(&place, &silent, CONFIG).unwrap_err(), Error::EmptyRecording { .. }));
+}
+
+/// Catches a record that would land in a row that is not its own, or read beyond its samples.
+#[test]
+fn records_that_do_not_belong_here() {
+    let folder = tempfile::tempdir().unwrap();
+    let given = plan(SampleFormat::I16);
+    let mut writer = Writer::create(folder.path().join("run.h5"), &given, CONFIG).unwrap();
+    let good = header(&given, 2, 32);
+    let payload = samples(&good);
+    let mut bad = [good; 8];
+    bad[0].plan_index = 10;
+    bad[1].plan_index = 3;
+    bad[2].stamp.plan_digest ^= 1;
+    bad[3].stamp.kind = RecordKind::End.code();
+    bad[4].sample_format = SampleFormat::F32.code();
+    bad[5].channel_count = 1;
+    bad[6].sample_count = 33;
+    bad[7].channel_count = u32::MAX;
+    for header in bad {
+        assert!(writer.put_tap(&header, &payload).is_err(), "{header:?}");
+    }
+    assert!(matches!(writer.put_tap(&good, &payload[1..]).unwrap_err(), Error::RecordShape { .. }));
+    let mut lost = discriminators(&given, 2);
+    lost.plan_index = u32::MAX;
+    assert!(matches!(writer.put_discriminators(&lost).unwrap_err(), Error::NoSuchRow { tap_count: 10, .. }));
+    assert!(matches!(writer.end_scan(2).unwrap_err(), Error::NoSuchScan { scan_count: 2, .. }));
+    let (verdict, mut cells) = judgement(&given, 0);
+    assert!(matches!(writer.put_judgement(0, &verdict, &cells[1..]).unwrap_err(), Error::OtherCells { .. }));
+    cells.swap(0, 1);
+    assert!(matches!(writer.put_judgement(0, &verdict, &cells).unwrap_err(), Error::OtherCells { .. }));
+    assert_eq!(writer.counts(), tapline_store::PutCounts::default());
+}

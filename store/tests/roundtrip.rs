@@ -1,0 +1,218 @@
+//! What is put in comes out, once, whatever the order.
+
+use tapline_store::{OwnedSamples, PutOutcome, Reader, Writer};
+use tapline_wire::{Ledger, Plan, Quality, SampleFormat, ScanState, TapState};
+
+use crate::common::{CONFIG, bytes, discriminators, header, judgement, plan, put, put_all, samples};
+
+fn everything_is_there(reader: &Reader, plan: &Plan) {
+    let found = reader.discriminators().unwrap();
+    for row in 0..plan.taps().len() as u32 {
+        let expected = header(plan, row, plan.recording.sample_count_max);
+        let (got, got_samples) = reader.tap(row).unwrap().expect("the tap is archived");
+        assert_eq!(got, expected);
+        assert_eq!(bytes(got_samples.as_samples()), samples(&expected));
+        assert_eq!(format!("{:?}", found[row as usize].unwrap()), format!("{:?}", discriminators(plan, row)));
+    }
+    for (scan, judged) in (0..).zip(reader.judgements().unwrap()) {
+        assert_eq!(format!("{:?}", judged.unwrap()), format!("{:?}", judgement(plan, scan)));
+    }
+}
+
+/// Catches any bit that changes on its way, of either sample format.
+#[test]
+fn everything_comes_back_bit_for_bit() {
+    for format in [SampleFormat::I16, SampleFormat::F32] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        let plan = plan(format);
+        let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+        put_all(&mut writer).unwrap();
+        writer.finish().unwrap();
+        let reader = Reader::open(&path).unwrap();
+        assert_eq!(reader.plan(), &plan);
+        assert_eq!(reader.truth(), plan.truth());
+        assert_eq!(reader.config(), CONFIG);
+        assert!(reader.ledger().is_judged());
+        everything_is_there(&reader, &plan);
+    }
+}
+
+/// Catches short records whose channels run into each other, stale samples of a longer take, and an empty record.
+#[test]
+fn short_records_keep_their_channels_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let plan = plan(SampleFormat::I16);
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    for (row, sample_count) in [(0, 32), (1, 5), (2, 0)] {
+        let mut tap = header(&plan, row, sample_count);
+        let mut payload = samples(&tap);
+        payload.extend([0xee; 64]); // the rest of the last cache line is not the record's
+        if row == 1 {
+            let full = header(&plan, row, 32);
+            assert_eq!(writer.put_tap(&full, &samples(&full)).unwrap(), PutOutcome::Stored);
+            tap.id.attempt = 1;
+        }
+        writer.put_tap(&tap, &payload).unwrap();
+        let mut found = discriminators(&plan, row);
+        found.id.attempt = tap.id.attempt;
+        writer.put_discriminators(&found).unwrap();
+    }
+    writer.finish().unwrap();
+
+    let reader = Reader::open(&path).unwrap();
+    let (tap, got) = reader.tap(1).unwrap().unwrap();
+    assert_eq!((tap.id.attempt, tap.sample_count), (1, 5));
+    assert_eq!(bytes(got.as_samples()), samples(&header(&plan, 1, 5)));
+    assert_eq!(reader.tap(2).unwrap().unwrap().1, OwnedSamples::I16(vec![]));
+    drop(reader);
+    let file = hdf5::File::open(&path).unwrap();
+    let row = file.dataset("taps/samples").unwrap().read_slice_2d::<i16, _>(ndarray::s![1, .., 5..]).unwrap();
+    assert!(row.iter().all(|&sample| sample == 0), "padding is zero, not the longer take: {row}");
+}
+
+/// Catches content that depends on the order of arrival, on flushes, on resuming, or on when it was written.
+#[test]
+fn the_file_does_not_depend_on_the_order_of_arrival() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = plan(SampleFormat::I16);
+    let [forward, backward] = ["a.h5", "b.h5"].map(|name| folder.path().join(name));
+    let mut writer = Writer::create(&forward, &plan, CONFIG).unwrap();
+    put_all(&mut writer).unwrap();
+    writer.finish().unwrap();
+
+    let mut writer = Writer::create(&backward, &plan, CONFIG).unwrap();
+    for row in (0..plan.taps().len() as u32).rev() {
+        writer.put_discriminators(&discriminators(&plan, row)).unwrap();
+        writer.flush().unwrap();
+        if row == 6 {
+            drop(writer);
+            writer = Writer::resume(&backward, &plan, CONFIG).unwrap();
+            writer.put_discriminators(&discriminators(&plan, row)).unwrap();
+        }
+        let tap = header(&plan, row, 32);
+        writer.put_tap(&tap, &samples(&tap)).unwrap();
+    }
+    drop(writer);
+    let mut writer = Writer::open_or_create(&backward, &plan, CONFIG).unwrap();
+    put_all(&mut writer).unwrap();
+    writer.finish().unwrap();
+    assert!(std::fs::read(forward).unwrap() == std::fs::read(backward).unwrap(), "the files differ");
+}
+
+/// Catches a duplicate that is taken for new, a different record that replaces a settled one, before and after resuming.
+#[test]
+fn what_is_settled_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let plan = plan(SampleFormat::I16);
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    put_all(&mut writer).unwrap();
+    assert_eq!(writer.counts().already_there, 0);
+    for life in 0..2 {
+        let before = writer.counts();
+        put_all(&mut writer).unwrap();
+        assert_eq!(writer.counts().already_there - before.already_there, 2 * 10 + 2 * 2, "life {life}");
+        let mut retake = header(&plan, 3, 32);
+        retake.tap_time_ns += 1;
+        assert_eq!(writer.put_tap(&retake, &samples(&retake)).unwrap(), PutOutcome::Conflict);
+        let mut found = discriminators(&plan, 3);
+        found.id.attempt = 1;
+        assert_eq!(writer.put_discriminators(&found).unwrap(), PutOutcome::Conflict);
+        assert_eq!(writer.put_refusal(3, &retake.id, "late").unwrap(), PutOutcome::Conflict);
+        let (verdict, mut cells) = judgement(&plan, 0);
+        cells[2].damage_index += 1.0;
+        assert_eq!(writer.put_judgement(0, &verdict, &cells).unwrap(), PutOutcome::Conflict);
+        assert_eq!(writer.counts().conflicts - before.conflicts, 4);
+        writer.finish().unwrap();
+        everything_is_there(&Reader::open(&path).unwrap(), &plan);
+        writer = Writer::resume(&path, &plan, CONFIG).unwrap();
+        assert_eq!(writer.ledger().count(TapState::Archived), 10);
+    }
+}
+
+/// Catches a tap vouched for before it is flushed, by half, or with halves of two attempts.
+#[test]
+fn the_ledger_vouches_for_whole_flushed_taps_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let plan = plan(SampleFormat::I16);
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let tap = header(&plan, 0, 32);
+    writer.put_tap(&tap, &samples(&tap)).unwrap();
+    writer.flush().unwrap();
+    let mut late = discriminators(&plan, 0);
+    late.id.attempt = 1;
+    writer.put_discriminators(&late).unwrap();
+    writer.flush().unwrap();
+    assert_eq!(writer.ledger(), &Ledger::empty(10, 2, 2));
+    writer.put_discriminators(&discriminators(&plan, 0)).unwrap();
+    assert_eq!(writer.ledger().taps()[0], TapState::Missing);
+    writer.flush().unwrap();
+    assert_eq!(writer.ledger().taps()[0], TapState::Archived);
+
+    writer.end_scan(1).unwrap();
+    put(&mut writer, 1).unwrap();
+    drop(writer); // as a crash would: neither is flushed
+    let reader = Reader::open(&path).unwrap();
+    assert_eq!(reader.ledger().taps()[..2], [TapState::Archived, TapState::Missing]);
+    assert_eq!(reader.ledger().scans(), [ScanState::Open; 2]);
+    assert!(reader.tap(1).unwrap().is_none());
+    assert!(reader.tap(99).unwrap().is_none());
+    assert!(reader.discriminators().unwrap()[1].is_none());
+}
+
+/// Catches a reason that is lost, misattributed, or cut without a mark.
+#[test]
+fn refusals_say_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let plan = plan(SampleFormat::F32);
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut id = plan.taps()[4].id;
+    id.attempt = 2;
+    let long = "\u{e9}".repeat(300);
+    assert_eq!(writer.put_refusal(4, &id, "double bounce").unwrap(), PutOutcome::Stored);
+    assert_eq!(writer.put_refusal(4, &id, "double bounce").unwrap(), PutOutcome::AlreadyThere);
+    writer.put_refusal(7, &plan.taps()[7].id, &long).unwrap();
+    let tap = header(&plan, 4, 32);
+    assert_eq!(writer.put_tap(&tap, &samples(&tap)).unwrap(), PutOutcome::Conflict);
+    writer.finish().unwrap();
+    let refusals = Reader::open(&path).unwrap().refusals().unwrap();
+    assert_eq!(refusals.iter().map(|r| r.plan_index).collect::<Vec<_>>(), [4, 7]);
+    assert_eq!((refusals[0].id, refusals[0].reason.as_str()), (id, "double bounce"));
+    assert!(refusals[1].reason.ends_with("\u{e9}\u{2026}") && refusals[1].reason.len() <= tapline_store::REASON_BYTES);
+    assert_eq!(Reader::open(&path).unwrap().attempt(4), Some(2));
+}
+
+/// Catches a replay that leaves out what waits, what is refused or what an earlier writer archived, invents a row, or
+/// does not come to its end.
+#[test]
+fn a_replay_has_all_that_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let plan = plan(SampleFormat::I16);
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    put(&mut writer, 1).unwrap();
+    writer.put_refusal(2, &plan.taps()[2].id, "double bounce").unwrap();
+    writer.finish().unwrap();
+    let mut writer = Writer::resume(&path, &plan, CONFIG).unwrap();
+    put(&mut writer, 4).unwrap();
+    writer.put_discriminators(&discriminators(&plan, 8)).unwrap(); // its samples are still under way
+    for most in [1, 3, 100] {
+        let (mut rows, mut next, mut calls) = (Vec::new(), Some(0), 0);
+        while let Some(from) = next {
+            let (records, then) = writer.settled_from(from, most).unwrap();
+            assert!(records.len() <= most && calls < 20);
+            rows.extend(records);
+            (next, calls) = (then, calls + 1);
+        }
+        assert_eq!(rows.iter().map(|r| r.plan_index).collect::<Vec<_>>(), [1, 2, 4, 8]);
+        assert_eq!(rows.iter().map(|r| r.quality.contains(Quality::REFUSED)).filter(|&r| r).count(), 1);
+        for (k, row) in [(0, 1), (2, 4), (3, 8)] {
+            assert_eq!(format!("{:?}", rows[k]), format!("{:?}", discriminators(&plan, row)));
+        }
+    }
+    assert_eq!(writer.settled_from(99, 5).unwrap().1, None);
+}
