@@ -23,22 +23,23 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     let job = Job::resolve(&args.source)?;
     let plan = job.source()?.plan().clone();
-    let pace = if is_finished(&job, &plan)? {
-        tracing::info!("nothing is left to do");
-        Pace::default()
-    } else {
-        let _lock = Lock::take(&job.out)?;
-        let workplace = Workplace::prepare(&job, &plan)?;
-        let stop = stop_flag()?;
-        Run::start(&job, args, &plan, &workplace, stop)?.until_done()?
+    let pace = match settled_before(&job, &plan)? {
+        None => Pace::default(),
+        Some(settled) => {
+            let _lock = Lock::take(&job.out)?;
+            let workplace = Workplace::prepare(&job, &plan)?;
+            Run::start(&job, args, &plan, &workplace, settled)?.until_done()?
+        }
     };
     summarise(&job, pace, args.json)
 }
 
-/// Whether the archive exists and lacks nothing; an archive of another plan or configuration is an error.
-fn is_finished(job: &Job, plan: &Plan) -> Result<bool> {
+/// How many taps of the archive are settled already, `None` when nothing is left to do.
+///
+/// An archive of another plan is an error.
+fn settled_before(job: &Job, plan: &Plan) -> Result<Option<usize>> {
     if !job.out.exists() {
-        return Ok(false);
+        return Ok(Some(0));
     }
     let reader = Reader::open(&job.out)?;
     let (archived, given) = (reader.plan().digest(), plan.digest());
@@ -49,7 +50,9 @@ fn is_finished(job: &Job, plan: &Plan) -> Result<bool> {
             job.out.display()
         );
     }
-    Ok(reader.ledger().is_judged() && reader.ledger().count(TapState::Missing) == 0)
+    let ledger = reader.ledger();
+    let is_finished = ledger.is_judged() && ledger.count(TapState::Missing) == 0;
+    Ok((!is_finished).then(|| settled_count(ledger)))
 }
 
 /// Holds off a second line on the same archive, until it is dropped.
@@ -119,19 +122,21 @@ fn fnv_1a(bytes: &[u8]) -> u64 {
 
 /// A line that is running.
 struct Run<'a> {
-    // Stages go before the watcher, and both before the workplace is cleared.
+    // Dropped first: no stage may be left when the workplace is cleared.
     stages: Vec<Stage>,
     watch: Line,
     plan: &'a Plan,
     stop: Arc<AtomicBool>,
     progress: Progress,
-    ledger: Option<Ledger>,
-    /// Settled taps at the first look, when that was, and when the last change was seen.
-    span: Option<(usize, Instant, Instant)>,
+    /// Taps that were settled before this run, and that are settled now.
+    settled: (usize, usize),
+    /// When the line was first seen at work, and when the last change was.
+    span: Option<(Instant, Instant)>,
 }
 
 impl<'a> Run<'a> {
-    fn start(job: &Job, args: &RunArgs, plan: &'a Plan, workplace: &Workplace, stop: Arc<AtomicBool>) -> Result<Self> {
+    fn start(job: &Job, args: &RunArgs, plan: &'a Plan, workplace: &Workplace, settled: usize) -> Result<Self> {
+        let stop = stop_flag()?;
         // The watcher stays to the end, also when the stages are told to stop.
         let watch = Line::join(&workplace.address, Role::Watch, plan.digest(), Arc::default())?;
         let common = stage_arguments(job, args, workplace)?;
@@ -145,7 +150,7 @@ impl<'a> Run<'a> {
             stages.push(Stage::start(format!("acquire {station}"), [own, common.clone()].concat())?);
         }
         let progress = Progress::new(plan.taps().len(), &job.out);
-        Ok(Self { stages, watch, plan, stop, progress, ledger: None, span: None })
+        Ok(Self { stages, watch, plan, stop, progress, settled: (settled, settled), span: None })
     }
 
     fn until_done(mut self) -> Result<Pace> {
@@ -163,29 +168,29 @@ impl<'a> Run<'a> {
 
     /// Tends the stages until all have ended by themselves; false as soon as the run is to stop.
     fn watch_over(&mut self) -> Result<bool> {
-        let plan = self.plan;
-        // A copy of the line's handle would not do: the subscriber borrows it, and so must not be kept in `self`.
-        loop {
-            let snapshots = Subscriber::<LedgerTopic>::open(&self.watch, plan)?;
-            while self.stages.iter().any(Stage::is_running) {
-                if self.stop.load(Ordering::Relaxed) {
-                    return Ok(false);
-                }
-                self.watch.wait(LOOK_EVERY)?;
-                if let Some(snapshot) = snapshots.receive_newest()?
-                    && let Some(ledger) = Ledger::decode(snapshot.header(), &snapshot)
-                {
-                    note(&mut self.span, &mut self.progress, &ledger);
-                    self.ledger = Some(ledger);
-                }
-                let is_store_done = !self.stages[0].is_running();
-                for stage in &mut self.stages {
-                    // When the archive is finished, whoever is killed has nothing left to do.
-                    stage.tend(!is_store_done)?;
+        let snapshots = Subscriber::<LedgerTopic>::open(&self.watch, self.plan)?;
+        while self.stages.iter().any(Stage::is_running) {
+            if self.stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            self.watch.wait(LOOK_EVERY)?;
+            if let Some(snapshot) = snapshots.receive_newest()? {
+                let header = snapshot.header();
+                let settled = header.archived_count + header.refused_count;
+                self.settled.1 = settled as usize;
+                let now = Instant::now();
+                let (first, last) = self.span.get_or_insert((now, now));
+                if self.progress.update(self.settled.1, self.settled.1.saturating_sub(self.settled.0), *first) {
+                    *last = now;
                 }
             }
-            return Ok(true);
+            let is_store_done = !self.stages[0].is_running();
+            for stage in &mut self.stages {
+                // When the archive is finished, whoever is killed has nothing left to do.
+                stage.tend(!is_store_done)?;
+            }
         }
+        Ok(true)
     }
 
     /// Ends the sources first, then each stage once what was sent to it has arrived.
@@ -205,10 +210,9 @@ impl<'a> Run<'a> {
     }
 
     fn pace(&self) -> Pace {
-        let settled = self.ledger.as_ref().map_or(0, settled_count);
-        let elapsed = self.span.map(|(_, first, last)| last - first);
+        let elapsed = self.span.map(|(first, last)| last - first);
         Pace {
-            settled_count: settled - self.span.map_or(0, |(at_first, ..)| at_first.min(settled)),
+            settled_count: self.settled.1.saturating_sub(self.settled.0),
             elapsed_s: elapsed.map_or(0.0, |d| d.as_secs_f64()),
             restarts: self.stages.iter().map(|s| (s.name().to_owned(), s.restart_count)).collect(),
             reports: self.stages.iter().filter_map(|s| s.report.clone()).collect(),
@@ -218,18 +222,6 @@ impl<'a> Run<'a> {
 
 fn settled_count(ledger: &Ledger) -> usize {
     ledger.taps().iter().filter(|state| state.is_settled()).count()
-}
-
-fn note(span: &mut Option<(usize, Instant, Instant)>, progress: &mut Progress, ledger: &Ledger) {
-    let settled = settled_count(ledger);
-    let now = Instant::now();
-    let (first, since, last) = span.get_or_insert((settled, now, now));
-    if settled == *first {
-        *since = now; // the clock starts with the first tap
-    }
-    if progress.update(settled, settled - *first, *since) {
-        *last = now;
-    }
 }
 
 fn stage_arguments(job: &Job, args: &RunArgs, workplace: &Workplace) -> Result<Vec<String>> {

@@ -16,6 +16,9 @@ const MARK_AGAIN: Duration = Duration::from_secs(1);
 /// How long a station that is asked to end waits for what it has sent to be archived.
 const DRAIN: Duration = Duration::from_secs(10);
 
+/// How far a wait for the bell may overshoot.
+const COARSE: Duration = Duration::from_millis(12);
+
 /// What one station did.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
@@ -174,11 +177,16 @@ impl<'a> Station<'a> {
 
     /// Waits for the turn of the next tap, where a pace is set.
     fn keep_pace(&mut self) -> Result<(), LineError> {
-        let Some(period) = self.period else {
-            return if self.line.is_stopped() { Err(stopped()) } else { Ok(()) };
-        };
+        if self.line.is_stopped() {
+            return Err(stopped());
+        }
+        let Some(period) = self.period else { return Ok(()) };
         while let Some(early) = self.next_due.checked_duration_since(Instant::now()).filter(|d| !d.is_zero()) {
-            self.pause(early)?;
+            // The bell's clock is coarse: what is left at the end is slept.
+            match early.checked_sub(COARSE) {
+                Some(most) => self.pause(most)?,
+                None => std::thread::sleep(early),
+            }
         }
         // A rig that was held up takes its next tap a period from now, not a burst of those it missed.
         self.next_due = if self.next_due + period > Instant::now() { self.next_due } else { Instant::now() } + period;

@@ -178,13 +178,13 @@ impl<'a> Hub<'a> {
         match tap.kind() {
             Some(RecordKind::Data) => {
                 self.in_hand += 1;
-                work.send(tap).map_err(|_| RunError::WorkersGone)
+                if work.send(tap).is_ok() { Ok(()) } else { Err(RunError::WorkersGone) }
             }
             Some(RecordKind::Refusal) => self.send(RecordKind::Data, tap.header(), &[refused(tap.header())]),
             Some(kind @ (RecordKind::Barrier | RecordKind::End)) => {
                 // What the mark follows must leave before it.
                 while self.in_hand > 0 {
-                    let result = done.recv().map_err(|_| RunError::WorkersGone)?;
+                    let Ok(result) = done.recv() else { return Err(RunError::WorkersGone) };
                     self.publish(&result)?;
                 }
                 self.send(kind, tap.header(), &[])

@@ -201,8 +201,9 @@ fn read_whole<R: H5Type + Clone>(file: &File, path: &Path, name: &'static str) -
     let &[row_count] = dataset.shape().as_slice() else {
         return Err(damaged(path, format!("{name} has shape {:?}", dataset.shape())));
     };
-    // Space for all rows is in the file: a length that only claims to be must not ask for memory.
-    if dataset.storage_size() > file.size() || (row_count > 0 && dataset.storage_size() == 0) {
+    // All rows are in the file: a length that only claims to be must not ask for memory.
+    let bytes = row_count.checked_mul(size_of::<R>()).and_then(|bytes| u64::try_from(bytes).ok());
+    if bytes.is_none_or(|bytes| bytes > file.size()) {
         return Err(damaged(path, format!("{name} says it has {row_count} rows")));
     }
     open_table(file, path, name, row_count)?.read_all().context("read a table", path)

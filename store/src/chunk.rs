@@ -20,7 +20,7 @@ impl ChunkRows {
         let element_bytes = dataset.dtype().ok()?.size();
         let is_plain = dataset.chunk()? == [1, channels, samples]
             && dataset.filters().is_empty()
-            && channels * samples * element_bytes == row_bytes;
+            && channels.checked_mul(samples).and_then(|n| n.checked_mul(element_bytes)) == Some(row_bytes);
         is_plain.then_some(Self { dataset, row_bytes })
     }
 

@@ -310,7 +310,7 @@ impl<'a> Desk<'a> {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "barriers count modulo 256")]
+/// Barriers count modulo 256.
 fn low_byte(mark: u64) -> u8 {
     (mark & 0xff) as u8
 }
