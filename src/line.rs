@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
+use tapline_fuse::Fusion;
 use tapline_store::Reader;
 use tapline_wire::{Ledger, LedgerTopic, Line, LineAddress, Plan, Role, Subscriber, TapState, line_bytes, room};
 
@@ -23,14 +24,17 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     let job = Job::resolve(&args.source)?;
     let plan = job.source()?.plan().clone();
+    // What cannot be judged is said before anything is scanned.
+    Fusion::new(&job.config.fuse, &plan)?;
+    let lock = Lock::take(&job.out)?;
     let pace = match settled_before(&job, &plan)? {
         None => Pace::default(),
         Some(settled) => {
-            let _lock = Lock::take(&job.out)?;
             let workplace = Workplace::prepare(&job, &plan)?;
             Run::start(&job, args, &plan, &workplace, settled)?.until_done()?
         }
     };
+    drop(lock);
     summarise(&job, pace, args.json)
 }
 
@@ -128,14 +132,14 @@ struct Run<'a> {
     plan: &'a Plan,
     stop: Arc<AtomicBool>,
     progress: Progress,
-    /// Taps that were settled before this run, and that are settled now.
-    settled: (usize, usize),
+    /// Taps that were settled before this run.
+    settled_before: usize,
     /// When the line was first seen at work, and when the last change was.
     span: Option<(Instant, Instant)>,
 }
 
 impl<'a> Run<'a> {
-    fn start(job: &Job, args: &RunArgs, plan: &'a Plan, workplace: &Workplace, settled: usize) -> Result<Self> {
+    fn start(job: &Job, args: &RunArgs, plan: &'a Plan, workplace: &Workplace, settled_before: usize) -> Result<Self> {
         let stop = stop_flag()?;
         // The watcher stays to the end, also when the stages are told to stop.
         let watch = Line::join(&workplace.address, Role::Watch, plan.digest(), Arc::default())?;
@@ -150,7 +154,7 @@ impl<'a> Run<'a> {
             stages.push(Stage::start(format!("acquire {station}"), [own, common.clone()].concat())?);
         }
         let progress = Progress::new(plan.taps().len(), &job.out);
-        Ok(Self { stages, watch, plan, stop, progress, settled: (settled, settled), span: None })
+        Ok(Self { stages, watch, plan, stop, progress, settled_before, span: None })
     }
 
     fn until_done(mut self) -> Result<Pace> {
@@ -176,11 +180,10 @@ impl<'a> Run<'a> {
             self.watch.wait(LOOK_EVERY)?;
             if let Some(snapshot) = snapshots.receive_newest()? {
                 let header = snapshot.header();
-                let settled = header.archived_count + header.refused_count;
-                self.settled.1 = settled as usize;
+                let settled = (header.archived_count + header.refused_count) as usize;
                 let now = Instant::now();
                 let (first, last) = self.span.get_or_insert((now, now));
-                if self.progress.update(self.settled.1, self.settled.1.saturating_sub(self.settled.0), *first) {
+                if self.progress.update(settled, settled.saturating_sub(self.settled_before), *first) {
                     *last = now;
                 }
             }
@@ -212,7 +215,7 @@ impl<'a> Run<'a> {
     fn pace(&self) -> Pace {
         let elapsed = self.span.map(|(first, last)| last - first);
         Pace {
-            settled_count: self.settled.1.saturating_sub(self.settled.0),
+            settled_before: Some(self.settled_before),
             elapsed_s: elapsed.map_or(0.0, |d| d.as_secs_f64()),
             restarts: self.stages.iter().map(|s| (s.name().to_owned(), s.restart_count)).collect(),
             reports: self.stages.iter().filter_map(|s| s.report.clone()).collect(),

@@ -16,8 +16,8 @@ use crate::stage::{StageReport, Work};
 /// How a run went, as the line saw it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Pace {
-    /// Taps settled in this run.
-    pub(crate) settled_count: usize,
+    /// Taps that were settled before the run; `None` when there was nothing to do.
+    pub(crate) settled_before: Option<usize>,
     /// Time that took.
     pub(crate) elapsed_s: f64,
     /// How often each stage was restarted.
@@ -81,7 +81,8 @@ pub(crate) fn summarise(job: &Job, pace: Pace, as_json: bool) -> Result<bool> {
     let reader = Reader::open(&job.out)?;
     let ledger = reader.ledger();
     let count = |state| ledger.count(state);
-    let pace = pace_line(&pace);
+    let settled = ledger.taps().iter().filter(|state| state.is_settled()).count();
+    let pace = pace_line(&pace, settled);
     let summary = Summary {
         archive: job.out.display().to_string(),
         is_whole: count(TapState::Archived) == ledger.taps().len() && ledger.is_judged() && pace.conflicts == 0,
@@ -150,13 +151,14 @@ fn auc(job: &Job, reader: &Reader) -> Result<Option<Auc>> {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "figures for people to read")]
-fn pace_line(pace: &Pace) -> PaceLine {
+fn pace_line(pace: &Pace, settled: usize) -> PaceLine {
+    let taps = pace.settled_before.map_or(0, |before| settled.saturating_sub(before));
     let elapsed_s = pace.elapsed_s;
     let per_s = |count: f64| if elapsed_s > 0.0 { count / elapsed_s } else { 0.0 };
     let mut line = PaceLine {
-        taps: pace.settled_count,
+        taps,
         elapsed_s,
-        taps_per_s: per_s(pace.settled_count as f64),
+        taps_per_s: per_s(taps as f64),
         restarts: pace.restarts.iter().map(|(_, count)| count).sum(),
         ..PaceLine::default()
     };

@@ -1,1 +1,10 @@
-fn main() {}
+//! The built program in a folder of its own, with its own shared memory, killed on purpose.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod archive;
+mod cli;
+mod faults;
+mod recorded;
+mod rig;
+mod tapset;

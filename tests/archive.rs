@@ -1,0 +1,129 @@
+//! What a whole simulated run leaves: an archive, its tables, and results that depend on nothing but their input.
+
+use std::process::Command;
+
+use crate::rig::{Rig, assert_same, contents, csv_rows};
+
+const SCAN: &str = "
+[scan]
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+locations = 60
+
+[[scan.tyre]]
+serial = \"CRACKED\"
+station = 1
+crack = [{ shoulder = 2, first_location = 20, location_count = 5, depth_mm = 6.0, length_mm = 22.0 }]
+
+[[scan.tyre]]
+serial = \"SOUND\"
+station = 2
+";
+
+fn rig() -> Rig {
+    let rig = Rig::new();
+    rig.write("scan.toml", SCAN);
+    rig
+}
+
+#[test]
+fn a_run_finds_the_crack_and_passes_the_sound_tyre() {
+    let rig = rig();
+    let summary = rig.run("run --config scan.toml --stations 2 --out run.h5 --json").json(0);
+    assert_eq!(summary["archived"], 2 * 2 * 61);
+    assert_eq!(summary["pace"]["gaps"], 0);
+    let verdict = |tyre: &str, shoulder: u64| {
+        let lines = summary["verdicts"].as_array().unwrap();
+        let is_it = |line: &&serde_json::Value| line["tyre"] == tyre && line["shoulder"] == shoulder;
+        lines.iter().find(is_it).unwrap()["verdict"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(verdict("CRACKED", 2), "REJECT");
+    for (tyre, shoulder) in [("CRACKED", 1), ("SOUND", 1), ("SOUND", 2)] {
+        assert_eq!(verdict(tyre, shoulder), "PASS", "{tyre}/{shoulder}");
+    }
+    assert!(summary["auc"]["index"].as_f64().unwrap() > 0.99, "{summary}");
+
+    let regions = csv_rows(&rig.run("export run.h5 regions").expect(0).out);
+    assert_eq!(regions.len(), 1);
+    let location = |column: &str| regions[0][column].parse::<u32>().unwrap();
+    assert!(location("first_location") <= 20 && location("last_location") >= 24, "{regions:?}");
+    assert_eq!((regions[0]["tyre"].as_str(), regions[0]["shoulder"].as_str()), ("CRACKED", "2"));
+
+    let rows = csv_rows(&rig.run("export run.h5 discriminators --format csv").expect(0).out);
+    assert_eq!(rows.len(), 244);
+    assert!(rows.iter().all(|row| row["quality"].is_empty() && row["tau_s"].parse::<f64>().unwrap() > 5e-4));
+    let ledger = csv_rows(&rig.run("export run.h5 ledger").expect(0).out);
+    assert!(ledger.len() == 244 && ledger.iter().all(|row| row["state"] == "archived"));
+    let header =
+        |table: &str| rig.run(&format!("export run.h5 {table}")).expect(0).out.lines().next().unwrap().to_owned();
+    assert_eq!(
+        header("discriminators"),
+        "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,attempt,\
+         f_max_n,tau_s,a_1_v_s,a_2_v_s,pr,p_f_v2_per_hz,e_f_v2,quality"
+    );
+    assert_eq!(header("damage"), "tyre,shoulder,location,angle_deg,damage_index,p_value");
+    let report = rig.run("verify run.h5 --json").json(0);
+    assert_eq!(report["is_whole"], true);
+}
+
+/// Law 6: the same input gives the same archive. Law 4: whatever the number of workers.
+#[test]
+fn results_depend_on_nothing_but_their_input() {
+    let rig = rig();
+    rig.run("run --config scan.toml --stations 2 --out a.h5").expect(0);
+    rig.run("run --config scan.toml --stations 2 --out b.h5").expect(0);
+    rig.write("workers.toml", &format!("{SCAN}\n[process]\nworkers = 5\n"));
+    rig.run("run --config workers.toml --stations 2 --out c.h5").expect(0);
+    let a = contents(&rig.path("a.h5"));
+    assert!(a.taps.iter().all(Option::is_some));
+    assert_same(&a, &contents(&rig.path("b.h5")));
+    assert_same(&a, &contents(&rig.path("c.h5")));
+}
+
+/// Stages that are started by hand, in any order, are a line too.
+#[test]
+fn stages_run_alone() {
+    let rig = rig();
+    rig.run("run --config scan.toml --stations 2 --out whole.h5").expect(0);
+    let common = format!("--config scan.toml --stations 2 --out alone.h5 --line alone-{}", std::process::id());
+    let verbs = ["acquire --station 2", "fuse", "process", "acquire --station 1", "store"];
+    let stages: Vec<_> = verbs.iter().map(|verb| rig.start(&format!("{verb} {common}"))).collect();
+    for (verb, stage) in verbs.iter().zip(stages) {
+        let done = crate::rig::Done::from(stage.wait_with_output().unwrap()).expect(0);
+        let report: serde_json::Value = serde_json::from_str(&done.out).unwrap();
+        assert_eq!(report["stage"], verb.split(' ').next().unwrap());
+    }
+    assert_same(&contents(&rig.path("alone.h5")), &contents(&rig.path("whole.h5")));
+}
+
+/// A finished archive is not taken for another scan's.
+#[test]
+fn another_plan_or_configuration_is_refused() {
+    let rig = rig();
+    rig.run("run --config scan.toml --stations 2 --out run.h5").expect(0);
+    rig.write("other.toml", &SCAN.replace("locations = 60", "locations = 61"));
+    let done = rig.run("run --config other.toml --stations 2 --out run.h5").expect(1);
+    assert!(done.err.contains("run.h5") && done.err.contains("scan plan"), "{done:?}");
+}
+
+/// The README's snippet, run as it stands there, by a Python that has h5py.
+#[test]
+fn the_readme_snippet_reads_an_archive() {
+    let Some(python) = ["python3", "/usr/bin/python3"].into_iter().find(|python| {
+        Command::new(python).args(["-c", "import h5py"]).output().is_ok_and(|done| done.status.success())
+    }) else {
+        eprintln!("skipped: no Python with h5py here (make setup installs one)");
+        return;
+    };
+    let readme = include_str!("../README.md");
+    let snippet = readme.split("```python\n").nth(1).unwrap().split("```").next().unwrap();
+    let rig = rig();
+    rig.run("run --config scan.toml --stations 2 --out simulated.h5").expect(0);
+    rig.write("snippet.py", snippet);
+    let done = Command::new(python).arg("snippet.py").current_dir(rig.path("")).output().unwrap();
+    let said = String::from_utf8(done.stdout).unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let rows = csv_rows(&rig.run("export simulated.h5 discriminators").expect(0).out);
+    assert!(said.contains(&rows[0]["pr"]), "the first tap's PR {} is not in:\n{said}", rows[0]["pr"]);
+}

@@ -1,0 +1,95 @@
+//! The command line: usage, configuration, and the dissertation's tables.
+
+use std::fs;
+
+use crate::rig::{Rig, shared};
+
+#[test]
+fn wrong_usage_has_its_own_exit_code() {
+    let rig = Rig::new();
+    rig.run("").expect(2);
+    rig.run("rum").expect(2);
+    rig.run("export archive.h5 verdict").expect(2);
+    rig.run("--help").expect(0);
+    for verb in ["run", "acquire", "process", "fuse", "store", "export", "verify", "model table"] {
+        assert!(rig.run(&format!("{verb} --help")).expect(0).out.contains("Usage"));
+    }
+}
+
+#[test]
+fn a_configuration_is_refused_by_name_of_what_is_wrong() {
+    let rig = Rig::new();
+    for (text, parts) in [
+        ("[process]\nf_hi = 2000.0\n", &["f_hi", "c.toml"][..]),
+        ("[fuse]\nindex = \"robst\"\n", &["robst", "robust"]),
+        ("[process]\nf_c_hz = -1.0\n", &["f_c_hz", "-1"]),
+        ("[fuse]\nreference = \"X/1\"\n", &["X/1"]),
+        ("[scan]\nrepetitions = 0\n", &["scan.repetitions", "0"]),
+        ("[acquire]\ntaps_per_s = 0.0\n", &["acquire.taps_per_s", "0"]),
+        ("[scam]\n", &["scam"]),
+        ("[scan\n", &["c.toml"]),
+    ] {
+        rig.write("c.toml", text);
+        let done = rig.run("run --config c.toml --out x.h5").expect(1);
+        for part in parts {
+            assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
+        }
+        assert!(!rig.path("x.h5").exists(), "{text}");
+    }
+    let done = rig.run("run --config none.toml").expect(1);
+    assert!(done.err.contains("none.toml"), "{done:?}");
+}
+
+#[test]
+fn an_archive_that_is_none_is_refused_by_name() {
+    let rig = Rig::new();
+    rig.write("text.h5", "not an archive");
+    for arguments in ["verify text.h5", "export text.h5 ledger", "verify absent.h5", "export absent.h5 ledger"] {
+        let name = arguments.split(' ').nth(1).unwrap();
+        let done = rig.run(arguments).expect(1);
+        assert!(done.err.contains(name), "{done:?}");
+    }
+}
+
+/// `export | head` is no failure.
+#[test]
+fn a_reader_that_leaves_is_no_failure() {
+    let rig = Rig::new();
+    rig.write(
+        "c.toml",
+        "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 9\n[simulation]\nsample_count = 1024\n",
+    );
+    rig.run("run --config c.toml --out x.h5").expect(0);
+    let mut export = rig.start("export x.h5 discriminators");
+    drop(export.stdout.take());
+    assert_eq!(export.wait().unwrap().code(), Some(0));
+}
+
+/// All cells of Tables 4-6 and 8-10 within 1e-6 relative, of Table 11 within its rounding.
+#[test]
+fn the_dissertations_tables() {
+    let Some(folder) = shared("dissertation-tables") else { return };
+    let rig = Rig::new();
+    for number in [4, 5, 6, 8, 9, 10, 11] {
+        let prefix = format!("table{number:02}");
+        let printed = fs::read_dir(&folder).unwrap().flatten().map(|f| f.path());
+        let printed = printed.into_iter().find(|p| p.file_name().unwrap().to_str().unwrap().starts_with(&prefix));
+        let printed = fs::read_to_string(printed.unwrap()).unwrap();
+        let computed = rig.run(&format!("model table {number}")).expect(0).out;
+        let rows = |text: &str| -> Vec<Vec<String>> {
+            text.lines().map(|line| line.split(',').map(|cell| cell.trim().to_owned()).collect()).collect()
+        };
+        let (printed, computed) = (rows(&printed), rows(&computed));
+        assert_eq!(printed[0], computed[0], "columns of table {number}");
+        assert_eq!(printed.len(), computed.len(), "rows of table {number}");
+        for (line, (printed, computed)) in printed.iter().zip(&computed).enumerate().skip(1) {
+            for (p, c) in printed.iter().zip(computed) {
+                let (p, c): (f64, f64) = (p.parse().unwrap(), c.parse().unwrap());
+                let bound = if number == 11 { 5.1e-4 } else { 1e-6 * p.abs() };
+                assert!((p - c).abs() <= bound, "table {number}, line {line}: printed {p}, computed {c}");
+            }
+        }
+        assert_ne!(rig.run(&format!("model table {number} --effective-length table1")).expect(0).out, "");
+    }
+    rig.run("model table 7").expect(1);
+}

@@ -1,0 +1,180 @@
+//! What the tests share: a folder of its own for each, the built program in it, and what it left behind.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tapline_store::{OwnedSamples, Reader};
+use tapline_wire::{DamageCell, Discriminators, Judgement, Stamp, TapHeader, TapState};
+use tempfile::TempDir;
+
+/// A fresh folder in which the built program is run.
+pub(crate) struct Rig {
+    folder: TempDir,
+}
+
+impl Rig {
+    pub(crate) fn new() -> Self {
+        Self { folder: TempDir::new().unwrap() }
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file into the folder.
+    pub(crate) fn write(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).unwrap();
+    }
+
+    /// The program with `arguments`, split at spaces.
+    pub(crate) fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tapline"));
+        command.args(arguments.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
+        command
+    }
+
+    /// Runs the program to its end.
+    pub(crate) fn run(&self, arguments: &str) -> Done {
+        Done::from(self.command(arguments).output().unwrap())
+    }
+
+    /// Starts the program and goes on.
+    pub(crate) fn start(&self, arguments: &str) -> Child {
+        self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    /// Files in shared memory that belong to the line that writes `archive`.
+    pub(crate) fn shared_memory_of(&self, archive: &str) -> Vec<String> {
+        let prefix = format!("tapline_{}", line_name(&self.path(archive)));
+        let files = fs::read_dir("/dev/shm").unwrap().flatten();
+        files.map(|f| f.file_name().to_string_lossy().into_owned()).filter(|name| name.starts_with(&prefix)).collect()
+    }
+}
+
+/// The name that a line gives itself after its archive, written down here a second time: FNV-1a of the path.
+fn line_name(archive: &Path) -> String {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for byte in archive.as_os_str().as_encoded_bytes() {
+        hash = (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+    }
+    format!("{hash:016x}")
+}
+
+/// How a program ended and what it said.
+#[derive(Debug)]
+pub(crate) struct Done {
+    pub(crate) code: Option<i32>,
+    pub(crate) out: String,
+    pub(crate) err: String,
+}
+
+impl From<Output> for Done {
+    fn from(output: Output) -> Self {
+        Self {
+            code: output.status.code(),
+            out: String::from_utf8(output.stdout).unwrap(),
+            err: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+}
+
+impl Done {
+    /// The program's JSON, after checking that it ended with `code`.
+    pub(crate) fn json(&self, code: i32) -> Value {
+        assert_eq!(self.code, Some(code), "{self:#?}");
+        serde_json::from_str(&self.out).unwrap()
+    }
+
+    pub(crate) fn expect(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "{self:#?}");
+        self
+    }
+}
+
+/// The process that runs stage `words` (as `ps` shows them) for the line `parent`, once it is there.
+pub(crate) fn stage(parent: &Child, words: &str) -> i32 {
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while Instant::now() < deadline {
+        let found = fs::read_dir("/proc").unwrap().flatten().find_map(|entry| {
+            let pid: i32 = entry.file_name().to_str()?.parse().ok()?;
+            let stat = fs::read_to_string(entry.path().join("stat")).ok()?;
+            let parent_pid: u32 = stat.rsplit_once(')')?.1.split_whitespace().nth(1)?.parse().ok()?;
+            let line = fs::read_to_string(entry.path().join("cmdline")).ok()?.replace('\0', " ");
+            let arguments = line.split_once(' ')?.1;
+            (parent_pid == parent.id() && arguments.starts_with(words)).then_some(pid)
+        });
+        if let Some(pid) = found {
+            return pid;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("no stage {words:?}");
+}
+
+/// Sends `signal` to a process, which must be there.
+pub(crate) fn signal(pid: i32, signal: rustix::process::Signal) {
+    rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), signal).unwrap();
+}
+
+/// Everything in an archive that must not depend on when and how it was written.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Contents {
+    pub(crate) states: Vec<TapState>,
+    pub(crate) taps: Vec<Option<(TapHeader, OwnedSamples)>>,
+    pub(crate) discriminators: Vec<Option<String>>,
+    pub(crate) judgements: Vec<Option<String>>,
+}
+
+/// Reads an archive, leaving out what tells of the sending: sequence, epoch and the time of sending.
+pub(crate) fn contents(archive: &Path) -> Contents {
+    let reader = Reader::open(archive).unwrap();
+    let rows = 0..reader.plan().taps().len() as u32;
+    let tap = |row| {
+        let (header, samples) = reader.tap(row).unwrap()?;
+        Some((TapHeader { stamp: Stamp::default(), sent_ns: 0, ..header }, samples))
+    };
+    // As text, in which an absent value equals an absent value.
+    let found = |record: Discriminators| format!("{record:?}");
+    let judged = |(judgement, cells): (Judgement, Vec<DamageCell>)| {
+        format!("{:?} {cells:?}", Judgement { stamp: Stamp::default(), ..judgement })
+    };
+    Contents {
+        states: reader.ledger().taps().to_vec(),
+        taps: rows.map(tap).collect(),
+        discriminators: reader.discriminators().unwrap().into_iter().map(|r| r.map(found)).collect(),
+        judgements: reader.judgements().unwrap().into_iter().map(|j| j.map(judged)).collect(),
+    }
+}
+
+/// Says where two archives differ, without printing them.
+pub(crate) fn assert_same(a: &Contents, b: &Contents) {
+    assert_eq!(a.states, b.states, "states");
+    for (row, (a, b)) in a.taps.iter().zip(&b.taps).enumerate() {
+        let header = |tap: &Option<(TapHeader, OwnedSamples)>| format!("{:?}", tap.as_ref().map(|(header, _)| *header));
+        assert_eq!(header(a), header(b), "header of row {row}");
+        let samples = |tap: &Option<(TapHeader, OwnedSamples)>| tap.as_ref().map(|(_, samples)| samples.clone());
+        assert!(samples(a) == samples(b), "samples of row {row}");
+    }
+    assert_eq!(a.discriminators, b.discriminators, "discriminators");
+    assert_eq!(a.judgements, b.judgements, "judgements");
+}
+
+/// The folder of shared test data, or a notice that there is none.
+pub(crate) fn shared(what: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("TAPLINE_SHARED")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+    let path = folder.join("data").join(what);
+    if !path.exists() {
+        eprintln!("skipped: {} is not here (set TAPLINE_SHARED)", path.display());
+        return None;
+    }
+    Some(path)
+}
+
+/// Columns of a CSV text by name, one map a row.
+pub(crate) fn csv_rows(text: &str) -> Vec<std::collections::BTreeMap<String, String>> {
+    csv::Reader::from_reader(text.as_bytes()).deserialize().map(|row| row.unwrap()).collect()
+}

@@ -1,0 +1,167 @@
+//! Tap sets from elsewhere through the whole line: what is wrong is named, what is refused is in the ledger.
+
+use std::fs;
+use std::path::Path;
+
+use crate::rig::{Rig, csv_rows};
+
+const SCAN: &str = "
+geometry = \"ring\"
+channels = [\"force\", \"sound\"]
+sample_rate_hz = 41000
+pre_trigger_samples = 400
+force_full_scale_n = 222.0
+sound_full_scale_v = 5.0
+microphone_distance_m = 0.05
+";
+const COLUMNS: &str = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition";
+const LOCATIONS: u32 = 24;
+
+/// A sample of the synthetic tap: a half-sine of force and a decaying sound, both with a little noise.
+fn sample(channel: usize, k: u32, location: u32) -> f64 {
+    let t = (f64::from(k) - 400.0) / 41e3;
+    let noise = f64::from((k * 7919 + location * 104_729 + channel as u32 * 31) % 101) / 101.0 - 0.5;
+    let scatter = 1.0 + 0.01 * f64::from(location * 37 % 11);
+    let value = match channel {
+        0 if (0.0..9e-4).contains(&t) => 0.14 * scatter * (std::f64::consts::PI * t / 9e-4).sin(),
+        1 if t >= 1.5e-4 => -0.1 * scatter * (-120.0 * t).exp() * (5000.0 * t).sin(),
+        _ => 0.0,
+    };
+    value + 1e-3 * noise
+}
+
+fn write_wav(path: &Path, channels: u16, rate: u32, count: u32, location: u32) {
+    let spec =
+        hound::WavSpec { channels, sample_rate: rate, bits_per_sample: 16, sample_format: hound::SampleFormat::Int };
+    let mut wav = hound::WavWriter::create(path, spec).unwrap();
+    for k in 0..count {
+        for channel in 0..usize::from(channels) {
+            wav.write_sample((sample(channel, k, location) * 32768.0).round() as i16).unwrap();
+        }
+    }
+    wav.finalize().unwrap();
+}
+
+/// A sound ring of recordings in the folder `taps`.
+fn tap_set() -> Rig {
+    let rig = Rig::new();
+    fs::create_dir(rig.path("taps")).unwrap();
+    rig.write("taps/scan.toml", SCAN);
+    let mut table = COLUMNS.to_owned();
+    for location in 0..LOCATIONS {
+        let file = format!("{location:03}.wav");
+        write_wav(&rig.path("taps").join(&file), 2, 41_000, 4096, location);
+        table += &format!("\n{file},A-17,1,5,1.85,{location},{},0", f64::from(location) * 15.0);
+    }
+    rig.write("taps/taps.csv", &table);
+    rig
+}
+
+#[test]
+fn a_clean_set_is_archived_bit_for_bit() {
+    let rig = tap_set();
+    let summary = rig.run("run --taps taps --out set.h5 --json").json(0);
+    assert_eq!((&summary["archived"], &summary["refused"]), (&24.into(), &0.into()));
+    assert_eq!(summary["verdicts"][0]["verdict"], "PASS", "{summary}");
+    let reader = tapline_store::Reader::open(rig.path("set.h5")).unwrap();
+    let (header, samples) = reader.tap(7).unwrap().unwrap();
+    assert_eq!((header.sample_count, header.sample_rate_hz, header.pre_trigger_samples), (4096, 41e3, 400));
+    let wav: Vec<i16> =
+        hound::WavReader::open(rig.path("taps/007.wav")).unwrap().samples::<i16>().map(Result::unwrap).collect();
+    let planar: Vec<i16> = (0..2).flat_map(|c| wav.iter().skip(c).step_by(2).copied()).collect();
+    assert_eq!(samples, tapline_store::OwnedSamples::I16(planar));
+    let row = &csv_rows(&rig.run("export set.h5 discriminators").expect(0).out)[7];
+    let f_max_n: f64 = row["f_max_n"].parse().unwrap();
+    assert!((f_max_n / (0.14 * 1.06 * 222.0) - 1.0).abs() < 0.02, "{f_max_n}");
+    assert_eq!((row["offset_mm"].as_str(), row["velocity_m_per_s"].as_str()), ("5", "1.85"));
+}
+
+/// A tap that cannot be read is refused by name; the others are archived, and the shoulder does not pass.
+#[test]
+fn bad_recordings_are_refused_into_the_ledger() {
+    type Harm = fn(&Path);
+    let harms: [(&str, Harm, &str); 5] = [
+        ("003.wav", |path| fs::remove_file(path).unwrap(), "003.wav"),
+        ("004.wav", |path| write_wav(path, 1, 41_000, 4096, 4), "channel"),
+        ("005.wav", |path| write_wav(path, 2, 44_100, 4096, 5), "44100"),
+        ("006.wav", |path| fs::write(path, &fs::read(path).unwrap()[..5000]).unwrap(), "006.wav"),
+        ("008.wav", |path| fs::write(path, b"RIFF, or so it says").unwrap(), "008.wav"),
+    ];
+    let rig = tap_set();
+    for (file, harm, _) in &harms {
+        harm(&rig.path("taps").join(file));
+    }
+    let summary = rig.run("run --taps taps --out set.h5 --json").json(3);
+    assert_eq!((&summary["archived"], &summary["refused"], &summary["missing"]), (&19.into(), &5.into(), &0.into()));
+    assert_eq!(summary["verdicts"][0]["verdict"], "RE-INSPECT");
+    assert!(summary["verdicts"][0]["reasons"].as_str().unwrap().contains("taps_refused"));
+    let ledger = csv_rows(&rig.run("export set.h5 ledger").expect(0).out);
+    for (file, _, why) in harms {
+        let location: usize = file[..3].parse().unwrap();
+        let row = &ledger[location];
+        assert_eq!(row["state"], "refused", "{row:?}");
+        let line = format!("line {}", location + 2);
+        for part in [file, why, &line] {
+            assert!(row["reason"].contains(part), "{part:?} is not in {:?}", row["reason"]);
+        }
+    }
+    rig.run("verify set.h5").expect(3);
+}
+
+/// A sample that is not a number is found when the tap is read, and refused like the rest.
+#[test]
+fn a_sample_that_is_not_a_number_is_refused() {
+    let rig = tap_set();
+    for location in 0..LOCATIONS {
+        let spec = hound::WavSpec {
+            channels: 2,
+            sample_rate: 41_000,
+            bits_per_sample: 32,
+            sample_format: hound::SampleFormat::Float,
+        };
+        let mut wav = hound::WavWriter::create(rig.path(&format!("taps/{location:03}.wav")), spec).unwrap();
+        for k in 0..4096 {
+            for channel in 0..2 {
+                let is_bad = location == 9 && k == 2000 && channel == 1;
+                wav.write_sample(if is_bad { f32::NAN } else { sample(channel, k, location) as f32 }).unwrap();
+            }
+        }
+        wav.finalize().unwrap();
+    }
+    let summary = rig.run("run --taps taps --out set.h5 --json").json(3);
+    assert_eq!((&summary["archived"], &summary["refused"]), (&23.into(), &1.into()));
+    let reason = &csv_rows(&rig.run("export set.h5 ledger").expect(0).out)[9]["reason"];
+    assert!(reason.contains("009.wav") && reason.contains("NaN") && reason.contains("2000"), "{reason}");
+}
+
+/// What is wrong with the tables stops the run before its first tap, with file, line and reason.
+#[test]
+fn bad_tables_stop_before_the_first_tap() {
+    type Change = fn(&str) -> String;
+    let rows = |change: Change| change;
+    let cases: [(Change, &[&str]); 6] = [
+        (rows(|t| t.replace("repetition", "rep")), &["taps.csv", "rep"]),
+        (rows(|t| t.replacen(",repetition", "", 1)), &["taps.csv", "repetition"]),
+        (
+            rows(|t| t.replacen("002.wav,A-17,1,5,1.85,2,30,0", "002.wav,A-17,1,5,1.85,1,15,0", 1)),
+            &["taps.csv", "3", "4"],
+        ),
+        (rows(|t| t.replacen("1.85,2,", "fast,2,", 1)), &["taps.csv", "4", "velocity_m_per_s", "fast"]),
+        (rows(|t| t.replacen("1.85,2,", "-1,2,", 1)), &["taps.csv", "4", "velocity_m_per_s", "-1"]),
+        (rows(|t| t.lines().next().unwrap_or_default().to_owned()), &["taps.csv"]),
+    ];
+    for (change, parts) in cases {
+        let rig = tap_set();
+        let table = fs::read_to_string(rig.path("taps/taps.csv")).unwrap();
+        rig.write("taps/taps.csv", &change(&table));
+        let done = rig.run("run --taps taps --out set.h5").expect(1);
+        for part in parts {
+            assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
+        }
+        assert!(!rig.path("set.h5").exists());
+    }
+    let rig = tap_set();
+    rig.write("taps/scan.toml", &SCAN.replace("pre_trigger_samples", "pre_triger_samples"));
+    let done = rig.run("run --taps taps --out set.h5").expect(1);
+    assert!(done.err.contains("scan.toml") && done.err.contains("pre_triger_samples"), "{done:?}");
+}
