@@ -198,3 +198,49 @@ pub enum Geometry {
     /// Locations on a line: the ends have one neighbour.
     Line,
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn a_serial_is_what_was_given_or_refused() {
+        assert_eq!(Serial::new("3900_06cm").unwrap().as_str(), "3900_06cm");
+        assert_eq!(Serial::new(&"x".repeat(32)).unwrap().as_str().len(), 32);
+        for text in ["", &"x".repeat(33), "a/b", "a\nb"] {
+            let error = Serial::new(text).unwrap_err().to_string();
+            assert!(error.contains(&text.len().to_string()) && error.contains("32"), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused_with_its_bounds() {
+        let id = TapId::default();
+        let error = id.with_offset_mm(Some(2000.1)).unwrap_err().to_string();
+        assert!(error.contains("offset_mm") && error.contains("2000.1") && error.contains("-2000"), "{error}");
+        assert!(id.with_velocity_m_per_s(Some(f64::NAN)).is_err());
+        assert!(id.with_velocity_m_per_s(Some(-0.1)).is_err());
+        assert_eq!(id.with_offset_mm(None).unwrap().offset_mm(), None);
+    }
+
+    proptest! {
+        /// What a table gives with up to three (mm) or six (m/s) decimals comes back as the same number.
+        #[test]
+        fn decimals_come_back_exactly(offset_um in -2_000_000..=2_000_000_i32, velocity_um_per_s in 0..=1_000_000_000_i32) {
+            let offset_mm: f64 = format!("{}e-3", offset_um).parse().unwrap();
+            let velocity_m_per_s: f64 = format!("{}e-6", velocity_um_per_s).parse().unwrap();
+            let id = TapId::default().with_offset_mm(Some(offset_mm)).unwrap();
+            let id = id.with_velocity_m_per_s(Some(velocity_m_per_s)).unwrap();
+            prop_assert_eq!((id.offset_mm(), id.velocity_m_per_s()), (Some(offset_mm), Some(velocity_m_per_s)));
+        }
+
+        #[test]
+        fn any_text_is_a_serial_or_refused(text in ".*") {
+            if let Ok(serial) = Serial::new(&text) {
+                prop_assert_eq!(serial.as_str(), text);
+            }
+        }
+    }
+}

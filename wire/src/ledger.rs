@@ -199,3 +199,55 @@ impl Ledger {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn ledgers() -> impl Strategy<Value = Ledger> {
+        let states = (
+            proptest::collection::vec(0..3_u8, 0..50),
+            proptest::collection::vec(0..3_u8, 0..6),
+            proptest::collection::vec(any::<u8>(), 0..4),
+            any::<u64>(),
+        );
+        states.prop_map(|(taps, scans, barriers, lost_count)| {
+            let mut ledger = Ledger::empty(taps.len(), scans.len(), barriers.len());
+            for (row, code) in taps.into_iter().enumerate() {
+                ledger.set_tap(row, TapState::from_code(code).unwrap());
+            }
+            for (number, code) in scans.into_iter().enumerate() {
+                ledger.set_scan(number, ScanState::from_code(code).unwrap());
+            }
+            for (station, barrier) in barriers.into_iter().enumerate() {
+                ledger.set_barrier(station, barrier);
+            }
+            ledger.lost_count = lost_count;
+            ledger
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn a_snapshot_is_the_ledger(ledger in ledgers()) {
+            let mut bytes = vec![0; Ledger::encoded_bytes(ledger.taps.len(), ledger.scans.len(), ledger.barriers.len())];
+            let header = ledger.encode(&mut bytes);
+            prop_assert_eq!(header.archived_count as usize, ledger.count(TapState::Archived));
+            prop_assert_eq!(Ledger::decode(&header, &bytes), Some(ledger));
+        }
+
+        #[test]
+        fn bytes_that_are_no_snapshot_are_refused(ledger in ledgers(), extra in 1..4_usize) {
+            let mut bytes = vec![0; Ledger::encoded_bytes(ledger.taps.len(), ledger.scans.len(), ledger.barriers.len())];
+            let header = ledger.encode(&mut bytes);
+            let long = [&bytes[..], &vec![0; extra]].concat();
+            prop_assert_eq!(Ledger::decode(&header, &long), None);
+            if let Some(state) = bytes.first_mut().filter(|_| !ledger.taps.is_empty()) {
+                *state = 3;
+                prop_assert_eq!(Ledger::decode(&header, &bytes), None);
+            }
+        }
+    }
+}

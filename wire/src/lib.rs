@@ -2,16 +2,59 @@
 //!
 //! # Laws of the stream
 //!
-//! 1. Every record carries its [`TapId`] and a sequence number; times are `i64` ns since the Unix
-//!    epoch, and only `acquire` reads a clock for a time that enters a result.
-//! 2. Nothing is dropped to keep up. A slow stage makes the sources wait. A gap in a sequence is
-//!    loss: counted, logged at ERROR, and the taps that are missing are asked for again.
-//! 3. Samples are planar `[channel][sample]`, as the converter gave them, with the unit scale of
-//!    each channel in the header. No stage copies them but the writer to disk.
-//! 4. Results do not depend on how the stream was cut, nor on the order of stations, nor on how
-//!    many worker threads there are.
+//! 1. Every record carries the [`TapId`] it is about, and a sequence number; times are `i64` ns since the Unix epoch,
+//!    and only `acquire` reads a clock for a time that enters a result.
+//!    (`tests/laws.rs`: `law_1_...`; a clock elsewhere is refused by `clippy.toml`)
+//! 2. Nothing is dropped to keep up. A slow stage makes the sources wait. A gap in a sequence is loss: counted, logged
+//!    at ERROR, and the taps that are missing are asked for again.
+//!    (`tests/stream.rs`: all; `subscriber.rs`: `a_gap_is_counted_once`; the program's `tests/faults.rs`: all)
+//! 3. Samples are planar `[channel][sample]`, as the converter gave them, with the unit scale of each channel in the
+//!    header. No stage copies them but the writer to disk; the archive returns them bit for bit.
+//!    (`tap.rs`: `samples_are_seen_where_they_lie`; the program's `tests/tapset.rs`: `a_clean_set_is_archived_bit_for_bit`)
+//! 4. Results do not depend on how the stream was cut, nor on the order of stations, nor on how many worker threads
+//!    there are. (the program's `tests/archive.rs`: `results_depend_on_nothing_but_their_input`, `stages_run_alone`)
 //! 5. A scan ends in band. No end, or a tap missing without a reason, and there is no PASS.
+//!    (`fuse`: `never_pass_...`; the program's `tests/faults.rs`: `an_interrupted_run_is_resumed`)
 //! 6. Same input, configuration and seed give the same results, byte for byte.
+//!    (the program's `tests/archive.rs`: `results_depend_on_nothing_but_their_input`)
+//!
+//! # How a record travels
+//!
+//! A process joins a [`Line`] in a [`Role`], opens a [`Publisher`] or a [`Subscriber`] on a [`Topic`], and waits at its
+//! bell. A publisher greets every subscriber in band and sends nothing else before each has said READY, because a
+//! subscriber that has not mapped its connection yet loses records silently.
+//!
+//! ```
+//! use std::{sync::Arc, time::Duration};
+//! use tapline_wire::*;
+//!
+//! let tap = PlannedTap { id: TapId::new(1, Serial::new("A-17")?, 1, 0), angle_deg: None, is_closing: false };
+//! let recording = Recording {
+//!     sample_rate_hz: 41e3,
+//!     pre_trigger_samples: 400,
+//!     sample_count_max: 4096,
+//!     sample_format: SampleFormat::I16,
+//!     channels: vec![Channel::Force, Channel::Sound],
+//! };
+//! let plan = Plan::new(Geometry::Ring, recording, vec![tap], Truth::new())?;
+//! let address = LineAddress::new(&format!("example-{}", std::process::id()));
+//! {
+//!     let fuse = Line::join(&address, Role::Fuse, plan.digest(), Arc::default())?;
+//!     let store = Line::join(&address, Role::Store, plan.digest(), Arc::default())?;
+//!     let verdicts = Publisher::<DamageTopic>::open(&fuse, &plan)?;
+//!     let inbox = Subscriber::<DamageTopic>::open(&store, &plan)?;
+//!
+//!     let judgement = Judgement { verdict: Verdict::Pass.code(), ..Judgement::default() };
+//!     // In one thread neither side may wait for the other; in two, `verdicts.send(..)` would.
+//!     while !verdicts.try_send(RecordKind::Data, judgement, &[DamageCell::default()])? {
+//!         assert!(inbox.receive()?.is_none()); // the greeting is answered, not shown
+//!     }
+//!     let record = inbox.receive()?.expect("it was sent");
+//!     assert_eq!((record.header().verdict, record.len()), (Verdict::Pass.code(), 1));
+//! }
+//! address.clear()?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod clock;
 mod damage;

@@ -298,6 +298,15 @@ impl Line {
         Ok(())
     }
 
+    /// Notes what has been rung until now, without waiting.
+    pub(crate) fn listen(&self) -> Result<(), LineError> {
+        let note = |activation: EventActivation| self.rung.set(self.rung.get() | 1 << activation.id.as_value());
+        match self.bell.try_wait(note) {
+            Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
+            Err(error) => Err(LineError::shared(format!("listening to the bell of {}", self.role.name()), error)),
+        }
+    }
+
     /// Whether `signal` was rung since it was last asked for.
     pub fn take(&self, signal: Signal) -> bool {
         let rung = self.rung.get();

@@ -212,3 +212,64 @@ fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap]) -> 
     let digest = hasher.finalize();
     digest.iter().take(8).fold(0, |number, &byte| (number << 8) | u64::from(byte))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recording() -> Recording {
+        Recording {
+            sample_rate_hz: 41e3,
+            pre_trigger_samples: 400,
+            sample_count_max: 4096,
+            sample_format: SampleFormat::I16,
+            channels: vec![Channel::Force, Channel::Sound],
+        }
+    }
+
+    fn tap(station: u16, tyre: &str, shoulder: u16, location: u32) -> PlannedTap {
+        let id = TapId::new(station, Serial::new(tyre).unwrap(), shoulder, location);
+        PlannedTap { id, angle_deg: Some(f64::from(location) * 3.6), is_closing: location == 100 }
+    }
+
+    fn plan(taps: Vec<PlannedTap>) -> Result<Plan, PlanError> {
+        Plan::new(Geometry::Ring, recording(), taps, Truth::new())
+    }
+
+    #[test]
+    fn scans_are_formed_by_tyre_and_shoulder() {
+        let plan = plan(vec![tap(2, "B", 1, 5), tap(1, "A", 2, 0), tap(2, "B", 1, 3), tap(2, "B", 1, 100)]).unwrap();
+        assert_eq!(plan.scans().len(), 2);
+        assert_eq!(plan.scans()[0].taps, [0, 2, 3]);
+        assert_eq!(plan.scans()[0].locations.iter().map(|l| l.0).collect::<Vec<_>>(), [3, 5], "sorted, no closing tap");
+        assert_eq!(plan.scan_of_tap(), [0, 1, 0, 0]);
+        assert_eq!(plan.stations(), [1, 2]);
+    }
+
+    #[test]
+    fn what_is_no_plan_is_refused() {
+        assert_eq!(plan(vec![]), Err(PlanError::Empty));
+        let error = plan(vec![tap(1, "A", 1, 0), tap(1, "A", 1, 1), tap(1, "A", 1, 0)]).unwrap_err();
+        assert!(matches!(error, PlanError::Duplicate { first: 0, second: 2, .. }), "{error}");
+        let error = plan(vec![tap(1, "A", 1, 0), tap(2, "A", 1, 1)]).unwrap_err();
+        assert!(matches!(error, PlanError::TwoStations { first: 1, second: 2, .. }), "{error}");
+    }
+
+    /// Stages that would disagree on a row must notice: any change of what is planned changes the digest.
+    #[test]
+    fn the_digest_tells_plans_apart() {
+        let taps = || vec![tap(1, "A", 1, 0), tap(1, "A", 1, 1)];
+        let digest = plan(taps()).unwrap().digest();
+        assert_eq!(plan(taps()).unwrap().digest(), digest);
+        let mut changed = vec![taps(), taps(), taps()];
+        changed[0].swap(0, 1);
+        changed[1][0].angle_deg = None;
+        changed[2][1].id = changed[2][1].id.with_offset_mm(Some(0.0)).unwrap();
+        for taps in changed {
+            assert_ne!(plan(taps).unwrap().digest(), digest);
+        }
+        let other = Recording { sample_rate_hz: 41_001.0, ..recording() };
+        assert_ne!(Plan::new(Geometry::Ring, other, taps(), Truth::new()).unwrap().digest(), digest);
+        assert_ne!(Plan::new(Geometry::Line, recording(), taps(), Truth::new()).unwrap().digest(), digest);
+    }
+}

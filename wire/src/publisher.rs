@@ -185,6 +185,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         if !present.is_empty() && *self.greeted.borrow() == present {
             return Ok(true);
         }
+        self.line.listen()?;
         let is_complete =
             present.len() == T::SUBSCRIBERS.len() && T::SUBSCRIBERS.iter().all(|role| roles.contains(&role.name()));
         let is_asked =

@@ -161,3 +161,21 @@ impl<T: Topic> std::fmt::Debug for Received<T> {
         f.debug_struct("Received").field("topic", &T::NAME).field("header", self.header()).finish()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Law 2. Catches a gap that is counted twice, not at all, or against the wrong sender.
+    #[test]
+    fn a_gap_is_counted_once() {
+        let mut tally = Tally::default();
+        assert_eq!((tally.note("a", 7), tally.note("a", 8)), (0, 0), "the first record of a sender tells no gap");
+        assert_eq!(tally.note("b", 0), 0);
+        assert_eq!(tally.note("a", 11), 2);
+        assert_eq!(tally.note("a", 12), 0);
+        assert_eq!(tally.expect("b", 3), 2, "a greeting names the next number");
+        assert_eq!(tally.note("b", 3), 0);
+        assert_eq!(tally.lost(), 4);
+    }
+}

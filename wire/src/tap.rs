@@ -176,7 +176,7 @@ impl TapHeader {
     /// Bytes of samples behind this header.
     pub fn payload_bytes(&self) -> usize {
         let format = SampleFormat::from_code(self.sample_format).map_or(0, SampleFormat::bytes);
-        self.channel_count as usize * self.sample_count as usize * format
+        (self.channel_count as usize).saturating_mul(self.sample_count as usize).saturating_mul(format)
     }
 
     /// The channels in use, in the order of the samples; a code nobody knows ends the list.
@@ -240,4 +240,46 @@ pub fn i16_of_mut(lanes: &mut [Lane]) -> &mut [i16] {
 /// The lanes as floating-point samples, writable.
 pub fn f32_of_mut(lanes: &mut [Lane]) -> &mut [f32] {
     bytemuck::cast_slice_mut(lanes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(format: SampleFormat, channel_count: u32, sample_count: u32) -> TapHeader {
+        TapHeader { sample_format: format.code(), channel_count, sample_count, ..TapHeader::default() }
+    }
+
+    /// Law 3. Catches a view that copies, starts elsewhere, or takes the padding for samples.
+    #[test]
+    fn samples_are_seen_where_they_lie() {
+        let mut lanes = vec![Lane::default(); lanes_for(2 * 33 * 2)];
+        i16_of_mut(&mut lanes)[..66].copy_from_slice(&(0..66).collect::<Vec<i16>>());
+        let Some(Samples::I16(samples)) = Samples::view(&header(SampleFormat::I16, 2, 33), &lanes) else {
+            panic!("no view")
+        };
+        assert_eq!(samples, (0..66).collect::<Vec<i16>>());
+        assert_eq!(samples.as_ptr().cast::<Lane>(), lanes.as_ptr());
+        let Some(Samples::F32(samples)) = Samples::view(&header(SampleFormat::F32, 1, 3), &lanes) else {
+            panic!("no view")
+        };
+        assert_eq!(samples.len(), 3);
+    }
+
+    #[test]
+    fn a_header_that_promises_too_much_shows_nothing() {
+        let lanes = vec![Lane::default(); 2];
+        assert_eq!(Samples::view(&header(SampleFormat::I16, 2, 33), &lanes), None);
+        assert_eq!(Samples::view(&TapHeader { sample_format: 9, ..header(SampleFormat::I16, 1, 1) }, &lanes), None);
+        let huge = header(SampleFormat::F32, u32::MAX, u32::MAX);
+        assert_eq!(Samples::view(&huge, &lanes), None, "and does not overflow");
+        assert_eq!(huge.channels().count(), 0);
+    }
+
+    /// Samples must begin at the start of a cache line, and a lane must be one.
+    #[test]
+    fn a_lane_is_a_cache_line() {
+        assert_eq!((size_of::<Lane>(), align_of::<Lane>()), (LANE_BYTES, LANE_BYTES));
+        assert_eq!((lanes_for(0), lanes_for(1), lanes_for(64), lanes_for(65)), (0, 1, 1, 2));
+    }
 }

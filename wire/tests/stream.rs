@@ -1,5 +1,7 @@
 //! The laws of the stream that shared memory alone does not keep: late, restarted and killed participants.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
 use std::process::{Child, Command};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};

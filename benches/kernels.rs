@@ -1,0 +1,216 @@
+//! What each kernel costs per tap, beside a bare transform, a conversion and a copy of the same record.
+//!
+//! All kernels take turns in every round, so that what slows the machine down slows all of them; ratios are taken from
+//! one run. The lower quartile is the better figure on a busy machine: other work only ever slows down.
+#![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
+
+mod common;
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use anyhow::{Context as _, Result};
+use realfft::num_complex::Complex;
+use realfft::{RealFftPlanner, RealToComplex};
+use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use tapline_fuse::{FuseConfig, Fusion};
+use tapline_model::SimulationConfig;
+use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
+use tapline_wire::{Channel, ChannelHeader, Discriminators, Lane, SampleFormat, Samples, TapHeader, lanes_for};
+
+use common::{print_table, quantile};
+
+const ROUNDS: usize = 60;
+/// Taps a round, from all over the tyre: 4 MiB of records, more than the inner caches hold.
+const TAPS: usize = 64;
+/// Samples of one channel.
+const COUNT: usize = 16_384;
+
+/// One tap as the line has it, and its sound alone as another converter would give it.
+struct Tap {
+    row: u32,
+    header: TapHeader,
+    lanes: Vec<Lane>,
+    mono_header: TapHeader,
+    mono: Vec<f32>,
+}
+
+impl Tap {
+    fn counts(&self) -> &[i16] {
+        match Samples::view(&self.header, &self.lanes) {
+            Some(Samples::I16(counts)) => counts,
+            _ => &[],
+        }
+    }
+}
+
+/// A kernel, the taps it stands for in one call, and its times per tap in us.
+struct Kernel<'a> {
+    name: &'static str,
+    taps_per_call: usize,
+    call: Box<dyn FnMut() -> f64 + 'a>,
+    us_per_tap: Vec<f64>,
+}
+
+impl<'a> Kernel<'a> {
+    /// A kernel that takes one tap at a time.
+    fn of_each(name: &'static str, taps: &'a [Tap], mut each: impl FnMut(&'a Tap) -> f64 + 'a) -> Self {
+        let call = move || taps.iter().map(&mut each).sum();
+        Self { name, taps_per_call: taps.len(), call: Box::new(call), us_per_tap: Vec::new() }
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "a count of taps")]
+    fn time(&mut self) {
+        let begin = Instant::now();
+        black_box((self.call)());
+        self.us_per_tap.push(begin.elapsed().as_secs_f64() * 1e6 / self.taps_per_call as f64);
+    }
+}
+
+fn main() -> Result<()> {
+    let mut line = SimulatedLine::new(&ScanConfig::default(), &SimulationConfig::default())?;
+    let mut extractor = extractor(Precision::F32)?;
+    let (taps, records) = tyre(&mut line, &mut extractor)?;
+    let fusion = Fusion::new(&FuseConfig::default(), line.plan())?;
+    let mut kernels = yardsticks(&taps);
+    kernels.push(render(line, &taps));
+    kernels.push(extract("extract f32, force and sound i16", &taps, extractor, false));
+    kernels.push(extract("extract f64, force and sound i16", &taps, self::extractor(Precision::F64)?, false));
+    kernels.push(extract("extract f32, sound alone f32", &taps, self::extractor(Precision::F32)?, true));
+    kernels.push(extract("extract f64, sound alone f32", &taps, self::extractor(Precision::F64)?, true));
+    kernels.push(judge(fusion, &records));
+    for _ in 0..ROUNDS {
+        for kernel in &mut kernels {
+            kernel.time();
+        }
+    }
+    report(&mut kernels);
+    Ok(())
+}
+
+fn extractor(precision: Precision) -> Result<ProcessExtractor> {
+    Ok(ProcessExtractor::new(&ProcessConfig { precision, ..ProcessConfig::default() })?)
+}
+
+/// Some taps of a simulated tyre, and the discriminators of all of them.
+fn tyre(line: &mut SimulatedLine, extractor: &mut ProcessExtractor) -> Result<(Vec<Tap>, Vec<Discriminators>)> {
+    let plan = line.plan().clone();
+    let every = plan.taps().len() / TAPS;
+    let (mut taps, mut records) = (Vec::new(), Vec::new());
+    for row in 0..u32::try_from(plan.taps().len())? {
+        let mut header = TapHeader::default();
+        let mut lanes = vec![Lane::default(); lanes_for(plan.recording.payload_bytes_max())];
+        line.render(row, 0, &mut header, &mut lanes)?;
+        let samples = Samples::view(&header, &lanes).context("a simulated tap describes itself")?;
+        records.push(extractor.extract(&header, samples));
+        if (row as usize).is_multiple_of(every) && taps.len() < TAPS {
+            taps.push(with_mono(Tap { row, header, lanes, mono_header: header, mono: Vec::new() }));
+        }
+    }
+    Ok((taps, records))
+}
+
+/// Adds the sound alone, in volts.
+fn with_mono(mut tap: Tap) -> Tap {
+    let sound = tap.header.channels[1];
+    #[expect(clippy::cast_possible_truncation, reason = "a converter that gives f32 does the same")]
+    let volts = |&count: &i16| (f64::from(count) * sound.unit_per_count) as f32;
+    tap.mono = tap.counts()[COUNT..].iter().map(volts).collect();
+    tap.mono_header.channel_count = 1;
+    tap.mono_header.sample_format = SampleFormat::F32.code();
+    tap.mono_header.channels[0] =
+        ChannelHeader { code: Channel::Sound.code(), unit_per_count: 1.0, ..ChannelHeader::default() };
+    tap
+}
+
+fn yardsticks(taps: &[Tap]) -> Vec<Kernel<'_>> {
+    let fft = RealFftPlanner::<f32>::new().plan_fft_forward(COUNT);
+    let (mut signal, mut bins) = (fft.make_input_vec(), fft.make_output_vec());
+    let mut scratch = fft.make_scratch_vec();
+    let transform = move |tap: &Tap| {
+        signal.copy_from_slice(&tap.mono);
+        transform(fft.as_ref(), &mut signal, &mut bins, &mut scratch)
+    };
+    let mut floats = vec![0.0_f32; 2 * COUNT];
+    let convert = move |tap: &Tap| {
+        for (to, &from) in floats.iter_mut().zip(tap.counts()) {
+            *to = f32::from(from);
+        }
+        f64::from(black_box(&mut floats)[COUNT])
+    };
+    let mut copied = vec![0_i16; 2 * COUNT];
+    let copy = move |tap: &Tap| {
+        copied.copy_from_slice(tap.counts());
+        f64::from(black_box(&mut copied)[COUNT])
+    };
+    vec![
+        Kernel::of_each("yardstick: bare f32 transform of 16384", taps, transform),
+        Kernel::of_each("yardstick: i16 to f32 of the record", taps, convert),
+        Kernel::of_each("yardstick: copy of the record, 64 KiB", taps, copy),
+    ]
+}
+
+fn transform(
+    fft: &dyn RealToComplex<f32>,
+    signal: &mut [f32],
+    bins: &mut [Complex<f32>],
+    scratch: &mut [Complex<f32>],
+) -> f64 {
+    assert!(fft.process_with_scratch(signal, bins, scratch).is_ok(), "the lengths are the plan's own");
+    f64::from(black_box(bins)[1].re)
+}
+
+fn render(mut line: SimulatedLine, taps: &[Tap]) -> Kernel<'_> {
+    let mut lanes = taps[0].lanes.clone();
+    Kernel::of_each("simulate a tap, force and sound i16", taps, move |tap| {
+        let mut header = TapHeader::default();
+        assert!(line.render(tap.row, 0, &mut header, &mut lanes).is_ok(), "the row was rendered before");
+        header.velocity_measured_m_per_s
+    })
+}
+
+fn extract<'a>(name: &'static str, taps: &'a [Tap], mut extractor: ProcessExtractor, is_mono: bool) -> Kernel<'a> {
+    Kernel::of_each(name, taps, move |tap| {
+        let found = match is_mono {
+            true => extractor.extract(&tap.mono_header, Samples::F32(&tap.mono)),
+            false => extractor.extract(&tap.header, Samples::I16(tap.counts())),
+        };
+        f64::from(u8::from(black_box(found).quality.is_clean()))
+    })
+}
+
+/// The whole tyre: every record taken in, every scan ended and judged.
+fn judge(fusion: Fusion, records: &[Discriminators]) -> Kernel<'_> {
+    let mut fresh = vec![fusion; ROUNDS];
+    let call = move || {
+        let mut fusion = fresh.pop().expect("one a round");
+        let is_taken = records.iter().all(|record| fusion.push(record).is_ok());
+        let ended = (0..).take_while(|&scan| fusion.end(scan).is_ok()).count();
+        let judged = (0..ended).filter_map(|scan| fusion.judge(scan).ok()).map(|(_, cells)| cells.len());
+        assert!(is_taken && judged.sum::<usize>() == 200, "a tyre has two shoulders of 100 locations");
+        0.0
+    };
+    Kernel {
+        name: "fuse a tyre: take in, end, judge",
+        taps_per_call: records.len(),
+        call: Box::new(call),
+        us_per_tap: Vec::new(),
+    }
+}
+
+fn report(kernels: &mut [Kernel<'_>]) {
+    let rows: Vec<(&str, f64, f64)> = kernels
+        .iter_mut()
+        .map(|k| (k.name, quantile(&mut k.us_per_tap, 0.5), quantile(&mut k.us_per_tap, 0.25)))
+        .collect();
+    let (transform, copy) = (rows[0].2, rows[2].2);
+    let text: Vec<[String; 5]> = rows
+        .iter()
+        .map(|&(name, median, quartile)| {
+            let ratio = |to: f64| format!("{:.2}", quartile / to);
+            [name.to_owned(), format!("{median:.2}"), format!("{quartile:.2}"), ratio(transform), ratio(copy)]
+        })
+        .collect();
+    let title = format!("kernels, us per tap in {ROUNDS} rounds by turns; ratios of lower quartiles");
+    print_table(&title, ["kernel", "median", "lower quartile", "/ transform", "/ copy"], &text);
+}
