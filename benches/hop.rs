@@ -308,7 +308,9 @@ fn said_by(consumers: Vec<Child>) -> Result<[Said; 2]> {
         ensure!(output.status.success(), "a consumer failed ({})", output.status);
         let text = String::from_utf8(output.stdout)?;
         let words: Vec<&str> = text.split_whitespace().collect();
-        let &[count, bad, cpu_ns, last_ns, p50_us, p99_us] = words.as_slice() else { bail!("a consumer says {text:?}") };
+        let &[count, bad, cpu_ns, last_ns, p50_us, p99_us] = words.as_slice() else {
+            bail!("a consumer says {text:?}")
+        };
         said.push(Said {
             count: count.parse()?,
             bad: bad.parse()?,

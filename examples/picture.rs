@@ -90,7 +90,8 @@ fn draw(reader: &Reader) -> Result<String> {
     let mut svg = String::new();
     {
         let size = (units(f64::from(SIZE.0)), units(f64::from(SIZE.1)));
-        let area = SVGBackend::with_string(&mut svg, (size.0.unsigned_abs(), size.1.unsigned_abs())).into_drawing_area();
+        let area =
+            SVGBackend::with_string(&mut svg, (size.0.unsigned_abs(), size.1.unsigned_abs())).into_drawing_area();
         area.fill(&WHITE)?;
         title(&area, reader, damaged, taps[0].source)?;
         let greatest = damaged.peak.damage_index.ceil();
@@ -113,8 +114,9 @@ fn shoulders(reader: &Reader) -> Result<Vec<Shoulder<'_>>> {
         let known = cells.iter().filter(|cell| cell.damage_index.is_finite());
         let Some(highest) = known.clone().max_by(|a, b| a.damage_index.total_cmp(&b.damage_index)) else { continue };
         // The index has a ceiling that a whole crack reaches: its middle is the place to show.
-        let ceiling: Vec<&DamageCell> =
-            known.filter(|c| c.damage_index.total_cmp(&highest.damage_index).is_eq() && c.region == highest.region).collect();
+        let ceiling: Vec<&DamageCell> = known
+            .filter(|c| c.damage_index.total_cmp(&highest.damage_index).is_eq() && c.region == highest.region)
+            .collect();
         let peak = *ceiling[ceiling.len() / 2];
         shoulders.push(Shoulder { scan, judgement, cells, peak });
     }
@@ -152,8 +154,11 @@ fn tap_at(reader: &Reader, scan: &Scan, cell: &DamageCell, word: &str, color: RG
             taps.push((offset_mm, -velocity_m_per_s, d.values.get(tapline_wire::Discriminator::FMax), row));
         }
     }
-    taps.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.partial_cmp(&b.2).unwrap_or(a.3.cmp(&b.3))));
-    let alike = |t: &&(f64, f64, Option<f64>, u32)| t.0.total_cmp(&taps[0].0).is_eq() && t.1.total_cmp(&taps[0].1).is_eq();
+    taps.sort_by(|a, b| {
+        a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.partial_cmp(&b.2).unwrap_or(a.3.cmp(&b.3)))
+    });
+    let alike =
+        |t: &&(f64, f64, Option<f64>, u32)| t.0.total_cmp(&taps[0].0).is_eq() && t.1.total_cmp(&taps[0].1).is_eq();
     let count = taps.iter().take_while(alike).count();
     ensure!(count > 0, "location {} has no tap to show", cell.location);
     let row = taps[(count - 1) / 2].3;
@@ -396,6 +401,14 @@ fn font(size: f64, color: RGBColor, align: HPos, is_bold: bool) -> TextStyle<'st
     font.color(&color).pos(Pos::new(align, VPos::Center))
 }
 
-fn write(area: &Area<'_>, text: &str, place: Point, size: f64, color: RGBColor, align: HPos, is_bold: bool) -> Result<()> {
+fn write(
+    area: &Area<'_>,
+    text: &str,
+    place: Point,
+    size: f64,
+    color: RGBColor,
+    align: HPos,
+    is_bold: bool,
+) -> Result<()> {
     Ok(area.draw_text(text, &font(size, color, align, is_bold), at(place))?)
 }

@@ -7,4 +7,5 @@ mod cli;
 mod faults;
 mod recorded;
 mod rig;
+mod simulated;
 mod tapset;

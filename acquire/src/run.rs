@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
     Ledger, LedgerTopic, Line, LineError, Loan, Plan, Publisher, REASON_BYTES_MAX, RecordKind, ScanState, Stamp,
-    Subscriber, TapHeader, TapState, TapTopic, bytes_of_mut, lanes_for, now_ns,
+    Subscriber, TapHeader, TapState, TapTopic, bytes_of_mut, lanes_for, monotonic_ns,
 };
 
 use crate::{AcquireConfig, Refusal, Source};
@@ -141,7 +141,7 @@ impl<'a> Station<'a> {
         let mut loan = self.taps.loan(lanes_for(self.plan.recording.payload_bytes_max()))?;
         let rendered = loan.fill(|header, lanes| {
             let rendered = source.render(row, 0, header, lanes);
-            header.sent_ns = now_ns();
+            header.sent_ns = monotonic_ns();
             (rendered, *header)
         });
         match rendered {

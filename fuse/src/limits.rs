@@ -44,6 +44,11 @@ impl Limits {
         })
     }
 
+    /// Whether `index` lies as far below the centre as a suspect one lies above it.
+    pub(crate) fn is_mirrored(&self, index: f64) -> bool {
+        self.spread.centre - index >= self.re_inspect - self.spread.centre
+    }
+
     /// How many of the reference's spreads `index` lies above its centre.
     pub(crate) fn standardised(&self, index: f64) -> f64 {
         (index - self.spread.centre) / self.spread.sigma

@@ -12,6 +12,9 @@ use crate::{FuseConfig, IndexKind};
 /// costs twice as many and gains nothing.
 const TRIM_AT: f64 = 4.0;
 
+/// Fewest values, each with all of its neighbours in the reference, that the limits are taken from alone.
+const UNTOUCHED_MIN: usize = 16;
+
 /// Most rounds of trimming. Recorded and simulated sets settle within six.
 const TRIM_ROUNDS_MAX: usize = 10;
 
@@ -37,59 +40,113 @@ pub(crate) struct IndexMap {
     pub(crate) index: Vec<Option<f64>>,
     /// What the reference allows; `None` where it allows no statement.
     pub(crate) limits: Option<Limits>,
+    /// Whether locations lie as far below their own reference as damage lies above: then what is
+    /// cracked may be the rule, and what stands out the sound rest.
+    pub(crate) is_inverted: bool,
 }
 
 /// Which locations of each reference shoulder serve as reference.
 type Kept = Vec<Vec<bool>>;
 
+/// What a yardstick says of the reference shoulders themselves.
+#[derive(Debug, Clone)]
+struct Measured {
+    yardstick: Yardstick,
+    maps: Vec<Vec<Option<f64>>>,
+    limits: Option<Limits>,
+}
+
+/// Whether the index is taken with or without the step along the ring.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Step {
+    Alone,
+    AlongRing,
+}
+
 impl Comparison<'_> {
     /// The index map of the judged shoulder.
     pub(crate) fn map(&self, config: &FuseConfig) -> IndexMap {
-        let mut kept: Kept = self.reference.iter().map(|s| vec![true; s.ring.len()]).collect();
-        let (mut yardstick, mut maps, mut limits) = self.measure(config, &kept);
-        let is_trimmed = self.is_own && config.index == IndexKind::Robust;
-        for _ in 0..if is_trimmed { TRIM_ROUNDS_MAX } else { 0 } {
-            let Some(of_these) = limits else { break };
-            let next = trimmed(&maps, &of_these);
-            if next == kept || !is_majority(&next) {
+        let all: Kept = self.reference.iter().map(|s| vec![true; s.ring.len()]).collect();
+        let is_own = self.is_own && config.index == IndexKind::Robust;
+        let kept = if is_own {
+            // Location by location first: the step along the ring makes five cracked ones of three, and many narrow
+            // cracks would be the majority.
+            let alone = self.trimmed(config, &all, Step::Alone);
+            self.trimmed(config, &alone, Step::AlongRing)
+        } else {
+            all
+        };
+        let Measured { yardstick, maps, limits } = self.measure(config, &kept, Step::AlongRing);
+        let (locations, index) = indexed(config.index, Step::AlongRing, &yardstick, self.judged);
+        let is_below = |value: &f64| limits.is_some_and(|limits| limits.is_mirrored(*value));
+        let is_inverted = is_own && maps.iter().flatten().flatten().any(is_below);
+        IndexMap { locations, index, limits, is_inverted }
+    }
+
+    /// Those of `kept` that stay when the ones that stand out of them leave, round by round.
+    fn trimmed(&self, config: &FuseConfig, kept: &Kept, step: Step) -> Kept {
+        let mut now = kept.clone();
+        for _ in 0..TRIM_ROUNDS_MAX {
+            let measured = self.measure(config, &now, step);
+            let Some(limits) = measured.limits else { break };
+            let next = within(kept, &measured.maps, &limits);
+            if next == now || !is_majority(&next) {
                 break;
             }
-            kept = next;
-            (yardstick, maps, limits) = self.measure(config, &kept);
+            now = next;
         }
-        let (locations, index) = indexed(config.index, &yardstick, self.judged);
-        IndexMap { locations, index, limits }
+        now
     }
 
     /// The yardstick of the kept locations, the reference's maps by it, and the limits of the kept of them.
-    fn measure(&self, config: &FuseConfig, kept: &Kept) -> (Yardstick, Vec<Vec<Option<f64>>>, Option<Limits>) {
+    fn measure(&self, config: &FuseConfig, kept: &Kept, step: Step) -> Measured {
         let readings = self
             .reference
             .iter()
             .zip(kept)
             .flat_map(|(shoulder, kept)| shoulder.readings().iter().filter(|reading| kept[reading.place]));
         let yardstick = Yardstick::of(config, self.condition_count, readings);
-        let maps: Vec<_> = self.reference.iter().map(|s| indexed(config.index, &yardstick, s).1).collect();
-        let of_kept = maps.iter().zip(kept).flat_map(|(map, kept)| map.iter().zip(kept));
-        let mut values: Vec<f64> = of_kept.filter(|&(_, &kept)| kept).filter_map(|(&value, _)| value).collect();
+        let maps: Vec<_> = self.reference.iter().map(|s| indexed(config.index, step, &yardstick, s).1).collect();
+        let mut values = match step {
+            Step::Alone => selected(&maps, kept),
+            Step::AlongRing => {
+                // A neighbour that has left still speaks in the mean of three.
+                let amid = |(shoulder, kept): (&Shoulder, &Vec<bool>)| shoulder.ring.amid(kept);
+                let untouched = selected(&maps, &self.reference.iter().zip(kept).map(amid).collect());
+                if untouched.len() < UNTOUCHED_MIN { selected(&maps, kept) } else { untouched }
+            }
+        };
         let limits = Limits::of(config, &mut values);
-        (yardstick, maps, limits)
+        Measured { yardstick, maps, limits }
     }
 }
 
-fn indexed(kind: IndexKind, yardstick: &Yardstick, shoulder: &Shoulder) -> (Vec<LocationIndex>, Vec<Option<f64>>) {
+fn indexed(
+    kind: IndexKind,
+    step: Step,
+    yardstick: &Yardstick,
+    shoulder: &Shoulder,
+) -> (Vec<LocationIndex>, Vec<Option<f64>>) {
     let locations = shoulder.index(yardstick);
     let values: Vec<Option<f64>> = locations.iter().map(|l| l.value).collect();
-    let index = match kind {
-        IndexKind::Robust => shoulder.ring.mean_of_3(&values),
-        IndexKind::Dissertation => values,
+    let index = match (kind, step) {
+        (IndexKind::Robust, Step::AlongRing) => shoulder.ring.mean_of_3(&values),
+        (IndexKind::Robust, Step::Alone) | (IndexKind::Dissertation, _) => values,
     };
     (locations, index)
 }
 
-fn trimmed(maps: &[Vec<Option<f64>>], limits: &Limits) -> Kept {
-    let is_kept = |value: &Option<f64>| value.is_none_or(|v| limits.standardised(v) <= TRIM_AT);
-    maps.iter().map(|map| map.iter().map(is_kept).collect()).collect()
+/// Values of the places that are `kept`.
+fn selected(maps: &[Vec<Option<f64>>], kept: &Kept) -> Vec<f64> {
+    let of_kept = maps.iter().zip(kept).flat_map(|(map, kept)| map.iter().zip(kept));
+    of_kept.filter(|&(_, &kept)| kept).filter_map(|(&value, _)| value).collect()
+}
+
+/// Those of `kept` whose value does not stand out.
+fn within(kept: &Kept, maps: &[Vec<Option<f64>>], limits: &Limits) -> Kept {
+    let is_calm = |value: &Option<f64>| value.is_none_or(|v| limits.standardised(v) <= TRIM_AT);
+    let stays = |(&kept, value): (&bool, &Option<f64>)| kept && is_calm(value);
+    kept.iter().zip(maps).map(|(kept, map)| kept.iter().zip(map).map(stays).collect()).collect()
 }
 
 /// A reference of less than half its locations is none: then the cracks are the rule.

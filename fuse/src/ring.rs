@@ -64,6 +64,18 @@ impl Ring {
         (0..self.len()).map(mean).collect()
     }
 
+    /// Places that are `inside` with every neighbour of theirs.
+    ///
+    /// # Panics
+    /// If there are not as many flags as locations.
+    pub(crate) fn amid(&self, inside: &[bool]) -> Vec<bool> {
+        assert_eq!(inside.len(), self.len(), "one flag a location");
+        let is_inside = |p: Option<usize>| p.is_none_or(|p| inside[p]);
+        (0..self.len())
+            .map(|place| inside[place] && is_inside(self.previous(place)) && is_inside(self.next(place)))
+            .collect()
+    }
+
     /// Numbers, from 1 in ring order, of the maximal runs of neighbours whose value is at least `grow`
     /// and reaches `seed` somewhere; 0 outside of them.
     ///
@@ -158,6 +170,16 @@ mod tests {
         let line = Ring::of(Geometry::Line, &unknown, None);
         assert_eq!((line.previous(0), line.next(9), line.next(0)), (None, None, Some(1)));
         assert_eq!(Ring::of(Geometry::Ring, &[], None).len(), 0);
+    }
+
+    #[test]
+    fn amid_are_those_whose_neighbours_are_inside() {
+        // Catches a seam that is forgotten on a ring, or joined on a line.
+        let inside = [true, true, true, false, true];
+        assert_eq!(ring(5).amid(&inside), [true, true, false, false, false]);
+        let locations: Vec<_> = (0..5).map(|l| (l, None)).collect();
+        let line = Ring::of(Geometry::Line, &locations, None);
+        assert_eq!(line.amid(&inside), [true, true, false, false, false]);
     }
 
     #[test]

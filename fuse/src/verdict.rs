@@ -47,7 +47,7 @@ fn reasons_of(regions: &[u32], map: &IndexMap) -> Reasons {
         reasons.insert(Reasons::NO_INDEX);
         return reasons;
     };
-    if map.index.iter().all(Option::is_none) {
+    if map.is_inverted || map.index.iter().all(Option::is_none) {
         reasons.insert(Reasons::NO_INDEX);
     }
     for region in 1..=regions.iter().copied().max().unwrap_or(0) {

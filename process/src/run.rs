@@ -9,13 +9,16 @@ use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
     DiscriminatorTopic, Discriminators, Ledger, LedgerTopic, Line, LineError, Plan, Publisher, Quality, Received,
-    RecordKind, Rope, Samples, Stamp, Subscriber, TapHeader, TapTopic, Topic, now_ns,
+    RecordKind, Rope, Samples, Stamp, Subscriber, TapHeader, TapTopic, Topic, monotonic_ns,
 };
 
 use crate::{Error, ProcessConfig, ProcessExtractor};
 
 /// Most taps in hand at once; below what a subscriber may borrow.
 const IN_HAND_MAX: usize = TapTopic::BORROWED - 2;
+
+/// Longest latency told apart from longer ones.
+const LATENCY_MAX_US: u64 = 600_000_000;
 
 /// Why `process` cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -140,7 +143,7 @@ impl<'a> Hub<'a> {
             in_hand: 0,
             tap_count: 0,
             sample_bytes: 0,
-            latency_us: Histogram::new(3).expect("three significant digits are allowed"),
+            latency_us: latencies(),
             is_judged: false,
         })
     }
@@ -198,7 +201,7 @@ impl<'a> Hub<'a> {
         self.found.send(RecordKind::Data, Stamp::default(), &[done.record])?;
         self.tap_count += 1;
         self.sample_bytes += done.sample_bytes as u64;
-        let latency_us = u64::try_from((now_ns() - done.sent_ns) / 1000).unwrap_or(0);
+        let latency_us = u64::try_from((monotonic_ns() - done.sent_ns) / 1000).unwrap_or(0);
         self.latency_us.saturating_record(latency_us);
         Ok(())
     }
@@ -221,6 +224,11 @@ impl<'a> Hub<'a> {
     }
 }
 
+/// An empty histogram of latencies in us, to three digits.
+fn latencies() -> Histogram<u64> {
+    Histogram::new_with_bounds(1, LATENCY_MAX_US, 3).expect("these bounds are allowed")
+}
+
 fn refused(tap: &TapHeader) -> Discriminators {
     Discriminators {
         id: tap.id,
@@ -228,5 +236,22 @@ fn refused(tap: &TapHeader) -> Discriminators {
         quality: Quality::REFUSED,
         velocity_measured_m_per_s: f64::NAN,
         ..Discriminators::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a histogram that cuts what it is given to a range of its own.
+    #[test]
+    fn latencies_are_kept_to_three_digits() {
+        let mut latency_us = latencies();
+        for us in [70, 80, 5_000, 2_000_000, i64::MAX as u64] {
+            latency_us.saturating_record(us);
+        }
+        let at = |quantile| latency_us.value_at_quantile(quantile) as f64;
+        assert!((at(0.4) / 80.0 - 1.0).abs() < 1e-3 && (at(0.6) / 5e3 - 1.0).abs() < 1e-3);
+        assert!((at(0.8) / 2e6 - 1.0).abs() < 1e-3 && at(1.0) >= LATENCY_MAX_US as f64);
     }
 }

@@ -70,7 +70,7 @@ mod subscriber;
 mod tap;
 mod topic;
 
-pub use clock::now_ns;
+pub use clock::{monotonic_ns, now_ns};
 pub use damage::{DamageCell, Judgement, Reasons, Verdict};
 pub use discriminators::{Discriminator, Discriminators, Quality, Values};
 pub use id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};

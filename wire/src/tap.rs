@@ -148,7 +148,7 @@ pub struct TapHeader {
     pub plan_index: u32,
     /// When the impact happened, ns since the Unix epoch.
     pub tap_time_ns: i64,
-    /// When the record was sent, ns since the Unix epoch; telemetry, in no result.
+    /// When the record was sent, ns on [`crate::monotonic_ns`]'s clock; telemetry, in no result.
     pub sent_ns: i64,
     /// Samples per second and channel.
     pub sample_rate_hz: f64,

@@ -206,10 +206,12 @@ fn highest_of_sound(casing: &Casing, config: &FuseConfig, count: u64) -> Vec<f64
     let plan = casing.plan();
     let last = plan.scans().len() - 1;
     let highest = |seed| {
-        let mut fusion = whole(config, &plan, &records(casing, &plan, seed));
-        assert_eq!(fusion.judge(last).unwrap().0.reasons.bits() & Reasons::NO_INDEX.bits(), 0);
+        let fusion = whole(config, &plan, &records(casing, &plan, seed));
         let (_, map) = fusion.compare(config, last);
         let limits = map.limits.unwrap();
+        if map.is_inverted {
+            return f64::INFINITY; // a false call too
+        }
         map.index.iter().flatten().map(|&i| limits.standardised(i)).max_by(f64::total_cmp).unwrap()
     };
     let mut highest: Vec<f64> = (0..count).map(highest).collect();
@@ -300,6 +302,37 @@ fn damage_is_found_where_it_is_the_rule() {
     let mut named = whole(&FuseConfig { reference, ..FuseConfig::default() }, &plan, &records(&casing, &plan, 2));
     assert_eq!(verdict(&named.judge(0).unwrap().0), Verdict::Reject);
     assert_eq!(verdict(&named.judge(1).unwrap().0), Verdict::Pass);
+}
+
+#[test]
+fn many_narrow_cracks_do_not_become_the_rule() {
+    // Catches trimming that sees only means of three: of 14 cracks of 3 on each ring they make 70 locations of 100.
+    let narrow = |shoulder| (0..14).map(move |k| (shoulder, 7 * k..7 * k + 3));
+    let cracks = narrow(1).chain(narrow(2)).collect();
+    let casing = Casing { shoulder_count: 2, cracks, shift: 5.0, location_sd: 0.2, ..Casing::default() };
+    let plan = casing.plan();
+    for seed in 0..8 {
+        let mut fusion = whole(&FuseConfig::default(), &plan, &records(&casing, &plan, seed));
+        for scan in [0, 1] {
+            let (judgement, cells) = fusion.judge(scan).unwrap();
+            assert_eq!(verdict(&judgement), Verdict::Reject, "{seed} {}", judgement.reasons);
+            assert!(cells.iter().all(|c| c.region > 0 || c.location >= 98 || c.location % 7 > 2), "{seed}");
+        }
+    }
+}
+
+#[test]
+fn a_tyre_that_is_mostly_cracked_does_not_pass() {
+    // Catches a reference made of cracks by which the sound rest, lying below it, is all there is to see.
+    let cracks = vec![(1, 10..75), (2, 30..95)];
+    let casing = Casing { shoulder_count: 2, cracks, shift: 6.0, ..Casing::default() };
+    let plan = casing.plan();
+    let mut fusion = whole(&FuseConfig::default(), &plan, &records(&casing, &plan, 5));
+    for scan in [0, 1] {
+        let judgement = fusion.judge(scan).unwrap().0;
+        assert_eq!(verdict(&judgement), Verdict::ReInspect, "{}", judgement.reasons);
+        assert!(judgement.reasons.contains(Reasons::NO_INDEX));
+    }
 }
 
 #[test]
