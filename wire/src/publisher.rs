@@ -181,10 +181,10 @@ impl<'l, T: Topic> Publisher<'l, T> {
         if T::SUBSCRIBERS.is_empty() {
             return Ok(true);
         }
-        let (present, roles) = self.subscribers();
-        if !present.is_empty() && *self.greeted.borrow() == present {
+        if self.are_as_greeted() {
             return Ok(true);
         }
+        let (present, roles) = self.subscribers();
         self.line.listen()?;
         let is_complete =
             present.len() == T::SUBSCRIBERS.len() && T::SUBSCRIBERS.iter().all(|role| roles.contains(&role.name()));
@@ -223,6 +223,18 @@ impl<'l, T: Topic> Publisher<'l, T> {
             Err(error) => return Err(error),
         }
         Ok(())
+    }
+
+    /// Whether those who subscribe now are exactly those who have said READY; asked before every record.
+    fn are_as_greeted(&self) -> bool {
+        let greeted = self.greeted.borrow();
+        let (mut count, mut all_known) = (0, !greeted.is_empty());
+        self.service.dynamic_config().list_subscribers(|details| {
+            count += 1;
+            all_known &= greeted.contains(&details.subscriber_id);
+            CallbackProgression::Continue
+        });
+        all_known && count == greeted.len()
     }
 
     /// Those who subscribe to the topic now, and the names of their roles.
