@@ -35,4 +35,4 @@ gates: setup
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --document-private-items
 
 bench: setup
-	cargo bench
+	cargo bench --bench '*'

@@ -2,7 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::time::{Duration, Instant};
 
 use iceoryx2::identifiers::UniqueSubscriberId;
@@ -14,7 +14,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service_;
 
 use crate::line::{Svc, reap_now};
 use crate::topic::{LOANED, port_limits, publisher_bytes};
-use crate::{Line, LineError, Plan, RecordKind, Role, Signal, Stamped, Topic, room};
+use crate::{Line, LineError, Plan, RecordKind, Role, Signal, Stamped, Topic, monotonic_ns, room};
 
 pub(crate) type Service<T> = Service_<Svc, [<T as Topic>::Element], <T as Topic>::Header>;
 
@@ -56,6 +56,10 @@ pub struct Publisher<'l, T: Topic> {
     may_block: Arc<AtomicBool>,
 }
 
+/// How long one may be kept waiting before the dead are looked for, and how often then.
+const REAP_AFTER: Duration = Duration::from_millis(20);
+const REAP_MS: i64 = 50;
+
 /// How long a greeting may go unanswered before it is sent again.
 const GREET_AGAIN: Duration = Duration::from_secs(1);
 
@@ -72,6 +76,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         let service = open::<T>(line, plan)?;
         let elements_max = T::elements_max(plan);
         let may_block = Arc::new(AtomicBool::new(true));
+        let reaped_ms = AtomicI64::new(0);
         let (handler_may_block, stop, config) = (may_block.clone(), line.stop().clone(), line.config().clone());
         let port = service
             .publisher_builder()
@@ -83,10 +88,12 @@ impl<'l, T: Topic> Publisher<'l, T> {
                     return BackpressureAction::DiscardDataAndFail;
                 }
                 // Who blocks us may be dead, and then only a reaper lets us go on.
-                if info.retries % 16 == 15 {
+                let now_ms = monotonic_ns() / 1_000_000;
+                if info.elapsed_time > REAP_AFTER && now_ms - reaped_ms.load(Ordering::Relaxed) > REAP_MS {
                     reap_now(&config);
+                    reaped_ms.store(now_ms, Ordering::Relaxed);
                 }
-                std::thread::sleep(Duration::from_micros(if info.retries < 16 { 100 } else { 2_000 }));
+                std::thread::sleep(Duration::from_micros(if info.retries < 16 { 100 } else { 400 }));
                 BackpressureAction::Retry
             })
             .create()

@@ -72,7 +72,8 @@ impl Topic for TapTopic {
     type Element = Lane;
     const NAME: &'static str = "tapline/tap";
     const SUBSCRIBERS: &'static [Role] = &[Role::Process, Role::Store];
-    const BUFFER: usize = 8;
+    // 16 against 8: a station rides out one flush of the archive, and the samples of two still fit a cache of 2 MiB.
+    const BUFFER: usize = 16;
     const BORROWED: usize = 16;
 
     fn sender(stamp: &Stamp) -> Role {
