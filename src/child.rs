@@ -3,19 +3,14 @@
 use std::io::Read as _;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::stage::StageReport;
 
-/// A stage that dies this soon after its start, this often in a row, will not live.
-const SHORT_LIFE: Duration = Duration::from_secs(2);
-const SHORT_LIVES_MAX: u32 = 5;
-
-/// How long a stage may take to end after it was told to.
-const END_WITHIN: Duration = Duration::from_secs(20);
+/// A stage that is restarted this often without a single tap being settled in between will not live.
+const RESTARTS_MAX: u32 = 10;
 
 /// A stage of the line, through all its lives.
 #[derive(Debug)]
@@ -23,8 +18,7 @@ pub(crate) struct Stage {
     name: String,
     arguments: Vec<String>,
     child: Option<Child>,
-    started_at: Instant,
-    short_lives: u32,
+    fruitless_restarts: u32,
     pub(crate) restart_count: u32,
     pub(crate) report: Option<StageReport>,
 }
@@ -32,22 +26,15 @@ pub(crate) struct Stage {
 impl Stage {
     /// Starts `tapline` with `arguments` as the stage called `name`.
     pub(crate) fn start(name: String, arguments: Vec<String>) -> Result<Self> {
-        let mut stage = Self {
-            name,
-            arguments,
-            child: None,
-            started_at: Instant::now(),
-            short_lives: 0,
-            restart_count: 0,
-            report: None,
-        };
+        let mut stage = Self { name, arguments, child: None, fruitless_restarts: 0, restart_count: 0, report: None };
         stage.spawn()?;
         Ok(stage)
     }
 
     fn spawn(&mut self) -> Result<()> {
-        let program = std::env::current_exe().context("cannot find this program")?;
-        let child = Command::new(program)
+        // This very program, also when its file has been replaced meanwhile.
+        let child = Command::new("/proc/self/exe")
+            .arg0("tapline")
             .args(&self.arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -56,7 +43,6 @@ impl Stage {
             .spawn()
             .with_context(|| format!("cannot start {}", self.name))?;
         self.child = Some(child);
-        self.started_at = Instant::now();
         Ok(())
     }
 
@@ -68,9 +54,9 @@ impl Stage {
         self.child.is_some()
     }
 
-    /// Looks whether the stage has ended: its report is kept if it ended well, it is restarted if it was killed.
+    /// Looks whether the stage has ended. If it ended before its work was done and `may_restart`, it is started again.
     ///
-    /// Fails when the stage failed by itself, or is killed again and again.
+    /// Fails when the stage failed by itself, or ends again and again.
     pub(crate) fn tend(&mut self, may_restart: bool) -> Result<()> {
         let Some(child) = &mut self.child else { return Ok(()) };
         let status = child.try_wait().with_context(|| format!("cannot watch {}", self.name))?;
@@ -80,28 +66,32 @@ impl Stage {
             stdout.read_to_string(&mut said).with_context(|| format!("cannot read what {} reports", self.name))?;
         }
         self.child = None;
-        if let Some(signal) = status.signal() {
-            if !may_restart {
-                tracing::warn!(stage = self.name, signal, "was killed");
-                return Ok(());
-            }
-            return self.restart(signal);
-        }
         self.report = said.lines().last().and_then(|line| serde_json::from_str(line).ok());
-        if self.report.is_none() {
-            bail!("{} failed ({status})", self.name);
+        match (&self.report, status.signal()) {
+            (Some(report), _) if report.is_complete() || !may_restart => Ok(()),
+            (Some(_), _) => self.restart("was told to end by another"),
+            (None, Some(signal)) if may_restart => self.restart(&format!("was killed by signal {signal}")),
+            (None, Some(signal)) => {
+                tracing::warn!(stage = self.name, signal, "was killed");
+                Ok(())
+            }
+            (None, None) => bail!("{} failed ({status})", self.name),
         }
-        Ok(())
     }
 
-    fn restart(&mut self, signal: i32) -> Result<()> {
-        self.short_lives = if self.started_at.elapsed() < SHORT_LIFE { self.short_lives + 1 } else { 0 };
-        if self.short_lives >= SHORT_LIVES_MAX {
-            bail!("{} was killed by signal {signal} {SHORT_LIVES_MAX} times within seconds of its start", self.name);
+    fn restart(&mut self, why: &str) -> Result<()> {
+        if self.fruitless_restarts >= RESTARTS_MAX {
+            bail!("{} {why}, {RESTARTS_MAX} times without a tap being archived in between", self.name);
         }
-        tracing::error!(stage = self.name, signal, "was killed; it is started again");
+        tracing::error!(stage = self.name, "{why}; it is started again");
+        self.fruitless_restarts += 1;
         self.restart_count += 1;
         self.spawn()
+    }
+
+    /// Notes that the line gets on: restarts until now were not fruitless.
+    pub(crate) fn note_progress(&mut self) {
+        self.fruitless_restarts = 0;
     }
 
     /// Asks the stage to end.
@@ -109,18 +99,10 @@ impl Stage {
         self.signal(Signal::TERM);
     }
 
-    /// Waits until the stage has ended, and ends it by force when it takes too long.
-    pub(crate) fn wait_for_end(&mut self) -> Result<()> {
-        let since = Instant::now();
-        while self.is_running() {
-            self.tend(false)?;
-            if since.elapsed() > END_WITHIN {
-                tracing::error!(stage = self.name, "does not end; it is killed");
-                self.signal(Signal::KILL);
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        Ok(())
+    /// Ends the stage by force.
+    pub(crate) fn kill(&self) {
+        tracing::error!(stage = self.name, "does not end; it is killed");
+        self.signal(Signal::KILL);
     }
 
     fn signal(&self, signal: Signal) {

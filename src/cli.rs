@@ -94,9 +94,9 @@ pub(crate) struct LineArgs {
     /// Name of the line: stages with the same name meet. Letters, digits and '-'.
     #[arg(long, default_value = "line")]
     pub(crate) line: String,
-    /// End when the process that started this one ends.
+    /// Number of the process that started this one, with which it ends.
     #[arg(long, hide = true)]
-    pub(crate) child: bool,
+    pub(crate) child: Option<i32>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

@@ -1,6 +1,7 @@
 //! `tapline run`: a whole line, from the first tap to the table of verdicts.
 
 use std::fs::{self, File};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +10,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use tapline_fuse::Fusion;
 use tapline_store::Reader;
-use tapline_wire::{Ledger, LedgerTopic, Line, LineAddress, Plan, Role, Subscriber, TapState, line_bytes, room};
+use tapline_wire::{
+    Ledger, LedgerTopic, Line, LineAddress, Plan, Role, Services, Subscriber, TapState, line_bytes, room,
+};
 
 use crate::child::Stage;
 use crate::cli::RunArgs;
@@ -17,6 +20,15 @@ use crate::config::Job;
 use crate::progress::Progress;
 use crate::stage::stop_flag;
 use crate::summary::{Pace, summarise};
+
+/// `store`, `fuse` and `process`, in this order, come before the sources.
+const DOWNSTREAM: usize = 3;
+
+/// How long a stage may take to end after it was told to.
+const END_WITHIN: Duration = Duration::from_secs(20);
+
+/// How long stages of an earlier line may take to end with it.
+const GONE_WITHIN: Duration = Duration::from_secs(10);
 
 /// How often the stages and the ledger are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -28,10 +40,16 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     Fusion::new(&job.config.fuse, &plan)?;
     let lock = Lock::take(&job.out)?;
     let pace = match settled_before(&job, &plan)? {
-        None => Pace::default(),
+        None => {
+            Workplace::prepare(&job, &plan)?; // clears away what a line that was killed at its very end has left
+            Pace::default()
+        }
         Some(settled) => {
             let workplace = Workplace::prepare(&job, &plan)?;
-            Run::start(&job, args, &plan, &workplace, settled)?.until_done()?
+            // The watcher stays to the end, also when the stages are told to stop.
+            let watch = Line::join(&workplace.address, Role::Watch, &plan, Arc::default())?;
+            let _services = Services::open(&watch, &plan)?;
+            Run::start(&job, args, &plan, &workplace, settled)?.until_done(&watch, &plan)?
         }
     };
     drop(lock);
@@ -97,7 +115,13 @@ impl Workplace {
         // One archive, one name: what a line that died has left is found and cleared by the next.
         let name = format!("{:016x}", fnv_1a(absolute(&job.out)?.as_os_str().as_encoded_bytes()));
         let address = LineAddress::new(&name);
-        address.clear()?;
+        let since = Instant::now();
+        while !address.clear()? {
+            if since.elapsed() > GONE_WITHIN {
+                bail!("stages of an earlier line on {} still run: end them first (ps shows them)", job.out.display());
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
         room::check("this line", line_bytes(plan))?;
         fs::create_dir_all(&address.root).with_context(|| format!("cannot create {}", address.root.display()))?;
         // Stages read this copy, also when they are restarted after the original has been edited.
@@ -109,8 +133,10 @@ impl Workplace {
 
 impl Drop for Workplace {
     fn drop(&mut self) {
-        if let Err(error) = self.address.clear() {
-            tracing::warn!(%error, "cannot clear away the line's shared memory");
+        match self.address.clear() {
+            Ok(true) => {}
+            Ok(false) => tracing::warn!("someone still uses the line's shared memory; the next run clears it away"),
+            Err(error) => tracing::warn!(%error, "cannot clear away the line's shared memory"),
         }
     }
 }
@@ -125,11 +151,9 @@ fn fnv_1a(bytes: &[u8]) -> u64 {
 }
 
 /// A line that is running.
-struct Run<'a> {
+struct Run {
     // Dropped first: no stage may be left when the workplace is cleared.
     stages: Vec<Stage>,
-    watch: Line,
-    plan: &'a Plan,
     stop: Arc<AtomicBool>,
     progress: Progress,
     /// Taps that were settled before this run.
@@ -138,11 +162,9 @@ struct Run<'a> {
     span: Option<(Instant, Instant)>,
 }
 
-impl<'a> Run<'a> {
-    fn start(job: &Job, args: &RunArgs, plan: &'a Plan, workplace: &Workplace, settled_before: usize) -> Result<Self> {
+impl Run {
+    fn start(job: &Job, args: &RunArgs, plan: &Plan, workplace: &Workplace, settled_before: usize) -> Result<Self> {
         let stop = stop_flag()?;
-        // The watcher stays to the end, also when the stages are told to stop.
-        let watch = Line::join(&workplace.address, Role::Watch, plan.digest(), Arc::default())?;
         let common = stage_arguments(job, args, workplace)?;
         // Downstream first, so that nobody sends to no one.
         let mut stages = Vec::new();
@@ -154,60 +176,72 @@ impl<'a> Run<'a> {
             stages.push(Stage::start(format!("acquire {station}"), [own, common.clone()].concat())?);
         }
         let progress = Progress::new(plan.taps().len(), &job.out);
-        Ok(Self { stages, watch, plan, stop, progress, settled_before, span: None })
+        Ok(Self { stages, stop, progress, settled_before, span: None })
     }
 
-    fn until_done(mut self) -> Result<Pace> {
-        let is_whole = self.watch_over()?;
-        if !is_whole {
+    fn until_done(mut self, watch: &Line, plan: &Plan) -> Result<Pace> {
+        let is_over = self.watch_over(watch, plan)?;
+        if !is_over {
             self.progress.say("stopping: waiting for what is under way to be archived");
-            self.end_in_order()?;
+            // The sources first; while they wait for what they sent, whoever dies downstream is still replaced.
+            self.end(DOWNSTREAM..self.stages.len())?;
         }
-        for stage in &mut self.stages {
-            stage.wait_for_end()?;
+        for number in (0..DOWNSTREAM).rev() {
+            self.end(number..number + 1)?;
         }
+        self.end(0..self.stages.len())?;
         self.progress.finish();
         Ok(self.pace())
     }
 
-    /// Tends the stages until all have ended by themselves; false as soon as the run is to stop.
-    fn watch_over(&mut self) -> Result<bool> {
-        let snapshots = Subscriber::<LedgerTopic>::open(&self.watch, self.plan)?;
-        while self.stages.iter().any(Stage::is_running) {
+    /// Tends the stages until every scan is judged and `store` has ended; false as soon as the run is to stop.
+    fn watch_over(&mut self, watch: &Line, plan: &Plan) -> Result<bool> {
+        let snapshots = Subscriber::<LedgerTopic>::open(watch, plan)?;
+        let mut is_judged = false;
+        while self.stages[0].is_running() {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(false);
             }
-            self.watch.wait(LOOK_EVERY)?;
-            if let Some(snapshot) = snapshots.receive_newest()? {
-                let header = snapshot.header();
-                let settled = (header.archived_count + header.refused_count) as usize;
-                let now = Instant::now();
-                let (first, last) = self.span.get_or_insert((now, now));
-                if self.progress.update(settled, settled.saturating_sub(self.settled_before), *first) {
-                    *last = now;
-                }
+            watch.wait(LOOK_EVERY)?;
+            if let Some(snapshot) = snapshots.receive_newest()?
+                && let Some(ledger) = Ledger::decode(snapshot.header(), &snapshot)
+            {
+                is_judged = ledger.is_judged();
+                self.note(settled_count(&ledger));
             }
-            let is_store_done = !self.stages[0].is_running();
             for stage in &mut self.stages {
-                // When the archive is finished, whoever is killed has nothing left to do.
-                stage.tend(!is_store_done)?;
+                // When all is judged, whoever is killed has nothing left to do.
+                stage.tend(!is_judged)?;
             }
         }
         Ok(true)
     }
 
-    /// Ends the sources first, then each stage once what was sent to it has arrived.
-    fn end_in_order(&mut self) -> Result<()> {
-        let (downstream, sources) = self.stages.split_at_mut(3);
-        for source in sources.iter() {
-            source.ask_to_end();
+    fn note(&mut self, settled: usize) {
+        let now = Instant::now();
+        let (first, last) = self.span.get_or_insert((now, now));
+        if self.progress.update(settled, settled.saturating_sub(self.settled_before), *first) {
+            *last = now;
+            self.stages.iter_mut().for_each(Stage::note_progress);
         }
-        for source in sources {
-            source.wait_for_end()?;
-        }
-        for stage in downstream.iter_mut().rev() {
+    }
+
+    /// Asks some stages to end, those that have not, and waits for them; the others are tended meanwhile.
+    fn end(&mut self, which: Range<usize>) -> Result<()> {
+        let since = Instant::now();
+        for stage in &self.stages[which.clone()] {
             stage.ask_to_end();
-            stage.wait_for_end()?;
+        }
+        while self.stages[which.clone()].iter().any(Stage::is_running) {
+            let is_store_there = self.stages[0].is_running();
+            for (number, stage) in self.stages.iter_mut().enumerate() {
+                let may_restart = number < which.start && is_store_there;
+                stage.tend(may_restart)?;
+                if which.contains(&number) && stage.is_running() && since.elapsed() > END_WITHIN {
+                    stage.kill();
+                }
+            }
+            std::thread::sleep(Duration::from_millis(10));
         }
         Ok(())
     }
@@ -232,7 +266,8 @@ fn stage_arguments(job: &Job, args: &RunArgs, workplace: &Workplace) -> Result<V
         let path = absolute(path)?;
         path.to_str().map(ToOwned::to_owned).with_context(|| format!("{} is not valid UTF-8", path.display()))
     };
-    let mut arguments = vec!["--child".to_owned(), "--line".to_owned(), workplace.name.clone()];
+    let mut arguments =
+        vec!["--child".to_owned(), std::process::id().to_string(), "--line".to_owned(), workplace.name.clone()];
     arguments.extend(["--config".to_owned(), text(&workplace.config)?, "--out".to_owned(), text(&job.out)?]);
     if let Some(taps) = &job.taps {
         arguments.extend(["--taps".to_owned(), text(taps)?]);

@@ -22,6 +22,18 @@ pub(crate) struct StageReport {
     pub(crate) peak_memory_bytes: u64,
 }
 
+impl StageReport {
+    /// Whether the stage had nothing left to do.
+    pub(crate) fn is_complete(&self) -> bool {
+        match &self.work {
+            Work::Acquire(work) => work.is_complete,
+            Work::Process(work) => work.is_complete,
+            Work::Fuse(work) => work.is_complete,
+            Work::Store(work) => work.is_complete,
+        }
+    }
+}
+
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(tag = "stage", rename_all = "lowercase")]
 pub(crate) enum Work {
@@ -32,6 +44,7 @@ pub(crate) enum Work {
 }
 
 pub(crate) fn acquire(args: &LineArgs, station: u16) -> Result<bool> {
+    follow_parent(args)?;
     let job = Job::resolve(&args.source)?;
     let mut source = job.source()?;
     let stations = source.plan().stations();
@@ -44,6 +57,7 @@ pub(crate) fn acquire(args: &LineArgs, station: u16) -> Result<bool> {
 }
 
 pub(crate) fn process(args: &LineArgs) -> Result<bool> {
+    follow_parent(args)?;
     let job = Job::resolve(&args.source)?;
     let plan = job.source()?.plan().clone();
     let line = join(args, Role::Process, &plan)?;
@@ -51,6 +65,7 @@ pub(crate) fn process(args: &LineArgs) -> Result<bool> {
 }
 
 pub(crate) fn fuse(args: &LineArgs) -> Result<bool> {
+    follow_parent(args)?;
     let job = Job::resolve(&args.source)?;
     let plan = job.source()?.plan().clone();
     let line = join(args, Role::Fuse, &plan)?;
@@ -58,6 +73,7 @@ pub(crate) fn fuse(args: &LineArgs) -> Result<bool> {
 }
 
 pub(crate) fn store(args: &LineArgs) -> Result<bool> {
+    follow_parent(args)?;
     let job = Job::resolve(&args.source)?;
     let plan = job.source()?.plan().clone();
     let writer = Writer::open_or_create(&job.out, &plan, &job.config_toml)?;
@@ -70,12 +86,20 @@ fn join(args: &LineArgs, role: Role, plan: &Plan) -> Result<Line> {
     if args.line.is_empty() || args.line.len() > 40 || !args.line.chars().all(is_name) {
         bail!("--line is {:?}; it must be 1 to 40 letters, digits and '-'", args.line);
     }
-    if args.child {
-        let signal = rustix::process::Signal::TERM;
-        rustix::process::set_parent_process_death_signal(Some(signal)).context("cannot ask to end with the line")?;
-    }
-    let line = Line::join(&LineAddress::new(&args.line), role, plan.digest(), stop_flag()?)?;
+    let line = Line::join(&LineAddress::new(&args.line), role, plan, stop_flag()?)?;
     Ok(line)
+}
+
+/// Ends this process when the line that started it ends. The first thing a child does: a line that is killed while its
+/// children still start must not leave them behind.
+fn follow_parent(args: &LineArgs) -> Result<()> {
+    use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+    let Some(parent) = args.child else { return Ok(()) };
+    set_parent_process_death_signal(Some(Signal::TERM)).context("cannot ask to end with the line")?;
+    if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() != parent) {
+        bail!("the line that started this stage (process {parent}) has ended");
+    }
+    Ok(())
 }
 
 /// A flag that SIGTERM and SIGINT set.
@@ -88,14 +112,10 @@ pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>> {
 }
 
 fn report(work: Work) -> Result<bool> {
-    let is_whole = match &work {
-        Work::Acquire(outcome) => outcome.is_complete,
-        _ => true,
-    };
     let report = StageReport { work, peak_memory_bytes: peak_memory_bytes() };
     let line = serde_json::to_string(&report)?;
     writeln!(std::io::stdout(), "{line}").context("cannot report")?;
-    Ok(is_whole)
+    Ok(report.is_complete())
 }
 
 /// Most memory this process had, 0 where the system does not tell.

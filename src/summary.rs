@@ -71,6 +71,7 @@ struct PaceLine {
     latency_p99_us: u64,
     gaps: u64,
     conflicts: u64,
+    sent: u64,
     sent_again: u64,
     restarts: u32,
     peak_memory_mb: Vec<(String, f64)>,
@@ -166,6 +167,7 @@ fn pace_line(pace: &Pace, settled: usize) -> PaceLine {
         let name = match &report.work {
             Work::Acquire(work) => {
                 line.gb_per_s += per_s(work.sample_bytes as f64 / 1e9);
+                line.sent += work.sent_count;
                 line.sent_again += work.resent_count;
                 format!("acquire {}", work.station)
             }

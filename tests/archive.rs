@@ -86,7 +86,8 @@ fn results_depend_on_nothing_but_their_input() {
 fn stages_run_alone() {
     let rig = rig();
     rig.run("run --config scan.toml --stations 2 --out whole.h5").expect(0);
-    let common = format!("--config scan.toml --stations 2 --out alone.h5 --line alone-{}", std::process::id());
+    let name = format!("alone-{}", std::process::id());
+    let common = format!("--config scan.toml --stations 2 --out alone.h5 --line {name}");
     let verbs = ["acquire --station 2", "fuse", "process", "acquire --station 1", "store"];
     let stages: Vec<_> = verbs.iter().map(|verb| rig.start(&format!("{verb} {common}"))).collect();
     for (verb, stage) in verbs.iter().zip(stages) {
@@ -95,6 +96,7 @@ fn stages_run_alone() {
         assert_eq!(report["stage"], verb.split(' ').next().unwrap());
     }
     assert_same(&contents(&rig.path("alone.h5")), &contents(&rig.path("whole.h5")));
+    assert!(tapline_wire::LineAddress::new(&name).clear().unwrap());
 }
 
 /// A finished archive is not taken for another scan's.

@@ -52,7 +52,7 @@ fn kill_and_compare(victims: &[&str]) {
     assert_eq!(summary["is_whole"], true);
     assert_eq!(summary["pace"]["restarts"], victims.len());
     assert_same(&contents(&rig.path("paced.h5")), &expected);
-    assert_eq!(rig.shared_memory_of("paced.h5"), Vec::<String>::new());
+    assert_eq!(rig.left_by("paced.h5"), Vec::<String>::new());
     rig.run("verify paced.h5").expect(0);
 }
 
@@ -98,6 +98,96 @@ fn every_stage_is_killed_in_one_run() {
     }
     finish(line).expect(0);
     assert_same(&contents(&rig.path("paced.h5")), &expected);
+    assert_eq!(rig.left_by("paced.h5"), Vec::<String>::new());
+    rig.run("verify paced.h5").expect(0);
+}
+
+/// Killed when all is sent or nearly so, a stage must not hold up the end.
+#[test]
+fn stages_are_killed_at_the_end() {
+    for (words, when) in
+        [("process", 0.9), ("fuse", 0.97), ("store", 0.99), ("acquire --station 1", 1.0), ("fuse", 1.0)]
+    {
+        let rig = Rig::new();
+        rig.write("paced.toml", &format!("{SCAN}{PACE}"));
+        let line = rig.start("run --config paced.toml --out paced.h5 --json");
+        let pid = stage(&line, words);
+        // 164 taps of each station at 110 a second.
+        std::thread::sleep(Duration::from_secs_f32(when * 164.0 / 110.0));
+        if let Err(error) = rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), Signal::KILL) {
+            eprintln!("{words} was gone already: {error}");
+        }
+        finish(line).expect(0);
+        rig.run("verify paced.h5").expect(0);
+        assert_eq!(rig.left_by("paced.h5"), Vec::<String>::new());
+    }
+}
+
+/// A stage that someone tells to end, as a service manager might, is as good as killed: the line starts it again.
+#[test]
+fn stages_that_are_told_to_end_are_started_again() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    let line = start(&rig);
+    for words in ["process", "store", "fuse", "acquire --station 2"] {
+        signal(stage(&line, words), Signal::TERM);
+        std::thread::sleep(Duration::from_millis(150));
+    }
+    finish(line).expect(0);
+    assert_same(&contents(&rig.path("paced.h5")), &expected);
+}
+
+/// Killed while the line starts, before anything is connected.
+#[test]
+fn stages_are_killed_at_the_start() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    for delay_ms in [0, 10, 25, 50, 100] {
+        rig.write("paced.toml", &format!("{SCAN}{PACE}"));
+        let line = rig.start("run --config paced.toml --out paced.h5");
+        for words in ["store", "process"] {
+            let pid = stage(&line, words);
+            std::thread::sleep(Duration::from_millis(delay_ms));
+            signal(pid, Signal::KILL);
+        }
+        finish(line).expect(0);
+        assert_same(&contents(&rig.path("paced.h5")), &expected);
+        std::fs::remove_file(rig.path("paced.h5")).unwrap();
+    }
+}
+
+/// A line that is killed while it starts leaves no stage behind that would hold its archive.
+#[test]
+fn a_line_killed_at_its_start_leaves_no_one() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    for delay_ms in [5, 15, 30, 60, 120, 250] {
+        rig.write("paced.toml", &format!("{SCAN}{PACE}"));
+        let mut line = rig.start("run --config paced.toml --out paced.h5");
+        std::thread::sleep(Duration::from_millis(delay_ms));
+        line.kill().unwrap();
+        line.wait().unwrap();
+    }
+    rig.run("run --config paced.toml --out paced.h5").expect(0);
+    assert_same(&contents(&rig.path("paced.h5")), &expected);
+    assert_eq!(rig.left_by("paced.h5"), Vec::<String>::new());
+}
+
+/// A stage that dies again and again without getting anywhere ends the line, with its name and the reason.
+#[test]
+fn a_stage_that_dies_again_and_again_ends_the_line() {
+    let rig = Rig::new();
+    rig.write("quick.toml", SCAN);
+    let program = env!("CARGO_BIN_EXE_tapline");
+    // No file may grow beyond 64 KiB: the system kills whoever tries, which here is `store`.
+    let done = std::process::Command::new("sh")
+        .args(["-c", &format!("ulimit -f 128; exec {program} run --config quick.toml --out quick.h5")])
+        .current_dir(rig.path(""))
+        .output()
+        .unwrap();
+    let done = Done::from(done).expect(1);
+    assert!(done.err.contains("store"), "{done:?}");
+    assert_eq!(rig.left_by("quick.h5"), Vec::<String>::new());
 }
 
 /// Ctrl-C drains: everything sent is archived, the exit code says that taps are missing, and the same command goes on.
@@ -110,12 +200,11 @@ fn an_interrupted_run_is_resumed() {
     let summary = finish(line).json(3);
     let archived = summary["archived"].as_u64().unwrap();
     assert!(archived > 0 && summary["missing"].as_u64().unwrap() > 0, "{summary}");
-    let sent: u64 = summary["pace"]["taps"].as_u64().unwrap();
-    assert_eq!(archived, sent);
+    assert_eq!(summary["pace"]["sent"].as_u64().unwrap(), archived, "everything sent is archived");
     for shoulder in summary["verdicts"].as_array().unwrap() {
         assert_ne!(shoulder["verdict"], "PASS", "no end, no PASS");
     }
-    assert_eq!(rig.shared_memory_of("paced.h5"), Vec::<String>::new());
+    assert_eq!(rig.left_by("paced.h5"), Vec::<String>::new());
     rig.run("verify paced.h5").expect(3);
 
     let summary = rig.run("run --config paced.toml --out paced.h5 --json").json(0);
@@ -143,7 +232,7 @@ fn a_killed_line_is_resumed() {
     }
     rig.run("run --config paced.toml --out paced.h5").expect(0);
     assert_same(&contents(&rig.path("paced.h5")), &expected);
-    assert_eq!(rig.shared_memory_of("paced.h5"), Vec::<String>::new());
+    assert_eq!(rig.left_by("paced.h5"), Vec::<String>::new());
 }
 
 /// Two lines must not write one archive.
@@ -156,19 +245,23 @@ fn a_second_line_on_the_same_archive_is_refused() {
     finish(line).expect(0);
 }
 
-/// A stage that fails by itself ends the line with its own words; nothing is left behind.
+/// Where an archive cannot be, the line says so at once and leaves nothing behind.
 #[test]
-fn a_stage_that_cannot_work_ends_the_line() {
+fn a_folder_that_is_not_there_is_named() {
     let rig = Rig::new();
     rig.write("quick.toml", SCAN);
     let done = rig.run("run --config quick.toml --out no/such/folder/x.h5").expect(1);
     assert!(done.err.contains("no/such/folder"), "{done:?}");
-    assert_eq!(rig.shared_memory_of("no/such/folder/x.h5"), Vec::<String>::new());
+    assert_eq!(rig.left_by("no/such/folder/x.h5"), Vec::<String>::new());
 }
 
 /// More shared memory than there is: said before the first tap, not by SIGBUS after it.
 #[test]
 fn too_little_shared_memory_is_said_at_the_start() {
+    if tapline_wire::room::free_bytes().unwrap() > 100_000_000_000 {
+        eprintln!("skipped: this machine has room for a line of 20000 stations");
+        return;
+    }
     let rig = Rig::new();
     rig.write(
         "wide.toml",

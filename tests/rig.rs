@@ -46,9 +46,14 @@ impl Rig {
         self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
     }
 
-    /// Files in shared memory that belong to the line that writes `archive`.
-    pub(crate) fn shared_memory_of(&self, archive: &str) -> Vec<String> {
-        let prefix = format!("tapline_{}", line_name(&self.path(archive)));
+    /// Files that the line that writes `archive` has left, in shared memory or in the folder for temporary files.
+    pub(crate) fn left_by(&self, archive: &str) -> Vec<String> {
+        let name = line_name(&self.path(archive));
+        let root = std::env::temp_dir().join(format!("tapline-{name}"));
+        if root.exists() {
+            return vec![root.display().to_string()];
+        }
+        let prefix = format!("tapline_{name}");
         let files = fs::read_dir("/dev/shm").unwrap().flatten();
         files.map(|f| f.file_name().to_string_lossy().into_owned()).filter(|name| name.starts_with(&prefix)).collect()
     }

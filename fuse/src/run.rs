@@ -37,6 +37,8 @@ pub struct Outcome {
     pub verdict_count: u64,
     /// Records lost on the way here.
     pub lost_count: u64,
+    /// Whether every scan is judged, and not just the process told to stop.
+    pub is_complete: bool,
 }
 
 /// Turns the discriminators on `line` into verdicts until every scan of `plan` is judged.
@@ -175,6 +177,7 @@ impl<'a> Bench<'a> {
             record_count: self.record_count,
             verdict_count: self.verdict_count,
             lost_count: self.found.lost() + self.replayed.lost(),
+            is_complete: self.ledger.as_ref().is_some_and(Ledger::is_judged),
         }
     }
 }

@@ -38,8 +38,8 @@ pub enum RunError {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// The workers have ended while there is work.
-    #[error("the workers have ended while there is work for them")]
+    /// A worker has ended while there is work.
+    #[error("a worker has ended while there is work for it")]
     WorkersGone,
 }
 
@@ -58,6 +58,8 @@ pub struct Outcome {
     pub latency_p99_us: u64,
     /// Worker threads.
     pub worker_count: usize,
+    /// Whether every scan is judged, and not just the process told to stop.
+    pub is_complete: bool,
 }
 
 /// Turns the taps on `line` into discriminators until every scan of `plan` is judged.
@@ -72,18 +74,24 @@ pub fn run(line: &Line, plan: &Plan, config: &ProcessConfig) -> Result<Outcome, 
     let mut hub = Hub::open(line, plan)?;
     let (work, to_do) = bounded(IN_HAND_MAX);
     let (finish, done) = bounded(IN_HAND_MAX);
+    let rope = line.rope()?;
     let outcome = scope(|threads| {
         for k in 0..worker_count {
-            let extractor = ProcessExtractor::new(config)?;
-            let (to_do, finish, rope) = (to_do.clone(), finish.clone(), line.rope()?);
+            let worker = Worker {
+                extractor: ProcessExtractor::new(config)?,
+                to_do: to_do.clone(),
+                finish: finish.clone(),
+                rope: rope.clone(),
+            };
             let name = format!("extract-{k}");
-            Builder::new()
-                .name(name.clone())
-                .spawn_scoped(threads, move || extract_all(extractor, &to_do, &finish, &rope))
-                .map_err(|source| RunError::Thread { name, source })?;
+            let spawned = Builder::new().name(name.clone()).spawn_scoped(threads, move || worker.extract_all());
+            spawned.map_err(|source| RunError::Thread { name, source })?;
         }
-        // The workers end when the hub's end of their channel is gone.
-        hub.serve(&work, &done).map(|()| drop(work))
+        // The ends that the workers hold are the only ones: the channels close when the workers or the hub are gone.
+        drop((to_do, finish));
+        let served = hub.serve(&work, &done);
+        drop(work);
+        served
     });
     let mut outcome = match outcome {
         Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => hub.outcome(),
@@ -100,23 +108,37 @@ struct Done {
     sample_bytes: usize,
 }
 
-fn extract_all(
-    mut extractor: ProcessExtractor,
-    to_do: &Receiver<Received<TapTopic>>,
-    finish: &Sender<Done>,
-    rope: &Rope,
-) {
-    for tap in to_do {
-        let header = tap.header();
-        // A header that does not fit its payload is flagged by the extractor, which then sees no samples.
-        let samples = Samples::view(header, &tap).unwrap_or(Samples::I16(&[]));
-        let record = extractor.extract(header, samples);
-        let done = Done { record, sent_ns: header.sent_ns, sample_bytes: header.payload_bytes() };
-        drop(tap);
-        if finish.send(done).is_err() {
-            return;
+/// One thread that extracts.
+struct Worker {
+    extractor: ProcessExtractor,
+    to_do: Receiver<Received<TapTopic>>,
+    finish: Sender<Option<Done>>,
+    rope: Rope,
+}
+
+impl Worker {
+    fn extract_all(mut self) {
+        while let Ok(tap) = self.to_do.recv() {
+            let header = tap.header();
+            // A header that does not fit its payload is flagged by the extractor, which then sees no samples.
+            let samples = Samples::view(header, &tap).unwrap_or(Samples::I16(&[]));
+            let record = self.extractor.extract(header, samples);
+            let done = Done { record, sent_ns: header.sent_ns, sample_bytes: header.payload_bytes() };
+            drop(tap);
+            if self.finish.send(Some(done)).is_err() {
+                return;
+            }
+            self.rope.pull();
         }
-        rope.pull();
+    }
+}
+
+impl Drop for Worker {
+    /// A worker that panics says so, or the hub would wait for its tap for ever.
+    fn drop(&mut self) {
+        if std::thread::panicking() && self.finish.send(None).is_ok() {
+            self.rope.pull();
+        }
     }
 }
 
@@ -148,11 +170,11 @@ impl<'a> Hub<'a> {
         })
     }
 
-    fn serve(&mut self, work: &Sender<Received<TapTopic>>, done: &Receiver<Done>) -> Result<(), RunError> {
+    fn serve(&mut self, work: &Sender<Received<TapTopic>>, done: &Receiver<Option<Done>>) -> Result<(), RunError> {
         loop {
             let mut is_idle = true;
             while let Ok(result) = done.try_recv() {
-                self.publish(&result)?;
+                self.publish(result)?;
                 is_idle = false;
             }
             while self.in_hand < IN_HAND_MAX {
@@ -176,7 +198,7 @@ impl<'a> Hub<'a> {
         &mut self,
         tap: Received<TapTopic>,
         work: &Sender<Received<TapTopic>>,
-        done: &Receiver<Done>,
+        done: &Receiver<Option<Done>>,
     ) -> Result<(), RunError> {
         match tap.kind() {
             Some(RecordKind::Data) => {
@@ -187,8 +209,7 @@ impl<'a> Hub<'a> {
             Some(kind @ (RecordKind::Barrier | RecordKind::End)) => {
                 // What the mark follows must leave before it.
                 while self.in_hand > 0 {
-                    let Ok(result) = done.recv() else { return Err(RunError::WorkersGone) };
-                    self.publish(&result)?;
+                    self.publish(done.recv().unwrap_or(None))?;
                 }
                 self.send(kind, tap.header(), &[])
             }
@@ -196,7 +217,9 @@ impl<'a> Hub<'a> {
         }
     }
 
-    fn publish(&mut self, done: &Done) -> Result<(), RunError> {
+    /// Passes on what a worker made; `None` is a worker that has panicked.
+    fn publish(&mut self, done: Option<Done>) -> Result<(), RunError> {
+        let done = done.ok_or(RunError::WorkersGone)?;
         self.in_hand -= 1;
         self.found.send(RecordKind::Data, Stamp::default(), &[done.record])?;
         self.tap_count += 1;
@@ -220,6 +243,7 @@ impl<'a> Hub<'a> {
             latency_p50_us: self.latency_us.value_at_quantile(0.5),
             latency_p99_us: self.latency_us.value_at_quantile(0.99),
             worker_count: 0,
+            is_complete: self.is_judged,
         }
     }
 }

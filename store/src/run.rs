@@ -53,6 +53,8 @@ pub struct Outcome {
     pub sample_bytes: u64,
     /// Flushes.
     pub flush_count: u64,
+    /// Whether every scan is judged, and not just the process told to stop.
+    pub is_complete: bool,
 }
 
 /// Writes what comes on `line` through `writer` until every scan of `plan` is judged.
@@ -306,6 +308,7 @@ impl<'a> Desk<'a> {
             lost_count,
             sample_bytes: self.sample_bytes,
             flush_count: self.flush_count,
+            is_complete: ledger.is_judged(),
         })
     }
 }

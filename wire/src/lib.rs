@@ -39,8 +39,8 @@
 //! let plan = Plan::new(Geometry::Ring, recording, vec![tap], Truth::new())?;
 //! let address = LineAddress::new(&format!("example-{}", std::process::id()));
 //! {
-//!     let fuse = Line::join(&address, Role::Fuse, plan.digest(), Arc::default())?;
-//!     let store = Line::join(&address, Role::Store, plan.digest(), Arc::default())?;
+//!     let fuse = Line::join(&address, Role::Fuse, &plan, Arc::default())?;
+//!     let store = Line::join(&address, Role::Store, &plan, Arc::default())?;
 //!     let verdicts = Publisher::<DamageTopic>::open(&fuse, &plan)?;
 //!     let inbox = Subscriber::<DamageTopic>::open(&store, &plan)?;
 //!
@@ -75,7 +75,7 @@ pub use damage::{DamageCell, Judgement, Reasons, Verdict};
 pub use discriminators::{Discriminator, Discriminators, Quality, Values};
 pub use id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
 pub use ledger::{Ledger, LedgerHeader, ScanState, TapState};
-pub use line::{Line, LineAddress, LineError, Rope, Signal};
+pub use line::{Line, LineAddress, LineError, Rope, Services, Signal};
 pub use plan::{Plan, PlanError, PlannedTap, Recording, Scan, Truth};
 pub use publisher::{Loan, Publisher};
 pub use stamp::{RecordKind, Stamp, Stamped};

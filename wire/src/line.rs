@@ -13,7 +13,7 @@ use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
 
-use crate::Role;
+use crate::{Plan, Role};
 
 pub(crate) type Svc = ipc_threadsafe::Service;
 
@@ -109,15 +109,15 @@ impl LineAddress {
         Ok(config)
     }
 
-    /// Clears away what dead participants left, and what is left when no one is.
+    /// Clears away what dead participants left, and everything when no one is alive; whether it is clear now.
     ///
     /// # Errors
     /// [`LineError`] when the address is not usable.
-    pub fn clear(&self) -> Result<(), LineError> {
+    pub fn clear(&self) -> Result<bool, LineError> {
         let config = self.config()?;
         let is_alive = reap(&config);
         if is_alive {
-            return Ok(());
+            return Ok(false);
         }
         // The layer leaves one management file a prefix by design; nobody is left to need it.
         let files = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
@@ -125,7 +125,7 @@ impl LineAddress {
             remove(&file.path(), |path| std::fs::remove_file(path));
         }
         remove(&self.root, |path| std::fs::remove_dir_all(path));
-        Ok(())
+        Ok(true)
     }
 }
 
@@ -172,26 +172,39 @@ pub enum Signal {
     Data,
     /// `fuse` misses discriminators that the archive has.
     ReplayWanted,
-    /// The named subscriber has mapped this process's publisher.
-    Ready(Role),
+    /// The named subscriber has mapped this process's publisher, as the greeting with this number tells.
+    Ready(Role, u64),
 }
+
+/// Greetings told apart by a bell: a READY to an older one does not count for the newest.
+const GREETINGS: u64 = 8;
 
 impl Signal {
-    fn event(self) -> EventId {
-        EventId::new(match self {
+    /// Number of the signal at a bell, below [`SIGNALS`].
+    fn number(self) -> usize {
+        let ready = |role: usize, greeting: u64| 2 + role * GREETINGS as usize + (greeting % GREETINGS) as usize;
+        match self {
             Self::Data => 0,
             Self::ReplayWanted => 1,
-            Self::Ready(Role::Process) => 2,
-            Self::Ready(Role::Fuse) => 3,
-            Self::Ready(Role::Store) => 4,
-            Self::Ready(Role::Acquire(_) | Role::Watch) => 5,
-        })
+            Self::Ready(Role::Process, greeting) => ready(0, greeting),
+            Self::Ready(Role::Fuse, greeting) => ready(1, greeting),
+            Self::Ready(Role::Store, greeting) => ready(2, greeting),
+            Self::Ready(Role::Acquire(_) | Role::Watch, greeting) => ready(3, greeting),
+        }
     }
 
-    fn bit(self) -> u32 {
-        1 << self.event().as_value()
+    fn event(self) -> EventId {
+        EventId::new(self.number())
+    }
+
+    fn bit(self) -> u64 {
+        1 << self.number()
     }
 }
+
+/// Signals that a bell tells apart.
+const SIGNALS: usize = 2 + 4 * GREETINGS as usize;
+const _: () = assert!(SIGNALS <= u64::BITS as usize);
 
 /// One process's place on a line. Owned by one thread; what it receives may be used in others.
 #[derive(Debug)]
@@ -200,22 +213,23 @@ pub struct Line {
     config: Config,
     node: Node<Svc>,
     bell: Listener<Svc>,
-    rung: Cell<u32>,
+    rung: Cell<u64>,
     bells: RefCell<HashMap<Role, Notifier<Svc>>>,
     reaped_at: Cell<Instant>,
     stop: Arc<AtomicBool>,
     plan_digest: u64,
+    station_count: usize,
     epoch_ns: i64,
 }
 
 impl Line {
-    /// Joins the line at `address` as `role`, working from the plan with `plan_digest`.
+    /// Joins the line at `address` as `role`, working from `plan`.
     ///
     /// `stop` is set by whoever wants the process to end; every wait ends then.
     ///
     /// # Errors
     /// [`LineError`] when the address is not usable or the shared-memory layer refuses.
-    pub fn join(address: &LineAddress, role: Role, plan_digest: u64, stop: Arc<AtomicBool>) -> Result<Self, LineError> {
+    pub fn join(address: &LineAddress, role: Role, plan: &Plan, stop: Arc<AtomicBool>) -> Result<Self, LineError> {
         set_log_level(LogLevel::Fatal); // what it reports is reported by the errors it returns
         let config = address.config()?;
         let name = role.name();
@@ -228,7 +242,8 @@ impl Line {
             .create::<Svc>()
             .map_err(|e| LineError::shared(format!("joining the line {} as {name}", address.prefix), e))?;
         // The bell comes first: a ring before it exists reaches nobody.
-        let bell = bell_service(&node, role)?
+        let station_count = plan.stations().len();
+        let bell = bell_service(&node, role, station_count)?
             .listener_builder()
             .create()
             .map_err(|e| LineError::shared(format!("hanging up the bell of {name}"), e))?;
@@ -241,7 +256,8 @@ impl Line {
             bells: RefCell::default(),
             reaped_at: Cell::new(Instant::now()),
             stop,
-            plan_digest,
+            plan_digest: plan.digest(),
+            station_count,
             epoch_ns: crate::now_ns(),
         })
     }
@@ -282,10 +298,14 @@ impl Line {
     /// [`LineError::Shared`] when the bell is broken.
     pub fn wait(&self, timeout: Duration) -> Result<(), LineError> {
         let until_reaping = REAP_EVERY.saturating_sub(self.reaped_at.get().elapsed());
-        // Zero would mean for ever.
-        let timeout = timeout.min(until_reaping).clamp(Duration::from_millis(1), REAP_EVERY);
+        // What was rung while we did something else needs no waiting for; and the bell takes zero for "for ever".
+        let timeout = if self.take(Signal::Data) { Duration::ZERO } else { timeout };
+        let timeout =
+            if timeout.is_zero() { timeout } else { timeout.min(until_reaping).max(Duration::from_millis(1)) };
         let note = |activation: EventActivation| self.rung.set(self.rung.get() | 1 << activation.id.as_value());
-        match self.bell.timed_wait(note, timeout) {
+        let waited = if timeout.is_zero() { self.bell.try_wait(note) } else { self.bell.timed_wait(note, timeout) };
+        self.take(Signal::Data);
+        match waited {
             Ok(_) | Err(ListenerWaitError::InterruptSignal) => {}
             Err(error) => {
                 return Err(LineError::shared(format!("listening to the bell of {}", self.role.name()), error));
@@ -321,7 +341,7 @@ impl Line {
             Entry::Occupied(entry) => entry.into_mut(),
             Entry::Vacant(entry) => match self.notifier(role) {
                 Ok(notifier) => entry.insert(notifier),
-                Err(error) => return tracing::debug!(%error, "cannot reach the bell of {}", role.name()),
+                Err(error) => return tracing::warn!(%error, "cannot reach the bell of {}", role.name()),
             },
         };
         if let Err(error) = notifier.notify_with_custom_event_id(signal.event()) {
@@ -334,11 +354,11 @@ impl Line {
     /// # Errors
     /// [`LineError::Shared`] when the bell cannot be reached.
     pub fn rope(&self) -> Result<Rope, LineError> {
-        self.notifier(self.role).map(Rope)
+        self.notifier(self.role).map(|notifier| Rope(Arc::new(notifier)))
     }
 
     fn notifier(&self, role: Role) -> Result<Notifier<Svc>, LineError> {
-        bell_service(&self.node, role)?
+        bell_service(&self.node, role, self.station_count)?
             .notifier_builder()
             .create()
             .map_err(|e| LineError::shared(format!("reaching the bell of {}", role.name()), e))
@@ -346,8 +366,8 @@ impl Line {
 }
 
 /// Rings the bell of the process it was made in, from any of its threads.
-#[derive(Debug)]
-pub struct Rope(Notifier<Svc>);
+#[derive(Debug, Clone)]
+pub struct Rope(Arc<Notifier<Svc>>);
 
 impl Rope {
     /// Wakes the thread that waits on the line.
@@ -361,17 +381,42 @@ impl Rope {
 fn bell_service(
     node: &Node<Svc>,
     role: Role,
+    station_count: usize,
 ) -> Result<iceoryx2::service::port_factory::event::PortFactory<Svc>, LineError> {
+    // Everyone may ring a bell, and as many again who died and are not cleared away yet.
+    let ropes = 2 * (station_count + 4);
     let name = format!("tapline/bell/{}", role.name());
     let service_name = ServiceName::new(&name).map_err(|e| LineError::shared(format!("naming {name}"), e))?;
     node.service_builder(&service_name)
         .event()
-        .event_id_max_value(7)
+        .event_id_max_value(SIGNALS - 1)
         .max_listeners(4)
-        .max_notifiers(64)
-        .max_nodes(64)
+        .max_notifiers(ropes)
+        .max_nodes(ropes + 4)
         .open_or_create()
         .map_err(|e| LineError::shared(format!("opening {name}"), e))
+}
+
+/// Holds every service of a line open, so that no stage ever creates one: a stage that is killed while it creates a
+/// service leaves a half-made one that nobody can open.
+#[derive(Debug)]
+pub struct Services {
+    _bells: Vec<iceoryx2::service::port_factory::event::PortFactory<Svc>>,
+    _topics: crate::publisher::AllTopics,
+}
+
+impl Services {
+    /// Creates what a line for `plan` needs, or opens it.
+    ///
+    /// # Errors
+    /// [`LineError::Shared`] when the shared-memory layer refuses.
+    pub fn open(line: &Line, plan: &Plan) -> Result<Self, LineError> {
+        let stations = plan.stations();
+        let roles = [Role::Process, Role::Fuse, Role::Store].into_iter();
+        let roles = roles.chain(stations.iter().map(|&station| Role::Acquire(station)));
+        let bells = roles.map(|role| bell_service(&line.node, role, stations.len())).collect::<Result<_, _>>()?;
+        Ok(Self { _bells: bells, _topics: crate::publisher::open_all(line, plan)? })
+    }
 }
 
 pub(crate) fn reap_now(config: &Config) {

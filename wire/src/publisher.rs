@@ -14,7 +14,10 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service_;
 
 use crate::line::{Svc, reap_now};
 use crate::topic::{LOANED, port_limits, publisher_bytes};
-use crate::{Line, LineError, Plan, RecordKind, Role, Signal, Stamped, Topic, monotonic_ns, room};
+use crate::{
+    DamageTopic, DiscriminatorTopic, LedgerTopic, Line, LineError, Plan, RecordKind, ReplayTopic, Role, Signal,
+    Stamped, TapTopic, Topic, monotonic_ns, room,
+};
 
 pub(crate) type Service<T> = Service_<Svc, [<T as Topic>::Element], <T as Topic>::Header>;
 
@@ -34,7 +37,29 @@ pub(crate) fn open<T: Topic>(line: &Line, plan: &Plan) -> Result<Service<T>, Lin
         .max_subscribers(subscribers)
         .max_nodes(nodes)
         .open_or_create()
-        .map_err(|e| LineError::shared(format!("opening {}", T::NAME), e))
+        .map_err(|e| failed::<T>(line, "opening", e))
+}
+
+/// What an operation on `T` that failed is: the end, when the process was told to end, as a signal interrupts it.
+pub(crate) fn failed<T: Topic>(line: &Line, doing: &str, reason: impl std::fmt::Debug) -> LineError {
+    match line.is_stopped() {
+        true => LineError::Stopped { topic: T::NAME },
+        false => LineError::shared(format!("{doing} {}", T::NAME), reason),
+    }
+}
+
+/// The services of all topics, held open.
+pub(crate) type AllTopics =
+    (Service<TapTopic>, Service<DiscriminatorTopic>, Service<DamageTopic>, Service<LedgerTopic>, Service<ReplayTopic>);
+
+pub(crate) fn open_all(line: &Line, plan: &Plan) -> Result<AllTopics, LineError> {
+    Ok((
+        open::<TapTopic>(line, plan)?,
+        open::<DiscriminatorTopic>(line, plan)?,
+        open::<DamageTopic>(line, plan)?,
+        open::<LedgerTopic>(line, plan)?,
+        open::<ReplayTopic>(line, plan)?,
+    ))
 }
 
 /// The sending end of a topic.
@@ -50,6 +75,8 @@ pub struct Publisher<'l, T: Topic> {
     next_sequence: Cell<u64>,
     /// Subscribers that have said READY; records go out only while these are exactly the ones there are.
     greeted: RefCell<Vec<UniqueSubscriberId>>,
+    /// Number of the newest greeting.
+    greeting_number: Cell<u64>,
     /// When an outstanding greeting was sent, and to whom.
     greeting: RefCell<Option<(Instant, Vec<UniqueSubscriberId>)>>,
     ready: Cell<u32>,
@@ -97,7 +124,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
                 BackpressureAction::Retry
             })
             .create()
-            .map_err(|e| LineError::shared(format!("publishing on {}", T::NAME), e))?;
+            .map_err(|e| failed::<T>(line, "publishing on", e))?;
         Ok(Self {
             line,
             service,
@@ -106,6 +133,8 @@ impl<'l, T: Topic> Publisher<'l, T> {
             next_sequence: Cell::new(0),
             greeted: RefCell::default(),
             greeting: RefCell::default(),
+            // Another life of this publisher counts from elsewhere.
+            greeting_number: Cell::new(line.epoch_ns().unsigned_abs() >> 20),
             ready: Cell::new(0),
             may_block,
         })
@@ -176,7 +205,10 @@ impl<'l, T: Topic> Publisher<'l, T> {
             }
             if told.elapsed() > TELL_AFTER {
                 told = Instant::now();
-                tracing::warn!(topic = T::NAME, waited_s = since.elapsed().as_secs(), "waiting for subscribers");
+                let needed: Vec<String> = T::SUBSCRIBERS.iter().map(|role| role.name()).collect();
+                let (_, present) = self.subscribers();
+                let waited_s = since.elapsed().as_secs();
+                tracing::warn!(topic = T::NAME, waited_s, ?needed, ?present, "waiting for subscribers");
             }
             self.line.wait(Duration::from_millis(50))?;
         }
@@ -201,7 +233,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
             self.greet(present)?;
         }
         for (bit, &role) in T::SUBSCRIBERS.iter().enumerate() {
-            if self.line.take(Signal::Ready(role)) {
+            if self.line.take(Signal::Ready(role, self.greeting_number.get())) {
                 self.ready.set(self.ready.get() | 1 << bit);
             }
         }
@@ -215,12 +247,15 @@ impl<'l, T: Topic> Publisher<'l, T> {
     }
 
     fn greet(&self, present: Vec<UniqueSubscriberId>) -> Result<(), LineError> {
+        let number = self.greeting_number.get() + 1;
+        self.greeting_number.set(number);
         // What was said before, perhaps by one who has died since, does not count.
         for &role in T::SUBSCRIBERS {
-            self.line.take(Signal::Ready(role));
+            self.line.take(Signal::Ready(role, number));
         }
         self.ready.set(0);
-        let loan = self.loan(0)?;
+        let mut loan = self.loan(0)?;
+        loan.header_mut().stamp_mut().mark = number;
         self.may_block.store(false, Ordering::Relaxed);
         let sent = loan.deliver(RecordKind::Greeting);
         self.may_block.store(true, Ordering::Relaxed);

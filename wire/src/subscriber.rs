@@ -11,7 +11,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
 
 use crate::line::Svc;
-use crate::publisher::{Service, open};
+use crate::publisher::{Service, failed, open};
 use crate::{Line, LineError, Plan, RecordKind, Signal, Stamped, Topic};
 
 /// Counts what sequence numbers tell of loss.
@@ -75,7 +75,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
             .subscriber_builder()
             .name(&port_name)
             .create()
-            .map_err(|e| LineError::shared(format!("{name} subscribing to {}", T::NAME), e))?;
+            .map_err(|e| failed::<T>(line, "subscribing to", e))?;
         Ok(Self { line, port, _service: service, tally: RefCell::default(), lost: Cell::new(0) })
     }
 
@@ -100,7 +100,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
             if !is_greeting {
                 return Ok(Some(Received { sample, topic: PhantomData }));
             }
-            self.line.ring(T::sender(&stamp), Signal::Ready(self.line.role()));
+            self.line.ring(T::sender(&stamp), Signal::Ready(self.line.role(), stamp.mark));
         }
     }
 

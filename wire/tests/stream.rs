@@ -41,12 +41,12 @@ impl Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.0.clear().unwrap();
+        assert!(self.0.clear().unwrap() || std::thread::panicking());
     }
 }
 
 fn join(address: &LineAddress, role: Role) -> Line {
-    Line::join(address, role, plan().digest(), Arc::default()).unwrap()
+    Line::join(address, role, &plan(), Arc::default()).unwrap()
 }
 
 /// Sends `count` taps; tap k carries k in its plan index and in all its samples.
@@ -163,7 +163,7 @@ fn a_stopped_publisher_gives_up() {
     let place = Place::new();
     let plan = plan();
     let stop = Arc::new(AtomicBool::new(false));
-    let line = Line::join(&place.0, Role::Acquire(1), plan.digest(), stop.clone()).unwrap();
+    let line = Line::join(&place.0, Role::Acquire(1), &plan, stop.clone()).unwrap();
     let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
     let stopper = in_thread("stopper", move || {
         std::thread::sleep(Duration::from_millis(200));
@@ -179,11 +179,11 @@ fn a_record_of_another_plan_is_refused() {
     let place = Place::new();
     let plan = plan();
     let address = place.0.clone();
-    let other = plan.digest() ^ 1;
+    let other = Plan::new(Geometry::Ring, plan.recording.clone(), plan.taps().to_vec(), Truth::new()).unwrap();
+    let other_digest = other.digest();
     let fuse = in_thread("fuse", move || {
-        let plan = self::plan();
-        let line = Line::join(&address, Role::Fuse, other, Arc::default()).unwrap();
-        let subscriber = Subscriber::<DiscriminatorTopic>::open(&line, &plan).unwrap();
+        let line = Line::join(&address, Role::Fuse, &other, Arc::default()).unwrap();
+        let subscriber = Subscriber::<DiscriminatorTopic>::open(&line, &other).unwrap();
         loop {
             line.wait(Duration::from_millis(20)).unwrap();
             match subscriber.receive() {
@@ -194,7 +194,7 @@ fn a_record_of_another_plan_is_refused() {
         }
     });
     let stop = Arc::new(AtomicBool::new(false));
-    let line = Line::join(&place.0, Role::Process, plan.digest(), stop.clone()).unwrap();
+    let line = Line::join(&place.0, Role::Process, &plan, stop.clone()).unwrap();
     let store_line = join(&place.0, Role::Store);
     let _store = Subscriber::<DiscriminatorTopic>::open(&store_line, &plan).unwrap();
     let publisher = Publisher::<DiscriminatorTopic>::open(&line, &plan).unwrap();
@@ -204,7 +204,10 @@ fn a_record_of_another_plan_is_refused() {
         line.wait(Duration::from_millis(5)).unwrap();
     }
     let error = fuse.join().unwrap();
-    assert!(error.contains(&format!("{:016x}", plan.digest())) && error.contains(&format!("{other:016x}")), "{error}");
+    assert!(
+        error.contains(&format!("{:016x}", plan.digest())) && error.contains(&format!("{other_digest:016x}")),
+        "{error}"
+    );
 }
 
 const CHILD_LINE: &str = "TAPLINE_TEST_LINE";
