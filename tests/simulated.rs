@@ -18,8 +18,9 @@ const LOCATIONS: u32 = 100;
 const DAMAGED: &str = "DAMAGED";
 const SOUND: &str = "SOUND";
 
-/// A region may reach this far beyond the cracks: the mean of three spreads a crack by one, its tail by another.
-const REACH: u32 = 2;
+/// A region may reach this far beyond the cracks: the mean of three spreads a crack by one, and where the casing's own
+/// smooth variation is high it carries the region on.
+const REACH: u32 = 4;
 
 fn crack(shoulder: u16, first_location: u32, location_count: u32, depth_mm: f64, length_mm: f64) -> Crack {
     Crack { shoulder, first_location, location_count, depth_mm, length_mm, offset_mm: 0.0 }
@@ -105,6 +106,11 @@ fn faults(judged: &Judged, shoulder: u16, cracks: &[Crack]) -> Vec<String> {
         let is_near = (LOCATIONS + location - REACH..=LOCATIONS + location + REACH).any(is_cracked);
         if region != 0 && !is_near {
             faults.push(format!("region {region} at {location}, far from every crack"));
+        }
+    }
+    for region in 1..=judged.regions.iter().copied().max().unwrap_or(0) {
+        if !(0..LOCATIONS).any(|l| judged.regions[l as usize] == region && is_cracked(l)) {
+            faults.push(format!("region {region} is on no crack"));
         }
     }
     faults
@@ -212,7 +218,7 @@ fn mark(regions: &mut [u32], row: &BTreeMap<String, String>) {
 
 /// The built program on the whole default plan (offsets, velocities, repetitions, stations) for every seed; prints a table.
 #[test]
-#[ignore = "a minute in release, and 650 MB of disk at a time"]
+#[ignore = "a minute, and 650 MB of disk at a time"]
 fn the_default_plan_finds_every_planted_crack() {
     let (mut faulty, mut crack_count) = (Vec::new(), 0);
     for seed in SEEDS {

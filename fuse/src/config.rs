@@ -152,7 +152,7 @@ pub struct FuseConfig {
 
 impl Default for FuseConfig {
     /// The limits hold the chance of a false call below 1e-3 a shoulder: of 10 000 simulated sound ones at
-    /// most 3 were suspect by `self`, at most 8 by a named shoulder (the ignored test of `fusion`).
+    /// most 4 were suspect by `self`, at most 8 by a named shoulder (the ignored test of `fusion`).
     fn default() -> Self {
         use Discriminator::{A1, Ef, FMax, Pf, Pr, Tau};
         Self {

@@ -8,9 +8,15 @@ use crate::{FuseConfig, IndexKind};
 /// Spreads above its centre at which a location of a shoulder that is its own reference leaves it.
 ///
 /// On a recorded slab of which 22 % is cracked it raises the part of the crack that is suspect from
-/// 0.09 to 0.6; on simulated sound rings it costs at most 2 false calls in 10 000 shoulders. At 3.5 it
+/// 0.09 to 0.6; on simulated sound rings it costs at most 3 false calls in 10 000 shoulders. At 3.5 it
 /// costs twice as many and gains nothing.
 const TRIM_AT: f64 = 4.0;
+
+/// The same for a location's index alone, without the step along the ring: only what is beyond doubt leaves.
+const TRIM_ALONE_AT: f64 = 5.0;
+
+/// Fewest locations below their reference that put it in doubt: as many as the least crack has.
+const INVERTED_MIN: usize = 3;
 
 /// Fewest values, each with all of its neighbours in the reference, that the limits are taken from alone.
 const UNTOUCHED_MIN: usize = 16;
@@ -68,18 +74,19 @@ impl Comparison<'_> {
     pub(crate) fn map(&self, config: &FuseConfig) -> IndexMap {
         let all: Kept = self.reference.iter().map(|s| vec![true; s.ring.len()]).collect();
         let is_own = self.is_own && config.index == IndexKind::Robust;
-        let kept = if is_own {
+        let Measured { yardstick, maps, limits } = if is_own {
             // Location by location first: the step along the ring makes five cracked ones of three, and many narrow
             // cracks would be the majority.
             let alone = self.trimmed(config, &all, Step::Alone);
-            self.trimmed(config, &alone, Step::AlongRing)
+            let along = self.trimmed(config, &alone, Step::AlongRing);
+            self.measure(config, &along, &alone, Step::AlongRing)
         } else {
-            all
+            self.measure(config, &all, &all, Step::AlongRing)
         };
-        let Measured { yardstick, maps, limits } = self.measure(config, &kept, Step::AlongRing);
         let (locations, index) = indexed(config.index, Step::AlongRing, &yardstick, self.judged);
         let is_below = |value: &f64| limits.is_some_and(|limits| limits.is_mirrored(*value));
-        let is_inverted = is_own && maps.iter().flatten().flatten().any(is_below);
+        let below = maps.iter().flatten().flatten().filter(|&value| is_below(value)).count();
+        let is_inverted = is_own && below >= INVERTED_MIN;
         IndexMap { locations, index, limits, is_inverted }
     }
 
@@ -87,9 +94,10 @@ impl Comparison<'_> {
     fn trimmed(&self, config: &FuseConfig, kept: &Kept, step: Step) -> Kept {
         let mut now = kept.clone();
         for _ in 0..TRIM_ROUNDS_MAX {
-            let measured = self.measure(config, &now, step);
+            let measured = self.measure(config, &now, kept, step);
             let Some(limits) = measured.limits else { break };
-            let next = within(kept, &measured.maps, &limits);
+            let at = if step == Step::Alone { TRIM_ALONE_AT } else { TRIM_AT };
+            let next = within(kept, &measured.maps, &limits, at);
             if next == now || !is_majority(&next) {
                 break;
             }
@@ -99,7 +107,10 @@ impl Comparison<'_> {
     }
 
     /// The yardstick of the kept locations, the reference's maps by it, and the limits of the kept of them.
-    fn measure(&self, config: &FuseConfig, kept: &Kept, step: Step) -> Measured {
+    ///
+    /// Along the ring only those give limits whose neighbours are all among `calm`: one that is cracked speaks in the
+    /// mean of three.
+    fn measure(&self, config: &FuseConfig, kept: &Kept, calm: &Kept, step: Step) -> Measured {
         let readings = self
             .reference
             .iter()
@@ -107,17 +118,19 @@ impl Comparison<'_> {
             .flat_map(|(shoulder, kept)| shoulder.readings().iter().filter(|reading| kept[reading.place]));
         let yardstick = Yardstick::of(config, self.condition_count, readings);
         let maps: Vec<_> = self.reference.iter().map(|s| indexed(config.index, step, &yardstick, s).1).collect();
-        let mut values = match step {
-            Step::Alone => selected(&maps, kept),
-            Step::AlongRing => {
-                // A neighbour that has left still speaks in the mean of three.
-                let amid = |(shoulder, kept): (&Shoulder, &Vec<bool>)| shoulder.ring.amid(kept);
-                let untouched = selected(&maps, &self.reference.iter().zip(kept).map(amid).collect());
-                if untouched.len() < UNTOUCHED_MIN { selected(&maps, kept) } else { untouched }
-            }
-        };
+        let mut values = selected(&maps, kept);
+        if step == Step::AlongRing {
+            let untouched = selected(&maps, &self.untouched(kept, calm));
+            values = if untouched.len() < UNTOUCHED_MIN { values } else { untouched };
+        }
         let limits = Limits::of(config, &mut values);
         Measured { yardstick, maps, limits }
+    }
+
+    /// Those of `kept` that are amid `calm` ones.
+    fn untouched(&self, kept: &Kept, calm: &Kept) -> Kept {
+        let amid = self.reference.iter().zip(calm).map(|(shoulder, calm)| shoulder.ring.amid(calm));
+        amid.zip(kept).map(|(amid, kept)| amid.into_iter().zip(kept).map(|(a, &k)| a && k).collect()).collect()
     }
 }
 
@@ -142,9 +155,9 @@ fn selected(maps: &[Vec<Option<f64>>], kept: &Kept) -> Vec<f64> {
     of_kept.filter(|&(_, &kept)| kept).filter_map(|(&value, _)| value).collect()
 }
 
-/// Those of `kept` whose value does not stand out.
-fn within(kept: &Kept, maps: &[Vec<Option<f64>>], limits: &Limits) -> Kept {
-    let is_calm = |value: &Option<f64>| value.is_none_or(|v| limits.standardised(v) <= TRIM_AT);
+/// Those of `kept` whose value is at most `at` spreads above the centre.
+fn within(kept: &Kept, maps: &[Vec<Option<f64>>], limits: &Limits, at: f64) -> Kept {
+    let is_calm = |value: &Option<f64>| value.is_none_or(|v| limits.standardised(v) <= at);
     let stays = |(&kept, value): (&bool, &Option<f64>)| kept && is_calm(value);
     kept.iter().zip(maps).map(|(kept, map)| kept.iter().zip(map).map(stays).collect()).collect()
 }
