@@ -6,6 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
 use crate::Stamp;
+use crate::flags::flags;
 
 /// What is to be done with a casing's shoulder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -42,77 +43,25 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// Why a verdict is not PASS, or how it was reached: a set of flags.
-#[repr(C)]
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, ZeroCopySend)]
-pub struct Reasons(u32);
-
-impl Reasons {
-    /// A region's index exceeds the reject limit.
-    pub const DAMAGE: Self = Self(1);
-    /// A region's index exceeds the re-inspect limit only.
-    pub const SUSPECT: Self = Self(1 << 1);
-    /// The scan did not end.
-    pub const NOT_ENDED: Self = Self(1 << 2);
-    /// A planned tap was refused.
-    pub const TAPS_REFUSED: Self = Self(1 << 3);
-    /// A planned tap is missing without a reason.
-    pub const TAPS_MISSING: Self = Self(1 << 4);
-    /// A location has no usable value.
-    pub const LOCATION_BLIND: Self = Self(1 << 5);
-    /// The index could not be formed: no usable discriminator or no usable reference.
-    pub const NO_INDEX: Self = Self(1 << 6);
-    /// The shoulder was compared with itself, not with a known sound one.
-    pub const SELF_REFERENCE: Self = Self(1 << 7);
-
-    const NAMES: [(Self, &'static str); 8] = [
-        (Self::DAMAGE, "damage"),
-        (Self::SUSPECT, "suspect"),
-        (Self::NOT_ENDED, "not_ended"),
-        (Self::TAPS_REFUSED, "taps_refused"),
-        (Self::TAPS_MISSING, "taps_missing"),
-        (Self::LOCATION_BLIND, "location_blind"),
-        (Self::NO_INDEX, "no_index"),
-        (Self::SELF_REFERENCE, "self_reference"),
-    ];
-
-    /// Whether every flag of `other` is set.
-    pub fn contains(self, other: Self) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    /// Adds the flags of `other`.
-    pub fn insert(&mut self, other: Self) {
-        self.0 |= other.0;
-    }
-
-    /// The flags as a number, as the archive stores them.
-    pub fn bits(self) -> u32 {
-        self.0
-    }
-
-    /// The flags that `bits` stands for.
-    pub fn from_bits(bits: u32) -> Self {
-        Self(bits)
-    }
-}
-
-impl fmt::Display for Reasons {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut separator = "";
-        for (flag, name) in Self::NAMES {
-            if self.contains(flag) {
-                write!(f, "{separator}{name}")?;
-                separator = "|";
-            }
-        }
-        Ok(())
-    }
-}
-
-impl fmt::Debug for Reasons {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Reasons({self})")
+flags! {
+    /// Why a verdict is not PASS, or how it was reached: a set of flags.
+    Reasons {
+        /// A region's index exceeds the reject limit.
+        DAMAGE = "damage",
+        /// A region's index exceeds the re-inspect limit only.
+        SUSPECT = "suspect",
+        /// The scan did not end.
+        NOT_ENDED = "not_ended",
+        /// A planned tap was refused.
+        TAPS_REFUSED = "taps_refused",
+        /// A planned tap is missing without a reason.
+        TAPS_MISSING = "taps_missing",
+        /// A location has no usable value.
+        LOCATION_BLIND = "location_blind",
+        /// The index could not be formed: no usable discriminator or no usable reference.
+        NO_INDEX = "no_index",
+        /// The shoulder was compared with itself, not with a known sound one.
+        SELF_REFERENCE = "self_reference",
     }
 }
 

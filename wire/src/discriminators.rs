@@ -6,6 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
 use crate::TapId;
+use crate::flags::flags;
 
 /// One of the seven quantities that tell a cracked casing from a sound one (section 2 of the method).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -78,93 +79,25 @@ impl fmt::Debug for Values {
     }
 }
 
-/// Why features of a tap may be absent or doubtful: a set of flags.
-#[repr(C)]
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, ZeroCopySend)]
-pub struct Quality(u32);
-
-impl Quality {
-    /// The tap was refused before it reached a kernel.
-    pub const REFUSED: Self = Self(1);
-    /// A sample is not a finite number.
-    pub const NON_FINITE: Self = Self(1 << 1);
-    /// The record has no force channel.
-    pub const NO_FORCE: Self = Self(1 << 2);
-    /// The record has no sound channel.
-    pub const NO_SOUND: Self = Self(1 << 3);
-    /// Too few pre-trigger samples for a baseline.
-    pub const NO_BASELINE: Self = Self(1 << 4);
-    /// No pulse stands out of the force, or none crosses the levels its width needs.
-    pub const NO_PULSE: Self = Self(1 << 5);
-    /// No onset stands out of the sound.
-    pub const NO_ONSET: Self = Self(1 << 6);
-    /// The bands of the configuration hold no bin of this record's spectrum.
-    pub const NO_BAND: Self = Self(1 << 7);
-
-    const NAMES: [(Self, &'static str); 8] = [
-        (Self::REFUSED, "refused"),
-        (Self::NON_FINITE, "non_finite"),
-        (Self::NO_FORCE, "no_force"),
-        (Self::NO_SOUND, "no_sound"),
-        (Self::NO_BASELINE, "no_baseline"),
-        (Self::NO_PULSE, "no_pulse"),
-        (Self::NO_ONSET, "no_onset"),
-        (Self::NO_BAND, "no_band"),
-    ];
-
-    /// No flag.
-    pub fn clean() -> Self {
-        Self(0)
-    }
-
-    /// Whether no flag is set.
-    pub fn is_clean(self) -> bool {
-        self.0 == 0
-    }
-
-    /// Whether every flag of `other` is set.
-    pub fn contains(self, other: Self) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    /// Adds the flags of `other`.
-    pub fn insert(&mut self, other: Self) {
-        self.0 |= other.0;
-    }
-
-    /// The flags as a number, as the archive stores them.
-    pub fn bits(self) -> u32 {
-        self.0
-    }
-
-    /// The flags that `bits` stands for.
-    pub fn from_bits(bits: u32) -> Self {
-        Self(bits)
-    }
-
-    /// Every flag there is, with its name, in the order of the bits.
-    pub fn all() -> impl Iterator<Item = (Self, &'static str)> {
-        Self::NAMES.into_iter()
-    }
-}
-
-impl fmt::Display for Quality {
-    /// The names of the flags, joined by `|`; nothing for a clean tap.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut separator = "";
-        for (flag, name) in Self::NAMES {
-            if self.contains(flag) {
-                write!(f, "{separator}{name}")?;
-                separator = "|";
-            }
-        }
-        Ok(())
-    }
-}
-
-impl fmt::Debug for Quality {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Quality({self})")
+flags! {
+    /// Why features of a tap may be absent or doubtful: a set of flags.
+    Quality {
+        /// The tap was refused before it reached a kernel.
+        REFUSED = "refused",
+        /// A sample is not a finite number.
+        NON_FINITE = "non_finite",
+        /// The record has no force channel.
+        NO_FORCE = "no_force",
+        /// The record has no sound channel.
+        NO_SOUND = "no_sound",
+        /// Too few pre-trigger samples for a baseline.
+        NO_BASELINE = "no_baseline",
+        /// No pulse stands out of the force, or none crosses the levels its width needs.
+        NO_PULSE = "no_pulse",
+        /// No onset stands out of the sound.
+        NO_ONSET = "no_onset",
+        /// The bands of the configuration hold no bin of this record's spectrum.
+        NO_BAND = "no_band",
     }
 }
 

@@ -56,9 +56,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod address;
+mod bell;
 mod clock;
 mod damage;
 mod discriminators;
+mod error;
+mod flags;
 mod id;
 mod ledger;
 mod line;
@@ -70,12 +74,15 @@ mod subscriber;
 mod tap;
 mod topic;
 
+pub use address::LineAddress;
+pub use bell::{Rope, Signal};
 pub use clock::{monotonic_ns, now_ns};
 pub use damage::{DamageCell, Judgement, Reasons, Verdict};
 pub use discriminators::{Discriminator, Discriminators, Quality, Values};
+pub use error::LineError;
 pub use id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
 pub use ledger::{Ledger, LedgerHeader, ScanState, TapState};
-pub use line::{Line, LineAddress, LineError, Rope, Services, Signal};
+pub use line::{Line, Services};
 pub use plan::{Plan, PlanError, PlannedTap, Recording, Scan, Truth};
 pub use publisher::{Loan, Publisher};
 pub use stamp::{RecordKind, Stamp, Stamped};

@@ -1,210 +1,26 @@
-//! One process's place on a line: its node, its bell, and the reaper of those who died.
+//! One process's place on a line: its node, and the one wait that everything ends in.
 
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use iceoryx2::node::NodeView as _;
 use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::event::PortFactory as BellService;
 
-use crate::{Plan, Role};
+use crate::address::reap;
+use crate::bell::{Rope, Signal, bell_service};
+use crate::publisher::{AllTopics, open_all};
+use crate::{LineAddress, LineError, Plan, Role};
 
 pub(crate) type Svc = ipc_threadsafe::Service;
 
 /// How often dead participants are looked for.
 const REAP_EVERY: Duration = Duration::from_millis(100);
-
-/// Why a line cannot be joined, or a record not sent or received.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LineError {
-    /// Too little shared memory is free.
-    #[error(
-        "{what} may need {:.1} MB of shared memory, but /dev/shm has {:.1} MB free: enlarge it \
-         (mount -o remount,size=..., or --shm-size for a container) or use fewer stations",
-        *.need as f64 / 1e6, *.free as f64 / 1e6
-    )]
-    NoRoom {
-        /// For what.
-        what: String,
-        /// Bytes needed at most.
-        need: u64,
-        /// Bytes free.
-        free: u64,
-    },
-    /// Free shared memory cannot be determined.
-    #[error("cannot ask how much of /dev/shm is free")]
-    NoSharedMemory {
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// An operation of the shared-memory layer failed.
-    #[error("{operation}: {reason}")]
-    Shared {
-        /// What was tried.
-        operation: String,
-        /// What the layer says.
-        reason: String,
-    },
-    /// A record was made from another plan than this process works from.
-    #[error("a record on {topic} was made from plan {got:016x}, but this process works from plan {want:016x}")]
-    OtherPlan {
-        /// The topic.
-        topic: &'static str,
-        /// Digest of the record's plan.
-        got: u64,
-        /// Digest of this process's plan.
-        want: u64,
-    },
-    /// The process was asked to stop while it waited.
-    #[error("stopped while waiting to send on {topic}")]
-    Stopped {
-        /// The topic.
-        topic: &'static str,
-    },
-    /// A record is longer than the plan allows.
-    #[error("a record on {topic} has {got} elements; the plan allows {most}")]
-    TooLong {
-        /// The topic.
-        topic: &'static str,
-        /// Elements asked for.
-        got: usize,
-        /// Most elements a record can have.
-        most: usize,
-    },
-}
-
-impl LineError {
-    pub(crate) fn shared(operation: impl Into<String>, reason: impl std::fmt::Debug) -> Self {
-        Self::Shared { operation: operation.into(), reason: format!("{reason:?}") }
-    }
-}
-
-/// Where the shared memory of one line is found: two lines with different addresses never meet.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LineAddress {
-    /// Beginning of the names of its files in `/dev/shm`.
-    pub prefix: String,
-    /// Folder of its other files; short, since socket paths are.
-    pub root: PathBuf,
-}
-
-impl LineAddress {
-    /// The address of the line called `name`, in the system's folder for temporary files.
-    pub fn new(name: &str) -> Self {
-        Self { prefix: format!("tapline_{name}_"), root: std::env::temp_dir().join(format!("tapline-{name}")) }
-    }
-
-    fn config(&self) -> Result<Config, LineError> {
-        let name = |e| LineError::shared(format!("using the line address {self:?}"), e);
-        let mut config = Config::default();
-        config.global.prefix = FileName::new(self.prefix.as_bytes()).map_err(name)?;
-        config.global.set_root_path(&iceoryx2::prelude::Path::new(path_bytes(&self.root)).map_err(name)?);
-        Ok(config)
-    }
-
-    /// Clears away what dead participants left, and everything when no one is alive; whether it is clear now.
-    ///
-    /// # Errors
-    /// [`LineError`] when the address is not usable.
-    pub fn clear(&self) -> Result<bool, LineError> {
-        let config = self.config()?;
-        let is_alive = reap(&config);
-        if is_alive {
-            return Ok(false);
-        }
-        // The layer leaves one management file a prefix by design; nobody is left to need it.
-        let files = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
-        for file in files.filter(|f| f.file_name().to_string_lossy().starts_with(&self.prefix)) {
-            remove(&file.path(), |path| std::fs::remove_file(path));
-        }
-        remove(&self.root, |path| std::fs::remove_dir_all(path));
-        Ok(true)
-    }
-}
-
-fn path_bytes(path: &Path) -> &[u8] {
-    std::os::unix::ffi::OsStrExt::as_bytes(path.as_os_str())
-}
-
-fn remove(path: &Path, by: impl Fn(&Path) -> std::io::Result<()>) {
-    if let Err(error) = by(path)
-        && error.kind() != std::io::ErrorKind::NotFound
-    {
-        tracing::warn!(path = %path.display(), %error, "cannot remove what a line left behind");
-    }
-}
-
-/// Clears the resources of dead participants; whether anyone is alive.
-fn reap(config: &Config) -> bool {
-    let mut is_alive = false;
-    let listed = Node::<Svc>::list(config, |state| {
-        match state {
-            NodeState::Dead(view) => {
-                let name = view.details().as_ref().map(|d| d.name().as_str().to_owned());
-                match view.try_remove_stale_resources() {
-                    Ok(()) => tracing::debug!(?name, "cleared away a dead participant"),
-                    Err(error) => tracing::trace!(?name, ?error, "a dead participant is being cleared by another"),
-                }
-            }
-            NodeState::Alive(_) | NodeState::Inaccessible(_) | NodeState::Undefined(_) => is_alive = true,
-        }
-        CallbackProgression::Continue
-    });
-    if let Err(error) = listed {
-        // Files vanish while others come and go; the next look sees a settled state.
-        tracing::trace!(?error, "cannot list the participants just now");
-        return true;
-    }
-    is_alive
-}
-
-/// A reason to wake up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Signal {
-    /// A record is there to be received.
-    Data,
-    /// `fuse` misses discriminators that the archive has.
-    ReplayWanted,
-    /// The named subscriber has mapped this process's publisher, as the greeting with this number tells.
-    Ready(Role, u64),
-}
-
-/// Greetings told apart by a bell: a READY to an older one does not count for the newest.
-const GREETINGS: u64 = 8;
-
-impl Signal {
-    /// Number of the signal at a bell, below [`SIGNALS`].
-    fn number(self) -> usize {
-        let ready = |role: usize, greeting: u64| 2 + role * GREETINGS as usize + (greeting % GREETINGS) as usize;
-        match self {
-            Self::Data => 0,
-            Self::ReplayWanted => 1,
-            Self::Ready(Role::Process, greeting) => ready(0, greeting),
-            Self::Ready(Role::Fuse, greeting) => ready(1, greeting),
-            Self::Ready(Role::Store, greeting) => ready(2, greeting),
-            Self::Ready(Role::Acquire(_) | Role::Watch, greeting) => ready(3, greeting),
-        }
-    }
-
-    fn event(self) -> EventId {
-        EventId::new(self.number())
-    }
-
-    fn bit(self) -> u64 {
-        1 << self.number()
-    }
-}
-
-/// Signals that a bell tells apart.
-const SIGNALS: usize = 2 + 4 * GREETINGS as usize;
-const _: () = assert!(SIGNALS <= u64::BITS as usize);
 
 /// One process's place on a line. Owned by one thread; what it receives may be used in others.
 #[derive(Debug)]
@@ -365,44 +181,12 @@ impl Line {
     }
 }
 
-/// Rings the bell of the process it was made in, from any of its threads.
-#[derive(Debug, Clone)]
-pub struct Rope(Arc<Notifier<Svc>>);
-
-impl Rope {
-    /// Wakes the thread that waits on the line.
-    pub fn pull(&self) {
-        if let Err(error) = self.0.notify_with_custom_event_id(Signal::Data.event()) {
-            tracing::debug!(?error, "a worker could not ring the bell");
-        }
-    }
-}
-
-fn bell_service(
-    node: &Node<Svc>,
-    role: Role,
-    station_count: usize,
-) -> Result<iceoryx2::service::port_factory::event::PortFactory<Svc>, LineError> {
-    // Everyone may ring a bell, and as many again who died and are not cleared away yet.
-    let ropes = 2 * (station_count + 4);
-    let name = format!("tapline/bell/{}", role.name());
-    let service_name = ServiceName::new(&name).map_err(|e| LineError::shared(format!("naming {name}"), e))?;
-    node.service_builder(&service_name)
-        .event()
-        .event_id_max_value(SIGNALS - 1)
-        .max_listeners(4)
-        .max_notifiers(ropes)
-        .max_nodes(ropes + 4)
-        .open_or_create()
-        .map_err(|e| LineError::shared(format!("opening {name}"), e))
-}
-
 /// Holds every service of a line open, so that no stage ever creates one: a stage that is killed while it creates a
 /// service leaves a half-made one that nobody can open.
 #[derive(Debug)]
 pub struct Services {
-    _bells: Vec<iceoryx2::service::port_factory::event::PortFactory<Svc>>,
-    _topics: crate::publisher::AllTopics,
+    _bells: Vec<BellService<Svc>>,
+    _topics: AllTopics,
 }
 
 impl Services {
@@ -415,10 +199,6 @@ impl Services {
         let roles = [Role::Process, Role::Fuse, Role::Store].into_iter();
         let roles = roles.chain(stations.iter().map(|&station| Role::Acquire(station)));
         let bells = roles.map(|role| bell_service(&line.node, role, stations.len())).collect::<Result<_, _>>()?;
-        Ok(Self { _bells: bells, _topics: crate::publisher::open_all(line, plan)? })
+        Ok(Self { _bells: bells, _topics: open_all(line, plan)? })
     }
-}
-
-pub(crate) fn reap_now(config: &Config) {
-    reap(config);
 }

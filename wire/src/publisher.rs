@@ -12,7 +12,8 @@ use iceoryx2::prelude::*;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service_;
 
-use crate::line::{Svc, reap_now};
+use crate::address::reap;
+use crate::line::Svc;
 use crate::topic::{LOANED, port_limits, publisher_bytes};
 use crate::{
     DamageTopic, DiscriminatorTopic, LedgerTopic, Line, LineError, Plan, RecordKind, ReplayTopic, Role, Signal,
@@ -117,7 +118,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
                 // Who blocks us may be dead, and then only a reaper lets us go on.
                 let now_ms = monotonic_ns() / 1_000_000;
                 if info.elapsed_time > REAP_AFTER && now_ms - reaped_ms.load(Ordering::Relaxed) > REAP_MS {
-                    reap_now(&config);
+                    reap(&config);
                     reaped_ms.store(now_ms, Ordering::Relaxed);
                 }
                 std::thread::sleep(Duration::from_micros(if info.retries < 16 { 100 } else { 400 }));

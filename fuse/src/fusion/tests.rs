@@ -31,7 +31,7 @@ fn bits(of: &(Judgement, Vec<DamageCell>)) -> String {
 }
 
 fn refusal(record: &Discriminators) -> Discriminators {
-    let mut quality = Quality::clean();
+    let mut quality = Quality::default();
     quality.insert(Quality::REFUSED);
     Discriminators { quality, values: Values::default(), ..*record }
 }

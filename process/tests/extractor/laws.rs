@@ -138,7 +138,7 @@ fn bad_channels_take_only_their_own_values() {
         let found = Extractor::<f32>::new(&case.config()).unwrap().extract(&header, Samples::F32(&samples));
         (values(&found).map(|value| u8::from(value.is_some())), found.quality)
     };
-    assert_eq!(present(&|_, _| {}), ([1; 7], Quality::clean()));
+    assert_eq!(present(&|_, _| {}), ([1; 7], Quality::default()));
     assert_eq!(present(&|_, x| x[..n].fill(0.0)), ([0, 0, 0, 0, 1, 1, 1], Quality::NO_PULSE));
     assert_eq!(present(&|_, x| x[n..].fill(0.25)), ([1, 1, 0, 0, 0, 0, 0], Quality::NO_ONSET));
     assert_eq!(present(&|_, x| x[5000] = f32::NAN), ([0, 0, 0, 0, 1, 1, 1], Quality::NON_FINITE));
