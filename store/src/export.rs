@@ -75,7 +75,8 @@ fn tap_cells(tap: &PlannedTap) -> [String; 8] {
 }
 
 fn number(value: Option<f64>) -> String {
-    value.filter(|v| v.is_finite()).map_or_else(String::new, |v| v.to_string())
+    let text = |v: f64| if v != 0.0 && v.abs() < 1e-5 { format!("{v:e}") } else { v.to_string() };
+    value.filter(|v| v.is_finite()).map_or_else(String::new, text)
 }
 
 fn discriminators<W: io::Write>(reader: &Reader, out: &mut Out<W>) -> Result<()> {
