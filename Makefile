@@ -20,9 +20,9 @@ setup:
 demo: setup
 	cargo build --release
 	@mkdir -p $(DEMO) && rm -f $(DEMO)/demo.h5
-	target/release/tapline run --stations 2 --config examples/demo.toml --out $(DEMO)/demo.h5
+	cargo run -q --release -- run --stations 2 --config examples/demo.toml --out $(DEMO)/demo.h5
 	@for table in verdicts regions damage discriminators; do \
-	  target/release/tapline export $(DEMO)/demo.h5 $$table --out $(DEMO)/$$table.csv || exit 1; \
+	  cargo run -q --release -- export $(DEMO)/demo.h5 $$table --out $(DEMO)/$$table.csv || exit 1; \
 	done
 	@echo "The archive is $(DEMO)/demo.h5; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it."
 

@@ -58,20 +58,15 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
 
 /// How many taps of the archive are settled already, `None` when nothing is left to do.
 ///
-/// An archive of another plan is an error.
+/// An archive of another plan or configuration is an error.
 fn settled_before(job: &Job, plan: &Plan) -> Result<Option<usize>> {
     if !job.out.exists() {
         return Ok(Some(0));
     }
     let reader = Reader::open(&job.out)?;
-    let (archived, given) = (reader.plan().digest(), plan.digest());
-    if archived != given {
-        bail!(
-            "{} holds scan plan {archived:016x}; this run has scan plan {given:016x}: give another --out, or the same \
-             taps, stations and configuration as before",
-            job.out.display()
-        );
-    }
+    reader.check_same(plan, &job.config_toml).context(
+        "the archive cannot be gone on with: give another --out, or the same taps, stations and configuration as before",
+    )?;
     let ledger = reader.ledger();
     let is_finished = ledger.is_judged() && ledger.count(TapState::Missing) == 0;
     Ok((!is_finished).then(|| settled_count(ledger)))

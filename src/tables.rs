@@ -1,10 +1,10 @@
 //! The verbs that read and print: tables of an archive, its state, tables of the dissertation.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use serde_json::json;
 use tapline_model::EffectiveLength;
 use tapline_store::{Export, Reader};
@@ -25,9 +25,15 @@ pub(crate) fn export(archive: &Path, table: Table, format: Format, out: Option<&
     match out {
         None => quiet_pipe(tapline_store::export(&reader, table, BufWriter::new(io::stdout().lock())))?,
         Some(path) => {
-            let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
-            tapline_store::export(&reader, table, BufWriter::new(file))
-                .with_context(|| format!("cannot write {}", path.display()))?;
+            // Whole or not at all: what stands at `path` is replaced at the end, and never if it is the archive.
+            if path.canonicalize().is_ok_and(|path| Some(path) == archive.canonicalize().ok()) {
+                bail!("--out {} is the archive itself", path.display());
+            }
+            let draft = path.with_added_extension("new");
+            let context = || format!("cannot write {}", path.display());
+            let file = File::create(&draft).with_context(context)?;
+            tapline_store::export(&reader, table, BufWriter::new(file)).with_context(context)?;
+            fs::rename(&draft, path).with_context(context)?;
         }
     }
     Ok(true)

@@ -107,6 +107,12 @@ fn another_plan_or_configuration_is_refused() {
     rig.write("other.toml", &SCAN.replace("locations = 60", "locations = 61"));
     let done = rig.run("run --config other.toml --stations 2 --out run.h5").expect(1);
     assert!(done.err.contains("run.h5") && done.err.contains("scan plan"), "{done:?}");
+    // Same taps, but what is judged would not be what was asked for.
+    rig.write("other.toml", &format!("{SCAN}\n[fuse]\nreject_at = 9.0\n"));
+    let done = rig.run("run --config other.toml --stations 2 --out run.h5").expect(1);
+    assert!(done.err.contains("configuration") && done.err.contains("--out"), "{done:?}");
+    rig.write("other.toml", &SCAN.replace("depth_mm = 6.0", "depth_mm = 7.0"));
+    rig.run("run --config other.toml --stations 2 --out run.h5").expect(1);
 }
 
 /// The README's snippet, run as it stands there, by a Python that has h5py.

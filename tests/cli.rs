@@ -51,6 +51,20 @@ fn an_archive_that_is_none_is_refused_by_name() {
     }
 }
 
+/// A table must not be written over the archive it comes from.
+#[test]
+fn an_export_does_not_destroy_its_archive() {
+    let rig = Rig::new();
+    rig.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 9\n");
+    rig.run("run --config c.toml --out x.h5").expect(0);
+    let done = rig.run("export x.h5 ledger --out ./x.h5").expect(1);
+    assert!(done.err.contains("x.h5"), "{done:?}");
+    rig.run("verify x.h5").expect(0);
+    rig.run("export x.h5 ledger --out ledger.csv").expect(0);
+    assert_eq!(fs::read_to_string(rig.path("ledger.csv")).unwrap(), rig.run("export x.h5 ledger").expect(0).out);
+    assert!(!rig.path("ledger.csv.new").exists());
+}
+
 /// `export | head` is no failure.
 #[test]
 fn a_reader_that_leaves_is_no_failure() {

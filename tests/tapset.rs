@@ -76,6 +76,18 @@ fn a_clean_set_is_archived_bit_for_bit() {
     assert_eq!((row["offset_mm"].as_str(), row["velocity_m_per_s"].as_str()), ("5", "1.85"));
 }
 
+/// A set whose scales have changed since is not gone on with: its archive would mix units.
+#[test]
+fn a_set_that_has_changed_is_not_gone_on_with() {
+    let rig = tap_set();
+    rig.run("run --taps taps --out set.h5").expect(0);
+    rig.write("taps/scan.toml", &SCAN.replace("222.0", "111.0"));
+    let done = rig.run("run --taps taps --out set.h5").expect(1);
+    assert!(done.err.contains("set.h5") && done.err.contains("scan plan"), "{done:?}");
+    rig.write("taps/scan.toml", SCAN);
+    rig.run("run --taps taps --out set.h5").expect(0);
+}
+
 /// A tap that cannot be read is refused by name; the others are archived, and the shoulder does not pass.
 #[test]
 fn bad_recordings_are_refused_into_the_ledger() {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use tapline_wire::{
     CHANNELS_MAX, ChannelHeader, Lane, Plan, PlannedTap, Recording, SampleFormat, Serial, SourceKind, TapHeader, Truth,
+    digest_of_parts,
 };
 
 use crate::scan_toml::ScanToml;
@@ -54,9 +55,11 @@ impl TapSet {
         }
         let need = |file: &Path| text::read(file)?.ok_or_else(|| text::missing(file));
         let scan_file = dir.join("scan.toml");
-        let scan = scan_toml::parse(&scan_file, &need(&scan_file)?)?;
+        let scan_text = need(&scan_file)?;
+        let scan = scan_toml::parse(&scan_file, &scan_text)?;
         let taps_file = dir.join("taps.csv");
-        let rows = taps_csv::parse(&taps_file, &need(&taps_file)?, scan.geometry)?;
+        let taps_text = need(&taps_file)?;
+        let rows = taps_csv::parse(&taps_file, &taps_text, scan.geometry)?;
         let truth_file = dir.join("truth.csv");
         let truth = text::read(&truth_file)?.map_or(Ok(Truth::new()), |text| truth_csv::parse(&truth_file, &text))?;
 
@@ -65,7 +68,11 @@ impl TapSet {
             return Err(no_usable_tap(taps_file, &rows, headers));
         };
         let taps = at_stations(&rows, station_count);
-        let plan = Plan::new(scan.geometry, recording, taps, truth)?;
+        // Same taps, other scales or files: not the same source. Lengths stand for the recordings themselves.
+        let lengths: Vec<String> = rows.iter().map(|row| file_length(&dir.join(&row.file))).collect();
+        let lengths = lengths.join(" ");
+        let source = digest_of_parts([scan_text.as_bytes(), taps_text.as_bytes(), lengths.as_bytes()]);
+        let plan = Plan::new(scan.geometry, recording, taps, truth)?.with_source(source);
         let channels = channel_headers(&plan.recording, &scales_of(&scan, plan.recording.sample_format));
         let rows = rows.into_iter().zip(headers).map(|(row, header)| recorded_tap(row, header, &plan.recording));
         let rows = rows.collect();
@@ -95,6 +102,11 @@ impl TapSet {
         wav.read_samples(&mut file, &mut self.scratch, lanes)?;
         Ok(wav.sample_count)
     }
+}
+
+/// Length of a file as text; nothing where there is none.
+fn file_length(path: &Path) -> String {
+    std::fs::metadata(path).map_or_else(|_| String::new(), |data| data.len().to_string())
 }
 
 impl Source for TapSet {

@@ -216,7 +216,21 @@ impl Fusion {
         if self.references[scan].contains(&scan) {
             reasons.insert(Reasons::SELF_REFERENCE);
         }
+        if self.involved(scan).any(|involved| self.lacks_features(involved)) {
+            reasons.insert(Reasons::FEATURES_ABSENT);
+        }
         reasons
+    }
+
+    /// Whether a discriminator that the index asks for is absent from more than half of the planned taps of a scan,
+    /// refused ones included, although its channels are recorded: a sensor that is dead, or taps that never came.
+    fn lacks_features(&self, scan: usize) -> bool {
+        let channels = &self.plan.recording.channels;
+        let rows: Vec<u32> = self.entering(scan).map(|(row, _)| row).collect();
+        let has = |row: &&u32, which| self.seen[**row as usize].is_some_and(|seen| seen.values.get(which).is_some());
+        let recorded = |which: &&Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
+        let asked = self.config.discriminators.iter().filter(recorded);
+        asked.copied().any(|which| 2 * rows.iter().filter(|row| has(row, which)).count() < rows.len())
     }
 
     /// The scan and those of its reference, the scan perhaps twice.

@@ -65,7 +65,7 @@ mod tests {
     #[test]
     fn only_no_reason_passes() {
         // Catches a verdict that forgets a reason: all sets of flags.
-        for bits in 0..1 << 8 {
+        for bits in 0..1 << 9 {
             let reasons = Reasons::from_bits(bits);
             let expected = match bits {
                 0 | 128 => Verdict::Pass, // nothing, or SELF_REFERENCE

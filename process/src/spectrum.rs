@@ -34,7 +34,13 @@ pub(crate) struct BandPower {
     pub(crate) p_f: f64,
     /// Energy E_f, signal unit squared.
     pub(crate) e_f: f64,
+    /// Whether the flexural band holds so little of the record's power that rounding in `T` shows in it.
+    pub(crate) is_faint: bool,
 }
+
+/// Share of the record's power below which a band's power is not the transform's to tell in single precision: rounding
+/// spreads some 1e-14 of the whole over the bins, which is then no longer small beside 1e-4 of the band.
+const FAINT: f64 = 1e-5;
 
 struct Plan<T> {
     fft: Arc<dyn RealToComplex<T>>,
@@ -71,6 +77,7 @@ impl<T: Real> Spectrum<T> {
         for x in signal.iter_mut() {
             *x -= mean;
         }
+        let mean_square = sum_of(signal, |x| x * x) / count as f64;
         let plan = self.plan(count);
         // The lengths are the plan's own.
         plan.fft.process_with_scratch(signal, &mut plan.bins, &mut plan.scratch).ok()?;
@@ -86,6 +93,8 @@ impl<T: Real> Spectrum<T> {
             pr: in_flexural.sum / in_reference.sum, // Eq. 52
             p_f: in_flexural.largest * density,
             e_f: in_flexural.sum * density * grid.bin_width_hz,
+            // E_f is the band's part of the mean square (Parseval).
+            is_faint: in_flexural.sum * density * grid.bin_width_hz < FAINT * mean_square,
         })
     }
 

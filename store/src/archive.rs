@@ -8,6 +8,7 @@ use hdf5::types::VarLenUnicode;
 use hdf5::{File, H5Type, Location};
 use tapline_wire::{Channel, Geometry, Plan, Recording, SampleFormat, Truth};
 
+use crate::check::other_configuration;
 use crate::chunk::ChunkRows;
 use crate::create::{format_name, geometry_name};
 use crate::error::Context;
@@ -45,6 +46,18 @@ pub(crate) struct Archive {
 }
 
 impl Archive {
+    /// Checks that this is the archive of `plan`, begun with the configuration `config_toml`.
+    pub(crate) fn check_same(&self, plan: &Plan, config_toml: &str) -> Result<()> {
+        let (archived, given) = (self.plan.digest(), plan.digest());
+        if archived != given {
+            return Err(Error::OtherPlan { path: self.path.clone(), archived, given });
+        }
+        if self.config != config_toml {
+            return Err(other_configuration(&self.path, &self.config, config_toml));
+        }
+        Ok(())
+    }
+
     /// Opens the archive at `path` and checks that all its tables are there and fit each other.
     pub(crate) fn open(path: &Path, access: Access) -> Result<Self> {
         probe(path, access)?;
@@ -153,6 +166,8 @@ fn read_plan(file: &File, path: &Path) -> Result<Plan> {
     }
     let plan = Plan::new(geometry, recording, taps, read_truth(file, path)?)
         .map_err(|e| damaged(path, format!("its plan: {e}")))?;
+    let source: u64 = read_number(file, attribute::SOURCE_DIGEST).context("read the source's digest", path)?;
+    let plan = plan.with_source(source);
     let archived: u64 = read_number(file, attribute::PLAN_DIGEST).context("read the plan's digest", path)?;
     if plan.digest() != archived {
         let what = format!("its plan has digest {:016x}, but it says {archived:016x}", plan.digest());

@@ -62,6 +62,7 @@ fn fill(path: &Path, plan: &Plan, config_toml: &str) -> hdf5::Result<()> {
     write_text(&file, attribute::TAPLINE_VERSION, env!("CARGO_PKG_VERSION"))?;
     write_text(&file, attribute::GEOMETRY, geometry_name(plan.geometry))?;
     write_number(&file, attribute::PLAN_DIGEST, &plan.digest())?;
+    write_number(&file, attribute::SOURCE_DIGEST, &plan.source_digest())?;
     let config = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::CONFIG)?;
     config.write_scalar(&var_len(config_toml)?)?;
 

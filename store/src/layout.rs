@@ -42,6 +42,7 @@ pub(crate) mod attribute {
     pub(crate) const TAPLINE_VERSION: &str = "tapline_version";
     pub(crate) const GEOMETRY: &str = "geometry";
     pub(crate) const PLAN_DIGEST: &str = "plan_digest";
+    pub(crate) const SOURCE_DIGEST: &str = "source_digest";
     pub(crate) const CHANNELS: &str = "channels";
     pub(crate) const SAMPLE_FORMAT: &str = "sample_format";
     pub(crate) const SAMPLE_RATE_HZ: &str = "sample_rate_hz";

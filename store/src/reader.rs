@@ -83,6 +83,14 @@ impl Reader {
         Ok(Self { archive, ledger, attempts })
     }
 
+    /// Checks that this is the archive of `plan`, begun with the configuration `config_toml`.
+    ///
+    /// # Errors
+    /// [`crate::Error::OtherPlan`] and [`crate::Error::OtherConfiguration`].
+    pub fn check_same(&self, plan: &Plan, config_toml: &str) -> Result<()> {
+        self.archive.check_same(plan, config_toml)
+    }
+
     /// Where the archive is.
     pub fn path(&self) -> &Path {
         &self.archive.path

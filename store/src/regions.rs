@@ -44,7 +44,7 @@ pub fn regions(geometry: Geometry, cells: &[DamageCell]) -> Vec<Region> {
             tail.extend(head);
         }
     }
-    let mut regions: Vec<Region> = runs.iter().map(|run| region_of(geometry, cells.len(), run)).collect();
+    let mut regions: Vec<Region> = runs.iter().map(|run| region_of(part_deg(geometry, cells), run)).collect();
     regions.sort_by_key(|region| region.first_location);
     regions
 }
@@ -53,7 +53,19 @@ fn runs_join(cells: &[DamageCell]) -> bool {
     matches!((cells.first(), cells.last()), (Some(first), Some(last)) if first.region != 0 && first.region == last.region)
 }
 
-fn region_of(geometry: Geometry, cell_count: usize, run: &[&DamageCell]) -> Region {
+/// Part of the ring that one location stands for: the usual step of the angles, or an equal share where there are none.
+fn part_deg(geometry: Geometry, cells: &[DamageCell]) -> Option<f64> {
+    if geometry == Geometry::Line {
+        return None;
+    }
+    let mut steps_deg: Vec<f64> = cells.windows(2).map(|pair| pair[1].angle_deg - pair[0].angle_deg).collect();
+    steps_deg.retain(|step_deg| *step_deg > 0.0);
+    steps_deg.sort_by(f64::total_cmp);
+    let share_deg = 360.0 / f64::from(u32::try_from(cells.len()).unwrap_or(u32::MAX));
+    Some(steps_deg.get(steps_deg.len() / 2).copied().unwrap_or(share_deg))
+}
+
+fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
     let (first, last) = (run[0], run[run.len() - 1]);
     let mut peak = first;
     for &cell in run {
@@ -64,7 +76,6 @@ fn region_of(geometry: Geometry, cell_count: usize, run: &[&DamageCell]) -> Regi
     }
     let known = |value: f64| Some(value).filter(|v| v.is_finite());
     let extent_locations = u32::try_from(run.len()).unwrap_or(u32::MAX);
-    let part_deg = 360.0 / f64::from(u32::try_from(cell_count).unwrap_or(u32::MAX));
     Region {
         region: first.region,
         first_location: first.location,
@@ -75,7 +86,7 @@ fn region_of(geometry: Geometry, cell_count: usize, run: &[&DamageCell]) -> Regi
         peak_angle_deg: known(peak.angle_deg),
         peak_damage_index: known(peak.damage_index),
         extent_locations,
-        extent_deg: (geometry == Geometry::Ring).then(|| f64::from(extent_locations) * part_deg),
+        extent_deg: part_deg.map(|part_deg| f64::from(extent_locations) * part_deg),
     }
 }
 
@@ -151,5 +162,17 @@ mod tests {
             let damaged = labels.iter().filter(|&&label| label != 0).count();
             prop_assert_eq!(before.iter().map(|e| e.1 as usize).sum::<usize>(), damaged);
         }
+    }
+
+    /// Half a ring scanned: a location still stands for its step, not for twice as much.
+    #[test]
+    fn the_extent_follows_the_angles() {
+        let mut cells = cells(&[0, 0, 1, 1, 1, 0, 0, 0]);
+        for (k, cell) in (0..).zip(&mut cells) {
+            cell.angle_deg = 3.6 * f64::from(k);
+        }
+        let found = regions(Geometry::Ring, &cells);
+        assert!((found[0].extent_deg.unwrap() - 10.8).abs() < 1e-9, "{found:?}");
+        assert_eq!(regions(Geometry::Line, &cells)[0].extent_deg, None);
     }
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::Path;
 
-use tapline_wire::{Ledger, Plan, ScanState, TapId, TapState, Verdict};
+use tapline_wire::{Ledger, Plan, Quality, Reasons, ScanState, TapId, TapState, Verdict};
 
 use crate::Result;
 use crate::archive::{Access, Archive};
@@ -125,7 +125,29 @@ fn check_tap(
             complain(format!("the ledger has attempt {}, its {half} attempt {attempt}", ledger.attempt));
         }
     }
-    let most = plan.recording.sample_count_max;
+    let recording = &plan.recording;
+    let channel_count = u32::try_from(recording.channels.len()).unwrap_or(u32::MAX);
+    for (what, said, planned) in [
+        ("sample rate", header.sample_rate_hz, recording.sample_rate_hz),
+        ("pre-trigger", f64::from(header.pre_trigger_samples), f64::from(recording.pre_trigger_samples)),
+        ("channel count", f64::from(header.channel_count), f64::from(channel_count)),
+    ] {
+        if said.to_bits() != planned.to_bits() {
+            complain(format!("its header has {what} {said}; {planned} is planned"));
+        }
+    }
+    let scales = header.unit_per_count.iter().take(recording.channels.len());
+    if let Some(scale) = scales.copied().find(|scale| !scale.is_finite() || *scale == 0.0) {
+        complain(format!("its header has a scale of {scale} a count"));
+    }
+    let quality = Quality::from_bits(discriminators.quality);
+    if quality.contains(Quality::REFUSED) {
+        complain("it is archived, but its discriminators say that it was refused".to_owned());
+    }
+    if quality.is_clean() && discriminators.values().into_iter().any(f64::is_nan) {
+        complain("a discriminator is absent, but no flag says why".to_owned());
+    }
+    let most = recording.sample_count_max;
     if header.sample_count > most {
         complain(format!("its header says {} samples; at most {most} are planned", header.sample_count));
     }
@@ -145,6 +167,19 @@ fn check_scan(
     let scan = &plan.scans()[number];
     if Verdict::from_code(row.verdict).is_none() {
         complain(format!("it is judged, but its verdict is {}, which is none", row.verdict));
+    }
+    let reasons = Reasons::from_bits(row.reasons);
+    let mut allowed = Reasons::SELF_REFERENCE;
+    allowed.insert(reasons);
+    if row.verdict == Verdict::Pass.code() && allowed != Reasons::SELF_REFERENCE {
+        complain(format!("its verdict is PASS in spite of {reasons}"));
+    }
+    let has_regions = cells.iter().any(|cell| cell.region != 0);
+    if has_regions != (reasons.contains(Reasons::DAMAGE) || reasons.contains(Reasons::SUSPECT)) {
+        complain(format!(
+            "its reasons are {reasons:?}, but its map has {} regions",
+            if has_regions { "" } else { "no" }
+        ));
     }
     if row.cell_count as usize != cells.len() {
         complain(format!("it says {} cells; {} locations are planned", row.cell_count, cells.len()));

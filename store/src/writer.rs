@@ -14,8 +14,9 @@ use tapline_wire::{
     DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, ScanState, TapHeader, TapId, TapState,
 };
 
+use crate::Result;
 use crate::archive::{Access, Archive};
-use crate::check::{check_cells, check_id, check_scan, check_shape, other_configuration};
+use crate::check::{check_cells, check_id, check_scan, check_shape};
 use crate::chunk::padded;
 use crate::create::create;
 use crate::error::Context;
@@ -23,7 +24,6 @@ use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ReasonRow,
 use crate::recall::recall;
 use crate::rows::{at_attempt, fixed};
 use crate::track::{Half, PutOutcome, Take, Track};
-use crate::{Error, Result};
 
 /// Rows that wait for a flush; one more and it is done unasked, so that memory stays bounded.
 const PENDING_ROWS_MAX: usize = 4096;
@@ -103,13 +103,7 @@ impl Writer {
     pub fn resume(path: impl AsRef<Path>, plan: &Plan, config_toml: &str) -> Result<Self> {
         let path = path.as_ref();
         let archive = Archive::open(path, Access::Write)?;
-        let (archived, given) = (archive.plan.digest(), plan.digest());
-        if archived != given {
-            return Err(Error::OtherPlan { path: path.to_owned(), archived, given });
-        }
-        if archive.config != config_toml {
-            return Err(other_configuration(path, &archive.config, config_toml));
-        }
+        archive.check_same(plan, config_toml)?;
         Self::of(archive)
     }
 

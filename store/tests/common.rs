@@ -1,5 +1,6 @@
 //! A small run: its plan, and records that depend on nothing but their plan row.
 
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use tapline_store::{Result, Writer};
 use tapline_wire::{
     Channel, ChannelHeader, DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Quality,
@@ -165,4 +166,18 @@ pub(crate) fn put_all(writer: &mut Writer) -> Result<()> {
 /// The bytes of `samples`.
 pub(crate) fn bytes(samples: Samples<'_>) -> Vec<u8> {
     samples.as_bytes().to_vec()
+}
+
+/// Tests that start a child run alone: a child started while another test has an archive open would inherit the
+/// descriptor, and with it the lock on that archive.
+static CHILDREN: RwLock<()> = RwLock::new(());
+
+/// Held by a test that starts no child.
+pub(crate) fn beside_others() -> RwLockReadGuard<'static, ()> {
+    CHILDREN.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Held by a test that starts a child.
+pub(crate) fn alone() -> RwLockWriteGuard<'static, ()> {
+    CHILDREN.write().unwrap_or_else(PoisonError::into_inner)
 }

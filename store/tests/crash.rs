@@ -40,8 +40,9 @@ fn victim() {
     }
 }
 
-/// Kills a victim after `delay` and returns the rows that the last file it worked on was said to have.
-fn kill_after(path: &Path, delay: Duration) -> Vec<u32> {
+/// Kills a victim `delay` after it has archived `row_count` rows, and returns the rows that the last file it worked on
+/// was said to have.
+fn kill_after(path: &Path, row_count: usize, delay: Duration) -> Vec<u32> {
     let mut victim = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "crash::victim", "--nocapture"])
         .env(VICTIM, path)
@@ -50,11 +51,12 @@ fn kill_after(path: &Path, delay: Duration) -> Vec<u32> {
         .unwrap();
     let mut lines = BufReader::new(victim.stdout.take().unwrap()).lines().map_while(Result::ok);
     assert!(lines.any(|line| line.ends_with("begun")), "the victim did not begin");
+    let mut rows = lines.filter_map(|line| line.strip_prefix("archived ")?.parse::<u32>().ok());
+    let mut said: Vec<u32> = rows.by_ref().take(row_count).collect();
     std::thread::sleep(delay);
     victim.kill().unwrap();
     victim.wait().unwrap();
-    let mut said = Vec::new();
-    for row in lines.filter_map(|line| line.strip_prefix("archived ")?.parse::<u32>().ok()) {
+    for row in rows {
         if row == 0 {
             said.clear();
         }
@@ -67,12 +69,15 @@ fn kill_after(path: &Path, delay: Duration) -> Vec<u32> {
 /// archive that cannot be completed afterwards.
 #[test]
 fn killed_at_any_time_it_opens_and_goes_on() {
+    let _guard = crate::common::alone();
     let plan = big_plan();
     let mut survivors = 0;
     for trial in 0..12 {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.h5");
-        let said = kill_after(&path, Duration::from_micros(1_500 + 3_700 * trial));
+        // From before the first row to the last but one, and some way into the next.
+        let row_count = trial * (plan.taps().len() - 1) / 12;
+        let said = kill_after(&path, row_count, Duration::from_micros(137 * trial as u64));
         if path.exists() {
             survivors += 1;
             let reader = Reader::open(&path).unwrap();
@@ -100,6 +105,7 @@ fn killed_at_any_time_it_opens_and_goes_on() {
 /// run only ever overwrites what was allotted, so the length stays and so does all that is not table contents.
 #[test]
 fn a_run_never_changes_the_structure() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);

@@ -32,6 +32,7 @@ fn unfinished(folder: &tempfile::TempDir) -> Reader {
 /// Catches a column that is renamed, moved or formatted otherwise, and an absent value that is not an empty cell.
 #[test]
 fn tables_to_the_letter() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let reader = unfinished(&folder);
     assert_eq!(
@@ -80,6 +81,7 @@ fn tables_to_the_letter() {
 /// Catches a table that the command line cannot name.
 #[test]
 fn every_table_has_its_name() {
+    let _guard = crate::common::beside_others();
     assert!(Export::ALL.into_iter().all(|table| Export::from_name(table.name()) == Some(table)));
     assert_eq!(Export::from_name("taps"), None);
 }

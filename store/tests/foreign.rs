@@ -24,6 +24,7 @@ with h5py.File(sys.argv[1], "r") as f:
 /// Catches an archive that only this program can read, or reads otherwise.
 #[test]
 fn h5py_reads_the_same() {
+    let _guard = crate::common::alone();
     let Some(python) = ["/usr/bin/python3", "python3"]
         .into_iter()
         .find(|python| Command::new(python).args(["-c", "import h5py"]).output().is_ok_and(|out| out.status.success()))

@@ -17,6 +17,7 @@ fn finished(path: &Path, plan: &Plan) {
 /// Catches an archive gone on with for another plan or configuration, and one that is overwritten.
 #[test]
 fn another_run_is_refused_with_both_values() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let given = plan(SampleFormat::I16);
@@ -41,6 +42,7 @@ fn another_run_is_refused_with_both_values() {
 /// Catches two writers, or a reader beside a writer, within one process.
 #[test]
 fn a_second_writer_is_refused() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let given = plan(SampleFormat::I16);
@@ -60,6 +62,7 @@ fn a_second_writer_is_refused() {
 /// Catches an error that does not name its file, or a panic, on files that are no archive.
 #[test]
 fn files_that_are_no_archive() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);
     fs::write(place("empty.h5"), "").unwrap();
@@ -85,6 +88,7 @@ fn files_that_are_no_archive() {
 /// Catches a panic on, or trust in, a file that was cut anywhere.
 #[test]
 fn a_cut_file_is_refused() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     finished(&path, &plan(SampleFormat::I16));
@@ -101,6 +105,7 @@ fn a_cut_file_is_refused() {
 /// structures is beyond this crate.)
 #[test]
 fn a_changed_row_never_panics() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     finished(&path, &plan(SampleFormat::I16));
@@ -133,6 +138,7 @@ fn a_changed_row_never_panics() {
 /// Catches an archive begun where it cannot be, and rubbish left behind by the attempt.
 #[test]
 fn places_that_cannot_be_written() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let given = plan(SampleFormat::I16);
     for place in [folder.path().join("absent/run.h5"), Path::new("/proc/run.h5").to_owned()] {
@@ -150,6 +156,7 @@ fn places_that_cannot_be_written() {
 /// Catches a record that would land in a row that is not its own, or read beyond its samples.
 #[test]
 fn records_that_do_not_belong_here() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let given = plan(SampleFormat::I16);
     let mut writer = Writer::create(folder.path().join("run.h5"), &given, CONFIG).unwrap();

@@ -22,6 +22,7 @@ fn everything_is_there(reader: &Reader, plan: &Plan) {
 /// Catches any bit that changes on its way, of either sample format.
 #[test]
 fn everything_comes_back_bit_for_bit() {
+    let _guard = crate::common::beside_others();
     for format in [SampleFormat::I16, SampleFormat::F32] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.h5");
@@ -41,6 +42,7 @@ fn everything_comes_back_bit_for_bit() {
 /// Catches short records whose channels run into each other, stale samples of a longer take, and an empty record.
 #[test]
 fn short_records_keep_their_channels_apart() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
@@ -75,6 +77,7 @@ fn short_records_keep_their_channels_apart() {
 /// Catches content that depends on the order of arrival, on flushes, on resuming, or on when it was written.
 #[test]
 fn the_file_does_not_depend_on_the_order_of_arrival() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let plan = plan(SampleFormat::I16);
     let [forward, backward] = ["a.h5", "b.h5"].map(|name| folder.path().join(name));
@@ -104,6 +107,7 @@ fn the_file_does_not_depend_on_the_order_of_arrival() {
 /// Catches a duplicate that is taken for new, a different record that replaces a settled one, before and after resuming.
 #[test]
 fn what_is_settled_stays() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
@@ -135,6 +139,7 @@ fn what_is_settled_stays() {
 /// Catches a tap vouched for before it is flushed, by half, or with halves of two attempts.
 #[test]
 fn the_ledger_vouches_for_whole_flushed_taps_only() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
@@ -166,6 +171,7 @@ fn the_ledger_vouches_for_whole_flushed_taps_only() {
 /// Catches a reason that is lost, misattributed, or cut without a mark.
 #[test]
 fn refusals_say_why() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::F32);
@@ -190,6 +196,7 @@ fn refusals_say_why() {
 /// does not come to its end.
 #[test]
 fn a_replay_has_all_that_is_known() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);

@@ -52,6 +52,7 @@ fn problems(path: &Path) -> Vec<String> {
 /// Catches a problem seen where there is none, and a run taken for complete that is not.
 #[test]
 fn a_whole_run_is_complete_and_a_part_is_not() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = finished(&folder);
     let report = verify(&path).unwrap();
@@ -69,6 +70,7 @@ fn a_whole_run_is_complete_and_a_part_is_not() {
 /// Catches contradictions that verification would not see.
 #[test]
 fn contradictions_are_named() {
+    let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = finished(&folder);
     bend(&path, "taps/header", 2, PlanIndex { plan_index: u32::MAX });
@@ -94,6 +96,7 @@ fn contradictions_are_named() {
 /// Catches a plan that was changed under its digest.
 #[test]
 fn a_changed_plan_is_noticed() {
+    let _guard = crate::common::beside_others();
     #[repr(C)]
     #[derive(Clone, Copy, hdf5::H5Type)]
     struct Location {

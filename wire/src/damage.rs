@@ -62,6 +62,8 @@ flags! {
         NO_INDEX = "no_index",
         /// The shoulder was compared with itself, not with a known sound one.
         SELF_REFERENCE = "self_reference",
+        /// A discriminator that the index asks for is absent from most taps although its channels are recorded.
+        FEATURES_ABSENT = "features_absent",
     }
 }
 

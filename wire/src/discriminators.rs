@@ -5,8 +5,8 @@ use std::fmt;
 use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
-use crate::TapId;
 use crate::flags::flags;
+use crate::{Channel, TapId};
 
 /// One of the seven quantities that tell a cracked casing from a sound one (section 2 of the method).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -41,6 +41,15 @@ impl Discriminator {
     /// Name in configurations and summaries.
     pub fn name(self) -> &'static str {
         ["f_max", "tau", "a_1", "a_2", "pr", "p_f", "e_f"][self as usize]
+    }
+
+    /// The channels without which it cannot be had; A_2 and the powers need the sound alone.
+    pub fn channels(self) -> &'static [Channel] {
+        match self {
+            Self::FMax | Self::Tau => &[Channel::Force],
+            Self::A1 => &[Channel::Force, Channel::Sound],
+            Self::A2 | Self::Pr | Self::Pf | Self::Ef => &[Channel::Sound],
+        }
     }
 
     /// Name with unit: the column in tables and archives.

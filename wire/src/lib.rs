@@ -83,7 +83,7 @@ pub use error::LineError;
 pub use id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
 pub use ledger::{Ledger, LedgerHeader, ScanState, TapState};
 pub use line::{Line, Services};
-pub use plan::{Plan, PlanError, PlannedTap, Recording, Scan, Truth};
+pub use plan::{Plan, PlanError, PlannedTap, Recording, Scan, Truth, digest_of_parts};
 pub use publisher::{Loan, Publisher};
 pub use stamp::{RecordKind, Stamp, Stamped};
 pub use subscriber::{Received, Subscriber, Tally};

@@ -67,6 +67,7 @@ pub struct Plan {
     taps: Vec<PlannedTap>,
     scans: Vec<Scan>,
     truth: Truth,
+    source_digest: u64,
     digest: u64,
 }
 
@@ -134,8 +135,21 @@ impl Plan {
             }
         }
         let scans = scans_of(&taps)?;
-        let digest = digest_of(geometry, &recording, &taps);
-        Ok(Self { geometry, recording, taps, scans, truth, digest })
+        let digest = digest_of(geometry, &recording, &taps, 0);
+        Ok(Self { geometry, recording, taps, scans, truth, source_digest: 0, digest })
+    }
+
+    /// The same plan for a source that `source_digest` tells from others with the same taps: other recordings, other
+    /// scales. It becomes a part of [`Plan::digest`].
+    pub fn with_source(mut self, source_digest: u64) -> Self {
+        self.source_digest = source_digest;
+        self.digest = digest_of(self.geometry, &self.recording, &self.taps, source_digest);
+        self
+    }
+
+    /// What tells the plan's source from others with the same taps; 0 where nothing does.
+    pub fn source_digest(&self) -> u64 {
+        self.source_digest
     }
 
     /// The planned taps; a tap's place here is its plan index.
@@ -203,14 +217,27 @@ fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
     Ok(scans)
 }
 
-fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap]) -> u64 {
+/// The first 64 bits of the SHA-256 of `parts`, each with its length: a number that differs for different input.
+pub fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
     let mut hasher = Sha256::new();
-    hasher.update(format!("{geometry:?} {recording:?}"));
+    for part in parts {
+        hasher.update((part.len() as u64).to_le_bytes());
+        hasher.update(part);
+    }
+    first_bits(hasher)
+}
+
+fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap], source_digest: u64) -> u64 {
+    let mut hasher = Sha256::new();
+    hasher.update(format!("{geometry:?} {recording:?} {source_digest}"));
     for tap in taps {
         hasher.update(format!("\n{} {:?} {}", tap.id, tap.angle_deg, tap.is_closing));
     }
-    let digest = hasher.finalize();
-    digest.iter().take(8).fold(0, |number, &byte| (number << 8) | u64::from(byte))
+    first_bits(hasher)
+}
+
+fn first_bits(hasher: Sha256) -> u64 {
+    hasher.finalize().iter().take(8).fold(0, |number, &byte| (number << 8) | u64::from(byte))
 }
 
 #[cfg(test)]
@@ -271,5 +298,6 @@ mod tests {
         let other = Recording { sample_rate_hz: 41_001.0, ..recording() };
         assert_ne!(Plan::new(Geometry::Ring, other, taps(), Truth::new()).unwrap().digest(), digest);
         assert_ne!(Plan::new(Geometry::Line, recording(), taps(), Truth::new()).unwrap().digest(), digest);
+        assert_ne!(plan(taps()).unwrap().with_source(1).digest(), digest);
     }
 }

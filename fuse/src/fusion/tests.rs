@@ -381,3 +381,30 @@ fn the_dissertation_index_is_that_of_its_equations() {
     assert!((judgement.limit_reject - (0.25 + 7.0 * sigma)).abs() < 1e-12);
     assert!(cells[0].angle_deg.is_nan());
 }
+
+/// A microphone that is dead all along must not pass unnoticed because the force is there.
+#[test]
+fn a_dead_sensor_does_not_pass() {
+    let casing = Casing::default();
+    let plan = casing.plan();
+    let recording = tapline_wire::Recording {
+        channels: vec![tapline_wire::Channel::Force, tapline_wire::Channel::Sound],
+        ..plan.recording.clone()
+    };
+    let plan = Plan::new(plan.geometry, recording, plan.taps().to_vec(), Truth::new()).unwrap();
+    let records = records(&casing, &plan, 1);
+    for (dead, is_noticed) in [(None, false), (Some(Discriminator::Ef), true)] {
+        let mut fusion = Fusion::new(&FuseConfig::default(), &plan).unwrap();
+        for record in &records {
+            let mut record = *record;
+            if let Some(dead) = dead {
+                record.values.set(dead, None);
+            }
+            fusion.push(&record).unwrap();
+        }
+        fusion.end(0).unwrap();
+        let (judgement, _) = fusion.judge(0).unwrap();
+        assert_eq!(judgement.reasons.contains(Reasons::FEATURES_ABSENT), is_noticed);
+        assert_eq!(judgement.verdict == Verdict::Pass.code(), !is_noticed, "{:?}", judgement.reasons);
+    }
+}

@@ -1,6 +1,8 @@
 //! Single precision against double, over taps of every kind.
 
 use proptest::prelude::*;
+use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
+use tapline_wire::{Channel, ChannelHeader, SampleFormat, Samples, TapHeader};
 
 use crate::reference::CASES;
 use crate::signal::{Case, assert_close, values};
@@ -30,5 +32,38 @@ proptest! {
         prop_assert_eq!(single.quality, double.quality);
         prop_assert!(values(&double)[3..].iter().all(Option::is_some), "{:?}", double);
         assert_close(&single, values(&double), 1e-4, "single precision");
+    }
+}
+
+/// A loud sound outside the bands must not drown the flexural band in the rounding of single precision.
+#[test]
+fn a_faint_band_beside_a_loud_sound() {
+    let count = 16_384_u32;
+    for level_db in [-20, -50, -70, -90, -110] {
+        let faint = 10.0_f64.powf(f64::from(level_db) / 20.0);
+        let samples: Vec<f32> = (0..count)
+            .map(|k| {
+                let t = f64::from(k) / 40_960.0;
+                let loud = (std::f64::consts::TAU * 9_013.0 * t).sin();
+                let ring = faint * (-30.0 * t).exp() * (std::f64::consts::TAU * 1_003.7 * t).sin();
+                if k < 512 { 0.0 } else { (loud + ring) as f32 }
+            })
+            .collect();
+        let mut header = TapHeader {
+            sample_rate_hz: 40_960.0,
+            pre_trigger_samples: 512,
+            sample_count: count,
+            sample_format: SampleFormat::F32.code(),
+            channel_count: 1,
+            ..TapHeader::default()
+        };
+        header.channels[0] =
+            ChannelHeader { code: Channel::Sound.code(), unit_per_count: 1.0, ..ChannelHeader::default() };
+        let extract = |precision| {
+            let config = ProcessConfig { precision, ..ProcessConfig::default() };
+            let mut extractor = ProcessExtractor::new(&config).unwrap();
+            extractor.extract(&header, Samples::F32(&samples))
+        };
+        assert_close(&extract(Precision::F32), values(&extract(Precision::F64)), 1e-4, &format!("{level_db} dB"));
     }
 }
