@@ -156,7 +156,7 @@ fn over_topic(count: u64, period: Option<Duration>) -> Result<(u64, i64, [Said; 
     let address = LineAddress::new(&name);
     let outcome = {
         let plan = plan()?;
-        let line = Line::join(&address, Role::Acquire(1), plan.digest(), Arc::default())?;
+        let line = Line::join(&address, Role::Acquire(1), &plan, Arc::default())?;
         let mut consumers = Vec::new();
         for role in ["process", "store"] {
             consumers.push(start(&format!("{role} {name}"), Stdio::null())?);
@@ -267,7 +267,7 @@ fn consume(role: &str) -> Result<()> {
 
 fn from_topic(role: Role, name: &str) -> Result<Seen> {
     let plan = plan()?;
-    let line = Line::join(&LineAddress::new(name), role, plan.digest(), Arc::default())?;
+    let line = Line::join(&LineAddress::new(name), role, &plan, Arc::default())?;
     let taps = Subscriber::<TapTopic>::open(&line, &plan)?;
     let mut seen = Seen::default();
     loop {
