@@ -89,7 +89,7 @@ impl Writer {
     /// allots what is written.
     ///
     /// # Errors
-    /// [`Error::Exists`], [`Error::EmptyRecording`], or what the system says.
+    /// [`crate::Error::Exists`], [`crate::Error::EmptyRecording`], or what the system says.
     pub fn create(path: impl AsRef<Path>, plan: &Plan, config_toml: &str) -> Result<Self> {
         create(path.as_ref(), plan, config_toml)?;
         Self::resume(path, plan, config_toml)
@@ -98,8 +98,8 @@ impl Writer {
     /// Goes on with the archive at `path`, which must have been begun for the same plan and configuration.
     ///
     /// # Errors
-    /// [`Error::NotHdf5`], [`Error::NotAnArchive`], [`Error::FormatVersion`], [`Error::OtherPlan`],
-    /// [`Error::OtherConfiguration`], [`Error::InUse`], [`Error::Damaged`], or what the system says.
+    /// [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`], [`crate::Error::OtherPlan`],
+    /// [`crate::Error::OtherConfiguration`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
     pub fn resume(path: impl AsRef<Path>, plan: &Plan, config_toml: &str) -> Result<Self> {
         let path = path.as_ref();
         let archive = Archive::open(path, Access::Write)?;
@@ -160,7 +160,7 @@ impl Writer {
     /// Samples are not compared with those that are there: two takes are told apart by their headers.
     ///
     /// # Errors
-    /// [`Error::NoSuchRow`], [`Error::OtherTap`], [`Error::OtherPlanRecord`], [`Error::RecordShape`], or what the
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], [`crate::Error::OtherPlanRecord`], [`crate::Error::RecordShape`], or what the
     /// system says.
     pub fn put_tap(&mut self, header: &TapHeader, samples: &[u8]) -> Result<PutOutcome> {
         let row = header.plan_index;
@@ -180,7 +180,7 @@ impl Writer {
     /// Takes in what was found in a tap; it waits for the next flush.
     ///
     /// # Errors
-    /// [`Error::NoSuchRow`], [`Error::OtherTap`], or what the system says.
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
     pub fn put_discriminators(&mut self, discriminators: &Discriminators) -> Result<PutOutcome> {
         let row = discriminators.plan_index;
         check_id(self.plan(), row, &discriminators.id)?;
@@ -199,7 +199,7 @@ impl Writer {
     /// A reason longer than [`crate::REASON_BYTES`] is cut and ends in an ellipsis.
     ///
     /// # Errors
-    /// [`Error::NoSuchRow`], [`Error::OtherTap`], or what the system says.
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
     pub fn put_refusal(&mut self, plan_index: u32, id: &TapId, reason: &str) -> Result<PutOutcome> {
         check_id(self.plan(), plan_index, id)?;
         let outcome = self.tracks[plan_index as usize].refusal_outcome(id.attempt);
@@ -214,7 +214,7 @@ impl Writer {
     /// Takes in that scan `scan` has ended; it waits for the next flush.
     ///
     /// # Errors
-    /// [`Error::NoSuchScan`], or what the system says.
+    /// [`crate::Error::NoSuchScan`], or what the system says.
     pub fn end_scan(&mut self, scan: u32) -> Result<PutOutcome> {
         check_scan(self.plan(), scan)?;
         let row = &mut self.scans[scan as usize];
@@ -230,7 +230,7 @@ impl Writer {
     /// order; it waits for the next flush.
     ///
     /// # Errors
-    /// [`Error::NoSuchScan`], [`Error::OtherCells`], or what the system says.
+    /// [`crate::Error::NoSuchScan`], [`crate::Error::OtherCells`], or what the system says.
     pub fn put_judgement(&mut self, scan: u32, judgement: &Judgement, cells: &[DamageCell]) -> Result<PutOutcome> {
         check_scan(self.plan(), scan)?;
         check_cells(self.plan(), scan, cells)?;
