@@ -14,7 +14,7 @@ use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_fuse::{FuseConfig, Fusion};
-use tapline_model::SimulationConfig;
+use tapline_model::{DampingLaw, Rung, Scene, SimulationConfig, choose};
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
 use tapline_wire::{Channel, ChannelHeader, Discriminators, Lane, SampleFormat, Samples, TapHeader, lanes_for};
 
@@ -79,6 +79,7 @@ fn main() -> Result<()> {
     kernels.push(extract("extract f32, sound alone f32", &taps, self::extractor(Precision::F32)?, true));
     kernels.push(extract("extract f64, sound alone f32", &taps, self::extractor(Precision::F64)?, true));
     kernels.push(judge(fusion, &records));
+    kernels.extend(ladder());
     for _ in 0..ROUNDS {
         for kernel in &mut kernels {
             kernel.time();
@@ -196,6 +197,41 @@ fn judge(fusion: Fusion, records: &[Discriminators]) -> Kernel<'_> {
         call: Box::new(call),
         us_per_tap: Vec::new(),
     }
+}
+
+/// One contact on each rung of the ladder, and on the one that a tolerance chooses: casings with cracks 4 to 250 mm deep,
+/// most of them deep ones, as most places of a casing are sound.
+fn ladder() -> Vec<Kernel<'static>> {
+    #[expect(clippy::cast_precision_loss, reason = "a small index")]
+    let scenes: Vec<Scene> = (0..TAPS)
+        .map(|i| i as f64 / TAPS as f64)
+        .map(|share| Scene {
+            h_m: 4e-3 * 62.0_f64.powf(share.sqrt()),
+            l_m: 0.018 + 0.008 * (share * 37.0).fract(),
+            velocity_m_per_s: 1.0 + (share * 23.0).fract(),
+            ..Scene::default()
+        })
+        .collect();
+    let kernel = |name, f_max: fn(&Scene) -> Option<f64>| {
+        let scenes = scenes.clone();
+        let call = move || scenes.iter().map(|scene| f_max(black_box(scene)).unwrap_or(f64::NAN)).sum();
+        Kernel { name, taps_per_call: TAPS, call: Box::new(call), us_per_tap: Vec::new() }
+    };
+    fn on(rung: Rung, scene: &Scene) -> Option<f64> {
+        rung.contact(scene, DampingLaw::Exact).ok().map(|contact| contact.f_max_n)
+    }
+    fn within(tolerance: f64, scene: &Scene) -> Option<f64> {
+        choose(scene, DampingLaw::Exact, tolerance).ok().map(|choice| choice.contact.f_max_n)
+    }
+    vec![
+        kernel("contact: closed form", |scene| on(Rung::Closed, scene)),
+        kernel("contact: integral table", |scene| on(Rung::Integral, scene)),
+        kernel("contact: plate in time", |scene| on(Rung::Plate, scene)),
+        kernel("contact: full, to be beaten by the next", |scene| on(Rung::Full, scene)),
+        kernel("contact: chosen, within 0.001 of full", |scene| within(1e-3, scene)),
+        kernel("contact: chosen, within 0.05 of full", |scene| within(0.05, scene)),
+        kernel("contact: chosen, within 0.2 of full", |scene| within(0.2, scene)),
+    ]
 }
 
 fn report(kernels: &mut [Kernel<'_>]) {

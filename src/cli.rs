@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::contact::ContactArgs;
+
 /// Finds hidden cracks in truck-tyre casings by tapping them and listening.
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 100, after_help = EXIT_CODES)]
@@ -123,6 +125,8 @@ pub(crate) enum ModelVerb {
         #[arg(long, value_enum, default_value_t = Length::Published)]
         effective_length: Length,
     },
+    /// Print what one contact does, on a rung of the ladder of models or on the cheapest that is true enough.
+    Contact(ContactArgs),
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

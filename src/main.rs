@@ -6,6 +6,7 @@
 mod child;
 mod cli;
 mod config;
+mod contact;
 mod line;
 mod progress;
 mod stage;
@@ -55,5 +56,6 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
+        Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
     }
 }

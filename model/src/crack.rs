@@ -99,6 +99,7 @@ impl Crack {
             mass_kg: mass / felt,
             damping_n_s_per_m: scene.loss_tangent() * (stiffness * mass).sqrt() / felt,
             stiffness_n_per_m: stiffness / felt,
+            membrane_n_per_m3: 0.0,
         }
     }
 }

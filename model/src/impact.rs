@@ -14,6 +14,12 @@ pub struct Outcome {
     pub d_max_m: f64,
     /// Velocity of the impactor after contact over that before, reversed.
     pub restitution: f64,
+    /// Largest local deformation alpha, as the steps of the integration saw it (within 1e-3).
+    pub alpha_max_m: f64,
+    /// Largest deflection of the plate either way, as the steps saw it; 0 without a plate.
+    pub deflection_max_m: f64,
+    /// How often the bodies met.
+    pub contact_count: u32,
 }
 
 /// The layer above a crack as one degree of freedom.
@@ -25,10 +31,12 @@ pub struct Plate {
     pub damping_n_s_per_m: f64,
     /// Stiffness K_f.
     pub stiffness_n_per_m: f64,
+    /// Membrane stiffness, of the cube of the deflection; 0 for a plate that only bends.
+    pub membrane_n_per_m3: f64,
 }
 
-/// An impact: m_1 x_1'' = -F, m_p x_2'' + C x_2' + K_f x_2 = F, F = max(0, K_c a^1.5 (1 + chi a'/V)) for
-/// a = x_1 - x_2 > 0.
+/// An impact: m_1 x_1'' = -F, m_p x_2'' + C x_2' + K_f x_2 + K_m x_2^3 = F, F = max(0, K_c a^1.5 (1 + chi a'/V)) for
+/// a = x_1 - x_2 > 0; K_m is 0 but in the full rung.
 ///
 /// Made of a [`Scene`] its numbers are checked; put together by hand they are taken as they are, and what means nothing
 /// gives an outcome that is not a number or [`Error::TooStiff`].
@@ -50,8 +58,8 @@ pub struct Impact {
 #[derive(Debug, Clone, Copy)]
 struct Scaled {
     chi: f64,
-    /// Mass, damping and stiffness of the plate.
-    plate: Option<[f64; 3]>,
+    /// Mass, damping, stiffness and membrane stiffness of the plate.
+    plate: Option<[f64; 4]>,
 }
 
 /// x_1, x_1', x_2, x_2' in the units of [`Scaled`].
@@ -67,13 +75,25 @@ impl Scaled {
 
     fn rate(&self, y: &Motion) -> Motion {
         let force = self.force(y);
-        let x_2_acceleration =
-            self.plate.map_or(0.0, |[mass, damping, stiffness]| (force - damping * y[3] - stiffness * y[2]) / mass);
+        let x_2_acceleration = self.plate.map_or(0.0, |[mass, damping, stiffness, membrane]| {
+            (force - damping * y[3] - (stiffness + membrane * y[2] * y[2]) * y[2]) / mass
+        });
         [y[1], -force, y[3], x_2_acceleration]
     }
 
     fn is_touching(&self, y: &Motion) -> bool {
         self.force(y) > 0.0
+    }
+
+    /// Whether the bodies, apart at `y`, can never meet again.
+    ///
+    /// The impactor flies off beyond the reach that the plate's energy gives it; damping only takes from that energy.
+    fn is_over(&self, y: &Motion) -> bool {
+        let reach_squared = self.plate.map_or(0.0, |[mass, _, stiffness, membrane]| {
+            let x_2_squared = y[2] * y[2];
+            (mass * y[3] * y[3] + (stiffness + 0.5 * membrane * x_2_squared) * x_2_squared) / stiffness
+        });
+        y[1] < 0.0 && y[0] < 0.0 && y[0] * y[0] > reach_squared
     }
 
     /// Whether there is a force and it rises.
@@ -124,25 +144,55 @@ impl Impact {
                 mass_kg,
                 damping_n_s_per_m: scene.loss_tangent() * (stiffness_n_per_m * mass_kg).sqrt(),
                 stiffness_n_per_m,
+                membrane_n_per_m3: 0.0,
             }),
         })
     }
 
+    /// The full rung: the plate rung with the layer's shear, which softens it, and its membrane, which stiffens it.
+    ///
+    /// K_f falls to K_f/s and C with it, as their formulas have it; the membrane adds c K_f/h^2 x_2^3. For s and c see
+    /// [`Scene::shear_factor`] and [`Scene::membrane_coefficient`].
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] when a quantity of the scene is not one the formulas can take.
+    pub fn full(scene: &Scene) -> Result<Self, Error> {
+        let thin = Self::plate(scene)?;
+        let plate = thin.plate.map(|p| {
+            let stiffness_n_per_m = p.stiffness_n_per_m / scene.shear_factor();
+            Plate {
+                mass_kg: p.mass_kg,
+                damping_n_s_per_m: scene.loss_tangent() * (stiffness_n_per_m * p.mass_kg).sqrt(),
+                stiffness_n_per_m,
+                membrane_n_per_m3: scene.membrane_coefficient() * p.stiffness_n_per_m / (scene.h_m * scene.h_m),
+            }
+        });
+        Ok(Self { plate, ..thin })
+    }
+
     /// Units of length and time, L and T.
-    fn units(&self) -> (f64, f64) {
+    pub(crate) fn units(&self) -> (f64, f64) {
         let v = self.velocity_m_per_s;
         let length_m = (self.mass_kg * v * v / self.k_c_n_per_m1_5).powf(0.4);
         (length_m, length_m / v)
     }
 
     fn scaled(&self) -> Scaled {
-        let (_, t) = self.units();
+        let (l, t) = self.units();
         let m = self.mass_kg;
-        let plate = self.plate.map(|p| [p.mass_kg / m, p.damping_n_s_per_m * t / m, p.stiffness_n_per_m * t * t / m]);
+        let plate = self.plate.map(|p| {
+            let t_2_per_m = t * t / m;
+            [
+                p.mass_kg / m,
+                p.damping_n_s_per_m * t / m,
+                p.stiffness_n_per_m * t_2_per_m,
+                p.membrane_n_per_m3 * l * l * t_2_per_m,
+            ]
+        });
         Scaled { chi: self.chi, plate }
     }
 
-    /// Runs the impact for 20 ms.
+    /// Runs the impact for 20 ms, or until nothing can bring the bodies together again.
     ///
     /// # Errors
     /// [`Error::TooStiff`] when that would take too many steps.
@@ -155,6 +205,7 @@ impl Impact {
         let dt_max = if t_end > 2000.0 { t_end / 40_000.0 } else { 0.05 };
         let stepping = Stepping { tolerance: 1e-11, dt_max, dt_first: 1e-3, steps_max: STEPS_MAX };
         let mut record = Record::default();
+        let mut is_over = false;
         let start = [0.0, 1.0, 0.0, 0.0];
         let reached = integrate(
             |y| scaled.rate(y),
@@ -163,11 +214,11 @@ impl Impact {
             &stepping,
             |step| {
                 record.take(&scaled, step);
-                // Nothing can bring a rigid target back.
-                scaled.plate.is_some() || !record.has_parted
+                is_over = record.has_parted && !scaled.is_touching(&step.to) && scaled.is_over(&step.to);
+                !is_over
             },
         );
-        if reached.t < t_end && !(scaled.plate.is_none() && record.has_parted) {
+        if reached.t < t_end && !is_over {
             let reached_s = reached.t * time_s;
             return Err(Error::TooStiff { steps: reached.steps, reached_s, wanted_s: WINDOW_S });
         }
@@ -176,6 +227,9 @@ impl Impact {
             contact_time_s: record.contact_time * time_s,
             d_max_m: record.d_max * length_m,
             restitution: -record.velocity,
+            alpha_max_m: record.alpha_max * length_m,
+            deflection_max_m: record.deflection_max * length_m,
+            contact_count: record.contact_count,
         })
     }
 
@@ -211,7 +265,10 @@ struct Record {
     contact_time: f64,
     d_max: f64,
     velocity: f64,
+    alpha_max: f64,
+    deflection_max: f64,
     has_parted: bool,
+    contact_count: u32,
 }
 
 impl Record {
@@ -224,6 +281,8 @@ impl Record {
             self.see(scaled, &locate(rate, step, |y| y[1] > 0.0).1);
         }
         self.see(scaled, &step.to);
+        let begins = scaled.is_touching(&step.to) && !scaled.is_touching(&step.from);
+        self.contact_count = self.contact_count.saturating_add(u32::from(begins));
         if scaled.is_touching(&step.to) {
             (self.contact_time, self.velocity) = (step.t + step.dt, step.to[1]);
         } else if scaled.is_touching(&step.from) {
@@ -236,6 +295,9 @@ impl Record {
         let force = scaled.force(y);
         self.f_max = if force > self.f_max { force } else { self.f_max };
         self.d_max = if y[0] > self.d_max { y[0] } else { self.d_max };
+        let (alpha, deflection) = (y[0] - y[2], y[2].abs());
+        self.alpha_max = if alpha > self.alpha_max { alpha } else { self.alpha_max };
+        self.deflection_max = if deflection > self.deflection_max { deflection } else { self.deflection_max };
     }
 }
 

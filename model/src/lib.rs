@@ -31,12 +31,22 @@
 //! assert!((Impact::plate(&scene)?.outcome()?.f_max_n - 11.246).abs() < 1e-3);
 //! # Ok::<(), tapline_model::Error>(())
 //! ```
+//!
+//! Behind [`ContactModel`] the models stand as a ladder of four rungs, closed form, integral table, plate and full, each
+//! with the [`Flags`] of its domain; [`choose`] names the cheapest one that is true enough.
 
 mod casing;
+mod choice;
+mod compliance;
+mod compliance_map;
+mod contact;
 mod converter;
 mod crack;
+mod damped;
+mod damped_table;
 mod damping;
 mod defect;
+mod domain;
 mod error;
 #[cfg(test)]
 mod features_for_tests;
@@ -51,9 +61,13 @@ mod simulation_config;
 mod sound;
 mod tables;
 
+pub use choice::{Choice, ErrorBounds, choose};
+pub use contact::{ClosedForm, Contact, ContactModel, FullMotion, IntegralTable, PlateMotion, Rung};
 pub use crack::{Crack, plant_cracks, truth};
-pub use damping::chi_for_restitution;
+pub use damped::DampedContact;
+pub use damping::{DampingLaw, chi_for_restitution};
 pub use defect::{DefectContact, defect_contact};
+pub use domain::{DomainCheck, Flags};
 pub use error::Error;
 pub use impact::{Impact, Outcome, Plate};
 pub use integral::{IntegralContact, integral_contact};

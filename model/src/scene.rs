@@ -14,7 +14,7 @@ const LEAST: f64 = 1e-12;
 /// Greatest quantity a scene may hold, in SI units.
 const MOST: f64 = 1e15;
 /// Least restitution: below it the damped contact law's peak exceeds the elastic one, which is unphysical.
-const RESTITUTION_LEAST: f64 = 0.1;
+pub(crate) const RESTITUTION_LEAST: f64 = 0.1;
 
 /// How the effective length l_e of a crack follows from its length l and the block's width w.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -151,11 +151,16 @@ impl Scene {
         Ok(())
     }
 
-    /// Contact stiffness K_c in N/m^1.5 (Eq. 9, without its pi, which belongs in k_i and cancels).
-    pub fn k_c_n_per_m1_5(&self) -> f64 {
+    /// Equivalent radius r of the two bodies (Eqs. 10 and 11).
+    pub(crate) fn contact_radius_m(&self) -> f64 {
         let r_1 = equivalent_radius_m(self.m_1_kg, self.rho_1_kg_per_m3);
         let r_2 = equivalent_radius_m(self.m_2_kg, self.rho_2_kg_per_m3);
-        let r = r_1 * r_2 / (r_1 + r_2);
+        r_1 * r_2 / (r_1 + r_2)
+    }
+
+    /// Contact stiffness K_c in N/m^1.5 (Eq. 9, without its pi, which belongs in k_i and cancels).
+    pub fn k_c_n_per_m1_5(&self) -> f64 {
+        let r = self.contact_radius_m();
         let compliance = (1.0 - self.nu_1 * self.nu_1) / self.e_1_pa + (1.0 - self.nu_2 * self.nu_2) / self.e_2_pa;
         4.0 / 3.0 * r.sqrt() / compliance
     }
@@ -175,6 +180,30 @@ impl Scene {
         let l_e = self.l_e_m();
         let nu = self.nu_2;
         4.0 * PI * self.h_m.powi(3) / (3.0 * l_e * l_e) * self.e_2_pa / ((1.0 - nu) * (3.0 + nu))
+    }
+
+    /// By how much shear softens the layer above the crack: 1 + 2 (1 + nu_2) (h/l)^2/kappa, kappa = 5/6.
+    ///
+    /// Timoshenko's correction of the bending stiffness, with l and not l_e. It makes the layer's stiffness independent
+    /// of l where h > l: such a layer is no plate, and the domain flag of h/l says so.
+    pub fn shear_factor(&self) -> f64 {
+        /// Share of the section that carries the shear of a rectangle.
+        const KAPPA: f64 = 5.0 / 6.0;
+        1.0 + 2.0 * (1.0 + self.nu_2) * (self.h_m / self.l_m).powi(2) / KAPPA
+    }
+
+    /// c in K_f (x + c x^3/h^2), the force that deflects the layer above the crack by x.
+    ///
+    /// K_f is that of a circular plate of radius l_e, simply supported, loaded at its centre. Its membrane energy is had
+    /// from the shape of its small deflection, w/x = (1 + nu)/(3 + nu) ((3 + nu)/(1 + nu) (1 - s^2) + 2 s^2 ln s) with
+    /// s = r/l_e, and from in-plane equilibrium (von Karman) at an edge that does not move, as the casing around the
+    /// crack holds it: c = (35465 + 28389 nu + 5242 nu^2 - 2710 nu^3 - 1395 nu^4 - 191 nu^5)/(864 (3 + nu)^3). That is
+    /// 1.429 for nu = 0.3, where Timoshenko and Woinowsky-Krieger (Theory of Plates and Shells, art. 101) have 1.430.
+    /// Bending is softened by shear, the membrane is not.
+    pub fn membrane_coefficient(&self) -> f64 {
+        const OF_NU: [f64; 6] = [35465.0, 28389.0, 5242.0, -2710.0, -1395.0, -191.0];
+        let nu = self.nu_2;
+        OF_NU.iter().rev().fold(0.0, |sum, k| sum * nu + k) / (864.0 * (3.0 + nu).powi(3))
     }
 
     /// Loss tangent tan d of the target (Eq. 26).

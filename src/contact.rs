@@ -1,0 +1,186 @@
+//! `tapline model contact`: one contact on a rung of the ladder of models.
+
+use std::io::{self, Write};
+
+use anyhow::{Result, anyhow};
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+use tapline_model::{Contact, DampingLaw, EffectiveLength, Error, Rung, Scene, choose};
+
+use crate::cli::Length;
+
+#[derive(Debug, Args)]
+#[command(allow_negative_numbers = true)]
+pub(crate) struct ContactArgs {
+    /// Impact velocity.
+    #[arg(long, default_value_t = Scene::default().velocity_m_per_s)]
+    velocity_m_per_s: f64,
+    /// Depth of the crack.
+    #[arg(long, default_value_t = 25.4)]
+    depth_mm: f64,
+    /// Length of the crack.
+    #[arg(long, default_value_t = 25.4)]
+    length_mm: f64,
+    /// Width of the block.
+    #[arg(long, default_value_t = 50.8)]
+    width_mm: f64,
+    /// Restitution asked of the contact, 0.1 to 1.
+    #[arg(long, default_value_t = Scene::default().restitution)]
+    restitution: f64,
+    /// Mass of the impactor.
+    #[arg(long, default_value_t = 4.5)]
+    mass_g: f64,
+    /// Mass of the target.
+    #[arg(long, default_value_t = Scene::default().m_2_kg)]
+    target_mass_kg: f64,
+    /// Young's modulus of the target.
+    #[arg(long, default_value_t = 17.9)]
+    e2_mpa: f64,
+    /// Rebound resilience of the target, for its loss tangent.
+    #[arg(long, default_value_t = Scene::default().resilience)]
+    resilience: f64,
+    /// How the effective length of a crack is had: as the printed tables used it, or as the text describes it.
+    #[arg(long, value_enum, default_value_t = Length::Published)]
+    effective_length: Length,
+    /// How damping follows from the restitution.
+    #[arg(long, value_enum, default_value_t = Damping::Exact)]
+    damping: Damping,
+    /// The model: closed form, damped contact without a crack, plate in time, or the same with shear and membrane.
+    #[arg(long, value_enum, required_unless_present = "tolerance", conflicts_with = "tolerance")]
+    rung: Option<RungName>,
+    /// Take the cheapest rung whose quantities are all within this relative difference from the full rung's, and say why.
+    #[arg(long)]
+    tolerance: Option<f64>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum RungName {
+    Closed,
+    Integral,
+    Plate,
+    Full,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Damping {
+    Exact,
+    LankaraniNikravesh,
+    Flores,
+    Gonthier,
+}
+
+pub(crate) fn contact(args: &ContactArgs) -> Result<bool> {
+    let scene = args.scene();
+    let law = match args.damping {
+        Damping::Exact => DampingLaw::Exact,
+        Damping::LankaraniNikravesh => DampingLaw::LankaraniNikravesh,
+        Damping::Flores => DampingLaw::Flores,
+        Damping::Gonthier => DampingLaw::Gonthier,
+    };
+    let rung = match args.rung {
+        Some(RungName::Closed) => Some(Rung::Closed),
+        Some(RungName::Integral) => Some(Rung::Integral),
+        Some(RungName::Plate) => Some(Rung::Plate),
+        Some(RungName::Full) => Some(Rung::Full),
+        None => None,
+    };
+    let named = |error| args.in_its_own_words(error);
+    let (contact, more) = match (rung, args.tolerance) {
+        (Some(rung), _) => (rung.contact(&scene, law).map_err(named)?, Vec::new()),
+        (None, tolerance) => {
+            let choice = choose(&scene, law, tolerance.unwrap_or(0.0)).map_err(named)?;
+            let bound = choice.bounds.of(choice.contact.rung);
+            let more = vec![
+                ("tolerance", json!(choice.tolerance)),
+                ("error_bound", json!(bound)),
+                ("why", json!(choice.why())),
+            ];
+            (choice.contact, more)
+        }
+    };
+    print(&contact, more, args.json)?;
+    Ok(true)
+}
+
+impl ContactArgs {
+    fn scene(&self) -> Scene {
+        Scene {
+            velocity_m_per_s: self.velocity_m_per_s,
+            m_1_kg: self.mass_g * 1e-3,
+            m_2_kg: self.target_mass_kg,
+            e_2_pa: self.e2_mpa * 1e6,
+            h_m: self.depth_mm * 1e-3,
+            l_m: self.length_mm * 1e-3,
+            w_m: self.width_mm * 1e-3,
+            restitution: self.restitution,
+            resilience: self.resilience,
+            effective_length: match self.effective_length {
+                Length::Published => EffectiveLength::Published,
+                Length::Table1 => EffectiveLength::Table1,
+            },
+            ..Scene::default()
+        }
+    }
+
+    /// The error with the option that was given in place of the quantity that it became.
+    fn in_its_own_words(&self, error: Error) -> anyhow::Error {
+        let Error::OutOfRange { name, low, high, .. } = error else { return error.into() };
+        let (option, value, per_unit) = match name {
+            "velocity_m_per_s" => ("--velocity-m-per-s", self.velocity_m_per_s, 1.0),
+            "m_1_kg" => ("--mass-g", self.mass_g, 1e3),
+            "m_2_kg" => ("--target-mass-kg", self.target_mass_kg, 1.0),
+            "e_2_pa" => ("--e2-mpa", self.e2_mpa, 1e-6),
+            "h_m" => ("--depth-mm", self.depth_mm, 1e3),
+            "l_m" => ("--length-mm", self.length_mm, 1e3),
+            "w_m" => ("--width-mm", self.width_mm, 1e3),
+            "restitution" => ("--restitution", self.restitution, 1.0),
+            "resilience" => ("--resilience", self.resilience, 1.0),
+            "tolerance" => ("--tolerance", self.tolerance.unwrap_or(f64::NAN), 1.0),
+            _ => return error.into(),
+        };
+        let (low, high) = (bound(low * per_unit), bound(high * per_unit));
+        anyhow!("{option} is {value}; it must lie in {low} to {high}")
+    }
+}
+
+/// A bound without a row of zeros.
+fn bound(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:.0e}") }
+}
+
+fn print(contact: &Contact, more: Vec<(&str, Value)>, as_json: bool) -> Result<()> {
+    let mut out = io::stdout().lock();
+    if as_json {
+        let flag =
+            |c: &tapline_model::DomainCheck| json!({"name": c.name, "value": c.value, "low": c.low, "high": c.high});
+        let mut text = json!({
+            "rung": contact.rung.name(),
+            "f_max_n": contact.f_max_n,
+            "contact_time_s": contact.contact_time_s,
+            "d_max_m": contact.d_max_m,
+            "restitution": contact.restitution,
+            "flags": contact.flags.raised().map(flag).collect::<Vec<_>>(),
+        });
+        for (name, value) in more {
+            text[name] = value;
+        }
+        writeln!(out, "{text:#}")?;
+        return Ok(());
+    }
+    writeln!(out, "rung            {}", contact.rung)?;
+    writeln!(out, "f_max_n         {:.6}", contact.f_max_n)?;
+    writeln!(out, "contact_time_s  {:.9}", contact.contact_time_s)?;
+    writeln!(out, "d_max_m         {:.9}", contact.d_max_m)?;
+    writeln!(out, "restitution     {:.6}", contact.restitution)?;
+    for check in contact.flags.raised() {
+        let (low, high) = (bound(check.low), bound(check.high));
+        writeln!(out, "flag            {} is {:.4}, outside {low} to {high}", check.name, check.value)?;
+    }
+    for (name, value) in more {
+        writeln!(out, "{name:<15} {}", value.as_str().map_or_else(|| value.to_string(), str::to_owned))?;
+    }
+    Ok(())
+}
