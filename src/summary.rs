@@ -73,6 +73,7 @@ struct PaceLine {
     conflicts: u64,
     sent: u64,
     sent_again: u64,
+    taken_again: u64,
     restarts: u32,
     peak_memory_mb: Vec<(String, f64)>,
 }
@@ -169,6 +170,7 @@ fn pace_line(pace: &Pace, settled: usize) -> PaceLine {
                 line.gb_per_s += per_s(work.sample_bytes as f64 / 1e9);
                 line.sent += work.sent_count;
                 line.sent_again += work.resent_count;
+                line.taken_again += work.retake_count;
                 format!("acquire {}", work.station)
             }
             Work::Process(work) => {
@@ -246,7 +248,7 @@ fn print_pace(out: &mut impl io::Write, pace: &PaceLine) -> Result<()> {
     writeln!(
         out,
         "{} taps in {:.1} s: {:.0} taps/s, {:.3} GB/s through shared memory; tap to discriminators p50 {} us, p99 {} us; \
-         {} gaps, {} taps sent again, {} restarts",
+         {} gaps, {} taps sent again, {} taken again, {} restarts",
         pace.taps,
         pace.elapsed_s,
         pace.taps_per_s,
@@ -255,6 +257,7 @@ fn print_pace(out: &mut impl io::Write, pace: &PaceLine) -> Result<()> {
         pace.latency_p99_us,
         pace.gaps,
         pace.sent_again,
+        pace.taken_again,
         pace.restarts
     )?;
     let memory: Vec<String> = pace.peak_memory_mb.iter().map(|(name, mb)| format!("{name} {mb:.0}")).collect();

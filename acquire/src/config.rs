@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use tapline_model::Crack;
-use tapline_wire::Serial;
+use tapline_wire::{RETAKES_MAX, Serial};
 
 use crate::Error;
 
@@ -16,11 +16,19 @@ const VELOCITY_MAX_M_PER_S: f64 = 20.0;
 const OFFSET_MAX_MM: f64 = 2000.0;
 
 /// How taps are acquired, whatever their source: the table `[acquire]`.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AcquireConfig {
     /// Taps per second of each station; as fast as the line takes them when left out.
     pub taps_per_s: Option<f64>,
+    /// How often a tap whose record is of no use is taken again, where the source can; its last record stands.
+    pub retakes: u16,
+}
+
+impl Default for AcquireConfig {
+    fn default() -> Self {
+        Self { taps_per_s: None, retakes: 2 }
+    }
 }
 
 impl AcquireConfig {
@@ -29,6 +37,9 @@ impl AcquireConfig {
     /// # Errors
     /// [`Error::Setting`] for the first value out of bounds.
     pub fn validate(&self) -> Result<(), Error> {
+        if self.retakes > RETAKES_MAX {
+            return refuse("acquire.retakes", self.retakes, &format!("at most {RETAKES_MAX}"));
+        }
         match self.taps_per_s {
             Some(taps_per_s) if !(taps_per_s > 0.0 && taps_per_s <= 1e6) => {
                 refuse("acquire.taps_per_s", taps_per_s, "above 0 and at most 1000000, or left out")
@@ -258,7 +269,10 @@ mod tests {
             assert!(error.contains(want), "{error:?} lacks {want:?}");
         }
         for taps_per_s in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let error = AcquireConfig { taps_per_s: Some(taps_per_s) }.validate().unwrap_err().to_string();
+            let error = AcquireConfig { taps_per_s: Some(taps_per_s), ..AcquireConfig::default() }
+                .validate()
+                .unwrap_err()
+                .to_string();
             assert!(error.contains("acquire.taps_per_s is "), "{error}");
         }
     }

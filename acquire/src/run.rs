@@ -30,6 +30,8 @@ pub struct Outcome {
     pub refused_count: u64,
     /// Taps sent again because they were lost after they had been sent.
     pub resent_count: u64,
+    /// Taps struck again because their record was of no use.
+    pub retake_count: u64,
     /// Bytes of samples sent.
     pub sample_bytes: u64,
     /// Time from the first tap to the last.
@@ -67,7 +69,9 @@ struct Station<'a> {
     /// Place of the station among all stations, ascending.
     number: usize,
     barrier: u8,
-    is_sent: Vec<bool>,
+    /// For each planned tap the attempt that was sent last.
+    sent: Vec<Option<u16>>,
+    retakes: u16,
     period: Option<Duration>,
     next_due: Instant,
     span: Option<(Instant, Instant)>,
@@ -83,6 +87,7 @@ impl<'a> Station<'a> {
             sent_count: 0,
             refused_count: 0,
             resent_count: 0,
+            retake_count: 0,
             sample_bytes: 0,
             elapsed_s: 0.0,
             is_complete: false,
@@ -95,7 +100,8 @@ impl<'a> Station<'a> {
             ledger: None,
             number,
             barrier: 0,
-            is_sent: vec![false; plan.taps().len()],
+            sent: vec![None; plan.taps().len()],
+            retakes: config.retakes,
             period: config.taps_per_s.and_then(|rate| Duration::try_from_secs_f64(1.0 / rate).ok()),
             next_due: Instant::now(),
             span: None,
@@ -138,9 +144,12 @@ impl<'a> Station<'a> {
 
     fn take(&mut self, source: &mut dyn Source, row: u32) -> Result<(), LineError> {
         self.keep_pace()?;
+        let attempt = self.ledger().attempt(row as usize);
+        let retakes_left = if source.can_retake() { self.retakes.saturating_sub(attempt) } else { 0 };
         let mut loan = self.taps.loan(lanes_for(self.plan.recording.payload_bytes_max()))?;
         let rendered = loan.fill(|header, lanes| {
-            let rendered = source.render(row, 0, header, lanes);
+            let rendered = source.render(row, attempt, header, lanes);
+            header.retakes_left = retakes_left.into();
             header.sent_ns = monotonic_ns();
             (rendered, *header)
         });
@@ -155,8 +164,9 @@ impl<'a> Station<'a> {
                 self.refuse(&refusal, header)?;
             }
         }
-        let was_sent = std::mem::replace(&mut self.is_sent[row as usize], true);
-        self.outcome.resent_count += u64::from(was_sent);
+        let last = self.sent[row as usize].replace(attempt);
+        self.outcome.resent_count += u64::from(last == Some(attempt));
+        self.outcome.retake_count += u64::from(attempt > 0 && last != Some(attempt));
         let now = Instant::now();
         self.span = Some((self.span.map_or(now, |(first, _)| first), now));
         Ok(())
@@ -269,7 +279,10 @@ impl<'a> Station<'a> {
         let since = Instant::now();
         let is_settled = |station: &Self| {
             let Some(ledger) = &station.ledger else { return true };
-            ledger.taps().iter().zip(&station.is_sent).all(|(state, &is_sent)| !is_sent || state.is_settled())
+            let is_done = |(row, sent): (usize, &Option<u16>)| {
+                sent.is_none_or(|attempt| ledger.taps()[row].is_settled() || ledger.attempt(row) > attempt)
+            };
+            station.sent.iter().enumerate().all(is_done)
         };
         while !is_settled(self) && since.elapsed() < DRAIN {
             self.line.wait(Duration::from_millis(50))?;

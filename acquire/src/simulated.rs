@@ -83,6 +83,10 @@ impl Source for SimulatedLine {
         SourceKind::Simulated
     }
 
+    fn can_retake(&self) -> bool {
+        true
+    }
+
     fn render(&mut self, row: u32, attempt: u16, header: &mut TapHeader, lanes: &mut [Lane]) -> Result<(), Refusal> {
         let kind = self.kind();
         *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;

@@ -15,9 +15,12 @@ pub trait Source: Send + fmt::Debug {
     /// What kind of source this is.
     fn kind(&self) -> SourceKind;
 
+    /// Whether a tap that is asked for again is struck again, or is what it was.
+    fn can_retake(&self) -> bool;
+
     /// Renders the tap in plan row `row` into `lanes`, and all that is known of it into `header`.
     ///
-    /// Of `header` all but `stamp` and `sent_ns` is filled in, `id` and `plan_index` also when the tap is refused.
+    /// Of `header` all but `stamp`, `sent_ns` and `retakes_left` is filled in, `id` and `plan_index` also when the tap is refused.
     /// Of `lanes` the first [`TapHeader::payload_bytes`] bytes are written; it must have room for
     /// [`Recording::payload_bytes_max`].
     ///
@@ -71,6 +74,8 @@ pub(crate) fn named(plan: &Plan, row: u32, attempt: u16, kind: SourceKind, old: 
         sample_format: recording.sample_format.code(),
         channel_count: u32::try_from(recording.channels.len()).unwrap_or(0),
         source: kind.code(),
+        retakes_left: 0,
+        reserved: 0,
         channels: Default::default(),
     })
 }

@@ -68,7 +68,7 @@ impl Fusion {
 
     /// Takes in one tap's discriminators, or its refusal ([`Quality::REFUSED`]).
     ///
-    /// A later attempt replaces an earlier one; the same record twice counts once. A record that
+    /// One that is to be taken again ([`Quality::RETAKE`]) is as if it had not come. A later attempt replaces an earlier one; the same record twice counts once. A record that
     /// changes what a verdict was reached from makes its scans [`ready`](Self::ready) again.
     ///
     /// # Errors
@@ -79,6 +79,9 @@ impl Fusion {
         let planned = planned.ok_or(Error::NoSuchRow { got: row, tap_count: self.seen.len() })?;
         if record.id.planned() != planned.id.planned() {
             return Err(Error::OtherTap { row, planned: Box::new(planned.id), got: Box::new(record.id) });
+        }
+        if record.quality.contains(Quality::RETAKE) {
+            return Ok(());
         }
         let is_refused = record.quality.contains(Quality::REFUSED);
         let new = Seen { attempt: record.id.attempt, is_refused, values: record.values };

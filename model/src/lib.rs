@@ -48,6 +48,7 @@ mod damping;
 mod defect;
 mod domain;
 mod error;
+mod fault;
 #[cfg(test)]
 mod features_for_tests;
 mod identity;
@@ -69,6 +70,7 @@ pub use damping::{DampingLaw, chi_for_restitution};
 pub use defect::{DefectContact, defect_contact};
 pub use domain::{DomainCheck, Flags};
 pub use error::Error;
+pub use fault::{FaultKind, PlantedFault};
 pub use impact::{Impact, Outcome, Plate};
 pub use integral::{IntegralContact, integral_contact};
 pub use scene::{EffectiveLength, Scene};

@@ -6,6 +6,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use crate::casing::{Landing, place};
 use crate::compliance::Compliance;
 use crate::converter::Converter;
+use crate::fault::{befalling, speed, spoil_force, spoil_sound};
 use crate::identity::{Generator, Identity};
 use crate::pulse::{Pulse, to_f32};
 use crate::sound::{CASING, MODES, Mode, Resonators, SOUND_M_PER_S};
@@ -133,19 +134,28 @@ impl SimulatedRig {
     /// If `samples` does not hold [`SimulatedRig::sample_total`] samples.
     pub fn render(&mut self, tap: &SimulatedTap<'_>, samples: &mut [i16]) -> RenderedTap {
         assert_eq!(samples.len(), self.sample_total(), "a record has force and sound");
-        let mut generator = tap_identity(self.seed, tap).generator();
-        let chance = self.chance(tap, &mut generator);
+        let mut generator = tap_identity(self.seed, "tap", tap).generator();
+        // Dice of their own: what befalls one tap changes no other, and a rig without faults none at all.
+        let mut dice = tap_identity(self.seed, "fault", tap).generator();
+        let fault = befalling(&self.config.fault, &mut dice);
+        let chance = self.chance(tap, speed(fault), &mut generator);
         let plate = self.plate_under(tap);
         let dt = self.strike(&chance, plate);
         let (force, sound) = samples.split_at_mut(self.config.sample_count as usize);
         self.force_signal(&chance, dt);
+        if let Some(kind) = fault {
+            spoil_force(kind, &self.config, &mut dice, &mut self.signal);
+        }
         self.converter.force(&mut self.signal, &mut generator, force);
         self.sound_signal(&chance, dt, plate);
+        if let Some(kind) = fault {
+            spoil_sound(kind, &self.config, &mut dice, &mut self.signal);
+        }
         self.converter.sound(&mut self.signal, chance.hum_phase, &mut generator, sound);
         RenderedTap { velocity_measured_m_per_s: chance.velocity_measured_m_per_s }
     }
 
-    fn chance(&self, tap: &SimulatedTap<'_>, generator: &mut Generator) -> Chance {
+    fn chance(&self, tap: &SimulatedTap<'_>, speed: f64, generator: &mut Generator) -> Chance {
         let config = &self.config;
         let location_count = tap.location_count.max(1);
         let place = place(
@@ -161,7 +171,7 @@ impl SimulatedRig {
         );
         let planned =
             Some(tap.velocity_m_per_s).filter(|v| v.is_finite() && *v > 0.0).map_or(f64::NAN, |v| v.clamp(1e-3, 50.0));
-        let velocity_m_per_s = planned * (1.0 + config.velocity_jitter * generator.normal()).clamp(0.2, 2.0);
+        let velocity_m_per_s = speed * planned * (1.0 + config.velocity_jitter * generator.normal()).clamp(0.2, 2.0);
         // The trigger fires when the force is seen: the first touch lies within the sample before.
         let onset = f64::from(config.pre_trigger_samples) - generator.uniform();
         Chance {
@@ -274,8 +284,8 @@ fn turn_gain(config: &SimulationConfig, seed: u64, tap: &SimulatedTap<'_>) -> f6
     1.0 + config.gain_drift * (from + (to - from) * turn)
 }
 
-fn tap_identity(seed: u64, tap: &SimulatedTap<'_>) -> Identity {
-    Identity::new(seed, "tap")
+fn tap_identity(seed: u64, what: &str, tap: &SimulatedTap<'_>) -> Identity {
+    Identity::new(seed, what)
         .text(tap.tyre_serial)
         .number(u64::from(tap.shoulder))
         .millionths(tap.offset_mm * 1e-3)

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
 use crate::error::within;
+use crate::{Error, PlantedFault};
 
 /// Recording and imperfections of the simulated rig and its tyres; those without a unit are relative.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -45,6 +45,8 @@ pub struct SimulationConfig {
     pub ring_variation: f64,
     /// Standard deviation of both from location to location.
     pub location_scatter: f64,
+    /// What goes wrong with taps, and how often; nothing by default.
+    pub fault: Vec<PlantedFault>,
 }
 
 impl Default for SimulationConfig {
@@ -68,6 +70,7 @@ impl Default for SimulationConfig {
             shoulder_scatter: 0.01,
             ring_variation: 0.015,
             location_scatter: 0.004,
+            fault: Vec::new(),
         }
     }
 }
@@ -99,6 +102,9 @@ impl SimulationConfig {
             ("location_scatter", self.location_scatter, 0.0, 0.2),
         ] {
             within(name, value, low, high)?;
+        }
+        for fault in &self.fault {
+            within("fault.share", fault.share, 0.0, 1.0)?;
         }
         Ok(())
     }

@@ -54,7 +54,6 @@ pub type Judged = (Judgement, Vec<DamageCell>);
 pub struct Reader {
     archive: Archive,
     ledger: Ledger,
-    attempts: Vec<u16>,
 }
 
 impl Reader {
@@ -67,20 +66,16 @@ impl Reader {
         let archive = Archive::open(path.as_ref(), Access::Read)?;
         let (tap_count, scan_count) = (archive.plan.taps().len(), archive.plan.scans().len());
         let mut ledger = Ledger::empty(tap_count, scan_count, archive.plan.stations().len());
-        let mut attempts = Vec::with_capacity(tap_count);
         for (k, row) in archive.ledger.read_all().context("read the ledger", &archive.path)?.into_iter().enumerate() {
             let state = row.state();
-            ledger.set_tap(
-                k,
-                state.ok_or_else(|| archive.damaged(format!("row {k} of its ledger has state {}", row.state)))?,
-            );
-            attempts.push(row.attempt);
+            let unknown = || archive.damaged(format!("row {k} of its ledger has state {}", row.state));
+            ledger.set_tap(k, state.ok_or_else(unknown)?, row.attempt);
         }
         for (k, row) in archive.scans.read_all().context("read the scans", &archive.path)?.into_iter().enumerate() {
             let state = row.state();
             ledger.set_scan(k, state.ok_or_else(|| archive.damaged(format!("scan {k} has state {}", row.state)))?);
         }
-        Ok(Self { archive, ledger, attempts })
+        Ok(Self { archive, ledger })
     }
 
     /// Checks that this is the archive of `plan`, begun with the configuration `config_toml`.
@@ -119,7 +114,7 @@ impl Reader {
     /// The attempt that settled the tap in plan row `row`, `None` when it is missing or there is no such row.
     pub fn attempt(&self, row: u32) -> Option<u16> {
         let is_settled = self.ledger.taps().get(row as usize)?.is_settled();
-        is_settled.then(|| self.attempts[row as usize])
+        is_settled.then(|| self.ledger.attempt(row as usize))
     }
 
     /// The tap in plan row `row`, bit for bit; `None` when it is not archived or there is no such row.
@@ -181,7 +176,7 @@ impl Reader {
                 let reasons = self.archive.refusals.read(k..k + 1).context("read a reason", &self.archive.path)?;
                 let reason = text(&reasons[0])
                     .ok_or_else(|| self.archive.damaged(format!("the reason in row {row} is not UTF-8")))?;
-                let id = at_attempt(planned.id, self.attempts[k]);
+                let id = at_attempt(planned.id, self.ledger.attempt(k));
                 refusals.push(Refusal { plan_index: row, id, reason: reason.to_owned() });
             }
         }

@@ -44,9 +44,9 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger) -> Result<Vec<Track>> {
     for (k, row) in archive.ledger.read_all().context(context, &archive.path)?.into_iter().enumerate() {
         let unknown = || archive.damaged(format!("row {k} of its ledger has state {}", row.state));
         let state = row.state().ok_or_else(unknown)?;
-        ledger.set_tap(k, state);
+        ledger.set_tap(k, state, row.attempt);
         tracks.push(match state {
-            TapState::Missing => Track::MISSING,
+            TapState::Missing => Track::missing(row.attempt),
             TapState::Archived => Track::archived(samples[k], discriminators[k]),
             TapState::Refused => Track::refused(row.attempt),
         });

@@ -128,6 +128,8 @@ impl HeaderRow {
             sample_format: recording.sample_format.code(),
             channel_count: u32::try_from(recording.channels.len()).unwrap_or(u32::MAX),
             source: self.source,
+            retakes_left: 0, // what is archived stands
+            reserved: 0,
             channels,
         }
     }

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
-    DamageTopic, DiscriminatorTopic, Ledger, LedgerTopic, Line, LineError, Plan, Publisher, REPLAY_RECORDS_MAX,
-    RecordKind, ReplayTopic, Role, Signal, Stamp, Subscriber, TapTopic, bytes_of,
+    DamageTopic, DiscriminatorTopic, Ledger, LedgerTopic, Line, LineError, Plan, Publisher, Quality,
+    REPLAY_RECORDS_MAX, RecordKind, ReplayTopic, Role, Signal, Stamp, Subscriber, TapTopic, bytes_of,
 };
 
 use crate::{Error, PutOutcome, Writer};
@@ -198,8 +198,14 @@ impl<'a> Desk<'a> {
         let stamp = found.header();
         match found.kind() {
             Some(RecordKind::Data) => {
-                for record in found.iter().filter(|r| !r.quality.contains(tapline_wire::Quality::REFUSED)) {
-                    let outcome = self.writer.put_discriminators(record)?;
+                // Of a refused tap the refusal itself comes with the taps.
+                for record in found.iter().filter(|r| !r.quality.contains(Quality::REFUSED)) {
+                    let outcome = if record.quality.contains(Quality::RETAKE) {
+                        tracing::warn!(tap = %record.id, quality = %record.quality, "a tap is taken again");
+                        self.writer.put_retake(record.plan_index, &record.id)?
+                    } else {
+                        self.writer.put_discriminators(record)?
+                    };
                     self.note(outcome, "discriminators", record.plan_index);
                 }
             }

@@ -40,8 +40,10 @@ pub(crate) struct Track {
 }
 
 impl Track {
-    /// A tap that is not there.
-    pub(crate) const MISSING: Self = Self { samples: None, discriminators: None, state: TapState::Missing, attempt: 0 };
+    /// A tap that is not there, and of which `attempt` is to be made.
+    pub(crate) fn missing(attempt: u16) -> Self {
+        Self { samples: None, discriminators: None, state: TapState::Missing, attempt }
+    }
 
     /// A tap that an earlier writer archived.
     pub(crate) fn archived(samples: Take, discriminators: Take) -> Self {
@@ -51,10 +53,10 @@ impl Track {
 
     /// A tap that an earlier writer was told will not come.
     pub(crate) fn refused(attempt: u16) -> Self {
-        Self { state: TapState::Refused, attempt, ..Self::MISSING }
+        Self { state: TapState::Refused, ..Self::missing(attempt) }
     }
 
-    /// The tap's state, and the attempt that settled it.
+    /// The tap's state, and the attempt that settled it or, while it is missing, is to be made next.
     pub(crate) fn state(&self) -> (TapState, u16) {
         (self.state, self.attempt)
     }
@@ -104,6 +106,17 @@ impl Track {
         }
     }
 
+    /// What is to be done with the word that `attempt` was of no use.
+    pub(crate) fn retake_outcome(&self, attempt: u16) -> PutOutcome {
+        let is_news = self.state == TapState::Missing && attempt >= self.attempt;
+        if is_news { PutOutcome::Stored } else { PutOutcome::AlreadyThere }
+    }
+
+    /// Has the tap taken again after `attempt`.
+    pub(crate) fn retake(&mut self, attempt: u16) {
+        *self = Self::missing(attempt.saturating_add(1));
+    }
+
     /// Settles the tap as refused at `attempt`.
     pub(crate) fn refuse(&mut self, attempt: u16) {
         *self = Self::refused(attempt);
@@ -126,7 +139,7 @@ mod tests {
         /// after any history, one more take of both halves settles it.
         #[test]
         fn settles_once_and_for_all(history in prop::collection::vec(halves(), 0..12)) {
-            let mut track = Track::MISSING;
+            let mut track = Track::missing(0);
             for (half, take) in history.into_iter().chain([
                 (Half::Samples, Take { attempt: 7, fingerprint: 7 }),
                 (Half::Discriminators, Take { attempt: 7, fingerprint: 8 }),

@@ -81,7 +81,7 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
         match ledger[k].state() {
             None => complain(format!("its state is {}, which is none", ledger[k].state)),
             Some(state) => {
-                report.ledger.set_tap(k, state);
+                report.ledger.set_tap(k, state, ledger[k].attempt);
                 if state == TapState::Archived {
                     check_tap(plan, plan_index, &ledger[k], &headers[k], &discriminators[k], &mut complain);
                 }
@@ -143,6 +143,9 @@ fn check_tap(
     let quality = Quality::from_bits(discriminators.quality);
     if quality.contains(Quality::REFUSED) {
         complain("it is archived, but its discriminators say that it was refused".to_owned());
+    }
+    if quality.contains(Quality::RETAKE) {
+        complain("it is archived, but its discriminators ask for another attempt".to_owned());
     }
     if quality.is_clean() && discriminators.values().into_iter().any(f64::is_nan) {
         complain("a discriminator is absent, but no flag says why".to_owned());

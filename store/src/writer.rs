@@ -211,6 +211,23 @@ impl Writer {
         self.count(outcome)
     }
 
+    /// Takes in that attempt `id.attempt` at the tap of row `plan_index` was of no use and another is to be made; it
+    /// waits for the next flush.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
+    pub fn put_retake(&mut self, plan_index: u32, id: &TapId) -> Result<PutOutcome> {
+        check_id(self.plan(), plan_index, id)?;
+        let track = &mut self.tracks[plan_index as usize];
+        let outcome = track.retake_outcome(id.attempt);
+        if outcome == PutOutcome::Stored {
+            track.retake(id.attempt);
+            let (state, attempt) = track.state();
+            self.pending.taps.insert(plan_index, LedgerRow::new(state, attempt));
+        }
+        self.count(outcome)
+    }
+
     /// Takes in that scan `scan` has ended; it waits for the next flush.
     ///
     /// # Errors
@@ -266,7 +283,7 @@ impl Writer {
         write_contents(archive, pending).context("write what taps and scans hold", &archive.path)?;
         write_states(archive, pending).context("write what state taps and scans are in", &archive.path)?;
         for (&row, settled) in &pending.taps {
-            ledger.set_tap(row as usize, settled.state().unwrap_or(TapState::Missing));
+            ledger.set_tap(row as usize, settled.state().unwrap_or(TapState::Missing), settled.attempt);
         }
         for (&scan, row) in &pending.scans {
             ledger.set_scan(scan as usize, row.state().unwrap_or(ScanState::Open));

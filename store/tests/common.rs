@@ -70,6 +70,8 @@ pub(crate) fn header(plan: &Plan, row: u32, sample_count: u32) -> TapHeader {
         sample_format: plan.recording.sample_format.code(),
         channel_count: u32::try_from(plan.recording.channels.len()).unwrap(),
         source: SourceKind::Simulated.code(),
+        retakes_left: 0,
+        reserved: 0,
         channels,
     }
 }

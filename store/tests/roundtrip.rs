@@ -168,6 +168,42 @@ fn the_ledger_vouches_for_whole_flushed_taps_only() {
     assert!(reader.discriminators().unwrap()[1].is_none());
 }
 
+/// Catches a record of no use that is archived, an attempt that a new writer forgets, word of an old attempt that
+/// undoes a newer one, and a settled tap that is opened again.
+#[test]
+fn a_tap_that_is_taken_again_is_archived_as_its_last_attempt() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let plan = plan(SampleFormat::I16);
+    let at = |attempt| {
+        let (mut tap, mut found) = (header(&plan, 0, 32), discriminators(&plan, 0));
+        (tap.id.attempt, found.id.attempt) = (attempt, attempt);
+        (tap, found)
+    };
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let (tap, found) = at(0);
+    writer.put_tap(&tap, &samples(&tap)).unwrap();
+    assert_eq!(writer.put_retake(0, &found.id).unwrap(), PutOutcome::Stored);
+    assert_eq!(writer.put_retake(0, &found.id).unwrap(), PutOutcome::AlreadyThere);
+    assert_eq!(writer.ledger().attempt(0), 0, "before the flush nobody may count on it");
+    writer.flush().unwrap();
+    drop(writer);
+
+    let mut writer = Writer::resume(&path, &plan, CONFIG).unwrap();
+    assert_eq!((writer.ledger().taps()[0], writer.ledger().attempt(0)), (TapState::Missing, 1));
+    assert_eq!(writer.put_retake(0, &found.id).unwrap(), PutOutcome::AlreadyThere);
+    let (tap, found) = at(1);
+    writer.put_tap(&tap, &samples(&tap)).unwrap();
+    writer.put_discriminators(&found).unwrap();
+    assert_eq!(writer.put_retake(0, &at(1).1.id).unwrap(), PutOutcome::AlreadyThere);
+    writer.finish().unwrap();
+    let reader = Reader::open(&path).unwrap();
+    assert_eq!((reader.ledger().taps()[0], reader.attempt(0)), (TapState::Archived, Some(1)));
+    assert_eq!(reader.tap(0).unwrap().unwrap().0.id.attempt, 1);
+    assert_eq!(reader.discriminators().unwrap()[0].unwrap().id.attempt, 1);
+}
+
 /// Catches a reason that is lost, misattributed, or cut without a mark.
 #[test]
 fn refusals_say_why() {

@@ -107,6 +107,8 @@ flags! {
         NO_ONSET = "no_onset",
         /// The bands of the configuration hold no bin of this record's spectrum.
         NO_BAND = "no_band",
+        /// The record is set aside and the tap asked for again: no result rests on it, and no archive holds it.
+        RETAKE = "retake",
     }
 }
 

@@ -64,7 +64,17 @@ impl ScanState {
     }
 }
 
-/// Header of a ledger snapshot; the states follow it, one byte each: taps, then scans, then the barriers passed.
+/// Most often that a tap may be taken again: what a snapshot has room for.
+pub const RETAKES_MAX: u16 = 63;
+
+/// Bits of a tap's byte in a snapshot that hold its state; the others hold its attempt.
+const STATE_BITS: u32 = 2;
+
+/// Those bits.
+const STATE_MASK: u8 = (1 << STATE_BITS) - 1;
+
+/// Header of a ledger snapshot; a byte each follows for the state and attempt of every tap, for the state of every scan,
+/// and for the barrier that every station has passed.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("tapline.LedgerHeader.v1")]
@@ -93,6 +103,8 @@ pub struct LedgerHeader {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ledger {
     taps: Vec<TapState>,
+    /// For each tap the attempt that settled it or, while it is missing, the one to be made next.
+    attempts: Vec<u16>,
     scans: Vec<ScanState>,
     /// For each station, ascending: the last barrier that has passed through every stage.
     barriers: Vec<u8>,
@@ -105,6 +117,7 @@ impl Ledger {
     pub fn empty(tap_count: usize, scan_count: usize, station_count: usize) -> Self {
         Self {
             taps: vec![TapState::Missing; tap_count],
+            attempts: vec![0; tap_count],
             scans: vec![ScanState::Open; scan_count],
             barriers: vec![0; station_count],
             lost_count: 0,
@@ -126,9 +139,15 @@ impl Ledger {
         self.barriers[station]
     }
 
-    /// Sets the state of the tap in plan row `row`.
-    pub fn set_tap(&mut self, row: usize, state: TapState) {
+    /// The attempt that settled the tap in plan row `row` or, while it is missing, the one to be made next.
+    pub fn attempt(&self, row: usize) -> u16 {
+        self.attempts[row]
+    }
+
+    /// Sets the state of the tap in plan row `row`, and the attempt as [`Ledger::attempt`] has it.
+    pub fn set_tap(&mut self, row: usize, state: TapState, attempt: u16) {
         self.taps[row] = state;
+        self.attempts[row] = attempt;
     }
 
     /// Sets the state of scan `number`.
@@ -168,8 +187,9 @@ impl Ledger {
         );
         let (taps, rest) = bytes.split_at_mut(self.taps.len());
         let (scans, barriers) = rest.split_at_mut(self.scans.len());
-        for (byte, state) in taps.iter_mut().zip(&self.taps) {
-            *byte = state.code();
+        for (byte, (state, &attempt)) in taps.iter_mut().zip(self.taps.iter().zip(&self.attempts)) {
+            let attempt = if attempt > RETAKES_MAX { RETAKES_MAX } else { attempt };
+            *byte = state.code() | u8::try_from(attempt << STATE_BITS).unwrap_or(u8::MAX);
         }
         for (byte, state) in scans.iter_mut().zip(&self.scans) {
             *byte = state.code();
@@ -192,7 +212,8 @@ impl Ledger {
         let (taps, rest) = bytes.split_at_checked(header.tap_count as usize)?;
         let (scans, barriers) = rest.split_at_checked(header.scan_count as usize)?;
         Some(Self {
-            taps: taps.iter().map(|&b| TapState::from_code(b)).collect::<Option<_>>()?,
+            taps: taps.iter().map(|&b| TapState::from_code(b & STATE_MASK)).collect::<Option<_>>()?,
+            attempts: taps.iter().map(|&b| u16::from(b >> STATE_BITS)).collect(),
             scans: scans.iter().map(|&b| ScanState::from_code(b)).collect::<Option<_>>()?,
             barriers: (barriers.len() == header.station_count as usize).then(|| barriers.to_vec())?,
             lost_count: header.lost_count,
@@ -208,15 +229,15 @@ mod tests {
 
     fn ledgers() -> impl Strategy<Value = Ledger> {
         let states = (
-            proptest::collection::vec(0..3_u8, 0..50),
+            proptest::collection::vec((0..3_u8, 0..=RETAKES_MAX), 0..50),
             proptest::collection::vec(0..3_u8, 0..6),
             proptest::collection::vec(any::<u8>(), 0..4),
             any::<u64>(),
         );
         states.prop_map(|(taps, scans, barriers, lost_count)| {
             let mut ledger = Ledger::empty(taps.len(), scans.len(), barriers.len());
-            for (row, code) in taps.into_iter().enumerate() {
-                ledger.set_tap(row, TapState::from_code(code).unwrap());
+            for (row, (code, attempt)) in taps.into_iter().enumerate() {
+                ledger.set_tap(row, TapState::from_code(code).unwrap(), attempt);
             }
             for (number, code) in scans.into_iter().enumerate() {
                 ledger.set_scan(number, ScanState::from_code(code).unwrap());

@@ -81,7 +81,7 @@ pub use damage::{DamageCell, Judgement, Reasons, Verdict};
 pub use discriminators::{Discriminator, Discriminators, Quality, Values};
 pub use error::LineError;
 pub use id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
-pub use ledger::{Ledger, LedgerHeader, ScanState, TapState};
+pub use ledger::{Ledger, LedgerHeader, RETAKES_MAX, ScanState, TapState};
 pub use line::{Line, Services};
 pub use plan::{Plan, PlanError, PlannedTap, Recording, Scan, Truth, digest_of_parts};
 pub use publisher::{Loan, Publisher};

@@ -168,6 +168,10 @@ pub struct TapHeader {
     pub channel_count: u32,
     /// [`SourceKind::code`].
     pub source: u32,
+    /// How often its source would still take this tap again, should this record be of no use.
+    pub retakes_left: u32,
+    /// Keeps the layout free of padding.
+    pub reserved: u32,
     /// Kinds and scales of the channels in use.
     pub channels: [ChannelHeader; CHANNELS_MAX],
 }

@@ -114,6 +114,10 @@ fn a_scan_is_ready_when_it_and_its_reference_are_whole() {
     fusion.end(1).unwrap();
     assert_eq!((fusion.missing(0), fusion.missing(1), fusion.missing(2)), (vec![], vec![51], vec![]));
     assert_eq!(fusion.ready(), [0_usize; 0], "the tyre lacks a tap");
+    let mut set_aside = all[51];
+    set_aside.quality.insert(Quality::RETAKE);
+    fusion.push(&set_aside).unwrap();
+    assert_eq!(fusion.missing(1), [51], "what is taken again has not come");
     fusion.push(&refusal(&all[51])).unwrap();
     assert_eq!(fusion.ready(), [0, 1], "refused is not missing");
     fusion.judge(0).unwrap();
