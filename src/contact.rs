@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use anyhow::{Result, anyhow};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
-use tapline_model::{Contact, DampingLaw, EffectiveLength, Error, Rung, Scene, choose};
+use tapline_model::{Contact, DampingLaw, EffectiveLength, Error, Rung, Scene, choose_by_trial};
 
 use crate::cli::Length;
 
@@ -91,13 +91,10 @@ pub(crate) fn contact(args: &ContactArgs) -> Result<bool> {
     let (contact, more) = match (rung, args.tolerance) {
         (Some(rung), _) => (rung.contact(&scene, law).map_err(named)?, Vec::new()),
         (None, tolerance) => {
-            let choice = choose(&scene, law, tolerance.unwrap_or(0.0)).map_err(named)?;
-            let bound = choice.bounds.of(choice.contact.rung);
-            let more = vec![
-                ("tolerance", json!(choice.tolerance)),
-                ("error_bound", json!(bound)),
-                ("why", json!(choice.why())),
-            ];
+            let choice = choose_by_trial(&scene, law, tolerance.unwrap_or(0.0)).map_err(named)?;
+            let error = choice.bounds.of(choice.contact.rung);
+            let more =
+                vec![("tolerance", json!(choice.tolerance)), ("error", json!(error)), ("why", json!(choice.why()))];
             (choice.contact, more)
         }
     };

@@ -55,10 +55,10 @@ fn a_tolerance_takes_the_cheapest_rung_that_keeps_it() {
         let full = rig.run(&format!("model contact {scene} --rung full --json")).json(0);
         assert_eq!(chosen["rung"], rung, "{chosen:#}");
         assert!(chosen["why"].as_str().unwrap().starts_with(rung), "{chosen:#}");
-        assert!(number(&chosen, "error_bound") <= tolerance, "{chosen:#}");
+        assert!(number(&chosen, "error") <= tolerance, "{chosen:#}");
         for name in ["f_max_n", "contact_time_s", "d_max_m", "restitution"] {
             let error = (number(&chosen, name) / number(&full, name) - 1.0).abs();
-            assert!(error <= number(&chosen, "error_bound"), "{name} is off by {error}: {chosen:#}");
+            assert!(error <= number(&chosen, "error"), "{name} is off by {error}: {chosen:#}");
         }
     }
     let text = rig.run("model contact --depth-mm 80 --tolerance 0.1").expect(0).out;

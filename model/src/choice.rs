@@ -18,6 +18,8 @@ pub struct Choice {
     pub tolerance: f64,
     /// What was known of each rung.
     pub bounds: ErrorBounds,
+    /// Whether that is what running all of them has shown, and not bounds had beforehand.
+    pub is_measured: bool,
 }
 
 /// Bounds of each rung's error against the full rung, had without running that.
@@ -86,7 +88,24 @@ pub fn choose(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result<Choice, 
         Some(Rung::Plate) => PlateMotion { law }.contact(scene)?,
         Some(Rung::Full) | None => FullMotion { law }.contact(scene)?,
     };
-    Ok(Choice { contact, tolerance, bounds })
+    Ok(Choice { contact, tolerance, bounds, is_measured: false })
+}
+
+/// As [`choose`], but by running every rung: exact, and of use where one scene is looked into rather than many computed.
+///
+/// # Errors
+/// As [`choose`].
+pub fn choose_by_trial(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result<Choice, Error> {
+    let tolerance = within("tolerance", tolerance, 0.0, 1.0)?;
+    let contacts = Rung::ALL.map(|rung| rung.contact(scene, law));
+    let [closed, integral, plate, full] = contacts;
+    let (closed, integral, plate, full) = (closed?, integral?, plate?, full?);
+    let error = |contact: &Contact| contact.error_against(&full);
+    let bounds =
+        ErrorBounds { closed: error(&closed), integral: error(&integral), plate: error(&plate), outside: None };
+    let rungs = [closed, integral, plate, full];
+    let contact = rungs.into_iter().find(|contact| bounds.of(contact.rung) <= tolerance).unwrap_or(full);
+    Ok(Choice { contact, tolerance, bounds, is_measured: true })
 }
 
 /// Bounds in `scene`, of which `full` is the full rung and `damped` its contact were the layer rigid; from that the closed
@@ -132,14 +151,15 @@ impl Choice {
 impl fmt::Display for Choice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (rung, tolerance) = (self.contact.rung, self.tolerance);
+        let (known, off) = if self.is_measured { ("", "is") } else { (" known to be", "may be") };
         if rung == Rung::Full {
-            write!(f, "full: nothing cheaper is known to be within {tolerance} of it")?;
+            write!(f, "full: nothing cheaper is{known} within {tolerance} of it")?;
         } else {
             write!(f, "{rung} is within {:.6} of full, {tolerance} is asked for", self.bounds.of(rung))?;
         }
         for cheaper in Rung::ALL.into_iter().take_while(|&cheaper| cheaper < rung) {
             match self.bounds.of(cheaper) {
-                bound if bound.is_finite() => write!(f, "; {cheaper} may be off by {bound:.6}")?,
+                bound if bound.is_finite() => write!(f, "; {cheaper} {off} off by {bound:.6}")?,
                 _ => write!(f, "; of {cheaper} nothing is known")?,
             }
         }

@@ -33,7 +33,8 @@
 //! ```
 //!
 //! Behind [`ContactModel`] the models stand as a ladder of four rungs, closed form, integral table, plate and full, each
-//! with the [`Flags`] of its domain; [`choose`] names the cheapest one that is true enough.
+//! with the [`Flags`] of its domain; [`choose`] names the cheapest one that is known to be true enough, and
+//! [`choose_by_trial`] the cheapest one that is.
 
 mod casing;
 mod choice;
@@ -62,7 +63,7 @@ mod simulation_config;
 mod sound;
 mod tables;
 
-pub use choice::{Choice, ErrorBounds, choose};
+pub use choice::{Choice, ErrorBounds, choose, choose_by_trial};
 pub use contact::{ClosedForm, Contact, ContactModel, FullMotion, IntegralTable, PlateMotion, Rung};
 pub use crack::{Crack, plant_cracks, truth};
 pub use damped::DampedContact;
