@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
+use crate::{Error, QualityConfig};
 
 /// Most workers that a configuration may ask for.
 const WORKERS_MAX: usize = 1024;
@@ -36,6 +36,8 @@ pub struct ProcessConfig {
     pub precision: Precision,
     /// Worker threads, 0 for one per core.
     pub workers: usize,
+    /// Thresholds and policies of the quality flags.
+    pub quality: QualityConfig,
 }
 
 impl Default for ProcessConfig {
@@ -49,6 +51,7 @@ impl Default for ProcessConfig {
             f_c_follows_tau: false,
             precision: Precision::F32,
             workers: 0,
+            quality: QualityConfig::default(),
         }
     }
 }
@@ -76,7 +79,7 @@ impl ProcessConfig {
         if self.workers > WORKERS_MAX {
             return Err(Error::Workers { value: self.workers, bound: WORKERS_MAX });
         }
-        Ok(())
+        self.quality.validate()
     }
 }
 

@@ -3,7 +3,9 @@
 
 mod garbage;
 mod laws;
+mod other_rig;
 mod precision;
+mod quality;
 mod reference;
 mod scipy;
 mod signal;
