@@ -497,8 +497,8 @@ fn neighbour() {
     }
     for part in [0.3, 1.0] {
         assert_flagged(Quality::NEIGHBOUR, &[Quality::LOW_SNR], &format!("{part} before"), |_, tap| {
-            add_echo(&mut tap.sound, part, -320);
-            tap.header.pre_trigger_samples > 700
+            add_echo(&mut tap.sound, part, -200);
+            tap.header.pre_trigger_samples >= 512
         });
     }
 }
