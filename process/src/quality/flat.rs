@@ -54,14 +54,16 @@ fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, noise: f64)
     let level: f64 = level.into();
     let (sign, band) = (if level < base { -1.0 } else { 1.0 }, BAND_SIGMAS * noise);
     let is_narrow = band > 0.0 && band < BAND_MOST * (level - base).abs();
-    let Some(at) = samples.iter().position(|&x| x.into() == level).filter(|_| is_narrow) else { return false };
+    let Some(at) = samples.iter().position(|&x| x.into().total_cmp(&level).is_eq()).filter(|_| is_narrow) else {
+        return false;
+    };
     let below = |x: C| sign * (level - x.into());
     let from = at - samples[..at].iter().rev().take_while(|&&x| below(x) <= band).count();
     let after = at + samples[at..].iter().take_while(|&&x| below(x) <= band).count();
     let (Some(before), Some(behind)) = (from.checked_sub(2), samples.get(after + 1)) else { return false };
     let half = (after - from) as f64 / 2.0;
     let least = MARGIN * ((half + 2.0) / half).powi(2) * band;
-    after - from >= RUN + 1 && below(samples[before]) > least && below(*behind) > least
+    after - from > RUN && below(samples[before]) > least && below(*behind) > least
 }
 
 /// Whether the signal leaves the level at which it stays from `from` to before `after` by more than rounding explains,
@@ -73,7 +75,7 @@ fn leaves<C: Count>(samples: &[C], from: usize, after: usize) -> bool {
     let level: f64 = samples[from].into();
     let n = (after - from) as f64;
     // Noise may take a sample or two out of a flat top; what counts is how it is left for good.
-    let is_at = |x: &C| (*x).into() == level;
+    let is_at = |x: &C| (*x).into().total_cmp(&level).is_eq();
     let (mut from, mut after) = (from, after);
     while let Some(back) = (2..=3).find(|&back| from.checked_sub(back).is_some_and(|i| is_at(&samples[i]))) {
         from -= back;

@@ -4,8 +4,10 @@
 mod garbage;
 mod laws;
 mod other_rig;
+mod plant;
 mod precision;
 mod quality;
+mod recorded;
 mod reference;
 mod scipy;
 mod signal;

@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use tapline_wire::{SampleFormat, TapHeader, TapId};
 
-use crate::quality::{Tap, header, noise};
+use crate::plant::{Tap, header, noise};
 
 /// Uniform numbers in [0, 1), from `seed` alone.
 fn dice(seed: usize) -> impl FnMut() -> f64 {
@@ -32,7 +32,7 @@ pub(crate) fn tap(k: usize) -> Tap {
     let mut between = |low: f64, high: f64| low + (high - low) * dice();
     let rate_hz = [40_960.0, 41_000.0, 44_100.0, 48_000.0][k % 4];
     let count = [16_384_u32, 16_384, 8192][k / 4 % 3];
-    let format = if k / 12 % 2 == 0 { SampleFormat::I16 } else { SampleFormat::F32 };
+    let format = if (k / 12).is_multiple_of(2) { SampleFormat::I16 } else { SampleFormat::F32 };
     let pre_trigger_samples = between(100.0, 2000.0) as u32;
     let (tau_s, f_max_n, is_haversine) = (between(0.5e-3, 3e-3), between(20.0, 200.0), between(0.0, 1.0) < 0.5);
     let onset = f64::from(pre_trigger_samples) - between(0.0, 1.0);

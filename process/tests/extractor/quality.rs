@@ -1,255 +1,14 @@
-//! Quality flags: faults planted in simulated taps are flagged, and nothing else is.
-//!
-//! The simulated rig is that of the model's defaults: sound and cracked tyres, noise, hum and scatter as they ship.
+//! Quality flags: faults planted in taps are flagged, and nothing else is.
 
 use std::f64::consts::TAU;
-use std::sync::LazyLock;
 
-use tapline_model::{Scene, SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig, plant_cracks};
+use tapline_model::Scene;
 use tapline_process::{Extractor, Policy, ProcessConfig, QualityConfig};
-use tapline_wire::{
-    Channel, ChannelHeader, Discriminator, Discriminators, Quality, SampleFormat, Samples, TapHeader, TapId,
-};
+use tapline_wire::{Discriminator, Quality, SampleFormat, Samples, TapHeader};
 
 use crate::other_rig;
+use crate::plant::*;
 use crate::signal::values;
-
-const N: usize = 16_384;
-const RATE_HZ: f64 = 40_960.0;
-
-/// A tap with its two channels in counts.
-#[derive(Debug, Clone)]
-pub(crate) struct Tap {
-    pub(crate) header: TapHeader,
-    pub(crate) force: Vec<f64>,
-    pub(crate) sound: Vec<f64>,
-}
-
-impl Tap {
-    fn samples(&self) -> Vec<i16> {
-        self.force.iter().chain(&self.sound).map(|x| x.round().clamp(-32_768.0, 32_767.0) as i16).collect()
-    }
-
-    fn found(&self, config: &ProcessConfig) -> Discriminators {
-        let mut extractor = Extractor::<f32>::new(config).unwrap();
-        if self.is_i16() {
-            return extractor.extract(&self.header, Samples::I16(&self.samples()));
-        }
-        let samples: Vec<f32> = self.force.iter().chain(&self.sound).map(|&x| x as f32).collect();
-        extractor.extract(&self.header, Samples::F32(&samples))
-    }
-
-    /// In counts of 16 bits, half the full scale, whatever it was in before.
-    fn to_i16(&mut self) {
-        if self.is_i16() {
-            return;
-        }
-        self.header.sample_format = SampleFormat::I16.code();
-        for (channel, slot) in [&mut self.force, &mut self.sound].into_iter().zip(&mut self.header.channels) {
-            let gain = 16_384.0 / peak(channel);
-            channel.iter_mut().for_each(|x| *x *= gain);
-            slot.unit_per_count /= gain;
-        }
-    }
-
-    fn is_i16(&self) -> bool {
-        self.header.sample_format == SampleFormat::I16.code()
-    }
-
-    /// Samples of the pulse above 5 % of its peak.
-    fn pulse_samples(&self) -> usize {
-        let level = 0.05 * peak(&self.force);
-        self.force.iter().filter(|&&x| x > level).count()
-    }
-
-    /// Samples of `time_s`.
-    fn lag(&self, time_s: f64) -> isize {
-        (time_s * self.header.sample_rate_hz) as isize
-    }
-
-    fn flags(&self) -> Quality {
-        self.found(&ProcessConfig::default()).quality
-    }
-}
-
-fn header_of(config: &SimulationConfig, tap: &SimulatedTap<'_>, measured: f64) -> TapHeader {
-    let id = TapId::default().with_velocity_m_per_s(Some(tap.velocity_m_per_s)).unwrap();
-    let mut header = TapHeader {
-        id,
-        velocity_measured_m_per_s: measured,
-        microphone_distance_m: config.microphone_distance_m,
-        ..header(config.sample_rate_hz, config.pre_trigger_samples, config.sample_count, SampleFormat::I16)
-    };
-    header.channels[0].unit_per_count = config.force_full_scale_n / 32_768.0;
-    header.channels[1].unit_per_count = config.sound_full_scale_v / 32_768.0;
-    header
-}
-
-pub(crate) fn header(
-    sample_rate_hz: f64,
-    pre_trigger_samples: u32,
-    sample_count: u32,
-    format: SampleFormat,
-) -> TapHeader {
-    let mut header = TapHeader {
-        sample_rate_hz,
-        pre_trigger_samples,
-        sample_count,
-        sample_format: format.code(),
-        channel_count: 2,
-        ..TapHeader::default()
-    };
-    for (slot, kind) in header.channels.iter_mut().zip([Channel::Force, Channel::Sound]) {
-        *slot = ChannelHeader { code: kind.code(), unit_per_count: 1.0, reserved: 0 };
-    }
-    header
-}
-
-/// `count` taps of four sound and four cracked tyres, at three velocities and four offsets.
-fn simulated(count: u32) -> Vec<Tap> {
-    let config = SimulationConfig::default();
-    let tyre = |k: u32| {
-        let serial = format!("T-{k}");
-        SimulatedTyre { cracks: if k % 2 == 0 { plant_cracks(3, &serial, 100, 8) } else { vec![] }, serial }
-    };
-    let tyres: Vec<_> = (0..8).map(tyre).collect();
-    let mut rig = SimulatedRig::new(&config, 3, &tyres).unwrap();
-    let mut samples = vec![0_i16; rig.sample_total()];
-    let tap = |k: u32| {
-        let tap = SimulatedTap {
-            tyre_serial: &tyres[k as usize % 8].serial,
-            shoulder: 1,
-            offset_mm: 5.0 * f64::from(k / 8 % 4),
-            velocity_m_per_s: [1.2, 1.5, 1.85][k as usize % 3],
-            location: k * 37 % 100,
-            location_count: 100,
-            repetition: (k / 100) as u16,
-            attempt: 0,
-        };
-        let rendered = rig.render(&tap, &mut samples);
-        let (force, sound) = samples.split_at(N);
-        Tap {
-            header: header_of(&config, &tap, rendered.velocity_measured_m_per_s),
-            force: force.iter().map(|&x| f64::from(x)).collect(),
-            sound: sound.iter().map(|&x| f64::from(x)).collect(),
-        }
-    };
-    (0..count).map(tap).collect()
-}
-
-/// Taps in which faults are planted; without those whose velocity happens to be off.
-static TAPS: LazyLock<Vec<Tap>> = LazyLock::new(|| {
-    let mut taps = simulated(160);
-    taps.retain(|tap| !tap.flags().contains(Quality::VELOCITY_OFF));
-    taps
-});
-
-/// Taps of the other rig.
-static OTHERS: LazyLock<Vec<Tap>> = LazyLock::new(|| (0..240).map(other_rig::tap).collect());
-
-fn peak(channel: &[f64]) -> f64 {
-    channel.iter().fold(0.0, |a, x| if x.abs() > a { x.abs() } else { a })
-}
-
-/// Numbers of mean 0 and standard deviation 1, bell-shaped enough.
-pub(crate) fn noise(seed: usize) -> impl Iterator<Item = f64> {
-    let mut state = seed as u64;
-    std::iter::repeat_with(move || {
-        let mut uniform = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
-        (0..12).map(|_| uniform()).sum()
-    })
-}
-
-/// `channel` plus `part` of itself, `lag` samples later (earlier, when negative).
-fn add_echo(channel: &mut [f64], part: f64, lag: isize) {
-    let once = channel.to_vec();
-    for (i, x) in channel.iter_mut().enumerate() {
-        let from = i as isize - lag;
-        *x += part * once.get(from as usize).filter(|_| from >= 0).copied().unwrap_or(0.0);
-    }
-}
-
-/// Whether three samples in a row are as far from 0 as `level`, or further.
-fn has_flat_top(channel: &[f64], level: f64) -> bool {
-    channel.windows(3).any(|w| w.iter().all(|&x| x >= level) || w.iter().all(|&x| x <= -level))
-}
-
-/// Cuts `channel` at `part` of its peak; a cut of fewer than three samples is none.
-fn cut(channel: &mut [f64], part: f64) -> bool {
-    let level = part * peak(channel);
-    let is_flat = has_flat_top(channel, level);
-    channel.iter_mut().for_each(|x| *x = x.clamp(-level, level));
-    is_flat
-}
-
-/// `channel` from sample `cut` on, made whole with what is last in it.
-fn begin_at(channel: &mut Vec<f64>, cut: usize) {
-    let last = channel[channel.len() - cut..].to_vec();
-    channel.drain(..cut);
-    channel.extend(last);
-}
-
-/// What comes of planting a fault: `false` when this tap cannot have it.
-trait Planted {
-    fn is_planted(self) -> bool;
-}
-
-impl Planted for () {
-    fn is_planted(self) -> bool {
-        true
-    }
-}
-
-impl Planted for bool {
-    fn is_planted(self) -> bool {
-        self
-    }
-}
-
-/// Flags of taps with faults.
-struct Flags(Vec<Quality>);
-
-impl Flags {
-    fn of<P: Planted>(taps: &[Tap], plant: impl Fn(usize, &mut Tap) -> P) -> Self {
-        let planted = taps.iter().enumerate().filter_map(|(k, tap)| {
-            let mut tap = tap.clone();
-            plant(k, &mut tap).is_planted().then(|| tap.flags())
-        });
-        let flags: Vec<Quality> = planted.collect();
-        assert!(!flags.is_empty(), "no tap can have the fault");
-        Self(flags)
-    }
-
-    fn share(&self, flag: Quality) -> f64 {
-        self.0.iter().filter(|flags| flags.contains(flag)).count() as f64 / self.0.len() as f64
-    }
-
-    #[track_caller]
-    fn assert_raised(&self, flag: Quality, what: &str) {
-        let raised = self.share(flag);
-        eprintln!("{what}: {flag} in {raised:.4} of {} taps", self.0.len());
-        assert!(raised >= 0.99, "{what}: {flag} in {raised} of taps");
-    }
-}
-
-/// Fails unless `flag` is raised in 99 of 100 planted taps of either rig, and, of the simulated one, any but it and
-/// `also` in one at most.
-#[track_caller]
-fn assert_flagged<P: Planted>(flag: Quality, also: &[Quality], what: &str, plant: impl Fn(usize, &mut Tap) -> P) {
-    let flags = Flags::of(&TAPS, &plant);
-    flags.assert_raised(flag, what);
-    for &(other, name) in Quality::ALL.iter().filter(|(other, _)| *other != flag && !also.contains(other)) {
-        let raised = flags.share(other);
-        if raised > 0.01 {
-            eprintln!("{what}: {name} in {raised} of taps");
-        }
-        assert!(raised <= 0.01, "{what}: {name} in {raised} of taps");
-    }
-    Flags::of(&OTHERS, &plant).assert_raised(flag, &format!("other rig, {what}"));
-}
 
 /// Catches a rule that takes physics, noise or the scatter of tyres for a fault: over cracks, too, where the layer
 /// springs back, no flag is raised in more than one of a hundred taps.
@@ -308,7 +67,7 @@ fn clipped() {
     }
     for gain in [1.05, 1.5, 4.0] {
         assert_flagged(Quality::CLIPPED, &[], &format!("force beyond the limit by {gain}"), |_, tap| {
-            tap.to_i16();
+            tap.make_i16();
             let gain = gain * 32_768.0 / peak(&tap.force);
             tap.force.iter_mut().for_each(|x| *x *= gain);
             tap.header.channels[0].unit_per_count /= gain;
@@ -318,7 +77,7 @@ fn clipped() {
             &[Quality::LOW_SNR, Quality::HUM],
             &format!("sound beyond the limit by {gain}"),
             |_, tap| {
-                tap.to_i16();
+                tap.make_i16();
                 let gain = gain * 32_768.0 / peak(&tap.sound);
                 tap.sound.iter_mut().for_each(|x| *x *= gain);
                 tap.header.channels[1].unit_per_count /= gain;
@@ -480,7 +239,7 @@ fn low_snr() {
         });
     }
     assert_flagged(Quality::LOW_SNR, &[Quality::NO_ONSET], "unplugged microphone", |k, tap| {
-        tap.to_i16();
+        tap.make_i16();
         tap.sound.iter_mut().zip(noise(k)).for_each(|(x, e)| *x = 20.0 * e);
     });
 }
@@ -543,102 +302,5 @@ fn velocity_off_and_rate_implausible() {
         assert_flagged(Quality::RATE_IMPLAUSIBLE, also, &format!("rate times {factor}"), |_, tap| {
             tap.header.sample_rate_hz *= factor;
         });
-    }
-}
-
-/// Path of a recording that comes beside the repository, and is not part of it.
-fn shared(file: &str) -> Option<Vec<u8>> {
-    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared");
-    let folder = std::env::var("TAPLINE_SHARED").unwrap_or_else(|_| beside.to_owned());
-    let found = std::fs::read(format!("{folder}/data/{file}")).ok();
-    if found.is_none() {
-        eprintln!("skipped: no {file} in {folder}/data");
-    }
-    found
-}
-
-fn u32_at(bytes: &[u8], at: usize) -> usize {
-    u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
-}
-
-/// Tag at `at` of a MATLAB 5 file: type, and the range of its data, which may lie in the tag itself.
-fn element(bytes: &[u8], at: usize) -> (usize, std::ops::Range<usize>, usize) {
-    let (kind, size) = (u32_at(bytes, at), u32_at(bytes, at + 4));
-    if kind >> 16 != 0 {
-        return (kind & 0xffff, at + 4..at + 4 + (kind >> 16), at + 8);
-    }
-    (kind, at + 8..at + 8 + size, at + 8 + size.next_multiple_of(8))
-}
-
-/// The array `name` of a MATLAB 5 file, of whatever numbers it is made.
-fn matlab_array(bytes: &[u8], name: &str) -> Vec<f32> {
-    let mut at = 128;
-    loop {
-        let (_, matrix, next) = element(bytes, at);
-        let (_, _, dims) = element(bytes, matrix.start);
-        let (_, _, named) = element(bytes, dims);
-        let (_, text, values) = element(bytes, named);
-        if &bytes[text] == name.as_bytes() {
-            let (kind, data, _) = element(bytes, values);
-            return match kind {
-                7 => bytes[data].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect(),
-                9 => bytes[data].chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap()) as f32).collect(),
-                _ => panic!("numbers of type {kind}"),
-            };
-        }
-        at = next;
-    }
-}
-
-/// Catches a number made of a real record that has none in it: a pulse of two or three samples, cut at its beginning,
-/// without anything before it.
-#[test]
-fn the_recorded_bad_impact_is_refused_for_the_right_reasons() {
-    let Some(file) = shared("vibrationtesting-impact/case1.mat") else { return };
-    let samples: Vec<f32> = ["Time_chan_1", "Time_chan_2"].iter().flat_map(|name| matlab_array(&file, name)).collect();
-    assert_eq!(samples.len(), 2 * 4096);
-    for pre_trigger_samples in [0, 100] {
-        let header = header(1280.0, pre_trigger_samples, 4096, SampleFormat::F32);
-        let found = Extractor::<f64>::new(&ProcessConfig::default()).unwrap().extract(&header, Samples::F32(&samples));
-        assert!(found.quality.contains(Quality::UNDERSAMPLED), "{}", found.quality);
-        assert!(found.quality.contains(Quality::LATE_TRIGGER), "{}", found.quality);
-        assert_eq!(found.quality.contains(Quality::NO_BASELINE), pre_trigger_samples == 0);
-        assert_eq!(values(&found), [None; 7], "{}", found.quality);
-    }
-}
-
-/// Catches noise estimated where a real room is quiet by chance: background recorded by a microphone, most of it
-/// rumble below the bands, is flagged when it is loud and let pass when it is not.
-#[test]
-fn recorded_background() {
-    let Some(file) = shared("pyuff-microphone/Sample_UFF58b_bin.uff") else { return };
-    const COUNT: usize = 79_292;
-    const BACKGROUND_HZ: f64 = 65_536.0;
-    let data = &file[572..572 + 4 * COUNT];
-    let pa: Vec<f64> = data.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();
-    let background = |k: usize| {
-        let from = k * 331 % (COUNT - 27_000);
-        let at = |i: usize| from as f64 + i as f64 * BACKGROUND_HZ / RATE_HZ;
-        let part: Vec<f64> = (0..N)
-            .map(|i| pa[at(i) as usize] * (1.0 - at(i).fract()) + pa[at(i) as usize + 1] * at(i).fract())
-            .collect();
-        let mean = part.iter().sum::<f64>() / N as f64;
-        let sigma = (part.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / N as f64).sqrt();
-        part.into_iter().map(move |x| (x - mean) / sigma)
-    };
-    let loud = |part: f64| {
-        let background = &background;
-        move |k: usize, tap: &mut Tap| {
-            let sigma = part * peak(&tap.sound);
-            tap.sound.iter_mut().zip(background(k)).for_each(|(x, e)| *x += sigma * e);
-        }
-    };
-    for part in [0.05, 0.1, 0.3] {
-        Flags::of(&TAPS, loud(part)).assert_raised(Quality::LOW_SNR, &format!("background {part}"));
-    }
-    for (k, tap) in TAPS.iter().enumerate() {
-        let mut tap = tap.clone();
-        loud(0.003)(k, &mut tap);
-        assert!(tap.flags().is_clean(), "{}", tap.flags());
     }
 }
