@@ -50,6 +50,7 @@ mod domain;
 mod error;
 #[cfg(test)]
 mod features_for_tests;
+mod figures;
 mod identity;
 mod impact;
 mod integral;
@@ -58,6 +59,8 @@ mod pulse;
 mod scene;
 mod simulated;
 mod simulation_config;
+#[cfg(test)]
+mod slips_tests;
 mod sound;
 mod tables;
 
@@ -69,6 +72,7 @@ pub use damping::{DampingLaw, chi_for_restitution};
 pub use defect::{DefectContact, defect_contact};
 pub use domain::{DomainCheck, Flags};
 pub use error::Error;
+pub use figures::{Axis, Curve, Figure, Point, figure};
 pub use impact::{Impact, Outcome, Plate};
 pub use integral::{IntegralContact, integral_contact};
 pub use scene::{EffectiveLength, Scene};
