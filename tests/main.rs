@@ -5,6 +5,7 @@
 mod archive;
 mod cli;
 mod faults;
+mod figures;
 mod model;
 mod recorded;
 mod rig;
