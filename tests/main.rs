@@ -4,6 +4,7 @@
 
 mod archive;
 mod cli;
+mod dissertation;
 mod faults;
 mod figures;
 mod model;
