@@ -4,7 +4,9 @@
 
 mod archive;
 mod cli;
+mod dissertation;
 mod faults;
+mod figures;
 mod model;
 mod recorded;
 mod rig;
