@@ -9,6 +9,7 @@ mod faults;
 mod figures;
 mod model;
 mod recorded;
+mod retakes;
 mod rig;
 mod simulated;
 mod tapset;

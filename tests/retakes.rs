@@ -1,0 +1,93 @@
+//! Taps whose records are of no use: taken again where the source can, flagged where it cannot.
+
+use std::collections::BTreeMap;
+
+use rustix::process::Signal;
+
+use crate::rig::{Done, Rig, assert_same, contents, csv_rows, signal, stage};
+
+/// A rig that does a tenth of its taps twice over and hears its neighbour in a tenth.
+const FAULTY: &str = "
+[scan]
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+locations = 60
+
+[[simulation.fault]]
+kind = \"double_hit\"
+share = 0.1
+
+[[simulation.fault]]
+kind = \"neighbour\"
+share = 0.1
+";
+
+/// How often each flag stands in the archive.
+fn flags(rig: &Rig, archive: &str) -> BTreeMap<String, u32> {
+    let mut counts = BTreeMap::new();
+    for row in csv_rows(&rig.run(&format!("export {archive} discriminators")).expect(0).out) {
+        for flag in row["quality"].split('|').filter(|flag| !flag.is_empty()) {
+            *counts.entry(flag.to_owned()).or_default() += 1;
+        }
+    }
+    counts
+}
+
+/// Catches a record of no use that is archived while there are retakes left, retakes without end, an attempt that the
+/// archive does not tell, and a policy that is not followed.
+#[test]
+fn what_is_of_no_use_is_taken_again() {
+    let rig = Rig::new();
+    rig.write("faulty.toml", &format!("[acquire]\nretakes = 4\n{FAULTY}"));
+    let summary = rig.run("run --config faulty.toml --out faulty.h5 --json").json(0);
+    let taken_again = summary["pace"]["taken_again"].as_u64().unwrap();
+    assert!((10..60).contains(&taken_again), "{summary:#}");
+    assert_eq!(summary["archived"], 122);
+    let found = flags(&rig, "faulty.h5");
+    assert!(!["double_hit", "neighbour", "retake"].iter().any(|flag| found.contains_key(*flag)), "{found:?}");
+    let ledger = csv_rows(&rig.run("export faulty.h5 ledger").expect(0).out);
+    let attempts: u64 = ledger.iter().map(|row| row["attempt"].parse::<u64>().unwrap()).sum();
+    assert_eq!(attempts, taken_again);
+    rig.run("verify faulty.h5").expect(0);
+
+    // Without retakes, the last record is the first, and stands with its flags.
+    rig.write("once.toml", &format!("[acquire]\nretakes = 0\n{FAULTY}"));
+    let summary = rig.run("run --config once.toml --out once.h5 --json").json(0);
+    assert_eq!(summary["pace"]["taken_again"], 0);
+    let found = flags(&rig, "once.h5");
+    assert!(found["double_hit"] >= 4 && found["neighbour"] >= 4 && !found.contains_key("retake"), "{found:?}");
+    for row in csv_rows(&rig.run("export once.h5 discriminators").expect(0).out) {
+        assert!(
+            !row["quality"].contains("double_hit") || (row["f_max_n"].is_empty() && row["pr"].is_empty()),
+            "{row:?}"
+        );
+    }
+
+    rig.write("keep.toml", &format!("[process.quality]\ndouble_hit = \"keep\"\nneighbour = \"drop\"\n{FAULTY}"));
+    let summary = rig.run("run --config keep.toml --out keep.h5 --json").json(0);
+    assert_eq!(summary["pace"]["taken_again"], 0);
+    for row in csv_rows(&rig.run("export keep.h5 discriminators").expect(0).out) {
+        assert!(row["quality"] != "double_hit" || (!row["f_max_n"].is_empty() && !row["pr"].is_empty()), "{row:?}");
+        assert!(row["quality"] != "neighbour" || (!row["f_max_n"].is_empty() && row["pr"].is_empty()), "{row:?}");
+    }
+}
+
+/// Catches an attempt that is forgotten with the stage that knew of it: whoever is killed, the archive is the same.
+#[test]
+fn attempts_outlive_the_stages() {
+    let rig = Rig::new();
+    rig.write("quick.toml", FAULTY);
+    rig.run("run --config quick.toml --out quick.h5").expect(0);
+    let expected = contents(&rig.path("quick.h5"));
+    rig.write("paced.toml", &format!("[acquire]\ntaps_per_s = 60.0\n{FAULTY}"));
+    let line = rig.start("run --config paced.toml --out paced.h5 --json");
+    for victim in ["process", "acquire --station 1", "store"] {
+        std::thread::sleep(std::time::Duration::from_millis(500));
+        signal(stage(&line, victim), Signal::KILL);
+    }
+    let summary = Done::from(line.wait_with_output().unwrap()).json(0);
+    assert_eq!(summary["pace"]["restarts"], 3);
+    assert_same(&contents(&rig.path("paced.h5")), &expected);
+    rig.run("verify paced.h5").expect(0);
+}
