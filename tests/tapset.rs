@@ -177,3 +177,19 @@ fn bad_tables_stop_before_the_first_tap() {
     let done = rig.run("run --taps taps --out set.h5").expect(1);
     assert!(done.err.contains("scan.toml") && done.err.contains("pre_triger_samples"), "{done:?}");
 }
+
+/// Catches a tap that was struck faster than the others of its set and is taken for one of a velocity of its own.
+#[test]
+fn a_tap_of_another_velocity_than_its_set_is_flagged() {
+    let rig = tap_set();
+    let table = fs::read_to_string(rig.path("taps/taps.csv")).unwrap();
+    let fast = table.replace("011.wav,A-17,1,5,1.85", "011.wav,A-17,1,5,2.05");
+    assert_ne!(fast, table);
+    rig.write("taps/taps.csv", &fast);
+    rig.run("run --taps taps --out set.h5").expect(0);
+    for row in csv_rows(&rig.run("export set.h5 discriminators").expect(0).out) {
+        let is_fast = row["location"] == "11";
+        assert_eq!(row["quality"], if is_fast { "velocity_off" } else { "" }, "{row:?}");
+        assert_eq!(row["velocity_m_per_s"], if is_fast { "2.05" } else { "1.85" });
+    }
+}

@@ -67,6 +67,7 @@ pub(crate) fn named(plan: &Plan, row: u32, attempt: u16, kind: SourceKind, old: 
         tap_time_ns: 0,
         sample_rate_hz: recording.sample_rate_hz,
         velocity_measured_m_per_s: f64::NAN,
+        velocity_nominal_m_per_s: plan.velocity_nominal_m_per_s(row).unwrap_or(f64::NAN),
         microphone_distance_m: 0.0,
         pre_trigger_samples: recording.pre_trigger_samples,
         sample_count: 0,

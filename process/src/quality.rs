@@ -197,11 +197,11 @@ impl Doubts {
     }
 }
 
-/// What is doubtful about the velocity: nothing when the measured or the planned one is not known.
+/// What is doubtful about the velocity: nothing when the measured or the meant one is not known.
 pub(crate) fn of_velocity(header: &TapHeader, config: &QualityConfig) -> Doubts {
     let mut doubts = Doubts::default();
-    let planned = header.id.velocity_m_per_s().filter(|&v| v > 0.0);
-    let error = planned.map_or(0.0, |v| (header.velocity_measured_m_per_s / v - 1.0).abs());
+    let meant = Some(header.velocity_nominal_m_per_s).filter(|&v| v > 0.0);
+    let error = meant.map_or(0.0, |v| (header.velocity_measured_m_per_s / v - 1.0).abs());
     if error > config.velocity_error_most {
         let all_but_pr = Discriminator::ALL.into_iter().filter(|&which| which != Discriminator::Pr);
         doubts.spoils(Quality::VELOCITY_OFF, config.velocity_off, &all_but_pr.collect::<Vec<_>>());
@@ -217,8 +217,6 @@ pub(crate) fn velocity_m_per_s(header: &TapHeader) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use tapline_wire::TapId;
-
     use super::*;
 
     /// Catches a default that does not pass its own checks, a key that is not read, and one that is not checked.
@@ -240,14 +238,16 @@ mod tests {
     /// Catches a flag raised for want of a measurement or of a plan, and a comparison in one direction only.
     #[test]
     fn velocity_off_needs_both_velocities() {
-        let id = |planned| TapId::default().with_velocity_m_per_s(planned).unwrap();
-        let is_off = |planned, measured| {
-            let header = TapHeader { id: id(planned), velocity_measured_m_per_s: measured, ..TapHeader::default() };
+        let is_off = |meant, measured| {
+            let header = TapHeader {
+                velocity_nominal_m_per_s: meant,
+                velocity_measured_m_per_s: measured,
+                ..TapHeader::default()
+            };
             !of_velocity(&header, &QualityConfig::default()).flags.is_clean()
         };
-        assert!(is_off(Some(1.85), 1.95) && is_off(Some(1.85), 1.75) && is_off(Some(1.85), 0.0));
-        assert!(!is_off(Some(1.85), 1.83) && !is_off(Some(1.85), f64::NAN) && !is_off(None, 1.2));
-        assert!(!is_off(Some(0.0), 1.2));
+        assert!(is_off(1.85, 1.95) && is_off(1.85, 1.75) && is_off(1.85, 0.0));
+        assert!(!is_off(1.85, 1.83) && !is_off(1.85, f64::NAN) && !is_off(f64::NAN, 1.2) && !is_off(0.0, 1.2));
     }
 
     /// Catches features dropped under `keep`, and a first reason that a later one replaces.

@@ -128,7 +128,7 @@ impl Reader {
         }
         let plan = &self.archive.plan;
         let rows = self.archive.headers.read(k..k + 1).context("read a header", &self.archive.path)?;
-        let header = rows[0].to_header(&plan.taps()[k].id, &plan.recording, plan.digest());
+        let header = rows[0].to_header(row, plan);
         if header.plan_index != row || header.sample_count > plan.recording.sample_count_max {
             let (named, count) = (header.plan_index, header.sample_count);
             return Err(self.archive.damaged(format!("the header in row {row} names row {named} and {count} samples")));

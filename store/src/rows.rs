@@ -4,8 +4,8 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use hdf5::types::FixedUnicode;
 use tapline_wire::{
-    CHANNELS_MAX, ChannelHeader, DamageCell, Discriminator, Discriminators, IdError, Judgement, PlannedTap, Quality,
-    Reasons, RecordKind, Recording, Scan, ScanState, Serial, Stamp, TapHeader, TapId, TapState, Values,
+    CHANNELS_MAX, ChannelHeader, DamageCell, Discriminator, Discriminators, IdError, Judgement, Plan, PlannedTap,
+    Quality, Reasons, RecordKind, Scan, ScanState, Serial, Stamp, TapHeader, TapId, TapState, Values,
 };
 
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, UNWRITTEN};
@@ -101,7 +101,8 @@ impl HeaderRow {
     }
 
     /// The header of this row's tap, all that the plan and the recording say of it filled in.
-    pub(crate) fn to_header(self, planned: &TapId, recording: &Recording, plan_digest: u64) -> TapHeader {
+    pub(crate) fn to_header(self, row: u32, plan: &Plan) -> TapHeader {
+        let recording = &plan.recording;
         let mut channels = [ChannelHeader::default(); CHANNELS_MAX];
         for ((header, kind), unit_per_count) in channels.iter_mut().zip(&recording.channels).zip(self.unit_per_count) {
             *header = ChannelHeader { code: kind.code(), reserved: 0, unit_per_count };
@@ -110,17 +111,18 @@ impl HeaderRow {
             stamp: Stamp {
                 sequence: self.sequence,
                 epoch_ns: self.epoch_ns,
-                plan_digest,
+                plan_digest: plan.digest(),
                 kind: RecordKind::Data.code(),
                 source: self.sender,
                 mark: self.mark,
             },
-            id: at_attempt(*planned, self.attempt),
+            id: at_attempt(plan.taps()[row as usize].id, self.attempt),
             plan_index: self.plan_index,
             tap_time_ns: self.tap_time_ns,
             sent_ns: self.sent_ns,
             sample_rate_hz: self.sample_rate_hz,
             velocity_measured_m_per_s: self.velocity_measured_m_per_s,
+            velocity_nominal_m_per_s: plan.velocity_nominal_m_per_s(row).unwrap_or(f64::NAN),
             microphone_distance_m: self.microphone_distance_m,
             pre_trigger_samples: self.pre_trigger_samples,
             sample_count: self.sample_count,

@@ -63,6 +63,7 @@ pub(crate) fn header(plan: &Plan, row: u32, sample_count: u32) -> TapHeader {
         sent_ns: i64::from(row) + 7,
         sample_rate_hz: plan.recording.sample_rate_hz,
         velocity_measured_m_per_s: 1.8 + 0.1 / f64::from(row + 3),
+        velocity_nominal_m_per_s: plan.velocity_nominal_m_per_s(row).unwrap_or(f64::NAN),
         microphone_distance_m: 0.05,
         pre_trigger_samples: plan.recording.pre_trigger_samples,
         sample_count,

@@ -66,6 +66,7 @@ mod flags;
 mod id;
 mod ledger;
 mod line;
+mod nominal;
 mod plan;
 mod publisher;
 pub mod room;

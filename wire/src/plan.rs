@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use sha2::{Digest, Sha256};
 
+use crate::nominal::Nominals;
 use crate::{Channel, Geometry, SampleFormat, Serial, TapId};
 
 /// One tap that must exist.
@@ -67,6 +68,7 @@ pub struct Plan {
     taps: Vec<PlannedTap>,
     scans: Vec<Scan>,
     truth: Truth,
+    nominals: Nominals,
     source_digest: u64,
     digest: u64,
 }
@@ -136,7 +138,8 @@ impl Plan {
         }
         let scans = scans_of(&taps)?;
         let digest = digest_of(geometry, &recording, &taps, 0);
-        Ok(Self { geometry, recording, taps, scans, truth, source_digest: 0, digest })
+        let nominals = Nominals::of(taps.iter().filter_map(|tap| tap.id.velocity_m_per_s()));
+        Ok(Self { geometry, recording, taps, scans, truth, nominals, source_digest: 0, digest })
     }
 
     /// The same plan for a source that `source_digest` tells from others with the same taps: other recordings, other
@@ -155,6 +158,15 @@ impl Plan {
     /// The planned taps; a tap's place here is its plan index.
     pub fn taps(&self) -> &[PlannedTap] {
         &self.taps
+    }
+
+    /// Velocity that was meant for the tap in plan row `row`, in m/s; `None` when the plan names none.
+    ///
+    /// It is the planned one, unless that is a rare one beside one that many taps have: then a list of taps says how
+    /// fast this one was, and not how fast it should have been.
+    pub fn velocity_nominal_m_per_s(&self, row: u32) -> Option<f64> {
+        let velocity = self.taps.get(row as usize)?.id.velocity_m_per_s()?;
+        Some(self.nominals.nearest(velocity))
     }
 
     /// The scans, in order of their first tap.

@@ -154,6 +154,8 @@ pub struct TapHeader {
     pub sample_rate_hz: f64,
     /// Impact velocity as measured in m/s, NaN where it was not.
     pub velocity_measured_m_per_s: f64,
+    /// Impact velocity that was meant, [`crate::Plan::velocity_nominal_m_per_s`]; NaN where the plan names none.
+    pub velocity_nominal_m_per_s: f64,
     /// Distance D from impact to microphone in m, 0 where it does not matter.
     pub microphone_distance_m: f64,
     /// Samples before the trigger, p.

@@ -72,6 +72,7 @@ pub(crate) fn tap(k: usize) -> Tap {
     let mut header = TapHeader {
         id: TapId::default().with_velocity_m_per_s(Some(velocity_m_per_s)).unwrap(),
         velocity_measured_m_per_s: velocity_m_per_s * between(0.98, 1.02),
+        velocity_nominal_m_per_s: velocity_m_per_s,
         microphone_distance_m: distance_m,
         ..header(rate_hz, pre_trigger_samples, count, format)
     };

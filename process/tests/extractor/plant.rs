@@ -73,6 +73,7 @@ pub(crate) fn header_of(config: &SimulationConfig, tap: &SimulatedTap<'_>, measu
     let mut header = TapHeader {
         id,
         velocity_measured_m_per_s: measured,
+        velocity_nominal_m_per_s: tap.velocity_m_per_s,
         microphone_distance_m: config.microphone_distance_m,
         ..header(config.sample_rate_hz, config.pre_trigger_samples, config.sample_count, SampleFormat::I16)
     };
