@@ -12,7 +12,7 @@
 //! | `NO_BASELINE` | F_max, tau, A_1, A_2; the spectrum needs no baseline |
 //! | `NO_PULSE` | F_max, tau, A_1, A_2 |
 //! | `NO_ONSET` | A_1 and A_2; of a sound without any variation, PR, P_f and E_f too |
-//! | `NO_BAND` | PR, P_f, E_f |
+//! | `NO_BAND` | PR, P_f, E_f; where noise is subtracted, also when a band holds no more than noise |
 //!
 //! # Example
 //!
@@ -53,8 +53,10 @@
 mod baseline;
 mod config;
 mod error;
+mod estimator;
 mod extractor;
 mod force;
+mod hum;
 mod real;
 mod record;
 mod run;
@@ -63,6 +65,7 @@ mod spectrum;
 
 pub use config::{Precision, ProcessConfig};
 pub use error::Error;
+pub use estimator::{BandEdges, DurationEstimator, PeakEstimator, SpectrumEstimator, Subtraction};
 pub use extractor::{Extractor, ProcessExtractor};
 pub use real::Real;
 pub use run::{Outcome, RunError, run};
