@@ -4,6 +4,7 @@
 
 mod archive;
 mod cli;
+mod estimators;
 mod faults;
 mod model;
 mod recorded;
