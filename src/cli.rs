@@ -127,6 +127,15 @@ pub(crate) enum ModelVerb {
     },
     /// Print what one contact does, on a rung of the ladder of models or on the cheapest that is true enough.
     Contact(ContactArgs),
+    /// Draw the dissertation's figures of its theory, computed: each as SVG and, in SI units, as CSV.
+    Figures {
+        /// Folder to write into; made when it is not there.
+        #[arg(long, default_value = "figures")]
+        out: PathBuf,
+        /// This one only: 11-13, 16-20, 22-27, 31, 32 or 36-38.
+        #[arg(long)]
+        figure: Option<u8>,
+    },
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

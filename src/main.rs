@@ -7,7 +7,9 @@ mod child;
 mod cli;
 mod config;
 mod contact;
+mod figures;
 mod line;
+mod pen;
 mod progress;
 mod stage;
 mod summary;
@@ -57,5 +59,6 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Verify { archive, json } => tables::verify(archive, *json),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
+        Verb::Model(ModelVerb::Figures { out, figure }) => figures::figures(out, *figure),
     }
 }

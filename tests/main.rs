@@ -4,8 +4,10 @@
 
 mod archive;
 mod cli;
+mod dissertation;
 mod estimators;
 mod faults;
+mod figures;
 mod model;
 mod recorded;
 mod rig;

@@ -9,8 +9,8 @@ use crate::Error;
 /// Where the columns of a table lie.
 pub(crate) struct Table<'a> {
     file: &'a Path,
-    columns: &'static [&'static str],
-    places: Vec<usize>,
+    /// Name and place of every column there is.
+    places: Vec<(&'static str, usize)>,
 }
 
 /// One row of a table.
@@ -21,11 +21,11 @@ pub(crate) struct Row<'a> {
     pub(crate) line: usize,
 }
 
-/// Gives every row of the table `text` to `take`, in order.
+/// Gives every row of the table `text` to `take`, in order; `optional` columns may be missing, and are empty then.
 pub(crate) fn read_rows(
     file: &Path,
     text: &str,
-    columns: &'static [&'static str],
+    (columns, optional): (&'static [&'static str], &'static [&'static str]),
     mut take: impl FnMut(&Row<'_>) -> Result<(), Error>,
 ) -> Result<(), Error> {
     let mut reader =
@@ -41,7 +41,7 @@ pub(crate) fn read_rows(
             reason: e.to_string(),
         })?;
         match &table {
-            None => table = Some(Table::new(file, columns, &record, line)?),
+            None => table = Some(Table::new(file, (columns, optional), &record, line)?),
             _ if !is_row => return Ok(()),
             Some(table) => take(&Row::new(table, &record, line)?)?,
         }
@@ -51,7 +51,7 @@ pub(crate) fn read_rows(
 impl<'a> Table<'a> {
     fn new(
         file: &'a Path,
-        columns: &'static [&'static str],
+        (columns, optional): (&'static [&'static str], &'static [&'static str]),
         header: &StringRecord,
         line: usize,
     ) -> Result<Self, Error> {
@@ -63,24 +63,26 @@ impl<'a> Table<'a> {
             known: columns.join(","),
         };
         for (place, name) in header.iter().enumerate() {
-            if !columns.contains(&name) {
+            if !columns.contains(&name) && !optional.contains(&name) {
                 return Err(refuse("unknown", name));
             }
             if header.iter().take(place).any(|n| n == name) {
                 return Err(refuse("repeated", name));
             }
         }
-        let places = columns
+        let place_of = |column: &'static str| header.iter().position(|n| n == column).map(|place| (column, place));
+        let mut places = columns
             .iter()
-            .map(|column| header.iter().position(|n| n == *column).ok_or_else(|| refuse("missing", column)))
-            .collect::<Result<_, _>>()?;
-        Ok(Self { file, columns, places })
+            .map(|column| place_of(column).ok_or_else(|| refuse("missing", column)))
+            .collect::<Result<Vec<_>, _>>()?;
+        places.extend(optional.iter().filter_map(|column| place_of(column)));
+        Ok(Self { file, places })
     }
 }
 
 impl<'a> Row<'a> {
     fn new(table: &'a Table<'a>, record: &'a StringRecord, line: usize) -> Result<Self, Error> {
-        let (got, need) = (record.len(), table.columns.len());
+        let (got, need) = (record.len(), table.places.len());
         if got != need {
             let reason = format!("has {got} cells; the header has {need} columns");
             return Err(Error::Syntax { file: table.file.to_owned(), line, reason });
@@ -88,10 +90,15 @@ impl<'a> Row<'a> {
         Ok(Self { table, record, line })
     }
 
-    /// What stands in `column`; `column` is one of the table's.
+    /// Whether the table has `column`.
+    pub(crate) fn has(&self, column: &'static str) -> bool {
+        self.table.places.iter().any(|(name, _)| *name == column)
+    }
+
+    /// What stands in `column`; nothing when the table has no such column.
     pub(crate) fn text(&self, column: &'static str) -> &'a str {
-        let place = self.table.columns.iter().position(|c| *c == column).map(|i| self.table.places[i]);
-        place.and_then(|p| self.record.get(p)).unwrap_or("")
+        let place = self.table.places.iter().find(|(name, _)| *name == column);
+        place.and_then(|&(_, place)| self.record.get(place)).unwrap_or("")
     }
 
     /// The refusal of what stands in `column`.
@@ -164,7 +171,7 @@ mod tests {
 
     fn of(text: &str) -> Result<Vec<(usize, String, String)>, Error> {
         let mut rows = Vec::new();
-        read_rows(Path::new("t.csv"), text, COLUMNS, |row| {
+        read_rows(Path::new("t.csv"), text, (COLUMNS, &["z"]), |row| {
             rows.push((row.line, row.text("a").to_owned(), row.text("b").to_owned()));
             Ok(())
         })?;
@@ -179,6 +186,7 @@ mod tests {
     #[test]
     fn columns_go_by_name_and_lines_are_counted() {
         assert_eq!(of("b,a\n2,1\n").unwrap(), [row(2, "1", "2")]);
+        assert_eq!(of("b,z,a\n2,9,1\n").unwrap(), [row(2, "1", "2")]);
         let text = "\r\na , b\r\n1,2\r\n\r\n\r\n3,\"4\n4\"\r\n5,6";
         assert_eq!(of(text).unwrap(), [row(3, "1", "2"), row(6, "3", "4\n4"), row(8, "5", "6")]);
         assert_eq!(of("a,b\n").unwrap(), []);

@@ -11,6 +11,9 @@ use crate::table::{Row, read_rows};
 const COLUMNS: &[&str] =
     &["file", "tyre", "shoulder", "offset_mm", "velocity_m_per_s", "location", "angle_deg", "repetition"];
 
+/// Optional column: the velocity that was measured, where `velocity_m_per_s` is the one that was asked for.
+const MEASURED: &str = "velocity_measured_m_per_s";
+
 /// Highest index along a ring or line: far above any scan, so that one more is a number still.
 pub(crate) const LOCATION_MAX: u32 = 999_999;
 
@@ -29,14 +32,14 @@ pub(crate) struct TapRow {
     pub(crate) file: String,
     /// The tap, at station 0.
     pub(crate) tap: PlannedTap,
-    /// Velocity as recorded.
-    pub(crate) velocity_m_per_s: Option<f64>,
+    /// Velocity as measured; without a column of its own, the one the list gives.
+    pub(crate) velocity_measured_m_per_s: Option<f64>,
 }
 
 /// Reads the `text` of `file`.
 pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRow>, Error> {
     let mut rows = Vec::new();
-    read_rows(file, text, COLUMNS, |row| {
+    read_rows(file, text, (COLUMNS, &[MEASURED]), |row| {
         rows.push(tap_row(row, geometry)?);
         Ok(())
     })?;
@@ -57,6 +60,8 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
     // A ring is a shoulder of a casing, and a casing has two; a slab may have any number of lines.
     let shoulder_max = if geometry == Geometry::Ring { 2 } else { u32::from(u16::MAX) };
     let velocity_m_per_s = row.number("velocity_m_per_s", (0.0, false), 1000.0)?;
+    let velocity_measured_m_per_s =
+        if row.has(MEASURED) { row.number(MEASURED, (0.0, true), 1000.0)? } else { velocity_m_per_s };
     let mut id = TapId::default()
         .with_offset_mm(row.number("offset_mm", (-2000.0, true), 2000.0)?)
         .map_err(|e| refuse_id(row, "offset_mm", &e))?
@@ -71,7 +76,7 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
         line: row.line,
         file: file_name(row)?,
         tap: PlannedTap { id, angle_deg, is_closing: false },
-        velocity_m_per_s,
+        velocity_measured_m_per_s,
     })
 }
 
@@ -178,8 +183,19 @@ mod tests {
         assert_eq!((id.shoulder, id.location, id.repetition, rows[0].tap.angle_deg), (2, 7, 1, Some(25.2)));
         assert_eq!((id.offset_mm(), id.velocity_m_per_s()), (Some(-5.5), Some(1.85)));
         let id = rows[1].tap.id;
-        assert_eq!((id.offset_mm(), id.velocity_m_per_s(), rows[1].velocity_m_per_s), (None, None, None));
+        assert_eq!((id.offset_mm(), id.velocity_m_per_s(), rows[1].velocity_measured_m_per_s), (None, None, None));
         assert_eq!((id.repetition, rows[1].tap.angle_deg), (0, None));
+    }
+
+    /// Catches a measured velocity that is taken for the planned one, required, or made up where its cell is empty.
+    #[test]
+    fn a_measured_velocity_has_a_column_of_its_own() {
+        let header = HEADER.replace("repetition", "repetition,velocity_measured_m_per_s");
+        let text = format!("{header}a.wav,T,1,,1.85,0,,0,2.03\nb.wav,T,1,,1.85,1,,0,\n");
+        let rows = parse(Path::new("taps.csv"), &text, Geometry::Ring).unwrap();
+        assert_eq!(rows[0].tap.id.velocity_m_per_s(), Some(1.85));
+        assert_eq!((rows[0].velocity_measured_m_per_s, rows[1].velocity_measured_m_per_s), (Some(2.03), None));
+        assert_eq!(ring("a.wav,T,1,,1.85,0,,0\n")[0].velocity_measured_m_per_s, Some(1.85));
     }
 
     fn turn(count: u32, with_angles: bool, from: u32) -> String {

@@ -35,7 +35,7 @@ pub struct TapSet {
 struct RecordedTap {
     file: String,
     line: usize,
-    velocity_m_per_s: f64,
+    velocity_measured_m_per_s: f64,
     /// Why the recording cannot be used, as far as its header tells.
     fault: Option<String>,
 }
@@ -126,7 +126,7 @@ impl Source for TapSet {
         let kind = self.kind();
         *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
         let row = row as usize;
-        header.velocity_measured_m_per_s = self.rows[row].velocity_m_per_s;
+        header.velocity_measured_m_per_s = self.rows[row].velocity_measured_m_per_s;
         header.microphone_distance_m = self.scan.microphone_distance_m;
         header.channels = self.channels;
         let known = self.rows[row].fault.clone().or_else(|| no_room(lanes, self.plan.recording.payload_bytes_max()));
@@ -207,7 +207,7 @@ fn recorded_tap(row: TapRow, header: Result<WavHeader, WavFault>, recording: &Re
     RecordedTap {
         file: row.file,
         line: row.line,
-        velocity_m_per_s: row.velocity_m_per_s.unwrap_or(f64::NAN),
+        velocity_measured_m_per_s: row.velocity_measured_m_per_s.unwrap_or(f64::NAN),
         fault: fault.map(|fault| fault.to_string()),
     }
 }

@@ -15,7 +15,7 @@ const COLUMNS: &[&str] = &["tyre", "shoulder", "location", "cracked"];
 pub(crate) fn parse(file: &Path, text: &str) -> Result<Truth, Error> {
     let mut truth = Truth::new();
     let mut line_of = BTreeMap::new();
-    read_rows(file, text, COLUMNS, |row| {
+    read_rows(file, text, (COLUMNS, &[]), |row| {
         let whole = |column, low, high: u32| {
             row.whole(column, low, high)?
                 .ok_or_else(|| row.refuse(column, format!("a whole number from {low} to {high}")))

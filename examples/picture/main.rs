@@ -4,6 +4,7 @@
 //! `cargo run --release --example picture -- demo/demo.h5 docs/picture.svg`
 
 mod panels;
+#[path = "../../src/pen.rs"]
 mod pen;
 mod ring;
 mod tap;
@@ -12,6 +13,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
+use plotters::style::RGBColor;
 use plotters::style::text_anchor::HPos;
 use tapline_store::{Reader, regions};
 use tapline_wire::{DamageCell, Geometry, Judgement, Scan, SourceKind, Verdict};
@@ -20,6 +22,8 @@ use crate::pen::{Area, BLUE, INK, PALE_INK, Point, VERMILLION, write};
 use crate::ring::Ring;
 use crate::tap::Tap;
 
+/// Okabe and Ito's sky blue.
+const SKY: RGBColor = RGBColor(86, 180, 233);
 /// Size of the picture.
 const SIZE: (u32, u32) = (1000, 742);
 /// Centres of the damage maps.

@@ -7,7 +7,8 @@ use tapline_process::ProcessConfig;
 use tapline_store::Reader;
 use tapline_wire::Discriminator;
 
-use crate::pen::{Area, GRID, INK, PALE_INK, Point, SKY, at, font, line, number, units, write};
+use crate::SKY;
+use crate::pen::{Area, GRID, INK, PALE_INK, Point, at, font, line, number, units, write};
 use crate::tap::Tap;
 
 /// Highest frequency drawn.

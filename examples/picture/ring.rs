@@ -5,11 +5,9 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 use tapline_wire::{Judgement, Verdict};
 
-use crate::Shoulder;
-use crate::pen::{
-    Area, BLUE, GRID, INK, ORANGE, PALE_INK, Point, SKY, VERMILLION, at, line, number, polar, sweep, units, write,
-};
+use crate::pen::{Area, BLUE, GRID, INK, ORANGE, PALE_INK, Point, VERMILLION, at, line, number, units, write};
 use crate::tap::Tap;
+use crate::{SKY, Shoulder};
 
 // Radii of the damage map: index 0, greatest index, regions, truth, marks of taps, writing.
 const ZERO: f64 = 55.0;
@@ -143,4 +141,17 @@ pub(crate) fn legend(area: &Area<'_>) -> Result<()> {
         area.draw(&Circle::new(at((x, low_y)), units(3.5), color.filled()))?;
     }
     word(281.0, low_y, "taps at right")
+}
+
+/// The point at `radius` and `deg`, clockwise from the top.
+fn polar(center: Point, radius: f64, deg: f64) -> Point {
+    let (sin, cos) = deg.to_radians().sin_cos();
+    (center.0 + radius * sin, center.1 - radius * cos)
+}
+
+/// The arc of `radius` over `sector`, from and to degrees.
+fn sweep(center: Point, radius: f64, (from_deg, to_deg): Point) -> Vec<(i32, i32)> {
+    let steps = ((to_deg - from_deg) / 1.5).ceil();
+    let deg = |k: usize| from_deg + (to_deg - from_deg) * k as f64 / steps;
+    (0..=steps as usize).map(|k| at(polar(center, radius, deg(k)))).collect()
 }

@@ -90,8 +90,8 @@ fn is_lossy_as_mapped(loss_tangent: f64) -> bool {
 const FIRST_ORDER: f64 = 1.15;
 /// Second-order coefficient, above any that 40 000 random layers have shown.
 const SECOND_ORDER: f64 = 1.0;
-/// Change of the change per unit of ln K, above any that 40 000 random layers have shown (2.7).
-const STIFFENING: f64 = 3.2;
+/// Change of the change per unit of ln K, above any that 150 000 random layers have shown (3.0).
+const STIFFENING: f64 = 4.0;
 
 fn check(name: &'static str, value: f64, low: f64, high: f64) -> Result<f64, DomainCheck> {
     let check = DomainCheck { name, value, low, high };
@@ -100,7 +100,7 @@ fn check(name: &'static str, value: f64, low: f64, high: f64) -> Result<f64, Dom
 
 /// Largest epsilon of the map: a body that rebounds slowly is soon left behind by the layer, or met a second time.
 fn epsilon_most(e: f64) -> f64 {
-    (0.02 + (e - 0.3) * 1.2).clamp(0.02, 0.7)
+    (0.015 + (e - 0.3) * 0.9).clamp(0.015, 0.6)
 }
 
 /// A(e, rho), on straight lines in e and ln rho between the nodes.

@@ -79,7 +79,7 @@ proptest! {
 
     /// Catches a bound that is broken anywhere within the map: by the layer, or by one that is stiffer.
     #[test]
-    fn bounds_hold(e in 0.3..1.0_f64, column in 0.0..23.0_f64, decades in 0.0..2.0_f64, ln_s in 0.0..1.4_f64) {
+    fn bounds_hold(e in 0.3..1.0_f64, column in 1e-9..22.999_f64, decades in 0.0..2.0_f64, ln_s in 0.0..1.4_f64) {
         let rho = rho_at(column);
         let epsilon = epsilon_most(e) * 0.1_f64.powf(decades);
         let kappa = effect(e, rho) / epsilon;
@@ -100,7 +100,7 @@ proptest! {
     /// Catches a layer that shear and membrane change by more than is said, however far it bends.
     #[test]
     fn stiffening_is_bounded(
-        e in 0.5..1.0_f64, decades in 0.0..2.0_f64, kappa in -1.7..1.0_f64, log in -2.0..-0.4_f64, share in 0.0..1.0_f64,
+        e in 0.5..1.0_f64, decades in 0.0..2.0_f64, kappa in -1.69..1.0_f64, log in -2.0..-0.4_f64, share in 0.0..1.0_f64,
     ) {
         let (rho, kappa, asked) = (10_f64.powf(decades), 10_f64.powf(kappa), 10_f64.powf(log));
         let stiffening = (asked * share).exp();

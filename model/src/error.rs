@@ -22,6 +22,12 @@ pub enum Error {
         /// What was asked for.
         number: u8,
     },
+    /// The dissertation has no such figure of its theory's curves.
+    #[error("there is no figure {number}; the figures are 11-13, 16-20, 22-27, 31, 32 and 36-38")]
+    NoFigure {
+        /// What was asked for.
+        number: u8,
+    },
     /// The impact is so stiff that its integration does not end.
     #[error("integration of the impact stopped after {steps} steps at {reached_s} s of {wanted_s} s")]
     TooStiff {

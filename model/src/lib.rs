@@ -52,6 +52,7 @@ mod error;
 mod fault;
 #[cfg(test)]
 mod features_for_tests;
+mod figures;
 mod identity;
 mod impact;
 mod integral;
@@ -60,6 +61,8 @@ mod pulse;
 mod scene;
 mod simulated;
 mod simulation_config;
+#[cfg(test)]
+mod slips_tests;
 mod sound;
 mod tables;
 
@@ -72,6 +75,7 @@ pub use defect::{DefectContact, defect_contact};
 pub use domain::{DomainCheck, Flags};
 pub use error::Error;
 pub use fault::{FaultKind, PlantedFault};
+pub use figures::{Axis, Curve, Figure, Point, figure};
 pub use impact::{Impact, Outcome, Plate};
 pub use integral::{IntegralContact, integral_contact};
 pub use scene::{EffectiveLength, Scene};

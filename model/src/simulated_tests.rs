@@ -80,6 +80,29 @@ fn planted_cracks_are_visible_and_shift_as_stated() {
     }
 }
 
+/// Catches a page that is wrong on Eq. 54: divided by the range, the same scatter of two repetitions counts for less
+/// as soon as part of the ring is cracked; divided by the standard deviation of sound locations it does not.
+#[test]
+fn eq_54_takes_a_crack_for_repeatability() {
+    let crack = Crack { first_location: 40, location_count: 20, depth_mm: 5.0, length_mm: 25.0, ..Crack::default() };
+    let ring: Vec<u32> = (0..100).collect();
+    let repeated = |rig: &mut SimulatedRig| {
+        [0, 1].map(|repetition| along(rig, &ring, |l| SimulatedTap { repetition, ..tap(l, 1.85) }))
+    };
+    let nor_rmse = |[a, b]: &[Vec<Features>; 2], i: usize| {
+        let squares: f64 = a.iter().zip(b).map(|(a, b)| (a[i] - b[i]).powi(2)).sum();
+        let mut all: Vec<f64> = a.iter().chain(b).map(|f| f[i]).collect();
+        all.sort_by(f64::total_cmp);
+        (squares / a.len() as f64).sqrt() / (all[all.len() - 1] - all[0])
+    };
+    let (sound, cracked) = (repeated(&mut rig(1, vec![])), repeated(&mut rig(1, vec![crack])));
+    // F_max and PR, of which the crack moves the range by far more than the scatter.
+    for i in [0, 3] {
+        let (without, with) = (nor_rmse(&sound, i), nor_rmse(&cracked, i));
+        assert!(with < 0.5 * without, "{}: {with} with a crack, {without} without", NAMES[i]);
+    }
+}
+
 /// Catches depth or length that has no effect, or the wrong one: the least visible crack still to be found, and one
 /// that is too deep.
 #[test]

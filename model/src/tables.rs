@@ -11,13 +11,17 @@ pub struct Table {
     pub rows: Vec<Vec<f64>>,
 }
 
+/// One quantity of a scene.
+pub(crate) type Field = fn(&mut Scene) -> &mut f64;
+
 /// A quantity of the scene that a column varies.
-type Factor = (&'static str, fn(&mut Scene) -> &mut f64);
+type Factor = (&'static str, Field);
 
 /// A quantity that a table lists, in the table's unit.
 type Listed = fn(&Scene) -> Result<f64, Error>;
 
-const FACTORS: [Factor; 7] = [
+/// What the tables vary, by the name of the column.
+pub(crate) const FACTORS: [Factor; 7] = [
     ("v_i", |s| &mut s.velocity_m_per_s),
     ("m_1", |s| &mut s.m_1_kg),
     ("m_2", |s| &mut s.m_2_kg),

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{BandEdges, DurationEstimator, Error, PeakEstimator, SpectrumEstimator, Subtraction};
+use crate::{BandEdges, DurationEstimator, Error, PeakEstimator, QualityConfig, SpectrumEstimator, Subtraction};
 
 /// Most workers that a configuration may ask for.
 const WORKERS_MAX: usize = 1024;
@@ -52,6 +52,8 @@ pub struct ProcessConfig {
     pub precision: Precision,
     /// Worker threads, 0 for one per core.
     pub workers: usize,
+    /// Thresholds and policies of the quality flags.
+    pub quality: QualityConfig,
 }
 
 impl Default for ProcessConfig {
@@ -73,6 +75,7 @@ impl Default for ProcessConfig {
             mains_hz: 50.0,
             precision: Precision::F32,
             workers: 0,
+            quality: QualityConfig::default(),
         }
     }
 }
@@ -106,7 +109,7 @@ impl ProcessConfig {
         if self.workers > WORKERS_MAX {
             return Err(Error::Workers { value: self.workers, bound: WORKERS_MAX });
         }
-        Ok(())
+        self.quality.validate()
     }
 }
 

@@ -36,6 +36,16 @@ pub enum Error {
         /// Lower edge given, Hz.
         bound: f64,
     },
+    /// A threshold of a quality flag is not a number or out of its bounds.
+    #[error("process.quality.{key} = {value}: must be finite and {bound}")]
+    Threshold {
+        /// Key in the configuration.
+        key: &'static str,
+        /// Value given.
+        value: f64,
+        /// What is asked of it.
+        bound: &'static str,
+    },
     /// More workers than any machine has use for.
     #[error("process.workers = {value}: must be at most {bound}")]
     Workers {

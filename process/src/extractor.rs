@@ -5,6 +5,7 @@ use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 use crate::baseline::{Medians, baseline_count};
 use crate::force::{Pulse, PulseFinder};
 use crate::hum::Hum;
+use crate::quality::{self, Blocks, Doubts, Force, Sound, of_force, of_sound};
 use crate::record::{Count, Extent, Record, Track};
 use crate::sound::{SOUND_M_PER_S, area, magnitude_area, onset_without_force};
 use crate::spectrum::{Bands, Spectrum, View};
@@ -22,6 +23,7 @@ pub struct Extractor<T: Real> {
     config: ProcessConfig,
     medians: Medians,
     finder: PulseFinder,
+    blocks: Blocks,
     signal: Vec<T>,
     spectrum: Spectrum<T>,
     /// Whether the last tap's flexural band was too faint for single precision.
@@ -39,6 +41,7 @@ impl<T: Real> Extractor<T> {
             config: *config,
             medians: Medians::default(),
             finder: PulseFinder::new(config.f_max, config.tau),
+            blocks: Blocks::default(),
             signal: Vec::new(),
             spectrum: Spectrum::new(),
             is_faint: false,
@@ -55,6 +58,9 @@ impl<T: Real> Extractor<T> {
             Samples::I16(samples) => self.extract_counts(header, samples, &mut found),
             Samples::F32(samples) => self.extract_counts(header, samples, &mut found),
         }
+        if header.retakes_left > 0 && self.config.quality.wants_retake(&found.0) {
+            found.flag(Quality::RETAKE);
+        }
         Discriminators {
             id: header.id,
             plan_index: header.plan_index,
@@ -66,7 +72,9 @@ impl<T: Real> Extractor<T> {
 
     fn extract_counts<C: Count>(&mut self, header: &TapHeader, samples: &[C], found: &mut Found) {
         let Some(record) = Record::new(header, samples) else { return found.flag(Quality::REFUSED) };
-        let pulse = self.pulse(&record);
+        let mut of_force = Doubts::default();
+        let pulse = self.pulse(&record, quality::velocity_m_per_s(header), &mut of_force);
+        found.flag(of_force.flags);
         match &pulse {
             Ok(pulse) => {
                 found.set(Discriminator::FMax, pulse.f_max_n);
@@ -74,21 +82,53 @@ impl<T: Real> Extractor<T> {
             }
             Err(why) => found.flag(*why),
         }
-        if let Err(why) = self.sound(&record, header.microphone_distance_m, pulse, found) {
+        let mut of_sound = Doubts::default();
+        if let Err(why) = self.sound(&record, header.microphone_distance_m, pulse, found, &mut of_sound) {
             found.flag(why);
         }
+        of_force.settle(&mut found.0);
+        of_sound.settle(&mut found.0);
+        quality::of_velocity(header, &self.config.quality).settle(&mut found.0);
     }
 
     /// The force pulse, or the flag that says why there is none.
-    fn pulse<C: Count>(&mut self, record: &Record<'_, C>) -> Result<Pulse, Quality> {
+    fn pulse<C: Count>(
+        &mut self,
+        record: &Record<'_, C>,
+        velocity_m_per_s: Option<f64>,
+        doubts: &mut Doubts,
+    ) -> Result<Pulse, Quality> {
         let track = record.force.ok_or(Quality::NO_FORCE)?;
         let extent = extent_of(track)?;
-        let count = baseline_count(record.pre_trigger_samples, track.samples.len()).ok_or(Quality::NO_BASELINE)?;
-        let before = &track.samples[..count];
+        if extent.is_constant() {
+            doubts.flags.insert(Quality::NO_FORCE); // a channel of nothing but zeros is as good as none
+        }
+        let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
+        // Without a baseline there is no pulse; what else is wrong is still worth knowing.
+        let before = &track.samples[..baseline_count.unwrap_or(track.samples.len())];
         let base = self.medians.median(before);
         let noise = self.medians.noise_counts(before, base);
         self.finder.droop_samples = self.config.droop_time_constant_s * record.sample_rate_hz;
-        self.finder.find(track, extent, base, noise).ok_or(Quality::NO_PULSE)
+        let pulse = match baseline_count {
+            Some(_) => self.finder.find(track, extent, base, noise).ok_or(Quality::NO_PULSE),
+            None => Err(Quality::NO_BASELINE),
+        };
+        let Record { pre_trigger_samples, sample_rate_hz, .. } = *record;
+        let force = Force {
+            track,
+            extent,
+            base,
+            noise,
+            baseline_count,
+            pre_trigger_samples,
+            sample_rate_hz,
+            velocity_m_per_s,
+            pulse: pulse.ok(),
+        };
+        let of_channel = doubts.flags;
+        *doubts = of_force(&force, &self.config.quality);
+        doubts.flags.insert(of_channel);
+        doubts.pulse_spoilt_by.map_or(pulse, Err)
     }
 
     /// Areas and band powers of the sound.
@@ -98,23 +138,45 @@ impl<T: Real> Extractor<T> {
         microphone_distance_m: f64,
         pulse: Result<Pulse, Quality>,
         found: &mut Found,
+        doubts: &mut Doubts,
     ) -> Result<(), Quality> {
         let track = record.sound.ok_or(Quality::NO_SOUND)?;
         let extent = extent_of(track)?;
         if extent.is_constant() || track.unit_per_count == 0.0 {
+            doubts.flags.insert(Quality::NO_SOUND);
             return Err(Quality::NO_ONSET); // a dead microphone has no quiet spectrum, it has none
         }
-        let quiet = baseline_count(record.pre_trigger_samples, track.samples.len());
-        let baseline = quiet.map(|count| self.medians.median(&track.samples[..count]));
-        let base = baseline.unwrap_or(0.0); // the spectrum removes the mean anyway
+        let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
+        let baseline = baseline_count.map(|count| {
+            let before = &track.samples[..count];
+            let base = self.medians.median(before);
+            (base, self.medians.noise_counts(before, base))
+        });
+        let base = baseline.map_or(0.0, |(base, _)| base); // the spectrum removes the mean anyway
         let gain = extent.gain(base);
         self.signal.clear();
         self.signal.extend(track.samples.iter().map(|x| x.centred::<T>(base, gain)));
         let unit = track.unit_per_count.abs() / gain;
-        let hum = self.subtract_hum(quiet, record.sample_rate_hz);
+        let travel_samples = microphone_distance_m / SOUND_M_PER_S * record.sample_rate_hz;
+        let sound = Sound {
+            track,
+            extent,
+            base,
+            signal: &self.signal,
+            gain,
+            noise: baseline.map(|(_, noise)| noise),
+            baseline_count,
+            onset: pulse.ok().map(|pulse| pulse.onset_samples + travel_samples),
+            sample_rate_hz: record.sample_rate_hz,
+            f_top_hz: self.config.f_top_hz,
+            known: found.0.quality,
+        };
+        *doubts = of_sound(&sound, &mut self.blocks, &self.config.quality);
+
+        let hum = self.subtract_hum(baseline_count, record.sample_rate_hz);
 
         let base_of_areas = baseline.ok_or(Quality::NO_BASELINE);
-        let window = base_of_areas.and_then(|base| window(record, track, base, microphone_distance_m, &pulse));
+        let window = base_of_areas.and_then(|(base, _)| window(record, track, base, microphone_distance_m, &pulse));
         match window {
             Ok(window) => {
                 let value = |i: usize| track.samples[i].into() - base - hum.map_or(0.0, |hum| hum.at(i) / gain);
@@ -124,7 +186,7 @@ impl<T: Real> Extractor<T> {
         }
         let tau_s = pulse.ok().map(|pulse| pulse.tau_samples / record.sample_rate_hz);
         let bands = self.bands(tau_s).ok_or(Quality::NO_BAND)?;
-        let view = self.view(record.sample_rate_hz, quiet, window.ok());
+        let view = self.view(record.sample_rate_hz, baseline_count, window.ok());
         let power = self.spectrum.band_power(&mut self.signal, &view, &bands);
         let power = power.ok_or(Quality::NO_BAND)?;
         self.is_faint = power.is_faint;
@@ -251,6 +313,7 @@ impl Found {
 
 /// An [`Extractor`] of the precision that the configuration asks for.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one a worker, and it stays where it is")]
 pub enum ProcessExtractor {
     /// Single precision, and the double that taps with a faint flexural band are done again in: beside a sound 50 dB
     /// above it, single precision would not hold 1e-4.

@@ -11,8 +11,22 @@
 //! | `NO_SOUND` | A_1, A_2, PR, P_f, E_f |
 //! | `NO_BASELINE` | F_max, tau, A_1, A_2; the spectrum needs no baseline |
 //! | `NO_PULSE` | F_max, tau, A_1, A_2 |
-//! | `NO_ONSET` | A_1 and A_2; of a sound without any variation, PR, P_f and E_f too |
+//! | `NO_ONSET` | A_1 and A_2; of a sound without any variation, or less than 6 sigma of it, PR, P_f and E_f too |
 //! | `NO_BAND` | PR, P_f, E_f; where noise is subtracted, also when a band holds no more than noise |
+//!
+//! Flags of doubt take away what [`QualityConfig`]'s policies say; by default:
+//!
+//! | flag | rule | what it takes away |
+//! |---|---|---|
+//! | `CLIPPED` | three samples in a row at the converter's limit, or at an extreme that is left steeply, under noise too | of the force F_max, tau, A_1, A_2; of the sound nothing |
+//! | `LATE_TRIGGER` | fewer than 5 quiet samples before the pulse; or it lies in the baseline, or 15 % of it before the trigger | F_max, tau, A_1, A_2, and the powers if the pulse is cut; nothing if only the mark is late |
+//! | `DOUBLE_HIT` | the force rises again by 5 % of F_max and 8 sigma, and no layer that came back explains it | everything |
+//! | `UNDERSAMPLED` | fewer than 8 samples above 10 % of F_max; a rate below 2 f_top | F_max, tau, A_1, A_2; PR, P_f, E_f |
+//! | `HUM` | a line at 50 or 60 Hz above 2 % of the sound's peak | nothing |
+//! | `LOW_SNR` | a peak below 50 sigma of the noise before the trigger, or after the ringing | nothing |
+//! | `NEIGHBOUR` | the sound's envelope rises again, or is loud before the tap, by 10 % of its peak and 6 sigma | A_2, PR, P_f, E_f, and A_1 if it was before |
+//! | `VELOCITY_OFF` | measured and planned velocity differ by more than 3 % | nothing |
+//! | `RATE_IMPLAUSIBLE` | tau outside 0.35 to 4 ms | nothing |
 //!
 //! # Example
 //!
@@ -57,6 +71,7 @@ mod estimator;
 mod extractor;
 mod force;
 mod hum;
+mod quality;
 mod real;
 mod record;
 mod run;
@@ -67,5 +82,6 @@ pub use config::{Precision, ProcessConfig};
 pub use error::Error;
 pub use estimator::{BandEdges, DurationEstimator, PeakEstimator, SpectrumEstimator, Subtraction};
 pub use extractor::{Extractor, ProcessExtractor};
+pub use quality::{Policy, QualityConfig};
 pub use real::Real;
 pub use run::{Outcome, RunError, run};

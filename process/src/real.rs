@@ -11,7 +11,7 @@ mod sealed {
 }
 
 /// `f32` or `f64`: the arithmetic of the transform and of sums over a whole record.
-pub trait Real: FftNum + AddAssign + SubAssign + sealed::Sealed {
+pub trait Real: FftNum + PartialOrd + AddAssign + SubAssign + sealed::Sealed {
     /// The nearest number of this kind.
     fn rounded(value: f64) -> Self;
     /// The same number in double precision.

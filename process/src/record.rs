@@ -10,6 +10,8 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     const ROUNDING_COUNTS: f64;
     /// Whether the sample is a number.
     fn is_number(self) -> bool;
+    /// Whether the sample is at the end of the converter's range, as far as the format tells.
+    fn is_rail(self) -> bool;
     /// The sample in single precision, which holds it exactly.
     fn exact_f32(self) -> f32;
     /// (sample - `base`) * `gain`, rounded once; `gain` is a power of two.
@@ -20,6 +22,10 @@ impl Count for i16 {
     const ROUNDING_COUNTS: f64 = 0.288_675_134_594_812_9; // 1/sqrt(12)
     fn is_number(self) -> bool {
         true
+    }
+    fn is_rail(self) -> bool {
+        // Twelve bits, left-justified, end at 32752.
+        self >= i16::MAX - 15 || self <= i16::MIN + 15
     }
     fn exact_f32(self) -> f32 {
         f32::from(self)
@@ -34,6 +40,9 @@ impl Count for f32 {
     const ROUNDING_COUNTS: f64 = 0.0;
     fn is_number(self) -> bool {
         self.is_finite()
+    }
+    fn is_rail(self) -> bool {
+        false
     }
     fn exact_f32(self) -> f32 {
         self

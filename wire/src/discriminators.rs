@@ -109,6 +109,24 @@ flags! {
         NO_BAND = "no_band",
         /// The record is set aside and the tap asked for again: no result rests on it, and no archive holds it.
         RETAKE = "retake",
+        /// A channel ran into the end of its range.
+        CLIPPED = "clipped",
+        /// The trigger came too late: the pulse is cut, or lies where the baseline should.
+        LATE_TRIGGER = "late_trigger",
+        /// The impactor hit twice.
+        DOUBLE_HIT = "double_hit",
+        /// Too few samples for the pulse, or too low a rate for the bands.
+        UNDERSAMPLED = "undersampled",
+        /// Mains hum in the sound.
+        HUM = "hum",
+        /// The signal does not stand far enough out of the noise.
+        LOW_SNR = "low_snr",
+        /// Another station's tap is heard in the record.
+        NEIGHBOUR = "neighbour",
+        /// The measured velocity is not the planned one.
+        VELOCITY_OFF = "velocity_off",
+        /// The contact time is none that a casing has: the sample rate may be another.
+        RATE_IMPLAUSIBLE = "rate_implausible",
     }
 }
 

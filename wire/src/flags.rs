@@ -74,6 +74,7 @@ mod tests {
         assert_eq!((quality.bits(), quality.to_string().as_str()), (6, "non_finite|no_force"));
         assert!(quality.contains(Quality::NO_FORCE) && !quality.contains(Quality::NO_BAND) && !quality.is_clean());
         assert_eq!((Quality::NO_BAND.bits(), Quality::default().to_string().as_str()), (128, ""));
+        assert_eq!((Quality::CLIPPED.bits(), Quality::RATE_IMPLAUSIBLE.bits()), (1 << 9, 1 << 17));
         let reasons = Reasons::from_bits(1 | 128);
         assert_eq!(format!("{reasons:?}"), "Reasons(damage|self_reference)");
     }

@@ -1,4 +1,4 @@
-//! The pen: colours, lengths in pixels, lines and letters.
+//! The pen: colours, lengths in pixels, lines and letters. The program's figures and `examples/picture` draw with it.
 
 use anyhow::{Result, ensure};
 use plotters::coord::Shift;
@@ -10,7 +10,6 @@ const UNITS_PER_PIXEL: f64 = 4.0;
 
 // Okabe and Ito's colours, which colour-blind people tell apart.
 pub(crate) const BLUE: RGBColor = RGBColor(0, 114, 178);
-pub(crate) const SKY: RGBColor = RGBColor(86, 180, 233);
 pub(crate) const ORANGE: RGBColor = RGBColor(230, 159, 0);
 pub(crate) const VERMILLION: RGBColor = RGBColor(213, 94, 0);
 pub(crate) const INK: RGBColor = RGBColor(34, 34, 34);
@@ -49,19 +48,6 @@ pub(crate) fn units(pixels: f64) -> i32 {
 /// The point `(x, y)` in units of the sheet.
 pub(crate) fn at((x, y): Point) -> (i32, i32) {
     (units(x), units(y))
-}
-
-/// The point at `radius` and `deg`, clockwise from the top.
-pub(crate) fn polar(center: Point, radius: f64, deg: f64) -> Point {
-    let (sin, cos) = deg.to_radians().sin_cos();
-    (center.0 + radius * sin, center.1 - radius * cos)
-}
-
-/// The arc of `radius` over `sector`, from and to degrees.
-pub(crate) fn sweep(center: Point, radius: f64, (from_deg, to_deg): Point) -> Vec<(i32, i32)> {
-    let steps = ((to_deg - from_deg) / 1.5).ceil();
-    let deg = |k: usize| from_deg + (to_deg - from_deg) * k as f64 / steps;
-    (0..=steps as usize).map(|k| at(polar(center, radius, deg(k)))).collect()
 }
 
 /// A line `width` pixels wide.

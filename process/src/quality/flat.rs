@@ -1,0 +1,208 @@
+//! Flat tops: samples that stand still where a signal would turn.
+
+use crate::record::{Count, Extent};
+
+/// Samples in a row at an extreme that may make a channel clipped (B1).
+const RUN: usize = 3;
+/// Part of the greatest distance below which one is nothing but rounding of single precision.
+const GRID: f64 = 1e-5;
+/// Part of the greater extreme that the lesser must reach to be one: the silence between impacts is flat too.
+const SHARE: f64 = 0.3;
+/// Standard deviations of the noise between the highest and the lowest sample of a flat top.
+const BAND_SIGMAS: f64 = 6.0;
+/// Part of the extreme above which that band says nothing.
+const BAND_MOST: f64 = 0.1;
+/// Factor by which the fall beside a flat top exceeds a parabola's.
+const MARGIN: f64 = 1.5;
+/// Samples beside a flat top in which the converter's step is looked for.
+const BESIDE: usize = 16;
+
+/// Whether the signal of `extent` about `base` is flat at its top or at its bottom.
+pub(crate) fn is_clipped<C: Count>(samples: &[C], extent: Extent<C>, base: f64, noise: f64) -> bool {
+    is_flat(samples, extent.largest, extent, base, noise) || is_flat(samples, extent.least, extent, base, noise)
+}
+
+/// Whether the signal is cut off at the extreme `level`, by the converter or, before `noise` came on top, by what is in
+/// front of it.
+pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base: f64, noise: f64) -> bool {
+    let (above, below) = (extent.largest.into() - base, base - extent.least.into());
+    let greater = if above > below { above } else { below };
+    let is_extreme = (level.into() - base).abs() >= SHARE * greater;
+    if !is_extreme || extent.is_constant() {
+        return false;
+    }
+    // A run of three covers one of every three places.
+    let mut after = 0;
+    for probe in (RUN - 1..samples.len()).step_by(RUN) {
+        if samples[probe] != level || probe < after {
+            continue;
+        }
+        let from = probe - samples[..probe].iter().rev().take_while(|&&x| x == level).count();
+        after = probe + samples[probe..].iter().take_while(|&&x| x == level).count();
+        let is_cut = after - from >= RUN && (C::is_rail(level) || leaves(samples, from, after));
+        if is_cut {
+            return true;
+        }
+    }
+    is_flat_under_noise(samples, level, base, noise)
+}
+
+/// Whether the first visit to the extreme `level` stays there, within the noise, for longer than a parabola that then
+/// falls as far as the signal does: one that falls by `d` within a samples of its vertex falls by ((a + 2)/a)^2 d within
+/// two more.
+fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, noise: f64) -> bool {
+    let level: f64 = level.into();
+    let (sign, band) = (if level < base { -1.0 } else { 1.0 }, BAND_SIGMAS * noise);
+    let is_narrow = band > 0.0 && band < BAND_MOST * (level - base).abs();
+    let Some(at) = samples.iter().position(|&x| x.into().total_cmp(&level).is_eq()).filter(|_| is_narrow) else {
+        return false;
+    };
+    let below = |x: C| sign * (level - x.into());
+    let from = at - samples[..at].iter().rev().take_while(|&&x| below(x) <= band).count();
+    let after = at + samples[at..].iter().take_while(|&&x| below(x) <= band).count();
+    let (Some(before), Some(behind)) = (from.checked_sub(2), samples.get(after + 1)) else { return false };
+    let half = (after - from) as f64 / 2.0;
+    let least = MARGIN * ((half + 2.0) / half).powi(2) * band;
+    after - from > RUN && below(samples[before]) > least && below(*behind) > least
+}
+
+/// Whether the signal leaves the level at which it stays from `from` to before `after` by more than rounding explains,
+/// on both sides.
+///
+/// A parabola that rounding to a step q makes flat for n samples falls by no more than q within (n - 1)/2 samples of its
+/// vertex, thus by no more than ((n + 3)/(n - 1))^2 q two samples further on, and the half of a step for its rounding.
+fn leaves<C: Count>(samples: &[C], from: usize, after: usize) -> bool {
+    let level: f64 = samples[from].into();
+    let n = (after - from) as f64;
+    // Noise may take a sample or two out of a flat top; what counts is how it is left for good.
+    let is_at = |x: &C| (*x).into().total_cmp(&level).is_eq();
+    let (mut from, mut after) = (from, after);
+    while let Some(back) = (2..=3).find(|&back| from.checked_sub(back).is_some_and(|i| is_at(&samples[i]))) {
+        from -= back;
+    }
+    while let Some(ahead) = (1..=2).find(|&ahead| samples.get(after + ahead).is_some_and(is_at)) {
+        after += ahead + 1;
+    }
+    let Some(before) = from.checked_sub(2).map(|i| samples[i].into()) else { return false };
+    let Some(behind) = samples.get(after + 1).map(|&x| x.into()) else { return false };
+    let beside = &samples[from.saturating_sub(BESIDE)..samples.len().min(after + BESIDE)];
+    let least = (((n + 3.0) / (n - 1.0)).powi(2) + 0.5) * step(beside, level);
+    (level - before).abs() > least && (level - behind).abs() > least
+}
+
+/// The step of the converter, of which all `samples` are multiples apart from `level`: their greatest common divisor.
+/// Of samples that are on no grid it is next to nothing, as it should be.
+fn step<C: Count>(samples: &[C], level: f64) -> f64 {
+    let distances = || samples.iter().map(|&x| (x.into() - level).abs());
+    let greatest = distances().fold(0.0, |a, b| if b > a { b } else { a });
+    let nothing = GRID * greatest;
+    distances().fold(0.0, |a, b| {
+        // Euclid; every second round halves the greater, so that it ends.
+        let (mut a, mut b) = (a, b);
+        while b > nothing {
+            let rest = a % b;
+            // A multiple that falls short of itself by a rounding leaves nearly all of b.
+            (a, b) = (b, if b - rest < nothing { 0.0 } else { rest });
+        }
+        a
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn half_sine(amplitude: f64, width: f64) -> Vec<f64> {
+        (0..400)
+            .map(|i| (f64::from(i) - 100.3) / width)
+            .map(
+                |phase| {
+                    if (0.0..1.0).contains(&phase) { amplitude * (std::f64::consts::PI * phase).sin() } else { 0.0 }
+                },
+            )
+            .collect()
+    }
+
+    fn counts(signal: &[f64]) -> Vec<i16> {
+        signal.iter().map(|&x| x.round().clamp(-32_768.0, 32_767.0) as i16).collect()
+    }
+
+    fn is_top_flat(samples: &[i16]) -> bool {
+        is_flat(samples, *samples.iter().max().unwrap(), Extent::of(samples).unwrap(), 0.0, 0.0)
+    }
+
+    /// Catches a rule that takes the rounding of a coarse converter for clipping (pyFRF's does), whatever the peak.
+    #[test]
+    fn a_coarse_peak_is_not_clipped() {
+        for amplitude in 2..400 {
+            for width in [20.0, 37.0, 90.0, 250.0] {
+                assert!(!is_top_flat(&counts(&half_sine(f64::from(amplitude), width))), "{amplitude} {width}");
+            }
+        }
+    }
+
+    /// Catches a rule that knows only the converter's limit, or only levels below it.
+    #[test]
+    fn a_cut_peak_is_clipped_at_any_level() {
+        for part in [0.5, 0.7, 0.9, 0.97] {
+            for amplitude in [400.0, 4000.0, 30_000.0] {
+                let cut: Vec<f64> = half_sine(amplitude, 37.0)
+                    .iter()
+                    .map(|&x| if x < part * amplitude { x } else { part * amplitude })
+                    .collect();
+                assert!(is_top_flat(&counts(&cut)), "{part} {amplitude}");
+            }
+        }
+        for gain in [1.02, 1.2, 3.0] {
+            assert!(is_top_flat(&counts(&half_sine(gain * 32_767.0, 37.0))), "{gain}");
+        }
+        assert!(!is_top_flat(&counts(&half_sine(32_700.0, 37.0))));
+    }
+
+    /// Catches clipping by an amplifier that is missed because the converter's noise lies on top of it, and a peak that is
+    /// taken for clipped because noise has made it flat.
+    #[test]
+    fn an_amplifier_is_told_from_a_noisy_peak() {
+        let mut state = 7_u32;
+        let mut hiss = |sigma: f64| {
+            let mut uniform = || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                f64::from(state) / 4_294_967_296.0 - 0.5
+            };
+            sigma * (0..12).map(|_| uniform()).sum::<f64>()
+        };
+        for sigma in [10.0, 30.0, 60.0] {
+            let mut share = |part: f64| {
+                let found = (0..200).filter(|k| {
+                    let pulse = half_sine(20_000.0, 33.0 + f64::from(*k) / 10.0);
+                    let samples: Vec<i16> =
+                        pulse.iter().map(|&x| (x.clamp(0.0, part * 20_000.0) + hiss(sigma)).round() as i16).collect();
+                    let top = *samples.iter().max().unwrap();
+                    is_flat(&samples, top, Extent::of(&samples).unwrap(), 0.0, sigma)
+                });
+                found.count()
+            };
+            assert!(share(0.7) >= 198 && share(0.85) >= 198, "{sigma}: {} {}", share(0.7), share(0.85));
+            assert!(share(1.0) <= 2, "{sigma}: {}", share(1.0));
+        }
+    }
+
+    /// Catches a run that the probes step over, at any place and at the ends of a record.
+    #[test]
+    fn every_place_is_probed() {
+        for place in 0..37 {
+            let mut samples = vec![0_i16; 40];
+            samples[place..place + 3].fill(32_767);
+            assert!(is_top_flat(&samples), "{place}");
+            samples[place + 1] = 0;
+            assert!(!is_top_flat(&samples), "{place}");
+        }
+    }
+
+    /// Catches silence taken for a flat bottom.
+    #[test]
+    fn silence_is_no_extreme() {
+        let samples = counts(&half_sine(4000.0, 37.0));
+        assert!(!is_clipped(&samples, Extent::of(&samples).unwrap(), 0.0, 0.0));
+    }
+}

@@ -1,0 +1,223 @@
+//! Rules on the force: is it one whole pulse of one impact?
+
+use tapline_wire::{Discriminator, Quality};
+
+use super::flat::is_flat;
+use super::{Doubts, POWERS, QualityConfig};
+use crate::baseline::Medians;
+use crate::force::Pulse;
+use crate::record::{Count, Extent, Track};
+
+/// Standard deviations of the noise that a pulse exceeds, as in [`Pulse::find`].
+const PULSE_SIGMAS: f64 = 5.0;
+/// Standard deviations of the noise that a second pulse exceeds: the greatest of a whole record's noise does not.
+const SECOND_SIGMAS: f64 = 6.0;
+/// Standard deviations of the noise by which the force rises again: a difference of two samples has sqrt(2) of one.
+const RISE_SIGMAS: f64 = 8.0;
+/// Part of the peak from which samples are the pulse's.
+const FOOT: f64 = 0.1;
+/// Samples above the foot without which a peak is not to be believed (case 13).
+const PULSE_SAMPLES: usize = 8;
+/// Quiet samples before the pulse without which its beginning is not to be believed (case 10).
+const QUIET_SAMPLES: usize = 5;
+/// Part of the peak below which a sample is quiet.
+const QUIET: f64 = 0.02;
+/// Part of the peak at which triggers have fired.
+const TRIGGERED: f64 = 0.15;
+/// Full scale of a force whose scale is not known, and the least peak of one whose scale is, N.
+const UNSCALED_N: f64 = 1.0;
+/// Impulse of one impact over m V, at most: 2 of an elastic one, and a tenth more for scale and noise.
+const ONE_IMPACT: f64 = 2.2;
+/// Impulse of a whole impact over m V, at least. An impactor that rebounds takes (1 + e) m V, 1.5 for e = 0.5; one
+/// that leaves with less still follows the layer it has hit, and it is the layer that comes back to it.
+const WHOLE_IMPACT: f64 = 1.2;
+
+/// What the rules on the force look at.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Force<'a, C> {
+    pub(crate) track: Track<'a, C>,
+    pub(crate) extent: Extent<C>,
+    /// Baseline and standard deviation of the noise, counts.
+    pub(crate) base: f64,
+    pub(crate) noise: f64,
+    /// Samples that the baseline was taken from; `None` when the record gives none.
+    pub(crate) baseline_count: Option<usize>,
+    pub(crate) pre_trigger_samples: usize,
+    pub(crate) sample_rate_hz: f64,
+    /// Velocity of the impact, m/s, where it is known.
+    pub(crate) velocity_m_per_s: Option<f64>,
+    /// The pulse, where one was found.
+    pub(crate) pulse: Option<Pulse>,
+}
+
+/// What is doubtful about a force; nothing when no pulse stands out of it.
+pub(crate) fn of_force<C: Count>(force: &Force<'_, C>, config: &QualityConfig) -> Doubts {
+    let mut doubts = Doubts::default();
+    let Some(shape) = Shape::of(force) else {
+        if is_lost_in_baseline(force) {
+            doubts.spoils_pulse(Quality::LATE_TRIGGER, config.late_trigger);
+            doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, POWERS);
+        }
+        return doubts;
+    };
+    if is_flat(force.track.samples, shape.level, force.extent, force.base, force.noise) {
+        doubts.spoils_pulse(Quality::CLIPPED, config.clipped_force);
+    }
+    if shape.end - shape.begin < PULSE_SAMPLES {
+        doubts.spoils_pulse(Quality::UNDERSAMPLED, config.undersampled);
+    }
+    match trigger(force, &shape) {
+        Trigger::Good => {}
+        Trigger::AfterRise => doubts.flags.insert(Quality::LATE_TRIGGER),
+        Trigger::AfterBaseline => doubts.spoils_pulse(Quality::LATE_TRIGGER, config.late_trigger),
+        Trigger::WithinPulse => {
+            doubts.spoils_pulse(Quality::LATE_TRIGGER, config.late_trigger);
+            doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, POWERS);
+        }
+    }
+    if is_double(force, &shape, config) {
+        doubts.spoils_pulse(Quality::DOUBLE_HIT, config.double_hit);
+        doubts.spoils(Quality::DOUBLE_HIT, config.double_hit, POWERS);
+    }
+    // A pulse that is cut, coarse or not alone says nothing about the rate.
+    let is_whole = doubts.flags.is_clean();
+    if shape.peak < config.snr_least * force.noise {
+        doubts.spoils_pulse(Quality::LOW_SNR, config.low_snr);
+    }
+    let tau_s = force.pulse.map(|pulse| pulse.tau_samples / force.sample_rate_hz);
+    if is_whole && tau_s.is_some_and(|tau_s| !(config.tau_least_s..=config.tau_most_s).contains(&tau_s)) {
+        let all_but_f_max = &Discriminator::ALL[1..];
+        doubts.spoils(Quality::RATE_IMPLAUSIBLE, config.rate_implausible, all_but_f_max);
+    }
+    doubts
+}
+
+/// Where the greatest pulse lies, in samples, and how high it is, in counts.
+#[derive(Debug, Clone, Copy)]
+struct Shape<C> {
+    level: C,
+    sign: f64,
+    peak: f64,
+    peak_at: usize,
+    /// First sample above the foot, and first one behind it that is not.
+    begin: usize,
+    end: usize,
+}
+
+impl<C: Count> Shape<C> {
+    fn of(force: &Force<'_, C>) -> Option<Self> {
+        let Track { samples, unit_per_count } = force.track;
+        let (level, sign) = if unit_per_count < 0.0 { (force.extent.least, -1.0) } else { (force.extent.largest, 1.0) };
+        let peak_at = samples.iter().position(|&x| x == level)?;
+        let peak = sign * (level.into() - force.base);
+        let stands_out = peak > PULSE_SIGMAS * force.noise && unit_per_count != 0.0;
+        let is_above = |&&x: &&C| sign * (x.into() - force.base) > FOOT * peak;
+        let begin = peak_at - samples[..peak_at].iter().rev().take_while(is_above).count();
+        let end = peak_at + samples[peak_at..].iter().take_while(is_above).count();
+        stands_out.then_some(Self { level, sign, peak, peak_at, begin, end })
+    }
+
+    /// Force at sample `x` in counts, positive in the pulse.
+    fn height(&self, x: C, base: f64) -> f64 {
+        self.sign * (x.into() - base)
+    }
+}
+
+/// When the trigger came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Trigger {
+    Good,
+    /// After the force had risen for more than a sample; nothing is lost.
+    AfterRise,
+    /// So late that the pulse lies where the baseline is taken.
+    AfterBaseline,
+    /// The record begins within the pulse.
+    WithinPulse,
+}
+
+fn trigger<C: Count>(force: &Force<'_, C>, shape: &Shape<C>) -> Trigger {
+    let noise_limit = SECOND_SIGMAS * force.noise;
+    let limit = if noise_limit > QUIET * shape.peak { noise_limit } else { QUIET * shape.peak };
+    let before = force.track.samples[..shape.begin].iter().rev();
+    let quiet = before.filter(|&&x| shape.height(x, force.base) < limit).take(QUIET_SAMPLES).count();
+    if quiet < QUIET_SAMPLES {
+        return Trigger::WithinPulse;
+    }
+    match force.baseline_count {
+        Some(count) if shape.begin < count => Trigger::AfterBaseline,
+        Some(_) if is_up_before_trigger(force, shape) => Trigger::AfterRise,
+        _ => Trigger::Good,
+    }
+}
+
+/// Whether a pulse that does not stand out of what was before the trigger is itself what was before the trigger: it
+/// stands out of the record's last quarter.
+fn is_lost_in_baseline<C: Count>(force: &Force<'_, C>) -> bool {
+    let Track { samples, unit_per_count } = force.track;
+    let Some(baseline_count) = force.baseline_count.filter(|_| unit_per_count != 0.0) else { return false };
+    let (level, sign) = if unit_per_count < 0.0 { (force.extent.least, -1.0) } else { (force.extent.largest, 1.0) };
+    let tail = &samples[samples.len() - samples.len() / 4..];
+    let mut medians = Medians::default();
+    let base = medians.median(tail);
+    let noise = medians.noise_counts(tail, base);
+    let is_before = samples.iter().position(|&x| x == level).is_some_and(|peak_at| peak_at < baseline_count);
+    is_before && !tail.is_empty() && sign * (level.into() - base) > SECOND_SIGMAS * noise
+}
+
+/// Whether the force was high two samples before the trigger: one sample is the trigger's own uncertainty.
+fn is_up_before_trigger<C: Count>(force: &Force<'_, C>, shape: &Shape<C>) -> bool {
+    let Some(before) = force.pre_trigger_samples.checked_sub(2) else { return false };
+    let is_behind = before >= shape.peak_at;
+    let height = force.track.samples.get(before).map_or(0.0, |&x| shape.height(x, force.base));
+    is_behind || height > TRIGGERED * shape.peak + SECOND_SIGMAS * force.noise
+}
+
+/// Whether a second pulse stands beside the greatest, that is not the layer's coming back.
+fn is_double<C: Count>(force: &Force<'_, C>, shape: &Shape<C>, config: &QualityConfig) -> bool {
+    let samples = force.track.samples;
+    let (share, sigmas) = (config.double_hit_share * shape.peak, RISE_SIGMAS * force.noise);
+    let limit = if share > sigmas { share } else { sigmas };
+    // Before: from the pulse backwards to where it is below the limit, and from there to the record's beginning.
+    let foot = samples[..shape.begin].iter().rposition(|&x| shape.height(x, force.base) < limit);
+    if foot.is_some_and(|foot| greatest(&samples[..foot], force, shape) > limit) {
+        return true;
+    }
+    // After: the least there was so far, and whether the force rises from it again.
+    let mut valley = (shape.peak, shape.peak_at);
+    let mut at = shape.peak_at;
+    while at < samples.len() && valley.0 > 0.0 && shape.height(samples[at], force.base) <= valley.0 + limit {
+        let height = shape.height(samples[at], force.base);
+        valley = if height < valley.0 { (height, at) } else { valley };
+        at += 1;
+    }
+    let rises = at < samples.len() && valley.0 > 0.0;
+    let rises = rises || greatest(&samples[at..], force, shape) > limit;
+    rises && is_whole_impact(force, shape, valley.1, config)
+}
+
+/// The greatest height in `samples`, counts.
+fn greatest<C: Count>(samples: &[C], force: &Force<'_, C>, shape: &Shape<C>) -> f64 {
+    let extreme = Extent::of(samples).map(|e| if shape.sign < 0.0 { e.least } else { e.largest });
+    extreme.map_or(0.0, |x| shape.height(x, force.base))
+}
+
+/// Whether what came until sample `until` has thrown the impactor back, so that only a second hit can bring it again;
+/// so it is, too, when mass, velocity or the force's scale is not known.
+fn is_whole_impact<C: Count>(force: &Force<'_, C>, shape: &Shape<C>, until: usize, config: &QualityConfig) -> bool {
+    let unit_n = force.track.unit_per_count.abs();
+    let Some(velocity) = force.velocity_m_per_s.filter(|_| config.impactor_mass_kg > 0.0) else { return true };
+    if shape.peak * unit_n <= UNSCALED_N {
+        return true;
+    }
+    let from = shape.begin.saturating_sub(QUIET_SAMPLES);
+    let m_v = config.impactor_mass_kg * velocity;
+    let noise_limit = SECOND_SIGMAS * force.noise;
+    let impulse = |to: usize, least: f64| -> f64 {
+        let heights = force.track.samples[from..to].iter().map(|&x| shape.height(x, force.base));
+        heights.filter(|&height| height > least).sum::<f64>() * unit_n / force.sample_rate_hz
+    };
+    let is_part = impulse(until, f64::NEG_INFINITY) < WHOLE_IMPACT * m_v;
+    // The layer gives back no more than the impactor brought.
+    let is_one = impulse(force.track.samples.len(), noise_limit) < ONE_IMPACT * m_v;
+    !(is_part && is_one)
+}

@@ -1,0 +1,228 @@
+//! Rules on the sound: is it one tap, loud enough, heard whole?
+
+use std::f64::consts::TAU;
+
+use tapline_wire::{Discriminator, Quality};
+
+use super::blocks::{Block, Blocks, samples_per_block};
+use super::flat::is_clipped;
+use super::{Doubts, OF_SOUND, POWERS, Policy, QualityConfig};
+use crate::Real;
+use crate::record::{Count, Extent, Track};
+
+/// Blocks after the onset in which a casing falls silent: 100 ms.
+const RINGING_BLOCKS: usize = 100;
+/// Blocks of an envelope's step, 5 ms: half a period of the lowest mode that is heard.
+const STEP_BLOCKS: usize = 5;
+/// The same beside hum, which has half a period of 10 ms at 50 Hz.
+const HUM_STEP_BLOCKS: usize = 10;
+/// Steps of the envelope without which it tells nothing.
+const STEPS_LEAST: usize = 4;
+/// Factor by which the envelope of another tap rises above the least there was; that of one tap falls.
+const RISE: f64 = 1.35;
+/// Standard deviations of the noise that another tap exceeds.
+const TAP_SIGMAS: f64 = 6.0;
+/// Blocks before the onset that are not looked at for another tap: the onset is known to a fraction of one.
+const GUARD_BLOCKS: usize = 2;
+/// Frequencies of the mains, Hz.
+const MAINS_HZ: [f64; 2] = [50.0, 60.0];
+/// Blocks without which hum is not told from ringing: 2.5 periods at 50 Hz.
+const HUM_BLOCKS: usize = 50;
+/// Factor by which a line stands above what is three bins beside it.
+const LINE: f64 = 5.0;
+
+/// What the rules on the sound look at.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sound<'a, C, T> {
+    pub(crate) track: Track<'a, C>,
+    pub(crate) extent: Extent<C>,
+    /// Baseline, counts.
+    pub(crate) base: f64,
+    /// Samples less their baseline, times the gain.
+    pub(crate) signal: &'a [T],
+    pub(crate) gain: f64,
+    /// Standard deviation of what is before the trigger, counts, where there is anything.
+    pub(crate) noise: Option<f64>,
+    /// Samples that the baseline was taken from.
+    pub(crate) baseline_count: Option<usize>,
+    /// Where the force has the sound begin, samples; `None` without a force.
+    pub(crate) onset: Option<f64>,
+    pub(crate) sample_rate_hz: f64,
+    /// Highest frequency that a feature looks at, Hz.
+    pub(crate) f_top_hz: f64,
+    /// What is already known of the tap.
+    pub(crate) known: Quality,
+}
+
+impl<C: Count, T> Sound<'_, C, T> {
+    /// Greatest magnitude of the signal.
+    fn peak(&self) -> f64 {
+        let (below, above) = (self.base - self.extent.least.into(), self.extent.largest.into() - self.base);
+        self.gain * if below > above { below } else { above }
+    }
+
+    /// Block in which the tap begins; the loudest, when no force tells.
+    fn onset_block(&self, blocks: &[Block]) -> usize {
+        let of_force = self
+            .onset
+            .filter(|&onset| onset >= 0.0)
+            .map(|onset| (onset / samples_per_block(self.sample_rate_hz) as f64) as usize);
+        of_force.or_else(|| loudest(blocks).map(|(at, _)| at)).unwrap_or(0)
+    }
+
+    /// Whether the tap began before the record did, or where its baseline is taken.
+    fn is_late(&self, blocks: &Blocks) -> bool {
+        let baseline_blocks = self.baseline_count.map_or(0, |count| count / samples_per_block(self.sample_rate_hz));
+        let is_in_baseline = loudest(blocks.all()).is_some_and(|(at, _)| at < baseline_blocks);
+        self.known.contains(Quality::LATE_TRIGGER) || (is_in_baseline && self.known.contains(Quality::NO_FORCE))
+    }
+}
+
+/// What is doubtful about a sound.
+pub(crate) fn of_sound<C: Count, T: Real>(
+    sound: &Sound<'_, C, T>,
+    blocks: &mut Blocks,
+    config: &QualityConfig,
+) -> Doubts {
+    let mut doubts = Doubts::default();
+    if is_clipped(sound.track.samples, sound.extent, sound.base, sound.noise.unwrap_or(0.0)) {
+        doubts.spoils(Quality::CLIPPED, config.clipped_sound, OF_SOUND);
+    }
+    if sound.sample_rate_hz < 2.0 * sound.f_top_hz {
+        doubts.spoils(Quality::UNDERSAMPLED, config.undersampled, POWERS);
+    }
+    blocks.fill(sound.signal, sound.sample_rate_hz);
+    let is_late = sound.is_late(blocks);
+    if is_late {
+        doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, &[Discriminator::A2]);
+    }
+    let peak = sound.peak();
+    let hum = hum(blocks).filter(|hum| hum.amplitude > config.hum_share_most * peak);
+    if hum.is_some() {
+        doubts.spoils(Quality::HUM, config.hum, OF_SOUND);
+    }
+    let noise = noise(sound, blocks, hum, is_late);
+    if noise.is_some_and(|noise| peak < config.snr_least * noise) {
+        doubts.spoils(Quality::LOW_SNR, config.low_snr, OF_SOUND);
+    }
+    // Noise alone is no sound, whatever the policy on a faint one; later than the record, it was not to be heard.
+    let is_due = sound.onset.is_none_or(|onset| onset < sound.signal.len() as f64);
+    if is_due && noise.is_some_and(|noise| peak < TAP_SIGMAS * noise) {
+        doubts.spoils(Quality::NO_ONSET, Policy::Drop, OF_SOUND);
+    }
+    // Two hits are heard twice; that is no neighbour.
+    if sound.known.contains(Quality::DOUBLE_HIT) {
+        return doubts;
+    }
+    let (share, sigmas) = (config.neighbour_share * peak, TAP_SIGMAS * noise.unwrap_or(0.0));
+    // A baseline taken from a part of a period is off by up to the hum's amplitude.
+    let limit = if share > sigmas { share } else { sigmas } + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
+    if !is_late && sound.onset.is_some() && is_before(sound, blocks.all(), limit) {
+        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, OF_SOUND);
+    }
+    let step_blocks = if hum.is_some() { HUM_STEP_BLOCKS } else { STEP_BLOCKS };
+    // A baseline that was taken from the ringing hides how the envelope falls.
+    if !is_late && is_after(sound, blocks.all(), step_blocks, limit) {
+        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, &[Discriminator::A2]);
+        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, POWERS);
+    }
+    doubts
+}
+
+/// The loudest of `blocks`, and how loud it is.
+fn loudest(blocks: &[Block]) -> Option<(usize, f64)> {
+    blocks.iter().map(|block| block.peak).enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Standard deviation of the noise without the `hum`, in the signal's unit: the greater of what there is before the
+/// trigger and after the ringing; `None` when the record has neither.
+fn noise<C: Count, T>(sound: &Sound<'_, C, T>, blocks: &mut Blocks, hum: Option<Hum>, is_late: bool) -> Option<f64> {
+    let before = sound.noise.map(|noise| noise * sound.gain).filter(|_| !is_late);
+    let after = noise_after(sound, blocks, hum);
+    match (before, after) {
+        // Before the trigger there is too little time to tell hum from noise.
+        (Some(before), Some(after)) if hum.is_none() && before > after => Some(before),
+        _ => after.or(before),
+    }
+}
+
+/// Noise after the tap has fallen silent, in the signal's unit: that of the third or of the last quarter of the
+/// record, whichever is quieter; `None` when the record ends before.
+fn noise_after<C: Count, T>(sound: &Sound<'_, C, T>, blocks: &mut Blocks, hum: Option<Hum>) -> Option<f64> {
+    let count = blocks.all().len();
+    if count / 2 < sound.onset_block(blocks.all()).saturating_add(RINGING_BLOCKS) {
+        return None;
+    }
+    let mut noise = |from, to| match hum {
+        Some(Hum { amplitude, turns }) => blocks.noise_beside(from, to, amplitude, turns),
+        None => blocks.noise(from, to),
+    };
+    let (third, last) = (noise(count / 2, count * 3 / 4)?, noise(count * 3 / 4, count)?);
+    Some(if third < last { third } else { last })
+}
+
+/// A line at a frequency of the mains.
+#[derive(Debug, Clone, Copy)]
+struct Hum {
+    /// In the signal's unit.
+    amplitude: f64,
+    /// Periods in a block.
+    turns: f64,
+}
+
+/// Hum in the second half of the record; `None` when no line of the mains stands out or there is too little of it.
+///
+/// A Hann window is right here, where it would be wrong for the tap: hum does not end.
+fn hum(blocks: &Blocks) -> Option<Hum> {
+    let tail = &blocks.all()[blocks.all().len() / 2..];
+    if tail.len() < HUM_BLOCKS {
+        return None;
+    }
+    let beside = 3.0 / tail.len() as f64;
+    let lines = MAINS_HZ.into_iter().filter_map(|f_hz| {
+        let turns = f_hz / blocks.rate_hz();
+        let line = amplitude(tail, turns);
+        let mut sides = [turns - beside, turns + beside].into_iter().filter(|&side| side > 0.0);
+        sides.all(|side| line > LINE * amplitude(tail, side)).then_some(Hum { amplitude: line, turns })
+    });
+    lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude))
+}
+
+/// Amplitude of a sine of `turns` in a block in the means of `tail`, through a Hann window.
+fn amplitude(tail: &[Block], turns: f64) -> f64 {
+    let count = tail.len() as f64;
+    let mean = tail.iter().map(|block| block.mean).sum::<f64>() / count;
+    let (mut re, mut im, mut weight) = (0.0, 0.0, 0.0);
+    for (n, block) in tail.iter().enumerate() {
+        let n = n as f64;
+        let w = 0.5 - 0.5 * (TAU * (n + 0.5) / count).cos();
+        let (sin, cos) = (TAU * (turns * n).fract()).sin_cos();
+        re += w * (block.mean - mean) * cos;
+        im += w * (block.mean - mean) * sin;
+        weight += w;
+    }
+    2.0 * re.hypot(im) / weight
+}
+
+/// Whether something is heard before the tap.
+fn is_before<C: Count, T>(sound: &Sound<'_, C, T>, blocks: &[Block], limit: f64) -> bool {
+    let count = sound.onset_block(blocks).saturating_sub(GUARD_BLOCKS);
+    blocks.get(..count).is_some_and(|before| before.iter().any(|block| block.peak > limit))
+}
+
+/// Whether the envelope, which falls after a tap, rises again.
+fn is_after<C: Count, T>(sound: &Sound<'_, C, T>, blocks: &[Block], step_blocks: usize, limit: f64) -> bool {
+    let steps = blocks.get(sound.onset_block(blocks)..).unwrap_or_default().chunks_exact(step_blocks);
+    if steps.len() < STEPS_LEAST {
+        return false;
+    }
+    let mut least = f64::INFINITY;
+    for step in steps {
+        let peak = loudest(step).map_or(0.0, |(_, peak)| peak);
+        if peak > RISE * least && peak > limit {
+            return true;
+        }
+        least = if peak < least { peak } else { least };
+    }
+    false
+}

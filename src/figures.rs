@@ -1,0 +1,46 @@
+//! `tapline model figures`: the dissertation's figures of its theory, as SVG and CSV.
+
+mod labels;
+mod sheet;
+
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use tapline_model::{Figure, figure};
+
+/// Writes figure `only`, or all of them, into the folder `out`.
+pub(crate) fn figures(out: &Path, only: Option<u8>) -> Result<bool> {
+    let numbers = only.map_or_else(|| Figure::NUMBERS.to_vec(), |number| vec![number]);
+    let figures = numbers.into_iter().map(figure).collect::<Result<Vec<_>, _>>()?;
+    fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    let mut told = io::stdout().lock();
+    for figure in &figures {
+        for (extension, text) in [("svg", sheet::svg(figure)?), ("csv", csv(figure)?)] {
+            let path = out.join(format!("fig{}.{extension}", figure.number));
+            fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            writeln!(told, "{}", path.display())?;
+        }
+    }
+    Ok(true)
+}
+
+/// One row a point, in SI units.
+fn csv(figure: &Figure) -> Result<String> {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    out.write_record(["curve", "rung", figure.x.name, figure.y.name, "in_domain"])?;
+    for curve in &figure.curves {
+        for point in &curve.points {
+            let (x, y) = (significant(point.x), significant(point.y));
+            out.write_record([curve.name, curve.rung.name(), &x, &y, if point.in_domain { "1" } else { "0" }])?;
+        }
+    }
+    Ok(String::from_utf8(out.into_inner()?)?)
+}
+
+/// `value` to nine digits, without those that the next machine may compute otherwise.
+fn significant(value: f64) -> String {
+    let text = format!("{value:.8e}");
+    text.parse::<f64>().map_or(text, |rounded| rounded.to_string())
+}
