@@ -15,7 +15,7 @@ use realfft::{RealFftPlanner, RealToComplex};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_fuse::{FuseConfig, Fusion};
 use tapline_model::{DampingLaw, Rung, Scene, SimulationConfig, choose};
-use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
+use tapline_process::{Precision, ProcessConfig, ProcessExtractor, SpectrumEstimator};
 use tapline_wire::{Channel, ChannelHeader, Discriminators, Lane, SampleFormat, Samples, TapHeader, lanes_for};
 
 use common::{print_table, quantile};
@@ -78,6 +78,13 @@ fn main() -> Result<()> {
     kernels.push(extract("extract f64, force and sound i16", &taps, self::extractor(Precision::F64)?, false));
     kernels.push(extract("extract f32, sound alone f32", &taps, self::extractor(Precision::F32)?, true));
     kernels.push(extract("extract f64, sound alone f32", &taps, self::extractor(Precision::F64)?, true));
+    for (name, spectrum) in [
+        ("the same f32, spectrum of a gate", SpectrumEstimator::Gate),
+        ("the same f32, spectrum decimated by 4", SpectrumEstimator::Decimated),
+    ] {
+        let config = ProcessConfig { spectrum, ..ProcessConfig::default() };
+        kernels.push(extract(name, &taps, ProcessExtractor::new(&config)?, true));
+    }
     kernels.push(judge(fusion, &records));
     kernels.extend(ladder());
     for _ in 0..ROUNDS {

@@ -5,6 +5,7 @@
 mod archive;
 mod cli;
 mod dissertation;
+mod estimators;
 mod faults;
 mod figures;
 mod model;

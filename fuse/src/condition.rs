@@ -47,9 +47,14 @@ impl Conditions {
         self.offsets.len() * (self.class_floors_m_per_s.len() + 1)
     }
 
+    /// Number of the offset of `tap` among those known here.
+    pub(crate) fn offset_number(&self, tap: &TapId) -> Option<usize> {
+        self.offsets.binary_search(&offset_key(tap)).ok()
+    }
+
     /// Number of the condition of `tap`, below [`Conditions::count`]; `None` for an offset unknown here.
     pub(crate) fn number(&self, tap: &TapId) -> Option<usize> {
-        let offset = self.offsets.binary_search(&offset_key(tap)).ok()?;
+        let offset = self.offset_number(tap)?;
         // Class 0 is that of unknown velocity.
         let class =
             tap.velocity_m_per_s().map_or(0, |v| self.class_floors_m_per_s.partition_point(|&floor| floor <= v));

@@ -146,6 +146,9 @@ pub struct FuseConfig {
     pub re_inspect_at: f64,
     /// Robust standard deviations of the reference's own index at which a region is damage.
     pub reject_at: f64,
+    /// Whether F_max and tau are brought from the measured to the planned velocity, by powers of it that are fitted to the
+    /// reference; nothing is changed where it does not tell the powers, or a velocity was not measured.
+    pub normalise_velocity: bool,
     /// Which way each discriminator moves with damage.
     pub directions: Directions,
 }
@@ -162,6 +165,7 @@ impl Default for FuseConfig {
             z_clip: 6.0,
             re_inspect_at: 5.5,
             reject_at: 7.0,
+            normalise_velocity: false,
             directions: Directions::default(),
         }
     }

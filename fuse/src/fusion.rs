@@ -12,6 +12,7 @@ use crate::index::Shoulder;
 use crate::map::{Comparison, IndexMap};
 use crate::reference::Reading;
 use crate::ring::Ring;
+use crate::velocity::Normalisation;
 use crate::verdict::{cells_of, verdict_of};
 use crate::{Error, FuseConfig, IndexKind, Reference};
 
@@ -20,6 +21,7 @@ use crate::{Error, FuseConfig, IndexKind, Reference};
 struct Seen {
     attempt: u16,
     is_refused: bool,
+    velocity_m_per_s: f64,
     values: Values,
 }
 
@@ -84,7 +86,8 @@ impl Fusion {
             return Ok(());
         }
         let is_refused = record.quality.contains(Quality::REFUSED);
-        let new = Seen { attempt: record.id.attempt, is_refused, values: record.values };
+        let velocity_m_per_s = record.velocity_measured_m_per_s;
+        let new = Seen { attempt: record.id.attempt, is_refused, velocity_m_per_s, values: record.values };
         let scan = self.scan_of_tap[row as usize] as usize;
         let old = &mut self.seen[row as usize];
         self.progress[scan].seen_count += usize::from(old.is_none());
@@ -163,7 +166,8 @@ impl Fusion {
     pub(crate) fn compare(&self, config: &FuseConfig, scan: usize) -> (Shoulder, IndexMap) {
         let reference = &self.references[scan];
         let conditions = Conditions::of(self.involved(scan).flat_map(|s| self.entering(s)).map(|(_, id)| id));
-        let shoulder = |&scan: &usize| self.shoulder(config.index, &conditions, scan);
+        let normalisation = self.normalisation(config, &conditions, reference);
+        let shoulder = |&scan: &usize| self.shoulder(config.index, &conditions, &normalisation, scan);
         let judged = shoulder(&scan);
         let comparison = Comparison {
             reference: &reference.iter().map(shoulder).collect::<Vec<_>>(),
@@ -186,14 +190,33 @@ impl Fusion {
             .map(|(row, tap)| (row, &tap.id))
     }
 
-    fn shoulder(&self, index: IndexKind, conditions: &Conditions, scan: usize) -> Shoulder {
+    /// What the reference's taps tell of the velocity, those of an offset together.
+    fn normalisation(&self, config: &FuseConfig, conditions: &Conditions, reference: &[usize]) -> Normalisation {
+        if !config.normalise_velocity {
+            return Normalisation::default();
+        }
+        let taps = reference.iter().flat_map(|&scan| self.entering(scan)).filter_map(|(row, id)| {
+            let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?;
+            Some((conditions.offset_number(id)?, seen.velocity_m_per_s, &seen.values))
+        });
+        Normalisation::fitted(&taps.collect::<Vec<_>>())
+    }
+
+    fn shoulder(
+        &self,
+        index: IndexKind,
+        conditions: &Conditions,
+        normalisation: &Normalisation,
+        scan: usize,
+    ) -> Shoulder {
         let planned = &self.plan.scans()[scan];
         let mut closing = planned.taps.iter().map(|&row| &self.plan.taps()[row as usize]).filter(|tap| tap.is_closing);
         let ring = Ring::of(self.plan.geometry, &planned.locations, closing.next().map(|tap| tap.id.location));
         let reading = |(row, id): (u32, &TapId)| {
             let seen = self.seen[row as usize].filter(|seen| !seen.is_refused)?;
             let place = planned.locations.binary_search_by_key(&id.location, |&(location, _)| location).ok()?;
-            Some(Reading { place, condition: conditions.number(id)?, values: seen.values })
+            let values = normalisation.applied(seen.values, id.velocity_m_per_s(), seen.velocity_m_per_s);
+            Some(Reading { place, condition: conditions.number(id)?, values })
         };
         let taps = self.entering(scan).filter_map(reading).collect();
         Shoulder::new(index, conditions.count(), ring, taps)

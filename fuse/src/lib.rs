@@ -3,7 +3,8 @@
 //! [`Fusion`] is the state machine: it is told of every tap and of the end of every scan, in any
 //! order, and judges a shoulder once its reference is whole. What it computes, step by step:
 //!
-//! 1. taps are grouped into conditions (offset, velocity class); closing taps enter nothing;
+//! 1. taps are grouped into conditions (offset, velocity class); closing taps enter nothing; if asked for, F_max and tau
+//!    are brought from the measured to the planned velocity (`velocity`);
 //! 2. each value is standardised by the reference in its condition (`reference`);
 //! 3. a location's index is the mean over its taps and discriminators (`index`), and for the robust
 //!    index then the mean over the location and its two neighbours (`ring`);
@@ -62,6 +63,7 @@ mod ring;
 mod run;
 mod score;
 mod stats;
+mod velocity;
 mod verdict;
 
 #[cfg(test)]
@@ -72,3 +74,4 @@ pub use error::Error;
 pub use fusion::Fusion;
 pub use run::{Outcome, RunError, run};
 pub use score::{Score, auc};
+pub use velocity::PowerLaw;

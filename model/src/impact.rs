@@ -237,7 +237,7 @@ impl Impact {
     ///
     /// Steps are a fiftieth of the contact's own time L/V: within 1e-4 of the peak force, the simulator's need.
     /// `force_n` is emptied first. That the bodies may meet again long after is left out.
-    pub(crate) fn force_history(&self, force_n: &mut Vec<f64>) -> f64 {
+    pub fn force_history(&self, force_n: &mut Vec<f64>) -> f64 {
         const DT: f64 = 0.02;
         const STEPS_MAX: usize = 1500;
         force_n.clear();

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, QualityConfig};
+use crate::{BandEdges, DurationEstimator, Error, PeakEstimator, QualityConfig, SpectrumEstimator, Subtraction};
 
 /// Most workers that a configuration may ask for.
 const WORKERS_MAX: usize = 1024;
@@ -18,7 +18,7 @@ pub enum Precision {
     F64,
 }
 
-/// The `[process]` table: bands of the discriminators, arithmetic and workers.
+/// The `[process]` table: bands and estimators of the discriminators, arithmetic and workers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ProcessConfig {
@@ -32,6 +32,22 @@ pub struct ProcessConfig {
     pub f_top_hz: f64,
     /// Whether f_c follows each tap as 1/(2 tau); a tap without tau keeps `f_c_hz`, and has the flag that says why.
     pub f_c_follows_tau: bool,
+    /// How F_max is found.
+    pub f_max: PeakEstimator,
+    /// How tau is found.
+    pub tau: DurationEstimator,
+    /// Time constant of the force sensor's coupling, whose droop is undone; 0 for a sensor without.
+    pub droop_time_constant_s: f64,
+    /// What the sound's power is taken of.
+    pub spectrum: SpectrumEstimator,
+    /// Length of the gate that `spectrum = "gate"` takes.
+    pub gate_s: f64,
+    /// How bins at a band's edge count.
+    pub band_edges: BandEdges,
+    /// What is taken from the sound, as it was before the trigger.
+    pub subtract: Subtraction,
+    /// Frequency of the hum that `subtract` may take, Hz.
+    pub mains_hz: f64,
     /// Arithmetic.
     pub precision: Precision,
     /// Worker threads, 0 for one per core.
@@ -41,7 +57,7 @@ pub struct ProcessConfig {
 }
 
 impl Default for ProcessConfig {
-    /// The bands for tyres.
+    /// The bands for tyres, and the method's own estimators.
     fn default() -> Self {
         Self {
             f_c_hz: 550.0,
@@ -49,6 +65,14 @@ impl Default for ProcessConfig {
             f_lo_hz: 70.0,
             f_top_hz: 3000.0,
             f_c_follows_tau: false,
+            f_max: PeakEstimator::Parabola,
+            tau: DurationEstimator::HalfSine,
+            droop_time_constant_s: 0.0,
+            spectrum: SpectrumEstimator::Whole,
+            gate_s: 0.05,
+            band_edges: BandEdges::Bins,
+            subtract: Subtraction::None,
+            mains_hz: 50.0,
             precision: Precision::F32,
             workers: 0,
             quality: QualityConfig::default(),
@@ -71,6 +95,12 @@ impl ProcessConfig {
         frequency("f_hi_hz", self.f_hi_hz, self.f_hi_hz > 0.0, "above 0")?;
         frequency("f_lo_hz", self.f_lo_hz, self.f_lo_hz >= 0.0, "not below 0")?;
         frequency("f_top_hz", self.f_top_hz, self.f_top_hz > 0.0, "above 0")?;
+        frequency("mains_hz", self.mains_hz, self.mains_hz > 0.0, "above 0")?;
+        let time = |key, value: f64, is_good: bool, bound| {
+            if value.is_finite() && is_good { Ok(()) } else { Err(Error::Time { key, value, bound }) }
+        };
+        time("gate_s", self.gate_s, self.gate_s > 0.0, "above 0")?;
+        time("droop_time_constant_s", self.droop_time_constant_s, self.droop_time_constant_s >= 0.0, "not below 0")?;
         let band = |key, value, bound_key, bound| {
             if value > bound { Ok(()) } else { Err(Error::EmptyBand { key, value, bound_key, bound }) }
         };
@@ -109,6 +139,31 @@ mod tests {
         assert!(toml::from_str::<ProcessConfig>("precision = \"f16\"").is_err());
     }
 
+    /// Catches an estimator that cannot be named, or that another name chooses.
+    #[test]
+    fn estimators_by_name() {
+        let of = |text: &str| toml::from_str::<ProcessConfig>(text).unwrap();
+        use {DurationEstimator as D, PeakEstimator as P, SpectrumEstimator as S, Subtraction as B};
+        for (name, chosen) in
+            [("raw", P::Raw), ("parabola", P::Parabola), ("polynomial", P::Polynomial), ("half_sine", P::HalfSine)]
+        {
+            assert_eq!(of(&format!("f_max = \"{name}\"")).f_max, chosen);
+        }
+        for (name, chosen) in
+            [("half_sine", D::HalfSine), ("width_02", D::Width02), ("width_50", D::Width50), ("impulse", D::Impulse)]
+        {
+            assert_eq!(of(&format!("tau = \"{name}\"")).tau, chosen);
+        }
+        for (name, chosen) in [("whole", S::Whole), ("gate", S::Gate), ("decimated", S::Decimated)] {
+            assert_eq!(of(&format!("spectrum = \"{name}\"")).spectrum, chosen);
+        }
+        for (name, chosen) in [("none", B::None), ("noise", B::Noise), ("hum", B::Hum), ("both", B::Both)] {
+            assert_eq!(of(&format!("subtract = \"{name}\"")).subtract, chosen);
+        }
+        assert_eq!(of("band_edges = \"fractional\"").band_edges, BandEdges::Fractional);
+        assert!(toml::from_str::<ProcessConfig>("tau = \"width_2\"").is_err());
+    }
+
     /// Catches a check that lets a band through which holds nothing, or that does not say which key is meant.
     #[test]
     fn refusals_name_key_value_and_bound() {
@@ -132,5 +187,8 @@ mod tests {
         );
         assert_eq!(message(ProcessConfig { workers: 5000, ..good }), "process.workers = 5000: must be at most 1024");
         assert!(ProcessConfig { f_top_hz: f64::INFINITY, ..good }.validate().is_err());
+        assert_eq!(message(ProcessConfig { gate_s: 0.0, ..good }), "process.gate_s = 0 s: must be finite and above 0");
+        assert!(ProcessConfig { droop_time_constant_s: -1.0, ..good }.validate().is_err());
+        assert!(ProcessConfig { mains_hz: f64::NAN, ..good }.validate().is_err());
     }
 }

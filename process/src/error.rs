@@ -14,6 +14,16 @@ pub enum Error {
         /// What is asked of it.
         bound: &'static str,
     },
+    /// A time is not a number or below what it may be.
+    #[error("process.{key} = {value} s: must be finite and {bound}")]
+    Time {
+        /// Key in the configuration.
+        key: &'static str,
+        /// Value given, s.
+        value: f64,
+        /// What is asked of it.
+        bound: &'static str,
+    },
     /// A band ends at or below its beginning.
     #[error("process.{key} = {value} Hz: must be above process.{bound_key} = {bound} Hz")]
     EmptyBand {

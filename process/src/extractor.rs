@@ -3,12 +3,16 @@
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
 use crate::baseline::{Medians, baseline_count};
-use crate::force::Pulse;
+use crate::force::{Pulse, PulseFinder};
+use crate::hum::Hum;
 use crate::quality::{self, Blocks, Doubts, Force, Sound, of_force, of_sound};
 use crate::record::{Count, Extent, Record, Track};
 use crate::sound::{SOUND_M_PER_S, area, magnitude_area, onset_without_force};
-use crate::spectrum::{Bands, Spectrum};
-use crate::{Error, Precision, ProcessConfig, Real};
+use crate::spectrum::{Bands, Spectrum, View};
+use crate::{Error, Precision, ProcessConfig, Real, SpectrumEstimator};
+
+/// Time before the sound's onset at which the gate opens: the onset is an estimate.
+const GATE_LEAD_S: f64 = 1e-3;
 
 /// Extracts the discriminators of taps, one after the other, in the arithmetic of `T`.
 ///
@@ -18,6 +22,7 @@ use crate::{Error, Precision, ProcessConfig, Real};
 pub struct Extractor<T: Real> {
     config: ProcessConfig,
     medians: Medians,
+    finder: PulseFinder,
     blocks: Blocks,
     signal: Vec<T>,
     spectrum: Spectrum<T>,
@@ -35,6 +40,7 @@ impl<T: Real> Extractor<T> {
         Ok(Self {
             config: *config,
             medians: Medians::default(),
+            finder: PulseFinder::new(config.f_max, config.tau),
             blocks: Blocks::default(),
             signal: Vec::new(),
             spectrum: Spectrum::new(),
@@ -102,8 +108,9 @@ impl<T: Real> Extractor<T> {
         let before = &track.samples[..baseline_count.unwrap_or(track.samples.len())];
         let base = self.medians.median(before);
         let noise = self.medians.noise_counts(before, base);
+        self.finder.droop_samples = self.config.droop_time_constant_s * record.sample_rate_hz;
         let pulse = match baseline_count {
-            Some(_) => Pulse::find(track, extent, base, noise).ok_or(Quality::NO_PULSE),
+            Some(_) => self.finder.find(track, extent, base, noise).ok_or(Quality::NO_PULSE),
             None => Err(Quality::NO_BASELINE),
         };
         let Record { pre_trigger_samples, sample_rate_hz, .. } = *record;
@@ -166,14 +173,21 @@ impl<T: Real> Extractor<T> {
         };
         *doubts = of_sound(&sound, &mut self.blocks, &self.config.quality);
 
+        let hum = self.subtract_hum(baseline_count, record.sample_rate_hz);
+
         let base_of_areas = baseline.ok_or(Quality::NO_BASELINE);
-        match base_of_areas.and_then(|(base, _)| window(record, track, base, microphone_distance_m, &pulse)) {
-            Ok(window) => self.areas(track, base, gain, window, record.sample_rate_hz, found),
+        let window = base_of_areas.and_then(|(base, _)| window(record, track, base, microphone_distance_m, &pulse));
+        match window {
+            Ok(window) => {
+                let value = |i: usize| track.samples[i].into() - base - hum.map_or(0.0, |hum| hum.at(i) / gain);
+                self.areas(value, track.unit_per_count.abs(), window, record.sample_rate_hz, gain, found);
+            }
             Err(why) => found.flag(why),
         }
         let tau_s = pulse.ok().map(|pulse| pulse.tau_samples / record.sample_rate_hz);
         let bands = self.bands(tau_s).ok_or(Quality::NO_BAND)?;
-        let power = self.spectrum.band_power(&mut self.signal, record.sample_rate_hz, &bands);
+        let view = self.view(record.sample_rate_hz, baseline_count, window.ok());
+        let power = self.spectrum.band_power(&mut self.signal, &view, &bands);
         let power = power.ok_or(Quality::NO_BAND)?;
         self.is_faint = power.is_faint;
         found.set(Discriminator::Pr, power.pr);
@@ -182,19 +196,44 @@ impl<T: Real> Extractor<T> {
         Ok(())
     }
 
-    /// A_1 and A_2 of a sound whose samples less `base`, times `gain`, are the signal.
-    fn areas<C: Count>(
+    /// Takes the hum from the signal, if that is asked for and the `quiet` samples show it.
+    fn subtract_hum(&mut self, quiet: Option<usize>, sample_rate_hz: f64) -> Option<Hum> {
+        let count = quiet.filter(|_| self.config.subtract.has_hum())?;
+        let hum = Hum::fit(|i| self.signal[i].widened(), count, self.config.mains_hz / sample_rate_hz)?;
+        hum.subtract_from(&mut self.signal);
+        Some(hum)
+    }
+
+    /// How the signal's power is taken, when the first `quiet` samples are its noise and the areas lie in `window`.
+    fn view(&self, sample_rate_hz: f64, quiet: Option<usize>, window: Option<Window>) -> View {
+        let opens_at = |window: Window| window.onset.unwrap_or(window.ringing) - GATE_LEAD_S * sample_rate_hz;
+        let gate = |window: Window| {
+            let first = opens_at(window) as usize; // a gate before the record opens with it
+            let last = first.saturating_add((self.config.gate_s * sample_rate_hz).round() as usize);
+            (last < self.signal.len()).then_some(first..last)
+        };
+        let has_gate = self.config.spectrum == SpectrumEstimator::Gate;
+        View {
+            sample_rate_hz,
+            estimator: self.config.spectrum,
+            edges: self.config.band_edges,
+            gate: window.filter(|_| has_gate).and_then(gate),
+            quiet_count: quiet.filter(|_| self.config.subtract.has_noise()).unwrap_or(0),
+        }
+    }
+
+    /// A_1 and A_2 of a sound of `value` counts of a `unit` at each sample, which times `gain` are the signal.
+    fn areas(
         &self,
-        track: Track<'_, C>,
-        base: f64,
-        gain: f64,
+        value: impl Fn(usize) -> f64,
+        unit: f64,
         window: Window,
         sample_rate_hz: f64,
+        gain: f64,
         found: &mut Found,
     ) {
-        let unit = track.unit_per_count.abs();
         if let Some(onset) = window.onset {
-            let initial = area(|i| track.samples[i].into() - base, onset, window.ringing);
+            let initial = area(value, onset, window.ringing);
             found.set(Discriminator::A1, initial.abs() * unit / sample_rate_hz);
         }
         let ringing = magnitude_area(&self.signal, window.ringing);
@@ -278,9 +317,9 @@ impl Found {
 pub enum ProcessExtractor {
     /// Single precision, and the double that taps with a faint flexural band are done again in: beside a sound 50 dB
     /// above it, single precision would not hold 1e-4.
-    F32(Extractor<f32>, Extractor<f64>),
+    F32(Box<Extractor<f32>>, Box<Extractor<f64>>),
     /// Double precision.
-    F64(Extractor<f64>),
+    F64(Box<Extractor<f64>>),
 }
 
 impl ProcessExtractor {
@@ -290,8 +329,16 @@ impl ProcessExtractor {
     /// What [`ProcessConfig::validate`] finds.
     pub fn new(config: &ProcessConfig) -> Result<Self, Error> {
         Ok(match config.precision {
-            Precision::F32 => Self::F32(Extractor::new(config)?, Extractor::new(config)?),
-            Precision::F64 => Self::F64(Extractor::new(config)?),
+            Precision::F32 => {
+                // What is folded upon a faint band would show as rounding does.
+                let spectrum = match config.spectrum {
+                    SpectrumEstimator::Decimated => SpectrumEstimator::Whole,
+                    other => other,
+                };
+                let double = Extractor::new(&ProcessConfig { spectrum, ..*config })?;
+                Self::F32(Box::new(Extractor::new(config)?), Box::new(double))
+            }
+            Precision::F64 => Self::F64(Box::new(Extractor::new(config)?)),
         })
     }
 

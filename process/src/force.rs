@@ -1,12 +1,22 @@
 //! The force pulse: its peak, its duration and its onset.
 //!
-//! Default estimators of the method's section 2: `parabola` for F_max and `half_sine` for tau.
-//! Times are in samples of the record, from its first one, until a rate makes seconds of them.
+//! Default estimators of the method's section 2: `parabola` for F_max and `half_sine` for tau; the others stand beside
+//! them. Times are in samples of the record, from its first one, until a rate makes seconds of them.
 //!
 //! Beyond the method: a pulse must rise above [`NOISE_SIGMAS`] sigma of the noise before it, or a
-//! channel with nothing but noise would give a peak and a duration like any other.
+//! channel with nothing but noise would give a peak and a duration like any other. The onset is that of the width at
+//! 10 %, whichever estimator gives tau.
+
+mod droop;
+mod duration;
+mod half_sine;
+mod peak;
 
 use crate::record::{Count, Extent, Track};
+use crate::{DurationEstimator, PeakEstimator};
+
+use duration::{crossings, half_sine_base};
+use peak::vertex;
 
 /// Standard deviations of the noise that a pulse must exceed.
 const NOISE_SIGMAS: f64 = 5.0;
@@ -25,51 +35,86 @@ pub(crate) struct Pulse {
     pub(crate) onset_samples: f64,
 }
 
-impl Pulse {
+/// How a pulse is measured, and where its droop is undone.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct PulseFinder {
+    pub(crate) f_max: PeakEstimator,
+    pub(crate) tau: DurationEstimator,
+    /// Time constant of the sensor's coupling, samples; 0 of a sensor without.
+    pub(crate) droop_samples: f64,
+    corrected_n: Vec<f64>,
+}
+
+impl PulseFinder {
+    /// A finder with these estimators; the time constant is the record's to set.
+    pub(crate) fn new(f_max: PeakEstimator, tau: DurationEstimator) -> Self {
+        Self { f_max, tau, ..Self::default() }
+    }
+
     /// The pulse of `track`, whose `extent`, `base` and `noise` are in counts; `None` when none stands out of the
     /// noise or it is not in the record from 10 % to 10 %.
-    pub(crate) fn find<C: Count>(track: Track<'_, C>, extent: Extent<C>, base: f64, noise: f64) -> Option<Self> {
+    pub(crate) fn find<C: Count>(
+        &mut self,
+        track: Track<'_, C>,
+        extent: Extent<C>,
+        base: f64,
+        noise: f64,
+    ) -> Option<Pulse> {
         let Track { samples, unit_per_count } = track;
+        let count = samples.len();
         let force_n = |i: usize| (samples[i].into() - base) * unit_per_count;
         let peak = if unit_per_count < 0.0 { extent.least } else { extent.largest };
         let peak_at = samples.iter().position(|&x| x == peak)?;
-        let f_max_n = vertex(force_n, samples.len(), peak_at);
-        let stands_out = f_max_n > NOISE_SIGMAS * noise * unit_per_count.abs();
+        let height_n = vertex(force_n, count, peak_at);
+        let stands_out = height_n > NOISE_SIGMAS * noise * unit_per_count.abs();
         if !stands_out {
             return None;
         }
-        let (rise, fall) = crossings(force_n, samples.len(), peak_at, WIDTH_LEVEL * f_max_n)?;
+        let has_droop = self.droop_samples > 0.0;
+        if !has_droop {
+            return self.measure(force_n, count, peak_at);
+        }
+        let (rise, fall) = crossings(force_n, count, peak_at, WIDTH_LEVEL * height_n)?;
         let width = fall - rise;
-        // A half-sine of base tau is above q of its peak for tau (1 - 2 asin(q)/pi).
-        let tau_samples = width / (1.0 - 2.0 * WIDTH_LEVEL.asin() / std::f64::consts::PI);
-        Some(Self { f_max_n, tau_samples, onset_samples: rise - (tau_samples - width) / 2.0 })
+        // Casts end at 0, and make 0 of what is not a number.
+        let first = (rise - width) as usize;
+        let last = ((fall + 2.0 * width) as usize).min(count - 1);
+        let mut corrected_n = std::mem::take(&mut self.corrected_n);
+        droop::correct(force_n, first..last + 1, self.droop_samples, &mut corrected_n);
+        let of_correction = |i: usize| corrected_n.get(i.checked_sub(first)?).copied();
+        let without_droop = |i: usize| of_correction(i).unwrap_or_else(|| force_n(i));
+        let above = rise.ceil() as usize..=(fall as usize).min(last);
+        let peak_at = above.max_by(|&i, &j| without_droop(i).total_cmp(&without_droop(j)));
+        let pulse = peak_at.and_then(|peak_at| self.measure(without_droop, count, peak_at));
+        self.corrected_n = corrected_n;
+        pulse
     }
-}
 
-/// Height of the parabola through the samples at and beside `peak_at`; the sample itself at the record's edge and
-/// where the three lie on a line.
-fn vertex(value: impl Fn(usize) -> f64, count: usize, peak_at: usize) -> f64 {
-    let b = value(peak_at);
-    if peak_at == 0 || peak_at + 1 >= count {
-        return b;
+    fn measure(&self, force_n: impl Fn(usize) -> f64 + Copy, count: usize, peak_at: usize) -> Option<Pulse> {
+        let f_max_n = self.peak(force_n, count, peak_at);
+        let (rise, fall) = crossings(force_n, count, peak_at, WIDTH_LEVEL * f_max_n)?;
+        let width = fall - rise;
+        let base = half_sine_base(width, WIDTH_LEVEL);
+        let other = duration::other(self.tau, force_n, count, peak_at, f_max_n, (rise, fall));
+        Some(Pulse { f_max_n, tau_samples: other.unwrap_or(base), onset_samples: rise - (base - width) / 2.0 })
     }
-    let (a, c) = (value(peak_at - 1), value(peak_at + 1));
-    let curvature = a - 2.0 * b + c;
-    if curvature < 0.0 { b - (a - c).powi(2) / (8.0 * curvature) } else { b }
-}
 
-/// Where `value`, joined by straight lines, crosses `level` on either side of `peak_at`, first met walking outwards;
-/// `None` when the record ends before, or the peak itself is not above the level.
-fn crossings(value: impl Fn(usize) -> f64, count: usize, peak_at: usize, level: f64) -> Option<(f64, f64)> {
-    let is_above = value(peak_at) > level;
-    if !is_above {
-        return None;
+    fn peak(&self, force_n: impl Fn(usize) -> f64 + Copy, count: usize, peak_at: usize) -> f64 {
+        let parabola = || vertex(force_n, count, peak_at);
+        match self.f_max {
+            PeakEstimator::Raw => force_n(peak_at),
+            PeakEstimator::Parabola => parabola(),
+            PeakEstimator::Polynomial => peak::polynomial(force_n, count, peak_at).unwrap_or_else(parabola),
+            PeakEstimator::HalfSine => {
+                let of_fit = || {
+                    let (rise, fall) = crossings(force_n, count, peak_at, WIDTH_LEVEL * parabola())?;
+                    let inside = (rise.ceil() as usize, (fall as usize).min(count - 1));
+                    half_sine::amplitude(force_n, inside, half_sine_base(fall - rise, WIDTH_LEVEL))
+                };
+                of_fit().unwrap_or_else(parabola)
+            }
+        }
     }
-    let before = (0..peak_at).rev().find(|&i| value(i) <= level)?;
-    let after = (peak_at + 1..count).find(|&i| value(i) <= level)?;
-    let rise = before as f64 + (level - value(before)) / (value(before + 1) - value(before));
-    let fall = after as f64 - (level - value(after)) / (value(after - 1) - value(after));
-    Some((rise, fall))
 }
 
 #[cfg(test)]
@@ -80,7 +125,7 @@ mod tests {
 
     fn pulse_of(samples: &[f32]) -> Option<Pulse> {
         let track = Track { samples, unit_per_count: 1.0 };
-        Pulse::find(track, Extent::of(samples)?, 0.0, 0.0)
+        PulseFinder::default().find(track, Extent::of(samples)?, 0.0, 0.0)
     }
 
     /// Catches a wrong factor in tau or onset: a finely sampled half-sine returns its own base and beginning.
@@ -96,26 +141,6 @@ mod tests {
             assert!((pulse.tau_samples - tau).abs() < 0.01, "{pulse:?}");
             assert!((pulse.onset_samples - start).abs() < 0.01, "{pulse:?}");
         }
-    }
-
-    /// Catches a parabola through the wrong samples or with a wrong sign: any parabola returns its own vertex.
-    #[test]
-    fn parabola_returns_its_vertex() {
-        for shift in [-0.49, -0.2, 0.0, 0.3, 0.5] {
-            let value = |i: usize| 9.0 - 2.0 * (i as f64 - 3.0 - shift).powi(2);
-            assert!((vertex(value, 7, 3) - 9.0).abs() < 1e-12, "{shift}");
-        }
-        assert!((vertex(|_| 4.0, 7, 3) - 4.0).abs() < 1e-15);
-        assert!((vertex(|i| i as f64, 7, 6) - 6.0).abs() < 1e-15);
-        assert!((vertex(|i| -(i as f64), 7, 0)).abs() < 1e-15);
-    }
-
-    /// Catches a walk inwards from the record's ends, which a bounce after the pulse would lengthen.
-    #[test]
-    fn walks_outwards_from_the_peak() {
-        let samples = [0.0_f32, 5.0, 0.0, 0.0, 10.0, 20.0, 10.0, 0.0, 0.0, 5.0, 0.0];
-        let (rise, fall) = crossings(|i| f64::from(samples[i]), samples.len(), 5, 2.0).unwrap();
-        assert!((rise - 3.2).abs() < 1e-12 && (fall - 6.8).abs() < 1e-12);
     }
 
     /// Catches a width made up for a pulse that the record cuts off, and a division by zero.
@@ -134,8 +159,8 @@ mod tests {
         let samples = [0.0_f32, 0.0, 5.0, 10.0, 5.0, 0.0, 0.0];
         let track = Track { samples: &samples, unit_per_count: 3.0 };
         let extent = Extent::of(&samples).unwrap();
-        assert!(Pulse::find(track, extent, 0.0, 1.9).is_some());
-        assert_eq!(Pulse::find(track, extent, 0.0, 2.1), None);
+        assert!(PulseFinder::default().find(track, extent, 0.0, 1.9).is_some());
+        assert_eq!(PulseFinder::default().find(track, extent, 0.0, 2.1), None);
     }
 
     /// Catches a sensor wired the other way round: the scale's sign decides which extreme is the peak.
@@ -144,7 +169,7 @@ mod tests {
         let samples = [0.0_f32, 0.0, -5.0, -10.0, -6.0, 0.0, 0.0, 1.0];
         let turned: Vec<f32> = samples.iter().map(|x| -x).collect();
         let extent = Extent::of(&samples).unwrap();
-        let pulse = Pulse::find(Track { samples: &samples, unit_per_count: -1.0 }, extent, 0.0, 0.0);
+        let pulse = PulseFinder::default().find(Track { samples: &samples, unit_per_count: -1.0 }, extent, 0.0, 0.0);
         assert!(pulse.is_some());
         assert_eq!(pulse, pulse_of(&turned));
     }

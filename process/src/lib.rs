@@ -12,7 +12,7 @@
 //! | `NO_BASELINE` | F_max, tau, A_1, A_2; the spectrum needs no baseline |
 //! | `NO_PULSE` | F_max, tau, A_1, A_2 |
 //! | `NO_ONSET` | A_1 and A_2; of a sound without any variation, or less than 6 sigma of it, PR, P_f and E_f too |
-//! | `NO_BAND` | PR, P_f, E_f |
+//! | `NO_BAND` | PR, P_f, E_f; where noise is subtracted, also when a band holds no more than noise |
 //!
 //! Flags of doubt take away what [`QualityConfig`]'s policies say; by default:
 //!
@@ -67,8 +67,10 @@
 mod baseline;
 mod config;
 mod error;
+mod estimator;
 mod extractor;
 mod force;
+mod hum;
 mod quality;
 mod real;
 mod record;
@@ -78,6 +80,7 @@ mod spectrum;
 
 pub use config::{Precision, ProcessConfig};
 pub use error::Error;
+pub use estimator::{BandEdges, DurationEstimator, PeakEstimator, SpectrumEstimator, Subtraction};
 pub use extractor::{Extractor, ProcessExtractor};
 pub use quality::{Policy, QualityConfig};
 pub use real::Real;

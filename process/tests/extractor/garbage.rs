@@ -57,7 +57,19 @@ fn whole(mut header: TapHeader, total: usize) -> TapHeader {
     header
 }
 
+/// Estimators that are not the default, all of them in one or the other.
+const OTHERS: [&str; 3] = [
+    "f_max = 'polynomial'\ntau = 'impulse'\nspectrum = 'gate'\ngate_s = 0.01\nsubtract = 'both'\nband_edges = 'fractional'",
+    "f_max = 'half_sine'\ntau = 'width_02'\nspectrum = 'decimated'\nsubtract = 'noise'\ndroop_time_constant_s = 0.01",
+    "f_max = 'raw'\ntau = 'width_50'\nsubtract = 'hum'\nmains_hz = 900.0\ndroop_time_constant_s = 1e-9\nf_lo_hz = 0.0",
+];
+
 fn check<T: Real>(header: &TapHeader, samples: Samples<'_>) -> Result<Discriminators, TestCaseError> {
+    for others in OTHERS {
+        let config: ProcessConfig = toml::from_str(others).unwrap();
+        let found = Extractor::<T>::new(&config).unwrap().extract(header, samples);
+        prop_assert!(values(&found).iter().flatten().all(|value| value.is_finite() && *value >= 0.0), "{:?}", found);
+    }
     let config = ProcessConfig { f_lo_hz: 0.0, f_top_hz: 1e5, f_hi_hz: 5e4, ..ProcessConfig::default() };
     let found = Extractor::<T>::new(&config).unwrap().extract(header, samples);
     let absent = values(&found).iter().filter(|value| value.is_none()).count();

@@ -1,0 +1,197 @@
+//! F_max and tau of pulses: a half-sine of the closed form's size, and the forces of the three rungs that run in time.
+
+use std::f64::consts::PI;
+
+use anyhow::{Result, bail};
+use tapline_model::{Impact, Rung, Scene};
+use tapline_process::{DurationEstimator, Extractor, PeakEstimator, ProcessConfig};
+use tapline_wire::{Channel, Discriminator};
+
+use super::{Cell, Errors, Estimator, RATES_HZ, Row, add_noise, amount, extract, uniform};
+
+/// Taps of each cell.
+const TAPS: u32 = 300;
+/// Samples before the impact.
+const PRE_TRIGGER: u32 = 200;
+/// Depth of the crack that the plates lie over: as deep as thin-plate theory goes.
+const CRACK_M: f64 = 5e-3;
+
+const PULSES: [&str; 4] = ["half-sine", "integral", "plate", "full"];
+const SNR_DB: [Option<u32>; 5] = [None, Some(60), Some(40), Some(30), Some(20)];
+
+pub(super) fn cells() -> Vec<Cell> {
+    let cell = |table: &str, signal: &str, rate_hz, snr_db, fault: &str| Cell {
+        table: table.to_owned(),
+        signal: signal.to_owned(),
+        rate_hz,
+        snr_db,
+        fault: fault.to_owned(),
+    };
+    let mut cells = Vec::new();
+    for signal in PULSES {
+        for rate_hz in RATES_HZ {
+            cells.extend(SNR_DB.map(|snr_db| cell("force", signal, rate_hz, snr_db, "")));
+        }
+    }
+    for signal in ["half-sine", "integral", "plate"] {
+        for fault in ["clipped 90 %", "clipped 80 %", "clipped 60 %"] {
+            cells.extend([None, Some(40)].map(|snr_db| cell("clip", signal, RATES_HZ[0], snr_db, fault)));
+        }
+        for fault in ["time constant 0.1 s", "time constant 0.01 s"] {
+            cells.extend([None, Some(40)].map(|snr_db| cell("droop", signal, RATES_HZ[0], snr_db, fault)));
+        }
+    }
+    cells
+}
+
+/// A pulse in N, in steps of `step_s` from its first instant, and its duration.
+struct Pulse {
+    history_n: Vec<f64>,
+    step_s: f64,
+    contact_time_s: f64,
+}
+
+impl Pulse {
+    fn of(name: &str) -> Result<Self> {
+        let sound = Scene::default();
+        let cracked = Scene { h_m: CRACK_M, ..sound };
+        let impact = match name {
+            "half-sine" => return Self::half_sine(&sound),
+            "integral" => Impact::integral(&sound)?,
+            "plate" => Impact::plate(&cracked)?,
+            "full" => Impact::full(&cracked)?,
+            other => bail!("no pulse {other}"),
+        };
+        let mut history_n = Vec::new();
+        let step_s = impact.force_history(&mut history_n);
+        Ok(Self { history_n, step_s, contact_time_s: impact.outcome()?.contact_time_s })
+    }
+
+    fn half_sine(scene: &Scene) -> Result<Self> {
+        const STEPS: u32 = 4096;
+        let contact = Rung::Closed.contact(scene, tapline_model::DampingLaw::Exact)?;
+        let force_n = |i: u32| contact.f_max_n * (PI * f64::from(i) / f64::from(STEPS)).sin();
+        Ok(Self {
+            history_n: (0..=STEPS).map(force_n).collect(),
+            step_s: contact.contact_time_s / f64::from(STEPS),
+            contact_time_s: contact.contact_time_s,
+        })
+    }
+
+    fn f_max_n(&self) -> f64 {
+        self.history_n.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN)
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a place in the history, checked by get"
+    )]
+    fn force_n(&self, t_s: f64) -> f64 {
+        let at = t_s / self.step_s;
+        let share = at - at.floor();
+        let pair = if at >= 0.0 { self.history_n.get(at as usize..at as usize + 2) } else { None };
+        pair.map_or(0.0, |pair| pair[0] + share * (pair[1] - pair[0]))
+    }
+}
+
+const F_MAX: &[Discriminator] = &[Discriminator::FMax];
+const TAU: &[Discriminator] = &[Discriminator::Tau];
+const BOTH: &[Discriminator] = &[Discriminator::FMax, Discriminator::Tau];
+
+fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
+    let plain = ProcessConfig::default();
+    let peak = |name, f_max| Estimator { name, config: ProcessConfig { f_max, ..plain }, quantities: F_MAX };
+    let of_time = |name, tau| Estimator { name, config: ProcessConfig { tau, ..plain }, quantities: TAU };
+    Ok(match cell.table.as_str() {
+        "force" => vec![
+            peak("raw", PeakEstimator::Raw),
+            peak("parabola", PeakEstimator::Parabola),
+            peak("polynomial", PeakEstimator::Polynomial),
+            peak("half_sine", PeakEstimator::HalfSine),
+            of_time("half_sine", DurationEstimator::HalfSine),
+            of_time("width_02", DurationEstimator::Width02),
+            of_time("width_50", DurationEstimator::Width50),
+            of_time("impulse", DurationEstimator::Impulse),
+        ],
+        "clip" => vec![
+            Estimator { name: "parabola", config: plain, quantities: BOTH },
+            Estimator {
+                name: "half_sine",
+                config: ProcessConfig { f_max: PeakEstimator::HalfSine, ..plain },
+                quantities: BOTH,
+            },
+        ],
+        _ => {
+            let Some(droop_time_constant_s) = amount(&cell.fault, "time constant ")? else {
+                bail!("{} is no droop", cell.fault)
+            };
+            let corrected = ProcessConfig { droop_time_constant_s, ..plain };
+            vec![
+                Estimator { name: "as it is", config: plain, quantities: BOTH },
+                Estimator { name: "corrected", config: corrected, quantities: BOTH },
+            ]
+        }
+    })
+}
+
+pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
+    let pulse = Pulse::of(&cell.signal)?;
+    let estimators = estimators(cell)?;
+    let mut extractors = Vec::new();
+    for estimator in &estimators {
+        extractors.push((Extractor::<f64>::new(&estimator.config)?, [Errors::default(), Errors::default()]));
+    }
+    let mut generator = cell.generator();
+    for _ in 0..TAPS {
+        let mut samples = record(&pulse, cell, uniform(&mut generator)?)?;
+        add_noise(&mut samples, pulse.f_max_n(), cell.snr_db, &mut generator);
+        clip(&mut samples, &pulse, cell)?;
+        for (extractor, [f_max, tau]) in &mut extractors {
+            let found = extract(extractor, Channel::Force, &samples, cell.rate_hz, PRE_TRIGGER)?;
+            f_max.push(found.get(Discriminator::FMax), pulse.f_max_n());
+            tau.push(found.get(Discriminator::Tau), pulse.contact_time_s);
+        }
+    }
+    let mut rows = Vec::new();
+    for (estimator, (_, [f_max, tau])) in estimators.iter().zip(&extractors) {
+        for &quantity in estimator.quantities {
+            let errors = if quantity == Discriminator::FMax { f_max } else { tau };
+            rows.push(errors.row(cell, estimator.name, quantity));
+        }
+    }
+    Ok(rows)
+}
+
+/// The samples of `pulse`, which begins `phase` samples before the trigger, behind the coupling that the cell may have.
+#[expect(clippy::cast_possible_truncation, reason = "samples are in single precision")]
+fn record(pulse: &Pulse, cell: &Cell, phase: f64) -> Result<Vec<f32>> {
+    /// Steps of the coupling within a sample.
+    const STEPS: u32 = 64;
+    let rate_hz = f64::from(cell.rate_hz);
+    let count = PRE_TRIGGER + cell.rate_hz / 80;
+    let force_n = |at: f64| pulse.force_n((at - f64::from(PRE_TRIGGER) + phase) / rate_hz);
+    let Some(time_constant_s) = amount(&cell.fault, "time constant ")? else {
+        return Ok((0..count).map(|i| force_n(f64::from(i)) as f32).collect());
+    };
+    // y' = x' - y/TC, y held within a step: z = x - y follows z' = y/TC.
+    let mut lost_n = 0.0;
+    let mut samples = Vec::new();
+    for i in 0..count {
+        samples.push((force_n(f64::from(i)) - lost_n) as f32);
+        for step in 0..STEPS {
+            let middle = f64::from(i) + (f64::from(step) + 0.5) / f64::from(STEPS);
+            lost_n += (force_n(middle) - lost_n) / (f64::from(STEPS) * rate_hz * time_constant_s);
+        }
+    }
+    Ok(samples)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "samples are in single precision")]
+fn clip(samples: &mut [f32], pulse: &Pulse, cell: &Cell) -> Result<()> {
+    if let Some(percent) = amount(&cell.fault, "clipped ")? {
+        let limit = (pulse.f_max_n() * percent / 100.0) as f32;
+        samples.iter_mut().filter(|x| **x > limit).for_each(|x| *x = limit);
+    }
+    Ok(())
+}

@@ -1,0 +1,192 @@
+//! PR, P_f and E_f of sounds from the simulated rig, which is made perfect so that noise and faults are this study's own.
+
+use std::f64::consts::TAU;
+
+use anyhow::{Context as _, Result, bail};
+use tapline_model::{Crack, SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig};
+use tapline_process::{BandEdges, Extractor, Precision, ProcessConfig, Real, SpectrumEstimator, Subtraction};
+use tapline_wire::{Channel, Discriminator};
+
+use super::{Cell, Errors, Estimator, RATES_HZ, Row, add_noise, amount, extract, uniform};
+
+/// Taps of each cell.
+const TAPS: u32 = 100;
+/// Seconds of a record, and before the impact: those of the rig.
+const RECORD_S: f64 = 0.4;
+const PRE_TRIGGER_S: f64 = 0.0125;
+
+const POWERS: &[Discriminator] = &[Discriminator::Pr, Discriminator::Pf, Discriminator::Ef];
+
+pub(super) fn cells() -> Vec<Cell> {
+    let mut cells = Vec::new();
+    for signal in ["sound", "cracked"] {
+        for rate_hz in RATES_HZ {
+            let conditions = [
+                (None, ""),
+                (Some(60), ""),
+                (Some(40), ""),
+                (Some(30), ""),
+                (Some(20), ""),
+                (Some(60), "hum 3 %"),
+                (Some(60), "hum 10 %"),
+                (Some(60), "neighbour 50 %"),
+            ];
+            cells.extend(conditions.map(|(snr_db, fault)| Cell {
+                table: "sound".to_owned(),
+                signal: signal.to_owned(),
+                rate_hz,
+                snr_db,
+                fault: fault.to_owned(),
+            }));
+        }
+    }
+    cells
+}
+
+fn estimators() -> Vec<Estimator> {
+    let of = |name, spectrum, band_edges, subtract, precision| Estimator {
+        name,
+        config: ProcessConfig { spectrum, band_edges, subtract, precision, ..ProcessConfig::default() },
+        quantities: POWERS,
+    };
+    use BandEdges::{Bins, Fractional};
+    use Precision::{F32, F64};
+    use SpectrumEstimator::{Decimated, Gate, Whole};
+    use Subtraction as S;
+    vec![
+        of("whole, f64", Whole, Bins, S::None, F64),
+        of("whole", Whole, Bins, S::None, F32),
+        of("whole, fractional", Whole, Fractional, S::None, F32),
+        of("decimated", Decimated, Bins, S::None, F32),
+        of("gate", Gate, Bins, S::None, F32),
+        of("gate, fractional", Gate, Fractional, S::None, F32),
+        of("whole, less noise", Whole, Bins, S::Noise, F32),
+        of("gate, fractional, less noise", Gate, Fractional, S::Noise, F32),
+        of("whole, less hum", Whole, Bins, S::Hum, F32),
+        of("gate, fractional, less both", Gate, Fractional, S::Both, F32),
+    ]
+}
+
+pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
+    let clean = clean(cell)?;
+    let pre_trigger = pre_trigger(cell.rate_hz);
+    let mut reference = Extractor::<f64>::new(&ProcessConfig::default())?;
+    let truth = powers(&mut reference, &clean, cell.rate_hz)?;
+    let peak = clean.iter().map(|x| f64::from(x.abs())).max_by(f64::total_cmp).unwrap_or(f64::NAN);
+    let mut generator = cell.generator();
+    let mut taps = Vec::new();
+    // Without chance in it, one tap is all there is.
+    for _ in 0..if cell.snr_db.is_none() && cell.fault.is_empty() { 1 } else { TAPS } {
+        let mut samples = clean.clone();
+        spoil(&mut samples, &clean, peak, pre_trigger, cell, uniform(&mut generator)?)?;
+        add_noise(&mut samples, peak, cell.snr_db, &mut generator);
+        taps.push(samples);
+    }
+    let mut rows = Vec::new();
+    for estimator in estimators() {
+        rows.extend(match estimator.config.precision {
+            Precision::F32 => measure_with::<f32>(cell, &estimator, &taps, truth)?,
+            Precision::F64 => measure_with::<f64>(cell, &estimator, &taps, truth)?,
+        });
+    }
+    Ok(rows)
+}
+
+fn measure_with<T: Real>(
+    cell: &Cell,
+    estimator: &Estimator,
+    taps: &[Vec<f32>],
+    truth: [Option<f64>; 3],
+) -> Result<Vec<Row>> {
+    let mut extractor = Extractor::<T>::new(&estimator.config)?;
+    let mut errors = [Errors::default(), Errors::default(), Errors::default()];
+    for samples in taps {
+        let found = powers(&mut extractor, samples, cell.rate_hz)?;
+        for ((errors, found), truth) in errors.iter_mut().zip(found).zip(truth) {
+            errors.push(found, truth.context("a clean tap has its powers")?);
+        }
+    }
+    Ok(errors.iter().zip(estimator.quantities).map(|(errors, &q)| errors.row(cell, estimator.name, q)).collect())
+}
+
+fn powers<T: Real>(extractor: &mut Extractor<T>, samples: &[f32], rate_hz: u32) -> Result<[Option<f64>; 3]> {
+    let found = extract(extractor, Channel::Sound, samples, rate_hz, pre_trigger(rate_hz))?;
+    Ok([Discriminator::Pr, Discriminator::Pf, Discriminator::Ef].map(|which| found.get(which)))
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few hundred samples")]
+fn pre_trigger(rate_hz: u32) -> u32 {
+    (PRE_TRIGGER_S * f64::from(rate_hz)) as u32
+}
+
+/// The sound of one tap, V: of sound rubber, or in the middle of a crack 6 mm deep.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a few thousand samples, in single precision"
+)]
+fn clean(cell: &Cell) -> Result<Vec<f32>> {
+    let sample_count = (RECORD_S * f64::from(cell.rate_hz)) as u32;
+    let config = SimulationConfig {
+        sample_rate_hz: f64::from(cell.rate_hz),
+        sample_count,
+        pre_trigger_samples: pre_trigger(cell.rate_hz),
+        force_noise_n: 0.0,
+        sound_noise_v: 0.0,
+        hum_v: 0.0,
+        velocity_jitter: 0.0,
+        gain_drift: 0.0,
+        repeatability: 0.0,
+        construction_scatter: 0.0,
+        shoulder_scatter: 0.0,
+        ring_variation: 0.0,
+        location_scatter: 0.0,
+        ..SimulationConfig::default()
+    };
+    let cracks = match cell.signal.as_str() {
+        "sound" => Vec::new(),
+        "cracked" => vec![Crack::default()],
+        other => bail!("no sound {other}"),
+    };
+    let volts_per_count = config.sound_full_scale_v / 32_768.0;
+    let mut rig = SimulatedRig::new(&config, 1, &[SimulatedTyre { serial: "E".to_owned(), cracks }])?;
+    let tap = SimulatedTap {
+        tyre_serial: "E",
+        shoulder: 1,
+        offset_mm: 5.0,
+        velocity_m_per_s: 1.85,
+        location: 2,
+        location_count: 100,
+        repetition: 0,
+        attempt: 0,
+    };
+    let mut samples = vec![0_i16; rig.sample_total()];
+    rig.render(&tap, &mut samples);
+    Ok(samples[sample_count as usize..].iter().map(|&x| (f64::from(x) * volts_per_count) as f32).collect())
+}
+
+/// Adds what else the cell has: hum of any phase, or the tap of a neighbour after 60 ms.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "places in a record, and samples in single precision"
+)]
+fn spoil(samples: &mut [f32], clean: &[f32], peak: f64, pre_trigger: u32, cell: &Cell, phase: f64) -> Result<()> {
+    const MAINS_HZ: f64 = 50.0;
+    const NEIGHBOUR_S: f64 = 0.06;
+    if let Some(percent) = amount(&cell.fault, "hum ")? {
+        let omega = TAU * MAINS_HZ / f64::from(cell.rate_hz);
+        for (i, x) in samples.iter_mut().enumerate() {
+            *x += (peak * percent / 100.0 * (omega * i as f64 + TAU * phase).sin()) as f32;
+        }
+    }
+    if let Some(percent) = amount(&cell.fault, "neighbour ")? {
+        let later = pre_trigger as usize + (NEIGHBOUR_S * f64::from(cell.rate_hz) * (1.0 + phase)) as usize;
+        let loudness = (percent / 100.0) as f32;
+        for (x, y) in samples[later..].iter_mut().zip(&clean[pre_trigger as usize..]) {
+            *x += loudness * y;
+        }
+    }
+    Ok(())
+}

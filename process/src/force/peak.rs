@@ -1,0 +1,179 @@
+//! The height of a pulse's peak.
+
+/// Part of the peak above which samples enter the polynomial.
+const POLYNOMIAL_LEVEL: f64 = 0.7;
+/// Order of the polynomial.
+const ORDER: usize = 4;
+/// Fewest samples that the polynomial is worth fitting to.
+const POLYNOMIAL_SAMPLES_LEAST: usize = 9;
+
+/// Height of the parabola through the samples at and beside `peak_at`; the sample itself at the record's edge and
+/// where the three lie on a line.
+pub(super) fn vertex(value: impl Fn(usize) -> f64, count: usize, peak_at: usize) -> f64 {
+    let b = value(peak_at);
+    if peak_at == 0 || peak_at + 1 >= count {
+        return b;
+    }
+    let (a, c) = (value(peak_at - 1), value(peak_at + 1));
+    let curvature = a - 2.0 * b + c;
+    if curvature < 0.0 { b - (a - c).powi(2) / (8.0 * curvature) } else { b }
+}
+
+/// Maximum of the quartic that fits the samples about `peak_at` above 70 % of the parabola's vertex best, between the
+/// first and the last of them; `None` of fewer than nine, and when they have no such fit.
+pub(super) fn polynomial(value: impl Fn(usize) -> f64, count: usize, peak_at: usize) -> Option<f64> {
+    let level = POLYNOMIAL_LEVEL * vertex(&value, count, peak_at);
+    let above = |i: &usize| value(*i) > level;
+    let before = (0..peak_at).rev().take_while(above).count();
+    let after = (peak_at + 1..count).take_while(above).count();
+    if before + 1 + after < POLYNOMIAL_SAMPLES_LEAST {
+        return None;
+    }
+    let first = peak_at - before;
+    let fit = Quartic::fit(|i| value(first + i), before + 1 + after);
+    Some(fit.maximum()).filter(|height| height.is_finite())
+}
+
+/// A least-squares quartic over -1 to 1, in polynomials that are orthogonal on the samples (Forsythe 1957): no system
+/// of equations is solved.
+#[derive(Debug, Clone, Copy)]
+struct Quartic {
+    alpha: [f64; ORDER + 1],
+    beta: [f64; ORDER + 1],
+    weight: [f64; ORDER + 1],
+}
+
+impl Quartic {
+    /// Of `count` samples, spread evenly from -1 to 1; more than `ORDER` of them.
+    fn fit(value: impl Fn(usize) -> f64, count: usize) -> Self {
+        let half = (count - 1) as f64 / 2.0;
+        let mut fit = Self { alpha: [0.0; ORDER + 1], beta: [0.0; ORDER + 1], weight: [0.0; ORDER + 1] };
+        let mut last_norm = 1.0;
+        for k in 0..=ORDER {
+            let (mut norm, mut moment, mut product) = (0.0, 0.0, 0.0);
+            for i in 0..count {
+                let x = (i as f64 - half) / half;
+                let p = fit.basis(x)[k];
+                norm += p * p;
+                moment += x * p * p;
+                product += p * value(i);
+            }
+            fit.weight[k] = product / norm;
+            fit.alpha[k] = moment / norm;
+            fit.beta[k] = norm / last_norm;
+            last_norm = norm;
+        }
+        fit
+    }
+
+    /// p_0 to p_4 at `x`: p_(k+1) = (x - alpha_k) p_k - beta_k p_(k-1).
+    fn basis(&self, x: f64) -> [f64; ORDER + 1] {
+        let mut p = [1.0; ORDER + 1];
+        p[1] = x - self.alpha[0];
+        for k in 1..ORDER {
+            p[k + 1] = (x - self.alpha[k]) * p[k] - self.beta[k] * p[k - 1];
+        }
+        p
+    }
+
+    fn at(&self, x: f64) -> f64 {
+        self.basis(x).iter().zip(&self.weight).map(|(p, w)| p * w).sum()
+    }
+
+    /// Largest value from -1 to 1: the best of a grid, then thirds of the two cells beside it.
+    fn maximum(&self) -> f64 {
+        const CELLS: u32 = 64;
+        const THIRDS: u32 = 40; // (2/3)^40 of a cell is 1e-9, its square beyond all digits
+        let grid = |i: u32| f64::from(i) * 2.0 / f64::from(CELLS) - 1.0;
+        let best = (0..=CELLS).max_by(|&i, &j| self.at(grid(i)).total_cmp(&self.at(grid(j)))).unwrap_or(0);
+        let (mut low, mut high) = (grid(best.saturating_sub(1)), grid(if best < CELLS { best + 1 } else { best }));
+        for _ in 0..THIRDS {
+            let third = (high - low) / 3.0;
+            if self.at(low + third) < self.at(high - third) { low += third } else { high -= third }
+        }
+        self.at(f64::midpoint(low, high))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Catches a parabola through the wrong samples or with a wrong sign: any parabola returns its own vertex.
+    #[test]
+    fn parabola_returns_its_vertex() {
+        for shift in [-0.49, -0.2, 0.0, 0.3, 0.5] {
+            let value = |i: usize| 9.0 - 2.0 * (i as f64 - 3.0 - shift).powi(2);
+            assert!((vertex(value, 7, 3) - 9.0).abs() < 1e-12, "{shift}");
+        }
+        assert!((vertex(|_| 4.0, 7, 3) - 4.0).abs() < 1e-15);
+        assert!((vertex(|i| i as f64, 7, 6) - 6.0).abs() < 1e-15);
+        assert!((vertex(|i| -(i as f64), 7, 0)).abs() < 1e-15);
+    }
+
+    /// Catches a wrong recurrence, and a maximum sought in too coarse a grid: any quartic returns its own top, known
+    /// where its derivative -4 (x - r) ((x - s)^2 + t) vanishes.
+    #[test]
+    fn quartic_returns_its_top() {
+        for (r, s, t) in [(0.0, 0.3, 0.5), (0.37, -0.2, 0.1), (-0.71, 0.9, 2.0)] {
+            // The integral of -4 (x - r)((x - s)^2 + t) from r on.
+            let quartic = |x: f64| {
+                let u = x - r;
+                let d = r - s;
+                7.0 - 4.0 * (u.powi(4) / 4.0 + 2.0 * d * u.powi(3) / 3.0 + (d * d + t) * u * u / 2.0)
+            };
+            for count in [9, 10, 15, 200] {
+                let half = f64::from(count - 1) / 2.0;
+                let fit = Quartic::fit(|i| quartic((i as f64 - half) / half), count as usize);
+                assert!((fit.maximum() - 7.0).abs() < 1e-12, "{r} {count}: {}", fit.maximum());
+            }
+        }
+    }
+
+    proptest! {
+        /// Catches a projection on polynomials that are not orthogonal: the slow twin is the system of normal
+        /// equations, solved by elimination.
+        #[test]
+        fn quartic_like_the_normal_equations(samples in prop::collection::vec(-1.0..1.0_f64, 9..60), x in -1.0..1.0_f64) {
+            let n = samples.len();
+            let half = (n - 1) as f64 / 2.0;
+            let mut rows = [[0.0; ORDER + 2]; ORDER + 1];
+            for (i, y) in samples.iter().enumerate() {
+                let u = (i as f64 - half) / half;
+                for (j, row) in rows.iter_mut().enumerate() {
+                    for (k, cell) in row.iter_mut().enumerate() {
+                        *cell += u.powi(j as i32) * if k > ORDER { *y } else { u.powi(k as i32) };
+                    }
+                }
+            }
+            for k in 0..=ORDER {
+                let pivot = rows[k];
+                for (_, row) in rows.iter_mut().enumerate().filter(|(j, _)| *j != k) {
+                    let factor = row[k] / pivot[k];
+                    row.iter_mut().zip(pivot).for_each(|(cell, p)| *cell -= factor * p);
+                }
+            }
+            let slow: f64 = (0..=ORDER).map(|k| rows[k][ORDER + 1] / rows[k][k] * x.powi(k as i32)).sum();
+            let fast = Quartic::fit(|i| samples[i], n);
+            prop_assert!((fast.at(x) - slow).abs() < 1e-9);
+            let on_grid = (0..=2000).map(|i| fast.at(f64::from(i) / 1000.0 - 1.0)).fold(f64::MIN, |a, b| if b > a { b } else { a });
+            prop_assert!((fast.maximum() - on_grid).abs() < 1e-4, "{} {on_grid}", fast.maximum());
+        }
+    }
+
+    /// Catches a fit to samples of another pulse, of the flanks, or to too few.
+    #[test]
+    fn polynomial_takes_the_top_of_the_pulse_only() {
+        let top = |i: usize, at: f64, width: f64| 10.0 - 3.0 * ((i as f64 - at) / width).powi(2);
+        let value = |i: usize| match i {
+            20..=30 => top(i, 25.2, 6.0),
+            40..=50 => 9.9,
+            _ => 0.0,
+        };
+        assert!((polynomial(value, 60, 25).unwrap() - 10.0).abs() < 1e-12);
+        assert_eq!(polynomial(|i| top(i, 25.0, 4.0), 60, 25), None); // seven samples above 70 %
+        assert_eq!(polynomial(|_| f64::NAN, 60, 25), None);
+    }
+}

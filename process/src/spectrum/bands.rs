@@ -1,0 +1,161 @@
+//! Bands of frequency, and the bins of a spectrum that lie in them.
+
+use std::ops::Range;
+
+use crate::BandEdges;
+
+/// Edges of the two bands, Hz, each inside its band.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Bands {
+    pub(crate) f_c_hz: f64,
+    pub(crate) f_hi_hz: f64,
+    pub(crate) f_lo_hz: f64,
+    pub(crate) f_top_hz: f64,
+}
+
+impl Bands {
+    /// The highest frequency of either.
+    pub(super) fn top_hz(&self) -> f64 {
+        if self.f_hi_hz > self.f_top_hz { self.f_hi_hz } else { self.f_top_hz }
+    }
+}
+
+/// Frequencies of a spectrum's bins.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grid {
+    sample_count: usize,
+    pub(super) bin_width_hz: f64,
+}
+
+/// The bins of a band, and how the first and the last of them count.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Cells {
+    /// Bins that count wholly.
+    whole: Range<usize>,
+    /// A bin beside those, and the part of it that counts.
+    edges: [(usize, f64); 2],
+}
+
+/// Sum and largest of the one-sided powers of some bins.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Folded {
+    pub(super) sum: f64,
+    pub(super) largest: f64,
+}
+
+impl Grid {
+    pub(super) fn new(sample_count: usize, sample_rate_hz: f64) -> Self {
+        // Operation by operation as numpy.fft.rfftfreq(n, 1/fs), so that a bin on an edge falls on the same side.
+        let spacing_s = 1.0 / sample_rate_hz;
+        Self { sample_count, bin_width_hz: 1.0 / (sample_count as f64 * spacing_s) }
+    }
+
+    fn frequency_hz(&self, bin: usize) -> f64 {
+        bin as f64 * self.bin_width_hz
+    }
+
+    /// First bin whose frequency `is_beyond`, which must stay true once it is.
+    fn first(&self, is_beyond: impl Fn(f64) -> bool) -> usize {
+        let (mut low, mut high) = (0, self.sample_count / 2 + 1);
+        while low < high {
+            let middle = low.midpoint(high);
+            if is_beyond(self.frequency_hz(middle)) { high = middle } else { low = middle + 1 }
+        }
+        low
+    }
+
+    /// Bins from `from_hz` to `to_hz`, both edges inside; `None` when there is none.
+    fn bins(&self, from_hz: f64, to_hz: f64) -> Option<Range<usize>> {
+        let range = self.first(|f| f >= from_hz)..self.first(|f| f > to_hz);
+        (!range.is_empty()).then_some(range)
+    }
+
+    /// Bins from `from_hz` to `to_hz`, those at the edges counted as `edges` says; `None` when no bin's frequency is
+    /// between them.
+    pub(super) fn cells(&self, edges: BandEdges, from_hz: f64, to_hz: f64) -> Option<Cells> {
+        let bins = self.bins(from_hz, to_hz)?;
+        if edges == BandEdges::Bins {
+            return Some(Cells { whole: bins, edges: [(0, 0.0); 2] });
+        }
+        // Bin k stands for k - 1/2 to k + 1/2; the outermost bins inside reach beyond the band or fall short of it.
+        let (from, to) = (from_hz / self.bin_width_hz + 0.5, to_hz / self.bin_width_hz + 0.5);
+        let (first, last) = (from as usize, (to as usize).min(self.sample_count / 2));
+        let part_of = |bin: usize| {
+            let (low, high) = (bin as f64, bin as f64 + 1.0);
+            (if to < high { to } else { high }) - (if from > low { from } else { low })
+        };
+        let low = (first, part_of(first));
+        let high = if last > first { (last, part_of(last)) } else { (last, 0.0) };
+        Some(Cells { whole: first + 1..last, edges: [low, high] })
+    }
+
+    /// Powers of `cells`, which `power` gives of a bin, doubled where a bin stands for a negative frequency as well: all
+    /// but 0 Hz, which the removed mean makes 0, and the Nyquist frequency of an even number of samples.
+    pub(super) fn fold(&self, cells: Cells, power: impl Fn(usize) -> f64) -> Folded {
+        let mut folded = Folded { sum: 0.0, largest: 0.0 };
+        let sided = |k: usize| if 2 * k == self.sample_count { power(k) } else { 2.0 * power(k) };
+        for k in cells.whole.start.max(1)..cells.whole.end {
+            let power = sided(k);
+            folded.sum += power;
+            folded.largest = if power > folded.largest { power } else { folded.largest };
+        }
+        for (k, part) in cells.edges.into_iter().filter(|(k, part)| *k > 0 && *part > 0.0) {
+            let power = sided(k);
+            folded.sum += part * power;
+            let is_inside = part >= 0.5;
+            folded.largest = if is_inside && power > folded.largest { power } else { folded.largest };
+        }
+        folded
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Catches a bin lost to the rounding of k fs / N: rates whose reciprocal is not a double, as numpy finds them.
+    #[test]
+    fn bins_like_numpy() {
+        for (count, rate, from, to) in
+            [(16_384, 40_960.0, 550.0, 2000.0), (16_384, 41_000.0, 70.0, 3000.0), (4800, 48_000.0, 550.0, 2000.0)]
+        {
+            let grid = Grid::new(count, rate);
+            let inside = (0..=count / 2).filter(|&k| (from..=to).contains(&grid.frequency_hz(k)));
+            assert!(inside.eq(grid.bins(from, to).unwrap()), "{count} at {rate}");
+        }
+        assert_eq!(Grid::new(16_384, 40_960.0).bins(550.0, 2000.0), Some(220..801));
+        assert_eq!(Grid::new(16, 40_960.0).bins(550.0, 2000.0), None);
+    }
+
+    /// Catches a part of a cell lost, doubled or beyond the Nyquist frequency: of a flat spectrum the sum is the band.
+    #[test]
+    fn fractional_cells_fill_the_band() {
+        proptest!(|(count in 64..4000_usize, from in 0.02..0.3_f64, width in 0.05..0.9_f64)| {
+            let rate = 1000.0;
+            let to = from + width;
+            let grid = Grid::new(count, rate);
+            let cells = grid.cells(BandEdges::Fractional, from * rate, to * rate).unwrap();
+            let sum = grid.fold(cells, |_| 0.5).sum * grid.bin_width_hz;
+            let top = if to > 0.5 { 0.5 * rate } else { to * rate };
+            // The Nyquist bin of an even number stands for half a cell below it, and the mirrored half.
+            let expected = top - from * rate;
+            let slack = if to >= 0.5 { 0.51 * grid.bin_width_hz } else { 1e-9 };
+            prop_assert!((sum - expected).abs() <= slack, "{sum} {expected}");
+        });
+    }
+
+    /// Catches P_f found in a bin that is only touched by the band.
+    #[test]
+    fn largest_is_of_bins_inside() {
+        let grid = Grid::new(100, 100.0); // bins of 1 Hz
+        let largest = |from, to| {
+            let cells = grid.cells(BandEdges::Fractional, from, to).unwrap();
+            grid.fold(cells, |k| if k == 10 { 4.0 } else { 1.0 }).largest
+        };
+        for (from, to, expected) in [(10.0, 20.0, 8.0), (10.1, 20.0, 2.0), (5.0, 10.0, 8.0), (5.0, 9.9, 2.0)] {
+            assert!((largest(from, to) - expected).abs() < 1e-12, "{from} to {to}");
+        }
+    }
+}

@@ -1,0 +1,215 @@
+"""Writes extractor/estimators_reference.rs: taps, settings of estimators, and what numpy and scipy find with them.
+
+    python3 scipy_estimators.py > extractor/estimators_reference.rs
+"""
+import math
+
+import numpy as np
+from scipy import integrate, optimize, signal
+
+from scipy_definitions import NAMES, trapezoid
+from scipy_reference import BASE, channels, converted, rust
+
+BANDS = dict(f_c=550.0, f_hi=2000.0, f_lo=70.0, f_top=3000.0)
+QUICK = dict(count=4096)
+COUNTS = dict(is_i16=True, force_unit=222 / 32768, sound_unit=5 / 32768)
+CASES = [
+    (QUICK, dict(f_max="raw")),
+    (QUICK, dict(f_max="polynomial")),
+    (QUICK | COUNTS | dict(seed=12, noise=0.05), dict(f_max="polynomial", tau="width_50")),
+    (QUICK | dict(rate=5000.0, count=1024, p=100, onset=101.3), dict(f_max="polynomial")),
+    (QUICK, dict(f_max="half_sine")),
+    (QUICK | COUNTS | dict(seed=13, noise=0.01), dict(f_max="half_sine", tau="impulse")),
+    (QUICK | COUNTS | dict(seed=14, force_unit=0.7e-3), dict(f_max="half_sine")),
+    (QUICK | COUNTS | dict(seed=15, force_unit=0.6e-3, noise=0.0), dict(f_max="half_sine", tau="width_02")),
+    (QUICK, dict(tau="width_02")),
+    (QUICK, dict(tau="width_50")),
+    (QUICK, dict(tau="impulse")),
+    (QUICK | dict(p=5, onset=5.5), dict(tau="impulse")),
+    (QUICK, dict(droop_time_constant_s=0.01)),
+    (QUICK | COUNTS | dict(seed=16, offset=2.0), dict(droop_time_constant_s=0.1, f_max="polynomial", tau="impulse")),
+    (dict(), dict(spectrum="gate")),
+    (dict(seed=17, rate=41000.0, noise=0.02), dict(spectrum="gate", gate_s=0.04, band_edges="fractional")),
+    (QUICK | COUNTS | dict(seed=18, has_force=False), dict(spectrum="gate", gate_s=0.03)),
+    (QUICK | dict(p=0), dict(spectrum="gate")),
+    (dict(count=1024), dict(spectrum="gate")),
+    (dict(), dict(spectrum="decimated")),
+    (COUNTS | dict(seed=19, rate=48000.0, noise=0.05), dict(spectrum="decimated", band_edges="fractional")),
+    (dict(seed=20, count=16386), dict(spectrum="decimated")),
+    (dict(seed=21, rate=10000.0, count=4096, p=120, onset=121.6), dict(spectrum="decimated")),
+    (QUICK | dict(rate=41000.0), dict(band_edges="fractional")),
+    (QUICK | dict(f_lo=0.0), dict(band_edges="fractional")),
+    (dict(noise=0.05), dict(subtract="noise")),
+    (COUNTS | dict(seed=22, noise=0.03), dict(subtract="noise", spectrum="gate")),
+    (QUICK | dict(seed=23, offset=0.2), dict(subtract="hum")),
+    (COUNTS | dict(seed=24, noise=0.02), dict(subtract="both", mains_hz=60.0, spectrum="gate", band_edges="fractional")),
+    (QUICK | dict(p=100, onset=101.0), dict(subtract="hum")),
+]
+
+
+def vertex(f, k):
+    if not 0 < k < len(f) - 1:
+        return f[k]
+    a, b, c = f[k - 1:k + 2]
+    return b - (a - c) ** 2 / (8 * (a - 2 * b + c)) if a - 2 * b + c < 0 else b
+
+
+def crossings(f, k, level):
+    below = np.flatnonzero(f <= level)
+    left, right = below[below < k], below[below > k]
+    if len(left) == 0 or len(right) == 0:
+        return None
+    i, j = left[-1], right[0]
+    return i + (level - f[i]) / (f[i + 1] - f[i]), j - 1 + (f[j - 1] - level) / (f[j - 1] - f[j])
+
+
+def polynomial(f, k):
+    inside = f > 0.7 * vertex(f, k)
+    low, high = k, k
+    while inside[low - 1]:
+        low -= 1
+    while inside[high + 1]:
+        high += 1
+    if high - low + 1 < 9:
+        return vertex(f, k)
+    x = np.linspace(-1, 1, high - low + 1)
+    fit = np.polynomial.Polynomial.fit(x, f[low:high + 1], 4, domain=[-1, 1])
+    roots = fit.deriv().roots()
+    tops = [r.real for r in roots if abs(r.imag) < 1e-12 and abs(r.real) <= 1] + [-1, 1]
+    return max(fit(t) for t in tops)
+
+
+def half_sine(f, k):
+    rise, fall = crossings(f, k, 0.1 * vertex(f, k))
+    n = np.arange(math.ceil(rise), math.floor(fall) + 1)
+    y = f[n]
+    is_top = y == y.max()
+    if any(is_top[i] and is_top[i + 1] and is_top[i + 2] for i in range(len(y) - 2)):
+        n, y = n[~is_top], y[~is_top]
+    u = n - n.mean()
+    found = optimize.least_squares(lambda q: q[0] * np.cos(q[1] * (u - q[2])) - y,
+                                   [y.max() * 1.1, math.pi / (fall - rise) / 1.07, (rise + fall) / 2 - n.mean()],
+                                   xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale=[y.max(), 0.1, 1.0])
+    return float(found.x[0])
+
+
+def without_droop(f, constant):
+    k = int(np.argmax(f))
+    rise, fall = crossings(f, k, 0.1 * vertex(f, k))
+    width = fall - rise
+    first, last = max(0, math.floor(rise - width)), min(len(f) - 1, math.floor(fall + 2 * width))
+    part = np.concatenate([[0.0], f[first:last + 1]])
+    x = f.copy()
+    x[first:last + 1] += integrate.cumulative_trapezoid(part) / constant
+    return x
+
+
+def pulse(f, fs, settings):
+    if settings.get("droop_time_constant_s"):
+        f = without_droop(f, settings["droop_time_constant_s"] * fs)
+    k = int(np.argmax(f))
+    peaks = dict(raw=lambda f, k: f[k], parabola=vertex, polynomial=polynomial, half_sine=half_sine)
+    f_max = peaks[settings.get("f_max", "parabola")](f, k)
+    ten = crossings(f, k, 0.1 * f_max)
+    rise, fall = ten
+    width = fall - rise
+
+    def base(level):
+        found = crossings(f, k, level * f_max)
+        return found and (found[1] - found[0]) / (1 - 2 * math.asin(level) / math.pi)
+
+    kind = settings.get("tau", "half_sine")
+    if kind == "impulse":
+        ends = max(0, rise - width / 2), min(len(f) - 1, fall + width / 2)
+        tau = math.pi * trapezoid(f, *ends) / (2 * f_max)
+    else:
+        tau = base(dict(half_sine=0.1, width_02=0.02, width_50=0.5)[kind]) or base(0.1)
+    return f_max, tau, rise - (base(0.1) - width) / 2
+
+
+def overlap(f, df, low, high, kind):
+    if kind == "bins":
+        return ((f >= low) & (f <= high)).astype(float)
+    return np.clip((np.minimum(f + df / 2, high) - np.maximum(f - df / 2, low)) / df, 0, 1)
+
+
+def smooth(n):
+    rest = n
+    for q in [2, 3, 5]:
+        while rest % q == 0:
+            rest //= q
+    return rest == 1 and n % 2 == 0
+
+
+def spectrum(x, fs, onset, m, settings, f_lo):
+    gate = round(settings.get("gate_s", 0.05) * fs)
+    n, share = len(x), 1.0
+    length, y = n, x - x.mean()
+    if settings.get("spectrum") == "gate" and onset is not None and m > 0:
+        first = max(0, math.floor(onset - 1e-3 * fs))
+        if first + gate < n:
+            tail = int(0.1 * gate)
+            window = np.ones(gate)
+            window[gate - tail:] = 0.5 * (1 + np.cos(math.pi * (np.arange(tail) + 0.5) / tail))
+            y, share = x[first:first + gate] * window, np.sum(window ** 2) / n
+            length = next(k for k in range(gate, 2 * gate) if smooth(k))
+    f = np.fft.rfftfreq(length, 1 / fs)
+    df = f[1]
+    psd = np.abs(np.fft.rfft(y, length)) ** 2 / (fs * n)
+    psd[1:len(psd) - (length % 2 == 0)] *= 2
+    psd[0] = 0
+    kind = settings.get("band_edges", "bins")
+    flexural = overlap(f, df, BANDS["f_c"], BANDS["f_hi"], kind)
+    reference = overlap(f, df, f_lo, BANDS["f_top"], kind)
+    e_f, e_all, p_f = (psd * flexural).sum() * df, (psd * reference).sum() * df, psd[flexural >= 0.5].max()
+    if settings.get("subtract") in ["noise", "both"]:
+        g, noise = signal.periodogram(x[:m], fs, window="hann", detrend="constant", scaling="density")
+        noise[0] = 0
+        part = [(noise * overlap(g, g[1], low, high, "fractional")).sum() * g[1]
+                for low, high in [(BANDS["f_c"], BANDS["f_hi"]), (f_lo, BANDS["f_top"])]]
+        e_f, e_all = e_f - share * part[0], e_all - share * part[1]
+        p_f -= share * part[0] / (BANDS["f_hi"] - BANDS["f_c"])
+    return dict(pr=e_f / e_all, p_f=p_f, e_f=e_f)
+
+
+def discriminators(c, settings):
+    force, sound = channels(c)
+    force, sound = converted(force, c["force_unit"], c["is_i16"]), converted(sound, c["sound_unit"], c["is_i16"])
+    fs, m, found, onset = c["rate"], math.floor(0.75 * c["p"]), {}, None
+    base = np.median(sound[:m]) if m else 0.0
+    x = sound - base
+    if settings.get("subtract") in ["hum", "both"]:
+        hum_hz = settings.get("mains_hz", 50.0)
+        if m * hum_hz / fs >= 0.25:
+            w = 2 * math.pi * hum_hz / fs * np.arange(len(x))
+            columns = np.stack([np.ones(len(x)), np.cos(w), np.sin(w)], axis=1)
+            x = x - columns @ np.linalg.lstsq(columns[:m], x[:m], rcond=None)[0]
+    if m and c["has_force"]:
+        f_max, tau, onset = pulse(force - np.median(force[:m]), fs, settings)
+        found |= dict(f_max=f_max, tau=tau / fs, a_1=abs(trapezoid(x, onset, onset + tau)) / fs)
+        ringing = onset + tau
+    elif m:
+        ringing = onset = float(np.flatnonzero(np.abs(sound - base) > 5 * np.std(sound[:c["p"]]))[0])
+    if m:
+        found["a_2"] = trapezoid(x, ringing, len(x) - 1, np.abs) / fs
+    return found | spectrum(x, fs, onset, m, settings, c["f_lo"])
+
+
+def main():
+    print("//! Estimators' cases and what numpy and scipy find; written by `scipy_estimators.py`, not by hand.\n")
+    print("use crate::signal::Case;\n")
+    print("#[rustfmt::skip]\npub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[")
+    for changes, settings in CASES:
+        c = BASE | changes
+        toml = "\\n".join(f"{key} = {value!r}" for key, value in settings.items())
+        toml += "\\n[quality]\\nclipped_force = 'keep'"
+        found = discriminators(c, settings)
+        fields = ", ".join(f"{key}: {rust(value)}" for key, value in c.items())
+        print(f'    (Case {{ name: "{toml}", {fields} }}, "{toml}", [')
+        for key in NAMES:
+            print(f"        {f'Some({float(found[key])!r})' if key in found else 'None'}, // {key}")
+        print("    ]),")
+    print("];")
+
+
+main()
