@@ -313,7 +313,6 @@ impl Found {
 
 /// An [`Extractor`] of the precision that the configuration asks for.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is one a worker, and it stays where it is")]
 pub enum ProcessExtractor {
     /// Single precision, and the double that taps with a faint flexural band are done again in: beside a sound 50 dB
     /// above it, single precision would not hold 1e-4.
