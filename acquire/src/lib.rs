@@ -31,6 +31,9 @@ mod text;
 mod truth_csv;
 mod wav;
 
+#[cfg(test)]
+mod fuzz_tests;
+
 pub use config::{AcquireConfig, ScanConfig, TyreConfig};
 pub use error::Error;
 pub use run::{Outcome, run};
