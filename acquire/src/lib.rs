@@ -33,6 +33,8 @@ mod wav;
 
 #[cfg(test)]
 mod fuzz_tests;
+#[cfg(test)]
+mod mutated;
 
 pub use config::{AcquireConfig, ScanConfig, TyreConfig};
 pub use error::Error;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::stats::Spread;
+use crate::stats::{Spread, upper_quantile, upper_tail};
 
 /// How the conditions of a location become one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -14,12 +14,12 @@ pub enum Combination {
     Largest,
 }
 
-/// One value a location of its conditions' values in `rows`, standardised by the middle and spread of the locations that
-/// have as many conditions.
+/// One value a location of its conditions' standard values in `rows`, standardised by the middle and spread of the
+/// locations that have as many conditions.
 ///
-/// The largest of four standard normals has a mean of 1.03 and a spread of 0.70: what is compared with the limits of a
-/// single one must be put back on its scale, and one missing condition lowers it, so that locations are put back by
-/// those that have as many. Absent values, and what is no number, are left out. `None` for a location without values, and
+/// The largest of four standard normals has a mean of 1.03, a spread of 0.70 and a tail of its own: what is compared with
+/// the limits of a single one must be put back on its scale, by the chance 1 - (1 - p)^n that one of n is as large
+/// (Sidak). That is for independent conditions; for others, and where one is missing, the middle and spread make up. Absent values, and what is no number, are left out. `None` for a location without values, and
 /// for one of which there are too few with as many.
 pub fn combined(rows: &[Vec<Option<f64>>], how: Combination) -> Vec<Option<f64>> {
     let raw: Vec<Option<(usize, f64)>> = rows.iter().map(|row| one_of(row, how)).collect();
@@ -39,7 +39,10 @@ fn one_of(row: &[Option<f64>], how: Combination) -> Option<(usize, f64)> {
     let count = present().count();
     let value = match how {
         Combination::Mean => (count > 0).then(|| present().sum::<f64>() / count as f64),
-        Combination::Largest => present().max_by(f64::total_cmp),
+        Combination::Largest => present().max_by(f64::total_cmp).map(|largest| {
+            let chance = -(count as f64 * (-upper_tail(largest)).ln_1p()).exp_m1();
+            upper_quantile(chance)
+        }),
     };
     Some((count, value?))
 }
