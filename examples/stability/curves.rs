@@ -4,8 +4,8 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use tapline_model::{DampedContact, DampingLaw, Rung, Scene};
-use tapline_process::ProcessConfig;
-use tapline_wire::Discriminator;
+use tapline_process::{Policy, ProcessConfig};
+use tapline_wire::{Discriminator, Quality};
 
 use super::tap::{Tap, add_hum, add_noise, add_offset, clip};
 
@@ -20,8 +20,17 @@ pub(crate) struct Curve {
     /// What is to be seen, in a sentence.
     pub(crate) sentence: &'static str,
     pub(crate) columns: Vec<&'static str>,
-    /// x, and the error of each column; NaN where the number is absent.
-    pub(crate) rows: Vec<(f64, Vec<f64>)>,
+    pub(crate) rows: Vec<Row>,
+}
+
+/// One place of a curve.
+#[derive(Debug, Clone)]
+pub(crate) struct Row {
+    pub(crate) x: f64,
+    /// The error of each column; NaN where the number is absent.
+    pub(crate) errors: Vec<f64>,
+    /// What is said of it: names of flags, joined by `|`.
+    pub(crate) flags: String,
 }
 
 /// Records a point of the noise curve is the mean square of.
@@ -46,19 +55,38 @@ fn names() -> Vec<&'static str> {
     Discriminator::ALL.iter().map(|which| which.name()).collect()
 }
 
-/// Errors of the seven discriminators of `tap`.
-fn errors(tap: &Tap) -> Vec<f64> {
-    let config = ProcessConfig::default();
-    let (found, clean) = (tap.extract(&config).values, Tap::sound().extract(&config).values);
-    let error = |which| match (found.get(which), clean.get(which)) {
+/// The default configuration, but that no flag takes a value away: what it would be is the question here.
+fn keeping() -> ProcessConfig {
+    use Policy::Keep;
+    let mut config = ProcessConfig::default();
+    let q = &mut config.quality;
+    (q.clipped_force, q.clipped_sound, q.late_trigger, q.double_hit, q.undersampled) = (Keep, Keep, Keep, Keep, Keep);
+    (q.hum, q.low_snr, q.neighbour, q.velocity_off, q.rate_implausible) = (Keep, Keep, Keep, Keep, Keep);
+    config
+}
+
+/// Errors of the seven discriminators of `tap`, and its flags.
+fn errors(tap: &Tap) -> (Vec<f64>, Quality) {
+    let found = tap.extract(&keeping());
+    let clean = Tap::sound().extract(&keeping()).values;
+    let error = |which| match (found.values.get(which), clean.get(which)) {
         (Some(x), Some(truth)) => (x / truth - 1.0).abs(),
         _ => f64::NAN,
     };
-    Discriminator::ALL.into_iter().map(error).collect()
+    (Discriminator::ALL.into_iter().map(error).collect(), found.quality)
 }
 
-fn disturbed(xs: Vec<f64>, tap_at: impl Fn(f64) -> Tap) -> Vec<(f64, Vec<f64>)> {
-    xs.into_iter().map(|x| (x, errors(&tap_at(x)))).collect()
+fn disturbed(xs: Vec<f64>, tap_at: impl Fn(f64) -> Tap) -> Vec<Row> {
+    let row = |x| {
+        let (errors, quality) = errors(&tap_at(x));
+        Row { x, errors, flags: quality.to_string() }
+    };
+    xs.into_iter().map(row).collect()
+}
+
+/// A row of the contact models, of which no flag is drawn.
+fn modelled(x: f64, errors: Vec<f64>) -> Row {
+    Row { x, errors, flags: String::new() }
 }
 
 fn on_both(x: f64, change: impl Fn(&mut [f64], f64)) -> Tap {
@@ -70,17 +98,19 @@ fn on_both(x: f64, change: impl Fn(&mut [f64], f64)) -> Tap {
 
 fn noise() -> Curve {
     let at = |x: f64| {
-        let mut squares = [0.0; 7];
+        let (mut squares, mut quality) = ([0.0; 7], Quality::default());
         for seed in 0..NOISE_RECORDS {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut tap = Tap::sound();
             add_noise(&mut tap.force_n, x, || StandardNormal.sample(&mut rng));
             add_noise(&mut tap.sound_v, x, || StandardNormal.sample(&mut rng));
-            for (square, error) in squares.iter_mut().zip(errors(&tap)) {
+            let (errors, flags) = errors(&tap);
+            quality.insert(flags);
+            for (square, error) in squares.iter_mut().zip(errors) {
                 *square += error * error / NOISE_RECORDS as f64;
             }
         }
-        (x, squares.map(f64::sqrt).to_vec())
+        Row { x, errors: squares.map(f64::sqrt).to_vec(), flags: quality.to_string() }
     };
     Curve {
         name: "snr",
@@ -99,7 +129,7 @@ pub(crate) fn clipping() -> Curve {
         title: "Both channels cut off below their peak",
         x_label: "Clipping level / peak",
         is_x_log: false,
-        sentence: "F_max loses what is cut off and A_1 and the powers with it; tau and PR stay within 5 %. Nothing is absent: a flag must say it.",
+        sentence: "F_max loses what is cut off and A_1 and the powers with it; tau and PR stay within 5 %. No value shows it by itself; the flag does, at any level.",
         columns: names(),
         rows: disturbed(steps(0.4, 1.0, 25), |x| on_both(x, clip)),
     }
@@ -135,7 +165,7 @@ fn trigger_shift() -> Curve {
         title: "Tap later or earlier in its record",
         x_label: "Contact after the trigger sample, ms",
         is_x_log: false,
-        sentence: "No discriminator moves by more than 1e-3 while the ringing, which is down to 1e-5 of its peak after 100 ms, ends within the record; towards its end the powers and A_2 go, and at -12 ms, where the contact lies within the baseline, the areas do.",
+        sentence: "No discriminator moves by more than 1e-3 while the ringing, which is down to 1e-5 of its peak after 100 ms, ends within the record; towards its end the powers and A_2 go, which no flag tells, and at -12 ms, where the contact lies within the baseline, the areas do.",
         columns: names(),
         rows: disturbed(steps(-12.0, 390.0, 68), |x| Tap::clean(1e-3, 1e-3 * x)),
     }
@@ -153,7 +183,7 @@ pub(crate) fn velocity_drift() -> Curve {
             contact(rung, &Scene { velocity_m_per_s: v * (1.0 + share), ..Scene::default() })
         };
         let error = |rung| std::array::from_fn::<f64, 3, _>(|k| (of(rung, x)[k] / of(rung, 0.0)[k] - 1.0).abs());
-        (100.0 * x, [error(Rung::Closed), error(Rung::Full)].concat())
+        modelled(100.0 * x, [error(Rung::Closed), error(Rung::Full)].concat())
     };
     Curve {
         name: "velocity_drift",
@@ -172,7 +202,7 @@ pub(crate) fn restitution() -> Curve {
         [DampingLaw::Exact, DampingLaw::Gonthier, DampingLaw::Flores, DampingLaw::LankaraniNikravesh];
     let at = |e: f64| {
         let returned = |law: DampingLaw| law.chi(e).and_then(DampedContact::of).map_or(f64::NAN, |c| c.restitution);
-        (e, LAWS.map(|law| (returned(law) / e - 1.0).abs()).to_vec())
+        modelled(e, LAWS.map(|law| (returned(law) / e - 1.0).abs()).to_vec())
     };
     Curve {
         name: "restitution",
@@ -201,13 +231,13 @@ fn depth() -> Curve {
         columns: vec!["closed", "integral", "plate"],
         rows: decades(0.1, 25.4, 25)
             .into_iter()
-            .map(|h| (h, rungs(&Scene { h_m: 1e-3 * h, ..Scene::default() })))
+            .map(|h| modelled(h, rungs(&Scene { h_m: 1e-3 * h, ..Scene::default() })))
             .collect(),
     }
 }
 
 fn length() -> Curve {
-    let at = |l: f64| (l, rungs(&Scene { l_m: 1e-3 * l, h_m: 2.54e-3, ..Scene::default() }));
+    let at = |l: f64| modelled(l, rungs(&Scene { l_m: 1e-3 * l, h_m: 2.54e-3, ..Scene::default() }));
     Curve {
         name: "length",
         title: "Peak force over a short crack, l to 0",
@@ -222,11 +252,11 @@ fn length() -> Curve {
 impl Curve {
     /// The rows as CSV; an absent value is an empty cell.
     pub(crate) fn csv(&self) -> String {
-        let mut text = format!("x,{}\n", self.columns.join(","));
-        for (x, errors) in &self.rows {
+        let mut text = format!("x,{},flags\n", self.columns.join(","));
+        for Row { x, errors, flags } in &self.rows {
             let cell = |e: &f64| if e.is_finite() { format!("{e:.4e}") } else { String::new() };
             let cells: Vec<String> = errors.iter().map(cell).collect();
-            text.push_str(&format!("{x:.6},{}\n", cells.join(",")));
+            text.push_str(&format!("{x:.6},{},{flags}\n", cells.join(",")));
         }
         text
     }

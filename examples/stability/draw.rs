@@ -3,7 +3,7 @@
 use anyhow::{Result, anyhow};
 use plotters::prelude::*;
 
-use crate::curves::Curve;
+use crate::curves::{Curve, Row};
 
 /// Size of a picture.
 const SIZE: (u32, u32) = (820, 460);
@@ -22,6 +22,9 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
 ];
 
+/// Colour of what is flagged.
+const FLAG: RGBColor = RGBColor(120, 120, 120);
+
 /// The picture of `curve` as SVG.
 pub(crate) fn svg(curve: &Curve) -> Result<String> {
     let mut text = String::new();
@@ -33,7 +36,7 @@ fn fill(curve: &Curve, text: &mut String) -> Result<(), Box<dyn std::error::Erro
     let root = SVGBackend::with_string(text, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
     let place = |x: f64| if curve.is_x_log { x.log10() } else { x };
-    let xs: Vec<f64> = curve.rows.iter().map(|(x, _)| place(*x)).collect();
+    let xs: Vec<f64> = curve.rows.iter().map(|row| place(row.x)).collect();
     let (Some(first), Some(last)) = (xs.first(), xs.last()) else { return Err("no rows".into()) };
     let mut chart = ChartBuilder::on(&root)
         .caption(curve.title, ("sans-serif", 20))
@@ -56,7 +59,7 @@ fn fill(curve: &Curve, text: &mut String) -> Result<(), Box<dyn std::error::Erro
         .draw()?;
     for (number, name) in curve.columns.iter().enumerate() {
         let colour = COLOURS[number % COLOURS.len()];
-        let at = |(x, errors): &(f64, Vec<f64>)| (place(*x), errors[number]);
+        let at = |row: &Row| (place(row.x), row.errors[number]);
         let level = |error: f64| if error > 0.0 { error.log10().clamp(FLOOR, TOP) } else { FLOOR };
         let points: Vec<(f64, f64)> = curve.rows.iter().map(at).collect();
         // An absent value parts the line.
@@ -72,6 +75,18 @@ fn fill(curve: &Curve, text: &mut String) -> Result<(), Box<dyn std::error::Erro
         let row = 60 + 24 * number as i32;
         root.draw(&PathElement::new(vec![(646, row), (674, row)], colour.stroke_width(3)))?;
         root.draw(&Text::new((*name).to_owned(), (682, row - 7), ("sans-serif", 14)))?;
+    }
+    // A row of squares along the floor: where a flag is raised.
+    let flagged = curve.rows.iter().filter(|row| !row.flags.is_empty()).map(|row| place(row.x));
+    let side = 3;
+    chart
+        .draw_series(flagged.map(|x| {
+            EmptyElement::at((x, FLOOR)) + Rectangle::new([(-side, -3 * side), (side, -side)], FLAG.filled())
+        }))?;
+    if curve.rows.iter().any(|row| !row.flags.is_empty()) {
+        let row = 60 + 24 * curve.columns.len() as i32;
+        root.draw(&Rectangle::new([(657, row - side), (663, row + side)], FLAG.filled()))?;
+        root.draw(&Text::new("flagged", (682, row - 7), ("sans-serif", 14)))?;
     }
     root.present()?;
     Ok(())

@@ -21,7 +21,9 @@ fn main() -> Result<()> {
     let mut index = String::from(
         "# Breakdown curves\n\nHow wrong a number gets as a disturbance grows: relative errors against the undisturbed tap, or \
          against the full rung of the contact models. Written by `cargo run --release --example stability`; errors below 1e-9 \
-         are drawn at 1e-9, absent values end a line. The default configuration and estimators are shown.\n",
+         are drawn at 1e-9, absent values end a line. The default configuration and \
+         estimators are shown, with every policy set to `keep`: by default a flag takes the values away that it spoils. Grey squares \
+         along the floor stand where a flag is raised; the tables name it.\n",
     );
     for curve in curves::curves() {
         write(format!("{}.csv", curve.name), &curve.csv())?;

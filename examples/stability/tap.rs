@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use tapline_process::{Extractor, ProcessConfig};
-use tapline_wire::{Channel, ChannelHeader, Discriminators, SampleFormat, Samples, TapHeader};
+use tapline_wire::{Channel, ChannelHeader, Discriminators, SampleFormat, Samples, TapHeader, TapId};
 
 /// Samples a second.
 pub(crate) const RATE_HZ: f64 = 40_960.0;
@@ -24,6 +24,10 @@ pub(crate) struct Tap {
     pub(crate) force_n: Vec<f64>,
     pub(crate) sound_v: Vec<f64>,
     pub(crate) rate_hz: f64,
+    /// Samples before the trigger, as the record says.
+    pub(crate) pre_trigger_samples: u32,
+    /// Velocity planned and measured, m/s, where both are known.
+    pub(crate) velocity_m_per_s: Option<(f64, f64)>,
 }
 
 impl Tap {
@@ -39,6 +43,8 @@ impl Tap {
             force_n: (0..COUNT).map(|k| force(time(k))).collect(),
             sound_v: (0..COUNT).map(|k| ring(time(k) - DISTANCE_M / 343.0)).collect(),
             rate_hz: RATE_HZ,
+            pre_trigger_samples: 512,
+            velocity_m_per_s: None,
         }
     }
 
@@ -54,13 +60,17 @@ impl Tap {
         let samples: Vec<f32> = numbers.map(|&x| x as f32).collect();
         let mut header = TapHeader {
             sample_rate_hz: self.rate_hz,
-            pre_trigger_samples: 512,
-            sample_count: 16_384,
+            pre_trigger_samples: self.pre_trigger_samples,
+            sample_count: u32::try_from(self.force_n.len()).unwrap_or(0),
             sample_format: SampleFormat::F32.code(),
             channel_count: 2,
             microphone_distance_m: DISTANCE_M,
             ..TapHeader::default()
         };
+        if let Some((planned, measured)) = self.velocity_m_per_s {
+            header.id = TapId::default().with_velocity_m_per_s(Some(planned)).unwrap_or_default();
+            header.velocity_measured_m_per_s = measured;
+        }
         for (channel, header) in [Channel::Force, Channel::Sound].into_iter().zip(&mut header.channels) {
             *header = ChannelHeader { code: channel.code(), unit_per_count: 1.0, ..Default::default() };
         }

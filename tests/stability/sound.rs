@@ -1,6 +1,6 @@
 //! Cases 1 to 21 as far as the default kernels hold them: a channel that is missing or disturbed, and the spectrum of a
-//! transient. Not held by default, and without a test here: 5, 7 to 13, 15, 17 and 20; `docs/stability` shows how far noise
-//! and clipping take the numbers.
+//! transient. What a flag holds is in `flags`. Not held by default, and without a test: 5, 12 and 20; `docs/stability` shows how far noise
+//! takes the numbers.
 
 use std::f64::consts::TAU;
 
@@ -205,7 +205,7 @@ fn c18_a_warmer_casing() {
 
 /// Case 19: f_c above the band.
 ///
-/// Naive: at tau = 0.2 ms f_c is 2500 Hz, the band to 2000 Hz is empty, PR is 0 and P_f the largest of nothing. Hold: the
+/// Naive: at tau = 0.24 ms f_c is 2083 Hz, the band to 2000 Hz is empty, PR is 0 and P_f the largest of nothing. Hold: the
 /// three powers are absent and flagged `no_band`, all else is there. Below 70 Hz (tau above 7 ms) nothing is clamped: PR then
 /// is that of a band wider than its reference, finite and above 1. Open: a flag for it.
 #[test]
@@ -213,7 +213,7 @@ fn c19_a_contact_too_short_for_the_band() {
     let empty: Vec<f64> = Vec::new();
     assert!(empty.iter().copied().fold(f64::NEG_INFINITY, |m, p| if p > m { p } else { m }).is_infinite());
     let following = ProcessConfig { f_c_follows_tau: true, ..ProcessConfig::default() };
-    let short = Tap::clean(0.2e-3, 0.0).extract(&following);
+    let short = Tap::clean(0.24e-3, 0.0).extract(&following);
     assert!(ALL[4..].iter().all(|&which| short.values.get(which).is_none()), "{short:?}");
     assert!(
         short.quality.contains(Quality::NO_BAND) && ALL[..4].iter().all(|&which| short.values.get(which).is_some())
@@ -221,14 +221,14 @@ fn c19_a_contact_too_short_for_the_band() {
     let long = Tap { force_n: Tap::clean(8e-3, 0.0).force_n, ..Tap::sound() }.extract(&following);
     let pr = value(&long, Discriminator::Pr);
     println!("c19: PR at 8 ms {pr}");
-    assert!(pr.is_finite() && pr > 0.9, "{long:?}");
+    assert!(pr.is_finite() && pr > 1.0, "{long:?}");
 }
 
 /// Case 21: where in its record the tap lies, and windows for noise.
 ///
 /// Naive: a Hann window over the record takes E_f to less than 1e-3 of itself where the tap lies at its start, and moves it
-/// by more than tenfold with the tap. Hold: shifted by up to 200 ms, PR, P_f and E_f move by less than 1e-3, and so do all the
-/// others. Measured: 5e-4.
+/// by more than tenfold with the tap. Hold: shifted by up to 200 ms, PR, P_f and E_f move by less than 1e-3, and so does
+/// whatever else is there; only of a tap before its trigger is A_2 absent, and flagged. Measured: 5e-4.
 #[test]
 fn c21_windows_and_the_place_of_the_tap() {
     let hann = |x: f64| 0.5 - 0.5 * (TAU * x).cos();
@@ -238,7 +238,10 @@ fn c21_windows_and_the_place_of_the_tap() {
     assert!(e_f(0.0, &hann) / e_f(0.0, &boxcar) < 1e-3 && e_f(0.1, &hann) / e_f(0.0, &hann) > 10.0);
     let mut worst = 0.0;
     for shift_s in [-3e-3, -1.234e-3, 0.5 / RATE_HZ, 1e-3, 7.77e-3, 0.05, 0.2] {
-        for which in ALL {
+        let there = found(&shifted(shift_s));
+        let is_late = there.quality.contains(Quality::LATE_TRIGGER);
+        assert!(shift_s >= 0.0 || is_late, "{there:?}");
+        for which in ALL.into_iter().filter(|&which| !is_late || which != Discriminator::A2) {
             let off = off(&shifted(shift_s), which);
             worst = if off > worst { off } else { worst };
         }
