@@ -13,4 +13,5 @@ mod recorded;
 mod retakes;
 mod rig;
 mod simulated;
+mod stability;
 mod tapset;

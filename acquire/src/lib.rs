@@ -31,6 +31,11 @@ mod text;
 mod truth_csv;
 mod wav;
 
+#[cfg(test)]
+mod fuzz_tests;
+#[cfg(test)]
+mod mutated;
+
 pub use config::{AcquireConfig, ScanConfig, TyreConfig};
 pub use error::Error;
 pub use run::{Outcome, run};

@@ -11,6 +11,10 @@
 //! 4. the reference's own index map sets the limits (`limits`), and what exceeds them makes
 //!    regions and a verdict (`verdict`).
 //!
+//! Beside it stand kernels that the defaults do not use: a signed scale between percentiles
+//! ([`PercentileScale`]), the scan over arcs ([`scan()`]), conditions in one ([`combined`]), and the
+//! honest bars of a score ([`auc_interval`], [`auc_left_out`]).
+//!
 //! ```
 //! use tapline_fuse::{FuseConfig, Fusion};
 //! use tapline_wire::{
@@ -51,17 +55,24 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bootstrap;
+mod combine;
 mod condition;
 mod config;
 mod error;
 mod fusion;
 mod index;
 mod limits;
+mod majority;
 mod map;
 mod reference;
+mod resample;
 mod ring;
 mod run;
+mod scale;
+mod scan;
 mod score;
+mod split;
 mod stats;
 mod velocity;
 mod verdict;
@@ -69,9 +80,15 @@ mod verdict;
 #[cfg(test)]
 mod testing;
 
+pub use bootstrap::{Bootstrap, auc_interval};
+pub use combine::{Combination, combined};
 pub use config::{Direction, Directions, FuseConfig, IndexKind, Reference};
 pub use error::Error;
 pub use fusion::Fusion;
+pub use majority::has_sound_majority;
 pub use run::{Outcome, RunError, run};
+pub use scale::{PercentileScale, Scaled};
+pub use scan::{ARC_LENGTHS, Arc, Permutation, scan, scan_p_value};
 pub use score::{Score, auc};
+pub use split::{Split, auc_left_out, leave_one_out};
 pub use velocity::PowerLaw;

@@ -77,6 +77,17 @@ pub(crate) fn upper_tail(z: f64) -> f64 {
     if z < 0.0 { 1.0 - tail } else { tail }
 }
 
+/// The z that a standard normal value exceeds with `chance`, by halving; within -9 to 38, beyond which chances are 1 or 0.
+pub(crate) fn upper_quantile(chance: f64) -> f64 {
+    let (mut low, mut high) = (-9.0, 38.0);
+    // 47/2^56 is below the rounding of z.
+    for _ in 0..56 {
+        let middle = 0.5 * (low + high);
+        if upper_tail(middle) > chance { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -110,6 +121,15 @@ mod tests {
         assert_eq!(Spread::of(&mut huge), None, "overflow");
         let mut ramp: Vec<f64> = (0..9).map(f64::from).collect();
         assert_eq!(Spread::of(&mut ramp), Some(Spread { centre: 4.0, sigma: 2.0 * SIGMA_PER_MAD }));
+    }
+
+    #[test]
+    fn a_quantile_is_the_tail_read_backwards() {
+        // Catches a wrong bracket or direction; above z = 8 below the mean a chance of 1 has lost its digits.
+        for z in [-5.0, -1.0, 0.0, 0.3, 3.0, 12.0, 30.0] {
+            assert!((upper_quantile(upper_tail(z)) - z).abs() < 1e-7, "{z}: {}", upper_quantile(upper_tail(z)));
+        }
+        assert!(upper_quantile(1.0) < -8.0 && upper_quantile(0.0) > 37.0 && upper_quantile(f64::NAN).is_finite());
     }
 
     #[test]

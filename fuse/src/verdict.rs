@@ -50,6 +50,11 @@ fn reasons_of(regions: &[u32], map: &IndexMap) -> Reasons {
     if map.is_inverted || map.index.iter().all(Option::is_none) {
         reasons.insert(Reasons::NO_INDEX);
     }
+    // The limits are the reference's: this is `has_sound_majority` by its word.
+    let suspect = map.index.iter().flatten().filter(|&&value| value >= limits.re_inspect).count();
+    if 2 * suspect > map.index.len() {
+        reasons.insert(Reasons::NO_SOUND_MAJORITY);
+    }
     for region in 1..=regions.iter().copied().max().unwrap_or(0) {
         let inside = regions.iter().zip(&map.index).filter(|&(&r, _)| r == region);
         let is_damage = inside.filter_map(|(_, &value)| value).any(|v| v >= limits.reject);
@@ -65,7 +70,7 @@ mod tests {
     #[test]
     fn only_no_reason_passes() {
         // Catches a verdict that forgets a reason: all sets of flags.
-        for bits in 0..1 << 9 {
+        for bits in 0..1 << 10 {
             let reasons = Reasons::from_bits(bits);
             let expected = match bits {
                 0 | 128 => Verdict::Pass, // nothing, or SELF_REFERENCE

@@ -106,6 +106,24 @@ impl Default for QualityConfig {
 }
 
 impl QualityConfig {
+    /// The default thresholds with every value kept, whatever its flags say: for looking at what flags would hide.
+    pub fn keeping() -> Self {
+        Self {
+            clipped_force: Policy::Keep,
+            clipped_sound: Policy::Keep,
+            late_trigger: Policy::Keep,
+            double_hit: Policy::Keep,
+            undersampled: Policy::Keep,
+            hum: Policy::Keep,
+            low_snr: Policy::Keep,
+            neighbour: Policy::Keep,
+            velocity_off: Policy::Keep,
+            rate_implausible: Policy::Keep,
+            no_signal: Policy::Keep,
+            ..Self::default()
+        }
+    }
+
     /// Whether a tap that gave `found` had better be taken again: a flag with the policy [`Policy::Retake`] is set, and
     /// a feature is absent that it spoils. A trigger whose mark alone is late, for one, spoils nothing.
     pub fn wants_retake(&self, found: &Discriminators) -> bool {

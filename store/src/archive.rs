@@ -13,8 +13,8 @@ use crate::chunk::ChunkRows;
 use crate::create::{format_name, geometry_name};
 use crate::error::Context;
 use crate::layout::{
-    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, TruthRow,
-    attribute, table,
+    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
+    TruthRow, attribute, table,
 };
 use crate::rows::serial;
 use crate::table::Table;
@@ -67,6 +67,7 @@ impl Archive {
         }
         .context("open the archive", path)?;
         check_format(&file, path)?;
+        check_units(&file, path)?;
         let plan = read_plan(&file, path)?;
         let tap_count = plan.taps().len();
         let cell_count = plan.scans().iter().map(|s| s.locations.len()).sum();
@@ -149,6 +150,19 @@ fn check_format(file: &File, path: &Path) -> Result<()> {
     let got: u32 = read_number(file, attribute::FORMAT_VERSION).context("read the format version", path)?;
     if got != FORMAT_VERSION {
         return Err(Error::FormatVersion { path: path.to_owned(), got, known: FORMAT_VERSION });
+    }
+    Ok(())
+}
+
+/// Whether every table's numbers are in the units of this program: a force in mN would pass through every ratio of one
+/// tyre unseen, and be a thousand times another's.
+fn check_units(file: &File, path: &Path) -> Result<()> {
+    for (name, _, units) in NOTES.into_iter().filter(|(_, _, units)| !units.is_empty()) {
+        let table = file.dataset(name).context("find a table", path)?;
+        let archived = read_text(&table, attribute::UNITS).unwrap_or_default();
+        if archived != units {
+            return Err(Error::OtherUnits { path: path.to_owned(), table: name, archived, known: units });
+        }
     }
     Ok(())
 }

@@ -65,6 +65,18 @@ pub enum Error {
         /// Format of this program.
         known: u32,
     },
+    /// A table's numbers are in other units than this program's, or do not say in which.
+    #[error("{} has {table} in the units {archived:?}; this program knows {known:?}", path.display())]
+    OtherUnits {
+        /// The file.
+        path: PathBuf,
+        /// The table.
+        table: &'static str,
+        /// Units of the file; empty when it does not say.
+        archived: String,
+        /// Units of this program.
+        known: &'static str,
+    },
     /// The archive belongs to another scan plan.
     #[error("{} holds scan plan {archived:016x}; this run has scan plan {given:016x}", path.display())]
     OtherPlan {

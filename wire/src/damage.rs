@@ -64,6 +64,9 @@ flags! {
         SELF_REFERENCE = "self_reference",
         /// A discriminator that the index asks for is absent from most taps although its channels are recorded.
         FEATURES_ABSENT = "features_absent",
+        /// More than half of the shoulder's locations are suspect: not cracks in a casing, but another casing than the
+        /// reference is of, or one that is damaged all round.
+        NO_SOUND_MAJORITY = "no_sound_majority",
     }
 }
 

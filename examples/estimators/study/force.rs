@@ -100,7 +100,7 @@ const TAU: &[Discriminator] = &[Discriminator::Tau];
 const BOTH: &[Discriminator] = &[Discriminator::FMax, Discriminator::Tau];
 
 fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
-    let plain = ProcessConfig::default();
+    let plain = super::plain();
     let peak = |name, f_max| Estimator { name, config: ProcessConfig { f_max, ..plain }, quantities: F_MAX };
     let of_time = |name, tau| Estimator { name, config: ProcessConfig { tau, ..plain }, quantities: TAU };
     Ok(match cell.table.as_str() {

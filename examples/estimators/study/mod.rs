@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 use serde::{Deserialize, Serialize};
-use tapline_process::{Extractor, ProcessConfig, Real};
+use tapline_process::{Extractor, ProcessConfig, QualityConfig, Real};
 use tapline_wire::{Channel, ChannelHeader, Discriminator, SampleFormat, Samples, TapHeader};
 
 pub(crate) use page::markdown;
@@ -30,6 +30,11 @@ pub(crate) struct Cell {
     pub(crate) snr_db: Option<u32>,
     /// What else is wrong with the record.
     pub(crate) fault: String,
+}
+
+/// The defaults, with every value kept: what is studied is the estimator, not the flag that would hide it.
+fn plain() -> ProcessConfig {
+    ProcessConfig { quality: QualityConfig::keeping(), ..ProcessConfig::default() }
 }
 
 impl Cell {

@@ -46,7 +46,7 @@ pub(super) fn cells() -> Vec<Cell> {
 fn estimators() -> Vec<Estimator> {
     let of = |name, spectrum, band_edges, subtract, precision| Estimator {
         name,
-        config: ProcessConfig { spectrum, band_edges, subtract, precision, ..ProcessConfig::default() },
+        config: ProcessConfig { spectrum, band_edges, subtract, precision, ..super::plain() },
         quantities: POWERS,
     };
     use BandEdges::{Bins, Fractional};
@@ -70,7 +70,7 @@ fn estimators() -> Vec<Estimator> {
 pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
     let clean = clean(cell)?;
     let pre_trigger = pre_trigger(cell.rate_hz);
-    let mut reference = Extractor::<f64>::new(&ProcessConfig::default())?;
+    let mut reference = Extractor::<f64>::new(&super::plain())?;
     let truth = powers(&mut reference, &clean, cell.rate_hz)?;
     let peak = clean.iter().map(|x| f64::from(x.abs())).max_by(f64::total_cmp).unwrap_or(f64::NAN);
     let mut generator = cell.generator();

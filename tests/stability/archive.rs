@@ -1,0 +1,125 @@
+//! Cases 43 and 44: numbers in other units, and numbers made under other settings.
+
+use hdf5::types::VarLenUnicode;
+use tapline_fuse::{Direction, FuseConfig, Reference};
+use tapline_process::{Extractor, ProcessConfig};
+use tapline_store::{Error, Reader, Writer};
+use tapline_wire::{
+    Channel, ChannelHeader, Discriminator, Geometry, Plan, Recording, SampleFormat, Samples, TapHeader, Truth,
+};
+
+use crate::stability::scatter::{Normal, judge, mean, naive_eq_55, planned, records, ring_plan, sd, tyre};
+
+/// A plan that an archive can be made of.
+fn archived_plan() -> Plan {
+    let recording = Recording {
+        sample_rate_hz: 40_960.0,
+        pre_trigger_samples: 64,
+        sample_count_max: 256,
+        sample_format: SampleFormat::I16,
+        channels: vec![Channel::Force, Channel::Sound],
+    };
+    let taps = (0..=4).map(|l| planned(tyre("T1"), 1, l, 4)).collect();
+    Plan::new(Geometry::Ring, recording, taps, Truth::new()).unwrap()
+}
+
+/// Case 43: a force in mN.
+///
+/// Naive: a factor of 1000 passes Eq. 55 of one tyre unseen (1e-9), and against another tyre puts every location beyond
+/// every limit. Hold: an archive says its units and is refused by table and both units where they are other or not there.
+#[test]
+fn c43_a_factor_of_a_thousand() {
+    let mut normal = Normal::new(43);
+    let newton: Vec<f64> = normal.take(100).into_iter().map(|x| 30.0 + x).collect();
+    let milli: Vec<f64> = newton.iter().map(|f| 1000.0 * f).collect();
+    let of = |column: &[f64]| naive_eq_55(column, column, Direction::Falls);
+    assert!(of(&newton).iter().zip(of(&milli)).all(|(a, b)| (a - b).abs() < 1e-9));
+    let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
+    let config = FuseConfig {
+        discriminators: vec![Discriminator::FMax],
+        reference: Reference::Shoulder { tyre: tyre("T2"), shoulder: 1 },
+        ..FuseConfig::default()
+    };
+    let mixed = records(&plan, |tap| {
+        let k = tap.id.location as usize % 100;
+        vec![(Discriminator::FMax, if tap.id.tyre == tyre("T2") { milli[k] } else { newton[k] })]
+    });
+    let (judgement, cells) = judge(&config, &plan, &mixed).remove(0);
+    assert!(cells.iter().all(|cell| cell.damage_index >= judgement.limit_reject), "{judgement:?}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    Writer::create(&path, &archived_plan(), "").unwrap().finish().unwrap();
+    Reader::open(&path).unwrap();
+    let units_of = |change: &dyn Fn(&hdf5::Dataset)| {
+        let file = hdf5::File::open_rw(&path).unwrap();
+        change(&file.dataset("discriminators").unwrap());
+        file.close().unwrap();
+        match Reader::open(&path) {
+            Err(Error::OtherUnits { table, archived, known, .. }) => {
+                assert_eq!(table, "discriminators");
+                (archived, known)
+            }
+            other => panic!("{:?}", other.map(|_| "opened")),
+        }
+    };
+    let (archived, known) = units_of(&|table| {
+        let units: VarLenUnicode = table.attr("units").unwrap().read_scalar().unwrap();
+        let units: VarLenUnicode = units.replace("f_max_n N", "f_max_n mN").parse().unwrap();
+        table.attr("units").unwrap().write_scalar(&units).unwrap();
+    });
+    assert!(archived.contains("f_max_n mN") && known.contains("f_max_n N"), "{archived}");
+    let (archived, _) = units_of(&|table| table.delete_attr("units").unwrap());
+    assert_eq!(archived, "");
+}
+
+/// PR of a sound tap with a little noise, whose ringing has modes at 300, 480 and 900 Hz.
+fn power_ratio(f_c_hz: f64, normal: &mut Normal) -> f64 {
+    let ring = |t: f64| -> f64 {
+        let mode = |f: f64, a: f64| a * (-120.0 * t).exp() * (std::f64::consts::TAU * f * t).sin();
+        if t < 0.0 { 0.0 } else { mode(300.0, 1.0) + mode(480.0, 0.5) + mode(900.0, 0.4) }
+    };
+    let samples: Vec<f32> =
+        (0..8192).map(|k| (ring((f64::from(k) - 512.0) / 40_960.0) + 2e-3 * normal.next()) as f32).collect();
+    let mut header = TapHeader {
+        sample_rate_hz: 40_960.0,
+        pre_trigger_samples: 512,
+        sample_count: 8192,
+        sample_format: SampleFormat::F32.code(),
+        channel_count: 1,
+        ..TapHeader::default()
+    };
+    header.channels[0] = ChannelHeader { code: Channel::Sound.code(), unit_per_count: 1.0, ..Default::default() };
+    let config = ProcessConfig { f_c_hz, ..ProcessConfig::default() };
+    let found = Extractor::<f64>::new(&config).unwrap().extract(&header, Samples::F32(&samples));
+    found.values.get(Discriminator::Pr).unwrap()
+}
+
+/// Case 44: an archive that is gone on with under another band.
+///
+/// Naive: PR of 400 Hz and of 550 Hz in one normalisation part a sound ring into halves that lie more than half of the
+/// whole scale and 10 of their own deviations apart. Hold: an archive holds the text of its configuration and is not gone
+/// on with under another, nor with another plan; both are named.
+#[test]
+fn c44_an_archive_of_two_bands() {
+    let mut normal = Normal::new(44);
+    let mixed: Vec<f64> = (0..40).map(|k| power_ratio(if k < 20 { 550.0 } else { 400.0 }, &mut normal)).collect();
+    let naive = naive_eq_55(&mixed, &mixed, Direction::Rises);
+    let (old, new) = naive.split_at(20);
+    assert!(mean(new) - mean(old) > 0.5 && mean(new) - mean(old) > 10.0 * sd(old), "{old:?} {new:?}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let (plan, config) = (archived_plan(), "[process]\nf_c_hz = 550.0\n");
+    drop(Writer::open_or_create(&path, &plan, config).unwrap());
+    drop(Writer::open_or_create(&path, &plan, config).unwrap());
+    match Writer::open_or_create(&path, &plan, "[process]\nf_c_hz = 400.0\n") {
+        Err(Error::OtherConfiguration { line: 2, archived, given, .. }) => {
+            assert_eq!((archived.as_str(), given.as_str()), ("f_c_hz = 550.0", "f_c_hz = 400.0"));
+        }
+        other => panic!("{:?}", other.map(|_| "opened")),
+    }
+    let other_plan = plan.clone().with_source(1);
+    assert!(matches!(Writer::open_or_create(&path, &other_plan, config), Err(Error::OtherPlan { .. })));
+    assert_eq!(Reader::open(&path).unwrap().plan(), &plan);
+}
