@@ -202,7 +202,6 @@ def main():
     for changes, settings in CASES:
         c = BASE | changes
         toml = "\\n".join(f"{key} = {value!r}" for key, value in settings.items())
-        toml += "\\n[quality]\\nclipped_force = 'keep'"
         found = discriminators(c, settings)
         fields = ", ".join(f"{key}: {rust(value)}" for key, value in c.items())
         print(f'    (Case {{ name: "{toml}", {fields} }}, "{toml}", [')

@@ -48,15 +48,14 @@ fn value(found: &Discriminators, which: Discriminator) -> f64 {
     found.values.get(which).unwrap_or_else(|| panic!("{which:?} is absent: {found:?}"))
 }
 
-/// Catches flags that are often there for nothing: of 500 taps with a noise of 0.1 % and nothing else, no more than 2 % may
-/// have one, and that one `clipped`, which takes a noisy peak for a flat one now and then.
+/// Catches flags that are there for nothing: of 500 taps with a noise of 0.1 % and nothing else, one may have one.
 #[test]
 fn an_undisturbed_tap_has_no_flag() {
     let all: Vec<Tap> = (0..25).flat_map(|seed| taps(1000 + seed, |_| {}, |_| {})).collect();
     let found = extracted(&all, &ProcessConfig::default());
     let flagged: Vec<_> = found.iter().filter(|f| !f.quality.is_clean()).collect();
     println!("flags: {} of {} undisturbed taps are flagged", flagged.len(), found.len());
-    assert!(flagged.len() <= 10 && flagged.iter().all(|f| f.quality == Quality::CLIPPED), "{flagged:?}");
+    assert!(flagged.len() <= 1, "{flagged:?}");
 }
 
 /// Case 6, the areas: hum of 3 and 10 % of the peak. Naive: A_1 scatters by more than 2 % with the phase of 3 %. Limit:

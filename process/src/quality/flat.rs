@@ -12,19 +12,28 @@ const SHARE: f64 = 0.3;
 const BAND_SIGMAS: f64 = 6.0;
 /// Part of the extreme above which that band says nothing.
 const BAND_MOST: f64 = 0.1;
-/// Factor by which the fall beside a flat top exceeds a parabola's.
-const MARGIN: f64 = 1.5;
+/// Factor by which the fall beside the flat top of a pulse exceeds a parabola's.
+pub(crate) const OF_PULSE: f64 = 1.5;
+/// The same for a sound, whose modes may meet in a top that is flatter than a parabola.
+const OF_RINGING: f64 = 2.0;
 /// Samples beside a flat top in which the converter's step is looked for.
 const BESIDE: usize = 16;
 
 /// Whether the signal of `extent` about `base` is flat at its top or at its bottom.
 pub(crate) fn is_clipped<C: Count>(samples: &[C], extent: Extent<C>, base: f64, noise: f64) -> bool {
-    is_flat(samples, extent.largest, extent, base, noise) || is_flat(samples, extent.least, extent, base, noise)
+    let is_flat = |level| is_flat(samples, level, extent, base, (noise, OF_RINGING));
+    is_flat(extent.largest) || is_flat(extent.least)
 }
 
 /// Whether the signal is cut off at the extreme `level`, by the converter or, before `noise` came on top, by what is in
-/// front of it.
-pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base: f64, noise: f64) -> bool {
+/// front of it, whose top then falls by `margin` more than a parabola.
+pub(crate) fn is_flat<C: Count>(
+    samples: &[C],
+    level: C,
+    extent: Extent<C>,
+    base: f64,
+    (noise, margin): (f64, f64),
+) -> bool {
     let (above, below) = (extent.largest.into() - base, base - extent.least.into());
     let greater = if above > below { above } else { below };
     let is_extreme = (level.into() - base).abs() >= SHARE * greater;
@@ -44,13 +53,13 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
             return true;
         }
     }
-    is_flat_under_noise(samples, level, base, noise)
+    is_flat_under_noise(samples, level, base, (noise, margin))
 }
 
 /// Whether the first visit to the extreme `level` stays there, within the noise, for longer than a parabola that then
 /// falls as far as the signal does: one that falls by `d` within a samples of its vertex falls by ((a + 2)/a)^2 d within
 /// two more.
-fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, noise: f64) -> bool {
+fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, (noise, margin): (f64, f64)) -> bool {
     let level: f64 = level.into();
     let (sign, band) = (if level < base { -1.0 } else { 1.0 }, BAND_SIGMAS * noise);
     let is_narrow = band > 0.0 && band < BAND_MOST * (level - base).abs();
@@ -62,7 +71,7 @@ fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, noise: f64)
     let after = at + samples[at..].iter().take_while(|&&x| below(x) <= band).count();
     let (Some(before), Some(behind)) = (from.checked_sub(2), samples.get(after + 1)) else { return false };
     let half = (after - from) as f64 / 2.0;
-    let least = MARGIN * ((half + 2.0) / half).powi(2) * band;
+    let least = margin * ((half + 2.0) / half).powi(2) * band;
     after - from > RUN && below(samples[before]) > least && below(*behind) > least
 }
 
@@ -128,7 +137,7 @@ mod tests {
     }
 
     fn is_top_flat(samples: &[i16]) -> bool {
-        is_flat(samples, *samples.iter().max().unwrap(), Extent::of(samples).unwrap(), 0.0, 0.0)
+        is_flat(samples, *samples.iter().max().unwrap(), Extent::of(samples).unwrap(), 0.0, (0.0, OF_PULSE))
     }
 
     /// Catches a rule that takes the rounding of a coarse converter for clipping (pyFRF's does), whatever the peak.
@@ -178,13 +187,43 @@ mod tests {
                     let samples: Vec<i16> =
                         pulse.iter().map(|&x| (x.clamp(0.0, part * 20_000.0) + hiss(sigma)).round() as i16).collect();
                     let top = *samples.iter().max().unwrap();
-                    is_flat(&samples, top, Extent::of(&samples).unwrap(), 0.0, sigma)
+                    is_flat(&samples, top, Extent::of(&samples).unwrap(), 0.0, (sigma, OF_PULSE))
                 });
                 found.count()
             };
             assert!(share(0.7) >= 198 && share(0.85) >= 198, "{sigma}: {} {}", share(0.7), share(0.85));
             assert!(share(1.0) <= 2, "{sigma}: {}", share(1.0));
         }
+    }
+
+    /// Catches a top that three modes make flat between them, and that is taken for clipped under a little noise.
+    #[test]
+    fn a_flat_top_of_modes_is_not_clipped() {
+        let mut state = 11_u32;
+        let mut hiss = || {
+            let mut uniform = || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                f64::from(state) / 4_294_967_296.0 - 0.5
+            };
+            (0..12).map(|_| uniform()).sum::<f64>()
+        };
+        let ringing = |t: f64| {
+            let modes = [(300.0, 0.8), (480.0, 0.3), (900.0, 0.3)];
+            modes.iter().map(|(f_hz, amplitude)| amplitude * (std::f64::consts::TAU * f_hz * t).sin()).sum::<f64>()
+                * (-120.0 * t).exp()
+        };
+        let mut share = |level: f64| {
+            let found = (0..500).filter(|&k| {
+                let sample = |i: i32| {
+                    let t = (f64::from(i) - 100.0 - f64::from(k) / 500.0) / 40_960.0;
+                    (if t < 0.0 { 0.0 } else { ringing(t).clamp(-level, level) }) + 1e-3 * hiss()
+                };
+                let samples: Vec<f32> = (0..1000).map(sample).map(|x| x as f32).collect();
+                is_clipped(&samples, Extent::of(&samples).unwrap(), 0.0, 1e-3)
+            });
+            found.count()
+        };
+        assert!(share(10.0) <= 1 && share(0.9) >= 495, "{} {}", share(10.0), share(0.9));
     }
 
     /// Catches a run that the probes step over, at any place and at the ends of a record.

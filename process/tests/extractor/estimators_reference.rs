@@ -4,7 +4,7 @@ use crate::signal::Case;
 
 #[rustfmt::skip]
 pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
-    (Case { name: "f_max = 'raw'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'raw'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "f_max = 'raw'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'raw'", [
         Some(30.975156223097656), // f_max
         Some(0.0010136623915306534), // tau
         Some(0.0006042856463348058), // a_1
@@ -13,7 +13,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6891486353840354e-05), // p_f
         Some(0.004888755725512046), // e_f
     ]),
-    (Case { name: "f_max = 'polynomial'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'polynomial'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "f_max = 'polynomial'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'polynomial'", [
         Some(31.01461962927788), // f_max
         Some(0.001013519942636613), // tau
         Some(0.0006042515679469649), // a_1
@@ -22,7 +22,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6891486353840354e-05), // p_f
         Some(0.004888755725512046), // e_f
     ]),
-    (Case { name: "f_max = 'polynomial'\ntau = 'width_50'\n[quality]\nclipped_force = 'keep'", seed: 12, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.05, f_lo: 70.0, follow: false }, "f_max = 'polynomial'\ntau = 'width_50'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "f_max = 'polynomial'\ntau = 'width_50'", seed: 12, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.05, f_lo: 70.0, follow: false }, "f_max = 'polynomial'\ntau = 'width_50'", [
         Some(30.834271155759097), // f_max
         Some(0.0009473212452836291), // tau
         Some(0.0006036487964092953), // a_1
@@ -31,7 +31,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.701096510281091e-05), // p_f
         Some(0.004868692076352988), // e_f
     ]),
-    (Case { name: "f_max = 'polynomial'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 5000.0, count: 1024, p: 100, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 101.3, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'polynomial'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "f_max = 'polynomial'", seed: 1, rate: 5000.0, count: 1024, p: 100, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 101.3, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'polynomial'", [
         Some(31.007992441389426), // f_max
         Some(0.001119992761199218), // tau
         Some(0.0006490454071419704), // a_1
@@ -40,7 +40,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(2.5928514810078878e-05), // p_f
         Some(0.002364279665080749), // e_f
     ]),
-    (Case { name: "f_max = 'half_sine'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'half_sine'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "f_max = 'half_sine'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'half_sine'", [
         Some(30.358938669164807), // f_max
         Some(0.001015886718256163), // tau
         Some(0.0006048107743369239), // a_1
@@ -49,7 +49,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6891486353840354e-05), // p_f
         Some(0.004888755725512046), // e_f
     ]),
-    (Case { name: "f_max = 'half_sine'\ntau = 'impulse'\n[quality]\nclipped_force = 'keep'", seed: 13, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.01, f_lo: 70.0, follow: false }, "f_max = 'half_sine'\ntau = 'impulse'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "f_max = 'half_sine'\ntau = 'impulse'", seed: 13, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.01, f_lo: 70.0, follow: false }, "f_max = 'half_sine'\ntau = 'impulse'", [
         Some(30.316605114361316), // f_max
         Some(0.000981903160822015), // tau
         Some(0.000607015795295612), // a_1
@@ -58,7 +58,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6906900015089935e-05), // p_f
         Some(0.004888448105896237), // e_f
     ]),
-    (Case { name: "f_max = 'half_sine'\n[quality]\nclipped_force = 'keep'", seed: 14, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.0007, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'half_sine'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "f_max = 'half_sine'", seed: 14, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.0007, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'half_sine'", [
         Some(28.393930002389368), // f_max
         Some(0.001023458023479361), // tau
         Some(0.0006066888547349269), // a_1
@@ -67,7 +67,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6828923905271026e-05), // p_f
         Some(0.004886705935668845), // e_f
     ]),
-    (Case { name: "f_max = 'half_sine'\ntau = 'width_02'\n[quality]\nclipped_force = 'keep'", seed: 15, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.0006, offset: 0.0, noise: 0.0, f_lo: 70.0, follow: false }, "f_max = 'half_sine'\ntau = 'width_02'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "f_max = 'half_sine'\ntau = 'width_02'", seed: 15, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.0006, offset: 0.0, noise: 0.0, f_lo: 70.0, follow: false }, "f_max = 'half_sine'\ntau = 'width_02'", [
         Some(27.239868979730765), // f_max
         Some(0.0010691464846535618), // tau
         Some(0.0006016172271166829), // a_1
@@ -76,7 +76,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6854433456921006e-05), // p_f
         Some(0.004887788541669126), // e_f
     ]),
-    (Case { name: "tau = 'width_02'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "tau = 'width_02'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "tau = 'width_02'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "tau = 'width_02'", [
         Some(30.976362171822498), // f_max
         Some(0.0010653777466976848), // tau
         Some(0.0005977241190125818), // a_1
@@ -85,7 +85,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6891486353840354e-05), // p_f
         Some(0.004888755725512046), // e_f
     ]),
-    (Case { name: "tau = 'width_50'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "tau = 'width_50'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "tau = 'width_50'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "tau = 'width_50'", [
         Some(30.976362171822498), // f_max
         Some(0.0009347160344305071), // tau
         Some(0.0006082805005757004), // a_1
@@ -94,7 +94,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6891486353840354e-05), // p_f
         Some(0.004888755725512046), // e_f
     ]),
-    (Case { name: "tau = 'impulse'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "tau = 'impulse'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "tau = 'impulse'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "tau = 'impulse'", [
         Some(30.976362171822498), // f_max
         Some(0.0009626775604092303), // tau
         Some(0.0006068715828561848), // a_1
@@ -103,7 +103,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6891486353840354e-05), // p_f
         Some(0.004888755725512046), // e_f
     ]),
-    (Case { name: "tau = 'impulse'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 5, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 5.5, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "tau = 'impulse'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "tau = 'impulse'", seed: 1, rate: 40960.0, count: 4096, p: 5, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 5.5, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "tau = 'impulse'", [
         Some(30.994163890977813), // f_max
         Some(0.0009622049879210842), // tau
         Some(0.0006065695386167528), // a_1
@@ -112,7 +112,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.681617708563521e-05), // p_f
         Some(0.004888831818610259), // e_f
     ]),
-    (Case { name: "droop_time_constant_s = 0.01\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "droop_time_constant_s = 0.01\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "droop_time_constant_s = 0.01", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "droop_time_constant_s = 0.01", [
         Some(31.943360660306585), // f_max
         Some(0.0010484698044515284), // tau
         Some(0.0005998157043707857), // a_1
@@ -121,7 +121,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6891486353840354e-05), // p_f
         Some(0.004888755725512046), // e_f
     ]),
-    (Case { name: "droop_time_constant_s = 0.1\nf_max = 'polynomial'\ntau = 'impulse'\n[quality]\nclipped_force = 'keep'", seed: 16, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 2.0, noise: 0.002, f_lo: 70.0, follow: false }, "droop_time_constant_s = 0.1\nf_max = 'polynomial'\ntau = 'impulse'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "droop_time_constant_s = 0.1\nf_max = 'polynomial'\ntau = 'impulse'", seed: 16, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 2.0, noise: 0.002, f_lo: 70.0, follow: false }, "droop_time_constant_s = 0.1\nf_max = 'polynomial'\ntau = 'impulse'", [
         Some(31.10498371783308), // f_max
         Some(0.0009676239309251691), // tau
         Some(0.0006066707865397439), // a_1
@@ -130,7 +130,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6888645803810387e-05), // p_f
         Some(0.004888304570913424), // e_f
     ]),
-    (Case { name: "spectrum = 'gate'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "spectrum = 'gate'", seed: 1, rate: 40960.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'", [
         Some(30.976362171822498), // f_max
         Some(0.0010136580384836477), // tau
         Some(0.0006041437013972598), // a_1
@@ -139,7 +139,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(1.4181050131227317e-05), // p_f
         Some(0.0012202039396411843), // e_f
     ]),
-    (Case { name: "spectrum = 'gate'\ngate_s = 0.04\nband_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", seed: 17, rate: 41000.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.02, f_lo: 70.0, follow: false }, "spectrum = 'gate'\ngate_s = 0.04\nband_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "spectrum = 'gate'\ngate_s = 0.04\nband_edges = 'fractional'", seed: 17, rate: 41000.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.02, f_lo: 70.0, follow: false }, "spectrum = 'gate'\ngate_s = 0.04\nband_edges = 'fractional'", [
         Some(30.919286773824382), // f_max
         Some(0.0010155099685515093), // tau
         Some(0.0006065470794836729), // a_1
@@ -148,7 +148,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(1.3942024625198395e-05), // p_f
         Some(0.0012292574759715904), // e_f
     ]),
-    (Case { name: "spectrum = 'gate'\ngate_s = 0.03\n[quality]\nclipped_force = 'keep'", seed: 18, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: false, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'\ngate_s = 0.03\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "spectrum = 'gate'\ngate_s = 0.03", seed: 18, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: false, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'\ngate_s = 0.03", [
         None, // f_max
         None, // tau
         None, // a_1
@@ -157,7 +157,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.449774509344806e-05), // p_f
         Some(0.004892709553158105), // e_f
     ]),
-    (Case { name: "spectrum = 'gate'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 0, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "spectrum = 'gate'", seed: 1, rate: 40960.0, count: 4096, p: 0, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'", [
         None, // f_max
         None, // tau
         None, // a_1
@@ -166,7 +166,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6891486353840354e-05), // p_f
         Some(0.004888755725512046), // e_f
     ]),
-    (Case { name: "spectrum = 'gate'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 1024, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "spectrum = 'gate'", seed: 1, rate: 40960.0, count: 1024, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'", [
         Some(30.976362171822498), // f_max
         Some(0.0010136580384836477), // tau
         Some(0.0006042645107736651), // a_1
@@ -175,7 +175,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(0.0001817130022303319), // p_f
         Some(0.019378461911658085), // e_f
     ]),
-    (Case { name: "spectrum = 'decimated'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'decimated'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "spectrum = 'decimated'", seed: 1, rate: 40960.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'decimated'", [
         Some(30.976362171822498), // f_max
         Some(0.0010136580384836477), // tau
         Some(0.0006041437013972598), // a_1
@@ -184,7 +184,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(1.421708404279929e-05), // p_f
         Some(0.0012203252054948438), // e_f
     ]),
-    (Case { name: "spectrum = 'decimated'\nband_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", seed: 19, rate: 48000.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.05, f_lo: 70.0, follow: false }, "spectrum = 'decimated'\nband_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "spectrum = 'decimated'\nband_edges = 'fractional'", seed: 19, rate: 48000.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.05, f_lo: 70.0, follow: false }, "spectrum = 'decimated'\nband_edges = 'fractional'", [
         Some(31.182948145373114), // f_max
         Some(0.0009998844761251867), // tau
         Some(0.0006059873287715609), // a_1
@@ -193,7 +193,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(1.6768128726909096e-05), // p_f
         Some(0.0014518370199534524), // e_f
     ]),
-    (Case { name: "spectrum = 'decimated'\n[quality]\nclipped_force = 'keep'", seed: 20, rate: 40960.0, count: 16386, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'decimated'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "spectrum = 'decimated'", seed: 20, rate: 40960.0, count: 16386, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'decimated'", [
         Some(31.02213327375056), // f_max
         Some(0.001013317234720147), // tau
         Some(0.0006043189394888866), // a_1
@@ -202,7 +202,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(1.422637311318898e-05), // p_f
         Some(0.0012191590142753923), // e_f
     ]),
-    (Case { name: "spectrum = 'decimated'\n[quality]\nclipped_force = 'keep'", seed: 21, rate: 10000.0, count: 4096, p: 120, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 121.6, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'decimated'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "spectrum = 'decimated'", seed: 21, rate: 10000.0, count: 4096, p: 120, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 121.6, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'decimated'", [
         Some(31.01752531456362), // f_max
         Some(0.0010217211284515137), // tau
         Some(0.0005970934762030467), // a_1
@@ -211,7 +211,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(1.3910068903855046e-05), // p_f
         Some(0.0011829477977298476), // e_f
     ]),
-    (Case { name: "band_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 41000.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "band_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "band_edges = 'fractional'", seed: 1, rate: 41000.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "band_edges = 'fractional'", [
         Some(30.976251773267098), // f_max
         Some(0.001013648888979462), // tau
         Some(0.0006042841407306482), // a_1
@@ -220,7 +220,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.7069075280098085e-05), // p_f
         Some(0.004883872014814989), // e_f
     ]),
-    (Case { name: "band_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 0.0, follow: false }, "band_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "band_edges = 'fractional'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 0.0, follow: false }, "band_edges = 'fractional'", [
         Some(30.976362171822498), // f_max
         Some(0.0010136580384836477), // tau
         Some(0.0006042846057446658), // a_1
@@ -229,7 +229,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.6891486353840354e-05), // p_f
         Some(0.004879148909896464), // e_f
     ]),
-    (Case { name: "subtract = 'noise'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.05, f_lo: 70.0, follow: false }, "subtract = 'noise'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "subtract = 'noise'", seed: 1, rate: 40960.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.05, f_lo: 70.0, follow: false }, "subtract = 'noise'", [
         Some(31.527279975323253), // f_max
         Some(0.0010039303503741844), // tau
         Some(0.0005945227182352402), // a_1
@@ -238,7 +238,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(1.464523721479175e-05), // p_f
         Some(0.0012276246492882992), // e_f
     ]),
-    (Case { name: "subtract = 'noise'\nspectrum = 'gate'\n[quality]\nclipped_force = 'keep'", seed: 22, rate: 40960.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.03, f_lo: 70.0, follow: false }, "subtract = 'noise'\nspectrum = 'gate'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "subtract = 'noise'\nspectrum = 'gate'", seed: 22, rate: 40960.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.03, f_lo: 70.0, follow: false }, "subtract = 'noise'\nspectrum = 'gate'", [
         Some(31.265120442708334), // f_max
         Some(0.001017353582269186), // tau
         Some(0.0006018481654034287), // a_1
@@ -247,7 +247,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(1.4177094238521085e-05), // p_f
         Some(0.0012211467778169096), // e_f
     ]),
-    (Case { name: "subtract = 'hum'\n[quality]\nclipped_force = 'keep'", seed: 23, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.2, noise: 0.002, f_lo: 70.0, follow: false }, "subtract = 'hum'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "subtract = 'hum'", seed: 23, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.2, noise: 0.002, f_lo: 70.0, follow: false }, "subtract = 'hum'", [
         Some(30.990249759536525), // f_max
         Some(0.0010130750317068598), // tau
         Some(0.000604314804488856), // a_1
@@ -256,7 +256,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(5.689848548828988e-05), // p_f
         Some(0.004886790186916464), // e_f
     ]),
-    (Case { name: "subtract = 'both'\nmains_hz = 60.0\nspectrum = 'gate'\nband_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", seed: 24, rate: 40960.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.02, f_lo: 70.0, follow: false }, "subtract = 'both'\nmains_hz = 60.0\nspectrum = 'gate'\nband_edges = 'fractional'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "subtract = 'both'\nmains_hz = 60.0\nspectrum = 'gate'\nband_edges = 'fractional'", seed: 24, rate: 40960.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.02, f_lo: 70.0, follow: false }, "subtract = 'both'\nmains_hz = 60.0\nspectrum = 'gate'\nband_edges = 'fractional'", [
         Some(30.7987060546875), // f_max
         Some(0.0010148032005137086), // tau
         Some(0.0006044751559633775), // a_1
@@ -265,7 +265,7 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(1.4155862500624375e-05), // p_f
         Some(0.0012191527193195044), // e_f
     ]),
-    (Case { name: "subtract = 'hum'\n[quality]\nclipped_force = 'keep'", seed: 1, rate: 40960.0, count: 4096, p: 100, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 101.0, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "subtract = 'hum'\n[quality]\nclipped_force = 'keep'", [
+    (Case { name: "subtract = 'hum'", seed: 1, rate: 40960.0, count: 4096, p: 100, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 101.0, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "subtract = 'hum'", [
         Some(31.005857920165486), // f_max
         Some(0.0010130148991339834), // tau
         Some(0.0006045006500888499), // a_1
