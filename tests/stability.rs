@@ -7,6 +7,7 @@
 mod archive;
 mod committed;
 mod contact;
+mod estimators;
 mod flags;
 mod fuzz;
 mod index;

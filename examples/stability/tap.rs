@@ -69,6 +69,7 @@ impl Tap {
         };
         if let Some((planned, measured)) = self.velocity_m_per_s {
             header.id = TapId::default().with_velocity_m_per_s(Some(planned)).unwrap_or_default();
+            header.velocity_nominal_m_per_s = planned;
             header.velocity_measured_m_per_s = measured;
         }
         for (channel, header) in [Channel::Force, Channel::Sound].into_iter().zip(&mut header.channels) {

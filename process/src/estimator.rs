@@ -59,7 +59,7 @@ pub enum Subtraction {
     /// Nothing.
     #[default]
     None,
-    /// The noise's power, from PR, P_f and E_f; a band that holds no more than noise is none.
+    /// The noise's power, from PR, P_f and E_f, and its magnitude, from A_2; a band that holds no more than noise is none.
     Noise,
     /// A sine of `mains_hz`, from every value of the sound; not of a baseline shorter than a quarter of its period.
     Hum,

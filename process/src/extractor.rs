@@ -7,7 +7,7 @@ use crate::force::{Pulse, PulseFinder};
 use crate::hum::Hum;
 use crate::quality::{self, Blocks, Doubts, Force, Sound, of_force, of_sound};
 use crate::record::{Count, Extent, Record, Track};
-use crate::sound::{SOUND_M_PER_S, area, magnitude_area, onset_without_force};
+use crate::sound::{SOUND_M_PER_S, area, deviation, magnitude_area, magnitude_of_noise, onset_without_force};
 use crate::spectrum::{Bands, Spectrum, View};
 use crate::{Error, Precision, ProcessConfig, Real, SpectrumEstimator};
 
@@ -180,7 +180,9 @@ impl<T: Real> Extractor<T> {
         match window {
             Ok(window) => {
                 let value = |i: usize| track.samples[i].into() - base - hum.map_or(0.0, |hum| hum.at(i) / gain);
-                self.areas(value, track.unit_per_count.abs(), window, record.sample_rate_hz, gain, found);
+                let quiet = baseline_count.filter(|_| self.config.subtract.has_noise());
+                let noise = quiet.map(|count| deviation(&self.signal[..count]));
+                self.areas(value, track.unit_per_count.abs(), window, record.sample_rate_hz, (gain, noise), found);
             }
             Err(why) => found.flag(why),
         }
@@ -222,32 +224,40 @@ impl<T: Real> Extractor<T> {
         }
     }
 
-    /// A_1 and A_2 of a sound of `value` counts of a `unit` at each sample, which times `gain` are the signal.
+    /// A_1 and A_2 of a sound of `value` counts of a `unit` at each sample, which times `gain` are the signal, in which
+    /// there is `noise` to be taken off.
     fn areas(
         &self,
         value: impl Fn(usize) -> f64,
         unit: f64,
         window: Window,
         sample_rate_hz: f64,
-        gain: f64,
+        (gain, noise): (f64, Option<f64>),
         found: &mut Found,
     ) {
         if let Some(onset) = window.onset {
             let initial = area(value, onset, window.ringing);
             found.set(Discriminator::A1, initial.abs() * unit / sample_rate_hz);
         }
-        let ringing = magnitude_area(&self.signal, window.ringing);
+        let mut ringing = magnitude_area(&self.signal, window.ringing);
+        if let Some(noise) = noise {
+            let of_noise = magnitude_of_noise(&self.signal, window.ringing, noise);
+            ringing = if ringing > of_noise { ringing - of_noise } else { 0.0 };
+        }
         found.set(Discriminator::A2, ringing * (unit / gain) / sample_rate_hz);
     }
 
     /// The bands for a tap of contact time `tau_s`; `None` when an f_c that follows it leaves nothing below f_hi.
+    ///
+    /// It does not follow below f_lo, where PR would be a part of less than itself.
     fn bands(&self, tau_s: Option<f64>) -> Option<Bands> {
         let ProcessConfig { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz, .. } = self.config;
         let fixed = Bands { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz };
         match tau_s.filter(|_| self.config.f_c_follows_tau) {
             None => Some(fixed),
             Some(tau_s) => {
-                let f_c_hz = 1.0 / (2.0 * tau_s);
+                let asked_for = 1.0 / (2.0 * tau_s);
+                let f_c_hz = if asked_for > f_lo_hz { asked_for } else { f_lo_hz };
                 (f_c_hz <= f_hi_hz).then_some(Bands { f_c_hz, ..fixed })
             }
         }

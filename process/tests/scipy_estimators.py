@@ -172,6 +172,12 @@ def spectrum(x, fs, onset, m, settings, f_lo):
     return dict(pr=e_f / e_all, p_f=p_f, e_f=e_f)
 
 
+def magnitude_of_noise(x, ringing, sigma):
+    rest = x[math.floor(ringing) + 1:]
+    blocks = [rest[k:k + 256] for k in range(0, len(rest), 256)]
+    return math.sqrt(2 / math.pi) * sigma * sum(min(1.0, sigma ** 2 / np.mean(b ** 2)) * len(b) for b in blocks)
+
+
 def discriminators(c, settings):
     force, sound = channels(c)
     force, sound = converted(force, c["force_unit"], c["is_i16"]), converted(sound, c["sound_unit"], c["is_i16"])
@@ -192,6 +198,8 @@ def discriminators(c, settings):
         ringing = onset = float(np.flatnonzero(np.abs(sound - base) > 5 * np.std(sound[:c["p"]]))[0])
     if m:
         found["a_2"] = trapezoid(x, ringing, len(x) - 1, np.abs) / fs
+        if settings.get("subtract") in ["noise", "both"]:
+            found["a_2"] = max(0.0, found["a_2"] - magnitude_of_noise(x, ringing, np.std(x[:m])) / fs)
     return found | spectrum(x, fs, onset, m, settings, c["f_lo"])
 
 

@@ -2,7 +2,7 @@
 
 use tapline_wire::{Discriminator, Quality};
 
-use super::flat::{OF_PULSE, is_flat};
+use super::flat::is_flat;
 use super::{Doubts, POWERS, QualityConfig};
 use crate::baseline::Medians;
 use crate::force::Pulse;
@@ -60,7 +60,7 @@ pub(crate) fn of_force<C: Count>(force: &Force<'_, C>, config: &QualityConfig) -
         }
         return doubts;
     };
-    if is_flat(force.track.samples, shape.level, force.extent, force.base, (force.noise, OF_PULSE)) {
+    if is_flat(force.track.samples, shape.level, force.extent, force.base, force.noise) {
         doubts.spoils_pulse(Quality::CLIPPED, config.clipped_force);
     }
     if shape.end - shape.begin < PULSE_SAMPLES {
