@@ -186,7 +186,8 @@ fn a_tap_of_another_velocity_than_its_set_is_flagged() {
     let fast = table.replace("011.wav,A-17,1,5,1.85", "011.wav,A-17,1,5,2.05");
     assert_ne!(fast, table);
     rig.write("taps/taps.csv", &fast);
-    rig.run("run --taps taps --out set.h5").expect(0);
+    let summary = rig.run("run --taps taps --out set.h5 --json").json(0);
+    assert_eq!(summary["verdicts"][0]["verdict"], "PASS", "it is kept, and compared with those beside it: {summary:#}");
     for row in csv_rows(&rig.run("export set.h5 discriminators").expect(0).out) {
         let is_fast = row["location"] == "11";
         assert_eq!(row["quality"], if is_fast { "velocity_off" } else { "" }, "{row:?}");

@@ -1,5 +1,7 @@
 //! Conditions: taps that may be compared with each other, of one offset and one velocity class.
 
+use std::borrow::Borrow;
+
 use tapline_wire::TapId;
 
 /// A velocity this much above the next lower one starts a new class.
@@ -22,9 +24,10 @@ pub(crate) struct Conditions {
 
 impl Conditions {
     /// The conditions that `taps` fall into.
-    pub(crate) fn of<'a>(taps: impl Iterator<Item = &'a TapId>) -> Self {
+    pub(crate) fn of(taps: impl Iterator<Item = impl Borrow<TapId>>) -> Self {
         let (mut offsets, mut velocities) = (Vec::new(), Vec::new());
         for tap in taps {
+            let tap = tap.borrow();
             offsets.push(offset_key(tap));
             velocities.extend(tap.velocity_m_per_s());
         }

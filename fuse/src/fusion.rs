@@ -180,14 +180,18 @@ impl Fusion {
     }
 
     /// Plan rows of a scan's taps that enter its index if they come, with their names; all but the closing ones.
-    fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, &TapId)> {
+    ///
+    /// A name has the velocity that was meant: a tap that struck out is compared with those beside it, under its flag.
+    fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
+        let meant =
+            |row: u32, id: TapId| id.with_velocity_m_per_s(self.plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
         let planned = |&row: &u32| (row, &self.plan.taps()[row as usize]);
         self.plan.scans()[scan]
             .taps
             .iter()
             .map(planned)
             .filter(|(_, tap)| !tap.is_closing)
-            .map(|(row, tap)| (row, &tap.id))
+            .map(move |(row, tap)| (row, meant(row, tap.id)))
     }
 
     /// What the reference's taps tell of the velocity, those of an offset together.
@@ -197,7 +201,7 @@ impl Fusion {
         }
         let taps = reference.iter().flat_map(|&scan| self.entering(scan)).filter_map(|(row, id)| {
             let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?;
-            Some((conditions.offset_number(id)?, seen.velocity_m_per_s, &seen.values))
+            Some((conditions.offset_number(&id)?, seen.velocity_m_per_s, &seen.values))
         });
         Normalisation::fitted(&taps.collect::<Vec<_>>())
     }
@@ -212,11 +216,11 @@ impl Fusion {
         let planned = &self.plan.scans()[scan];
         let mut closing = planned.taps.iter().map(|&row| &self.plan.taps()[row as usize]).filter(|tap| tap.is_closing);
         let ring = Ring::of(self.plan.geometry, &planned.locations, closing.next().map(|tap| tap.id.location));
-        let reading = |(row, id): (u32, &TapId)| {
+        let reading = |(row, id): (u32, TapId)| {
             let seen = self.seen[row as usize].filter(|seen| !seen.is_refused)?;
             let place = planned.locations.binary_search_by_key(&id.location, |&(location, _)| location).ok()?;
             let values = normalisation.applied(seen.values, id.velocity_m_per_s(), seen.velocity_m_per_s);
-            Some(Reading { place, condition: conditions.number(id)?, values })
+            Some(Reading { place, condition: conditions.number(&id)?, values })
         };
         let taps = self.entering(scan).filter_map(reading).collect();
         Shoulder::new(index, conditions.count(), ring, taps)

@@ -22,7 +22,7 @@ use crate::Error;
 
 /// What becomes of features that a flag casts doubt on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 pub enum Policy {
     /// They stay, and the flag says what to think of them.
     Keep,
@@ -30,6 +30,15 @@ pub enum Policy {
     Drop,
     /// Those it spoils are absent, and the tap is taken again where its source can.
     Retake,
+    /// The tap is taken again where its source can; if that does not help, they stay beside the flag: what shows again and
+    /// again is the casing's own.
+    RetakeOrKeep,
+}
+
+impl Policy {
+    fn drops(self) -> bool {
+        matches!(self, Self::Drop | Self::Retake)
+    }
 }
 
 /// The `[process.quality]` table: thresholds of the flags, and a policy for each.
@@ -97,7 +106,7 @@ impl Default for QualityConfig {
             undersampled: Policy::Drop,
             hum: Policy::Keep,
             low_snr: Policy::Keep,
-            neighbour: Policy::Retake,
+            neighbour: Policy::RetakeOrKeep,
             velocity_off: Policy::Keep,
             rate_implausible: Policy::Keep,
             no_signal: Policy::Retake,
@@ -145,7 +154,8 @@ impl QualityConfig {
         ];
         rules.into_iter().any(|(flag, policy, spoilt)| {
             let is_spoilt = || spoilt.iter().any(|&which| found.values.get(which).is_none());
-            policy == Policy::Retake && found.quality.contains(flag) && is_spoilt()
+            let is_wanted = policy == Policy::RetakeOrKeep || (policy == Policy::Retake && is_spoilt());
+            is_wanted && found.quality.contains(flag)
         })
     }
 
@@ -193,7 +203,7 @@ impl Doubts {
     /// Raises `flag`, which spoils `which` if the `policy` is to drop them.
     pub(crate) fn spoils(&mut self, flag: Quality, policy: Policy, which: &[Discriminator]) {
         self.flags.insert(flag);
-        if policy != Policy::Keep {
+        if policy.drops() {
             which.iter().for_each(|&which| self.dropped[which as usize] = true);
         }
     }
@@ -201,7 +211,7 @@ impl Doubts {
     /// Raises `flag`, which spoils the pulse if the `policy` is to drop what rests on it.
     pub(crate) fn spoils_pulse(&mut self, flag: Quality, policy: Policy) {
         self.flags.insert(flag);
-        if policy != Policy::Keep && self.pulse_spoilt_by.is_none() {
+        if policy.drops() && self.pulse_spoilt_by.is_none() {
             self.pulse_spoilt_by = Some(flag);
         }
     }

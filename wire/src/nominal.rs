@@ -1,79 +1,127 @@
 //! The velocities that a plan means, told from those that some of its taps were made with.
 //!
 //! A tap set lists the velocity of each tap. Where it lists what was asked for, the plan means exactly that; where it
-//! lists what was measured, or a few taps strike out, it means the velocity that many taps have, or lie around.
+//! lists what was measured, or a few taps strike out, it means the velocity around which a turn of the ring lies.
 
-/// A velocity of which there is less than this part of the most frequent one is not meant.
-const SHARE: f64 = 0.25;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// Taps of one velocity from which on velocities are what was asked for; fewer are measured values that happen to agree.
-const FREQUENT: usize = 4;
+use crate::{PlannedTap, Serial};
 
-/// Measured velocities this much above the next lower one are meant to be others.
-const GAP: f64 = 1.05;
+/// Part of a ring's locations that a velocity must have been struck at to be meant: it has a turn of its own.
+const TURN: f64 = 0.5;
 
-/// Farthest that a tap may strike out, as a factor; farther it is a velocity of its own, however rare.
-const REACH: f64 = 1.3;
+/// Measured velocities this much above the next lower one belong to another turn.
+const GAP: f64 = 1.03;
 
-/// The velocities that a plan means, ascending.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Nominals(Vec<f64>);
+/// Measured velocities farther apart than this, as a factor, lie around nothing.
+const SPREAD: f64 = 1.25;
 
-impl Nominals {
-    /// What is meant by `velocities`, in m/s.
-    pub(crate) fn of(velocities: impl Iterator<Item = f64>) -> Self {
-        let mut sorted: Vec<f64> = velocities.filter(|v| v.is_finite() && *v > 0.0).collect();
-        sorted.sort_by(f64::total_cmp);
-        let same: Vec<&[f64]> = sorted.chunk_by(|a, b| a.total_cmp(b).is_eq()).collect();
-        let is_asked_for = same.iter().any(|group| group.len() >= FREQUENT);
-        let groups = if is_asked_for { same } else { sorted.chunk_by(|below, v| *v <= GAP * below).collect() };
-        let most = groups.iter().map(|group| group.len()).max().unwrap_or(0);
-        #[expect(clippy::cast_precision_loss, reason = "counts of taps")]
-        let is_meant = |group: &&[f64]| group.len() as f64 >= SHARE * most as f64;
-        Self(groups.into_iter().filter(is_meant).map(|group| group[group.len() / 2]).collect())
+/// The taps of one shoulder at one offset, by row.
+type Ring = (Serial, u16, Option<u64>);
+
+/// For every one of `taps` the velocity that was meant, in m/s; NaN where it names none.
+pub(crate) fn nominal_velocities(taps: &[PlannedTap]) -> Vec<f64> {
+    let mut nominal = vec![f64::NAN; taps.len()];
+    let mut rings: BTreeMap<Ring, Vec<(f64, u32, usize)>> = BTreeMap::new();
+    for (row, tap) in taps.iter().enumerate() {
+        let id = tap.id;
+        if let Some(velocity) = id.velocity_m_per_s() {
+            let ring = (id.tyre, id.shoulder, id.offset_mm().map(f64::to_bits));
+            rings.entry(ring).or_default().push((velocity, id.location, row));
+        }
     }
-
-    /// What is meant by `velocity`: the nearest that is, or itself when none is near.
-    pub(crate) fn nearest(&self, velocity: f64) -> f64 {
-        let distance = |nominal: &f64| (velocity / nominal).ln().abs();
-        let nearest = self.0.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        nearest.filter(|nominal| distance(nominal) < REACH.ln()).unwrap_or(velocity)
+    for mut struck in rings.into_values() {
+        struck.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+        let meant = meant(&struck);
+        for (velocity, _, row) in struck {
+            nominal[row] = nearest(&meant, velocity);
+        }
     }
+    nominal
+}
+
+/// The velocities that `struck`, ascending, were meant to have.
+fn meant(struck: &[(f64, u32, usize)]) -> Vec<f64> {
+    let locations = |taps: &[(f64, u32, usize)]| taps.iter().map(|tap| tap.1).collect::<BTreeSet<_>>().len();
+    #[expect(clippy::cast_precision_loss, reason = "counts of locations")]
+    let is_turn = |taps: &&[(f64, u32, usize)]| locations(taps) as f64 >= TURN * locations(struck) as f64;
+    let asked_for: Vec<f64> =
+        struck.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq()).filter(is_turn).map(|turn| turn[0].0).collect();
+    if !asked_for.is_empty() {
+        return asked_for;
+    }
+    let turns = struck.chunk_by(|below, tap| tap.0 <= GAP * below.0).filter(is_turn);
+    let lies_together = |turn: &&[(f64, u32, usize)]| turn[turn.len() - 1].0 <= SPREAD * turn[0].0;
+    turns.filter(lies_together).map(|turn| turn[turn.len() / 2].0).collect()
+}
+
+/// The nearest to `velocity` of those that are `meant`; itself where none is known.
+fn nearest(meant: &[f64], velocity: f64) -> f64 {
+    let distance = |nominal: &f64| (velocity / nominal).ln().abs();
+    meant.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(velocity)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::TapId;
 
-    /// As text, in which numbers may be compared.
-    fn nominals(groups: &[(f64, usize)]) -> String {
-        let found = Nominals::of(groups.iter().flat_map(|&(v, count)| std::iter::repeat_n(v, count)));
-        format!("{:?}", found.0)
+    /// One ring a shoulder; each turn has the velocity that `turn` gives a location.
+    fn taps(turns: &[(u16, &dyn Fn(u32) -> f64)]) -> Vec<PlannedTap> {
+        let tap = |shoulder: u16, repetition: usize, location: u32, velocity: f64| {
+            let mut id = TapId::default().with_velocity_m_per_s(Some(velocity)).unwrap();
+            (id.shoulder, id.location, id.repetition) = (shoulder, location, u16::try_from(repetition).unwrap());
+            PlannedTap { id, angle_deg: None, is_closing: false }
+        };
+        let numbered = turns.iter().enumerate();
+        numbered.flat_map(|(k, &(shoulder, turn))| (0..100).map(move |l| tap(shoulder, k, l, turn(l)))).collect()
     }
 
-    /// Catches velocities that lie close and are merged, one that a few taps strike out with and is meant, and one that
-    /// is rare for good reason and taken for another.
+    /// Rows whose velocity is more than 3 % off the nominal one.
+    fn off(taps: &[PlannedTap]) -> Vec<usize> {
+        let nominal = nominal_velocities(taps);
+        let is_off = |row: &usize| (taps[*row].id.velocity_m_per_s().unwrap() / nominal[*row] - 1.0).abs() > 0.03;
+        (0..taps.len()).filter(is_off).collect()
+    }
+
+    /// Numbers of mean 0 and standard deviation 1, by location.
+    fn normal(location: u32) -> f64 {
+        let uniform = |k: u32| f64::from((location * 7919 + k * 104_729) % 1009) / 1009.0 - 0.5;
+        (0..12).map(uniform).sum()
+    }
+
+    /// Catches a turn of its own taken for a slip, and velocities that lie close and are merged.
     #[test]
     fn what_is_asked_for_is_meant() {
-        assert_eq!(nominals(&[(1.8, 100), (1.85, 100), (1.2, 90)]), "[1.2, 1.8, 1.85]");
-        assert_eq!(nominals(&[(1.85, 90), (2.03, 10), (1.7, 3)]), "[1.85]");
-        let of = Nominals(vec![1.2, 1.85]);
-        for (velocity, meant) in [(2.03, 1.85), (1.7, 1.85), (1.25, 1.2), (5.0, 5.0), (0.5, 0.5)] {
-            assert!((of.nearest(velocity) - meant).abs() < 1e-15, "{velocity}");
-        }
-        assert_eq!(nominals(&[(f64::NAN, 9), (-1.0, 9), (0.0, 9)]), "[]");
-        assert!((Nominals::default().nearest(1.85) - 1.85).abs() < 1e-15);
+        assert_eq!(off(&taps(&[(1, &|_| 1.8), (1, &|_| 1.85), (1, &|_| 1.2)])), [0; 0]);
+        assert_eq!(off(&taps(&[(1, &|_| 1.85), (1, &|_| 1.85), (1, &|_| 1.85), (1, &|_| 1.65)])), [0; 0]);
+        assert_eq!(off(&taps(&[(1, &|_| 1.85), (1, &|_| 1.85), (2, &|_| 1.65)])), [0; 0]);
+        assert_eq!(off(&taps(&[(1, &|l| 1.0 + 0.01 * f64::from(l))])), [0; 0], "a sweep lies around nothing");
+        let none = PlannedTap { id: TapId::default(), angle_deg: None, is_closing: false };
+        assert!(nominal_velocities(&[none])[0].is_nan());
     }
 
-    /// Catches measured velocities of which each is its own nominal, and two that are meant taken for one.
+    /// Catches a slip that is taken for meant: rare ones, one in three, and a slip of the pen.
+    #[test]
+    fn what_strikes_out_is_off() {
+        for (fast, step) in [(2.03, 10), (1.4, 3), (18.5, 7), (1.95, 3)] {
+            let set = taps(&[(1, &|l| if l % step == 0 { fast } else { 1.85 }), (1, &|_| 1.2)]);
+            let expected: Vec<usize> = (0..100).filter(|l| l % step as usize == 0).collect();
+            assert_eq!(off(&set), expected, "{fast}");
+        }
+    }
+
+    /// Catches measured velocities of which each, or each that some agree in, is its own nominal.
     #[test]
     fn what_is_measured_lies_around_what_is_meant() {
-        let around = |nominal: f64, count: u32| {
-            (0..count).map(move |k| nominal * (1.0 + 0.02 * (f64::from(k * 37 % 101) / 50.0 - 1.0)))
-        };
-        let of = Nominals::of(around(1.2, 60).chain(around(1.85, 60)).chain([2.1, 2.11]));
-        assert_eq!(of.0.len(), 2, "{of:?}");
-        assert!((of.0[0] / 1.2 - 1.0).abs() < 0.005 && (of.0[1] / 1.85 - 1.0).abs() < 0.005, "{of:?}");
-        assert!((of.nearest(2.1) - of.0[1]).abs() < 1e-15);
+        for scatter in [0.005, 0.01] {
+            let measured = |l: u32| {
+                let meant = if l % 10 == 3 { 1.06 * 1.85 } else { 1.85 };
+                (meant * (1.0 + scatter * normal(l)) * 100.0).round() / 100.0
+            };
+            let off = off(&taps(&[(1, &measured), (1, &|l| 1.2 * (1.0 + scatter * normal(l + 7)))]));
+            let planted = off.iter().filter(|row| **row < 100 && **row % 10 == 3).count();
+            assert!(planted >= 9 && off.len() - planted <= 2, "{scatter}: {off:?}");
+        }
     }
 }

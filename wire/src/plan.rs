@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use sha2::{Digest, Sha256};
 
-use crate::nominal::Nominals;
+use crate::nominal::nominal_velocities;
 use crate::{Channel, Geometry, SampleFormat, Serial, TapId};
 
 /// One tap that must exist.
@@ -68,9 +68,20 @@ pub struct Plan {
     taps: Vec<PlannedTap>,
     scans: Vec<Scan>,
     truth: Truth,
-    nominals: Nominals,
+    /// For every tap the velocity that was meant, NaN where none is named.
+    nominal_m_per_s: Nominal,
     source_digest: u64,
     digest: u64,
+}
+
+/// Velocities by plan row; they follow from the taps, so that plans of equal taps are equal whatever is not a number here.
+#[derive(Debug, Clone)]
+struct Nominal(Vec<f64>);
+
+impl PartialEq for Nominal {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.len() == other.0.len()
+    }
 }
 
 /// Why a list of taps is no plan.
@@ -138,8 +149,8 @@ impl Plan {
         }
         let scans = scans_of(&taps)?;
         let digest = digest_of(geometry, &recording, &taps, 0);
-        let nominals = Nominals::of(taps.iter().filter_map(|tap| tap.id.velocity_m_per_s()));
-        Ok(Self { geometry, recording, taps, scans, truth, nominals, source_digest: 0, digest })
+        let nominal_m_per_s = Nominal(nominal_velocities(&taps));
+        Ok(Self { geometry, recording, taps, scans, truth, nominal_m_per_s, source_digest: 0, digest })
     }
 
     /// The same plan for a source that `source_digest` tells from others with the same taps: other recordings, other
@@ -162,11 +173,10 @@ impl Plan {
 
     /// Velocity that was meant for the tap in plan row `row`, in m/s; `None` when the plan names none.
     ///
-    /// It is the planned one, unless that is a rare one beside one that many taps have: then a list of taps says how
-    /// fast this one was, and not how fast it should have been.
+    /// It is the planned one, unless half a turn and more of the same ring were struck at another: then the list of taps
+    /// says how fast this one was, and not how fast it should have been.
     pub fn velocity_nominal_m_per_s(&self, row: u32) -> Option<f64> {
-        let velocity = self.taps.get(row as usize)?.id.velocity_m_per_s()?;
-        Some(self.nominals.nearest(velocity))
+        self.nominal_m_per_s.0.get(row as usize).copied().filter(|v| v.is_finite())
     }
 
     /// The scans, in order of their first tap.

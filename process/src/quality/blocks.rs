@@ -3,7 +3,6 @@
 use std::f64::consts::TAU;
 
 use crate::Real;
-use crate::real::sum_of;
 
 /// Blocks of one second, nearly: a block has whole samples.
 const BLOCKS_PER_S: f64 = 1000.0;
@@ -36,11 +35,7 @@ impl Blocks {
         if count < BLOCK_SAMPLES {
             return;
         }
-        self.all.extend(signal.chunks_exact(count).map(|block| Block {
-            mean: sum_of(block, |x| x) / count as f64,
-            mean_square: sum_of(block, |x| x * x) / count as f64,
-            peak: peak(block),
-        }));
+        self.all.extend(signal.chunks_exact(count).map(block_of));
     }
 
     /// The blocks of the last record.
@@ -86,10 +81,32 @@ pub(crate) fn samples_per_block(sample_rate_hz: f64) -> usize {
     if count > 1.0 { count as usize } else { 1 }
 }
 
-/// Greatest magnitude in `block`.
-fn peak<T: Real>(block: &[T]) -> f64 {
-    let greatest = block.iter().fold(T::zero(), |greatest, x| if x.abs() > greatest { x.abs() } else { greatest });
-    greatest.widened()
+/// Mean, mean square and greatest magnitude of `block`, in one pass.
+///
+/// Lanes, because neither a sum nor a maximum of floats in one variable may be reordered into SIMD; a block is short
+/// enough for `T`.
+fn block_of<T: Real>(block: &[T]) -> Block {
+    const LANES: usize = 8;
+    let (mut sum, mut square, mut peak) = ([T::zero(); LANES], [T::zero(); LANES], [T::zero(); LANES]);
+    let mut rows = block.chunks_exact(LANES);
+    let mut take = |lane: usize, x: T| {
+        sum[lane] += x;
+        square[lane] += x * x;
+        let magnitude = x.abs();
+        peak[lane] = if magnitude > peak[lane] { magnitude } else { peak[lane] };
+    };
+    for row in rows.by_ref() {
+        for (lane, &x) in row.iter().enumerate() {
+            take(lane, x);
+        }
+    }
+    for (lane, &x) in rows.remainder().iter().enumerate() {
+        take(lane, x);
+    }
+    let total = |lanes: [T; LANES]| lanes.iter().map(|x| x.widened()).sum::<f64>();
+    let count = block.len() as f64;
+    let greatest = peak.into_iter().fold(T::zero(), |a, b| if b > a { b } else { a });
+    Block { mean: total(sum) / count, mean_square: total(square) / count, peak: greatest.widened() }
 }
 
 #[cfg(test)]

@@ -54,12 +54,13 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
 /// falls as far as the signal does: one that falls by `d` within a samples of its vertex falls by ((a + 2)/a)^2 d within
 /// two more.
 fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, noise: f64) -> bool {
+    let Some(at) = samples.iter().position(|&x| x == level) else { return false };
     let level: f64 = level.into();
     let (sign, band) = (if level < base { -1.0 } else { 1.0 }, BAND_SIGMAS * noise);
     let is_narrow = band > 0.0 && band < BAND_MOST * (level - base).abs();
-    let Some(at) = samples.iter().position(|&x| x.into().total_cmp(&level).is_eq()).filter(|_| is_narrow) else {
+    if !is_narrow {
         return false;
-    };
+    }
     let below = |x: C| sign * (level - x.into());
     let from = at - samples[..at].iter().rev().take_while(|&&x| below(x) <= band).count();
     let after = at + samples[at..].iter().take_while(|&&x| below(x) <= band).count();

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use realfft::num_complex::Complex;
 use tapline_wire::{Discriminator, Quality};
 
 use super::blocks::{Block, Blocks, samples_per_block};
@@ -97,7 +98,7 @@ pub(crate) fn of_sound<C: Count, T: Real>(
         doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, &[Discriminator::A2]);
     }
     let peak = sound.peak();
-    let hum = hum(blocks).filter(|hum| hum.amplitude > config.hum_share_most * peak);
+    let hum = hum(blocks, config.hum_share_most * peak);
     if hum.is_some() {
         doubts.spoils(Quality::HUM, config.hum, OF_SOUND);
     }
@@ -170,38 +171,45 @@ struct Hum {
     turns: f64,
 }
 
-/// Hum in the second half of the record; `None` when no line of the mains stands out or there is too little of it.
+/// Hum above `least` in the second half of the record; `None` when no such line of the mains stands out or there is too
+/// little of it.
 ///
 /// A Hann window is right here, where it would be wrong for the tap: hum does not end.
-fn hum(blocks: &Blocks) -> Option<Hum> {
+fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
     let tail = &blocks.all()[blocks.all().len() / 2..];
     if tail.len() < HUM_BLOCKS {
         return None;
     }
     let beside = 3.0 / tail.len() as f64;
+    let mean = tail.iter().map(|block| block.mean).sum::<f64>() / tail.len() as f64;
     let lines = MAINS_HZ.into_iter().filter_map(|f_hz| {
         let turns = f_hz / blocks.rate_hz();
-        let line = amplitude(tail, turns);
+        let line = amplitude(tail, mean, turns);
+        if line <= least {
+            return None; // a clean tap is looked at no further
+        }
         let mut sides = [turns - beside, turns + beside].into_iter().filter(|&side| side > 0.0);
-        sides.all(|side| line > LINE * amplitude(tail, side)).then_some(Hum { amplitude: line, turns })
+        sides.all(|side| line > LINE * amplitude(tail, mean, side)).then_some(Hum { amplitude: line, turns })
     });
     lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude))
 }
 
-/// Amplitude of a sine of `turns` in a block in the means of `tail`, through a Hann window.
-fn amplitude(tail: &[Block], turns: f64) -> f64 {
-    let count = tail.len() as f64;
-    let mean = tail.iter().map(|block| block.mean).sum::<f64>() / count;
-    let (mut re, mut im, mut weight) = (0.0, 0.0, 0.0);
-    for (n, block) in tail.iter().enumerate() {
-        let n = n as f64;
-        let w = 0.5 - 0.5 * (TAU * (n + 0.5) / count).cos();
-        let (sin, cos) = (TAU * (turns * n).fract()).sin_cos();
-        re += w * (block.mean - mean) * cos;
-        im += w * (block.mean - mean) * sin;
+/// Amplitude of a sine of `turns` in a block in the means of `tail` about their `mean`, through a Hann window.
+///
+/// Sines are had by turning a pointer from block to block: the few hundred steps cost it no digit that counts.
+fn amplitude(tail: &[Block], mean: f64, turns: f64) -> f64 {
+    let per_block = TAU / tail.len() as f64;
+    let (mut wave, wave_step) = (Complex::new(1.0, 0.0), Complex::cis(TAU * turns));
+    let (mut window, window_step) = (Complex::cis(0.5 * per_block), Complex::cis(per_block));
+    let (mut sum, mut weight) = (Complex::new(0.0, 0.0), 0.0);
+    for block in tail {
+        let w = 0.5 - 0.5 * window.re;
+        sum += wave * (w * (block.mean - mean));
         weight += w;
+        wave *= wave_step;
+        window *= window_step;
     }
-    2.0 * re.hypot(im) / weight
+    2.0 * sum.norm() / weight
 }
 
 /// Whether something is heard before the tap.
