@@ -8,7 +8,7 @@ use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde::Serialize;
 use tapline_fuse::{Reference, Score};
 use tapline_store::{Reader, regions};
-use tapline_wire::{DamageCell, Discriminator, Judgement, Reasons, TapState, Verdict};
+use tapline_wire::{DamageCell, Discriminator, Judgement, Quality, Reasons, TapState, Verdict};
 
 use crate::config::Job;
 use crate::stage::{StageReport, Work};
@@ -37,6 +37,8 @@ struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     auc: Option<Auc>,
     reference_is_self: bool,
+    /// How many archived taps have each flag.
+    flags: Vec<(&'static str, usize)>,
     pace: PaceLine,
 }
 
@@ -93,6 +95,7 @@ pub(crate) fn summarise(job: &Job, pace: Pace, as_json: bool) -> Result<bool> {
         missing: count(TapState::Missing),
         verdicts: shoulders(&reader)?,
         auc: auc(job, &reader)?,
+        flags: flags(&reader)?,
         reference_is_self: job.config.fuse.reference == Reference::Own,
         pace,
     };
@@ -103,6 +106,13 @@ pub(crate) fn summarise(job: &Job, pace: Pace, as_json: bool) -> Result<bool> {
         print(&mut out, &summary)?;
     }
     Ok(summary.is_whole)
+}
+
+fn flags(reader: &Reader) -> Result<Vec<(&'static str, usize)>> {
+    let found = reader.discriminators()?;
+    let count = |flag| found.iter().flatten().filter(|record| record.quality.contains(flag)).count();
+    let all = Quality::ALL.iter().map(|&(flag, name)| (name, count(flag)));
+    Ok(all.filter(|&(_, count)| count > 0).collect())
 }
 
 fn shoulders(reader: &Reader) -> Result<Vec<ShoulderLine>> {
@@ -226,6 +236,10 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     }
     if summary.reference_is_self {
         writeln!(out, "Each tyre is compared with itself (reference = \"self\"): damage all around would not show.")?;
+    }
+    if !summary.flags.is_empty() {
+        let flags: Vec<String> = summary.flags.iter().map(|(name, count)| format!("{name} {count}")).collect();
+        writeln!(out, "Taps with flags (`export discriminators` has them): {}", flags.join(", "))?;
     }
     print_pace(out, &summary.pace)?;
     let Summary { archived, refused, missing, .. } = summary;

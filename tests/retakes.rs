@@ -44,6 +44,7 @@ fn what_is_of_no_use_is_taken_again() {
     let taken_again = summary["pace"]["taken_again"].as_u64().unwrap();
     assert!((10..60).contains(&taken_again), "{summary:#}");
     assert_eq!(summary["archived"], 122);
+    assert_eq!(summary["flags"].as_array().unwrap().len(), 0, "{summary:#}");
     let found = flags(&rig, "faulty.h5");
     assert!(!["double_hit", "neighbour", "retake"].iter().any(|flag| found.contains_key(*flag)), "{found:?}");
     let ledger = csv_rows(&rig.run("export faulty.h5 ledger").expect(0).out);
@@ -67,6 +68,8 @@ fn what_is_of_no_use_is_taken_again() {
     rig.write("keep.toml", &format!("[process.quality]\ndouble_hit = \"keep\"\nneighbour = \"drop\"\n{FAULTY}"));
     let summary = rig.run("run --config keep.toml --out keep.h5 --json").json(0);
     assert_eq!(summary["pace"]["taken_again"], 0);
+    let found = flags(&rig, "keep.h5");
+    assert!(found["double_hit"] >= 4 && found["neighbour"] >= 4, "{found:?}");
     for row in csv_rows(&rig.run("export keep.h5 discriminators").expect(0).out) {
         assert!(row["quality"] != "double_hit" || (!row["f_max_n"].is_empty() && !row["pr"].is_empty()), "{row:?}");
         assert!(row["quality"] != "neighbour" || (!row["f_max_n"].is_empty() && row["pr"].is_empty()), "{row:?}");

@@ -117,7 +117,7 @@ fn noise() -> Curve {
         title: "White noise on both channels",
         x_label: "Noise sd / peak (1 / SNR)",
         is_x_log: true,
-        sentence: "Root mean square error over 8 records. A_2 integrates the magnitude of noise to the record's end and is 60 % off at a noise of 1 %, where P_f is 4 % off and all others 1 % or less; from 3 % on the powers rise with the square of the noise, and at 30 % no pulse is found any more.",
+        sentence: "Root mean square error over 8 records. A_2 integrates the magnitude of noise to the record's end and is 60 % off at a noise of 1 %, where P_f is 4 % off and all others less than 1.5 %; from 3 % on the powers rise with the square of the noise, and at 30 % no pulse is found any more.",
         columns: names(),
         rows: decades(1e-4, 0.3, 15).into_iter().map(at).collect(),
     }
@@ -129,7 +129,7 @@ pub(crate) fn clipping() -> Curve {
         title: "Both channels cut off below their peak",
         x_label: "Clipping level / peak",
         is_x_log: false,
-        sentence: "F_max loses what is cut off and A_1 and the powers with it; tau and PR stay within 5 %. No value shows it by itself; the flag does, at any level.",
+        sentence: "F_max loses what is cut off and A_1 and the powers with it; tau and PR stay within 5 %. No value shows it by itself; the flag does, at any level, as here without noise.",
         columns: names(),
         rows: disturbed(steps(0.4, 1.0, 25), |x| on_both(x, clip)),
     }

@@ -239,10 +239,10 @@ impl<T: Real> Extractor<T> {
             let initial = area(value, onset, window.ringing);
             found.set(Discriminator::A1, initial.abs() * unit / sample_rate_hz);
         }
-        let mut ringing = magnitude_area(&self.signal, window.ringing);
-        if let Some(noise) = noise {
-            let of_noise = magnitude_of_noise(&self.signal, window.ringing, noise);
-            ringing = if ringing > of_noise { ringing - of_noise } else { 0.0 };
+        let of_noise = noise.map_or(0.0, |noise| magnitude_of_noise(&self.signal, window.ringing, noise));
+        let ringing = magnitude_area(&self.signal, window.ringing) - of_noise;
+        if ringing < 0.0 {
+            return found.flag(Quality::NO_ONSET); // no more than noise
         }
         found.set(Discriminator::A2, ringing * (unit / gain) / sample_rate_hz);
     }

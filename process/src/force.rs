@@ -19,7 +19,7 @@ use duration::{crossings, half_sine_base};
 use peak::vertex;
 
 /// Standard deviations of the noise that a pulse must exceed.
-const NOISE_SIGMAS: f64 = 5.0;
+const NOISE_SIGMAS: f64 = 6.0;
 
 /// Part q of F_max at which the pulse's width is taken.
 const WIDTH_LEVEL: f64 = 0.1;
@@ -153,14 +153,14 @@ mod tests {
         assert_eq!(pulse_of(&[3.0]), None);
     }
 
-    /// Catches noise taken for an impact: the same bump, with and without noise of a fifth of its height.
+    /// Catches noise taken for an impact: the same bump, with and without noise of a sixth of its height.
     #[test]
     fn must_stand_out_of_the_noise() {
         let samples = [0.0_f32, 0.0, 5.0, 10.0, 5.0, 0.0, 0.0];
         let track = Track { samples: &samples, unit_per_count: 3.0 };
         let extent = Extent::of(&samples).unwrap();
-        assert!(PulseFinder::default().find(track, extent, 0.0, 1.9).is_some());
-        assert_eq!(PulseFinder::default().find(track, extent, 0.0, 2.1), None);
+        assert!(PulseFinder::default().find(track, extent, 0.0, 1.6).is_some());
+        assert_eq!(PulseFinder::default().find(track, extent, 0.0, 1.7), None);
     }
 
     /// Catches a sensor wired the other way round: the scale's sign decides which extreme is the peak.

@@ -24,8 +24,8 @@
 //! | `UNDERSAMPLED` | fewer than 8 samples above 10 % of F_max; a rate below 2 f_top | F_max, tau, A_1, A_2; PR, P_f, E_f |
 //! | `HUM` | a line at 50 or 60 Hz above 2 % of the sound's peak | nothing |
 //! | `LOW_SNR` | a peak below 50 sigma of the noise before the trigger, or after the ringing | nothing |
-//! | `NEIGHBOUR` | the sound's envelope rises again, or is loud before the tap, by 10 % of its peak and 6 sigma | A_2, PR, P_f, E_f, and A_1 if it was before |
-//! | `VELOCITY_OFF` | measured and planned velocity differ by more than 3 % | nothing |
+//! | `NEIGHBOUR` | the sound's envelope rises again, or is loud before the tap, by 10 % of its peak and 6 sigma; or rings through the time before it | nothing where taking it again has not helped; by `drop` A_2, PR, P_f, E_f, and A_1 if it was before |
+//! | `VELOCITY_OFF` | measured and nominal velocity differ by more than 3 % | nothing |
 //! | `RATE_IMPLAUSIBLE` | tau outside 0.35 to 4 ms | nothing |
 //!
 //! # Example

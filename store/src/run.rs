@@ -201,7 +201,7 @@ impl<'a> Desk<'a> {
                 // Of a refused tap the refusal itself comes with the taps.
                 for record in found.iter().filter(|r| !r.quality.contains(Quality::REFUSED)) {
                     let outcome = if record.quality.contains(Quality::RETAKE) {
-                        tracing::warn!(tap = %record.id, quality = %record.quality, "a tap is taken again");
+                        tracing::info!(tap = %record.id, quality = %record.quality, "a tap is taken again");
                         self.writer.put_retake(record.plan_index, &record.id)?
                     } else {
                         self.writer.put_discriminators(record)?

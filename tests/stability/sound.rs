@@ -116,14 +116,15 @@ fn c04_a_signed_ringing_area() {
     assert!(off(&tap, Discriminator::A2) < 1e-5);
 }
 
-/// Case 6, the powers: hum of 50 and 60 Hz at 1, 3 and 10 % of the peak.
+/// Case 6, the powers: hum of 50, 52 and 60 Hz at 1, 3 and 10 % of the peak.
 ///
 /// Naive: over all frequencies PR loses more than half at 10 % (0.47). Hold: PR and E_f within 1e-6 at either frequency; measured 1e-8.
-/// A hum that does not fit the record in whole periods leaks more: 55 Hz is held within 1e-3.
+/// A hum that does not fit the record in whole periods leaks into the bands: at 52 Hz 1 and 3 % are held within 2e-3, 10 % within
+/// 2e-2 and under its flag.
 /// Open: A_1 scatters with the phase of the hum by as much as plainly read; the estimator that takes hum out is not default.
 #[test]
 fn c06_hum_on_sound() {
-    for f_hz in [50.0, 55.0, 60.0] {
+    for f_hz in [50.0, 52.0, 60.0] {
         for part in [0.01, 0.03, 0.1] {
             let mut tap = Tap::sound();
             add_hum(&mut tap.sound_v, part, f_hz, 0.4);
@@ -131,7 +132,9 @@ fn c06_hum_on_sound() {
             let held = [Discriminator::Pr, Discriminator::Ef].map(|which| off(&tap, which));
             println!("c06: {f_hz} Hz {part}: naive PR x {naive}, held {held:?}");
             assert!(part < 0.1 || naive < 0.5, "{naive}");
-            assert!(held.iter().all(|&off| off < if f_hz > 50.5 && f_hz < 59.5 { 1e-3 } else { 1e-6 }), "{held:?}");
+            let fits = !(51.0..59.0).contains(&f_hz);
+            let limit = if fits { 1e-6 } else { [2e-3, 2e-2][usize::from(part > 0.05)] };
+            assert!(held.iter().all(|&off| off < limit), "{held:?}");
         }
     }
 }

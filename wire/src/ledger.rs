@@ -77,7 +77,7 @@ const STATE_MASK: u8 = (1 << STATE_BITS) - 1;
 /// and for the barrier that every station has passed.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("tapline.LedgerHeader.v1")]
+#[type_name("tapline.LedgerHeader.v2")]
 pub struct LedgerHeader {
     /// Which snapshot this is.
     pub stamp: Stamp,

@@ -138,7 +138,7 @@ pub struct ChannelHeader {
 /// Samples are planar, `[channel][sample]`, `channel_count * sample_count` of them, as the converter gave them.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("tapline.TapHeader.v1")]
+#[type_name("tapline.TapHeader.v2")]
 pub struct TapHeader {
     /// Which record of which publisher this is; `stamp.kind` says whether it is a tap at all.
     pub stamp: Stamp,

@@ -12,22 +12,34 @@ const SHARE: f64 = 0.3;
 const BAND_SIGMAS: f64 = 6.0;
 /// Part of the extreme above which that band says nothing.
 const BAND_MOST: f64 = 0.1;
-/// Factor by which the fall beside a flat top exceeds a parabola's: modes may meet in a top that is flatter than one. At
-/// 1.5 some pulses with 0.1 % of noise are taken for clipped in one of 80; at 2 none of 500, and a cut to nine tenths is seen
-/// in all of them.
-const MARGIN: f64 = 2.0;
+
+/// How a top must be left to be a flat one under noise.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Leaving {
+    /// How far beside the top one looks, in half its widths.
+    reach: f64,
+    /// Factor by which the fall there exceeds a parabola's.
+    margin: f64,
+}
+
+/// Of a force: one pulse, as good as a parabola far beyond its top.
+pub(crate) const OF_PULSE: Leaving = Leaving { reach: 1.0, margin: 1.15 };
+/// Of a sound: modes may meet in a top that is flatter than a parabola.
+const OF_RINGING: Leaving = Leaving { reach: 0.5, margin: 1.5 };
+/// Samples out of a flat top that noise may have taken, to either side.
+const JOINED_MOST: usize = 32;
 /// Samples beside a flat top in which the converter's step is looked for.
 const BESIDE: usize = 16;
 
 /// Whether the signal of `extent` about `base` is flat at its top or at its bottom.
 pub(crate) fn is_clipped<C: Count>(samples: &[C], extent: Extent<C>, base: f64, noise: f64) -> bool {
-    let is_flat = |level| is_flat(samples, level, extent, base, noise);
+    let is_flat = |level| is_flat(samples, level, extent, base, (noise, OF_RINGING));
     is_flat(extent.largest) || is_flat(extent.least)
 }
 
 /// Whether the signal is cut off at the extreme `level`, by the converter or, before `noise` came on top, by what is in
 /// front of it.
-pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base: f64, noise: f64) -> bool {
+pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base: f64, noise: (f64, Leaving)) -> bool {
     let (above, below) = (extent.largest.into() - base, base - extent.least.into());
     let greater = if above > below { above } else { below };
     let is_extreme = (level.into() - base).abs() >= SHARE * greater;
@@ -51,9 +63,9 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
 }
 
 /// Whether the first visit to the extreme `level` stays there, within the noise, for longer than a parabola that then
-/// falls as far as the signal does: one that falls by `d` within a samples of its vertex falls by ((a + 2)/a)^2 d within
-/// two more.
-fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, noise: f64) -> bool {
+/// falls as far as the signal does: one of which n samples are within `d` of its vertex is `d` below it (n - 1)/2 samples
+/// away or more, and r samples beyond the last of them no more than ((n/2 + r)/(n/2 - 1/2))^2 d.
+fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, (noise, leaving): (f64, Leaving)) -> bool {
     let Some(at) = samples.iter().position(|&x| x == level) else { return false };
     let level: f64 = level.into();
     let (sign, band) = (if level < base { -1.0 } else { 1.0 }, BAND_SIGMAS * noise);
@@ -64,9 +76,10 @@ fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, noise: f64)
     let below = |x: C| sign * (level - x.into());
     let from = at - samples[..at].iter().rev().take_while(|&&x| below(x) <= band).count();
     let after = at + samples[at..].iter().take_while(|&&x| below(x) <= band).count();
-    let (Some(before), Some(behind)) = (from.checked_sub(2), samples.get(after + 1)) else { return false };
     let half = (after - from) as f64 / 2.0;
-    let least = MARGIN * ((half + 2.0) / half).powi(2) * band;
+    let reach = if half * leaving.reach > 2.0 { (half * leaving.reach).round() as usize } else { 2 };
+    let (Some(before), Some(behind)) = (from.checked_sub(reach), samples.get(after + reach - 1)) else { return false };
+    let least = leaving.margin * ((half + reach as f64) / (half - 0.5)).powi(2) * band;
     after - from > RUN && below(samples[before]) > least && below(*behind) > least
 }
 
@@ -81,11 +94,14 @@ fn leaves<C: Count>(samples: &[C], from: usize, after: usize) -> bool {
     // Noise may take a sample or two out of a flat top; what counts is how it is left for good.
     let is_at = |x: &C| (*x).into().total_cmp(&level).is_eq();
     let (mut from, mut after) = (from, after);
-    while let Some(back) = (2..=3).find(|&back| from.checked_sub(back).is_some_and(|i| is_at(&samples[i]))) {
-        from -= back;
-    }
-    while let Some(ahead) = (1..=2).find(|&ahead| samples.get(after + ahead).is_some_and(is_at)) {
-        after += ahead + 1;
+    for _ in 0..JOINED_MOST {
+        let back = (2..=3).find(|&back| from.checked_sub(back).is_some_and(|i| is_at(&samples[i])));
+        let ahead = (1..=2).find(|&ahead| samples.get(after + ahead).is_some_and(is_at));
+        from -= back.unwrap_or(0);
+        after += ahead.map_or(0, |ahead| ahead + 1);
+        if back.is_none() && ahead.is_none() {
+            break;
+        }
     }
     let Some(before) = from.checked_sub(2).map(|i| samples[i].into()) else { return false };
     let Some(behind) = samples.get(after + 1).map(|&x| x.into()) else { return false };
@@ -132,7 +148,7 @@ mod tests {
     }
 
     fn is_top_flat(samples: &[i16]) -> bool {
-        is_flat(samples, *samples.iter().max().unwrap(), Extent::of(samples).unwrap(), 0.0, 0.0)
+        is_flat(samples, *samples.iter().max().unwrap(), Extent::of(samples).unwrap(), 0.0, (0.0, OF_PULSE))
     }
 
     /// Catches a rule that takes the rounding of a coarse converter for clipping (pyFRF's does), whatever the peak.
@@ -175,14 +191,14 @@ mod tests {
             };
             sigma * (0..12).map(|_| uniform()).sum::<f64>()
         };
-        for sigma in [5.0, 10.0, 20.0] {
+        for sigma in [10.0, 30.0, 60.0, 100.0] {
             let mut share = |part: f64| {
                 let found = (0..200).filter(|k| {
                     let pulse = half_sine(20_000.0, 33.0 + f64::from(*k) / 10.0);
                     let samples: Vec<i16> =
                         pulse.iter().map(|&x| (x.clamp(0.0, part * 20_000.0) + hiss(sigma)).round() as i16).collect();
                     let top = *samples.iter().max().unwrap();
-                    is_flat(&samples, top, Extent::of(&samples).unwrap(), 0.0, sigma)
+                    is_flat(&samples, top, Extent::of(&samples).unwrap(), 0.0, (sigma, OF_PULSE))
                 });
                 found.count()
             };

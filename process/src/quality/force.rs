@@ -2,14 +2,14 @@
 
 use tapline_wire::{Discriminator, Quality};
 
-use super::flat::is_flat;
+use super::flat::{OF_PULSE, is_flat};
 use super::{Doubts, POWERS, QualityConfig};
 use crate::baseline::Medians;
 use crate::force::Pulse;
 use crate::record::{Count, Extent, Track};
 
 /// Standard deviations of the noise that a pulse exceeds, as in [`Pulse::find`].
-const PULSE_SIGMAS: f64 = 5.0;
+const PULSE_SIGMAS: f64 = 6.0;
 /// Standard deviations of the noise that a second pulse exceeds: the greatest of a whole record's noise does not.
 const SECOND_SIGMAS: f64 = 6.0;
 /// Standard deviations of the noise by which the force rises again: a difference of two samples has sqrt(2) of one.
@@ -60,7 +60,7 @@ pub(crate) fn of_force<C: Count>(force: &Force<'_, C>, config: &QualityConfig) -
         }
         return doubts;
     };
-    if is_flat(force.track.samples, shape.level, force.extent, force.base, force.noise) {
+    if is_flat(force.track.samples, shape.level, force.extent, force.base, (force.noise, OF_PULSE)) {
         doubts.spoils_pulse(Quality::CLIPPED, config.clipped_force);
     }
     if shape.end - shape.begin < PULSE_SAMPLES {

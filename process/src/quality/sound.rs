@@ -23,6 +23,8 @@ const STEPS_LEAST: usize = 4;
 const RISE: f64 = 1.35;
 /// Standard deviations of the noise that another tap exceeds.
 const TAP_SIGMAS: f64 = 6.0;
+/// Factor between the noise before a tap and after it that noise alone does not have.
+const STEADY: f64 = 3.0;
 /// Blocks before the onset that are not looked at for another tap: the onset is known to a fraction of one.
 const GUARD_BLOCKS: usize = 2;
 /// Frequencies of the mains, Hz.
@@ -102,7 +104,17 @@ pub(crate) fn of_sound<C: Count, T: Real>(
     if hum.is_some() {
         doubts.spoils(Quality::HUM, config.hum, OF_SOUND);
     }
-    let noise = noise(sound, blocks, hum, is_late);
+    let share = config.neighbour_share * peak;
+    let can_hear_before = !is_late && sound.onset.is_some();
+    // What is louder before the tap than after it is no noise, which stays.
+    let quiet = noise_after(sound, blocks, hum).filter(|_| hum.is_none());
+    let is_ringing_before = can_hear_before
+        && quiet.is_some_and(|quiet| {
+            let before = sound.noise.map_or(0.0, |noise| noise * sound.gain);
+            let limit = greater(share, TAP_SIGMAS * quiet);
+            before > STEADY * quiet && is_before(sound, blocks.all(), limit)
+        });
+    let noise = if is_ringing_before { quiet } else { noise(sound, blocks, hum, is_late) };
     if noise.is_some_and(|noise| peak < config.snr_least * noise) {
         doubts.spoils(Quality::LOW_SNR, config.low_snr, OF_SOUND);
     }
@@ -115,10 +127,9 @@ pub(crate) fn of_sound<C: Count, T: Real>(
     if sound.known.contains(Quality::DOUBLE_HIT) {
         return doubts;
     }
-    let (share, sigmas) = (config.neighbour_share * peak, TAP_SIGMAS * noise.unwrap_or(0.0));
     // A baseline taken from a part of a period is off by up to the hum's amplitude.
-    let limit = if share > sigmas { share } else { sigmas } + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
-    if !is_late && sound.onset.is_some() && is_before(sound, blocks.all(), limit) {
+    let limit = greater(share, TAP_SIGMAS * noise.unwrap_or(0.0)) + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
+    if is_ringing_before || (can_hear_before && is_before(sound, blocks.all(), limit)) {
         doubts.spoils(Quality::NEIGHBOUR, config.neighbour, OF_SOUND);
     }
     let step_blocks = if hum.is_some() { HUM_STEP_BLOCKS } else { STEP_BLOCKS };
@@ -128,6 +139,10 @@ pub(crate) fn of_sound<C: Count, T: Real>(
         doubts.spoils(Quality::NEIGHBOUR, config.neighbour, POWERS);
     }
     doubts
+}
+
+fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 /// The loudest of `blocks`, and how loud it is.

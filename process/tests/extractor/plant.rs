@@ -102,15 +102,19 @@ pub(crate) fn header(
     header
 }
 
-/// `count` taps of four sound and four cracked tyres, at three velocities and four offsets.
+/// `count` taps of four sound and four cracked tyres, at three velocities and four offsets, on the default rig.
 pub(crate) fn simulated(count: u32) -> Vec<Tap> {
-    let config = SimulationConfig::default();
+    simulated_on(&SimulationConfig::default(), count)
+}
+
+/// The same on the rig of `config`.
+pub(crate) fn simulated_on(config: &SimulationConfig, count: u32) -> Vec<Tap> {
     let tyre = |k: u32| {
         let serial = format!("T-{k}");
         SimulatedTyre { cracks: if k.is_multiple_of(2) { plant_cracks(3, &serial, 100, 8) } else { vec![] }, serial }
     };
     let tyres: Vec<_> = (0..8).map(tyre).collect();
-    let mut rig = SimulatedRig::new(&config, 3, &tyres).unwrap();
+    let mut rig = SimulatedRig::new(config, 3, &tyres).unwrap();
     let mut samples = vec![0_i16; rig.sample_total()];
     let tap = |k: u32| {
         let tap = SimulatedTap {
@@ -126,7 +130,7 @@ pub(crate) fn simulated(count: u32) -> Vec<Tap> {
         let rendered = rig.render(&tap, &mut samples);
         let (force, sound) = samples.split_at(N);
         Tap {
-            header: header_of(&config, &tap, rendered.velocity_measured_m_per_s),
+            header: header_of(config, &tap, rendered.velocity_measured_m_per_s),
             force: force.iter().map(|&x| f64::from(x)).collect(),
             sound: sound.iter().map(|&x| f64::from(x)).collect(),
         }

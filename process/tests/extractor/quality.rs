@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use tapline_model::Scene;
+use tapline_model::{FaultKind, PlantedFault, Scene, SimulationConfig};
 use tapline_process::{Extractor, Policy, ProcessConfig, QualityConfig};
 use tapline_wire::{Discriminator, Quality, SampleFormat, Samples, TapHeader};
 
@@ -203,6 +203,31 @@ fn undersampled() {
     }
 }
 
+/// Catches a fault that the rig plants where it arises, in front of converter and noise, and that is not seen behind them.
+///
+/// A clipped sound is seen where noise is 0.2 % of its peak or less; the default rig has more.
+#[test]
+fn the_rigs_own_faults_are_flagged() {
+    let loud = SimulationConfig::default();
+    let quiet = SimulationConfig { sound_noise_v: 5e-4, hum_v: 0.0, ..SimulationConfig::default() };
+    for (kind, flag, rig) in [
+        (FaultKind::ClippedForce, Quality::CLIPPED, &loud),
+        (FaultKind::ClippedSound, Quality::CLIPPED, &quiet),
+        (FaultKind::DoubleHit, Quality::DOUBLE_HIT, &loud),
+        (FaultKind::Neighbour, Quality::NEIGHBOUR, &loud),
+        (FaultKind::Hum, Quality::HUM, &loud),
+        (FaultKind::Noise, Quality::LOW_SNR, &loud),
+        (FaultKind::LateTrigger, Quality::LATE_TRIGGER, &loud),
+        (FaultKind::DeadForce, Quality::NO_PULSE, &loud),
+        (FaultKind::DeadSound, Quality::NO_ONSET, &loud),
+        (FaultKind::VelocityOff, Quality::VELOCITY_OFF, &loud),
+    ] {
+        let config = SimulationConfig { fault: vec![PlantedFault { kind, share: 1.0 }], ..rig.clone() };
+        let flags = Flags(simulated_on(&config, 200).iter().map(Tap::flags).collect());
+        flags.assert_raised(flag, &format!("the rig's {kind:?}"));
+    }
+}
+
 /// Catches hum that is missed for its frequency or phase, and hum that is taken for noise or a neighbour.
 #[test]
 fn hum() {
@@ -260,6 +285,15 @@ fn neighbour() {
             tap.header.pre_trigger_samples >= 512
         });
     }
+    // Long before, it rings through all of the baseline.
+    assert_flagged(Quality::NEIGHBOUR, &[Quality::LOW_SNR, Quality::HUM], "rings before", |k, tap| {
+        let amplitude = 0.8 * peak(&tap.sound);
+        for (i, x) in tap.sound.iter_mut().enumerate() {
+            let t = i as f64 / tap.header.sample_rate_hz;
+            *x += amplitude * (-50.0 * t).exp() * (TAU * 700.0 * t + k as f64).sin();
+        }
+        tap.sound.len() >= N && tap.header.pre_trigger_samples < 2000
+    });
 }
 
 /// Catches a missing channel, a missing baseline or a sample that is not a number, that passes without its flag.
