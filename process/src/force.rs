@@ -19,7 +19,7 @@ use duration::{crossings, half_sine_base};
 use peak::vertex;
 
 /// Standard deviations of the noise that a pulse must exceed.
-const NOISE_SIGMAS: f64 = 6.0;
+pub(crate) const NOISE_SIGMAS: f64 = 6.0;
 
 /// Part q of F_max at which the pulse's width is taken.
 const WIDTH_LEVEL: f64 = 0.1;

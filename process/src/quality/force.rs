@@ -5,11 +5,9 @@ use tapline_wire::{Discriminator, Quality};
 use super::flat::{OF_PULSE, is_flat};
 use super::{Doubts, POWERS, QualityConfig};
 use crate::baseline::Medians;
-use crate::force::Pulse;
+use crate::force::{NOISE_SIGMAS, Pulse};
 use crate::record::{Count, Extent, Track};
 
-/// Standard deviations of the noise that a pulse exceeds, as in [`Pulse::find`].
-const PULSE_SIGMAS: f64 = 6.0;
 /// Standard deviations of the noise that a second pulse exceeds: the greatest of a whole record's noise does not.
 const SECOND_SIGMAS: f64 = 6.0;
 /// Standard deviations of the noise by which the force rises again: a difference of two samples has sqrt(2) of one.
@@ -110,7 +108,7 @@ impl<C: Count> Shape<C> {
         let (level, sign) = if unit_per_count < 0.0 { (force.extent.least, -1.0) } else { (force.extent.largest, 1.0) };
         let peak_at = samples.iter().position(|&x| x == level)?;
         let peak = sign * (level.into() - force.base);
-        let stands_out = peak > PULSE_SIGMAS * force.noise && unit_per_count != 0.0;
+        let stands_out = peak > NOISE_SIGMAS * force.noise && unit_per_count != 0.0;
         let is_above = |&&x: &&C| sign * (x.into() - force.base) > FOOT * peak;
         let begin = peak_at - samples[..peak_at].iter().rev().take_while(is_above).count();
         let end = peak_at + samples[peak_at..].iter().take_while(is_above).count();
