@@ -107,3 +107,14 @@ fn the_dissertations_tables() {
     }
     rig.run("model table 7").expect(1);
 }
+
+/// Catches an error that says its cause twice, or not at all.
+#[test]
+fn a_cause_is_told_once() {
+    let rig = Rig::new();
+    for arguments in ["export nothere.h5 verdicts", "verify nothere.h5"] {
+        let done = rig.run(arguments).expect(1);
+        assert_eq!(done.err.matches("No such file or directory").count(), 1, "{done:?}");
+        assert!(done.err.contains("nothere.h5"), "{done:?}");
+    }
+}
