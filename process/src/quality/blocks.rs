@@ -89,19 +89,19 @@ fn block_of<T: Real>(block: &[T]) -> Block {
     const LANES: usize = 8;
     let (mut sum, mut square, mut peak) = ([T::zero(); LANES], [T::zero(); LANES], [T::zero(); LANES]);
     let mut rows = block.chunks_exact(LANES);
-    let mut take = |lane: usize, x: T| {
-        sum[lane] += x;
-        square[lane] += x * x;
-        let magnitude = x.abs();
-        peak[lane] = if magnitude > peak[lane] { magnitude } else { peak[lane] };
-    };
     for row in rows.by_ref() {
-        for (lane, &x) in row.iter().enumerate() {
-            take(lane, x);
+        for lane in 0..LANES {
+            let x = row[lane];
+            let magnitude = x.abs();
+            sum[lane] += x;
+            square[lane] += x * x;
+            peak[lane] = if magnitude > peak[lane] { magnitude } else { peak[lane] };
         }
     }
     for (lane, &x) in rows.remainder().iter().enumerate() {
-        take(lane, x);
+        sum[lane] += x;
+        square[lane] += x * x;
+        peak[lane] = if x.abs() > peak[lane] { x.abs() } else { peak[lane] };
     }
     let total = |lanes: [T; LANES]| lanes.iter().map(|x| x.widened()).sum::<f64>();
     let count = block.len() as f64;
