@@ -57,6 +57,13 @@ fn what_is_of_no_use_is_taken_again() {
     let summary = rig.run("run --config once.toml --out once.h5 --json").json(0);
     assert_eq!(summary["pace"]["taken_again"], 0);
     let found = flags(&rig, "once.h5");
+    let told = summary["flags"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| (f[0].as_str().unwrap().to_owned(), f[1].as_u64().unwrap()));
+    let counted = found.iter().map(|(name, &count)| (name.clone(), u64::from(count)));
+    assert_eq!(told.collect::<BTreeMap<_, _>>(), counted.collect(), "what the run says and what the archive has");
     assert!(found["double_hit"] >= 4 && found["neighbour"] >= 4 && !found.contains_key("retake"), "{found:?}");
     for row in csv_rows(&rig.run("export once.h5 discriminators").expect(0).out) {
         assert!(

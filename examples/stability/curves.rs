@@ -4,7 +4,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use tapline_model::{DampedContact, DampingLaw, Rung, Scene};
-use tapline_process::{Policy, ProcessConfig};
+use tapline_process::{ProcessConfig, QualityConfig};
 use tapline_wire::{Discriminator, Quality};
 
 use super::tap::{Tap, add_hum, add_noise, add_offset, clip};
@@ -57,12 +57,7 @@ fn names() -> Vec<&'static str> {
 
 /// The default configuration, but that no flag takes a value away: what it would be is the question here.
 fn keeping() -> ProcessConfig {
-    use Policy::Keep;
-    let mut config = ProcessConfig::default();
-    let q = &mut config.quality;
-    (q.clipped_force, q.clipped_sound, q.late_trigger, q.double_hit, q.undersampled) = (Keep, Keep, Keep, Keep, Keep);
-    (q.hum, q.low_snr, q.neighbour, q.velocity_off, q.rate_implausible) = (Keep, Keep, Keep, Keep, Keep);
-    config
+    ProcessConfig { quality: QualityConfig::keeping(), ..ProcessConfig::default() }
 }
 
 /// Errors of the seven discriminators of `tap`, and its flags.

@@ -50,7 +50,7 @@ fn reasons_of(regions: &[u32], map: &IndexMap) -> Reasons {
     if map.is_inverted || map.index.iter().all(Option::is_none) {
         reasons.insert(Reasons::NO_INDEX);
     }
-    // The limits are the reference's: this is `has_sound_majority` by its word.
+    // By the word of the reference, whose the limits are: a median of its own calls such a damage normal.
     let suspect = map.index.iter().flatten().filter(|&&value| value >= limits.re_inspect).count();
     if 2 * suspect > map.index.len() {
         reasons.insert(Reasons::NO_SOUND_MAJORITY);

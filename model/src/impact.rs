@@ -18,8 +18,6 @@ pub struct Outcome {
     pub alpha_max_m: f64,
     /// Largest deflection of the plate either way, as the steps saw it; 0 without a plate.
     pub deflection_max_m: f64,
-    /// How often the bodies met.
-    pub contact_count: u32,
 }
 
 /// The layer above a crack as one degree of freedom.
@@ -229,7 +227,6 @@ impl Impact {
             restitution: -record.velocity,
             alpha_max_m: record.alpha_max * length_m,
             deflection_max_m: record.deflection_max * length_m,
-            contact_count: record.contact_count,
         })
     }
 
@@ -268,7 +265,6 @@ struct Record {
     alpha_max: f64,
     deflection_max: f64,
     has_parted: bool,
-    contact_count: u32,
 }
 
 impl Record {
@@ -281,8 +277,6 @@ impl Record {
             self.see(scaled, &locate(rate, step, |y| y[1] > 0.0).1);
         }
         self.see(scaled, &step.to);
-        let begins = scaled.is_touching(&step.to) && !scaled.is_touching(&step.from);
-        self.contact_count = self.contact_count.saturating_add(u32::from(begins));
         if scaled.is_touching(&step.to) {
             (self.contact_time, self.velocity) = (step.t + step.dt, step.to[1]);
         } else if scaled.is_touching(&step.from) {

@@ -7,6 +7,7 @@ use super::*;
 use crate::testing::{Casing, recording, records, tap_id, tyre};
 
 mod many_cracks;
+mod rig_faults;
 
 /// All of `records` pushed, all scans ended.
 fn whole(config: &FuseConfig, plan: &Plan, records: &[Discriminators]) -> Fusion {
@@ -384,56 +385,4 @@ fn the_dissertation_index_is_that_of_its_equations() {
     let sigma = 1.4826 * 0.15; // median 0.25, deviations 0, 0.05, ..., 0.25, 0.75
     assert!((judgement.limit_reject - (0.25 + 7.0 * sigma)).abs() < 1e-12);
     assert!(cells[0].angle_deg.is_nan());
-}
-
-/// A microphone that is dead all along must not pass unnoticed because the force is there.
-#[test]
-fn a_dead_sensor_does_not_pass() {
-    let casing = Casing::default();
-    let plan = casing.plan();
-    let recording = tapline_wire::Recording {
-        channels: vec![tapline_wire::Channel::Force, tapline_wire::Channel::Sound],
-        ..plan.recording.clone()
-    };
-    let plan = Plan::new(plan.geometry, recording, plan.taps().to_vec(), Truth::new()).unwrap();
-    let records = records(&casing, &plan, 1);
-    for (dead, is_noticed) in [(None, false), (Some(Discriminator::Ef), true)] {
-        let mut fusion = Fusion::new(&FuseConfig::default(), &plan).unwrap();
-        for record in &records {
-            let mut record = *record;
-            if let Some(dead) = dead {
-                record.values.set(dead, None);
-            }
-            fusion.push(&record).unwrap();
-        }
-        fusion.end(0).unwrap();
-        let (judgement, _) = fusion.judge(0).unwrap();
-        assert_eq!(judgement.reasons.contains(Reasons::FEATURES_ABSENT), is_noticed);
-        assert_eq!(judgement.verdict == Verdict::Pass.code(), !is_noticed, "{:?}", judgement.reasons);
-    }
-}
-
-#[test]
-fn a_velocity_that_drifts_is_normalised() {
-    // Catches a normalisation that is not applied, by the wrong exponent, or to a reference that is not: a velocity that
-    // rises by 8 % over part of the ring lowers nothing else, and looks like damage where forces fall with it.
-    let casing = Casing { velocities_m_per_s: vec![1.0, 1.5, 2.0], ..Casing::default() };
-    let plan = casing.plan();
-    let mut all = records(&casing, &plan, 9);
-    for (row, record) in (0_u32..).zip(&mut all) {
-        let is_slow = (30..50).contains(&record.id.location);
-        let scatter = 1.0 + 0.004 * f64::from(row * 37 % 11) - 0.02;
-        let v = record.id.velocity_m_per_s().unwrap() * if is_slow { 0.85 } else { 1.0 } * scatter;
-        record.velocity_measured_m_per_s = v;
-        let own = 1.0 + 0.002 * (f64::from(row * 71 % 13) - 6.0);
-        record.values.set(Discriminator::FMax, Some(30.0 * v.powf(1.31) * own));
-    }
-    let of = |normalise_velocity| {
-        let config =
-            FuseConfig { normalise_velocity, discriminators: vec![Discriminator::FMax], ..FuseConfig::default() };
-        let (judgement, _) = whole(&config, &plan, &all).judge(0).unwrap();
-        verdict(&judgement)
-    };
-    assert_ne!(of(false), Verdict::Pass);
-    assert_eq!(of(true), Verdict::Pass);
 }
