@@ -11,6 +11,7 @@ mod figures;
 mod line;
 mod pen;
 mod progress;
+mod reference;
 mod stage;
 mod summary;
 mod tables;
@@ -65,6 +66,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Fuse(line) => stage::fuse(line),
         Verb::Store(line) => stage::store(line),
         Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
+        Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),

@@ -9,7 +9,7 @@ use tapline_wire::{
     Truth,
 };
 
-use crate::Result;
+use crate::{Lineage, Result};
 use crate::archive::{Access, Archive};
 use crate::error::Context;
 use crate::rows::{at_attempt, text};
@@ -78,12 +78,12 @@ impl Reader {
         Ok(Self { archive, ledger })
     }
 
-    /// Checks that this is the archive of `plan`, begun with the configuration `config_toml`.
+    /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
     ///
     /// # Errors
-    /// [`crate::Error::OtherPlan`] and [`crate::Error::OtherConfiguration`].
-    pub fn check_same(&self, plan: &Plan, config_toml: &str) -> Result<()> {
-        self.archive.check_same(plan, config_toml)
+    /// [`crate::Error::OtherPlan`], [`crate::Error::OtherConfiguration`] and [`crate::Error::OtherReference`].
+    pub fn check_same<'a>(&self, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<()> {
+        self.archive.check_same(plan, lineage.into())
     }
 
     /// Where the archive is.
@@ -99,6 +99,11 @@ impl Reader {
     /// The configuration, verbatim.
     pub fn config(&self) -> &str {
         &self.archive.config
+    }
+
+    /// The reference file of the run, verbatim; `None` where it had none.
+    pub fn reference(&self) -> Option<&str> {
+        self.archive.reference.as_deref()
     }
 
     /// What is known of where cracks are; empty where nothing is.
