@@ -13,7 +13,7 @@
 //!
 //! Beside it stand kernels that the defaults do not use: a signed scale between percentiles
 //! ([`PercentileScale`]), the scan over arcs ([`scan()`]), conditions in one ([`combined`]), and the
-//! honest bars of a score ([`auc_interval`], [`auc_left_out`]).
+//! honest bars of a score ([`auc_interval`], [`auc_left_out`]). What a study may claim is in [`proof`].
 //!
 //! ```
 //! use tapline_fuse::{FuseConfig, Fusion};
@@ -64,6 +64,7 @@ mod fusion;
 mod index;
 mod limits;
 mod map;
+pub mod proof;
 mod reference;
 mod resample;
 mod ring;
