@@ -12,7 +12,7 @@
 //!    regions and a verdict (`verdict`).
 //!
 //! Beside it stand kernels that the defaults do not use: a signed scale between percentiles
-//! ([`PercentileScale`]), the scan over arcs ([`scan()`]), conditions in one ([`combined`]), and the
+//! ([`PercentileScale`]), sound or cracked as a hidden state ([`hidden_states`]), the scan over arcs ([`scan()`]), conditions in one ([`combined`]), and the
 //! honest bars of a score ([`auc_interval`], [`auc_left_out`]). What a study may claim is in [`proof`].
 //!
 //! ```
@@ -61,6 +61,7 @@ mod condition;
 mod config;
 mod error;
 mod fusion;
+mod hidden;
 mod index;
 mod limits;
 mod map;
@@ -85,6 +86,7 @@ pub use combine::{Combination, combined};
 pub use config::{Direction, Directions, FuseConfig, IndexKind, Reference};
 pub use error::Error;
 pub use fusion::Fusion;
+pub use hidden::{Hidden, HiddenStates, fitted_shift, hidden_states};
 pub use run::{Outcome, RunError, run};
 pub use scale::{PercentileScale, Scaled};
 pub use scan::{ARC_LENGTHS, Arc, Permutation, scan, scan_p_value};
