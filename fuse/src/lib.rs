@@ -12,8 +12,9 @@
 //!    regions and a verdict (`verdict`).
 //!
 //! Beside it stand kernels that the defaults do not use: a signed scale between percentiles
-//! ([`PercentileScale`]), sound or cracked as a hidden state ([`hidden_states`]), the scan over arcs ([`scan()`]), conditions in one ([`combined`]), and the
-//! honest bars of a score ([`auc_interval`], [`auc_left_out`]). What a study may claim is in [`proof`].
+//! ([`PercentileScale`]), the scan over arcs ([`scan()`]), sound or cracked as a hidden state
+//! ([`hidden_states`]), conditions in one ([`combined`]), and the honest bars of a score
+//! ([`auc_interval`], [`auc_left_out`]). What a study may claim is in [`proof`].
 //!
 //! ```
 //! use tapline_fuse::{FuseConfig, Fusion};

@@ -14,6 +14,7 @@
 mod a_hat;
 mod anova;
 mod beta;
+mod bound;
 mod few;
 mod gauge;
 mod hit_miss;

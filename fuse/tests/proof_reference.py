@@ -110,12 +110,31 @@ def a_hat(name, size, response, is_log, threshold, noise, saturation):
     mu, sigma = (y_th - b0) / b1, tau / b1
     ln_a90 = mu + Z_90 * sigma
     gradient = np.array([-1 / b1, -ln_a90 / b1, Z_90 / b1])
+
+    def deviance(at):
+        """What lines with a90 at `at` lose."""
+        def through(b):
+            return np.array([y_th - b[0] * at + Z_90 * np.exp(b[1]), b[0], b[1]])
+
+        def slopes(b):
+            g = score(through(b), x, y, y_noise, y_saturation)[1]
+            return np.array([g[1] - at * g[0], g[2] + Z_90 * np.exp(b[1]) * g[0]])
+        near = minimize(lambda b: -score(through(b), x, y, y_noise, y_saturation)[0], [b1, np.log(tau)],
+                        jac=lambda b: -slopes(b), method="BFGS")
+        best = root(slopes, near.x, tol=1e-14)
+        return 2 * (value - score(through(best.x), x, y, y_noise, y_saturation)[0]) - Z_95**2
+
+    sd = np.sqrt(gradient @ v @ gradient)
+    bound = np.exp(brentq(deviance, ln_a90 + 0.3 * sd, ln_a90 + 6 * sd, xtol=1e-13, rtol=1e-14))
+    deviate = (x[0] - mu) / sigma
+    along = np.array([1, x[0], -deviate]) / tau
     record("AHatCase", dict(
         name=f'"{name}"', sizes=numbers(size), responses=numbers(response), is_log=str(is_log).lower(), threshold=repr(threshold),
         noise=number(noise), saturation=number(saturation), line=numbers([b0, b1, tau]).strip("&"),
         covariance=numbers(v.ravel()).strip("&"), log_likelihood=repr(float(value)), mu=repr(float(mu)), sigma=repr(float(sigma)),
-        a90=repr(float(np.exp(ln_a90))), a90_95=repr(float(np.exp(ln_a90 + Z_95 * np.sqrt(gradient @ v @ gradient)))),
-        first_pod=repr(float(norm.cdf((x[0] - mu) / sigma)))))
+        a90=repr(float(np.exp(ln_a90))), a90_95_wald=repr(float(np.exp(ln_a90 + Z_95 * sd))),
+        a90_95_likelihood=repr(float(bound)),
+        first_pod=repr(float(norm.cdf(deviate))), first_pod_lower=repr(float(norm.cdf(deviate - Z_95 * np.sqrt(along @ v @ along))))))
 
 
 def rates():

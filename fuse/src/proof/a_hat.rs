@@ -8,6 +8,7 @@
 //! data has one peak (Olsen, Econometrica 46 (1978) 1211). The scatter is that of maximum likelihood throughout: without
 //! censoring the root of the sum of squares over n, not over n - 2.
 
+use super::bound::{is_admitted, upper_bound};
 use super::newton::{At, Peak, peak, transformed, variance};
 use super::size::{LogSizes, range, size_near, size_of};
 use super::tail::{Z_90, Z_95, log_tail_and_hazard};
@@ -67,9 +68,12 @@ pub struct AHat {
     pub a50: Option<f64>,
     /// Size found nine times in ten; `None` likewise.
     pub a90: Option<f64>,
-    /// Upper one-sided 95 % bound of a90 by the delta method: exp(ln a90 + 1.645 sd(ln a90)). `None` where the slope lies
-    /// within 1.645 of its standard deviations of 0: then no size is surely large enough.
-    pub a90_95: Option<f64>,
+    /// Upper one-sided 95 % bound of a90 by the delta method, as the handbook has it: exp(ln a90 + 1.645 sd(ln a90)). Somewhat too
+    /// low: of 4000 simulated studies of 60 targets, some of them noise or saturated, it held in 91 %. `None` as the next.
+    pub a90_95_wald: Option<f64>,
+    /// The same bound by likelihood ratio, which held in 94 % of them. `None` where the data admit at this level that larger
+    /// cracks do not answer more strongly: then no size is large enough.
+    pub a90_95_likelihood: Option<f64>,
     /// Least and greatest size looked at: beyond them the curve is extrapolated.
     pub sizes: (f64, f64),
     /// Targets whose response is no more than noise.
@@ -85,6 +89,15 @@ impl AHat {
     pub fn pod(&self, size: f64) -> Option<f64> {
         let x = Some(size.ln()).filter(|x| x.is_finite())?;
         Some(upper_tail((self.mu - x) / self.sigma))
+    }
+
+    /// Lower one-sided 95 % bound of [`pod`](Self::pod), by the delta method on the normal deviate.
+    pub fn pod_lower_95(&self, size: f64) -> Option<f64> {
+        let x = Some(size.ln()).filter(|x| x.is_finite())?;
+        // (intercept + slope x - threshold)/scatter
+        let deviate = (x - self.mu) / self.sigma;
+        let sd = variance(&self.covariance, &[1.0, x, -deviate].map(|gradient| gradient / self.scatter)).sqrt();
+        Some(upper_tail(Z_95 * sd - deviate))
     }
 }
 
@@ -112,7 +125,9 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], signal: Signal) -> Result<AHat, R
     let seen: Vec<Seen> =
         responses.iter().enumerate().map(|(index, &value)| signal.seen(index, value)).collect::<Result<_, _>>()?;
     let line = Line::of(sizes, &log, &seen)?;
-    let fit = fitted(&log, &seen, &line)?;
+    let likelihood = |point: &[f64; 3]| likelihood(&log, &seen, &line, point);
+    let [level, per_u, residual] = line.start;
+    let fit = peak([level / residual, per_u / residual, 1.0 / residual], likelihood)?;
     let Fitted { intercept, slope, scatter, covariance } = Fitted::of(&fit, &log, &line);
     if slope <= 0.0 {
         return Err(Refusal::NotRising { slope });
@@ -120,10 +135,20 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], signal: Signal) -> Result<AHat, R
     let (mu, sigma) = ((threshold - intercept) / slope, scatter / slope);
     let ln_a90 = mu + Z_90 * sigma;
     let sd = variance(&covariance, &[-1.0 / slope, -ln_a90 / slope, Z_90 / slope]).sqrt();
+    let is_rising = !is_admitted(fit.value, flat(likelihood)?);
+    // The lines with a90 at a size: at it the mean lies Z_90 scatters above the threshold, which is linear in the parameters.
+    let through = |ln_size: f64| {
+        let (u, level) = ((ln_size - log.mean) / log.sd, line.standard(threshold));
+        let through = |&[per_u, theta]: &[f64; 2]| {
+            let at = likelihood(&[Z_90 + level * theta - u * per_u, per_u, theta])?;
+            Some(at.restricted(&[[-u, level], [1.0, 0.0], [0.0, 1.0]]))
+        };
+        peak([fit.point[1], fit.point[2]], through).ok().map(|peak| peak.value)
+    };
+    let bound = || upper_bound(ln_a90, sd, fit.value, through);
     let count = |is_one: fn(&Seen) -> bool| seen.iter().filter(|seen| is_one(seen)).count();
     let exact_count = count(|seen| matches!(seen, Seen::Exactly(_)));
     let whole = range(sizes.iter().copied()).ok_or(Refusal::TooFew { name: "targets", got: 0, least: SEEN_MIN })?;
-    let is_rising = slope > Z_95 * covariance[1][1].sqrt();
     Ok(AHat {
         intercept,
         slope,
@@ -134,7 +159,8 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], signal: Signal) -> Result<AHat, R
         sigma,
         a50: size_near(mu, whole),
         a90: size_near(ln_a90, whole),
-        a90_95: size_of(ln_a90 + Z_95 * sd).filter(|_| is_rising),
+        a90_95_wald: size_of(ln_a90 + Z_95 * sd).filter(|_| is_rising),
+        a90_95_likelihood: if is_rising { bound().and_then(size_of) } else { None },
         sizes: whole,
         noise_count: count(|seen| matches!(seen, Seen::AtMost(_))),
         saturated_count: count(|seen| matches!(seen, Seen::AtLeast(_))),
@@ -184,6 +210,10 @@ struct Line {
 }
 
 impl Line {
+    fn standard(&self, y: f64) -> f64 {
+        (y - self.centre) / self.spread
+    }
+
     fn of(sizes: &[f64], log: &LogSizes, seen: &[Seen]) -> Result<Self, Refusal> {
         let exact = || {
             seen.iter().enumerate().filter_map(|(i, seen)| match *seen {
@@ -218,42 +248,46 @@ impl Line {
     }
 }
 
-/// The peak over intercept/scatter, slope/scatter and 1/scatter of standardised responses over standardised ln(size).
-fn fitted(log: &LogSizes, seen: &[Seen], line: &Line) -> Result<Peak<3>, Refusal> {
-    let [intercept, slope, residual] = line.start;
+/// The log likelihood at intercept/scatter, slope/scatter and 1/scatter of standardised responses over standardised ln(size).
+fn likelihood(log: &LogSizes, seen: &[Seen], line: &Line, &[level, per_u, theta]: &[f64; 3]) -> Option<At<3>> {
+    if theta <= 0.0 {
+        return None;
+    }
     let log_root_two_pi = 0.5 * (2.0 * std::f64::consts::PI).ln();
-    let standard = |y: f64| (y - line.centre) / line.spread;
-    peak([intercept / residual, slope / residual, 1.0 / residual], |&[intercept, slope, theta]| {
-        if theta <= 0.0 {
-            return None;
-        }
-        let mut at = At::zero();
-        for (&u, seen) in log.standard.iter().zip(seen) {
-            // How far the response, or its limit, lies above the line, in scatters.
-            let above = |y: f64| theta * y - intercept - slope * u;
-            match *seen {
-                Seen::Exactly(y) => {
-                    let y = standard(y);
-                    let r = above(y);
-                    at.add(-0.5 * r * r - log_root_two_pi, -r, -1.0, [-1.0, -u, y]);
-                    at.add(theta.ln(), 1.0 / theta, -1.0 / (theta * theta), [0.0, 0.0, 1.0]);
-                }
-                Seen::AtMost(y) => {
-                    let y = standard(y);
-                    let z = -above(y);
-                    let (log_tail, hazard) = log_tail_and_hazard(z);
-                    at.add(log_tail, -hazard, -hazard * (hazard - z), [1.0, u, -y]);
-                }
-                Seen::AtLeast(y) => {
-                    let y = standard(y);
-                    let z = above(y);
-                    let (log_tail, hazard) = log_tail_and_hazard(z);
-                    at.add(log_tail, -hazard, -hazard * (hazard - z), [-1.0, -u, y]);
-                }
+    let mut at = At::zero();
+    for (&u, seen) in log.standard.iter().zip(seen) {
+        // How far the response, or its limit, lies above the line, in scatters, and what that has for derivatives.
+        let above = |y: f64| (theta * y - level - per_u * u, [-1.0, -u, y]);
+        let mut add_tail = |z, along| {
+            let (log_tail, hazard) = log_tail_and_hazard(z);
+            at.add(log_tail, -hazard, -hazard * (hazard - z), along);
+        };
+        match *seen {
+            Seen::AtLeast(y) => {
+                let (z, along) = above(line.standard(y));
+                add_tail(z, along);
+            }
+            Seen::AtMost(y) => {
+                let (z, along) = above(line.standard(y));
+                add_tail(-z, along.map(|gradient| -gradient));
+            }
+            Seen::Exactly(y) => {
+                let (r, along) = above(line.standard(y));
+                at.add(-0.5 * r * r - log_root_two_pi, -r, -1.0, along);
+                at.add(theta.ln(), 1.0 / theta, -1.0 / (theta * theta), [0.0, 0.0, 1.0]);
             }
         }
-        Some(at)
-    })
+    }
+    Some(at)
+}
+
+/// The best log likelihood without a slope.
+fn flat(likelihood: impl Fn(&[f64; 3]) -> Option<At<3>>) -> Result<f64, Refusal> {
+    let level = |&[level, theta]: &[f64; 2]| {
+        Some(likelihood(&[level, 0.0, theta])?.restricted(&[[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]))
+    };
+    // The responses seen have mean 0 and standard deviation 1 here.
+    peak([0.0, 1.0], level).map(|peak| peak.value)
 }
 
 /// A line in the units of the responses over ln(size).

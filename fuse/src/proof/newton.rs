@@ -40,6 +40,18 @@ impl<const N: usize> At<N> {
     }
 }
 
+impl<const N: usize> At<N> {
+    /// The same function over fewer parameters, of which its own are linear with these `gradients`.
+    pub(super) fn restricted<const M: usize>(&self, gradients: &[[f64; M]; N]) -> At<M> {
+        let columns: [[f64; N]; M] = std::array::from_fn(|m| gradients.map(|row| row[m]));
+        At {
+            value: self.value,
+            gradient: columns.map(|column| dot(&self.gradient, &column)),
+            information: transformed(&self.information, &columns),
+        }
+    }
+}
+
 /// Where a function is greatest.
 pub(super) struct Peak<const N: usize> {
     pub(super) point: [f64; N],
@@ -90,7 +102,7 @@ pub(super) fn variance<const N: usize>(covariance: &[[f64; N]; N], gradient: &[f
     dot(&covariance.map(|row| dot(&row, gradient)), gradient)
 }
 
-/// Covariance of quantities that have these `gradients`.
+/// The quadratic form in other variables: the covariance of quantities that have these `gradients`.
 pub(super) fn transformed<const N: usize, const M: usize>(
     covariance: &[[f64; N]; N],
     gradients: &[[f64; N]; M],

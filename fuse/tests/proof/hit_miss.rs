@@ -1,6 +1,8 @@
 //! Hits and misses.
 
 use proptest::prelude::*;
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
 use tapline_fuse::proof::{Refusal, hit_miss};
 
 use crate::reference::HIT_MISS;
@@ -104,9 +106,7 @@ proptest! {
                     let beside = log_likelihood(&targets, fit.intercept + by, fit.slope + along);
                     prop_assert!(beside < best - 0.002, "{} {}", beside, best);
                 }
-                let (low, high) = (fit.a90_95_wald, fit.a90_95_likelihood);
-                prop_assert_eq!(low.is_some(), high.is_some(), "{:?}", fit);
-                if let (Some(a90), Some(wald), Some(likelihood)) = (fit.a90, low, high) {
+                if let (Some(a90), Some(wald), Some(likelihood)) = (fit.a90, fit.a90_95_wald, fit.a90_95_likelihood) {
                     prop_assert!(a90 <= wald && a90 <= likelihood);
                 }
             }
@@ -142,4 +142,22 @@ fn sizes_have_no_unit() {
             }
         }
     }
+}
+
+#[test]
+fn the_likelihood_bound_holds_as_often_as_it_says() {
+    // Catches a bound of the wrong side or level, whatever the formula: 400 studies of 60 targets, a90 at ln(a) = 0.55 + 2.197/4.
+    // A study without a bound holds, one without a curve (1 in 1000) does not. Of 4000 the bound holds in 92.0 %, Wald's in 87.0 %.
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let a90 = (0.55 + 9.0_f64.ln() / 4.0).exp();
+    let (mut wald, mut likelihood) = (0, 0);
+    for _ in 0..400 {
+        let sizes: Vec<f64> = (0..60).map(|_| rng.random_range(-0.7..2.0_f64).exp()).collect();
+        let is_hit: Vec<bool> =
+            sizes.iter().map(|size| rng.random_bool(1.0 / (1.0 + (-4.0 * (size.ln() - 0.55)).exp()))).collect();
+        let Ok(fit) = hit_miss(&sizes, &is_hit) else { continue };
+        wald += u32::from(fit.a90_95_wald.is_none_or(|bound| bound >= a90));
+        likelihood += u32::from(fit.a90_95_likelihood.is_none_or(|bound| bound >= a90));
+    }
+    assert!((367..=393).contains(&likelihood), "{likelihood} of 400 by likelihood, {wald} by Wald");
 }
