@@ -58,9 +58,10 @@ def hit_miss(name, size, hit):
     lower = eta - Z_95 * np.sqrt(np.array([1, x[0]]) @ v @ np.array([1, x[0]]))
     record("HitMissCase", dict(
         name=f'"{name}"', sizes=numbers(size), is_hit="&[" + ", ".join(str(bool(h)).lower() for h in hit) + "]",
-        coefficients=numbers([b0, b1]).strip("&"), covariance=numbers(v.ravel()).strip("&"), log_likelihood=repr(float(fit.llf)),
-        a50=repr(float(np.exp(-b0 / b1))), a90=repr(float(np.exp(ln_a90))), a90_95_wald=repr(float(np.exp(ln_a90 + Z_95 * sd))),
-        a90_95_likelihood=number(bound), first_pod=repr(float(1 / (1 + np.exp(-eta)))),
+        coefficients=numbers([b0, b1]).strip("&"), covariance=numbers(v.ravel()).strip("&"),
+        log_likelihood=repr(float(fit.llf)), a50=repr(float(np.exp(-b0 / b1))), a90=repr(float(np.exp(ln_a90))),
+        a90_95_wald=repr(float(np.exp(ln_a90 + Z_95 * sd))), a90_95_likelihood=number(bound),
+        first_pod=repr(float(1 / (1 + np.exp(-eta)))),
         first_pod_lower=repr(float(1 / (1 + np.exp(-lower))))))
 
 
@@ -129,17 +130,20 @@ def a_hat(name, size, response, is_log, threshold, noise, saturation):
     deviate = (x[0] - mu) / sigma
     along = np.array([1, x[0], -deviate]) / tau
     record("AHatCase", dict(
-        name=f'"{name}"', sizes=numbers(size), responses=numbers(response), is_log=str(is_log).lower(), threshold=repr(threshold),
-        noise=number(noise), saturation=number(saturation), line=numbers([b0, b1, tau]).strip("&"),
-        covariance=numbers(v.ravel()).strip("&"), log_likelihood=repr(float(value)), mu=repr(float(mu)), sigma=repr(float(sigma)),
-        a90=repr(float(np.exp(ln_a90))), a90_95_wald=repr(float(np.exp(ln_a90 + Z_95 * sd))),
+        name=f'"{name}"', sizes=numbers(size), responses=numbers(response), is_log=str(is_log).lower(),
+        threshold=repr(threshold), noise=number(noise), saturation=number(saturation),
+        line=numbers([b0, b1, tau]).strip("&"),
+        covariance=numbers(v.ravel()).strip("&"), log_likelihood=repr(float(value)),
+        mu=repr(float(mu)), sigma=repr(float(sigma)), a90=repr(float(np.exp(ln_a90))),
+        a90_95_wald=repr(float(np.exp(ln_a90 + Z_95 * sd))),
         a90_95_likelihood=repr(float(bound)),
-        first_pod=repr(float(norm.cdf(deviate))), first_pod_lower=repr(float(norm.cdf(deviate - Z_95 * np.sqrt(along @ v @ along))))))
+        first_pod=repr(float(norm.cdf(deviate))),
+        first_pod_lower=repr(float(norm.cdf(deviate - Z_95 * np.sqrt(along @ v @ along))))))
 
 
 def rates():
-    for count, all_, level in ((0, 30, 0.95), (30, 30, 0.95), (1, 1, 0.9), (3, 200, 0.95), (57, 60, 0.99), (17, 41, 0.5),
-                               (2500, 5000, 0.95), (12, 100000, 0.95), (300000, 1000000, 0.95)):
+    for count, all_, level in ((0, 30, 0.95), (30, 30, 0.95), (1, 1, 0.9), (3, 200, 0.95), (57, 60, 0.99),
+                               (17, 41, 0.5), (2500, 5000, 0.95), (12, 100000, 0.95), (300000, 1000000, 0.95)):
         ends = [proportion_confint(count, all_, 1 - level, method=method) for method in ("beta", "wilson")]
         values = ", ".join(f"[{float(low)!r}, {float(high)!r}]" for low, high in ends)
         print(f"    ({count}, {all_}, {level!r}, {values}),")
@@ -148,13 +152,14 @@ def rates():
 def crossed(rng):
     """A study with an interaction that stays."""
     p, o, r = 6, 3, 2
-    y = (10 + rng.normal(0, 2, p)[:, None, None] + rng.normal(0, 0.5, o)[None, :, None] + rng.normal(0, 1, (p, o))[:, :, None]
-         + rng.normal(0, 0.4, (p, o, r))).round(2)
+    y = (10 + rng.normal(0, 2, p)[:, None, None] + rng.normal(0, 0.5, o)[None, :, None]
+         + rng.normal(0, 1, (p, o))[:, :, None] + rng.normal(0, 0.4, (p, o, r))).round(2)
     part, operator, _ = np.meshgrid(range(p), range(o), range(r), indexing="ij")
     table = anova_lm(ols("y ~ C(part) * C(operator)", pd.DataFrame(dict(
         y=y.ravel(), part=part.ravel(), operator=operator.ravel()))).fit())
     print(f"pub(crate) const CROSSED: [f64; {y.size}] = {numbers(y.ravel()).strip('&')};")
-    print("/// Sums of squares of parts, operators, interaction and repeats; F and p of the interaction.\n#[rustfmt::skip]")
+    print("/// Sums of squares of parts, operators, interaction and repeats; F and p of the interaction.")
+    print("#[rustfmt::skip]")
     print("pub(crate) const CROSSED_ANOVA: [f64; 6] =", numbers(
         [*table["sum_sq"], table["F"].iloc[2], table["PR(>F)"].iloc[2]]).strip("&") + ";")
 
@@ -164,8 +169,8 @@ def main():
     print("//! Studies and what statsmodels and scipy find in them; written by `proof_reference.py`, not by hand.\n")
     print("use crate::a_hat::AHatCase;\nuse crate::hit_miss::HitMissCase;\nuse crate::rate::RateCase;\n")
     print("#[rustfmt::skip]\npub(crate) const HIT_MISS: &[HitMissCase] = &[")
-    for name, n, middle, slope in (("as the handbook wants", 80, 2.0, 4.0), ("few", 14, 2.0, 2.5), ("steep", 100, 2.0, 20.0),
-                                   ("hardly rising", 25, 1.5, 0.4)):
+    for name, n, middle, slope in (("as the handbook wants", 80, 2.0, 4.0), ("few", 14, 2.0, 2.5),
+                                   ("steep", 100, 2.0, 20.0), ("hardly rising", 25, 1.5, 0.4)):
         size = np.exp(rng.uniform(np.log(0.5), np.log(8), n)).round(3)
         hit = rng.uniform(size=n) < 1 / (1 + np.exp(-slope * (np.log(size) - np.log(middle))))
         hit_miss(name, size, hit)

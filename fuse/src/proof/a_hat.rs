@@ -1,12 +1,13 @@
-//! Probability of detection from the strength of the response: a line over ln(size), cut off by noise and by saturation.
+//! Probability of detection from the strength of the response: a line over ln(size), cut off by noise and by
+//! saturation.
 //!
-//! Model (MIL-HDBK-1823A, Appendix G): y = intercept + slope ln(size) + scatter e with e standard normal and y the response or
-//! its logarithm. A target is found if y exceeds the decision threshold, so that POD = Phi((ln(size) - mu)/sigma) with
-//! mu = (threshold - intercept)/slope and sigma = scatter/slope.
+//! Model (MIL-HDBK-1823A, Appendix G): y = intercept + slope ln(size) + scatter e with e standard normal and y the
+//! response or its logarithm. A target is found if y exceeds the decision threshold, so that POD = Phi((ln(size) -
+//! mu)/sigma) with mu = (threshold - intercept)/slope and sigma = scatter/slope.
 //!
-//! It is fitted by maximum likelihood in 1/scatter and the coefficients over scatter, in which the likelihood of censored normal
-//! data has one peak (Olsen, Econometrica 46 (1978) 1211). The scatter is that of maximum likelihood throughout: without
-//! censoring the root of the sum of squares over n, not over n - 2.
+//! It is fitted by maximum likelihood in 1/scatter and the coefficients over scatter, in which the likelihood of
+//! censored normal data has one peak (Olsen, Econometrica 46 (1978) 1211). The scatter is that of maximum likelihood
+//! throughout: without censoring the root of the sum of squares over n, not over n - 2.
 
 use super::bound::{is_admitted, upper_bound};
 use super::newton::{At, Peak, peak, transformed, variance};
@@ -58,21 +59,23 @@ pub struct AHat {
     pub scatter: f64,
     /// Covariance of intercept, slope and scatter: the inverse of the observed information.
     pub covariance: [[f64; 3]; 3],
-    /// Logarithm of the likelihood.
+    /// Logarithm of the likelihood, of the responses on the scale that is linear.
     pub log_likelihood: f64,
     /// ln(a50).
     pub mu: f64,
     /// Width of the curve in ln(size).
     pub sigma: f64,
-    /// Size found half the time; `None` where the line puts it ten times beyond the sizes looked at, which is no estimate.
+    /// Size found half the time; `None` where the line puts it ten times beyond the sizes looked at, which is no
+    /// estimate.
     pub a50: Option<f64>,
     /// Size found nine times in ten; `None` likewise.
     pub a90: Option<f64>,
-    /// Upper one-sided 95 % bound of a90 by the delta method, as the handbook has it: exp(ln a90 + 1.645 sd(ln a90)). Somewhat too
-    /// low: of 4000 simulated studies of 60 targets, some of them noise or saturated, it held in 91 %. `None` as the next.
+    /// Upper one-sided 95 % bound of a90 by the delta method, as the handbook has it: exp(ln a90 + 1.645 sd(ln a90)).
+    /// Somewhat too low: of 4000 simulated studies of 60 targets, some of them noise or saturated, it held in 91 %.
+    /// `None` as the next.
     pub a90_95_wald: Option<f64>,
-    /// The same bound by likelihood ratio, which held in 94 % of them. `None` where the data admit at this level that larger
-    /// cracks do not answer more strongly: then no size is large enough.
+    /// The same bound by likelihood ratio, which held in 94 % of them. `None` where the data admit at this level that
+    /// larger cracks do not answer more strongly: then no size is large enough.
     pub a90_95_likelihood: Option<f64>,
     /// Least and greatest size looked at: beyond them the curve is extrapolated.
     pub sizes: (f64, f64),
@@ -136,7 +139,8 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], signal: Signal) -> Result<AHat, R
     let ln_a90 = mu + Z_90 * sigma;
     let sd = variance(&covariance, &[-1.0 / slope, -ln_a90 / slope, Z_90 / slope]).sqrt();
     let is_rising = !is_admitted(fit.value, flat(likelihood)?);
-    // The lines with a90 at a size: at it the mean lies Z_90 scatters above the threshold, which is linear in the parameters.
+    // The lines with a90 at a size: at it the mean lies Z_90 scatters above the threshold, which is linear in the
+    // parameters.
     let through = |ln_size: f64| {
         let (u, level) = ((ln_size - log.mean) / log.sd, line.standard(threshold));
         let through = |&[per_u, theta]: &[f64; 2]| {
@@ -248,7 +252,8 @@ impl Line {
     }
 }
 
-/// The log likelihood at intercept/scatter, slope/scatter and 1/scatter of standardised responses over standardised ln(size).
+/// The log likelihood at intercept/scatter, slope/scatter and 1/scatter of standardised responses over standardised
+/// ln(size).
 fn likelihood(log: &LogSizes, seen: &[Seen], line: &Line, &[level, per_u, theta]: &[f64; 3]) -> Option<At<3>> {
     if theta <= 0.0 {
         return None;

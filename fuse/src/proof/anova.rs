@@ -25,7 +25,8 @@ impl AnovaRow {
         Self::new(self.degrees + other.degrees, self.sum_of_squares + other.sum_of_squares)
     }
 
-    /// Ratio of this mean square to that of `error`, and the chance of a greater one if neither had an effect of its own.
+    /// Ratio of this mean square to that of `error`, and the chance of a greater one if neither had an effect of its
+    /// own.
     ///
     /// `None` where `error` is 0 or either has no degrees of freedom.
     pub fn f_test(&self, error: &Self) -> Option<(f64, f64)> {

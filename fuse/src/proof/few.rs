@@ -1,6 +1,7 @@
 //! How many there are against how many are wanted.
 
-/// A count and what it should be at least. Fewer give a number all the same, which then says less than its bounds claim.
+/// A count and what it should be at least. Fewer give a number all the same, which then says less than its bounds
+/// claim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AtLeast {
     /// How many there are.

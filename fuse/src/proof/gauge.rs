@@ -1,7 +1,8 @@
-//! Gauge repeatability and reproducibility of a crossed study: every operator, or station, reads every part several times.
+//! Gauge repeatability and reproducibility of a crossed study: every operator, or station, reads every part several
+//! times.
 //!
-//! Source: AIAG, Measurement Systems Analysis, 4th edition (2010), the analysis-of-variance method. A part may be a location of
-//! a casing and an operator a station: reproducibility is then what stations differ by.
+//! Source: AIAG, Measurement Systems Analysis, 4th edition (2010), the analysis-of-variance method. A part may be a
+//! location of a casing and an operator a station: reproducibility is then what stations differ by.
 
 use super::Refusal;
 use super::anova::{AnovaRow, Shape, Sums, at_least};
@@ -13,7 +14,8 @@ pub const POOLED_ABOVE: f64 = 0.25;
 /// Categories a gauge tells apart per part variation over gauge variation: the root of 2, as AIAG rounds it.
 const CATEGORIES: f64 = 1.41;
 
-/// Shape of a crossed study. The reading of (part, operator, repeat) stands at (part x operators + operator) x repeats + repeat.
+/// Shape of a crossed study. The reading of (part, operator, repeat) stands at (part x operators + operator) x repeats
+/// + repeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Crossed {
     /// Parts; 2 or more.
@@ -69,16 +71,16 @@ pub struct Gauge {
     pub part: Component,
     /// All.
     pub total: Component,
-    /// Distinct categories: 1.41 times part over gauge, cut to a whole number; below 5 the gauge does not measure (AIAG). `None`
-    /// where the gauge does not vary at all.
+    /// Distinct categories: 1.41 times part over gauge, cut to a whole number; below 5 the gauge does not measure
+    /// (AIAG). `None` where the gauge does not vary at all.
     pub ndc: Option<u64>,
 }
 
 /// Judges a gauge from `readings` of a complete crossed study.
 ///
 /// # Errors
-/// [`Refusal::TooFew`] of parts, operators or repeats; [`Refusal::Lengths`]; [`Refusal::Incomplete`] names the first hole;
-/// [`Refusal::NoScatter`] of readings that are all the same.
+/// [`Refusal::TooFew`] of parts, operators or repeats; [`Refusal::Lengths`]; [`Refusal::Incomplete`] names the first
+/// hole; [`Refusal::NoScatter`] of readings that are all the same.
 pub fn crossed(readings: &[Option<f64>], study: Crossed) -> Result<Gauge, Refusal> {
     let Crossed { part_count, operator_count, repeat_count } = study;
     at_least("parts", part_count, 2)?;

@@ -1,7 +1,8 @@
 //! Probability of detection from targets that were found or missed: a logistic curve over ln(size).
 //!
-//! Model (MIL-HDBK-1823A, Appendix G): ln(POD/(1 - POD)) = intercept + slope ln(size), fitted by maximum likelihood. A target
-//! stands for one independent look; looks at the same crack are not independent, and count for less than they seem to.
+//! Model (MIL-HDBK-1823A, Appendix G): ln(POD/(1 - POD)) = intercept + slope ln(size), fitted by maximum likelihood. A
+//! target stands for one independent look; looks at the same crack are not independent, and count for less than they
+//! seem to.
 
 use super::bound::{is_admitted, upper_bound};
 use super::newton::{At, Peak, peak, variance};
@@ -27,16 +28,18 @@ pub struct HitMiss {
     pub covariance: [[f64; 2]; 2],
     /// Logarithm of the likelihood.
     pub log_likelihood: f64,
-    /// Size found half the time; `None` where the curve puts it ten times beyond the sizes looked at, which is no estimate.
+    /// Size found half the time; `None` where the curve puts it ten times beyond the sizes looked at, which is no
+    /// estimate.
     pub a50: Option<f64>,
     /// Size found nine times in ten; `None` likewise.
     pub a90: Option<f64>,
     /// Upper one-sided 95 % bound of a90 by Wald's method on the log scale, as the handbook's covariance gives it:
-    /// exp(ln a90 + 1.645 sd(ln a90)). Too low: of 4000 simulated studies of 60 targets it held in 87 %. `None` as the next.
+    /// exp(ln a90 + 1.645 sd(ln a90)). Too low: of 4000 simulated studies of 60 targets it held in 87 %. `None` as the
+    /// next.
     pub a90_95_wald: Option<f64>,
-    /// The same bound by likelihood ratio, which held in 92 % of them: the greatest a90 of the curves that lose no more than 1.353
-    /// of log likelihood. `None` where the data admit at this level that larger cracks are found no more easily: then no size
-    /// is large enough.
+    /// The same bound by likelihood ratio, which held in 92 % of them: the greatest a90 of the curves that lose no more
+    /// than 1.353 of log likelihood. `None` where the data admit at this level that larger cracks are found no more
+    /// easily: then no size is large enough.
     pub a90_95_likelihood: Option<f64>,
     /// Least and greatest size looked at: beyond them the curve is extrapolated.
     pub sizes: (f64, f64),
@@ -63,12 +66,12 @@ impl HitMiss {
 
 /// Fits a curve to the targets of `sizes`, above 0, that were found or not.
 ///
-/// A maximum exists exactly where hits and misses overlap in size; that is checked before. Newton's method with halved steps
-/// then finds it (for this model the same as iteratively reweighted least squares). O(targets).
+/// A maximum exists exactly where hits and misses overlap in size; that is checked before. Newton's method with halved
+/// steps then finds it (for this model the same as iteratively reweighted least squares). O(targets).
 ///
 /// # Errors
-/// [`Refusal::Lengths`], [`Refusal::TooFew`] of no targets, [`Refusal::Size`], [`Refusal::NoHits`], [`Refusal::AllHits`],
-/// [`Refusal::OneSize`], [`Refusal::Separable`], [`Refusal::NotRising`], [`Refusal::NotSettled`].
+/// [`Refusal::Lengths`], [`Refusal::TooFew`] of no targets, [`Refusal::Size`], [`Refusal::NoHits`],
+/// [`Refusal::AllHits`], [`Refusal::OneSize`], [`Refusal::Separable`], [`Refusal::NotRising`], [`Refusal::NotSettled`].
 pub fn hit_miss(sizes: &[f64], is_hit: &[bool]) -> Result<HitMiss, Refusal> {
     if sizes.len() != is_hit.len() {
         let (first, second) = (sizes.len(), is_hit.len());

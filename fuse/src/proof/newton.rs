@@ -8,8 +8,8 @@ const STEPS: usize = 100;
 /// Halvings of a step that went too far.
 const HALVINGS: usize = 60;
 
-/// Gain of the next step, in units of the function, below which the greatest value is reached: a likelihood's parameters are
-/// then within 1e-10 of their standard deviations, and the last step is still taken.
+/// Gain of the next step, in units of the function, below which the greatest value is reached: a likelihood's
+/// parameters are then within 1e-10 of their standard deviations, and the last step is still taken.
 const GAIN: f64 = 1e-20;
 
 /// Gain below which a step that gains no less than the one before is of rounding alone.
@@ -28,7 +28,8 @@ impl<const N: usize> At<N> {
         Self { value: 0.0, gradient: [0.0; N], information: [[0.0; N]; N] }
     }
 
-    /// Adds a function of u alone, with first and second derivative `first` and `second`, where u has the derivatives `along`.
+    /// Adds a function of u alone, with first and second derivative `first` and `second`, where u has the derivatives
+    /// `along`.
     pub(super) fn add(&mut self, value: f64, first: f64, second: f64, along: [f64; N]) {
         self.value += value;
         for i in 0..N {
@@ -60,7 +61,8 @@ pub(super) struct Peak<const N: usize> {
     pub(super) covariance: [[f64; N]; N],
 }
 
-/// The peak of a concave function by Newton steps, halved until they do not lead down; `at` is `None` outside its domain.
+/// The peak of a concave function by Newton steps, halved until they do not lead down; `at` is `None` outside its
+/// domain.
 pub(super) fn peak<const N: usize>(
     start: [f64; N],
     at: impl Fn(&[f64; N]) -> Option<At<N>>,
@@ -144,8 +146,8 @@ mod tests {
 
     #[test]
     fn a_peak_is_found_from_afar() {
-        // Catches a step that overshoots for good, and a wrong inverse: -cosh(x - 3) - (y - 2x)^2, from x = -40, where a
-        // whole Newton step of the first term alone is small and that of the second large.
+        // Catches a step that overshoots for good, and a wrong inverse: -cosh(x - 3) - (y - 2x)^2, from x = -40, where
+        // a whole Newton step of the first term alone is small and that of the second large.
         let at = |&[x, y]: &[f64; 2]| {
             let mut at = At::zero();
             at.add(-(x - 3.0).cosh(), -(x - 3.0).sinh(), -(x - 3.0).cosh(), [1.0, 0.0]);

@@ -1,7 +1,7 @@
 //! Repeatability without operators, and agreement as one number.
 //!
-//! The intraclass correlations are those of Shrout and Fleiss, Psychological Bulletin 86 (1979) 420: the part of the variance
-//! of one reading that is the parts' own, so 1 for a perfect gauge.
+//! The intraclass correlations are those of Shrout and Fleiss, Psychological Bulletin 86 (1979) 420: the part of the
+//! variance of one reading that is the parts' own, so 1 for a perfect gauge.
 
 use super::Refusal;
 use super::anova::{AnovaRow, Shape, Sums, at_least};
@@ -28,8 +28,8 @@ pub struct OneWay {
 /// Judges a gauge from the same number of `readings` of each of `part_count` parts, part by part.
 ///
 /// # Errors
-/// [`Refusal::TooFew`] parts or repeats (2 of each); [`Refusal::Lengths`] for readings that the parts do not share evenly;
-/// [`Refusal::Incomplete`]; [`Refusal::NoScatter`].
+/// [`Refusal::TooFew`] parts or repeats (2 of each); [`Refusal::Lengths`] for readings that the parts do not share
+/// evenly; [`Refusal::Incomplete`]; [`Refusal::NoScatter`].
 pub fn one_way(readings: &[Option<f64>], part_count: usize) -> Result<OneWay, Refusal> {
     let (parts, repeats, repeat_count) = one_way_rows(readings, part_count)?;
     let repeatability = repeats.mean_square;
@@ -55,7 +55,8 @@ pub fn icc_1_1(readings: &[Option<f64>], part_count: usize) -> Result<f64, Refus
     finite((between - within) / (between + (k - 1.0) * within))
 }
 
-/// ICC(2,1): absolute agreement of single readings by operators, or in turns, that each read every part once; part by part.
+/// ICC(2,1): absolute agreement of single readings by operators, or in turns, that each read every part once; part by
+/// part.
 ///
 /// # Errors
 /// As [`one_way`]; its operators are the readings of a part.

@@ -15,13 +15,15 @@ pub struct Rate {
     pub high: f64,
 }
 
-/// `count` of `all`, with the interval that holds the true rate at least as often as `level` (Clopper and Pearson 1934).
+/// `count` of `all`, with the interval that holds the true rate at least as often as `level` (Clopper and Pearson
+/// 1934).
 ///
-/// It is never too narrow, and somewhat wide for few. The trials are to be independent: of false calls take one per casing or
-/// per arc of a ring, not one per location, whose neighbours are alike.
+/// It is never too narrow, and somewhat wide for few. The trials are to be independent: of false calls take one per
+/// casing or per arc of a ring, not one per location, whose neighbours are alike.
 ///
 /// # Errors
-/// [`Refusal::TooFew`] of no trials; [`Refusal::OutOfRange`] for a count above all, or a level that is not between 0 and 1.
+/// [`Refusal::TooFew`] of no trials; [`Refusal::OutOfRange`] for a count above all, or a level that is not between 0
+/// and 1.
 pub fn clopper_pearson(count: usize, all: usize, level: f64) -> Result<Rate, Refusal> {
     let (k, n, tail) = checked(count, all, level)?;
     let low = if count == 0 { 0.0 } else { beta_quantile(k, n - k + 1.0, tail) };

@@ -2,7 +2,8 @@
 
 /// What the data of a study cannot say, or what is wrong with them.
 ///
-/// Most of these are outcomes rather than faults: a study in which every crack was found is a good one, but it has no a90.
+/// Most of these are outcomes rather than faults: a study in which every crack was found is a good one, but it has no
+/// a90.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {

@@ -2,9 +2,9 @@
 
 /// Nor_RMSE of the dissertation's Eq. 54: root mean square difference of two turns over the range of both.
 ///
-/// The range is widened by a crack, so that a damaged ring looks better repeated than a sound one: see [`within_over_healthy`].
-/// Locations without a value in either turn, or with one that is no number, are left out. `None` when none is left or the range
-/// is 0.
+/// The range is widened by a crack, so that a damaged ring looks better repeated than a sound one: see
+/// [`within_over_healthy`]. Locations without a value in either turn, or with one that is no number, are left out.
+/// `None` when none is left or the range is 0.
 ///
 /// # Panics
 /// If the turns differ in length.
@@ -17,10 +17,10 @@ pub fn nor_rmse(first: &[Option<f64>], second: &[Option<f64>]) -> Option<f64> {
 
 /// Standard deviation of a reading about its location's mean, over that of sound locations' readings about theirs.
 ///
-/// The first is over all locations, sqrt(sum of (y_i1 - y_i2)^2/(2 N)); the second is over those marked in `is_healthy`, both
-/// turns together, by the count less one, and no crack widens it. Near 1 the scatter of a sound casing is all the rig's; near 0
-/// it is the casing's own. Missing values as for [`nor_rmse`]; `None` for fewer than two sound locations or sound values without
-/// scatter.
+/// The first is over all locations, sqrt(sum of (y_i1 - y_i2)^2/(2 N)); the second is over those marked in
+/// `is_healthy`, both turns together, by the count less one, and no crack widens it. Near 1 the scatter of a sound
+/// casing is all the rig's; near 0 it is the casing's own. Missing values as for [`nor_rmse`]; `None` for fewer than
+/// two sound locations or sound values without scatter.
 ///
 /// # Panics
 /// If the turns and the marks differ in length.
@@ -69,7 +69,8 @@ mod tests {
 
     #[test]
     fn a_crack_flatters_the_dissertations_number_alone() {
-        // Catches the healthy scatter taken over the whole ring: two turns with the same noise, without and with a crack.
+        // Catches the healthy scatter taken over the whole ring: two turns with the same noise, without and with a
+        // crack.
         let noise = |i: usize, turn: usize| ((i * 37 + turn * 53) % 101) as f64 / 101.0;
         let turn = |turn: usize, crack: f64| -> Vec<Option<f64>> {
             (0..100).map(|i| Some(noise(i, turn) + if i < 10 { crack } else { 0.0 })).collect()

@@ -40,8 +40,8 @@ impl AHatCase {
 
 #[test]
 fn a_fit_is_that_of_statsmodels_and_scipy() {
-    // Catches a censored response taken as seen, the two sides exchanged, n - 2 for n, a hazard of the wrong sign, and a bound
-    // without the covariance of slope and scatter.
+    // Catches a censored response taken as seen, the two sides exchanged, n - 2 for n, a hazard of the wrong sign, and
+    // a bound without the covariance of slope and scatter.
     for case in A_HAT {
         let fit = a_hat(case.sizes, case.responses, case.signal()).unwrap();
         let name = case.name;
@@ -132,7 +132,8 @@ proptest! {
 
     #[test]
     fn what_overlaps_settles(noise in prop::collection::vec(-1.0_f64..1.0, 12..40), level in 0.6_f64..1.4) {
-        // Catches a Newton step that leaves the domain for good: noise at every level up to two thirds of the responses.
+        // Catches a Newton step that leaves the domain for good: noise at every level up to two thirds of the
+        // responses.
         let count = noise.len() as f64;
         let sizes: Vec<f64> = (1..=noise.len()).map(|i| i as f64 / count * 4.0).collect();
         let responses: Vec<f64> = sizes.iter().zip(&noise).map(|(a, e)| (0.9 * a.ln() + 0.4 * e).exp()).collect();
@@ -145,8 +146,8 @@ proptest! {
 
 #[test]
 fn the_likelihood_bound_holds_as_often_as_it_says() {
-    // Catches a bound of the wrong side or level, whatever the formula: 400 studies of 60 targets, a quarter of them in the noise
-    // and some saturated. Of 4000 the bound holds in 93.5 %, that of the delta method in 90.6 %.
+    // Catches a bound of the wrong side or level, whatever the formula: 400 studies of 60 targets, a quarter of them in
+    // the noise and some saturated. Of 4000 the bound holds in 93.5 %, that of the delta method in 90.6 %.
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let signal = Signal { scale: Scale::Log, threshold: 2.0, noise: Some(1.0), saturation: Some(5.0) };
     // 0.2 + 0.9 ln(a90) - 1.2816 x 0.4 = ln(2).

@@ -6,8 +6,8 @@ use tapline_fuse::proof::{Crossed, Refusal, crossed, icc_1_1, icc_2_1, one_way};
 use crate::is_near;
 use crate::reference::{CROSSED, CROSSED_ANOVA};
 
-/// Ten parts, three readings each by appraisers A, B and C: the worked example of AIAG, Measurement Systems Analysis, 4th edition
-/// (2010), chapter III B, and of Minitab's "Example of a crossed gage R&R study" (support.minitab.com).
+/// Ten parts, three readings each by appraisers A, B and C: the worked example of AIAG, Measurement Systems Analysis,
+/// 4th edition (2010), chapter III B, and of Minitab's "Example of a crossed gage R&R study" (support.minitab.com).
 #[rustfmt::skip]
 const AIAG: [[f64; 9]; 10] = [
     [0.29, 0.41, 0.64, 0.08, 0.25, 0.07, 0.04, -0.11, -0.15],
@@ -35,8 +35,8 @@ fn is_printed(got: f64, printed: f64, digits: i32) -> bool {
 
 #[test]
 fn the_published_example_comes_out() {
-    // Catches any slip of the method: degrees of freedom, what the operators are tested against, pooling, a variance for a
-    // standard deviation, the categories rounded up (4.86 is 4).
+    // Catches any slip of the method: degrees of freedom, what the operators are tested against, pooling, a variance
+    // for a standard deviation, the categories rounded up (4.86 is 4).
     let gauge = crossed(&aiag(), AIAG_STUDY).unwrap();
     for (row, degrees, sum, mean) in [
         (gauge.parts, 9, 88.3619, 9.81799),
@@ -59,8 +59,8 @@ fn the_published_example_comes_out() {
         assert!(is_printed(row.f_test(&error).unwrap().0, ratio, 3), "{row:?}");
     }
     assert!(is_printed(gauge.interaction_p.unwrap(), 0.974, 3) && gauge.is_pooled);
-    // AIAG's standard deviations with their digits; that of the whole gauge is Minitab's, since AIAG's own does not follow from
-    // its parts. Variances and per cents are Minitab's.
+    // AIAG's standard deviations with their digits; that of the whole gauge is Minitab's, since AIAG's own does not
+    // follow from its parts. Variances and per cents are Minitab's.
     for (component, (sd, digits), variance, contribution, study) in [
         (gauge.repeatability, (0.199_933, 6), 0.03997, 3.39, 18.42),
         (gauge.reproducibility, (0.226_838, 6), 0.05146, 4.37, 20.90),

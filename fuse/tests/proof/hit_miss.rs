@@ -27,8 +27,8 @@ pub(crate) struct HitMissCase {
 
 #[test]
 fn a_fit_is_that_of_statsmodels() {
-    // Catches a fit that stops early, a covariance of the standardised sizes, a bound with a two-sided z, and a likelihood bound
-    // of two degrees of freedom.
+    // Catches a fit that stops early, a covariance of the standardised sizes, a bound with a two-sided z, and a
+    // likelihood bound of two degrees of freedom.
     for case in HIT_MISS {
         let fit = hit_miss(case.sizes, case.is_hit).unwrap();
         let name = case.name;
@@ -146,8 +146,9 @@ fn sizes_have_no_unit() {
 
 #[test]
 fn the_likelihood_bound_holds_as_often_as_it_says() {
-    // Catches a bound of the wrong side or level, whatever the formula: 400 studies of 60 targets, a90 at ln(a) = 0.55 + 2.197/4.
-    // A study without a bound holds, one without a curve (1 in 1000) does not. Of 4000 the bound holds in 92.0 %, Wald's in 87.0 %.
+    // Catches a bound of the wrong side or level, whatever the formula: 400 studies of 60 targets, a90 at ln(a) = 0.55
+    // + 2.197/4. A study without a bound holds, one without a curve (1 in 1000) does not. Of 4000 the bound holds in
+    // 92.0 %, Wald's in 87.0 %.
     let mut rng = ChaCha8Rng::seed_from_u64(6);
     let a90 = (0.55 + 9.0_f64.ln() / 4.0).exp();
     let (mut wald, mut likelihood) = (0, 0);
