@@ -12,7 +12,7 @@
 //!    makes regions and a verdict (`verdict`), with how rare such an arc is and which offset sees it (`lateral`).
 //!
 //! A reference is the casing itself, a shoulder of the run, or a [`ReferenceSet`] of earlier runs; `standard` is what it
-//! teaches, and how a casing is measured by it.
+//! teaches, and how a casing is measured by it. What a study may claim is in [`proof`].
 //!
 //! ```
 //! use tapline_fuse::{FuseConfig, Fusion, Reference};
@@ -64,11 +64,13 @@ mod config;
 mod error;
 mod fit;
 mod fusion;
+mod hidden;
 mod indices;
 mod lateral;
 mod level;
 mod limits;
 mod panel;
+pub mod proof;
 mod reference_build;
 mod reference_set;
 mod reference_summary;
@@ -93,6 +95,7 @@ pub use bootstrap::{Bootstrap, auc_interval};
 pub use config::{Centre, Combine, Direction, Directions, FuseConfig, IndexKind, Reference};
 pub use error::Error;
 pub use fusion::Fusion;
+pub use hidden::{Hidden, HiddenStates, fitted_shift, hidden_states};
 pub use reference_build::{Built, build_reference};
 pub use reference_set::{KnownShoulder, Origin, ReferenceSet, Turn};
 pub use reference_summary::{ScaleLine, Summary};
