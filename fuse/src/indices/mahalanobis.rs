@@ -19,7 +19,7 @@ use std::f64::consts::PI;
 use faer::Mat;
 
 use super::classes::Classes;
-use super::quadratic::solved;
+use super::quadratic::inverse;
 use super::{Example, Index, LearnError, dot, score_of};
 use crate::covariance::{Covariance, block};
 
@@ -74,9 +74,7 @@ impl Metric {
     /// `None` if there is no discriminator.
     fn of(covariance: &Mat<f64>) -> Option<Self> {
         let n = covariance.nrows();
-        let unit = |k: usize| (0..n).map(|j| if j == k { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
-        let columns = (0..n).map(|k| solved(covariance, &unit(k))).collect::<Option<Vec<Vec<f64>>>>()?;
-        let inverse = Mat::from_fn(n, n, |i, j| columns[j][i]);
+        let inverse = inverse(covariance)?;
         let terms = (0..n).flat_map(|j| (0..n).map(move |i| (i, j)));
         let null_square = terms.map(|(i, j)| inverse[(i, j)] * half_moment(covariance, i, j)).sum();
         (null_square > 0.0).then_some(Self { inverse, null_square })

@@ -1,5 +1,6 @@
 //! The least of a quadratic form, with and without bounds: min x'Ax/2 - b'x, A symmetric and not negative.
 
+use faer::linalg::solvers::Solve as _;
 use faer::{Mat, Side};
 
 use crate::covariance::block;
@@ -7,32 +8,67 @@ use crate::covariance::block;
 /// Parts of a sum below this share of its terms are rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// The x of least length that solves A x = b; `None` if A has no decomposition or x is no number.
+/// A pivot of a matrix with unit diagonal at or below this is that of a column which others determine.
+const PIVOT_LEAST: f64 = 1e-10;
+
+/// The x that solves A x = b, of least length if there are many; `None` if A has no decomposition or x is no number.
+pub(super) fn solved(a: &Mat<f64>, b: &[f64]) -> Option<Vec<f64>> {
+    let x = solved_all(a, &Mat::from_fn(b.len(), 1, |i, _| b[i]))?;
+    Some(x.col(0).iter().copied().collect())
+}
+
+/// The inverse of A, or what takes its place if it has none; `None` if A has no decomposition.
+pub(super) fn inverse(a: &Mat<f64>) -> Option<Mat<f64>> {
+    solved_all(a, &Mat::identity(a.nrows(), a.nrows()))
+}
+
+/// The X that solves A X = B.
 ///
 /// A is brought to a unit diagonal first, so that its rank does not depend on the units of its columns. A column whose
 /// diagonal is not above zero gets 0.
-pub(super) fn solved(a: &Mat<f64>, b: &[f64]) -> Option<Vec<f64>> {
-    let n = b.len();
-    let scale: Vec<f64> = (0..n).map(|j| a[(j, j)]).map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 }).collect();
-    let unit = Mat::from_fn(n, n, |i, j| a[(i, j)] * scale[i] * scale[j]);
+fn solved_all(a: &Mat<f64>, b: &Mat<f64>) -> Option<Mat<f64>> {
+    let size = a.nrows();
+    let scale: Vec<f64> = (0..size).map(|j| a[(j, j)]).map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 }).collect();
+    let unit = Mat::from_fn(size, size, |i, j| a[(i, j)] * scale[i] * scale[j]);
+    let right = Mat::from_fn(size, b.ncols(), |i, j| b[(i, j)] * scale[i]);
+    let solved = match by_cholesky(&unit, &right) {
+        Some(solved) => solved,
+        None => by_eigenvalues(&unit, &right)?,
+    };
+    let x = Mat::from_fn(size, b.ncols(), |i, j| solved[(i, j)] * scale[i]);
+    let is_number = x.col_iter().all(|column| column.iter().all(|x| x.is_finite()));
+    is_number.then_some(x)
+}
+
+/// `None` where columns determine each other.
+fn by_cholesky(unit: &Mat<f64>, right: &Mat<f64>) -> Option<Mat<f64>> {
+    let factors = unit.llt(Side::Lower).ok()?;
+    let pivots = factors.L();
+    (0..unit.nrows()).all(|j| pivots[(j, j)] * pivots[(j, j)] > PIVOT_LEAST).then(|| factors.solve(right))
+}
+
+/// For any rank: directions that the matrix does not have get 0.
+fn by_eigenvalues(unit: &Mat<f64>, right: &Mat<f64>) -> Option<Mat<f64>> {
     let eigen = unit.self_adjoint_eigen(Side::Lower).ok()?;
     let (vectors, values) = (eigen.U(), eigen.S().column_vector());
     let largest = values.iter().copied().max_by(f64::total_cmp)?;
-    let mut x = vec![0.0; n];
-    for (vector, &value) in vectors.col_iter().zip(values.iter()) {
-        if value > largest * f64::EPSILON * n as f64 {
-            let share = vector.iter().zip(b).zip(&scale).map(|((v, b), s)| v * b * s).sum::<f64>() / value;
-            x.iter_mut().zip(vector.iter()).for_each(|(x, v)| *x += share * v);
-        }
+    let mut along = vectors.transpose() * right;
+    for (row, &value) in along.row_iter_mut().zip(values.iter()) {
+        let has_it = value > largest * f64::EPSILON * unit.nrows() as f64;
+        row.iter_mut().for_each(|x| *x = if has_it { *x / value } else { 0.0 });
     }
-    x.iter_mut().zip(&scale).for_each(|(x, s)| *x *= s);
-    x.iter().all(|x| x.is_finite()).then_some(x)
+    Some(vectors * along)
 }
 
 /// The x that minimises the form where its first `bounded` elements must not be negative, by the active set of Lawson
 /// and Hanson (*Solving Least Squares Problems*, 1974, chapter 23); what it returns is never negative there.
 pub(super) fn non_negative(a: &Mat<f64>, b: &[f64], bounded: usize) -> Option<Vec<f64>> {
     let n = b.len();
+    // What no bound holds is the least, and one solution in place of several.
+    let unbound = solved(a, b)?;
+    if unbound[..bounded].iter().all(|&x| x >= 0.0) {
+        return Some(unbound);
+    }
     let mut is_free: Vec<bool> = (0..n).map(|j| j >= bounded).collect();
     let mut x = freely(a, b, &is_free)?;
     // Each round frees one; in exact arithmetic none repeats, and a few rounds an element are enough.
@@ -141,6 +177,18 @@ mod tests {
                 let products = (0..5).map(|j| a[(i, j)] * x[j]);
                 let (sum, terms) = products.fold((0.0, b[i].abs()), |s, t| (s.0 + t, s.1 + t.abs()));
                 prop_assert!((sum - b[i]).abs() <= 1e-10 * terms, "{} {}", sum, b[i]);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn both_decompositions_agree(root in prop::collection::vec(-1.0..1.0, 25), b in prop::collection::vec(-2.0..2.0, 5)) {
+            // Catches a solution that jumps where one decomposition takes over from the other.
+            let (a, b) = (positive(&root, 5), Mat::from_fn(5, 1, |i, _| b[i]));
+            let (one, other) = (by_cholesky(&a, &b).unwrap(), by_eigenvalues(&a, &b).unwrap());
+            for j in 0..5 {
+                prop_assert!((one[(j, 0)] - other[(j, 0)]).abs() < 1e-9, "{:?} {:?}", one, other);
             }
         }
     }
