@@ -2,7 +2,8 @@
 
     python3 indices_reference.py > indices_reference.csv
 
-Each line is `case,name,numbers`: `sound` and `cracked` lines hold one example's scores each, all others what is expected.
+Each line is `case,name,numbers`: `sound` and `cracked` lines hold one example's scores each, all others what is
+expected.
 """
 import numpy as np
 from sklearn.covariance import LedoitWolf
@@ -12,7 +13,7 @@ from sklearn.metrics import roc_auc_score
 
 
 def scores(seed, sound, cracked, count, correlation=0.95, outliers=0):
-    """Normal scores, the last half of them correlated; shifts of unequal size; the first `outliers` of each class far off."""
+    """Normal scores, the last half of them correlated; the first `outliers` of each class far off."""
     rng = np.random.default_rng(seed)
     covariance = np.eye(count)
     covariance[count // 2:, count // 2:] = correlation

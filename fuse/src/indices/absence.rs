@@ -40,7 +40,8 @@ fn the_discriminant_of_those_present_is_that_learnt_from_them() {
             let judged = without(&judged, absent);
             let own = Lda::learn(&without(&learnt, absent), signs).unwrap();
             for (one, other) in values(&index, &judged).iter().zip(values(&own, &judged)) {
-                // The fewer columns are shrunk otherwise: those that are not correlated lose what sampling correlates them.
+                // The fewer columns are shrunk otherwise: those that are not correlated lose what sampling correlates
+                // them.
                 assert!((one - other).abs() < 0.05 * (1.0 + other.abs()), "{absent:b} {one} {other}");
             }
         }

@@ -10,9 +10,8 @@
 //! serves both.
 //!
 //! It weighs what sound places never do, not what cracks do: of discriminators that move together, it is one without
-//! the others that stands out, and the index *falls* when the others follow. Where labels are to be had, the other
-//! indices do better; on normal scores as in [`Lda`](super::Lda)'s table it reached an AUC of 0.86, with both
-//! directions 0.74.
+//! the others that stands out, and the index *falls* when the others follow. On the scores of [`Lda`](super::Lda)'s
+//! table, 100 sound places, its AUC was 0.855 where the plain mean has 0.866; with both directions 0.749.
 
 use std::f64::consts::PI;
 

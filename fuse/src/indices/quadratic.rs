@@ -183,7 +183,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn both_decompositions_agree(root in prop::collection::vec(-1.0..1.0, 25), b in prop::collection::vec(-2.0..2.0, 5)) {
+        fn both_decompositions_agree(
+            root in prop::collection::vec(-1.0..1.0, 25), b in prop::collection::vec(-2.0..2.0, 5),
+        ) {
             // Catches a solution that jumps where one decomposition takes over from the other.
             let (a, b) = (positive(&root, 5), Mat::from_fn(5, 1, |i, _| b[i]));
             let (one, other) = (by_cholesky(&a, &b).unwrap(), by_eigenvalues(&a, &b).unwrap());

@@ -34,6 +34,10 @@ impl Weighted {
     /// `None`, or no number, is not known: the discriminator counts as little as the least repeatable one. One of 0 is
     /// of a discriminator that does not move, and has no weight. Half the middle one is the least that counts.
     ///
+    /// A tap that repeats well need not see cracks, and discriminators that repeat well because they measure the same
+    /// count more than once: on the scores of [`Lda`](super::Lda)'s table, scatter 0.3, 0.3, 0.6, 0.3, 0.2, 0.2, the
+    /// AUC fell from the mean's 0.866 to 0.842.
+    ///
     /// # Errors
     /// [`LearnError::NoWeight`] if no scatter above 0 is known.
     pub fn by_repeatability(repeat_sds: &[Option<f64>]) -> Result<Self, LearnError> {
@@ -57,7 +61,9 @@ impl Weighted {
 
     /// Weights max(0, 2 AUC - 1) of how well each discriminator alone tells the `examples`' classes apart.
     ///
-    /// The correlation of discriminators is not looked at. One that has no score in 10 places of a class has no weight.
+    /// The correlation of discriminators is not looked at: on the scores of [`Lda`](super::Lda)'s table the AUC was
+    /// 0.881 with 10 places a class and 0.887 with 100, where the mean has 0.866 and LDA reaches 0.908. One that has no
+    /// score in 10 places of a class has no weight.
     ///
     /// # Errors
     /// [`LearnError::TooFew`] if a class has less than 10 places with any score, [`LearnError::NoWeight`] if no
