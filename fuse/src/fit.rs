@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::cells::{Cells, Taps};
 use crate::combine::Largest;
-use crate::indices::{Example, Index, Mean};
+use crate::indices::{Example, Index, Lda, LearnError, LogOdds, Mahalanobis, Mean, Signs, Weighted};
 use crate::level::Level;
 use crate::shoulder::{Reading, Shoulder};
 use crate::stats::Spread;
@@ -83,13 +83,16 @@ impl Fit {
             .map(|s| Cells::of(config.index, condition_count, &yardstick, &levels[s.tyre], s, Taps::All))
             .collect();
         let mut fallbacks = Vec::new();
-        let index: Box<dyn Index> = match config.index {
-            IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile => Box::new(Mean),
-            _ => learned_index(config.index, condition_count, reference, kept, &cells, &yardstick, &repeats)
-                .unwrap_or_else(|why| {
-                    fallbacks.push(format!("index {:?} falls back to \"robust\": {why}", config.index.name()));
-                    Box::new(Mean)
-                }),
+        let is_plain =
+            matches!(config.index, IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile);
+        let index: Box<dyn Index> = if is_plain {
+            Box::new(Mean::new(yardstick.width()))
+        } else {
+            let examples = examples(condition_count, reference, kept, &cells);
+            learned(config.index, &examples, &score_sds(&yardstick, &repeats)).unwrap_or_else(|why| {
+                fallbacks.push(format!("index = {:?} falls back to \"robust\": {why}", config.index.name()));
+                Box::new(Mean::new(yardstick.width()))
+            })
         };
         let has_fallen_back = !fallbacks.is_empty();
         let mut rows = Rows::default();
@@ -101,7 +104,7 @@ impl Fit {
         }
         let combination = rows.combination(config, condition_count).unwrap_or_else(|why| {
             fallbacks.push(format!("combine = \"fitted\" falls back to \"mean\": {why}"));
-            Box::new(Mean)
+            Box::new(Mean::new(condition_count))
         });
         let is_mean = match config.index {
             IndexKind::Lda | IndexKind::Mahalanobis | IndexKind::LogOdds => has_fallen_back,
@@ -198,33 +201,61 @@ impl Rows {
         }
     }
 
-    fn combination(&self, config: &FuseConfig, condition_count: usize) -> Result<Box<dyn Index>, String> {
+    fn combination(&self, config: &FuseConfig, condition_count: usize) -> Result<Box<dyn Index>, LearnError> {
         match config.combine {
-            Combine::Mean => Ok(Box::new(Mean)),
+            Combine::Mean => Ok(Box::new(Mean::new(condition_count))),
             Combine::Largest => {
                 let sound = || self.examples.iter().filter(|e| !e.is_cracked);
                 let spread = |c: usize| Spread::of(&mut sound().filter_map(|e| e.scores[c]).collect::<Vec<f64>>());
                 Ok(Box::new(Largest { spreads: (0..condition_count).map(spread).collect() }))
             }
-            Combine::Fitted => discriminant(&self.examples),
+            Combine::Fitted => Ok(Box::new(Lda::learn(&self.examples, Signs::default())?)),
         }
     }
 }
 
-fn discriminant(_examples: &[Example]) -> Result<Box<dyn Index>, String> {
-    Err("not yet".to_owned())
+/// The index of `kind` as `examples` teach it; `repeat_sds` are those of a repeated tap's scores.
+fn learned(kind: IndexKind, examples: &[Example], repeat_sds: &[Option<f64>]) -> Result<Box<dyn Index>, LearnError> {
+    Ok(match kind {
+        IndexKind::Repeatability => Box::new(Weighted::by_repeatability(repeat_sds)?),
+        IndexKind::Auc => Box::new(Weighted::by_auc(examples)?),
+        IndexKind::Lda => Box::new(Lda::learn(examples, Signs::default())?),
+        IndexKind::Mahalanobis => Box::new(Mahalanobis::learn(examples)?),
+        IndexKind::LogOdds => Box::new(LogOdds::learn(examples, Signs::default())?),
+        IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile => {
+            Box::new(Mean::new(examples.first().map_or(0, |e| e.scores.len())))
+        }
+    })
 }
 
-fn learned_index(
-    _kind: IndexKind,
-    _condition_count: usize,
-    _reference: &[Shoulder],
-    _kept: &Kept,
-    _cells: &[Cells],
-    _yardstick: &Yardstick,
-    _repeats: &[Option<f64>],
-) -> Result<Box<dyn Index>, String> {
-    Err("not yet".to_owned())
+/// The scores of every place in every condition, of those that are kept or labelled as cracked.
+fn examples(condition_count: usize, reference: &[Shoulder], kept: &Kept, cells: &[Cells]) -> Vec<Example> {
+    let mut examples = Vec::new();
+    let mut first_place = 0;
+    for (number, (shoulder, cells)) in reference.iter().zip(cells).enumerate() {
+        for place in 0..cells.place_count() {
+            let is_cracked = shoulder.is_cracked[place] == Some(true);
+            if !(kept[number][place] || is_cracked) {
+                continue;
+            }
+            let rows = (0..condition_count).map(|c| cells.at(place, c)).filter(|row| row.iter().any(Option::is_some));
+            examples.extend(rows.map(|row| Example { scores: row.to_vec(), is_cracked, place: first_place + place }));
+        }
+        first_place += cells.place_count();
+    }
+    examples
+}
+
+/// Standard deviation of a repeated tap's score, by discriminator: the mean over the conditions that have one.
+fn score_sds(yardstick: &Yardstick, repeats: &[Option<f64>]) -> Vec<Option<f64>> {
+    let width = yardstick.width();
+    let mean = |which: usize| {
+        let slots = (which..repeats.len()).step_by(width);
+        let sds = slots.filter_map(|slot| Some(repeats[slot]? / yardstick.sigma(slot)?)).filter(|sd| sd.is_finite());
+        let (sum, count) = sds.fold((0.0, 0_u32), |(sum, count), sd| (sum + sd, count + 1));
+        (count > 0).then(|| sum / f64::from(count))
+    };
+    (0..width).map(mean).collect()
 }
 
 /// Standard deviation of a repeated tap's share of the level, by slot: pooled over the kept places with two taps and more.

@@ -258,7 +258,7 @@ impl Fusion {
         progress.is_ended && progress.seen_count == self.plan.scans()[scan].taps.len()
     }
 
-    fn check(&self, scan: usize) -> Result<(), Error> {
+    pub(crate) fn check(&self, scan: usize) -> Result<(), Error> {
         let scan_count = self.progress.len();
         if scan < scan_count { Ok(()) } else { Err(Error::NoSuchScan { got: scan, scan_count }) }
     }

@@ -5,6 +5,7 @@ use tapline_wire::{DamageCell, Geometry};
 use crate::compare::Compared;
 use crate::scan::{Permutation, arc_null, scan};
 use crate::stats::Spread;
+use crate::{Error, Fusion};
 
 /// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
 const REACH_PART: f64 = 0.5;
@@ -48,6 +49,26 @@ fn across(compared: &Compared, places: &[usize]) -> Option<(f64, f64, f64)> {
         (if x < low { x } else { low }, if x > high { x } else { high })
     });
     Some((best_mm, low, high))
+}
+
+impl Fusion {
+    /// The index of every location of scan number `scan` at each offset that is known, in the order of the locations: the
+    /// mean over its velocities and along the ring, in spreads above sound places. With whatever has come so far.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn by_offset(&mut self, scan: usize) -> Result<Vec<(f64, Vec<Option<f64>>)>, Error> {
+        self.check(scan)?;
+        let compared = self.compared(scan);
+        let mut maps: Vec<(f64, Vec<Option<f64>>)> = Vec::new();
+        for mm in compared.conditions.offsets_mm().into_iter().flatten() {
+            let at = |place: usize| compared.by_offset(&[place]).into_iter().find(|of| of.0.total_cmp(&mm).is_eq());
+            let values: Vec<Option<f64>> = (0..compared.ring.len()).map(|place| Some(at(place)?.1)).collect();
+            maps.push((mm, compared.ring.mean_of_3(&values)));
+        }
+        maps.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(maps)
+    }
 }
 
 impl Compared {

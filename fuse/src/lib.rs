@@ -61,6 +61,7 @@ mod combine;
 mod compare;
 mod condition;
 mod config;
+mod covariance;
 mod error;
 mod fit;
 mod fusion;
@@ -96,6 +97,7 @@ pub use config::{Centre, Combine, Direction, Directions, FuseConfig, IndexKind, 
 pub use error::Error;
 pub use fusion::Fusion;
 pub use hidden::{Hidden, HiddenStates, fitted_shift, hidden_states};
+pub use indices::{Example, Index, Lda, LearnError, LogOdds, Mahalanobis, Mean, PLACES_MIN, Signs, Weighted};
 pub use reference_build::{Built, build_reference};
 pub use reference_set::{KnownShoulder, Origin, ReferenceSet, Turn};
 pub use reference_summary::{ScaleLine, Summary};
