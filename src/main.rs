@@ -8,6 +8,8 @@ mod cli;
 mod config;
 mod contact;
 mod figures;
+#[expect(dead_code, reason = "the verbs that scan in memory are still to come")]
+mod in_memory;
 mod line;
 mod pen;
 mod progress;

@@ -8,6 +8,7 @@ mod dissertation;
 mod estimators;
 mod faults;
 mod figures;
+mod in_memory;
 mod model;
 mod recorded;
 mod retakes;
