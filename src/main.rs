@@ -7,8 +7,8 @@ mod child;
 mod cli;
 mod config;
 mod contact;
+mod experiment;
 mod figures;
-#[expect(dead_code, reason = "the verbs that scan in memory are still to come")]
 mod in_memory;
 mod line;
 mod pen;
@@ -68,6 +68,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Store(line) => stage::store(line),
         Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
+        Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
         Verb::Model(ModelVerb::Figures { out, figure }) => figures::figures(out, *figure),

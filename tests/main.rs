@@ -6,6 +6,7 @@ mod archive;
 mod cli;
 mod dissertation;
 mod estimators;
+mod experiment;
 mod faults;
 mod figures;
 mod in_memory;
