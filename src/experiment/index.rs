@@ -46,3 +46,44 @@ pub(super) fn indices(taken: &Taken, discriminators: &[Discriminator], pr: Power
     }
     Ok(indices)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::sheets::SIX;
+    use crate::experiment::taken::{Experiment, Turn, averaged};
+    use crate::experiment::tyres::NEW;
+
+    /// Eqs. 55 and 56, term by term, for one location of the new tyre.
+    fn by_hand(experiment: &Experiment, location: usize, has_falling_pr: bool) -> f64 {
+        let scores = SIX.map(|which| {
+            // The closing tap gives no extremes.
+            let reference: Vec<f64> =
+                averaged(&experiment.repetitions(1), which)[..100].iter().flatten().copied().collect();
+            let highest = reference.iter().copied().fold(f64::NEG_INFINITY, |a, b| if b > a { b } else { a });
+            let lowest = reference.iter().copied().fold(f64::INFINITY, |a, b| if b < a { b } else { a });
+            let falls = which == Discriminator::FMax || (which == Discriminator::Pr && has_falling_pr);
+            let turns =
+                [0, 1].map(|repetition| experiment.inspection.turn(Turn { tyre: NEW, repetition, ..Turn::default() }));
+            let value = averaged(&turns, which)[location].unwrap();
+            (value - if falls { highest } else { lowest }).abs() / (highest - lowest)
+        });
+        scores.iter().sum::<f64>() / 6.0
+    }
+
+    /// Catches extremes of another shoulder than the representative tyre's first, a direction that is not taken, A_2 in
+    /// the index, and a closing tap among the extremes.
+    #[test]
+    fn one_shoulder_normalises_all() {
+        let experiment = Experiment::take(3).unwrap();
+        for (pr, has_falling_pr) in [(PowerRatio::Rises, false), (PowerRatio::Falls, true)] {
+            let indices = indices(&experiment.inspection, &SIX, pr).unwrap();
+            assert_eq!(indices.len(), 6);
+            for location in [0, 37, 99] {
+                let index = indices[&(NEW.to_owned(), 1)][location].unwrap();
+                let wanted = by_hand(&experiment, location, has_falling_pr);
+                assert!((index - wanted).abs() < 1e-12, "{location}: {index} {wanted}");
+            }
+        }
+    }
+}

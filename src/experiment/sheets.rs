@@ -127,3 +127,20 @@ fn ring_panel(name: String, y_label: &'static str, y: Option<Point>, curves: Vec
         content: Content::Curves { curves, shades },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a shade that is half a place too short, joins two severities, or leaves the ring.
+    #[test]
+    fn shades_lie_under_cracks() {
+        let experiment = Experiment::take(1).unwrap();
+        let shades = shades(&experiment.repetitions(1)[0]);
+        let covered_deg: f64 = shades.iter().map(|shade| shade.to - shade.from).sum();
+        assert!((covered_deg - 59.0 * 3.6).abs() < 1e-9, "{shades:?}");
+        assert!(shades.windows(2).all(|pair| pair[0].to <= pair[1].from + 1e-9), "{shades:?}");
+        // 5 to 13: from half a place before 18 degrees to half a place after 46.8.
+        assert!((shades[0].from - 16.2).abs() < 1e-9 && (shades[0].to - 48.6).abs() < 1e-9 && shades[0].severity == 2);
+    }
+}

@@ -140,3 +140,28 @@ impl Severity {
         Ok(steps.map(|from| u8::from(compliance_m_per_n >= from)).sum())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tapline_wire::Serial;
+
+    use super::*;
+
+    /// Catches limits or planted cracks that leave a severity empty, and a closing tap that is not location 0 again.
+    #[test]
+    fn every_severity_is_planted() {
+        let severity = Severity::of(&inspection(1)).unwrap();
+        let at = |tyre: &str, shoulder, location| {
+            let id = TapId::new(1, Serial::new(tyre).unwrap(), shoulder, location);
+            let id = id.with_offset_mm(Some(0.0)).unwrap().with_velocity_m_per_s(Some(VELOCITY_M_PER_S)).unwrap();
+            severity.at(&id).unwrap()
+        };
+        assert_eq!([70, 25, 10, 54].map(|location| at(REPRESENTATIVE, 1, location)), [0, 1, 2, 3]);
+        assert_eq!(at(REPRESENTATIVE, 1, 76), 2, "an arc is felt less at its end");
+        assert!((0..=LOCATIONS).all(|location| at(NEW, 1, location) == 0 && at(REPRESENTATIVE, 2, location) == 0));
+        assert_eq!((0..LOCATIONS).filter(|&location| at(SLIGHT, 1, location) == 1).count(), 10);
+        let extensive = (0..LOCATIONS).filter(|&location| at(REPRESENTATIVE, 1, location) > 0).count();
+        assert_eq!(extensive, 59, "as the page says");
+        assert_eq!(at(REPRESENTATIVE, 1, LOCATIONS), at(REPRESENTATIVE, 1, 0));
+    }
+}

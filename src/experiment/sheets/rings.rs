@@ -11,7 +11,7 @@ use crate::experiment::tyres::{NEW, REPRESENTATIVE, SLIGHT, VELOCITY_M_PER_S};
 use crate::pen::number;
 
 /// Power densities, in dB re 1 V^2/Hz, of the lowest and the highest colour of the B-scan.
-const LEVELS_DB: (f64, f64) = (-90.0, -60.0);
+const LEVELS_DB: (f64, f64) = (-90.0, -58.0);
 
 fn keys(names: [&str; 2]) -> Vec<Key> {
     let lines = names.into_iter().zip(COLORS).map(|(name, color)| Key::Line(name.to_owned(), color));
