@@ -64,6 +64,18 @@ pub(crate) enum Verb {
     /// The contact models.
     #[command(subcommand)]
     Model(ModelVerb),
+    /// Do the dissertation's experiment (its chapter 5) again on simulated tyres: each figure as SVG and CSV, what is claimed of
+    /// them against what is found as claims.csv, and the same as a page.
+    ///
+    /// The page stands beside the folder: `--out docs/experiment` writes docs/experiment.md.
+    Experiment {
+        /// Folder to write into; made when it is not there.
+        #[arg(long, default_value = "experiment")]
+        out: PathBuf,
+        /// Decides all that is left to chance; the same seed gives the same bytes.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
 }
 
 #[derive(Debug, Args)]

@@ -7,7 +7,9 @@ mod child;
 mod cli;
 mod config;
 mod contact;
+mod experiment;
 mod figures;
+mod in_memory;
 mod line;
 mod pen;
 mod progress;
@@ -68,6 +70,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
+        Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
         Verb::Model(ModelVerb::Figures { out, figure }) => figures::figures(out, *figure),
