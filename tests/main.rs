@@ -12,6 +12,7 @@ mod figures;
 mod in_memory;
 mod model;
 mod recorded;
+mod reference;
 mod retakes;
 mod rig;
 mod simulated;

@@ -35,6 +35,7 @@ impl Compared {
             locations,
             map: self.map(),
             limits: self.standard.limits,
+            usual: self.standard.fit.usual(),
             usual_tap_count: self.standard.usual_tap_count,
             is_inverted: self.casing.is_inverted,
         }

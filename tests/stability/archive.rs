@@ -37,8 +37,7 @@ fn c43_a_factor_of_a_thousand() {
     let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
     let config = FuseConfig {
         discriminators: vec![Discriminator::FMax],
-        reference: Reference::Shoulder { tyre: tyre("T2"), shoulder: 1 },
-        ..FuseConfig::default()
+        ..FuseConfig::by(Reference::Shoulder { tyre: tyre("T2"), shoulder: 1 })
     };
     let mixed = records(&plan, |tap| {
         let k = tap.id.location as usize % 100;
