@@ -11,6 +11,7 @@ mod figures;
 mod line;
 mod pen;
 mod progress;
+mod report;
 mod stage;
 mod summary;
 mod tables;
@@ -66,6 +67,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Store(line) => stage::store(line),
         Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
+        Verb::Report { archive, out } => report::report(archive, out.as_deref()),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
         Verb::Model(ModelVerb::Figures { out, figure }) => figures::figures(out, *figure),

@@ -10,6 +10,7 @@ mod faults;
 mod figures;
 mod model;
 mod recorded;
+mod report;
 mod retakes;
 mod rig;
 mod simulated;

@@ -10,8 +10,9 @@ use tapline_wire::{
 };
 
 use crate::Result;
-use crate::archive::{Access, Archive};
+use crate::archive::{Access, Archive, read_text};
 use crate::error::Context;
+use crate::layout::attribute;
 use crate::rows::{at_attempt, text};
 
 /// The samples of a tap, planar `[channel][sample]`, as the converter gave them.
@@ -101,6 +102,11 @@ impl Reader {
         &self.archive.config
     }
 
+    /// Version of the program that created the archive; `None` where it does not say.
+    pub fn written_by(&self) -> Option<String> {
+        read_text(&self.archive.file, attribute::TAPLINE_VERSION).ok()
+    }
+
     /// What is known of where cracks are; empty where nothing is.
     pub fn truth(&self) -> &Truth {
         self.archive.plan.truth()
@@ -139,6 +145,23 @@ impl Reader {
             SampleFormat::F32 => OwnedSamples::F32(self.samples(k, count)?),
         };
         Ok(Some((header, samples)))
+    }
+
+    /// The headers of all planned taps, by plan row; `None` where the tap is not archived.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn headers(&self) -> Result<Vec<Option<TapHeader>>> {
+        let mut headers = Vec::with_capacity(self.ledger.taps().len());
+        let (plan, states) = (self.plan(), self.ledger.taps());
+        self.archive
+            .headers
+            .for_each(|k, row| {
+                let number = u32::try_from(k).unwrap_or(u32::MAX); // a plan numbers its rows so
+                headers.push((states[k] == TapState::Archived).then(|| row.to_header(number, plan)));
+            })
+            .context("read the headers", &self.archive.path)?;
+        Ok(headers)
     }
 
     fn samples<T: H5Type>(&self, row: usize, count: usize) -> Result<Vec<T>> {
