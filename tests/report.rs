@@ -2,18 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::time::Duration;
 
-use tapline_store::{Reader, Writer};
-use tapline_wire::{
-    Channel, DamageCell, Geometry, Judgement, Plan, PlannedTap, Reasons, RecordKind, Recording, SampleFormat, Serial,
-    Stamp, TapId, Truth, Verdict,
-};
+use rustix::process::Signal;
 
-use crate::rig::{Rig, csv_rows};
+use crate::rig::{Done, Rig, csv_rows, signal, stage};
+use crate::tapset::write_wav;
 
 /// A cracked tyre with a name that would be markup, and a sound one with a file name that another folder would have.
 const SCAN: &str = r#"
 [scan]
+stations = 2
 offsets_mm = [0.0, 5.0]
 velocities_m_per_s = [1.85]
 repetitions = 2
@@ -146,80 +145,55 @@ fn the_same_archive_gives_the_same_bytes() {
 /// Catches an archive that is not whole being refused, passed, or shown without saying what is missing.
 #[test]
 fn what_is_not_whole_is_told() {
-    let rig = scanned();
-    {
-        let whole = Reader::open(rig.path("run.h5")).unwrap();
-        let found = whole.discriminators().unwrap();
-        let mut part = Writer::create(rig.path("part.h5"), whole.plan(), whole.config()).unwrap();
-        let station_1 = whole.plan().scans()[0].taps.len() as u32;
-        for row in 0..station_1 / 2 {
-            if row % 10 == 3 {
-                part.put_refusal(row, &whole.plan().taps()[row as usize].id, "the <impactor> stuck").unwrap();
-                continue;
-            }
-            let (header, samples) = whole.tap(row).unwrap().unwrap();
-            part.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
-            part.put_discriminators(&found[row as usize].unwrap()).unwrap();
-        }
-        part.finish().unwrap();
-        Writer::create(rig.path("none.h5"), whole.plan(), "unknown_key = 1\n").unwrap().finish().unwrap();
+    let rig = Rig::new();
+    rig.write("scan.toml", &format!("{SCAN}\n[acquire]\ntaps_per_s = 60.0\n"));
+    let line = rig.start("run --config scan.toml --out part.h5 --json");
+    stage(&line, "acquire --station 2");
+    std::thread::sleep(Duration::from_millis(900));
+    signal(i32::try_from(line.id()).unwrap(), Signal::INT);
+    let summary = Done::from(line.wait_with_output().unwrap()).json(3);
+    rig.run("report part.h5").expect(0);
+    let pages = pages(&rig, "part-report");
+    for (name, text) in &pages {
+        assert_well_formed(name, text);
+        let (notice, head) = (text.find("Not whole.").unwrap(), text.find("<dl>").unwrap());
+        assert!(notice < head && text.contains("which counts as RE-INSPECT"), "{name}");
+        assert!(!text.contains("<p class=\"word\">PASS"), "{name}");
     }
-    for archive in ["part", "none"] {
-        rig.run(&format!("report {archive}.h5")).expect(0);
-        for (name, text) in pages(&rig, &format!("{archive}-report")) {
-            assert_well_formed(&name, &text);
-            let (notice, head) = (text.find("Not whole.").unwrap(), text.find("<dl>").unwrap());
-            assert!(notice < head && text.contains("missing."), "{archive}/{name}");
-            assert!(!text.contains("<p class=\"word\">PASS"), "{archive}/{name}");
-        }
-    }
-    let part = page(&rig, &format!("part-report/{CRACKED}"));
-    assert!(part.contains("the &lt;impactor&gt; stuck") && part.contains("were refused"), "no reason");
-    assert!(page(&rig, &format!("none-report/{SOUND}")).contains("configuration could not be read"));
+    let missing = format!("{} of 976 planned taps are missing.", summary["missing"]);
+    assert!(pages["shift.html"].contains(&missing), "{missing}");
 }
 
-/// Catches a line drawn as a ring, an absent index drawn as none at all or as 0, and degrees on what has none.
+/// Catches a line drawn as a ring, degrees on what has none, a refusal without its reason, and an absent value that is
+/// drawn as 0 or bridged.
 #[test]
 fn a_line_is_a_strip() {
+    const ABSENT: u32 = 5;
     let rig = Rig::new();
-    let serial = Serial::new("slab").unwrap();
-    let tap = |location| PlannedTap { id: TapId::new(1, serial, 7, location), angle_deg: None, is_closing: false };
-    let recording = Recording {
-        sample_rate_hz: 2e5,
-        pre_trigger_samples: 100,
-        sample_count_max: 1000,
-        sample_format: SampleFormat::I16,
-        channels: vec![Channel::Sound],
-    };
-    let plan = Plan::new(Geometry::Line, recording, (0..20).map(tap).collect(), Truth::new()).unwrap();
-    let cell = |location| DamageCell {
-        location,
-        region: u32::from((4..=6).contains(&location)),
-        damage_index: if location == 9 { f64::NAN } else { f64::from(location % 7) },
-        ..DamageCell::default()
-    };
-    let judgement = Judgement {
-        stamp: Stamp { plan_digest: plan.digest(), kind: RecordKind::Data.code(), ..Stamp::default() },
-        verdict: Verdict::Reject.code(),
-        reasons: Reasons::DAMAGE,
-        limit_re_inspect: 2.0,
-        limit_reject: 3.0,
-        planned_count: 20,
-        ..Judgement::default()
-    };
-    let mut writer = Writer::create(rig.path("slab.h5"), &plan, "").unwrap();
-    writer.end_scan(0).unwrap();
-    writer.put_judgement(0, &judgement, &(0..20).map(cell).collect::<Vec<_>>()).unwrap();
-    writer.finish().unwrap();
+    fs::create_dir(rig.path("taps")).unwrap();
+    let scan =
+        "geometry = \"line\"\nchannels = [\"force\", \"sound\"]\nsample_rate_hz = 41000\npre_trigger_samples = 400\n";
+    rig.write("taps/scan.toml", scan);
+    let mut table = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition".to_owned();
+    for location in 0..24 {
+        if location != ABSENT {
+            write_wav(&rig.path(&format!("taps/{location:03}.wav")), 2, 41_000, 4096, location);
+        }
+        table += &format!("\n{location:03}.wav,slab,7,,,{location},,0");
+    }
+    rig.write("taps/taps.csv", &table);
+    rig.run("run --taps taps --out slab.h5").expect(3);
     rig.run("report slab.h5").expect(0);
     let text = page(&rig, "slab-report/tyre-slab.html");
     assert_well_formed("slab", &text);
-    assert!(text.contains("<h1>Piece slab</h1>") && text.contains(">location 4</td><td data-label=\"to\">location 6</td>"));
+    assert!(text.contains("<h1>Piece slab</h1>") && text.contains("1 of 24 planned taps were refused"));
+    let ledger = csv_rows(&rig.run("export slab.h5 ledger").expect(0).out);
+    let reason = &ledger[ABSENT as usize]["reason"];
+    assert!(!reason.is_empty() && text.contains(&format!("<td>{reason}</td>")), "{reason}");
     assert!(!text.contains('°') && !text.contains("start mark"));
-    assert_eq!(text.matches("fill=\"#E8E8E8\"").count(), 1, "one location is without value");
-    // The curve of the index is broken there: two pieces of one colour, beside its sign in the key.
-    let blue = "fill=\"none\" stroke=\"#0072B2\"";
-    assert_eq!(text.matches(blue).count(), 3);
+    // The curve of a discriminator is broken there: two pieces, beside its sign in the key.
+    let f_max = text.split("aria-label=\"F_max, line 7\"").nth(1).unwrap().split("</svg>").next().unwrap();
+    assert_eq!(f_max.matches("stroke=\"#0072B2\" stroke-width=\"6\"").count(), 3);
 }
 
 /// Catches a file that is no archive taken for one, and a folder made for nothing.

@@ -117,7 +117,7 @@ impl Sheet {
             let mut chart = self.axes(area, 24.0 + ROW * rows)?;
             draw(&mut chart)
         })?;
-        Ok(inline::svg(dashed(svg), &self.title))
+        Ok(inline::svg(&dashed(svg), &self.title))
     }
 
     fn ramp(&self, area: &Area<'_>) -> Result<()> {
@@ -173,7 +173,7 @@ impl Sheet {
 }
 
 /// Puts dashes into the strokes that have them.
-pub(super) fn dashed(mut svg: String) -> String {
+fn dashed(mut svg: String) -> String {
     for stroke in [Stroke::Dashed, Stroke::Limit] {
         if let (width, Some(dashes)) = stroke.shape() {
             let width = format!("stroke-width=\"{width}\"");
@@ -189,8 +189,12 @@ pub(super) fn curve(chart: &mut Chart<'_, '_>, points: &[Option<Point>], style: 
         let run: Vec<Point> = run.iter().copied().flatten().collect();
         match run.as_slice() {
             [] => {}
-            [alone] => drop(chart.draw_series([Circle::new(*alone, units(1.5), style.color.filled())])?),
-            _ => drop(chart.draw_series([PathElement::new(run, style)])?),
+            [alone] => {
+                chart.draw_series([Circle::new(*alone, units(1.5), style.color.filled())])?;
+            }
+            _ => {
+                chart.draw_series([PathElement::new(run, style)])?;
+            }
         }
     }
     Ok(())

@@ -1,18 +1,14 @@
 //! A drawn picture as an element of a page.
 
-use std::fmt::Write as _;
-
-use maud::Escaper;
+use maud::html;
 
 /// `svg` without what only a file of its own needs, as wide as its place, and named `label` to who cannot see it.
-pub(super) fn svg(svg: String, label: &str) -> String {
+pub(super) fn svg(svg: &str, label: &str) -> String {
     let svg = svg.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1);
-    let mut name = String::new();
-    // Writing into a string does not fail.
-    let _: Result<(), _> = Escaper::new(&mut name).write_str(label);
+    let name = html! { (label) }.into_string();
     // The view box has the size that counts: those of the element would keep it from fitting its place.
     let body = svg.find("viewBox").map_or(svg.as_str(), |start| &svg[start..]);
-    // Every unit of the text takes a byte; line ends within elements say nothing.
+    // The library writes line ends that say nothing.
     let body: String = body.lines().map(str::trim_end).collect();
     format!("<svg role=\"img\" aria-label=\"{name}\" {body}")
 }
@@ -27,7 +23,7 @@ mod tests {
         let drawn =
             "<svg width=\"3\" height=\"4\" viewBox=\"0 0 12 16\" xmlns=\"http://www.w3.org/2000/svg\">\n</svg>\n";
         assert_eq!(
-            svg(drawn.to_owned(), "a \"<b>\""),
+            svg(drawn, "a \"<b>\""),
             "<svg role=\"img\" aria-label=\"a &quot;&lt;b&gt;&quot;\" viewBox=\"0 0 12 16\"></svg>"
         );
     }

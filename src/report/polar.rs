@@ -5,14 +5,14 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 use tapline_wire::Verdict;
 
-use super::chart::{self, WIDTH};
+use super::chart::WIDTH;
 use super::colour::{ABSENT, heat};
 use super::evidence::{Cell, Shoulder};
 use super::inline;
 use super::scale::{self, Scale};
 use crate::pen::{self, Area, GRID, INK, PALE_INK, Point, at, line, write};
 
-const HEIGHT: u32 = 452;
+const HEIGHT: u32 = 466;
 const CENTER: Point = (185.0, 206.0);
 // Radii: of the index of all taps, of the offsets within it, of regions and known cracks without, of writing.
 const OUTER: f64 = 142.0;
@@ -33,9 +33,10 @@ pub(super) fn svg(title: &str, shoulder: &Shoulder, scale: &Scale) -> Result<Str
         arcs(area, shoulder)?;
         degrees(area)?;
         words(area, shoulder)?;
+        offsets(area, shoulder)?;
         scale::bar(area, scale, 408.0)
     })?;
-    Ok(inline::svg(chart::dashed(svg), title))
+    Ok(inline::svg(&svg, title))
 }
 
 /// The whole index outside; each offset alone inside, where there are some.
@@ -71,6 +72,16 @@ fn joined((from, to): Point) -> Point {
     (from - 0.15, to + 0.15)
 }
 
+/// Which ring is which.
+fn offsets(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
+    if shoulder.offsets.is_empty() {
+        return Ok(());
+    }
+    let offsets: Vec<String> = shoulder.offsets.iter().map(|map| pen::number(map.offset_mm)).collect();
+    let words = format!("rings, from outside: all taps; offset {} mm", offsets.join(", "));
+    write(area, &words, (CENTER.0, f64::from(HEIGHT) - 14.0), 11.0, INK, HPos::Center, false)
+}
+
 /// Regions found, each with its number, and cracks that are known.
 fn arcs(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     for (cell, sector) in shoulder.cells.iter().zip(sectors(&shoulder.cells)) {
@@ -102,7 +113,7 @@ fn middle(shoulder: &Shoulder, first: u32, last: u32) -> f64 {
 fn degrees(area: &Area<'_>) -> Result<()> {
     for step in 0..12 {
         let deg = 30.0 * f64::from(step);
-        let ends = [polar(OUTER + 2.0, deg), polar(OUTER + 4.0, deg)];
+        let ends = [polar(OUTER + 2.0, deg), polar(OUTER + 6.0, deg)];
         area.draw(&PathElement::new(ends.map(at).to_vec(), line(PALE_INK, 1.0)))?;
         let (x, y) = polar(DEGREES, deg);
         // The start has its own words; above it there is room.

@@ -50,6 +50,6 @@ impl Small {
             }
             draw(&mut chart)
         })?;
-        Ok(inline::svg(svg, &self.title))
+        Ok(inline::svg(&svg, &self.title))
     }
 }

@@ -29,7 +29,7 @@ pub(super) fn svg(title: &str, shoulder: &Shoulder, scale: &Scale) -> Result<Str
         numbers(area, shoulder)?;
         scale::bar(area, scale, 148.0)
     })?;
-    Ok(inline::svg(chart::dashed(svg), title))
+    Ok(inline::svg(&svg, title))
 }
 
 /// Left and right end of the location that comes as number `place`.

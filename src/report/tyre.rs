@@ -96,7 +96,11 @@ fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
         @if evidence.has_truth { "; the black line is a crack that is known to be there" }
         ". "
         @if !offsets.is_empty() {
-            "The outer ring takes all taps together, the rings within it one offset from the belt edge each, from outside: " (offsets.join(", ")) " mm. "
+            @match geometry {
+                Geometry::Ring => "The outer ring takes all taps together; within it, from outside, lie the offsets ",
+                Geometry::Line => "The upper strip takes all taps together; below it lie the offsets ",
+            }
+            (offsets.join(", ")) " mm from the belt edge, each judged by itself: a crack lies where its ring is darkest. "
         }
         "The index counts how far a location stands out of the reference; on the scale below, the triangles are the limits."
     };
