@@ -110,7 +110,7 @@ impl Evidence {
         };
         let headers = reader.headers()?;
         let found = reader.discriminators()?;
-        let per_offset = offsets::maps(reader, &config.fuse, &found);
+        let per_offset = offsets::maps(plan, &config.fuse, &found);
         let tap = |row: u32, places: &Places| {
             let planned = &plan.taps()[row as usize];
             let place = if planned.is_closing { places.end() } else { places.of(planned.id.location) };

@@ -33,7 +33,7 @@ pub(super) fn regions(geometry: Geometry, tyre: &Tyre) -> Markup {
     html! {
         h2 { "What to mark" }
         @if count == 0 {
-            p { "Nothing: no region of damage was found" @if tyre.shoulders.iter().any(|s| s.limits.is_none()) { " in what was judged" } "." }
+            p { (nothing(tyre)) }
         } @else {
             p { (counted(count, "region", "regions")) ", counted along the " (words::side(geometry)) ". " (how(geometry)) }
             div class="scroll" { table class="cards" {
@@ -51,6 +51,16 @@ pub(super) fn regions(geometry: Geometry, tyre: &Tyre) -> Markup {
                 } } } }
             } }
         }
+    }
+}
+
+/// Why there is nothing to mark: only what is judged can be sound.
+fn nothing(tyre: &Tyre) -> &'static str {
+    let judged = tyre.shoulders.iter().filter(|shoulder| shoulder.limits.is_some()).count();
+    match judged {
+        0 => "Not known: nothing has been judged yet.",
+        all if all == tyre.shoulders.len() => "Nothing: no region of damage was found.",
+        _ => "No region of damage was found in what has been judged; the rest is not known.",
     }
 }
 

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use tapline_fuse::{FuseConfig, Fusion};
-use tapline_store::Reader;
 use tapline_wire::{Discriminators, Plan, PlannedTap, Serial, Truth};
 
 /// The index of one shoulder at one offset.
@@ -23,8 +22,7 @@ type Indices = BTreeMap<(Serial, u16, u32), f64>;
 /// An offset is judged as the whole is, by a fusion that knows of no other taps: by its own reference, so that its
 /// limits are its own too, while the index has the same unit everywhere. A configuration that the plan does not fit
 /// makes no map.
-pub(super) fn maps(reader: &Reader, config: &FuseConfig, found: &[Option<Discriminators>]) -> Vec<Vec<OffsetMap>> {
-    let plan = reader.plan();
+pub(super) fn maps(plan: &Plan, config: &FuseConfig, found: &[Option<Discriminators>]) -> Vec<Vec<OffsetMap>> {
     let mut offsets_mm: Vec<f64> = plan.taps().iter().filter_map(|tap| tap.id.offset_mm()).collect();
     offsets_mm.sort_by(f64::total_cmp);
     offsets_mm.dedup_by(|a, b| a.total_cmp(b).is_eq());
@@ -61,4 +59,61 @@ fn indices(plan: &Plan, config: &FuseConfig, found: &[Option<Discriminators>], o
         indices.extend(known.map(|cell| ((scan.tyre, scan.shoulder, cell.location), cell.damage_index)));
     }
     Some(indices)
+}
+
+#[cfg(test)]
+mod tests {
+    use tapline_wire::{Discriminator, Geometry, Recording, SampleFormat, TapId, Values};
+
+    use super::*;
+
+    /// A shoulder tapped at `offsets_mm`; over locations 20 to 25 PR is raised at 5 mm alone, and at 30 there is none.
+    fn scanned(offsets_mm: &[f64]) -> (Plan, Vec<Option<Discriminators>>) {
+        let recording = Recording {
+            sample_rate_hz: 4e4,
+            pre_trigger_samples: 100,
+            sample_count_max: 1000,
+            sample_format: SampleFormat::I16,
+            channels: Vec::new(),
+        };
+        let tap = |offset_mm, location| {
+            let id = TapId::new(1, Serial::new("A").unwrap(), 1, location).with_offset_mm(Some(offset_mm)).unwrap();
+            PlannedTap { id, angle_deg: Some(6.0 * f64::from(location)), is_closing: false }
+        };
+        let taps = offsets_mm.iter().flat_map(|&offset_mm| (0..60).map(move |location| tap(offset_mm, location)));
+        let plan = Plan::new(Geometry::Ring, recording, taps.collect(), Truth::new()).unwrap();
+        let found = |(plan_index, tap): (u32, &PlannedTap)| {
+            let location = tap.id.location;
+            let is_cracked = (20..=25).contains(&location) && tap.id.offset_mm() == Some(5.0);
+            let scatter = f64::from(location * 37 % 61) * 1e-4;
+            let mut values = Values::default();
+            values.set(Discriminator::Pr, Some(if is_cracked { 0.5 } else { 0.3 } + scatter));
+            let found = Discriminators { id: tap.id, plan_index, values, ..Discriminators::default() };
+            (location != 30).then_some(found)
+        };
+        let found = (0..).zip(plan.taps()).map(found).collect();
+        (plan, found)
+    }
+
+    /// Catches offsets mixed up, rows of the part taken for rows of the whole, and an index for a tap that is not there.
+    #[test]
+    fn each_offset_stands_for_itself() {
+        let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::default() };
+        let (plan, found) = scanned(&[10.0, 5.0, 0.0]);
+        let maps = maps(&plan, &config, &found);
+        assert_eq!(maps.len(), 1);
+        assert_eq!(maps[0].iter().map(|map| map.offset_mm).collect::<Vec<_>>(), [0.0, 5.0, 10.0]);
+        for map in &maps[0] {
+            let is_raised = map.index[22].unwrap() > 3.0;
+            assert_eq!(is_raised, map.offset_mm == 5.0, "{map:?}");
+            assert_eq!(map.index.len(), 60);
+        }
+    }
+
+    /// Catches rings that repeat the whole.
+    #[test]
+    fn one_offset_is_the_whole() {
+        let (plan, found) = scanned(&[5.0]);
+        assert_eq!(maps(&plan, &FuseConfig::default(), &found), [vec![]]);
+    }
 }

@@ -19,6 +19,9 @@ pub(super) const SHOULDERS: usize = 2;
 /// Colours and strokes of the curves in one picture.
 const CURVES: [(RGBColor, Stroke); 2] = [(BLUE, Stroke::Plain), (VERMILLION, Stroke::Dashed)];
 
+/// One repetition: place and value of each planned tap, `None` where the value is absent.
+type Turn = Vec<Option<Point>>;
+
 /// The axis along the ring or line.
 pub(super) fn along(geometry: Geometry, shoulders: &[Shoulder]) -> Axis {
     if geometry == Geometry::Ring {
@@ -86,13 +89,13 @@ pub(super) fn discriminator(
 ) -> Result<Vec<String>> {
     let (name, per_si, unit) = words::quantity(which);
     let turns: Vec<_> = tyre.shoulders.iter().map(|shoulder| turns(shoulder, condition, which, per_si)).collect();
-    let values = turns.iter().flatten().flat_map(|(_, points)| points.iter().flatten().map(|point| point.1));
+    let values = turns.iter().flatten().flat_map(|turn| turn.iter().flatten().map(|point| point.1));
     let Some(extremes) = range(values) else { return Ok(Vec::new()) };
     let exponent = exponent_of(unit, extremes);
     let scale = 10f64.powi(-exponent);
     let unit = scaled_unit(exponent, unit);
     let label = if unit.is_empty() { name.to_owned() } else { format!("{name}, {unit}") };
-    let picture = |(shoulder, turns): (&Shoulder, Vec<(u16, Vec<Option<Point>>)>)| {
+    let picture = |(shoulder, turns): (&Shoulder, Vec<Turn>)| {
         let key = |(&(color, stroke), order): (&(RGBColor, Stroke), usize)| Key {
             words: format!("repetition {order}"),
             color,
@@ -108,7 +111,7 @@ pub(super) fn discriminator(
         };
         sheet.svg(|chart| {
             shade(chart, shoulder)?;
-            for ((_, points), &(color, stroke)) in turns.iter().zip(&CURVES) {
+            for (points, &(color, stroke)) in turns.iter().zip(&CURVES) {
                 let points: Vec<_> = points.iter().map(|point| point.map(|(x, y)| (x, y * scale))).collect();
                 chart::curve(chart, &points, stroke.style(color))?;
             }
@@ -118,13 +121,8 @@ pub(super) fn discriminator(
     tyre.shoulders.iter().zip(turns).map(picture).collect()
 }
 
-/// The first two repetitions: place and value of each planned tap, `None` where the value is absent.
-fn turns(
-    shoulder: &Shoulder,
-    condition: Condition,
-    which: Discriminator,
-    per_si: f64,
-) -> Vec<(u16, Vec<Option<Point>>)> {
+/// The first two repetitions.
+fn turns(shoulder: &Shoulder, condition: Condition, which: Discriminator, per_si: f64) -> Vec<Turn> {
     let here = || shoulder.taps.iter().filter(|tap| tap.condition == condition);
     let mut repetitions: Vec<u16> = here().map(|tap| tap.repetition).collect();
     repetitions.sort_unstable();
@@ -135,7 +133,7 @@ fn turns(
         taps.sort_by(|a, b| a.place.total_cmp(&b.place));
         let value = |found: Discriminators| found.values.get(which);
         let points = taps.iter().map(|tap| tap.found.and_then(value).map(|value| (tap.place, value * per_si)));
-        (repetition, points.collect())
+        points.collect()
     };
     repetitions.into_iter().map(turn).collect()
 }
