@@ -51,6 +51,8 @@ pub(crate) enum Verb {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Make a reference of shoulders of archives: stated to be sound, or labelled by what is known of them.
+    Reference(ReferenceArgs),
     /// Check that an archive holds all its plan asks for and does not contradict itself.
     Verify {
         /// The archive.
@@ -73,6 +75,18 @@ pub(crate) enum Verb {
     /// The contact models.
     #[command(subcommand)]
     Model(ModelVerb),
+    /// Do the dissertation's experiment (its chapter 5) again on simulated tyres: each figure as SVG and CSV, what is claimed of
+    /// them against what is found as claims.csv, and the same as a page.
+    ///
+    /// The page stands beside the folder: `--out docs/experiment` writes docs/experiment.md.
+    Experiment {
+        /// Folder to write into; made when it is not there.
+        #[arg(long, default_value = "experiment")]
+        out: PathBuf,
+        /// Decides all that is left to chance; the same seed gives the same bytes.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
 }
 
 #[derive(Debug, Args)]
@@ -86,9 +100,35 @@ pub(crate) struct SourceArgs {
     /// The archive; `simulated.h5`, or the name of the tap set with `.h5`, in this folder when left out.
     #[arg(long)]
     pub(crate) out: Option<PathBuf>,
+    /// What shoulders are compared with, over what the configuration says: the file of a reference (`tapline reference`
+    /// makes one), TYRE/SHOULDER of this run, or `self`: each tyre with itself, where damage all round does not show.
+    #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
+    pub(crate) reference: Option<String>,
     /// Stations: how many are simulated, or over how many the shoulders of a tap set are shared out.
     #[arg(long)]
     pub(crate) stations: Option<u16>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReferenceArgs {
+    /// Archives to take shoulders from.
+    #[arg(required = true)]
+    pub(crate) archives: Vec<PathBuf>,
+    /// A shoulder to take, several times for several; all of the archives when left out.
+    #[arg(long = "shoulder", value_name = "TYRE/SHOULDER")]
+    pub(crate) shoulders: Vec<String>,
+    /// Take what the archives know of each location for its label; without it every shoulder is taken to be sound.
+    #[arg(long)]
+    pub(crate) labelled: bool,
+    /// Learn from the labels which way each discriminator moves with damage, where they tell.
+    #[arg(long, requires = "labelled")]
+    pub(crate) learn_directions: bool,
+    /// Configuration file, for directions and rate of false calls; that of the first archive when left out.
+    #[arg(long)]
+    pub(crate) config: Option<PathBuf>,
+    /// File to write, whose name ends in .json.
+    #[arg(long)]
+    pub(crate) out: PathBuf,
 }
 
 #[derive(Debug, Args)]
@@ -107,6 +147,9 @@ pub(crate) struct LineArgs {
     /// Name of the line: stages with the same name meet. Letters, digits and '-'.
     #[arg(long, default_value = "line")]
     pub(crate) line: String,
+    /// Copy of the reference file that the line was started with.
+    #[arg(long, hide = true)]
+    pub(crate) reference_copy: Option<PathBuf>,
     /// Number of the process that started this one, with which it ends.
     #[arg(long, hide = true)]
     pub(crate) child: Option<i32>,

@@ -1,15 +1,18 @@
 //! The configuration file: one TOML table per part of the line.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::{AcquireConfig, ScanConfig, SimulatedLine, Source, TapSet};
-use tapline_fuse::FuseConfig;
+use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
+use tapline_store::Lineage;
+use tapline_wire::Plan;
 
-use crate::cli::SourceArgs;
+use crate::cli::{LineArgs, SourceArgs};
 
 /// What a configuration file says; every key has a default, and unknown keys are refused.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -35,13 +38,26 @@ pub(crate) struct Job {
     pub(crate) config_toml: String,
     pub(crate) taps: Option<PathBuf>,
     pub(crate) out: PathBuf,
+    /// Where the reference is read from, if it is in a file.
+    reference_file: Option<PathBuf>,
     stations: Option<u16>,
+}
+
+/// A reference as it was read.
+#[derive(Debug)]
+pub(crate) struct ReferenceFile {
+    pub(crate) text: String,
+    pub(crate) set: Arc<ReferenceSet>,
 }
 
 impl Job {
     /// Reads the configuration that `args` name and checks it.
     pub(crate) fn resolve(args: &SourceArgs) -> Result<Self> {
-        let (mut config, config_toml) = read_config(args.config.as_deref())?;
+        let (mut config, mut config_toml) = read_config(args.config.as_deref())?;
+        if let Some(text) = &args.reference {
+            config.fuse.reference = Some(Reference::try_from(text.clone()).context("--reference")?);
+            config_toml = with_reference(&config_toml, text)?;
+        }
         if let (Some(stations), None) = (args.stations, &args.taps) {
             config.scan.stations = stations;
         }
@@ -60,7 +76,50 @@ impl Job {
                 PathBuf::from(format!("{}.h5", folder.file_name().unwrap_or_default().to_string_lossy()))
             }
         };
-        Ok(Self { config, config_toml, taps: args.taps.clone(), out, stations: args.stations })
+        let reference_file = match &config.fuse.reference {
+            Some(Reference::File(path)) => Some(path.clone()),
+            _ => None,
+        };
+        Ok(Self { config, config_toml, taps: args.taps.clone(), out, reference_file, stations: args.stations })
+    }
+
+    /// The job of a stage: its reference is read from the copy that its line made, if it made one.
+    pub(crate) fn of_stage(args: &LineArgs) -> Result<Self> {
+        let mut job = Self::resolve(&args.source)?;
+        if args.reference_copy.is_some() {
+            job.reference_file.clone_from(&args.reference_copy);
+        }
+        Ok(job)
+    }
+
+    /// Reads the reference, if it is in a file.
+    pub(crate) fn reference(&self) -> Result<Option<ReferenceFile>> {
+        let Some(path) = &self.reference_file else { return Ok(None) };
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
+        let set = ReferenceSet::parse(&text).with_context(|| format!("cannot use {}", path.display()))?;
+        let process = process_of(&self.config.process)?;
+        if set.process != process {
+            bail!(
+                "{}: its discriminators were extracted otherwise than this run's; [process] was\n{}and is\n{process}",
+                path.display(),
+                set.process
+            );
+        }
+        Ok(Some(ReferenceFile { text, set: Arc::new(set) }))
+    }
+
+    /// What the archive keeps of how the run began.
+    pub(crate) fn lineage<'a>(&'a self, reference: Option<&'a ReferenceFile>) -> Lineage<'a> {
+        Lineage { config_toml: &self.config_toml, reference: reference.map(|file| file.text.as_str()) }
+    }
+
+    /// The fusion of the taps of `plan`, by the reference that the configuration names.
+    pub(crate) fn fusion(&self, plan: &Plan) -> Result<Fusion> {
+        Ok(match self.reference()? {
+            Some(ReferenceFile { set, .. }) => Fusion::with_reference(&self.config.fuse, plan, set)?,
+            None => Fusion::new(&self.config.fuse, plan)?,
+        })
     }
 
     /// Opens the source of the taps.
@@ -70,6 +129,20 @@ impl Job {
             None => Box::new(SimulatedLine::new(&self.config.scan, &self.config.simulation)?),
         })
     }
+}
+
+/// The table `[process]` with every default spelled out.
+pub(crate) fn process_of(config: &ProcessConfig) -> Result<String> {
+    toml::to_string(config).context("the configuration of process does not fit TOML")
+}
+
+/// The configuration `config_toml` with another reference.
+fn with_reference(config_toml: &str, reference: &str) -> Result<String> {
+    let mut table: toml::Table = toml::from_str(config_toml).context("the configuration is no TOML")?;
+    let fuse = table.entry("fuse").or_insert_with(|| toml::Value::Table(toml::Table::new()));
+    let fuse = fuse.as_table_mut().context("[fuse] is no table")?;
+    fuse.insert("reference".to_owned(), toml::Value::String(reference.to_owned()));
+    toml::to_string(&table).context("the configuration does not fit TOML")
 }
 
 fn read_config(path: Option<&Path>) -> Result<(Config, String)> {

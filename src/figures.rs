@@ -1,5 +1,6 @@
 //! `tapline model figures`: the dissertation's figures of its theory, as SVG and CSV.
 
+pub(crate) mod axes;
 mod labels;
 mod sheet;
 
@@ -40,7 +41,7 @@ fn csv(figure: &Figure) -> Result<String> {
 }
 
 /// `value` to nine digits, without those that the next machine may compute otherwise.
-fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     let text = format!("{value:.8e}");
     text.parse::<f64>().map_or(text, |rounded| rounded.to_string())
 }

@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use tapline_fuse::Fusion;
 use tapline_store::Reader;
 use tapline_wire::{
     Ledger, LedgerTopic, Line, LineAddress, Plan, Role, Services, Subscriber, TapState, line_bytes, room,
@@ -37,7 +36,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     let job = Job::resolve(&args.source)?;
     let plan = job.source()?.plan().clone();
     // What cannot be judged is said before anything is scanned.
-    Fusion::new(&job.config.fuse, &plan)?;
+    job.fusion(&plan)?;
     let lock = Lock::take(&job.out)?;
     let pace = match settled_before(&job, &plan)? {
         None => {
@@ -64,8 +63,9 @@ fn settled_before(job: &Job, plan: &Plan) -> Result<Option<usize>> {
         return Ok(Some(0));
     }
     let reader = Reader::open(&job.out)?;
-    reader.check_same(plan, &job.config_toml).context(
-        "the archive cannot be gone on with: give another --out, or the same taps, stations and configuration as before",
+    let reference = job.reference()?;
+    reader.check_same(plan, job.lineage(reference.as_ref())).context(
+        "the archive cannot be gone on with: give another --out, or the same taps, stations, configuration and reference as before",
     )?;
     let ledger = reader.ledger();
     let is_finished = ledger.is_judged() && ledger.count(TapState::Missing) == 0;
@@ -98,11 +98,12 @@ impl Drop for Lock {
     }
 }
 
-/// The line's place in shared memory and its copy of the configuration, cleared away when dropped.
+/// The line's place in shared memory and its copies of the configuration and the reference, cleared away when dropped.
 struct Workplace {
     name: String,
     address: LineAddress,
     config: PathBuf,
+    reference: Option<PathBuf>,
 }
 
 impl Workplace {
@@ -122,7 +123,13 @@ impl Workplace {
         // Stages read this copy, also when they are restarted after the original has been edited.
         let config = address.root.join("run.toml");
         fs::write(&config, &job.config_toml).with_context(|| format!("cannot write {}", config.display()))?;
-        Ok(Self { name, address, config })
+        let mut reference = None;
+        if let Some(file) = job.reference()? {
+            let copy = address.root.join("reference.json");
+            fs::write(&copy, file.text).with_context(|| format!("cannot write {}", copy.display()))?;
+            reference = Some(copy);
+        }
+        Ok(Self { name, address, config, reference })
     }
 }
 
@@ -264,6 +271,9 @@ fn stage_arguments(job: &Job, args: &RunArgs, workplace: &Workplace) -> Result<V
     let mut arguments =
         vec!["--child".to_owned(), std::process::id().to_string(), "--line".to_owned(), workplace.name.clone()];
     arguments.extend(["--config".to_owned(), text(&workplace.config)?, "--out".to_owned(), text(&job.out)?]);
+    if let Some(reference) = &workplace.reference {
+        arguments.extend(["--reference-copy".to_owned(), text(reference)?]);
+    }
     if let Some(taps) = &job.taps {
         arguments.extend(["--taps".to_owned(), text(taps)?]);
     }

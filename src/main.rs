@@ -7,10 +7,13 @@ mod child;
 mod cli;
 mod config;
 mod contact;
+mod experiment;
 mod figures;
+mod in_memory;
 mod line;
 mod pen;
 mod progress;
+mod reference;
 mod report;
 mod stage;
 mod summary;
@@ -66,8 +69,10 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Fuse(line) => stage::fuse(line),
         Verb::Store(line) => stage::store(line),
         Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
+        Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
         Verb::Report { archive, out } => report::report(archive, out.as_deref()),
+        Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
         Verb::Model(ModelVerb::Figures { out, figure }) => figures::figures(out, *figure),

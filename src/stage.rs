@@ -45,7 +45,7 @@ pub(crate) enum Work {
 
 pub(crate) fn acquire(args: &LineArgs, station: u16) -> Result<bool> {
     follow_parent(args)?;
-    let job = Job::resolve(&args.source)?;
+    let job = Job::of_stage(args)?;
     let mut source = job.source()?;
     let stations = source.plan().stations();
     if !stations.contains(&station) {
@@ -58,7 +58,7 @@ pub(crate) fn acquire(args: &LineArgs, station: u16) -> Result<bool> {
 
 pub(crate) fn process(args: &LineArgs) -> Result<bool> {
     follow_parent(args)?;
-    let job = Job::resolve(&args.source)?;
+    let job = Job::of_stage(args)?;
     let plan = job.source()?.plan().clone();
     let line = join(args, Role::Process, &plan)?;
     report(Work::Process(tapline_process::run(&line, &plan, &job.config.process)?))
@@ -66,17 +66,18 @@ pub(crate) fn process(args: &LineArgs) -> Result<bool> {
 
 pub(crate) fn fuse(args: &LineArgs) -> Result<bool> {
     follow_parent(args)?;
-    let job = Job::resolve(&args.source)?;
+    let job = Job::of_stage(args)?;
     let plan = job.source()?.plan().clone();
     let line = join(args, Role::Fuse, &plan)?;
-    report(Work::Fuse(tapline_fuse::run(&line, &plan, &job.config.fuse)?))
+    report(Work::Fuse(tapline_fuse::run(&line, &plan, job.fusion(&plan)?)?))
 }
 
 pub(crate) fn store(args: &LineArgs) -> Result<bool> {
     follow_parent(args)?;
-    let job = Job::resolve(&args.source)?;
+    let job = Job::of_stage(args)?;
     let plan = job.source()?.plan().clone();
-    let writer = Writer::open_or_create(&job.out, &plan, &job.config_toml)?;
+    let reference = job.reference()?;
+    let writer = Writer::open_or_create(&job.out, &plan, job.lineage(reference.as_ref()))?;
     let line = join(args, Role::Store, &plan)?;
     report(Work::Store(tapline_store::run(&line, &plan, writer)?))
 }

@@ -96,7 +96,7 @@ pub(crate) fn summarise(job: &Job, pace: Pace, as_json: bool) -> Result<bool> {
         verdicts: shoulders(&reader)?,
         auc: auc(job, &reader)?,
         flags: flags(&reader)?,
-        reference_is_self: job.config.fuse.reference == Reference::Own,
+        reference_is_self: job.config.fuse.reference == Some(Reference::Own),
         pace,
     };
     let mut out = io::stdout().lock();
@@ -153,7 +153,10 @@ fn auc(job: &Job, reader: &Reader) -> Result<Option<Auc>> {
         return Ok(None);
     }
     let records: Vec<_> = reader.discriminators()?.into_iter().flatten().collect();
-    let score = Score::of(&job.config.fuse, reader.plan(), &records)?;
+    let score = match job.reference()? {
+        Some(file) => Score::by_reference(&job.config.fuse, reader.plan(), file.set, &records)?,
+        None => Score::of(&job.config.fuse, reader.plan(), &records)?,
+    };
     Ok(Some(Auc {
         index: score.index,
         discriminators: Discriminator::ALL.iter().map(|d| d.name()).zip(score.discriminators).collect(),

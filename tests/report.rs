@@ -26,6 +26,9 @@ crack = [{ shoulder = 2, first_location = 57, location_count = 5, depth_mm = 6.0
 [[scan.tyre]]
 serial = "..\\B 2"
 station = 2
+
+[fuse]
+reference = "self"
 "#;
 
 const CRACKED: &str = "tyre-_script___x_.html";
@@ -182,7 +185,7 @@ fn a_line_is_a_strip() {
         table += &format!("\n{location:03}.wav,slab,7,,,{location},,0");
     }
     rig.write("taps/taps.csv", &table);
-    rig.run("run --taps taps --out slab.h5").expect(3);
+    rig.run("run --taps taps --reference self --out slab.h5").expect(3);
     rig.run("report slab.h5").expect(0);
     let text = page(&rig, "slab-report/tyre-slab.html");
     assert_well_formed("slab", &text);

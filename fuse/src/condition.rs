@@ -55,6 +55,23 @@ impl Conditions {
         self.offsets.binary_search(&offset_key(tap)).ok()
     }
 
+    /// The offsets in mm, by their numbers; `None` is the unknown one.
+    pub(crate) fn offsets_mm(&self) -> Vec<Option<f64>> {
+        self.offsets.iter().map(|key| key.map(f64::from_bits)).collect()
+    }
+
+    /// Offset in mm and least velocity in m/s of condition number `condition`; `None` where unknown.
+    pub(crate) fn name(&self, condition: usize) -> (Option<f64>, Option<f64>) {
+        let class = condition % (self.class_floors_m_per_s.len() + 1);
+        let floor = class.checked_sub(1).and_then(|class| self.class_floors_m_per_s.get(class).copied());
+        (self.offsets[self.offset_of(condition)].map(f64::from_bits), floor)
+    }
+
+    /// Number of the offset of condition number `condition`.
+    pub(crate) fn offset_of(&self, condition: usize) -> usize {
+        condition / (self.class_floors_m_per_s.len() + 1)
+    }
+
     /// Number of the condition of `tap`, below [`Conditions::count`]; `None` for an offset unknown here.
     pub(crate) fn number(&self, tap: &TapId) -> Option<usize> {
         let offset = self.offset_number(tap)?;

@@ -1,21 +1,89 @@
 //! The table `[fuse]` of the configuration.
 
 use std::fmt;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use tapline_wire::{Discriminator, Serial};
 
 use crate::Error;
 
-/// How the damage index is formed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+/// How the discriminators of a location in one condition become one damage index.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum IndexKind {
-    /// Mean of signed robust z values, clipped, then the mean over three neighbouring locations.
+    /// Mean of signed robust z values, clipped.
     #[default]
     Robust,
     /// Mean of the scaled magnitudes of Eqs. 55-56, location by location.
     Dissertation,
+    /// Mean of signed values between the 5th and 95th percentile of the reference.
+    Percentile,
+    /// Mean of robust z values weighted by how well a discriminator repeats (section 6.4).
+    Repeatability,
+    /// Mean of robust z values weighted by how well each alone tells cracked from sound. Needs labels.
+    Auc,
+    /// Linear discriminant with a shrunk covariance. Needs labels.
+    Lda,
+    /// Distance from the sound mean, by a shrunk covariance of sound locations.
+    Mahalanobis,
+    /// Log-odds of a crack, by logistic regression. Needs labels.
+    LogOdds,
+}
+
+impl IndexKind {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Robust,
+        Self::Dissertation,
+        Self::Percentile,
+        Self::Repeatability,
+        Self::Auc,
+        Self::Lda,
+        Self::Mahalanobis,
+        Self::LogOdds,
+    ];
+
+    /// Name in configurations and tables.
+    pub fn name(self) -> &'static str {
+        ["robust", "dissertation", "percentile", "repeatability", "auc", "lda", "mahalanobis", "log_odds"]
+            [self as usize]
+    }
+}
+
+/// How the conditions (offsets, velocities) of a location become one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Combine {
+    /// Their mean: a crack that all of them see gains the most.
+    #[default]
+    Mean,
+    /// Their largest, brought back to the scale of one: a crack that one of them sees is not thinned out.
+    Largest,
+    /// A linear discriminant of them. Needs labels.
+    Fitted,
+}
+
+impl Combine {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Mean, Self::Largest, Self::Fitted];
+
+    /// Name in configurations and tables.
+    pub fn name(self) -> &'static str {
+        ["mean", "largest", "fitted"][self as usize]
+    }
+}
+
+/// What a casing's values are divided by before its locations are compared with the reference's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Centre {
+    /// The casing's own medians: one of another construction, or heard by a microphone of another gain, is not damaged
+    /// for that. Its level as a whole is compared with the reference's by itself.
+    #[default]
+    Own,
+    /// The reference's: for casings of one construction on one rig.
+    Reference,
 }
 
 /// Which way a discriminator moves where there is a crack.
@@ -68,6 +136,20 @@ impl Default for Directions {
 }
 
 impl Directions {
+    /// Sets the direction of `which`.
+    pub fn set(&mut self, which: Discriminator, direction: Direction) {
+        let place = match which {
+            Discriminator::FMax => &mut self.f_max,
+            Discriminator::Tau => &mut self.tau,
+            Discriminator::A1 => &mut self.a_1,
+            Discriminator::A2 => &mut self.a_2,
+            Discriminator::Pr => &mut self.pr,
+            Discriminator::Pf => &mut self.p_f,
+            Discriminator::Ef => &mut self.e_f,
+        };
+        *place = direction;
+    }
+
     /// The direction of `which`.
     pub fn of(&self, which: Discriminator) -> Direction {
         match which {
@@ -82,15 +164,14 @@ impl Directions {
     }
 }
 
-/// What a shoulder is compared with; `self` or `TYRE/SHOULDER` in a configuration.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// What a shoulder is compared with; `self`, `TYRE/SHOULDER` or the name of a `.json` file in a configuration.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Reference {
-    /// All shoulders of the same tyre together, the judged one among them.
+    /// All shoulders of the same tyre together, the judged one among them. Damage all round does not show.
     ///
     /// Pooled, because one shoulder of which half is cracked has no majority left that is sound: on
     /// three recorded slabs, line by line, the AUC was 0.77 / 0.96 / 0.93; pooled it is 0.99 / 1.00 / 0.98.
-    #[default]
     Own,
     /// One shoulder of the same run, stated to be sound.
     Shoulder {
@@ -99,6 +180,8 @@ pub enum Reference {
         /// Its side.
         shoulder: u16,
     },
+    /// A file of shoulders of earlier runs.
+    File(PathBuf),
 }
 
 impl TryFrom<String> for Reference {
@@ -107,6 +190,9 @@ impl TryFrom<String> for Reference {
     fn try_from(text: String) -> Result<Self, Error> {
         if text == "self" {
             return Ok(Self::Own);
+        }
+        if text.ends_with(".json") {
+            return Ok(Self::File(text.into()));
         }
         let named = text.rsplit_once('/').and_then(|(tyre, shoulder)| {
             Some(Self::Shoulder { tyre: Serial::new(tyre).ok()?, shoulder: shoulder.parse().ok()? })
@@ -126,6 +212,7 @@ impl fmt::Display for Reference {
         match self {
             Self::Own => f.pad("self"),
             Self::Shoulder { tyre, shoulder } => write!(f, "{tyre}/{shoulder}"),
+            Self::File(path) => write!(f, "{}", path.display()),
         }
     }
 }
@@ -136,16 +223,19 @@ impl fmt::Display for Reference {
 pub struct FuseConfig {
     /// Discriminators that enter the index. `a_2` is left out by default: it repeats worst (Eq. 54).
     pub discriminators: Vec<Discriminator>,
-    /// How the index is formed.
+    /// How they become one index.
     pub index: IndexKind,
-    /// What a shoulder is compared with.
-    pub reference: Reference,
+    /// How the conditions of a location become one.
+    pub combine: Combine,
+    /// What a shoulder is compared with; nothing is judged without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Reference>,
+    /// What a casing's values are divided by.
+    pub centre: Centre,
     /// Largest magnitude of a single robust z.
     pub z_clip: f64,
-    /// Robust standard deviations of the reference's own index at which a location is suspect.
-    pub re_inspect_at: f64,
-    /// Robust standard deviations of the reference's own index at which a region is damage.
-    pub reject_at: f64,
+    /// Chance that a sound shoulder is not passed: it sets the limits.
+    pub false_call_rate: f64,
     /// Whether F_max and tau are brought from the measured to the planned velocity, by powers of it that are fitted to the
     /// reference; nothing is changed where it does not tell the powers, or a velocity was not measured.
     pub normalise_velocity: bool,
@@ -154,17 +244,16 @@ pub struct FuseConfig {
 }
 
 impl Default for FuseConfig {
-    /// The limits hold the chance of a false call below 1e-3 a shoulder: of 10 000 simulated sound ones at
-    /// most 4 were suspect by `self`, at most 8 by a named shoulder (the ignored test of `fusion`).
     fn default() -> Self {
         use Discriminator::{A1, Ef, FMax, Pf, Pr, Tau};
         Self {
             discriminators: vec![FMax, Tau, A1, Pr, Pf, Ef],
-            index: IndexKind::Robust,
-            reference: Reference::Own,
+            index: IndexKind::default(),
+            combine: Combine::default(),
+            reference: None,
+            centre: Centre::default(),
             z_clip: 6.0,
-            re_inspect_at: 5.5,
-            reject_at: 7.0,
+            false_call_rate: 1e-3,
             normalise_velocity: false,
             directions: Directions::default(),
         }
@@ -172,6 +261,11 @@ impl Default for FuseConfig {
 }
 
 impl FuseConfig {
+    /// The defaults, with shoulders compared with `reference`.
+    pub fn by(reference: Reference) -> Self {
+        Self { reference: Some(reference), ..Self::default() }
+    }
+
     /// Checks every value against its bounds.
     ///
     /// # Errors
@@ -186,8 +280,7 @@ impl FuseConfig {
             }
         }
         within("z_clip", self.z_clip, 1.0, 1e3)?;
-        within("re_inspect_at", self.re_inspect_at, 0.1, 1e3)?;
-        within("reject_at", self.reject_at, self.re_inspect_at, 1e3)
+        within("false_call_rate", self.false_call_rate, 1e-6, 0.5)
     }
 
     /// The discriminators that enter the index, each with its direction.
@@ -211,10 +304,11 @@ mod tests {
         let text = r#"
             discriminators = ["f_max", "tau", "a_1", "pr", "p_f", "e_f"]
             index = "robust"
-            reference = "self"
+            combine = "mean"
+            centre = "own"
             z_clip = 6.0
-            re_inspect_at = 5.5
-            reject_at = 7.0
+            false_call_rate = 0.001
+            normalise_velocity = false
             [directions]
             f_max = "falls"
             tau = "rises"
@@ -235,7 +329,7 @@ mod tests {
         let text = "reference = \"T 1/2\"\nindex = \"dissertation\"\ndirections = { pr = \"falls\" }";
         let config: FuseConfig = toml::from_str(text).unwrap();
         let expected = FuseConfig {
-            reference: Reference::Shoulder { tyre: Serial::new("T 1").unwrap(), shoulder: 2 },
+            reference: Some(Reference::Shoulder { tyre: Serial::new("T 1").unwrap(), shoulder: 2 }),
             index: IndexKind::Dissertation,
             directions: Directions { pr: Direction::Falls, ..Directions::default() },
             ..FuseConfig::default()
@@ -244,10 +338,27 @@ mod tests {
     }
 
     #[test]
+    fn names_are_those_of_configurations() {
+        // Catches a table that calls an index or a combination otherwise than a configuration does.
+        for kind in IndexKind::ALL {
+            let config: FuseConfig = toml::from_str(&format!("index = {:?}", kind.name())).unwrap();
+            assert_eq!(config.index, kind);
+        }
+        for how in Combine::ALL {
+            let config: FuseConfig = toml::from_str(&format!("combine = {:?}", how.name())).unwrap();
+            assert_eq!(config.combine, how);
+        }
+        for text in ["self", "T 1/2", "shift/sound.json"] {
+            let config: FuseConfig = toml::from_str(&format!("reference = {text:?}")).unwrap();
+            assert_eq!(config.reference.unwrap().to_string(), text);
+        }
+    }
+
+    #[test]
     fn what_is_not_understood_is_refused() {
         // Catches a typo in a configuration being ignored silently.
         for text in [
-            "reject = 3.0",
+            "reject_at = 3.0",
             "directions = { prr = \"falls\" }",
             "directions = { pr = \"up\" }",
             "discriminators = [\"PR\"]",
@@ -271,9 +382,9 @@ mod tests {
         };
         let base = FuseConfig::default;
         assert_eq!(name_of(FuseConfig { z_clip: f64::NAN, ..base() }), "z_clip");
-        assert_eq!(name_of(FuseConfig { re_inspect_at: 0.0, ..base() }), "re_inspect_at");
-        assert_eq!(name_of(FuseConfig { reject_at: 5.4, ..base() }), "reject_at");
-        assert_eq!(name_of(FuseConfig { reject_at: f64::INFINITY, ..base() }), "reject_at");
+        for rate in [0.0, 0.6, f64::NAN] {
+            assert_eq!(name_of(FuseConfig { false_call_rate: rate, ..base() }), "false_call_rate");
+        }
         assert_eq!(FuseConfig { discriminators: vec![], ..base() }.validate(), Err(Error::NoDiscriminators));
         let twice = FuseConfig { discriminators: vec![Discriminator::Pr, Discriminator::Pr], ..base() };
         assert_eq!(twice.validate(), Err(Error::TwiceListed { name: "pr" }));

@@ -1,5 +1,7 @@
 //! What can be wrong with a configuration or with a record's place.
 
+use std::path::PathBuf;
+
 use tapline_wire::{Serial, TapId};
 
 /// Why the fusion cannot be set up, or a record has no place in it.
@@ -27,8 +29,36 @@ pub enum Error {
         /// Greatest value allowed.
         high: f64,
     },
-    /// A reference is neither `self` nor `TYRE/SHOULDER`.
-    #[error("reference is {text:?}; it must be \"self\" or \"TYRE/SHOULDER\" with a shoulder of 0 to 65535")]
+    /// No reference is named.
+    #[error(
+        "no reference is named: give the .json file of one, \"TYRE/SHOULDER\" of this run, or \"self\" to compare each tyre \
+         with itself (damage all round does not show then)"
+    )]
+    ReferenceNotNamed,
+    /// The reference is in a file that was not read.
+    #[error("the reference {} is in a file, and was not read", path.display())]
+    ReferenceNotRead {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A reference has no tap at any offset and velocity of the plan.
+    #[error("the reference has taps at {known}, the scan plan at {planned}: they have none in common")]
+    NothingInCommon {
+        /// Offsets and velocities of the reference.
+        known: String,
+        /// Offsets and velocities of the plan.
+        planned: String,
+    },
+    /// A reference file is not what it says it is.
+    #[error("it is no reference: {reason}")]
+    NotAReference {
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A reference is neither `self` nor `TYRE/SHOULDER` nor a file.
+    #[error(
+        "reference is {text:?}; it must be \"self\", \"TYRE/SHOULDER\" with a shoulder of 0 to 65535, or the name of a .json file"
+    )]
     ReferenceText {
         /// What was given.
         text: String,

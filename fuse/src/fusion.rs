@@ -1,34 +1,32 @@
 //! The state machine: taps and ends of scans in, in any order; verdicts out.
 
-use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use tapline_wire::{
-    DamageCell, Discriminator, Discriminators, Judgement, Plan, Quality, Reasons, RecordKind, Serial, Stamp, TapId,
-    Values,
+    DamageCell, Discriminator, Discriminators, Judgement, Plan, Quality, Reasons, RecordKind, Stamp, TapId, Values,
 };
 
-use crate::condition::Conditions;
-use crate::index::Shoulder;
-use crate::map::{Comparison, IndexMap};
-use crate::reference::Reading;
-use crate::ring::Ring;
-use crate::velocity::Normalisation;
-use crate::verdict::{cells_of, verdict_of};
-use crate::{Error, FuseConfig, IndexKind, Reference};
+use crate::compare::{Cache, Compared};
+use crate::lateral::mark_regions;
+use crate::panel::Panel;
+use crate::verdict::verdict_of;
+use crate::{Error, FuseConfig, Reference, ReferenceSet};
 
 /// What came of one planned tap.
 #[derive(Debug, Clone, Copy)]
-struct Seen {
+pub(crate) struct Seen {
     attempt: u16,
-    is_refused: bool,
-    velocity_m_per_s: f64,
-    values: Values,
+    pub(crate) is_refused: bool,
+    pub(crate) velocity_m_per_s: f64,
+    pub(crate) values: Values,
 }
 
 /// Where one scan stands.
 #[derive(Debug, Clone, Copy, Default)]
-struct Progress {
+pub(crate) struct Progress {
     seen_count: usize,
+    /// How often what came of it has changed.
+    pub(crate) changes: u64,
     is_ended: bool,
     is_judged: bool,
 }
@@ -38,34 +36,59 @@ struct Progress {
 /// What it says depends on what it was told, not on the order in which it was told (law 4).
 #[derive(Debug, Clone)]
 pub struct Fusion {
-    config: FuseConfig,
-    plan: Plan,
+    pub(crate) config: FuseConfig,
+    pub(crate) plan: Plan,
     scan_of_tap: Vec<u32>,
-    seen: Vec<Option<Seen>>,
-    progress: Vec<Progress>,
-    /// For each scan the scans that make its reference, ascending.
-    references: Vec<Vec<usize>>,
-    /// For each scan the scans whose verdict rests on it, itself first.
-    dependents: Vec<Vec<usize>>,
+    pub(crate) seen: Vec<Option<Seen>>,
+    pub(crate) progress: Vec<Progress>,
+    pub(crate) panel: Panel,
+    /// Shoulders of earlier runs that make the reference.
+    pub(crate) set: Option<Arc<ReferenceSet>>,
+    pub(crate) cache: Cache,
 }
 
 impl Fusion {
     /// A fusion that waits for the taps of `plan`.
     ///
     /// # Errors
-    /// What [`FuseConfig::validate`] refuses, and [`Error::ReferenceNotPlanned`].
+    /// What [`FuseConfig::validate`] refuses, [`Error::ReferenceNotNamed`], [`Error::ReferenceNotPlanned`], and
+    /// [`Error::ReferenceNotRead`] for a reference in a file: [`Fusion::with_reference`] takes it.
     pub fn new(config: &FuseConfig, plan: &Plan) -> Result<Self, Error> {
+        if let Some(Reference::File(path)) = &config.reference {
+            return Err(Error::ReferenceNotRead { path: path.clone() });
+        }
+        Self::build(config, plan, None)
+    }
+
+    /// A fusion that compares every casing of `plan` with the shoulders of `set`, by the directions that are stored there.
+    ///
+    /// # Errors
+    /// What [`FuseConfig::validate`] refuses, and [`Error::NothingInCommon`] for a set that has no tap at any offset and
+    /// velocity of the plan.
+    pub fn with_reference(config: &FuseConfig, plan: &Plan, set: Arc<ReferenceSet>) -> Result<Self, Error> {
+        let config = FuseConfig { directions: set.directions(), ..config.clone() };
+        set.check_conditions(plan)?;
+        Self::build(&config, plan, Some(set))
+    }
+
+    fn build(config: &FuseConfig, plan: &Plan, set: Option<Arc<ReferenceSet>>) -> Result<Self, Error> {
         config.validate()?;
-        let references = references_of(&config.reference, plan)?;
         Ok(Self {
             config: config.clone(),
             scan_of_tap: plan.scan_of_tap(),
             seen: vec![None; plan.taps().len()],
             progress: vec![Progress::default(); plan.scans().len()],
-            dependents: dependents_of(&references),
-            references,
+            panel: Panel::of(config, plan)?,
             plan: plan.clone(),
+            set,
+            cache: Cache::default(),
         })
+    }
+
+    /// The same taps, to be judged by another configuration of the same reference.
+    pub(crate) fn reconfigured(&self, config: FuseConfig) -> Result<Self, Error> {
+        let panel = Panel::of(&config, &self.plan)?;
+        Ok(Self { config, panel, cache: Cache::default(), ..self.clone() })
     }
 
     /// Takes in one tap's discriminators, or its refusal ([`Quality::REFUSED`]).
@@ -93,7 +116,8 @@ impl Fusion {
         self.progress[scan].seen_count += usize::from(old.is_none());
         if old.as_ref().is_none_or(|old| rank(old) < rank(&new)) {
             *old = Some(new);
-            for &dependent in &self.dependents[scan] {
+            self.progress[scan].changes += 1;
+            for &dependent in self.panel.dependents(scan) {
                 self.progress[dependent].is_judged = false;
             }
         }
@@ -119,7 +143,9 @@ impl Fusion {
     /// Scans that can be judged, ascending: they and their reference have ended, every tap of them has
     /// come or was refused, and they have not been judged since.
     pub fn ready(&self) -> Vec<usize> {
-        let is_ready = |&scan: &usize| !self.progress[scan].is_judged && self.involved(scan).all(|s| self.is_whole(s));
+        let is_ready = |&scan: &usize| {
+            !self.progress[scan].is_judged && self.panel.involved(scan).into_iter().all(|s| self.is_whole(s))
+        };
         (0..self.progress.len()).filter(is_ready).collect()
     }
 
@@ -136,12 +162,17 @@ impl Fusion {
     pub fn judge(&mut self, scan: usize) -> Result<(Judgement, Vec<DamageCell>), Error> {
         self.check(scan)?;
         self.progress[scan].is_judged = true;
+        let compared = self.compared(scan);
         let planned = &self.plan.scans()[scan];
-        let (judged, map) = self.compare(&self.config, scan);
-        let (cells, mut reasons) = cells_of(&judged.ring, &planned.locations, &map);
-        reasons.insert(self.reasons_of(scan));
+        let view = compared.view(&planned.locations);
+        let regions = view.regions();
+        let mut cells = view.cells(&regions);
+        let p_value = mark_regions(&compared, self.plan.geometry, &regions, &mut cells);
+        let mut reasons = view.reasons(&regions);
+        reasons.insert(self.reasons_of(scan, &compared));
         let seen = planned.taps.iter().filter_map(|&row| self.seen[row as usize]);
         let (refused, received): (Vec<Seen>, Vec<Seen>) = seen.partition(|s| s.is_refused);
+        let limits = compared.standard.limits;
         let limit = |of: Option<f64>| of.unwrap_or(f64::NAN);
         let judgement = Judgement {
             stamp: Stamp {
@@ -152,8 +183,12 @@ impl Fusion {
             },
             verdict: verdict_of(reasons).code(),
             reasons,
-            limit_re_inspect: limit(map.limits.map(|l| l.re_inspect)),
-            limit_reject: limit(map.limits.map(|l| l.reject)),
+            limit_re_inspect: limit(limits.map(|l| l.re_inspect)),
+            limit_reject: limit(limits.map(|l| l.reject())),
+            false_call_rate: self.config.false_call_rate,
+            p_value: limit(p_value),
+            evidence: compared.evidence(),
+            drift: self.drift(scan, &compared),
             planned_count: count(planned.taps.len()),
             received_count: count(received.len()),
             refused_count: count(refused.len()),
@@ -162,27 +197,10 @@ impl Fusion {
         Ok((judgement, cells))
     }
 
-    /// The shoulder of scan number `scan` and its index map by `config`, with whatever has come so far.
-    pub(crate) fn compare(&self, config: &FuseConfig, scan: usize) -> (Shoulder, IndexMap) {
-        let reference = &self.references[scan];
-        let conditions = Conditions::of(self.involved(scan).flat_map(|s| self.entering(s)).map(|(_, id)| id));
-        let normalisation = self.normalisation(config, &conditions, reference);
-        let shoulder = |&scan: &usize| self.shoulder(config.index, &conditions, &normalisation, scan);
-        let judged = shoulder(&scan);
-        let comparison = Comparison {
-            reference: &reference.iter().map(shoulder).collect::<Vec<_>>(),
-            judged: &judged,
-            is_own: reference.contains(&scan),
-            condition_count: conditions.count(),
-        };
-        let map = comparison.map(config);
-        (judged, map)
-    }
-
     /// Plan rows of a scan's taps that enter its index if they come, with their names; all but the closing ones.
     ///
     /// A name has the velocity that was meant: a tap that struck out is compared with those beside it, under its flag.
-    fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
+    pub(crate) fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
         let meant =
             |row: u32, id: TapId| id.with_velocity_m_per_s(self.plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
         let planned = |&row: &u32| (row, &self.plan.taps()[row as usize]);
@@ -194,42 +212,11 @@ impl Fusion {
             .map(move |(row, tap)| (row, meant(row, tap.id)))
     }
 
-    /// What the reference's taps tell of the velocity, those of an offset together.
-    fn normalisation(&self, config: &FuseConfig, conditions: &Conditions, reference: &[usize]) -> Normalisation {
-        if !config.normalise_velocity {
-            return Normalisation::default();
-        }
-        let taps = reference.iter().flat_map(|&scan| self.entering(scan)).filter_map(|(row, id)| {
-            let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?;
-            Some((conditions.offset_number(&id)?, seen.velocity_m_per_s, &seen.values))
-        });
-        Normalisation::fitted(&taps.collect::<Vec<_>>())
-    }
-
-    fn shoulder(
-        &self,
-        index: IndexKind,
-        conditions: &Conditions,
-        normalisation: &Normalisation,
-        scan: usize,
-    ) -> Shoulder {
-        let planned = &self.plan.scans()[scan];
-        let mut closing = planned.taps.iter().map(|&row| &self.plan.taps()[row as usize]).filter(|tap| tap.is_closing);
-        let ring = Ring::of(self.plan.geometry, &planned.locations, closing.next().map(|tap| tap.id.location));
-        let reading = |(row, id): (u32, TapId)| {
-            let seen = self.seen[row as usize].filter(|seen| !seen.is_refused)?;
-            let place = planned.locations.binary_search_by_key(&id.location, |&(location, _)| location).ok()?;
-            let values = normalisation.applied(seen.values, id.velocity_m_per_s(), seen.velocity_m_per_s);
-            Some(Reading { place, condition: conditions.number(&id)?, values })
-        };
-        let taps = self.entering(scan).filter_map(reading).collect();
-        Shoulder::new(index, conditions.count(), ring, taps)
-    }
-
     /// What the state of the scan and of its reference gives reason for.
-    fn reasons_of(&self, scan: usize) -> Reasons {
+    fn reasons_of(&self, scan: usize, compared: &Compared) -> Reasons {
         let mut reasons = Reasons::default();
-        for involved in self.involved(scan) {
+        let all_involved = self.panel.involved(scan);
+        for &involved in &all_involved {
             let progress = self.progress[involved];
             if !progress.is_ended {
                 reasons.insert(Reasons::NOT_ENDED);
@@ -243,11 +230,14 @@ impl Fusion {
         if seen.any(|s| s.is_refused) {
             reasons.insert(Reasons::TAPS_REFUSED);
         }
-        if self.references[scan].contains(&scan) {
+        if self.panel.reference(scan).contains(&scan) {
             reasons.insert(Reasons::SELF_REFERENCE);
         }
-        if self.involved(scan).any(|involved| self.lacks_features(involved)) {
+        if all_involved.iter().any(|&involved| self.lacks_features(involved)) {
             reasons.insert(Reasons::FEATURES_ABSENT);
+        }
+        if !compared.standard.fit.fallbacks.is_empty() {
+            reasons.insert(Reasons::FELL_BACK);
         }
         reasons
     }
@@ -263,17 +253,12 @@ impl Fusion {
         asked.copied().any(|which| 2 * rows.iter().filter(|row| has(row, which)).count() < rows.len())
     }
 
-    /// The scan and those of its reference, the scan perhaps twice.
-    fn involved(&self, scan: usize) -> impl Iterator<Item = usize> {
-        self.references[scan].iter().copied().chain([scan])
-    }
-
     fn is_whole(&self, scan: usize) -> bool {
         let progress = self.progress[scan];
         progress.is_ended && progress.seen_count == self.plan.scans()[scan].taps.len()
     }
 
-    fn check(&self, scan: usize) -> Result<(), Error> {
+    pub(crate) fn check(&self, scan: usize) -> Result<(), Error> {
         let scan_count = self.progress.len();
         if scan < scan_count { Ok(()) } else { Err(Error::NoSuchScan { got: scan, scan_count }) }
     }
@@ -283,36 +268,6 @@ impl Fusion {
 /// the choice the same in whichever order two different records of one attempt come.
 fn rank(seen: &Seen) -> (u16, bool, [Option<u64>; 7]) {
     (seen.attempt, !seen.is_refused, Discriminator::ALL.map(|d| seen.values.get(d).map(f64::to_bits)))
-}
-
-/// For each scan the scans that make its reference.
-fn references_of(reference: &Reference, plan: &Plan) -> Result<Vec<Vec<usize>>, Error> {
-    let scans = plan.scans();
-    match *reference {
-        Reference::Own => {
-            let mut of_tyre: BTreeMap<Serial, Vec<usize>> = BTreeMap::new();
-            for (number, scan) in scans.iter().enumerate() {
-                of_tyre.entry(scan.tyre).or_default().push(number);
-            }
-            Ok(scans.iter().map(|scan| of_tyre.get(&scan.tyre).cloned().unwrap_or_default()).collect())
-        }
-        Reference::Shoulder { tyre, shoulder } => {
-            let named = scans.iter().position(|s| s.tyre == tyre && s.shoulder == shoulder);
-            let named = named.ok_or(Error::ReferenceNotPlanned { tyre, shoulder, scan_count: scans.len() })?;
-            Ok(vec![vec![named]; scans.len()])
-        }
-    }
-}
-
-/// For each scan the scans whose verdict rests on it.
-fn dependents_of(references: &[Vec<usize>]) -> Vec<Vec<usize>> {
-    let mut dependents: Vec<Vec<usize>> = (0..references.len()).map(|scan| vec![scan]).collect();
-    for (number, reference) in references.iter().enumerate() {
-        for &scan in reference.iter().filter(|&&scan| scan != number) {
-            dependents[scan].push(number);
-        }
-    }
-    dependents
 }
 
 fn count(of: usize) -> u32 {

@@ -3,20 +3,19 @@
 //! [`Fusion`] is the state machine: it is told of every tap and of the end of every scan, in any
 //! order, and judges a shoulder once its reference is whole. What it computes, step by step:
 //!
-//! 1. taps are grouped into conditions (offset, velocity class); closing taps enter nothing; if asked for, F_max and tau
-//!    are brought from the measured to the planned velocity (`velocity`);
-//! 2. each value is standardised by the reference in its condition (`reference`);
-//! 3. a location's index is the mean over its taps and discriminators (`index`), and for the robust
-//!    index then the mean over the location and its two neighbours (`ring`);
-//! 4. the reference's own index map sets the limits (`limits`), and what exceeds them makes
-//!    regions and a verdict (`verdict`).
+//! 1. taps are grouped into conditions (offset, velocity class); closing taps enter nothing but the drift; if asked for,
+//!    F_max and tau are brought from the measured to the planned velocity (`velocity`);
+//! 2. each value is taken as a share of its casing's level (`level`) and standardised by the reference (`yardstick`);
+//! 3. the discriminators of a location in one condition become one index (`indices`), its conditions one value (`fit`,
+//!    `combine`), and that the mean over the location and its two neighbours (`ring`);
+//! 4. the reference's own index map and the stated rate of false calls set the limits (`limits`), and what exceeds them
+//!    makes regions and a verdict (`verdict`), with how rare such an arc is and which offset sees it (`lateral`).
 //!
-//! Beside it stand kernels that the defaults do not use: a signed scale between percentiles
-//! ([`PercentileScale`]), the scan over arcs ([`scan()`]), conditions in one ([`combined`]), and the
-//! honest bars of a score ([`auc_interval`], [`auc_left_out`]).
+//! A reference is the casing itself, a shoulder of the run, or a [`ReferenceSet`] of earlier runs; `standard` is what it
+//! teaches, and how a casing is measured by it. What a study may claim is in [`proof`].
 //!
 //! ```
-//! use tapline_fuse::{FuseConfig, Fusion};
+//! use tapline_fuse::{FuseConfig, Fusion, Reference};
 //! use tapline_wire::{
 //!     Discriminator, Discriminators, Geometry, Plan, PlannedTap, Reasons, Recording, SampleFormat, Serial, TapId, Truth,
 //!     Values, Verdict,
@@ -37,7 +36,7 @@
 //! };
 //! let plan = Plan::new(Geometry::Ring, recording, (0..100).map(planned).collect(), Truth::new())?;
 //!
-//! let mut fusion = Fusion::new(&FuseConfig::default(), &plan)?;
+//! let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &plan)?;
 //! for (plan_index, tap) in (0..).zip(plan.taps()) {
 //!     let is_cracked = (40..44).contains(&tap.id.location);
 //!     let mut values = Values::default();
@@ -56,37 +55,55 @@
 //! ```
 
 mod bootstrap;
+mod cells;
+mod closing;
 mod combine;
+mod compare;
 mod condition;
 mod config;
+mod covariance;
 mod error;
+mod fit;
 mod fusion;
-mod index;
+mod hidden;
+mod indices;
+mod lateral;
+mod level;
 mod limits;
-mod map;
-mod reference;
+mod panel;
+pub mod proof;
+mod reference_build;
+mod reference_set;
+mod reference_summary;
 mod resample;
 mod ring;
 mod run;
 mod scale;
 mod scan;
 mod score;
+mod shoulder;
 mod split;
+mod standard;
 mod stats;
 mod velocity;
 mod verdict;
+mod yardstick;
 
 #[cfg(test)]
 mod testing;
 
 pub use bootstrap::{Bootstrap, auc_interval};
-pub use combine::{Combination, combined};
-pub use config::{Direction, Directions, FuseConfig, IndexKind, Reference};
+pub use config::{Centre, Combine, Direction, Directions, FuseConfig, IndexKind, Reference};
 pub use error::Error;
 pub use fusion::Fusion;
+pub use hidden::{Hidden, HiddenStates, fitted_shift, hidden_states};
+pub use indices::{Example, Index, Lda, LearnError, LogOdds, Mahalanobis, Mean, PLACES_MIN, Signs, Weighted};
+pub use reference_build::{Built, build_reference};
+pub use reference_set::{KnownShoulder, Origin, ReferenceSet, Turn};
+pub use reference_summary::{ScaleLine, Summary};
 pub use run::{Outcome, RunError, run};
 pub use scale::{PercentileScale, Scaled};
-pub use scan::{ARC_LENGTHS, Arc, Permutation, scan, scan_p_value};
+pub use scan::{ARC_LENGTHS, Arc, Permutation, arc_null, scan, scan_p_value};
 pub use score::{Score, auc};
 pub use split::{Split, auc_left_out, leave_one_out};
 pub use velocity::PowerLaw;

@@ -8,7 +8,7 @@ use tapline_wire::{
     Role, ScanState, Signal, Subscriber,
 };
 
-use crate::{Error, FuseConfig, Fusion};
+use crate::{Error, Fusion};
 
 /// How long discriminators that the archive has may be missing here before they are asked for: they may be on the way.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -20,7 +20,7 @@ const JUDGE_AGAIN: Duration = Duration::from_secs(1);
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
-    /// The configuration does not fit the plan, or a record does not.
+    /// A record does not fit the plan.
     #[error(transparent)]
     Fusion(#[from] Error),
     /// Shared memory fails.
@@ -41,12 +41,12 @@ pub struct Outcome {
     pub is_complete: bool,
 }
 
-/// Turns the discriminators on `line` into verdicts until every scan of `plan` is judged.
+/// Turns the discriminators on `line` into verdicts, by `fusion`, until every scan of `plan` is judged.
 ///
 /// # Errors
-/// [`RunError`] when the configuration does not fit the plan or shared memory fails. Being asked to stop is no error.
-pub fn run(line: &Line, plan: &Plan, config: &FuseConfig) -> Result<Outcome, RunError> {
-    let mut bench = Bench::open(line, plan, config)?;
+/// [`RunError`] when a record does not fit the plan or shared memory fails. Being asked to stop is no error.
+pub fn run(line: &Line, plan: &Plan, fusion: Fusion) -> Result<Outcome, RunError> {
+    let mut bench = Bench::open(line, plan, fusion)?;
     match bench.serve() {
         Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => Ok(bench.outcome()),
         Err(error) => Err(error),
@@ -70,7 +70,7 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    fn open(line: &'a Line, plan: &'a Plan, config: &FuseConfig) -> Result<Self, RunError> {
+    fn open(line: &'a Line, plan: &'a Plan, fusion: Fusion) -> Result<Self, RunError> {
         Ok(Self {
             line,
             plan,
@@ -78,7 +78,7 @@ impl<'a> Bench<'a> {
             replayed: Subscriber::open(line, plan)?,
             snapshots: Subscriber::open(line, plan)?,
             verdicts: Publisher::open(line, plan)?,
-            fusion: Fusion::new(config, plan)?,
+            fusion,
             ledger: None,
             judged_at: vec![None; plan.scans().len()],
             progress_at: Instant::now(),

@@ -67,12 +67,20 @@ impl PercentileScale {
         self.weight
     }
 
+    /// `x` on the scale, 0 to 1; `None` for what is no number and when the weight is 0.
+    pub fn score(&self, x: f64) -> Option<f64> {
+        self.unclipped(x).map(|y| y.clamp(0.0, 1.0))
+    }
+
+    fn unclipped(&self, x: f64) -> Option<f64> {
+        (x.is_finite() && self.weight > 0.0).then(|| self.sign * (x - self.zero) / self.range).filter(|y| !y.is_nan())
+    }
+
     /// `values` on the scale; all of them absent when the weight is 0.
     pub fn scaled(&self, values: &[Option<f64>]) -> Scaled {
         let mut scaled = Scaled::default();
         for value in values {
-            let y =
-                value.filter(|x| x.is_finite() && self.weight > 0.0).map(|x| self.sign * (x - self.zero) / self.range);
+            let y = value.and_then(|x| self.unclipped(x));
             scaled.clipped_low += usize::from(y.is_some_and(|y| y < 0.0));
             scaled.clipped_high += usize::from(y.is_some_and(|y| y > 1.0));
             scaled.values.push(y.map(|y| y.clamp(0.0, 1.0)));

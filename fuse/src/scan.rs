@@ -2,6 +2,8 @@
 //!
 //! References: Kulldorff, Communications in Statistics 26 (1997) 1481; Olshen and others, Biostatistics 5 (2004) 557.
 
+use tapline_wire::Geometry;
+
 use crate::resample::Blocks;
 
 /// Lengths of arcs that are looked at, in locations: from the least crack to a fifth of a ring.
@@ -31,16 +33,33 @@ pub struct Permutation {
 
 impl Default for Permutation {
     fn default() -> Self {
-        Self { block_length: 3, count: 999, seed: 1 }
+        Self { block_length: 3, count: 499, seed: 1 }
     }
 }
 
-/// The arc of the ring of `z` with the largest sum over the root of its count, the first of equals.
+/// The arc of the ring or line of `z` with the largest sum over the root of its count, the first of equals.
 ///
 /// A place without a value, or whose value is no number, adds neither to the sum nor to the count. Arcs as long as the
 /// ring and longer are not looked at; `None` when no arc has a value. O(places x lengths) by prefix sums.
-pub fn scan(z: &[Option<f64>]) -> Option<Arc> {
-    Prefix::of(z).best()
+pub fn scan(z: &[Option<f64>], geometry: Geometry) -> Option<Arc> {
+    let mut prefix = Prefix::default();
+    prefix.fill(z.iter().copied());
+    prefix.best(geometry)
+}
+
+/// The highest arcs of rings whose places are those of `z`, exchanged in blocks: ascending, one a permutation that has any.
+pub fn arc_null(z: &[Option<f64>], geometry: Geometry, permutation: Permutation) -> Vec<f64> {
+    let mut blocks = Blocks::new(permutation.block_length, permutation.seed);
+    let mut places = vec![0; z.len()];
+    let mut prefix = Prefix::default();
+    let mut highest = Vec::with_capacity(permutation.count);
+    for _ in 0..permutation.count {
+        blocks.permute(&mut places);
+        prefix.fill(places.iter().map(|&place| z[place]));
+        highest.extend(prefix.best(geometry).map(|arc| arc.value));
+    }
+    highest.sort_by(f64::total_cmp);
+    highest
 }
 
 /// The chance that a ring whose places are exchangeable in blocks has an arc as high as the highest of `z`: one chance for
@@ -48,48 +67,47 @@ pub fn scan(z: &[Option<f64>]) -> Option<Arc> {
 ///
 /// An arc that is real takes part in its own permutations: one that two blocks hold comes together again in about one of
 /// as many permutations as there are blocks, so that a block should not be longer than a third of the arcs that count.
-pub fn scan_p_value(z: &[Option<f64>], permutation: Permutation) -> Option<f64> {
-    let found = scan(z)?.value;
-    let mut blocks = Blocks::new(permutation.block_length, permutation.seed);
-    let mut places = vec![0; z.len()];
-    let mut shuffled = vec![None; z.len()];
-    let mut at_least: usize = 1; // the ring as it is is one of them
-    for _ in 0..permutation.count {
-        blocks.permute(&mut places);
-        for (to, &place) in shuffled.iter_mut().zip(&places) {
-            *to = z[place];
-        }
-        at_least += usize::from(scan(&shuffled).is_some_and(|arc| arc.value >= found));
-    }
-    Some(at_least as f64 / (permutation.count as f64 + 1.0))
+pub fn scan_p_value(z: &[Option<f64>], geometry: Geometry, permutation: Permutation) -> Option<f64> {
+    let found = scan(z, geometry)?.value;
+    let null = arc_null(z, geometry, permutation);
+    let at_least = null.len() - null.partition_point(|&value| value < found);
+    // The ring as it is is one of them.
+    Some((at_least + 1) as f64 / (permutation.count as f64 + 1.0))
 }
 
 /// Sums and counts of the first n places of the ring, run through twice.
+#[derive(Default)]
 struct Prefix {
     sums: Vec<f64>,
     counts: Vec<f64>,
 }
 
 impl Prefix {
-    fn of(z: &[Option<f64>]) -> Self {
-        let (mut sums, mut counts) = (vec![0.0], vec![0.0]);
+    fn fill(&mut self, z: impl Iterator<Item = Option<f64>> + Clone) {
+        self.sums.clear();
+        self.counts.clear();
+        self.sums.push(0.0);
+        self.counts.push(0.0);
         let (mut sum, mut count) = (0.0, 0.0);
-        for value in z.iter().chain(z) {
+        for value in z.clone().chain(z) {
             if let Some(value) = value.filter(|v| v.is_finite()) {
                 sum += value;
                 count += 1.0;
             }
-            sums.push(sum);
-            counts.push(count);
+            self.sums.push(sum);
+            self.counts.push(count);
         }
-        Self { sums, counts }
     }
 
-    fn best(&self) -> Option<Arc> {
+    fn best(&self, geometry: Geometry) -> Option<Arc> {
         let place_count = self.sums.len() / 2;
         let mut best: Option<Arc> = None;
         for length in ARC_LENGTHS.into_iter().take_while(|&length| length < place_count) {
-            for first in 0..place_count {
+            let first_count = match geometry {
+                Geometry::Ring => place_count,
+                Geometry::Line => place_count - length + 1,
+            };
+            for first in 0..first_count {
                 let count = self.counts[first + length] - self.counts[first];
                 let value = (self.sums[first + length] - self.sums[first]) / count.sqrt();
                 if count > 0.0 && value.is_finite() && best.is_none_or(|best| value > best.value) {
@@ -124,7 +142,7 @@ mod tests {
         #[test]
         fn prefix_sums_find_what_sums_find(z in prop::collection::vec(prop::option::of(-9.0..9.0), 0..50)) {
             // Catches an arc that ends at the seam, one too long, and gaps that count.
-            match (scan(&z), scan_slow(&z)) {
+            match (scan(&z, Geometry::Ring), scan_slow(&z)) {
                 (None, None) => {}
                 (Some(fast), Some(slow)) => prop_assert!((fast.value - slow).abs() < 1e-9, "{:?} {}", fast, slow),
                 other => prop_assert!(false, "{:?}", other),
@@ -144,12 +162,15 @@ mod tests {
         for place in [96, 97, 98, 99, 0, 1, 2, 3] {
             z[place] = z[place].map(|z| z + 3.0);
         }
-        let arc = scan(&z).unwrap();
+        let arc = scan(&z, Geometry::Ring).unwrap();
         assert!(arc.length >= 5 && (94..100).contains(&arc.first), "{arc:?}");
-        let p_value = |block_length| scan_p_value(&z, Permutation { block_length, count: 999, seed: 1 }).unwrap();
+        let p_value = |block_length| scan_p_value(&z, Geometry::Ring, Permutation { block_length, count: 999, seed: 1 }).unwrap();
         assert!(p_value(1) <= 0.002 && p_value(3) <= 0.02, "{} {}", p_value(1), p_value(3));
-        assert_eq!((scan(&[]), scan(&[Some(1.0)]), scan(&[None; 30])), (None, None, None));
-        let twice = [1, 1].map(|seed| scan_p_value(&z, Permutation { seed, count: 50, ..Permutation::default() }));
+        let of = |z: &[Option<f64>]| scan(z, Geometry::Ring);
+        assert_eq!((of(&[]), of(&[Some(1.0)]), of(&[None; 30])), (None, None, None));
+        let on_line = scan(&z, Geometry::Line).unwrap();
+        assert!(on_line.first + on_line.length <= 100 && on_line.value < arc.value, "{on_line:?}");
+        let twice = [1, 1].map(|seed| scan_p_value(&z, Geometry::Ring, Permutation { seed, count: 50, ..Permutation::default() }));
         assert_eq!(twice[0], twice[1]);
     }
 
@@ -159,7 +180,7 @@ mod tests {
         // 300 rings: a chance of 5 % gives 15 below it, within 3 standard deviations 4 to 26.
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let permutation = Permutation { block_length: 1, count: 99, seed: 7 };
-        let below = (0..300).filter(|_| scan_p_value(&normal_ring(&mut rng), permutation).unwrap() <= 0.05).count();
+        let below = (0..300).filter(|_| scan_p_value(&normal_ring(&mut rng), Geometry::Ring, permutation).unwrap() <= 0.05).count();
         assert!((4..=26).contains(&below), "{below} of 300");
     }
 }

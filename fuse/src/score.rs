@@ -1,8 +1,11 @@
 //! How well the index and each discriminator tell cracked from sound, where the truth is known.
 
+use std::sync::Arc;
+
 use tapline_wire::{Discriminator, Discriminators, Plan};
 
-use crate::{Error, FuseConfig, Fusion, IndexKind};
+use crate::standard::IndexMap;
+use crate::{Combine, Error, FuseConfig, Fusion, IndexKind, ReferenceSet};
 
 /// Areas under the ROC curve over all locations whose truth is known, all shoulders pooled.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,44 +28,53 @@ impl Score {
     /// # Errors
     /// What [`Fusion::new`] and [`Fusion::push`] refuse.
     pub fn of(config: &FuseConfig, plan: &Plan, records: &[Discriminators]) -> Result<Self, Error> {
-        let mut fusion = Fusion::new(config, plan)?;
+        Self::of_fusion(Fusion::new(config, plan)?, records)
+    }
+
+    /// The score of `records` by a reference of earlier runs.
+    ///
+    /// # Errors
+    /// What [`Fusion::with_reference`] and [`Fusion::push`] refuse.
+    pub fn by_reference(
+        config: &FuseConfig,
+        plan: &Plan,
+        set: Arc<ReferenceSet>,
+        records: &[Discriminators],
+    ) -> Result<Self, Error> {
+        Self::of_fusion(Fusion::with_reference(config, plan, set)?, records)
+    }
+
+    fn of_fusion(mut fusion: Fusion, records: &[Discriminators]) -> Result<Self, Error> {
         for record in records {
             fusion.push(record)?;
         }
-        let (index, labels) = pooled(&fusion, config, plan, |map| map.index);
+        let (index, labels) = pooled(&mut fusion, |map| map.index.clone());
         let counted = |class: bool| index.iter().zip(&labels).filter(|&(i, &l)| !i.is_nan() && l == class).count();
         let count = |class: bool| u32::try_from(counted(class)).unwrap_or(u32::MAX);
-        let alone = |which: Discriminator| {
-            let config = FuseConfig {
+        let mut discriminators = [None; 7];
+        for (alone, which) in discriminators.iter_mut().zip(Discriminator::ALL) {
+            let mut fusion = fusion.reconfigured(FuseConfig {
                 discriminators: vec![which],
                 index: IndexKind::Robust,
+                combine: Combine::Mean,
                 z_clip: f64::INFINITY,
-                ..config.clone()
-            };
+                ..fusion.config.clone()
+            })?;
             let (z, labels) =
-                pooled(&fusion, &config, plan, |map| map.locations.iter().map(|location| location.value).collect());
-            auc(&z, &labels)
-        };
-        Ok(Self {
-            index: auc(&index, &labels),
-            discriminators: Discriminator::ALL.map(alone),
-            cracked_count: count(true),
-            sound_count: count(false),
-        })
+                pooled(&mut fusion, |map| map.locations.iter().map(|location| location.value).collect());
+            *alone = auc(&z, &labels);
+        }
+        Ok(Self { index: auc(&index, &labels), discriminators, cracked_count: count(true), sound_count: count(false) })
     }
 }
 
 /// Values of all locations whose truth is known, NaN where there is none, and whether each is cracked.
-fn pooled(
-    fusion: &Fusion,
-    config: &FuseConfig,
-    plan: &Plan,
-    values_of: impl Fn(crate::map::IndexMap) -> Vec<Option<f64>>,
-) -> (Vec<f64>, Vec<bool>) {
+fn pooled(fusion: &mut Fusion, values_of: impl Fn(&IndexMap) -> Vec<Option<f64>>) -> (Vec<f64>, Vec<bool>) {
     let mut pool = (Vec::new(), Vec::new());
-    for (number, scan) in plan.scans().iter().enumerate() {
-        let (_, map) = fusion.compare(config, number);
-        for (&(location, _), value) in scan.locations.iter().zip(values_of(map)) {
+    for number in 0..fusion.plan.scans().len() {
+        let compared = fusion.compared(number);
+        let (plan, scan) = (&fusion.plan, &fusion.plan.scans()[number]);
+        for (&(location, _), value) in scan.locations.iter().zip(values_of(compared.map())) {
             if let Some(&is_cracked) = plan.truth().get(&(scan.tyre, scan.shoulder, location)) {
                 pool.0.push(value.unwrap_or(f64::NAN));
                 pool.1.push(is_cracked);
@@ -101,6 +113,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::Reference;
     use crate::testing::{Casing, records};
 
     /// The definition: every pair of a cracked and a sound location.
@@ -143,7 +156,7 @@ mod tests {
             Casing { cracks: vec![(1, 20..26)], shift: 3.0, shifted: vec![Discriminator::Pr], ..Casing::default() };
         let plan = casing.plan();
         let records = records(&casing, &plan, 5);
-        let score = Score::of(&FuseConfig::default(), &plan, &records).unwrap();
+        let score = Score::of(&FuseConfig::by(Reference::Own), &plan, &records).unwrap();
         let pr = score.discriminators[Discriminator::Pr as usize].unwrap();
         assert!(pr > 0.99, "{score:?}");
         for (which, alone) in Discriminator::ALL.into_iter().zip(score.discriminators) {
@@ -151,7 +164,7 @@ mod tests {
         }
         assert!(score.index.unwrap() > 0.9);
         assert_eq!((score.cracked_count, score.sound_count), (6, 94));
-        let mut reversed = FuseConfig::default();
+        let mut reversed = FuseConfig::by(Reference::Own);
         reversed.directions.pr = crate::Direction::Falls;
         let reversed = Score::of(&reversed, &plan, &records).unwrap();
         assert!(reversed.discriminators[Discriminator::Pr as usize].unwrap() < 0.01);
@@ -162,7 +175,7 @@ mod tests {
         // Catches a division by zero when a class is empty.
         let casing = Casing::default();
         let sound = casing.plan();
-        let score = Score::of(&FuseConfig::default(), &sound, &records(&casing, &sound, 1)).unwrap();
+        let score = Score::of(&FuseConfig::by(Reference::Own), &sound, &records(&casing, &sound, 1)).unwrap();
         assert_eq!((score.index, score.discriminators, score.cracked_count), (None, [None; 7], 0));
     }
 }

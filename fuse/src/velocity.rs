@@ -59,7 +59,7 @@ impl PowerLaw {
 }
 
 /// A tap as the laws see it: group, measured velocity and values.
-pub(crate) type Struck<'a> = (usize, f64, &'a Values);
+pub(crate) type Struck = (usize, f64, Values);
 
 /// What brings F_max and tau from the measured to the planned velocity.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -70,9 +70,9 @@ pub(crate) struct Normalisation {
 
 impl Normalisation {
     /// With exponents fitted to `taps`; a quantity whose exponent they do not tell stays as it is.
-    pub(crate) fn fitted(taps: &[Struck<'_>]) -> Self {
+    pub(crate) fn fitted(taps: &[Struck]) -> Self {
         let exponent = |which| {
-            let points = taps.iter().filter_map(|&(group, v, values)| Some((group, v, values.get(which)?)));
+            let points = taps.iter().filter_map(|&(group, v, ref values)| Some((group, v, values.get(which)?)));
             PowerLaw::fit(points).filter(|law| law.standard_error <= STANDARD_ERROR_MOST).map(|law| law.exponent)
         };
         Self { f_max: exponent(Discriminator::FMax), tau: exponent(Discriminator::Tau) }
@@ -151,7 +151,7 @@ mod tests {
                 values.get(Discriminator::FMax)
             );
         }
-        assert_eq!(Normalisation::fitted(&[(0, 1.0, &values); 40]), Normalisation::default());
+        assert_eq!(Normalisation::fitted(&[(0, 1.0, values); 40]), Normalisation::default());
     }
 
     /// Catches a slope that real hammers do not have: two tips of an automated hammer, whose exponents lie on either

@@ -2,65 +2,103 @@
 
 use tapline_wire::{DamageCell, Reasons, Verdict};
 
-use crate::map::IndexMap;
+use crate::limits::Limits;
 use crate::ring::Ring;
+use crate::standard::IndexMap;
 
-/// The verdict that `reasons` demand: PASS only when there is none but that the shoulder was its own reference.
+/// Reasons that tell how a verdict was reached and ask for nothing.
+const REMARKS: [Reasons; 2] = [Reasons::SELF_REFERENCE, Reasons::FELL_BACK];
+
+/// The verdict that `reasons` demand: PASS only when there is none but remarks.
 pub(crate) fn verdict_of(reasons: Reasons) -> Verdict {
     if reasons.contains(Reasons::DAMAGE) {
         Verdict::Reject
-    } else if reasons.bits() & !Reasons::SELF_REFERENCE.bits() == 0 {
+    } else if REMARKS.iter().fold(reasons.bits(), |bits, remark| bits & !remark.bits()) == 0 {
         Verdict::Pass
     } else {
         Verdict::ReInspect
     }
 }
 
-/// The cells of the damage map, and what it gives reason for.
-pub(crate) fn cells_of(ring: &Ring, locations: &[(u32, Option<f64>)], map: &IndexMap) -> (Vec<DamageCell>, Reasons) {
-    let regions = match &map.limits {
-        Some(limits) => ring.regions(&map.index, limits.re_inspect, limits.grow),
-        None => vec![0; ring.len()],
-    };
-    let cell = |place: usize| {
-        let (location, angle_deg) = locations[place];
-        let p_value = map.limits.and_then(|limits| Some(limits.p_value(map.index[place]?)));
-        DamageCell {
-            location,
-            region: regions[place],
-            angle_deg: angle_deg.unwrap_or(f64::NAN),
-            damage_index: map.index[place].unwrap_or(f64::NAN),
-            p_value: p_value.unwrap_or(f64::NAN),
-            tap_count: map.locations[place].tap_count,
-            absent_count: map.locations[place].absent_count,
-        }
-    };
-    ((0..ring.len()).map(cell).collect(), reasons_of(&regions, map))
+/// A shoulder's map with all that its verdict rests on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct View<'a> {
+    pub(crate) ring: &'a Ring,
+    /// Locations with their angles.
+    pub(crate) locations: &'a [(u32, Option<f64>)],
+    pub(crate) map: &'a IndexMap,
+    pub(crate) limits: Option<Limits>,
+    /// Taps that a location of the reference usually has.
+    pub(crate) usual_tap_count: f64,
+    /// Whether the casing lies below its own level as damage lies above.
+    pub(crate) is_inverted: bool,
 }
 
-fn reasons_of(regions: &[u32], map: &IndexMap) -> Reasons {
-    let mut reasons = Reasons::default();
-    if map.index.iter().any(Option::is_none) {
-        reasons.insert(Reasons::LOCATION_BLIND);
+impl View<'_> {
+    /// The number of the region of each location; 0 outside of every one.
+    pub(crate) fn regions(&self) -> Vec<u32> {
+        match &self.limits {
+            Some(limits) => self.ring.regions(&self.map.index, limits.re_inspect, limits.grow),
+            None => vec![0; self.ring.len()],
+        }
     }
-    let Some(limits) = map.limits else {
-        reasons.insert(Reasons::NO_INDEX);
-        return reasons;
-    };
-    if map.is_inverted || map.index.iter().all(Option::is_none) {
-        reasons.insert(Reasons::NO_INDEX);
+
+    /// Half width of the guard band at `place`: a location that fewer taps speak for scatters more.
+    fn guard(&self, place: usize) -> Option<f64> {
+        let tap_count = f64::from(self.map.locations[place].tap_count);
+        let share = if tap_count < self.usual_tap_count { self.usual_tap_count / tap_count } else { 1.0 };
+        Some(self.limits?.guard * share.sqrt()).filter(|guard| guard.is_finite())
     }
-    // By the word of the reference, whose the limits are: a median of its own calls such a damage normal.
-    let suspect = map.index.iter().flatten().filter(|&&value| value >= limits.re_inspect).count();
-    if 2 * suspect > map.index.len() {
-        reasons.insert(Reasons::NO_SOUND_MAJORITY);
+
+    /// The cells of the damage map, with the `regions` that its locations lie in.
+    pub(crate) fn cells(&self, regions: &[u32]) -> Vec<DamageCell> {
+        let cell = |place: usize| {
+            let (location, angle_deg) = self.locations[place];
+            let p_value = self.limits.and_then(|limits| Some(limits.p_value(self.map.index[place]?)));
+            DamageCell {
+                location,
+                region: regions[place],
+                angle_deg: angle_deg.unwrap_or(f64::NAN),
+                damage_index: self.map.index[place].unwrap_or(f64::NAN),
+                p_value: p_value.unwrap_or(f64::NAN),
+                guard: self.map.index[place].and(self.guard(place)).unwrap_or(f64::NAN),
+                tap_count: self.map.locations[place].tap_count,
+                absent_count: self.map.locations[place].absent_count,
+                ..DamageCell::default()
+            }
+        };
+        (0..self.ring.len()).map(cell).collect()
     }
-    for region in 1..=regions.iter().copied().max().unwrap_or(0) {
-        let inside = regions.iter().zip(&map.index).filter(|&(&r, _)| r == region);
-        let is_damage = inside.filter_map(|(_, &value)| value).any(|v| v >= limits.reject);
-        reasons.insert(if is_damage { Reasons::DAMAGE } else { Reasons::SUSPECT });
+
+    /// What the map gives reason for.
+    pub(crate) fn reasons(&self, regions: &[u32]) -> Reasons {
+        let index = &self.map.index;
+        let mut reasons = Reasons::default();
+        if index.iter().any(Option::is_none) {
+            reasons.insert(Reasons::LOCATION_BLIND);
+        }
+        let Some(limits) = self.limits else {
+            reasons.insert(Reasons::NO_INDEX);
+            return reasons;
+        };
+        if self.is_inverted || index.iter().all(Option::is_none) {
+            reasons.insert(Reasons::NO_INDEX);
+        }
+        // By the word of the reference, whose the limits are: a median of its own calls such a damage normal.
+        let suspect = index.iter().flatten().filter(|&&value| value >= limits.re_inspect).count();
+        if 2 * suspect > index.len() {
+            reasons.insert(Reasons::NO_SOUND_MAJORITY);
+        }
+        let exceeds = |place: usize| {
+            let limit = self.guard(place).map(|guard| limits.re_inspect + guard);
+            matches!((index[place], limit), (Some(value), Some(limit)) if value >= limit)
+        };
+        for region in 1..=regions.iter().copied().max().unwrap_or(0) {
+            let is_damage = (0..index.len()).any(|place| regions[place] == region && exceeds(place));
+            reasons.insert(if is_damage { Reasons::DAMAGE } else { Reasons::SUSPECT });
+        }
+        reasons
     }
-    reasons
 }
 
 #[cfg(test)]
@@ -70,12 +108,16 @@ mod tests {
     #[test]
     fn only_no_reason_passes() {
         // Catches a verdict that forgets a reason: all sets of flags.
-        for bits in 0..1 << 10 {
+        let known = Reasons::ALL.iter().fold(0, |bits, (flag, _)| bits | flag.bits());
+        let remarks = Reasons::SELF_REFERENCE.bits() | Reasons::FELL_BACK.bits();
+        for bits in 0..=known {
             let reasons = Reasons::from_bits(bits);
-            let expected = match bits {
-                0 | 128 => Verdict::Pass, // nothing, or SELF_REFERENCE
-                _ if bits % 2 == 1 => Verdict::Reject,
-                _ => Verdict::ReInspect,
+            let expected = if reasons.contains(Reasons::DAMAGE) {
+                Verdict::Reject
+            } else if bits & !remarks == 0 {
+                Verdict::Pass
+            } else {
+                Verdict::ReInspect
             };
             assert_eq!(verdict_of(reasons), expected, "{reasons}");
         }

@@ -155,6 +155,13 @@ impl SimulatedRig {
         RenderedTap { velocity_measured_m_per_s: chance.velocity_measured_m_per_s }
     }
 
+    /// Static compliance in m/N of the layer above the crack that `tap` feels most; 0 where it feels none.
+    ///
+    /// It tells how strongly a planted crack is felt at a place, whatever chance makes of the tap.
+    pub fn layer_compliance_m_per_n(&self, tap: &SimulatedTap<'_>) -> f64 {
+        self.plate_under(tap).map_or(0.0, |plate| 1.0 / plate.stiffness_n_per_m)
+    }
+
     fn chance(&self, tap: &SimulatedTap<'_>, speed: f64, generator: &mut Generator) -> Chance {
         let config = &self.config;
         let location_count = tap.location_count.max(1);

@@ -303,3 +303,17 @@ proptest! {
         prop_assert_eq!(&render(&mut one, &wanted), &first);
     }
 }
+
+/// Catches a compliance that is felt where there is no crack, does not fade with the crack, or is that of its stiffness.
+#[test]
+fn compliance_tells_how_strongly_a_crack_is_felt() {
+    let crack = Crack { first_location: 40, location_count: 5, ..Crack::default() };
+    let shallow = Crack { first_location: 60, depth_mm: 3.0, ..crack };
+    let rig = rig(1, vec![crack, shallow]);
+    let at = |location, offset_mm| rig.layer_compliance_m_per_n(&SimulatedTap { offset_mm, ..tap(location, 1.85) });
+    assert_eq!([at(39, 0.0), at(50, 0.0), at(42, 30.0)].map(f64::to_bits), [0.0_f64.to_bits(); 3]);
+    assert!(at(62, 0.0) > 1.2 * at(42, 0.0) && at(42, 10.0) < 0.65 * at(42, 0.0));
+    assert!((at(40, 0.0) / at(42, 0.0) - 0.8).abs() < 1e-12, "an arc closes at its ends");
+    let stiffness_n_per_m = crack.plate(&rig.scene, 1.0).stiffness_n_per_m;
+    assert!((at(42, 0.0) * stiffness_n_per_m - 1.0).abs() < 1e-12);
+}

@@ -1,15 +1,13 @@
 //! One figure on one sheet: the only style that the figures have.
 
 use anyhow::Result;
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 use tapline_model::{Axis, Curve, Figure, Rung};
 
+use super::axes::{self, Chart, Frame, axes};
 use super::labels::{printed, spread};
-use crate::pen::{
-    self, Area, BLUE, GRID, INK, ORANGE, PALE_INK, Point, VERMILLION, at, font, line, number, units, write,
-};
+use crate::pen::{self, Area, BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, at, line, units, write};
 
 const SIZE: (u32, u32) = (760, 440);
 /// Where the axes begin and end.
@@ -53,8 +51,6 @@ const fn stroke(rung: Rung) -> Stroke {
         Rung::Integral | Rung::Full => Stroke { width: 1.75, dashes: Some("28 14") },
     }
 }
-
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// `figure` as SVG.
 pub(super) fn svg(figure: &Figure) -> Result<String> {
@@ -121,27 +117,11 @@ impl<'a> Sheet<'a> {
         self.names(area)
     }
 
-    fn axes<'b>(&self, area: &Area<'b>) -> Result<Chart<'_, 'b>> {
-        let place = area.clone().shrink(at((EDGE, TOP)), (units(RIGHT - EDGE), units(BOTTOM - TOP + 46.0)));
-        let mut chart = ChartBuilder::on(&place)
-            .set_label_area_size(LabelAreaPosition::Left, units(LEFT - EDGE))
-            .set_label_area_size(LabelAreaPosition::Bottom, units(46.0))
-            .build_cartesian_2d(self.x.0..self.x.1, self.y.0..self.y.1)?;
-        chart
-            .configure_mesh()
-            .x_desc(described(&self.figure.x))
-            .y_desc(described(&self.figure.y))
-            .x_labels(10)
-            .y_labels(8)
-            .x_label_formatter(&|x| number(*x))
-            .y_label_formatter(&|y| number(*y))
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(line(GRID, 1.0))
-            .axis_style(line(PALE_INK, 1.0))
-            .label_style(font(12.0, PALE_INK, HPos::Center, false))
-            .axis_desc_style(font(13.0, INK, HPos::Center, false))
-            .draw()?;
-        Ok(chart)
+    fn axes<'b>(&self, area: &Area<'b>) -> Result<Chart<'b, 'b>> {
+        let frame =
+            Frame { left: LEFT, right: RIGHT, top: TOP, bottom: BOTTOM, left_room: LEFT - EDGE, bottom_room: 46.0 };
+        let axis = |axis: &Axis, range, label_count| axes::Axis { label: described(axis), range, label_count };
+        axes(area, &frame, &axis(&self.figure.x, self.x, 10), &axis(&self.figure.y, self.y, 8))
     }
 
     /// What the strokes mean.

@@ -1,12 +1,14 @@
 //! The seam between an archive and the pages: what was found, shoulder by shoulder, in the form that pictures need.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use anyhow::Result;
+use tapline_fuse::ReferenceSet;
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
-    DamageCell, Discriminators, Geometry, Quality, Reasons, Recording, Scan, ScanState, Serial, SourceKind, TapState,
-    Verdict,
+    DamageCell, Discriminator, Discriminators, Geometry, Judgement, Quality, Reasons, Recording, Scan, ScanState,
+    Serial, SourceKind, TapState, Verdict, digest_of_parts,
 };
 
 use super::condition::Condition;
@@ -25,7 +27,11 @@ pub(super) struct Evidence {
     pub(super) config_toml: String,
     /// The same, read; the defaults where this program cannot read it.
     pub(super) config: Config,
-    /// Why it cannot.
+    /// The reference that the archive keeps, where the run had one in a file and this program can read it.
+    pub(super) reference: Option<Arc<ReferenceSet>>,
+    /// A number that differs for different references.
+    pub(super) reference_digest: Option<u64>,
+    /// Why the configuration cannot be read.
     pub(super) config_problem: Option<String>,
     pub(super) geometry: Geometry,
     pub(super) recording: Recording,
@@ -52,6 +58,11 @@ pub(super) struct Shoulder {
     /// RE-INSPECT where nothing is judged: no verdict is no PASS.
     pub(super) verdict: Verdict,
     pub(super) reasons: Reasons,
+    /// What speaks for damage where the index is highest: the mean score of each discriminator that speaks at all, the
+    /// loudest first.
+    pub(super) evidence: Vec<(Discriminator, f64)>,
+    /// Chance that a sound shoulder is not passed, which the limits were set for.
+    pub(super) false_call_rate: Option<f64>,
     /// Index at which a location is suspect, and at which it is damage.
     pub(super) limits: Option<Limits>,
     /// Ascending by location; without index where nothing is judged.
@@ -108,9 +119,10 @@ impl Evidence {
             Ok(config) => (config, None),
             Err(error) => (Config::default(), Some(error.to_string())),
         };
+        let reference = reader.reference().and_then(|text| ReferenceSet::parse(text).ok()).map(Arc::new);
         let headers = reader.headers()?;
         let found = reader.discriminators()?;
-        let per_offset = offsets::maps(plan, &config.fuse, &found);
+        let per_offset = offsets::maps(plan, &config.fuse, reference.as_ref(), &found);
         let tap = |row: u32, places: &Places| {
             let planned = &plan.taps()[row as usize];
             let place = if planned.is_closing { places.end() } else { places.of(planned.id.location) };
@@ -151,6 +163,8 @@ impl Evidence {
             config_toml: reader.config().to_owned(),
             config,
             config_problem,
+            reference_digest: reader.reference().map(|text| digest_of_parts([text.as_bytes()])),
+            reference,
             geometry: plan.geometry,
             recording: plan.recording.clone(),
             source,
@@ -196,12 +210,22 @@ fn shoulder(
         station: scan.station,
         verdict,
         reasons,
+        evidence: judgement.map_or_else(Vec::new, |judgement| evidence(&judgement)),
+        false_call_rate: judgement.map(|judgement| judgement.false_call_rate).filter(|rate| rate.is_finite()),
         limits: limits.filter(|limits| limits.re_inspect.is_finite() && limits.reject.is_finite()),
         cells: map.iter().map(cell).collect(),
         regions: regions(reader.plan().geometry, &map),
         taps,
         offsets: Vec::new(),
     }
+}
+
+/// The discriminators that speak for damage at the peak, the loudest first.
+fn evidence(judgement: &Judgement) -> Vec<(Discriminator, f64)> {
+    let all = Discriminator::ALL.into_iter().zip(judgement.evidence);
+    let mut known: Vec<_> = all.filter(|(_, score)| score.is_finite() && *score > 0.0).collect();
+    known.sort_by(|a, b| b.1.total_cmp(&a.1));
+    known
 }
 
 /// Where the locations of one shoulder are drawn.

@@ -18,7 +18,10 @@ pub(super) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
             tbody { @for shoulder in &tyre.shoulders { tr {
                 td data-label=(words::side(geometry)) { (shoulder.number) }
                 td data-label="verdict" { (verdict_word(shoulder.verdict)) }
-                td data-label="why" { @for sentence in words::reasons(shoulder.reasons) { (sentence) " " } }
+                td data-label="why" {
+                    @for sentence in words::reasons(shoulder.reasons) { (sentence) " " }
+                    @if !shoulder.regions.is_empty() && !shoulder.evidence.is_empty() { "Loudest at the peak: " (loudest(shoulder)) "." }
+                }
                 td class="n" data-label="peak index" { (number(shoulder.peak().and_then(|cell| cell.index))) }
                 td class="n" data-label="re-inspect at" { (number(shoulder.limits.map(|limits| limits.re_inspect))) }
                 td class="n" data-label="reject at" { (number(shoulder.limits.map(|limits| limits.reject))) }
@@ -38,7 +41,7 @@ pub(super) fn regions(geometry: Geometry, tyre: &Tyre) -> Markup {
             p { (counted(count, "region", "regions")) ", counted along the " (words::side(geometry)) ". " (how(geometry)) }
             div class="scroll" { table class="cards" {
                 thead { tr {
-                    th { (words::side(geometry)) } th { "region" } th { "from" } th { "to" } th { "length" } th { "worst at" } th { "severity" }
+                    th { (words::side(geometry)) } th { "region" } th { "from" } th { "to" } th { "length" } th { "worst at" } th { "offset" } th { "severity" }
                 } }
                 tbody { @for shoulder in &tyre.shoulders { @for region in &shoulder.regions { tr {
                     td data-label=(words::side(geometry)) { (shoulder.number) }
@@ -47,6 +50,7 @@ pub(super) fn regions(geometry: Geometry, tyre: &Tyre) -> Markup {
                     td data-label="to" { (place(region.end_deg, region.last_location)) }
                     td data-label="length" { (length(region)) }
                     td data-label="worst at" { (place(region.peak_angle_deg, region.peak_location)) }
+                    td data-label="offset" { (offset(region)) }
                     td data-label="severity" { (severity(shoulder, region)) }
                 } } } }
             } }
@@ -97,13 +101,38 @@ fn length(region: &Region) -> Markup {
     }
 }
 
-/// How bad a region is: by how much its index exceeds the limits.
+/// The three discriminators that speak the loudest.
+fn loudest(shoulder: &Shoulder) -> String {
+    let names =
+        shoulder.evidence.iter().take(3).map(|&(which, score)| format!("{} {score:.1}", words::quantity(which).0));
+    names.collect::<Vec<_>>().join(", ")
+}
+
+/// How far from the belt edge a region lies: where it shows most, and from where to where it shows.
+fn offset(region: &Region) -> Markup {
+    html! {
+        @match region.offset_best_mm {
+            Some(best_mm) => {
+                (best_mm) " mm"
+                @if let (Some(low_mm), Some(high_mm)) = (region.offset_low_mm, region.offset_high_mm) {
+                    span class="at" { (low_mm) " to " (high_mm) " mm" }
+                }
+            }
+            None => "unknown",
+        }
+    }
+}
+
+/// How bad a region is: by how much its index exceeds the limits, and how easily chance would do the same.
 fn severity(shoulder: &Shoulder, region: &Region) -> String {
     let (Some(peak), Some(limits)) = (region.peak_damage_index, shoulder.limits) else { return "unknown".to_owned() };
     let word = if peak >= limits.reject { "damage" } else { "suspect" };
-    if limits.reject > 0.0 {
-        format!("{word}: peak index {peak:.2}, {:.1} times the reject limit", peak / limits.reject)
+    let times = if limits.reject > 0.0 {
+        format!(", {:.1} times the reject limit", peak / limits.reject)
     } else {
-        format!("{word}: peak index {peak:.2}")
-    }
+        String::new()
+    };
+    let mean = region.mean_damage_index.map_or_else(String::new, |mean| format!(", mean {mean:.2}"));
+    let chance = region.p_value.map_or_else(String::new, |p_value| format!("; chance in a sound ring {p_value:.3}"));
+    format!("{word}: peak index {peak:.2}{times}{mean}{chance}")
 }

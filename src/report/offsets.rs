@@ -1,8 +1,9 @@
 //! The damage index of each offset alone: where beside the belt edge a crack is heard best.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use tapline_fuse::{FuseConfig, Fusion};
+use tapline_fuse::{FuseConfig, Fusion, ReferenceSet};
 use tapline_wire::{Discriminators, Plan, PlannedTap, Serial, Truth};
 
 /// The index of one shoulder at one offset.
@@ -19,10 +20,15 @@ type Indices = BTreeMap<(Serial, u16, u32), f64>;
 
 /// The maps of every scan of the plan, by number of the scan; none where the plan has fewer than two offsets.
 ///
-/// An offset is judged as the whole is, by a fusion that knows of no other taps: by its own reference, so that its
+/// An offset is judged as the whole is, by a fusion that knows of no other taps: by its part of the reference, so that its
 /// limits are its own too, while the index has the same unit everywhere. A configuration that the plan does not fit
 /// makes no map.
-pub(super) fn maps(plan: &Plan, config: &FuseConfig, found: &[Option<Discriminators>]) -> Vec<Vec<OffsetMap>> {
+pub(super) fn maps(
+    plan: &Plan,
+    config: &FuseConfig,
+    set: Option<&Arc<ReferenceSet>>,
+    found: &[Option<Discriminators>],
+) -> Vec<Vec<OffsetMap>> {
     let mut offsets_mm: Vec<f64> = plan.taps().iter().filter_map(|tap| tap.id.offset_mm()).collect();
     offsets_mm.sort_by(f64::total_cmp);
     offsets_mm.dedup_by(|a, b| a.total_cmp(b).is_eq());
@@ -31,7 +37,7 @@ pub(super) fn maps(plan: &Plan, config: &FuseConfig, found: &[Option<Discriminat
         return maps;
     }
     for offset_mm in offsets_mm {
-        let Some(indices) = indices(plan, config, found, offset_mm) else { continue };
+        let Some(indices) = indices(plan, config, set, found, offset_mm) else { continue };
         for (maps, scan) in maps.iter_mut().zip(plan.scans()) {
             let of = |&(location, _): &(u32, Option<f64>)| indices.get(&(scan.tyre, scan.shoulder, location)).copied();
             maps.push(OffsetMap { offset_mm, index: scan.locations.iter().map(of).collect() });
@@ -41,12 +47,22 @@ pub(super) fn maps(plan: &Plan, config: &FuseConfig, found: &[Option<Discriminat
 }
 
 /// What a fusion of the taps at `offset_mm` alone finds.
-fn indices(plan: &Plan, config: &FuseConfig, found: &[Option<Discriminators>], offset_mm: f64) -> Option<Indices> {
+fn indices(
+    plan: &Plan,
+    config: &FuseConfig,
+    set: Option<&Arc<ReferenceSet>>,
+    found: &[Option<Discriminators>],
+    offset_mm: f64,
+) -> Option<Indices> {
     let is_here = |tap: &PlannedTap| tap.id.offset_mm().is_some_and(|of_tap| of_tap.total_cmp(&offset_mm).is_eq());
     let here = || plan.taps().iter().zip(found).filter(|(tap, _)| is_here(tap));
     let taps = here().map(|(tap, _)| *tap).collect();
     let part = Plan::new(plan.geometry, plan.recording.clone(), taps, Truth::new()).ok()?;
-    let mut fusion = Fusion::new(config, &part).ok()?;
+    let mut fusion = match set {
+        Some(set) => Fusion::with_reference(config, &part, Arc::clone(set)),
+        None => Fusion::new(config, &part),
+    }
+    .ok()?;
     for (plan_index, (_, found)) in (0..).zip(here()) {
         if let Some(found) = found {
             fusion.push(&Discriminators { plan_index, ..*found }).ok()?;
@@ -63,6 +79,7 @@ fn indices(plan: &Plan, config: &FuseConfig, found: &[Option<Discriminators>], o
 
 #[cfg(test)]
 mod tests {
+    use tapline_fuse::Reference;
     use tapline_wire::{Discriminator, Geometry, Recording, SampleFormat, TapId, Values};
 
     use super::*;
@@ -98,14 +115,14 @@ mod tests {
     /// Catches offsets mixed up, rows of the part taken for rows of the whole, and an index for a tap that is not there.
     #[test]
     fn each_offset_stands_for_itself() {
-        let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::default() };
+        let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::by(Reference::Own) };
         let (plan, found) = scanned(&[10.0, 5.0, 0.0]);
-        let maps = maps(&plan, &config, &found);
+        let maps = maps(&plan, &config, None, &found);
         assert_eq!(maps.len(), 1);
         assert_eq!(maps[0].iter().map(|map| map.offset_mm).collect::<Vec<_>>(), [0.0, 5.0, 10.0]);
         for map in &maps[0] {
             let is_raised = map.index[22].unwrap() > 3.0;
-            assert_eq!(is_raised, map.offset_mm == 5.0, "{map:?}");
+            assert_eq!(is_raised, (map.offset_mm - 5.0).abs() < 1e-9, "{map:?}");
             assert_eq!(map.index.len(), 60);
         }
     }
@@ -114,6 +131,6 @@ mod tests {
     #[test]
     fn one_offset_is_the_whole() {
         let (plan, found) = scanned(&[5.0]);
-        assert_eq!(maps(&plan, &FuseConfig::default(), &found), [vec![]]);
+        assert_eq!(maps(&plan, &FuseConfig::by(Reference::Own), None, &found), [vec![]]);
     }
 }

@@ -1,10 +1,12 @@
 //! The frame of a page and the parts that all pages have.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use tapline_fuse::Reference;
 use tapline_wire::{TapState, Verdict};
 
 use super::evidence::{Evidence, Shoulder, Tap, flags};
 use super::words::{self, counted};
+use crate::pen::number;
 
 /// A page called `title`. All that it needs is in it.
 pub(super) fn page(title: &str, body: &Markup) -> String {
@@ -167,7 +169,17 @@ pub(super) fn lineage(evidence: &Evidence) -> Markup {
             dt { "Taps from" } dd { (evidence.source.map_or("unknown", |source| source.name())) }
             dt { "Recorded" } dd { (channels.join(" and ")) " at " (recording.sample_rate_hz) " Hz, up to " (recording.sample_count_max) " samples a channel, " (recording.pre_trigger_samples) " before the trigger" }
             dt { "Program" } dd { "archive by tapline " (evidence.written_by.as_deref().unwrap_or("(unknown)")) ", report by tapline " (env!("CARGO_PKG_VERSION")) }
-            dt { "Compared with" } dd { (evidence.config.fuse.reference) @if evidence.config.fuse.reference == tapline_fuse::Reference::Own { " (each tyre with itself)" } }
+            dt { "Compared with" } dd {
+                @match &evidence.config.fuse.reference {
+                    Some(Reference::Own) => "self (each tyre with itself)",
+                    Some(reference) => (reference),
+                    None => "nothing that is named",
+                }
+                @if let Some(digest) = evidence.reference_digest { ", kept in the archive, digest " code { (format!("{digest:016x}")) } }
+            }
+            @if let Some(rate) = evidence.shoulders().find_map(|shoulder| shoulder.false_call_rate) {
+                dt { "False calls" } dd { "the limits are set for " (number(100.0 * rate)) " % of sound shoulders not passed" }
+            }
         }
         details { summary { "Configuration, as the archive has it" } pre { (evidence.config_toml) } }
     }

@@ -1,5 +1,7 @@
 //! The page of a shift: all tyres of an archive, the worst first.
 
+use std::sync::Arc;
+
 use anyhow::Result;
 use maud::{Markup, html};
 use tapline_fuse::Score;
@@ -102,7 +104,12 @@ fn truth(reader: &Reader, evidence: &Evidence) -> Result<Markup> {
     }
     // What the run says at its end; a configuration that does not fit the plan has no score.
     let records: Vec<_> = evidence.tyres.iter().flat_map(Tyre::taps).filter_map(|tap| tap.found).collect();
-    let score = Score::of(&evidence.config.fuse, reader.plan(), &records).ok();
+    let (config, plan) = (&evidence.config.fuse, reader.plan());
+    let score = match &evidence.reference {
+        Some(set) => Score::by_reference(config, plan, Arc::clone(set), &records),
+        None => Score::of(config, plan, &records),
+    };
+    let score = score.ok();
     let number = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |value| format!("{value:.4}"));
     Ok(html! {
         section {

@@ -51,6 +51,14 @@ fn reason(flag: Reasons) -> Option<&'static str> {
             Reasons::NO_SOUND_MAJORITY,
             "More than half of the locations are suspect: another kind of casing than the reference, or damage all around.",
         ),
+        (
+            Reasons::LEVEL_OFF,
+            "The whole stands off from the other side or from the reference: another construction, a changed sensor, or damage all around.",
+        ),
+        (
+            Reasons::FELL_BACK,
+            "The index that was asked for could not be learned from the reference: the mean of robust z stands in its place.",
+        ),
     ];
     sentences.into_iter().find(|&(known, _)| known == flag).map(|(_, sentence)| sentence)
 }

@@ -18,7 +18,7 @@ use crate::layout::{
 };
 use crate::rows::serial;
 use crate::table::Table;
-use crate::{Error, Result};
+use crate::{Error, Lineage, Result};
 
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
 
@@ -35,6 +35,8 @@ pub(crate) struct Archive {
     pub(crate) path: PathBuf,
     pub(crate) plan: Plan,
     pub(crate) config: String,
+    /// The reference file of the run, as it was read.
+    pub(crate) reference: Option<String>,
     pub(crate) samples: ChunkRows,
     pub(crate) headers: Table<HeaderRow>,
     pub(crate) discriminators: Table<DiscriminatorsRow>,
@@ -46,14 +48,17 @@ pub(crate) struct Archive {
 }
 
 impl Archive {
-    /// Checks that this is the archive of `plan`, begun with the configuration `config_toml`.
-    pub(crate) fn check_same(&self, plan: &Plan, config_toml: &str) -> Result<()> {
+    /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
+    pub(crate) fn check_same(&self, plan: &Plan, lineage: Lineage<'_>) -> Result<()> {
         let (archived, given) = (self.plan.digest(), plan.digest());
         if archived != given {
             return Err(Error::OtherPlan { path: self.path.clone(), archived, given });
         }
-        if self.config != config_toml {
-            return Err(other_configuration(&self.path, &self.config, config_toml));
+        if self.config != lineage.config_toml {
+            return Err(other_configuration(&self.path, &self.config, lineage.config_toml));
+        }
+        if self.reference.as_deref() != lineage.reference {
+            return Err(Error::OtherReference { path: self.path.clone() });
         }
         Ok(())
     }
@@ -75,6 +80,10 @@ impl Archive {
             .dataset(table::CONFIG)
             .and_then(|d| d.read_scalar::<VarLenUnicode>())
             .context("read the configuration", path)?;
+        let reference = match file.link_exists(table::REFERENCE) {
+            true => Some(read_reference(&file, path)?),
+            false => None,
+        };
         let samples = file.dataset(table::SAMPLES).context("find the samples", path)?;
         let samples = (samples.shape().first() == Some(&tap_count))
             .then(|| ChunkRows::new(samples, plan.recording.payload_bytes_max()))
@@ -83,6 +92,7 @@ impl Archive {
         Ok(Self {
             path: path.to_owned(),
             config: utf8(&config).ok_or_else(|| damaged(path, "the configuration is not UTF-8"))?,
+            reference,
             samples,
             headers: open_table(&file, path, table::HEADER, tap_count)?,
             discriminators: open_table(&file, path, table::DISCRIMINATORS, tap_count)?,
@@ -108,6 +118,11 @@ impl Archive {
         }
         first_cells
     }
+}
+
+fn read_reference(file: &File, path: &Path) -> Result<String> {
+    let bytes = file.dataset(table::REFERENCE).and_then(|d| d.read_raw::<u8>()).context("read the reference", path)?;
+    String::from_utf8(bytes).map_err(|_error| damaged(path, "the reference is not UTF-8"))
 }
 
 fn damaged(path: &Path, what: impl Into<String>) -> Error {

@@ -15,7 +15,7 @@ use crate::layout::{
 };
 use crate::rows::{fixed, no_reason};
 use crate::table::Table;
-use crate::{Error, Result};
+use crate::{Error, Lineage, Result};
 
 /// Page of memory and block of most file systems: samples that begin on one are written without touching a neighbour's.
 const PAGE_BYTES: u64 = 4096;
@@ -24,7 +24,7 @@ const PAGE_BYTES: u64 = 4096;
 const ALIGN_FROM_BYTES: u64 = 8 * PAGE_BYTES;
 
 /// Creates the archive of `plan` at `path`; it appears there whole or not at all.
-pub(crate) fn create(path: &Path, plan: &Plan, config_toml: &str) -> Result<()> {
+pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<()> {
     let recording = &plan.recording;
     if recording.channels.is_empty() || recording.sample_count_max == 0 {
         let (channel_count, sample_count_max) = (recording.channels.len(), recording.sample_count_max);
@@ -36,7 +36,7 @@ pub(crate) fn create(path: &Path, plan: &Plan, config_toml: &str) -> Result<()> 
     let draft = draft_of(path);
     // The library's own message for a missing folder is a page of C; the system's is one line.
     std::fs::File::create(&draft).context("create", path)?;
-    let outcome = fill(&draft, plan, config_toml)
+    let outcome = fill(&draft, plan, lineage)
         .context("lay out the tables", path)
         .and_then(|()| std::fs::rename(&draft, path).context("name", path));
     if outcome.is_err() {
@@ -55,7 +55,7 @@ fn draft_of(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-fn fill(path: &Path, plan: &Plan, config_toml: &str) -> hdf5::Result<()> {
+fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     let file = FileBuilder::new().with_fapl(|plist| plist.alignment(ALIGN_FROM_BYTES, PAGE_BYTES)).create(path)?;
     write_text(&file, attribute::FORMAT, FORMAT)?;
     write_number(&file, attribute::FORMAT_VERSION, &FORMAT_VERSION)?;
@@ -64,7 +64,11 @@ fn fill(path: &Path, plan: &Plan, config_toml: &str) -> hdf5::Result<()> {
     write_number(&file, attribute::PLAN_DIGEST, &plan.digest())?;
     write_number(&file, attribute::SOURCE_DIGEST, &plan.source_digest())?;
     let config = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::CONFIG)?;
-    config.write_scalar(&var_len(config_toml)?)?;
+    config.write_scalar(&var_len(lineage.config_toml)?)?;
+    if let Some(reference) = lineage.reference {
+        let builder = file.new_dataset::<u8>().shape(reference.len()).obj_track_times(false);
+        builder.create(table::REFERENCE)?.write_raw(reference.as_bytes())?;
+    }
 
     let (taps, scan_of_tap) = (plan.taps(), plan.scan_of_tap());
     Table::<PlanRow>::create(&file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;

@@ -87,6 +87,12 @@ pub enum Error {
         /// Digest of the plan at hand.
         given: u64,
     },
+    /// The archive was begun with another reference file.
+    #[error("{} was begun with another reference file, or without one", path.display())]
+    OtherReference {
+        /// The archive.
+        path: PathBuf,
+    },
     /// The archive was begun under another configuration.
     #[error("{} was begun with another configuration: line {line} was {archived:?}, now {given:?}", path.display())]
     OtherConfiguration {

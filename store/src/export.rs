@@ -2,7 +2,7 @@
 
 use std::io;
 
-use tapline_wire::{Discriminator, PlannedTap, Reasons, ScanState, TapState, Verdict};
+use tapline_wire::{Discriminator, Judgement, PlannedTap, Reasons, ScanState, TapState, Verdict};
 
 use crate::reader::Reader;
 use crate::regions::regions;
@@ -122,6 +122,11 @@ fn arcs<W: io::Write>(reader: &Reader, out: &mut Out<W>) -> Result<()> {
         "peak_damage_index",
         "extent_locations",
         "extent_deg",
+        "mean_damage_index",
+        "p_value",
+        "offset_best_mm",
+        "offset_low_mm",
+        "offset_high_mm",
     ])?;
     for (scan, judged) in reader.plan().scans().iter().zip(reader.judgements()?) {
         let cells = judged.map_or_else(Vec::new, |(_, cells)| cells);
@@ -139,6 +144,11 @@ fn arcs<W: io::Write>(reader: &Reader, out: &mut Out<W>) -> Result<()> {
                 number(region.peak_damage_index),
                 region.extent_locations.to_string(),
                 number(region.extent_deg),
+                number(region.mean_damage_index),
+                number(region.p_value),
+                number(region.offset_best_mm),
+                number(region.offset_low_mm),
+                number(region.offset_high_mm),
             ])?;
         }
     }
@@ -146,7 +156,8 @@ fn arcs<W: io::Write>(reader: &Reader, out: &mut Out<W>) -> Result<()> {
 }
 
 fn verdicts<W: io::Write>(reader: &Reader, out: &mut Out<W>) -> Result<()> {
-    out.write_record([
+    let names = |prefix: &str| Discriminator::ALL.map(|which| format!("{prefix}_{}", which.name()));
+    let columns = [
         "tyre",
         "shoulder",
         "station",
@@ -160,7 +171,11 @@ fn verdicts<W: io::Write>(reader: &Reader, out: &mut Out<W>) -> Result<()> {
         "region_count",
         "limit_re_inspect",
         "limit_reject",
-    ])?;
+        "false_call_rate",
+        "p_value",
+    ];
+    let columns = columns.map(str::to_owned).into_iter().chain(names("evidence")).chain(names("drift"));
+    out.write_record(columns)?;
     let states = reader.ledger().taps();
     for (number_of_scan, (scan, judged)) in reader.plan().scans().iter().zip(reader.judgements()?).enumerate() {
         let count = |state| scan.taps.iter().filter(|&&row| states[row as usize] == state).count();
@@ -178,13 +193,15 @@ fn verdicts<W: io::Write>(reader: &Reader, out: &mut Out<W>) -> Result<()> {
         cells.push(scan.taps.len().to_string());
         cells.extend([TapState::Archived, TapState::Refused, TapState::Missing].map(|s| count(s).to_string()));
         cells.extend(match known {
-            Some((_, _, judgement, map)) => [
-                judgement.absent_count.to_string(),
-                regions(reader.plan().geometry, map).len().to_string(),
-                number(Some(judgement.limit_re_inspect)),
-                number(Some(judgement.limit_reject)),
-            ],
-            None => Default::default(),
+            Some((_, _, judgement, map)) => {
+                let counts = [judgement.absent_count as usize, regions(reader.plan().geometry, map).len()];
+                let Judgement { limit_re_inspect, limit_reject, false_call_rate, p_value, evidence, drift, .. } =
+                    *judgement;
+                let numbers = [limit_re_inspect, limit_reject, false_call_rate, p_value];
+                let numbers = numbers.into_iter().chain(evidence).chain(drift).map(|value| number(Some(value)));
+                counts.iter().map(ToString::to_string).chain(numbers).collect()
+            }
+            None => vec![String::new(); 6 + 2 * Discriminator::ALL.len()],
         });
         out.write_record(&cells)?;
     }

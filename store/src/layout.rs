@@ -9,7 +9,7 @@ use hdf5::types::FixedUnicode;
 use tapline_wire::{CHANNELS_MAX, SERIAL_BYTES};
 
 /// Version of the layout; a file of another version is refused.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 
 /// Longest reason of a refusal in bytes of UTF-8; a longer one ends in an ellipsis.
 pub const REASON_BYTES: usize = 256;
@@ -23,6 +23,8 @@ pub(crate) const UNWRITTEN: u32 = u32::MAX;
 /// Paths of the tables.
 pub(crate) mod table {
     pub(crate) const CONFIG: &str = "config";
+    /// Bytes of the reference file, UTF-8; only where the run had one.
+    pub(crate) const REFERENCE: &str = "reference";
     pub(crate) const PLAN: &str = "plan";
     pub(crate) const TAPS: &str = "taps";
     pub(crate) const HEADER: &str = "taps/header";
@@ -72,10 +74,14 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     (table::REFUSALS, "reason of a refused tap, UTF-8", ""),
     (
         table::SCANS,
-        "state 0 open, 1 ended, 2 judged; verdict 0 none, 1 PASS, 2 RE-INSPECT, 3 REJECT; reasons is a set of flags; its cells are rows first_cell.. of damage",
+        "state 0 open, 1 ended, 2 judged; verdict 0 none, 1 PASS, 2 RE-INSPECT, 3 REJECT; reasons is a set of flags; its cells are rows first_cell.. of damage; evidence and drift are by discriminator, in the order of that table's columns",
         "",
     ),
-    (table::DAMAGE, "meant where the scan is judged; NaN is none; region 0 is none", "angle_deg deg"),
+    (
+        table::DAMAGE,
+        "meant where the scan is judged; NaN is none; region 0 is none",
+        "angle_deg deg, offset_best_mm mm, offset_low_mm mm, offset_high_mm mm",
+    ),
     (table::SAMPLES, "[tap, channel, sample]; sample_count of the header are meant, the rest is 0", "counts"),
 ];
 
@@ -161,6 +167,10 @@ pub(crate) struct ScanRow {
     pub(crate) verdict: u32,
     pub(crate) limit_re_inspect: f64,
     pub(crate) limit_reject: f64,
+    pub(crate) false_call_rate: f64,
+    pub(crate) p_value: f64,
+    pub(crate) evidence: [f64; 7],
+    pub(crate) drift: [f64; 7],
     pub(crate) reasons: u32,
     pub(crate) planned_count: u32,
     pub(crate) received_count: u32,
@@ -180,6 +190,11 @@ pub(crate) struct CellRow {
     pub(crate) angle_deg: f64,
     pub(crate) damage_index: f64,
     pub(crate) p_value: f64,
+    pub(crate) guard: f64,
+    pub(crate) region_p_value: f64,
+    pub(crate) offset_best_mm: f64,
+    pub(crate) offset_low_mm: f64,
+    pub(crate) offset_high_mm: f64,
     pub(crate) location: u32,
     pub(crate) region: u32,
     pub(crate) tap_count: u32,

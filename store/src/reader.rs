@@ -9,11 +9,11 @@ use tapline_wire::{
     Truth,
 };
 
-use crate::Result;
 use crate::archive::{Access, Archive, read_text};
 use crate::error::Context;
 use crate::layout::attribute;
 use crate::rows::{at_attempt, text};
+use crate::{Lineage, Result};
 
 /// The samples of a tap, planar `[channel][sample]`, as the converter gave them.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,12 +79,12 @@ impl Reader {
         Ok(Self { archive, ledger })
     }
 
-    /// Checks that this is the archive of `plan`, begun with the configuration `config_toml`.
+    /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
     ///
     /// # Errors
-    /// [`crate::Error::OtherPlan`] and [`crate::Error::OtherConfiguration`].
-    pub fn check_same(&self, plan: &Plan, config_toml: &str) -> Result<()> {
-        self.archive.check_same(plan, config_toml)
+    /// [`crate::Error::OtherPlan`], [`crate::Error::OtherConfiguration`] and [`crate::Error::OtherReference`].
+    pub fn check_same<'a>(&self, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<()> {
+        self.archive.check_same(plan, lineage.into())
     }
 
     /// Where the archive is.
@@ -105,6 +105,11 @@ impl Reader {
     /// Version of the program that created the archive; `None` where it does not say.
     pub fn written_by(&self) -> Option<String> {
         read_text(&self.archive.file, attribute::TAPLINE_VERSION).ok()
+    }
+
+    /// The reference file of the run, verbatim; `None` where it had none.
+    pub fn reference(&self) -> Option<&str> {
+        self.archive.reference.as_deref()
     }
 
     /// What is known of where cracks are; empty where nothing is.

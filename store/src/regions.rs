@@ -21,6 +21,16 @@ pub struct Region {
     pub peak_angle_deg: Option<f64>,
     /// The greatest damage index, `None` when no cell has one.
     pub peak_damage_index: Option<f64>,
+    /// Mean damage index of its locations: how severe it is, `None` when no cell has one.
+    pub mean_damage_index: Option<f64>,
+    /// Chance that a sound ring has an arc that stands out as much.
+    pub p_value: Option<f64>,
+    /// Offset from the belt edge at which it shows most.
+    pub offset_best_mm: Option<f64>,
+    /// Least offset at which it shows.
+    pub offset_low_mm: Option<f64>,
+    /// Greatest offset at which it shows.
+    pub offset_high_mm: Option<f64>,
     /// How many locations it has.
     pub extent_locations: u32,
     /// Its share of the ring in degrees, each location standing for an equal part; `None` on a line.
@@ -75,6 +85,8 @@ fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
         }
     }
     let known = |value: f64| Some(value).filter(|v| v.is_finite());
+    let indices = run.iter().map(|cell| cell.damage_index).filter(|index| !index.is_nan());
+    let (sum, count) = indices.fold((0.0, 0_u32), |(sum, count), index| (sum + index, count + 1));
     let extent_locations = u32::try_from(run.len()).unwrap_or(u32::MAX);
     Region {
         region: first.region,
@@ -85,6 +97,11 @@ fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
         peak_location: peak.location,
         peak_angle_deg: known(peak.angle_deg),
         peak_damage_index: known(peak.damage_index),
+        mean_damage_index: known(sum / f64::from(count)),
+        p_value: known(first.region_p_value),
+        offset_best_mm: known(first.offset_best_mm),
+        offset_low_mm: known(first.offset_low_mm),
+        offset_high_mm: known(first.offset_high_mm),
         extent_locations,
         extent_deg: part_deg.map(|part_deg| f64::from(extent_locations) * part_deg),
     }

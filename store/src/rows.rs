@@ -259,6 +259,10 @@ impl ScanRow {
             reasons: 0,
             limit_re_inspect: f64::NAN,
             limit_reject: f64::NAN,
+            false_call_rate: f64::NAN,
+            p_value: f64::NAN,
+            evidence: [f64::NAN; 7],
+            drift: [f64::NAN; 7],
             planned_count: u32::try_from(scan.taps.len()).unwrap_or(u32::MAX),
             received_count: 0,
             refused_count: 0,
@@ -281,6 +285,10 @@ impl ScanRow {
             reasons: judgement.reasons.bits(),
             limit_re_inspect: judgement.limit_re_inspect,
             limit_reject: judgement.limit_reject,
+            false_call_rate: judgement.false_call_rate,
+            p_value: judgement.p_value,
+            evidence: judgement.evidence,
+            drift: judgement.drift,
             planned_count: judgement.planned_count,
             received_count: judgement.received_count,
             refused_count: judgement.refused_count,
@@ -298,6 +306,10 @@ impl ScanRow {
             reasons: Reasons::from_bits(self.reasons),
             limit_re_inspect: self.limit_re_inspect,
             limit_reject: self.limit_reject,
+            false_call_rate: self.false_call_rate,
+            p_value: self.p_value,
+            evidence: self.evidence,
+            drift: self.drift,
             planned_count: self.planned_count,
             received_count: self.received_count,
             refused_count: self.refused_count,
@@ -308,11 +320,18 @@ impl ScanRow {
     /// A number that differs for different judgements with `cells`.
     pub(crate) fn fingerprint(&self, cells: &[CellRow]) -> u64 {
         let mut hasher = DefaultHasher::new();
-        (self.verdict, self.reasons, self.limit_re_inspect.to_bits(), self.limit_reject.to_bits()).hash(&mut hasher);
+        (self.verdict, self.reasons).hash(&mut hasher);
+        [self.limit_re_inspect, self.limit_reject, self.false_call_rate, self.p_value]
+            .map(f64::to_bits)
+            .hash(&mut hasher);
+        [self.evidence, self.drift].map(|of| of.map(f64::to_bits)).hash(&mut hasher);
         (self.planned_count, self.received_count, self.refused_count, self.absent_count).hash(&mut hasher);
         for cell in cells {
             (cell.location, cell.region, cell.tap_count, cell.absent_count).hash(&mut hasher);
-            [cell.angle_deg, cell.damage_index, cell.p_value].map(f64::to_bits).hash(&mut hasher);
+            [cell.angle_deg, cell.damage_index, cell.p_value, cell.guard, cell.region_p_value]
+                .map(f64::to_bits)
+                .hash(&mut hasher);
+            [cell.offset_best_mm, cell.offset_low_mm, cell.offset_high_mm].map(f64::to_bits).hash(&mut hasher);
         }
         hasher.finish()
     }
@@ -330,6 +349,11 @@ impl CellRow {
             angle_deg: cell.angle_deg,
             damage_index: cell.damage_index,
             p_value: cell.p_value,
+            guard: cell.guard,
+            region_p_value: cell.region_p_value,
+            offset_best_mm: cell.offset_best_mm,
+            offset_low_mm: cell.offset_low_mm,
+            offset_high_mm: cell.offset_high_mm,
             region: cell.region,
             tap_count: cell.tap_count,
             absent_count: cell.absent_count,
@@ -344,6 +368,11 @@ impl CellRow {
             angle_deg: self.angle_deg,
             damage_index: self.damage_index,
             p_value: self.p_value,
+            guard: self.guard,
+            region_p_value: self.region_p_value,
+            offset_best_mm: self.offset_best_mm,
+            offset_low_mm: self.offset_low_mm,
+            offset_high_mm: self.offset_high_mm,
             tap_count: self.tap_count,
             absent_count: self.absent_count,
         }

@@ -14,7 +14,6 @@ use tapline_wire::{
     DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, ScanState, TapHeader, TapId, TapState,
 };
 
-use crate::Result;
 use crate::archive::{Access, Archive};
 use crate::check::{check_cells, check_id, check_scan, check_shape};
 use crate::chunk::padded;
@@ -24,6 +23,7 @@ use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ReasonRow,
 use crate::recall::recall;
 use crate::rows::{at_attempt, fixed};
 use crate::track::{Half, PutOutcome, Take, Track};
+use crate::{Lineage, Result};
 
 /// Rows that wait for a flush; one more and it is done unasked, so that memory stays bounded.
 const PENDING_ROWS_MAX: usize = 4096;
@@ -83,27 +83,28 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Begins the archive of `plan` at `path`; `config_toml` goes into it verbatim.
+    /// Begins the archive of `plan` at `path`; configuration and reference go into it verbatim.
     ///
     /// The file appears at `path` whole or not at all. It has its final length from the start, of which the system
     /// allots what is written.
     ///
     /// # Errors
     /// [`crate::Error::Exists`], [`crate::Error::EmptyRecording`], or what the system says.
-    pub fn create(path: impl AsRef<Path>, plan: &Plan, config_toml: &str) -> Result<Self> {
-        create(path.as_ref(), plan, config_toml)?;
-        Self::resume(path, plan, config_toml)
+    pub fn create<'a>(path: impl AsRef<Path>, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
+        let lineage = lineage.into();
+        create(path.as_ref(), plan, lineage)?;
+        Self::resume(path, plan, lineage)
     }
 
-    /// Goes on with the archive at `path`, which must have been begun for the same plan and configuration.
+    /// Goes on with the archive at `path`, which must have been begun for the same plan, configuration and reference.
     ///
     /// # Errors
     /// [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`], [`crate::Error::OtherPlan`],
-    /// [`crate::Error::OtherConfiguration`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
-    pub fn resume(path: impl AsRef<Path>, plan: &Plan, config_toml: &str) -> Result<Self> {
+    /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
+    pub fn resume<'a>(path: impl AsRef<Path>, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
         let path = path.as_ref();
         let archive = Archive::open(path, Access::Write)?;
-        archive.check_same(plan, config_toml)?;
+        archive.check_same(plan, lineage.into())?;
         Self::of(archive)
     }
 
@@ -111,12 +112,12 @@ impl Writer {
     ///
     /// # Errors
     /// As [`Writer::create`] and [`Writer::resume`].
-    pub fn open_or_create(path: impl AsRef<Path>, plan: &Plan, config_toml: &str) -> Result<Self> {
+    pub fn open_or_create<'a>(path: impl AsRef<Path>, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
         let path = path.as_ref();
         if path.try_exists().context("look for", path)? {
-            Self::resume(path, plan, config_toml)
+            Self::resume(path, plan, lineage)
         } else {
-            Self::create(path, plan, config_toml)
+            Self::create(path, plan, lineage)
         }
     }
 

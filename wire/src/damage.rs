@@ -67,13 +67,18 @@ flags! {
         /// More than half of the shoulder's locations are suspect: not cracks in a casing, but another casing than the
         /// reference is of, or one that is damaged all round.
         NO_SOUND_MAJORITY = "no_sound_majority",
+        /// The shoulder as a whole stands off from the other one or from the reference's casings: another construction, a
+        /// sensor that has changed, or damage all round.
+        LEVEL_OFF = "level_off",
+        /// The index that was asked for could not be learned from the reference; the mean of robust z stands in its place.
+        FELL_BACK = "fell_back",
     }
 }
 
 /// Damage at one location of one shoulder, all its taps taken together.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("tapline.DamageCell.v1")]
+#[type_name("tapline.DamageCell.v2")]
 pub struct DamageCell {
     /// Index along the ring or line.
     pub location: u32,
@@ -85,6 +90,17 @@ pub struct DamageCell {
     pub damage_index: f64,
     /// Chance of such an index on a sound location, NaN when not computed.
     pub p_value: f64,
+    /// Half width of the guard band: damage is an index above the re-inspect limit by more; NaN when not computed.
+    pub guard: f64,
+    /// Chance that a sound ring has an arc that stands out as much as the location's region does; NaN outside of regions.
+    pub region_p_value: f64,
+    /// Offset from the belt edge, in mm, at which the location's region shows most; NaN outside of regions and where no
+    /// offset is known.
+    pub offset_best_mm: f64,
+    /// Least offset, in mm, at which the region shows.
+    pub offset_low_mm: f64,
+    /// Greatest offset, in mm, at which the region shows.
+    pub offset_high_mm: f64,
     /// Taps that entered the index.
     pub tap_count: u32,
     /// Discriminators of the location's taps that were absent and left out.
@@ -99,6 +115,11 @@ impl Default for DamageCell {
             angle_deg: f64::NAN,
             damage_index: f64::NAN,
             p_value: f64::NAN,
+            guard: f64::NAN,
+            region_p_value: f64::NAN,
+            offset_best_mm: f64::NAN,
+            offset_low_mm: f64::NAN,
+            offset_high_mm: f64::NAN,
             tap_count: 0,
             absent_count: 0,
         }
@@ -107,8 +128,8 @@ impl Default for DamageCell {
 
 /// The verdict on one shoulder; the cells of its damage map follow it.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("tapline.Judgement.v1")]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("tapline.Judgement.v2")]
 pub struct Judgement {
     /// Which record this is; `stamp.mark` is the number of the scan.
     pub stamp: Stamp,
@@ -118,8 +139,18 @@ pub struct Judgement {
     pub reasons: Reasons,
     /// Index at and above which a location is suspect.
     pub limit_re_inspect: f64,
-    /// Index at and above which a region is damage.
+    /// Index at and above which a region is damage, where all its taps came.
     pub limit_reject: f64,
+    /// Chance that a sound shoulder is not passed, which the limits were set for.
+    pub false_call_rate: f64,
+    /// Chance that a sound ring has an arc that stands out as much as the one of this ring that does most.
+    pub p_value: f64,
+    /// Mean score of each discriminator, in the order of [`Discriminator::ALL`](crate::Discriminator::ALL), where the index
+    /// is highest: what speaks for damage there; NaN where it says nothing.
+    pub evidence: [f64; 7],
+    /// Change of each discriminator from the first to the closing tap of a turn, as a share of its level, the median of
+    /// all turns; NaN where there is no closing tap.
+    pub drift: [f64; 7],
     /// Taps planned for the shoulder, the closing tap among them.
     pub planned_count: u32,
     /// Taps that came.
@@ -128,4 +159,24 @@ pub struct Judgement {
     pub refused_count: u32,
     /// Discriminators that were absent and left out.
     pub absent_count: u32,
+}
+
+impl Default for Judgement {
+    fn default() -> Self {
+        Self {
+            stamp: Stamp::default(),
+            verdict: 0,
+            reasons: Reasons::default(),
+            limit_re_inspect: f64::NAN,
+            limit_reject: f64::NAN,
+            false_call_rate: f64::NAN,
+            p_value: f64::NAN,
+            evidence: [f64::NAN; 7],
+            drift: [f64::NAN; 7],
+            planned_count: 0,
+            received_count: 0,
+            refused_count: 0,
+            absent_count: 0,
+        }
+    }
 }

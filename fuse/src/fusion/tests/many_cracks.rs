@@ -8,13 +8,13 @@ fn damage_is_found_where_it_is_the_rule() {
     let cracked = |arc| Casing { shoulder_count: 2, cracks: vec![(1, arc)], shift: 3.0, ..Casing::default() };
     let casing = cracked(10..50);
     let plan = casing.plan();
-    let mut own = whole(&FuseConfig::default(), &plan, &records(&casing, &plan, 2));
+    let mut own = whole(&FuseConfig::by(Reference::Own), &plan, &records(&casing, &plan, 2));
     let (judgement, cells) = own.judge(0).unwrap();
     assert_eq!(verdict(&judgement), Verdict::Reject);
     assert!(cells[10..50].iter().filter(|c| c.region > 0).count() >= 38);
     let casing = cracked(10..80);
     let reference = Reference::Shoulder { tyre: tyre(), shoulder: 2 };
-    let mut named = whole(&FuseConfig { reference, ..FuseConfig::default() }, &plan, &records(&casing, &plan, 2));
+    let mut named = whole(&FuseConfig::by(reference), &plan, &records(&casing, &plan, 2));
     assert_eq!(verdict(&named.judge(0).unwrap().0), Verdict::Reject);
     assert_eq!(verdict(&named.judge(1).unwrap().0), Verdict::Pass);
 }
@@ -27,7 +27,7 @@ fn many_narrow_cracks_do_not_become_the_rule() {
     let casing = Casing { shoulder_count: 2, cracks, shift: 5.0, location_sd: 0.2, ..Casing::default() };
     let plan = casing.plan();
     for seed in 0..8 {
-        let mut fusion = whole(&FuseConfig::default(), &plan, &records(&casing, &plan, seed));
+        let mut fusion = whole(&FuseConfig::by(Reference::Own), &plan, &records(&casing, &plan, seed));
         for scan in [0, 1] {
             let (judgement, cells) = fusion.judge(scan).unwrap();
             assert_eq!(verdict(&judgement), Verdict::Reject, "{seed} {}", judgement.reasons);
@@ -42,7 +42,7 @@ fn a_tyre_that_is_mostly_cracked_does_not_pass() {
     let cracks = vec![(1, 10..75), (2, 30..95)];
     let casing = Casing { shoulder_count: 2, cracks, shift: 6.0, ..Casing::default() };
     let plan = casing.plan();
-    let mut fusion = whole(&FuseConfig::default(), &plan, &records(&casing, &plan, 5));
+    let mut fusion = whole(&FuseConfig::by(Reference::Own), &plan, &records(&casing, &plan, 5));
     for scan in [0, 1] {
         let judgement = fusion.judge(scan).unwrap().0;
         assert_eq!(verdict(&judgement), Verdict::ReInspect, "{}", judgement.reasons);

@@ -14,7 +14,7 @@ fn a_dead_sensor_does_not_pass() {
     let plan = Plan::new(plan.geometry, recording, plan.taps().to_vec(), Truth::new()).unwrap();
     let records = records(&casing, &plan, 1);
     for (dead, is_noticed) in [(None, false), (Some(Discriminator::Ef), true)] {
-        let mut fusion = Fusion::new(&FuseConfig::default(), &plan).unwrap();
+        let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &plan).unwrap();
         for record in &records {
             let mut record = *record;
             if let Some(dead) = dead {
@@ -46,7 +46,7 @@ fn a_velocity_that_drifts_is_normalised() {
     }
     let of = |normalise_velocity| {
         let config =
-            FuseConfig { normalise_velocity, discriminators: vec![Discriminator::FMax], ..FuseConfig::default() };
+            FuseConfig { normalise_velocity, discriminators: vec![Discriminator::FMax], ..FuseConfig::by(Reference::Own) };
         let (judgement, _) = whole(&config, &plan, &all).judge(0).unwrap();
         verdict(&judgement)
     };

@@ -1,0 +1,295 @@
+//! What a reference teaches: the scale of every discriminator, the index of them, and how conditions become one.
+
+use std::collections::BTreeMap;
+
+use crate::cells::{Cells, Taps};
+use crate::combine::Largest;
+use crate::indices::{Example, Index, Lda, LearnError, LogOdds, Mahalanobis, Mean, Signs, Weighted};
+use crate::level::Level;
+use crate::shoulder::{Reading, Shoulder};
+use crate::stats::Spread;
+use crate::yardstick::Yardstick;
+use crate::{Combine, FuseConfig, IndexKind};
+
+/// Whichever places of each shoulder are meant.
+pub(crate) type Kept = Vec<Vec<bool>>;
+
+/// A fitted index.
+#[derive(Debug)]
+pub(crate) struct Fit {
+    kind: IndexKind,
+    condition_count: usize,
+    yardstick: Yardstick,
+    index: Box<dyn Index>,
+    combination: Box<dyn Index>,
+    /// Index of each of the reference's sound places, condition by condition.
+    sound: Vec<Vec<Option<f64>>>,
+    /// Spread of each condition's index at those places.
+    by_condition: Vec<Option<Spread>>,
+    /// Spread of their combination, whatever conditions each has.
+    usual: Option<Spread>,
+    /// Whether a location's index is a mean of scores that are clipped.
+    is_mean: bool,
+    /// What was asked for and could not be learned from this reference; the mean stands in its place.
+    pub(crate) fallbacks: Vec<String>,
+}
+
+/// The index of one location, before the step along the ring.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct LocationIndex {
+    /// `None` where nothing could be scored.
+    pub(crate) value: Option<f64>,
+    /// The same, condition by condition.
+    pub(crate) by_condition: Vec<Option<f64>>,
+    /// Mean score of each discriminator over the conditions, in the order of the configuration.
+    pub(crate) by_discriminator: Vec<Option<f64>>,
+    /// Taps that entered.
+    pub(crate) tap_count: u32,
+    /// Discriminators that were left out of those that came: absent, or without a scale.
+    pub(crate) absent_count: u32,
+}
+
+impl Fit {
+    /// What the `kept` places of `reference` teach, each shoulder measured against the level of its casing.
+    ///
+    /// Places that are not kept teach only as what they are labelled.
+    pub(crate) fn of(
+        config: &FuseConfig,
+        condition_count: usize,
+        reference: &[Shoulder],
+        kept: &Kept,
+        levels: &[Level],
+    ) -> Self {
+        let averaged: Vec<Vec<Reading>> = match config.index {
+            IndexKind::Dissertation => reference.iter().map(|s| s.averaged(condition_count)).collect(),
+            _ => Vec::new(),
+        };
+        let readings = |number: usize| averaged.get(number).map_or(&reference[number].taps[..], |r| &r[..]);
+        // Eq. 55's extremes are those of the whole shoulder: damaged places are its other end.
+        let is_meant = |number: usize, r: &Reading| config.index == IndexKind::Dissertation || kept[number][r.place];
+        let learnt = (0..reference.len()).flat_map(|number| {
+            let level = &levels[reference[number].tyre];
+            readings(number).iter().filter(move |r| is_meant(number, r)).map(move |r| (level, r))
+        });
+        let repeats = match config.index {
+            IndexKind::Percentile | IndexKind::Repeatability => {
+                repeat_sds(config, condition_count, reference, kept, levels)
+            }
+            _ => Vec::new(),
+        };
+        let yardstick = Yardstick::of(config, condition_count, learnt, &repeats);
+        let cells: Vec<Cells> = reference
+            .iter()
+            .map(|s| Cells::of(config.index, condition_count, &yardstick, &levels[s.tyre], s, Taps::All))
+            .collect();
+        let mut fallbacks = Vec::new();
+        let is_plain =
+            matches!(config.index, IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile);
+        let index: Box<dyn Index> = if is_plain {
+            Box::new(Mean::new(yardstick.width()))
+        } else {
+            let examples = examples(condition_count, reference, kept, &cells);
+            learned(config.index, &examples, &score_sds(&yardstick, &repeats)).unwrap_or_else(|why| {
+                fallbacks.push(format!("index = {:?} falls back to \"robust\": {why}", config.index.name()));
+                Box::new(Mean::new(yardstick.width()))
+            })
+        };
+        let has_fallen_back = !fallbacks.is_empty();
+        let mut rows = Rows::default();
+        for (number, (shoulder, cells)) in reference.iter().zip(&cells).enumerate() {
+            for place in 0..cells.place_count() {
+                let values = (0..condition_count).map(|c| index.value(cells.at(place, c))).collect();
+                rows.push(number, place, shoulder, kept, values);
+            }
+        }
+        let combination = rows.combination(config, condition_count).unwrap_or_else(|why| {
+            fallbacks.push(format!("combine = \"fitted\" falls back to \"mean\": {why}"));
+            Box::new(Mean::new(condition_count))
+        });
+        let is_mean = match config.index {
+            IndexKind::Lda | IndexKind::Mahalanobis | IndexKind::LogOdds => has_fallen_back,
+            _ => true,
+        } && (config.combine == Combine::Mean || fallbacks.iter().any(|f| f.starts_with("combine")));
+        let sound: Vec<Vec<Option<f64>>> =
+            rows.examples.into_iter().filter(|e| !e.is_cracked).map(|e| e.scores).collect();
+        let mut values: Vec<f64> = sound.iter().filter_map(|row| combination.value(row)).collect();
+        let usual = Spread::of(&mut values);
+        let of_condition = |c: usize| Spread::of(&mut sound.iter().filter_map(|row| row[c]).collect::<Vec<f64>>());
+        let by_condition = (0..condition_count).map(of_condition).collect();
+        Self { kind: config.index, condition_count, yardstick, index, combination, sound, by_condition, usual, is_mean, fallbacks }
+    }
+
+    /// The scales.
+    pub(crate) fn yardstick(&self) -> &Yardstick {
+        &self.yardstick
+    }
+
+    /// Spread of each condition's index at the reference's sound places.
+    pub(crate) fn by_condition(&self) -> &[Option<Spread>] {
+        &self.by_condition
+    }
+
+    /// Spread of a location's index at the reference's sound places, before the step along the ring.
+    pub(crate) fn usual(&self) -> Option<Spread> {
+        self.usual
+    }
+
+    /// The greatest index that a crack can be asked to reach: most of what a mean of clipped scores can be at all.
+    pub(crate) fn ceiling(&self, config: &FuseConfig) -> f64 {
+        /// A limit must be such that most of a crack's taps reach it, and not all of them.
+        const PART: f64 = 0.9;
+        if !self.is_mean {
+            return f64::INFINITY;
+        }
+        let is_share = matches!(config.index, IndexKind::Percentile | IndexKind::Dissertation);
+        PART * if is_share { 1.0 } else { config.z_clip }
+    }
+
+    /// The index of every location of `shoulder`, whose casing has this `level`.
+    pub(crate) fn locations(&self, level: &Level, shoulder: &Shoulder, which: Taps) -> Vec<LocationIndex> {
+        let cells = Cells::of(self.kind, self.condition_count, &self.yardstick, level, shoulder, which);
+        let mut nulls = BTreeMap::new();
+        let location = |place: usize| {
+            let by_condition: Vec<Option<f64>> =
+                (0..self.condition_count).map(|c| self.index.value(cells.at(place, c))).collect();
+            LocationIndex {
+                value: self.combined(&by_condition, &mut nulls),
+                by_condition,
+                by_discriminator: cells.by_discriminator(place),
+                tap_count: cells.tap_counts[place],
+                absent_count: cells.absent_counts[place],
+            }
+        };
+        (0..cells.place_count()).map(location).collect()
+    }
+
+    /// One value of the conditions of a location, on the scale of the usual ones.
+    ///
+    /// A location that lacks conditions scatters more: what it shows counts by the spread that the reference has where it
+    /// lacks the same. `None` where the reference cannot tell that spread.
+    fn combined(&self, row: &[Option<f64>], nulls: &mut BTreeMap<Vec<bool>, Option<Spread>>) -> Option<f64> {
+        let value = self.combination.value(row)?;
+        let (Some(usual), false) = (self.usual, self.kind == IndexKind::Dissertation) else { return Some(value) };
+        let present: Vec<bool> = row.iter().map(Option::is_some).collect();
+        let null = *nulls.entry(present).or_insert_with_key(|present| self.null_of(present));
+        let Spread { centre, sigma } = null?;
+        Some(usual.centre + (value - centre) * usual.sigma / sigma).filter(|v| v.is_finite())
+    }
+
+    /// Spread of the combination at sound places of which only the `present` conditions are looked at.
+    fn null_of(&self, present: &[bool]) -> Option<Spread> {
+        let only = |row: &Vec<Option<f64>>| -> Option<f64> {
+            let has_all = row.iter().zip(present).all(|(value, &asked)| !asked || value.is_some());
+            let row: Vec<Option<f64>> = row.iter().zip(present).map(|(v, &asked)| v.filter(|_| asked)).collect();
+            has_all.then(|| self.combination.value(&row)).flatten()
+        };
+        Spread::of(&mut self.sound.iter().filter_map(only).collect::<Vec<f64>>())
+    }
+}
+
+/// Index values of the reference's places, condition by condition, with their labels.
+#[derive(Debug, Default)]
+struct Rows {
+    examples: Vec<Example>,
+}
+
+impl Rows {
+    fn push(&mut self, number: usize, place: usize, shoulder: &Shoulder, kept: &Kept, values: Vec<Option<f64>>) {
+        let is_cracked = shoulder.is_cracked[place] == Some(true);
+        if (kept[number][place] || is_cracked) && values.iter().any(Option::is_some) {
+            self.examples.push(Example { scores: values, is_cracked, place: self.examples.len() });
+        }
+    }
+
+    fn combination(&self, config: &FuseConfig, condition_count: usize) -> Result<Box<dyn Index>, LearnError> {
+        match config.combine {
+            Combine::Mean => Ok(Box::new(Mean::new(condition_count))),
+            Combine::Largest => {
+                let sound = || self.examples.iter().filter(|e| !e.is_cracked);
+                let spread = |c: usize| Spread::of(&mut sound().filter_map(|e| e.scores[c]).collect::<Vec<f64>>());
+                Ok(Box::new(Largest { spreads: (0..condition_count).map(spread).collect() }))
+            }
+            Combine::Fitted => Ok(Box::new(Lda::learn(&self.examples, Signs::default())?)),
+        }
+    }
+}
+
+/// The index of `kind` as `examples` teach it; `repeat_sds` are those of a repeated tap's scores.
+fn learned(kind: IndexKind, examples: &[Example], repeat_sds: &[Option<f64>]) -> Result<Box<dyn Index>, LearnError> {
+    Ok(match kind {
+        IndexKind::Repeatability => Box::new(Weighted::by_repeatability(repeat_sds)?),
+        IndexKind::Auc => Box::new(Weighted::by_auc(examples)?),
+        IndexKind::Lda => Box::new(Lda::learn(examples, Signs::default())?),
+        IndexKind::Mahalanobis => Box::new(Mahalanobis::learn(examples)?),
+        IndexKind::LogOdds => Box::new(LogOdds::learn(examples, Signs::default())?),
+        IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile => {
+            Box::new(Mean::new(examples.first().map_or(0, |e| e.scores.len())))
+        }
+    })
+}
+
+/// The scores of every place in every condition, of those that are kept or labelled as cracked.
+fn examples(condition_count: usize, reference: &[Shoulder], kept: &Kept, cells: &[Cells]) -> Vec<Example> {
+    let mut examples = Vec::new();
+    let mut first_place = 0;
+    for (number, (shoulder, cells)) in reference.iter().zip(cells).enumerate() {
+        for place in 0..cells.place_count() {
+            let is_cracked = shoulder.is_cracked[place] == Some(true);
+            if !(kept[number][place] || is_cracked) {
+                continue;
+            }
+            let rows = (0..condition_count).map(|c| cells.at(place, c)).filter(|row| row.iter().any(Option::is_some));
+            examples.extend(rows.map(|row| Example { scores: row.to_vec(), is_cracked, place: first_place + place }));
+        }
+        first_place += cells.place_count();
+    }
+    examples
+}
+
+/// Standard deviation of a repeated tap's score, by discriminator: the mean over the conditions that have one.
+fn score_sds(yardstick: &Yardstick, repeats: &[Option<f64>]) -> Vec<Option<f64>> {
+    let width = yardstick.width();
+    let mean = |which: usize| {
+        let slots = (which..repeats.len()).step_by(width);
+        let sds = slots.filter_map(|slot| Some(repeats[slot]? / yardstick.sigma(slot)?)).filter(|sd| sd.is_finite());
+        let (sum, count) = sds.fold((0.0, 0_u32), |(sum, count), sd| (sum + sd, count + 1));
+        (count > 0).then(|| sum / f64::from(count))
+    };
+    (0..width).map(mean).collect()
+}
+
+/// Standard deviation of a repeated tap's share of the level, by slot: pooled over the kept places with two taps and more.
+fn repeat_sds(
+    config: &FuseConfig,
+    condition_count: usize,
+    reference: &[Shoulder],
+    kept: &Kept,
+    levels: &[Level],
+) -> Vec<Option<f64>> {
+    let discriminators = config.directed();
+    let width = discriminators.len();
+    let mut pooled = vec![(0.0, 0_u32); condition_count * width];
+    for (shoulder, kept) in reference.iter().zip(kept) {
+        let level = &levels[shoulder.tyre];
+        // Count, mean and sum of squares about it, by place and slot (Welford).
+        let mut sums = vec![(0_u32, 0.0, 0.0); shoulder.ring.len() * condition_count * width];
+        for tap in shoulder.taps.iter().filter(|tap| kept[tap.place]) {
+            let first = tap.condition * width;
+            for (slot, &(which, _)) in (first..).zip(&discriminators) {
+                let Some(share) = tap.values.get(which).and_then(|x| level.share(slot, x)) else { continue };
+                let (count, mean, squares) = &mut sums[tap.place * condition_count * width + slot];
+                *count += 1;
+                let off = share - *mean;
+                *mean += off / f64::from(*count);
+                *squares += off * (share - *mean);
+            }
+        }
+        for (number, (count, _, squares)) in sums.into_iter().enumerate() {
+            let (sum, free) = &mut pooled[number % (condition_count * width)];
+            if count > 1 && f64::is_finite(squares) {
+                (*sum, *free) = (*sum + squares, *free + count - 1);
+            }
+        }
+    }
+    pooled.into_iter().map(|(sum, free)| (free > 0).then(|| (sum / f64::from(free)).sqrt())).collect()
+}

@@ -1,0 +1,94 @@
+//! Which offset sees a region best, how far across the shoulder it reaches, and how rare such an arc is on a sound ring.
+
+use tapline_wire::{DamageCell, Geometry};
+
+use crate::compare::Compared;
+use crate::scan::{Permutation, arc_null, scan};
+use crate::stats::Spread;
+use crate::{Error, Fusion};
+
+/// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
+const REACH_PART: f64 = 0.5;
+
+/// Fills in what `cells` say of their regions; the chance that a sound ring has an arc like the one that stands out most.
+///
+/// The ring outside of the regions is the background that chances are taken from: an arc that is real would come together
+/// again in its own permutations.
+pub(crate) fn mark_regions(compared: &Compared, geometry: Geometry, regions: &[u32], cells: &mut [DamageCell]) -> Option<f64> {
+    let Spread { centre, sigma } = compared.standard.fit.usual()?;
+    let z: Vec<Option<f64>> =
+        compared.map().locations.iter().map(|l| l.value.map(|value| (value - centre) / sigma)).collect();
+    let background: Vec<Option<f64>> = z.iter().zip(regions).map(|(z, &region)| z.filter(|_| region == 0)).collect();
+    let null = arc_null(&background, geometry, Permutation::default());
+    let p_value = |value: f64| {
+        let at_least = null.len() - null.partition_point(|&of_null| of_null < value);
+        (!null.is_empty()).then(|| (at_least + 1) as f64 / (null.len() + 1) as f64)
+    };
+    for region in 1..=regions.iter().copied().max().unwrap_or(0) {
+        let places: Vec<usize> = (0..regions.len()).filter(|&place| regions[place] == region).collect();
+        let (sum, count) = places.iter().filter_map(|&p| z[p]).fold((0.0, 0.0), |(s, n), z| (s + z, n + 1.0));
+        let chance = if count > 0.0 { p_value(sum / f64::sqrt(count)) } else { None };
+        let across = across(compared, &places);
+        for place in places {
+            let cell = &mut cells[place];
+            cell.region_p_value = chance.unwrap_or(f64::NAN);
+            if let Some((best, low, high)) = across {
+                (cell.offset_best_mm, cell.offset_low_mm, cell.offset_high_mm) = (best, low, high);
+            }
+        }
+    }
+    p_value(scan(&z, geometry)?.value)
+}
+
+/// The offset at which `places` show most, and the least and the greatest at which they show half of that.
+fn across(compared: &Compared, places: &[usize]) -> Option<(f64, f64, f64)> {
+    let by_offset = compared.by_offset(places);
+    let (best_mm, most) = by_offset.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let seen = by_offset.iter().filter(|&&(_, value)| value >= REACH_PART * most).map(|&(offset_mm, _)| offset_mm);
+    let (low, high) = seen.fold((best_mm, best_mm), |(low, high), x| {
+        (if x < low { x } else { low }, if x > high { x } else { high })
+    });
+    Some((best_mm, low, high))
+}
+
+impl Fusion {
+    /// The index of every location of scan number `scan` at each offset that is known, in the order of the locations: the
+    /// mean over its velocities and along the ring, in spreads above sound places. With whatever has come so far.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn by_offset(&mut self, scan: usize) -> Result<Vec<(f64, Vec<Option<f64>>)>, Error> {
+        self.check(scan)?;
+        let compared = self.compared(scan);
+        let mut maps: Vec<(f64, Vec<Option<f64>>)> = Vec::new();
+        for mm in compared.conditions.offsets_mm().into_iter().flatten() {
+            let at = |place: usize| compared.by_offset(&[place]).into_iter().find(|of| of.0.total_cmp(&mm).is_eq());
+            let values: Vec<Option<f64>> = (0..compared.ring.len()).map(|place| Some(at(place)?.1)).collect();
+            maps.push((mm, compared.ring.mean_of_3(&values)));
+        }
+        maps.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(maps)
+    }
+}
+
+impl Compared {
+    /// Mean index of `places` at each offset that is known, over its velocities, in spreads of sound places; offsets in mm.
+    pub(crate) fn by_offset(&self, places: &[usize]) -> Vec<(f64, f64)> {
+        let locations = &self.map().locations;
+        let spreads = self.standard.fit.by_condition();
+        let value_at = |offset: usize| {
+            let conditions = (0..spreads.len()).filter(|&c| self.conditions.offset_of(c) == offset);
+            let z = conditions.flat_map(|c| {
+                let spread = spreads[c];
+                places.iter().filter_map(move |&place| {
+                    let spread = spread?;
+                    Some((locations[place].by_condition[c]? - spread.centre) / spread.sigma)
+                })
+            });
+            let (sum, count) = z.fold((0.0, 0_u32), |(sum, count), z| (sum + z, count + 1));
+            (count > 0).then(|| sum / f64::from(count)).filter(|mean| mean.is_finite())
+        };
+        let offsets = self.conditions.offsets_mm();
+        offsets.into_iter().enumerate().filter_map(|(number, mm)| Some((mm?, value_at(number)?))).collect()
+    }
+}

@@ -1,0 +1,44 @@
+//! The end of what a likelihood admits of a size.
+
+use super::tail::Z_95;
+
+/// Twice the logarithm of likelihood that a one-sided 95 % bound may lose: the 90 % point of chi-squared with one
+/// degree.
+const DEVIANCE_95: f64 = Z_95 * Z_95;
+
+/// Doublings of the first guess, and halvings after, by which a bound is looked for.
+const DOUBLINGS: usize = 40;
+const HALVINGS: usize = 52;
+
+/// Whether log likelihood `value` is among those that the `best` does not exclude at 95 %, one-sided.
+pub(super) fn is_admitted(best: f64, value: f64) -> bool {
+    2.0 * (best - value) <= DEVIANCE_95
+}
+
+/// Greatest ln(size) at or above `from` that is admitted, where `through` is the best log likelihood of the fits that
+/// put the quantity sought there, and `sd` about how far the bound may lie.
+///
+/// Log likelihoods here are concave and the size is monotone along every line through their parameters, as long as the
+/// slope is above 0: what is admitted is one interval about the best, so that doubling and halving find its end. With
+/// the flat fit admitted it has none, and is not to be asked for. `None` where the end is too far off, or a fit does
+/// not settle.
+pub(super) fn upper_bound(from: f64, sd: f64, best: f64, through: impl Fn(f64) -> Option<f64>) -> Option<f64> {
+    let is_within = |ln_size| through(ln_size).map(|value| is_admitted(best, value));
+    let (mut low, mut step) = (from, sd);
+    let mut high = None;
+    for _ in 0..DOUBLINGS {
+        if is_within(from + step)? {
+            low = from + step;
+            step *= 2.0;
+        } else {
+            high = Some(from + step);
+            break;
+        }
+    }
+    let mut high = high?;
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if is_within(middle)? { low = middle } else { high = middle }
+    }
+    Some(0.5 * (low + high))
+}

@@ -1,0 +1,119 @@
+//! Why a study gives no number.
+
+/// What the data of a study cannot say, or what is wrong with them.
+///
+/// Most of these are outcomes rather than faults: a study in which every crack was found is a good one, but it has no
+/// a90.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// Two slices that belong together differ in length.
+    #[error("{first_name} has {first} entries and {second_name} has {second}; they must be as many")]
+    Lengths {
+        /// Name of the one.
+        first_name: &'static str,
+        /// Its length.
+        first: usize,
+        /// Name of the other.
+        second_name: &'static str,
+        /// Its length.
+        second: usize,
+    },
+    /// A size has no logarithm.
+    #[error("the size of target {index} is {value}; it must be above 0 and finite")]
+    Size {
+        /// Which target, from 0.
+        index: usize,
+        /// What was given.
+        value: f64,
+    },
+    /// A response is no number, or has no logarithm where one is asked for.
+    #[error(
+        "the response of target {index} is {value}; it must be finite, and above 0 or no more than the noise in logs"
+    )]
+    Response {
+        /// Which target, from 0.
+        index: usize,
+        /// What was given.
+        value: f64,
+    },
+    /// A setting lies outside its bounds.
+    #[error("{name} is {value}; it must lie in {low} to {high}")]
+    OutOfRange {
+        /// Which setting.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// Least value allowed.
+        low: f64,
+        /// Greatest value allowed.
+        high: f64,
+    },
+    /// There are fewer of a thing than the result needs at all.
+    #[error("{name}: there are {got}; at least {least} are needed")]
+    TooFew {
+        /// Which thing.
+        name: &'static str,
+        /// How many there are.
+        got: usize,
+        /// Fewest that give a result.
+        least: usize,
+    },
+    /// No target was found, so that no size is found half the time.
+    #[error("none of the {target_count} targets was found; a50 lies above all of their sizes")]
+    NoHits {
+        /// Targets looked at.
+        target_count: usize,
+    },
+    /// Every target was found, so that no size is missed half the time.
+    #[error("all of the {target_count} targets were found; a50 lies below all of their sizes")]
+    AllHits {
+        /// Targets looked at.
+        target_count: usize,
+    },
+    /// Misses and hits do not overlap, so that the steepest curve fits best and has no slope.
+    #[error(
+        "every target up to size {largest_miss} was missed and every one from {smallest_hit} on was found; \
+         a50 lies between, and a slope needs sizes at which both happen"
+    )]
+    Separable {
+        /// Greatest size missed, in the unit of the sizes.
+        largest_miss: f64,
+        /// Least size found, in the unit of the sizes.
+        smallest_hit: f64,
+    },
+    /// All that could tell a slope is of one size.
+    #[error("every target that tells of a slope has the size {size}; at least two sizes are needed")]
+    OneSize {
+        /// That size, in its unit.
+        size: f64,
+    },
+    /// Larger cracks are not found more easily, so that no size is large enough.
+    #[error("the slope over ln(size) is {slope}; it must be above 0")]
+    NotRising {
+        /// The slope fitted, per ln(size); minus infinity where hits and misses part cleanly the wrong way round.
+        slope: f64,
+    },
+    /// The data lie on one line or are all the same.
+    #[error("the {name} have no scatter; nothing can be said of chance")]
+    NoScatter {
+        /// What has none.
+        name: &'static str,
+    },
+    /// The fit did not settle.
+    #[error("the fit had not settled after {steps} steps")]
+    NotSettled {
+        /// Steps taken.
+        steps: usize,
+    },
+    /// A design has a hole.
+    #[error("part {part}, operator {operator}, repeat {repeat} has no value; the design must be complete")]
+    Incomplete {
+        /// Part of the hole, from 0.
+        part: usize,
+        /// Operator, or station, of the hole, from 0.
+        operator: usize,
+        /// Repeat of the hole, from 0.
+        repeat: usize,
+    },
+}

@@ -1,0 +1,191 @@
+//! What chapter 5 claims, and what the simulated experiment finds.
+
+mod contact;
+mod discriminators;
+mod effects;
+mod inspection;
+
+use std::fmt;
+
+use anyhow::{Context as _, Result};
+use tapline_fuse::auc;
+use tapline_wire::Discriminator;
+
+use super::taken::{Experiment, Tap};
+
+/// Whether what is found is what is claimed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Agrees {
+    Yes,
+    No,
+    /// The simulation cannot say.
+    NotTestable,
+}
+
+impl From<bool> for Agrees {
+    fn from(is_so: bool) -> Self {
+        if is_so { Self::Yes } else { Self::No }
+    }
+}
+
+impl fmt::Display for Agrees {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(["yes", "no", "not testable"][*self as usize])
+    }
+}
+
+/// A claim and what became of it.
+#[derive(Debug, Clone)]
+pub(super) struct Claim {
+    pub(super) id: &'static str,
+    /// Section and figure.
+    pub(super) place: &'static str,
+    /// The claim in our words.
+    pub(super) claim: &'static str,
+    /// What is measured of it.
+    pub(super) quantity: &'static str,
+    /// What the dissertation gives for that, empty where it gives nothing.
+    pub(super) dissertation: &'static str,
+    pub(super) ours: String,
+    pub(super) agrees: Agrees,
+    /// What agreement needs, and what of it the simulation was built to show; true whatever is found.
+    pub(super) remark: &'static str,
+}
+
+/// All claims, in the order of the chapter.
+pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
+    let mut claims = contact::claims(experiment)?;
+    claims.extend(effects::claims(experiment)?);
+    claims.extend(discriminators::claims(experiment)?);
+    claims.extend(inspection::claims(experiment)?);
+    Ok(claims)
+}
+
+/// The claims as CSV.
+pub(super) fn csv(claims: &[Claim]) -> Result<String> {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    out.write_record(["claim", "where", "quantity", "dissertation", "ours", "agrees"])?;
+    for claim in claims {
+        let agrees = claim.agrees.to_string();
+        out.write_record([claim.id, claim.place, claim.quantity, claim.dissertation, &claim.ours, &agrees])?;
+    }
+    Ok(String::from_utf8(out.into_inner()?)?)
+}
+
+/// What the page says above its table.
+const HEAD: &str = include_str!("claims/head.md");
+
+/// The page: the head, what was drawn, and the table of claims; `folder` is that of the figures.
+pub(super) fn page(claims: &[Claim], figures: &[(&str, &str)], folder: &str) -> String {
+    let count = |agrees| claims.iter().filter(|claim| claim.agrees == agrees).count();
+    let (yes, no, open) = (count(Agrees::Yes), count(Agrees::No), count(Agrees::NotTestable));
+    let mut page = HEAD.to_owned();
+    page.push_str(&format!(
+        "\n## Claims\n\nOf {} claims {yes} agree, {no} do not, and {open} cannot be tested on a simulated tyre.\n\n\
+         | claim | where | in the dissertation | here | agrees | what agreement needs, and why |\n|---|---|---|---|---|---|\n",
+        claims.len()
+    ));
+    for Claim { id, place, claim, quantity, dissertation, ours, agrees, remark } in claims {
+        let given = if dissertation.is_empty() { "no number" } else { dissertation };
+        page.push_str(&format!("| `{id}`: {claim} | {place} | {given} | {quantity}: {ours} | {agrees} | {remark} |\n"));
+    }
+    page.push_str("\n## Figures\n");
+    for (name, title) in figures {
+        page.push_str(&format!("\n![{title}]({folder}/{name}.svg)\n\nTable: [{name}.csv]({folder}/{name}.csv)\n"));
+    }
+    page
+}
+
+/// `value` to three significant digits.
+fn digits(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let places = (2.0 - value.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{value:.places$}")
+}
+
+/// Values to three digits each, between `joint`.
+fn list(values: &[f64], joint: &str) -> String {
+    values.iter().map(|&value| digits(value)).collect::<Vec<_>>().join(joint)
+}
+
+/// Values by name.
+fn named(values: &[(Discriminator, f64)]) -> String {
+    let named: Vec<String> =
+        values.iter().map(|(which, value)| format!("{} {}", symbol(*which), digits(*value))).collect();
+    named.join(", ")
+}
+
+/// The symbol of a discriminator, in plain letters.
+fn symbol(which: Discriminator) -> &'static str {
+    match which {
+        Discriminator::FMax => "F_max",
+        Discriminator::Tau => "tau",
+        Discriminator::A1 => "A_1",
+        Discriminator::A2 => "A_2",
+        Discriminator::Pr => "PR",
+        Discriminator::Pf => "P_f",
+        Discriminator::Ef => "E_f",
+    }
+}
+
+/// What `value` says of the taps that `is_in` says, where it says something.
+fn of(turn: &[&Tap], is_in: impl Fn(&Tap) -> bool, value: impl Fn(&Tap) -> Option<f64>) -> Vec<f64> {
+    turn.iter().filter(|tap| is_in(tap)).filter_map(|tap| value(tap)).collect()
+}
+
+/// A statistic that must be there.
+fn known(value: Option<f64>) -> Result<f64> {
+    value.context("too few values for a claim")
+}
+
+/// Chance that a cracked place has the greater value: area under the ROC curve.
+fn auc_of(sound: &[f64], cracked: &[f64]) -> Result<f64> {
+    let scores: Vec<f64> = sound.iter().chain(cracked).copied().collect();
+    let labels: Vec<bool> = sound.iter().map(|_| false).chain(cracked.iter().map(|_| true)).collect();
+    known(auc(&scores, &labels))
+}
+
+/// The largest of `values`, or the least for `sign` -1.
+fn extreme(values: impl IntoIterator<Item = f64>, sign: f64) -> Result<f64> {
+    known(values.into_iter().max_by(|a, b| (sign * a).total_cmp(&(sign * b))))
+}
+
+/// Whether every value is above the last.
+fn rises(values: &[f64]) -> bool {
+    values.windows(2).all(|pair| pair[1] > pair[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches digits lost or made up.
+    #[test]
+    fn numbers_have_three_digits() {
+        assert_eq!(list(&[0.0, 1.2345, 12.345, 1234.5, 0.012_345, -0.5], " "), "0 1.23 12.3 1234 0.0123 -0.500");
+    }
+
+    /// Catches a table whose columns a claim can break, and a count that is not the table's.
+    #[test]
+    fn the_page_has_a_row_a_claim() {
+        let claim = Claim {
+            id: "id",
+            place: "5.4",
+            claim: "claim",
+            quantity: "quantity",
+            dissertation: "",
+            ours: "1 N".to_owned(),
+            agrees: Agrees::No,
+            remark: "remark",
+        };
+        let page =
+            page(&[claim.clone(), Claim { agrees: Agrees::NotTestable, ..claim }], &[("fig60", "Fig. 60")], "to");
+        assert!(page.contains("\n| `id`: claim | 5.4 | no number | quantity: 1 N | no | remark |\n"), "{page}");
+        assert!(
+            page.contains("Of 2 claims 0 agree, 1 do not, and 1 cannot") && page.contains("(to/fig60.svg)"),
+            "{page}"
+        );
+    }
+}

@@ -1,0 +1,89 @@
+//! The damage index of all six shoulders by one set of extremes (Eqs. 55 and 56).
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, Result};
+use tapline_fuse::{Direction, Directions, FuseConfig, Fusion, IndexKind, Reference};
+use tapline_wire::{Discriminator, Serial};
+
+use super::taken::Taken;
+use super::tyres::REPRESENTATIVE;
+
+/// Damage indices by tyre and shoulder, location by location.
+pub(super) type Indices = BTreeMap<(String, u16), Vec<Option<f64>>>;
+
+/// How PR is taken to move over a crack.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PowerRatio {
+    /// As Table 13 has it, and as it does.
+    Rises,
+    /// As section 5.4.4 has it.
+    Falls,
+}
+
+/// The indices of the shoulders in `taken`, from `discriminators`, by the extremes of the representative tyre's shoulder 1.
+///
+/// It is the index that the program calls `dissertation`: the two repetitions are averaged, closing taps left out.
+pub(super) fn indices(taken: &Taken, discriminators: &[Discriminator], pr: PowerRatio) -> Result<Indices> {
+    let pr = if pr == PowerRatio::Rises { Direction::Rises } else { Direction::Falls };
+    let config = FuseConfig {
+        discriminators: discriminators.to_vec(),
+        index: IndexKind::Dissertation,
+        reference: Some(Reference::Shoulder { tyre: Serial::new(REPRESENTATIVE)?, shoulder: 1 }),
+        directions: Directions { pr, ..Directions::default() },
+        ..FuseConfig::default()
+    };
+    let mut fusion = Fusion::new(&config, &taken.plan)?;
+    for tap in &taken.taps {
+        fusion.push(&tap.found)?;
+    }
+    let mut indices = Indices::new();
+    for (number, scan) in taken.plan.scans().iter().enumerate() {
+        fusion.end(number)?;
+        let (_, cells) = fusion.judge(number).context("a planned shoulder is not judged")?;
+        let values = cells.iter().map(|cell| Some(cell.damage_index).filter(|index| index.is_finite()));
+        indices.insert((scan.tyre.to_string(), scan.shoulder), values.collect());
+    }
+    Ok(indices)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::sheets::SIX;
+    use crate::experiment::taken::{Experiment, Turn, averaged};
+    use crate::experiment::tyres::NEW;
+
+    /// Eqs. 55 and 56, term by term, for one location of the new tyre.
+    fn by_hand(experiment: &Experiment, location: usize, has_falling_pr: bool) -> f64 {
+        let scores = SIX.map(|which| {
+            // The closing tap gives no extremes.
+            let reference: Vec<f64> =
+                averaged(&experiment.repetitions(1), which)[..100].iter().flatten().copied().collect();
+            let highest = reference.iter().copied().fold(f64::NEG_INFINITY, |a, b| if b > a { b } else { a });
+            let lowest = reference.iter().copied().fold(f64::INFINITY, |a, b| if b < a { b } else { a });
+            let falls = which == Discriminator::FMax || (which == Discriminator::Pr && has_falling_pr);
+            let turns =
+                [0, 1].map(|repetition| experiment.inspection.turn(Turn { tyre: NEW, repetition, ..Turn::default() }));
+            let value = averaged(&turns, which)[location].unwrap();
+            (value - if falls { highest } else { lowest }).abs() / (highest - lowest)
+        });
+        scores.iter().sum::<f64>() / 6.0
+    }
+
+    /// Catches extremes of another shoulder than the representative tyre's first, a direction that is not taken, A_2 in
+    /// the index, and a closing tap among the extremes.
+    #[test]
+    fn one_shoulder_normalises_all() {
+        let experiment = Experiment::take(3).unwrap();
+        for (pr, has_falling_pr) in [(PowerRatio::Rises, false), (PowerRatio::Falls, true)] {
+            let indices = indices(&experiment.inspection, &SIX, pr).unwrap();
+            assert_eq!(indices.len(), 6);
+            for location in [0, 37, 99] {
+                let index = indices[&(NEW.to_owned(), 1)][location].unwrap();
+                let wanted = by_hand(&experiment, location, has_falling_pr);
+                assert!((index - wanted).abs() < 1e-12, "{location}: {index} {wanted}");
+            }
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! A simulated line scanned within this process: every tap rendered and its discriminators extracted, on as many
+//! threads as asked, without shared memory or archive.
+//!
+//! Values are those that the line's processes give, bit for bit, whatever the number of threads.
+
+use std::num::NonZeroUsize;
+use std::sync::{Mutex, PoisonError};
+use std::thread::{Builder, available_parallelism, scope};
+
+use anyhow::{Context as _, Result};
+use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use tapline_model::SimulationConfig;
+use tapline_process::{ProcessConfig, ProcessExtractor};
+use tapline_wire::{Discriminators, Lane, Plan, Quality, Samples, TapHeader, lanes_for};
+
+/// Taps that a thread takes at a time: few enough for threads to end together, and many to one lock.
+const TAPS_AT_A_TIME: usize = 16;
+
+/// What is scanned, and how its taps are read.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct InMemoryScan<'a> {
+    /// The tyres and their taps.
+    pub(crate) scan: &'a ScanConfig,
+    /// The rig and its imperfections.
+    pub(crate) simulation: &'a SimulationConfig,
+    /// The discriminators; its `workers` count nothing here.
+    pub(crate) process: &'a ProcessConfig,
+    /// How often a tap of no use is taken again, as in [`tapline_acquire::AcquireConfig::retakes`].
+    pub(crate) retakes: u16,
+    /// Threads; 0 is one for every core.
+    pub(crate) thread_count: usize,
+}
+
+impl InMemoryScan<'_> {
+    /// The plan, and the discriminators of each of its rows.
+    ///
+    /// # Errors
+    /// For a value of the configuration that is out of its bounds, and when a thread cannot be started.
+    #[allow(dead_code, reason = "for studies of discriminators alone; the experiment looks at the records too")]
+    pub(crate) fn discriminators(&self) -> Result<(Plan, Vec<Discriminators>)> {
+        let (plan, taps) = self.taps(|_, _| ())?;
+        Ok((plan, taps.into_iter().map(|(found, ())| found).collect()))
+    }
+
+    /// The plan, and of each of its rows the discriminators beside what `look` makes of the record they are from.
+    ///
+    /// # Errors
+    /// As [`InMemoryScan::discriminators`].
+    pub(crate) fn taps<T: Send>(
+        &self,
+        look: impl Fn(&TapHeader, Samples<'_>) -> T + Sync,
+    ) -> Result<(Plan, Vec<(Discriminators, T)>)> {
+        let plan = SimulatedLine::new(self.scan, self.simulation)?.plan().clone();
+        let mut taken: Vec<Option<(Discriminators, T)>> = plan.taps().iter().map(|_| None).collect();
+        let thread_count = match self.thread_count {
+            0 => available_parallelism().map_or(1, NonZeroUsize::get),
+            count => count,
+        };
+        let to_do = Mutex::new((0_u32..).step_by(TAPS_AT_A_TIME).zip(taken.chunks_mut(TAPS_AT_A_TIME)));
+        scope(|threads| {
+            let work = || -> Result<()> {
+                let mut bench = Bench::new(self)?;
+                loop {
+                    // Taken alone, so that the lock is given back before the work is done.
+                    let taken = to_do.lock().unwrap_or_else(PoisonError::into_inner).next();
+                    let Some((first_row, places)) = taken else { return Ok(()) };
+                    for (row, place) in (first_row..).zip(places) {
+                        *place = Some(bench.take(row, &look)?);
+                    }
+                }
+            };
+            let start = |k| Builder::new().name(format!("scan-{k}")).spawn_scoped(threads, work);
+            let started: Vec<_> = (0..thread_count).map(start).collect();
+            started.into_iter().try_for_each(|thread| {
+                let ended = thread.context("cannot start a thread of the scan")?.join();
+                ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            })
+        })?;
+        let taken: Option<Vec<_>> = taken.into_iter().collect();
+        Ok((plan, taken.context("a tap of the scan was not taken")?))
+    }
+}
+
+/// One thread's rig and extractor.
+struct Bench {
+    line: SimulatedLine,
+    extractor: ProcessExtractor,
+    header: TapHeader,
+    lanes: Vec<Lane>,
+    retakes: u16,
+}
+
+impl Bench {
+    fn new(scan: &InMemoryScan<'_>) -> Result<Self> {
+        let line = SimulatedLine::new(scan.scan, scan.simulation)?;
+        let lanes = vec![Lane::default(); lanes_for(line.plan().recording.payload_bytes_max())];
+        let extractor = ProcessExtractor::new(scan.process)?;
+        Ok(Self { line, extractor, header: TapHeader::default(), lanes, retakes: scan.retakes })
+    }
+
+    /// Takes the tap in plan row `row`, and again while its record is of no use and a retake is left.
+    fn take<T>(&mut self, row: u32, look: impl Fn(&TapHeader, Samples<'_>) -> T) -> Result<(Discriminators, T)> {
+        let mut attempt = 0;
+        loop {
+            self.line.render(row, attempt, &mut self.header, &mut self.lanes)?;
+            self.header.retakes_left = self.retakes.saturating_sub(attempt).into();
+            let samples = Samples::view(&self.header, &self.lanes).context("a record does not fit its header")?;
+            let found = self.extractor.extract(&self.header, samples);
+            if !found.quality.contains(Quality::RETAKE) {
+                return Ok((found, look(&self.header, samples)));
+            }
+            attempt += 1; // none is left, and none asked for, after `retakes`
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! `tapline reference`: shoulders of archives become a reference for later runs.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail};
+use comfy_table::Table;
+use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
+use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference};
+use tapline_store::Reader;
+use tapline_wire::Discriminator;
+
+use crate::cli::ReferenceArgs;
+use crate::config::{Config, process_of};
+
+pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
+    if args.out.extension().is_none_or(|extension| extension != "json") {
+        bail!(
+            "--out is {}; the name of a reference ends in .json, by which configurations know it",
+            args.out.display()
+        );
+    }
+    let mut wanted: BTreeSet<&str> = args.shoulders.iter().map(String::as_str).collect();
+    let takes_all = wanted.is_empty();
+    let mut built: Option<Built> = None;
+    let (mut shoulders, mut lineage) = (Vec::new(), Vec::new());
+    for path in &args.archives {
+        let reader = Reader::open(path)?;
+        let config: Config =
+            toml::from_str(reader.config()).with_context(|| format!("the configuration in {}", path.display()))?;
+        let process = process_of(&config.process)?;
+        match &built {
+            None => built = Some(start(args, &config, process)?),
+            Some(built) if built.process != process => bail!(
+                "{}: its discriminators were extracted otherwise than those of {}; [process] is\n{process}and was\n{}",
+                path.display(),
+                args.archives[0].display(),
+                built.process
+            ),
+            Some(_) => {}
+        }
+        let before = shoulders.len();
+        take(args, path, &reader, |name| takes_all || wanted.remove(name), &mut shoulders)?;
+        if shoulders.len() > before {
+            lineage.push(Origin {
+                archive: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                plan_digest: format!("{:016x}", reader.plan().digest()),
+                config: reader.config().to_owned(),
+            });
+        }
+    }
+    if let Some(missing) = wanted.first() {
+        bail!("--shoulder {missing} is in none of the archives");
+    }
+    let mut built = built.context("no archive is named")?;
+    built.lineage = lineage;
+    let set = build_reference(&built, shoulders)?;
+    write(&args.out, &set)?;
+    print(&args.out, &set)?;
+    Ok(true)
+}
+
+fn start(args: &ReferenceArgs, of_archive: &Config, process: String) -> Result<Built> {
+    let mut config = of_archive.fuse.clone();
+    if let Some(path) = &args.config {
+        let text =
+            fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
+        let given: Config =
+            toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
+        config = given.fuse;
+    }
+    Ok(Built { config, lineage: Vec::new(), process, learns_directions: args.learn_directions })
+}
+
+/// Takes the shoulders of an archive that `is_wanted`.
+fn take(
+    args: &ReferenceArgs,
+    path: &Path,
+    reader: &Reader,
+    mut is_wanted: impl FnMut(&str) -> bool,
+    shoulders: &mut Vec<KnownShoulder>,
+) -> Result<()> {
+    let records: Vec<_> = reader.discriminators()?.into_iter().flatten().collect();
+    let truth = args.labelled.then(|| reader.truth());
+    for (number, scan) in reader.plan().scans().iter().enumerate() {
+        let name = format!("{}/{}", scan.tyre, scan.shoulder);
+        if !is_wanted(&name) {
+            continue;
+        }
+        let shoulder = KnownShoulder::of(reader.plan(), &records, number, truth);
+        let shoulder = shoulder.with_context(|| format!("{} has no scan {number}", path.display()))?;
+        if args.labelled && shoulder.is_cracked.is_none() {
+            bail!("{}: it is not known of every location of {name} whether it is cracked", path.display());
+        }
+        if shoulders.iter().any(|s| s.tyre == shoulder.tyre && s.shoulder == shoulder.shoulder) {
+            bail!("{}: shoulder {name} was in an archive before", path.display());
+        }
+        shoulders.push(shoulder);
+    }
+    Ok(())
+}
+
+/// Whole or not at all.
+fn write(path: &Path, set: &ReferenceSet) -> Result<()> {
+    let draft = path.with_added_extension("new");
+    let context = || format!("cannot write {}", path.display());
+    fs::write(&draft, set.text()?).with_context(context)?;
+    fs::rename(&draft, path).with_context(context)
+}
+
+fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
+    let mut out = io::stdout().lock();
+    let mut table = Table::new();
+    table.load_style(UTF8_HORIZONTAL_ONLY);
+    table.set_header(["discriminator", "moves", "AUC", "spread of a tap, %", "between casings, %"]);
+    for which in Discriminator::ALL {
+        let of_it = || set.summary.scales.iter().filter(move |line| line.discriminator == which);
+        let mean = |values: Vec<f64>| {
+            let count = values.len() as f64;
+            if values.is_empty() { String::new() } else { format!("{:.2}", 100.0 * values.iter().sum::<f64>() / count) }
+        };
+        table.add_row([
+            which.name().to_owned(),
+            if set.directions.of(which) == Direction::Rises { "rises" } else { "falls" }.to_owned(),
+            set.auc.get(which.name()).map_or_else(String::new, |auc| format!("{auc:.4}")),
+            mean(of_it().map(|line| line.spread).collect()),
+            mean(of_it().filter_map(|line| line.level_spread).collect()),
+        ]);
+    }
+    writeln!(out, "{table}")?;
+    let summary = &set.summary;
+    let names: Vec<String> = set.shoulders.iter().map(|s| format!("{}/{}", s.tyre, s.shoulder)).collect();
+    writeln!(
+        out,
+        "{} shoulders: {}; {} sound and {} cracked locations",
+        names.len(),
+        names.join(", "),
+        summary.sound_count,
+        summary.cracked_count
+    )?;
+    let number = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |v| format!("{v:.3}"));
+    writeln!(
+        out,
+        "Index of sound locations: {} +- {}; re-inspect from {}, reject from {}, for {} false calls a shoulder",
+        number(summary.index_centre),
+        number(summary.index_spread),
+        number(summary.limit_re_inspect),
+        number(summary.limit_reject),
+        summary.false_call_rate
+    )?;
+    writeln!(out, "Written to {} (digest {})", path.display(), &set.digest()[..16])?;
+    Ok(())
+}
