@@ -13,6 +13,7 @@ mod in_memory;
 mod model;
 mod recorded;
 mod reference;
+mod report;
 mod retakes;
 mod rig;
 mod simulated;

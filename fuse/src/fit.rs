@@ -163,6 +163,17 @@ impl Fit {
         (0..cells.place_count()).map(location).collect()
     }
 
+    /// The index of locations of which only the `asked` conditions are looked at, on the scale of the usual ones.
+    pub(crate) fn only(&self, locations: &[LocationIndex], asked: impl Fn(usize) -> bool) -> Vec<Option<f64>> {
+        let mut nulls = BTreeMap::new();
+        let of = |location: &LocationIndex| {
+            let row: Vec<Option<f64>> =
+                location.by_condition.iter().enumerate().map(|(c, v)| v.filter(|_| asked(c))).collect();
+            self.combined(&row, &mut nulls)
+        };
+        locations.iter().map(of).collect()
+    }
+
     /// One value of the conditions of a location, on the scale of the usual ones.
     ///
     /// A location that lacks conditions scatters more: what it shows counts by the spread that the reference has where it

@@ -66,7 +66,7 @@ impl Fusion {
     /// What [`FuseConfig::validate`] refuses, and [`Error::NothingInCommon`] for a set that has no tap at any offset and
     /// velocity of the plan.
     pub fn with_reference(config: &FuseConfig, plan: &Plan, set: Arc<ReferenceSet>) -> Result<Self, Error> {
-        let config = FuseConfig { directions: set.directions(), ..config.clone() };
+        let config = FuseConfig { directions: set.directions, ..config.clone() };
         set.check_conditions(plan)?;
         Self::build(&config, plan, Some(set))
     }

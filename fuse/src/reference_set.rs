@@ -253,10 +253,6 @@ impl ReferenceSet {
         self.shoulders.iter().any(|s| s.is_cracked.as_ref().is_some_and(|labels| labels.contains(&true)))
     }
 
-    pub(crate) fn directions(&self) -> Directions {
-        self.directions
-    }
-
     /// A name for every turn, with its offset and velocity.
     pub(crate) fn taps(&self) -> impl Iterator<Item = TapId> {
         self.shoulders.iter().flat_map(|s| s.turns.iter().filter_map(|turn| s.tap_id(turn)))

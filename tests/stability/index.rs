@@ -1,6 +1,6 @@
 //! Cases 22 to 27: values that become an index.
 
-use tapline_fuse::{Direction, FuseConfig, IndexKind, PercentileScale, Reference, Score, auc};
+use tapline_fuse::{Centre, Direction, FuseConfig, IndexKind, PercentileScale, Reference, Score, auc};
 use tapline_wire::{Discriminator, Reasons, Truth, Verdict};
 
 use crate::stability::scatter::{
@@ -192,6 +192,7 @@ fn c26_sounder_than_the_reference() {
     let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
     let config = FuseConfig {
         discriminators: vec![Discriminator::Pr],
+        centre: Centre::Reference,
         ..FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 })
     };
     let of = records(&plan, |tap| {
