@@ -71,7 +71,10 @@ fn a_labelled_reference_teaches() {
     let done = rig.run("reference cracked.h5 sound.h5 --labelled --learn-directions --out known.json");
     assert_eq!(done.code, Some(0), "{done:?}");
     assert!(done.out.contains("994 sound and 6 cracked"), "{done:?}");
-    rig.write("lda.toml", &format!("{SCAN}seed = 7\n{}[fuse]\nindex = \"lda\"\nreference = \"known.json\"\n", tyres("L", true)));
+    rig.write(
+        "lda.toml",
+        &format!("{SCAN}seed = 7\n{}[fuse]\nindex = \"lda\"\nreference = \"known.json\"\n", tyres("L", true)),
+    );
     let done = rig.run("run --config lda.toml --out lda.h5 --json");
     assert_eq!(done.code, Some(0), "{done:?}");
     // Six cracked locations are too few for a discriminant: it says so and falls back.
@@ -103,7 +106,10 @@ fn what_cannot_be_a_reference_is_refused() {
     refused("reference missing.h5 --out s.json", &["missing.h5"]);
     assert_eq!(rig.run("reference sound.h5 --out sound.json").code, Some(0));
     rig.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
-    refused("run --config other.toml --out a.h5 --reference sound.json", &["sound.json", "f_c_hz = 550", "f_c_hz = 600"]);
+    refused(
+        "run --config other.toml --out a.h5 --reference sound.json",
+        &["sound.json", "f_c_hz = 550", "f_c_hz = 600"],
+    );
     rig.write("elsewhere.toml", "[scan]\noffsets_mm = [7.0]\nvelocities_m_per_s = [1.5]\n");
     refused("run --config elsewhere.toml --out a.h5 --reference sound.json", &["7 mm", "10 mm", "in common"]);
     let edited = std::fs::read_to_string(rig.path("sound.json")).unwrap().replace("\"S1\"", "\"S8\"");

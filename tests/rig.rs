@@ -52,7 +52,9 @@ impl Rig {
     fn names_reference(&self, arguments: &str) -> bool {
         let config = arguments.split_whitespace().skip_while(|&word| word != "--config").nth(1);
         let text = config.map(|name| fs::read_to_string(self.path(name)).unwrap_or_default());
-        arguments.contains("--reference") || arguments.contains("--help") || text.is_some_and(|t| t.contains("reference ="))
+        arguments.contains("--reference")
+            || arguments.contains("--help")
+            || text.is_some_and(|t| t.contains("reference ="))
     }
 
     /// Runs the program to its end.

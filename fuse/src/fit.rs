@@ -83,8 +83,7 @@ impl Fit {
             .map(|s| Cells::of(config.index, condition_count, &yardstick, &levels[s.tyre], s, Taps::All))
             .collect();
         let mut fallbacks = Vec::new();
-        let is_plain =
-            matches!(config.index, IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile);
+        let is_plain = matches!(config.index, IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile);
         let index: Box<dyn Index> = if is_plain {
             Box::new(Mean::new(yardstick.width()))
         } else {
@@ -116,7 +115,18 @@ impl Fit {
         let usual = Spread::of(&mut values);
         let of_condition = |c: usize| Spread::of(&mut sound.iter().filter_map(|row| row[c]).collect::<Vec<f64>>());
         let by_condition = (0..condition_count).map(of_condition).collect();
-        Self { kind: config.index, condition_count, yardstick, index, combination, sound, by_condition, usual, is_mean, fallbacks }
+        Self {
+            kind: config.index,
+            condition_count,
+            yardstick,
+            index,
+            combination,
+            sound,
+            by_condition,
+            usual,
+            is_mean,
+            fallbacks,
+        }
     }
 
     /// The scales.

@@ -14,7 +14,12 @@ const REACH_PART: f64 = 0.5;
 ///
 /// The ring outside of the regions is the background that chances are taken from: an arc that is real would come together
 /// again in its own permutations.
-pub(crate) fn mark_regions(compared: &Compared, geometry: Geometry, regions: &[u32], cells: &mut [DamageCell]) -> Option<f64> {
+pub(crate) fn mark_regions(
+    compared: &Compared,
+    geometry: Geometry,
+    regions: &[u32],
+    cells: &mut [DamageCell],
+) -> Option<f64> {
     let Spread { centre, sigma } = compared.standard.fit.usual()?;
     let z: Vec<Option<f64>> =
         compared.map().locations.iter().map(|l| l.value.map(|value| (value - centre) / sigma)).collect();
@@ -45,9 +50,8 @@ fn across(compared: &Compared, places: &[usize]) -> Option<(f64, f64, f64)> {
     let by_offset = compared.by_offset(places);
     let (best_mm, most) = by_offset.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let seen = by_offset.iter().filter(|&&(_, value)| value >= REACH_PART * most).map(|&(offset_mm, _)| offset_mm);
-    let (low, high) = seen.fold((best_mm, best_mm), |(low, high), x| {
-        (if x < low { x } else { low }, if x > high { x } else { high })
-    });
+    let (low, high) = seen
+        .fold((best_mm, best_mm), |(low, high), x| (if x < low { x } else { low }, if x > high { x } else { high }));
     Some((best_mm, low, high))
 }
 

@@ -169,16 +169,10 @@ impl Standard {
         Casing { level, maps, stands_off, is_inverted }
     }
 
-    fn of(
-        config: &FuseConfig,
-        fit: Fit,
-        levels: Vec<Level>,
-        shoulders: &[Shoulder],
-        kept: &Kept,
-        calm: &Kept,
-    ) -> Self {
+    fn of(config: &FuseConfig, fit: Fit, levels: Vec<Level>, shoulders: &[Shoulder], kept: &Kept, calm: &Kept) -> Self {
         let each = |which| -> Vec<Vec<Option<f64>>> {
-            let map = |s: &Shoulder| indexed(config.index, Step::AlongRing, s, &fit.locations(&levels[s.tyre], s, which));
+            let map =
+                |s: &Shoulder| indexed(config.index, Step::AlongRing, s, &fit.locations(&levels[s.tyre], s, which));
             shoulders.iter().map(map).collect()
         };
         let maps = each(Taps::All);
@@ -271,11 +265,7 @@ fn level_of(
 
 /// Those of `calm` that stay when the ones that stand out of them leave, round by round, as `measure` sees those that
 /// stayed so far.
-fn trimmed(
-    calm: &Kept,
-    step: Step,
-    measure: impl Fn(&Kept, &Kept) -> Option<(Vec<Vec<Option<f64>>>, Spread)>,
-) -> Kept {
+fn trimmed(calm: &Kept, step: Step, measure: impl Fn(&Kept, &Kept) -> Option<(Vec<Vec<Option<f64>>>, Spread)>) -> Kept {
     let at = if step == Step::Alone { TRIM_ALONE_AT } else { TRIM_AT };
     let mut now = calm.clone();
     for _ in 0..TRIM_ROUNDS_MAX {
@@ -319,13 +309,7 @@ fn selected(maps: &[Vec<Option<f64>>], kept: &Kept) -> Vec<f64> {
 ///
 /// Along the ring only those give limits whose neighbours are all among `calm`: one that is cracked speaks in the
 /// mean of three.
-fn sound_values(
-    shoulders: &[Shoulder],
-    maps: &[Vec<Option<f64>>],
-    kept: &Kept,
-    calm: &Kept,
-    step: Step,
-) -> Vec<f64> {
+fn sound_values(shoulders: &[Shoulder], maps: &[Vec<Option<f64>>], kept: &Kept, calm: &Kept, step: Step) -> Vec<f64> {
     if step == Step::AlongRing {
         let amid = shoulders.iter().zip(calm).map(|(shoulder, calm)| shoulder.ring.amid(calm));
         let untouched: Kept =

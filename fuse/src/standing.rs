@@ -42,11 +42,11 @@ pub(crate) fn stand_off(config: &FuseConfig, condition_count: usize, shoulders: 
     let level = |s: &Shoulder| Level::of(&discriminators, condition_count, s.taps.iter());
     let levels: Vec<Level> = shoulders.iter().map(level).collect();
     // Each against its own level: how far they lie apart must not become the unit.
-    let readings = shoulders.iter().zip(&levels).flat_map(|(s, level)| s.taps.iter().map(move |r: &Reading| (level, r)));
+    let readings =
+        shoulders.iter().zip(&levels).flat_map(|(s, level)| s.taps.iter().map(move |r: &Reading| (level, r)));
     let yardstick = Yardstick::of(&robust, condition_count, readings, &[]);
-    let is_above = |own: &Level| {
-        levels.iter().any(|other| above(own, other, &yardstick).is_some_and(|above| above > SHOULDER_AT))
-    };
+    let is_above =
+        |own: &Level| levels.iter().any(|other| above(own, other, &yardstick).is_some_and(|above| above > SHOULDER_AT));
     levels.iter().map(is_above).collect()
 }
 
@@ -67,9 +67,9 @@ pub(crate) fn level_limit(levels: &[Level], yardstick: &Yardstick, false_call_ra
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Reference;
     use crate::fusion::Fusion;
     use crate::testing::{Casing, records};
-    use crate::Reference;
     use tapline_wire::{Reasons, Verdict};
 
     fn judged(casing: &Casing, seed: u64) -> Vec<(Verdict, Reasons)> {

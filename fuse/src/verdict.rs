@@ -2,12 +2,12 @@
 
 use tapline_wire::{DamageCell, Reasons, Verdict};
 
+use crate::Extent;
 use crate::hidden::{Hidden, fitted_shift, hidden_states};
 use crate::limits::Limits;
 use crate::ring::Ring;
 use crate::standard::IndexMap;
 use crate::stats::Spread;
-use crate::Extent;
 
 /// Reasons that tell how a verdict was reached and ask for nothing.
 const REMARKS: [Reasons; 2] = [Reasons::SELF_REFERENCE, Reasons::FELL_BACK];

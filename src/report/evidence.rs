@@ -119,7 +119,8 @@ impl Evidence {
             Ok(config) => (config, None),
             Err(error) => (Config::default(), Some(error.to_string())),
         };
-        let reference: Option<Arc<ReferenceSet>> = reader.reference().and_then(|text| ReferenceSet::parse(text).ok()).map(Arc::new);
+        let reference: Option<Arc<ReferenceSet>> =
+            reader.reference().and_then(|text| ReferenceSet::parse(text).ok()).map(Arc::new);
         let headers = reader.headers()?;
         let found = reader.discriminators()?;
         if let Some(set) = &reference {

@@ -16,8 +16,7 @@ pub(super) fn maps(fusion: &mut Fusion, scan_count: usize) -> Vec<Vec<OffsetMap>
     let mut of = |scan| {
         // A scan that is not planned has no map.
         let maps = fusion.by_offset(scan).unwrap_or_default();
-        let maps: Vec<OffsetMap> =
-            maps.into_iter().map(|(offset_mm, index)| OffsetMap { offset_mm, index }).collect();
+        let maps: Vec<OffsetMap> = maps.into_iter().map(|(offset_mm, index)| OffsetMap { offset_mm, index }).collect();
         if maps.len() < 2 { Vec::new() } else { maps }
     };
     (0..scan_count).map(&mut of).collect()
@@ -27,7 +26,8 @@ pub(super) fn maps(fusion: &mut Fusion, scan_count: usize) -> Vec<Vec<OffsetMap>
 mod tests {
     use tapline_fuse::{FuseConfig, Reference};
     use tapline_wire::{
-        Discriminator, Discriminators, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, TapId, Truth, Values,
+        Discriminator, Discriminators, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, TapId, Truth,
+        Values,
     };
 
     use super::*;

@@ -134,8 +134,7 @@ fn c24_a_sound_tyre_that_is_its_own_reference() {
     assert!(above > 20 * 33, "{above} of 2000");
     assert_eq!(false_calls, 0);
     // What is compared with a shoulder that is stated to be sound is not marked.
-    let named =
-        FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 });
+    let named = FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 });
     let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
     let mut normal = Normal::new(24);
     let of = records(&plan, |_| directed().iter().map(|&(which, _)| (which, 100.0 + normal.next())).collect());
@@ -163,7 +162,10 @@ fn c25_one_value_that_is_no_number() {
         let of = records(&plan, |tap| {
             let k = tap.id.location as usize;
             let pr = if k == 40 { bad } else { Some(100.0 + noise[k]) };
-            pr.map(|pr| (Discriminator::Pr, pr)).into_iter().chain([(Discriminator::FMax, 100.0 + noise[101 + k])]).collect()
+            pr.map(|pr| (Discriminator::Pr, pr))
+                .into_iter()
+                .chain([(Discriminator::FMax, 100.0 + noise[101 + k])])
+                .collect()
         });
         judge(&FuseConfig::by(Reference::Own), &plan, &of).remove(0).1
     };

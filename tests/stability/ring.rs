@@ -120,8 +120,7 @@ fn c38_a_ring_mostly_damaged() {
     assert!(naive(0, 60).abs() < 1.5 && naive(60, 100) < -4.0, "{} {}", naive(0, 60), naive(60, 100));
 
     let plan = ring_plan(&[tyre("T1")], 2, 100);
-    let named =
-        FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 });
+    let named = FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 });
     for (share, is_told) in [(20, false), (40, false), (60, true), (100, true)] {
         let of = shifted(&plan, 380, |shoulder, l| if shoulder == 2 && l % 100 < share { 6.0 } else { 0.0 });
         let judged = judge(&named, &plan, &of);
@@ -176,8 +175,9 @@ fn c39_smoothing_longer_than_the_crack() {
     assert!(naive.0 < 0.45 && naive.1 < 0.45, "{naive:?}");
     assert!(held.0 > 0.75 && held.1 > 0.75, "{held:?}");
     let permutation = Permutation { block_length: 1, count: 99, seed: 39 };
-    let calls =
-        (0..400).filter(|_| scan_p_value(&ring_with(&mut normal, 0, 0.0), Geometry::Ring, permutation).unwrap() <= 0.05).count();
+    let calls = (0..400)
+        .filter(|_| scan_p_value(&ring_with(&mut normal, 0, 0.0), Geometry::Ring, permutation).unwrap() <= 0.05)
+        .count();
     assert!((8..=36).contains(&calls), "{calls} of 400");
 }
 
