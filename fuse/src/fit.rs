@@ -253,10 +253,10 @@ fn learned(kind: IndexKind, examples: &[Example], repeat_sds: &[Option<f64>]) ->
 fn examples(condition_count: usize, reference: &[Shoulder], kept: &Kept, cells: &[Cells]) -> Vec<Example> {
     let mut examples = Vec::new();
     let mut first_place = 0;
-    for (number, (shoulder, cells)) in reference.iter().zip(cells).enumerate() {
-        for place in 0..cells.place_count() {
+    for ((shoulder, cells), kept) in reference.iter().zip(cells).zip(kept) {
+        for (place, &kept) in kept.iter().enumerate() {
             let is_cracked = shoulder.is_cracked[place] == Some(true);
-            if !(kept[number][place] || is_cracked) {
+            if !(kept || is_cracked) {
                 continue;
             }
             let rows = (0..condition_count).map(|c| cells.at(place, c)).filter(|row| row.iter().any(Option::is_some));
