@@ -10,7 +10,7 @@ use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
 use tapline_store::Lineage;
-use tapline_wire::Plan;
+use tapline_wire::{Plan, Recording};
 
 use crate::cli::{LineArgs, SourceArgs};
 
@@ -98,14 +98,6 @@ impl Job {
         let text =
             std::fs::read_to_string(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
         let set = ReferenceSet::parse(&text).with_context(|| format!("cannot use {}", path.display()))?;
-        let process = process_of(&self.config.process)?;
-        if set.process != process {
-            bail!(
-                "{}: its discriminators were extracted otherwise than this run's; [process] was\n{}and is\n{process}",
-                path.display(),
-                set.process
-            );
-        }
         Ok(Some(ReferenceFile { text, set: Arc::new(set) }))
     }
 
@@ -117,6 +109,13 @@ impl Job {
     /// The fusion of the taps of `plan`, by the reference that the configuration names.
     pub(crate) fn fusion(&self, plan: &Plan) -> Result<Fusion> {
         Ok(match self.reference()? {
+            Some(ReferenceFile { set, .. }) if set.process != process_of(&self.config.process, &plan.recording)? => {
+                let now = process_of(&self.config.process, &plan.recording)?;
+                bail!(
+                    "the taps of the reference were recorded or analysed otherwise than this run's: {}",
+                    differences(&set.process, &now)
+                );
+            }
             Some(ReferenceFile { set, .. }) => Fusion::with_reference(&self.config.fuse, plan, set)?,
             None => Fusion::new(&self.config.fuse, plan)?,
         })
@@ -131,9 +130,20 @@ impl Job {
     }
 }
 
-/// The table `[process]` with every default spelled out.
-pub(crate) fn process_of(config: &ProcessConfig) -> Result<String> {
-    toml::to_string(config).context("the configuration of process does not fit TOML")
+/// How discriminators come about: rate and channels of the records, and the table `[process]` with every default spelled
+/// out.
+pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
+    let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
+    let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
+    Ok(format!("sample_rate_hz = {:?}\nchannels = {channels:?}\n{config}", recording.sample_rate_hz))
+}
+
+/// The lines of two texts that differ.
+pub(crate) fn differences(was: &str, is: &str) -> String {
+    let only = |of: &str, other: &str| -> Vec<String> {
+        of.lines().filter(|line| !other.lines().any(|l| l == *line)).map(str::to_owned).collect()
+    };
+    format!("{} there, {} here", only(was, is).join(", "), only(is, was).join(", "))
 }
 
 /// The configuration `config_toml` with another reference.

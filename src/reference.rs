@@ -13,7 +13,7 @@ use tapline_store::Reader;
 use tapline_wire::{Discriminator, Verdict};
 
 use crate::cli::ReferenceArgs;
-use crate::config::{Config, process_of};
+use crate::config::{Config, differences, process_of};
 
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {
@@ -30,14 +30,14 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let reader = Reader::open(path)?;
         let config: Config =
             toml::from_str(reader.config()).with_context(|| format!("the configuration in {}", path.display()))?;
-        let process = process_of(&config.process)?;
+        let process = process_of(&config.process, &reader.plan().recording)?;
         match &built {
             None => built = Some(start(args, &config, process)?),
             Some(built) if built.process != process => bail!(
-                "{}: its discriminators were extracted otherwise than those of {}; [process] is\n{process}and was\n{}",
+                "{}: its taps were recorded or analysed otherwise than those of {}: {}",
                 path.display(),
                 args.archives[0].display(),
-                built.process
+                differences(&built.process, &process)
             ),
             Some(_) => {}
         }
@@ -102,6 +102,12 @@ fn take(
         }
         let shoulder = KnownShoulder::of(reader.plan(), &records, number, truth);
         let shoulder = shoulder.with_context(|| format!("{} has no scan {number}", path.display()))?;
+        let is_known_cracked = |&(location, _): &(u32, Option<f64>)| {
+            reader.truth().get(&(scan.tyre, scan.shoulder, location)) == Some(&true)
+        };
+        if !args.labelled && scan.locations.iter().any(is_known_cracked) {
+            bail!("{}: {name} is known to be cracked; --labelled takes what is known of each location", path.display());
+        }
         if args.labelled && shoulder.is_cracked.is_none() {
             bail!("{}: it is not known of every location of {name} whether it is cracked", path.display());
         }
@@ -125,7 +131,7 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
     let mut out = io::stdout().lock();
     let mut table = Table::new();
     table.load_style(UTF8_HORIZONTAL_ONLY);
-    table.set_header(["discriminator", "moves", "AUC", "spread of a tap, %", "between casings, %"]);
+    table.set_header(["discriminator", "moves", "AUC by that", "spread of a tap, %", "between casings, %"]);
     for which in Discriminator::ALL {
         let of_it = || set.summary.scales.iter().filter(move |line| line.discriminator == which);
         let mean = |values: Vec<f64>| {
@@ -135,7 +141,10 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
         table.add_row([
             which.name().to_owned(),
             if set.directions.of(which) == Direction::Rises { "rises" } else { "falls" }.to_owned(),
-            set.auc.get(which.name()).map_or_else(String::new, |auc| format!("{auc:.4}")),
+            set.auc.get(which.name()).map_or_else(String::new, |&rising| {
+                let falls = set.directions.of(which) == Direction::Falls;
+                format!("{:.4}", if falls { 1.0 - rising } else { rising })
+            }),
             mean(of_it().map(|line| line.spread).collect()),
             mean(of_it().filter_map(|line| line.level_spread).collect()),
         ]);

@@ -112,7 +112,7 @@ fn what_cannot_be_a_reference_is_refused() {
     rig.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
     refused(
         "run --config other.toml --out a.h5 --reference sound.json",
-        &["sound.json", "f_c_hz = 550", "f_c_hz = 600"],
+        &["f_c_hz = 550.0 there", "f_c_hz = 600.0 here"],
     );
     rig.write("elsewhere.toml", "[scan]\noffsets_mm = [7.0]\nvelocities_m_per_s = [1.5]\n");
     refused("run --config elsewhere.toml --out a.h5 --reference sound.json", &["7 mm", "10 mm", "in common"]);

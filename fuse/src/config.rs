@@ -13,13 +13,14 @@ use crate::Error;
 #[serde(rename_all = "snake_case")]
 pub enum IndexKind {
     /// Mean of signed robust z values, clipped.
-    #[default]
     Robust,
     /// Mean of the scaled magnitudes of Eqs. 55-56, location by location.
     Dissertation,
     /// Mean of signed values between the 5th and 95th percentile of the reference.
     Percentile,
-    /// Mean of robust z values weighted by how well a discriminator repeats (section 6.4).
+    /// Mean of robust z values weighted by how well a discriminator repeats (section 6.4); all alike where nothing was
+    /// repeated.
+    #[default]
     Repeatability,
     /// Mean of robust z values weighted by how well each alone tells cracked from sound. Needs labels.
     Auc,
@@ -318,7 +319,7 @@ mod tests {
         // Catches a renamed key or value: configurations in the field would stop parsing.
         let text = r#"
             discriminators = ["f_max", "tau", "a_1", "pr", "p_f", "e_f"]
-            index = "robust"
+            index = "repeatability"
             combine = "largest"
             centre = "own"
             z_clip = 6.0

@@ -86,7 +86,9 @@ impl Fit {
             .map(|(s, level)| Cells::of(config.index, condition_count, &yardstick, level, s, Taps::All))
             .collect();
         let mut fallbacks = Vec::new();
-        let is_plain = matches!(config.index, IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile);
+        // Without repetitions nothing speaks against equal weights.
+        let is_plain = matches!(config.index, IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile)
+            || (config.index == IndexKind::Repeatability && repeats.iter().all(Option::is_none));
         let index: Box<dyn Index> = if is_plain {
             Box::new(Mean::new(yardstick.width()))
         } else {

@@ -1,9 +1,11 @@
 //! The state machine: taps and ends of scans in, in any order; verdicts out.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use tapline_wire::{
-    DamageCell, Discriminator, Discriminators, Judgement, Plan, Quality, Reasons, RecordKind, Stamp, TapId, Values,
+    DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, Quality, Reasons, RecordKind, Stamp, TapId,
+    Values,
 };
 
 use crate::compare::{Cache, Compared};
@@ -236,6 +238,12 @@ impl Fusion {
         if all_involved.iter().any(|&involved| self.lacks_features(involved)) {
             reasons.insert(Reasons::FEATURES_ABSENT);
         }
+        if self.plan.geometry == Geometry::Ring && !compared.ring.is_whole() {
+            reasons.insert(Reasons::LOCATION_BLIND);
+        }
+        if self.has_unknown_condition(scan, compared) {
+            reasons.insert(Reasons::CONDITION_UNKNOWN);
+        }
         if compared.casing.stands_off[compared.number] {
             reasons.insert(Reasons::LEVEL_OFF);
         }
@@ -254,6 +262,19 @@ impl Fusion {
         let recorded = |which: &&Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
         let asked = self.config.discriminators.iter().filter(recorded);
         asked.copied().any(|which| 2 * rows.iter().filter(|row| has(row, which)).count() < rows.len())
+    }
+
+    /// Whether taps are planned at an offset and velocity of which the reference has none.
+    fn has_unknown_condition(&self, scan: usize, compared: &Compared) -> bool {
+        let conditions = &compared.conditions;
+        let known: BTreeSet<usize> = match &self.set {
+            None => {
+                let of_run = self.panel.reference(scan).iter().flat_map(|&s| self.entering(s));
+                of_run.filter_map(|(_, id)| conditions.number(&id)).collect()
+            }
+            Some(set) => set.taps().filter_map(|id| conditions.number(&id)).collect(),
+        };
+        self.entering(scan).any(|(_, id)| conditions.number(&id).is_none_or(|number| !known.contains(&number)))
     }
 
     fn is_whole(&self, scan: usize) -> bool {

@@ -108,7 +108,7 @@ fn what_is_no_reference_is_refused() {
 fn another_casing_is_judged_by_a_reference() {
     // Catches a reference that is not used, a casing damaged for its level, and a mark of self-reference where there is none.
     let sound = Casing { shoulder_count: 2, ..Casing::default() };
-    let shoulders = (0..4).flat_map(|k| shoulders_of(&sound, 100 + k, false, &format!("A{k}"))).collect();
+    let shoulders = (0..6).flat_map(|k| shoulders_of(&sound, 100 + k, false, &format!("A{k}"))).collect();
     let set = build_reference(&built(file()), shoulders).unwrap();
     let (verdict, reasons, regions) = judged(&set, &file(), &sound, 7);
     assert_eq!((verdict, reasons, regions), (Verdict::Pass, Reasons::default(), vec![]));

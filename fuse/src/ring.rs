@@ -29,6 +29,11 @@ impl Ring {
         Self { is_linked }
     }
 
+    /// Whether every location has its neighbours on both sides.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.is_linked.iter().all(|&is_linked| is_linked)
+    }
+
     /// Whether its ends meet.
     pub(crate) fn is_closed(&self) -> bool {
         self.is_linked.last().is_some_and(|&is_linked| is_linked)

@@ -130,11 +130,13 @@ impl Standard {
         shoulders: &[Shoulder],
         stated_level: Option<&Level>,
     ) -> Casing {
+        let mut casing_level = None;
         let levels = match (config.centre, stated_level) {
             (Centre::Reference, _) => vec![Level::pooled(&self.casing_levels); shoulders.len()],
             (Centre::Own, Some(level)) => vec![level.clone(); shoulders.len()],
             (Centre::Own, None) => {
                 let kept = self.kept_of(config, conditions, shoulders);
+                casing_level = Some(level_of(config, conditions, shoulders, &kept, |_| true));
                 own_levels(config, conditions, shoulders, &kept)
             }
         };
@@ -142,8 +144,8 @@ impl Standard {
         let is_own = config.centre == Centre::Own && stated_level.is_none() && config.index != IndexKind::Dissertation;
         let is_inverted = is_own && self.is_inverted(config, &maps);
         let mut stands_off = stand_off(config, conditions.count(), shoulders);
-        for (stands_off, level) in stands_off.iter_mut().zip(&levels) {
-            *stands_off |= is_own && self.is_above(level);
+        if casing_level.is_some_and(|level| is_own && self.is_above(&level)) {
+            stands_off.fill(true);
         }
         Casing { levels, maps, stands_off, is_inverted }
     }

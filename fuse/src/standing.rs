@@ -16,7 +16,7 @@ use crate::yardstick::Yardstick;
 const SHOULDER_AT: f64 = 4.0;
 
 /// Fewest casings that tell how far levels scatter.
-const CASINGS_MIN: usize = 3;
+const CASINGS_MIN: usize = 6;
 
 /// Mean score by which one level lies above another, in the direction of damage: of each discriminator the mean over the
 /// conditions that both have, in spreads of a tap.
@@ -51,7 +51,7 @@ pub(crate) fn stand_off(config: &FuseConfig, condition_count: usize, shoulders: 
 }
 
 /// Mean score by which a casing may lie above the `levels` of the reference's: what a sound one
-/// exceeds with a chance of `false_call_rate`. `None` of fewer than three.
+/// exceeds with a chance of `false_call_rate`. `None` of fewer than six.
 pub(crate) fn level_limit(levels: &[Level], yardstick: &Yardstick, false_call_rate: f64) -> Option<f64> {
     let pooled = Level::pooled(levels);
     let scores: Vec<f64> = levels.iter().filter_map(|level| above(level, &pooled, yardstick)).collect();

@@ -56,7 +56,7 @@ flags! {
         TAPS_REFUSED = "taps_refused",
         /// A planned tap is missing without a reason.
         TAPS_MISSING = "taps_missing",
-        /// A location has no usable value.
+        /// A location has no usable value, or a part of the ring was not tapped.
         LOCATION_BLIND = "location_blind",
         /// The index could not be formed: no usable discriminator or no usable reference.
         NO_INDEX = "no_index",
@@ -70,6 +70,8 @@ flags! {
         /// The shoulder as a whole stands off from the other one or from the reference's casings: another construction, a
         /// sensor that has changed, or damage all round.
         LEVEL_OFF = "level_off",
+        /// The reference has no tap at some offset and velocity that was scanned: what was tapped there is not judged.
+        CONDITION_UNKNOWN = "condition_unknown",
         /// The index that was asked for could not be learned from the reference; the mean of robust z stands in its place.
         FELL_BACK = "fell_back",
     }
