@@ -15,6 +15,7 @@ mod pen;
 mod progress;
 mod reference;
 mod stage;
+mod study;
 mod summary;
 mod tables;
 
@@ -71,6 +72,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
         Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
+        Verb::Study(args) => study::study(args),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
         Verb::Model(ModelVerb::Figures { out, figure }) => figures::figures(out, *figure),

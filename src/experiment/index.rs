@@ -29,7 +29,7 @@ pub(super) fn indices(taken: &Taken, discriminators: &[Discriminator], pr: Power
     let config = FuseConfig {
         discriminators: discriminators.to_vec(),
         index: IndexKind::Dissertation,
-        reference: Reference::Shoulder { tyre: Serial::new(REPRESENTATIVE)?, shoulder: 1 },
+        reference: Some(Reference::Shoulder { tyre: Serial::new(REPRESENTATIVE)?, shoulder: 1 }),
         directions: Directions { pr, ..Directions::default() },
         ..FuseConfig::default()
     };
