@@ -7,6 +7,7 @@ mod false_calls;
 mod gauge;
 mod judged;
 mod left_out;
+mod page;
 mod plans;
 mod rivals;
 mod sets;
@@ -25,6 +26,7 @@ use anyhow::{Context as _, Result, ensure};
 use serde_json::{Map, Value};
 
 use self::detection::Detection;
+use self::false_calls::Calls;
 use self::plans::Tried;
 use self::rivals::{Alone, Halves, Rival};
 use self::size::Size;
@@ -43,6 +45,7 @@ struct Found {
     alone: Vec<Alone>,
     detection: Vec<Detection>,
     plans: Vec<Tried>,
+    calls: Vec<Calls>,
     tables: Vec<Table>,
 }
 
@@ -82,24 +85,28 @@ impl Found {
                 tried = plans::plans(&halves, &size.full, threads)?;
             }
             let halves = halves.with(&size.turns)?;
+            tracing::info!(set = set.name, "scanned");
             let (of_set, alone_of_set) = rivals::rivals(&halves, threads)?;
             rivals.extend(of_set);
             alone.extend(alone_of_set);
             left_out.extend(left_out::left_out(&halves, threads)?);
         }
+        tracing::info!("sets judged");
         let detection = detection::detection(first, size, seed, threads)?;
+        tracing::info!("targets looked for");
         let cheapest = plans::cheapest(&tried).map(|t| t.turns.clone());
         let full = tried.last().map(|t| t.turns.clone());
         let is_named = |t: &Tried| [&cheapest, &full].into_iter().flatten().any(|turns| *turns == t.turns);
         let of_note = "The full plan, the cheapest within 0.01 AUC of it, and those that no plan beats in time and AUC";
         let mut about = Table::new("sets", "The simulated sets", &["set", "about"]);
         all.iter().for_each(|set| about.push([set.name.to_owned(), set.about.to_owned()]));
+        let calls = false_calls::false_calls(first, size, seed, threads)?;
         let tables = vec![
             about,
             summary::default_table(&rivals, &alone, &names, seed),
             summary::ways_table(&rivals, &names),
             summary::left_out_table(&left_out, &names),
-            false_calls::table(&false_calls::false_calls(first, size, seed, threads)?)?,
+            false_calls::table(&calls)?,
             detection::table(&detection),
             gauge::table(&gauge::gauge(first, size, seed, threads)?),
             plans::table("plans_of_note", of_note, &tried, |t| t.is_on_front || is_named(t), seed),
@@ -109,11 +116,13 @@ impl Found {
             left_out::table(&left_out),
             detection::targets_table(&detection),
         ];
-        Ok(Self { sets: names, rivals, alone, detection, plans: tried, tables })
+        Ok(Self { sets: names, rivals, alone, detection, plans: tried, calls, tables })
     }
 
-    /// Writes tables and figures into `folder`.
+    /// Writes tables and figures into `folder`, and the page beside it.
     fn write(&self, folder: &Path, seed: u64) -> Result<()> {
+        let name = folder.file_name().and_then(|name| name.to_str());
+        let name = name.with_context(|| format!("--out is {}; it must end with the name of a folder", folder.display()))?;
         let mut files = Vec::new();
         for table in &self.tables {
             files.push((folder.join(format!("{}.csv", table.name)), table.csv()?));
@@ -122,6 +131,7 @@ impl Found {
         for sheet in &sheets {
             files.push((folder.join(format!("{}.svg", sheet.name)), sheet.svg()?));
         }
+        files.push((folder.with_added_extension("md"), page::page(self, &sheets, name)));
         fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for (path, text) in files {
             fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;

@@ -50,6 +50,8 @@ pub(super) struct Panel {
 #[derive(Debug, Clone)]
 pub(super) struct Sheet {
     pub(super) name: &'static str,
+    /// Name of the table it stands beside.
+    pub(super) beside: &'static str,
     pub(super) title: &'static str,
     pub(super) note: String,
     pub(super) keys: Vec<(String, RGBColor)>,

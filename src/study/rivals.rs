@@ -16,6 +16,9 @@ use super::work::each;
 /// Largest magnitude of a robust z of a discriminator alone: none is clipped that matters to a rank.
 const UNCLIPPED: f64 = 1e3;
 
+/// Indices on which every combination is tried; the others have the default one.
+const COMBINED: [IndexKind; 3] = [IndexKind::Robust, IndexKind::Mahalanobis, IndexKind::LogOdds];
+
 /// One set with its tyres in two halves, of which no tyre is in both.
 #[derive(Debug)]
 pub(super) struct Halves {
@@ -115,7 +118,8 @@ pub(super) fn rivals(halves: &Halves, threads: usize) -> Result<(Vec<Rival>, Vec
         for index in IndexKind::ALL {
             for combine in Combine::ALL {
                 let is_learned = needs_labels(index) || combine == Combine::Fitted;
-                if *name == "labelled" || !is_learned {
+                let is_combined = combine == Combine::default() || COMBINED.contains(&index);
+                if (*name == "labelled" || !is_learned) && is_combined {
                     jobs.push((*name, by, index, combine));
                 }
             }

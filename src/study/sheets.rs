@@ -68,6 +68,7 @@ fn roc(rivals: &[Rival], sets: &[&'static str]) -> Sheet {
     };
     Sheet {
         name: "roc",
+        beside: "ways",
         title: "Cracked against sound locations, set by set",
         note: "Each point is a limit on the index; tyres that took no part in the reference. The upper left quarter is shown.".to_owned(),
         keys: shown.iter().zip(COLORS).map(|(&(_, _, name), color)| (name.to_owned(), color)).collect(),
@@ -133,6 +134,7 @@ fn indices(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) 
     };
     Sheet {
         name: "indices",
+        beside: "ways",
         title: "Every index on every set, mean over conditions",
         note: "AUC of tyres that took no part in the reference, with 95 % intervals by whole tyres.".to_owned(),
         keys: references.iter().zip(COLORS).map(|(name, color)| (format!("{name} reference"), color)).collect(),
@@ -176,6 +178,7 @@ fn pod(detection: &[Detection]) -> Sheet {
     };
     Sheet {
         name: "pod",
+        beside: "detection",
         title: "Probability of detection against the length of the crack",
         note: "Default index, healthy reference. Thin: lower 95 % bound. Grey: 90 %.".to_owned(),
         keys: ["by hit and miss", "by response", "found", "missed"].map(str::to_owned).into_iter().zip(COLORS).collect(),
@@ -210,6 +213,7 @@ fn by_time(plans: &[Tried]) -> Sheet {
     let keys = [("a plan", COLORS[0]), ("front", COLORS[1]), ("full plan", INK), ("cheapest within 0.01 of it", COLORS[2])];
     Sheet {
         name: "plans",
+        beside: "plans_of_note",
         title: "AUC against time on the rig, plan by plan",
         note: format!(
             "1.7 s a tap, 100 locations a turn. Grey: 0.01 below the full plan. The rival machine takes {RIVAL_CASING_S} s for both shoulders, \

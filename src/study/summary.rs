@@ -30,8 +30,8 @@ pub(super) fn default_table(rivals: &[Rival], alone: &[Alone], sets: &[&'static 
          AUC, and its gain over the best discriminator alone, averaged along the ring too and chosen on the judged tyres, \
          with an interval by tyres",
         &[
-            "set", "default", "low", "high", "best_alone", "alone", "gain", "gain_low", "gain_high", "dissertation", "self",
-            "best_index", "best_combine", "best",
+            "set", "default", "low", "high", "best_alone", "alone", "gain", "gain_low", "gain_high", "dissertation",
+            "over_dissertation", "over_low", "over_high", "self", "best_index", "best_combine", "best",
         ],
     );
     for &set in sets {
@@ -47,7 +47,10 @@ pub(super) fn default_table(rivals: &[Rival], alone: &[Alone], sets: &[&'static 
         row.extend(ends(default.areas.by_tyres(seed)));
         row.extend([single.which.name().to_owned(), cell(single.areas.auc()), cell(gain)]);
         row.extend(ends(default.areas.above_by_tyres(&single.areas, seed)));
-        row.extend([dissertation, own].map(|r| cell(r.and_then(|r| r.areas.auc()))));
+        let of_dissertation = dissertation.and_then(|d| d.areas.auc());
+        row.extend([cell(of_dissertation), cell(default.areas.auc().zip(of_dissertation).map(|(a, b)| a - b))]);
+        row.extend(ends(dissertation.and_then(|d| default.areas.above_by_tyres(&d.areas, seed))));
+        row.push(cell(own.and_then(|r| r.areas.auc())));
         row.extend([best.index.name().to_owned(), best.combine.name().to_owned(), cell(best.areas.auc())]);
         table.push(row);
     }

@@ -38,6 +38,12 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
     }
 
+    /// The cell of `row` in the column of that name; empty where there is none.
+    pub(super) fn cell<'a>(&self, row: &'a [String], column: &str) -> &'a str {
+        let place = self.columns.iter().position(|&name| name == column);
+        place.and_then(|place| row.get(place)).map_or("", String::as_str)
+    }
+
     pub(super) fn csv(&self) -> Result<String> {
         let mut out = csv::Writer::from_writer(Vec::new());
         out.write_record(&self.columns)?;
