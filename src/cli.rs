@@ -83,7 +83,7 @@ pub(crate) enum Verb {
 
 #[derive(Debug, Args)]
 pub(crate) struct StudyArgs {
-    /// Tyres of each simulated set, of which a half trains and a half is judged; 20, or 8 with --quick, when left out.
+    /// Tyres of each simulated set, of which a half trains and a half is judged; 16, or 8 with --quick, when left out.
     #[arg(long)]
     pub(crate) tyres: Option<usize>,
     /// Decides all that is left to chance; the same seed gives the same bytes.

@@ -34,7 +34,7 @@ use self::table::Table;
 use crate::cli::StudyArgs;
 
 /// Tyres of a set when nothing else is asked for.
-const TYRES: usize = 20;
+const TYRES: usize = 16;
 const TYRES_QUICK: usize = 8;
 
 /// All that is found.

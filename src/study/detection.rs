@@ -9,13 +9,15 @@ use tapline_fuse::FuseConfig;
 use tapline_fuse::proof::{AHat, HitMiss, Refusal, Scale, Signal, a_hat, hit_miss};
 
 use super::judged::{By, judge};
-use super::sets::{Set, cracked, sound};
+use super::sets::{Cracks, Set, cracked, sound};
 use super::size::Size;
 use super::table::{Table, cell};
 use super::taken::Taken;
 
 /// Depths in mm at which classes part.
-const DEPTHS_MM: [f64; 4] = [3.0, 6.0, 9.0, 12.0];
+const DEPTHS_MM: [f64; 4] = [6.0, 12.0, 18.0, 24.0];
+/// The cracks that are looked for.
+const CRACKS: Cracks = Cracks { depth_mm: (6.0, 24.0), length_mm: (4.0, 30.0), offset_mm: (0.0, 0.0), location_count: (1, 6) };
 
 /// One planted crack and what became of it.
 #[derive(Debug, Clone)]
@@ -41,7 +43,7 @@ pub(super) struct Detection {
 pub(super) fn detection(set: &Set, size: &Size, seed: u64, threads: usize) -> Result<Vec<Detection>> {
     let references = (0..size.target_reference).map(|k| sound(format!("reference-{k:03}")));
     let targets = (0_u64..).take(size.target_tyres);
-    let targets = targets.map(|k| cracked(format!("target-{k:03}"), &set.cracks, size.location_count, seed, 500_000 + k));
+    let targets = targets.map(|k| cracked(format!("target-{k:03}"), &CRACKS, size.location_count, seed, 500_000 + k));
     let tyres: Vec<_> = references.chain(targets).collect();
     let taken = Taken::of(&set.simulation, tyres.clone(), &size.turns, (seed, size.location_count, threads))?;
     let by = By::File(taken.reference(false, |tyre| tyre.starts_with("reference"))?);

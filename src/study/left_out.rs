@@ -11,6 +11,9 @@ use super::judged::By;
 use super::table::{Table, cell};
 use super::work::each;
 
+/// The default index, and those that learn more from labels than which locations are sound.
+pub(super) const LEARNED: [IndexKind; 4] = [IndexKind::Robust, IndexKind::Auc, IndexKind::Lda, IndexKind::LogOdds];
+
 /// One index on one set.
 #[derive(Debug, Clone)]
 pub(super) struct LeftOut {
@@ -23,7 +26,7 @@ pub(super) struct LeftOut {
 /// Each cracked tyre of `halves` left out once, by every index.
 pub(super) fn left_out(halves: &Halves, threads: usize) -> Result<Vec<LeftOut>> {
     let cracked = halves.cracked();
-    each(&IndexKind::ALL, threads, |&index| {
+    each(&LEARNED, threads, |&index| {
         let config = FuseConfig { index, ..FuseConfig::default() };
         // Places are locations of cracked tyres; sound tyres teach always.
         let mut groups = Vec::new();

@@ -146,7 +146,7 @@ fn indices(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) 
 
 fn pod(detection: &[Detection]) -> Sheet {
     let panel = |d: &Detection| {
-        let (low, high) = (5.0, 27.0);
+        let (low, high) = (3.0, 31.0);
         let sizes = || (0..=110_u32).map(|k| low + (high - low) * f64::from(k) / 110.0);
         let at = |found: bool| -> Vec<Point> {
             let targets = d.targets.iter().filter(|t| t.is_found == found);

@@ -28,10 +28,10 @@ pub(super) struct Size {
     pub(super) target_tyres: usize,
     /// Sound tyres that are the reference of those.
     pub(super) target_reference: usize,
-    /// How many tyres a rig reads again, how often, and on how many rigs.
+    /// How many tyres a rig reads again, and how often.
     pub(super) gauge_tyres: usize,
     pub(super) gauge_scans: u16,
-    /// How many sets there are, and whether the plans are those of the full plan or a few.
+    /// How many of the sets are simulated.
     pub(super) set_count: usize,
     /// The turns of every set, and of the targets.
     pub(super) turns: Turns,
@@ -55,8 +55,8 @@ impl Size {
         Self {
             tyres,
             location_count: 100,
-            sound_tyres: 100,
-            draws: 10,
+            sound_tyres: 80,
+            draws: 6,
             reference_sizes: vec![2, 4, 8, 16],
             target_tyres: 32,
             target_reference: 8,

@@ -2,7 +2,7 @@
 
 use tapline_fuse::{Combine, IndexKind};
 
-use super::left_out::{LeftOut, mean};
+use super::left_out::{LEARNED, LeftOut, mean};
 use super::rivals::{Alone, Rival, best_alone};
 use super::table::{Table, cell, ends};
 
@@ -95,7 +95,7 @@ pub(super) fn left_out_table(left_out: &[LeftOut], sets: &[&'static str]) -> Tab
     let title = "Each cracked tyre judged by what all others teach, labelled: mean AUC of the tyres";
     let mut table = Table::new("left_out_by_set", title, &columns);
     let mut rows: Vec<(IndexKind, Vec<f64>)> = Vec::new();
-    for index in IndexKind::ALL {
+    for index in LEARNED {
         let of_set = |set: &&str| left_out.iter().find(|l| l.index == index && l.set == *set).and_then(|l| mean(&l.by_tyre));
         rows.push((index, sets.iter().map(|set| of_set(set).unwrap_or(f64::NAN)).collect()));
     }
