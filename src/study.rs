@@ -122,7 +122,8 @@ impl Found {
     /// Writes tables and figures into `folder`, and the page beside it.
     fn write(&self, folder: &Path, seed: u64) -> Result<()> {
         let name = folder.file_name().and_then(|name| name.to_str());
-        let name = name.with_context(|| format!("--out is {}; it must end with the name of a folder", folder.display()))?;
+        let name =
+            name.with_context(|| format!("--out is {}; it must end with the name of a folder", folder.display()))?;
         let mut files = Vec::new();
         for table in &self.tables {
             files.push((folder.join(format!("{}.csv", table.name)), table.csv()?));

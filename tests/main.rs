@@ -16,4 +16,5 @@ mod retakes;
 mod rig;
 mod simulated;
 mod stability;
+mod study;
 mod tapset;

@@ -55,7 +55,11 @@ impl Areas {
 
     /// 95 % interval by blocks of locations.
     pub(super) fn by_blocks(&self, seed: u64) -> Option<(f64, f64)> {
-        auc_interval(&self.scores, &self.labels, Bootstrap { block_length: BLOCK, seed, count: 400, ..Bootstrap::default() })
+        auc_interval(
+            &self.scores,
+            &self.labels,
+            Bootstrap { block_length: BLOCK, seed, count: 400, ..Bootstrap::default() },
+        )
     }
 
     /// 95 % interval by whole tyres.

@@ -17,7 +17,8 @@ use super::taken::Taken;
 /// Depths in mm at which classes part.
 const DEPTHS_MM: [f64; 4] = [6.0, 12.0, 18.0, 24.0];
 /// The cracks that are looked for.
-const CRACKS: Cracks = Cracks { depth_mm: (6.0, 24.0), length_mm: (4.0, 30.0), offset_mm: (0.0, 0.0), location_count: (1, 6) };
+const CRACKS: Cracks =
+    Cracks { depth_mm: (6.0, 24.0), length_mm: (4.0, 30.0), offset_mm: (0.0, 0.0), location_count: (1, 6) };
 
 /// One planted crack and what became of it.
 #[derive(Debug, Clone)]
@@ -116,7 +117,13 @@ pub(super) fn targets_table(detections: &[Detection]) -> Table {
     let mut table = Table::long("targets", "Every crack looked for, with its greatest index", &columns);
     for t in detections.first().iter().flat_map(|d| &d.targets) {
         let found = if t.is_found { "yes" } else { "no" };
-        table.push([cell(t.length_mm), cell(t.depth_mm), t.location_count.to_string(), found.to_owned(), cell(t.response)]);
+        table.push([
+            cell(t.length_mm),
+            cell(t.depth_mm),
+            t.location_count.to_string(),
+            found.to_owned(),
+            cell(t.response),
+        ]);
     }
     table
 }

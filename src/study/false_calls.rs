@@ -11,8 +11,8 @@ use tapline_fuse::{Combine, FuseConfig, IndexKind};
 
 use super::judged::{By, judge};
 use super::rivals::needs_labels;
-use super::size::Size;
 use super::sets::{Set, sound};
+use super::size::Size;
 use super::table::{Table, cell, ends};
 use super::taken::Taken;
 use super::work::each;
@@ -53,12 +53,15 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> 
             for stated in STATED {
                 jobs.push((IndexKind::default(), stated, drawn.clone()));
             }
-            let rest = IndexKind::ALL.into_iter().filter(|&i| casings == widest && !needs_labels(i) && i != IndexKind::default());
+            let rest = IndexKind::ALL
+                .into_iter()
+                .filter(|&i| casings == widest && !needs_labels(i) && i != IndexKind::default());
             jobs.extend(rest.map(|index| (index, COMPARED_AT, drawn.clone())));
         }
     }
     let counted = each(&jobs, threads, |(index, stated, drawn)| {
-        let config = FuseConfig { index: *index, combine: Combine::Mean, false_call_rate: *stated, ..FuseConfig::default() };
+        let config =
+            FuseConfig { index: *index, combine: Combine::Mean, false_call_rate: *stated, ..FuseConfig::default() };
         let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
         let by = match drawn.is_empty() {
             true => By::Own,
@@ -69,9 +72,8 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> 
     })?;
     let mut calls: Vec<Calls> = Vec::new();
     for ((index, stated, drawn), (judged, called)) in jobs.iter().zip(counted) {
-        let is_it = |c: &&mut Calls| {
-            c.index == *index && c.casings == drawn.len() && c.stated.total_cmp(stated).is_eq()
-        };
+        let is_it =
+            |c: &&mut Calls| c.index == *index && c.casings == drawn.len() && c.stated.total_cmp(stated).is_eq();
         match calls.iter_mut().find(is_it) {
             Some(of_it) => {
                 of_it.judged += judged;

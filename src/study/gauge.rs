@@ -67,7 +67,8 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
         let config = FuseConfig { index, ..FuseConfig::default() };
         let read = |scan: &Taken| judge(&config, scan, &by);
         let scans: Vec<Vec<Judged>> = scans.iter().map(read).collect::<Result<_>>()?;
-        let maps: Vec<Vec<f64>> = scans.iter().map(|s| s.iter().flat_map(|j| j.index.iter().copied()).collect()).collect();
+        let maps: Vec<Vec<f64>> =
+            scans.iter().map(|s| s.iter().flat_map(|j| j.index.iter().copied()).collect()).collect();
         let part_count = maps.first().map_or(0, Vec::len);
         let repeat_count = usize::from(size.gauge_scans);
         let reading = |part: usize, scan: usize| Some(maps[scan][part]).filter(|x| x.is_finite());
@@ -75,7 +76,11 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
             (0..part_count).flat_map(|part| (0..scan_count).map(move |scan| reading(part, scan))).collect()
         };
         let study = Crossed { part_count, operator_count: RIGS, repeat_count };
-        Ok(Repeated { index, of_both: crossed(&of(RIGS * repeat_count), study), of_one: one_way(&of(repeat_count), part_count) })
+        Ok(Repeated {
+            index,
+            of_both: crossed(&of(RIGS * repeat_count), study),
+            of_one: one_way(&of(repeat_count), part_count),
+        })
     })
 }
 
@@ -86,7 +91,13 @@ pub(super) fn table(repeated: &[Repeated]) -> Table {
         "Gauge study of the index: parts are locations, operators two rigs, repeats whole scans; parts of the total \
          standard deviation in per cent",
         &[
-            "index", "rigs", "repeatability_percent", "reproducibility_percent", "gauge_percent", "part_percent", "ndc",
+            "index",
+            "rigs",
+            "repeatability_percent",
+            "reproducibility_percent",
+            "gauge_percent",
+            "part_percent",
+            "ndc",
             "remark",
         ],
     );
@@ -104,7 +115,16 @@ pub(super) fn table(repeated: &[Repeated]) -> Table {
         match &r.of_one {
             Ok(g) => {
                 let [repeat, part] = [g.repeatability, g.part].map(|c| cell(c.study_percent));
-                table.push([name.into(), "1".into(), repeat.clone(), String::new(), repeat, part, ndc(g.ndc), String::new()]);
+                table.push([
+                    name.into(),
+                    "1".into(),
+                    repeat.clone(),
+                    String::new(),
+                    repeat,
+                    part,
+                    ndc(g.ndc),
+                    String::new(),
+                ]);
             }
             Err(why) => table.push(refused(name, 1, &why.to_string())),
         }

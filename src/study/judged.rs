@@ -47,9 +47,7 @@ pub(super) fn judge(config: &FuseConfig, taken: &Taken, by: &By) -> Result<Vec<J
     let with = |reference| FuseConfig { reference: Some(reference), ..config.clone() };
     let mut fusion = match by {
         By::Own => Fusion::new(&with(Reference::Own), &taken.plan)?,
-        By::File(set) => {
-            Fusion::with_reference(&with(Reference::File("study.json".into())), &taken.plan, set.clone())?
-        }
+        By::File(set) => Fusion::with_reference(&with(Reference::File("study.json".into())), &taken.plan, set.clone())?,
     };
     taken.records.iter().try_for_each(|record| fusion.push(record))?;
     for number in 0..taken.plan.scans().len() {

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use anyhow::{Context as _, Result};
 use tapline_fuse::{FuseConfig, IndexKind, auc_left_out};
 
+use super::judged::By;
 use super::judged::judge;
 use super::rivals::Halves;
-use super::judged::By;
 use super::table::{Table, cell};
 use super::work::each;
 
@@ -42,9 +42,10 @@ pub(super) fn left_out(halves: &Halves, threads: usize) -> Result<Vec<LeftOut>> 
         let mut failed = None;
         let fit = |train: &[usize]| {
             let teaches = |tyre: &str| !cracked.iter().any(|t| t == tyre) || train.iter().any(|&p| groups[p] == tyre);
-            let judged = halves.taken.reference(true, teaches).and_then(|set| {
-                judge(&config, &halves.taken.of_tyres(|tyre| !teaches(tyre))?, &By::File(set))
-            });
+            let judged = halves
+                .taken
+                .reference(true, teaches)
+                .and_then(|set| judge(&config, &halves.taken.of_tyres(|tyre| !teaches(tyre))?, &By::File(set)));
             let map = judged.map(|judged| -> BTreeMap<(u16, u32), f64> {
                 judged.iter().flat_map(|j| (0..).zip(&j.index).map(|(l, &x)| ((j.shoulder, l), x))).collect()
             });
@@ -53,7 +54,8 @@ pub(super) fn left_out(halves: &Halves, threads: usize) -> Result<Vec<LeftOut>> 
                 BTreeMap::new()
             })
         };
-        let score = |map: &BTreeMap<(u16, u32), f64>, place: usize| map.get(&places[place]).copied().unwrap_or(f64::NAN);
+        let score =
+            |map: &BTreeMap<(u16, u32), f64>, place: usize| map.get(&places[place]).copied().unwrap_or(f64::NAN);
         let by_tyre = auc_left_out(&groups, &labels, fit, score).context("fewer than two cracked tyres")?;
         if let Some(error) = failed {
             return Err(error);

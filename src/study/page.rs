@@ -34,7 +34,8 @@ pub(super) fn page(found: &Found, sheets: &[Sheet], folder: &str) -> String {
             page.push_str(&format!("![{}]({folder}/{}.svg)\n\n", sheet.title, sheet.name));
         }
     }
-    let long: Vec<String> = found.tables.iter().filter(|t| t.is_long).map(|t| format!("[{0}.csv]({folder}/{0}.csv)", t.name)).collect();
+    let long: Vec<String> =
+        found.tables.iter().filter(|t| t.is_long).map(|t| format!("[{0}.csv]({folder}/{0}.csv)", t.name)).collect();
     page.push_str(&format!("Longer tables: {}.\n\n{NOT_SHOWN}", long.join(", ")));
     page
 }
@@ -158,7 +159,13 @@ fn called(calls: &[Calls]) -> Vec<String> {
     let of_default = calls.iter().filter(|c| c.index == tapline_fuse::IndexKind::default());
     let told = |c: &Calls| {
         let by = if c.casings == 0 { "self".to_owned() } else { format!("{} casings", c.casings) };
-        format!("{} stated, {by}: {} ({} to {})", cell(c.stated), cell(c.rate.rate), cell(c.rate.low), cell(c.rate.high))
+        format!(
+            "{} stated, {by}: {} ({} to {})",
+            cell(c.stated),
+            cell(c.rate.rate),
+            cell(c.rate.low),
+            cell(c.rate.high)
+        )
     };
     let above: Vec<String> = of_default.clone().filter(|c| c.rate.low > c.stated).map(told).collect();
     vec![
@@ -182,7 +189,9 @@ fn detected(detection: &Table) -> String {
 fn repeated(gauge: &Table) -> Option<String> {
     let row = gauge.rows.iter().find(|row| row[0] == "robust" && row[1] == "2")?;
     let [percent, ndc] = ["gauge_percent", "ndc"].map(|column| gauge.cell(row, column));
-    Some(format!("The gauge takes {percent} % of the total standard deviation of the default index, and tells {ndc} categories."))
+    Some(format!(
+        "The gauge takes {percent} % of the total standard deviation of the default index, and tells {ndc} categories."
+    ))
 }
 
 fn planned(found: &Found) -> Option<String> {

@@ -76,10 +76,24 @@ fn list(values: &[f64]) -> String {
 }
 
 /// The table of `tried`, which are all of them or those of note.
-pub(super) fn table(name: &'static str, title: &'static str, all: &[Tried], is_told: impl Fn(&Tried) -> bool, seed: u64) -> Table {
+pub(super) fn table(
+    name: &'static str,
+    title: &'static str,
+    all: &[Tried],
+    is_told: impl Fn(&Tried) -> bool,
+    seed: u64,
+) -> Table {
     let columns = [
-        "offsets_mm", "velocities_m_per_s", "repetitions", "shoulder_s", "casing_s", "auc", "short_of_full", "short_low",
-        "short_high", "front",
+        "offsets_mm",
+        "velocities_m_per_s",
+        "repetitions",
+        "shoulder_s",
+        "casing_s",
+        "auc",
+        "short_of_full",
+        "short_low",
+        "short_high",
+        "front",
     ];
     let mut table = Table::new(name, title, &columns);
     let Some(full) = all.last() else { return table };

@@ -57,7 +57,9 @@ impl Halves {
     pub(super) fn of(set: &Set, number: u64, size: &Size, turns: &Turns, seed: u64, threads: usize) -> Result<Self> {
         let name = |half: &str, k: usize| format!("{}-{half}-{k:03}", set.name);
         let (half, quarter) = (size.tyres / 2, size.tyres / 4);
-        let names = |half_name: &str, from: usize, to: usize| -> Vec<String> { (from..to).map(|k| name(half_name, k)).collect() };
+        let names = |half_name: &str, from: usize, to: usize| -> Vec<String> {
+            (from..to).map(|k| name(half_name, k)).collect()
+        };
         let (train_sound, train_cracked) = (names("A", 0, quarter), names("A", quarter, half));
         let (test_sound, test_cracked) = (names("B", 0, quarter), names("B", quarter, half));
         let with_cracks = train_cracked.iter().chain(&test_cracked).zip(1000 * number..);
@@ -165,9 +167,25 @@ pub(super) fn table(rivals: &[Rival], alone: &[Alone], seed: u64) -> Result<Tabl
         "Every index on every set: AUC with intervals by blocks of locations and by tyres, and what it gains over the best \
          discriminator alone",
         &[
-            "set", "reference", "index", "combine", "auc", "blocks_low", "blocks_high", "tyres_low", "tyres_high",
-            "best_alone", "gain", "gain_low", "gain_high", "overlap", "false_calls", "sound_shoulders", "rate_low",
-            "rate_high", "fell_back",
+            "set",
+            "reference",
+            "index",
+            "combine",
+            "auc",
+            "blocks_low",
+            "blocks_high",
+            "tyres_low",
+            "tyres_high",
+            "best_alone",
+            "gain",
+            "gain_low",
+            "gain_high",
+            "overlap",
+            "false_calls",
+            "sound_shoulders",
+            "rate_low",
+            "rate_high",
+            "fell_back",
         ],
     );
     for rival in rivals {

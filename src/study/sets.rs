@@ -23,7 +23,8 @@ pub(super) struct Cracks {
 }
 
 /// Of every set that says nothing else: down to where hardly anything is felt, or nothing would tell one index from another.
-const CRACKS: Cracks = Cracks { depth_mm: (10.0, 28.0), length_mm: (4.0, 20.0), offset_mm: (0.0, 0.0), location_count: (1, 8) };
+const CRACKS: Cracks =
+    Cracks { depth_mm: (10.0, 28.0), length_mm: (4.0, 20.0), offset_mm: (0.0, 0.0), location_count: (1, 8) };
 
 /// One simulated set.
 #[derive(Debug, Clone)]
@@ -117,7 +118,9 @@ mod tests {
             assert!((0..100).all(|location| at(location) <= 1));
             let starts = (0..100).filter(|&l| at(l) == 1 && at((l + 99) % 100) == 0).count();
             assert_eq!(starts, CRACKS_PER_TYRE as usize);
-            assert!(tyre.crack.iter().all(|c| (10.0..28.0).contains(&c.depth_mm) && (4.0..20.0).contains(&c.length_mm)));
+            assert!(
+                tyre.crack.iter().all(|c| (10.0..28.0).contains(&c.depth_mm) && (4.0..20.0).contains(&c.length_mm))
+            );
             assert_ne!(tyre.crack, cracked("T".to_owned(), &CRACKS, 100, 5, number + 1).crack);
         }
     }

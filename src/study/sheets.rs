@@ -124,13 +124,7 @@ fn indices(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) 
             marks.insert(0, Mark::Line(vec![(single, 0.0), (single, rows.len() as f64)], INK, 1.25));
         }
         let best = best_alone(alone, set).map_or_else(String::new, |a| format!("; line: {} alone", a.which.name()));
-        Panel {
-            name: format!("{set}{best}"),
-            x: axis("AUC", (from, 1.0), 5),
-            y: axis("", (0.0, 1.0), 0),
-            rows,
-            marks,
-        }
+        Panel { name: format!("{set}{best}"), x: axis("AUC", (from, 1.0), 5), y: axis("", (0.0, 1.0), 0), rows, marks }
     };
     Sheet {
         name: "indices",
@@ -181,7 +175,11 @@ fn pod(detection: &[Detection]) -> Sheet {
         beside: "detection",
         title: "Probability of detection against the length of the crack",
         note: "Default index, healthy reference. Thin: lower 95 % bound. Grey: 90 %.".to_owned(),
-        keys: ["by hit and miss", "by response", "found", "missed"].map(str::to_owned).into_iter().zip(COLORS).collect(),
+        keys: ["by hit and miss", "by response", "found", "missed"]
+            .map(str::to_owned)
+            .into_iter()
+            .zip(COLORS)
+            .collect(),
         columns: 2,
         height: 240.0,
         panels: detection.iter().map(panel).collect(),
@@ -210,7 +208,8 @@ fn by_time(plans: &[Tried]) -> Sheet {
     if let Some(t) = cheapest(plans) {
         marks.push(Mark::Rings(vec![point(t)], COLORS[2], 7.0));
     }
-    let keys = [("a plan", COLORS[0]), ("front", COLORS[1]), ("full plan", INK), ("cheapest within 0.01 of it", COLORS[2])];
+    let keys =
+        [("a plan", COLORS[0]), ("front", COLORS[1]), ("full plan", INK), ("cheapest within 0.01 of it", COLORS[2])];
     Sheet {
         name: "plans",
         beside: "plans_of_note",

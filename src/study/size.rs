@@ -42,11 +42,7 @@ pub(super) struct Size {
 }
 
 fn turns(offsets_mm: &[f64], velocities_m_per_s: &[f64]) -> Turns {
-    Turns {
-        offsets_mm: offsets_mm.to_vec(),
-        velocities_m_per_s: velocities_m_per_s.to_vec(),
-        repetitions: REPETITIONS,
-    }
+    Turns { offsets_mm: offsets_mm.to_vec(), velocities_m_per_s: velocities_m_per_s.to_vec(), repetitions: REPETITIONS }
 }
 
 impl Size {

@@ -7,7 +7,13 @@ use super::rivals::{Alone, Rival, best_alone};
 use super::table::{Table, cell, ends};
 
 /// The rival that is `index` with `combine` by `reference` on `set`.
-pub(super) fn find<'a>(rivals: &'a [Rival], set: &str, reference: &str, index: IndexKind, combine: Combine) -> Option<&'a Rival> {
+pub(super) fn find<'a>(
+    rivals: &'a [Rival],
+    set: &str,
+    reference: &str,
+    index: IndexKind,
+    combine: Combine,
+) -> Option<&'a Rival> {
     rivals.iter().find(|r| r.set == set && r.reference == reference && r.index == index && r.combine == combine)
 }
 
@@ -30,8 +36,23 @@ pub(super) fn default_table(rivals: &[Rival], alone: &[Alone], sets: &[&'static 
          AUC, and its gain over the best discriminator alone, averaged along the ring too and chosen on the judged tyres, \
          with an interval by tyres",
         &[
-            "set", "default", "low", "high", "best_alone", "alone", "gain", "gain_low", "gain_high", "dissertation",
-            "over_dissertation", "over_low", "over_high", "self", "best_index", "best_combine", "best",
+            "set",
+            "default",
+            "low",
+            "high",
+            "best_alone",
+            "alone",
+            "gain",
+            "gain_low",
+            "gain_high",
+            "dissertation",
+            "over_dissertation",
+            "over_low",
+            "over_high",
+            "self",
+            "best_index",
+            "best_combine",
+            "best",
         ],
     );
     for &set in sets {
@@ -96,7 +117,8 @@ pub(super) fn left_out_table(left_out: &[LeftOut], sets: &[&'static str]) -> Tab
     let mut table = Table::new("left_out_by_set", title, &columns);
     let mut rows: Vec<(IndexKind, Vec<f64>)> = Vec::new();
     for index in LEARNED {
-        let of_set = |set: &&str| left_out.iter().find(|l| l.index == index && l.set == *set).and_then(|l| mean(&l.by_tyre));
+        let of_set =
+            |set: &&str| left_out.iter().find(|l| l.index == index && l.set == *set).and_then(|l| mean(&l.by_tyre));
         rows.push((index, sets.iter().map(|set| of_set(set).unwrap_or(f64::NAN)).collect()));
     }
     rows.sort_by(|a, b| mean(&b.1).unwrap_or(0.0).total_cmp(&mean(&a.1).unwrap_or(0.0)));

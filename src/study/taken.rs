@@ -34,7 +34,8 @@ impl Turns {
 
     /// Whether `tap` is of one of them.
     pub(super) fn has(&self, tap: &PlannedTap) -> bool {
-        let is_among = |values: &[f64], value: Option<f64>| value.is_some_and(|v| values.iter().any(|w| (v - w).abs() < 1e-6));
+        let is_among =
+            |values: &[f64], value: Option<f64>| value.is_some_and(|v| values.iter().any(|w| (v - w).abs() < 1e-6));
         is_among(&self.offsets_mm, tap.id.offset_mm())
             && is_among(&self.velocities_m_per_s, tap.id.velocity_m_per_s())
             && tap.id.repetition < self.repetitions
