@@ -24,7 +24,8 @@ demo: setup
 	@for table in verdicts regions damage discriminators; do \
 	  cargo run -q --release -- export $(DEMO)/demo.h5 $$table --out $(DEMO)/$$table.csv || exit 1; \
 	done
-	@echo "The archive is $(DEMO)/demo.h5; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it."
+	cargo run -q --release -- report $(DEMO)/demo.h5 --out $(DEMO)/report
+	@echo "The archive is $(DEMO)/demo.h5; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
 
 test: setup
 	cargo test --workspace

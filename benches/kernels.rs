@@ -13,7 +13,7 @@ use anyhow::{Context as _, Result};
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
-use tapline_fuse::{FuseConfig, Fusion};
+use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::{DampingLaw, Rung, Scene, SimulationConfig, choose};
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor, SpectrumEstimator};
 use tapline_wire::{Channel, ChannelHeader, Discriminators, Lane, SampleFormat, Samples, TapHeader, lanes_for};
@@ -71,7 +71,7 @@ fn main() -> Result<()> {
     let mut line = SimulatedLine::new(&ScanConfig::default(), &SimulationConfig::default())?;
     let mut extractor = extractor(Precision::F32)?;
     let (taps, records) = tyre(&mut line, &mut extractor)?;
-    let fusion = Fusion::new(&FuseConfig::default(), line.plan())?;
+    let fusion = Fusion::new(&FuseConfig::by(Reference::Own), line.plan())?;
     let mut kernels = yardsticks(&taps);
     kernels.push(render(line, &taps));
     kernels.push(extract("extract f32, force and sound i16", &taps, extractor, false));

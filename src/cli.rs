@@ -61,6 +61,17 @@ pub(crate) enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Write what an archive holds as pages to read and print: one a tyre, and one of the whole shift.
+    ///
+    /// Each page is one HTML file that needs nothing else. An archive that is not whole is told of as far as it goes.
+    Report {
+        /// The archive.
+        archive: PathBuf,
+        /// Folder to write into, made when it is not there; the archive's name with `-report`, in this folder, when left
+        /// out.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// The contact models.
     #[command(subcommand)]
     Model(ModelVerb),

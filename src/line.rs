@@ -38,19 +38,19 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     // What cannot be judged is said before anything is scanned.
     job.fusion(&plan)?;
     let lock = Lock::take(&job.out)?;
+    // First, as stages of a line that was killed may hold the archive still; and what it left is cleared away, also when
+    // nothing is left to do.
+    let workplace = Workplace::prepare(&job, &plan)?;
     let pace = match settled_before(&job, &plan)? {
-        None => {
-            Workplace::prepare(&job, &plan)?; // clears away what a line that was killed at its very end has left
-            Pace::default()
-        }
+        None => Pace::default(),
         Some(settled) => {
-            let workplace = Workplace::prepare(&job, &plan)?;
             // The watcher stays to the end, also when the stages are told to stop.
             let watch = Line::join(&workplace.address, Role::Watch, &plan, Arc::default())?;
             let _services = Services::open(&watch, &plan)?;
             Run::start(&job, args, &plan, &workplace, settled)?.until_done(&watch, &plan)?
         }
     };
+    drop(workplace);
     drop(lock);
     summarise(&job, pace, args.json)
 }

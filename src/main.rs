@@ -14,6 +14,7 @@ mod line;
 mod pen;
 mod progress;
 mod reference;
+mod report;
 mod stage;
 mod study;
 mod summary;
@@ -71,6 +72,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
+        Verb::Report { archive, out } => report::report(archive, out.as_deref()),
         Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Study(args) => study::study(args),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),

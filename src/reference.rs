@@ -17,7 +17,10 @@ use crate::config::{Config, process_of};
 
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {
-        bail!("--out is {}; the name of a reference ends in .json, by which configurations know it", args.out.display());
+        bail!(
+            "--out is {}; the name of a reference ends in .json, by which configurations know it",
+            args.out.display()
+        );
     }
     let mut wanted: BTreeSet<&str> = args.shoulders.iter().map(String::as_str).collect();
     let takes_all = wanted.is_empty();
@@ -62,8 +65,10 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
 fn start(args: &ReferenceArgs, of_archive: &Config, process: String) -> Result<Built> {
     let mut config = of_archive.fuse.clone();
     if let Some(path) = &args.config {
-        let text = fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
-        let given: Config = toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
+        let text =
+            fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
+        let given: Config =
+            toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
         config = given.fuse;
     }
     Ok(Built { config, lineage: Vec::new(), process, learns_directions: args.learn_directions })

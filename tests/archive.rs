@@ -108,7 +108,7 @@ fn another_plan_or_configuration_is_refused() {
     let done = rig.run("run --config other.toml --stations 2 --out run.h5").expect(1);
     assert!(done.err.contains("run.h5") && done.err.contains("scan plan"), "{done:?}");
     // Same taps, but what is judged would not be what was asked for.
-    rig.write("other.toml", &format!("{SCAN}\n[fuse]\nreject_at = 9.0\n"));
+    rig.write("other.toml", &format!("{SCAN}\n[fuse]\nz_clip = 9.0\n"));
     let done = rig.run("run --config other.toml --stations 2 --out run.h5").expect(1);
     assert!(done.err.contains("configuration") && done.err.contains("--out"), "{done:?}");
     rig.write("other.toml", &SCAN.replace("depth_mm = 6.0", "depth_mm = 7.0"));

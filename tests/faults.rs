@@ -184,7 +184,7 @@ fn a_stage_that_dies_again_and_again_ends_the_line() {
     let program = env!("CARGO_BIN_EXE_tapline");
     // No file may grow beyond 64 KiB: the system kills whoever tries, which here is `store`.
     let done = std::process::Command::new("sh")
-        .args(["-c", &format!("ulimit -f 128; exec {program} run --config quick.toml --out quick.h5")])
+        .args(["-c", &format!("ulimit -f 128; exec {program} run --config quick.toml --out quick.h5 --reference self")])
         .current_dir(rig.path(""))
         .output()
         .unwrap();

@@ -12,6 +12,8 @@ mod figures;
 mod in_memory;
 mod model;
 mod recorded;
+mod reference;
+mod report;
 mod retakes;
 mod rig;
 mod simulated;

@@ -30,10 +30,31 @@ impl Rig {
     }
 
     /// The program with `arguments`, split at spaces.
+    ///
+    /// A run must name its reference; where a test does not care, each tyre is its own.
     pub(crate) fn command(&self, arguments: &str) -> Command {
+        let mut command = self.plain(arguments);
+        let is_judged = ["run ", "fuse "].iter().any(|verb| arguments.starts_with(verb));
+        if is_judged && !self.names_reference(arguments) {
+            command.args(["--reference", "self"]);
+        }
+        command
+    }
+
+    /// The program with `arguments` and nothing else.
+    pub(crate) fn plain(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tapline"));
         command.args(arguments.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
         command
+    }
+
+    /// Whether the arguments, or the configuration they name, say what shoulders are compared with.
+    fn names_reference(&self, arguments: &str) -> bool {
+        let config = arguments.split_whitespace().skip_while(|&word| word != "--config").nth(1);
+        let text = config.map(|name| fs::read_to_string(self.path(name)).unwrap_or_default());
+        arguments.contains("--reference")
+            || arguments.contains("--help")
+            || text.is_some_and(|t| t.contains("reference ="))
     }
 
     /// Runs the program to its end.

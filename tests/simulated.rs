@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::{Builder, scope};
 
 use tapline_acquire::{ScanConfig, SimulatedLine, Source, TyreConfig};
-use tapline_fuse::{FuseConfig, Fusion};
+use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::{Crack, SimulationConfig};
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{Lane, Reasons, Samples, TapHeader, Verdict, lanes_for};
@@ -68,7 +68,7 @@ fn judged(scan: &ScanConfig) -> BTreeMap<(String, u16), Judged> {
     let mut line = SimulatedLine::new(scan, &SimulationConfig::default()).unwrap();
     let mut extractor = ProcessExtractor::new(&ProcessConfig::default()).unwrap();
     let plan = line.plan().clone();
-    let mut fusion = Fusion::new(&FuseConfig::default(), &plan).unwrap();
+    let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &plan).unwrap();
     let mut header = TapHeader::default();
     let mut lanes = vec![Lane::default(); lanes_for(plan.recording.payload_bytes_max())];
     for (row, _) in (0..).zip(plan.taps()) {

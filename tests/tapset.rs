@@ -30,7 +30,8 @@ fn sample(channel: usize, k: u32, location: u32) -> f64 {
     value + 1e-3 * noise
 }
 
-fn write_wav(path: &Path, channels: u16, rate: u32, count: u32, location: u32) {
+/// Writes the synthetic tap at `location` as a 16-bit WAV of `count` samples a channel.
+pub(crate) fn write_wav(path: &Path, channels: u16, rate: u32, count: u32, location: u32) {
     let spec =
         hound::WavSpec { channels, sample_rate: rate, bits_per_sample: 16, sample_format: hound::SampleFormat::Int };
     let mut wav = hound::WavWriter::create(path, spec).unwrap();

@@ -35,6 +35,7 @@ impl Compared {
             locations,
             map: self.map(),
             limits: self.standard.limits,
+            usual: self.standard.fit.usual(),
             usual_tap_count: self.standard.usual_tap_count,
             is_inverted: self.casing.is_inverted,
         }
@@ -50,7 +51,9 @@ impl Compared {
         });
         let mut evidence = [f64::NAN; 7];
         let discriminators = self.standard.fit.yardstick().discriminators();
-        for (score, &(which, _)) in peak.iter().flat_map(|&p| map.locations[p].by_discriminator.iter().zip(discriminators)) {
+        for (score, &(which, _)) in
+            peak.iter().flat_map(|&p| map.locations[p].by_discriminator.iter().zip(discriminators))
+        {
             evidence[which as usize] = score.unwrap_or(f64::NAN);
         }
         evidence
@@ -75,7 +78,8 @@ impl Fusion {
         let reference_scans = self.panel.reference(scan).to_vec();
         let planned = involved.iter().flat_map(|&s| self.entering(s)).map(|(_, id)| id);
         let conditions = Conditions::of(planned.chain(self.set.iter().flat_map(|set| set.taps())));
-        let key = |scans: &[usize]| (conditions.clone(), scans.iter().map(|&s| (s, self.progress[s].changes)).collect());
+        let key =
+            |scans: &[usize]| (conditions.clone(), scans.iter().map(|&s| (s, self.progress[s].changes)).collect());
         let (standard_key, casing_key): (Key, Key) = (key(&reference_scans), key(&involved));
         let cached = |cache: &Cache| {
             let (key, standard) = cache.standard.as_ref()?;
@@ -113,9 +117,9 @@ impl Fusion {
         tyres.dedup();
         let number_of = |scan: usize| tyres.iter().position(|&tyre| tyre == scans[scan].tyre);
         let standard = standard.unwrap_or_else(|| {
-            let of_run = reference_scans.iter().filter_map(|&scan| {
-                Some(self.shoulder(conditions, &normalisation, scan, number_of(scan)?))
-            });
+            let of_run = reference_scans
+                .iter()
+                .filter_map(|&scan| Some(self.shoulder(conditions, &normalisation, scan, number_of(scan)?)));
             let of_set = self.set.iter().flat_map(|set| set.shoulders_by(conditions, &normalisation));
             let shoulders: Vec<Shoulder> = of_run.chain(of_set).collect();
             Arc::new(Standard::stated(&self.config, count, &shoulders))

@@ -74,6 +74,17 @@ impl Combine {
     }
 }
 
+/// How far a region reaches from a location that is suspect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Extent {
+    /// As long as the index stays above half of what makes it suspect.
+    #[default]
+    Half,
+    /// As far as the most likely states of a hidden Markov model say that the crack does.
+    Hidden,
+}
+
 /// What a casing's values are divided by before its locations are compared with the reference's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -234,6 +245,8 @@ pub struct FuseConfig {
     pub centre: Centre,
     /// Largest magnitude of a single robust z.
     pub z_clip: f64,
+    /// How far a region reaches.
+    pub extent: Extent,
     /// Chance that a sound shoulder is not passed: it sets the limits.
     pub false_call_rate: f64,
     /// Whether F_max and tau are brought from the measured to the planned velocity, by powers of it that are fitted to the
@@ -253,6 +266,7 @@ impl Default for FuseConfig {
             reference: None,
             centre: Centre::default(),
             z_clip: 6.0,
+            extent: Extent::default(),
             false_call_rate: 1e-3,
             normalise_velocity: false,
             directions: Directions::default(),
@@ -307,6 +321,7 @@ mod tests {
             combine = "mean"
             centre = "own"
             z_clip = 6.0
+            extent = "half"
             false_call_rate = 0.001
             normalise_velocity = false
             [directions]

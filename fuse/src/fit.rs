@@ -83,8 +83,7 @@ impl Fit {
             .map(|s| Cells::of(config.index, condition_count, &yardstick, &levels[s.tyre], s, Taps::All))
             .collect();
         let mut fallbacks = Vec::new();
-        let is_plain =
-            matches!(config.index, IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile);
+        let is_plain = matches!(config.index, IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile);
         let index: Box<dyn Index> = if is_plain {
             Box::new(Mean::new(yardstick.width()))
         } else {
@@ -116,7 +115,18 @@ impl Fit {
         let usual = Spread::of(&mut values);
         let of_condition = |c: usize| Spread::of(&mut sound.iter().filter_map(|row| row[c]).collect::<Vec<f64>>());
         let by_condition = (0..condition_count).map(of_condition).collect();
-        Self { kind: config.index, condition_count, yardstick, index, combination, sound, by_condition, usual, is_mean, fallbacks }
+        Self {
+            kind: config.index,
+            condition_count,
+            yardstick,
+            index,
+            combination,
+            sound,
+            by_condition,
+            usual,
+            is_mean,
+            fallbacks,
+        }
     }
 
     /// The scales.
@@ -161,6 +171,17 @@ impl Fit {
             }
         };
         (0..cells.place_count()).map(location).collect()
+    }
+
+    /// The index of locations of which only the `asked` conditions are looked at, on the scale of the usual ones.
+    pub(crate) fn only(&self, locations: &[LocationIndex], asked: impl Fn(usize) -> bool) -> Vec<Option<f64>> {
+        let mut nulls = BTreeMap::new();
+        let of = |location: &LocationIndex| {
+            let row: Vec<Option<f64>> =
+                location.by_condition.iter().enumerate().map(|(c, v)| v.filter(|_| asked(c))).collect();
+            self.combined(&row, &mut nulls)
+        };
+        locations.iter().map(of).collect()
     }
 
     /// One value of the conditions of a location, on the scale of the usual ones.

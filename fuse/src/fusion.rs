@@ -66,7 +66,7 @@ impl Fusion {
     /// What [`FuseConfig::validate`] refuses, and [`Error::NothingInCommon`] for a set that has no tap at any offset and
     /// velocity of the plan.
     pub fn with_reference(config: &FuseConfig, plan: &Plan, set: Arc<ReferenceSet>) -> Result<Self, Error> {
-        let config = FuseConfig { directions: set.directions(), ..config.clone() };
+        let config = FuseConfig { directions: set.directions, ..config.clone() };
         set.check_conditions(plan)?;
         Self::build(&config, plan, Some(set))
     }
@@ -165,7 +165,7 @@ impl Fusion {
         let compared = self.compared(scan);
         let planned = &self.plan.scans()[scan];
         let view = compared.view(&planned.locations);
-        let regions = view.regions();
+        let regions = view.regions(self.config.extent);
         let mut cells = view.cells(&regions);
         let p_value = mark_regions(&compared, self.plan.geometry, &regions, &mut cells);
         let mut reasons = view.reasons(&regions);
@@ -235,6 +235,9 @@ impl Fusion {
         }
         if all_involved.iter().any(|&involved| self.lacks_features(involved)) {
             reasons.insert(Reasons::FEATURES_ABSENT);
+        }
+        if compared.casing.stands_off[compared.number] {
+            reasons.insert(Reasons::LEVEL_OFF);
         }
         if !compared.standard.fit.fallbacks.is_empty() {
             reasons.insert(Reasons::FELL_BACK);

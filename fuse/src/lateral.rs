@@ -5,7 +5,7 @@ use tapline_wire::{DamageCell, Geometry};
 use crate::compare::Compared;
 use crate::scan::{Permutation, arc_null, scan};
 use crate::stats::Spread;
-use crate::{Error, Fusion};
+use crate::{Error, Fusion, IndexKind};
 
 /// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
 const REACH_PART: f64 = 0.5;
@@ -14,7 +14,12 @@ const REACH_PART: f64 = 0.5;
 ///
 /// The ring outside of the regions is the background that chances are taken from: an arc that is real would come together
 /// again in its own permutations.
-pub(crate) fn mark_regions(compared: &Compared, geometry: Geometry, regions: &[u32], cells: &mut [DamageCell]) -> Option<f64> {
+pub(crate) fn mark_regions(
+    compared: &Compared,
+    geometry: Geometry,
+    regions: &[u32],
+    cells: &mut [DamageCell],
+) -> Option<f64> {
     let Spread { centre, sigma } = compared.standard.fit.usual()?;
     let z: Vec<Option<f64>> =
         compared.map().locations.iter().map(|l| l.value.map(|value| (value - centre) / sigma)).collect();
@@ -45,27 +50,28 @@ fn across(compared: &Compared, places: &[usize]) -> Option<(f64, f64, f64)> {
     let by_offset = compared.by_offset(places);
     let (best_mm, most) = by_offset.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let seen = by_offset.iter().filter(|&&(_, value)| value >= REACH_PART * most).map(|&(offset_mm, _)| offset_mm);
-    let (low, high) = seen.fold((best_mm, best_mm), |(low, high), x| {
-        (if x < low { x } else { low }, if x > high { x } else { high })
-    });
+    let (low, high) = seen
+        .fold((best_mm, best_mm), |(low, high), x| (if x < low { x } else { low }, if x > high { x } else { high }));
     Some((best_mm, low, high))
 }
 
 impl Fusion {
-    /// The index of every location of scan number `scan` at each offset that is known, in the order of the locations: the
-    /// mean over its velocities and along the ring, in spreads above sound places. With whatever has come so far.
+    /// The index of every location of scan number `scan` at each offset that is known alone, in the order of the locations
+    /// and on the scale of the damage index: what a scan at that offset only would have shown. With whatever has come.
     ///
     /// # Errors
     /// [`Error::NoSuchScan`].
     pub fn by_offset(&mut self, scan: usize) -> Result<Vec<(f64, Vec<Option<f64>>)>, Error> {
         self.check(scan)?;
         let compared = self.compared(scan);
-        let mut maps: Vec<(f64, Vec<Option<f64>>)> = Vec::new();
-        for mm in compared.conditions.offsets_mm().into_iter().flatten() {
-            let at = |place: usize| compared.by_offset(&[place]).into_iter().find(|of| of.0.total_cmp(&mm).is_eq());
-            let values: Vec<Option<f64>> = (0..compared.ring.len()).map(|place| Some(at(place)?.1)).collect();
-            maps.push((mm, compared.ring.mean_of_3(&values)));
-        }
+        let map = |(number, mm): (usize, Option<f64>)| {
+            let asked = |condition| compared.conditions.offset_of(condition) == number;
+            let values = compared.standard.fit.only(&compared.map().locations, asked);
+            let is_faithful = self.config.index == IndexKind::Dissertation;
+            Some((mm?, if is_faithful { values } else { compared.ring.mean_of_3(&values) }))
+        };
+        let mut maps: Vec<_> = compared.conditions.offsets_mm().into_iter().enumerate().filter_map(map).collect();
+        maps.retain(|(_, values)| values.iter().any(Option::is_some));
         maps.sort_by(|a, b| a.0.total_cmp(&b.0));
         Ok(maps)
     }

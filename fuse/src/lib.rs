@@ -84,6 +84,7 @@ mod score;
 mod shoulder;
 mod split;
 mod standard;
+mod standing;
 mod stats;
 mod velocity;
 mod verdict;
@@ -93,7 +94,7 @@ mod yardstick;
 mod testing;
 
 pub use bootstrap::{Bootstrap, auc_interval};
-pub use config::{Centre, Combine, Direction, Directions, FuseConfig, IndexKind, Reference};
+pub use config::{Centre, Combine, Direction, Directions, Extent, FuseConfig, IndexKind, Reference};
 pub use error::Error;
 pub use fusion::Fusion;
 pub use hidden::{Hidden, HiddenStates, fitted_shift, hidden_states};

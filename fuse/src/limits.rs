@@ -114,7 +114,8 @@ mod tests {
     #[test]
     fn limits_stand_on_the_reference() {
         // Catches limits that ignore the centre, the rate, the number of locations, or how much is known.
-        let of = |count, rate, locations| Limits::of(&mut null(count, 0.1 / f64::from(count)), rate, locations).unwrap();
+        let of =
+            |count, rate, locations| Limits::of(&mut null(count, 0.1 / f64::from(count)), rate, locations).unwrap();
         let limits = of(1001, 1e-3, 100);
         let sigma = 1.4826 * 25.0 / 1001.0; // half the range is 50/1001, its middle deviation half of that
         // scipy.stats.t.isf(1e-5, 0.37*1001-1) = 4.321

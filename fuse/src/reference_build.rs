@@ -81,7 +81,8 @@ fn learned(
     shoulders: &[Shoulder],
     directions: Directions,
 ) -> BTreeMap<Discriminator, Learned> {
-    let config = FuseConfig { discriminators: Discriminator::ALL.to_vec(), z_clip: 1e3, directions, ..FuseConfig::default() };
+    let config =
+        FuseConfig { discriminators: Discriminator::ALL.to_vec(), z_clip: 1e3, directions, ..FuseConfig::default() };
     let standard = Standard::stated(&config, conditions.count(), shoulders);
     let mut scores: Vec<(Vec<f64>, Vec<bool>)> = vec![Default::default(); Discriminator::ALL.len()];
     for shoulder in shoulders {
@@ -150,8 +151,7 @@ fn covariance(rows: &[Vec<Option<f64>>], width: usize) -> Vec<Vec<Option<f64>>> 
     let of = |a: usize, b: usize| {
         let pairs: Vec<(f64, f64)> = rows.iter().filter_map(|row| Some((row[a]?, row[b]?))).collect();
         let n = pairs.len() as f64;
-        let (a_mean, b_mean) =
-            (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
+        let (a_mean, b_mean) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
         let sum: f64 = pairs.iter().map(|p| (p.0 - a_mean) * (p.1 - b_mean)).sum();
         (pairs.len() > 1).then(|| sum / (n - 1.0))
     };

@@ -137,7 +137,8 @@ impl KnownShoulder {
             return Some(format!("the locations of {} are not ascending", name()));
         }
         let lengths = [self.angles_deg.len(), self.is_cracked.as_ref().map_or(count, Vec::len)];
-        let columns = |turn: &Turn| turn.values.values().map(Vec::len).chain([turn.velocities_measured_m_per_s.len()]).collect();
+        let columns =
+            |turn: &Turn| turn.values.values().map(Vec::len).chain([turn.velocities_measured_m_per_s.len()]).collect();
         let in_turns: Vec<usize> = self.turns.iter().flat_map(|turn| -> Vec<usize> { columns(turn) }).collect();
         if let Some(other) = lengths.into_iter().chain(in_turns).find(|&length| length != count) {
             return Some(format!("{} has {count} locations, and a column of {other}", name()));
@@ -253,10 +254,6 @@ impl ReferenceSet {
         self.shoulders.iter().any(|s| s.is_cracked.as_ref().is_some_and(|labels| labels.contains(&true)))
     }
 
-    pub(crate) fn directions(&self) -> Directions {
-        self.directions
-    }
-
     /// A name for every turn, with its offset and velocity.
     pub(crate) fn taps(&self) -> impl Iterator<Item = TapId> {
         self.shoulders.iter().flat_map(|s| s.turns.iter().filter_map(|turn| s.tap_id(turn)))
@@ -276,7 +273,8 @@ impl ReferenceSet {
         }
         let name = |of: Option<f64>| of.map_or_else(|| "an unknown".to_owned(), |v| v.to_string());
         let names = |of: BTreeMap<usize, TapId>| {
-            let each = of.into_values().map(|t| format!("{} mm, {} m/s", name(t.offset_mm()), name(t.velocity_m_per_s())));
+            let each =
+                of.into_values().map(|t| format!("{} mm, {} m/s", name(t.offset_mm()), name(t.velocity_m_per_s())));
             each.collect::<Vec<_>>().join("; ")
         };
         Err(Error::NothingInCommon { known: names(known), planned: names(planned) })

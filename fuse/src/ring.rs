@@ -29,6 +29,11 @@ impl Ring {
         Self { is_linked }
     }
 
+    /// Whether its ends meet.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.is_linked.last().is_some_and(|&is_linked| is_linked)
+    }
+
     /// How many locations there are.
     pub(crate) fn len(&self) -> usize {
         self.is_linked.len()
@@ -84,8 +89,13 @@ impl Ring {
     pub(crate) fn regions(&self, values: &[Option<f64>], seed: f64, grow: f64) -> Vec<u32> {
         assert_eq!(values.len(), self.len(), "one value a location");
         let reaches = |place: usize, limit: f64| values[place].is_some_and(|v| v >= limit);
-        let mut runs = self.runs(|place| reaches(place, grow));
-        runs.retain(|run| run.iter().any(|&place| reaches(place, seed)));
+        self.numbered(|place| reaches(place, grow), |place| reaches(place, seed))
+    }
+
+    /// Numbers, from 1 in ring order, of the maximal runs of neighbours inside of which one is a seed; 0 outside of them.
+    pub(crate) fn numbered(&self, is_inside: impl Fn(usize) -> bool, is_seed: impl Fn(usize) -> bool) -> Vec<u32> {
+        let mut runs = self.runs(is_inside);
+        runs.retain(|run| run.iter().any(|&place| is_seed(place)));
         let mut numbers = vec![0; self.len()];
         for (number, run) in (1..).zip(runs) {
             for place in run {

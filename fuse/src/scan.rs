@@ -164,13 +164,15 @@ mod tests {
         }
         let arc = scan(&z, Geometry::Ring).unwrap();
         assert!(arc.length >= 5 && (94..100).contains(&arc.first), "{arc:?}");
-        let p_value = |block_length| scan_p_value(&z, Geometry::Ring, Permutation { block_length, count: 999, seed: 1 }).unwrap();
+        let p_value =
+            |block_length| scan_p_value(&z, Geometry::Ring, Permutation { block_length, count: 999, seed: 1 }).unwrap();
         assert!(p_value(1) <= 0.002 && p_value(3) <= 0.02, "{} {}", p_value(1), p_value(3));
         let of = |z: &[Option<f64>]| scan(z, Geometry::Ring);
         assert_eq!((of(&[]), of(&[Some(1.0)]), of(&[None; 30])), (None, None, None));
         let on_line = scan(&z, Geometry::Line).unwrap();
         assert!(on_line.first + on_line.length <= 100 && on_line.value < arc.value, "{on_line:?}");
-        let twice = [1, 1].map(|seed| scan_p_value(&z, Geometry::Ring, Permutation { seed, count: 50, ..Permutation::default() }));
+        let twice = [1, 1]
+            .map(|seed| scan_p_value(&z, Geometry::Ring, Permutation { seed, count: 50, ..Permutation::default() }));
         assert_eq!(twice[0], twice[1]);
     }
 
@@ -180,7 +182,9 @@ mod tests {
         // 300 rings: a chance of 5 % gives 15 below it, within 3 standard deviations 4 to 26.
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let permutation = Permutation { block_length: 1, count: 99, seed: 7 };
-        let below = (0..300).filter(|_| scan_p_value(&normal_ring(&mut rng), Geometry::Ring, permutation).unwrap() <= 0.05).count();
+        let below = (0..300)
+            .filter(|_| scan_p_value(&normal_ring(&mut rng), Geometry::Ring, permutation).unwrap() <= 0.05)
+            .count();
         assert!((4..=26).contains(&below), "{below} of 300");
     }
 }

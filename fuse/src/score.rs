@@ -60,8 +60,7 @@ impl Score {
                 z_clip: f64::INFINITY,
                 ..fusion.config.clone()
             })?;
-            let (z, labels) =
-                pooled(&mut fusion, |map| map.locations.iter().map(|location| location.value).collect());
+            let (z, labels) = pooled(&mut fusion, |map| map.locations.iter().map(|location| location.value).collect());
             *alone = auc(&z, &labels);
         }
         Ok(Self { index: auc(&index, &labels), discriminators, cracked_count: count(true), sound_count: count(false) })

@@ -86,11 +86,8 @@ mod tests {
             ],
             is_cracked: vec![None, Some(true), Some(false)],
         };
-        let means: Vec<_> = shoulder
-            .averaged(2)
-            .iter()
-            .map(|r| (r.place, r.condition, r.values.get(Discriminator::Pr)))
-            .collect();
+        let means: Vec<_> =
+            shoulder.averaged(2).iter().map(|r| (r.place, r.condition, r.values.get(Discriminator::Pr))).collect();
         assert_eq!(means, [(0, 0, Some(2.0)), (0, 1, Some(8.0)), (2, 0, Some(5.0))]);
         assert_eq!(shoulder.sound(), [true, false, true]);
     }

@@ -5,6 +5,7 @@ use crate::fit::{Fit, Kept, LocationIndex};
 use crate::level::Level;
 use crate::limits::{Limits, Null};
 use crate::shoulder::{Reading, Shoulder};
+use crate::standing::{above, level_limit, stand_off};
 use crate::stats::Spread;
 use crate::{Centre, FuseConfig, IndexKind};
 
@@ -42,6 +43,8 @@ pub(crate) struct Standard {
     pub(crate) usual_tap_count: f64,
     /// Standard deviation of the index of a location that is measured again; `None` where nothing was repeated.
     pub(crate) repeat_sd: Option<f64>,
+    /// Mean score by which a sound casing may lie above the reference's; `None` where too few tell.
+    level_limit: Option<f64>,
 }
 
 /// The index map of one shoulder.
@@ -60,6 +63,8 @@ pub(crate) struct Casing {
     pub(crate) level: Level,
     /// One a shoulder.
     pub(crate) maps: Vec<IndexMap>,
+    /// For each shoulder whether it stands off as a whole.
+    pub(crate) stands_off: Vec<bool>,
     /// Whether locations lie as far below the level as damage lies above: then what is cracked may be the rule, and what
     /// stands out the sound rest.
     pub(crate) is_inverted: bool,
@@ -117,7 +122,8 @@ impl Standard {
         let standard = Self::of(config, fit, vec![level.clone()], shoulders, &kept, &calm);
         let maps = standard.maps(config, &level, shoulders);
         let is_inverted = standard.is_inverted(config, &maps);
-        (standard, Casing { level, maps, is_inverted })
+        let stands_off = stand_off(config, condition_count, shoulders);
+        (standard, Casing { level, maps, stands_off, is_inverted })
     }
 
     /// The maps of another casing, of which the `sound` shoulders' places are stated to be sound, if there are any.
@@ -156,19 +162,17 @@ impl Standard {
         let maps = self.maps(config, &level, shoulders);
         let is_own = config.centre == Centre::Own && stated_level.is_none();
         let is_inverted = is_own && self.is_inverted(config, &maps);
-        Casing { level, maps, is_inverted }
+        let mut stands_off = stand_off(config, condition_count, shoulders);
+        if is_own && config.index != IndexKind::Dissertation && self.is_above(&level) {
+            stands_off.fill(true);
+        }
+        Casing { level, maps, stands_off, is_inverted }
     }
 
-    fn of(
-        config: &FuseConfig,
-        fit: Fit,
-        levels: Vec<Level>,
-        shoulders: &[Shoulder],
-        kept: &Kept,
-        calm: &Kept,
-    ) -> Self {
+    fn of(config: &FuseConfig, fit: Fit, levels: Vec<Level>, shoulders: &[Shoulder], kept: &Kept, calm: &Kept) -> Self {
         let each = |which| -> Vec<Vec<Option<f64>>> {
-            let map = |s: &Shoulder| indexed(config.index, Step::AlongRing, s, &fit.locations(&levels[s.tyre], s, which));
+            let map =
+                |s: &Shoulder| indexed(config.index, Step::AlongRing, s, &fit.locations(&levels[s.tyre], s, which));
             shoulders.iter().map(map).collect()
         };
         let maps = each(Taps::All);
@@ -188,7 +192,8 @@ impl Standard {
             tap_counts.extend(counts.iter().zip(kept).filter(|&(_, &kept)| kept).map(|(&count, _)| f64::from(count)));
         }
         let usual_tap_count = crate::stats::median(&mut tap_counts).unwrap_or(0.0);
-        Self { fit, levels, limits, usual_tap_count, repeat_sd: null.repeat_sd }
+        let level_limit = level_limit(&levels, fit.yardstick(), config.false_call_rate);
+        Self { fit, levels, limits, usual_tap_count, repeat_sd: null.repeat_sd, level_limit }
     }
 
     /// The locations of a shoulder of the reference itself.
@@ -218,6 +223,12 @@ impl Standard {
             IndexMap { locations, index }
         };
         shoulders.iter().map(map).collect()
+    }
+
+    /// Whether `level` lies higher than those of the reference's casings do.
+    fn is_above(&self, level: &Level) -> bool {
+        let score = above(level, &Level::pooled(&self.levels), self.fit.yardstick());
+        matches!((score, self.level_limit), (Some(score), Some(limit)) if score > limit)
     }
 
     fn is_inverted(&self, config: &FuseConfig, maps: &[IndexMap]) -> bool {
@@ -254,11 +265,7 @@ fn level_of(
 
 /// Those of `calm` that stay when the ones that stand out of them leave, round by round, as `measure` sees those that
 /// stayed so far.
-fn trimmed(
-    calm: &Kept,
-    step: Step,
-    measure: impl Fn(&Kept, &Kept) -> Option<(Vec<Vec<Option<f64>>>, Spread)>,
-) -> Kept {
+fn trimmed(calm: &Kept, step: Step, measure: impl Fn(&Kept, &Kept) -> Option<(Vec<Vec<Option<f64>>>, Spread)>) -> Kept {
     let at = if step == Step::Alone { TRIM_ALONE_AT } else { TRIM_AT };
     let mut now = calm.clone();
     for _ in 0..TRIM_ROUNDS_MAX {
@@ -302,13 +309,7 @@ fn selected(maps: &[Vec<Option<f64>>], kept: &Kept) -> Vec<f64> {
 ///
 /// Along the ring only those give limits whose neighbours are all among `calm`: one that is cracked speaks in the
 /// mean of three.
-fn sound_values(
-    shoulders: &[Shoulder],
-    maps: &[Vec<Option<f64>>],
-    kept: &Kept,
-    calm: &Kept,
-    step: Step,
-) -> Vec<f64> {
+fn sound_values(shoulders: &[Shoulder], maps: &[Vec<Option<f64>>], kept: &Kept, calm: &Kept, step: Step) -> Vec<f64> {
     if step == Step::AlongRing {
         let amid = shoulders.iter().zip(calm).map(|(shoulder, calm)| shoulder.ring.amid(calm));
         let untouched: Kept =

@@ -2,9 +2,12 @@
 
 use tapline_wire::{DamageCell, Reasons, Verdict};
 
+use crate::Extent;
+use crate::hidden::{Hidden, fitted_shift, hidden_states};
 use crate::limits::Limits;
 use crate::ring::Ring;
 use crate::standard::IndexMap;
+use crate::stats::Spread;
 
 /// Reasons that tell how a verdict was reached and ask for nothing.
 const REMARKS: [Reasons; 2] = [Reasons::SELF_REFERENCE, Reasons::FELL_BACK];
@@ -28,6 +31,8 @@ pub(crate) struct View<'a> {
     pub(crate) locations: &'a [(u32, Option<f64>)],
     pub(crate) map: &'a IndexMap,
     pub(crate) limits: Option<Limits>,
+    /// Spread of a location's index at sound places, before the step along the ring.
+    pub(crate) usual: Option<Spread>,
     /// Taps that a location of the reference usually has.
     pub(crate) usual_tap_count: f64,
     /// Whether the casing lies below its own level as damage lies above.
@@ -36,11 +41,27 @@ pub(crate) struct View<'a> {
 
 impl View<'_> {
     /// The number of the region of each location; 0 outside of every one.
-    pub(crate) fn regions(&self) -> Vec<u32> {
-        match &self.limits {
-            Some(limits) => self.ring.regions(&self.map.index, limits.re_inspect, limits.grow),
-            None => vec![0; self.ring.len()],
-        }
+    pub(crate) fn regions(&self, extent: Extent) -> Vec<u32> {
+        let Some(limits) = self.limits else { return vec![0; self.ring.len()] };
+        let states = match extent {
+            Extent::Half => None,
+            Extent::Hidden => self.states(),
+        };
+        let Some(is_cracked) = states else {
+            return self.ring.regions(&self.map.index, limits.re_inspect, limits.grow);
+        };
+        let is_suspect = |place: usize| self.map.index[place].is_some_and(|value| value >= limits.re_inspect);
+        self.ring.numbered(|place| is_cracked[place] || is_suspect(place), is_suspect)
+    }
+
+    /// Most likely states of the locations, by their index before the step along the ring.
+    fn states(&self) -> Option<Vec<bool>> {
+        let Spread { centre, sigma } = self.usual?;
+        let z: Vec<Option<f64>> = self.map.locations.iter().map(|l| l.value.map(|v| (v - centre) / sigma)).collect();
+        let is_ring = self.ring.is_closed();
+        // The defaults are within their bounds, and a shift that is fitted stays within them.
+        let shift = fitted_shift(&z, is_ring, Hidden::default()).ok()?;
+        Some(hidden_states(&z, is_ring, Hidden { shift, ..Hidden::default() }).ok()?.is_cracked)
     }
 
     /// Half width of the guard band at `place`: a location that fewer taps speak for scatters more.

@@ -15,10 +15,7 @@ enum Scale {
     /// 5th and 95th percentile of the shares of the level.
     Percentile(PercentileScale),
     /// x_m and x_max - x_min of Eq. 55, of the values themselves.
-    Extremes {
-        x_m: f64,
-        range: f64,
-    },
+    Extremes { x_m: f64, range: f64 },
 }
 
 /// The reference's scale of every discriminator in every condition.

@@ -263,7 +263,7 @@ fn utf8(text: &VarLenUnicode) -> Option<String> {
     std::str::from_utf8(text.as_bytes()).ok().map(str::to_owned)
 }
 
-fn read_text(place: &Location, name: &str) -> hdf5::Result<String> {
+pub(crate) fn read_text(place: &Location, name: &str) -> hdf5::Result<String> {
     utf8(&read_number(place, name)?).ok_or_else(|| hdf5::Error::from("a text is not UTF-8"))
 }
 

@@ -77,7 +77,11 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
         "state 0 open, 1 ended, 2 judged; verdict 0 none, 1 PASS, 2 RE-INSPECT, 3 REJECT; reasons is a set of flags; its cells are rows first_cell.. of damage; evidence and drift are by discriminator, in the order of that table's columns",
         "",
     ),
-    (table::DAMAGE, "meant where the scan is judged; NaN is none; region 0 is none", "angle_deg deg, offset_best_mm mm, offset_low_mm mm, offset_high_mm mm"),
+    (
+        table::DAMAGE,
+        "meant where the scan is judged; NaN is none; region 0 is none",
+        "angle_deg deg, offset_best_mm mm, offset_low_mm mm, offset_high_mm mm",
+    ),
     (table::SAMPLES, "[tap, channel, sample]; sample_count of the header are meant, the rest is 0", "counts"),
 ];
 

@@ -9,10 +9,11 @@ use tapline_wire::{
     Truth,
 };
 
-use crate::{Lineage, Result};
-use crate::archive::{Access, Archive};
+use crate::archive::{Access, Archive, read_text};
 use crate::error::Context;
+use crate::layout::attribute;
 use crate::rows::{at_attempt, text};
+use crate::{Lineage, Result};
 
 /// The samples of a tap, planar `[channel][sample]`, as the converter gave them.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,6 +102,11 @@ impl Reader {
         &self.archive.config
     }
 
+    /// Version of the program that created the archive; `None` where it does not say.
+    pub fn written_by(&self) -> Option<String> {
+        read_text(&self.archive.file, attribute::TAPLINE_VERSION).ok()
+    }
+
     /// The reference file of the run, verbatim; `None` where it had none.
     pub fn reference(&self) -> Option<&str> {
         self.archive.reference.as_deref()
@@ -144,6 +150,23 @@ impl Reader {
             SampleFormat::F32 => OwnedSamples::F32(self.samples(k, count)?),
         };
         Ok(Some((header, samples)))
+    }
+
+    /// The headers of all planned taps, by plan row; `None` where the tap is not archived.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn headers(&self) -> Result<Vec<Option<TapHeader>>> {
+        let mut headers = Vec::with_capacity(self.ledger.taps().len());
+        let (plan, states) = (self.plan(), self.ledger.taps());
+        self.archive
+            .headers
+            .for_each(|k, row| {
+                let number = u32::try_from(k).unwrap_or(u32::MAX); // a plan numbers its rows so
+                headers.push((states[k] == TapState::Archived).then(|| row.to_header(number, plan)));
+            })
+            .context("read the headers", &self.archive.path)?;
+        Ok(headers)
     }
 
     fn samples<T: H5Type>(&self, row: usize, count: usize) -> Result<Vec<T>> {

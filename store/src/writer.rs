@@ -14,7 +14,6 @@ use tapline_wire::{
     DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, ScanState, TapHeader, TapId, TapState,
 };
 
-use crate::{Lineage, Result};
 use crate::archive::{Access, Archive};
 use crate::check::{check_cells, check_id, check_scan, check_shape};
 use crate::chunk::padded;
@@ -24,6 +23,7 @@ use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ReasonRow,
 use crate::recall::recall;
 use crate::rows::{at_attempt, fixed};
 use crate::track::{Half, PutOutcome, Take, Track};
+use crate::{Lineage, Result};
 
 /// Rows that wait for a flush; one more and it is done unasked, so that memory stays bounded.
 const PENDING_ROWS_MAX: usize = 4096;

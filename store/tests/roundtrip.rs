@@ -7,10 +7,12 @@ use crate::common::{CONFIG, bytes, discriminators, header, judgement, plan, put,
 
 fn everything_is_there(reader: &Reader, plan: &Plan) {
     let found = reader.discriminators().unwrap();
+    let headers = reader.headers().unwrap();
     for row in 0..plan.taps().len() as u32 {
         let expected = header(plan, row, plan.recording.sample_count_max);
         let (got, got_samples) = reader.tap(row).unwrap().expect("the tap is archived");
         assert_eq!(got, expected);
+        assert_eq!(headers[row as usize], Some(expected));
         assert_eq!(bytes(got_samples.as_samples()), samples(&expected));
         assert_eq!(format!("{:?}", found[row as usize].unwrap()), format!("{:?}", discriminators(plan, row)));
     }
@@ -34,6 +36,7 @@ fn everything_comes_back_bit_for_bit() {
         assert_eq!(reader.plan(), &plan);
         assert_eq!(reader.truth(), plan.truth());
         assert_eq!(reader.config(), CONFIG);
+        assert_eq!(reader.written_by().as_deref(), Some(env!("CARGO_PKG_VERSION")));
         assert!(reader.ledger().is_judged());
         everything_is_there(&reader, &plan);
     }

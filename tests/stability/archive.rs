@@ -1,7 +1,7 @@
 //! Cases 43 and 44: numbers in other units, and numbers made under other settings.
 
 use hdf5::types::VarLenUnicode;
-use tapline_fuse::{Direction, FuseConfig, Reference};
+use tapline_fuse::{Centre, Direction, FuseConfig, Reference};
 use tapline_process::{Extractor, ProcessConfig};
 use tapline_store::{Error, Reader, Writer};
 use tapline_wire::{
@@ -37,8 +37,8 @@ fn c43_a_factor_of_a_thousand() {
     let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
     let config = FuseConfig {
         discriminators: vec![Discriminator::FMax],
-        reference: Reference::Shoulder { tyre: tyre("T2"), shoulder: 1 },
-        ..FuseConfig::default()
+        centre: Centre::Reference,
+        ..FuseConfig::by(Reference::Shoulder { tyre: tyre("T2"), shoulder: 1 })
     };
     let mixed = records(&plan, |tap| {
         let k = tap.id.location as usize % 100;

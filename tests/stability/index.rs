@@ -1,6 +1,6 @@
 //! Cases 22 to 27: values that become an index.
 
-use tapline_fuse::{Direction, FuseConfig, IndexKind, PercentileScale, Reference, Score, auc};
+use tapline_fuse::{Centre, Direction, FuseConfig, IndexKind, PercentileScale, Reference, Score, auc};
 use tapline_wire::{Discriminator, Reasons, Truth, Verdict};
 
 use crate::stability::scatter::{
@@ -28,7 +28,7 @@ fn c22_a_constant_discriminator() {
     let plan = ring_plan(&[tyre("T1")], 1, 100);
     let force = normal.take(101);
     let judged = |which: &[Discriminator], pr: &dyn Fn(usize) -> f64| {
-        let config = FuseConfig { discriminators: which.to_vec(), ..FuseConfig::default() };
+        let config = FuseConfig { discriminators: which.to_vec(), ..FuseConfig::by(Reference::Own) };
         let of = records(&plan, |tap| {
             let k = tap.id.location as usize;
             vec![(Discriminator::Pr, pr(k % 100)), (Discriminator::FMax, 30.0 + force[k])]
@@ -123,19 +123,18 @@ fn c24_a_sound_tyre_that_is_its_own_reference() {
         assert!((mean(&naive) - 0.5).abs() < 0.06 && largest(&naive) > 0.65, "{} {}", mean(&naive), largest(&naive));
         above += naive.iter().filter(|&&di| di > 0.5).count();
 
-        let (judgement, cells) = judge(&FuseConfig::default(), &plan, &of).remove(0);
+        let (judgement, cells) = judge(&FuseConfig::by(Reference::Own), &plan, &of).remove(0);
         let index: Vec<f64> = cells.iter().map(|cell| cell.damage_index).collect();
         assert!(mean(&index).abs() < 0.15, "{}", mean(&index));
         assert!(judgement.reasons.contains(Reasons::SELF_REFERENCE), "{judgement:?}");
         false_calls += usize::from(judgement.verdict != Verdict::Pass.code());
-        let faithful = FuseConfig { index: IndexKind::Dissertation, ..FuseConfig::default() };
+        let faithful = FuseConfig { index: IndexKind::Dissertation, ..FuseConfig::by(Reference::Own) };
         assert!(judge(&faithful, &plan, &of)[0].0.reasons.contains(Reasons::SELF_REFERENCE));
     }
     assert!(above > 20 * 33, "{above} of 2000");
     assert_eq!(false_calls, 0);
     // What is compared with a shoulder that is stated to be sound is not marked.
-    let named =
-        FuseConfig { reference: Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 }, ..FuseConfig::default() };
+    let named = FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 });
     let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
     let mut normal = Normal::new(24);
     let of = records(&plan, |_| directed().iter().map(|&(which, _)| (which, 100.0 + normal.next())).collect());
@@ -162,10 +161,13 @@ fn c25_one_value_that_is_no_number() {
     let map = |bad: Option<f64>| {
         let of = records(&plan, |tap| {
             let k = tap.id.location as usize;
-            let pr = if k == 40 { bad } else { Some(noise[k]) };
-            pr.map(|pr| (Discriminator::Pr, pr)).into_iter().chain([(Discriminator::FMax, noise[101 + k])]).collect()
+            let pr = if k == 40 { bad } else { Some(100.0 + noise[k]) };
+            pr.map(|pr| (Discriminator::Pr, pr))
+                .into_iter()
+                .chain([(Discriminator::FMax, 100.0 + noise[101 + k])])
+                .collect()
         });
-        judge(&FuseConfig::default(), &plan, &of).remove(0).1
+        judge(&FuseConfig::by(Reference::Own), &plan, &of).remove(0).1
     };
     let absent: Vec<u64> = map(None).iter().map(|cell| cell.damage_index.to_bits()).collect();
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -183,7 +185,7 @@ fn c25_one_value_that_is_no_number() {
 #[test]
 fn c26_sounder_than_the_reference() {
     let mut normal = Normal::new(26);
-    let reference = normal.take(100);
+    let reference: Vec<f64> = normal.take(100).into_iter().map(|z| 100.0 + z).collect();
     let least = reference.iter().copied().min_by(f64::total_cmp).unwrap();
     let better = least - 1.5 * (largest(&reference) - least);
     let naive = naive_eq_55(&[better], &reference, Direction::Rises)[0];
@@ -192,8 +194,8 @@ fn c26_sounder_than_the_reference() {
     let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
     let config = FuseConfig {
         discriminators: vec![Discriminator::Pr],
-        reference: Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 },
-        ..FuseConfig::default()
+        centre: Centre::Reference,
+        ..FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 })
     };
     let of = records(&plan, |tap| {
         let pr = reference[tap.id.location as usize % 100];
@@ -237,7 +239,7 @@ fn c27_the_direction_of_the_power_ratio() {
     let eq_51 = mean(&(0..40).map(pr).collect::<Vec<_>>()) - mean(&(40..48).map(pr).collect::<Vec<_>>());
     assert!(eq_51 < -2.0, "{eq_51}");
 
-    let ours = FuseConfig::default();
+    let ours = FuseConfig::by(Reference::Own);
     let mut naive = ours.clone();
     naive.directions.pr = Direction::Falls;
     let (right, wrong) = (Score::of(&ours, &plan, &of).unwrap(), Score::of(&naive, &plan, &of).unwrap());

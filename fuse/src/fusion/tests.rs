@@ -257,7 +257,9 @@ fn false_calls_of_many_sound_shoulders() {
                 let reach = reach_of_sound(&casing, &config, count);
                 let calls = reach.iter().filter(|&&reach| reach >= 1.0).count() as f64;
                 let expected = rate * count as f64;
-                println!("{rate}: {shoulder_count} by {reference}, {location_sd} {smooth}: {calls} calls, {expected} stated");
+                println!(
+                    "{rate}: {shoulder_count} by {reference}, {location_sd} {smooth}: {calls} calls, {expected} stated"
+                );
                 assert!(calls <= expected + 3.0 * expected.sqrt());
             }
         }

@@ -45,8 +45,11 @@ fn a_velocity_that_drifts_is_normalised() {
         record.values.set(Discriminator::FMax, Some(30.0 * v.powf(1.31) * own));
     }
     let of = |normalise_velocity| {
-        let config =
-            FuseConfig { normalise_velocity, discriminators: vec![Discriminator::FMax], ..FuseConfig::by(Reference::Own) };
+        let config = FuseConfig {
+            normalise_velocity,
+            discriminators: vec![Discriminator::FMax],
+            ..FuseConfig::by(Reference::Own)
+        };
         let (judgement, _) = whole(&config, &plan, &all).judge(0).unwrap();
         verdict(&judgement)
     };

@@ -1,0 +1,118 @@
+//! A reference: made from archives, named by a run, kept in its archive; and what is refused on the way.
+
+use crate::rig::Rig;
+
+const SCAN: &str = "[scan]\noffsets_mm = [0.0, 10.0]\nvelocities_m_per_s = [1.5]\nshoulders = 2\n";
+
+/// Two sound tyres and one with a crack, in a run of their own.
+fn tyres(prefix: &str, cracked: bool) -> String {
+    let crack = "crack = [{ shoulder = 1, first_location = 30, location_count = 6, depth_mm = 5.0 }]\n";
+    let tyre = |k: u32, crack: &str| format!("[[scan.tyre]]\nserial = \"{prefix}{k}\"\n{crack}");
+    let third = if cracked { tyre(3, crack) } else { String::new() };
+    format!("{}{}{third}", tyre(1, ""), tyre(2, ""))
+}
+
+/// A rig with `sound.h5`, of which every tyre was its own reference, and `cracked.h5`, likewise.
+fn rig() -> Rig {
+    let rig = Rig::new();
+    rig.write("sound.toml", &format!("{SCAN}seed = 5\n{}", tyres("S", false)));
+    rig.write("cracked.toml", &format!("{SCAN}seed = 6\n{}", tyres("C", true)));
+    for name in ["sound", "cracked"] {
+        let done = rig.run(&format!("run --config {name}.toml --out {name}.h5 --reference self --json"));
+        assert_eq!(done.code, Some(0), "{done:?}");
+    }
+    rig
+}
+
+fn verdicts(rig: &Rig, archive: &str) -> Vec<(String, String, String)> {
+    let done = rig.run(&format!("export {archive} verdicts"));
+    let rows = done.out.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    rows.map(|row| (format!("{}/{}", row[0], row[1]), row[3].clone(), row[4].clone())).collect()
+}
+
+/// Catches a reference that is not used or not marked, a sound tyre of another construction that is damaged for it, a
+/// crack that is missed, and an archive without the reference that its verdicts rest on.
+#[test]
+fn tyres_are_judged_by_a_reference_of_others() {
+    let rig = rig();
+    let done = rig.run("reference sound.h5 --out sound.json");
+    assert_eq!(done.code, Some(0), "{done:?}");
+    assert!(done.out.contains("4 shoulders: S1/1, S1/2, S2/1, S2/2; 400 sound and 0 cracked locations"), "{done:?}");
+    let done = rig.run("run --config cracked.toml --out by.h5 --reference sound.json --json");
+    assert_eq!(done.code, Some(0), "{done:?}");
+    for (name, verdict, reasons) in verdicts(&rig, "by.h5") {
+        let expected = if name == "C3/1" { "REJECT" } else { "PASS" };
+        assert_eq!(verdict, expected, "{name} {reasons}");
+        assert!(!reasons.contains("self_reference"), "{name} {reasons}");
+    }
+    assert!(verdicts(&rig, "cracked.h5").iter().all(|(_, _, reasons)| reasons.contains("self_reference")));
+    let regions = rig.run("export by.h5 regions").out;
+    let region: Vec<&str> = regions.lines().nth(1).unwrap().split(',').collect();
+    let (first, last): (u32, u32) = (region[3].parse().unwrap(), region[4].parse().unwrap());
+    assert!((28..=31).contains(&first) && (34..=37).contains(&last), "{regions}");
+    let p_value: f64 = region[13].parse().unwrap();
+    assert!(p_value <= 0.01 && region[14] == "0", "the belt edge sees it best: {regions}");
+
+    let reader = tapline_store::Reader::open(rig.path("by.h5")).unwrap();
+    assert_eq!(reader.reference(), Some(std::fs::read_to_string(rig.path("sound.json")).unwrap().as_str()));
+    drop(reader);
+    // The same run again has nothing to do; by another reference it is another run.
+    let again = "run --config cracked.toml --out by.h5 --reference sound.json --json";
+    assert_eq!(rig.run(again).code, Some(0));
+    assert_eq!(rig.run("reference sound.h5 --shoulder S1/1 --shoulder S1/2 --out sound.json").code, Some(0));
+    let done = rig.run(again);
+    assert!(done.code == Some(1) && done.err.contains("another reference"), "{done:?}");
+}
+
+/// Catches labels that do not reach the index, and directions that are not learned.
+#[test]
+fn a_labelled_reference_teaches() {
+    let rig = rig();
+    let done = rig.run("reference cracked.h5 sound.h5 --labelled --learn-directions --out known.json");
+    assert_eq!(done.code, Some(0), "{done:?}");
+    assert!(done.out.contains("994 sound and 6 cracked"), "{done:?}");
+    rig.write(
+        "lda.toml",
+        &format!("{SCAN}seed = 7\n{}[fuse]\nindex = \"lda\"\nreference = \"known.json\"\n", tyres("L", true)),
+    );
+    let done = rig.run("run --config lda.toml --out lda.h5 --json");
+    assert_eq!(done.code, Some(0), "{done:?}");
+    // Six cracked locations are too few for a discriminant: it says so and falls back.
+    assert!(verdicts(&rig, "lda.h5").iter().all(|(_, _, reasons)| reasons.contains("fell_back")));
+}
+
+/// Catches a run that is compared with nothing in particular, and errors that do not say what to do.
+#[test]
+fn what_cannot_be_a_reference_is_refused() {
+    let rig = rig();
+    let refused = |arguments: &str, words: &[&str]| {
+        let done = Rig::run(&rig, arguments);
+        assert_eq!(done.code, Some(1), "{arguments}: {done:?}");
+        for word in words {
+            assert!(done.err.contains(word), "{arguments}: {word} is not in {}", done.err);
+        }
+    };
+    let done = crate::rig::Done::from(rig.plain("run --config sound.toml --out none.h5").output().unwrap());
+    assert!(done.code == Some(1) && done.err.contains("no reference is named"), "{done:?}");
+    assert!(!rig.path("none.h5").exists());
+    refused("run --config sound.toml --out a.h5 --reference missing.json", &["missing.json"]);
+    refused("run --config sound.toml --out a.h5 --reference nonsense", &["--reference", "nonsense", "self"]);
+    refused("run --config sound.toml --out a.h5 --reference X/1", &["X/1", "none of the 4 shoulders"]);
+    rig.write("bad.json", "{}");
+    refused("run --config sound.toml --out a.h5 --reference bad.json", &["bad.json", "no reference"]);
+    refused("reference sound.h5 --out sound.txt", &["sound.txt", ".json"]);
+    refused("reference sound.h5 --shoulder S9/1 --out s.json", &["S9/1"]);
+    refused("reference sound.h5 sound.h5 --out s.json", &["S1/1", "before"]);
+    refused("reference missing.h5 --out s.json", &["missing.h5"]);
+    assert_eq!(rig.run("reference sound.h5 --out sound.json").code, Some(0));
+    rig.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
+    refused(
+        "run --config other.toml --out a.h5 --reference sound.json",
+        &["sound.json", "f_c_hz = 550", "f_c_hz = 600"],
+    );
+    rig.write("elsewhere.toml", "[scan]\noffsets_mm = [7.0]\nvelocities_m_per_s = [1.5]\n");
+    refused("run --config elsewhere.toml --out a.h5 --reference sound.json", &["7 mm", "10 mm", "in common"]);
+    let edited = std::fs::read_to_string(rig.path("sound.json")).unwrap().replace("\"S1\"", "\"S8\"");
+    rig.write("edited.json", &edited);
+    refused("run --config sound.toml --out a.h5 --reference edited.json", &["edited.json", "changed"]);
+}
