@@ -76,6 +76,7 @@ impl Found {
         let first = all.first().context("there is no set")?;
         let names: Vec<&'static str> = all.iter().map(|set| set.name).collect();
         let (mut rivals, mut alone, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+        let mut overlaps = Vec::new();
         let mut tried = Vec::new();
         for (number, set) in (0..).zip(&all) {
             // The first set is scanned by the full plan, of which its own is a part.
@@ -87,6 +88,7 @@ impl Found {
             let halves = halves.with(&size.turns)?;
             tracing::info!(set = set.name, "scanned");
             let (of_set, alone_of_set) = rivals::rivals(&halves, threads)?;
+            overlaps.push(rivals::overlaps(&halves)?);
             rivals.extend(of_set);
             alone.extend(alone_of_set);
             left_out.extend(left_out::left_out(&halves, threads)?);
@@ -104,8 +106,10 @@ impl Found {
         let tables = vec![
             about,
             summary::default_table(&rivals, &alone, &names, seed),
+            summary::largest_table(&rivals, &names, seed),
             summary::ways_table(&rivals, &names),
             summary::left_out_table(&left_out, &names),
+            rivals::overlaps_table(&overlaps),
             false_calls::table(&calls)?,
             detection::table(&detection),
             gauge::table(&gauge::gauge(first, size, seed, threads)?),

@@ -44,8 +44,10 @@ fn heading(name: &str) -> &'static str {
     match name {
         "sets" => "The sets",
         "default" => "The default index",
+        "largest" => "Mean or largest of the conditions",
         "ways" => "Every index",
         "left_out_by_set" => "Tyre by tyre left out",
+        "overlap" => "Regions",
         "false_calls" => "False calls",
         "detection" => "Probability of detection",
         "gauge" => "Repeatability and reproducibility",
@@ -69,6 +71,9 @@ fn conclusions(found: &Found) -> Vec<String> {
         ] {
             lines.push(compared(default, rival, columns));
         }
+    }
+    if let Some(largest) = table("largest") {
+        lines.push(combined(largest));
     }
     if let Some(ways) = table("ways") {
         lines.extend(ranked(ways));
@@ -98,6 +103,20 @@ fn compared(default: &Table, rival: &str, [gain, low, high]: [&str; 3]) -> Strin
          it gains: {}. In {sure} of these the interval lies below 0.",
         all - rows.len(),
         listed(&rows.into_iter().map(told).collect::<Vec<_>>())
+    )
+}
+
+/// Whether the largest of the conditions would serve better than their mean.
+fn combined(largest: &Table) -> String {
+    let number = |row: &[String], column: &str| largest.cell(row, column).parse::<f64>().ok();
+    let count = |is: &dyn Fn(&Vec<String>) -> bool| largest.rows.iter().filter(|row| is(row)).count();
+    let better = count(&|row| number(row, "gain").is_some_and(|gain| gain > 0.0));
+    let surely = count(&|row| number(row, "gain_low").is_some_and(|low| low > 0.0));
+    let worse = count(&|row| number(row, "gain_high").is_some_and(|high| high < 0.0));
+    format!(
+        "With `combine = \"largest\"` the index `robust` is better than with `mean` in {better} of {} sets by a healthy \
+         reference; in {surely} the interval lies above 0, in {worse} below.",
+        largest.rows.len()
     )
 }
 
@@ -155,22 +174,32 @@ fn learned(left_out: &Table) -> Option<String> {
     ))
 }
 
+/// The least and the greatest rate of the default index at each rate stated, and whatever keeps none.
 fn called(calls: &[Calls]) -> Vec<String> {
-    let of_default = calls.iter().filter(|c| c.index == tapline_fuse::IndexKind::default());
-    let told = |c: &Calls| {
-        let by = if c.casings == 0 { "self".to_owned() } else { format!("{} casings", c.casings) };
+    let of_default: Vec<&Calls> = calls.iter().filter(|c| c.index == tapline_fuse::IndexKind::default()).collect();
+    let mut stated: Vec<f64> = of_default.iter().map(|c| c.stated).collect();
+    stated.dedup_by(|a, b| a.total_cmp(b).is_eq());
+    stated.sort_by(|a, b| b.total_cmp(a));
+    stated.dedup_by(|a, b| a.total_cmp(b).is_eq());
+    let told = |&stated: &f64| {
+        let of_rate = || of_default.iter().filter(|c| c.stated.total_cmp(&stated).is_eq()).map(|c| c.rate.rate);
+        let [least, most] = [of_rate().min_by(f64::total_cmp), of_rate().max_by(f64::total_cmp)];
+        format!("{} stated: {} to {}", cell(stated), cell(least), cell(most))
+    };
+    let above = calls.iter().filter(|c| c.rate.low > c.stated).map(|c| {
+        let name = c.index.name();
         format!(
-            "{} stated, {by}: {} ({} to {})",
-            cell(c.stated),
+            "`{name}` {} at {} stated ({} to {})",
             cell(c.rate.rate),
+            cell(c.stated),
             cell(c.rate.low),
             cell(c.rate.high)
         )
-    };
-    let above: Vec<String> = of_default.clone().filter(|c| c.rate.low > c.stated).map(told).collect();
+    });
+    let stated = listed(&stated.iter().map(told).collect::<Vec<_>>());
     vec![
-        format!("False calls of the default index: {}.", listed(&of_default.map(told).collect::<Vec<_>>())),
-        format!("Above the stated rate by more than chance: {}.", listed(&above)),
+        format!("False calls a sound shoulder by the default index, over all references: {stated}."),
+        format!("Above the rate stated by more than chance: {}.", listed(&above.collect::<Vec<_>>())),
     ]
 }
 
@@ -197,10 +226,12 @@ fn repeated(gauge: &Table) -> Option<String> {
 fn planned(found: &Found) -> Option<String> {
     let cheap = cheapest(&found.plans)?;
     let full = found.plans.last()?;
+    let best = found.plans.iter().max_by(|a, b| a.auc.total_cmp(&b.auc))?;
     let list = |values: &[f64]| values.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     Some(format!(
         "The cheapest plan within 0.01 AUC of the full one ({}, {} s a shoulder) is offset {} mm, velocity {} m/s, {} \
-         repetition(s): AUC {}, {} s a shoulder, {} s a casing; the rival machine takes {RIVAL_CASING_S} s a casing.",
+         repetition(s): AUC {}, {} s a shoulder, {} s a casing; the rival machine takes {RIVAL_CASING_S} s a casing. The best \
+         of all plans, chosen on the judged tyres, has {}.",
         cell(full.auc),
         cell(full.shoulder_s),
         list(&cheap.turns.offsets_mm),
@@ -208,6 +239,7 @@ fn planned(found: &Found) -> Option<String> {
         cheap.turns.repetitions,
         cell(cheap.auc),
         cell(cheap.shoulder_s),
-        cell(2.0 * cheap.shoulder_s)
+        cell(2.0 * cheap.shoulder_s),
+        cell(best.auc)
     ))
 }

@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, Result};
 use tapline_fuse::proof::clopper_pearson;
-use tapline_fuse::{Combine, FuseConfig, IndexKind, Score};
+use tapline_fuse::{Combine, Extent, FuseConfig, IndexKind, Score};
 use tapline_wire::Discriminator;
 
 use super::areas::Areas;
@@ -104,6 +104,35 @@ impl Halves {
         };
         self.train_cracked.iter().chain(&self.test).filter(is_cracked).cloned().collect()
     }
+}
+
+/// How well regions lie over cracks, by how far they reach: intersection over union.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Overlaps {
+    pub(super) set: &'static str,
+    /// As long as the index stays above half of its limit.
+    pub(super) half: Option<f64>,
+    /// By hidden states.
+    pub(super) hidden: Option<f64>,
+}
+
+/// The overlaps of the default index by the healthy reference.
+pub(super) fn overlaps(halves: &Halves) -> Result<Overlaps> {
+    let (test, by) = (halves.test()?, halves.healthy()?);
+    let of =
+        |extent| Ok::<_, anyhow::Error>(overlap(&judge(&FuseConfig { extent, ..FuseConfig::default() }, &test, &by)?));
+    Ok(Overlaps { set: halves.name, half: of(Extent::Half)?, hidden: of(Extent::Hidden)? })
+}
+
+/// The table of them.
+pub(super) fn overlaps_table(overlaps: &[Overlaps]) -> Table {
+    let title =
+        "Regions of the default index over planted cracks, intersection over union, by how far a region reaches";
+    let mut table = Table::new("overlap", title, &["set", "half", "hidden"]);
+    for o in overlaps {
+        table.push([o.set.to_owned(), cell(o.half), cell(o.hidden)]);
+    }
+    table
 }
 
 /// Whether `index` needs labels to be what it is called.

@@ -78,6 +78,24 @@ pub(super) fn default_table(rivals: &[Rival], alone: &[Alone], sets: &[&'static 
     table
 }
 
+/// The mean of conditions beside the largest of them, index and reference being those of the default table.
+pub(super) fn largest_table(rivals: &[Rival], sets: &[&'static str], seed: u64) -> Table {
+    let title = "`robust` by a healthy reference, held out: AUC with the mean of the conditions and with the largest, and what \
+                 the largest gains";
+    let mut table = Table::new("largest", title, &["set", "mean", "largest", "gain", "gain_low", "gain_high"]);
+    for &set in sets {
+        let with = |combine| find(rivals, set, "healthy", IndexKind::default(), combine);
+        let (Some(mean), Some(largest)) = (with(Combine::Mean), with(Combine::Largest)) else { continue };
+        let areas = [mean, largest].map(|rival| rival.areas.auc());
+        let gain = areas[1].zip(areas[0]).map(|(a, b)| a - b);
+        let mut row = vec![set.to_owned()];
+        row.extend(areas.into_iter().chain([gain]).map(cell));
+        row.extend(ends(largest.areas.above_by_tyres(&mean.areas, seed)));
+        table.push(row);
+    }
+    table
+}
+
 /// A way of judging, as a row of a table by sets.
 struct Way {
     reference: &'static str,
