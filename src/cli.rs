@@ -139,7 +139,7 @@ pub(crate) struct ReferenceArgs {
     /// Archives to take shoulders from.
     #[arg(required = true)]
     pub(crate) archives: Vec<PathBuf>,
-    /// A shoulder to take, several times for several; all of the archives when left out.
+    /// A shoulder to take, several times for several; when left out, all that passed, or with --labelled all.
     #[arg(long = "shoulder", value_name = "TYRE/SHOULDER")]
     pub(crate) shoulders: Vec<String>,
     /// Take what the archives know of each location for its label; without it every shoulder is taken to be sound.

@@ -10,7 +10,7 @@ use comfy_table::Table;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference};
 use tapline_store::Reader;
-use tapline_wire::Discriminator;
+use tapline_wire::{Discriminator, Verdict};
 
 use crate::cli::ReferenceArgs;
 use crate::config::{Config, process_of};
@@ -23,7 +23,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         );
     }
     let mut wanted: BTreeSet<&str> = args.shoulders.iter().map(String::as_str).collect();
-    let takes_all = wanted.is_empty();
+    let names_none = wanted.is_empty();
     let mut built: Option<Built> = None;
     let (mut shoulders, mut lineage) = (Vec::new(), Vec::new());
     for path in &args.archives {
@@ -42,7 +42,17 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
             Some(_) => {}
         }
         let before = shoulders.len();
-        take(args, path, &reader, |name| takes_all || wanted.remove(name), &mut shoulders)?;
+        // What is named is stated to be sound, whatever the verdict was; of the rest only what passed is taken to be.
+        let is_wanted = |name: &str, has_passed: bool| match names_none {
+            true => {
+                if !has_passed && !args.labelled {
+                    eprintln!("{name} did not pass and is left out; name it by --shoulder if it is known to be sound");
+                }
+                has_passed || args.labelled
+            }
+            false => wanted.remove(name),
+        };
+        take(args, path, &reader, is_wanted, &mut shoulders)?;
         if shoulders.len() > before {
             lineage.push(Origin {
                 archive: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -79,14 +89,15 @@ fn take(
     args: &ReferenceArgs,
     path: &Path,
     reader: &Reader,
-    mut is_wanted: impl FnMut(&str) -> bool,
+    mut is_wanted: impl FnMut(&str, bool) -> bool,
     shoulders: &mut Vec<KnownShoulder>,
 ) -> Result<()> {
     let records: Vec<_> = reader.discriminators()?.into_iter().flatten().collect();
     let truth = args.labelled.then(|| reader.truth());
-    for (number, scan) in reader.plan().scans().iter().enumerate() {
+    for (number, (scan, judged)) in reader.plan().scans().iter().zip(reader.judgements()?).enumerate() {
         let name = format!("{}/{}", scan.tyre, scan.shoulder);
-        if !is_wanted(&name) {
+        let has_passed = judged.is_some_and(|(judgement, _)| judgement.verdict == Verdict::Pass.code());
+        if !is_wanted(&name, has_passed) {
             continue;
         }
         let shoulder = KnownShoulder::of(reader.plan(), &records, number, truth);

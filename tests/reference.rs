@@ -104,6 +104,10 @@ fn what_cannot_be_a_reference_is_refused() {
     refused("reference sound.h5 --shoulder S9/1 --out s.json", &["S9/1"]);
     refused("reference sound.h5 sound.h5 --out s.json", &["S1/1", "before"]);
     refused("reference missing.h5 --out s.json", &["missing.h5"]);
+    // A shoulder that did not pass is not sound unless it is named.
+    let done = rig.run("reference cracked.h5 --out c.json");
+    assert!(done.code == Some(0) && done.err.contains("C3/1 did not pass"), "{done:?}");
+    assert!(done.out.contains("5 shoulders: C1/1, C1/2, C2/1, C2/2, C3/2; 500 sound"), "{done:?}");
     assert_eq!(rig.run("reference sound.h5 --out sound.json").code, Some(0));
     rig.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
     refused(

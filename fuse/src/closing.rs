@@ -13,7 +13,7 @@ impl Fusion {
     /// Only what the index is formed of has a level to be a share of.
     pub(crate) fn drift(&self, scan: usize, compared: &Compared) -> [f64; 7] {
         let planned = &self.plan.scans()[scan];
-        let level = &compared.casing.level;
+        let level = &compared.casing.levels[compared.number];
         let discriminators = compared.standard.fit.yardstick().discriminators();
         let Some(&(first_location, _)) = planned.locations.first() else { return [f64::NAN; 7] };
         let mut changes: [Vec<f64>; 7] = Default::default();

@@ -105,11 +105,10 @@ impl Fusion {
         standard: Option<Arc<Standard>>,
     ) -> (Arc<Standard>, Arc<Casing>) {
         let normalisation = self.normalisation(conditions, reference_scans);
-        let count = conditions.count();
         let casing: Vec<Shoulder> =
             casing_scans.iter().map(|&scan| self.shoulder(conditions, &normalisation, scan, 0)).collect();
         if self.panel.is_own {
-            let (standard, casing) = Standard::own(&self.config, count, &casing);
+            let (standard, casing) = Standard::own(&self.config, conditions, &casing);
             return (Arc::new(standard), Arc::new(casing));
         }
         let scans = self.plan.scans();
@@ -122,11 +121,13 @@ impl Fusion {
                 .filter_map(|&scan| Some(self.shoulder(conditions, &normalisation, scan, number_of(scan)?)));
             let of_set = self.set.iter().flat_map(|set| set.shoulders_by(conditions, &normalisation));
             let shoulders: Vec<Shoulder> = of_run.chain(of_set).collect();
-            Arc::new(Standard::stated(&self.config, count, &shoulders))
+            Arc::new(Standard::stated(&self.config, conditions, &shoulders))
         });
-        let stated_level: Option<&Level> =
-            casing_scans.first().and_then(|&scan| number_of(scan)).and_then(|number| standard.levels.get(number));
-        let casing = standard.casing(&self.config, count, &casing, stated_level);
+        // A casing of which a shoulder is stated to be sound is measured against that one.
+        let of_casing = |&scan: &usize| casing_scans.iter().any(|&own| scans[own].tyre == scans[scan].tyre);
+        let stated = reference_scans.iter().position(of_casing);
+        let stated_level: Option<&Level> = stated.and_then(|number| standard.levels.get(number));
+        let casing = standard.casing(&self.config, conditions, &casing, stated_level);
         (standard, Arc::new(casing))
     }
 

@@ -56,9 +56,10 @@ impl IndexKind {
 #[serde(rename_all = "snake_case")]
 pub enum Combine {
     /// Their mean: a crack that all of them see gains the most.
-    #[default]
     Mean,
-    /// Their largest, brought back to the scale of one: a crack that one of them sees is not thinned out.
+    /// The largest over runs of neighbouring offsets of the mean over them and their velocities, brought back to the scale
+    /// of one: a crack that few offsets see is not thinned out by those that see past it.
+    #[default]
     Largest,
     /// A linear discriminant of them. Needs labels.
     Fitted,
@@ -318,7 +319,7 @@ mod tests {
         let text = r#"
             discriminators = ["f_max", "tau", "a_1", "pr", "p_f", "e_f"]
             index = "robust"
-            combine = "mean"
+            combine = "largest"
             centre = "own"
             z_clip = 6.0
             extent = "half"

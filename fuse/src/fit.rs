@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::cells::{Cells, Taps};
 use crate::combine::Largest;
+use crate::condition::Conditions;
 use crate::indices::{Example, Index, Lda, LearnError, LogOdds, Mahalanobis, Mean, Signs, Weighted};
 use crate::level::Level;
 use crate::shoulder::{Reading, Shoulder};
@@ -50,16 +51,17 @@ pub(crate) struct LocationIndex {
 }
 
 impl Fit {
-    /// What the `kept` places of `reference` teach, each shoulder measured against the level of its casing.
+    /// What the `kept` places of `reference` teach, each shoulder measured against its own of the `levels`.
     ///
     /// Places that are not kept teach only as what they are labelled.
     pub(crate) fn of(
         config: &FuseConfig,
-        condition_count: usize,
+        conditions: &Conditions,
         reference: &[Shoulder],
         kept: &Kept,
         levels: &[Level],
     ) -> Self {
+        let condition_count = conditions.count();
         let averaged: Vec<Vec<Reading>> = match config.index {
             IndexKind::Dissertation => reference.iter().map(|s| s.averaged(condition_count)).collect(),
             _ => Vec::new(),
@@ -68,7 +70,7 @@ impl Fit {
         // Eq. 55's extremes are those of the whole shoulder: damaged places are its other end.
         let is_meant = |number: usize, r: &Reading| config.index == IndexKind::Dissertation || kept[number][r.place];
         let learnt = (0..reference.len()).flat_map(|number| {
-            let level = &levels[reference[number].tyre];
+            let level = &levels[number];
             readings(number).iter().filter(move |r| is_meant(number, r)).map(move |r| (level, r))
         });
         let repeats = match config.index {
@@ -80,7 +82,8 @@ impl Fit {
         let yardstick = Yardstick::of(config, condition_count, learnt, &repeats);
         let cells: Vec<Cells> = reference
             .iter()
-            .map(|s| Cells::of(config.index, condition_count, &yardstick, &levels[s.tyre], s, Taps::All))
+            .zip(levels)
+            .map(|(s, level)| Cells::of(config.index, condition_count, &yardstick, level, s, Taps::All))
             .collect();
         let mut fallbacks = Vec::new();
         let is_plain = matches!(config.index, IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile);
@@ -101,14 +104,16 @@ impl Fit {
                 rows.push(number, place, shoulder, kept, values);
             }
         }
-        let combination = rows.combination(config, condition_count).unwrap_or_else(|why| {
+        let combination = rows.combination(config, conditions).unwrap_or_else(|why| {
             fallbacks.push(format!("combine = \"fitted\" falls back to \"mean\": {why}"));
             Box::new(Mean::new(condition_count))
         });
         let is_mean = match config.index {
             IndexKind::Lda | IndexKind::Mahalanobis | IndexKind::LogOdds => has_fallen_back,
             _ => true,
-        } && (config.combine == Combine::Mean || fallbacks.iter().any(|f| f.starts_with("combine")));
+        } && (config.combine == Combine::Mean
+            || config.index == IndexKind::Dissertation
+            || fallbacks.iter().any(|f| f.starts_with("combine")));
         let sound: Vec<Vec<Option<f64>>> =
             rows.examples.into_iter().filter(|e| !e.is_cracked).map(|e| e.scores).collect();
         let mut values: Vec<f64> = sound.iter().filter_map(|row| combination.value(row)).collect();
@@ -222,13 +227,15 @@ impl Rows {
         }
     }
 
-    fn combination(&self, config: &FuseConfig, condition_count: usize) -> Result<Box<dyn Index>, LearnError> {
-        match config.combine {
-            Combine::Mean => Ok(Box::new(Mean::new(condition_count))),
+    fn combination(&self, config: &FuseConfig, conditions: &Conditions) -> Result<Box<dyn Index>, LearnError> {
+        // Eq. 56 is a mean, whatever is asked for.
+        let is_faithful = config.index == IndexKind::Dissertation;
+        match if is_faithful { Combine::Mean } else { config.combine } {
+            Combine::Mean => Ok(Box::new(Mean::new(conditions.count()))),
             Combine::Largest => {
-                let sound = || self.examples.iter().filter(|e| !e.is_cracked);
-                let spread = |c: usize| Spread::of(&mut sound().filter_map(|e| e.scores[c]).collect::<Vec<f64>>());
-                Ok(Box::new(Largest { spreads: (0..condition_count).map(spread).collect() }))
+                let sound: Vec<&[Option<f64>]> =
+                    self.examples.iter().filter(|e| !e.is_cracked).map(|e| e.scores.as_slice()).collect();
+                Ok(Box::new(Largest::of(conditions, &sound)))
             }
             Combine::Fitted => Ok(Box::new(Lda::learn(&self.examples, Signs::default())?)),
         }
@@ -253,10 +260,10 @@ fn learned(kind: IndexKind, examples: &[Example], repeat_sds: &[Option<f64>]) ->
 fn examples(condition_count: usize, reference: &[Shoulder], kept: &Kept, cells: &[Cells]) -> Vec<Example> {
     let mut examples = Vec::new();
     let mut first_place = 0;
-    for (number, (shoulder, cells)) in reference.iter().zip(cells).enumerate() {
-        for place in 0..cells.place_count() {
+    for ((shoulder, cells), kept) in reference.iter().zip(cells).zip(kept) {
+        for (place, &kept) in kept.iter().enumerate() {
             let is_cracked = shoulder.is_cracked[place] == Some(true);
-            if !(kept[number][place] || is_cracked) {
+            if !(kept || is_cracked) {
                 continue;
             }
             let rows = (0..condition_count).map(|c| cells.at(place, c)).filter(|row| row.iter().any(Option::is_some));
@@ -290,8 +297,7 @@ fn repeat_sds(
     let discriminators = config.directed();
     let width = discriminators.len();
     let mut pooled = vec![(0.0, 0_u32); condition_count * width];
-    for (shoulder, kept) in reference.iter().zip(kept) {
-        let level = &levels[shoulder.tyre];
+    for ((shoulder, kept), level) in reference.iter().zip(kept).zip(levels) {
         // Count, mean and sum of squares about it, by place and slot (Welford).
         let mut sums = vec![(0_u32, 0.0, 0.0); shoulder.ring.len() * condition_count * width];
         for tap in shoulder.taps.iter().filter(|tap| kept[tap.place]) {

@@ -55,24 +55,35 @@ fn across(compared: &Compared, places: &[usize]) -> Option<(f64, f64, f64)> {
     Some((best_mm, low, high))
 }
 
+/// The index of every location of a shoulder at one offset alone; `None` where it has none there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OffsetMap {
+    /// Offset from the belt edge, mm.
+    pub offset_mm: f64,
+    /// In the order of the locations, on the scale of the damage index.
+    pub index: Vec<Option<f64>>,
+}
+
 impl Fusion {
     /// The index of every location of scan number `scan` at each offset that is known alone, in the order of the locations
     /// and on the scale of the damage index: what a scan at that offset only would have shown. With whatever has come.
     ///
     /// # Errors
     /// [`Error::NoSuchScan`].
-    pub fn by_offset(&mut self, scan: usize) -> Result<Vec<(f64, Vec<Option<f64>>)>, Error> {
+    pub fn by_offset(&mut self, scan: usize) -> Result<Vec<OffsetMap>, Error> {
         self.check(scan)?;
         let compared = self.compared(scan);
         let map = |(number, mm): (usize, Option<f64>)| {
             let asked = |condition| compared.conditions.offset_of(condition) == number;
             let values = compared.standard.fit.only(&compared.map().locations, asked);
             let is_faithful = self.config.index == IndexKind::Dissertation;
-            Some((mm?, if is_faithful { values } else { compared.ring.mean_of_3(&values) }))
+            let index = if is_faithful { values } else { compared.ring.mean_of_3(&values) };
+            Some(OffsetMap { offset_mm: mm?, index })
         };
-        let mut maps: Vec<_> = compared.conditions.offsets_mm().into_iter().enumerate().filter_map(map).collect();
-        maps.retain(|(_, values)| values.iter().any(Option::is_some));
-        maps.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut maps: Vec<OffsetMap> =
+            compared.conditions.offsets_mm().into_iter().enumerate().filter_map(map).collect();
+        maps.retain(|map| map.index.iter().any(Option::is_some));
+        maps.sort_by(|a, b| a.offset_mm.total_cmp(&b.offset_mm));
         Ok(maps)
     }
 }

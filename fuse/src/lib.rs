@@ -99,6 +99,7 @@ pub use error::Error;
 pub use fusion::Fusion;
 pub use hidden::{Hidden, HiddenStates, fitted_shift, hidden_states};
 pub use indices::{Example, Index, Lda, LearnError, LogOdds, Mahalanobis, Mean, PLACES_MIN, Signs, Weighted};
+pub use lateral::OffsetMap;
 pub use reference_build::{Built, build_reference};
 pub use reference_set::{KnownShoulder, Origin, ReferenceSet, Turn};
 pub use reference_summary::{ScaleLine, Summary};

@@ -60,7 +60,7 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
         ..of.config.clone()
     };
     config.validate()?;
-    let standard = Standard::stated(&config, conditions.count(), &known);
+    let standard = Standard::stated(&config, &conditions, &known);
     set.summary = summed_up(&config, &conditions, &known, &standard);
     if set.summary.limit_reject.is_none() {
         return Err(refuse("its sound locations are too few, or their index does not vary: it sets no limits"));
@@ -83,10 +83,10 @@ fn learned(
 ) -> BTreeMap<Discriminator, Learned> {
     let config =
         FuseConfig { discriminators: Discriminator::ALL.to_vec(), z_clip: 1e3, directions, ..FuseConfig::default() };
-    let standard = Standard::stated(&config, conditions.count(), shoulders);
+    let standard = Standard::stated(&config, conditions, shoulders);
     let mut scores: Vec<(Vec<f64>, Vec<bool>)> = vec![Default::default(); Discriminator::ALL.len()];
-    for shoulder in shoulders {
-        let map = standard.labelled(shoulder);
+    for (number, shoulder) in shoulders.iter().enumerate() {
+        let map = standard.labelled(number, shoulder);
         for (location, label) in map.iter().zip(&shoulder.is_cracked) {
             for ((scores, labels), score) in scores.iter_mut().zip(&location.by_discriminator) {
                 if let (Some(score), Some(label)) = (score, label) {
@@ -124,8 +124,9 @@ fn summed_up(config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder
     }
     let sound: Vec<Vec<Option<f64>>> = shoulders
         .iter()
-        .flat_map(|shoulder| {
-            let locations = standard.labelled(shoulder);
+        .enumerate()
+        .flat_map(|(number, shoulder)| {
+            let locations = standard.labelled(number, shoulder);
             let is_sound = shoulder.sound();
             locations.into_iter().zip(is_sound).filter(|(_, sound)| *sound).map(|(l, _)| l.by_discriminator)
         })

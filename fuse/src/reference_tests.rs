@@ -92,8 +92,8 @@ fn what_is_no_reference_is_refused() {
     };
     assert!(with(&|s| s.tyre = String::new()).contains("serial"));
     assert!(with(&|s| s.locations.swap(0, 1)).contains("ascending"));
-    assert!(with(&|s| drop(s.angles_deg.pop())).contains("99"));
-    assert!(with(&|s| drop(s.turns[0].velocities_measured_m_per_s.pop())).contains("99"));
+    assert!(with(&|s| s.angles_deg.truncate(99)).contains("99"));
+    assert!(with(&|s| s.turns[0].velocities_measured_m_per_s.truncate(99)).contains("99"));
     assert!(with(&|s| s.turns[0].offset_mm = Some(1e9)).contains("turn"));
     assert!(with(&|s| drop(s.turns[0].values.insert("loudness".into(), vec![None; 100]))).contains("loudness"));
     assert!(refusal(ReferenceSet { shoulders: vec![], ..good.clone() }).contains("no shoulder"));

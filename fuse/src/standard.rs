@@ -1,6 +1,7 @@
 //! From readings to the index maps of a casing and the limits on them: the whole computation, without state.
 
 use crate::cells::Taps;
+use crate::condition::Conditions;
 use crate::fit::{Fit, Kept, LocationIndex};
 use crate::level::Level;
 use crate::limits::{Limits, Null};
@@ -35,8 +36,10 @@ const LEVELS_MIN: usize = 3;
 #[derive(Debug)]
 pub(crate) struct Standard {
     pub(crate) fit: Fit,
-    /// Levels of the reference's casings.
+    /// Levels of the reference's shoulders.
     pub(crate) levels: Vec<Level>,
+    /// Levels of its casings, by their numbers.
+    casing_levels: Vec<Level>,
     /// What the reference allows; `None` where it allows no statement.
     pub(crate) limits: Option<Limits>,
     /// Taps that a location of the reference usually has.
@@ -59,8 +62,8 @@ pub(crate) struct IndexMap {
 /// The index maps of one casing.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Casing {
-    /// What its values were measured against.
-    pub(crate) level: Level,
+    /// What each shoulder's values were measured against.
+    pub(crate) levels: Vec<Level>,
     /// One a shoulder.
     pub(crate) maps: Vec<IndexMap>,
     /// For each shoulder whether it stands off as a whole.
@@ -79,101 +82,106 @@ enum Step {
 
 impl Standard {
     /// The reference of `shoulders` that are stated to be sound, but for the places that are labelled as cracked.
-    pub(crate) fn stated(config: &FuseConfig, condition_count: usize, shoulders: &[Shoulder]) -> Self {
+    pub(crate) fn stated(config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder]) -> Self {
         let kept: Kept = shoulders.iter().map(Shoulder::sound).collect();
+        let level_of = |is_meant: &dyn Fn(&Shoulder) -> bool| level_of(config, conditions, shoulders, &kept, is_meant);
         let tyre_count = shoulders.iter().map(|s| s.tyre + 1).max().unwrap_or(0);
-        let mut levels: Vec<Level> = (0..tyre_count)
-            .map(|tyre| level_of(config, condition_count, shoulders, &kept, |s| s.tyre == tyre))
-            .collect();
-        if config.centre == Centre::Reference {
-            let pooled = Level::pooled(&levels);
-            levels.fill(pooled);
-        }
-        let fit = Fit::of(config, condition_count, shoulders, &kept, &levels);
-        Self::of(config, fit, levels, shoulders, &kept, &kept)
+        let casing_levels: Vec<Level> = (0..tyre_count).map(|tyre| level_of(&|s| s.tyre == tyre)).collect();
+        let levels = match config.centre {
+            Centre::Own => shoulders.iter().map(|own| level_of(&|s| std::ptr::eq(s, own))).collect(),
+            Centre::Reference => vec![Level::pooled(&casing_levels); shoulders.len()],
+        };
+        let fit = Fit::of(config, conditions, shoulders, &kept, &levels);
+        Self::of(config, fit, levels, casing_levels, shoulders, &kept, &kept)
     }
 
     /// The reference that a casing is to itself, and its maps: what stands out of it leaves it, round by round.
-    pub(crate) fn own(config: &FuseConfig, condition_count: usize, shoulders: &[Shoulder]) -> (Self, Casing) {
-        let all: Kept = shoulders.iter().map(|s| vec![true; s.ring.len()]).collect();
-        let measure = |kept: &Kept| {
-            let level = level_of(config, condition_count, shoulders, kept, |_| true);
-            let fit = Fit::of(config, condition_count, shoulders, kept, std::slice::from_ref(&level));
-            (fit, level)
-        };
-        let (mut kept, mut calm) = (all.clone(), all.clone());
+    pub(crate) fn own(config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder]) -> (Self, Casing) {
+        let (mut kept, mut calm) = (everything(shoulders), everything(shoulders));
+        let pooled = |kept: &Kept| level_of(config, conditions, shoulders, kept, |_| true);
         if config.index != IndexKind::Dissertation {
             // Location by location first: the step along the ring makes five cracked ones of three, and many narrow
             // cracks would be the majority.
-            let spread_of = |maps: &[Vec<Option<f64>>], kept: &Kept, calm: &Kept, step| {
-                Spread::of(&mut sound_values(shoulders, maps, kept, calm, step))
-            };
             for step in [Step::Alone, Step::AlongRing] {
                 calm = kept.clone();
                 kept = trimmed(&calm, step, |now, calm| {
-                    let (fit, level) = measure(now);
-                    let maps = maps_of(config.index, &fit, &level, shoulders, step);
-                    let spread = spread_of(&maps, now, calm, step)?;
+                    let levels = vec![pooled(now); shoulders.len()];
+                    let fit = Fit::of(config, conditions, shoulders, now, &levels);
+                    let maps = maps_of(config.index, &fit, &levels, shoulders, step);
+                    let spread = Spread::of(&mut sound_values(shoulders, &maps, now, calm, step))?;
                     Some((maps, spread))
                 });
             }
         }
-        let (fit, level) = measure(&kept);
-        let standard = Self::of(config, fit, vec![level.clone()], shoulders, &kept, &calm);
-        let maps = standard.maps(config, &level, shoulders);
+        let levels = own_levels(config, conditions, shoulders, &kept);
+        let fit = Fit::of(config, conditions, shoulders, &kept, &levels);
+        let standard = Self::of(config, fit, levels.clone(), vec![pooled(&kept)], shoulders, &kept, &calm);
+        let maps = standard.maps(config, &levels, shoulders);
         let is_inverted = standard.is_inverted(config, &maps);
-        let stands_off = stand_off(config, condition_count, shoulders);
-        (standard, Casing { level, maps, stands_off, is_inverted })
+        let stands_off = stand_off(config, conditions.count(), shoulders);
+        (standard, Casing { levels, maps, stands_off, is_inverted })
     }
 
-    /// The maps of another casing, of which the `sound` shoulders' places are stated to be sound, if there are any.
+    /// The maps of another casing; `stated_level` is that of a shoulder of it that is stated to be sound, if there is one.
     pub(crate) fn casing(
         &self,
         config: &FuseConfig,
-        condition_count: usize,
+        conditions: &Conditions,
         shoulders: &[Shoulder],
         stated_level: Option<&Level>,
     ) -> Casing {
-        let trimmed_level = || {
-            let Some(limits) = self.limits else {
-                return level_of(config, condition_count, shoulders, &everything(shoulders), |_| true);
-            };
-            let mut kept = everything(shoulders);
-            for step in [Step::Alone, Step::AlongRing] {
-                let calm = kept.clone();
-                kept = trimmed(&calm, step, |now, _| {
-                    let level = level_of(config, condition_count, shoulders, now, |_| true);
-                    let maps = maps_of(config.index, &self.fit, &level, shoulders, step);
-                    // Alone, a location scatters more than with its neighbours: by how much, its own casing says.
-                    let spread = match step {
-                        Step::Alone => Spread::of(&mut selected(&maps, now))?,
-                        Step::AlongRing => limits.spread,
-                    };
-                    Some((maps, spread))
-                });
+        let levels = match (config.centre, stated_level) {
+            (Centre::Reference, _) => vec![Level::pooled(&self.casing_levels); shoulders.len()],
+            (Centre::Own, Some(level)) => vec![level.clone(); shoulders.len()],
+            (Centre::Own, None) => {
+                let kept = self.kept_of(config, conditions, shoulders);
+                own_levels(config, conditions, shoulders, &kept)
             }
-            level_of(config, condition_count, shoulders, &kept, |_| true)
         };
-        let level = match (config.centre, stated_level) {
-            (Centre::Reference, _) => Level::pooled(&self.levels),
-            (Centre::Own, Some(level)) => level.clone(),
-            (Centre::Own, None) => trimmed_level(),
-        };
-        let maps = self.maps(config, &level, shoulders);
-        let is_own = config.centre == Centre::Own && stated_level.is_none();
+        let maps = self.maps(config, &levels, shoulders);
+        let is_own = config.centre == Centre::Own && stated_level.is_none() && config.index != IndexKind::Dissertation;
         let is_inverted = is_own && self.is_inverted(config, &maps);
-        let mut stands_off = stand_off(config, condition_count, shoulders);
-        if is_own && config.index != IndexKind::Dissertation && self.is_above(&level) {
-            stands_off.fill(true);
+        let mut stands_off = stand_off(config, conditions.count(), shoulders);
+        for (stands_off, level) in stands_off.iter_mut().zip(&levels) {
+            *stands_off |= is_own && self.is_above(level);
         }
-        Casing { level, maps, stands_off, is_inverted }
+        Casing { levels, maps, stands_off, is_inverted }
     }
 
-    fn of(config: &FuseConfig, fit: Fit, levels: Vec<Level>, shoulders: &[Shoulder], kept: &Kept, calm: &Kept) -> Self {
+    /// Those places of a casing that do not stand out of it, by this reference's scales.
+    fn kept_of(&self, config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder]) -> Kept {
+        let mut kept = everything(shoulders);
+        let Some(limits) = self.limits else { return kept };
+        for step in [Step::Alone, Step::AlongRing] {
+            let calm = kept.clone();
+            kept = trimmed(&calm, step, |now, _| {
+                let levels = vec![level_of(config, conditions, shoulders, now, |_| true); shoulders.len()];
+                let maps = maps_of(config.index, &self.fit, &levels, shoulders, step);
+                // Alone, a location scatters more than with its neighbours: by how much, its own casing says.
+                let spread = match step {
+                    Step::Alone => Spread::of(&mut selected(&maps, now))?,
+                    Step::AlongRing => limits.spread,
+                };
+                Some((maps, spread))
+            });
+        }
+        kept
+    }
+
+    fn of(
+        config: &FuseConfig,
+        fit: Fit,
+        levels: Vec<Level>,
+        casing_levels: Vec<Level>,
+        shoulders: &[Shoulder],
+        kept: &Kept,
+        calm: &Kept,
+    ) -> Self {
         let each = |which| -> Vec<Vec<Option<f64>>> {
-            let map =
-                |s: &Shoulder| indexed(config.index, Step::AlongRing, s, &fit.locations(&levels[s.tyre], s, which));
-            shoulders.iter().map(map).collect()
+            let map = |(s, level): (&Shoulder, &Level)| {
+                indexed(config.index, Step::AlongRing, s, &fit.locations(level, s, which))
+            };
+            shoulders.iter().zip(&levels).map(map).collect()
         };
         let maps = each(Taps::All);
         let (odd, even) = (each(Taps::Odd), each(Taps::Even));
@@ -192,42 +200,42 @@ impl Standard {
             tap_counts.extend(counts.iter().zip(kept).filter(|&(_, &kept)| kept).map(|(&count, _)| f64::from(count)));
         }
         let usual_tap_count = crate::stats::median(&mut tap_counts).unwrap_or(0.0);
-        let level_limit = level_limit(&levels, fit.yardstick(), config.false_call_rate);
-        Self { fit, levels, limits, usual_tap_count, repeat_sd: null.repeat_sd, level_limit }
+        let level_limit = level_limit(&casing_levels, fit.yardstick(), config.false_call_rate);
+        Self { fit, levels, casing_levels, limits, usual_tap_count, repeat_sd: null.repeat_sd, level_limit }
     }
 
-    /// The locations of a shoulder of the reference itself.
-    pub(crate) fn labelled(&self, shoulder: &Shoulder) -> Vec<LocationIndex> {
-        self.fit.locations(&self.levels[shoulder.tyre], shoulder, Taps::All)
+    /// The locations of `shoulder` number `number` of the reference itself.
+    pub(crate) fn labelled(&self, number: usize, shoulder: &Shoulder) -> Vec<LocationIndex> {
+        self.fit.locations(&self.levels[number], shoulder, Taps::All)
     }
 
     /// Median of the casings' levels in `slot`.
     pub(crate) fn pooled_level(&self, slot: usize) -> Option<f64> {
-        Level::pooled(&self.levels).centre(slot)
+        Level::pooled(&self.casing_levels).centre(slot)
     }
 
     /// Standard deviation of the casings' levels in `slot`, as a share of their median; `None` of fewer than three.
     pub(crate) fn level_spread(&self, slot: usize) -> Option<f64> {
-        let pooled = Level::pooled(&self.levels);
-        let above: Vec<f64> = self.levels.iter().filter_map(|level| level.above(&pooled)[slot]).collect();
+        let pooled = Level::pooled(&self.casing_levels);
+        let above: Vec<f64> = self.casing_levels.iter().filter_map(|level| level.above(&pooled)[slot]).collect();
         let n = above.len() as f64;
         let mean = above.iter().sum::<f64>() / n;
         let squares: f64 = above.iter().map(|a| (a - mean).powi(2)).sum();
         (above.len() >= LEVELS_MIN).then(|| (squares / (n - 1.0)).sqrt())
     }
 
-    fn maps(&self, config: &FuseConfig, level: &Level, shoulders: &[Shoulder]) -> Vec<IndexMap> {
-        let map = |shoulder: &Shoulder| {
+    fn maps(&self, config: &FuseConfig, levels: &[Level], shoulders: &[Shoulder]) -> Vec<IndexMap> {
+        let map = |(shoulder, level): (&Shoulder, &Level)| {
             let locations = self.fit.locations(level, shoulder, Taps::All);
             let index = indexed(config.index, Step::AlongRing, shoulder, &locations);
             IndexMap { locations, index }
         };
-        shoulders.iter().map(map).collect()
+        shoulders.iter().zip(levels).map(map).collect()
     }
 
     /// Whether `level` lies higher than those of the reference's casings do.
     fn is_above(&self, level: &Level) -> bool {
-        let score = above(level, &Level::pooled(&self.levels), self.fit.yardstick());
+        let score = above(level, &Level::pooled(&self.casing_levels), self.fit.yardstick());
         matches!((score, self.level_limit), (Some(score), Some(limit)) if score > limit)
     }
 
@@ -251,16 +259,29 @@ fn everything(shoulders: &[Shoulder]) -> Kept {
     shoulders.iter().map(|s| vec![true; s.ring.len()]).collect()
 }
 
+/// The level of each shoulder by its `kept` places; that of all together where less than half of its own are kept.
+///
+/// Shoulders of a casing differ a little. One that is mostly cracked must not be measured against its cracks, so which
+/// places are sound is found out with both in one first.
+fn own_levels(config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder], kept: &Kept) -> Vec<Level> {
+    let of = |(own, kept_here): (&Shoulder, &Vec<bool>)| {
+        let count = kept_here.iter().filter(|&&kept| kept).count();
+        let is_alone = 2 * count > kept_here.len() && count >= UNTOUCHED_MIN;
+        level_of(config, conditions, shoulders, kept, |s| !is_alone || std::ptr::eq(s, own))
+    };
+    shoulders.iter().zip(kept).map(of).collect()
+}
+
 fn level_of(
     config: &FuseConfig,
-    condition_count: usize,
+    conditions: &Conditions,
     shoulders: &[Shoulder],
     kept: &Kept,
     is_meant: impl Fn(&Shoulder) -> bool,
 ) -> Level {
     let meant = shoulders.iter().zip(kept).filter(|(shoulder, _)| is_meant(shoulder));
     let readings = meant.flat_map(|(shoulder, kept)| shoulder.taps.iter().filter(|tap: &&Reading| kept[tap.place]));
-    Level::of(&config.directed(), condition_count, readings)
+    Level::of(&config.directed(), conditions.count(), readings)
 }
 
 /// Those of `calm` that stay when the ones that stand out of them leave, round by round, as `measure` sees those that
@@ -287,8 +308,9 @@ fn is_majority(kept: &Kept) -> bool {
     2 * kept.iter().flatten().filter(|&&k| k).count() >= count
 }
 
-fn maps_of(kind: IndexKind, fit: &Fit, level: &Level, shoulders: &[Shoulder], step: Step) -> Vec<Vec<Option<f64>>> {
-    shoulders.iter().map(|s| indexed(kind, step, s, &fit.locations(level, s, Taps::All))).collect()
+fn maps_of(kind: IndexKind, fit: &Fit, levels: &[Level], shoulders: &[Shoulder], step: Step) -> Vec<Vec<Option<f64>>> {
+    let map = |(s, level): (&Shoulder, &Level)| indexed(kind, step, s, &fit.locations(level, s, Taps::All));
+    shoulders.iter().zip(levels).map(map).collect()
 }
 
 fn indexed(kind: IndexKind, step: Step, shoulder: &Shoulder, locations: &[LocationIndex]) -> Vec<Option<f64>> {
@@ -354,6 +376,10 @@ mod tests {
         Shoulder { ring, tyre: 0, taps: (0..count).map(tap).collect(), is_cracked: vec![None; count as usize] }
     }
 
+    fn one_condition() -> Conditions {
+        Conditions::of([tapline_wire::TapId::default()].iter())
+    }
+
     #[test]
     fn cracks_leave_a_reference_of_their_own() {
         // Catches a reference that stays spoiled by the cracks in it, and a stated one that is trimmed:
@@ -365,9 +391,9 @@ mod tests {
             let mut sound: Vec<f64> = map.index[21..].iter().map(|v| limits.standardised(v.unwrap())).collect();
             crate::stats::median(&mut sound).unwrap()
         };
-        let (own, casing) = Standard::own(&config, 1, &shoulders);
-        let stated = Standard::stated(&config, 1, &shoulders);
-        let spoiled = stated.casing(&config, 1, &shoulders, Some(&stated.levels[0]));
+        let (own, casing) = Standard::own(&config, &one_condition(), &shoulders);
+        let stated = Standard::stated(&config, &one_condition(), &shoulders);
+        let spoiled = stated.casing(&config, &one_condition(), &shoulders, Some(&stated.levels[0]));
         let (own, stated) = (sound(own.limits, &casing.maps[0]), sound(stated.limits, &spoiled.maps[0]));
         assert!(own.abs() < 0.1 && stated < -0.2, "{own} {stated}");
     }
@@ -380,8 +406,8 @@ mod tests {
         for (place, label) in labelled.is_cracked.iter_mut().enumerate() {
             *label = Some(place < 60);
         }
-        let standard = Standard::stated(&config, 1, &[labelled.clone()]);
-        let casing = standard.casing(&config, 1, &[labelled], Some(&standard.levels[0]));
+        let standard = Standard::stated(&config, &one_condition(), &[labelled.clone()]);
+        let casing = standard.casing(&config, &one_condition(), &[labelled], Some(&standard.levels[0]));
         let limits = standard.limits.unwrap();
         assert!(casing.maps[0].index[2..58].iter().all(|i| i.unwrap() > limits.reject()), "{limits:?}");
         assert!(casing.maps[0].index[62..].iter().all(|i| i.unwrap() < limits.re_inspect));
@@ -391,7 +417,7 @@ mod tests {
     fn another_level_is_no_damage() {
         // Catches a casing that is damaged for being louder, and a crack in it that its own level hides.
         let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::default() };
-        let standard = Standard::stated(&config, 1, &[slab(101, 0, 0.0)]);
+        let standard = Standard::stated(&config, &one_condition(), &[slab(101, 0, 0.0)]);
         let mut loud = slab(101, 10, 900.0);
         for tap in &mut loud.taps {
             let pr = tap.values.get(Discriminator::Pr);
@@ -399,7 +425,7 @@ mod tests {
         }
         let limits = standard.limits.unwrap();
         let count = |config: &FuseConfig| {
-            let casing = standard.casing(config, 1, &[loud.clone()], None);
+            let casing = standard.casing(config, &one_condition(), &[loud.clone()], None);
             let is_suspect = |i: &&Option<f64>| i.unwrap() >= limits.re_inspect;
             casing.maps[0].index.iter().filter(is_suspect).count()
         };

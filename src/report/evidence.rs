@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::Result;
-use tapline_fuse::{Fusion, ReferenceSet};
+use tapline_fuse::{Fusion, OffsetMap, ReferenceSet};
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
     DamageCell, Discriminator, Discriminators, Geometry, Judgement, Quality, Reasons, Recording, Scan, ScanState,
@@ -12,7 +12,7 @@ use tapline_wire::{
 };
 
 use super::condition::Condition;
-use super::offsets::{self, OffsetMap};
+use super::offsets;
 use crate::config::Config;
 
 /// All that the pages of one archive tell, apart from samples.

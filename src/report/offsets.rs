@@ -1,25 +1,12 @@
 //! The damage index of each offset alone: where beside the belt edge a crack is heard best.
 
-use tapline_fuse::Fusion;
-
-/// The index of one shoulder at one offset.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct OffsetMap {
-    /// Offset from the belt edge, mm.
-    pub(super) offset_mm: f64,
-    /// Location by location, as the shoulder's cells, on the scale of their index.
-    pub(super) index: Vec<Option<f64>>,
-}
+use tapline_fuse::{Fusion, OffsetMap};
 
 /// The maps of each of `scan_count` scans, by number of the scan; none of one whose taps have fewer than two offsets.
 pub(super) fn maps(fusion: &mut Fusion, scan_count: usize) -> Vec<Vec<OffsetMap>> {
-    let mut of = |scan| {
-        // A scan that is not planned has no map.
-        let maps = fusion.by_offset(scan).unwrap_or_default();
-        let maps: Vec<OffsetMap> = maps.into_iter().map(|(offset_mm, index)| OffsetMap { offset_mm, index }).collect();
-        if maps.len() < 2 { Vec::new() } else { maps }
-    };
-    (0..scan_count).map(&mut of).collect()
+    // A scan that is not planned has no map.
+    let of = |scan| fusion.by_offset(scan).unwrap_or_default();
+    (0..scan_count).map(of).map(|maps| if maps.len() < 2 { Vec::new() } else { maps }).collect()
 }
 
 #[cfg(test)]
