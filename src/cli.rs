@@ -87,6 +87,31 @@ pub(crate) enum Verb {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
+    /// Judge many simulated tyres, and say what each index, reference and plan is worth: AUC with intervals, false calls,
+    /// probability of detection, gauge studies, time on the rig.
+    Study(StudyArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct StudyArgs {
+    /// Tyres of each simulated set, of which a half trains and a half is judged; 16, or 8 with --quick, when left out.
+    #[arg(long)]
+    pub(crate) tyres: Option<usize>,
+    /// Decides all that is left to chance; the same seed gives the same bytes.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Threads; one for every core when left out. They change no result.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) threads: usize,
+    /// Do little of everything, to see that it works.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Print the tables as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Folder to write tables (CSV) and figures (SVG) into, with a page beside it; made when it is not there.
+    #[arg(long)]
+    pub(crate) out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -36,7 +36,6 @@ impl InMemoryScan<'_> {
     ///
     /// # Errors
     /// For a value of the configuration that is out of its bounds, and when a thread cannot be started.
-    #[allow(dead_code, reason = "for studies of discriminators alone; the experiment looks at the records too")]
     pub(crate) fn discriminators(&self) -> Result<(Plan, Vec<Discriminators>)> {
         let (plan, taps) = self.taps(|_, _| ())?;
         Ok((plan, taps.into_iter().map(|(found, ())| found).collect()))

@@ -16,6 +16,7 @@ mod progress;
 mod reference;
 mod report;
 mod stage;
+mod study;
 mod summary;
 mod tables;
 
@@ -73,6 +74,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Verify { archive, json } => tables::verify(archive, *json),
         Verb::Report { archive, out } => report::report(archive, out.as_deref()),
         Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
+        Verb::Study(args) => study::study(args),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
         Verb::Model(ModelVerb::Figures { out, figure }) => figures::figures(out, *figure),

@@ -18,4 +18,5 @@ mod retakes;
 mod rig;
 mod simulated;
 mod stability;
+mod study;
 mod tapset;

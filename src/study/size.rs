@@ -1,0 +1,86 @@
+//! How much is simulated: the default, what `--quick` does, and `--tyres`.
+
+use super::taken::Turns;
+
+/// Offsets of the full plan, in mm, as in section 5.2.
+pub(super) const OFFSETS_MM: [f64; 4] = [0.0, 5.0, 10.0, 15.0];
+/// Velocities of the full plan, in m/s.
+pub(super) const VELOCITIES_M_PER_S: [f64; 3] = [1.2, 1.5, 1.85];
+/// Repetitions of the full plan.
+pub(super) const REPETITIONS: u16 = 2;
+/// The velocity of all that does not vary it.
+pub(super) const VELOCITY_M_PER_S: f64 = 1.5;
+
+/// How much is simulated.
+#[derive(Debug, Clone)]
+pub(super) struct Size {
+    /// Tyres of a set: a half trains and a half is judged, of each half one in two is sound.
+    pub(super) tyres: usize,
+    /// Locations of a ring.
+    pub(super) location_count: u32,
+    /// Sound tyres of which false calls are counted.
+    pub(super) sound_tyres: usize,
+    /// How many references of each size are drawn of them.
+    pub(super) draws: usize,
+    /// Casings in those references.
+    pub(super) reference_sizes: Vec<usize>,
+    /// Cracked tyres of which finds are counted.
+    pub(super) target_tyres: usize,
+    /// Sound tyres that are the reference of those.
+    pub(super) target_reference: usize,
+    /// How many tyres a rig reads again, and how often.
+    pub(super) gauge_tyres: usize,
+    pub(super) gauge_scans: u16,
+    /// How many of the sets are simulated.
+    pub(super) set_count: usize,
+    /// The turns of every set, and of the targets.
+    pub(super) turns: Turns,
+    /// The full plan.
+    pub(super) full: Turns,
+    /// The turns of what counts false calls and of the gauge.
+    pub(super) short: Turns,
+}
+
+fn turns(offsets_mm: &[f64], velocities_m_per_s: &[f64]) -> Turns {
+    Turns { offsets_mm: offsets_mm.to_vec(), velocities_m_per_s: velocities_m_per_s.to_vec(), repetitions: REPETITIONS }
+}
+
+impl Size {
+    /// The default: minutes on two cores.
+    pub(super) fn whole(tyres: usize) -> Self {
+        Self {
+            tyres,
+            location_count: 100,
+            sound_tyres: 80,
+            draws: 6,
+            reference_sizes: vec![2, 4, 8, 16],
+            target_tyres: 32,
+            target_reference: 8,
+            gauge_tyres: 4,
+            gauge_scans: 3,
+            set_count: usize::MAX,
+            turns: turns(&OFFSETS_MM, &[VELOCITY_M_PER_S]),
+            full: turns(&OFFSETS_MM, &VELOCITIES_M_PER_S),
+            short: turns(&[0.0], &[VELOCITY_M_PER_S]),
+        }
+    }
+
+    /// Enough to see that all of it works: seconds.
+    pub(super) fn quick(tyres: usize) -> Self {
+        Self {
+            tyres,
+            location_count: 48,
+            sound_tyres: 12,
+            draws: 3,
+            reference_sizes: vec![2, 4],
+            target_tyres: 6,
+            target_reference: 2,
+            gauge_tyres: 2,
+            gauge_scans: 2,
+            set_count: 2,
+            turns: turns(&OFFSETS_MM[..2], &[VELOCITY_M_PER_S]),
+            full: turns(&OFFSETS_MM[..2], &VELOCITIES_M_PER_S[..2]),
+            ..Self::whole(tyres)
+        }
+    }
+}

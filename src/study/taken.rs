@@ -1,0 +1,99 @@
+//! The taps of a set, and parts of them: some tyres, or fewer offsets, velocities and repetitions.
+
+use std::sync::Arc;
+
+use anyhow::{Context as _, Result};
+use tapline_acquire::{AcquireConfig, ScanConfig, TyreConfig};
+use tapline_fuse::{Built, FuseConfig, KnownShoulder, ReferenceSet, build_reference};
+use tapline_model::SimulationConfig;
+use tapline_process::ProcessConfig;
+use tapline_wire::{Discriminators, Plan, PlannedTap, Truth};
+
+use crate::in_memory::InMemoryScan;
+
+/// A plan and what came of each of its taps.
+#[derive(Debug, Clone)]
+pub(super) struct Taken {
+    pub(super) plan: Plan,
+    pub(super) records: Vec<Discriminators>,
+}
+
+/// Which turns are made around a shoulder.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Turns {
+    pub(super) offsets_mm: Vec<f64>,
+    pub(super) velocities_m_per_s: Vec<f64>,
+    pub(super) repetitions: u16,
+}
+
+impl Turns {
+    /// How many they are.
+    pub(super) fn count(&self) -> usize {
+        self.offsets_mm.len() * self.velocities_m_per_s.len() * usize::from(self.repetitions)
+    }
+
+    /// Whether `tap` is of one of them.
+    pub(super) fn has(&self, tap: &PlannedTap) -> bool {
+        let is_among =
+            |values: &[f64], value: Option<f64>| value.is_some_and(|v| values.iter().any(|w| (v - w).abs() < 1e-6));
+        is_among(&self.offsets_mm, tap.id.offset_mm())
+            && is_among(&self.velocities_m_per_s, tap.id.velocity_m_per_s())
+            && tap.id.repetition < self.repetitions
+    }
+}
+
+impl Taken {
+    /// Scans `tyres`; all that is left to chance is decided by `seed`.
+    pub(super) fn of(
+        simulation: &SimulationConfig,
+        tyres: Vec<TyreConfig>,
+        turns: &Turns,
+        (seed, location_count, thread_count): (u64, u32, usize),
+    ) -> Result<Self> {
+        let scan = ScanConfig {
+            seed,
+            offsets_mm: turns.offsets_mm.clone(),
+            velocities_m_per_s: turns.velocities_m_per_s.clone(),
+            repetitions: turns.repetitions,
+            locations: location_count,
+            closing_tap: false, // it enters no index
+            tyre: tyres,
+            ..ScanConfig::default()
+        };
+        let process = ProcessConfig::default();
+        let retakes = AcquireConfig::default().retakes;
+        let (plan, records) =
+            InMemoryScan { scan: &scan, simulation, process: &process, retakes, thread_count }.discriminators()?;
+        Ok(Self { plan, records })
+    }
+
+    /// Its taps that `is_wanted`, as a plan of their own.
+    pub(super) fn only(&self, is_wanted: impl Fn(&PlannedTap) -> bool) -> Result<Self> {
+        let rows = self.plan.taps().iter().zip(&self.records).filter(|(tap, _)| is_wanted(tap));
+        let (taps, records): (Vec<PlannedTap>, Vec<Discriminators>) = rows.map(|(t, r)| (*t, *r)).unzip();
+        let records = (0..).zip(records).map(|(plan_index, record)| Discriminators { plan_index, ..record }).collect();
+        let truth: Truth = self.plan.truth().clone();
+        let plan = Plan::new(self.plan.geometry, self.plan.recording.clone(), taps, truth)?;
+        Ok(Self { plan, records })
+    }
+
+    /// Its taps of the tyres that `is_wanted`.
+    pub(super) fn of_tyres(&self, is_wanted: impl Fn(&str) -> bool) -> Result<Self> {
+        self.only(|tap| is_wanted(tap.id.tyre.as_str()))
+    }
+
+    /// The reference that the tyres make that `is_wanted`; labelled by the truth, or stated to be sound.
+    pub(super) fn reference(&self, is_labelled: bool, is_wanted: impl Fn(&str) -> bool) -> Result<Arc<ReferenceSet>> {
+        let truth = is_labelled.then(|| self.plan.truth());
+        let of = |number| KnownShoulder::of(&self.plan, &self.records, number, truth);
+        let scans = self.plan.scans().iter().enumerate().filter(|(_, scan)| is_wanted(scan.tyre.as_str()));
+        let shoulders: Option<Vec<KnownShoulder>> = scans.map(|(number, _)| of(number)).collect();
+        let built = Built {
+            config: FuseConfig::default(),
+            lineage: Vec::new(),
+            process: String::new(),
+            learns_directions: false,
+        };
+        Ok(Arc::new(build_reference(&built, shoulders.context("a shoulder is not planned")?)?))
+    }
+}
