@@ -1,12 +1,13 @@
 //! What a run ends with: the verdict on every shoulder, how good they are where the truth is known, how fast it went.
 
 use std::io::{self, Write as _};
+use std::sync::Arc;
 
 use anyhow::Result;
 use comfy_table::Table;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde::Serialize;
-use tapline_fuse::{Reference, Score};
+use tapline_fuse::{Reference, ReferenceSet, Score};
 use tapline_store::{Reader, regions};
 use tapline_wire::{DamageCell, Discriminator, Judgement, Quality, Reasons, TapState, Verdict};
 
@@ -153,8 +154,11 @@ fn auc(job: &Job, reader: &Reader) -> Result<Option<Auc>> {
         return Ok(None);
     }
     let records: Vec<_> = reader.discriminators()?.into_iter().flatten().collect();
-    let score = match job.reference()? {
-        Some(file) => Score::by_reference(&job.config.fuse, reader.plan(), file.set, &records)?,
+    let score = match reader.reference() {
+        Some(text) => {
+            let set = Arc::new(ReferenceSet::parse(text)?);
+            Score::by_reference(&job.config.fuse, reader.plan(), set, &records)?
+        }
         None => Score::of(&job.config.fuse, reader.plan(), &records)?,
     };
     Ok(Some(Auc {

@@ -115,13 +115,14 @@ impl Fusion {
         let mut tyres: Vec<_> = reference_scans.iter().map(|&scan| scans[scan].tyre).collect();
         tyres.dedup();
         let number_of = |scan: usize| tyres.iter().position(|&tyre| tyre == scans[scan].tyre);
+        let location_count = scans.iter().map(|scan| scan.locations.len()).max().unwrap_or(0);
         let standard = standard.unwrap_or_else(|| {
             let of_run = reference_scans
                 .iter()
                 .filter_map(|&scan| Some(self.shoulder(conditions, &normalisation, scan, number_of(scan)?)));
             let of_set = self.set.iter().flat_map(|set| set.shoulders_by(conditions, &normalisation));
             let shoulders: Vec<Shoulder> = of_run.chain(of_set).collect();
-            Arc::new(Standard::stated(&self.config, conditions, &shoulders))
+            Arc::new(Standard::stated(&self.config, conditions, &shoulders, location_count))
         });
         // A casing of which a shoulder is stated to be sound is measured against that one.
         let of_casing = |&scan: &usize| casing_scans.iter().any(|&own| scans[own].tyre == scans[scan].tyre);

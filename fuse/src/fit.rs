@@ -25,6 +25,8 @@ pub(crate) struct Fit {
     combination: Box<dyn Index>,
     /// Index of each of the reference's sound places, condition by condition.
     sound: Vec<Vec<Option<f64>>>,
+    /// Which conditions most of those places have.
+    full: Vec<bool>,
     /// Spread of each condition's index at those places.
     by_condition: Vec<Option<Spread>>,
     /// Spread of their combination, whatever conditions each has.
@@ -120,6 +122,11 @@ impl Fit {
             rows.examples.into_iter().filter(|e| !e.is_cracked).map(|e| e.scores).collect();
         let mut values: Vec<f64> = sound.iter().filter_map(|row| combination.value(row)).collect();
         let usual = Spread::of(&mut values);
+        let mut counts: BTreeMap<Vec<bool>, usize> = BTreeMap::new();
+        for row in &sound {
+            *counts.entry(row.iter().map(Option::is_some).collect()).or_default() += 1;
+        }
+        let full = counts.into_iter().max_by_key(|&(_, count)| count).map(|(mask, _)| mask).unwrap_or_default();
         let of_condition = |c: usize| Spread::of(&mut sound.iter().filter_map(|row| row[c]).collect::<Vec<f64>>());
         let by_condition = (0..condition_count).map(of_condition).collect();
         Self {
@@ -129,6 +136,7 @@ impl Fit {
             index,
             combination,
             sound,
+            full,
             by_condition,
             usual,
             is_mean,
@@ -199,6 +207,9 @@ impl Fit {
         let value = self.combination.value(row)?;
         let (Some(usual), false) = (self.usual, self.kind == IndexKind::Dissertation) else { return Some(value) };
         let present: Vec<bool> = row.iter().map(Option::is_some).collect();
+        if present == self.full {
+            return Some(value);
+        }
         let null = *nulls.entry(present).or_insert_with_key(|present| self.null_of(present));
         let Spread { centre, sigma } = null?;
         Some(usual.centre + (value - centre) * usual.sigma / sigma).filter(|v| v.is_finite())

@@ -1,6 +1,7 @@
 //! The state machine: taps and ends of scans in, in any order; verdicts out.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use tapline_wire::{
@@ -62,13 +63,15 @@ impl Fusion {
         Self::build(config, plan, None)
     }
 
-    /// A fusion that compares every casing of `plan` with the shoulders of `set`, by the directions that are stored there.
+    /// A fusion that compares every casing of `plan` with the shoulders of `set`, by the directions that are stored there
+    /// and whatever reference the configuration names.
     ///
     /// # Errors
     /// What [`FuseConfig::validate`] refuses, and [`Error::NothingInCommon`] for a set that has no tap at any offset and
     /// velocity of the plan.
     pub fn with_reference(config: &FuseConfig, plan: &Plan, set: Arc<ReferenceSet>) -> Result<Self, Error> {
-        let config = FuseConfig { directions: set.directions, ..config.clone() };
+        let reference = Some(Reference::File(PathBuf::from(set.digest())));
+        let config = FuseConfig { directions: set.directions, reference, ..config.clone() };
         set.check_conditions(plan)?;
         Self::build(&config, plan, Some(set))
     }
@@ -132,7 +135,12 @@ impl Fusion {
     /// [`Error::NoSuchScan`].
     pub fn end(&mut self, scan: usize) -> Result<(), Error> {
         self.check(scan)?;
-        self.progress[scan].is_ended = true;
+        if !self.progress[scan].is_ended {
+            self.progress[scan].is_ended = true;
+            for &dependent in self.panel.dependents(scan) {
+                self.progress[dependent].is_judged = false;
+            }
+        }
         Ok(())
     }
 
@@ -169,7 +177,7 @@ impl Fusion {
         let view = compared.view(&planned.locations);
         let regions = view.regions(self.config.extent);
         let mut cells = view.cells(&regions);
-        let p_value = mark_regions(&compared, self.plan.geometry, &regions, &mut cells);
+        let p_value = mark_regions(&compared, &regions, &mut cells);
         let mut reasons = view.reasons(&regions);
         reasons.insert(self.reasons_of(scan, &compared));
         let seen = planned.taps.iter().filter_map(|&row| self.seen[row as usize]);
@@ -253,15 +261,33 @@ impl Fusion {
         reasons
     }
 
-    /// Whether a discriminator that the index asks for is absent from more than half of the planned taps of a scan,
-    /// refused ones included, although its channels are recorded: a sensor that is dead, or taps that never came.
+    /// Whether a discriminator that the index asks for is absent, or one and the same, at more than half of the planned
+    /// taps of a scan although its channels are recorded: a sensor that is dead or stuck, or taps that never came. Or
+    /// whether a location lacks more than half of what its taps should have given.
     fn lacks_features(&self, scan: usize) -> bool {
         let channels = &self.plan.recording.channels;
-        let rows: Vec<u32> = self.entering(scan).map(|(row, _)| row).collect();
-        let has = |row: &&u32, which| self.seen[**row as usize].is_some_and(|seen| seen.values.get(which).is_some());
-        let recorded = |which: &&Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
-        let asked = self.config.discriminators.iter().filter(recorded);
-        asked.copied().any(|which| 2 * rows.iter().filter(|row| has(row, which)).count() < rows.len())
+        let recorded = |which: &Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
+        let asked: Vec<Discriminator> = self.config.discriminators.iter().copied().filter(recorded).collect();
+        let mut planned: BTreeMap<u32, (usize, usize)> = BTreeMap::new();
+        let mut values: Vec<Vec<f64>> = vec![Vec::new(); asked.len()];
+        let mut tap_count = 0;
+        for (row, id) in self.entering(scan) {
+            tap_count += 1;
+            let seen = self.seen[row as usize];
+            let (given, due) = planned.entry(id.location).or_default();
+            for (which, values) in asked.iter().zip(&mut values) {
+                let value = seen.and_then(|seen| seen.values.get(*which));
+                *due += 1;
+                *given += usize::from(value.is_some());
+                values.extend(value);
+            }
+        }
+        let is_stuck = |values: &mut Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            let alike = values.chunk_by(|a, b| a.total_cmp(b).is_eq()).map(<[f64]>::len).max().unwrap_or(0);
+            2 * values.len() < tap_count || (alike > 1 && 2 * alike > values.len())
+        };
+        values.iter_mut().any(is_stuck) || planned.values().any(|&(given, due)| 2 * given < due)
     }
 
     /// Whether taps are planned at an offset and velocity of which the reference has none.
@@ -290,8 +316,13 @@ impl Fusion {
 
 /// Of two records of one tap the one with the higher rank holds. The attempt decides; the rest makes
 /// the choice the same in whichever order two different records of one attempt come.
-fn rank(seen: &Seen) -> (u16, bool, [Option<u64>; 7]) {
-    (seen.attempt, !seen.is_refused, Discriminator::ALL.map(|d| seen.values.get(d).map(f64::to_bits)))
+fn rank(seen: &Seen) -> (u16, bool, [Option<u64>; 7], u64) {
+    (
+        seen.attempt,
+        !seen.is_refused,
+        Discriminator::ALL.map(|d| seen.values.get(d).map(f64::to_bits)),
+        seen.velocity_m_per_s.to_bits(),
+    )
 }
 
 fn count(of: usize) -> u32 {

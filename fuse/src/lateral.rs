@@ -14,12 +14,9 @@ const REACH_PART: f64 = 0.5;
 ///
 /// The ring outside of the regions is the background that chances are taken from: an arc that is real would come together
 /// again in its own permutations.
-pub(crate) fn mark_regions(
-    compared: &Compared,
-    geometry: Geometry,
-    regions: &[u32],
-    cells: &mut [DamageCell],
-) -> Option<f64> {
+pub(crate) fn mark_regions(compared: &Compared, regions: &[u32], cells: &mut [DamageCell]) -> Option<f64> {
+    // Arcs go over the seam only where the ends meet.
+    let geometry = if compared.ring.is_closed() { Geometry::Ring } else { Geometry::Line };
     let Spread { centre, sigma } = compared.standard.fit.usual()?;
     let z: Vec<Option<f64>> =
         compared.map().locations.iter().map(|l| l.value.map(|value| (value - centre) / sigma)).collect();

@@ -60,7 +60,7 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
         ..of.config.clone()
     };
     config.validate()?;
-    let standard = Standard::stated(&config, &conditions, &known);
+    let standard = Standard::stated(&config, &conditions, &known, 0);
     set.summary = summed_up(&config, &conditions, &known, &standard);
     if set.summary.limit_reject.is_none() {
         return Err(refuse("its sound locations are too few, or their index does not vary: it sets no limits"));
@@ -83,7 +83,7 @@ fn learned(
 ) -> BTreeMap<Discriminator, Learned> {
     let config =
         FuseConfig { discriminators: Discriminator::ALL.to_vec(), z_clip: 1e3, directions, ..FuseConfig::default() };
-    let standard = Standard::stated(&config, conditions, shoulders);
+    let standard = Standard::stated(&config, conditions, shoulders, 0);
     let mut scores: Vec<(Vec<f64>, Vec<bool>)> = vec![Default::default(); Discriminator::ALL.len()];
     for (number, shoulder) in shoulders.iter().enumerate() {
         let map = standard.labelled(number, shoulder);

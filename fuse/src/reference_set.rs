@@ -232,6 +232,11 @@ impl ReferenceSet {
         if let Some(fault) = set.shoulders.iter().find_map(KnownShoulder::fault) {
             return Err(refuse(fault));
         }
+        let mut names: Vec<(&str, u16)> = set.shoulders.iter().map(|s| (s.tyre.as_str(), s.shoulder)).collect();
+        names.sort_unstable();
+        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(refuse(format!("it has the shoulder {}/{} twice", twice[0].0, twice[0].1)));
+        }
         match set.shoulders.is_empty() {
             true => Err(refuse("it has no shoulder".to_owned())),
             false => Ok(set),

@@ -81,8 +81,14 @@ enum Step {
 }
 
 impl Standard {
-    /// The reference of `shoulders` that are stated to be sound, but for the places that are labelled as cracked.
-    pub(crate) fn stated(config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder]) -> Self {
+    /// The reference of `shoulders` that are stated to be sound, but for the places that are labelled as cracked, for
+    /// shoulders of up to `location_count` locations.
+    pub(crate) fn stated(
+        config: &FuseConfig,
+        conditions: &Conditions,
+        shoulders: &[Shoulder],
+        location_count: usize,
+    ) -> Self {
         let kept: Kept = shoulders.iter().map(Shoulder::sound).collect();
         let level_of = |is_meant: &dyn Fn(&Shoulder) -> bool| level_of(config, conditions, shoulders, &kept, is_meant);
         let tyre_count = shoulders.iter().map(|s| s.tyre + 1).max().unwrap_or(0);
@@ -92,7 +98,7 @@ impl Standard {
             Centre::Reference => vec![Level::pooled(&casing_levels); shoulders.len()],
         };
         let fit = Fit::of(config, conditions, shoulders, &kept, &levels);
-        Self::of(config, fit, levels, casing_levels, shoulders, &kept, &kept)
+        Self::of(config, fit, levels, casing_levels, shoulders, &kept, &kept, location_count)
     }
 
     /// The reference that a casing is to itself, and its maps: what stands out of it leaves it, round by round.
@@ -115,7 +121,7 @@ impl Standard {
         }
         let levels = own_levels(config, conditions, shoulders, &kept);
         let fit = Fit::of(config, conditions, shoulders, &kept, &levels);
-        let standard = Self::of(config, fit, levels.clone(), vec![pooled(&kept)], shoulders, &kept, &calm);
+        let standard = Self::of(config, fit, levels.clone(), vec![pooled(&kept)], shoulders, &kept, &calm, 0);
         let maps = standard.maps(config, &levels, shoulders);
         let is_inverted = standard.is_inverted(config, &maps);
         let stands_off = stand_off(config, conditions.count(), shoulders);
@@ -178,6 +184,7 @@ impl Standard {
         shoulders: &[Shoulder],
         kept: &Kept,
         calm: &Kept,
+        location_count: usize,
     ) -> Self {
         let each = |which| -> Vec<Vec<Option<f64>>> {
             let map = |(s, level): (&Shoulder, &Level)| {
@@ -193,7 +200,8 @@ impl Standard {
             repeat_sd: repeat_sd(&odd, &even, kept),
             ceiling: fit.ceiling(config),
         };
-        let location_count = shoulders.iter().map(|s| s.ring.len()).max().unwrap_or(0);
+        let of_reference = shoulders.iter().map(|s| s.ring.len()).max().unwrap_or(0);
+        let location_count = if location_count > of_reference { location_count } else { of_reference };
         let limits = Limits::of(&mut null, config.false_call_rate, location_count);
         let mut tap_counts: Vec<f64> = Vec::new();
         for (shoulder, kept) in shoulders.iter().zip(kept) {
@@ -358,87 +366,5 @@ fn repeat_sd(odd: &[Vec<Option<f64>>], even: &[Vec<Option<f64>>], kept: &Kept) -
 }
 
 #[cfg(test)]
-mod tests {
-    use tapline_wire::{Discriminator, Geometry, Values};
-
-    use super::*;
-    use crate::ring::Ring;
-
-    /// One tap a location with a PR that rises by 1 from location to location in a scrambled order, and
-    /// by `shift` in the first `cracked` of them.
-    fn slab(count: u32, cracked: u32, shift: f64) -> Shoulder {
-        let locations: Vec<_> = (0..count).map(|l| (l, None)).collect();
-        let tap = |location: u32| {
-            let mut values = Values::default();
-            let scatter = f64::from(location * 37 % count);
-            values.set(Discriminator::Pr, Some(500.0 + scatter + if location < cracked { shift } else { 0.0 }));
-            Reading { place: location as usize, condition: 0, values }
-        };
-        let ring = Ring::of(Geometry::Line, &locations, None);
-        Shoulder { ring, tyre: 0, taps: (0..count).map(tap).collect(), is_cracked: vec![None; count as usize] }
-    }
-
-    fn one_condition() -> Conditions {
-        Conditions::of([tapline_wire::TapId::default()].iter())
-    }
-
-    #[test]
-    fn cracks_leave_a_reference_of_their_own() {
-        // Catches a reference that stays spoiled by the cracks in it, and a stated one that is trimmed:
-        // the sound locations, here the last 80, then lie below the reference's centre.
-        let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::default() };
-        let shoulders = [slab(101, 20, 500.0)];
-        let sound = |limits: Option<Limits>, map: &IndexMap| {
-            let limits = limits.unwrap();
-            let mut sound: Vec<f64> = map.index[21..].iter().map(|v| limits.standardised(v.unwrap())).collect();
-            crate::stats::median(&mut sound).unwrap()
-        };
-        let (own, casing) = Standard::own(&config, &one_condition(), &shoulders);
-        let stated = Standard::stated(&config, &one_condition(), &shoulders);
-        let spoiled = stated.casing(&config, &one_condition(), &shoulders, Some(&stated.levels[0]));
-        let (own, stated) = (sound(own.limits, &casing.maps[0]), sound(stated.limits, &spoiled.maps[0]));
-        assert!(own.abs() < 0.1 && stated < -0.2, "{own} {stated}");
-    }
-
-    #[test]
-    fn a_labelled_crack_is_not_the_reference() {
-        // Catches labels that are not looked at: the scale would be that of the crack.
-        let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::default() };
-        let mut labelled = slab(101, 60, 500.0);
-        for (place, label) in labelled.is_cracked.iter_mut().enumerate() {
-            *label = Some(place < 60);
-        }
-        let standard = Standard::stated(&config, &one_condition(), &[labelled.clone()]);
-        let casing = standard.casing(&config, &one_condition(), &[labelled], Some(&standard.levels[0]));
-        let limits = standard.limits.unwrap();
-        assert!(casing.maps[0].index[2..58].iter().all(|i| i.unwrap() > limits.reject()), "{limits:?}");
-        assert!(casing.maps[0].index[62..].iter().all(|i| i.unwrap() < limits.re_inspect));
-    }
-
-    #[test]
-    fn another_level_is_no_damage() {
-        // Catches a casing that is damaged for being louder, and a crack in it that its own level hides.
-        let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::default() };
-        let standard = Standard::stated(&config, &one_condition(), &[slab(101, 0, 0.0)]);
-        let mut loud = slab(101, 10, 900.0);
-        for tap in &mut loud.taps {
-            let pr = tap.values.get(Discriminator::Pr);
-            tap.values.set(Discriminator::Pr, pr.map(|pr| 3.0 * pr));
-        }
-        let limits = standard.limits.unwrap();
-        let count = |config: &FuseConfig| {
-            let casing = standard.casing(config, &one_condition(), &[loud.clone()], None);
-            let is_suspect = |i: &&Option<f64>| i.unwrap() >= limits.re_inspect;
-            casing.maps[0].index.iter().filter(is_suspect).count()
-        };
-        assert!((9..=12).contains(&count(&config)), "{}", count(&config));
-        assert_eq!(count(&FuseConfig { centre: Centre::Reference, ..config }), 101);
-    }
-
-    #[test]
-    fn a_minority_is_no_reference() {
-        // Catches trimming until what is left agrees with itself.
-        assert!(is_majority(&vec![vec![true, false], vec![true, false]]));
-        assert!(!is_majority(&vec![vec![true, true, false], vec![false, false]]));
-    }
-}
+#[path = "standard_tests.rs"]
+mod tests;

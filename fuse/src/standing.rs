@@ -11,9 +11,12 @@ use crate::yardstick::Yardstick;
 
 /// Spreads of a tap within its shoulder by which a shoulder may lie above the other one.
 ///
-/// Of simulated sound casings, whose shoulders differ by 1 % in stiffness and loudness, one in 10 000 exceeds it; a shoulder
-/// that is cracked all round lies 5 to 30 above.
+/// A tap scatters by 1 to 5 % of its level about it, so that shoulders which differ by 1 or 2 % stay below; a crack all round
+/// that moves every discriminator by less is not seen by it.
 const SHOULDER_AT: f64 = 4.0;
+
+/// Part of the rate of false calls that levels may take; the limits on the index have the rest.
+const LEVEL_PART: f64 = 0.1;
 
 /// Fewest casings that tell how far levels scatter.
 const CASINGS_MIN: usize = 6;
@@ -51,7 +54,7 @@ pub(crate) fn stand_off(config: &FuseConfig, condition_count: usize, shoulders: 
 }
 
 /// Mean score by which a casing may lie above the `levels` of the reference's: what a sound one
-/// exceeds with a chance of `false_call_rate`. `None` of fewer than six.
+/// exceeds with a tenth of the chance `false_call_rate`. `None` of fewer than six.
 pub(crate) fn level_limit(levels: &[Level], yardstick: &Yardstick, false_call_rate: f64) -> Option<f64> {
     let pooled = Level::pooled(levels);
     let scores: Vec<f64> = levels.iter().filter_map(|level| above(level, &pooled, yardstick)).collect();
@@ -61,7 +64,7 @@ pub(crate) fn level_limit(levels: &[Level], yardstick: &Yardstick, false_call_ra
     let n = scores.len() as f64;
     let mean = scores.iter().sum::<f64>() / n;
     let sd = (scores.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
-    Some(mean + t_quantile(false_call_rate, n - 1.0) * sd * (1.0 + 1.0 / n).sqrt())
+    Some(mean + t_quantile(LEVEL_PART * false_call_rate, n - 1.0) * sd * (1.0 + 1.0 / n).sqrt())
 }
 
 #[cfg(test)]
