@@ -55,7 +55,7 @@ fn a_quick_study_is_sound_whatever_the_threads() {
         assert!(at("tyres_low") <= at("auc") && at("auc") <= at("tyres_high"), "{row}");
         assert_eq!(row["fell_back"], "no", "{row}");
     }
-    let of_default = |row: &&Value| row["index"] == "robust";
+    let of_default = |row: &&Value| row["index"] == "repeatability";
     for row in found["false_calls"].as_array().unwrap().iter().filter(of_default) {
         assert_eq!(row["consistent"], "yes", "{row}");
     }

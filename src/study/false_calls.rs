@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tapline_fuse::proof::{Rate, clopper_pearson};
-use tapline_fuse::{Combine, FuseConfig, IndexKind};
+use tapline_fuse::{FuseConfig, IndexKind};
 
 use super::judged::{By, judge};
 use super::rivals::needs_labels;
@@ -60,8 +60,7 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> 
         }
     }
     let counted = each(&jobs, threads, |(index, stated, drawn)| {
-        let config =
-            FuseConfig { index: *index, combine: Combine::Mean, false_call_rate: *stated, ..FuseConfig::default() };
+        let config = FuseConfig { index: *index, false_call_rate: *stated, ..FuseConfig::default() };
         let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
         let by = match drawn.is_empty() {
             true => By::Own,

@@ -12,7 +12,8 @@ use super::table::{Table, cell};
 use super::work::each;
 
 /// The default index, and those that learn more from labels than which locations are sound.
-pub(super) const LEARNED: [IndexKind; 4] = [IndexKind::Robust, IndexKind::Auc, IndexKind::Lda, IndexKind::LogOdds];
+pub(super) const LEARNED: [IndexKind; 5] =
+    [IndexKind::Repeatability, IndexKind::Robust, IndexKind::Auc, IndexKind::Lda, IndexKind::LogOdds];
 
 /// One index on one set.
 #[derive(Debug, Clone)]

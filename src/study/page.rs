@@ -106,6 +106,11 @@ fn compared(default: &Table, rival: &str, [gain, low, high]: [&str; 3]) -> Strin
     )
 }
 
+/// Name of the default index; a test holds it to the configuration's.
+const INDEX: &str = "repeatability";
+/// Name of the default combination, likewise.
+const COMBINE: &str = "largest";
+
 /// Whether the largest of the conditions would serve better than their mean.
 fn combined(largest: &Table) -> String {
     let number = |row: &[String], column: &str| largest.cell(row, column).parse::<f64>().ok();
@@ -114,7 +119,7 @@ fn combined(largest: &Table) -> String {
     let surely = count(&|row| number(row, "gain_low").is_some_and(|low| low > 0.0));
     let worse = count(&|row| number(row, "gain_high").is_some_and(|high| high < 0.0));
     format!(
-        "With `combine = \"largest\"` the index `robust` is better than with `mean` in {better} of {} sets by a healthy \
+        "With `combine = \"largest\"` the index `{INDEX}` is better than with `mean` in {better} of {} sets by a healthy \
          reference; in {surely} the interval lies above 0, in {worse} below.",
         largest.rows.len()
     )
@@ -125,7 +130,7 @@ fn ranked(ways: &Table) -> Vec<String> {
     let mut lines = Vec::new();
     for reference in ["healthy", "labelled", "self"] {
         let rows: Vec<&Vec<String>> = ways.rows.iter().filter(|row| row[0] == reference).collect();
-        let place = rows.iter().position(|row| row[1] == "robust" && row[2] == "mean");
+        let place = rows.iter().position(|row| row[1] == INDEX && row[2] == COMBINE);
         let (Some(first), Some(place)) = (rows.first(), place) else { continue };
         let default = rows[place];
         lines.push(format!(
@@ -141,7 +146,7 @@ fn ranked(ways: &Table) -> Vec<String> {
             rows.len()
         ));
     }
-    let default = ways.rows.iter().find(|row| row[0] == "healthy" && row[1] == "robust" && row[2] == "mean");
+    let default = ways.rows.iter().find(|row| row[0] == "healthy" && row[1] == INDEX && row[2] == COMBINE);
     let best_least = ways.rows.iter().filter(|row| row[0] == "healthy").filter_map(|row| row[4].parse::<f64>().ok());
     let best_mean = ways.rows.iter().filter(|row| row[0] == "healthy").filter_map(|row| row[3].parse::<f64>().ok());
     let short = default.and_then(|row| {
@@ -153,13 +158,15 @@ fn ranked(ways: &Table) -> Vec<String> {
         /// An AUC that nobody would pay for.
         const LITTLE: f64 = 0.01;
         lines.push(if of_mean <= LITTLE && of_least <= LITTLE {
-            "The default is `robust` with `mean`. The study supports it: by a healthy reference none is better by more than 0.01, \
-             neither on average nor in the worst set."
-                .to_owned()
+            format!(
+                "The default is `{INDEX}` with `{COMBINE}`. The study supports it: by a healthy reference none is better by \
+                 more than 0.01, neither on average nor in the worst set."
+            )
         } else {
-            "The default is `robust` with `mean`. The study does not support it as the best: by a healthy reference another \
-             is better by more than 0.01, on average or in the worst set."
-                .to_owned()
+            format!(
+                "The default is `{INDEX}` with `{COMBINE}`. The study does not support it as the best: by a healthy reference \
+                 another is better by more than 0.01, on average or in the worst set."
+            )
         });
     }
     lines
@@ -167,7 +174,7 @@ fn ranked(ways: &Table) -> Vec<String> {
 
 fn learned(left_out: &Table) -> Option<String> {
     let first = left_out.rows.first()?;
-    let default = left_out.rows.iter().find(|row| row[0] == "robust")?;
+    let default = left_out.rows.iter().find(|row| row[0] == INDEX)?;
     Some(format!(
         "With labels, and each cracked tyre judged by all others, `{}` is best on average: {}; the default has {}.",
         first[0], first[1], default[1]
@@ -216,7 +223,7 @@ fn detected(detection: &Table) -> String {
 }
 
 fn repeated(gauge: &Table) -> Option<String> {
-    let row = gauge.rows.iter().find(|row| row[0] == "robust" && row[1] == "2")?;
+    let row = gauge.rows.iter().find(|row| row[0] == INDEX && row[1] == "2")?;
     let [percent, ndc] = ["gauge_percent", "ndc"].map(|column| gauge.cell(row, column));
     Some(format!(
         "The gauge takes {percent} % of the total standard deviation of the default index, and tells {ndc} categories."
@@ -242,4 +249,15 @@ fn planned(found: &Found) -> Option<String> {
         cell(2.0 * cheap.shoulder_s),
         cell(best.auc)
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use tapline_fuse::{Combine, IndexKind};
+
+    /// Catches a page that calls another index the default than the program has.
+    #[test]
+    fn the_default_is_that_of_the_program() {
+        assert_eq!((super::INDEX, super::COMBINE), (IndexKind::default().name(), Combine::default().name()));
+    }
 }

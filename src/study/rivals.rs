@@ -17,7 +17,8 @@ use super::work::each;
 const UNCLIPPED: f64 = 1e3;
 
 /// Indices on which every combination is tried; the others have the default one.
-const COMBINED: [IndexKind; 3] = [IndexKind::Robust, IndexKind::Mahalanobis, IndexKind::LogOdds];
+const COMBINED: [IndexKind; 4] =
+    [IndexKind::Repeatability, IndexKind::Robust, IndexKind::Mahalanobis, IndexKind::LogOdds];
 
 /// One set with its tyres in two halves, of which no tyre is in both.
 #[derive(Debug)]

@@ -48,14 +48,14 @@ pub(super) fn roc_points(judged: &[Judged]) -> Vec<Point> {
 
 fn roc(rivals: &[Rival], sets: &[&'static str]) -> Sheet {
     let shown = [
-        ("healthy", IndexKind::Robust, "robust, healthy reference"),
+        ("healthy", IndexKind::default(), "default, healthy reference"),
         ("healthy", IndexKind::Dissertation, "dissertation, healthy"),
         ("labelled", IndexKind::LogOdds, "log odds, labelled"),
-        ("self", IndexKind::Robust, "robust, self"),
+        ("self", IndexKind::default(), "default, self"),
     ];
     let panel = |&set: &&'static str| {
         let curve = |(&(reference, index, _), color): (&(&str, IndexKind, &str), RGBColor)| {
-            let rival = find(rivals, set, reference, index, Combine::Mean)?;
+            let rival = find(rivals, set, reference, index, Combine::default())?;
             Some(Mark::Line(roc_points(&rival.judged), color, 1.75))
         };
         Panel {
@@ -110,7 +110,7 @@ fn indices(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) 
         for index in IndexKind::ALL {
             let height = rows.len() as f64 + 0.5;
             for (k, (reference, color)) in references.into_iter().zip(COLORS).enumerate() {
-                let Some(rival) = find(rivals, set, reference, index, Combine::Mean) else { continue };
+                let Some(rival) = find(rivals, set, reference, index, Combine::default()) else { continue };
                 let (Some(auc), Some((low, high))) = (rival.areas.auc(), rival.areas.by_tyres(seed)) else { continue };
                 let y = height + 0.24 * (k as f64 - 1.0);
                 least = if low < least { low } else { least };

@@ -32,7 +32,7 @@ pub(super) fn best<'a>(rivals: &'a [Rival], set: &str, reference: &str) -> Optio
 pub(super) fn default_table(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) -> Table {
     let mut table = Table::new(
         "default",
-        "The default index (robust, mean of conditions, mean of three along the ring) by a healthy reference, held out: \
+        "The default index (weights by repeatability, largest over runs of offsets, mean of three along the ring) by a healthy reference, held out: \
          AUC, and its gain over the best discriminator alone, averaged along the ring too and chosen on the judged tyres, \
          with an interval by tyres",
         &[
@@ -62,7 +62,7 @@ pub(super) fn default_table(rivals: &[Rival], alone: &[Alone], sets: &[&'static 
             continue;
         };
         let gain = default.areas.auc().zip(single.areas.auc()).map(|(a, b)| a - b);
-        let dissertation = find(rivals, set, "healthy", IndexKind::Dissertation, Combine::Mean);
+        let dissertation = find(rivals, set, "healthy", IndexKind::Dissertation, Combine::default());
         let own = default_of(rivals, set, "self");
         let mut row = vec![set.to_owned(), cell(default.areas.auc())];
         row.extend(ends(default.areas.by_tyres(seed)));
@@ -80,7 +80,7 @@ pub(super) fn default_table(rivals: &[Rival], alone: &[Alone], sets: &[&'static 
 
 /// The mean of conditions beside the largest of them, index and reference being those of the default table.
 pub(super) fn largest_table(rivals: &[Rival], sets: &[&'static str], seed: u64) -> Table {
-    let title = "`robust` by a healthy reference, held out: AUC with the mean of the conditions and with the largest, and what \
+    let title = "The default index by a healthy reference, held out: AUC with the mean of the conditions and with the largest, and what \
                  the largest gains";
     let mut table = Table::new("largest", title, &["set", "mean", "largest", "gain", "gain_low", "gain_high"]);
     for &set in sets {
