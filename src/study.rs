@@ -114,7 +114,7 @@ impl Found {
             detection::table(&detection),
             gauge::table(&gauge::gauge(first, size, seed, threads)?),
             plans::table("plans_of_note", of_note, &tried, |t| t.is_on_front || is_named(t), seed),
-            plans::table("plans", "Every part of the full plan", &tried, |_| true, seed).as_long(),
+            plans::table("plans", "Every part of the full plan", &tried, |_| true, seed).into_long(),
             rivals::table(&rivals, &alone, seed)?,
             rivals::alone_table(&alone),
             left_out::table(&left_out),

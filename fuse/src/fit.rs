@@ -31,7 +31,7 @@ pub(crate) struct Fit {
     by_condition: Vec<Option<Spread>>,
     /// Spread of their combination, whatever conditions each has.
     usual: Option<Spread>,
-    /// Whether a location's index is a mean of scores that are clipped.
+    /// Whether the index in one condition is a mean of scores that are clipped.
     is_mean: bool,
     /// What was asked for and could not be learned from this reference; the mean stands in its place.
     pub(crate) fallbacks: Vec<String>,
@@ -115,9 +115,7 @@ impl Fit {
         let is_mean = match config.index {
             IndexKind::Lda | IndexKind::Mahalanobis | IndexKind::LogOdds => has_fallen_back,
             _ => true,
-        } && (config.combine == Combine::Mean
-            || config.index == IndexKind::Dissertation
-            || fallbacks.iter().any(|f| f.starts_with("combine")));
+        };
         let sound: Vec<Vec<Option<f64>>> =
             rows.examples.into_iter().filter(|e| !e.is_cracked).map(|e| e.scores).collect();
         let mut values: Vec<f64> = sound.iter().filter_map(|row| combination.value(row)).collect();
@@ -159,7 +157,7 @@ impl Fit {
         self.usual
     }
 
-    /// The greatest index that a crack can be asked to reach: most of what a mean of clipped scores can be at all.
+    /// The greatest index that a crack can be asked to reach: most of what a location has whose every score is at the clip.
     pub(crate) fn ceiling(&self, config: &FuseConfig) -> f64 {
         /// A limit must be such that most of a crack's taps reach it, and not all of them.
         const PART: f64 = 0.9;
@@ -167,7 +165,9 @@ impl Fit {
             return f64::INFINITY;
         }
         let is_share = matches!(config.index, IndexKind::Percentile | IndexKind::Dissertation);
-        PART * if is_share { 1.0 } else { config.z_clip }
+        let clip = if is_share { 1.0 } else { config.z_clip };
+        let highest: Vec<Option<f64>> = self.full.iter().map(|&is_present| is_present.then_some(clip)).collect();
+        self.combination.value(&highest).map_or(f64::INFINITY, |value| PART * value)
     }
 
     /// The index of every location of `shoulder`, whose casing has this `level`.

@@ -1,11 +1,11 @@
 //! What a study may claim: how likely a crack of a size is found, how often none is called one, how far a rig repeats.
 //!
-//! - [`hit_miss`] and [`a_hat`]: probability of detection over size, after MIL-HDBK-1823A (2009), with a90 and a90/95.
+//! - [`hit_miss()`] and [`a_hat()`]: probability of detection over size, after MIL-HDBK-1823A (2009), with a90 and a90/95.
 //! - [`clopper_pearson`] and [`wilson`]: intervals of a rate. **Probability of detection is of finds above the
 //!   false-call rate.** The curves fitted here fall to 0 with the size; a rig that calls sound places cracked at a rate
 //!   f finds even the least crack at that rate, by chance, and one that calls everything cracked finds everything. So
 //!   give f with its interval, from places known to be sound, beside every a90, and believe no curve below f.
-//! - [`crossed`] and [`one_way`]: gauge repeatability and reproducibility by analysis of variance; [`icc_1_1`] and
+//! - [`crossed`] and [`one_way()`]: gauge repeatability and reproducibility by analysis of variance; [`icc_1_1`] and
 //!   [`icc_2_1`] say the same as one number of agreement.
 //! - [`nor_rmse`] and [`within_over_healthy`]: repeatability of two turns around a ring.
 //!

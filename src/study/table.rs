@@ -27,10 +27,10 @@ impl Table {
 
     /// One that only files and JSON show.
     pub(super) fn long(name: &'static str, title: &'static str, columns: &[&'static str]) -> Self {
-        Self::new(name, title, columns).as_long()
+        Self::new(name, title, columns).into_long()
     }
 
-    pub(super) fn as_long(self) -> Self {
+    pub(super) fn into_long(self) -> Self {
         Self { is_long: true, ..self }
     }
 

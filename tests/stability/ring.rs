@@ -195,7 +195,7 @@ fn c40_the_largest_over_conditions() {
     let above = naive.iter().filter(|&&z| z > 3.0).count() as f64 / (f64::from(COUNT) * 1.35e-3);
     assert!((mean(&naive) - 1.03).abs() < 0.05 && above > 3.0, "{} {above}", mean(&naive));
 
-    let is_cracked = |location: u32| (location / 10) % 10 == 0 && location < COUNT;
+    let is_cracked = |location: u32| (location / 10).is_multiple_of(10) && location < COUNT;
     let offsets = [0.0, 5.0, 10.0, 15.0].into_iter().flat_map(|offset_mm| {
         (0..COUNT).map(move |location| {
             let mut tap = planned(tyre("T1"), 1, location, COUNT);
