@@ -10,6 +10,9 @@ use crate::{Error, Fusion, IndexKind};
 /// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
 const REACH_PART: f64 = 0.5;
 
+/// Offsets that show this part of the most show it alike.
+const ALIKE_PART: f64 = 0.98;
+
 /// Fills in what `cells` say of their regions; the chance that a sound ring has an arc like the one that stands out most.
 ///
 /// The ring outside of the regions is the background that chances are taken from: an arc that is real would come together
@@ -43,9 +46,14 @@ pub(crate) fn mark_regions(compared: &Compared, regions: &[u32], cells: &mut [Da
 }
 
 /// The offset at which `places` show most, and the least and the greatest at which they show half of that.
+///
+/// Of offsets that show it alike, as all do where scores are at their clip, the one nearest to the belt edge counts: that
+/// is where such cracks begin.
 fn across(compared: &Compared, places: &[usize]) -> Option<(f64, f64, f64)> {
-    let by_offset = compared.by_offset(places);
-    let (best_mm, most) = by_offset.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let mut by_offset = compared.by_offset(places);
+    by_offset.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+    let most = by_offset.iter().map(|&(_, value)| value).max_by(f64::total_cmp)?;
+    let best_mm = by_offset.iter().find(|&&(_, value)| value >= ALIKE_PART * most)?.0;
     let seen = by_offset.iter().filter(|&&(_, value)| value >= REACH_PART * most).map(|&(offset_mm, _)| offset_mm);
     let (low, high) = seen
         .fold((best_mm, best_mm), |(low, high), x| (if x < low { x } else { low }, if x > high { x } else { high }));
@@ -86,7 +94,7 @@ impl Fusion {
 }
 
 impl Compared {
-    /// Mean index of `places` at each offset that is known, over its velocities, in spreads of sound places; offsets in mm.
+    /// Mean index of `places` at each offset that is known, over its velocities, above that of sound places; offsets in mm.
     pub(crate) fn by_offset(&self, places: &[usize]) -> Vec<(f64, f64)> {
         let locations = &self.map().locations;
         let spreads = self.standard.fit.by_condition();
@@ -94,10 +102,7 @@ impl Compared {
             let conditions = (0..spreads.len()).filter(|&c| self.conditions.offset_of(c) == offset);
             let z = conditions.flat_map(|c| {
                 let spread = spreads[c];
-                places.iter().filter_map(move |&place| {
-                    let spread = spread?;
-                    Some((locations[place].by_condition[c]? - spread.centre) / spread.sigma)
-                })
+                places.iter().filter_map(move |&place| Some(locations[place].by_condition[c]? - spread?.centre))
             });
             let (sum, count) = z.fold((0.0, 0_u32), |(sum, count), z| (sum + z, count + 1));
             (count > 0).then(|| sum / f64::from(count)).filter(|mean| mean.is_finite())

@@ -91,7 +91,7 @@ fn indices(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Result<Markup> {
     }
     let what = html! {
         strong { "The damage index along every " (side(geometry)) ", all on one scale, with the limits of the verdicts." }
-        " A location above the dashed black line is damage, one above the orange line is suspect; gaps are locations without value."
+        " A location above the dotted black line is damage, one above the orange line is suspect; gaps are locations without value."
         @if order.len() > DRAWN_MOST { " Drawn are the " (DRAWN_MOST) " worst of " (order.len()) "." }
     };
     Ok(html! { section { h2 { "Damage index" } (figure(pictures, &what)) } })

@@ -106,7 +106,7 @@ fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     };
     let how = html! {
         strong { "The index along the " (side(geometry)) ", with the limits of the verdict." }
-        " A location above the dashed black line is damage, one above the orange line is suspect; gaps are locations without value. Shaded: the regions."
+        " A location above the dotted black line is damage, one above the orange line is suspect; gaps are locations without value. Shaded: the regions."
     };
     Ok(html! {
         section { h2 { "Damage map" } (figure(maps, &what)) }

@@ -40,13 +40,23 @@ fn reason(flag: Reasons) -> Option<&'static str> {
         (Reasons::NOT_ENDED, "The scan did not end: what is shown is what there was by then."),
         (Reasons::TAPS_REFUSED, "Taps were refused: their records could not be used."),
         (Reasons::TAPS_MISSING, "Planned taps are missing without a reason."),
-        (Reasons::LOCATION_BLIND, "At least one location has no usable value: damage there would not show."),
+        (
+            Reasons::LOCATION_BLIND,
+            "At least one location has no usable value, or a part of the ring was not tapped: damage there would not show.",
+        ),
+        (
+            Reasons::CONDITION_UNKNOWN,
+            "The reference has no tap at an offset and velocity that was scanned: what was tapped there is not judged.",
+        ),
         (Reasons::NO_INDEX, "The damage index could not be formed: no usable discriminator, or no usable reference."),
         (
             Reasons::SELF_REFERENCE,
             "Compared with itself, not with a casing known to be sound: damage all around would not show.",
         ),
-        (Reasons::FEATURES_ABSENT, "A discriminator that the index asks for is absent from most taps."),
+        (
+            Reasons::FEATURES_ABSENT,
+            "A discriminator that the index asks for is absent, or always the same, at most taps or at a location.",
+        ),
         (
             Reasons::NO_SOUND_MAJORITY,
             "More than half of the locations are suspect: another kind of casing than the reference, or damage all around.",

@@ -129,7 +129,7 @@ fn indices(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) 
     Sheet {
         name: "indices",
         beside: "ways",
-        title: "Every index on every set, mean over conditions",
+        title: "Every index on every set, its conditions combined as by default",
         note: "AUC of tyres that took no part in the reference, with 95 % intervals by whole tyres.".to_owned(),
         keys: references.iter().zip(COLORS).map(|(name, color)| (format!("{name} reference"), color)).collect(),
         columns: 3,
