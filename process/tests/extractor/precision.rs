@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
-use tapline_wire::{Channel, ChannelHeader, SampleFormat, Samples, TapHeader};
+use tapline_wire::{Channel, ChannelHeader, Quality, SampleFormat, Samples, TapHeader};
 
 use crate::reference::CASES;
 use crate::signal::{Case, assert_close, values};
@@ -30,6 +30,8 @@ proptest! {
         let double = case.extract::<f64>();
         let single = case.extract::<f32>();
         prop_assert_eq!(single.quality, double.quality);
+        // In noise up to 5 % one clean tap in thousands looks like two hits; how rarely, the tests of that flag tell.
+        prop_assume!(!double.quality.contains(Quality::DOUBLE_HIT));
         prop_assert!(values(&double)[3..].iter().all(Option::is_some), "{:?}", double);
         assert_close(&single, values(&double), 1e-4, "single precision");
     }
