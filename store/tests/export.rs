@@ -56,15 +56,19 @@ fn tables_to_the_letter() {
     assert_eq!(
         exported(&reader, Export::Regions),
         "tyre,shoulder,region,first_location,last_location,start_deg,end_deg,\
-         peak_location,peak_angle_deg,peak_damage_index,extent_locations,extent_deg\n\
-         A\u{e9}-1,1,1,3,0,270,0,3,270,7.5,2,180\n"
+         peak_location,peak_angle_deg,peak_damage_index,extent_locations,extent_deg,\
+         mean_damage_index,p_value,offset_best_mm,offset_low_mm,offset_high_mm\n\
+         A\u{e9}-1,1,1,3,0,270,0,3,270,7.5,2,180,6,,5,0,3\n"
     );
     assert_eq!(
         exported(&reader, Export::Verdicts),
         "tyre,shoulder,station,verdict,reasons,planned_count,archived_count,refused_count,missing_count,\
-         absent_count,region_count,limit_re_inspect,limit_reject\n\
-         A\u{e9}-1,1,1,REJECT,damage|self_reference,5,4,1,0,5,1,2.5,4\n\
-         A\u{e9}-1,2,2,RE-INSPECT,not_ended,5,4,0,1,,,,\n"
+         absent_count,region_count,limit_re_inspect,limit_reject,false_call_rate,p_value,\
+         evidence_f_max,evidence_tau,evidence_a_1,evidence_a_2,evidence_pr,evidence_p_f,evidence_e_f,\
+         drift_f_max,drift_tau,drift_a_1,drift_a_2,drift_pr,drift_p_f,drift_e_f\n\
+         A\u{e9}-1,1,1,REJECT,damage|self_reference,5,4,1,0,5,1,2.5,4,0.001,0.004,\
+         1,2,3,,5,6,7,0.01,-0.02,,0.04,0.05,0.06,0.07\n\
+         A\u{e9}-1,2,2,RE-INSPECT,not_ended,5,4,0,1,,,,,,,,,,,,,,,,,,,,\n"
     );
     let ledger = exported(&reader, Export::Ledger);
     let lines: Vec<&str> = ledger.lines().collect();
