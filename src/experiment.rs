@@ -3,9 +3,9 @@
 mod claims;
 mod draw;
 mod index;
+mod quartiles;
 mod sheets;
 mod spectrum;
-mod stats;
 mod taken;
 mod tyres;
 

@@ -17,7 +17,6 @@ mod scale;
 mod shift;
 mod small;
 mod spectra;
-mod stats;
 mod strip;
 mod taps;
 mod ticked;

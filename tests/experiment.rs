@@ -1,28 +1,9 @@
 //! `tapline experiment`: the committed page, figures and tables are those that the program writes.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use crate::rig::{Rig, csv_rows};
+use crate::rig::{Rig, csv_rows, docs, files, text};
 
 const FIGURES: [&str; 10] =
     ["fig60", "fig61", "fig62", "fig63-64", "fig66-67", "fig68", "fig69", "fig70-71", "fig73-75", "fig76"];
-
-fn docs(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name)
-}
-
-fn text(path: &Path) -> String {
-    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-}
-
-/// The files that the program wrote into `folder`, and the page beside it, by name.
-fn files(folder: &Path) -> BTreeMap<String, String> {
-    let inside = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let page = folder.with_added_extension("md");
-    inside.chain([page]).map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), text(&path))).collect()
-}
 
 /// The first place at which two texts differ by more than `tolerance` in a number, or at all in anything else.
 fn difference(kept: &str, made: &str, tolerance: f64) -> Option<String> {

@@ -1,5 +1,6 @@
 //! What the tests share: a folder of its own for each, the built program in it, and what it left behind.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -201,6 +202,23 @@ pub(crate) fn shared(what: &str) -> Option<PathBuf> {
 }
 
 /// Columns of a CSV text by name, one map a row.
-pub(crate) fn csv_rows(text: &str) -> Vec<std::collections::BTreeMap<String, String>> {
+pub(crate) fn csv_rows(text: &str) -> Vec<BTreeMap<String, String>> {
     csv::Reader::from_reader(text.as_bytes()).deserialize().map(|row| row.unwrap()).collect()
+}
+
+/// A file or folder among the committed documents.
+pub(crate) fn docs(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name)
+}
+
+/// A file's text.
+pub(crate) fn text(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The files in `folder`, and the page beside it, by name.
+pub(crate) fn files(folder: &Path) -> BTreeMap<String, String> {
+    let inside = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let page = folder.with_added_extension("md");
+    inside.chain([page]).map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), text(&path))).collect()
 }

@@ -1,27 +1,10 @@
 //! `tapline study`: what it says depends on the seed alone, is within its bounds, and is what the committed page says.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::rig::{Rig, csv_rows};
-
-fn docs(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name)
-}
-
-fn text(path: &Path) -> String {
-    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-}
-
-/// The files in `folder`, and the page beside it, by name.
-fn files(folder: &Path) -> BTreeMap<String, String> {
-    let inside = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let page = folder.with_added_extension("md");
-    inside.chain([page]).map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), text(&path))).collect()
-}
+use crate::rig::{Rig, csv_rows, docs, files};
 
 /// Every number of the column `name` of a table in JSON; a cell that is null has none.
 fn column(table: &Value, name: &str) -> Vec<f64> {

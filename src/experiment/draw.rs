@@ -13,14 +13,10 @@ pub(super) use curves::Curve;
 pub(super) use map::{Map, level_colors};
 
 use crate::figures::axes::{Axis, Frame};
-use crate::pen::{self, Area, BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, at, line, units, write};
+use crate::pen::{self, Area, INK, PALE_INK, Point, at, line, units, write};
 
-// More of Okabe and Ito's colours.
-const GREEN: RGBColor = RGBColor(0, 158, 115);
+/// One more of Okabe and Ito's colours.
 const SKY: RGBColor = RGBColor(86, 180, 233);
-
-/// Colours of curves, in their order; neighbours differ in brightness too.
-pub(super) const COLORS: [RGBColor; 4] = [BLUE, VERMILLION, GREEN, ORANGE];
 
 const WIDTH: f64 = 900.0;
 /// Where the first row of panels begins.

@@ -1,15 +1,17 @@
 //! The taps of the experiment, turn by turn.
 
 use anyhow::{Context as _, Result};
+use realfft::RealFftPlanner;
 use tapline_acquire::{AcquireConfig, ScanConfig};
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
-use tapline_wire::{Discriminator, Discriminators, Plan, PlannedTap, TapId};
+use tapline_wire::{Channel, Discriminator, Discriminators, Plan, PlannedTap, TapId};
 
-use super::spectrum::{Spectra, peak_v, sound_v};
+use super::spectrum::{peak_v, steps};
 use super::tyres;
 use super::tyres::{OFFSETS_MM, REPRESENTATIVE, Severity, VELOCITIES_M_PER_S, VELOCITY_M_PER_S};
 use crate::in_memory::InMemoryScan;
+use crate::record::channel;
 
 /// One tap: what was found in it, and what is known of it.
 #[derive(Debug, Clone)]
@@ -69,12 +71,12 @@ impl Taken {
         let process = ProcessConfig::default();
         let retakes = AcquireConfig::default().retakes;
         let in_memory = InMemoryScan { scan, simulation: &simulation, process: &process, retakes, thread_count: 0 };
-        let spectra = Spectra::new(simulation.sample_rate_hz, simulation.sample_count as usize)?;
         let severity = Severity::of(scan)?;
         let (plan, seen) = in_memory.taps(|header, samples| -> Result<(f64, Option<Vec<f64>>)> {
-            let sound_v = sound_v(header, samples)?;
+            let sound_v = channel(header, samples, Channel::Sound).context("a simulated record has no sound")?;
             let peak_v = peak_v(&sound_v);
-            let density = has_spectrum(&header.id).then(|| spectra.of(sound_v)).transpose()?;
+            let spectrum = || steps(&mut RealFftPlanner::new(), sound_v, header.sample_rate_hz);
+            let density = has_spectrum(&header.id).then(spectrum).transpose()?;
             Ok((peak_v, density))
         })?;
         let tap = |(planned, (found, looked)): (&PlannedTap, (Discriminators, Result<_>))| {
@@ -142,12 +144,6 @@ impl Experiment {
     pub(super) fn repetitions(&self, shoulder: u16) -> [Vec<&Tap>; 2] {
         [0, 1].map(|repetition| self.inspection.turn(Turn { shoulder, repetition, ..Turn::default() }))
     }
-}
-
-/// The values of `which` in two turns, pair by pair, where both have one.
-pub(super) fn pairs(turns: &[Vec<&Tap>; 2], which: Discriminator) -> Vec<(f64, f64)> {
-    let [first, second] = turns;
-    first.iter().zip(second).filter_map(|(a, b)| a.value(which).zip(b.value(which))).collect()
 }
 
 /// The mean of `which` over two turns, location by location; where one is absent, the other.

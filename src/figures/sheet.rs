@@ -7,6 +7,7 @@ use tapline_model::{Axis, Curve, Figure, Rung};
 
 use super::axes::{self, Chart, Frame, axes};
 use super::labels::{printed, spread};
+use crate::palette::GREEN;
 use crate::pen::{self, Area, BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, at, line, units, write};
 
 const SIZE: (u32, u32) = (760, 440);
@@ -21,7 +22,6 @@ const EDGE: f64 = 14.0;
 const NAME: f64 = 15.0;
 
 // Two more of Okabe and Ito's colours.
-const GREEN: RGBColor = RGBColor(0, 158, 115);
 const PURPLE: RGBColor = RGBColor(204, 121, 167);
 
 /// The colour of the curves called `name`, which come as number `place` in their figure: a factor has its own.

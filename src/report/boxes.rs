@@ -9,9 +9,9 @@ use super::chart::{Axis, Chart, exponent_of, scaled_unit};
 use super::condition::location_means;
 use super::evidence::{Evidence, Shoulder, Tyre};
 use super::small::Small;
-use super::stats::{quantile, range, sorted};
 use super::words;
 use crate::pen::{BLUE, INK, Point, VERMILLION, line};
+use crate::stats::{extent, quantile};
 
 /// Share of the values beyond either whisker.
 const BEYOND: f64 = 0.05;
@@ -58,7 +58,7 @@ fn picture(name: &str, unit: &str, classes: &Classes, sign: f64) -> Result<Optio
     let pooled = || classes.sound.iter().map(|v| (v, false)).chain(classes.cracked.iter().map(|v| (v, true)));
     let (scores, labels): (Vec<f64>, Vec<bool>) =
         pooled().map(|(value, is_cracked)| (sign * value, is_cracked)).unzip();
-    let (Some(auc), Some(extremes)) = (auc(&scores, &labels), range(pooled().map(|(value, _)| *value))) else {
+    let (Some(auc), Some(extremes)) = (auc(&scores, &labels), extent(pooled().map(|(value, _)| *value))) else {
         return Ok(None);
     };
     let exponent = exponent_of(unit, extremes);
@@ -73,7 +73,7 @@ fn picture(name: &str, unit: &str, classes: &Classes, sign: f64) -> Result<Optio
     let svg = small.svg(|chart| {
         for (x, values, color) in [(0.5, &classes.sound, BLUE), (1.5, &classes.cracked, VERMILLION)] {
             let values: Vec<f64> = values.iter().map(|value| value * scale).collect();
-            boxed(chart, x, &sorted(&values), color)?;
+            boxed(chart, x, &values, color)?;
         }
         Ok(())
     })?;
@@ -81,9 +81,9 @@ fn picture(name: &str, unit: &str, classes: &Classes, sign: f64) -> Result<Optio
 }
 
 /// The box of the middle half with its median, whiskers, and a dot for each value beyond them.
-fn boxed(chart: &mut Chart<'_, '_>, x: f64, ascending: &[f64], color: RGBColor) -> Result<()> {
+fn boxed(chart: &mut Chart<'_, '_>, x: f64, values: &[f64], color: RGBColor) -> Result<()> {
     const HALF: f64 = 0.26;
-    let at = |q: f64| quantile(ascending, q);
+    let at = |q: f64| quantile(values, q);
     let (Some(low), Some(first), Some(middle), Some(third), Some(high)) =
         (at(BEYOND), at(0.25), at(0.5), at(0.75), at(1.0 - BEYOND))
     else {
@@ -103,9 +103,9 @@ fn boxed(chart: &mut Chart<'_, '_>, x: f64, ascending: &[f64], color: RGBColor) 
         stroke(vec![(x - 0.5 * HALF, low), (x + 0.5 * HALF, low)], color, 1.5),
         stroke(vec![(x - HALF, middle), (x + HALF, middle)], INK, 2.25),
     ])?;
-    let beyond = ascending.iter().filter(|value| **value < low || **value > high);
+    let beyond = values.iter().filter(|value| **value < low || **value > high);
     // Of many only some: they lie on each other.
-    let every = ascending.len() / 400 + 1;
+    let every = values.len() / 400 + 1;
     let dots = beyond.step_by(every).map(|&value| Circle::new((x, value), crate::pen::units(1.5), color.filled()));
     chart.draw_series(dots)?;
     Ok(())

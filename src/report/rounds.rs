@@ -9,9 +9,9 @@ use tapline_wire::{Discriminator, Discriminators, Geometry};
 use super::chart::{self, Axis, Chart, Key, Sheet, Stroke, exponent_of, scaled_unit};
 use super::condition::Condition;
 use super::evidence::{Shoulder, Tyre};
-use super::stats::range;
 use super::words;
 use crate::pen::{BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, font};
+use crate::stats::extent;
 
 /// Shoulders that one picture of the index can hold.
 pub(super) const SHOULDERS: usize = 2;
@@ -32,7 +32,7 @@ pub(super) fn along(geometry: Geometry, shoulders: &[Shoulder]) -> Axis {
         };
     }
     let places = shoulders.iter().flat_map(|shoulder| shoulder.cells.iter().map(|cell| cell.place));
-    let (first, last) = range(places).unwrap_or((0.0, 1.0));
+    let (first, last) = extent(places).unwrap_or((0.0, 1.0));
     Axis::from_to("location", (first - 0.5, last + 0.5), 8)
 }
 
@@ -47,7 +47,7 @@ pub(super) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], g
     let limit = |words: &str, color| Key { words: words.to_owned(), color, stroke: Stroke::Limit };
     let limits = [limit("reject", INK), limit("re-inspect", ORANGE)];
     let lowest = shoulders.iter().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
-    let lowest = range(lowest.chain([0.0])).map_or(0.0, |(lowest, _)| lowest);
+    let lowest = extent(lowest.chain([0.0])).map_or(0.0, |(lowest, _)| lowest);
     let sheet = Sheet {
         height: 214,
         title,
@@ -90,7 +90,7 @@ pub(super) fn discriminator(
     let (name, per_si, unit) = words::quantity(which);
     let turns: Vec<_> = tyre.shoulders.iter().map(|shoulder| turns(shoulder, condition, which, per_si)).collect();
     let values = turns.iter().flatten().flat_map(|turn| turn.iter().flatten().map(|point| point.1));
-    let Some(extremes) = range(values) else { return Ok(Vec::new()) };
+    let Some(extremes) = extent(values) else { return Ok(Vec::new()) };
     let exponent = exponent_of(unit, extremes);
     let scale = 10f64.powi(-exponent);
     let unit = scaled_unit(exponent, unit);

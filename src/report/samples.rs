@@ -1,11 +1,11 @@
 //! One channel of one archived tap, in its unit and without its baseline.
 
 use anyhow::Result;
-use tapline_store::{OwnedSamples, Reader};
+use tapline_store::Reader;
 use tapline_wire::Channel;
 
-use super::stats::median;
 use crate::pen::Point;
+use crate::record::channel;
 
 /// What a channel recorded.
 pub(super) struct Signal {
@@ -19,24 +19,9 @@ pub(super) struct Signal {
 /// that is not a number.
 pub(super) fn signal(reader: &Reader, row: u32, kind: Channel) -> Result<Option<Signal>> {
     let Some((header, samples)) = reader.tap(row)? else { return Ok(None) };
-    let found = header.channels().enumerate().find(|(_, (channel, _))| *channel == kind);
-    let Some((order, (_, unit_per_count))) = found else { return Ok(None) };
-    let count = header.sample_count as usize;
-    let range = order * count..(order + 1) * count;
-    let values: Option<Vec<f64>> = match &samples {
-        OwnedSamples::I16(all) => all.get(range).map(|part| part.iter().map(|&x| f64::from(x)).collect()),
-        OwnedSamples::F32(all) => all.get(range).map(|part| part.iter().map(|&x| f64::from(x)).collect()),
-    };
-    let Some(mut values) = values.filter(|values| !values.is_empty()) else { return Ok(None) };
-    // The median of the first three quarters before the trigger, as the discriminators have it; of all where there is none.
-    let quiet = (3 * header.pre_trigger_samples as usize / 4).min(count);
-    let baseline = median(&values[..if quiet == 0 { count } else { quiet }]).unwrap_or(0.0);
-    for value in &mut values {
-        *value = (*value - baseline) * unit_per_count;
-    }
-    let is_known = header.sample_rate_hz > 0.0 && values.iter().all(|value| value.is_finite());
     let (sample_rate_hz, pre_trigger_samples) = (header.sample_rate_hz, header.pre_trigger_samples);
-    Ok(is_known.then_some(Signal { values, sample_rate_hz, pre_trigger_samples }))
+    let values = channel(&header, samples.as_samples(), kind).filter(|_| sample_rate_hz > 0.0);
+    Ok(values.map(|values| Signal { values, sample_rate_hz, pre_trigger_samples }))
 }
 
 impl Signal {

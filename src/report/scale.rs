@@ -7,8 +7,8 @@ use plotters::style::text_anchor::HPos;
 use super::chart::WIDTH;
 use super::colour::heat;
 use super::evidence::{Evidence, Limits};
-use super::stats::range;
 use crate::pen::{Area, INK, PALE_INK, at, line, write};
+use crate::stats::extent;
 
 /// Where the bar begins and ends.
 const LEFT: f64 = 62.0;
@@ -29,7 +29,7 @@ impl Scale {
         let cells = evidence.shoulders().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
         let offsets = evidence.shoulders().flat_map(|s| s.offsets.iter().flat_map(|map| map.index.iter().flatten()));
         let limits = evidence.shoulders().filter_map(|s| s.limits.map(|limits| 1.25 * limits.reject));
-        let greatest = range(cells.chain(offsets.copied()).chain(limits)).map_or(1.0, |(_, greatest)| greatest);
+        let greatest = extent(cells.chain(offsets.copied()).chain(limits)).map_or(1.0, |(_, greatest)| greatest);
         Self { greatest: if greatest > 0.0 { greatest } else { 1.0 }, limits: None }
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use realfft::RealFftPlanner;
 use tapline_process::ProcessConfig;
 use tapline_store::Reader;
@@ -11,7 +11,8 @@ use tapline_wire::Channel;
 use super::condition::Condition;
 use super::evidence::Shoulder;
 use super::samples::signal;
-use super::stats::mean;
+use crate::record::periodogram;
+use crate::stats::mean;
 
 /// Frequencies of a picture from bottom to top.
 pub(super) const ROWS: usize = 100;
@@ -53,11 +54,7 @@ pub(super) fn spectra(
         let count = values.len();
         let center = mean(&values).unwrap_or(0.0);
         values.iter_mut().for_each(|value| *value -= center);
-        let transform = planner.plan_fft_forward(count);
-        let mut bins = transform.make_output_vec();
-        transform.process(&mut values, &mut bins).context("cannot transform a record")?;
-        let density = 2.0 / (signal.sample_rate_hz * count as f64);
-        let powers: Vec<f64> = bins.iter().map(|bin| bin.norm_sqr() * density).collect();
+        let powers = periodogram(&mut planner, values, signal.sample_rate_hz)?;
         Ok(Some(folded(&powers, signal.sample_rate_hz / count as f64, band_hz)))
     };
     let columns = shoulder.cells.iter().map(|cell| match rows.get(&cell.location) {

@@ -9,8 +9,8 @@ use super::chart::{self, Axis, Key, Sheet, Stroke};
 use super::condition::Condition;
 use super::evidence::{Cell, Shoulder, Tyre};
 use super::samples::{Signal, signal};
-use super::stats::range;
 use crate::pen::{BLUE, VERMILLION};
+use crate::stats::extent;
 
 /// What is drawn of a channel: from before to after the trigger.
 const FORCE_MS: (f64, f64) = (-0.5, 3.0);
@@ -68,9 +68,9 @@ fn picture(kind: Channel, window_ms: (f64, f64), signals: [&Signal; 2], names: &
         Channel::Force => ("Force", "force, N"),
         Channel::Sound => ("Sound", "sound, V"),
     };
-    let extremes = range(curves.iter().flatten().map(|point| point.1)).unwrap_or((0.0, 1.0));
+    let extremes = extent(curves.iter().flatten().map(|point| point.1)).unwrap_or((0.0, 1.0));
     // A record that ends early leaves no empty half of a picture.
-    let ends = range(curves.iter().flatten().map(|point| point.0)).unwrap_or(window_ms);
+    let ends = extent(curves.iter().flatten().map(|point| point.0)).unwrap_or(window_ms);
     let sheet = Sheet {
         height: 226,
         title: title.to_owned(),

@@ -5,12 +5,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use crate::figures::axes::{Axis, Chart, Frame, axes};
-use crate::pen::{self, Area, BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, at, line, units, write};
-
-/// Another of Okabe and Ito's colours.
-const GREEN: RGBColor = RGBColor(0, 158, 115);
-/// Colours of curves, in their order.
-pub(super) const COLORS: [RGBColor; 4] = [BLUE, VERMILLION, GREEN, ORANGE];
+use crate::pen::{self, Area, INK, PALE_INK, Point, at, line, units, write};
 
 const WIDTH: f64 = 900.0;
 const EDGE: f64 = 14.0;

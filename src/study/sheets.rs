@@ -4,11 +4,12 @@ use plotters::style::RGBColor;
 use tapline_fuse::{Combine, IndexKind};
 
 use super::detection::Detection;
-use super::draw::{COLORS, Mark, Panel, Sheet, axis};
+use super::draw::{Mark, Panel, Sheet, axis};
 use super::judged::Judged;
 use super::plans::{RIVAL_CASING_S, Tried, cheapest};
 use super::rivals::{Alone, Rival, best_alone};
 use super::summary::find;
+use crate::palette::COLORS;
 use crate::pen::{INK, PALE_INK, Point};
 
 /// All of them.

@@ -5,8 +5,8 @@ use tapline_wire::Discriminator;
 
 use super::{Agrees, Claim, digits, known, of};
 use crate::experiment::spectrum::{BAND_HZ, STEP_HZ};
-use crate::experiment::stats::{mean, median};
 use crate::experiment::taken::{Experiment, Tap};
+use crate::stats::{mean, median};
 
 pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
     let [turn, _] = experiment.repetitions(1);

@@ -4,9 +4,10 @@ use anyhow::Result;
 use tapline_wire::Discriminator;
 
 use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, of, rises};
+use crate::experiment::quartiles::Quartiles;
 use crate::experiment::sheets::{SIX, repeats};
-use crate::experiment::stats::{Quartiles, mean, median, range, rmse, sd};
 use crate::experiment::taken::{Experiment, Tap};
+use crate::stats::{mean, median, range, rmse, sd};
 
 use Discriminator::{A1, A2, Ef, FMax, Pf, Pr, Tau};
 

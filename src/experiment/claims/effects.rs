@@ -4,9 +4,9 @@ use anyhow::{Context as _, Result};
 use tapline_wire::Discriminator;
 
 use super::{Agrees, Claim, auc_of, digits, extreme, known, list, of, rises};
-use crate::experiment::stats::{mean, median, range, sd};
 use crate::experiment::taken::{Experiment, Tap};
 use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT};
+use crate::stats::{mean, median, range, sd};
 
 /// Locations of the faint crack that shearography did not see: 75 to 110 degrees.
 const UNSEEN: std::ops::Range<u32> = 21..31;

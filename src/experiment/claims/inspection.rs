@@ -7,9 +7,9 @@ use super::contact::power_from;
 use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, of, rises, symbol};
 use crate::experiment::index::{Indices, PowerRatio, indices};
 use crate::experiment::sheets::SIX;
-use crate::experiment::stats::{mean, median, range, sd};
 use crate::experiment::taken::{Experiment, Tap, Turn, averaged};
 use crate::experiment::tyres::{NEW, REPRESENTATIVE, SLIGHT};
+use crate::stats::{mean, median, range, sd};
 
 /// End of the part of shoulder 2 in which the dissertation sees variations.
 const BEGINNING_DEG: f64 = 100.0;

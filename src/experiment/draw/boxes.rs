@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::dot;
-use crate::experiment::stats::Quartiles;
+use crate::experiment::quartiles::Quartiles;
 use crate::figures::axes::{Axis, Chart, Frame, axes};
 use crate::pen::{Area, INK, PALE_INK, line, units, write};
 

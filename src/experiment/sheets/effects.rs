@@ -3,9 +3,10 @@
 use tapline_wire::Discriminator;
 
 use super::{Figure, Table, around, cell, ring_panel, shades};
-use crate::experiment::draw::{COLORS, Content, Curve, Key, Panel, Sheet};
+use crate::experiment::draw::{Content, Curve, Key, Panel, Sheet};
 use crate::experiment::taken::{Experiment, Tap};
 use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT, VELOCITY_M_PER_S};
+use crate::palette::COLORS;
 use crate::pen::number;
 
 /// Fig. 60: the peak of the sound at four offsets.
@@ -54,7 +55,7 @@ pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
         }
         // V^-0.2 (Eq. 20 with the contact of Hertz), through the mean of what was measured.
         let scales: Vec<f64> = points.iter().map(|(v, tau_ms)| tau_ms * v.powf(0.2)).collect();
-        let scale = crate::experiment::stats::mean(&scales).unwrap_or(f64::NAN);
+        let scale = crate::stats::mean(&scales).unwrap_or(f64::NAN);
         let law = (0..=34).map(|k| 1.0 + 0.05 * f64::from(k)).map(|v| (v, scale * v.powf(-0.2))).collect();
         curves.push(Curve { points: law, color, width: 1.25, has_dots: false });
         curves.push(Curve { points, color, width: 2.2, has_dots: true });

@@ -1,14 +1,14 @@
 //! Figs. 66 to 69: boxplots by severity and by cracked or sound, and how well taps repeat.
 
-use std::f64::consts::FRAC_1_SQRT_2;
-
+use tapline_fuse::proof::{nor_rmse, within_over_healthy};
 use tapline_wire::Discriminator;
 
 use super::{Figure, Table, cell, shown, title_of};
-use crate::experiment::draw::{Bar, COLORS, Category, Content, Key, Panel, Sheet};
-use crate::experiment::stats::{Quartiles, nor_rmse, rmse, sd};
-use crate::experiment::taken::{Experiment, Tap, pairs};
+use crate::experiment::draw::{Bar, Category, Content, Key, Panel, Sheet};
+use crate::experiment::quartiles::Quartiles;
+use crate::experiment::taken::{Experiment, Tap};
 use crate::experiment::tyres::SEVERE_FROM_M_PER_N;
+use crate::palette::COLORS;
 use crate::pen::number;
 
 /// A row of a table of boxes.
@@ -109,11 +109,9 @@ pub(in crate::experiment) fn repeats(turns: &[Vec<&Tap>; 2], which: Discriminato
     let [first, second] = turns;
     let is_sound = |pair: &(&&Tap, &&Tap)| !pair.0.is_cracked();
     let (a, b): (Vec<&Tap>, Vec<&Tap>) = first.iter().zip(second).filter(is_sound).map(|(a, b)| (*a, *b)).unzip();
-    let healthy: Vec<f64> = a.iter().chain(&b).filter_map(|tap| tap.value(which)).collect();
-    // The difference of two taps has twice the variance of one.
-    let within = rmse(&pairs(&[a, b], which)).map(|rmse| rmse * FRAC_1_SQRT_2);
-    let share = within.zip(sd(&healthy)).filter(|(_, sd)| *sd > 0.0).map(|(within, sd)| within / sd);
-    (nor_rmse(&pairs(turns, which)), share)
+    let values = |turn: &[&Tap]| -> Vec<Option<f64>> { turn.iter().map(|tap| tap.value(which)).collect() };
+    let share = within_over_healthy(&values(&a), &values(&b), &vec![true; a.len()]);
+    (nor_rmse(&values(first), &values(second)), share)
 }
 
 /// Fig. 69: the seven discriminators over cracks and beside them.

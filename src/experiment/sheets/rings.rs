@@ -3,11 +3,12 @@
 use tapline_wire::Discriminator;
 
 use super::{Figure, SIX, Table, around, cell, ring_panel, shades, shown, title_of};
-use crate::experiment::draw::{COLORS, Content, Curve, Key, Map, Panel, Sheet};
+use crate::experiment::draw::{Content, Curve, Key, Map, Panel, Sheet};
 use crate::experiment::index::Indices;
 use crate::experiment::spectrum::{BAND_HZ, STEP_HZ};
 use crate::experiment::taken::{Experiment, Tap, Turn, averaged};
 use crate::experiment::tyres::{NEW, REPRESENTATIVE, SLIGHT, VELOCITY_M_PER_S};
+use crate::palette::COLORS;
 use crate::pen::number;
 
 /// Power densities, in dB re 1 V^2/Hz, of the lowest and the highest colour of the B-scan.
