@@ -9,7 +9,7 @@ use tapline_acquire::{AcquireConfig, ScanConfig, SimulatedLine, Source, TapSet};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
-use tapline_store::Lineage;
+use tapline_store::{Lineage, StoreConfig};
 use tapline_wire::{Plan, Recording};
 
 use crate::cli::{LineArgs, SourceArgs};
@@ -28,6 +28,8 @@ pub(crate) struct Config {
     pub(crate) process: ProcessConfig,
     /// Damage maps and verdicts.
     pub(crate) fuse: FuseConfig,
+    /// The archive.
+    pub(crate) store: StoreConfig,
 }
 
 /// A run as it was asked for: configuration, source and archive.
@@ -64,6 +66,7 @@ impl Job {
         config.acquire.validate()?;
         config.process.validate()?;
         config.fuse.validate()?;
+        config.store.validate()?;
         if args.stations == Some(0) {
             bail!("--stations is 0; at least one is needed");
         }
@@ -103,7 +106,8 @@ impl Job {
 
     /// What the archive keeps of how the run began.
     pub(crate) fn lineage<'a>(&'a self, reference: Option<&'a ReferenceFile>) -> Lineage<'a> {
-        Lineage { config_toml: &self.config_toml, reference: reference.map(|file| file.text.as_str()) }
+        let codec = self.config.store.codec;
+        Lineage { config_toml: &self.config_toml, reference: reference.map(|file| file.text.as_str()), codec }
     }
 
     /// The fusion of the taps of `plan`, by the reference that the configuration names.

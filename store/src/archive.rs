@@ -9,14 +9,16 @@ use hdf5::{File, H5Type, Location};
 use tapline_wire::{Channel, Geometry, Plan, Recording, SampleFormat, Truth};
 
 use crate::check::other_configuration;
-use crate::chunk::ChunkRows;
-use crate::create::{format_name, geometry_name};
+use crate::chunk::{ChunkRows, take_whole_file};
+use crate::codec::Codec;
+use crate::create::{digest_of_fixed, files, format_name, geometry_name};
 use crate::error::Context;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
     TruthRow, attribute, table,
 };
 use crate::rows::serial;
+use crate::sealed::SealedRow;
 use crate::table::Table;
 use crate::{Error, Lineage, Result};
 
@@ -68,11 +70,15 @@ impl Archive {
         probe(path, access)?;
         let file = match access {
             Access::Read => File::open(path),
-            Access::Write => File::open_rw(path),
+            Access::Write => files().open_rw(path),
         }
         .context("open the archive", path)?;
+        if access == Access::Write {
+            take_whole_file(&file).context("take the whole file", path)?;
+        }
         check_format(&file, path)?;
         check_units(&file, path)?;
+        check_fixed(&file, path)?;
         let plan = read_plan(&file, path)?;
         let tap_count = plan.taps().len();
         let cell_count = plan.scans().iter().map(|s| s.locations.len()).sum();
@@ -85,8 +91,12 @@ impl Archive {
             false => None,
         };
         let samples = file.dataset(table::SAMPLES).context("find the samples", path)?;
+        let codec = read_text(&samples, attribute::CODEC).context("read what packs the samples", path)?;
+        let codec = Codec::from_name(&codec).ok_or_else(|| {
+            damaged(path, format!("its samples are packed by {codec:?}, which is none of its codecs"))
+        })?;
         let samples = (samples.shape().first() == Some(&tap_count))
-            .then(|| ChunkRows::new(samples, plan.recording.payload_bytes_max()))
+            .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
             .flatten()
             .ok_or_else(|| damaged(path, "the samples have not the shape that the plan asks for"))?;
         Ok(Self {
@@ -94,12 +104,12 @@ impl Archive {
             config: utf8(&config).ok_or_else(|| damaged(path, "the configuration is not UTF-8"))?,
             reference,
             samples,
-            headers: open_table(&file, path, table::HEADER, tap_count)?,
-            discriminators: open_table(&file, path, table::DISCRIMINATORS, tap_count)?,
-            ledger: open_table(&file, path, table::LEDGER, tap_count)?,
-            refusals: open_table(&file, path, table::REFUSALS, tap_count)?,
-            scans: open_table(&file, path, table::SCANS, plan.scans().len())?,
-            damage: open_table(&file, path, table::DAMAGE, cell_count)?,
+            headers: open_table(&file, path, tap_count)?,
+            discriminators: open_table(&file, path, tap_count)?,
+            ledger: open_table(&file, path, tap_count)?,
+            refusals: open_table(&file, path, tap_count)?,
+            scans: open_table(&file, path, plan.scans().len())?,
+            damage: open_table(&file, path, cell_count)?,
             plan,
             file,
         })
@@ -182,6 +192,17 @@ fn check_units(file: &File, path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Whether what does not change once an archive is there is what it was then.
+fn check_fixed(file: &File, path: &Path) -> Result<()> {
+    let said = read_text(file, attribute::DIGEST).context("read the digest", path)?;
+    if digest_of_fixed(file).context("read what does not change", path)? != said {
+        let what =
+            "its plan, truth, configuration, reference or attributes are not what was written: their digest differs";
+        return Err(damaged(path, what));
+    }
+    Ok(())
+}
+
 fn read_plan(file: &File, path: &Path) -> Result<Plan> {
     let geometry = read_text(file, attribute::GEOMETRY).context("read the geometry", path)?;
     let geometry = [Geometry::Ring, Geometry::Line]
@@ -250,13 +271,13 @@ fn read_whole<R: H5Type + Clone>(file: &File, path: &Path, name: &'static str) -
     if bytes.is_none_or(|bytes| bytes > file.size()) {
         return Err(damaged(path, format!("{name} says it has {row_count} rows")));
     }
-    open_table(file, path, name, row_count)?.read_all().context("read a table", path)
+    dataset.read_raw::<R>().context("read a table", path)
 }
 
-fn open_table<R: H5Type + Clone>(file: &File, path: &Path, name: &str, row_count: usize) -> Result<Table<R>> {
-    Table::open(file, name, row_count)
+fn open_table<R: SealedRow>(file: &File, path: &Path, row_count: usize) -> Result<Table<R>> {
+    Table::open(file, row_count)
         .context("find a table", path)?
-        .ok_or_else(|| damaged(path, format!("{name} has not {row_count} rows")))
+        .ok_or_else(|| damaged(path, format!("{} has not {row_count} rows", R::TABLE)))
 }
 
 fn utf8(text: &VarLenUnicode) -> Option<String> {

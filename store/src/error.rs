@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use tapline_wire::TapId;
 
+use crate::Codec;
+
 /// Why an archive cannot be made, opened, written, read or exported.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -104,6 +106,20 @@ pub enum Error {
         archived: String,
         /// That line now.
         given: String,
+    },
+    /// An archive packed by what is too slow for a line is to be gone on with.
+    #[error("{} is packed by {codec}, which is for archives that are done: pack it again by lz4, zstd or none", path.display())]
+    OfflineCodec {
+        /// The archive.
+        path: PathBuf,
+        /// What packs it.
+        codec: Codec,
+    },
+    /// A line is to pack by what is too slow for it.
+    #[error("[store] codec is {codec}, which is too slow for a line; it must be lz4, zstd or none")]
+    SlowCodec {
+        /// What was asked for.
+        codec: Codec,
     },
     /// The archive contradicts itself.
     #[error("{} is damaged: {what}", path.display())]

@@ -6,6 +6,7 @@ use crate::Result;
 use crate::archive::Archive;
 use crate::error::Context;
 use crate::layout::ScanRow;
+use crate::reader::{scan_state, settled};
 use crate::track::{Take, Track};
 
 /// What is settled in an archive.
@@ -42,14 +43,14 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger) -> Result<Vec<Track>> {
         .context(context, &archive.path)?;
     let mut tracks = Vec::with_capacity(samples.len());
     for (k, row) in archive.ledger.read_all().context(context, &archive.path)?.into_iter().enumerate() {
-        let unknown = || archive.damaged(format!("row {k} of its ledger has state {}", row.state));
-        let state = row.state().ok_or_else(unknown)?;
-        ledger.set_tap(k, state, row.attempt);
-        tracks.push(match state {
-            TapState::Missing => Track::missing(row.attempt),
+        let (state, attempt) = settled(archive, k, &row)?;
+        ledger.set_tap(k, state, attempt);
+        let track = match state {
+            TapState::Missing => Track::missing(attempt),
             TapState::Archived => Track::archived(samples[k], discriminators[k]),
-            TapState::Refused => Track::refused(row.attempt),
-        });
+            TapState::Refused => Track::refused(attempt),
+        };
+        tracks.push(track.retaken_before(row.retaken_count, row.retaken_quality));
     }
     Ok(tracks)
 }
@@ -58,7 +59,7 @@ fn recall_scans(archive: &Archive, scans: &[ScanRow], ledger: &mut Ledger) -> Re
     let first_cells = archive.first_cells();
     let mut fingerprints = Vec::with_capacity(scans.len());
     for (k, row) in scans.iter().enumerate() {
-        let state = row.state().ok_or_else(|| archive.damaged(format!("scan {k} has state {}", row.state)))?;
+        let state = scan_state(archive, k, row)?;
         ledger.set_scan(k, state);
         let is_judged = state == ScanState::Judged;
         let cells = if is_judged { first_cells[k]..first_cells[k + 1] } else { 0..0 };
