@@ -13,6 +13,7 @@ use tapline_store::{Lineage, StoreConfig};
 use tapline_wire::{Plan, Recording};
 
 use crate::cli::{LineArgs, SourceArgs};
+use crate::lineage::made_by;
 
 /// What a configuration file says; every key has a default, and unknown keys are refused.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -43,6 +44,8 @@ pub(crate) struct Job {
     /// Where the reference is read from, if it is in a file.
     reference_file: Option<PathBuf>,
     stations: Option<u16>,
+    /// What its results are made by.
+    made_by: String,
 }
 
 /// A reference as it was read.
@@ -83,7 +86,8 @@ impl Job {
             Some(Reference::File(path)) => Some(path.clone()),
             _ => None,
         };
-        Ok(Self { config, config_toml, taps: args.taps.clone(), out, reference_file, stations: args.stations })
+        let (taps, stations, made_by) = (args.taps.clone(), args.stations, made_by(&config)?);
+        Ok(Self { config, config_toml, taps, out, reference_file, stations, made_by })
     }
 
     /// The job of a stage: its reference is read from the copy that its line made, if it made one.
@@ -106,21 +110,22 @@ impl Job {
 
     /// What the archive keeps of how the run began.
     pub(crate) fn lineage<'a>(&'a self, reference: Option<&'a ReferenceFile>) -> Lineage<'a> {
-        let codec = self.config.store.codec;
-        Lineage { config_toml: &self.config_toml, reference: reference.map(|file| file.text.as_str()), codec }
+        Lineage {
+            config_toml: &self.config_toml,
+            reference: reference.map(|file| file.text.as_str()),
+            codec: self.config.store.codec,
+            made_by: &self.made_by,
+            raw: None,
+        }
     }
 
     /// The fusion of the taps of `plan`, by the reference that the configuration names.
     pub(crate) fn fusion(&self, plan: &Plan) -> Result<Fusion> {
         Ok(match self.reference()? {
-            Some(ReferenceFile { set, .. }) if set.process != process_of(&self.config.process, &plan.recording)? => {
-                let now = process_of(&self.config.process, &plan.recording)?;
-                bail!(
-                    "the taps of the reference were recorded or analysed otherwise than this run's: {}",
-                    differences(&set.process, &now)
-                );
+            Some(ReferenceFile { set, .. }) => {
+                check_reference(&set, &self.config.process, &plan.recording)?;
+                Fusion::with_reference(&self.config.fuse, plan, set)?
             }
-            Some(ReferenceFile { set, .. }) => Fusion::with_reference(&self.config.fuse, plan, set)?,
             None => Fusion::new(&self.config.fuse, plan)?,
         })
     }
@@ -140,6 +145,18 @@ pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Resul
     let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
     Ok(format!("sample_rate_hz = {:?}\nchannels = {channels:?}\n{config}", recording.sample_rate_hz))
+}
+
+/// Whether the taps of `set` were recorded and analysed as those of a run are.
+pub(crate) fn check_reference(set: &ReferenceSet, config: &ProcessConfig, recording: &Recording) -> Result<()> {
+    let now = process_of(config, recording)?;
+    if set.process != now {
+        bail!(
+            "the taps of the reference were recorded or analysed otherwise than this run's: {}",
+            differences(&set.process, &now)
+        );
+    }
+    Ok(())
 }
 
 /// The lines of two texts that differ.

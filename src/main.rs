@@ -11,12 +11,14 @@ mod experiment;
 mod figures;
 mod in_memory;
 mod line;
+mod lineage;
 mod palette;
 mod pen;
 mod progress;
 mod record;
 mod reference;
 mod report;
+mod reprocess;
 mod stage;
 mod stats;
 mod study;
@@ -75,6 +77,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
+        Verb::Reprocess(args) => reprocess::reprocess(args),
         Verb::Report { archive, out } => report::report(archive, out.as_deref()),
         Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Study(args) => study::study(args),

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use hdf5::filters::BloscShuffle;
 use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::plist::file_access::{CacheDecreaseMode, CacheIncreaseMode, FlashIncreaseMode, MetadataCacheConfig};
-use hdf5::types::VarLenUnicode;
+use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{File, FileBuilder, H5Type, Location};
 use tapline_wire::{DamageCell, Geometry, Plan, SampleFormat, TapState};
 
@@ -40,6 +40,9 @@ pub(crate) fn files() -> FileBuilder {
     });
     files
 }
+
+/// A lineage key that is not known yet, in the room of one that is.
+pub(crate) type Key = FixedAscii<64>;
 
 /// Page of memory and block of most file systems: samples that begin on one are written without touching a neighbour's.
 const PAGE_BYTES: u64 = 4096;
@@ -89,6 +92,8 @@ fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     write_number(&file, attribute::SOURCE_DIGEST, &plan.source_digest())?;
     let config = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::CONFIG)?;
     config.write_scalar(&var_len(lineage.config_toml)?)?;
+    let made_by = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::MADE_BY)?;
+    made_by.write_scalar(&var_len(lineage.made_by)?)?;
     if let Some(reference) = lineage.reference {
         let builder = file.new_dataset::<u8>().shape(reference.len()).obj_track_times(false);
         builder.create(table::REFERENCE)?.write_raw(reference.as_bytes())?;
@@ -96,8 +101,19 @@ fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
 
     let (taps, scan_of_tap) = (plan.taps(), plan.scan_of_tap());
     create_table(&file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;
-    file.create_group(table::TAPS)?;
-    Table::<HeaderRow>::create(&file, taps.len(), |_| HeaderRow::unwritten())?;
+    match lineage.raw.and_then(Path::file_name) {
+        Some(raw) => {
+            let raw = raw.to_string_lossy();
+            write_text(&file, attribute::RAW, &raw)?;
+            // For other readers of HDF5; this program opens the other archive itself, to read only.
+            file.link_external(&raw, table::TAPS, table::TAPS)?;
+        }
+        None => {
+            file.create_group(table::TAPS)?;
+            Table::<HeaderRow>::create(&file, taps.len(), |_| HeaderRow::unwritten())?;
+            create_samples(&file, plan, lineage.codec)?;
+        }
+    }
     let discriminators = DiscriminatorsRow::unwritten();
     Table::<DiscriminatorsRow>::create(&file, taps.len(), |_| discriminators)?;
     let missing = LedgerRow::new(TapState::Missing, 0);
@@ -105,8 +121,8 @@ fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     Table::<ReasonRow>::create(&file, taps.len(), |_| no_reason())?;
     create_scans(&file, plan)?;
     create_truth(&file, plan)?;
-    create_samples(&file, plan, lineage.codec)?;
-    for (name, note, units) in NOTES {
+    let is_own = |name: &str| lineage.raw.is_none() || !name.starts_with(table::TAPS);
+    for (name, note, units) in NOTES.into_iter().filter(|(name, ..)| is_own(name)) {
         let dataset = file.dataset(name)?;
         write_text(&dataset, attribute::NOTE, note)?;
         if !units.is_empty() {
@@ -114,6 +130,7 @@ fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
         }
     }
     write_text(&file, attribute::DIGEST, &digest_of_fixed(&file)?)?;
+    write_number(&file, attribute::LINEAGE_KEY, &Key::new())?;
     file.flush()
 }
 
@@ -130,7 +147,12 @@ pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<String> {
         add(&file.attr(name)?.read_scalar::<u64>()?.to_le_bytes());
     }
     add(&file.attr(attribute::FORMAT_VERSION)?.read_scalar::<u32>()?.to_le_bytes());
-    add(file.dataset(table::CONFIG)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+    for name in [table::CONFIG, table::MADE_BY] {
+        add(file.dataset(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+    }
+    if file.attr_names()?.iter().any(|name| name == attribute::RAW) {
+        add(file.attr(attribute::RAW)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+    }
     if file.link_exists(table::REFERENCE) {
         add(&file.dataset(table::REFERENCE)?.read_raw::<u8>()?);
     }

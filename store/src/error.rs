@@ -95,6 +95,22 @@ pub enum Error {
         /// The archive.
         path: PathBuf,
     },
+    /// The archive was begun by another program or with other options.
+    #[error("{} has results made by {archived:?}; this program would make them by {given:?}: results of different lineage are never mixed in one archive (tapline reprocess makes new ones beside it)", path.display())]
+    OtherLineage {
+        /// The archive.
+        path: PathBuf,
+        /// First line that differs, in the archive.
+        archived: String,
+        /// That line now.
+        given: String,
+    },
+    /// Taps are to be put into an archive that has results alone.
+    #[error("{} has results alone, of the taps of another archive: no tap can be put into it", path.display())]
+    ResultsAlone {
+        /// The archive.
+        path: PathBuf,
+    },
     /// The archive was begun under another configuration.
     #[error("{} was begun with another configuration: line {line} was {archived:?}, now {given:?}", path.display())]
     OtherConfiguration {

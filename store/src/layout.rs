@@ -25,6 +25,8 @@ pub(crate) const UNWRITTEN: u32 = u32::MAX;
 /// Paths of the tables.
 pub(crate) mod table {
     pub(crate) const CONFIG: &str = "config";
+    /// What the results were made by, lines of text.
+    pub(crate) const MADE_BY: &str = "made_by";
     /// Bytes of the reference file, UTF-8; only where the run had one.
     pub(crate) const REFERENCE: &str = "reference";
     pub(crate) const PLAN: &str = "plan";
@@ -50,6 +52,10 @@ pub(crate) mod attribute {
     pub(crate) const CHANNELS: &str = "channels";
     /// Name of what packs the samples.
     pub(crate) const CODEC: &str = "codec";
+    /// Name of the archive whose taps results are of, in the same folder.
+    pub(crate) const RAW: &str = "raw";
+    /// Key of the results, zeros until they are whole.
+    pub(crate) const LINEAGE_KEY: &str = "lineage_key";
     /// BLAKE3 of what does not change after creation, as hexadecimal digits.
     pub(crate) const DIGEST: &str = "digest";
     pub(crate) const SAMPLE_FORMAT: &str = "sample_format";

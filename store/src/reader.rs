@@ -9,6 +9,7 @@ use tapline_wire::{
 use crate::archive::{Access, Archive, read_text};
 use crate::error::Context;
 use crate::layout::{LedgerRow, ScanRow, attribute};
+use crate::lineage::{lineage_key, raw_digest};
 use crate::rows::{at_attempt, text};
 use crate::samples::{Room, SampleFile, Taps, checked_header};
 use crate::sealed::SealedRow;
@@ -112,6 +113,32 @@ impl Reader {
     /// The reference file of the run, verbatim; `None` where it had none.
     pub fn reference(&self) -> Option<&str> {
         self.archive.reference.as_deref()
+    }
+
+    /// What the results were made by: digests of the program's sources and every option, a line each.
+    pub fn made_by(&self) -> &str {
+        &self.archive.made_by
+    }
+
+    /// BLAKE3 of all that was recorded in the archived taps.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn raw_digest(&self) -> Result<[u8; 32]> {
+        raw_digest(&self.archive)
+    }
+
+    /// The key of the results as they are: [`lineage_key`] of the recorded taps, what made the results, and the reference.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn lineage_key(&self) -> Result<String> {
+        Ok(lineage_key(&self.raw_digest()?, self.made_by(), self.reference()))
+    }
+
+    /// Whether this archive has results alone, of the taps of another.
+    pub fn is_results(&self) -> bool {
+        self.archive.is_results()
     }
 
     /// What is known of where cracks are; empty where nothing is.

@@ -41,12 +41,20 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger) -> Result<Vec<Track>> {
         .discriminators
         .for_each(|k, row| discriminators[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() })
         .context(context, &archive.path)?;
+    // Of results alone the samples are there already.
+    let are_there = match archive.is_results() {
+        true => archive.raw_ledger().read_all().context(context, &archive.path)?,
+        false => Vec::new(),
+    };
     let mut tracks = Vec::with_capacity(samples.len());
     for (k, row) in archive.ledger.read_all().context(context, &archive.path)?.into_iter().enumerate() {
         let (state, attempt) = settled(archive, k, &row)?;
         ledger.set_tap(k, state, attempt);
         let track = match state {
-            TapState::Missing => Track::missing(attempt),
+            TapState::Missing => match are_there.get(k).map(|row| settled(archive, k, row)).transpose()? {
+                Some((TapState::Archived, _)) => Track::recorded(samples[k]),
+                _ => Track::missing(attempt),
+            },
             TapState::Archived => Track::archived(samples[k], discriminators[k]),
             TapState::Refused => Track::refused(attempt),
         };

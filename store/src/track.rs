@@ -52,6 +52,11 @@ impl Track {
         Self { samples: None, discriminators: None, state: TapState::Missing, attempt, retaken_count, retaken_quality }
     }
 
+    /// A tap whose samples are there for good, and whose discriminators are to come.
+    pub(crate) fn recorded(samples: Take) -> Self {
+        Self { samples: Some(samples), ..Self::missing(samples.attempt) }
+    }
+
     /// A tap that an earlier writer archived.
     pub(crate) fn archived(samples: Take, discriminators: Take) -> Self {
         let (state, missing) = (TapState::Archived, Self::missing(samples.attempt));

@@ -20,6 +20,7 @@ use crate::create::create;
 use crate::encode::{Packer, Shape};
 use crate::error::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ReasonRow, ScanRow};
+use crate::lineage::{lineage_key, raw_digest};
 use crate::recall::recall;
 use crate::rows::{at_attempt, fixed, no_reason};
 use crate::track::{Half, PutOutcome, Take, Track};
@@ -123,7 +124,7 @@ impl Writer {
 
     fn of(archive: Archive) -> Result<Self> {
         let (recording, codec) = (&archive.plan.recording, archive.samples.codec());
-        if !codec.is_for_lines() {
+        if !codec.is_for_lines() && !archive.is_results() {
             return Err(Error::OfflineCodec { path: archive.path.clone(), codec });
         }
         let packer = Packer::new(Shape {
@@ -184,6 +185,9 @@ impl Writer {
     /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], [`crate::Error::OtherPlanRecord`],
     /// [`crate::Error::RecordShape`], or what the system says; the same call may be made again.
     pub fn put_taps(&mut self, taps: &[(&TapHeader, &[u8])]) -> Result<Vec<PutOutcome>> {
+        if self.archive.is_results() {
+            return Err(Error::ResultsAlone { path: self.archive.path.clone() });
+        }
         for (header, samples) in taps {
             check_id(self.plan(), header.plan_index, &header.id)?;
             check_shape(self.plan(), header, samples)?;
@@ -378,6 +382,11 @@ impl Writer {
         self.pending.taps.extend(missing.map(|(row, track)| (row, track.to_row(true))));
         self.flush()?;
         let path = self.archive.path.clone();
+        if self.ledger.is_judged() {
+            let key =
+                lineage_key(&raw_digest(&self.archive)?, &self.archive.made_by, self.archive.reference.as_deref());
+            self.archive.write_key(&key)?;
+        }
         drop(self);
         std::fs::File::open(&path).and_then(|file| file.sync_all()).context("sync", &path)
     }
