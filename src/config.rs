@@ -187,3 +187,39 @@ fn read_config(path: Option<&Path>) -> Result<(Config, String)> {
     let config = toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
     Ok((config, text))
 }
+
+#[cfg(test)]
+mod tests {
+    use tapline_wire::{Channel, SampleFormat};
+
+    use super::*;
+
+    #[test]
+    fn what_differs_is_named() {
+        // Catches a difference that is not looked at, as of the rate or the channels, one that is not named, and lines that
+        // are alike and named.
+        let recording = Recording {
+            sample_rate_hz: 40_960.0,
+            pre_trigger_samples: 512,
+            sample_count_max: 16_384,
+            sample_format: SampleFormat::I16,
+            channels: vec![Channel::Force, Channel::Sound],
+        };
+        let config = ProcessConfig::default();
+        let was = process_of(&config, &recording).unwrap();
+        let told =
+            |config: &ProcessConfig, recording: &Recording| differences(&was, &process_of(config, recording).unwrap());
+        let faster = Recording { sample_rate_hz: 48_000.0, ..recording.clone() };
+        assert_eq!(told(&config, &faster), "sample_rate_hz = 40960.0 there, sample_rate_hz = 48000.0 here");
+        let deaf = Recording { channels: vec![Channel::Force], ..recording.clone() };
+        assert_eq!(told(&config, &deaf), "channels = [\"force\", \"sound\"] there, channels = [\"force\"] here");
+        let other = ProcessConfig { f_c_hz: 600.0, f_hi_hz: 1900.0, ..config };
+        assert_eq!(
+            told(&other, &recording),
+            "f_c_hz = 550.0, f_hi_hz = 2000.0 there, f_c_hz = 600.0, f_hi_hz = 1900.0 here"
+        );
+        // How long the records are, and in what numbers, does not count.
+        let longer = Recording { sample_count_max: 32_768, sample_format: SampleFormat::F32, ..recording };
+        assert_eq!(process_of(&ProcessConfig::default(), &longer).unwrap(), was);
+    }
+}
