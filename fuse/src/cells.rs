@@ -89,6 +89,11 @@ impl Cells {
         self.tap_counts.len()
     }
 
+    /// How many conditions there are.
+    pub(crate) fn condition_count(&self) -> usize {
+        self.condition_count
+    }
+
     /// Mean score of each discriminator at `place` over its conditions.
     pub(crate) fn by_discriminator(&self, place: usize) -> Vec<Option<f64>> {
         let mean = |which: usize| {

@@ -34,6 +34,8 @@ pub(crate) struct Fit {
     usual: Option<Spread>,
     /// Whether the index in one condition is a mean of scores that are clipped.
     is_mean: bool,
+    /// The index of every location of the reference's own shoulders.
+    own: Vec<Vec<LocationIndex>>,
     /// What was asked for and could not be learned from this reference; the mean stands in its place.
     pub(crate) fallbacks: Vec<String>,
 }
@@ -105,8 +107,7 @@ impl Fit {
         let mut rows = Rows::default();
         for (number, (shoulder, cells)) in reference.iter().zip(&cells).enumerate() {
             for place in 0..cells.place_count() {
-                let values = (0..condition_count).map(|c| index.value(cells.at(place, c))).collect();
-                rows.push(number, place, shoulder, kept, values);
+                rows.push(number, place, shoulder, kept, by_condition(index.as_ref(), cells, place));
             }
         }
         let combination = rows.combination(config, conditions).unwrap_or_else(|why| {
@@ -127,8 +128,8 @@ impl Fit {
         }
         let full = counts.into_iter().max_by_key(|&(_, count)| count).map(|(mask, _)| mask).unwrap_or_default();
         let of_condition = |c: usize| Spread::of(&mut sound.iter().filter_map(|row| row[c]).collect::<Vec<f64>>());
-        let by_condition = (0..condition_count).map(of_condition).collect();
-        Self {
+        let spreads = (0..condition_count).map(of_condition).collect();
+        let mut fit = Self {
             kind: config.index,
             condition_count,
             yardstick,
@@ -136,11 +137,19 @@ impl Fit {
             combination,
             sound,
             full,
-            by_condition,
+            by_condition: spreads,
             usual,
             is_mean,
+            own: Vec::new(),
             fallbacks,
-        }
+        };
+        fit.own = cells.iter().map(|cells| fit.locations_of(cells)).collect();
+        fit
+    }
+
+    /// The index of every location of the reference's own shoulders, each measured against the level it was fitted at.
+    pub(crate) fn own(&self) -> &[Vec<LocationIndex>] {
+        &self.own
     }
 
     /// The scales.
@@ -173,11 +182,13 @@ impl Fit {
 
     /// The index of every location of `shoulder`, whose casing has this `level`.
     pub(crate) fn locations(&self, level: &Level, shoulder: &Shoulder, which: Taps) -> Vec<LocationIndex> {
-        let cells = Cells::of(self.kind, self.condition_count, &self.yardstick, level, shoulder, which);
+        self.locations_of(&Cells::of(self.kind, self.condition_count, &self.yardstick, level, shoulder, which))
+    }
+
+    fn locations_of(&self, cells: &Cells) -> Vec<LocationIndex> {
         let mut nulls = BTreeMap::new();
         let location = |place: usize| {
-            let by_condition: Vec<Option<f64>> =
-                (0..self.condition_count).map(|c| self.index.value(cells.at(place, c))).collect();
+            let by_condition = by_condition(self.index.as_ref(), cells, place);
             LocationIndex {
                 value: self.combined(&by_condition, &mut nulls),
                 by_condition,
@@ -225,6 +236,11 @@ impl Fit {
         };
         Spread::of(&mut self.sound.iter().filter_map(only).collect::<Vec<f64>>())
     }
+}
+
+/// The index of `place` in every condition.
+fn by_condition(index: &dyn Index, cells: &Cells, place: usize) -> Vec<Option<f64>> {
+    (0..cells.condition_count()).map(|condition| index.value(cells.at(place, condition))).collect()
 }
 
 /// Index values of the reference's places, condition by condition, with their labels.

@@ -59,6 +59,13 @@ pub(crate) struct IndexMap {
     pub(crate) index: Vec<Option<f64>>,
 }
 
+impl IndexMap {
+    fn of(config: &FuseConfig, shoulder: &Shoulder, locations: Vec<LocationIndex>) -> Self {
+        let index = indexed(config.index, Step::AlongRing, shoulder, &locations);
+        Self { locations, index }
+    }
+}
+
 /// The index maps of one casing.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Casing {
@@ -113,7 +120,8 @@ impl Standard {
                 kept = trimmed(&calm, step, |now, calm| {
                     let levels = vec![pooled(now); shoulders.len()];
                     let fit = Fit::of(config, conditions, shoulders, now, &levels);
-                    let maps = maps_of(config.index, &fit, &levels, shoulders, step);
+                    let map = |(s, own): (&Shoulder, &Vec<LocationIndex>)| indexed(config.index, step, s, own);
+                    let maps: Vec<_> = shoulders.iter().zip(fit.own()).map(map).collect();
                     let spread = Spread::of(&mut sound_values(shoulders, &maps, now, calm, step))?;
                     Some((maps, spread))
                 });
@@ -122,7 +130,8 @@ impl Standard {
         let levels = own_levels(config, conditions, shoulders, &kept);
         let fit = Fit::of(config, conditions, shoulders, &kept, &levels);
         let standard = Self::of(config, fit, (levels.clone(), vec![pooled(&kept)]), shoulders, &kept, &calm, 0);
-        let maps = standard.maps(config, &levels, shoulders);
+        let own = shoulders.iter().zip(standard.fit.own().to_vec());
+        let maps: Vec<IndexMap> = own.map(|(shoulder, locations)| IndexMap::of(config, shoulder, locations)).collect();
         let is_inverted = standard.is_inverted(config, &maps);
         let stands_off = stand_off(config, conditions.count(), shoulders);
         (standard, Casing { levels, maps, stands_off, is_inverted })
@@ -191,7 +200,8 @@ impl Standard {
             };
             shoulders.iter().zip(&levels).map(map).collect()
         };
-        let maps = each(Taps::All);
+        let own = |(s, own): (&Shoulder, &Vec<LocationIndex>)| indexed(config.index, Step::AlongRing, s, own);
+        let maps: Vec<_> = shoulders.iter().zip(fit.own()).map(own).collect();
         let (odd, even) = (each(Taps::Odd), each(Taps::Even));
         let mut null = Null {
             values: sound_values(shoulders, &maps, kept, calm, Step::AlongRing),
@@ -213,9 +223,9 @@ impl Standard {
         Self { fit, levels, casing_levels, limits, usual_tap_count, repeat_sd: null.repeat_sd, level_limit }
     }
 
-    /// The locations of `shoulder` number `number` of the reference itself.
-    pub(crate) fn labelled(&self, number: usize, shoulder: &Shoulder) -> Vec<LocationIndex> {
-        self.fit.locations(&self.levels[number], shoulder, Taps::All)
+    /// The locations of shoulder number `number` of the reference itself.
+    pub(crate) fn labelled(&self, number: usize) -> &[LocationIndex] {
+        &self.fit.own()[number]
     }
 
     /// Median of the casings' levels in `slot`.
@@ -235,9 +245,7 @@ impl Standard {
 
     fn maps(&self, config: &FuseConfig, levels: &[Level], shoulders: &[Shoulder]) -> Vec<IndexMap> {
         let map = |(shoulder, level): (&Shoulder, &Level)| {
-            let locations = self.fit.locations(level, shoulder, Taps::All);
-            let index = indexed(config.index, Step::AlongRing, shoulder, &locations);
-            IndexMap { locations, index }
+            IndexMap::of(config, shoulder, self.fit.locations(level, shoulder, Taps::All))
         };
         shoulders.iter().zip(levels).map(map).collect()
     }
