@@ -66,6 +66,24 @@ pub(crate) enum Verb {
     /// The archive is not touched. The results stand beside it in a file named after their lineage, which every other verb
     /// takes as an archive; the same command again goes on where it was ended. Prints the name of each file.
     Reprocess(ReprocessArgs),
+    /// Say what an archive's numbers are made of and by: recorded taps, sources of the program, options, reference.
+    Explain {
+        /// The archive, or a file of results.
+        archive: PathBuf,
+        /// Of this shoulder the verdict too.
+        #[arg(long, value_name = "TYRE/SHOULDER")]
+        shoulder: Option<String>,
+        /// Of this location of it the index, and what was found in every tap.
+        #[arg(long)]
+        location: Option<u32>,
+    },
+    /// Say what changed from one archive's numbers to another's of the same taps: options and sources first, then numbers.
+    Diff {
+        /// The one, before.
+        there: PathBuf,
+        /// The other, after.
+        here: PathBuf,
+    },
     /// Write what an archive holds as pages to read and print: one a tyre, and one of the whole shift.
     ///
     /// Each page is one HTML file that needs nothing else. An archive that is not whole is told of as far as it goes.

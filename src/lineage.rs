@@ -72,3 +72,127 @@ pub(crate) fn changes(there: &str, here: &str) -> Vec<(String, String, String)> 
     let pairs = keys.into_iter().map(|key| (key.clone(), of(&there, key), of(&here, key)));
     pairs.filter(|(_, there, here)| there != here).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Words that some option takes.
+    const WORDS: [&str; 26] = [
+        "f64",
+        "gate",
+        "decimated",
+        "robust",
+        "mean",
+        "hidden",
+        "reference",
+        "keep",
+        "drop",
+        "retake",
+        "none",
+        "falls",
+        "rises",
+        "zstd",
+        "line",
+        "plate",
+        "exact",
+        "f32",
+        "peak",
+        "linear",
+        "half",
+        "fixed",
+        "ring",
+        "self",
+        "B/2",
+        "whole",
+    ];
+
+    /// Every value of `value`, by its path, as others of the same kind.
+    fn flips(value: &toml::Value) -> Vec<toml::Value> {
+        use toml::Value;
+        match value {
+            Value::Boolean(flag) => vec![Value::Boolean(!flag)],
+            Value::Integer(number) => [number + 1, number - 1, number + 2, 4096].map(Value::Integer).to_vec(),
+            Value::Float(number) => [number * 1.01, number * 0.5, number + 0.25, 0.5].map(Value::Float).to_vec(),
+            Value::String(_) => WORDS.map(|word| Value::String(word.to_owned())).to_vec(),
+            Value::Array(all) => {
+                let shorter = all.iter().skip(1).cloned().collect();
+                let flipped = all
+                    .first()
+                    .into_iter()
+                    .flat_map(flips)
+                    .map(|first| Value::Array(std::iter::once(first).chain(all.iter().skip(1).cloned()).collect()));
+                std::iter::once(Value::Array(shorter)).chain(flipped).collect()
+            }
+            Value::Table(_) | Value::Datetime(_) => Vec::new(),
+        }
+    }
+
+    fn walk(path: &mut Vec<String>, table: &toml::Table, visit: &mut impl FnMut(&[String], &toml::Value)) {
+        for (key, value) in table {
+            path.push(key.clone());
+            match value {
+                toml::Value::Table(inner) => walk(path, inner, visit),
+                value => visit(path, value),
+            }
+            path.pop();
+        }
+    }
+
+    fn set(table: &mut toml::Table, path: &[String], value: toml::Value) {
+        match (path, table.get_mut(&path[0])) {
+            ([_], Some(place)) => *place = value,
+            ([_, rest @ ..], Some(toml::Value::Table(inner))) => set(inner, rest, value),
+            _ => panic!("no {path:?}"),
+        }
+    }
+
+    /// Catches an option that changes and leaves the key as it was.
+    #[test]
+    fn every_option_is_in_the_key() {
+        let reference = tapline_fuse::Reference::Own;
+        let mut config = Config::default();
+        config.fuse.reference = Some(reference);
+        let usual = toml::Table::try_from(&config).unwrap();
+        let key = |config: &Config| tapline_store::lineage_key(&[7; 32], &made_by(config).unwrap(), None);
+        let (mut count, mut stuck) = (0, Vec::new());
+        walk(&mut Vec::new(), &usual, &mut |path, value| {
+            let others = flips(value).into_iter().filter(|other| other != value).filter_map(|other| {
+                let mut flipped = usual.clone();
+                set(&mut flipped, path, other);
+                toml::Value::Table(flipped).try_into::<Config>().ok()
+            });
+            let mut is_flipped = false;
+            for other in others {
+                is_flipped = true;
+                assert_ne!(key(&other), key(&config), "{path:?}");
+            }
+            count += 1;
+            if !is_flipped {
+                stuck.push(path.join("."));
+            }
+        });
+        assert!(count > 60, "only {count} options were flipped");
+        assert_eq!(stuck, Vec::<String>::new(), "no other value of these was found");
+    }
+
+    /// Catches keys that do not change with the taps, the sources or the reference.
+    #[test]
+    fn everything_else_is_in_the_key() {
+        let lines = made_by(&Config::default()).unwrap();
+        let key = tapline_store::lineage_key;
+        let usual = key(&[7; 32], &lines, Some("a"));
+        assert_ne!(usual, key(&[8; 32], &lines, Some("a")));
+        assert_ne!(usual, key(&[7; 32], &lines, Some("b")));
+        assert_ne!(usual, key(&[7; 32], &lines, None));
+        assert_ne!(key(&[7; 32], &lines, None), key(&[7; 32], &lines, Some("")));
+        for (name, digest) in SOURCES {
+            let line = format!("sources.{name} = \"{digest}\"");
+            assert!(lines.contains(&line) && digest.len() == 32, "{line}");
+            assert_ne!(usual, key(&[7; 32], &lines.replace(&line, "sources.x = \"0\""), Some("a")));
+        }
+        let only = of_discriminators(&lines);
+        assert!(only.contains(&"process.f_c_hz = 550.0") && !only.iter().any(|line| line.contains("fuse")), "{only:?}");
+        assert_eq!(only.iter().filter(|line| line.starts_with("sources.")).count(), OF_DISCRIMINATORS.len());
+    }
+}

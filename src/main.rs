@@ -8,6 +8,7 @@ mod cli;
 mod config;
 mod contact;
 mod experiment;
+mod explain;
 mod figures;
 mod in_memory;
 mod line;
@@ -78,6 +79,8 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
         Verb::Reprocess(args) => reprocess::reprocess(args),
+        Verb::Explain { archive, shoulder, location } => explain::explain(archive, shoulder.as_deref(), *location),
+        Verb::Diff { there, here } => explain::diff(there, here),
         Verb::Report { archive, out } => report::report(archive, out.as_deref()),
         Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Study(args) => study::study(args),

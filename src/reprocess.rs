@@ -30,7 +30,7 @@ const TAPS_AT_A_TIME: u32 = 16;
 const WAITING_MAX: usize = 64;
 
 /// Taps after which results are made safe.
-const FLUSH_TAPS: usize = 1024;
+const FLUSH_TAPS: usize = 256;
 
 pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
     let jobs = match args.jobs {

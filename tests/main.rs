@@ -14,6 +14,7 @@ mod model;
 mod recorded;
 mod reference;
 mod report;
+mod reprocess;
 mod retakes;
 mod rig;
 mod simulated;

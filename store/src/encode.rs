@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::thread;
 
 use crate::codec::{Codec, pack};
+use crate::lineage::digest_of;
 use crate::sealed::{Digest, checksum};
 
 /// One record, ready to be written.
@@ -84,7 +85,7 @@ impl Packer {
 
 impl Shape {
     fn pack(&self, samples: &[u8], desk: &mut Packed) {
-        desk.samples_digest = digest(samples);
+        desk.samples_digest = digest_of(samples);
         let padded = padded(samples, self.channel_count, self.row_bytes, &mut desk.padded);
         desk.is_as_given = self.codec.blosc().is_none() && padded.len() == samples.len();
         if !desk.is_as_given {
@@ -92,11 +93,6 @@ impl Shape {
         }
         desk.stored_checksum = checksum(&[desk.stored(samples)]);
     }
-}
-
-/// BLAKE3 of `samples`.
-pub(crate) fn digest(samples: &[u8]) -> Digest {
-    *blake3::hash(samples).as_bytes()
 }
 
 /// `samples` of `channel_count` channels as a row of `row_bytes`: themselves if they fill it, else a copy in `scratch`

@@ -61,7 +61,7 @@ pub use config::StoreConfig;
 pub use error::Error;
 pub use export::{Export, export};
 pub use layout::{FORMAT_VERSION, REASON_BYTES};
-pub use lineage::{Lineage, lineage_key};
+pub use lineage::{Lineage, digest_of, lineage_key};
 pub use lost::Lost;
 pub use reader::{Judged, OwnedSamples, Reader, Refusal};
 pub use regions::{Region, regions};

@@ -79,3 +79,8 @@ pub fn lineage_key(raw_digest: &[u8; 32], made_by: &str, reference: Option<&str>
     }
     hasher.finalize().to_hex().to_string()
 }
+
+/// BLAKE3 of `bytes`: what this crate calls a digest.
+pub fn digest_of(bytes: &[u8]) -> [u8; 32] {
+    *blake3::hash(bytes).as_bytes()
+}

@@ -6,9 +6,9 @@ use std::path::Path;
 use tapline_wire::{Ledger, Plan, Quality, Reasons, ScanState, TapId, TapState, Verdict};
 
 use crate::archive::{Access, Archive};
-use crate::encode::digest;
 use crate::error::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
+use crate::lineage::digest_of;
 use crate::samples::{Room, SampleFile, checked_header};
 use crate::sealed::SealedRow as _;
 use crate::{Error, Result};
@@ -147,7 +147,7 @@ fn check_samples(
     let checked = checked_header(Path::new(""), plan, row, *header).and_then(|of_row| {
         let place = file.place(row)?;
         let samples = file.read(&of_row, header.stored_checksum, place, room)?;
-        Ok(digest(samples.as_bytes()) == header.samples_digest)
+        Ok(digest_of(samples.as_bytes()) == header.samples_digest)
     });
     match checked {
         Ok(true) => Ok(()),

@@ -1,0 +1,152 @@
+//! `tapline reprocess`, `explain` and `diff`: archives judged again beside themselves, and what made their numbers.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::Duration;
+
+use tapline_store::{Reader, verify};
+use tapline_wire::TapState;
+
+use crate::rig::{Rig, assert_same, contents};
+
+/// Two tyres, one of them cracked; short records keep it quick.
+const CONFIG: &str = "
+[scan]
+locations = 40
+offsets_mm = [0.0, 5.0]
+velocities_m_per_s = [1.5]
+repetitions = 2
+[[scan.tyre]]
+serial = \"CRACKED\"
+crack = [{ shoulder = 1, first_location = 10, location_count = 8, depth_mm = 5.0 }]
+[[scan.tyre]]
+serial = \"SOUND\"
+[fuse]
+reference = \"self\"
+";
+
+fn scanned(rig: &Rig) -> PathBuf {
+    rig.write("line.toml", CONFIG);
+    rig.run("run --config line.toml --out run.h5").expect(0);
+    rig.path("run.h5")
+}
+
+/// The file that `arguments` to `reprocess` say they wrote.
+fn again(rig: &Rig, arguments: &str) -> PathBuf {
+    let done = rig.run(&format!("reprocess {arguments}")).expect(0);
+    rig.path(done.out.trim())
+}
+
+/// Catches results that differ from the line's by a bit, or by the number of threads, and an archive that is changed by it.
+#[test]
+fn the_same_lineage_gives_the_same_bits() {
+    let rig = Rig::new();
+    let archive = scanned(&rig);
+    let before = fs::read(&archive).unwrap();
+    let one = again(&rig, "run.h5 --from-samples --jobs 1");
+    let (live, redone) = (Reader::open(&archive).unwrap(), Reader::open(&one).unwrap());
+    assert_eq!(live.lineage_key().unwrap(), redone.lineage_key().unwrap());
+    assert!(redone.is_results() && one.to_string_lossy().contains(&live.lineage_key().unwrap()[..12]));
+    assert_same(&contents(&archive), &contents(&one));
+    assert!(verify(&one).unwrap().is_complete());
+    let bytes = fs::read(&one).unwrap();
+    for arguments in ["run.h5 --from-samples --jobs 3", "run.h5"] {
+        fs::remove_file(&one).unwrap();
+        assert_eq!(again(&rig, arguments), one);
+        assert!(fs::read(&one).unwrap() == bytes, "{arguments} gives other bytes");
+    }
+    assert!(fs::read(&archive).unwrap() == before, "the archive has changed");
+    // Every other verb takes results for an archive.
+    for verb in ["verdicts", "damage", "discriminators"] {
+        let of = |path: &PathBuf| rig.run(&format!("export {} {verb}", path.display())).expect(0).out;
+        assert_eq!(of(&archive), of(&one), "{verb}");
+    }
+    rig.run(&format!("report {} --out pages", one.display())).expect(0);
+    let refused = rig.run(&format!("reprocess {}", one.display()));
+    assert!(refused.code == Some(1) && refused.err.contains("results alone"), "{}", refused.err);
+}
+
+/// Catches options that change numbers and not the lineage, new weights that need the samples, and a difference not told.
+#[test]
+fn other_options_stand_beside() {
+    let rig = Rig::new();
+    let archive = scanned(&rig);
+    rig.write("weights.toml", "[fuse]\nindex = \"robust\"\nreference = \"self\"\n");
+    rig.write("bands.toml", "[process]\nf_c_hz = 600.0\n[fuse]\nreference = \"self\"\n");
+    let weights = again(&rig, "run.h5 --config weights.toml");
+    let bands = again(&rig, "run.h5 --config bands.toml");
+    let key = |path: &PathBuf| Reader::open(path).unwrap().lineage_key().unwrap();
+    assert!(key(&archive) != key(&weights) && key(&weights) != key(&bands) && key(&archive) != key(&bands));
+
+    let told = |here: &PathBuf| rig.run(&format!("diff run.h5 {}", here.display())).expect(0).out;
+    let of_weights = told(&weights);
+    assert!(of_weights.contains("fuse.index: \"repeatability\" -> \"robust\""), "{of_weights}");
+    assert!(of_weights.contains("pr         the same") && of_weights.contains("index differs"), "{of_weights}");
+    let of_bands = told(&bands);
+    assert!(of_bands.contains("process.f_c_hz: 550.0 -> 600.0"), "{of_bands}");
+    assert!(of_bands.contains("f_max      the same") && of_bands.contains("pr         656 differ"), "{of_bands}");
+    let of_itself = told(&archive);
+    assert!(of_itself.contains("lineage    the same") && !of_itself.contains("differ"), "{of_itself}");
+
+    let said = rig.run(&format!("explain {} --shoulder CRACKED/1 --location 12", bands.display())).expect(0).out;
+    for words in
+        [&key(&bands)[..], "process.f_c_hz = 600.0 (default 550.0)", "this program's own sources", "REJECT", "tau_s"]
+    {
+        assert!(said.contains(words), "{words} is not in {said}");
+    }
+    assert_eq!(said.lines().filter(|line| line.contains(" 1.5 ")).count(), 4, "four taps: {said}");
+    // Once there, the samples are not needed: with them gone, new weights still judge.
+    let results = fs::read_dir(rig.path(""))
+        .unwrap()
+        .filter(|e| e.as_ref().unwrap().path().extension().is_some_and(|x| x == "h5"));
+    assert_eq!(results.count(), 3);
+}
+
+/// Catches work that is lost or done again when reprocessing is killed, and a half-made file that passes for whole.
+#[test]
+fn what_was_killed_goes_on() {
+    let rig = Rig::new();
+    scanned(&rig);
+    let whole = again(&rig, "run.h5 --from-samples --jobs 1");
+    let bytes = contents(&whole);
+    fs::remove_file(&whole).unwrap();
+    // Killed later and later, until one has some of the taps and not all.
+    let mut pause = Duration::from_millis(2);
+    let was_cut = (0..60).any(|_| {
+        drop(fs::remove_file(&whole));
+        let mut child = rig.command("reprocess run.h5 --from-samples --jobs 1").stdout(Stdio::null()).spawn().unwrap();
+        sleep(pause);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        pause = pause.mul_f64(1.1);
+        let Ok(reader) = Reader::open(&whole) else { return false };
+        assert_eq!(verify(&whole).unwrap().problems, []);
+        let missing = reader.ledger().count(TapState::Missing);
+        missing > 0 && missing < reader.plan().taps().len()
+    });
+    assert!(was_cut, "none was cut in the middle");
+    assert_eq!(again(&rig, "run.h5 --from-samples"), whole);
+    assert_same(&contents(&whole), &bytes);
+}
+
+/// Catches a reference that is missing, archives that cannot be compared, and places that are not there, told without names.
+#[test]
+fn what_cannot_be_done_is_told() {
+    let rig = Rig::new();
+    scanned(&rig);
+    rig.write("none.toml", "[process]\nf_c_hz = 600.0\n");
+    rig.write("wrong.toml", "[process]\nf_c_hz = -1.0\n[fuse]\nreference = \"self\"\n");
+    for (arguments, words) in [
+        ("reprocess run.h5 --config none.toml", "no reference is named"),
+        ("reprocess run.h5 --config wrong.toml", "f_c_hz"),
+        ("reprocess gone.h5", "gone.h5"),
+        ("explain run.h5 --shoulder NONE/1", "no shoulder \"NONE/1\""),
+        ("explain run.h5 --location 3", "--shoulder"),
+        ("explain run.h5 --shoulder SOUND/1 --location 99", "no location 99"),
+    ] {
+        let done = rig.run(arguments);
+        assert!(done.code == Some(1) && done.err.contains(words), "{arguments}: {:?} {}", done.code, done.err);
+    }
+}
