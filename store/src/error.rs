@@ -182,6 +182,9 @@ pub enum Error {
     /// A table could not be written.
     #[error("cannot write the table: {0}")]
     Csv(#[from] csv::Error),
+    /// A table could not be written as Parquet.
+    #[error("cannot write the Parquet table: {0}")]
+    Parquet(#[from] parquet::errors::ParquetError),
 }
 
 /// Adds to an HDF5 error what was tried and on which file.
