@@ -8,6 +8,7 @@ mod cli;
 mod config;
 mod contact;
 mod experiment;
+mod export;
 mod figures;
 mod in_memory;
 mod line;
@@ -72,7 +73,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Process(line) => stage::process(line),
         Verb::Fuse(line) => stage::fuse(line),
         Verb::Store(line) => stage::store(line),
-        Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
+        Verb::Export(args) => export::export(args),
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
         Verb::Report { archive, out } => report::report(archive, out.as_deref()),

@@ -2,10 +2,19 @@
 
 mod column;
 mod csv_file;
+mod folder;
+mod fortran;
 mod parquet_file;
 mod tables;
+mod tap_set;
+mod taps;
+mod uff;
 
 use std::io;
+
+pub use tap_set::export_tap_set;
+pub use taps::TapCounts;
+pub use uff::{UffEncoding, export_uff};
 
 use crate::Result;
 use crate::reader::Reader;

@@ -51,7 +51,7 @@ mod verify;
 mod writer;
 
 pub use error::Error;
-pub use export::{Export, export, export_parquet};
+pub use export::{Export, TapCounts, UffEncoding, export, export_parquet, export_tap_set, export_uff};
 pub use layout::{FORMAT_VERSION, REASON_BYTES};
 pub use lineage::Lineage;
 pub use reader::{Judged, OwnedSamples, Reader, Refusal};

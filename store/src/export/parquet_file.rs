@@ -61,8 +61,8 @@ impl<W: io::Write + Send> Sink for ParquetFile<W> {
             let arrays = columns.iter().map(|column| array(&column.cells, &batch)).collect();
             out.write(&RecordBatch::try_new(Arc::clone(&schema), arrays).map_err(ParquetError::from)?)?;
         }
-        out.close()?;
-        Ok(())
+        // What a buffer below still holds must be out, or said not to be.
+        Ok(out.into_inner()?.flush().map_err(ParquetError::from)?)
     }
 }
 
