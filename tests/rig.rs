@@ -211,7 +211,7 @@ pub(crate) fn python_with(modules: &str) -> Option<OsString> {
         |python: &OsString| Command::new(python).args(["-c", &import]).output().is_ok_and(|done| done.status.success());
     let found = named.chain(["python3", "/usr/bin/python3"].map(OsString::from)).find(has_them);
     if found.is_none() {
-        println!("skipped: no Python with {modules} here (set TAPLINE_PYTHON)");
+        eprintln!("skipped: no Python with {modules} here (set TAPLINE_PYTHON)");
     }
     found
 }

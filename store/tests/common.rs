@@ -204,7 +204,7 @@ pub(crate) fn python_with(module: &str) -> Option<std::ffi::OsString> {
         std::process::Command::new(python).args(["-c", &import]).output().is_ok_and(|out| out.status.success())
     });
     if found.is_none() {
-        println!("skipped: no Python with {module} here (set TAPLINE_PYTHON)");
+        eprintln!("skipped: no Python with {module} here (set TAPLINE_PYTHON)");
     }
     found
 }

@@ -2,16 +2,19 @@
 
 use crate::Result;
 
-/// How a cell is had from a row; `None` is an absent value.
+/// What gives the value in a row; `None` where it is absent.
+type Cell<R, T> = Box<dyn Fn(&R) -> Option<T>>;
+
+/// How the cells of a column are had from its rows, and of what type they are.
 pub(crate) enum Cells<R> {
     /// Small numbers and codes.
-    U16(Box<dyn Fn(&R) -> Option<u16>>),
+    U16(Cell<R, u16>),
     /// Counts, places and sets of flags.
-    U32(Box<dyn Fn(&R) -> Option<u32>>),
+    U32(Cell<R, u32>),
     /// Measured and computed values, always finite.
-    F64(Box<dyn Fn(&R) -> Option<f64>>),
+    F64(Cell<R, f64>),
     /// Names and texts; an empty one is a text without letters, not an absent one.
-    Text(Box<dyn Fn(&R) -> Option<String>>),
+    Text(Cell<R, String>),
 }
 
 /// One column of a table whose rows are `R`.
