@@ -4,8 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use tapline_acquire::{Source as _, TapSet};
 use tapline_store::{OwnedSamples, Reader};
-use tapline_wire::{Discriminator, SourceKind, TapState};
+use tapline_wire::{Discriminator, Lane, SourceKind, TapHeader, TapState, lanes_for};
 
 use crate::rig::{Contents, Rig, assert_same, contents, csv_rows, python_with};
 use crate::tapset;
@@ -123,6 +124,34 @@ fn missing_taps_are_said_to_be_missing() {
     assert_eq!(again.plan().taps(), whole.plan().taps());
     assert_eq!(again.ledger().count(TapState::Refused), 124);
     assert!(again.refusals().unwrap().iter().all(|refusal| refusal.reason == "missing in the archive"));
+}
+
+/// Catches taps of other scales than the first, or another distance, that come back with the first one's.
+#[test]
+fn scales_are_kept_tap_by_tap() {
+    let rig = run();
+    let whole = Reader::open(rig.path("run.h5")).unwrap();
+    let mut writer = tapline_store::Writer::create(rig.path("mixed.h5"), whole.plan(), "").unwrap();
+    let mut headers = Vec::new();
+    for (row, found) in (0..4).zip(whole.discriminators().unwrap()) {
+        let (mut header, samples) = whole.tap(row).unwrap().unwrap();
+        header.channels[0].unit_per_count /= f64::from(row % 3 + 1);
+        header.channels[1].unit_per_count *= if row == 3 { 0.7 } else { 1.0 };
+        header.microphone_distance_m += f64::from(row) / 30.0;
+        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+        writer.put_discriminators(&found.unwrap()).unwrap();
+        headers.push(header);
+    }
+    writer.finish().unwrap();
+    rig.run("export mixed.h5 taps --out set").expect(3);
+    let mut set = TapSet::open(&rig.path("set"), 1).unwrap();
+    let mut lanes = vec![Lane::default(); lanes_for(set.plan().recording.payload_bytes_max())];
+    for (row, want) in (0..).zip(headers) {
+        let mut got = TapHeader::default();
+        set.render(row, 0, &mut got, &mut lanes).unwrap();
+        assert_eq!(got.channels, want.channels, "row {row}");
+        assert_eq!(got.microphone_distance_m.to_bits(), want.microphone_distance_m.to_bits(), "row {row}");
+    }
 }
 
 /// Prints of each Universal File its types and units, and of its functions what names them; checks every sample against what

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{Float64Type, UInt16Type, UInt32Type};
-use arrow_array::{Array as _, ArrayRef};
+use arrow_array::{Array as _, ArrayRef, RecordBatch};
 use arrow_schema::DataType;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use tapline_store::{Export, Reader, export, export_parquet};
@@ -57,8 +57,8 @@ fn parquet_is_the_csv_cell_by_cell() {
         let (header, rows) = as_csv(&reader, table);
         assert_eq!(names, header, "{table:?}");
         let mut done = 0;
-        for batch in builder.build().unwrap() {
-            let batch = batch.unwrap();
+        let batches: Vec<RecordBatch> = builder.build().unwrap().map(Result::unwrap).collect();
+        for batch in &batches {
             for row in 0..batch.num_rows() {
                 for (name, cell) in header.iter().zip(&rows[done]) {
                     let array = batch.column_by_name(name).unwrap();
@@ -68,6 +68,11 @@ fn parquet_is_the_csv_cell_by_cell() {
             }
         }
         assert_eq!(done, rows.len(), "{table:?}");
+        // A tap without a reason has none; one without flags has a text of no letters.
+        let null_count =
+            |name: &str| batches.iter().filter_map(|b| b.column_by_name(name)).map(|a| a.null_count()).sum::<usize>();
+        assert_eq!(null_count("reason"), if table == Export::Ledger { 9 } else { 0 });
+        assert_eq!(null_count("quality"), 0);
         assert!(done > 0);
     }
 }
