@@ -1,6 +1,6 @@
 # Two commands: `make demo` and `make test`. Both install what is missing first (Debian, Ubuntu).
 
-PACKAGES = libhdf5-dev pkg-config python3-h5py
+PACKAGES = libhdf5-dev pkg-config python3-h5py hdf5-filter-plugin-blosc-serial
 DEMO = demo
 
 .PHONY: setup demo test gates bench

@@ -49,6 +49,11 @@ pub(crate) enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Judge archives again: with other options, another reference, or by a newer program.
+    ///
+    /// The archive is not touched. The results stand beside it in a file named after their lineage, which every other verb
+    /// takes as an archive; the same command again goes on where it was ended. Prints the name of each file.
+    Reprocess(ReprocessArgs),
     /// Write what an archive holds as pages to read and print: one a tyre, and one of the whole shift.
     ///
     /// Each page is one HTML file that needs nothing else. An archive that is not whole is told of as far as it goes.
@@ -142,6 +147,25 @@ pub(crate) struct ReferenceArgs {
     /// File to write, whose name ends in .json.
     #[arg(long)]
     pub(crate) out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReprocessArgs {
+    /// The archives.
+    #[arg(required = true)]
+    pub(crate) archives: Vec<PathBuf>,
+    /// Configuration file whose [process] and [fuse] are new; each archive's own when left out.
+    #[arg(long)]
+    pub(crate) config: Option<PathBuf>,
+    /// What shoulders are compared with, over what the configuration says, as for `tapline run`.
+    #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
+    pub(crate) reference: Option<String>,
+    /// Threads; one for every core when left out. They change no result.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) jobs: usize,
+    /// Read the samples even where the archive's own discriminators were made by the same options and sources.
+    #[arg(long)]
+    pub(crate) from_samples: bool,
 }
 
 #[derive(Debug, Args)]

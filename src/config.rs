@@ -9,10 +9,11 @@ use tapline_acquire::{AcquireConfig, ScanConfig, SimulatedLine, Source, TapSet};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
-use tapline_store::Lineage;
+use tapline_store::{Lineage, StoreConfig};
 use tapline_wire::{Plan, Recording};
 
 use crate::cli::{LineArgs, SourceArgs};
+use crate::lineage::made_by;
 
 /// What a configuration file says; every key has a default, and unknown keys are refused.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -28,6 +29,8 @@ pub(crate) struct Config {
     pub(crate) process: ProcessConfig,
     /// Damage maps and verdicts.
     pub(crate) fuse: FuseConfig,
+    /// The archive.
+    pub(crate) store: StoreConfig,
 }
 
 /// A run as it was asked for: configuration, source and archive.
@@ -41,6 +44,8 @@ pub(crate) struct Job {
     /// Where the reference is read from, if it is in a file.
     reference_file: Option<PathBuf>,
     stations: Option<u16>,
+    /// What its results are made by.
+    made_by: String,
 }
 
 /// A reference as it was read.
@@ -64,6 +69,7 @@ impl Job {
         config.acquire.validate()?;
         config.process.validate()?;
         config.fuse.validate()?;
+        config.store.validate()?;
         if args.stations == Some(0) {
             bail!("--stations is 0; at least one is needed");
         }
@@ -80,7 +86,8 @@ impl Job {
             Some(Reference::File(path)) => Some(path.clone()),
             _ => None,
         };
-        Ok(Self { config, config_toml, taps: args.taps.clone(), out, reference_file, stations: args.stations })
+        let (taps, stations, made_by) = (args.taps.clone(), args.stations, made_by(&config)?);
+        Ok(Self { config, config_toml, taps, out, reference_file, stations, made_by })
     }
 
     /// The job of a stage: its reference is read from the copy that its line made, if it made one.
@@ -103,20 +110,22 @@ impl Job {
 
     /// What the archive keeps of how the run began.
     pub(crate) fn lineage<'a>(&'a self, reference: Option<&'a ReferenceFile>) -> Lineage<'a> {
-        Lineage { config_toml: &self.config_toml, reference: reference.map(|file| file.text.as_str()) }
+        Lineage {
+            config_toml: &self.config_toml,
+            reference: reference.map(|file| file.text.as_str()),
+            codec: self.config.store.codec,
+            made_by: &self.made_by,
+            raw: None,
+        }
     }
 
     /// The fusion of the taps of `plan`, by the reference that the configuration names.
     pub(crate) fn fusion(&self, plan: &Plan) -> Result<Fusion> {
         Ok(match self.reference()? {
-            Some(ReferenceFile { set, .. }) if set.process != process_of(&self.config.process, &plan.recording)? => {
-                let now = process_of(&self.config.process, &plan.recording)?;
-                bail!(
-                    "the taps of the reference were recorded or analysed otherwise than this run's: {}",
-                    differences(&set.process, &now)
-                );
+            Some(ReferenceFile { set, .. }) => {
+                check_reference(&set, &self.config.process, &plan.recording)?;
+                Fusion::with_reference(&self.config.fuse, plan, set)?
             }
-            Some(ReferenceFile { set, .. }) => Fusion::with_reference(&self.config.fuse, plan, set)?,
             None => Fusion::new(&self.config.fuse, plan)?,
         })
     }
@@ -136,6 +145,18 @@ pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Resul
     let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
     Ok(format!("sample_rate_hz = {:?}\nchannels = {channels:?}\n{config}", recording.sample_rate_hz))
+}
+
+/// Whether the taps of `set` were recorded and analysed as those of a run are.
+pub(crate) fn check_reference(set: &ReferenceSet, config: &ProcessConfig, recording: &Recording) -> Result<()> {
+    let now = process_of(config, recording)?;
+    if set.process != now {
+        bail!(
+            "the taps of the reference were recorded or analysed otherwise than this run's: {}",
+            differences(&set.process, &now)
+        );
+    }
+    Ok(())
 }
 
 /// The lines of two texts that differ.
@@ -165,4 +186,40 @@ fn read_config(path: Option<&Path>) -> Result<(Config, String)> {
         std::fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
     let config = toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
     Ok((config, text))
+}
+
+#[cfg(test)]
+mod tests {
+    use tapline_wire::{Channel, SampleFormat};
+
+    use super::*;
+
+    #[test]
+    fn what_differs_is_named() {
+        // Catches a difference that is not looked at, as of the rate or the channels, one that is not named, and lines that
+        // are alike and named.
+        let recording = Recording {
+            sample_rate_hz: 40_960.0,
+            pre_trigger_samples: 512,
+            sample_count_max: 16_384,
+            sample_format: SampleFormat::I16,
+            channels: vec![Channel::Force, Channel::Sound],
+        };
+        let config = ProcessConfig::default();
+        let was = process_of(&config, &recording).unwrap();
+        let told =
+            |config: &ProcessConfig, recording: &Recording| differences(&was, &process_of(config, recording).unwrap());
+        let faster = Recording { sample_rate_hz: 48_000.0, ..recording.clone() };
+        assert_eq!(told(&config, &faster), "sample_rate_hz = 40960.0 there, sample_rate_hz = 48000.0 here");
+        let deaf = Recording { channels: vec![Channel::Force], ..recording.clone() };
+        assert_eq!(told(&config, &deaf), "channels = [\"force\", \"sound\"] there, channels = [\"force\"] here");
+        let other = ProcessConfig { f_c_hz: 600.0, f_hi_hz: 1900.0, ..config };
+        assert_eq!(
+            told(&other, &recording),
+            "f_c_hz = 550.0, f_hi_hz = 2000.0 there, f_c_hz = 600.0, f_hi_hz = 1900.0 here"
+        );
+        // How long the records are, and in what numbers, does not count.
+        let longer = Recording { sample_count_max: 32_768, sample_format: SampleFormat::F32, ..recording };
+        assert_eq!(process_of(&ProcessConfig::default(), &longer).unwrap(), was);
+    }
 }

@@ -12,12 +12,14 @@ mod export;
 mod figures;
 mod in_memory;
 mod line;
+mod lineage;
 mod palette;
 mod pen;
 mod progress;
 mod record;
 mod reference;
 mod report;
+mod reprocess;
 mod stage;
 mod stats;
 mod study;
@@ -76,6 +78,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Export(args) => export::export(args),
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
+        Verb::Reprocess(args) => reprocess::reprocess(args),
         Verb::Report { archive, out } => report::report(archive, out.as_deref()),
         Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Study(args) => study::study(args),

@@ -19,9 +19,14 @@ pub(crate) struct Progress {
 
 impl Progress {
     pub(crate) fn new(total: usize, archive: &Path) -> Self {
+        Self::begin(total, &format!("scanning {total} taps into {}", archive.display()))
+    }
+
+    /// Of `total` taps, after saying what begins.
+    pub(crate) fn begin(total: usize, what: &str) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| bar(total));
         let progress = Self { total, last: None, bar, told_at: Instant::now() };
-        progress.say(&format!("scanning {total} taps into {}", archive.display()));
+        progress.say(what);
         progress
     }
 

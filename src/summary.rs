@@ -1,5 +1,6 @@
 //! What a run ends with: the verdict on every shoulder, how good they are where the truth is known, how fast it went.
 
+use std::collections::BTreeSet;
 use std::io::{self, Write as _};
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use anyhow::Result;
 use comfy_table::Table;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde::Serialize;
-use tapline_fuse::{Reference, ReferenceSet, Score};
+use tapline_fuse::{Fusion, Reference, ReferenceSet, Score};
 use tapline_store::{Reader, regions};
 use tapline_wire::{DamageCell, Discriminator, Judgement, Quality, Reasons, TapState, Verdict};
 
@@ -38,6 +39,8 @@ struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     auc: Option<Auc>,
     reference_is_self: bool,
+    /// What was asked for and could not be learned from a reference, and why; each text once.
+    fallbacks: Vec<String>,
     /// How many archived taps have each flag.
     flags: Vec<(&'static str, usize)>,
     pace: PaceLine,
@@ -97,6 +100,7 @@ pub(crate) fn summarise(job: &Job, pace: Pace, as_json: bool) -> Result<bool> {
         verdicts: shoulders(&reader)?,
         auc: auc(job, &reader)?,
         flags: flags(&reader)?,
+        fallbacks: fallbacks(job, &reader)?,
         reference_is_self: job.config.fuse.reference == Some(Reference::Own),
         pace,
     };
@@ -107,6 +111,31 @@ pub(crate) fn summarise(job: &Job, pace: Pace, as_json: bool) -> Result<bool> {
         print(&mut out, &summary)?;
     }
     Ok(summary.is_whole)
+}
+
+/// Why verdicts of the archive fell back. Learned from the archive again, so that it is said also when another `fuse`, or
+/// an earlier run, reached them.
+fn fallbacks(job: &Job, reader: &Reader) -> Result<Vec<String>> {
+    let judgements = reader.judgements()?;
+    let fell_back = |judged: &Option<(Judgement, _)>| {
+        judged.as_ref().is_some_and(|(judgement, _)| judgement.reasons.contains(Reasons::FELL_BACK))
+    };
+    let scans: Vec<usize> = (0..judgements.len()).filter(|&scan| fell_back(&judgements[scan])).collect();
+    if scans.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut fusion = match reader.reference() {
+        Some(text) => Fusion::with_reference(&job.config.fuse, reader.plan(), Arc::new(ReferenceSet::parse(text)?))?,
+        None => Fusion::new(&job.config.fuse, reader.plan())?,
+    };
+    for record in reader.discriminators()?.iter().flatten() {
+        fusion.push(record)?;
+    }
+    let mut texts = BTreeSet::new();
+    for scan in scans {
+        texts.extend(fusion.fallbacks(scan)?);
+    }
+    Ok(texts.into_iter().collect())
 }
 
 fn flags(reader: &Reader) -> Result<Vec<(&'static str, usize)>> {
@@ -243,6 +272,9 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     }
     if summary.reference_is_self {
         writeln!(out, "Each tyre is compared with itself (reference = \"self\"): damage all around would not show.")?;
+    }
+    for text in &summary.fallbacks {
+        writeln!(out, "{text}")?;
     }
     if !summary.flags.is_empty() {
         let flags: Vec<String> = summary.flags.iter().map(|(name, count)| format!("{name} {count}")).collect();

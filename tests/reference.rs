@@ -79,6 +79,14 @@ fn a_labelled_reference_teaches() {
     assert_eq!(done.code, Some(0), "{done:?}");
     // Six cracked locations are too few for a discriminant: it says so and falls back.
     assert!(verdicts(&rig, "lda.h5").iter().all(|(_, _, reasons)| reasons.contains("fell_back")));
+    let why = "index = \"lda\" falls back to \"robust\": ";
+    let told = |text: &str| text.lines().filter(|line| line.contains(why) && line.contains(" and 6 (")).count();
+    assert_eq!(told(&done.err), 1, "a warning, once for all six shoulders: {done:?}");
+    let summary = done.json(0);
+    let texts = summary["fallbacks"].as_array().unwrap();
+    assert!(texts.len() == 1 && told(texts[0].as_str().unwrap()) == 1, "{texts:?}");
+    let again = rig.run("run --config lda.toml --out lda.h5");
+    assert_eq!((again.code, told(&again.out)), (Some(0), 1), "also when nothing is left to do: {again:?}");
 }
 
 /// Catches a run that is compared with nothing in particular, and errors that do not say what to do.
@@ -108,12 +116,23 @@ fn what_cannot_be_a_reference_is_refused() {
     let done = rig.run("reference cracked.h5 --out c.json");
     assert!(done.code == Some(0) && done.err.contains("C3/1 did not pass"), "{done:?}");
     assert!(done.out.contains("5 shoulders: C1/1, C1/2, C2/1, C2/2, C3/2; 500 sound"), "{done:?}");
+    // One that is known to be cracked is not sound for being named; the truth of each location is asked for.
+    refused("reference cracked.h5 --shoulder C3/1 --out named.json", &["C3/1 is known to be cracked", "--labelled"]);
+    assert!(!rig.path("named.json").exists());
     assert_eq!(rig.run("reference sound.h5 --out sound.json").code, Some(0));
     rig.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
     refused(
         "run --config other.toml --out a.h5 --reference sound.json",
         &["f_c_hz = 550.0 there", "f_c_hz = 600.0 here"],
     );
+    // Nor do archives go together that were analysed otherwise.
+    let done = rig.run("run --config other.toml --out other.h5 --reference self");
+    assert_eq!(done.code, Some(0), "{done:?}");
+    refused(
+        "reference sound.h5 other.h5 --out both.json",
+        &["other.h5", "sound.h5", "f_c_hz = 550.0 there, f_c_hz = 600.0 here"],
+    );
+    assert!(!rig.path("both.json").exists());
     rig.write("elsewhere.toml", "[scan]\noffsets_mm = [7.0]\nvelocities_m_per_s = [1.5]\n");
     refused("run --config elsewhere.toml --out a.h5 --reference sound.json", &["7 mm", "10 mm", "in common"]);
     let edited = std::fs::read_to_string(rig.path("sound.json")).unwrap().replace("\"S1\"", "\"S8\"");

@@ -7,6 +7,7 @@ use crate::combine::Largest;
 use crate::condition::Conditions;
 use crate::indices::{Example, Index, Lda, LearnError, LogOdds, Mahalanobis, Mean, Signs, Weighted};
 use crate::level::Level;
+use crate::repeat::{repeat_sds, score_sds};
 use crate::shoulder::{Reading, Shoulder};
 use crate::stats::Spread;
 use crate::yardstick::Yardstick;
@@ -285,51 +286,4 @@ fn examples(condition_count: usize, reference: &[Shoulder], kept: &Kept, cells: 
         first_place += cells.place_count();
     }
     examples
-}
-
-/// Standard deviation of a repeated tap's score, by discriminator: the mean over the conditions that have one.
-fn score_sds(yardstick: &Yardstick, repeats: &[Option<f64>]) -> Vec<Option<f64>> {
-    let width = yardstick.width();
-    let mean = |which: usize| {
-        let slots = (which..repeats.len()).step_by(width);
-        let sds = slots.filter_map(|slot| Some(repeats[slot]? / yardstick.sigma(slot)?)).filter(|sd| sd.is_finite());
-        let (sum, count) = sds.fold((0.0, 0_u32), |(sum, count), sd| (sum + sd, count + 1));
-        (count > 0).then(|| sum / f64::from(count))
-    };
-    (0..width).map(mean).collect()
-}
-
-/// Standard deviation of a repeated tap's share of the level, by slot: pooled over the kept places with two taps and more.
-fn repeat_sds(
-    config: &FuseConfig,
-    condition_count: usize,
-    reference: &[Shoulder],
-    kept: &Kept,
-    levels: &[Level],
-) -> Vec<Option<f64>> {
-    let discriminators = config.directed();
-    let width = discriminators.len();
-    let mut pooled = vec![(0.0, 0_u32); condition_count * width];
-    for ((shoulder, kept), level) in reference.iter().zip(kept).zip(levels) {
-        // Count, mean and sum of squares about it, by place and slot (Welford).
-        let mut sums = vec![(0_u32, 0.0, 0.0); shoulder.ring.len() * condition_count * width];
-        for tap in shoulder.taps.iter().filter(|tap| kept[tap.place]) {
-            let first = tap.condition * width;
-            for (slot, &(which, _)) in (first..).zip(&discriminators) {
-                let Some(share) = tap.values.get(which).and_then(|x| level.share(slot, x)) else { continue };
-                let (count, mean, squares) = &mut sums[tap.place * condition_count * width + slot];
-                *count += 1;
-                let off = share - *mean;
-                *mean += off / f64::from(*count);
-                *squares += off * (share - *mean);
-            }
-        }
-        for (number, (count, _, squares)) in sums.into_iter().enumerate() {
-            let (sum, free) = &mut pooled[number % (condition_count * width)];
-            if count > 1 && f64::is_finite(squares) {
-                (*sum, *free) = (*sum + squares, *free + count - 1);
-            }
-        }
-    }
-    pooled.into_iter().map(|(sum, free)| (free > 0).then(|| (sum / f64::from(free)).sqrt())).collect()
 }

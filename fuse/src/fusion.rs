@@ -98,8 +98,9 @@ impl Fusion {
 
     /// Takes in one tap's discriminators, or its refusal ([`Quality::REFUSED`]).
     ///
-    /// One that is to be taken again ([`Quality::RETAKE`]) is as if it had not come. A later attempt replaces an earlier one; the same record twice counts once. A record that
-    /// changes what a verdict was reached from makes its scans [`ready`](Self::ready) again.
+    /// One that is to be taken again ([`Quality::RETAKE`]) is as if it had not come. A later attempt replaces an earlier
+    /// one; the same record twice counts once. A record that changes what a verdict was reached from makes its scans
+    /// [`ready`](Self::ready) again.
     ///
     /// # Errors
     /// [`Error::NoSuchRow`] or [`Error::OtherTap`] for a record of another plan; nothing has changed then.
@@ -205,6 +206,17 @@ impl Fusion {
             absent_count: cells.iter().fold(0, |sum: u32, cell| sum.saturating_add(cell.absent_count)),
         };
         Ok((judgement, cells))
+    }
+
+    /// What was asked for and could not be learned from the reference of scan number `scan`, each with why and what stands
+    /// in its place, for people to read. Empty unless [`judge`](Self::judge) gives [`Reasons::FELL_BACK`]; with whatever
+    /// has come.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn fallbacks(&mut self, scan: usize) -> Result<Vec<String>, Error> {
+        self.check(scan)?;
+        Ok(self.compared(scan).standard.fit.fallbacks.clone())
     }
 
     /// Plan rows of a scan's taps that enter its index if they come, with their names; all but the closing ones.

@@ -10,6 +10,10 @@ use crate::{Error, Fusion, IndexKind};
 /// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
 const REACH_PART: f64 = 0.5;
 
+/// A location speaks for its region from this part of what the highest one of it shows. The step along the ring takes sound
+/// neighbours in, whose scatter is not to decide between offsets.
+const CORE_PART: f64 = 0.5;
+
 /// Offsets that show this part of the most show it alike.
 const ALIKE_PART: f64 = 0.98;
 
@@ -33,7 +37,9 @@ pub(crate) fn mark_regions(compared: &Compared, regions: &[u32], cells: &mut [Da
         let places: Vec<usize> = (0..regions.len()).filter(|&place| regions[place] == region).collect();
         let (sum, count) = places.iter().filter_map(|&p| z[p]).fold((0.0, 0.0), |(s, n), z| (s + z, n + 1.0));
         let chance = if count > 0.0 { p_value(sum / f64::sqrt(count)) } else { None };
-        let across = across(compared, &places);
+        let most = places.iter().filter_map(|&place| z[place]).max_by(f64::total_cmp);
+        let is_core = |&place: &usize| matches!((z[place], most), (Some(z), Some(most)) if z >= CORE_PART * most);
+        let across = across(compared, &places.iter().copied().filter(is_core).collect::<Vec<usize>>());
         for place in places {
             let cell = &mut cells[place];
             cell.region_p_value = chance.unwrap_or(f64::NAN);

@@ -75,6 +75,7 @@ pub mod proof;
 mod reference_build;
 mod reference_set;
 mod reference_summary;
+mod repeat;
 mod resample;
 mod ring;
 mod run;

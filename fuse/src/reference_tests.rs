@@ -105,6 +105,51 @@ fn what_is_no_reference_is_refused() {
 }
 
 #[test]
+fn a_shoulder_that_is_there_twice_is_refused() {
+    // Catches a shoulder that counts double, as if two casings agreed; the other side of a casing is no repeat.
+    let both = Casing { shoulder_count: 2, ..Casing::default() };
+    let mut set = build_reference(&built(file()), shoulders_of(&both, 1, false, "A")).unwrap();
+    assert!(ReferenceSet::parse(&set.clone().signed().text().unwrap()).is_ok());
+    // Apart from each other, so that it is not neighbours only that are compared.
+    set.shoulders.push(set.shoulders[0].clone());
+    let error = ReferenceSet::parse(&set.signed().text().unwrap()).unwrap_err();
+    assert!(error.to_string().contains("A/1 twice"), "{error}");
+}
+
+#[test]
+fn a_number_that_was_edited_is_refused() {
+    // Catches a digest that vouches for the shoulders and not for the limits, the labels or the analysis, or the reverse.
+    let set = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
+    let refused = |change: &dyn Fn(&mut ReferenceSet)| {
+        let mut edited = set.clone();
+        change(&mut edited);
+        let parsed = ReferenceSet::parse(&edited.text().unwrap());
+        assert!(parsed.unwrap_err().to_string().contains("it was changed"));
+    };
+    refused(&|set| set.summary.limit_reject = set.summary.limit_reject.map(|limit| limit + 1e-9));
+    refused(&|set| set.summary.scales[0].spread *= 1.0 + 1e-12);
+    refused(&|set| set.shoulders[0].turns[0].values.get_mut("pr").unwrap()[3] = Some(0.25));
+    refused(&|set| set.shoulders[0].is_cracked.as_mut().unwrap()[0] = false);
+    refused(&|set| set.process = set.process.replace("550", "551"));
+    refused(&|set| set.directions.set(Discriminator::Pr, Direction::Falls));
+}
+
+#[test]
+fn limits_are_for_as_many_locations_as_are_judged() {
+    // Catches limits shared out over the reference's locations alone: a shoulder of more would be called more often than is
+    // stated; and limits that a short shoulder lowers below those that the file says.
+    let set = build_reference(&built(file()), shoulders_of(&Casing::default(), 1, false, "A")).unwrap();
+    let limit_by = |location_count| {
+        let plan = Casing { location_count, ..Casing::default() }.plan();
+        let mut fusion = Fusion::with_reference(&file(), &plan, std::sync::Arc::new(set.clone())).unwrap();
+        fusion.judge(0).unwrap().0.limit_re_inspect
+    };
+    let stated = set.summary.limit_re_inspect.unwrap();
+    assert!((limit_by(100) - stated).abs() < 1e-12 && (limit_by(20) - stated).abs() < 1e-12);
+    assert!(limit_by(400) > stated + 0.05 * stated.abs(), "{} {stated}", limit_by(400));
+}
+
+#[test]
 fn another_casing_is_judged_by_a_reference() {
     // Catches a reference that is not used, a casing damaged for its level, and a mark of self-reference where there is none.
     let sound = Casing { shoulder_count: 2, ..Casing::default() };

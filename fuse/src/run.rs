@@ -1,5 +1,6 @@
 //! `fuse` on a line: judges each shoulder as soon as it can be judged.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
@@ -39,6 +40,8 @@ pub struct Outcome {
     pub lost_count: u64,
     /// Whether every scan is judged, and not just the process told to stop.
     pub is_complete: bool,
+    /// What was asked for and could not be learned from a reference, and why; each text once, in the order of the texts.
+    pub fallbacks: Vec<String>,
 }
 
 /// Turns the discriminators on `line` into verdicts, by `fusion`, until every scan of `plan` is judged.
@@ -67,6 +70,7 @@ struct Bench<'a> {
     progress_at: Instant,
     record_count: u64,
     verdict_count: u64,
+    fallbacks: BTreeSet<String>,
 }
 
 impl<'a> Bench<'a> {
@@ -84,6 +88,7 @@ impl<'a> Bench<'a> {
             progress_at: Instant::now(),
             record_count: 0,
             verdict_count: 0,
+            fallbacks: BTreeSet::new(),
         })
     }
 
@@ -152,9 +157,21 @@ impl<'a> Bench<'a> {
         todo.extend((0..is_archived.len()).filter(|&scan| overdue(self.judged_at[scan])));
         for scan in todo.into_iter().filter(|&scan| !is_archived[scan]) {
             let (judgement, cells) = self.fusion.judge(scan)?;
+            self.note_fallbacks(scan)?;
             self.verdicts.send(RecordKind::Data, judgement, &cells)?;
             self.verdict_count += u64::from(self.judged_at[scan].is_none());
             self.judged_at[scan] = Some(Instant::now());
+        }
+        Ok(())
+    }
+
+    /// Says once what the verdict on `scan` was to rest on and does not.
+    fn note_fallbacks(&mut self, scan: usize) -> Result<(), RunError> {
+        for text in self.fusion.fallbacks(scan)? {
+            if !self.fallbacks.contains(&text) {
+                tracing::warn!("{text}");
+                self.fallbacks.insert(text);
+            }
         }
         Ok(())
     }
@@ -178,6 +195,7 @@ impl<'a> Bench<'a> {
             verdict_count: self.verdict_count,
             lost_count: self.found.lost() + self.replayed.lost(),
             is_complete: self.ledger.as_ref().is_some_and(Ledger::is_judged),
+            fallbacks: self.fallbacks.iter().cloned().collect(),
         }
     }
 }

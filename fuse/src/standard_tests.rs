@@ -82,3 +82,32 @@ fn a_minority_is_no_reference() {
     assert!(is_majority(&vec![vec![true, false], vec![true, false]]));
     assert!(!is_majority(&vec![vec![true, true, false], vec![false, false]]));
 }
+
+#[test]
+fn a_shoulder_has_its_own_level_where_most_of_it_is_kept() {
+    // Catches a level that is taken from what is left of a cracked shoulder, or from too few places; and one for all
+    // shoulders alike.
+    let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::default() };
+    let ring = |count: u32, factor: f64| {
+        let mut shoulder = slab(count, 0, 0.0);
+        let locations: Vec<_> = (0..count).map(|l| (l, None)).collect();
+        shoulder.ring = Ring::of(Geometry::Ring, &locations, Some(count));
+        for tap in &mut shoulder.taps {
+            tap.values.set(Discriminator::Pr, tap.values.get(Discriminator::Pr).map(|pr| factor * pr));
+        }
+        shoulder
+    };
+    for (count, kept_count, is_alone) in
+        [(101, 101, true), (101, 51, true), (101, 50, false), (20, 16, true), (20, 15, false)]
+    {
+        let shoulders = [ring(count, 1.0), ring(count, 2.0)];
+        let mut kept = everything(&shoulders);
+        kept[1][kept_count..].fill(false);
+        let level =
+            |is_meant: &dyn Fn(&Shoulder) -> bool| level_of(&config, &one_condition(), &shoulders, &kept, is_meant);
+        let (alone, together) = (level(&|s| std::ptr::eq(s, &raw const shoulders[1])), level(&|_| true));
+        assert_ne!(alone, together);
+        let expected = if is_alone { alone } else { together };
+        assert_eq!(own_levels(&config, &one_condition(), &shoulders, &kept)[1], expected, "{kept_count} of {count}");
+    }
+}

@@ -48,12 +48,20 @@ pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
         return None;
     }
     let is_even = values.len().is_multiple_of(2);
-    let (below, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    if !is_even {
-        return Some(upper);
-    }
-    let lower = below.iter().copied().max_by(f64::total_cmp)?;
-    Some(0.5 * lower + 0.5 * upper)
+    // Integers in the order of `f64::total_cmp` are selected from at twice the speed.
+    let keys: &mut [i64] = bytemuck::cast_slice_mut(values);
+    keys.iter_mut().for_each(|key| *key = in_order(*key));
+    let (below, &mut upper, _) = keys.select_nth_unstable(middle);
+    let lower = if is_even { below.iter().copied().max()? } else { upper };
+    keys.iter_mut().for_each(|key| *key = in_order(*key));
+    let [lower, upper] = [lower, upper].map(|key| f64::from_bits(in_order(key).cast_unsigned()));
+    Some(if is_even { 0.5 * lower + 0.5 * upper } else { upper })
+}
+
+/// The bits of a number as an integer that is ordered as the number is, and back.
+fn in_order(bits: i64) -> i64 {
+    // Magnitudes of negative numbers count down.
+    bits ^ ((bits >> 63).cast_unsigned() >> 1).cast_signed()
 }
 
 /// Chance that a standard normal value exceeds `z`.

@@ -8,15 +8,17 @@ use hdf5::types::VarLenUnicode;
 use hdf5::{File, H5Type, Location};
 use tapline_wire::{Channel, Geometry, Plan, Recording, SampleFormat, Truth};
 
-use crate::check::other_configuration;
-use crate::chunk::ChunkRows;
-use crate::create::{format_name, geometry_name};
+use crate::check::{other_configuration, other_lineage};
+use crate::chunk::{ChunkRows, take_whole_file};
+use crate::codec::Codec;
+use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name};
 use crate::error::Context;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
     TruthRow, attribute, table,
 };
 use crate::rows::serial;
+use crate::sealed::SealedRow;
 use crate::table::Table;
 use crate::{Error, Lineage, Result};
 
@@ -44,7 +46,19 @@ pub(crate) struct Archive {
     pub(crate) refusals: Table<ReasonRow>,
     pub(crate) scans: Table<ScanRow>,
     pub(crate) damage: Table<CellRow>,
+    /// What the results were made by.
+    pub(crate) made_by: String,
     pub(crate) file: File,
+    /// The archive of the taps, where this one has results alone.
+    raw: Option<Raw>,
+}
+
+/// Another archive, whose taps these results are of.
+#[derive(Debug)]
+struct Raw {
+    ledger: Table<LedgerRow>,
+    /// Kept open for its tables.
+    _file: File,
 }
 
 impl Archive {
@@ -60,7 +74,20 @@ impl Archive {
         if self.reference.as_deref() != lineage.reference {
             return Err(Error::OtherReference { path: self.path.clone() });
         }
+        if self.made_by != lineage.made_by {
+            return Err(other_lineage(&self.path, &self.made_by, lineage.made_by));
+        }
         Ok(())
+    }
+
+    /// Whether this archive has results alone, of the taps of another.
+    pub(crate) fn is_results(&self) -> bool {
+        self.raw.is_some()
+    }
+
+    /// The ledger that vouches for the samples.
+    pub(crate) fn raw_ledger(&self) -> &Table<LedgerRow> {
+        self.raw.as_ref().map_or(&self.ledger, |raw| &raw.ledger)
     }
 
     /// Opens the archive at `path` and checks that all its tables are there and fit each other.
@@ -68,39 +95,56 @@ impl Archive {
         probe(path, access)?;
         let file = match access {
             Access::Read => File::open(path),
-            Access::Write => File::open_rw(path),
+            Access::Write => files().open_rw(path),
         }
         .context("open the archive", path)?;
+        if access == Access::Write {
+            take_whole_file(&file).context("take the whole file", path)?;
+        }
         check_format(&file, path)?;
-        check_units(&file, path)?;
-        let plan = read_plan(&file, path)?;
+        check_fixed(&file, path)?;
+        let raw_file = open_raw(&file, path)?;
+        let taps_file = raw_file.as_ref().unwrap_or(&file);
+        check_units(&file, taps_file, path)?;
+        let plan = read_plan(&file, taps_file, path)?;
         let tap_count = plan.taps().len();
         let cell_count = plan.scans().iter().map(|s| s.locations.len()).sum();
-        let config = file
-            .dataset(table::CONFIG)
-            .and_then(|d| d.read_scalar::<VarLenUnicode>())
-            .context("read the configuration", path)?;
+        let text_of = |name: &str, what: &'static str| -> Result<String> {
+            let text = file.dataset(name).and_then(|d| d.read_scalar::<VarLenUnicode>()).context(what, path)?;
+            utf8(&text).ok_or_else(|| damaged(path, format!("{name:?} is not UTF-8")))
+        };
+        let config = text_of(table::CONFIG, "read the configuration")?;
+        let made_by = text_of(table::MADE_BY, "read what the results were made by")?;
         let reference = match file.link_exists(table::REFERENCE) {
             true => Some(read_reference(&file, path)?),
             false => None,
         };
-        let samples = file.dataset(table::SAMPLES).context("find the samples", path)?;
+        let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
+        let codec = read_text(&samples, attribute::CODEC).context("read what packs the samples", path)?;
+        let codec = Codec::from_name(&codec).ok_or_else(|| {
+            damaged(path, format!("its samples are packed by {codec:?}, which is none of its codecs"))
+        })?;
         let samples = (samples.shape().first() == Some(&tap_count))
-            .then(|| ChunkRows::new(samples, plan.recording.payload_bytes_max()))
+            .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
             .flatten()
             .ok_or_else(|| damaged(path, "the samples have not the shape that the plan asks for"))?;
         Ok(Self {
             path: path.to_owned(),
-            config: utf8(&config).ok_or_else(|| damaged(path, "the configuration is not UTF-8"))?,
+            config,
+            made_by,
             reference,
             samples,
-            headers: open_table(&file, path, table::HEADER, tap_count)?,
-            discriminators: open_table(&file, path, table::DISCRIMINATORS, tap_count)?,
-            ledger: open_table(&file, path, table::LEDGER, tap_count)?,
-            refusals: open_table(&file, path, table::REFUSALS, tap_count)?,
-            scans: open_table(&file, path, table::SCANS, plan.scans().len())?,
-            damage: open_table(&file, path, table::DAMAGE, cell_count)?,
+            headers: open_table(taps_file, path, tap_count)?,
+            discriminators: open_table(&file, path, tap_count)?,
+            ledger: open_table(&file, path, tap_count)?,
+            refusals: open_table(&file, path, tap_count)?,
+            scans: open_table(&file, path, plan.scans().len())?,
+            damage: open_table(&file, path, cell_count)?,
             plan,
+            raw: match raw_file {
+                Some(file) => Some(Raw { ledger: open_table(&file, path, tap_count)?, _file: file }),
+                None => None,
+            },
             file,
         })
     }
@@ -108,6 +152,13 @@ impl Archive {
     /// The error that this archive contradicts itself in `what`.
     pub(crate) fn damaged(&self, what: impl Into<String>) -> Error {
         damaged(&self.path, what)
+    }
+
+    /// Writes down the key of the results, which are whole.
+    pub(crate) fn write_key(&self, key: &str) -> Result<()> {
+        let key = Key::from_ascii(key.as_bytes()).map_err(|error| hdf5::Error::from(error.to_string()));
+        key.and_then(|key| self.file.attr(attribute::LINEAGE_KEY)?.write_scalar(&key))
+            .context("write the key of the results", &self.path)
     }
 
     /// Row in the damage table of the first cell of every scan, and of the end.
@@ -118,6 +169,25 @@ impl Archive {
         }
         first_cells
     }
+}
+
+/// Opens the archive whose taps the results in `file` are of; `None` where they are its own.
+fn open_raw(file: &File, path: &Path) -> Result<Option<File>> {
+    if !file.attr_names().context("read the attributes", path)?.iter().any(|name| name == attribute::RAW) {
+        return Ok(None);
+    }
+    let name = read_text(file, attribute::RAW).context("read the name of the taps' archive", path)?;
+    let raw_path = path.with_file_name(&name);
+    probe(&raw_path, Access::Read)?;
+    let raw = File::open(&raw_path).context("open the archive of the taps", &raw_path)?;
+    check_format(&raw, &raw_path)?;
+    let digest =
+        |of: &File, path: &Path| read_number::<u64>(of, attribute::PLAN_DIGEST).context("read the plan's digest", path);
+    let (archived, given) = (digest(&raw, &raw_path)?, digest(file, path)?);
+    if archived != given {
+        return Err(Error::OtherPlan { path: raw_path, archived, given });
+    }
+    Ok(Some(raw))
 }
 
 fn read_reference(file: &File, path: &Path) -> Result<String> {
@@ -171,8 +241,9 @@ fn check_format(file: &File, path: &Path) -> Result<()> {
 
 /// Whether every table's numbers are in the units of this program: a force in mN would pass through every ratio of one
 /// tyre unseen, and be a thousand times another's.
-fn check_units(file: &File, path: &Path) -> Result<()> {
+fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<()> {
     for (name, _, units) in NOTES.into_iter().filter(|(_, _, units)| !units.is_empty()) {
+        let file = if name.starts_with(table::TAPS) { taps_file } else { file };
         let table = file.dataset(name).context("find a table", path)?;
         let archived = read_text(&table, attribute::UNITS).unwrap_or_default();
         if archived != units {
@@ -182,13 +253,24 @@ fn check_units(file: &File, path: &Path) -> Result<()> {
     Ok(())
 }
 
-fn read_plan(file: &File, path: &Path) -> Result<Plan> {
+/// Whether what does not change once an archive is there is what it was then.
+fn check_fixed(file: &File, path: &Path) -> Result<()> {
+    let said = read_text(file, attribute::DIGEST).context("read the digest", path)?;
+    if digest_of_fixed(file).context("read what does not change", path)? != said {
+        let what =
+            "its plan, truth, configuration, reference or attributes are not what was written: their digest differs";
+        return Err(damaged(path, what));
+    }
+    Ok(())
+}
+
+fn read_plan(file: &File, taps_file: &File, path: &Path) -> Result<Plan> {
     let geometry = read_text(file, attribute::GEOMETRY).context("read the geometry", path)?;
     let geometry = [Geometry::Ring, Geometry::Line]
         .into_iter()
         .find(|&g| geometry_name(g) == geometry)
         .ok_or_else(|| damaged(path, format!("its geometry is {geometry:?}")))?;
-    let recording = read_recording(file, path)?;
+    let recording = read_recording(taps_file, path)?;
     let mut taps = Vec::new();
     for (k, row) in read_whole::<PlanRow>(file, path, table::PLAN)?.into_iter().enumerate() {
         taps.push(row.to_tap().map_err(|e| damaged(path, format!("row {k} of its plan: {e}")))?);
@@ -250,13 +332,13 @@ fn read_whole<R: H5Type + Clone>(file: &File, path: &Path, name: &'static str) -
     if bytes.is_none_or(|bytes| bytes > file.size()) {
         return Err(damaged(path, format!("{name} says it has {row_count} rows")));
     }
-    open_table(file, path, name, row_count)?.read_all().context("read a table", path)
+    dataset.read_raw::<R>().context("read a table", path)
 }
 
-fn open_table<R: H5Type + Clone>(file: &File, path: &Path, name: &str, row_count: usize) -> Result<Table<R>> {
-    Table::open(file, name, row_count)
+fn open_table<R: SealedRow>(file: &File, path: &Path, row_count: usize) -> Result<Table<R>> {
+    Table::open(file, row_count)
         .context("find a table", path)?
-        .ok_or_else(|| damaged(path, format!("{name} has not {row_count} rows")))
+        .ok_or_else(|| damaged(path, format!("{} has not {row_count} rows", R::TABLE)))
 }
 
 fn utf8(text: &VarLenUnicode) -> Option<String> {

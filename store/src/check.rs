@@ -64,17 +64,24 @@ pub(crate) fn check_cells(plan: &Plan, scan: u32, cells: &[DamageCell]) -> Resul
     Ok(())
 }
 
-/// The error that names the first line in which two configurations differ; a line that is not there is empty.
+/// The error that names the first line in which two configurations differ.
 pub(crate) fn other_configuration(path: &Path, archived: &str, given: &str) -> Error {
+    let (line, archived, given) = first_difference(archived, given);
+    Error::OtherConfiguration { path: path.to_owned(), line, archived, given }
+}
+
+/// The error that names the first line in which two lineages differ.
+pub(crate) fn other_lineage(path: &Path, archived: &str, given: &str) -> Error {
+    let (_, archived, given) = first_difference(archived, given);
+    Error::OtherLineage { path: path.to_owned(), archived, given }
+}
+
+/// Number, from 1, and wording of the first line in which two texts differ; a line that is not there is empty.
+fn first_difference(archived: &str, given: &str) -> (usize, String, String) {
     let line_count = archived.lines().count().max(given.lines().count());
     let pair = |k: usize| (archived.lines().nth(k).unwrap_or(""), given.lines().nth(k).unwrap_or(""));
     // Texts that differ only in their line ends differ in no line: the last is then named.
     let k = (0..line_count).find(|&k| pair(k).0 != pair(k).1).unwrap_or(line_count.saturating_sub(1));
     let (archived, given) = pair(k);
-    Error::OtherConfiguration {
-        path: path.to_owned(),
-        line: k + 1,
-        archived: archived.to_owned(),
-        given: given.to_owned(),
-    }
+    (k + 1, archived.to_owned(), given.to_owned())
 }

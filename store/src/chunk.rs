@@ -1,78 +1,127 @@
-//! Samples straight from where they lie to the disk: the one place that calls the C library itself.
-#![expect(unsafe_code, reason = "the safe crate has no direct chunk write")]
+//! Samples straight from where they lie to the disk and back: the one place that calls the C library itself.
+#![expect(unsafe_code, reason = "the safe crate has no direct chunk access")]
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt as _;
 
 use hdf5::{Dataset, Error, sync::sync};
-use hdf5_sys::h5::hsize_t;
-use hdf5_sys::h5d::H5Dwrite_chunk;
+use hdf5_sys::h5::{haddr_t, herr_t, hsize_t};
+use hdf5_sys::h5d::{H5Dget_chunk_info_by_coord, H5Dwrite_chunk};
+use hdf5_sys::h5i::hid_t;
 use hdf5_sys::h5p::H5P_DEFAULT;
 
+use crate::codec::Codec;
+
+unsafe extern "C" {
+    // Declared by HDF5 since 1.10, not by the crate of its declarations.
+    fn H5Fincrement_filesize(file: hid_t, increment: hsize_t) -> herr_t;
+}
+
+/// Has the library take all of a file that a killed writer left for used: chunks of that writer which lie behind the end
+/// that it last wrote down must not be given away again.
+///
+/// # Errors
+/// What the library says.
+pub(crate) fn take_whole_file(file: &hdf5::File) -> hdf5::Result<()> {
+    // SAFETY: the lock of the library is held and the file's identifier is valid while `file` lives.
+    sync(|| if unsafe { H5Fincrement_filesize(file.id(), 0) } < 0 { Err(Error::query()?) } else { Ok(()) })
+}
+
+/// Where a row lies in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Place {
+    pub(crate) address: u64,
+    pub(crate) length: usize,
+}
+
+impl Place {
+    /// Reads the row's bytes from `file` into `stored`, whose old contents are lost.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(crate) fn read(self, file: &File, stored: &mut Vec<u8>) -> io::Result<()> {
+        // A length that is damaged must not ask for memory that no file has.
+        if self.length as u64 > file.metadata()?.len() {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        stored.resize(self.length, 0);
+        file.read_exact_at(stored, self.address)
+    }
+}
+
 /// Rows of a `[row, channel, sample]` dataset whose chunks are one row each.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct ChunkRows {
     dataset: Dataset,
+    codec: Codec,
     row_bytes: usize,
 }
 
 impl ChunkRows {
-    /// The rows of `dataset`, of `row_bytes` bytes each; `None` when it has another layout or filters its chunks.
-    pub(crate) fn new(dataset: Dataset, row_bytes: usize) -> Option<Self> {
+    /// The rows of `dataset`, of `row_bytes` bytes each, packed by `codec`; `None` when it has another layout.
+    pub(crate) fn new(dataset: Dataset, codec: Codec, row_bytes: usize) -> Option<Self> {
         let &[_, channels, samples] = dataset.shape().as_slice() else { return None };
         let element_bytes = dataset.dtype().ok()?.size();
-        let is_plain = dataset.chunk()? == [1, channels, samples]
-            && dataset.filters().is_empty()
+        let is_known = dataset.chunk()? == [1, channels, samples]
+            && dataset.filters().is_empty() == (codec == Codec::None)
             && channels.checked_mul(samples).and_then(|n| n.checked_mul(element_bytes)) == Some(row_bytes);
-        is_plain.then_some(Self { dataset, row_bytes })
+        is_known.then_some(Self { dataset, codec, row_bytes })
     }
 
-    /// The dataset, for reading.
+    /// The dataset, for what the library must unpack.
     pub(crate) fn dataset(&self) -> &Dataset {
         &self.dataset
     }
 
-    /// Bytes of a row.
+    /// What packs the rows.
+    pub(crate) fn codec(&self) -> Codec {
+        self.codec
+    }
+
+    /// Bytes of a row when it is unpacked.
     pub(crate) fn row_bytes(&self) -> usize {
         self.row_bytes
     }
 
-    /// Writes `bytes`, in the machine's byte order, as row `row`, without a copy.
+    /// Writes `stored`, packed as the codec does, as row `row`, without a copy.
     ///
     /// # Errors
     /// What the library says, for one when `row` does not exist or the disk is full.
-    ///
-    /// # Panics
-    /// If `bytes` is not one row long.
-    #[expect(clippy::panic_in_result_fn, reason = "a wrong length is a bug of the caller")]
-    pub(crate) fn write(&self, row: u32, bytes: &[u8]) -> hdf5::Result<()> {
-        assert_eq!(bytes.len(), self.row_bytes, "length of a row of samples");
+    pub(crate) fn write(&self, row: u32, stored: &[u8]) -> hdf5::Result<()> {
         let offset: [hsize_t; 3] = [row.into(), 0, 0];
         sync(|| {
             // SAFETY: the lock of the library is held; the dataset's identifier is valid while `self.dataset` lives;
-            // `offset` has one entry for each of the three dimensions checked in `new`; `bytes` is readable for
-            // `bytes.len()` bytes during the call, which keeps no pointer.
+            // `offset` has one entry for each of the three dimensions checked in `new`; `stored` is readable for its
+            // length during the call, which keeps no pointer.
             let status = unsafe {
-                H5Dwrite_chunk(self.dataset.id(), H5P_DEFAULT, 0, offset.as_ptr(), bytes.len(), bytes.as_ptr().cast())
+                H5Dwrite_chunk(self.dataset.id(), H5P_DEFAULT, 0, offset.as_ptr(), stored.len(), stored.as_ptr().cast())
             };
             if status < 0 { Err(Error::query()?) } else { Ok(()) }
         })
     }
-}
 
-/// `samples` of `channel_count` channels as a row of `row_bytes`: themselves if they fill it, else a copy in `scratch`
-/// in which each channel is followed by zeros.
-pub(crate) fn padded<'a>(
-    samples: &'a [u8],
-    channel_count: usize,
-    row_bytes: usize,
-    scratch: &'a mut Vec<u8>,
-) -> &'a [u8] {
-    if samples.len() == row_bytes {
-        return samples;
+    /// Where row `row` lies; `None` where it was never written, or was by another filter.
+    ///
+    /// # Errors
+    /// What the library says.
+    pub(crate) fn place(&self, row: u32) -> hdf5::Result<Option<Place>> {
+        let offset: [hsize_t; 3] = [row.into(), 0, 0];
+        let (mut mask, mut address, mut length): (u32, haddr_t, hsize_t) = (0, haddr_t::MAX, 0);
+        sync(|| {
+            // SAFETY: as in `write`; the three results are written before the call returns.
+            let status = unsafe {
+                H5Dget_chunk_info_by_coord(
+                    self.dataset.id(),
+                    offset.as_ptr(),
+                    &raw mut mask,
+                    &raw mut address,
+                    &raw mut length,
+                )
+            };
+            if status < 0 { Err(Error::query()?) } else { Ok(()) }
+        })?;
+        let is_there = address != haddr_t::MAX && mask == 0;
+        Ok(usize::try_from(length).ok().filter(|_| is_there).map(|length| Place { address, length }))
     }
-    scratch.clear();
-    scratch.resize(row_bytes, 0);
-    let (from, to) = (samples.len() / channel_count, row_bytes / channel_count);
-    for channel in 0..channel_count {
-        scratch[channel * to..][..from].copy_from_slice(&samples[channel * from..][..from]);
-    }
-    scratch
 }

@@ -3,19 +3,46 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use hdf5::filters::BloscShuffle;
 use hdf5::plist::dataset_create::{AllocTime, FillTime};
-use hdf5::types::VarLenUnicode;
+use hdf5::plist::file_access::{CacheDecreaseMode, CacheIncreaseMode, FlashIncreaseMode, MetadataCacheConfig};
+use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{File, FileBuilder, H5Type, Location};
 use tapline_wire::{DamageCell, Geometry, Plan, SampleFormat, TapState};
 
+use crate::chunk::ChunkRows;
+use crate::codec::{Codec, placeholder};
 use crate::error::Context;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
     TruthRow, attribute, table,
 };
 use crate::rows::{fixed, no_reason};
-use crate::table::Table;
+use crate::sealed::PlainRow as _;
+use crate::table::{Table, create as create_table};
 use crate::{Error, Lineage, Result};
+
+/// How archives are opened for writing, so that a writer may be killed at any time.
+///
+/// Nothing that tells where things lie reaches the file but by a flush: the library evicts none of it on its own. Nothing is
+/// allotted ahead, so that the file is never shorter than it says.
+pub(crate) fn files() -> FileBuilder {
+    let cache = MetadataCacheConfig {
+        evictions_enabled: false,
+        incr_mode: CacheIncreaseMode::Off,
+        flash_incr_mode: FlashIncreaseMode::Off,
+        decr_mode: CacheDecreaseMode::Off,
+        ..MetadataCacheConfig::default()
+    };
+    let mut files = FileBuilder::new();
+    files.with_fapl(|plist| {
+        plist.alignment(ALIGN_FROM_BYTES, PAGE_BYTES).mdc_config(&cache).meta_block_size(0).small_data_block_size(0)
+    });
+    files
+}
+
+/// A lineage key that is not known yet, in the room of one that is.
+pub(crate) type Key = FixedAscii<64>;
 
 /// Page of memory and block of most file systems: samples that begin on one are written without touching a neighbour's.
 const PAGE_BYTES: u64 = 4096;
@@ -56,7 +83,7 @@ fn draft_of(path: &Path) -> PathBuf {
 }
 
 fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
-    let file = FileBuilder::new().with_fapl(|plist| plist.alignment(ALIGN_FROM_BYTES, PAGE_BYTES)).create(path)?;
+    let file = files().create(path)?;
     write_text(&file, attribute::FORMAT, FORMAT)?;
     write_number(&file, attribute::FORMAT_VERSION, &FORMAT_VERSION)?;
     write_text(&file, attribute::TAPLINE_VERSION, env!("CARGO_PKG_VERSION"))?;
@@ -65,36 +92,84 @@ fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     write_number(&file, attribute::SOURCE_DIGEST, &plan.source_digest())?;
     let config = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::CONFIG)?;
     config.write_scalar(&var_len(lineage.config_toml)?)?;
+    let made_by = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::MADE_BY)?;
+    made_by.write_scalar(&var_len(lineage.made_by)?)?;
     if let Some(reference) = lineage.reference {
         let builder = file.new_dataset::<u8>().shape(reference.len()).obj_track_times(false);
         builder.create(table::REFERENCE)?.write_raw(reference.as_bytes())?;
     }
 
     let (taps, scan_of_tap) = (plan.taps(), plan.scan_of_tap());
-    Table::<PlanRow>::create(&file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;
-    file.create_group(table::TAPS)?;
-    Table::<HeaderRow>::create(&file, table::HEADER, taps.len(), |_| HeaderRow::unwritten())?;
+    create_table(&file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;
+    match lineage.raw.and_then(Path::file_name) {
+        Some(raw) => {
+            let raw = raw.to_string_lossy();
+            write_text(&file, attribute::RAW, &raw)?;
+            // For other readers of HDF5; this program opens the other archive itself, to read only.
+            file.link_external(&raw, table::TAPS, table::TAPS)?;
+        }
+        None => {
+            file.create_group(table::TAPS)?;
+            Table::<HeaderRow>::create(&file, taps.len(), |_| HeaderRow::unwritten())?;
+            create_samples(&file, plan, lineage.codec)?;
+        }
+    }
     let discriminators = DiscriminatorsRow::unwritten();
-    Table::<DiscriminatorsRow>::create(&file, table::DISCRIMINATORS, taps.len(), |_| discriminators)?;
+    Table::<DiscriminatorsRow>::create(&file, taps.len(), |_| discriminators)?;
     let missing = LedgerRow::new(TapState::Missing, 0);
-    Table::<LedgerRow>::create(&file, table::LEDGER, taps.len(), |_| missing)?;
-    Table::<ReasonRow>::create(&file, table::REFUSALS, taps.len(), |_| no_reason())?;
+    Table::<LedgerRow>::create(&file, taps.len(), |_| missing)?;
+    Table::<ReasonRow>::create(&file, taps.len(), |_| no_reason())?;
     create_scans(&file, plan)?;
     create_truth(&file, plan)?;
-    create_samples(&file, plan)?;
-    for (name, note, units) in NOTES {
+    let is_own = |name: &str| lineage.raw.is_none() || !name.starts_with(table::TAPS);
+    for (name, note, units) in NOTES.into_iter().filter(|(name, ..)| is_own(name)) {
         let dataset = file.dataset(name)?;
         write_text(&dataset, attribute::NOTE, note)?;
         if !units.is_empty() {
             write_text(&dataset, attribute::UNITS, units)?;
         }
     }
+    write_text(&file, attribute::DIGEST, &digest_of_fixed(&file)?)?;
+    write_number(&file, attribute::LINEAGE_KEY, &Key::new())?;
     file.flush()
+}
+
+/// BLAKE3, in hexadecimal digits, of all that does not change once the archive is there.
+pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |part: &[u8]| {
+        hasher.update(&(part.len() as u64).to_le_bytes()).update(part);
+    };
+    for name in [attribute::FORMAT, attribute::TAPLINE_VERSION, attribute::GEOMETRY] {
+        add(file.attr(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+    }
+    for name in [attribute::PLAN_DIGEST, attribute::SOURCE_DIGEST] {
+        add(&file.attr(name)?.read_scalar::<u64>()?.to_le_bytes());
+    }
+    add(&file.attr(attribute::FORMAT_VERSION)?.read_scalar::<u32>()?.to_le_bytes());
+    for name in [table::CONFIG, table::MADE_BY] {
+        add(file.dataset(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+    }
+    if file.attr_names()?.iter().any(|name| name == attribute::RAW) {
+        add(file.attr(attribute::RAW)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+    }
+    if file.link_exists(table::REFERENCE) {
+        add(&file.dataset(table::REFERENCE)?.read_raw::<u8>()?);
+    }
+    for row in file.dataset(table::PLAN)?.read_raw::<PlanRow>()? {
+        add(row.bytes());
+    }
+    if file.link_exists(table::TRUTH) {
+        for row in file.dataset(table::TRUTH)?.read_raw::<TruthRow>()? {
+            add(row.bytes());
+        }
+    }
+    Ok(hasher.finalize().to_hex().to_string())
 }
 
 fn create_scans(file: &File, plan: &Plan) -> hdf5::Result<()> {
     let mut first_cell = 0;
-    Table::<ScanRow>::create(file, table::SCANS, plan.scans().len(), |k| {
+    Table::<ScanRow>::create(file, plan.scans().len(), |k| {
         let row = ScanRow::open(&plan.scans()[k], first_cell);
         first_cell += row.cell_count;
         row
@@ -108,7 +183,7 @@ fn create_scans(file: &File, plan: &Plan) -> hdf5::Result<()> {
             })
         })
         .collect();
-    Table::<CellRow>::create(file, table::DAMAGE, cells.len(), |k| cells[k])?;
+    Table::<CellRow>::create(file, cells.len(), |k| cells[k])?;
     Ok(())
 }
 
@@ -124,27 +199,42 @@ fn create_truth(file: &File, plan: &Plan) -> hdf5::Result<()> {
         })
         .collect();
     if !rows.is_empty() {
-        Table::<TruthRow>::create(file, table::TRUTH, rows.len(), |k| rows[k])?;
+        create_table(file, table::TRUTH, rows.len(), |k| rows[k])?;
     }
     Ok(())
 }
 
-/// Samples are the one table that is not written at creation: its space is allotted, so that the index of its chunks
-/// is final, but stays a hole in the file until a tap fills it.
-fn create_samples(file: &File, plan: &Plan) -> hdf5::Result<()> {
+/// Samples lie one tap a chunk, and the index of their chunks is final from the start.
+///
+/// Without a codec every chunk's place is allotted, and stays a hole in the file until a tap fills it. Packed chunks have no
+/// size beforehand: the index is filled with the shortest chunks there are, so that a tap changes one entry where it stands.
+fn create_samples(file: &File, plan: &Plan, codec: Codec) -> hdf5::Result<()> {
     let recording = &plan.recording;
     let (channel_count, sample_count) = (recording.channels.len(), recording.sample_count_max as usize);
     let builder = match recording.sample_format {
         SampleFormat::I16 => file.new_dataset::<i16>(),
         SampleFormat::F32 => file.new_dataset::<f32>(),
     };
-    let dataset = builder
+    let builder = builder
         .shape((plan.taps().len(), channel_count, sample_count))
         .chunk((1, channel_count, sample_count))
-        .alloc_time(Some(AllocTime::Early))
-        .fill_time(FillTime::Never)
-        .obj_track_times(false)
-        .create(table::SAMPLES)?;
+        .obj_track_times(false);
+    let builder = match codec {
+        Codec::None => builder.fill_time(FillTime::Never).alloc_time(Some(AllocTime::Early)),
+        Codec::Lz4 => builder.fill_time(FillTime::Never).blosc_lz4(5, BloscShuffle::Bit),
+        Codec::Zstd => builder.fill_time(FillTime::Never).blosc_zstd(1, BloscShuffle::Bit),
+        Codec::Lzf => builder.shuffle().lzf(),
+        Codec::Gzip => builder.shuffle().deflate(4),
+    };
+    let dataset = builder.create(table::SAMPLES)?;
+    if codec.blosc().is_some() {
+        let row_bytes = recording.payload_bytes_max();
+        let nothing = placeholder(codec, row_bytes / (channel_count * sample_count), row_bytes);
+        let rows = ChunkRows::new(dataset.clone(), codec, row_bytes);
+        let rows = rows.ok_or_else(|| hdf5::Error::from("the samples have not the shape they were given"))?;
+        (0..).zip(plan.taps()).try_for_each(|(row, _)| rows.write(row, &nothing))?;
+    }
+    write_text(&dataset, attribute::CODEC, codec.name())?;
     let channels: Vec<&str> = recording.channels.iter().map(|c| c.name()).collect();
     write_text(&dataset, attribute::CHANNELS, &channels.join(","))?;
     write_text(&dataset, attribute::SAMPLE_FORMAT, format_name(recording.sample_format))?;

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use tapline_wire::TapId;
 
+use crate::Codec;
+
 /// Why an archive cannot be made, opened, written, read or exported.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -93,6 +95,22 @@ pub enum Error {
         /// The archive.
         path: PathBuf,
     },
+    /// The archive was begun by another program or with other options.
+    #[error("{} has results made by {archived:?}; this program would make them by {given:?}: results of different lineage are never mixed in one archive (tapline reprocess makes new ones beside it)", path.display())]
+    OtherLineage {
+        /// The archive.
+        path: PathBuf,
+        /// First line that differs, in the archive.
+        archived: String,
+        /// That line now.
+        given: String,
+    },
+    /// Taps are to be put into an archive that has results alone.
+    #[error("{} has results alone, of the taps of another archive: no tap can be put into it", path.display())]
+    ResultsAlone {
+        /// The archive.
+        path: PathBuf,
+    },
     /// The archive was begun under another configuration.
     #[error("{} was begun with another configuration: line {line} was {archived:?}, now {given:?}", path.display())]
     OtherConfiguration {
@@ -104,6 +122,20 @@ pub enum Error {
         archived: String,
         /// That line now.
         given: String,
+    },
+    /// An archive packed by what is too slow for a line is to be gone on with.
+    #[error("{} is packed by {codec}, which is for archives that are done: pack it again by lz4, zstd or none", path.display())]
+    OfflineCodec {
+        /// The archive.
+        path: PathBuf,
+        /// What packs it.
+        codec: Codec,
+    },
+    /// A line is to pack by what is too slow for it.
+    #[error("[store] codec is {codec}, which is too slow for a line; it must be lz4, zstd or none")]
+    SlowCodec {
+        /// What was asked for.
+        codec: Codec,
     },
     /// The archive contradicts itself.
     #[error("{} is damaged: {what}", path.display())]

@@ -8,8 +8,10 @@ use hdf5::H5Type;
 use hdf5::types::FixedUnicode;
 use tapline_wire::{CHANNELS_MAX, SERIAL_BYTES};
 
+use crate::sealed::Digest;
+
 /// Version of the layout; a file of another version is refused.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 
 /// Longest reason of a refusal in bytes of UTF-8; a longer one ends in an ellipsis.
 pub const REASON_BYTES: usize = 256;
@@ -23,6 +25,8 @@ pub(crate) const UNWRITTEN: u32 = u32::MAX;
 /// Paths of the tables.
 pub(crate) mod table {
     pub(crate) const CONFIG: &str = "config";
+    /// What the results were made by, lines of text.
+    pub(crate) const MADE_BY: &str = "made_by";
     /// Bytes of the reference file, UTF-8; only where the run had one.
     pub(crate) const REFERENCE: &str = "reference";
     pub(crate) const PLAN: &str = "plan";
@@ -46,6 +50,14 @@ pub(crate) mod attribute {
     pub(crate) const PLAN_DIGEST: &str = "plan_digest";
     pub(crate) const SOURCE_DIGEST: &str = "source_digest";
     pub(crate) const CHANNELS: &str = "channels";
+    /// Name of what packs the samples.
+    pub(crate) const CODEC: &str = "codec";
+    /// Name of the archive whose taps results are of, in the same folder.
+    pub(crate) const RAW: &str = "raw";
+    /// Key of the results, zeros until they are whole.
+    pub(crate) const LINEAGE_KEY: &str = "lineage_key";
+    /// BLAKE3 of what does not change after creation, as hexadecimal digits.
+    pub(crate) const DIGEST: &str = "digest";
     pub(crate) const SAMPLE_FORMAT: &str = "sample_format";
     pub(crate) const SAMPLE_RATE_HZ: &str = "sample_rate_hz";
     pub(crate) const PRE_TRIGGER_SAMPLES: &str = "pre_trigger_samples";
@@ -62,7 +74,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     ),
     (
         table::HEADER,
-        "a sample times unit_per_count is N or V; plan_index 4294967295 is a tap that is not there; source 1 simulated, 2 tap set",
+        "a sample times unit_per_count is N or V; plan_index 4294967295 is a tap that is not there; source 1 simulated, 2 tap set; samples_digest is the BLAKE3 of the samples that are meant",
         "sample_rate_hz Hz, velocity_measured_m_per_s m/s, microphone_distance_m m, unit_per_count N or V, tap_time_ns ns, sent_ns ns, epoch_ns ns",
     ),
     (
@@ -70,7 +82,11 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
         "NaN is absent; plan_index 4294967295 is a tap that is not there; quality is a set of flags",
         "velocity_measured_m_per_s m/s, f_max_n N, tau_s s, a_1_v_s V s, a_2_v_s V s, pr 1, p_f_v2_per_hz V^2/Hz, e_f_v2 V^2",
     ),
-    (table::LEDGER, "state 0 missing, 1 archived, 2 refused; only an archived tap's other rows are meant", ""),
+    (
+        table::LEDGER,
+        "state 0 missing, 1 archived, 2 refused; only an archived tap's other rows are meant; a missing tap was lost at 1 acquire, 2 process, 3 store, 0 not said; attempts before this one were retaken for the flags of retaken_quality",
+        "",
+    ),
     (table::REFUSALS, "reason of a refused tap, UTF-8", ""),
     (
         table::SCANS,
@@ -121,6 +137,11 @@ pub(crate) struct HeaderRow {
     pub(crate) mark: u64,
     pub(crate) sender: u32,
     pub(crate) source: u32,
+    /// BLAKE3 of the samples that are meant, channel by channel, in the file's byte order.
+    pub(crate) samples_digest: Digest,
+    /// Of the chunk as it lies in the file.
+    pub(crate) stored_checksum: u64,
+    pub(crate) checksum: u64,
 }
 
 /// What was found in a tap; the seven values under [`tapline_wire::Discriminator::column`].
@@ -142,20 +163,33 @@ pub(crate) struct DiscriminatorsRow {
     pub(crate) pr: f64,
     pub(crate) p_f_v2_per_hz: f64,
     pub(crate) e_f_v2: f64,
+    pub(crate) checksum: u64,
 }
 
-/// State of a planned tap. The state is last: a row torn by a crash while being written still says "missing".
+/// State of a planned tap.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct LedgerRow {
+    /// Flags of the last attempt that was of no use.
+    pub(crate) retaken_quality: u32,
+    /// How many were.
+    pub(crate) retaken_count: u32,
     pub(crate) attempt: u16,
-    pub(crate) state: u16,
+    /// Where a missing tap was lost: a code of [`crate::Lost`].
+    pub(crate) lost_at: u16,
+    pub(crate) state: u32,
+    pub(crate) checksum: u64,
 }
 
 /// Reason of a refusal.
-pub(crate) type ReasonRow = FixedUnicode<REASON_BYTES>;
+#[repr(C)]
+#[derive(Debug, Clone, Copy, H5Type)]
+pub(crate) struct ReasonRow {
+    pub(crate) reason: FixedUnicode<REASON_BYTES>,
+    pub(crate) checksum: u64,
+}
 
-/// One scan and its verdict. The state is last, as in [`LedgerRow`].
+/// One scan and its verdict.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct ScanRow {
@@ -177,6 +211,7 @@ pub(crate) struct ScanRow {
     pub(crate) refused_count: u32,
     pub(crate) absent_count: u32,
     pub(crate) state: u32,
+    pub(crate) checksum: u64,
 }
 
 /// Damage at one location.
@@ -199,6 +234,7 @@ pub(crate) struct CellRow {
     pub(crate) region: u32,
     pub(crate) tap_count: u32,
     pub(crate) absent_count: u32,
+    pub(crate) checksum: u64,
 }
 
 /// What is known of a crack at one location.
@@ -222,7 +258,7 @@ mod tests {
     #[test]
     fn discriminators_have_their_columns() {
         let TypeDescriptor::Compound(row) = DiscriminatorsRow::type_descriptor() else { panic!("not a compound") };
-        let names: Vec<&str> = row.fields.iter().map(|f| f.name.as_str()).skip(6).collect();
+        let names: Vec<&str> = row.fields.iter().map(|f| f.name.as_str()).skip(6).take(7).collect();
         assert_eq!(names, Discriminator::ALL.map(Discriminator::column));
     }
 
@@ -235,20 +271,11 @@ mod tests {
             DiscriminatorsRow::type_descriptor(),
             LedgerRow::type_descriptor(),
             ScanRow::type_descriptor(),
+            ReasonRow::type_descriptor(),
             CellRow::type_descriptor(),
             TruthRow::type_descriptor(),
         ] {
             assert_eq!(row.size(), row.to_packed_repr().size(), "{row:?}");
-        }
-    }
-
-    /// Catches a state that could reach the disk before the rest of its row.
-    #[test]
-    fn states_are_last() {
-        for descriptor in [LedgerRow::type_descriptor(), ScanRow::type_descriptor()] {
-            let TypeDescriptor::Compound(row) = descriptor else { panic!("not a compound") };
-            let last = row.fields.iter().max_by_key(|f| f.offset).unwrap();
-            assert_eq!(last.name, "state");
         }
     }
 }

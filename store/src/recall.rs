@@ -6,6 +6,7 @@ use crate::Result;
 use crate::archive::Archive;
 use crate::error::Context;
 use crate::layout::ScanRow;
+use crate::reader::{scan_state, settled};
 use crate::track::{Take, Track};
 
 /// What is settled in an archive.
@@ -40,16 +41,24 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger) -> Result<Vec<Track>> {
         .discriminators
         .for_each(|k, row| discriminators[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() })
         .context(context, &archive.path)?;
+    // Of results alone the samples are there already.
+    let are_there = match archive.is_results() {
+        true => archive.raw_ledger().read_all().context(context, &archive.path)?,
+        false => Vec::new(),
+    };
     let mut tracks = Vec::with_capacity(samples.len());
     for (k, row) in archive.ledger.read_all().context(context, &archive.path)?.into_iter().enumerate() {
-        let unknown = || archive.damaged(format!("row {k} of its ledger has state {}", row.state));
-        let state = row.state().ok_or_else(unknown)?;
-        ledger.set_tap(k, state, row.attempt);
-        tracks.push(match state {
-            TapState::Missing => Track::missing(row.attempt),
+        let (state, attempt) = settled(archive, k, &row)?;
+        ledger.set_tap(k, state, attempt);
+        let track = match state {
+            TapState::Missing => match are_there.get(k).map(|row| settled(archive, k, row)).transpose()? {
+                Some((TapState::Archived, _)) => Track::recorded(samples[k]),
+                _ => Track::missing(attempt),
+            },
             TapState::Archived => Track::archived(samples[k], discriminators[k]),
-            TapState::Refused => Track::refused(row.attempt),
-        });
+            TapState::Refused => Track::refused(attempt),
+        };
+        tracks.push(track.retaken_before(row.retaken_count, row.retaken_quality));
     }
     Ok(tracks)
 }
@@ -58,7 +67,7 @@ fn recall_scans(archive: &Archive, scans: &[ScanRow], ledger: &mut Ledger) -> Re
     let first_cells = archive.first_cells();
     let mut fingerprints = Vec::with_capacity(scans.len());
     for (k, row) in scans.iter().enumerate() {
-        let state = row.state().ok_or_else(|| archive.damaged(format!("scan {k} has state {}", row.state)))?;
+        let state = scan_state(archive, k, row)?;
         ledger.set_scan(k, state);
         let is_judged = state == ScanState::Judged;
         let cells = if is_judged { first_cells[k]..first_cells[k + 1] } else { 0..0 };

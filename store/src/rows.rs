@@ -9,6 +9,8 @@ use tapline_wire::{
 };
 
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, UNWRITTEN};
+use crate::lost::Lost;
+use crate::sealed::Digest;
 
 /// Stands at the end of a text that was cut.
 const ELLIPSIS: &str = "\u{2026}";
@@ -97,6 +99,9 @@ impl HeaderRow {
             sequence: 0,
             sender: 0,
             mark: 0,
+            samples_digest: Digest::default(),
+            stored_checksum: 0,
+            checksum: 0,
         }
     }
 
@@ -166,6 +171,7 @@ impl From<&TapHeader> for HeaderRow {
             sequence: header.stamp.sequence,
             sender: header.stamp.source,
             mark: header.stamp.mark,
+            ..Self::unwritten()
         }
     }
 }
@@ -227,6 +233,7 @@ impl From<&Discriminators> for DiscriminatorsRow {
             pr,
             p_f_v2_per_hz,
             e_f_v2,
+            checksum: 0,
         }
     }
 }
@@ -234,7 +241,8 @@ impl From<&Discriminators> for DiscriminatorsRow {
 impl LedgerRow {
     /// The row of a tap in `state` at `attempt`.
     pub(crate) fn new(state: TapState, attempt: u16) -> Self {
-        Self { attempt, state: state.code().into() }
+        let (lost_at, retaken_quality, retaken_count) = (Lost::Unknown.code(), 0, 0);
+        Self { retaken_quality, retaken_count, attempt, lost_at, state: state.code().into(), checksum: 0 }
     }
 
     /// The state, `None` for a code nobody knows.
@@ -245,7 +253,7 @@ impl LedgerRow {
 
 /// The reason of no refusal.
 pub(crate) fn no_reason() -> ReasonRow {
-    ReasonRow::new()
+    ReasonRow { reason: FixedUnicode::new(), checksum: 0 }
 }
 
 impl ScanRow {
@@ -270,6 +278,7 @@ impl ScanRow {
             first_cell,
             cell_count: u32::try_from(scan.locations.len()).unwrap_or(u32::MAX),
             state: ScanState::Open.code().into(),
+            checksum: 0,
         }
     }
 
@@ -357,6 +366,7 @@ impl CellRow {
             region: cell.region,
             tap_count: cell.tap_count,
             absent_count: cell.absent_count,
+            checksum: 0,
         }
     }
 

@@ -5,13 +5,17 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
     DamageTopic, DiscriminatorTopic, Ledger, LedgerTopic, Line, LineError, Plan, Publisher, Quality,
-    REPLAY_RECORDS_MAX, RecordKind, ReplayTopic, Role, Signal, Stamp, Subscriber, TapTopic, bytes_of,
+    REPLAY_RECORDS_MAX, RecordKind, ReplayTopic, Role, Signal, Stamp, Subscriber, TapHeader, TapTopic, Topic as _,
+    bytes_of,
 };
 
 use crate::{Error, PutOutcome, Writer};
 
+/// Taps that are taken in together, packed by several threads: as many as may be held at once.
+const BATCH_TAPS: usize = TapTopic::BORROWED;
+
 /// Taps after which the archive is flushed even while more are coming.
-const FLUSH_TAPS: u32 = 64;
+const FLUSH_TAPS: usize = 64;
 
 /// Time after which it is flushed in any case.
 const FLUSH_EVERY: Duration = Duration::from_millis(50);
@@ -85,7 +89,7 @@ struct Desk<'a> {
     passed: Vec<u8>,
     /// Plan row from which to replay on, while a replay is under way.
     replay_from: Option<u32>,
-    unflushed_taps: u32,
+    unflushed_taps: usize,
     is_dirty: bool,
     flushed_at: Instant,
     told_at: Instant,
@@ -148,10 +152,18 @@ impl<'a> Desk<'a> {
     /// Takes in what has come, a buffer's worth at most; whether anything had.
     fn receive(&mut self) -> Result<bool, RunError> {
         let mut has_come = false;
-        for _ in 0..FLUSH_TAPS {
-            let Some(tap) = self.taps.receive()? else { break };
-            has_come = true;
-            self.take_tap(&tap)?;
+        for _ in 0..FLUSH_TAPS / BATCH_TAPS {
+            let mut batch = Vec::with_capacity(BATCH_TAPS);
+            while batch.len() < BATCH_TAPS
+                && let Some(tap) = self.taps.receive()?
+            {
+                batch.push(tap);
+            }
+            has_come |= !batch.is_empty();
+            // What is no data keeps its place among the taps.
+            for part in batch.chunk_by(|a, b| a.kind() == Some(RecordKind::Data) && b.kind() == a.kind()) {
+                self.take_taps(part)?;
+            }
         }
         while let Some(found) = self.found.receive()? {
             has_come = true;
@@ -166,17 +178,22 @@ impl<'a> Desk<'a> {
         Ok(has_come)
     }
 
-    fn take_tap(&mut self, tap: &tapline_wire::Received<TapTopic>) -> Result<(), RunError> {
-        let header = tap.header();
-        match tap.kind() {
+    /// Takes in taps, or one record of another kind.
+    fn take_taps(&mut self, part: &[tapline_wire::Received<TapTopic>]) -> Result<(), RunError> {
+        let Some(first) = part.first() else { return Ok(()) };
+        let header = first.header();
+        match first.kind() {
             Some(RecordKind::Data) => {
-                let outcome = self.writer.put_tap(header, bytes_of(tap))?;
-                self.note(outcome, "a tap", header.plan_index);
-                self.unflushed_taps += 1;
-                self.sample_bytes += header.payload_bytes() as u64;
+                let taps: Vec<(&TapHeader, &[u8])> = part.iter().map(|tap| (tap.header(), bytes_of(tap))).collect();
+                let outcomes = self.writer.put_taps(&taps)?;
+                for ((header, _), outcome) in taps.into_iter().zip(outcomes) {
+                    self.note(outcome, "a tap", header.plan_index);
+                    self.unflushed_taps += 1;
+                    self.sample_bytes += header.payload_bytes() as u64;
+                }
             }
             Some(RecordKind::Refusal) => {
-                let text = bytes_of(tap).get(..header.text_bytes as usize).unwrap_or_default();
+                let text = bytes_of(first).get(..header.text_bytes as usize).unwrap_or_default();
                 let reason = String::from_utf8_lossy(text);
                 tracing::warn!(tap = %header.id, %reason, "a tap was refused");
                 let outcome = self.writer.put_refusal(header.plan_index, &header.id, &reason)?;
@@ -202,7 +219,7 @@ impl<'a> Desk<'a> {
                 for record in found.iter().filter(|r| !r.quality.contains(Quality::REFUSED)) {
                     let outcome = if record.quality.contains(Quality::RETAKE) {
                         tracing::info!(tap = %record.id, quality = %record.quality, "a tap is taken again");
-                        self.writer.put_retake(record.plan_index, &record.id)?
+                        self.writer.put_retake(record.plan_index, &record.id, record.quality)?
                     } else {
                         self.writer.put_discriminators(record)?
                     };

@@ -8,6 +8,8 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::{Dataset, Group, H5Type};
 use ndarray::ArrayView1;
 
+use crate::sealed::SealedRow;
+
 /// Rows read or written at a time when a whole table is walked: keeps memory flat.
 const BLOCK_ROWS: usize = 4096;
 
@@ -19,32 +21,37 @@ pub(crate) struct Table<R> {
     row: PhantomData<R>,
 }
 
-impl<R: H5Type + Clone> Table<R> {
-    /// A new table of `row_count` rows, all written, so that no row is ever undefined.
-    pub(crate) fn create(
-        parent: &Group,
-        name: &str,
-        row_count: usize,
-        mut row: impl FnMut(usize) -> R,
-    ) -> hdf5::Result<Dataset> {
-        let dataset = parent
-            .new_dataset_builder()
-            .empty::<R>()
-            .shape(row_count)
-            .alloc_time(Some(AllocTime::Early))
-            .fill_time(FillTime::Never)
-            .obj_track_times(false)
-            .create(name)?;
-        for block in blocks(row_count) {
-            let rows: Vec<R> = block.clone().map(&mut row).collect();
-            dataset.write_slice(ArrayView1::from(&rows), block)?;
-        }
-        Ok(dataset)
+/// A new dataset of `row_count` rows, all written, so that no row is ever undefined.
+pub(crate) fn create<R: H5Type + Clone>(
+    parent: &Group,
+    name: &str,
+    row_count: usize,
+    mut row: impl FnMut(usize) -> R,
+) -> hdf5::Result<Dataset> {
+    let dataset = parent
+        .new_dataset_builder()
+        .empty::<R>()
+        .shape(row_count)
+        .alloc_time(Some(AllocTime::Early))
+        .fill_time(FillTime::Never)
+        .obj_track_times(false)
+        .create(name)?;
+    for block in blocks(row_count) {
+        let rows: Vec<R> = block.clone().map(&mut row).collect();
+        dataset.write_slice(ArrayView1::from(&rows), block)?;
+    }
+    Ok(dataset)
+}
+
+impl<R: SealedRow> Table<R> {
+    /// A new table of `row_count` rows, all written and sealed.
+    pub(crate) fn create(parent: &Group, row_count: usize, mut row: impl FnMut(usize) -> R) -> hdf5::Result<Dataset> {
+        create(parent, R::TABLE, row_count, |number| row(number).sealed(number))
     }
 
-    /// The table `name` of `parent`; `None` when it has not `row_count` rows.
-    pub(crate) fn open(parent: &Group, name: &str, row_count: usize) -> hdf5::Result<Option<Self>> {
-        let dataset = parent.dataset(name)?;
+    /// The table of `parent`; `None` when it has not `row_count` rows.
+    pub(crate) fn open(parent: &Group, row_count: usize) -> hdf5::Result<Option<Self>> {
+        let dataset = parent.dataset(R::TABLE)?;
         let is_whole = dataset.shape() == [row_count];
         Ok(is_whole.then_some(Self { dataset, row_count, row: PhantomData }))
     }
@@ -72,7 +79,7 @@ impl<R: H5Type + Clone> Table<R> {
         self.read(0..self.row_count)
     }
 
-    /// Writes `rows`, each run of neighbours at once: a write costs the same for one row as for many.
+    /// Seals and writes `rows`, each run of neighbours at once: a write costs the same for one row as for many.
     pub(crate) fn write(&self, rows: &BTreeMap<u32, R>) -> hdf5::Result<()> {
         let mut run: Vec<R> = Vec::new();
         let mut start = 0;
@@ -83,13 +90,12 @@ impl<R: H5Type + Clone> Table<R> {
                 run.clear();
                 start = number;
             }
-            run.push(row.clone());
+            run.push(row.sealed(number));
         }
         self.write_run(start, &run)
     }
 
-    /// Writes `rows` from row `start` on.
-    pub(crate) fn write_run(&self, start: usize, rows: &[R]) -> hdf5::Result<()> {
+    fn write_run(&self, start: usize, rows: &[R]) -> hdf5::Result<()> {
         if rows.is_empty() {
             return Ok(());
         }
@@ -103,27 +109,35 @@ fn blocks(row_count: usize) -> impl Iterator<Item = Range<usize>> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use tapline_wire::TapState;
 
-    /// Catches a run that is cut or joined at the wrong row, at either end of a block.
+    use super::*;
+    use crate::layout::LedgerRow;
+
+    fn row(attempt: usize) -> LedgerRow {
+        LedgerRow::new(TapState::Missing, attempt as u16)
+    }
+
+    /// Catches a run that is cut or joined at the wrong row, at either end of a block, and a row under another's seal.
     #[test]
     fn scattered_rows_land_where_they_belong() {
         let folder = tempfile::tempdir().unwrap();
         let file = hdf5::File::create(folder.path().join("t.h5")).unwrap();
         let row_count = 2 * BLOCK_ROWS + 10;
-        Table::<u32>::create(&file, "t", row_count, |_| 0).unwrap();
-        let table = Table::<u32>::open(&file, "t", row_count).unwrap().unwrap();
+        Table::create(&file, row_count, |_| row(0)).unwrap();
+        let table = Table::<LedgerRow>::open(&file, row_count).unwrap().unwrap();
 
         let picked = (0..row_count as u32).filter(|k| k % 7 != 3 && *k != 4095);
-        let rows: BTreeMap<u32, u32> = picked.map(|k| (k, k + 1)).collect();
+        let rows: BTreeMap<u32, LedgerRow> = picked.map(|k| (k, row(k as usize + 1))).collect();
         table.write(&rows).unwrap();
 
+        let expected = (0..row_count as u32).map(|k| rows.get(&k).map_or(0, |row| row.attempt));
         let read = table.read_all().unwrap();
-        let expected: Vec<u32> = (0..row_count as u32).map(|k| rows.get(&k).copied().unwrap_or(0)).collect();
-        assert_eq!(read, expected);
-        let mut walked = Vec::new();
-        table.for_each(|_, row| walked.push(row)).unwrap();
-        assert_eq!(walked, expected);
+        assert_eq!(read.iter().map(|row| row.attempt).collect::<Vec<_>>(), expected.collect::<Vec<_>>());
+        assert!(read.iter().enumerate().all(|(number, row)| row.is_whole(number)));
+        let mut walked = 0;
+        table.for_each(|number, row| walked += usize::from(row.attempt == read[number].attempt)).unwrap();
+        assert_eq!(walked, row_count);
     }
 
     /// Catches a table of another length being taken for this one.
@@ -131,7 +145,7 @@ mod tests {
     fn another_length_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let file = hdf5::File::create(folder.path().join("t.h5")).unwrap();
-        Table::<u32>::create(&file, "t", 3, |_| 0).unwrap();
-        assert!(Table::<u32>::open(&file, "t", 4).unwrap().is_none());
+        Table::create(&file, 3, |_| row(0)).unwrap();
+        assert!(Table::<LedgerRow>::open(&file, 4).unwrap().is_none());
     }
 }

@@ -2,6 +2,9 @@
 
 use tapline_wire::TapState;
 
+use crate::Lost;
+use crate::layout::LedgerRow;
+
 /// What became of a record that was put into an archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PutOutcome {
@@ -37,23 +40,53 @@ pub(crate) struct Track {
     discriminators: Option<Take>,
     state: TapState,
     attempt: u16,
+    retaken_count: u32,
+    /// Flags of the last attempt that was of no use.
+    retaken_quality: u32,
 }
 
 impl Track {
     /// A tap that is not there, and of which `attempt` is to be made.
     pub(crate) fn missing(attempt: u16) -> Self {
-        Self { samples: None, discriminators: None, state: TapState::Missing, attempt }
+        let (retaken_count, retaken_quality) = (0, 0);
+        Self { samples: None, discriminators: None, state: TapState::Missing, attempt, retaken_count, retaken_quality }
+    }
+
+    /// A tap whose samples are there for good, and whose discriminators are to come.
+    pub(crate) fn recorded(samples: Take) -> Self {
+        Self { samples: Some(samples), ..Self::missing(samples.attempt) }
     }
 
     /// A tap that an earlier writer archived.
     pub(crate) fn archived(samples: Take, discriminators: Take) -> Self {
-        let attempt = samples.attempt;
-        Self { samples: Some(samples), discriminators: Some(discriminators), state: TapState::Archived, attempt }
+        let (state, missing) = (TapState::Archived, Self::missing(samples.attempt));
+        Self { samples: Some(samples), discriminators: Some(discriminators), state, ..missing }
     }
 
     /// A tap that an earlier writer was told will not come.
     pub(crate) fn refused(attempt: u16) -> Self {
         Self { state: TapState::Refused, ..Self::missing(attempt) }
+    }
+
+    /// The same tap, of which `count` attempts were of no use, the last for the flags `quality`.
+    pub(crate) fn retaken_before(self, count: u32, quality: u32) -> Self {
+        Self { retaken_count: count, retaken_quality: quality, ..self }
+    }
+
+    /// The row of the ledger that tells all this; where a missing tap was lost is told where `is_over`.
+    pub(crate) fn to_row(self, is_over: bool) -> LedgerRow {
+        let lost_at = match (self.samples, self.discriminators) {
+            _ if !is_over || self.state.is_settled() => Lost::Unknown,
+            (Some(_), _) => Lost::Process,
+            (None, Some(_)) => Lost::Store,
+            (None, None) => Lost::Acquire,
+        };
+        LedgerRow {
+            retaken_count: self.retaken_count,
+            retaken_quality: self.retaken_quality,
+            lost_at: lost_at.code(),
+            ..LedgerRow::new(self.state, self.attempt)
+        }
     }
 
     /// The tap's state, and the attempt that settled it or, while it is missing, is to be made next.
@@ -112,14 +145,14 @@ impl Track {
         if is_news { PutOutcome::Stored } else { PutOutcome::AlreadyThere }
     }
 
-    /// Has the tap taken again after `attempt`.
-    pub(crate) fn retake(&mut self, attempt: u16) {
-        *self = Self::missing(attempt.saturating_add(1));
+    /// Has the tap taken again after `attempt`, which was of no use for the flags `quality`.
+    pub(crate) fn retake(&mut self, attempt: u16, quality: u32) {
+        *self = Self::missing(attempt.saturating_add(1)).retaken_before(self.retaken_count.saturating_add(1), quality);
     }
 
     /// Settles the tap as refused at `attempt`.
     pub(crate) fn refuse(&mut self, attempt: u16) {
-        *self = Self::refused(attempt);
+        *self = Self::refused(attempt).retaken_before(self.retaken_count, self.retaken_quality);
     }
 }
 

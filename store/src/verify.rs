@@ -5,10 +5,13 @@ use std::path::Path;
 
 use tapline_wire::{Ledger, Plan, Quality, Reasons, ScanState, TapId, TapState, Verdict};
 
-use crate::Result;
 use crate::archive::{Access, Archive};
+use crate::encode::digest;
 use crate::error::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
+use crate::samples::{Room, SampleFile, checked_header};
+use crate::sealed::SealedRow as _;
+use crate::{Error, Result};
 
 /// Something in an archive that cannot be right.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,15 +78,33 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
     let ledger = archive.ledger.read_all().context(context, &archive.path)?;
     let headers = archive.headers.read_all().context(context, &archive.path)?;
     let discriminators = archive.discriminators.read_all().context(context, &archive.path)?;
+    let reasons = archive.refusals.read_all().context(context, &archive.path)?;
+    let file = SampleFile::open(&archive)?;
+    let mut room = Room::default();
     for (plan_index, tap) in (0..).zip(plan.taps()) {
         let k = plan_index as usize;
         let mut complain = |what: String| report.problems.push(Problem::Tap { plan_index, id: tap.id, what });
-        match ledger[k].state() {
-            None => complain(format!("its state is {}, which is none", ledger[k].state)),
+        let are_whole = [
+            ("ledger row", ledger[k].is_whole(k)),
+            ("header", headers[k].is_whole(k)),
+            ("discriminators row", discriminators[k].is_whole(k)),
+            ("reason", reasons[k].is_whole(k)),
+        ];
+        for (half, _) in are_whole.into_iter().filter(|(_, is_whole)| !is_whole) {
+            complain(format!("its {half} is not what was written: the checksum differs"));
+        }
+        match ledger[k].state().filter(|_| ledger[k].is_whole(k)) {
+            None if ledger[k].is_whole(k) => complain(format!("its state is {}, which is none", ledger[k].state)),
+            None => {}
             Some(state) => {
                 report.ledger.set_tap(k, state, ledger[k].attempt);
                 if state == TapState::Archived {
                     check_tap(plan, plan_index, &ledger[k], &headers[k], &discriminators[k], &mut complain);
+                    if headers[k].is_whole(k)
+                        && let Err(error) = check_samples(&file, plan, plan_index, &headers[k], &mut room)
+                    {
+                        complain(error);
+                    }
                 }
             }
         }
@@ -94,8 +115,16 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
         let k = scan as usize;
         let cells = archive.damage.read(first_cells[k]..first_cells[k + 1]).context(context, &archive.path)?;
         let mut complain = |what: String| report.problems.push(Problem::Scan { scan, what });
-        match row.state() {
-            None => complain(format!("its state is {}, which is none", row.state)),
+        if !row.is_whole(k) {
+            complain("its row is not what was written: the checksum differs".to_owned());
+        }
+        for (number, _) in cells.iter().enumerate().filter(|(n, cell)| !cell.is_whole(first_cells[k] + n)) {
+            let location = plan.scans()[k].locations[number].0;
+            complain(format!("the cell of location {location} is not what was written: the checksum differs"));
+        }
+        match row.state().filter(|_| row.is_whole(k)) {
+            None if row.is_whole(k) => complain(format!("its state is {}, which is none", row.state)),
+            None => {}
             Some(state) => {
                 report.ledger.set_scan(k, state);
                 if state == ScanState::Judged {
@@ -105,6 +134,27 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
         }
     }
     Ok(report)
+}
+
+/// What is amiss with the samples of `header`; every one of them is read.
+fn check_samples(
+    file: &SampleFile,
+    plan: &Plan,
+    row: u32,
+    header: &HeaderRow,
+    room: &mut Room,
+) -> std::result::Result<(), String> {
+    let checked = checked_header(Path::new(""), plan, row, *header).and_then(|of_row| {
+        let place = file.place(row)?;
+        let samples = file.read(&of_row, header.stored_checksum, place, room)?;
+        Ok(digest(samples.as_bytes()) == header.samples_digest)
+    });
+    match checked {
+        Ok(true) => Ok(()),
+        Ok(false) => Err("its samples are not those that were recorded: their digest differs".to_owned()),
+        Err(Error::Damaged { what, .. }) => Err(what),
+        Err(error) => Err(error.to_string()),
+    }
 }
 
 fn check_tap(

@@ -16,14 +16,15 @@ use tapline_wire::{
 
 use crate::archive::{Access, Archive};
 use crate::check::{check_cells, check_id, check_scan, check_shape};
-use crate::chunk::padded;
 use crate::create::create;
+use crate::encode::{Packer, Shape};
 use crate::error::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ReasonRow, ScanRow};
+use crate::lineage::{lineage_key, raw_digest};
 use crate::recall::recall;
-use crate::rows::{at_attempt, fixed};
+use crate::rows::{at_attempt, fixed, no_reason};
 use crate::track::{Half, PutOutcome, Take, Track};
-use crate::{Lineage, Result};
+use crate::{Error, Lineage, Result};
 
 /// Rows that wait for a flush; one more and it is done unasked, so that memory stays bounded.
 const PENDING_ROWS_MAX: usize = 4096;
@@ -78,8 +79,7 @@ pub struct Writer {
     pending: Pending,
     ledger: Ledger,
     counts: PutCounts,
-    /// One row of samples, for records that are shorter than the row.
-    scratch: Vec<u8>,
+    packer: Packer,
 }
 
 impl Writer {
@@ -100,7 +100,8 @@ impl Writer {
     ///
     /// # Errors
     /// [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`], [`crate::Error::OtherPlan`],
-    /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
+    /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::OfflineCodec`],
+    /// [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
     pub fn resume<'a>(path: impl AsRef<Path>, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
         let path = path.as_ref();
         let archive = Archive::open(path, Access::Write)?;
@@ -122,6 +123,16 @@ impl Writer {
     }
 
     fn of(archive: Archive) -> Result<Self> {
+        let (recording, codec) = (&archive.plan.recording, archive.samples.codec());
+        if !codec.is_for_lines() && !archive.is_results() {
+            return Err(Error::OfflineCodec { path: archive.path.clone(), codec });
+        }
+        let packer = Packer::new(Shape {
+            codec,
+            channel_count: recording.channels.len(),
+            element_bytes: recording.sample_format.bytes(),
+            row_bytes: archive.samples.row_bytes(),
+        });
         let recalled = recall(&archive)?;
         Ok(Self {
             tracks: recalled.tracks,
@@ -131,7 +142,7 @@ impl Writer {
             first_cells: archive.first_cells(),
             pending: Pending::default(),
             counts: PutCounts::default(),
-            scratch: Vec::new(),
+            packer,
             archive,
         })
     }
@@ -154,28 +165,71 @@ impl Writer {
         self.counts
     }
 
-    /// Takes in a tap: `samples` are written at once from where they lie; the header waits for the next flush.
+    /// Takes in a tap, as [`Writer::put_taps`] does.
     ///
-    /// `samples` are the `[channel][sample]` bytes that `header` describes, in the machine's order; what lies behind
-    /// them is ignored. A record that is shorter than the plan allows is copied once, to be padded with zeros.
+    /// # Errors
+    /// As [`Writer::put_taps`].
+    pub fn put_tap(&mut self, header: &TapHeader, samples: &[u8]) -> Result<PutOutcome> {
+        Ok(self.put_taps(&[(header, samples)])?[0])
+    }
+
+    /// Takes in taps: their samples are packed by as many threads as there are cores and written at once; their headers wait
+    /// for the next flush.
+    ///
+    /// The samples of a tap are the `[channel][sample]` bytes that its header describes, in the machine's order; what lies
+    /// behind them is ignored. Where nothing packs them they go to the file from where they lie; a record that is shorter
+    /// than the plan allows is copied once, to be padded with zeros.
     /// Samples are not compared with those that are there: two takes are told apart by their headers.
     ///
     /// # Errors
-    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], [`crate::Error::OtherPlanRecord`], [`crate::Error::RecordShape`], or what the
-    /// system says.
-    pub fn put_tap(&mut self, header: &TapHeader, samples: &[u8]) -> Result<PutOutcome> {
-        let row = header.plan_index;
-        check_id(self.plan(), row, &header.id)?;
-        check_shape(self.plan(), header, samples)?;
-        let header_row = HeaderRow::from(header);
-        let take = Take { attempt: header.id.attempt, fingerprint: header_row.fingerprint() };
-        let outcome = self.tracks[row as usize].outcome(Half::Samples, take);
-        if outcome == PutOutcome::Stored {
-            self.write_samples(header, &samples[..header.payload_bytes()])?;
-            self.pending.headers.insert(row, header_row);
-            self.take(row, Half::Samples, take);
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], [`crate::Error::OtherPlanRecord`],
+    /// [`crate::Error::RecordShape`], or what the system says; the same call may be made again.
+    pub fn put_taps(&mut self, taps: &[(&TapHeader, &[u8])]) -> Result<Vec<PutOutcome>> {
+        if self.archive.is_results() {
+            return Err(Error::ResultsAlone { path: self.archive.path.clone() });
         }
-        self.count(outcome)
+        for (header, samples) in taps {
+            check_id(self.plan(), header.plan_index, &header.id)?;
+            check_shape(self.plan(), header, samples)?;
+        }
+        let mut outcomes = Vec::with_capacity(taps.len());
+        let mut rest = taps;
+        while !rest.is_empty() {
+            // A tap that comes twice is judged by what became of it the first time.
+            let repeated = |k: &usize| rest[..*k].iter().any(|(header, _)| header.plan_index == rest[*k].0.plan_index);
+            let (now, later) = rest.split_at((1..rest.len()).find(repeated).unwrap_or(rest.len()));
+            self.put_different(now, &mut outcomes)?;
+            rest = later;
+        }
+        Ok(outcomes)
+    }
+
+    /// Takes in taps of different plan rows.
+    fn put_different(&mut self, taps: &[(&TapHeader, &[u8])], outcomes: &mut Vec<PutOutcome>) -> Result<()> {
+        let rows: Vec<HeaderRow> = taps.iter().map(|(header, _)| HeaderRow::from(*header)).collect();
+        let take = |row: &HeaderRow| Take { attempt: row.attempt, fingerprint: row.fingerprint() };
+        let outcome = |row: &HeaderRow| self.tracks[row.plan_index as usize].outcome(Half::Samples, take(row));
+        let now: Vec<PutOutcome> = rows.iter().map(outcome).collect();
+        let is_new = |k: &usize| now[*k] == PutOutcome::Stored;
+        let samples: Vec<&[u8]> =
+            (0..taps.len()).filter(is_new).map(|k| &taps[k].1[..taps[k].0.payload_bytes()]).collect();
+        let packed = self.packer.pack(&samples);
+        let mut written = Vec::with_capacity(samples.len());
+        for ((k, packed), samples) in (0..taps.len()).filter(is_new).zip(packed).zip(&samples) {
+            let header = rows[k];
+            let outcome = self.archive.samples.write(header.plan_index, packed.stored(samples));
+            outcome.context("write samples", &self.archive.path)?;
+            let (samples_digest, stored_checksum) = (packed.samples_digest, packed.stored_checksum);
+            written.push(HeaderRow { samples_digest, stored_checksum, ..header });
+        }
+        for header in written {
+            self.pending.headers.insert(header.plan_index, header);
+            self.take(header.plan_index, Half::Samples, take(&header));
+        }
+        for outcome in now {
+            outcomes.push(self.count(outcome)?);
+        }
+        Ok(())
     }
 
     /// Takes in what was found in a tap; it waits for the next flush.
@@ -206,25 +260,24 @@ impl Writer {
         let outcome = self.tracks[plan_index as usize].refusal_outcome(id.attempt);
         if outcome == PutOutcome::Stored {
             self.tracks[plan_index as usize].refuse(id.attempt);
-            self.pending.reasons.insert(plan_index, fixed(reason));
-            self.pending.taps.insert(plan_index, LedgerRow::new(TapState::Refused, id.attempt));
+            self.pending.reasons.insert(plan_index, ReasonRow { reason: fixed(reason), ..no_reason() });
+            self.pending.taps.insert(plan_index, self.tracks[plan_index as usize].to_row(false));
         }
         self.count(outcome)
     }
 
-    /// Takes in that attempt `id.attempt` at the tap of row `plan_index` was of no use and another is to be made; it
-    /// waits for the next flush.
+    /// Takes in that attempt `id.attempt` at the tap of row `plan_index` was of no use, for the flags `quality`, and another is
+    /// to be made; it waits for the next flush.
     ///
     /// # Errors
     /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
-    pub fn put_retake(&mut self, plan_index: u32, id: &TapId) -> Result<PutOutcome> {
+    pub fn put_retake(&mut self, plan_index: u32, id: &TapId, quality: Quality) -> Result<PutOutcome> {
         check_id(self.plan(), plan_index, id)?;
         let track = &mut self.tracks[plan_index as usize];
         let outcome = track.retake_outcome(id.attempt);
         if outcome == PutOutcome::Stored {
-            track.retake(id.attempt);
-            let (state, attempt) = track.state();
-            self.pending.taps.insert(plan_index, LedgerRow::new(state, attempt));
+            track.retake(id.attempt, quality.bits());
+            self.pending.taps.insert(plan_index, track.to_row(false));
         }
         self.count(outcome)
     }
@@ -320,13 +373,20 @@ impl Writer {
         Ok((records, u32::try_from(last).ok().filter(|_| last < taps.len())))
     }
 
-    /// Flushes, closes the archive and waits until it is on the disk, where a power cut cannot take it back.
+    /// Writes down where missing taps were lost, flushes, closes the archive and waits until it is on the disk, where a power cut cannot take it back.
     ///
     /// # Errors
     /// As [`Writer::flush`].
     pub fn finish(mut self) -> Result<()> {
+        let missing = (0..).zip(&self.tracks).filter(|(_, track)| track.state().0 == TapState::Missing);
+        self.pending.taps.extend(missing.map(|(row, track)| (row, track.to_row(true))));
         self.flush()?;
         let path = self.archive.path.clone();
+        if self.ledger.is_judged() {
+            let key =
+                lineage_key(&raw_digest(&self.archive)?, &self.archive.made_by, self.archive.reference.as_deref());
+            self.archive.write_key(&key)?;
+        }
         drop(self);
         std::fs::File::open(&path).and_then(|file| file.sync_all()).context("sync", &path)
     }
@@ -334,9 +394,8 @@ impl Writer {
     fn take(&mut self, row: u32, half: Half, take: Take) {
         let track = &mut self.tracks[row as usize];
         track.take(half, take);
-        let (state, attempt) = track.state();
-        if state == TapState::Archived {
-            self.pending.taps.insert(row, LedgerRow::new(state, attempt));
+        if track.state().0 == TapState::Archived {
+            self.pending.taps.insert(row, track.to_row(false));
         }
     }
 
@@ -350,13 +409,6 @@ impl Writer {
             self.flush()?;
         }
         Ok(outcome)
-    }
-
-    fn write_samples(&mut self, header: &TapHeader, samples: &[u8]) -> Result<()> {
-        let Self { archive, scratch, .. } = self;
-        let channel_count = archive.plan.recording.channels.len();
-        let bytes = padded(samples, channel_count, archive.samples.row_bytes(), scratch);
-        archive.samples.write(header.plan_index, bytes).context("write samples", &archive.path)
     }
 }
 

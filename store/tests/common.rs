@@ -25,16 +25,22 @@ pub(crate) fn plan(sample_format: SampleFormat) -> Plan {
 }
 
 pub(crate) fn plan_of(recording: Recording) -> Plan {
+    plan_with(recording, LOCATIONS)
+}
+
+/// The same with `location_count` locations a ring.
+pub(crate) fn plan_with(recording: Recording, location_count: u32) -> Plan {
     let mut taps = Vec::new();
     for station in [1, 2] {
-        for location in 0..=LOCATIONS {
+        for location in 0..=location_count {
             let mut id = TapId::default();
             (id.station, id.tyre, id.shoulder) = (station, Serial::new("A\u{e9}-1").unwrap(), station);
             id.location = location;
             let offset_mm = (station == 1).then_some(5.0);
             let id = id.with_offset_mm(offset_mm).unwrap().with_velocity_m_per_s(Some(1.85)).unwrap();
-            let angle_deg = (station == 1).then(|| 90.0 * f64::from(location % LOCATIONS));
-            taps.push(PlannedTap { id, angle_deg, is_closing: location == LOCATIONS });
+            let angle_deg =
+                (station == 1).then(|| 360.0 / f64::from(location_count) * f64::from(location % location_count));
+            taps.push(PlannedTap { id, angle_deg, is_closing: location == location_count });
         }
     }
     let truth: Truth = [((Serial::new("A\u{e9}-1").unwrap(), 1, 2), true)].into_iter().collect();

@@ -1,6 +1,8 @@
 //! What is put in comes out, once, whatever the order.
 
-use tapline_store::{OwnedSamples, PutOutcome, Reader, Writer};
+use std::path::{Path, PathBuf};
+
+use tapline_store::{Codec, Lineage, OwnedSamples, PutOutcome, Reader, Writer};
 use tapline_wire::{Ledger, Plan, Quality, SampleFormat, ScanState, TapState};
 
 use crate::common::{CONFIG, bytes, discriminators, header, judgement, plan, put, put_all, samples};
@@ -82,29 +84,55 @@ fn short_records_keep_their_channels_apart() {
 fn the_file_does_not_depend_on_the_order_of_arrival() {
     let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let [forward, backward] = forward_and_backward(&file("a.h5"), &file("b.h5"), Codec::None);
+    assert!(std::fs::read(forward).unwrap() == std::fs::read(backward).unwrap(), "the files differ");
+
+    // Packed chunks lie in the order in which they came; what lies in them, and the tables, are the same.
+    let [forward, backward] = forward_and_backward(&file("c.h5"), &file("d.h5"), Codec::Lz4);
+    let parts = |path: &Path| {
+        let bytes = std::fs::read(path).unwrap();
+        let file = hdf5::File::open(path).unwrap();
+        let mut parts: Vec<Vec<u8>> = Vec::new();
+        for name in ["plan", "taps/header", "discriminators", "ledger", "refusals", "scans", "damage", "truth"] {
+            let table = file.dataset(name).unwrap();
+            let start = table.offset().unwrap() as usize;
+            parts.push(bytes[start..start + table.storage_size() as usize].to_vec());
+        }
+        let samples = file.dataset("taps/samples").unwrap();
+        for k in 0..samples.num_chunks().unwrap() {
+            let chunk = samples.chunk_info(k).unwrap();
+            parts.push(bytes[chunk.addr as usize..(chunk.addr + chunk.size) as usize].to_vec());
+        }
+        parts
+    };
+    assert!(parts(&forward) == parts(&backward), "the contents differ");
+}
+
+/// Two archives of the same run, packed by `codec`, whose records came in opposite orders.
+fn forward_and_backward(forward: &Path, backward: &Path, codec: Codec) -> [PathBuf; 2] {
     let plan = plan(SampleFormat::I16);
-    let [forward, backward] = ["a.h5", "b.h5"].map(|name| folder.path().join(name));
-    let mut writer = Writer::create(&forward, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(forward, &plan, Lineage { codec, ..CONFIG.into() }).unwrap();
     put_all(&mut writer).unwrap();
     writer.finish().unwrap();
 
-    let mut writer = Writer::create(&backward, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(backward, &plan, Lineage { codec, ..CONFIG.into() }).unwrap();
     for row in (0..plan.taps().len() as u32).rev() {
         writer.put_discriminators(&discriminators(&plan, row)).unwrap();
         writer.flush().unwrap();
         if row == 6 {
             drop(writer);
-            writer = Writer::resume(&backward, &plan, CONFIG).unwrap();
+            writer = Writer::resume(backward, &plan, CONFIG).unwrap();
             writer.put_discriminators(&discriminators(&plan, row)).unwrap();
         }
         let tap = header(&plan, row, 32);
         writer.put_tap(&tap, &samples(&tap)).unwrap();
     }
     drop(writer);
-    let mut writer = Writer::open_or_create(&backward, &plan, CONFIG).unwrap();
+    let mut writer = Writer::open_or_create(backward, &plan, CONFIG).unwrap();
     put_all(&mut writer).unwrap();
     writer.finish().unwrap();
-    assert!(std::fs::read(forward).unwrap() == std::fs::read(backward).unwrap(), "the files differ");
+    [forward.to_owned(), backward.to_owned()]
 }
 
 /// Catches a duplicate that is taken for new, a different record that replaces a settled one, before and after resuming.
@@ -187,19 +215,19 @@ fn a_tap_that_is_taken_again_is_archived_as_its_last_attempt() {
     let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
     let (tap, found) = at(0);
     writer.put_tap(&tap, &samples(&tap)).unwrap();
-    assert_eq!(writer.put_retake(0, &found.id).unwrap(), PutOutcome::Stored);
-    assert_eq!(writer.put_retake(0, &found.id).unwrap(), PutOutcome::AlreadyThere);
+    assert_eq!(writer.put_retake(0, &found.id, Quality::CLIPPED).unwrap(), PutOutcome::Stored);
+    assert_eq!(writer.put_retake(0, &found.id, Quality::CLIPPED).unwrap(), PutOutcome::AlreadyThere);
     assert_eq!(writer.ledger().attempt(0), 0, "before the flush nobody may count on it");
     writer.flush().unwrap();
     drop(writer);
 
     let mut writer = Writer::resume(&path, &plan, CONFIG).unwrap();
     assert_eq!((writer.ledger().taps()[0], writer.ledger().attempt(0)), (TapState::Missing, 1));
-    assert_eq!(writer.put_retake(0, &found.id).unwrap(), PutOutcome::AlreadyThere);
+    assert_eq!(writer.put_retake(0, &found.id, Quality::CLIPPED).unwrap(), PutOutcome::AlreadyThere);
     let (tap, found) = at(1);
     writer.put_tap(&tap, &samples(&tap)).unwrap();
     writer.put_discriminators(&found).unwrap();
-    assert_eq!(writer.put_retake(0, &at(1).1.id).unwrap(), PutOutcome::AlreadyThere);
+    assert_eq!(writer.put_retake(0, &at(1).1.id, Quality::CLIPPED).unwrap(), PutOutcome::AlreadyThere);
     writer.finish().unwrap();
     let reader = Reader::open(&path).unwrap();
     assert_eq!((reader.ledger().taps()[0], reader.attempt(0)), (TapState::Archived, Some(1)));

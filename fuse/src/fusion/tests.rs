@@ -7,7 +7,13 @@ use super::*;
 use crate::IndexKind;
 use crate::testing::{Casing, recording, records, tap_id, tyre};
 
+mod absent;
+mod across;
+mod again;
+mod levels;
 mod many_cracks;
+mod off_velocity;
+mod reasons;
 mod rig_faults;
 
 /// All of `records` pushed, all scans ended.

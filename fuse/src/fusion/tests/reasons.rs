@@ -1,0 +1,108 @@
+//! Reasons that the plan itself gives: a condition that the reference lacks, a part of the ring that is not tapped.
+
+use super::*;
+use crate::{Built, KnownShoulder, build_reference};
+
+/// The reference that a casing of seed 1 makes.
+fn reference_of(casing: &Casing) -> Arc<ReferenceSet> {
+    let plan = casing.plan();
+    let found = records(casing, &plan, 1);
+    let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(&plan, &found, scan, None).unwrap()).collect();
+    let config = FuseConfig::by(Reference::File("sound.json".into()));
+    let built = Built { config, lineage: Vec::new(), process: String::new(), learns_directions: false };
+    Arc::new(build_reference(&built, shoulders).unwrap())
+}
+
+/// `plan` without the taps that are not `planned`, and the records of the others.
+fn without(plan: &Plan, all: &[Discriminators], planned: impl Fn(&TapId) -> bool) -> (Plan, Vec<Discriminators>) {
+    let taps: Vec<PlannedTap> = plan.taps().iter().filter(|tap| planned(&tap.id)).copied().collect();
+    let left = all.iter().filter(|record| planned(&record.id));
+    let left = (0..).zip(left).map(|(plan_index, record)| Discriminators { plan_index, ..*record }).collect();
+    (Plan::new(plan.geometry, plan.recording.clone(), taps, Truth::new()).unwrap(), left)
+}
+
+#[test]
+fn a_condition_that_the_reference_file_lacks_is_no_pass() {
+    // Catches taps that nobody looked at and that pass: at an offset, and at a velocity, that the file has nothing of; and a
+    // shoulder that is not passed for what only the reference has.
+    let known = Casing::default();
+    let set = reference_of(&known);
+    let of = |offsets_mm: &[f64], velocities_m_per_s: &[f64]| {
+        let casing = Casing {
+            offsets_mm: offsets_mm.to_vec(),
+            velocities_m_per_s: velocities_m_per_s.to_vec(),
+            ..known.clone()
+        };
+        let plan = casing.plan();
+        let config = FuseConfig::by(Reference::File("sound.json".into()));
+        let mut fusion = Fusion::with_reference(&config, &plan, set.clone()).unwrap();
+        for record in records(&casing, &plan, 7) {
+            fusion.push(&record).unwrap();
+        }
+        fusion.end(0).unwrap();
+        let judgement = fusion.judge(0).unwrap().0;
+        (verdict(&judgement), judgement.reasons)
+    };
+    let unknown = (Verdict::ReInspect, Reasons::CONDITION_UNKNOWN);
+    let pass = (Verdict::Pass, Reasons::default());
+    assert_eq!(of(&[0.0, 10.0], &[1.0, 1.5]), pass);
+    assert_eq!(of(&[0.0, 5.0, 10.0], &[1.0, 1.5]), unknown, "another offset");
+    assert_eq!(of(&[0.0, 10.0], &[1.0, 1.5, 2.0]), unknown, "another velocity");
+    assert_eq!(of(&[0.0], &[1.5]), pass, "less than the reference has");
+    // Each of them is known, but not together.
+    let plan = Casing { velocities_m_per_s: vec![1.0, 1.5, 2.0], ..known.clone() };
+    let (offset_mm, velocity_m_per_s) = (Some(0.0), Some(2.0));
+    let mut crossed = (*reference_of(&plan)).clone();
+    crossed.shoulders[0].turns.retain(|turn| (turn.offset_mm, turn.velocity_m_per_s) != (offset_mm, velocity_m_per_s));
+    let config = FuseConfig::by(Reference::File("sound.json".into()));
+    let all = records(&plan, &plan.plan(), 7);
+    let mut fusion = Fusion::with_reference(&config, &plan.plan(), Arc::new(crossed)).unwrap();
+    all.iter().for_each(|record| fusion.push(record).unwrap());
+    fusion.end(0).unwrap();
+    assert_eq!(fusion.judge(0).unwrap().0.reasons, Reasons::CONDITION_UNKNOWN);
+}
+
+#[test]
+fn a_condition_that_the_named_shoulder_lacks_is_no_pass() {
+    // Catches a reference of the run itself that is not asked which conditions it has.
+    let casing = Casing { shoulder_count: 2, ..Casing::default() };
+    let whole_plan = casing.plan();
+    let is_left = |id: &TapId| id.shoulder == 2 || id.offset_mm() == Some(0.0);
+    let (plan, all) = without(&whole_plan, &records(&casing, &whole_plan, 3), is_left);
+    let config = FuseConfig::by(Reference::Shoulder { tyre: tyre(), shoulder: 1 });
+    let mut fusion = whole(&config, &plan, &all);
+    let judgement = fusion.judge(1).unwrap().0;
+    assert_eq!((verdict(&judgement), judgement.reasons), (Verdict::ReInspect, Reasons::CONDITION_UNKNOWN));
+    assert_eq!(fusion.judge(0).unwrap().0.reasons, Reasons::SELF_REFERENCE, "it has all that it is scanned at");
+    // The other way round the reference has more than is asked.
+    let config = FuseConfig::by(Reference::Shoulder { tyre: tyre(), shoulder: 2 });
+    let judgement = whole(&config, &plan, &all).judge(0).unwrap().0;
+    assert_eq!((verdict(&judgement), judgement.reasons), (Verdict::Pass, Reasons::default()));
+}
+
+#[test]
+fn a_ring_with_a_gap_is_no_pass() {
+    // Catches a crack that hides where the plan has no location: amid the ring, and over the seam.
+    let casing = Casing::default();
+    let whole_plan = casing.plan();
+    let all = records(&casing, &whole_plan, 3);
+    let own = FuseConfig::by(Reference::Own);
+    let reasons = |plan: &Plan, all: &[Discriminators]| {
+        let judgement = whole(&own, plan, all).judge(0).unwrap().0;
+        (verdict(&judgement), judgement.reasons)
+    };
+    let mut blind = Reasons::SELF_REFERENCE;
+    blind.insert(Reasons::LOCATION_BLIND);
+    assert_eq!(reasons(&whole_plan, &all), (Verdict::Pass, Reasons::SELF_REFERENCE));
+    for gap in [40..46, 57..58, 95..100, 0..4] {
+        let (plan, left) = without(&whole_plan, &all, |id| !gap.contains(&id.location));
+        assert_eq!(reasons(&plan, &left), (Verdict::ReInspect, blind), "{gap:?}");
+    }
+    // Every second location is a coarser ring, and no gap.
+    let (plan, left) = without(&whole_plan, &all, |id| id.location % 2 == 0);
+    assert_eq!(reasons(&plan, &left), (Verdict::Pass, Reasons::SELF_REFERENCE));
+    // A line has ends, and may be tapped in parts.
+    let (plan, left) = without(&whole_plan, &all, |id| id.location < 100 && !(40..46).contains(&id.location));
+    let line = Plan::new(Geometry::Line, recording(), plan.taps().to_vec(), Truth::new()).unwrap();
+    assert_eq!(reasons(&line, &left), (Verdict::Pass, Reasons::SELF_REFERENCE));
+}

@@ -1,0 +1,23 @@
+//! What a run says of its archive.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Codec, Error, Result};
+
+/// How taps are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StoreConfig {
+    /// What packs the samples: `lz4`, `zstd` or `none`.
+    pub codec: Codec,
+}
+
+impl StoreConfig {
+    /// Whether a line can keep to it.
+    ///
+    /// # Errors
+    /// [`Error::SlowCodec`].
+    pub fn validate(&self) -> Result<()> {
+        if self.codec.is_for_lines() { Ok(()) } else { Err(Error::SlowCodec { codec: self.codec }) }
+    }
+}

@@ -1,0 +1,125 @@
+//! Records made ready for the file, several at a time: digested, padded, packed, all outside the lock of the HDF5 library.
+
+use std::num::NonZeroUsize;
+use std::sync::Mutex;
+use std::thread;
+
+use crate::codec::{Codec, pack};
+use crate::sealed::{Digest, checksum};
+
+/// One record, ready to be written.
+#[derive(Debug, Default)]
+pub(crate) struct Packed {
+    bytes: Vec<u8>,
+    padded: Vec<u8>,
+    /// Whether the record goes to the file from where it lies.
+    is_as_given: bool,
+    pub(crate) samples_digest: Digest,
+    pub(crate) stored_checksum: u64,
+}
+
+impl Packed {
+    /// What goes to the file; `samples` are those that were packed.
+    pub(crate) fn stored<'a>(&'a self, samples: &'a [u8]) -> &'a [u8] {
+        if self.is_as_given { samples } else { &self.bytes }
+    }
+}
+
+/// The shape of what is packed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Shape {
+    pub(crate) codec: Codec,
+    pub(crate) channel_count: usize,
+    /// Bytes of one sample of one channel.
+    pub(crate) element_bytes: usize,
+    /// Bytes of the longest record there may be, which is a row of the file.
+    pub(crate) row_bytes: usize,
+}
+
+/// Packs records on as many threads as there are cores.
+#[derive(Debug)]
+pub(crate) struct Packer {
+    shape: Shape,
+    thread_count: usize,
+    /// Room for one record each, kept from call to call.
+    desks: Vec<Packed>,
+}
+
+impl Packer {
+    pub(crate) fn new(shape: Shape) -> Self {
+        let thread_count = thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        Self { shape, thread_count, desks: Vec::new() }
+    }
+
+    /// Packs `records`, the samples of one tap each; what comes of them does not depend on how many there are.
+    pub(crate) fn pack(&mut self, records: &[&[u8]]) -> &[Packed] {
+        if self.desks.len() < records.len() {
+            self.desks.resize_with(records.len(), Packed::default);
+        }
+        let (shape, share) = (self.shape, records.len().div_ceil(self.thread_count).clamp(1, usize::MAX));
+        let desks = &mut self.desks[..records.len()];
+        let shares: Vec<_> = desks.chunks_mut(share).zip(records.chunks(share)).map(Mutex::new).collect();
+        let run = |share: &Mutex<(&mut [Packed], &[&[u8]])>| {
+            // Whoever has a share does it; who comes second finds it taken and has nothing to do.
+            let Ok(mut share) = share.try_lock() else { return };
+            let (desks, records) = std::mem::take(&mut *share);
+            for (desk, samples) in desks.iter_mut().zip(records) {
+                shape.pack(samples, desk);
+            }
+        };
+        thread::scope(|scope| {
+            let (own, others) = shares.split_at(shares.len().clamp(0, 1));
+            for (number, share) in others.iter().enumerate() {
+                let named = thread::Builder::new().name(format!("pack-{number}"));
+                if named.spawn_scoped(scope, move || run(share)).is_err() {
+                    // No thread can be had: slower, but done.
+                    run(share);
+                }
+            }
+            own.iter().for_each(run);
+        });
+        &self.desks[..records.len()]
+    }
+}
+
+impl Shape {
+    fn pack(&self, samples: &[u8], desk: &mut Packed) {
+        desk.samples_digest = digest(samples);
+        let padded = padded(samples, self.channel_count, self.row_bytes, &mut desk.padded);
+        desk.is_as_given = self.codec.blosc().is_none() && padded.len() == samples.len();
+        if !desk.is_as_given {
+            pack(self.codec, self.element_bytes, padded, &mut desk.bytes);
+        }
+        desk.stored_checksum = checksum(&[desk.stored(samples)]);
+    }
+}
+
+/// BLAKE3 of `samples`.
+pub(crate) fn digest(samples: &[u8]) -> Digest {
+    *blake3::hash(samples).as_bytes()
+}
+
+/// `samples` of `channel_count` channels as a row of `row_bytes`: themselves if they fill it, else a copy in `scratch`
+/// in which each channel is followed by zeros.
+fn padded<'a>(samples: &'a [u8], channel_count: usize, row_bytes: usize, scratch: &'a mut Vec<u8>) -> &'a [u8] {
+    if samples.len() == row_bytes {
+        return samples;
+    }
+    scratch.clear();
+    scratch.resize(row_bytes, 0);
+    let (from, to) = (samples.len() / channel_count, row_bytes / channel_count);
+    for channel in 0..channel_count {
+        scratch[channel * to..][..from].copy_from_slice(&samples[channel * from..][..from]);
+    }
+    scratch
+}
+
+/// The opposite of [`padded`]: the first `sample_bytes` of each of `channel_count` channels of `row`, moved to its front.
+pub(crate) fn unpadded(row: &mut [u8], channel_count: usize, sample_bytes: usize) {
+    let stride = row.len() / channel_count;
+    if sample_bytes < stride {
+        for channel in 1..channel_count {
+            row.copy_within(channel * stride..channel * stride + sample_bytes, channel * sample_bytes);
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Where a planned tap that is not in the archive was seen last.
+
+/// Where a missing tap was lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
+pub enum Lost {
+    /// Nobody could say: the archive's writer was cut off.
+    #[default]
+    Unknown,
+    /// Nothing of it ever came: it was not taken, or lost on its way from the station.
+    Acquire,
+    /// Its samples came, its discriminators did not.
+    Process,
+    /// Its discriminators came, its samples did not.
+    Store,
+}
+
+impl Lost {
+    const ALL: [Self; 4] = [Self::Unknown, Self::Acquire, Self::Process, Self::Store];
+
+    /// Its code in the archive.
+    pub fn code(self) -> u16 {
+        self as u16
+    }
+
+    /// What has that code.
+    pub fn from_code(code: u16) -> Option<Self> {
+        Self::ALL.get(usize::from(code)).copied()
+    }
+
+    /// Its name in tables: the stage that should have passed the tap on.
+    pub fn name(self) -> &'static str {
+        ["unknown", "acquire", "process", "store"][self as usize]
+    }
+}

@@ -1,0 +1,147 @@
+//! Samples read past the HDF5 library: positioned reads of chunks whose places are known, unpacked by whoever reads.
+
+use std::fs::File;
+use std::path::PathBuf;
+
+use hdf5::H5Type;
+use ndarray::s;
+use tapline_wire::{Lane, Plan, SampleFormat, Samples, TapHeader, TapState, bytes_of_mut, lanes_for};
+
+use crate::archive::Archive;
+use crate::chunk::{ChunkRows, Place};
+use crate::codec::{Codec, unpack};
+use crate::encode::unpadded;
+use crate::error::Context;
+use crate::layout::HeaderRow;
+use crate::sealed::{SealedRow as _, checksum};
+use crate::{Error, Result};
+
+/// Room for one record, kept by whoever reads many.
+#[derive(Debug, Default)]
+pub struct Room {
+    /// The chunk as it lies in the file.
+    stored: Vec<u8>,
+    /// The samples.
+    lanes: Vec<Lane>,
+}
+
+/// Where the samples of an archive lie, and how.
+#[derive(Debug)]
+pub(crate) struct SampleFile {
+    path: PathBuf,
+    file: File,
+    rows: ChunkRows,
+}
+
+impl SampleFile {
+    /// The file of the samples of `archive`, which another archive may share.
+    pub(crate) fn open(archive: &Archive) -> Result<Self> {
+        let path = PathBuf::from(archive.samples.dataset().filename());
+        let file = File::open(&path).context("open the samples", &path)?;
+        Ok(Self { path, file, rows: archive.samples.clone() })
+    }
+
+    /// Where the samples of plan row `row` lie.
+    pub(crate) fn place(&self, row: u32) -> Result<Option<Place>> {
+        self.rows.place(row).context("find samples", &self.path)
+    }
+
+    /// Reads the samples of `header`, which lie at `place`, into `room`.
+    pub(crate) fn read<'r>(
+        &self,
+        header: &TapHeader,
+        stored_checksum: u64,
+        place: Option<Place>,
+        room: &'r mut Room,
+    ) -> Result<Samples<'r>> {
+        let damaged = |what: &str| Error::Damaged {
+            path: self.path.clone(),
+            what: format!("the samples of plan row {} {what}", header.plan_index),
+        };
+        let place = place.ok_or_else(|| damaged("have no place in the file"))?;
+        let Room { stored, lanes } = room;
+        place.read(&self.file, stored).context("read samples", &self.path)?;
+        if checksum(&[stored]) != stored_checksum {
+            return Err(damaged("are not what was written: their checksum differs"));
+        }
+        lanes.resize(lanes_for(self.rows.row_bytes()), Lane::default());
+        let unpacked = &mut bytes_of_mut(lanes)[..self.rows.row_bytes()];
+        match self.rows.codec() {
+            Codec::None | Codec::Lz4 | Codec::Zstd => {
+                if !unpack(self.rows.codec(), stored, unpacked) {
+                    return Err(damaged("cannot be unpacked"));
+                }
+            }
+            Codec::Lzf | Codec::Gzip => self.read_by_library(header, unpacked)?,
+        }
+        unpadded(unpacked, header.channel_count as usize, header.payload_bytes() / header.channel_count as usize);
+        Samples::view(header, lanes).ok_or_else(|| damaged("are not as many as their header says"))
+    }
+
+    fn read_by_library(&self, header: &TapHeader, unpacked: &mut [u8]) -> Result<()> {
+        let row = header.plan_index;
+        match SampleFormat::from_code(header.sample_format) {
+            Some(SampleFormat::F32) => self.read_as::<f32>(row, unpacked),
+            _ => self.read_as::<i16>(row, unpacked),
+        }
+    }
+
+    fn read_as<T: H5Type + bytemuck::Pod>(&self, row: u32, unpacked: &mut [u8]) -> Result<()> {
+        let samples = self.rows.dataset().read_slice_2d::<T, _>(s![row as usize, .., ..]);
+        let samples = samples.context("unpack samples", &self.path)?;
+        for (to, sample) in unpacked.chunks_exact_mut(size_of::<T>()).zip(&samples) {
+            to.copy_from_slice(bytemuck::bytes_of(sample));
+        }
+        Ok(())
+    }
+}
+
+/// The taps of an archive for readers that share the work: where each lies is found once, and then no lock is taken.
+///
+/// What an archive packs by LZF or Deflate is unpacked by the HDF5 library after all, one record after another.
+#[derive(Debug)]
+pub struct Taps {
+    file: SampleFile,
+    plan: Plan,
+    /// Of the archived taps, by plan row.
+    found: Vec<Option<(HeaderRow, Option<Place>)>>,
+}
+
+impl Taps {
+    pub(crate) fn of(archive: &Archive, states: &[TapState]) -> Result<Self> {
+        let file = SampleFile::open(archive)?;
+        let rows = archive.headers.read_all().context("read the headers", &archive.path)?;
+        let mut found = Vec::with_capacity(rows.len());
+        for ((number, row), state) in (0..).zip(rows).zip(states) {
+            let is_there = *state == TapState::Archived;
+            found.push(if is_there { Some((row, file.place(number)?)) } else { None });
+        }
+        Ok(Self { file, plan: archive.plan.clone(), found })
+    }
+
+    /// The tap in plan row `row`, bit for bit, its samples in `room`; `None` when it is not archived or there is no such row.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where a checksum differs, or what the system says.
+    pub fn read<'r>(&self, row: u32, room: &'r mut Room) -> Result<Option<(TapHeader, Samples<'r>)>> {
+        let Some((header_row, place)) = self.found.get(row as usize).copied().flatten() else { return Ok(None) };
+        let header = checked_header(&self.file.path, &self.plan, row, header_row)?;
+        let samples = self.file.read(&header, header_row.stored_checksum, place, room)?;
+        Ok(Some((header, samples)))
+    }
+}
+
+/// The header in row `row`, if its seal is whole and it describes that row.
+pub(crate) fn checked_header(path: &std::path::Path, plan: &Plan, row: u32, header: HeaderRow) -> Result<TapHeader> {
+    let damaged = |what: String| Error::Damaged { path: path.to_owned(), what };
+    if !header.is_whole(row as usize) {
+        return Err(damaged(format!("the header of plan row {row} is not what was written: its checksum differs")));
+    }
+    let of_row = header.to_header(row, plan);
+    let most = plan.recording.sample_count_max;
+    if of_row.plan_index != row || of_row.sample_count > most {
+        let (named, count) = (of_row.plan_index, of_row.sample_count);
+        return Err(damaged(format!("the header of plan row {row} names row {named} and {count} samples")));
+    }
+    Ok(of_row)
+}
