@@ -37,20 +37,8 @@ pub(crate) enum Verb {
     Fuse(LineArgs),
     /// Keep taps, discriminators, maps and verdicts in the archive (one stage of a line, alone).
     Store(LineArgs),
-    /// Write a table of an archive.
-    Export {
-        /// The archive.
-        archive: PathBuf,
-        /// Which table.
-        #[arg(value_enum)]
-        table: Table,
-        /// Form of the table.
-        #[arg(long, value_enum, default_value_t = Format::Csv)]
-        format: Format,
-        /// File to write; standard output when left out.
-        #[arg(long)]
-        out: Option<PathBuf>,
-    },
+    /// Write a table of an archive, or its taps, in a format of other programs.
+    Export(ExportArgs),
     /// Make a reference of shoulders of archives: stated to be sound, or labelled by what is known of them.
     Reference(ReferenceArgs),
     /// Check that an archive holds all its plan asks for and does not contradict itself.
@@ -222,18 +210,58 @@ pub(crate) struct LineArgs {
     pub(crate) child: Option<i32>,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum Table {
-    Discriminators,
-    Damage,
-    Regions,
-    Verdicts,
-    Ledger,
+#[derive(Debug, Args)]
+#[command(after_help = EXPORT_FORMATS)]
+pub(crate) struct ExportArgs {
+    /// The archive.
+    pub(crate) archive: PathBuf,
+    /// What to write.
+    #[arg(value_enum, value_name = "WHAT")]
+    pub(crate) what: What,
+    /// Format; csv for a table and wav for the taps when left out.
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<Format>,
+    /// File to write a table into, standard output when left out; for the taps a folder, which must be new or empty.
+    #[arg(long)]
+    pub(crate) out: Option<PathBuf>,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
+const EXPORT_FORMATS: &str = "\
+A table as parquet has the columns and rows of the csv, typed, with units; sets of flags also as bits.
+Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again.
+Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58), in N and V.
+Taps that were refused or are missing are counted, and listed in taps.csv (column `refused`); then the exit code is 3.";
+
+/// What of an archive can be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum What {
+    /// What was found in every tap.
+    Discriminators,
+    /// The damage index of every location.
+    Damage,
+    /// The arcs of damage.
+    Regions,
+    /// The verdict on every shoulder.
+    Verdicts,
+    /// What became of every planned tap.
+    Ledger,
+    /// The samples of every tap.
+    Taps,
+}
+
+/// In what format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
+    /// A table as text.
     Csv,
+    /// A table with types and units, compressed by snappy.
+    Parquet,
+    /// Taps as a tap set, one WAV each.
+    Wav,
+    /// Taps as Universal Files, dataset 58b.
+    Uff,
+    /// Taps as Universal Files, dataset 58.
+    UffAscii,
 }
 
 #[derive(Debug, Subcommand)]

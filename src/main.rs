@@ -9,6 +9,7 @@ mod config;
 mod contact;
 mod experiment;
 mod explain;
+mod export;
 mod figures;
 mod in_memory;
 mod line;
@@ -75,7 +76,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Process(line) => stage::process(line),
         Verb::Fuse(line) => stage::fuse(line),
         Verb::Store(line) => stage::store(line),
-        Verb::Export { archive, table, format, out } => tables::export(archive, *table, *format, out.as_deref()),
+        Verb::Export(args) => export::export(args),
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archive, json } => tables::verify(archive, *json),
         Verb::Reprocess(args) => reprocess::reprocess(args),

@@ -1,53 +1,14 @@
-//! The verbs that read and print: tables of an archive, its state, tables of the dissertation.
+//! The verbs that read and print: the state of an archive, tables of the dissertation.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::Path;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::Result;
 use serde_json::json;
 use tapline_model::EffectiveLength;
-use tapline_store::{Export, Reader};
 use tapline_wire::TapState;
 
-use crate::cli::{Format, Length, Table};
-
-pub(crate) fn export(archive: &Path, table: Table, format: Format, out: Option<&Path>) -> Result<bool> {
-    let Format::Csv = format;
-    let table = match table {
-        Table::Discriminators => Export::Discriminators,
-        Table::Damage => Export::Damage,
-        Table::Regions => Export::Regions,
-        Table::Verdicts => Export::Verdicts,
-        Table::Ledger => Export::Ledger,
-    };
-    let reader = Reader::open(archive)?;
-    match out {
-        None => quiet_pipe(tapline_store::export(&reader, table, BufWriter::new(io::stdout().lock())))?,
-        Some(path) => {
-            // Whole or not at all: what stands at `path` is replaced at the end, and never if it is the archive.
-            if path.canonicalize().is_ok_and(|path| Some(path) == archive.canonicalize().ok()) {
-                bail!("--out {} is the archive itself", path.display());
-            }
-            let draft = path.with_added_extension("new");
-            let context = || format!("cannot write {}", path.display());
-            let file = File::create(&draft).with_context(context)?;
-            tapline_store::export(&reader, table, BufWriter::new(file)).with_context(context)?;
-            fs::rename(&draft, path).with_context(context)?;
-        }
-    }
-    Ok(true)
-}
-
-/// A reader that has seen enough, as `head` has, is no failure.
-fn quiet_pipe(written: tapline_store::Result<()>) -> Result<()> {
-    match written {
-        Err(tapline_store::Error::Csv(error)) if matches!(error.kind(), csv::ErrorKind::Io(e) if e.kind() == io::ErrorKind::BrokenPipe) => {
-            Ok(())
-        }
-        other => Ok(other?),
-    }
-}
+use crate::cli::Length;
 
 pub(crate) fn verify(archive: &Path, as_json: bool) -> Result<bool> {
     let report = tapline_store::verify(archive)?;

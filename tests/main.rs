@@ -7,6 +7,7 @@ mod cli;
 mod dissertation;
 mod estimators;
 mod experiment;
+mod export_taps;
 mod faults;
 mod figures;
 mod in_memory;

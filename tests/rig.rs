@@ -1,6 +1,7 @@
 //! What the tests share: a folder of its own for each, the built program in it, and what it left behind.
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -199,6 +200,20 @@ pub(crate) fn shared(what: &str) -> Option<PathBuf> {
         return None;
     }
     Some(path)
+}
+
+/// A Python that has `modules`, looked for where `TAPLINE_PYTHON` says and on the usual ways; a printed notice where there is
+/// none.
+pub(crate) fn python_with(modules: &str) -> Option<OsString> {
+    let named = std::env::var_os("TAPLINE_PYTHON").into_iter();
+    let import = format!("import {modules}");
+    let has_them =
+        |python: &OsString| Command::new(python).args(["-c", &import]).output().is_ok_and(|done| done.status.success());
+    let found = named.chain(["python3", "/usr/bin/python3"].map(OsString::from)).find(has_them);
+    if found.is_none() {
+        eprintln!("skipped: no Python with {modules} here (set TAPLINE_PYTHON)");
+    }
+    found
 }
 
 /// Columns of a CSV text by name, one map a row.

@@ -43,8 +43,25 @@ pub(crate) fn write_wav(path: &Path, channels: u16, rate: u32, count: u32, locat
     wav.finalize().unwrap();
 }
 
+/// Writes the synthetic tap at `location` as a WAV of 32-bit floats.
+pub(crate) fn write_float_wav(path: &Path, location: u32) {
+    let spec = hound::WavSpec {
+        channels: 2,
+        sample_rate: 41_000,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut wav = hound::WavWriter::create(path, spec).unwrap();
+    for k in 0..4096 {
+        for channel in 0..2 {
+            wav.write_sample(sample(channel, k, location) as f32).unwrap();
+        }
+    }
+    wav.finalize().unwrap();
+}
+
 /// A sound ring of recordings in the folder `taps`.
-fn tap_set() -> Rig {
+pub(crate) fn tap_set() -> Rig {
     let rig = Rig::new();
     fs::create_dir(rig.path("taps")).unwrap();
     rig.write("taps/scan.toml", SCAN);

@@ -20,6 +20,7 @@
 
 mod config;
 mod error;
+mod extras;
 mod run;
 mod scan_toml;
 mod simulated;

@@ -29,6 +29,12 @@ const REMARKS: [&str; 5] = ["sound_unit", "force_unit", "description", "source",
 /// Most samples per second; far above any converter, so that times in samples stay exact.
 const SAMPLE_RATE_HZ_MAX: f64 = 1e9;
 
+/// Most newtons or volts of a full-scale sample.
+pub(crate) const FULL_SCALE_MAX: f64 = 1e12;
+
+/// Farthest microphone in m.
+pub(crate) const MICROPHONE_DISTANCE_M_MAX: f64 = 1e3;
+
 /// What is the same for every tap of a set.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ScanToml {
@@ -81,7 +87,7 @@ struct Keys<'a> {
 
 impl Keys<'_> {
     fn scan(&self) -> Result<ScanToml, Error> {
-        let any = f64::MIN_POSITIVE..=1e12;
+        let any = f64::MIN_POSITIVE..=FULL_SCALE_MAX;
         let required =
             |key, bound: &str| Error::MissingKey { file: self.file.to_owned(), key, bound: bound.to_owned() };
         Ok(ScanToml {
@@ -95,7 +101,9 @@ impl Keys<'_> {
                 .ok_or_else(|| required("pre_trigger_samples", "the samples before the trigger"))?,
             force_full_scale_n: self.number("force_full_scale_n", any.clone())?.unwrap_or(1.0),
             sound_full_scale_v: self.number("sound_full_scale_v", any)?.unwrap_or(1.0),
-            microphone_distance_m: self.number("microphone_distance_m", 0.0..=1e3)?.unwrap_or(0.0),
+            microphone_distance_m: self
+                .number("microphone_distance_m", 0.0..=MICROPHONE_DISTANCE_M_MAX)?
+                .unwrap_or(0.0),
             remarks: self.remarks()?,
         })
     }

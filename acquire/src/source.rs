@@ -20,7 +20,7 @@ pub trait Source: Send + fmt::Debug {
 
     /// Renders the tap in plan row `row` into `lanes`, and all that is known of it into `header`.
     ///
-    /// Of `header` all but `stamp`, `sent_ns` and `retakes_left` is filled in, `id` and `plan_index` also when the tap is refused.
+    /// A tap whose earlier takes are known to its source may be of a later attempt than `attempt`. Of `header` all but `stamp`, `sent_ns` and `retakes_left` is filled in, `id` and `plan_index` also when the tap is refused.
     /// Of `lanes` the first [`TapHeader::payload_bytes`] bytes are written; it must have room for
     /// [`Recording::payload_bytes_max`].
     ///
@@ -32,7 +32,8 @@ pub trait Source: Send + fmt::Debug {
 /// Why a planned tap will not come.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
-    /// Recording of the tap as `taps.csv` names it, or what stands for it in a source without files.
+    /// Recording of the tap as `taps.csv` names it, or what stands for it in a source without files; empty where the reason
+    /// stands for itself.
     pub file: String,
     /// Line of `taps.csv`, from 1; 0 where there is no such file.
     pub line: usize,
@@ -44,6 +45,7 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { file, line, reason } = self;
         match line {
+            _ if file.is_empty() => f.write_str(reason),
             0 => write!(f, "{file}: {reason}"),
             _ => write!(f, "{file} (taps.csv line {line}): {reason}"),
         }

@@ -6,13 +6,11 @@ use std::path::{Component, Path};
 use tapline_wire::{Geometry, IdError, PlannedTap, Serial, TapId};
 
 use crate::Error;
+use crate::extras::{self, Extras, MEASURED};
 use crate::table::{Row, read_rows};
 
 const COLUMNS: &[&str] =
     &["file", "tyre", "shoulder", "offset_mm", "velocity_m_per_s", "location", "angle_deg", "repetition"];
-
-/// Optional column: the velocity that was measured, where `velocity_m_per_s` is the one that was asked for.
-const MEASURED: &str = "velocity_measured_m_per_s";
 
 /// Highest index along a ring or line: far above any scan, so that one more is a number still.
 pub(crate) const LOCATION_MAX: u32 = 999_999;
@@ -28,18 +26,20 @@ const ANGLE_ROUNDING_DEG: f64 = 0.01;
 pub(crate) struct TapRow {
     /// Line of the file, from 1.
     pub(crate) line: usize,
-    /// Path of the recording below the set's folder.
+    /// Path of the recording below the set's folder; empty where the list says why there is none.
     pub(crate) file: String,
-    /// The tap, at station 0.
+    /// The tap; at station 0 where the list names none.
     pub(crate) tap: PlannedTap,
     /// Velocity as measured; without a column of its own, the one the list gives.
     pub(crate) velocity_measured_m_per_s: Option<f64>,
+    /// What the optional columns say.
+    pub(crate) extras: Extras,
 }
 
 /// Reads the `text` of `file`.
 pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRow>, Error> {
     let mut rows = Vec::new();
-    read_rows(file, text, (COLUMNS, &[MEASURED]), |row| {
+    read_rows(file, text, (COLUMNS, extras::COLUMNS), |row| {
         rows.push(tap_row(row, geometry)?);
         Ok(())
     })?;
@@ -72,11 +72,16 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
     id.location = whole("location", 0, LOCATION_MAX)?;
     id.repetition = short(row.whole("repetition", 0, u32::from(u16::MAX))?.unwrap_or(0));
     let angle_deg = row.number("angle_deg", (0.0, true), 360.0)?;
+    let extras = Extras::of(row, geometry)?;
+    id.station = extras.station.unwrap_or(0);
+    // A tap that is known to have no recording may do without the name of one.
+    let is_nameless = extras.refused.is_some() && row.text("file").is_empty();
     Ok(TapRow {
         line: row.line,
-        file: file_name(row)?,
+        file: if is_nameless { String::new() } else { file_name(row)? },
         tap: PlannedTap { id, angle_deg, is_closing: false },
         velocity_measured_m_per_s,
+        extras,
     })
 }
 
@@ -115,11 +120,12 @@ fn mark_closing_taps(rows: &mut [TapRow]) {
     for row in &mut *rows {
         let Some(ring) = rings.get_mut(&(row.tap.id.tyre, row.tap.id.shoulder)) else { continue };
         let location = row.tap.id.location;
-        row.tap.is_closing = match row.tap.angle_deg {
+        row.tap.is_closing = match (row.extras.is_closing, row.tap.angle_deg) {
+            (Some(is_closing), _) => is_closing,
             // A tool that rounds 360 may fall short of it.
-            Some(angle_deg) => angle_deg > 360.0 - ANGLE_ROUNDING_DEG,
+            (None, Some(angle_deg)) => angle_deg > 360.0 - ANGLE_ROUNDING_DEG,
             // Locations may be counted from 1, or be more than 100: then location 100 is one like the others.
-            None => location == TURN_LOCATIONS && ring.location_max == TURN_LOCATIONS && ring.has_first,
+            (None, None) => location == TURN_LOCATIONS && ring.location_max == TURN_LOCATIONS && ring.has_first,
         };
         if !row.tap.is_closing {
             ring.open_max = ring.open_max.max(Some(location));
@@ -196,6 +202,53 @@ mod tests {
         assert_eq!(rows[0].tap.id.velocity_m_per_s(), Some(1.85));
         assert_eq!((rows[0].velocity_measured_m_per_s, rows[1].velocity_measured_m_per_s), (Some(2.03), None));
         assert_eq!(ring("a.wav,T,1,,1.85,0,,0\n")[0].velocity_measured_m_per_s, Some(1.85));
+    }
+
+    /// Catches an optional column that is taken for another, required, or made up where its cell is empty, and a closing tap
+    /// that is found out although the list says otherwise.
+    #[test]
+    fn what_an_archive_knows_is_taken() {
+        let header = HEADER.replace(
+            "repetition",
+            "repetition,station,attempt,is_closing,tap_time_ns,force_full_scale_n,sound_full_scale_v,microphone_distance_m,refused",
+        );
+        let of = |rows: &str| parse(Path::new("taps.csv"), &format!("{header}{rows}"), Geometry::Ring);
+        let rows = of(
+            "a.wav,T,1,,,0,0,0,7,2,1,-5,222,5,0.05,\n,T,1,,,1,360,0,7,,0,,,,,no wire\nc.wav,T,1,,,2,360,1,7,,,,,,,\n",
+        );
+        let rows = rows.unwrap();
+        let first = Extras {
+            station: Some(7),
+            attempt: 2,
+            is_closing: Some(true),
+            tap_time_ns: -5,
+            force_full_scale_n: Some(222.0),
+            sound_full_scale_v: Some(5.0),
+            microphone_distance_m: Some(0.05),
+            refused: None,
+        };
+        assert_eq!((&rows[0].extras, rows[0].tap.id.station), (&first, 7));
+        assert_eq!(rows.iter().map(|row| row.tap.is_closing).collect::<Vec<_>>(), [true, false, true]);
+        let refused =
+            Extras { station: Some(7), is_closing: Some(false), refused: Some("no wire".into()), ..Extras::default() };
+        assert_eq!((&rows[1].extras, rows[1].file.as_str()), (&refused, ""));
+        assert_eq!(rows[2].extras, Extras { station: Some(7), ..Extras::default() });
+        for (row, want) in [
+            (",T,1,,,0,0,0,7,,,,,,,", "line 2: file is \"\""),
+            ("a.wav,T,1,,,0,0,0,0,,,,,,,", "station is \"0\"; it must be a whole number from 1 to 65535"),
+            ("a.wav,T,1,,,0,0,0,,64,,,,,,", "attempt is \"64\"; it must be a whole number from 0 to 63"),
+            ("a.wav,T,1,,,0,0,0,,,2,,,,,", "is_closing is \"2\""),
+            ("a.wav,T,1,,,0,0,0,,,,1.5,,,,", "tap_time_ns is \"1.5\"; it must be a whole number of ns"),
+            ("a.wav,T,1,,,0,0,0,,,,,0,,,", "force_full_scale_n is \"0\"; it must be a number above 0"),
+            ("a.wav,T,1,,,0,0,0,,,,,,nan,,", "sound_full_scale_v is \"nan\""),
+            ("a.wav,T,1,,,0,0,0,,,,,,,-1,", "microphone_distance_m is \"-1\"; it must be a number from 0 to 1000"),
+        ] {
+            let error = of(row).unwrap_err().to_string();
+            assert!(error.contains(want), "{error:?} lacks {want:?}");
+        }
+        let text = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,is_closing\na.wav,T,1,,,0,,0,1\n";
+        let error = parse(Path::new("taps.csv"), text, Geometry::Line).unwrap_err().to_string();
+        assert!(error.contains("a line has no end to close"), "{error}");
     }
 
     fn turn(count: u32, with_angles: bool, from: u32) -> String {

@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use tapline_wire::{
-    CHANNELS_MAX, ChannelHeader, Lane, Plan, PlannedTap, Recording, SampleFormat, Serial, SourceKind, TapHeader, Truth,
-    digest_of_parts,
+    CHANNELS_MAX, Channel, ChannelHeader, Lane, Plan, PlannedTap, Recording, SampleFormat, Serial, SourceKind,
+    TapHeader, Truth, digest_of_parts,
 };
 
+use crate::extras::Extras;
 use crate::scan_toml::ScanToml;
 use crate::source::{channel_headers, named, no_room, no_such_row};
 use crate::taps_csv::TapRow;
@@ -26,7 +27,6 @@ pub struct TapSet {
     dir: PathBuf,
     scan: ScanToml,
     plan: Plan,
-    channels: [ChannelHeader; CHANNELS_MAX],
     rows: Vec<RecordedTap>,
     scratch: Vec<u8>,
 }
@@ -36,12 +36,18 @@ struct RecordedTap {
     file: String,
     line: usize,
     velocity_measured_m_per_s: f64,
+    microphone_distance_m: f64,
+    tap_time_ns: i64,
+    /// How many takes of it were of no use before the one that was recorded.
+    attempt: u16,
+    channels: [ChannelHeader; CHANNELS_MAX],
     /// Why the recording cannot be used, as far as its header tells.
     fault: Option<String>,
 }
 
 impl TapSet {
-    /// Opens the tap set in the folder `dir`, its shoulders shared out over `station_count` stations in turn.
+    /// Opens the tap set in the folder `dir`, its shoulders shared out over `station_count` stations in turn where it does
+    /// not say whose they are.
     ///
     /// The tables and every recording's header are checked; a recording that cannot be used is a refusal of its tap
     /// when that is asked for, not an error here.
@@ -63,7 +69,7 @@ impl TapSet {
         let truth_file = dir.join("truth.csv");
         let truth = text::read(&truth_file)?.map_or(Ok(Truth::new()), |text| truth_csv::parse(&truth_file, &text))?;
 
-        let headers: Vec<_> = rows.iter().map(|row| header_of(&dir.join(&row.file), &scan)).collect();
+        let headers: Vec<_> = rows.iter().map(|row| header_of(dir, row, &scan)).collect();
         let Some(recording) = recording_of(&scan, &headers) else {
             return Err(no_usable_tap(taps_file, &rows, headers));
         };
@@ -73,10 +79,9 @@ impl TapSet {
         let lengths = lengths.join(" ");
         let source = digest_of_parts([scan_text.as_bytes(), taps_text.as_bytes(), lengths.as_bytes()]);
         let plan = Plan::new(scan.geometry, recording, taps, truth)?.with_source(source);
-        let channels = channel_headers(&plan.recording, &scales_of(&scan, plan.recording.sample_format));
-        let rows = rows.into_iter().zip(headers).map(|(row, header)| recorded_tap(row, header, &plan.recording));
+        let rows = rows.into_iter().zip(headers).map(|(row, header)| recorded_tap(row, header, &scan, &plan.recording));
         let rows = rows.collect();
-        Ok(Self { dir: dir.to_owned(), scan, plan, channels, rows, scratch: Vec::new() })
+        Ok(Self { dir: dir.to_owned(), scan, plan, rows, scratch: Vec::new() })
     }
 
     /// What `scan.toml` says beside what is computed with: units, description, source and licence of the recordings.
@@ -126,10 +131,13 @@ impl Source for TapSet {
         let kind = self.kind();
         *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
         let row = row as usize;
-        header.velocity_measured_m_per_s = self.rows[row].velocity_measured_m_per_s;
-        header.microphone_distance_m = self.scan.microphone_distance_m;
-        header.channels = self.channels;
-        let known = self.rows[row].fault.clone().or_else(|| no_room(lanes, self.plan.recording.payload_bytes_max()));
+        let tap = &self.rows[row];
+        header.id.attempt = attempt.max(tap.attempt);
+        header.tap_time_ns = tap.tap_time_ns;
+        header.velocity_measured_m_per_s = tap.velocity_measured_m_per_s;
+        header.microphone_distance_m = tap.microphone_distance_m;
+        header.channels = tap.channels;
+        let known = tap.fault.clone().or_else(|| no_room(lanes, self.plan.recording.payload_bytes_max()));
         if let Some(reason) = known {
             return Err(self.rows[row].refusal(reason));
         }
@@ -144,8 +152,11 @@ impl RecordedTap {
     }
 }
 
-fn header_of(path: &Path, scan: &ScanToml) -> Result<WavHeader, WavFault> {
-    let (file, file_bytes) = wav::open(path)?;
+fn header_of(dir: &Path, row: &TapRow, scan: &ScanToml) -> Result<WavHeader, WavFault> {
+    if let Some(reason) = &row.extras.refused {
+        return Err(WavFault::Refused(reason.clone()));
+    }
+    let (file, file_bytes) = wav::open(&dir.join(&row.file))?;
     let wav = wav::read_header(file, file_bytes)?;
     refuse_misfit(&wav, scan)?;
     Ok(wav)
@@ -193,21 +204,37 @@ fn recording_of(scan: &ScanToml, headers: &[Result<WavHeader, WavFault>]) -> Opt
     })
 }
 
-/// Newtons or volts of one stored unit, by channel.
-fn scales_of(scan: &ScanToml, format: SampleFormat) -> Vec<f64> {
+/// Newtons or volts of one stored unit of a tap, by channel.
+fn scales_of(scan: &ScanToml, extras: &Extras, format: SampleFormat) -> Vec<f64> {
     let full_scale_stored = match format {
         SampleFormat::I16 => COUNTS_FULL_SCALE,
         SampleFormat::F32 => 1.0,
     };
-    scan.channels.iter().map(|&channel| scan.full_scale(channel) / full_scale_stored).collect()
+    let full_scale = |&channel: &Channel| {
+        let of_tap = match channel {
+            Channel::Force => extras.force_full_scale_n,
+            Channel::Sound => extras.sound_full_scale_v,
+        };
+        of_tap.unwrap_or_else(|| scan.full_scale(channel)) / full_scale_stored
+    };
+    scan.channels.iter().map(full_scale).collect()
 }
 
-fn recorded_tap(row: TapRow, header: Result<WavHeader, WavFault>, recording: &Recording) -> RecordedTap {
+fn recorded_tap(
+    row: TapRow,
+    header: Result<WavHeader, WavFault>,
+    scan: &ScanToml,
+    recording: &Recording,
+) -> RecordedTap {
     let fault = header.and_then(|wav| refuse_format(&wav, recording.sample_format)).err();
     RecordedTap {
         file: row.file,
         line: row.line,
         velocity_measured_m_per_s: row.velocity_measured_m_per_s.unwrap_or(f64::NAN),
+        microphone_distance_m: row.extras.microphone_distance_m.unwrap_or(scan.microphone_distance_m),
+        tap_time_ns: row.extras.tap_time_ns,
+        attempt: row.extras.attempt,
+        channels: channel_headers(recording, &scales_of(scan, &row.extras, recording.sample_format)),
         fault: fault.map(|fault| fault.to_string()),
     }
 }
@@ -224,13 +251,17 @@ fn no_usable_tap(file: PathBuf, rows: &[TapRow], headers: Vec<Result<WavHeader, 
     Error::NoUsableTap { file, tap_count: rows.len(), reasons }
 }
 
-/// The taps at their stations: shoulders in order of first appearance, to stations 1, 2, ... and round again.
+/// The taps at their stations: those that the list names, and other shoulders in order of first appearance, to stations
+/// 1, 2, ... and round again.
 fn at_stations(rows: &[TapRow], station_count: u16) -> Vec<PlannedTap> {
     let mut station_of: HashMap<(Serial, u16), u16> = HashMap::new();
     let mut last = station_count;
     rows.iter()
         .map(|row| {
             let mut tap = row.tap;
+            if row.extras.station.is_some() {
+                return tap;
+            }
             tap.id.station = *station_of.entry((tap.id.tyre, tap.id.shoulder)).or_insert_with(|| {
                 last = if last >= station_count { 1 } else { last + 1 };
                 last

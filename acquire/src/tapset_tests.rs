@@ -258,3 +258,30 @@ fn recorded_sets_are_read() {
         }
     }
 }
+
+/// Catches a tap of an archive that comes back at another station, attempt, time or scale, and a refusal that does not keep
+/// its words.
+#[test]
+fn what_an_archive_knows_comes_back() {
+    let dir = small_set();
+    let header = HEADER.replace(
+        "repetition",
+        "repetition,station,attempt,tap_time_ns,force_full_scale_n,sound_full_scale_v,microphone_distance_m,refused",
+    );
+    let rows = "a.wav,T,2,0,1.5,0,0,0,3,9,77,32768,65536,0.5,\n\
+                b.wav,T,2,0,1.5,1,3.6,0,3,,,,,,\n\
+                ,T,1,,,0,,0,2,1,,,,,\"two bounces, no more\"\n";
+    fs::write(dir.path().join("taps.csv"), format!("{header}{rows}")).unwrap();
+    let mut set = open(&dir);
+    assert_eq!(set.plan().stations(), [2, 3]);
+    let (first, _) = render(&mut set, 0).unwrap();
+    let scales: Vec<f64> = first.channels().map(|(_, unit_per_count)| unit_per_count).collect();
+    assert_eq!((scales, first.microphone_distance_m), (vec![1.0, 2.0], 0.5));
+    assert_eq!((first.id.attempt, first.tap_time_ns, first.id.station), (9, 77, 3));
+    let (second, _) = render(&mut set, 1).unwrap();
+    let scales: Vec<f64> = second.channels().map(|(_, unit_per_count)| unit_per_count).collect();
+    assert_eq!((scales, second.microphone_distance_m), (vec![1.0 / 32768.0; 2], 0.0), "the set's own");
+    assert_eq!((second.id.attempt, second.tap_time_ns), (3, 0), "the one that was asked for");
+    assert_eq!(refusal(&mut set, 2), "two bounces, no more");
+    assert_eq!(set.refusals().count(), 1);
+}

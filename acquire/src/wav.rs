@@ -34,6 +34,9 @@ pub(crate) struct WavHeader {
 /// Why a recording cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum WavFault {
+    /// The list of taps says why there is no recording.
+    #[error("{0}")]
+    Refused(String),
     #[error("the file does not exist")]
     Missing,
     #[error("it is not a file")]

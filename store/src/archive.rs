@@ -3,13 +3,14 @@
 use std::fs::TryLockError;
 use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use hdf5::types::VarLenUnicode;
 use hdf5::{File, H5Type, Location};
 use tapline_wire::{Channel, Geometry, Plan, Recording, SampleFormat, Truth};
 
 use crate::check::{other_configuration, other_lineage};
-use crate::chunk::{ChunkRows, take_whole_file};
+use crate::chunk::{ChunkRows, close_in_children, take_whole_file};
 use crate::codec::Codec;
 use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name};
 use crate::error::Context;
@@ -23,6 +24,11 @@ use crate::table::Table;
 use crate::{Error, Lineage, Result};
 
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
+
+/// A lock that is met is tried again so often before it is believed: a process that is being started has, for a moment, the
+/// locks of the one that starts it.
+const LOCK_TRIES: u32 = 20;
+const LOCK_PAUSE: Duration = Duration::from_millis(10);
 
 /// What an archive is opened for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,6 +107,7 @@ impl Archive {
         if access == Access::Write {
             take_whole_file(&file).context("take the whole file", path)?;
         }
+        close_in_children(&file).context("keep the archive to this process", path)?;
         check_format(&file, path)?;
         check_fixed(&file, path)?;
         let raw_file = open_raw(&file, path)?;
@@ -180,6 +187,7 @@ fn open_raw(file: &File, path: &Path) -> Result<Option<File>> {
     let raw_path = path.with_file_name(&name);
     probe(&raw_path, Access::Read)?;
     let raw = File::open(&raw_path).context("open the archive of the taps", &raw_path)?;
+    close_in_children(&raw).context("keep the archive to this process", &raw_path)?;
     check_format(&raw, &raw_path)?;
     let digest =
         |of: &File, path: &Path| read_number::<u64>(of, attribute::PLAN_DIGEST).context("read the plan's digest", path);
@@ -209,10 +217,18 @@ fn probe(path: &Path, access: Access) -> Result<()> {
         .write(access == Access::Write)
         .open(path)
         .context("open the archive", path)?;
-    let locked = match access {
+    let try_lock = || match access {
         Access::Read => file.try_lock_shared(),
         Access::Write => file.try_lock(),
     };
+    let mut locked = try_lock();
+    for _ in 0..LOCK_TRIES {
+        if !matches!(locked, Err(TryLockError::WouldBlock)) {
+            break;
+        }
+        std::thread::sleep(LOCK_PAUSE);
+        locked = try_lock();
+    }
     match locked {
         Err(TryLockError::WouldBlock) => return Err(Error::InUse { path: path.to_owned() }),
         // A file system without locks cannot say; the library then decides.

@@ -1,13 +1,16 @@
 //! Samples straight from where they lie to the disk and back: the one place that calls the C library itself.
 #![expect(unsafe_code, reason = "the safe crate has no direct chunk access")]
 
+use std::ffi::{c_int, c_void};
 use std::fs::File;
 use std::io;
+use std::os::fd::BorrowedFd;
 use std::os::unix::fs::FileExt as _;
 
 use hdf5::{Dataset, Error, sync::sync};
 use hdf5_sys::h5::{haddr_t, herr_t, hsize_t};
 use hdf5_sys::h5d::{H5Dget_chunk_info_by_coord, H5Dwrite_chunk};
+use hdf5_sys::h5f::H5Fget_vfd_handle;
 use hdf5_sys::h5i::hid_t;
 use hdf5_sys::h5p::H5P_DEFAULT;
 
@@ -26,6 +29,26 @@ unsafe extern "C" {
 pub(crate) fn take_whole_file(file: &hdf5::File) -> hdf5::Result<()> {
     // SAFETY: the lock of the library is held and the file's identifier is valid while `file` lives.
     sync(|| if unsafe { H5Fincrement_filesize(file.id(), 0) } < 0 { Err(Error::query()?) } else { Ok(()) })
+}
+
+/// Has processes that this one starts not inherit the open file, and with it the lock on it.
+///
+/// # Errors
+/// What the library or the system says.
+pub(crate) fn close_in_children(file: &hdf5::File) -> hdf5::Result<()> {
+    let mut handle: *mut c_void = std::ptr::null_mut();
+    sync(|| {
+        // SAFETY: the lock of the library is held and the file's identifier is valid while `file` lives; its driver is the
+        // one that keeps a descriptor, for which the handle points to that number.
+        let status = unsafe { H5Fget_vfd_handle(file.id(), H5P_DEFAULT, &raw mut handle) };
+        if status < 0 || handle.is_null() {
+            return Err(Error::query()?);
+        }
+        // SAFETY: as above; the descriptor stays open as long as `file`, which outlives the borrow.
+        let descriptor = unsafe { BorrowedFd::borrow_raw(*handle.cast::<c_int>()) };
+        rustix::io::fcntl_setfd(descriptor, rustix::io::FdFlags::CLOEXEC)
+            .map_err(|error| Error::from(error.to_string()))
+    })
 }
 
 /// Where a row lies in the file.

@@ -214,6 +214,39 @@ pub enum Error {
     /// A table could not be written.
     #[error("cannot write the table: {0}")]
     Csv(#[from] csv::Error),
+    /// A table could not be written as Parquet.
+    #[error("cannot write the Parquet table: {0}")]
+    Parquet(#[from] parquet::errors::ParquetError),
+    /// A recording could not be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Wav {
+        /// The recording.
+        path: PathBuf,
+        /// Why not.
+        source: hound::Error,
+    },
+    /// An export of taps would mix with other files.
+    #[error("{} is a folder with files in it; taps are written into a new or an empty one", path.display())]
+    FolderNotEmpty {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// There are no taps to export.
+    #[error("{} holds the samples of none of its {tap_count} planned taps", path.display())]
+    NoSamples {
+        /// The archive.
+        path: PathBuf,
+        /// Taps planned.
+        tap_count: usize,
+    },
+    /// Something that a tap set cannot say.
+    #[error("{} cannot be a tap set: {what}", path.display())]
+    NoTapSet {
+        /// The archive.
+        path: PathBuf,
+        /// What cannot be said, and what can.
+        what: String,
+    },
 }
 
 /// Adds to an HDF5 error what was tried and on which file.

@@ -59,7 +59,7 @@ mod writer;
 pub use codec::Codec;
 pub use config::StoreConfig;
 pub use error::Error;
-pub use export::{Export, export};
+pub use export::{Export, TapCounts, UffEncoding, export, export_parquet, export_tap_set, export_uff};
 pub use layout::{FORMAT_VERSION, REASON_BYTES};
 pub use lineage::{Lineage, digest_of, lineage_key};
 pub use lost::Lost;

@@ -12,7 +12,7 @@ fn exported(reader: &Reader, table: Export) -> String {
 }
 
 /// A run in which row 3 was refused, row 9 never came, and only the first scan was judged.
-fn unfinished(folder: &tempfile::TempDir) -> Reader {
+pub(crate) fn unfinished(folder: &tempfile::TempDir) -> Reader {
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
     let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();

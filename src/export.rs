@@ -1,0 +1,101 @@
+//! The verb `export`: what an archive holds, for other programs.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, IsTerminal as _, Write};
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail};
+use clap::ValueEnum as _;
+use tapline_store::{Export, Reader, TapCounts, UffEncoding, export_parquet, export_tap_set, export_uff};
+
+use crate::cli::{ExportArgs, Format, What};
+
+/// Formats of a table.
+const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];
+
+/// Formats of the taps.
+const OF_TAPS: [Format; 3] = [Format::Wav, Format::Uff, Format::UffAscii];
+
+/// Does the verb; whether all that was asked for was there.
+pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
+    let table = match args.what {
+        What::Discriminators => Export::Discriminators,
+        What::Damage => Export::Damage,
+        What::Regions => Export::Regions,
+        What::Verdicts => Export::Verdicts,
+        What::Ledger => Export::Ledger,
+        What::Taps => return taps(args),
+    };
+    let format = allowed(args, &OF_TABLES)?;
+    let reader = Reader::open(&args.archive)?;
+    match &args.out {
+        None if format == Format::Parquet && io::stdout().is_terminal() => {
+            bail!("Parquet is no text for a terminal; name a file with --out, or redirect the output");
+        }
+        None => quiet_pipe(write(&reader, table, format, BufWriter::new(io::stdout())))?,
+        Some(path) => whole_file(&args.archive, path, |file| write(&reader, table, format, BufWriter::new(file)))?,
+    }
+    Ok(true)
+}
+
+fn write(reader: &Reader, table: Export, format: Format, out: impl Write + Send) -> tapline_store::Result<()> {
+    if format == Format::Parquet {
+        export_parquet(reader, table, out)
+    } else {
+        tapline_store::export(reader, table, out)
+    }
+}
+
+fn taps(args: &ExportArgs) -> Result<bool> {
+    let format = allowed(args, &OF_TAPS)?;
+    let Some(folder) = &args.out else {
+        bail!("taps are many files; name a new or empty folder for them with --out");
+    };
+    let reader = Reader::open(&args.archive)?;
+    let counts = match format {
+        Format::Uff => export_uff(&reader, folder, UffEncoding::Binary),
+        Format::UffAscii => export_uff(&reader, folder, UffEncoding::Ascii),
+        _ => export_tap_set(&reader, folder),
+    };
+    let TapCounts { written, refused, missing } = counts?;
+    let is_whole = refused == 0 && missing == 0;
+    let why = if is_whole { "" } else { "; taps.csv says which and why" };
+    let folder = folder.display();
+    writeln!(io::stdout().lock(), "{folder}: {written} taps written, {refused} refused, {missing} missing{why}")?;
+    Ok(is_whole)
+}
+
+/// The format that is asked for, or the first of `formats`, which are those that there are.
+fn allowed(args: &ExportArgs, formats: &[Format]) -> Result<Format> {
+    let format = args.format.unwrap_or(formats[0]);
+    if formats.contains(&format) {
+        return Ok(format);
+    }
+    let name = |format: &Format| format.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+    let what = args.what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
+    let known = formats.iter().map(name).collect::<Vec<_>>().join(" or ");
+    bail!("--format {} does not go with {what}; it must be {known}", name(&format))
+}
+
+/// Has `write` fill a file that is there whole or not at all: what stands at `path` is replaced at the end, and never if
+/// it is the archive.
+fn whole_file(archive: &Path, path: &Path, write: impl FnOnce(File) -> tapline_store::Result<()>) -> Result<()> {
+    if path.canonicalize().is_ok_and(|path| Some(path) == archive.canonicalize().ok()) {
+        bail!("--out {} is the archive itself", path.display());
+    }
+    let draft = path.with_added_extension("new");
+    let context = || format!("cannot write {}", path.display());
+    let file = File::create(&draft).with_context(context)?;
+    write(file).with_context(context)?;
+    fs::rename(&draft, path).with_context(context)
+}
+
+/// A reader that has seen enough, as `head` has, is no failure.
+fn quiet_pipe(written: tapline_store::Result<()>) -> Result<()> {
+    match written {
+        Err(tapline_store::Error::Csv(error)) if matches!(error.kind(), csv::ErrorKind::Io(e) if e.kind() == io::ErrorKind::BrokenPipe) => {
+            Ok(())
+        }
+        other => Ok(other?),
+    }
+}

@@ -1,0 +1,141 @@
+//! What the exports of taps share: the list of all planned taps, and how files are named after tyres.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use tapline_wire::{Plan, PlannedTap, Scan, TapHeader, TapState};
+
+use super::csv_file::number_text;
+use crate::reader::{OwnedSamples, Reader};
+use crate::{Error, Result};
+
+/// How many taps an export has, and how many it had to do without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TapCounts {
+    /// Taps whose samples were written.
+    pub written: usize,
+    /// Taps that were refused when they were taken.
+    pub refused: usize,
+    /// Taps that never came.
+    pub missing: usize,
+}
+
+/// Why a missing tap has no recording, in the list of taps.
+const MISSING: &str = "missing in the archive";
+
+/// The same for a tap that was refused without a word.
+const NO_REASON: &str = "refused without a reason";
+
+/// One planned tap as its archive has it.
+pub(crate) struct ListedTap<'a> {
+    pub(crate) planned: &'a PlannedTap,
+    /// What was recorded, or why nothing was.
+    pub(crate) record: Result<(TapHeader, OwnedSamples), String>,
+    /// The attempt that settled the tap; 0 where none did.
+    pub(crate) attempt: u16,
+}
+
+/// The planned taps of an archive, read one at a time.
+pub(crate) struct Taps<'a> {
+    reader: &'a Reader,
+    /// Why taps were refused, by plan row.
+    reasons: BTreeMap<u32, String>,
+}
+
+impl<'a> Taps<'a> {
+    /// The taps of an archive that has at least one.
+    ///
+    /// # Errors
+    /// [`Error::NoSamples`] when no tap is archived, or what reading gives.
+    pub(crate) fn of(reader: &'a Reader) -> Result<Self> {
+        if reader.ledger().count(TapState::Archived) == 0 {
+            return Err(Error::NoSamples { path: reader.path().to_owned(), tap_count: reader.plan().taps().len() });
+        }
+        // A refusal without a word would be read as none.
+        let has_words = |reason: &String| !reason.trim().is_empty();
+        let refusals = reader.refusals()?.into_iter().map(|refusal| (refusal.plan_index, refusal.reason));
+        Ok(Self { reader, reasons: refusals.filter(|(_, reason)| has_words(reason)).collect() })
+    }
+
+    /// How many there are of each state.
+    pub(crate) fn counts(&self) -> TapCounts {
+        let count = |state| self.reader.ledger().count(state);
+        TapCounts {
+            written: count(TapState::Archived),
+            refused: count(TapState::Refused),
+            missing: count(TapState::Missing),
+        }
+    }
+
+    /// The tap in plan row `row`.
+    pub(crate) fn tap(&self, row: u32) -> Result<ListedTap<'a>> {
+        let is_missing = self.reader.ledger().taps()[row as usize] == TapState::Missing;
+        let why = || match self.reasons.get(&row) {
+            _ if is_missing => MISSING.to_owned(),
+            Some(reason) => reason.clone(),
+            None => NO_REASON.to_owned(),
+        };
+        Ok(ListedTap {
+            planned: &self.reader.plan().taps()[row as usize],
+            record: self.reader.tap(row)?.ok_or_else(why),
+            attempt: self.reader.attempt(row).unwrap_or(0),
+        })
+    }
+}
+
+/// Columns of the list that every export of taps has, in the order of [`cells`].
+pub(crate) const COLUMNS: [&str; 14] = [
+    "file",
+    "tyre",
+    "shoulder",
+    "offset_mm",
+    "velocity_m_per_s",
+    "location",
+    "angle_deg",
+    "repetition",
+    "velocity_measured_m_per_s",
+    "station",
+    "attempt",
+    "is_closing",
+    "tap_time_ns",
+    "refused",
+];
+
+/// The cells of a tap whose samples are in `file`.
+pub(crate) fn cells(tap: &ListedTap<'_>, file: &str) -> [String; 14] {
+    let id = &tap.planned.id;
+    let header = tap.record.as_ref().ok().map(|(header, _)| header);
+    [
+        if header.is_some() { file.to_owned() } else { String::new() },
+        id.tyre.to_string(),
+        id.shoulder.to_string(),
+        known(id.offset_mm()),
+        known(id.velocity_m_per_s()),
+        id.location.to_string(),
+        known(tap.planned.angle_deg),
+        id.repetition.to_string(),
+        known(header.map(|header| header.velocity_measured_m_per_s)),
+        id.station.to_string(),
+        tap.attempt.to_string(),
+        u8::from(tap.planned.is_closing).to_string(),
+        header.map_or_else(String::new, |header| header.tap_time_ns.to_string()),
+        tap.record.as_ref().err().cloned().unwrap_or_default(),
+    ]
+}
+
+/// A value as text; nothing where it is absent.
+pub(crate) fn known(value: Option<f64>) -> String {
+    value.filter(|value| value.is_finite()).map_or_else(String::new, number_text)
+}
+
+/// A name of each scan that any file system takes: letters, digits, '-' and '_' whatever the serials are, and no two alike.
+pub(crate) fn scan_names(plan: &Plan) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+    let name_of = |(number, scan): (usize, &Scan)| {
+        let tyre: String = scan.tyre.as_str().chars().map(plain).collect();
+        let name = format!("{tyre}-{}", scan.shoulder);
+        // No plain name has a dot.
+        if taken.insert(name.clone()) { name } else { format!("{name}.{number}") }
+    };
+    plan.scans().iter().enumerate().map(name_of).collect()
+}

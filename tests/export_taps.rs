@@ -1,0 +1,269 @@
+//! Taps that leave an archive for other programs: as a tap set they come back, as Universal Files they are read by pyuff.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use tapline_acquire::{Source as _, TapSet};
+use tapline_store::{OwnedSamples, Reader};
+use tapline_wire::{Discriminator, Lane, SourceKind, TapHeader, TapState, lanes_for};
+
+use crate::rig::{Contents, Rig, assert_same, contents, csv_rows, python_with};
+use crate::tapset;
+
+/// Two tyres at two stations, a crack, taps that are taken again, and a closing tap at the end of every turn.
+const SCAN: &str = "
+[scan]
+offsets_mm = [0.0, 5.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+locations = 30
+
+[[scan.tyre]]
+serial = \"CRACKED\"
+station = 1
+crack = [{ shoulder = 2, first_location = 10, location_count = 4, depth_mm = 6.0, length_mm = 22.0 }]
+
+[[scan.tyre]]
+serial = \"SOUND \u{e9}\"
+station = 2
+
+[simulation]
+sample_count = 4096
+
+[[simulation.fault]]
+kind = \"double_hit\"
+share = 0.1
+";
+
+/// The archive's content, but for the kind of source, which an export cannot keep.
+fn as_from_a_tap_set(mut contents: Contents) -> Contents {
+    for (header, _) in contents.taps.iter_mut().flatten() {
+        header.source = SourceKind::TapSet.code();
+    }
+    contents
+}
+
+/// A run of the simulated line.
+fn run() -> Rig {
+    let rig = Rig::new();
+    rig.write("scan.toml", SCAN);
+    rig.run("run --config scan.toml --stations 2 --out run.h5").expect(0);
+    rig
+}
+
+/// Catches anything that is lost, rounded, reordered or made up between an archive and its tap set: samples, scales,
+/// velocities, distances, angles, closing taps, stations, attempts, times, truth, and with them results and verdicts.
+#[test]
+fn an_exported_tap_set_gives_the_same_archive() {
+    let rig = run();
+    let done = rig.run("export run.h5 taps --out set").expect(0);
+    assert_eq!(done.out, "set: 248 taps written, 0 refused, 0 missing\n");
+    rig.run("run --taps set --config set/config.toml --out again.h5").expect(0);
+    let (before, after) = (contents(&rig.path("run.h5")), contents(&rig.path("again.h5")));
+    assert!(before.taps.iter().flatten().any(|(header, _)| header.id.attempt > 0), "a tap was taken again");
+    assert!(before.taps.iter().flatten().all(|(header, _)| header.tap_time_ns != 0));
+    assert_same(&as_from_a_tap_set(before), &after);
+    let [before, after] = ["run.h5", "again.h5"].map(|name| Reader::open(rig.path(name)).unwrap());
+    assert_eq!(before.plan().taps(), after.plan().taps());
+    assert_eq!(before.plan().scans(), after.plan().scans());
+    assert_eq!(before.plan().recording, after.plan().recording);
+    assert_eq!(before.plan().geometry, after.plan().geometry);
+    assert!(before.truth() == after.truth() && before.truth().values().any(|&is_cracked| is_cracked));
+    for table in ["discriminators", "damage", "regions", "verdicts", "ledger"] {
+        let table_of = |archive: &str| rig.run(&format!("export {archive} {table}")).expect(0).out;
+        assert_eq!(table_of("run.h5"), table_of("again.h5"), "{table}");
+    }
+    // And once more: what came from a tap set is nothing else.
+    rig.run("export again.h5 taps --format wav --out set-again").expect(0);
+    let files =
+        |folder: &str| ["taps.csv", "truth.csv", "config.toml"].map(|f| fs::read(rig.path(folder).join(f)).unwrap());
+    assert!(files("set") == files("set-again"));
+}
+
+/// Catches a refused tap that an export leaves out in silence, or that comes back with another reason; and 32-bit floats
+/// that are not what they were.
+#[test]
+fn refused_taps_and_floats_are_exported() {
+    let rig = tapset::tap_set();
+    for location in 0..24 {
+        tapset::write_float_wav(&rig.path(&format!("taps/{location:03}.wav")), location);
+    }
+    fs::remove_file(rig.path("taps/003.wav")).unwrap();
+    rig.run("run --taps taps --out run.h5").expect(3);
+    let done = rig.run("export run.h5 taps --out set").expect(3);
+    assert_eq!(done.out, "set: 23 taps written, 1 refused, 0 missing; taps.csv says which and why\n");
+    let rows = csv_rows(&fs::read_to_string(rig.path("set/taps.csv")).unwrap());
+    assert!(rows[3]["file"].is_empty() && rows[3]["refused"].contains("003.wav"), "{:?}", rows[3]);
+    assert!(rows.iter().enumerate().all(|(k, row)| (k == 3) != row["refused"].is_empty()));
+    rig.run("run --taps set --config set/config.toml --out again.h5").expect(3);
+    let (before, after) = (contents(&rig.path("run.h5")), contents(&rig.path("again.h5")));
+    assert!(matches!(before.taps[0], Some((_, OwnedSamples::F32(_)))));
+    assert_same(&before, &after);
+    let reasons = ["run.h5", "again.h5"].map(|name| Reader::open(rig.path(name)).unwrap().refusals().unwrap());
+    assert!(reasons[0].len() == 1 && reasons[0] == reasons[1], "{reasons:?}");
+}
+
+/// Catches a missing tap that is exported as if it were there or had never been planned.
+#[test]
+fn missing_taps_are_said_to_be_missing() {
+    let rig = run();
+    // Half a run: the plan of two tyres, the taps of the first.
+    let whole = Reader::open(rig.path("run.h5")).unwrap();
+    let mut writer = tapline_store::Writer::create(rig.path("half.h5"), whole.plan(), whole.config()).unwrap();
+    for (row, found) in (0..124).zip(whole.discriminators().unwrap()) {
+        let (header, samples) = whole.tap(row).unwrap().unwrap();
+        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+        writer.put_discriminators(&found.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    let done = rig.run("export half.h5 taps --out set").expect(3);
+    assert_eq!(done.out, "set: 124 taps written, 0 refused, 124 missing; taps.csv says which and why\n");
+    rig.run("run --taps set --config set/config.toml --out again.h5").expect(3);
+    let again = Reader::open(rig.path("again.h5")).unwrap();
+    assert_eq!(again.plan().taps(), whole.plan().taps());
+    assert_eq!(again.ledger().count(TapState::Refused), 124);
+    assert!(again.refusals().unwrap().iter().all(|refusal| refusal.reason == "missing in the archive"));
+}
+
+/// Catches taps of other scales than the first, or another distance, that come back with the first one's.
+#[test]
+fn scales_are_kept_tap_by_tap() {
+    let rig = run();
+    let whole = Reader::open(rig.path("run.h5")).unwrap();
+    let mut writer = tapline_store::Writer::create(rig.path("mixed.h5"), whole.plan(), "").unwrap();
+    let mut headers = Vec::new();
+    for (row, found) in (0..4).zip(whole.discriminators().unwrap()) {
+        let (mut header, samples) = whole.tap(row).unwrap().unwrap();
+        header.channels[0].unit_per_count /= f64::from(row % 3 + 1);
+        header.channels[1].unit_per_count *= if row == 3 { 0.7 } else { 1.0 };
+        header.microphone_distance_m += f64::from(row) / 30.0;
+        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+        writer.put_discriminators(&found.unwrap()).unwrap();
+        headers.push(header);
+    }
+    writer.finish().unwrap();
+    rig.run("export mixed.h5 taps --out set").expect(3);
+    let mut set = TapSet::open(&rig.path("set"), 1).unwrap();
+    let mut lanes = vec![Lane::default(); lanes_for(set.plan().recording.payload_bytes_max())];
+    for (row, want) in (0..).zip(headers) {
+        let mut got = TapHeader::default();
+        set.render(row, 0, &mut got, &mut lanes).unwrap();
+        assert_eq!(got.channels, want.channels, "row {row}");
+        assert_eq!(got.microphone_distance_m.to_bits(), want.microphone_distance_m.to_bits(), "row {row}");
+    }
+}
+
+/// Prints of each Universal File its types and units, and of its functions what names them; checks every sample against what
+/// h5py reads.
+const PYUFF: &str = r#"
+import csv, sys, hdf5plugin, h5py, numpy as np, pyuff
+archive, folder, is_binary = h5py.File(sys.argv[1]), sys.argv[2], sys.argv[3] == "uff"
+samples, header = archive["taps/samples"], archive["taps/header"]
+files, largest = {}, 0.0
+rows = list(csv.DictReader(open(folder + "/taps.csv", encoding="utf-8")))
+for row in rows:
+    if row["file"] not in files:
+        files[row["file"]] = pyuff.UFF(folder + "/" + row["file"])
+for k, row in enumerate(rows):
+    uff = files[row["file"]]
+    for channel, (unit, kind) in enumerate([("N", 13), ("V", 0)]):
+        function = uff.read_sets(int(row["first_function"]) + channel)
+        want = samples[k, channel] * header[k]["unit_per_count"][channel]
+        assert len(function["data"]) == len(want) == function["num_pts"]
+        largest = max(largest, np.abs(function["data"] - want).max() / np.abs(want).max())
+        assert function["ordinate_axis_units_lab"] == unit and function["ordinate_spec_data_type"] == kind
+        assert function["func_type"] == 1 and function["abscissa_spacing"] == 1 and function["binary"] == is_binary
+        rate_hz = header[k]["sample_rate_hz"]
+        assert abs(function["abscissa_inc"] * rate_hz - 1) < 1e-5
+        assert abs(function["x"][header[k]["pre_trigger_samples"]]) < 1e-6
+        assert function["rsp_node"] == int(row["location"]) and function["ver_num"] == int(row["repetition"])
+units = files[rows[0]["file"]].read_sets(0)
+print(units["type"], units["units_code"], units["length"], units["force"], units["temp_offset"])
+print(largest < (6e-8 if is_binary else 1e-11))
+first = files[rows[0]["file"]].read_sets(2)
+print(first["id1"]); print(first["id2"]); print(first["id3"]); print(first["id4"]); print(first["id5"])
+print(sorted(files), [len(uff.get_set_types()) for uff in files.values()])
+"#;
+
+/// Catches a Universal File that others cannot read, or read otherwise: values, units, axes, names, in either encoding.
+#[test]
+fn pyuff_reads_what_was_recorded() {
+    let Some(python) = python_with("hdf5plugin, h5py, pyuff") else { return };
+    let rig = run();
+    let reader = Reader::open(rig.path("run.h5")).unwrap();
+    let (header, _) = reader.tap(0).unwrap().unwrap();
+    let plan = format!("{:016x}", reader.plan().digest());
+    drop(reader);
+    for format in ["uff", "uff-ascii"] {
+        let done = rig.run(&format!("export run.h5 taps --format {format} --out {format}")).expect(0);
+        assert_eq!(done.out, format!("{format}: 248 taps written, 0 refused, 0 missing\n"));
+        let out = Command::new(&python)
+            .args(["-c", PYUFF, "run.h5", format, format])
+            .current_dir(rig.path(""))
+            .output()
+            .unwrap();
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        let said = String::from_utf8(out.stdout).unwrap();
+        let said: Vec<&str> = said.lines().collect();
+        assert_eq!(said[..2], ["164 1 1.0 1.0 273.15", "True"]);
+        assert_eq!(said[2], "sound tyre CRACKED shoulder 1 location 0");
+        assert_eq!(said[3], "offset_mm 0 velocity_m_per_s 1.85 angle_deg 0 repetition 0");
+        assert_eq!(said[4], "01-JAN-26 00:00:00");
+        let measured = header.velocity_measured_m_per_s;
+        assert_eq!(said[5], format!("station 1 attempt {} velocity_measured_m_per_s {measured}", header.id.attempt));
+        let (rate, distance) = (header.sample_rate_hz, header.microphone_distance_m);
+        assert_eq!(said[6], format!("sample_rate_hz {rate} microphone_distance_m {distance} plan {plan}"));
+        let names = ["CRACKED-1", "CRACKED-2", "SOUND__-1", "SOUND__-2"].map(|name| format!("'{name}.uff'"));
+        assert_eq!(said[7], format!("[{}] [125, 125, 125, 125]", names.join(", ")));
+    }
+}
+
+/// Catches an export into files of others, of nothing, or in a format that it has not, that is not said to be one.
+#[test]
+fn what_cannot_be_exported_is_said() {
+    let rig = run();
+    let fails = |arguments: &str, parts: &[&str]| {
+        let done = rig.run(arguments).expect(1);
+        for part in parts {
+            assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
+        }
+    };
+    fails("export run.h5 taps --format csv --out x", &["--format csv", "taps", "wav or uff or uff-ascii"]);
+    fails("export run.h5 damage --format uff --out x", &["--format uff", "damage", "csv or parquet"]);
+    fails("export run.h5 taps", &["--out"]);
+    fs::create_dir(rig.path("full")).unwrap();
+    rig.write("full/mine.txt", "mine");
+    fails("export run.h5 taps --out full", &["full", "empty"]);
+    fails("export run.h5 taps --out run.h5", &["run.h5"]);
+    fails("export run.h5 taps --out nowhere/set", &["nowhere"]);
+    assert_eq!(fs::read_to_string(rig.path("full/mine.txt")).unwrap(), "mine");
+
+    let reader = Reader::open(rig.path("run.h5")).unwrap();
+    tapline_store::Writer::create(rig.path("none.h5"), reader.plan(), "").unwrap().finish().unwrap();
+    fails("export none.h5 taps --out x", &["none.h5", "none of its 248"]);
+    assert!(!rig.path("x").exists());
+    fs::create_dir(rig.path("empty")).unwrap();
+    rig.run("export run.h5 taps --out empty/").expect(0);
+    assert!(rig.path("empty/scan.toml").exists());
+    assert!(left_over(&rig.path("")).is_empty(), "{:?}", left_over(&rig.path("")));
+}
+
+/// Drafts that an export has left behind.
+fn left_over(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    names.filter(|name| name.ends_with(".new")).collect()
+}
+
+/// Catches Parquet from the command line that is not the table: to a file, and to standard output.
+#[test]
+fn a_table_is_written_as_parquet() {
+    let rig = run();
+    rig.run("export run.h5 discriminators --format parquet --out found.parquet").expect(0);
+    let to_file = fs::read(rig.path("found.parquet")).unwrap();
+    let to_stdout = rig.command("export run.h5 discriminators --format parquet").output().unwrap().stdout;
+    assert!(to_file.starts_with(b"PAR1") && to_file.ends_with(b"PAR1"));
+    assert!(to_file == to_stdout);
+    let has = |text: &str| to_file.windows(text.len()).any(|window| window == text.as_bytes());
+    assert!(Discriminator::ALL.into_iter().all(|which| has(which.column())) && has("quality_bits"));
+}
