@@ -41,19 +41,35 @@ pub(crate) enum Verb {
     Export(ExportArgs),
     /// Make a reference of shoulders of archives: stated to be sound, or labelled by what is known of them.
     Reference(ReferenceArgs),
-    /// Check that an archive holds all its plan asks for and does not contradict itself.
+    /// Check that an archive holds all its plan asks for, that nothing in it was altered, and that it does not contradict itself.
+    ///
+    /// Every sample is read and every checksum compared. Prints what is amiss, a line each, and ends with code 3 then.
     Verify {
         /// The archive.
         archive: PathBuf,
         /// Print the report as JSON.
         #[arg(long)]
         json: bool,
+        /// In this process, not in one of its own.
+        #[arg(long, hide = true)]
+        here: bool,
     },
     /// Judge archives again: with other options, another reference, or by a newer program.
     ///
     /// The archive is not touched. The results stand beside it in a file named after their lineage, which every other verb
     /// takes as an archive; the same command again goes on where it was ended. Prints the name of each file.
     Reprocess(ReprocessArgs),
+    /// Write an archive again, its samples packed otherwise; every sample is checked on the way.
+    Repack {
+        /// The archive.
+        archive: PathBuf,
+        /// What packs the samples of the new one.
+        #[arg(long, value_enum)]
+        codec: PackedBy,
+        /// The new archive.
+        #[arg(long)]
+        out: PathBuf,
+    },
     /// Say what an archive's numbers are made of and by: recorded taps, sources of the program, options, reference.
     Explain {
         /// The archive, or a file of results.
@@ -165,6 +181,21 @@ pub(crate) struct ReferenceArgs {
     /// File to write, whose name ends in .json.
     #[arg(long)]
     pub(crate) out: PathBuf,
+}
+
+/// What packs samples.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum PackedBy {
+    /// Nothing: read by every HDF5 program.
+    None,
+    /// Blosc with LZ4: fast.
+    Lz4,
+    /// Blosc with Zstandard: smaller.
+    Zstd,
+    /// LZF: read by h5py alone.
+    Lzf,
+    /// Deflate: read by every HDF5 program, slow to write.
+    Gzip,
 }
 
 #[derive(Debug, Args)]

@@ -1,17 +1,56 @@
 //! The verbs that read and print: the state of an archive, tables of the dissertation.
 
 use std::io::{self, Write};
+use std::os::unix::process::ExitStatusExt as _;
 use std::path::Path;
+use std::process::Command;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result, bail};
 use serde_json::json;
 use tapline_model::EffectiveLength;
+use tapline_store::{Codec, Repacked};
 use tapline_wire::TapState;
 
-use crate::cli::Length;
+use crate::cli::{Length, PackedBy};
 
+/// What a check ends with that has found something.
+const INCOMPLETE: i32 = crate::INCOMPLETE as i32;
+
+/// Checks an archive in a process of its own: where its structure is damaged, the HDF5 library may bring that process down,
+/// and this one tells.
 pub(crate) fn verify(archive: &Path, as_json: bool) -> Result<bool> {
-    let report = tapline_store::verify(archive)?;
+    let program = std::env::current_exe().context("cannot find this program")?;
+    let mut child = Command::new(program);
+    child.arg("verify").arg(archive).arg("--here").args(as_json.then_some("--json"));
+    let done = child.output().context("cannot start the check")?;
+    io::stdout().write_all(&done.stdout)?;
+    match (done.status.code(), done.status.signal()) {
+        (Some(0), _) => Ok(true),
+        (Some(INCOMPLETE), _) => {
+            io::stderr().write_all(&done.stderr)?;
+            Ok(false)
+        }
+        (_, Some(signal)) => {
+            let died = format!("the HDF5 library fell over it (signal {signal}): its structure is damaged");
+            writeln!(io::stdout(), "{}: NOT WHOLE: {died}", archive.display())?;
+            Ok(false)
+        }
+        _ => {
+            let told = String::from_utf8_lossy(&done.stderr);
+            bail!("{}", told.trim().trim_start_matches("tapline: "))
+        }
+    }
+}
+
+/// Checks an archive in this process.
+pub(crate) fn verify_here(archive: &Path, as_json: bool) -> Result<bool> {
+    let report = match tapline_store::verify(archive) {
+        Err(error @ tapline_store::Error::Damaged { .. }) => {
+            writeln!(io::stdout(), "{error}\n{}: NOT WHOLE", archive.display())?;
+            return Ok(false);
+        }
+        report => report?,
+    };
     let count = |state| report.ledger.count(state);
     let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), count(TapState::Missing));
     let is_whole = report.is_complete() && refused == 0;
@@ -59,4 +98,30 @@ pub(crate) fn model(number: u8, length: Length) -> Result<bool> {
     }
     out.flush()?;
     Ok(true)
+}
+
+pub(crate) fn repack(archive: &Path, codec: Codec, out: &Path) -> Result<bool> {
+    let Repacked { sample_bytes, before_bytes, after_bytes } = tapline_store::repack(archive, out, codec)?;
+    let mb = |bytes: u64| format!("{:.1} MB", bytes as f64 / 1e6);
+    #[expect(clippy::cast_precision_loss, reason = "a ratio for people to read")]
+    let ratio = sample_bytes as f64 / after_bytes as f64;
+    let (samples, before, after) = (mb(sample_bytes), mb(before_bytes), mb(after_bytes));
+    writeln!(
+        io::stdout(),
+        "{}: {after}, from {before}; {samples} of samples, {ratio:.2} times the file",
+        out.display()
+    )?;
+    Ok(true)
+}
+
+impl From<PackedBy> for Codec {
+    fn from(by: PackedBy) -> Self {
+        match by {
+            PackedBy::None => Self::None,
+            PackedBy::Lz4 => Self::Lz4,
+            PackedBy::Zstd => Self::Zstd,
+            PackedBy::Lzf => Self::Lzf,
+            PackedBy::Gzip => Self::Gzip,
+        }
+    }
 }

@@ -90,6 +90,10 @@ impl Reader {
         self.archive.check_same(plan, lineage.into())
     }
 
+    pub(crate) fn archive(&self) -> &Archive {
+        &self.archive
+    }
+
     /// Where the archive is.
     pub fn path(&self) -> &Path {
         &self.archive.path

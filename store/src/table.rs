@@ -95,6 +95,17 @@ impl<R: SealedRow> Table<R> {
         self.write_run(start, &run)
     }
 
+    /// Writes every row as it is, seal and all.
+    pub(crate) fn write_as_they_are(&self, rows: &[R]) -> hdf5::Result<()> {
+        self.write_run(0, rows)
+    }
+
+    /// Seals and writes every row.
+    pub(crate) fn write_all(&self, rows: &[R]) -> hdf5::Result<()> {
+        let sealed: Vec<R> = rows.iter().enumerate().map(|(number, row)| row.sealed(number)).collect();
+        self.write_run(0, &sealed)
+    }
+
     fn write_run(&self, start: usize, rows: &[R]) -> hdf5::Result<()> {
         if rows.is_empty() {
             return Ok(());

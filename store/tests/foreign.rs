@@ -75,3 +75,51 @@ fn h5py_reads_the_same() {
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     assert_eq!(String::from_utf8_lossy(&out.stdout).lines().collect::<Vec<_>>(), expected);
 }
+
+/// Prints the samples of one tap of each archive, as another program unpacks them.
+const UNPACK: &str = r#"
+import sys, h5py
+try:
+    import hdf5plugin
+except ImportError:
+    pass
+for path in sys.argv[1:]:
+    with h5py.File(path, "r") as f:
+        samples = f["taps/samples"]
+        filters = samples.id.get_create_plist()
+        print([filters.get_filter(k)[0] for k in range(filters.get_nfilters())], samples[6].tobytes().hex())
+"#;
+
+/// Catches a codec that is not a registered filter, or that others unpack otherwise.
+#[test]
+fn h5py_unpacks_every_codec() {
+    let _guard = crate::common::alone();
+    let candidates = ["/usr/bin/python3", "python3"];
+    let found = candidates
+        .into_iter()
+        .find(|python| Command::new(python).args(["-c", HAS_ALL]).output().is_ok_and(|out| out.status.success()));
+    let Some(python) = found else {
+        println!("no python3 with h5py and Blosc here (pip install h5py hdf5plugin): not checked");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut writer = Writer::create(path("run.h5"), &plan(SampleFormat::I16), CONFIG).unwrap();
+    put(&mut writer, 6).unwrap();
+    writer.finish().unwrap();
+    let (_, samples) = Reader::open(path("run.h5")).unwrap().tap(6).unwrap().unwrap();
+    let hex: String = bytes(samples.as_samples()).iter().map(|byte| format!("{byte:02x}")).collect();
+    // Numbers of filters as they are registered: 1 Deflate, 2 bytes shuffled, 32000 LZF, 32001 Blosc.
+    let filters = [("none", "[]"), ("lz4", "[32001]"), ("zstd", "[32001]"), ("lzf", "[2, 32000]"), ("gzip", "[2, 1]")];
+    let mut command = Command::new(python);
+    command.args(["-c", UNPACK]);
+    for (name, _) in filters {
+        let to = path(&format!("{name}.h5"));
+        tapline_store::repack(path("run.h5"), &to, tapline_store::Codec::from_name(name).unwrap()).unwrap();
+        command.arg(to);
+    }
+    let out = command.output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let expected: Vec<String> = filters.iter().map(|(_, numbers)| format!("{numbers} {hex}")).collect();
+    assert_eq!(String::from_utf8_lossy(&out.stdout).lines().collect::<Vec<_>>(), expected);
+}

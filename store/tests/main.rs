@@ -8,5 +8,6 @@ mod export;
 mod foreign;
 mod parquet;
 mod refuse;
+mod repack;
 mod roundtrip;
 mod verify;

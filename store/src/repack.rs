@@ -1,0 +1,158 @@
+//! An archive packed otherwise: the same taps, results and checksums of what was recorded, in another file.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use tapline_wire::SampleFormat;
+
+use crate::archive::{Access, Archive};
+use crate::create::create;
+use crate::encode::{Packer, Shape};
+use crate::error::Context;
+use crate::layout::HeaderRow;
+use crate::reader::Reader;
+use crate::samples::Room;
+use crate::sealed::{SealedRow, checksum};
+use crate::table::Table;
+use crate::{Codec, Error, Lineage, Result};
+
+/// Taps that are packed together, by several threads.
+const BATCH_TAPS: usize = 64;
+
+/// Bytes before and after.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Repacked {
+    /// Of the samples themselves.
+    pub sample_bytes: u64,
+    /// Of the file that was read.
+    pub before_bytes: u64,
+    /// Of the file that was written.
+    pub after_bytes: u64,
+}
+
+/// Writes the archive at `from` to `to`, its samples packed by `codec`; every sample is checked on the way.
+///
+/// The new file appears whole or not at all, and its results have the same lineage.
+///
+/// # Errors
+/// [`Error::Exists`] where `to` is there, [`Error::ResultsAlone`] where `from` has no samples of its own,
+/// [`Error::Damaged`] where a checksum differs, or what the system says.
+pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Result<Repacked> {
+    let (from, to) = (from.as_ref(), to.as_ref());
+    let reader = Reader::open(from)?;
+    if reader.is_results() {
+        return Err(Error::ResultsAlone { path: from.to_owned() });
+    }
+    if to.try_exists().context("look for", to)? {
+        return Err(Error::Exists { path: to.to_owned() });
+    }
+    let draft = to.with_added_extension("repack");
+    if draft.try_exists().context("look for", &draft)? {
+        // Left by one that was killed: nothing else makes files of that name.
+        fs::remove_file(&draft).context("remove", &draft)?;
+    }
+    let written = fill(&reader, &draft, codec);
+    let sample_bytes = match written.and_then(|bytes| fs::rename(&draft, to).context("name", to).map(|()| bytes)) {
+        Ok(bytes) => bytes,
+        Err(error) => {
+            // The first error is the one to tell; a draft that cannot be removed is written over by the next.
+            drop(fs::remove_file(&draft));
+            return Err(error);
+        }
+    };
+    let length = |path: &Path| Ok::<_, Error>(fs::metadata(path).context("measure", path)?.len());
+    Ok(Repacked { sample_bytes, before_bytes: length(from)?, after_bytes: length(to)? })
+}
+
+fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
+    let lineage = Lineage {
+        config_toml: reader.config(),
+        reference: reader.reference(),
+        made_by: reader.made_by(),
+        codec,
+        raw: None,
+    };
+    create(draft, reader.plan(), lineage)?;
+    let (old, new) = (reader.archive(), Archive::open(draft, Access::Write)?);
+    let sample_bytes = copy_taps(reader, &new)?;
+    copy(&old.discriminators, &new.discriminators, draft)?;
+    copy(&old.refusals, &new.refusals, draft)?;
+    copy(&old.damage, &new.damage, draft)?;
+    copy(&old.scans, &new.scans, draft)?;
+    copy(&old.ledger, &new.ledger, draft)?;
+    if reader.ledger().is_judged() {
+        new.write_key(&reader.lineage_key()?)?;
+    }
+    new.file.flush().context("write", draft)?;
+    drop(new);
+    fs::File::open(draft).and_then(|file| file.sync_all()).context("sync", draft)?;
+    Ok(sample_bytes)
+}
+
+/// Copies a table, whatever is in it: a row that is damaged stays so.
+fn copy<R: SealedRow>(from: &Table<R>, to: &Table<R>, path: &Path) -> Result<()> {
+    let rows = from.read_all().context("read a table", path)?;
+    to.write_as_they_are(&rows).context("write a table", path)
+}
+
+/// Packs the samples of every archived tap anew and writes them with their headers.
+fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
+    let recording = &reader.plan().recording;
+    let rows = &new.samples;
+    let mut packer = Packer::new(Shape {
+        codec: rows.codec(),
+        channel_count: recording.channels.len(),
+        element_bytes: recording.sample_format.bytes(),
+        row_bytes: rows.row_bytes(),
+    });
+    let taps = reader.taps()?;
+    let mut headers = reader.archive().headers.read_all().context("read the headers", reader.path())?;
+    let numbers: Vec<u32> = (0..).take(headers.len()).collect();
+    let mut room = Room::default();
+    let mut sample_bytes = 0;
+    for batch in numbers.chunks(BATCH_TAPS) {
+        let mut samples: BTreeMap<u32, Vec<u8>> = BTreeMap::new();
+        for &row in batch {
+            if let Some((_, of_tap)) = taps.read(row, &mut room)? {
+                samples.insert(row, of_tap.as_bytes().to_vec());
+            }
+        }
+        let records: Vec<&[u8]> = samples.values().map(Vec::as_slice).collect();
+        for ((&row, &record), packed) in samples.keys().zip(&records).zip(packer.pack(&records)) {
+            sample_bytes += record.len() as u64;
+            let header = &mut headers[row as usize];
+            if packed.samples_digest != header.samples_digest {
+                let what =
+                    format!("the samples of plan row {row} are not those that were recorded: their digest differs");
+                return Err(reader.archive().damaged(what));
+            }
+            match rows.codec() {
+                Codec::None | Codec::Lz4 | Codec::Zstd => {
+                    rows.write(row, packed.stored(record)).context("write samples", &new.path)?;
+                    header.stored_checksum = packed.stored_checksum;
+                }
+                Codec::Lzf | Codec::Gzip => write_by_library(new, row, packed.stored(record), header)?,
+            }
+        }
+    }
+    new.headers.write_all(&headers).context("write the headers", &new.path)?;
+    Ok(sample_bytes)
+}
+
+/// Writes `row`, unpacked, through the library's own filter, and takes the checksum of what came of it.
+fn write_by_library(new: &Archive, row: u32, samples: &[u8], header: &mut HeaderRow) -> Result<()> {
+    let rows = &new.samples;
+    let written = match new.plan.recording.sample_format {
+        SampleFormat::I16 => rows.write_unpacked::<i16>(row, samples),
+        SampleFormat::F32 => rows.write_unpacked::<f32>(row, samples),
+    };
+    written.and_then(|()| new.file.flush()).context("write samples", &new.path)?;
+    let place = rows.place(row).context("find samples", &new.path)?;
+    let place = place.ok_or_else(|| new.damaged(format!("the samples of plan row {row} have no place")))?;
+    let mut stored = Vec::new();
+    let file = fs::File::open(&new.path).context("read back", &new.path)?;
+    place.read(&file, &mut stored).context("read back", &new.path)?;
+    header.stored_checksum = checksum(&[&stored]);
+    Ok(())
+}

@@ -1,0 +1,74 @@
+//! An archive packed otherwise is the same archive.
+
+use std::fs;
+
+use tapline_store::{Codec, Error, Lineage, Reader, Writer, repack, verify};
+use tapline_wire::SampleFormat;
+
+use crate::common::{CONFIG, bytes, discriminators, header, plan, put_all, samples};
+
+/// Catches samples, results or checksums that change on the way, a codec that is not used, and a lineage that depends on it.
+#[test]
+fn every_codec_gives_the_same_archive() {
+    let _guard = crate::common::beside_others();
+    for format in [SampleFormat::I16, SampleFormat::F32] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let plan = plan(format);
+        let mut writer = Writer::create(path("run.h5"), &plan, CONFIG).unwrap();
+        // One record is shorter than the others.
+        let short = header(&plan, 4, 20);
+        writer.put_tap(&short, &samples(&short)).unwrap();
+        writer.put_discriminators(&discriminators(&plan, 4)).unwrap();
+        put_all(&mut writer).unwrap();
+        writer.finish().unwrap();
+        let contents = |reader: &Reader| -> Vec<_> {
+            (0..10).map(|row| reader.tap(row).unwrap().map(|(h, s)| (h, bytes(s.as_samples())))).collect()
+        };
+        let first = Reader::open(path("run.h5")).unwrap();
+        // From each to the next, so that every one is read too.
+        let mut from = path("run.h5");
+        for codec in [Codec::Gzip, Codec::None, Codec::Lzf, Codec::Zstd, Codec::Lz4] {
+            let to = path(&format!("{codec}.h5"));
+            repack(&from, &to, codec).unwrap();
+            let reader = Reader::open(&to).unwrap();
+            assert_eq!((reader.codec(), reader.lineage_key().unwrap()), (codec, first.lineage_key().unwrap()));
+            assert!(contents(&reader) == contents(&first), "{codec}");
+            let found =
+                |reader: &Reader| format!("{:?}{:?}", reader.discriminators().unwrap(), reader.judgements().unwrap());
+            assert_eq!(found(&reader), found(&first));
+            assert!(verify(&to).unwrap().is_complete(), "{codec}: {:?}", verify(&to).unwrap().problems);
+            drop(reader);
+            let resumed = Writer::resume(&to, &plan, CONFIG);
+            assert_eq!(resumed.is_err(), !codec.is_for_lines(), "{codec}");
+            drop(resumed);
+            from = to;
+        }
+        // The packing alone decides on the bytes, not the way to them.
+        let bytes = |name: &str| fs::read(path(name)).unwrap();
+        repack(path("run.h5"), path("again.h5"), Codec::Lz4).unwrap();
+        assert!(bytes("again.h5") == bytes("lz4.h5"));
+        assert!(matches!(repack(&from, path("none.h5"), Codec::None), Err(Error::Exists { .. })));
+    }
+}
+
+/// Catches a copy of damaged samples that looks whole, and a draft left behind.
+#[test]
+fn damage_is_not_copied() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let lineage = Lineage { codec: Codec::None, ..CONFIG.into() };
+    let mut writer = Writer::create(&path, &plan(SampleFormat::I16), lineage).unwrap();
+    put_all(&mut writer).unwrap();
+    writer.finish().unwrap();
+    let file = hdf5::File::open(&path).unwrap();
+    let at = file.dataset("taps/samples").unwrap().chunk_info(3).unwrap().addr as usize;
+    drop(file);
+    let mut bytes = fs::read(&path).unwrap();
+    bytes[at + 9] ^= 1;
+    fs::write(&path, bytes).unwrap();
+    let error = repack(&path, folder.path().join("to.h5"), Codec::Zstd).unwrap_err();
+    assert!(error.to_string().contains("plan row 3"), "{error}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+}
