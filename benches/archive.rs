@@ -1,0 +1,240 @@
+//! What keeping and judging again costs: codecs, the writer against plain writes, reprocessing against a Python program.
+//!
+//! Everything is measured in this one run, by turns, on a simulated tyre; the peer is `benches/peer.py`, run by the Python
+//! that `TAPLINE_PYTHON` names or the usual `python3`, where it has h5py, Blosc and scipy.
+#![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
+
+mod common;
+
+use std::fs::{self, File};
+use std::hint::black_box;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context as _, Result};
+use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use tapline_fuse::{FuseConfig, Fusion, Reference};
+use tapline_model::SimulationConfig;
+use tapline_process::{ProcessConfig, ProcessExtractor};
+use tapline_store::{Codec, Lineage, Reader, Room, Writer, repack};
+use tapline_wire::{Discriminators, Lane, Plan, RecordKind, TapHeader, bytes_of, lanes_for};
+
+use common::{print_table, quantile};
+
+const ROUNDS: usize = 5;
+
+struct Scan {
+    plan: Plan,
+    taps: Vec<(TapHeader, Vec<Lane>)>,
+}
+
+impl Scan {
+    fn of() -> Result<Self> {
+        let scan = ScanConfig { velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+        let mut line = SimulatedLine::new(&scan, &SimulationConfig::default())?;
+        let plan = line.plan().clone();
+        let mut taps = Vec::new();
+        for row in 0..u32::try_from(plan.taps().len())? {
+            let mut header = TapHeader::default();
+            let mut lanes = vec![Lane::default(); lanes_for(plan.recording.payload_bytes_max())];
+            line.render(row, 0, &mut header, &mut lanes)?;
+            // What a publisher would add.
+            (header.stamp.plan_digest, header.stamp.kind) = (plan.digest(), RecordKind::Data.code());
+            taps.push((header, lanes));
+        }
+        Ok(Self { plan, taps })
+    }
+
+    fn bytes(&self) -> usize {
+        self.taps.iter().map(|(header, _)| header.payload_bytes()).sum()
+    }
+
+    /// Seconds to put every tap into a new archive and have it on the disk.
+    fn write(&self, path: &Path, codec: Codec) -> Result<f64> {
+        drop(fs::remove_file(path));
+        let mut writer = Writer::create(path, &self.plan, Lineage { codec, .."[store]\n".into() })?;
+        let begin = Instant::now();
+        for batch in self.taps.chunks(16) {
+            let taps: Vec<(&TapHeader, &[u8])> =
+                batch.iter().map(|(header, lanes)| (header, bytes_of(lanes))).collect();
+            writer.put_taps(&taps)?;
+        }
+        writer.finish()?;
+        Ok(begin.elapsed().as_secs_f64())
+    }
+}
+
+fn main() -> Result<()> {
+    let folder = tempfile::Builder::new().prefix("bench-").tempdir_in(".")?;
+    let scan = Scan::of()?;
+    codecs(&scan, folder.path())?;
+    let archive = judged(&scan, &folder.path().join("judged.h5"))?;
+    reprocessing(&scan, &archive)
+}
+
+/// Seconds to write `chunks` one after another and have them on the disk.
+fn plain_write(path: &Path, chunks: &[Vec<u8>]) -> Result<f64> {
+    let mut file = File::create(path)?;
+    let begin = Instant::now();
+    for chunk in chunks {
+        file.write_all(chunk)?;
+    }
+    file.sync_data()?;
+    Ok(begin.elapsed().as_secs_f64())
+}
+
+/// The chunks of an archive as they lie in it.
+fn chunks_of(path: &Path) -> Result<Vec<Vec<u8>>> {
+    let file = hdf5::File::open(path)?;
+    let samples = file.dataset("taps/samples")?;
+    let bytes = fs::read(path)?;
+    let mut chunks = Vec::new();
+    for k in 0..samples.num_chunks().context("samples have chunks")? {
+        let chunk = samples.chunk_info(k).context("a chunk has a place")?;
+        let start = usize::try_from(chunk.addr)?;
+        chunks.push(bytes[start..start + usize::try_from(chunk.size)?].to_vec());
+    }
+    Ok(chunks)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts of bytes and taps")]
+fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
+    let mut rows = Vec::new();
+    for codec in [Codec::None, Codec::Lz4, Codec::Zstd] {
+        let (path, plain) = (folder.join(format!("{codec}.h5")), folder.join("plain"));
+        scan.write(&path, codec)?;
+        let chunks = chunks_of(&path)?;
+        let stored: usize = chunks.iter().map(Vec::len).sum();
+        let (mut ours, mut theirs, mut reads) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..ROUNDS {
+            ours.push(scan.write(&path, codec)?);
+            theirs.push(plain_write(&plain, &chunks)?);
+        }
+        // The discriminators are not there, so no tap is archived; an archive that is whole is read below.
+        let whole = folder.join(format!("{codec}-whole.h5"));
+        judged(scan, &whole)?;
+        let repacked = folder.join(format!("{codec}-read.h5"));
+        repack(&whole, &repacked, codec)?;
+        let taps = Reader::open(&repacked)?.taps()?;
+        let mut room = Room::default();
+        for _ in 0..ROUNDS {
+            let begin = Instant::now();
+            for row in 0..u32::try_from(scan.taps.len())? {
+                black_box(taps.read(row, &mut room)?);
+            }
+            reads.push(begin.elapsed().as_secs_f64());
+        }
+        fs::remove_file(&whole)?;
+        fs::remove_file(&repacked)?;
+        let us = |s: f64| s * 1e6 / scan.taps.len() as f64;
+        let (ours, theirs, reads) =
+            (quantile(&mut ours, 0.25), quantile(&mut theirs, 0.25), quantile(&mut reads, 0.25));
+        rows.push([
+            codec.to_string(),
+            format!("{:.2}", scan.bytes() as f64 / stored as f64),
+            format!("{:.1}", us(ours)),
+            format!("{:.1}", us(theirs)),
+            format!("{:.2}", theirs / ours),
+            format!("{:.1}", us(reads)),
+        ]);
+    }
+    let head = ["codec", "samples / chunks", "archive us", "write + fdatasync us", "ratio", "read and unpack us"];
+    print_table(
+        &format!("keeping {} taps of 64 KiB, us per tap, lower quartiles of {ROUNDS}", scan.taps.len()),
+        head,
+        &rows,
+    );
+    println!(
+        "  The archive's time has digests, packing (by all cores) and tables; the plain write has the packed bytes alone."
+    );
+    Ok(())
+}
+
+/// An archive that is whole.
+fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
+    drop(fs::remove_file(path));
+    let mut writer = Writer::create(path, &scan.plan, "[store]\n")?;
+    let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
+    let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &scan.plan)?;
+    for (header, lanes) in &scan.taps {
+        writer.put_tap(header, bytes_of(lanes))?;
+        let samples = tapline_wire::Samples::view(header, lanes).context("a simulated tap describes itself")?;
+        let found = extractor.extract(header, samples);
+        writer.put_discriminators(&found)?;
+        fusion.push(&found)?;
+    }
+    for scan in 0..scan.plan.scans().len() {
+        fusion.end(scan)?;
+    }
+    for number in 0..scan.plan.scans().len() {
+        let (judgement, cells) = fusion.judge(number)?;
+        let scan = u32::try_from(number)?;
+        writer.end_scan(scan)?;
+        writer.put_judgement(scan, &judgement, &cells)?;
+    }
+    writer.finish()?;
+    Ok(Reader::open(path)?)
+}
+
+/// Judging the taps again on one core, in its parts, and the Python program on the same taps and core.
+#[expect(clippy::cast_precision_loss, reason = "a count of taps")]
+fn reprocessing(scan: &Scan, archive: &Reader) -> Result<()> {
+    let rows = 0..u32::try_from(scan.taps.len())?;
+    let us = |begin: Instant| begin.elapsed().as_secs_f64() * 1e6 / scan.taps.len() as f64;
+    let (mut open, mut unpack, mut extract, mut fuse, mut peer) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut room = Room::default();
+    for _ in 0..ROUNDS {
+        let begin = Instant::now();
+        let reader = Reader::open(archive.path())?;
+        let taps = reader.taps()?;
+        open.push(us(begin));
+        let begin = Instant::now();
+        for row in rows.clone() {
+            black_box(taps.read(row, &mut room)?);
+        }
+        unpack.push(us(begin));
+        let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
+        let begin = Instant::now();
+        let mut found: Vec<Discriminators> = Vec::new();
+        for (header, lanes) in &scan.taps {
+            let samples = tapline_wire::Samples::view(header, lanes).context("a simulated tap describes itself")?;
+            found.push(extractor.extract(header, samples));
+        }
+        extract.push(us(begin));
+        let begin = Instant::now();
+        let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), reader.plan())?;
+        found.iter().try_for_each(|found| fusion.push(found))?;
+        for number in 0..scan.plan.scans().len() {
+            fusion.end(number)?;
+        }
+        for number in 0..scan.plan.scans().len() {
+            black_box(fusion.judge(number)?);
+        }
+        fuse.push(us(begin));
+        peer.extend(python(archive.path()).map(|s| s * 1e6 / scan.taps.len() as f64));
+    }
+    let parts = [&mut open, &mut unpack, &mut extract, &mut fuse].map(|times| quantile(times, 0.25));
+    let ours: f64 = parts.iter().sum();
+    let theirs = quantile(&mut peer, 0.25);
+    let names = ["open, find every chunk", "read, check, unpack", "discriminators and flags", "fuse, verdicts"];
+    let row = |name: &str, us: f64| [name.to_owned(), format!("{us:.1}"), format!("{:.2}", us / ours)];
+    let mut table: Vec<[String; 3]> = names.iter().zip(parts).map(|(name, us)| row(name, us)).collect();
+    table.push(row("all", ours));
+    table.push(row("Python, discriminators alone", theirs));
+    print_table("judging a tyre again on one core, us per tap", ["part", "us", "/ all"], &table);
+    println!("  Python over discriminators with reading: {:.2}", theirs / (parts[0] + parts[1] + parts[2]));
+    println!("  What is neither unpacking nor discriminators: {:.0} %", 100.0 * (parts[0] + parts[3]) / ours);
+    Ok(())
+}
+
+/// Seconds the Python program takes; `None` where it cannot run.
+fn python(archive: &Path) -> Option<f64> {
+    let named = std::env::var("TAPLINE_PYTHON").ok();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peer.py");
+    let run = |python: &str| Command::new(python).arg(&script).arg(archive).env("OMP_NUM_THREADS", "1").output().ok();
+    let out = named.iter().map(String::as_str).chain(["python3"]).filter_map(run).find(|out| out.status.success())?;
+    String::from_utf8_lossy(&out.stdout).split_whitespace().next()?.parse().ok()
+}
