@@ -4,6 +4,8 @@ use crate::record::{Count, Extent};
 
 /// Samples in a row at an extreme that may make a channel clipped (B1).
 const RUN: usize = 3;
+/// Samples that are looked at together: whole runs.
+const STRETCH: usize = 64 * RUN;
 /// Part of the greatest distance below which one is nothing but rounding of single precision.
 const GRID: f64 = 1e-5;
 /// Part of the greater extreme that the lesser must reach to be one: the silence between impacts is flat too.
@@ -46,9 +48,15 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
     if !is_extreme || extent.is_constant() {
         return false;
     }
-    // A run of three covers one of every three places.
+    // A run of three covers one of every three places. Most stretches never touch the level, which vectors see at once.
     let mut after = 0;
-    for probe in (RUN - 1..samples.len()).step_by(RUN) {
+    let touches = |stretch: &[C]| stretch.iter().fold(false, |touches, &x| touches | (x == level));
+    let stretches = samples.chunks(STRETCH).enumerate().filter(|(_, stretch)| touches(stretch));
+    let probes = stretches.flat_map(|(number, stretch)| {
+        let first = number * STRETCH;
+        (first + RUN - 1..first + stretch.len()).step_by(RUN)
+    });
+    for probe in probes {
         if samples[probe] != level || probe < after {
             continue;
         }
