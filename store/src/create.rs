@@ -54,7 +54,7 @@ const ALIGN_FROM_BYTES: u64 = 8 * PAGE_BYTES;
 /// Name of the samples within their group.
 const SIGNAL: &str = "samples";
 
-/// Stands for an axis of plain numbers: times differ from tap to tap by their rate, and are kept nowhere.
+/// Stands for an axis of plain indices: no dataset has positions of taps or channels in one dimension, or times.
 const NO_AXIS: &str = ".";
 
 /// Creates the archive of `plan` at `path`; it appears there whole or not at all.
