@@ -12,6 +12,7 @@ mod faults;
 mod figures;
 mod in_memory;
 mod model;
+mod python_pages;
 mod recorded;
 mod reference;
 mod report;

@@ -15,12 +15,13 @@ use crate::codec::Codec;
 use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name};
 use crate::error::Context;
 use crate::layout::{
-    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
-    TruthRow, attribute, table,
+    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, TruthRow,
+    attribute, table,
 };
 use crate::rows::serial;
 use crate::sealed::SealedRow;
 use crate::table::Table;
+use crate::units::check_units;
 use crate::{Error, Lineage, Result};
 
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
@@ -251,20 +252,6 @@ fn check_format(file: &File, path: &Path) -> Result<()> {
     let got: u32 = read_number(file, attribute::FORMAT_VERSION).context("read the format version", path)?;
     if got != FORMAT_VERSION {
         return Err(Error::FormatVersion { path: path.to_owned(), got, known: FORMAT_VERSION });
-    }
-    Ok(())
-}
-
-/// Whether every table's numbers are in the units of this program: a force in mN would pass through every ratio of one
-/// tyre unseen, and be a thousand times another's.
-fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<()> {
-    for (name, _, units) in NOTES.into_iter().filter(|(_, _, units)| !units.is_empty()) {
-        let file = if name.starts_with(table::TAPS) { taps_file } else { file };
-        let table = file.dataset(name).context("find a table", path)?;
-        let archived = read_text(&table, attribute::UNITS).unwrap_or_default();
-        if archived != units {
-            return Err(Error::OtherUnits { path: path.to_owned(), table: name, archived, known: units });
-        }
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::plist::file_access::{CacheDecreaseMode, CacheIncreaseMode, FlashIncreaseMode, MetadataCacheConfig};
 use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{File, FileBuilder, H5Type, Location};
-use tapline_wire::{DamageCell, Geometry, Plan, SampleFormat, TapState};
+use tapline_wire::{Channel, DamageCell, Geometry, Plan, SampleFormat, TapState};
 
 use crate::chunk::ChunkRows;
 use crate::codec::{Codec, placeholder};
@@ -20,6 +20,7 @@ use crate::layout::{
 use crate::rows::{fixed, no_reason};
 use crate::sealed::PlainRow as _;
 use crate::table::{Table, create as create_table};
+use crate::units::write_units;
 use crate::{Error, Lineage, Result};
 
 /// How archives are opened for writing, so that a writer may be killed at any time.
@@ -49,6 +50,12 @@ const PAGE_BYTES: u64 = 4096;
 
 /// Least size of what is put on a page boundary: rounding up smaller things would waste more than it gains.
 const ALIGN_FROM_BYTES: u64 = 8 * PAGE_BYTES;
+
+/// Name of the samples within their group.
+const SIGNAL: &str = "samples";
+
+/// Stands for an axis of plain indices: no dataset has positions of taps or channels in one dimension, or times.
+const NO_AXIS: &str = ".";
 
 /// Creates the archive of `plan` at `path`; it appears there whole or not at all.
 pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<()> {
@@ -109,7 +116,10 @@ fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
             file.link_external(&raw, table::TAPS, table::TAPS)?;
         }
         None => {
-            file.create_group(table::TAPS)?;
+            let group = file.create_group(table::TAPS)?;
+            write_text(&group, attribute::NX_CLASS, "NXdata")?;
+            write_text(&group, attribute::NX_SIGNAL, SIGNAL)?;
+            write_texts(&group, attribute::NX_AXES, &[NO_AXIS; 3])?;
             Table::<HeaderRow>::create(&file, taps.len(), |_| HeaderRow::unwritten())?;
             create_samples(&file, plan, lineage.codec)?;
         }
@@ -125,10 +135,10 @@ fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     for (name, note, units) in NOTES.into_iter().filter(|(name, ..)| is_own(name)) {
         let dataset = file.dataset(name)?;
         write_text(&dataset, attribute::NOTE, note)?;
-        if !units.is_empty() {
-            write_text(&dataset, attribute::UNITS, units)?;
-        }
+        write_units(&dataset, units)?;
     }
+    write_text(&file, attribute::NX_CLASS, "NXroot")?;
+    write_text(&file, attribute::NX_DEFAULT, table::TAPS)?;
     write_text(&file, attribute::DIGEST, &digest_of_fixed(&file)?)?;
     write_number(&file, attribute::LINEAGE_KEY, &Key::new())?;
     file.flush()
@@ -237,6 +247,8 @@ fn create_samples(file: &File, plan: &Plan, codec: Codec) -> hdf5::Result<()> {
     write_text(&dataset, attribute::CODEC, codec.name())?;
     let channels: Vec<&str> = recording.channels.iter().map(|c| c.name()).collect();
     write_text(&dataset, attribute::CHANNELS, &channels.join(","))?;
+    let units: Vec<&str> = recording.channels.iter().map(|&c| unit_of(c)).collect();
+    write_text(&dataset, attribute::CHANNEL_UNITS, &units.join(","))?;
     write_text(&dataset, attribute::SAMPLE_FORMAT, format_name(recording.sample_format))?;
     write_number(&dataset, attribute::SAMPLE_RATE_HZ, &recording.sample_rate_hz)?;
     write_number(&dataset, attribute::PRE_TRIGGER_SAMPLES, &recording.pre_trigger_samples)
@@ -258,12 +270,25 @@ pub(crate) fn format_name(format: SampleFormat) -> &'static str {
     }
 }
 
+/// Unit of a channel's samples once they are scaled.
+fn unit_of(channel: Channel) -> &'static str {
+    match channel {
+        Channel::Force => "N",
+        Channel::Sound => "V",
+    }
+}
+
 fn var_len(text: &str) -> hdf5::Result<VarLenUnicode> {
     text.parse().map_err(|_error| hdf5::Error::from("a text holds a NUL character"))
 }
 
-fn write_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
+pub(crate) fn write_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
     write_number(place, name, &var_len(text)?)
+}
+
+fn write_texts(place: &Location, name: &str, texts: &[&str]) -> hdf5::Result<()> {
+    let texts: Vec<VarLenUnicode> = texts.iter().map(|text| var_len(text)).collect::<hdf5::Result<_>>()?;
+    place.new_attr::<VarLenUnicode>().shape(texts.len()).create(name)?.write_raw(&texts)
 }
 
 fn write_number<T: H5Type>(place: &Location, name: &str, value: &T) -> hdf5::Result<()> {

@@ -58,7 +58,7 @@ pub enum Error {
         what: String,
     },
     /// The archive has a layout this program does not know.
-    #[error("{} has archive format {got}; this program knows format {known}", path.display())]
+    #[error("{} has archive layout {got}; this program reads layout {known}: {}", path.display(), way_out(*got, *known))]
     FormatVersion {
         /// The file.
         path: PathBuf,
@@ -247,6 +247,15 @@ pub enum Error {
         /// What cannot be said, and what can.
         what: String,
     },
+}
+
+/// What to do with an archive of layout `got` where `known` is read.
+fn way_out(got: u32, known: u32) -> &'static str {
+    if got > known {
+        "a newer tapline wrote it, and reads it"
+    } else {
+        "layouts before 3 were never released: only the build that wrote it reads it, so export its taps there (tapline export ARCHIVE taps) and run them again here (tapline run --taps)"
+    }
 }
 
 /// Adds to an HDF5 error what was tried and on which file.

@@ -62,10 +62,23 @@ pub(crate) mod attribute {
     pub(crate) const SAMPLE_RATE_HZ: &str = "sample_rate_hz";
     pub(crate) const PRE_TRIGGER_SAMPLES: &str = "pre_trigger_samples";
     pub(crate) const NOTE: &str = "note";
+    /// Units of a table's fields in one list, or the unit of a dataset of plain numbers.
     pub(crate) const UNITS: &str = "units";
+    /// Begins the name of the attribute that has the unit of one field alone.
+    pub(crate) const UNITS_OF_FIELD: &str = "units_";
+    /// Units of the channels once they are scaled, in the order of [`CHANNELS`].
+    pub(crate) const CHANNEL_UNITS: &str = "channel_units";
+    /// Class of a group in the words of NeXus: a hint to programs that know them.
+    pub(crate) const NX_CLASS: &str = "NX_class";
+    /// Which group, and in it which dataset, such a program shows first, and along which axes.
+    pub(crate) const NX_DEFAULT: &str = "default";
+    pub(crate) const NX_SIGNAL: &str = "signal";
+    pub(crate) const NX_AXES: &str = "axes";
 }
 
 /// What a reader without this program needs to know of each table: (table, note, units).
+///
+/// Units are a list of fields, or that of the dataset's own numbers; what has no unit is not in it.
 pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     (
         table::PLAN,
@@ -75,7 +88,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     (
         table::HEADER,
         "a sample times unit_per_count is N or V; plan_index 4294967295 is a tap that is not there; source 1 simulated, 2 tap set; samples_digest is the BLAKE3 of the samples that are meant",
-        "sample_rate_hz Hz, velocity_measured_m_per_s m/s, microphone_distance_m m, unit_per_count N or V, tap_time_ns ns, sent_ns ns, epoch_ns ns",
+        "sample_rate_hz Hz, velocity_measured_m_per_s m/s, microphone_distance_m m, tap_time_ns ns, sent_ns ns, epoch_ns ns",
     ),
     (
         table::DISCRIMINATORS,

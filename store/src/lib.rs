@@ -54,6 +54,7 @@ mod samples;
 mod sealed;
 mod table;
 mod track;
+mod units;
 mod verify;
 mod writer;
 

@@ -1,5 +1,6 @@
 //! The archive as programs of other people see it.
 
+use std::ffi::OsString;
 use std::process::Command;
 
 use tapline_store::{Reader, Writer};
@@ -38,8 +39,9 @@ sys.exit(not h5py.h5z.filter_avail(32001))";
 #[test]
 fn h5py_reads_the_same() {
     let _guard = crate::common::alone();
-    let Some(python) = ["/usr/bin/python3", "python3"]
-        .into_iter()
+    let named = std::env::var_os("TAPLINE_PYTHON").into_iter();
+    let Some(python) = named
+        .chain(["/usr/bin/python3", "python3"].map(OsString::from))
         .find(|python| Command::new(python).args(["-c", HAS_ALL]).output().is_ok_and(|out| out.status.success()))
     else {
         println!("no python3 with h5py and Blosc here (pip install h5py hdf5plugin): not checked");
@@ -58,7 +60,7 @@ fn h5py_reads_the_same() {
     let (tap, samples) = reader.tap(6).unwrap().unwrap();
     let hex: String = bytes(samples.as_samples()).iter().map(|byte| format!("{byte:02x}")).collect();
     let found = reader.discriminators().unwrap()[6].unwrap();
-    let scale = Command::new(python)
+    let scale = Command::new(&python)
         .args(["-c", &format!("print(({:?}).hex())", tap.channels[1].unit_per_count)])
         .output()
         .unwrap();
@@ -71,7 +73,7 @@ fn h5py_reads_the_same() {
         format!("{} True caf\u{e9}", found.values.get(Discriminator::Pr).unwrap()),
         "force,sound 40960.0 [0, 1, 2, 3, 0, 1, 2, 3]".to_owned(),
     ];
-    let out = Command::new(python).env("PYTHONIOENCODING", "utf-8").args(["-c", SCRIPT]).arg(&path).output().unwrap();
+    let out = Command::new(&python).env("PYTHONIOENCODING", "utf-8").args(["-c", SCRIPT]).arg(&path).output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     assert_eq!(String::from_utf8_lossy(&out.stdout).lines().collect::<Vec<_>>(), expected);
 }

@@ -6,6 +6,8 @@ mod common;
 mod crash;
 mod export;
 mod foreign;
+mod layouts;
+mod page;
 mod parquet;
 mod refuse;
 mod repack;

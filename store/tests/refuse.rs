@@ -85,6 +85,21 @@ fn files_that_are_no_archive() {
     assert!(matches!(open("future.h5"), Error::FormatVersion { got: 9, known: 3, .. }));
 }
 
+/// Catches a unit of one field that is changed beside an unchanged list, and goes unseen.
+#[test]
+fn a_field_in_another_unit_is_refused() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    finished(&path, &plan(SampleFormat::I16));
+    let file = hdf5::File::open_rw(&path).unwrap();
+    let text: hdf5::types::VarLenUnicode = "ms".parse().unwrap();
+    file.dataset("discriminators").unwrap().attr("units_tau_s").unwrap().write_scalar(&text).unwrap();
+    file.close().unwrap();
+    let error = Reader::open(&path).unwrap_err();
+    assert!(matches!(error, Error::OtherUnits { table: "discriminators", known: "s", .. }), "{error}");
+}
+
 /// Catches a panic on, or trust in, a file that was cut anywhere.
 #[test]
 fn a_cut_file_is_refused() {

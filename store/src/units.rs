@@ -1,0 +1,48 @@
+//! Units of the tables: attributes of their datasets, written once and checked whenever an archive is opened.
+//!
+//! Each table has them twice: as one list, which is read by eye, and field by field under `units_<field>`, which a program
+//! looks up without taking a text apart.
+
+use std::path::Path;
+
+use hdf5::{Dataset, File};
+
+use crate::archive::read_text;
+use crate::create::write_text;
+use crate::error::Context;
+use crate::layout::{NOTES, attribute, table};
+use crate::{Error, Result};
+
+/// Writes `units`, a list as in [`NOTES`], on `dataset`; nothing where it is empty.
+pub(crate) fn write_units(dataset: &Dataset, units: &'static str) -> hdf5::Result<()> {
+    if units.is_empty() {
+        return Ok(());
+    }
+    write_text(dataset, attribute::UNITS, units)?;
+    by_field(units).try_for_each(|(name, unit)| write_text(dataset, &name, unit))
+}
+
+/// Whether every table's numbers are in the units of this program: a force in mN would pass through every ratio of one
+/// tyre unseen, and be a thousand times another's.
+///
+/// # Errors
+/// [`Error::OtherUnits`] with the table and both units, or what the library says.
+pub(crate) fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<()> {
+    for (name, _, units) in NOTES.into_iter().filter(|(_, _, units)| !units.is_empty()) {
+        let file = if name.starts_with(table::TAPS) { taps_file } else { file };
+        let table = file.dataset(name).context("find a table", path)?;
+        for (attribute, known) in std::iter::once((attribute::UNITS.to_owned(), units)).chain(by_field(units)) {
+            let archived = read_text(&table, &attribute).unwrap_or_default();
+            if archived != known {
+                return Err(Error::OtherUnits { path: path.to_owned(), table: name, archived, known });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The attribute of each field of the list `units`, and what it says; none for the unit of a whole dataset.
+fn by_field(units: &'static str) -> impl Iterator<Item = (String, &'static str)> {
+    let fields = units.split(", ").filter_map(|field| field.split_once(' '));
+    fields.map(|(field, unit)| (format!("{}{field}", attribute::UNITS_OF_FIELD), unit))
+}

@@ -1,0 +1,103 @@
+//! The pages for people with Python: their code runs as it stands, in order, on an archive of the program.
+
+use std::fs;
+use std::process::Command;
+
+use crate::rig::{Rig, docs, python_with, text};
+
+/// The scan that the picture on the page is of.
+const SCAN: &str = "
+[scan]
+locations = 100
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+[[scan.tyre]]
+serial = \"A-17\"
+crack = [{ shoulder = 2, first_location = 40, location_count = 9, depth_mm = 6.0, length_mm = 22.0 }]
+[fuse]
+reference = \"self\"
+";
+
+/// The Python in a page, with each of its lines where it stands there, so that an error names the page's line.
+fn python_of(page: &str) -> String {
+    let mut is_code = false;
+    let lines = page.lines().map(|line| {
+        let begins = line == "```python";
+        let was_code = is_code;
+        is_code = begins || (is_code && line != "```");
+        if was_code && is_code { format!("{line}\n") } else { "\n".to_owned() }
+    });
+    lines.collect()
+}
+
+/// A folder with an archive, and the results of judging it again beside it.
+fn scanned() -> Rig {
+    let rig = Rig::new();
+    rig.write("line.toml", SCAN);
+    rig.write("again.toml", "[process]\nf_c_hz = 600.0\n[fuse]\nreference = \"self\"\n");
+    rig.run("run --config line.toml --out run.h5").expect(0);
+    rig.run("reprocess run.h5 --config again.toml").expect(0);
+    rig
+}
+
+/// What the page prints, run by `python` in the folder of `rig`.
+fn run_page(rig: &Rig, python: &std::ffi::OsStr, page: &str) -> String {
+    let name = page.replace(".md", ".py");
+    rig.write(&name, &python_of(&text(&docs(page))));
+    let mut command = Command::new(python);
+    command.arg(&name).current_dir(rig.path("")).env("PYTHONIOENCODING", "utf-8").env("MPLCONFIGDIR", rig.path("mpl"));
+    crate::rig::Done::from(command.output().unwrap()).expect(0).out
+}
+
+/// Catches code on the page that does not run, or finds other taps, verdicts or regions than the program.
+#[test]
+fn reading_archives_runs_as_it_stands() {
+    let Some(python) = python_with("h5py, hdf5plugin, pandas, matplotlib") else { return };
+    let rig = scanned();
+    let said = run_page(&rig, &python, "reading-archives.md");
+    println!("{said}");
+    let rows = crate::rig::csv_rows(&rig.run("export run.h5 discriminators").expect(0).out);
+    assert!(said.contains(&format!("clipped: 0 of {}", rows.len())), "{said}");
+    for verdict in crate::rig::csv_rows(&rig.run("export run.h5 verdicts").expect(0).out) {
+        let line = said.lines().find(|line| line.starts_with("A-17 ") && line.contains(&verdict["verdict"]));
+        let line = line.unwrap_or_else(|| panic!("no {verdict:?} in {said}"));
+        assert!(line.contains(&verdict["reasons"]), "{line} {verdict:?}");
+    }
+    let regions = crate::rig::csv_rows(&rig.run("export run.h5 regions").expect(0).out);
+    assert_eq!(regions.len(), 1);
+    assert!(said.contains(&format!("[{}, ", regions[0]["first_location"])), "{said} {regions:?}");
+    assert!(said.contains("of the taps of run.h5 (202, 2, 16384)"), "{said}");
+    let differs = said.lines().find_map(|line| line.strip_prefix("PR differs by at most ")).unwrap();
+    assert!(differs.parse::<f64>().unwrap() > 1e-3, "{differs}");
+    let picture = fs::read(rig.path("reading-archives.png")).unwrap();
+    assert!(picture.starts_with(b"\x89PNG") && picture.len() > 10_000, "{} bytes", picture.len());
+    let kept = docs("reading-archives.png").metadata().unwrap().len();
+    assert!((10_000..150_000).contains(&kept), "{kept} bytes are committed");
+}
+
+/// Catches a page that tells another way to compute seals than the program's, and one that finds no damage.
+#[test]
+fn seals_are_computed_as_the_page_says() {
+    let Some(python) = python_with("h5py, hdf5plugin, blake3") else { return };
+    let rig = scanned();
+    assert_eq!(run_page(&rig, &python, "archive-layout.md"), "what does not fit its seal: []\n");
+    let bend = "import h5py\nwith h5py.File('run.h5', 'r+') as f:\n    row = f['discriminators'][7]\n    row['pr'] += 1e-9\n    \
+                f['discriminators'][7] = row\n    f.attrs['geometry'] = 'line'\n";
+    let bent = Command::new(&python).args(["-c", bend]).current_dir(rig.path("")).output().unwrap();
+    assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
+    let said = run_page(&rig, &python, "archive-layout.md");
+    assert_eq!(said, "what does not fit its seal: [('discriminators', 7), ('root', 0)]\n");
+}
+
+/// Catches a table of flags in the page's code that has fallen behind the program's.
+#[test]
+fn words_on_the_page_are_the_program_s() {
+    let page = text(&docs("reading-archives.md"));
+    let reasons: Vec<String> = tapline_wire::Reasons::ALL.iter().map(|(_, name)| format!("\"{name}\"")).collect();
+    let list = page.split("REASONS = [").nth(1).unwrap().split(']').next().unwrap();
+    let listed: Vec<&str> = list.split(',').map(str::trim).collect();
+    assert_eq!(listed, reasons);
+    let verdicts: Vec<String> = tapline_wire::Verdict::ALL.iter().map(|verdict| format!("\"{verdict}\"")).collect();
+    assert!(page.contains(&format!("VERDICTS = [\"none\", {}]", verdicts.join(", "))));
+}
