@@ -55,6 +55,12 @@ impl Writer {
         self.archive.as_ref().ok_or_else(|| Error::LetGo { path: self.path.clone() })
     }
 
+    /// The rest of [`Writer::finish`].
+    pub(crate) fn close(mut self) -> Result<()> {
+        drop(self.archive.take());
+        self.place.sync()
+    }
+
     /// Closes the file without writing anything more to it.
     pub(crate) fn let_go(&mut self) {
         if let Some(archive) = self.archive.take()

@@ -371,12 +371,6 @@ impl Writer {
         self.close()
     }
 
-    /// The rest of [`Writer::finish`].
-    pub(crate) fn close(mut self) -> Result<()> {
-        drop(self.archive.take());
-        self.place.sync()
-    }
-
     fn take(&mut self, row: u32, half: Half, take: Take) {
         let track = &mut self.tracks[row as usize];
         track.take(half, take);
