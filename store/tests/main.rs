@@ -6,6 +6,7 @@ mod common;
 mod crash;
 mod export;
 mod foreign;
+mod outage;
 mod parquet;
 mod refuse;
 mod roundtrip;
