@@ -56,7 +56,7 @@ impl Place {
     }
 
     /// Writes the file that was held to its path again, where it was removed and nothing else is there.
-    pub(crate) fn put_back(&self) -> Result<()> {
+    pub(crate) fn put_back(&mut self) -> Result<()> {
         match self.check() {
             Err(Error::Removed { .. }) => {}
             checked => return checked,
@@ -67,7 +67,9 @@ impl Place {
         // Whoever took the place meanwhile keeps it.
         renameat_with(CWD, draft.path(), CWD, &self.path, RenameFlags::NOREPLACE)
             .map_err(io::Error::from)
-            .context("write the archive again", &self.path)
+            .context("write the archive again", &self.path)?;
+        self.file = File::open(&self.path).context("open the archive", &self.path)?;
+        Ok(())
     }
 
     /// Checks that the disk has room for `bytes` more, so that no attempt fills what little there is.
