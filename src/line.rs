@@ -85,8 +85,9 @@ struct Lock {
 impl Lock {
     fn take(archive: &Path) -> Result<Self> {
         let path = PathBuf::from(format!("{}.lock", archive.display()));
-        let file =
-            File::create(&path).with_context(|| format!("cannot write beside the archive: {}", path.display()))?;
+        // Held open to read only, it does not keep the disk from being made read only.
+        let file = File::create(&path).and_then(|_| File::open(&path));
+        let file = file.with_context(|| format!("cannot write beside the archive: {}", path.display()))?;
         if let Err(error) = file.try_lock() {
             bail!("another line is writing {} ({error})", archive.display());
         }
