@@ -1,6 +1,7 @@
 //! `tapline run`: a whole line, from the first tap to the table of verdicts.
 
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -28,6 +29,9 @@ const END_WITHIN: Duration = Duration::from_secs(20);
 
 /// How long stages of an earlier line may take to end with it.
 const GONE_WITHIN: Duration = Duration::from_secs(10);
+
+/// `store` tells the ledger ten times a second; when it has not for so long, its disk is slow or hangs.
+const SILENT_AFTER: Duration = Duration::from_millis(900);
 
 /// How often the stages and the ledger are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -81,8 +85,9 @@ struct Lock {
 impl Lock {
     fn take(archive: &Path) -> Result<Self> {
         let path = PathBuf::from(format!("{}.lock", archive.display()));
-        let file =
-            File::create(&path).with_context(|| format!("cannot write beside the archive: {}", path.display()))?;
+        // Held open to read only, it does not keep the disk from being made read only.
+        let file = File::create(&path).and_then(|_| File::open(&path));
+        let file = file.with_context(|| format!("cannot write beside the archive: {}", path.display()))?;
         if let Err(error) = file.try_lock() {
             bail!("another line is writing {} ({error})", archive.display());
         }
@@ -92,7 +97,10 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        if let Err(error) = fs::remove_file(&self.path) {
+        // With its folder it may have been removed already.
+        if let Err(error) = fs::remove_file(&self.path)
+            && error.kind() != ErrorKind::NotFound
+        {
             tracing::warn!(path = %self.path.display(), %error, "cannot remove the lock");
         }
     }
@@ -200,6 +208,7 @@ impl Run {
     fn watch_over(&mut self, watch: &Line, plan: &Plan) -> Result<bool> {
         let snapshots = Subscriber::<LedgerTopic>::open(watch, plan)?;
         let mut is_judged = false;
+        let mut silence = Silence::default();
         while self.stages[0].is_running() {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(false);
@@ -210,7 +219,9 @@ impl Run {
             {
                 is_judged = ledger.is_judged();
                 self.note(settled_count(&ledger));
+                silence.end();
             }
+            silence.look();
             for stage in &mut self.stages {
                 // When all is judged, whoever is killed has nothing left to do.
                 stage.tend(!is_judged)?;
@@ -255,6 +266,31 @@ impl Run {
             elapsed_s: elapsed.map_or(0.0, |d| d.as_secs_f64()),
             restarts: self.stages.iter().map(|s| (s.name().to_owned(), s.restart_count)).collect(),
             reports: self.stages.iter().filter_map(|s| s.report.clone()).collect(),
+        }
+    }
+}
+
+/// How long nothing has been heard of the archive, from the first word on.
+#[derive(Debug, Default)]
+struct Silence {
+    heard_at: Option<Instant>,
+    is_said: bool,
+}
+
+impl Silence {
+    fn look(&mut self) {
+        let is_long = self.heard_at.is_some_and(|at| at.elapsed() > SILENT_AFTER);
+        if is_long && !self.is_said {
+            self.is_said = true;
+            tracing::error!("store does not answer: its disk is slow or hangs, or it is held up; the line waits");
+        }
+    }
+
+    fn end(&mut self) {
+        let now = Instant::now();
+        let since = self.heard_at.replace(now).unwrap_or(now);
+        if std::mem::take(&mut self.is_said) {
+            tracing::warn!("store answers again, after {:.1} s", (now - since).as_secs_f64());
         }
     }
 }

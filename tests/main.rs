@@ -4,6 +4,7 @@
 
 mod archive;
 mod cli;
+mod disk;
 mod dissertation;
 mod estimators;
 mod experiment;

@@ -274,11 +274,11 @@ impl<'a> Station<'a> {
         self.ledger.as_ref().expect("nothing is taken before the first snapshot of the ledger")
     }
 
-    /// After being asked to end: waits a while until what was sent is in the archive.
+    /// After being asked to end: waits a while until what was sent is in the archive, if that can be written at all.
     fn drain(&mut self) -> Result<(), LineError> {
         let since = Instant::now();
         let is_settled = |station: &Self| {
-            let Some(ledger) = &station.ledger else { return true };
+            let Some(ledger) = station.ledger.as_ref().filter(|ledger| !ledger.is_held) else { return true };
             let is_done = |(row, sent): (usize, &Option<u16>)| {
                 sent.is_none_or(|attempt| ledger.taps()[row].is_settled() || ledger.attempt(row) > attempt)
             };

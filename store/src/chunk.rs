@@ -4,7 +4,8 @@
 use std::ffi::{c_int, c_void};
 use std::fs::File;
 use std::io;
-use std::os::fd::BorrowedFd;
+use std::mem::ManuallyDrop;
+use std::os::fd::{AsRawFd as _, BorrowedFd, FromRawFd as _, OwnedFd};
 use std::os::unix::fs::FileExt as _;
 
 use hdf5::{Dataset, Error, H5Type, sync::sync};
@@ -14,6 +15,8 @@ use hdf5_sys::h5f::H5Fget_vfd_handle;
 use hdf5_sys::h5i::hid_t;
 use hdf5_sys::h5p::H5P_DEFAULT;
 use ndarray::{ArrayView2, s};
+use rustix::fs::{MemfdFlags, memfd_create};
+use rustix::io::{DupFlags, FdFlags, dup3};
 
 use crate::codec::Codec;
 
@@ -37,6 +40,37 @@ pub(crate) fn take_whole_file(file: &hdf5::File) -> hdf5::Result<()> {
 /// # Errors
 /// What the library or the system says.
 pub(crate) fn close_in_children(file: &hdf5::File) -> hdf5::Result<()> {
+    with_descriptor(file, |descriptor| Ok(rustix::io::fcntl_setfd(descriptor, FdFlags::CLOEXEC)?))
+}
+
+/// The open file once more, to read only, without the lock on it, and whatever has become of its name.
+///
+/// # Errors
+/// What the library or the system says.
+pub(crate) fn read_handle(file: &hdf5::File) -> hdf5::Result<File> {
+    with_descriptor(file, |descriptor| File::open(format!("/proc/self/fd/{}", descriptor.as_raw_fd())))
+}
+
+/// Lets go of a file that could not be written, its lock with it: nothing more is written to it, neither by the library when
+/// the file is closed nor when the program ends.
+///
+/// After a failed write the library has parts of the index in memory that tell of what is not in the file. It cannot forget
+/// them: closing writes them, and closing fails where writing does, with the file left open. So what it still has to write
+/// goes into memory that nobody reads.
+///
+/// # Errors
+/// What the library or the system says; the file is then as it was.
+pub(crate) fn let_go(file: &hdf5::File) -> hdf5::Result<()> {
+    with_descriptor(file, |descriptor| {
+        let nowhere = memfd_create("let go", MemfdFlags::CLOEXEC)?;
+        // SAFETY: the number is the library's own descriptor, which is open, and is not closed when this is dropped.
+        let mut descriptor = ManuallyDrop::new(unsafe { OwnedFd::from_raw_fd(descriptor.as_raw_fd()) });
+        Ok(dup3(&nowhere, &mut descriptor, DupFlags::CLOEXEC)?)
+    })
+}
+
+/// What `act` says of the descriptor of `file`, under the library's lock.
+fn with_descriptor<T>(file: &hdf5::File, act: impl FnOnce(BorrowedFd<'_>) -> io::Result<T>) -> hdf5::Result<T> {
     let mut handle: *mut c_void = std::ptr::null_mut();
     sync(|| {
         // SAFETY: the lock of the library is held and the file's identifier is valid while `file` lives; its driver is the
@@ -47,8 +81,7 @@ pub(crate) fn close_in_children(file: &hdf5::File) -> hdf5::Result<()> {
         }
         // SAFETY: as above; the descriptor stays open as long as `file`, which outlives the borrow.
         let descriptor = unsafe { BorrowedFd::borrow_raw(*handle.cast::<c_int>()) };
-        rustix::io::fcntl_setfd(descriptor, rustix::io::FdFlags::CLOEXEC)
-            .map_err(|error| Error::from(error.to_string()))
+        act(descriptor).map_err(|error| Error::from(error.to_string()))
     })
 }
 

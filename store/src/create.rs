@@ -1,7 +1,6 @@
 //! A new archive: every table at its final size, so that nothing but table contents changes afterwards.
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::path::Path;
 
 use hdf5::filters::BloscShuffle;
 use hdf5::plist::dataset_create::{AllocTime, FillTime};
@@ -10,8 +9,9 @@ use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{File, FileBuilder, H5Type, Location};
 use tapline_wire::{Channel, DamageCell, Geometry, Plan, SampleFormat, TapState};
 
-use crate::chunk::ChunkRows;
+use crate::chunk::{ChunkRows, let_go};
 use crate::codec::{Codec, placeholder};
+use crate::draft::{Draft, remove_dead_drafts};
 use crate::error::Context;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
@@ -67,36 +67,25 @@ pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<(
     if path.try_exists().context("look for", path)? {
         return Err(Error::Exists { path: path.to_owned() });
     }
-    let draft = draft_of(path);
-    // The library's own message for a missing folder is a page of C; the system's is one line.
-    std::fs::File::create(&draft).context("create", path)?;
-    let outcome = fill(&draft, plan, lineage)
-        .context("lay out the tables", path)
-        .and_then(|()| std::fs::rename(&draft, path).context("name", path));
-    if outcome.is_err() {
-        // The first error is the one to tell; a draft that cannot be removed harms nobody.
-        drop(std::fs::remove_file(&draft));
+    remove_dead_drafts(path);
+    let draft = Draft::begin(path).context("create", path)?;
+    let file = files().create(draft.path()).context("create", path)?;
+    if let Err(error) = fill(&file, plan, lineage) {
+        // What is half there cannot be closed in order, on a full disk for one.
+        drop(let_go(&file));
+        return Err(error).context("lay out the tables", path);
     }
-    outcome
+    drop(file);
+    std::fs::rename(draft.path(), path).context("name", path)
 }
 
-/// A name beside `path` that no other creation uses.
-fn draft_of(path: &Path) -> PathBuf {
-    static NUMBER: AtomicU32 = AtomicU32::new(0);
-    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}-{number}.new", std::process::id()));
-    path.with_file_name(name)
-}
-
-fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
-    let file = files().create(path)?;
-    write_text(&file, attribute::FORMAT, FORMAT)?;
-    write_number(&file, attribute::FORMAT_VERSION, &FORMAT_VERSION)?;
-    write_text(&file, attribute::TAPLINE_VERSION, env!("CARGO_PKG_VERSION"))?;
-    write_text(&file, attribute::GEOMETRY, geometry_name(plan.geometry))?;
-    write_number(&file, attribute::PLAN_DIGEST, &plan.digest())?;
-    write_number(&file, attribute::SOURCE_DIGEST, &plan.source_digest())?;
+fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
+    write_text(file, attribute::FORMAT, FORMAT)?;
+    write_number(file, attribute::FORMAT_VERSION, &FORMAT_VERSION)?;
+    write_text(file, attribute::TAPLINE_VERSION, env!("CARGO_PKG_VERSION"))?;
+    write_text(file, attribute::GEOMETRY, geometry_name(plan.geometry))?;
+    write_number(file, attribute::PLAN_DIGEST, &plan.digest())?;
+    write_number(file, attribute::SOURCE_DIGEST, &plan.source_digest())?;
     let config = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::CONFIG)?;
     config.write_scalar(&var_len(lineage.config_toml)?)?;
     let made_by = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::MADE_BY)?;
@@ -107,11 +96,11 @@ fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     }
 
     let (taps, scan_of_tap) = (plan.taps(), plan.scan_of_tap());
-    create_table(&file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;
+    create_table(file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;
     match lineage.raw.and_then(Path::file_name) {
         Some(raw) => {
             let raw = raw.to_string_lossy();
-            write_text(&file, attribute::RAW, &raw)?;
+            write_text(file, attribute::RAW, &raw)?;
             // For other readers of HDF5; this program opens the other archive itself, to read only.
             file.link_external(&raw, table::TAPS, table::TAPS)?;
         }
@@ -120,27 +109,27 @@ fn fill(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
             write_text(&group, attribute::NX_CLASS, "NXdata")?;
             write_text(&group, attribute::NX_SIGNAL, SIGNAL)?;
             write_texts(&group, attribute::NX_AXES, &[NO_AXIS; 3])?;
-            Table::<HeaderRow>::create(&file, taps.len(), |_| HeaderRow::unwritten())?;
-            create_samples(&file, plan, lineage.codec)?;
+            Table::<HeaderRow>::create(file, taps.len(), |_| HeaderRow::unwritten())?;
+            create_samples(file, plan, lineage.codec)?;
         }
     }
     let discriminators = DiscriminatorsRow::unwritten();
-    Table::<DiscriminatorsRow>::create(&file, taps.len(), |_| discriminators)?;
+    Table::<DiscriminatorsRow>::create(file, taps.len(), |_| discriminators)?;
     let missing = LedgerRow::new(TapState::Missing, 0);
-    Table::<LedgerRow>::create(&file, taps.len(), |_| missing)?;
-    Table::<ReasonRow>::create(&file, taps.len(), |_| no_reason())?;
-    create_scans(&file, plan)?;
-    create_truth(&file, plan)?;
+    Table::<LedgerRow>::create(file, taps.len(), |_| missing)?;
+    Table::<ReasonRow>::create(file, taps.len(), |_| no_reason())?;
+    create_scans(file, plan)?;
+    create_truth(file, plan)?;
     let is_own = |name: &str| lineage.raw.is_none() || !name.starts_with(table::TAPS);
     for (name, note, units) in NOTES.into_iter().filter(|(name, ..)| is_own(name)) {
         let dataset = file.dataset(name)?;
         write_text(&dataset, attribute::NOTE, note)?;
         write_units(&dataset, units)?;
     }
-    write_text(&file, attribute::NX_CLASS, "NXroot")?;
-    write_text(&file, attribute::NX_DEFAULT, table::TAPS)?;
-    write_text(&file, attribute::DIGEST, &digest_of_fixed(&file)?)?;
-    write_number(&file, attribute::LINEAGE_KEY, &Key::new())?;
+    write_text(file, attribute::NX_CLASS, "NXroot")?;
+    write_text(file, attribute::NX_DEFAULT, table::TAPS)?;
+    write_text(file, attribute::DIGEST, &digest_of_fixed(file)?)?;
+    write_number(file, attribute::LINEAGE_KEY, &Key::new())?;
     file.flush()
 }
 

@@ -43,6 +43,44 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// The file that was being written was removed.
+    #[error("{} was removed while it was being written", path.display())]
+    Removed {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file that was being written, or its folder, has another name now.
+    #[error("{} was moved while it was being written; it is now {now}", path.display())]
+    Moved {
+        /// Where it was.
+        path: PathBuf,
+        /// Where it is.
+        now: String,
+    },
+    /// Another file has taken the place of the one that was being written.
+    #[error("{} is another file than the one that was being written, which is now {now}", path.display())]
+    Replaced {
+        /// The place.
+        path: PathBuf,
+        /// Where the archive is.
+        now: String,
+    },
+    /// The file that was being written became shorter.
+    #[error("{} was cut from {was} bytes to {is} while it was being written", path.display())]
+    Cut {
+        /// The file.
+        path: PathBuf,
+        /// Bytes it had.
+        was: u64,
+        /// Bytes it has.
+        is: u64,
+    },
+    /// An archive that could not be written was let go of.
+    #[error("{} was let go of after it could not be written", path.display())]
+    LetGo {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file does not begin as an HDF5 file does.
     #[error("{} is not an HDF5 file", path.display())]
     NotHdf5 {
@@ -258,6 +296,43 @@ fn way_out(got: u32, known: u32) -> &'static str {
     }
 }
 
+impl Error {
+    /// Whether a writer that met this may go on when its cause is gone, as a full disk: see [`crate::Writer::recover`].
+    pub fn is_of_the_disk(&self) -> bool {
+        let is_io = matches!(self, Self::Io { .. } | Self::Hdf5 { .. } | Self::LetGo { .. });
+        let is_of_the_place = matches!(
+            self,
+            Self::Removed { .. } | Self::Moved { .. } | Self::Replaced { .. } | Self::Cut { .. } | Self::InUse { .. }
+        );
+        is_io || is_of_the_place
+    }
+
+    /// Whether the disk, or what of it this user may have, is full.
+    pub fn is_no_room(&self) -> bool {
+        let Self::Io { source, .. } = self else { return false };
+        matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
+    }
+
+    /// What someone can do about it, where this is of the disk.
+    pub fn remedy(&self) -> &'static str {
+        match self {
+            _ if self.is_no_room() => "make room on that disk",
+            Self::Io { source, .. } => match source.kind() {
+                io::ErrorKind::ReadOnlyFilesystem => "mount that disk to be written again",
+                io::ErrorKind::NotFound => "bring that folder back",
+                io::ErrorKind::PermissionDenied => "give this user the right to write it",
+                _ => "see to that disk",
+            },
+            Self::Removed { .. } => "bring its folder back: the archive is then written there again",
+            Self::Moved { .. } => "move it back",
+            Self::Replaced { .. } => "move the other file away and this one back",
+            Self::InUse { .. } => "end what reads it",
+            Self::Cut { .. } => "put a whole copy in its place",
+            _ => "see to that disk and file",
+        }
+    }
+}
+
 /// Adds to an HDF5 error what was tried and on which file.
 pub(crate) trait Context<T> {
     /// The result, its error naming `action` and `path`.
@@ -266,7 +341,10 @@ pub(crate) trait Context<T> {
 
 impl<T> Context<T> for hdf5::Result<T> {
     fn context(self, action: &'static str, path: &Path) -> Result<T, Error> {
-        self.map_err(|source| Error::Hdf5 { action, path: path.to_owned(), source })
+        self.map_err(|source| match system_error(&source) {
+            Some(source) => Error::Io { action, path: path.to_owned(), source },
+            None => Error::Hdf5 { action, path: path.to_owned(), source },
+        })
     }
 }
 
@@ -274,4 +352,11 @@ impl<T> Context<T> for io::Result<T> {
     fn context(self, action: &'static str, path: &Path) -> Result<T, Error> {
         self.map_err(|source| Error::Io { action, path: path.to_owned(), source })
     }
+}
+
+/// What the system said to the library, which says it on within a page of its own.
+fn system_error(error: &hdf5::Error) -> Option<io::Error> {
+    let stack = error.stack()?;
+    let number = |text: &str| text.split_once("errno = ")?.1.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok();
+    stack.iter().find_map(|frame| number(frame.desc())).filter(|&errno| errno != 0).map(io::Error::from_raw_os_error)
 }

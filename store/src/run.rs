@@ -67,14 +67,14 @@ pub struct Outcome {
 /// [`RunError`] when the archive cannot be written or shared memory fails. Being asked to stop is no error.
 pub fn run(line: &Line, plan: &Plan, writer: Writer) -> Result<Outcome, RunError> {
     let mut desk = Desk::open(line, plan, writer)?;
-    match desk.serve() {
+    match desk.serve().and_then(|()| desk.insist(Writer::settle)) {
         Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => desk.close(),
         Err(error) => Err(error),
     }
 }
 
-struct Desk<'a> {
-    line: &'a Line,
+pub(crate) struct Desk<'a> {
+    pub(crate) line: &'a Line,
     plan: &'a Plan,
     stations: Vec<u16>,
     taps: Subscriber<'a, TapTopic>,
@@ -82,7 +82,11 @@ struct Desk<'a> {
     verdicts: Subscriber<'a, DamageTopic>,
     told: Publisher<'a, LedgerTopic>,
     replay: Publisher<'a, ReplayTopic>,
-    writer: Writer,
+    pub(crate) writer: Writer,
+    /// Whether the archive cannot be written.
+    pub(crate) is_held: bool,
+    /// When the file was last looked for.
+    pub(crate) looked_at: Instant,
     /// For each station, the last barrier seen among the taps and among the discriminators.
     barriers: Vec<(u8, u8)>,
     /// Barriers that have passed, as of the last flush.
@@ -110,6 +114,8 @@ impl<'a> Desk<'a> {
             told: Publisher::open(line, plan)?,
             replay: Publisher::open(line, plan)?,
             writer,
+            is_held: false,
+            looked_at: now,
             barriers: vec![(0, 0); stations.len()],
             passed: vec![0; stations.len()],
             stations,
@@ -135,6 +141,7 @@ impl<'a> Desk<'a> {
             if self.told_at.elapsed() >= TELL_EVERY {
                 self.tell()?;
             }
+            self.look_after_place()?;
             self.go_on_replaying()?;
             let is_done = self.writer.ledger().is_judged();
             if is_idle && is_done {
@@ -172,7 +179,7 @@ impl<'a> Desk<'a> {
         while let Some(judged) = self.verdicts.receive()? {
             has_come = true;
             let scan = u32::try_from(judged.header().stamp.mark).unwrap_or(u32::MAX);
-            let outcome = self.writer.put_judgement(scan, judged.header(), &judged)?;
+            let outcome = self.insist(|writer| writer.put_judgement(scan, judged.header(), &judged))?;
             self.note(outcome, "a verdict", scan);
         }
         Ok(has_come)
@@ -185,7 +192,7 @@ impl<'a> Desk<'a> {
         match first.kind() {
             Some(RecordKind::Data) => {
                 let taps: Vec<(&TapHeader, &[u8])> = part.iter().map(|tap| (tap.header(), bytes_of(tap))).collect();
-                let outcomes = self.writer.put_taps(&taps)?;
+                let outcomes = self.insist(|writer| writer.put_taps(&taps))?;
                 for ((header, _), outcome) in taps.into_iter().zip(outcomes) {
                     self.note(outcome, "a tap", header.plan_index);
                     self.unflushed_taps += 1;
@@ -196,7 +203,7 @@ impl<'a> Desk<'a> {
                 let text = bytes_of(first).get(..header.text_bytes as usize).unwrap_or_default();
                 let reason = String::from_utf8_lossy(text);
                 tracing::warn!(tap = %header.id, %reason, "a tap was refused");
-                let outcome = self.writer.put_refusal(header.plan_index, &header.id, &reason)?;
+                let outcome = self.insist(|writer| writer.put_refusal(header.plan_index, &header.id, &reason))?;
                 self.note(outcome, "a refusal", header.plan_index);
             }
             Some(RecordKind::Barrier) => {
@@ -219,9 +226,9 @@ impl<'a> Desk<'a> {
                 for record in found.iter().filter(|r| !r.quality.contains(Quality::REFUSED)) {
                     let outcome = if record.quality.contains(Quality::RETAKE) {
                         tracing::info!(tap = %record.id, quality = %record.quality, "a tap is taken again");
-                        self.writer.put_retake(record.plan_index, &record.id, record.quality)?
+                        self.insist(|writer| writer.put_retake(record.plan_index, &record.id, record.quality))?
                     } else {
-                        self.writer.put_discriminators(record)?
+                        self.insist(|writer| writer.put_discriminators(record))?
                     };
                     self.note(outcome, "discriminators", record.plan_index);
                 }
@@ -234,7 +241,7 @@ impl<'a> Desk<'a> {
             }
             Some(RecordKind::End) => {
                 let scan = u32::try_from(stamp.mark).unwrap_or(u32::MAX);
-                let outcome = self.writer.end_scan(scan)?;
+                let outcome = self.insist(|writer| writer.end_scan(scan))?;
                 self.note(outcome, "an end", scan);
             }
             Some(RecordKind::Refusal | RecordKind::Greeting) | None => {}
@@ -254,7 +261,7 @@ impl<'a> Desk<'a> {
     }
 
     fn flush(&mut self) -> Result<(), RunError> {
-        self.writer.flush()?;
+        self.insist(Writer::flush)?;
         for (passed, &(taps, found)) in self.passed.iter_mut().zip(&self.barriers) {
             if taps == found {
                 *passed = taps;
@@ -272,12 +279,12 @@ impl<'a> Desk<'a> {
     }
 
     /// Tells everyone the ledger as of the last flush.
-    fn tell(&mut self) -> Result<(), RunError> {
+    pub(crate) fn tell(&mut self) -> Result<(), RunError> {
         let mut ledger: Ledger = self.writer.ledger().clone();
         for (number, &barrier) in self.passed.iter().enumerate() {
             ledger.set_barrier(number, barrier);
         }
-        ledger.lost_count = self.lost_count();
+        (ledger.lost_count, ledger.is_held) = (self.lost_count(), self.is_held);
         let bytes = Ledger::encoded_bytes(self.plan.taps().len(), self.plan.scans().len(), self.stations.len());
         let mut loan = self.told.loan(bytes)?;
         loan.fill(|header, bytes| *header = ledger.encode(bytes));
@@ -295,7 +302,7 @@ impl<'a> Desk<'a> {
             self.replay_from = Some(0);
         }
         while let Some(from) = self.replay_from {
-            let (records, next) = self.writer.settled_from(from, REPLAY_RECORDS_MAX)?;
+            let (records, next) = self.insist(|writer| writer.settled_from(from, REPLAY_RECORDS_MAX))?;
             if !records.is_empty() && !self.replay.try_send(RecordKind::Data, Stamp::default(), &records)? {
                 return Ok(());
             }
@@ -315,12 +322,15 @@ impl<'a> Desk<'a> {
         Ok(())
     }
 
-    fn close(self) -> Result<Outcome, RunError> {
+    fn close(mut self) -> Result<Outcome, RunError> {
         let lost_count = self.lost_count();
-        let counts = self.writer.counts();
-        let ledger = self.writer.ledger().clone();
         // What came after the last flush becomes safe with this one, and counts in the archive, if not here.
-        self.writer.finish()?;
+        let ledger = self.writer.ledger().clone();
+        let is_in_order = self.is_closed_in_order()?;
+        let counts = self.writer.counts();
+        if is_in_order {
+            self.writer.close()?;
+        }
         let count = |state| ledger.count(state) as u64;
         Ok(Outcome {
             archived_count: count(tapline_wire::TapState::Archived),
@@ -331,7 +341,7 @@ impl<'a> Desk<'a> {
             lost_count,
             sample_bytes: self.sample_bytes,
             flush_count: self.flush_count,
-            is_complete: ledger.is_judged(),
+            is_complete: ledger.is_judged() && is_in_order,
         })
     }
 }

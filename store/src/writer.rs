@@ -5,10 +5,9 @@
 //! After creation no structure of the file changes; every write lands in space that was allotted for that very row.
 //! [`Writer::flush`] first writes what the rows hold and hands it to the system, then the states that vouch for them,
 //! and hands over those. A writer that dies in between leaves rows whose state still says "missing": they are put
-//! again, and overwrite themselves.
+//! again, and overwrite themselves. A file that cannot be written is left as such a writer leaves it: see [`Writer::recover`].
 
-use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tapline_wire::{
     DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, ScanState, TapHeader, TapId, TapState,
@@ -19,18 +18,14 @@ use crate::check::{check_cells, check_id, check_scan, check_shape};
 use crate::create::create;
 use crate::encode::{Packer, Shape};
 use crate::error::Context;
-use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ReasonRow, ScanRow};
+use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, ReasonRow, ScanRow};
 use crate::lineage::{lineage_key, raw_digest};
+use crate::pending::Pending;
+use crate::place::Place;
 use crate::recall::recall;
-use crate::rows::{at_attempt, fixed, no_reason};
+use crate::rows::{fixed, no_reason};
 use crate::track::{Half, PutOutcome, Take, Track};
 use crate::{Error, Lineage, Result};
-
-/// Rows that wait for a flush; one more and it is done unasked, so that memory stays bounded.
-const PENDING_ROWS_MAX: usize = 4096;
-
-/// Rows that one call of [`Writer::settled_from`] looks at.
-const REPLAY_ROWS_MAX: usize = 4096;
 
 /// How many records a writer was given, by what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -43,27 +38,12 @@ pub struct PutCounts {
     pub conflicts: u64,
 }
 
-/// Rows that are to be written at the next flush.
-#[derive(Debug, Default)]
-struct Pending {
-    headers: BTreeMap<u32, HeaderRow>,
-    discriminators: BTreeMap<u32, DiscriminatorsRow>,
-    reasons: BTreeMap<u32, ReasonRow>,
-    cells: BTreeMap<u32, CellRow>,
-    /// Rows that vouch for the others, written after them.
-    taps: BTreeMap<u32, LedgerRow>,
-    scans: BTreeMap<u32, ScanRow>,
-}
-
-impl Pending {
-    fn is_empty(&self) -> bool {
-        self.row_count() == 0
-    }
-
-    fn row_count(&self) -> usize {
-        let halves = self.headers.len() + self.discriminators.len() + self.reasons.len();
-        halves + self.cells.len() + self.taps.len() + self.scans.len()
-    }
+/// What an archive was begun with, to know it again by.
+#[derive(Debug)]
+pub(crate) struct Kept {
+    pub(crate) config: String,
+    pub(crate) reference: Option<String>,
+    pub(crate) made_by: String,
 }
 
 /// Writes the archive of one run.
@@ -71,13 +51,19 @@ impl Pending {
 /// Dropping a writer without [`Writer::finish`] is what a crash does: what was put since the last flush is lost.
 #[derive(Debug)]
 pub struct Writer {
-    archive: Archive,
-    tracks: Vec<Track>,
+    pub(crate) path: PathBuf,
+    pub(crate) plan: Plan,
+    pub(crate) kept: Kept,
+    pub(crate) place: Place,
+    /// `None` after it could not be written.
+    pub(crate) archive: Option<Archive>,
+    is_results: bool,
+    pub(crate) tracks: Vec<Track>,
     scans: Vec<ScanRow>,
     scan_fingerprints: Vec<Option<u64>>,
     first_cells: Vec<usize>,
-    pending: Pending,
-    ledger: Ledger,
+    pub(crate) pending: Pending,
+    pub(crate) ledger: Ledger,
     counts: PutCounts,
     packer: Packer,
 }
@@ -143,13 +129,22 @@ impl Writer {
             pending: Pending::default(),
             counts: PutCounts::default(),
             packer,
-            archive,
+            place: Place::of(&archive.file, &archive.path)?,
+            path: archive.path.clone(),
+            plan: archive.plan.clone(),
+            kept: Kept {
+                config: archive.config.clone(),
+                reference: archive.reference.clone(),
+                made_by: archive.made_by.clone(),
+            },
+            is_results: archive.is_results(),
+            archive: Some(archive),
         })
     }
 
     /// The plan whose archive this is.
     pub fn plan(&self) -> &Plan {
-        &self.archive.plan
+        &self.plan
     }
 
     /// What no crash can take back: the ledger as of the last flush.
@@ -183,10 +178,11 @@ impl Writer {
     ///
     /// # Errors
     /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], [`crate::Error::OtherPlanRecord`],
-    /// [`crate::Error::RecordShape`], or what the system says; the same call may be made again.
+    /// [`crate::Error::RecordShape`], or what the system says: the file is then let go of, none of the taps is taken in, and
+    /// after [`Writer::recover`] the same call may be made again.
     pub fn put_taps(&mut self, taps: &[(&TapHeader, &[u8])]) -> Result<Vec<PutOutcome>> {
-        if self.archive.is_results() {
-            return Err(Error::ResultsAlone { path: self.archive.path.clone() });
+        if self.is_results {
+            return Err(Error::ResultsAlone { path: self.path.clone() });
         }
         for (header, samples) in taps {
             check_id(self.plan(), header.plan_index, &header.id)?;
@@ -214,11 +210,16 @@ impl Writer {
         let samples: Vec<&[u8]> =
             (0..taps.len()).filter(is_new).map(|k| &taps[k].1[..taps[k].0.payload_bytes()]).collect();
         let packed = self.packer.pack(&samples);
+        let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
         let mut written = Vec::with_capacity(samples.len());
         for ((k, packed), samples) in (0..taps.len()).filter(is_new).zip(packed).zip(&samples) {
             let header = rows[k];
-            let outcome = self.archive.samples.write(header.plan_index, packed.stored(samples));
-            outcome.context("write samples", &self.archive.path)?;
+            let outcome = archive.samples.write(header.plan_index, packed.stored(samples));
+            if let Err(error) = outcome.context("write samples", &self.path) {
+                self.let_go();
+                return Err(error);
+            }
+            self.pending.keep(header.plan_index, packed.stored(samples));
             let (samples_digest, stored_checksum) = (packed.samples_digest, packed.stored_checksum);
             written.push(HeaderRow { samples_digest, stored_checksum, ..header });
         }
@@ -306,7 +307,7 @@ impl Writer {
         check_scan(self.plan(), scan)?;
         check_cells(self.plan(), scan, cells)?;
         let number = scan as usize;
-        let planned = &self.archive.plan.scans()[number];
+        let planned = &self.plan.scans()[number];
         let cells: Vec<CellRow> = cells.iter().map(|cell| CellRow::new(scan, planned, cell)).collect();
         let row = self.scans[number].judged(judgement);
         let fingerprint = row.fingerprint(&cells);
@@ -328,67 +329,46 @@ impl Writer {
     /// Writes what waits and hands it to the system: from then on no crash of this program loses it.
     ///
     /// # Errors
-    /// What the library says, for one when the disk is full; what waited still waits, and the next flush tries again.
+    /// What the system says, for one when the disk is full, or as [`Writer::check_place`]. The file is then let go of, and what
+    /// waited still waits, for [`Writer::recover`].
     pub fn flush(&mut self) -> Result<()> {
         if self.pending.is_empty() {
             return Ok(());
         }
-        let Self { archive, pending, ledger, .. } = self;
-        write_contents(archive, pending).context("write what taps and scans hold", &archive.path)?;
-        write_states(archive, pending).context("write what state taps and scans are in", &archive.path)?;
+        self.check_place()?;
+        let written = self.pending.flush(self.open()?).and_then(|()| self.place.note_length());
+        written.inspect_err(|_| self.let_go())?;
+        let pending = std::mem::take(&mut self.pending);
         for (&row, settled) in &pending.taps {
-            ledger.set_tap(row as usize, settled.state().unwrap_or(TapState::Missing), settled.attempt);
+            self.ledger.set_tap(row as usize, settled.state().unwrap_or(TapState::Missing), settled.attempt);
         }
         for (&scan, row) in &pending.scans {
-            ledger.set_scan(scan as usize, row.state().unwrap_or(ScanState::Open));
+            self.ledger.set_scan(scan as usize, row.state().unwrap_or(ScanState::Open));
         }
-        *pending = Pending::default();
         Ok(())
     }
 
-    /// What was found in the taps from plan row `from` on, as far as this writer has it, for a stage that missed it:
-    /// at most `most` records, and the row to go on from, `None` at the plan's end.
-    ///
-    /// Records that wait for a flush or for their samples are among them; a refused tap is a record of no values under
-    /// [`Quality::REFUSED`]. A call looks at a bounded number of rows, so it may find none before the end.
+    /// Writes down where missing taps were lost, and, where all is judged, the key of the results; then flushes.
     ///
     /// # Errors
-    /// What the library says.
-    pub fn settled_from(&self, from: u32, most: usize) -> Result<(Vec<Discriminators>, Option<u32>)> {
-        let taps = self.archive.plan.taps();
-        let first = (from as usize).min(taps.len());
-        let last = (first + most.min(REPLAY_ROWS_MAX)).min(taps.len());
-        let rows = self.archive.discriminators.read(first..last).context("read discriminators", &self.archive.path)?;
-        let mut records = Vec::new();
-        for (plan_index, row) in (from..).zip(rows) {
-            let (track, planned) = (&self.tracks[plan_index as usize], &taps[plan_index as usize].id);
-            let (state, attempt) = track.state();
-            if state == TapState::Refused {
-                records.push(refused(plan_index, at_attempt(*planned, attempt)));
-            } else if track.has_discriminators() {
-                let row = self.pending.discriminators.get(&plan_index).copied().unwrap_or(row);
-                records.push(row.to_discriminators(planned));
-            }
-        }
-        Ok((records, u32::try_from(last).ok().filter(|_| last < taps.len())))
+    /// As [`Writer::flush`].
+    pub fn settle(&mut self) -> Result<()> {
+        let missing = (0..).zip(&self.tracks).filter(|(_, track)| track.state().0 == TapState::Missing);
+        self.pending.taps.extend(missing.map(|(row, track)| (row, track.to_row(true))));
+        self.flush()?;
+        let archive = self.open()?;
+        let written = if self.ledger.is_judged() { write_key(archive) } else { Ok(()) };
+        written.inspect_err(|_| self.let_go())
     }
 
-    /// Writes down where missing taps were lost, flushes, closes the archive and waits until it is on the disk, where a power cut cannot take it back.
+    /// Does what [`Writer::settle`] does, closes the archive and waits until it is on the disk, where a power cut cannot take
+    /// it back.
     ///
     /// # Errors
     /// As [`Writer::flush`].
     pub fn finish(mut self) -> Result<()> {
-        let missing = (0..).zip(&self.tracks).filter(|(_, track)| track.state().0 == TapState::Missing);
-        self.pending.taps.extend(missing.map(|(row, track)| (row, track.to_row(true))));
-        self.flush()?;
-        let path = self.archive.path.clone();
-        if self.ledger.is_judged() {
-            let key =
-                lineage_key(&raw_digest(&self.archive)?, &self.archive.made_by, self.archive.reference.as_deref());
-            self.archive.write_key(&key)?;
-        }
-        drop(self);
-        std::fs::File::open(&path).and_then(|file| file.sync_all()).context("sync", &path)
+        self.settle()?;
+        self.close()
     }
 
     fn take(&mut self, row: u32, half: Half, take: Take) {
@@ -405,30 +385,15 @@ impl Writer {
             PutOutcome::AlreadyThere => self.counts.already_there += 1,
             PutOutcome::Conflict => self.counts.conflicts += 1,
         }
-        if self.pending.row_count() > PENDING_ROWS_MAX {
+        if self.pending.is_full() {
             self.flush()?;
         }
         Ok(outcome)
     }
 }
 
-/// The record that stands for a refused tap.
-fn refused(plan_index: u32, id: TapId) -> Discriminators {
-    let quality = Quality::REFUSED;
-    Discriminators { id, plan_index, quality, velocity_measured_m_per_s: f64::NAN, ..Discriminators::default() }
-}
-
-/// What the rows hold, on its way to the system before any state that vouches for it.
-fn write_contents(archive: &Archive, pending: &Pending) -> hdf5::Result<()> {
-    archive.headers.write(&pending.headers)?;
-    archive.discriminators.write(&pending.discriminators)?;
-    archive.refusals.write(&pending.reasons)?;
-    archive.damage.write(&pending.cells)?;
-    archive.file.flush()
-}
-
-fn write_states(archive: &Archive, pending: &Pending) -> hdf5::Result<()> {
-    archive.ledger.write(&pending.taps)?;
-    archive.scans.write(&pending.scans)?;
-    archive.file.flush()
+/// Writes down the key of results that are whole.
+fn write_key(archive: &Archive) -> Result<()> {
+    archive.write_key(&lineage_key(&raw_digest(archive)?, &archive.made_by, archive.reference.as_deref()))?;
+    archive.file.flush().context("write the key of the results", &archive.path)
 }

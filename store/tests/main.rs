@@ -7,6 +7,7 @@ mod crash;
 mod export;
 mod foreign;
 mod layouts;
+mod outage;
 mod page;
 mod parquet;
 mod refuse;

@@ -91,8 +91,8 @@ pub struct LedgerHeader {
     pub archived_count: u32,
     /// Taps refused.
     pub refused_count: u32,
-    /// Keeps the layout free of padding.
-    pub reserved: u32,
+    /// 1 while the archive cannot be written, else 0.
+    pub is_held: u32,
     /// Records lost in transit so far, as their sequence numbers tell.
     pub lost_count: u64,
 }
@@ -110,6 +110,8 @@ pub struct Ledger {
     barriers: Vec<u8>,
     /// Records lost in transit so far.
     pub lost_count: u64,
+    /// Whether the archive cannot be written at the moment: nothing will be settled before that is over.
+    pub is_held: bool,
 }
 
 impl Ledger {
@@ -121,6 +123,7 @@ impl Ledger {
             scans: vec![ScanState::Open; scan_count],
             barriers: vec![0; station_count],
             lost_count: 0,
+            is_held: false,
         }
     }
 
@@ -203,6 +206,7 @@ impl Ledger {
             archived_count: count(self.count(TapState::Archived)),
             refused_count: count(self.count(TapState::Refused)),
             lost_count: self.lost_count,
+            is_held: self.is_held.into(),
             ..LedgerHeader::default()
         }
     }
@@ -217,6 +221,7 @@ impl Ledger {
             scans: scans.iter().map(|&b| ScanState::from_code(b)).collect::<Option<_>>()?,
             barriers: (barriers.len() == header.station_count as usize).then(|| barriers.to_vec())?,
             lost_count: header.lost_count,
+            is_held: header.is_held != 0,
         })
     }
 }
@@ -233,8 +238,9 @@ mod tests {
             proptest::collection::vec(0..3_u8, 0..6),
             proptest::collection::vec(any::<u8>(), 0..4),
             any::<u64>(),
+            any::<bool>(),
         );
-        states.prop_map(|(taps, scans, barriers, lost_count)| {
+        states.prop_map(|(taps, scans, barriers, lost_count, is_held)| {
             let mut ledger = Ledger::empty(taps.len(), scans.len(), barriers.len());
             for (row, (code, attempt)) in taps.into_iter().enumerate() {
                 ledger.set_tap(row, TapState::from_code(code).unwrap(), attempt);
@@ -245,7 +251,7 @@ mod tests {
             for (station, barrier) in barriers.into_iter().enumerate() {
                 ledger.set_barrier(station, barrier);
             }
-            ledger.lost_count = lost_count;
+            (ledger.lost_count, ledger.is_held) = (lost_count, is_held);
             ledger
         })
     }

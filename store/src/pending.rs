@@ -1,0 +1,83 @@
+//! What a writer was given and no flush has made safe yet.
+
+use std::collections::BTreeMap;
+
+use crate::Result;
+use crate::archive::Archive;
+use crate::error::Context;
+use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ReasonRow, ScanRow};
+
+/// Rows that wait for a flush; one more and it is done unasked, so that memory stays bounded.
+const PENDING_ROWS_MAX: usize = 4096;
+
+/// Bytes of samples, likewise.
+const SAMPLE_BYTES_MAX: usize = 32 << 20;
+
+/// Rows that are to be written at the next flush, and samples that are written but of which the file does not know yet.
+#[derive(Debug, Default)]
+pub(crate) struct Pending {
+    /// As they go to the file: where a flush fails they are written again.
+    samples: BTreeMap<u32, Vec<u8>>,
+    sample_bytes: usize,
+    pub(crate) headers: BTreeMap<u32, HeaderRow>,
+    pub(crate) discriminators: BTreeMap<u32, DiscriminatorsRow>,
+    pub(crate) reasons: BTreeMap<u32, ReasonRow>,
+    pub(crate) cells: BTreeMap<u32, CellRow>,
+    /// Rows that vouch for the others, written after them.
+    pub(crate) taps: BTreeMap<u32, LedgerRow>,
+    pub(crate) scans: BTreeMap<u32, ScanRow>,
+}
+
+impl Pending {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.row_count() == 0
+    }
+
+    /// Whether there is as much as memory is to hold.
+    pub(crate) fn is_full(&self) -> bool {
+        self.row_count() > PENDING_ROWS_MAX || self.sample_bytes > SAMPLE_BYTES_MAX
+    }
+
+    /// Bytes of the samples kept.
+    pub(crate) fn sample_bytes(&self) -> usize {
+        self.sample_bytes
+    }
+
+    fn row_count(&self) -> usize {
+        let halves = self.headers.len() + self.discriminators.len() + self.reasons.len();
+        halves + self.cells.len() + self.taps.len() + self.scans.len()
+    }
+
+    /// Keeps the samples of plan row `row` as they were written.
+    pub(crate) fn keep(&mut self, row: u32, stored: &[u8]) {
+        self.sample_bytes += stored.len();
+        let before = self.samples.insert(row, stored.to_vec());
+        self.sample_bytes -= before.map_or(0, |before| before.len());
+    }
+
+    /// Writes the samples to an archive that does not have them.
+    pub(crate) fn write_samples(&self, archive: &Archive) -> Result<()> {
+        let write = |(&row, stored): (&u32, &Vec<u8>)| archive.samples.write(row, stored);
+        self.samples.iter().try_for_each(write).context("write samples", &archive.path)
+    }
+
+    /// Writes the rows and hands them to the system: first what they hold, then the states that vouch for it.
+    pub(crate) fn flush(&self, archive: &Archive) -> Result<()> {
+        self.write_contents(archive).context("write what taps and scans hold", &archive.path)?;
+        self.write_states(archive).context("write what state taps and scans are in", &archive.path)
+    }
+
+    fn write_contents(&self, archive: &Archive) -> hdf5::Result<()> {
+        archive.headers.write(&self.headers)?;
+        archive.discriminators.write(&self.discriminators)?;
+        archive.refusals.write(&self.reasons)?;
+        archive.damage.write(&self.cells)?;
+        archive.file.flush()
+    }
+
+    fn write_states(&self, archive: &Archive) -> hdf5::Result<()> {
+        archive.ledger.write(&self.taps)?;
+        archive.scans.write(&self.scans)?;
+        archive.file.flush()
+    }
+}

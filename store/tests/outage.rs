@@ -1,0 +1,152 @@
+//! A writer whose disk fails keeps what it was given and goes on afterwards.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use tapline_store::{Codec, Lineage, Reader, Writer, verify};
+use tapline_wire::{Plan, Recording, SampleFormat};
+
+use crate::common::{CONFIG, bytes, header, plan, plan_with, put, put_all, samples};
+
+fn big_plan() -> Plan {
+    let recording = plan(SampleFormat::I16).recording;
+    plan_with(Recording { sample_count_max: 4096, ..recording }, 60)
+}
+
+/// A small disk of its own, taken away when dropped.
+struct Disk(tempfile::TempDir);
+
+impl Disk {
+    /// `None`, with a notice, where none can be had.
+    fn new() -> Option<Self> {
+        let disk = Self(tempfile::tempdir().unwrap());
+        let mut mount = Command::new("mount");
+        mount.args(["-t", "tmpfs", "-o", "size=8m", "tmpfs"]).arg(disk.0.path()).stderr(Stdio::null());
+        let is_made = mount.status().is_ok_and(|status| status.success());
+        if !is_made {
+            eprintln!("skipped: no disk can be mounted here (it takes root)");
+        }
+        is_made.then_some(disk)
+    }
+
+    /// Fills the disk but for `free_bytes`, with a file that can be removed.
+    fn fill(&self, free_bytes: u64) -> PathBuf {
+        let path = self.0.path().join("ballast");
+        let disk = rustix::fs::statvfs(self.0.path()).unwrap();
+        let bytes = (disk.f_bavail * disk.f_frsize).saturating_sub(free_bytes);
+        fs::write(&path, vec![1; usize::try_from(bytes).unwrap()]).unwrap();
+        path
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        Command::new("umount").arg("-l").arg(self.0.path()).status().unwrap();
+    }
+}
+
+/// The archive at `path` is complete and every sample in it is the one that was put.
+fn assert_complete(path: &Path, plan: &Plan) {
+    let report = verify(path).unwrap();
+    assert!(report.is_complete() && report.problems.is_empty(), "{report:?}");
+    let reader = Reader::open(path).unwrap();
+    for row in 0..plan.taps().len() as u32 {
+        let (tap, got) = reader.tap(row).unwrap().unwrap();
+        assert_eq!(tap, header(plan, row, plan.recording.sample_count_max));
+        assert!(bytes(got.as_samples()) == samples(&tap), "row {row}");
+    }
+}
+
+/// Catches a tap that is lost or doubled, or a file that is damaged, when the disk fills at any place of a run: between flushes
+/// of every length, and again and again.
+#[test]
+fn a_disk_that_fills_again_and_again() {
+    let _guard = crate::common::alone();
+    let plan = big_plan();
+    for (codec, flush_every) in [(Codec::Lz4, 1), (Codec::Lz4, 7), (Codec::Zstd, 30), (Codec::None, 5)] {
+        let Some(disk) = Disk::new() else { return };
+        let path = disk.0.path().join("run.h5");
+        let mut writer = Writer::create(&path, &plan, Lineage { codec, ..CONFIG.into() }).unwrap();
+        let mut ballast = disk.fill(60_000);
+        let mut failure_count = 0;
+        for row in 0..plan.taps().len() as u32 {
+            let act = |writer: &mut Writer| {
+                put(writer, row)?;
+                if row % flush_every == 0 { writer.flush() } else { Ok(()) }
+            };
+            while let Err(error) = act(&mut writer) {
+                assert!(error.is_no_room() && error.to_string().contains("run.h5"), "{error}");
+                failure_count += 1;
+                assert!(writer.recover().is_err(), "the disk is full still");
+                // Let go of, it opens for whoever looks at it, and has no problem but what is missing.
+                assert_eq!(verify(&path).unwrap().problems, []);
+                fs::remove_file(&ballast).unwrap();
+                writer.recover().unwrap();
+                ballast = disk.fill(60_000);
+            }
+        }
+        fs::remove_file(&ballast).unwrap();
+        put_all(&mut writer).unwrap();
+        writer.finish().unwrap();
+        assert!(failure_count > 3, "{codec}: {failure_count} failures prove little");
+        assert_complete(&path, &plan);
+    }
+}
+
+/// Catches what is lost with a file that is removed, moved or replaced, and a writer that writes on without seeing it.
+#[test]
+fn a_file_that_is_not_where_it_was() {
+    let _guard = crate::common::beside_others();
+    let plan = big_plan();
+    let folder = tempfile::tempdir().unwrap();
+    let (place, path) = (folder.path().join("disk"), folder.path().join("disk/run.h5"));
+    fs::create_dir(&place).unwrap();
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut rows = 0..plan.taps().len() as u32;
+    let mut put_some = |writer: &mut Writer| rows.by_ref().take(20).for_each(|row| put(writer, row).unwrap());
+
+    put_some(&mut writer);
+    writer.flush().unwrap();
+    put_some(&mut writer);
+    fs::remove_dir_all(&place).unwrap();
+    for error in [writer.check_place().unwrap_err(), writer.recover().unwrap_err(), writer.flush().unwrap_err()] {
+        assert!(error.is_of_the_disk() && error.to_string().contains("run.h5"), "{error}");
+    }
+    fs::create_dir(&place).unwrap();
+    writer.recover().unwrap();
+
+    put_some(&mut writer);
+    let elsewhere = folder.path().join("elsewhere.h5");
+    fs::rename(&path, &elsewhere).unwrap();
+    let error = writer.flush().unwrap_err();
+    assert!(error.to_string().contains("elsewhere.h5"), "{error}");
+    fs::write(&path, "another").unwrap();
+    let error = writer.recover().unwrap_err();
+    assert!(error.to_string().contains("another file"), "{error}");
+    fs::rename(&elsewhere, &path).unwrap();
+    writer.recover().unwrap();
+
+    put_all(&mut writer).unwrap();
+    writer.finish().unwrap();
+    assert_complete(&path, &plan);
+    assert_eq!(fs::read_dir(&place).unwrap().count(), 1);
+}
+
+/// Catches an archive gone on with although it is not the one that was left: an older copy of it under the same number.
+#[test]
+fn an_older_copy_is_not_gone_on_with() {
+    let _guard = crate::common::beside_others();
+    let plan = big_plan();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let older = fs::read(&path).unwrap();
+    (0..5).for_each(|row| put(&mut writer, row).unwrap());
+    writer.flush().unwrap();
+    fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(10).unwrap();
+    let error = writer.check_place().unwrap_err();
+    assert!(error.to_string().contains("was cut from") && !writer.is_in_place(), "{error}");
+    fs::write(&path, older).unwrap();
+    assert!(writer.recover().is_err());
+}

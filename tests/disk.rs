@@ -1,0 +1,360 @@
+//! Nothing is lost to a disk: it is full, read only, gone, slow, or the file on it is cut, moved or taken by another.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{BufRead as _, BufReader, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, Command, Stdio};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rustix::process::Signal;
+
+use crate::rig::{Contents, Done, Rig, assert_same, contents, signal, stage};
+
+/// One station, 2 shoulders of 40 locations each: 82 taps, which unpacked take some 5 MB.
+const SCAN: &str = "
+[scan]
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+locations = 40
+";
+
+/// With a pace at which it lasts a second or more: what is done to the disk is done while it is under way.
+fn paced() -> String {
+    format!("{SCAN}\n[acquire]\ntaps_per_s = 60.0\n")
+}
+
+/// A small disk of its own, taken away when dropped.
+struct Disk(PathBuf);
+
+impl Disk {
+    /// A disk of `size` in the folder `disk` of `rig`; `None`, with a notice, where none can be had.
+    fn new(rig: &Rig, size: &str) -> Option<Self> {
+        let disk = Self(rig.path("disk"));
+        fs::create_dir(&disk.0).unwrap();
+        let made = disk.mount(&format!("size={size}"), "tmpfs");
+        if !made {
+            eprintln!("skipped: no disk can be mounted here (it takes root)");
+        }
+        made.then_some(disk)
+    }
+
+    fn mount(&self, options: &str, what: &str) -> bool {
+        let mut mount = Command::new("mount");
+        mount.args(["-t", "tmpfs", "-o", options, what]).arg(&self.0).stderr(Stdio::null());
+        mount.status().is_ok_and(|status| status.success())
+    }
+
+    fn remount(&self, options: &str) {
+        assert!(self.mount(&format!("remount,{options}"), "tmpfs"), "{options}");
+    }
+
+    /// Fills the disk but for `free_bytes`, with a file that can be removed.
+    fn fill(&self, free_bytes: u64) -> PathBuf {
+        let path = self.0.join("ballast");
+        let disk = rustix::fs::statvfs(&self.0).unwrap();
+        let bytes = disk.f_bavail * disk.f_frsize - free_bytes;
+        match fs::write(&path, vec![1; usize::try_from(bytes).unwrap()]) {
+            // The line has been quicker.
+            Err(error) if error.kind() == ErrorKind::StorageFull => {}
+            written => written.unwrap(),
+        }
+        path
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        // What is still open there goes when it is closed.
+        if let Err(error) = Command::new("umount").arg("-l").arg(&self.0).stderr(Stdio::null()).status() {
+            eprintln!("{}: {error}", self.0.display());
+        }
+    }
+}
+
+/// A line that is running, and what it says.
+struct Said {
+    line: Option<Child>,
+    lines: Option<std::io::Lines<BufReader<ChildStderr>>>,
+    text: String,
+}
+
+impl Drop for Said {
+    /// A test that fails leaves no line that waits for ever.
+    fn drop(&mut self) {
+        if let Some(mut line) = self.line.take() {
+            line.kill().unwrap();
+            line.wait().unwrap();
+        }
+    }
+}
+
+impl Said {
+    fn start(rig: &Rig, arguments: &str) -> Self {
+        let mut line = rig.start(arguments);
+        let lines = BufReader::new(line.stderr.take().unwrap()).lines();
+        Self { line: Some(line), lines: Some(lines), text: String::new() }
+    }
+
+    fn line(&mut self) -> &mut Child {
+        self.line.as_mut().unwrap()
+    }
+
+    fn interrupt(&mut self) {
+        signal(self.line().id() as i32, Signal::INT);
+    }
+
+    /// Waits until the line says all of `words` in one line.
+    fn wait_for(&mut self, words: &[&str]) {
+        loop {
+            let Some(said) = self.lines.as_mut().unwrap().next() else {
+                panic!("{words:?} was never said, but:\n{}", self.text)
+            };
+            let said = said.unwrap();
+            self.text.push_str(&said);
+            self.text.push('\n');
+            if words.iter().all(|word| said.contains(word)) {
+                return;
+            }
+        }
+    }
+
+    /// Waits for the end; all that was said on standard error goes into the result.
+    fn finish(mut self) -> Done {
+        let (line, lines) = (self.line.take().unwrap(), self.lines.take().unwrap());
+        let mut text = std::mem::take(&mut self.text);
+        let rest: JoinHandle<String> = std::thread::Builder::new()
+            .name("stderr".to_owned())
+            .spawn(move || lines.map_while(Result::ok).collect::<Vec<_>>().join("\n"))
+            .unwrap();
+        let mut done = Done::from(line.wait_with_output().unwrap());
+        text.push_str(&rest.join().unwrap());
+        assert!(!text.contains("panicked"), "{text}");
+        done.err = text;
+        done
+    }
+}
+
+fn undisturbed(rig: &Rig) -> Contents {
+    rig.write("quick.toml", SCAN);
+    rig.write("paced.toml", &paced());
+    rig.run("run --config paced.toml --out quick.h5").expect(0);
+    contents(&rig.path("quick.h5"))
+}
+
+/// The archive is whole, nothing beside it is left, and it holds what an undisturbed run's does.
+fn assert_whole(rig: &Rig, archive: &str, expected: &Contents) {
+    rig.run(&format!("verify {archive}")).expect(0);
+    assert_same(&contents(&rig.path(archive)), expected);
+    let name = Path::new(archive).file_name().unwrap().to_str().unwrap();
+    let beside = fs::read_dir(rig.path(archive).parent().unwrap()).unwrap();
+    let beside: Vec<String> = beside.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    assert!(beside.iter().all(|file| file == name || !file.starts_with(name)), "{beside:?}");
+}
+
+/// Starts a run onto `disk/run.h5` and waits until the first taps are in it.
+fn start_on_disk(rig: &Rig) -> Said {
+    let mut said = Said::start(rig, "run --config paced.toml --out disk/run.h5 --json");
+    let archive = rig.path("disk/run.h5");
+    let mut first_bytes = None;
+    loop {
+        assert_eq!(said.line().try_wait().unwrap(), None, "the line has ended");
+        if let Ok(there) = fs::metadata(&archive)
+            && there.len() > *first_bytes.get_or_insert(there.len()) + 100_000
+        {
+            return said;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Starts it and fills the disk; returns once that is said.
+fn start_and_fill(rig: &Rig, disk: &Disk) -> (Said, PathBuf) {
+    let mut said = start_on_disk(rig);
+    let ballast = disk.fill(200_000);
+    said.wait_for(&["ERROR", "disk/run.h5", "No space left", "make room"]);
+    (said, ballast)
+}
+
+/// Catches a tap that is lost, an archive that is left damaged, or a line that gives up when the disk is full for a while.
+#[test]
+fn a_full_disk_is_waited_out() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    let Some(disk) = Disk::new(&rig, "64m") else { return };
+    let (mut said, ballast) = start_and_fill(&rig, &disk);
+    // Let go of, it is whole for whoever reads it meanwhile: 3 is of taps that are missing.
+    rig.run("verify disk/run.h5").expect(3);
+    fs::remove_file(ballast).unwrap();
+    said.wait_for(&["WARN", "written again"]);
+    let summary = said.finish().json(0);
+    assert!(summary["pace"]["restarts"] == 0 && summary["is_whole"] == true, "{summary}");
+    assert_whole(&rig, "disk/run.h5", &expected);
+}
+
+/// Catches a cause that changes and is not told, and a read-only disk that ends the line or is written to.
+#[test]
+fn a_disk_that_becomes_read_only_is_waited_out() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    let Some(disk) = Disk::new(&rig, "64m") else { return };
+    let (mut said, _) = start_and_fill(&rig, &disk);
+    // No file is open there to be written, or the system would refuse; and with room the archive would be written at once.
+    disk.remount("ro");
+    disk.remount("ro,size=128m");
+    said.wait_for(&["ERROR", "disk/run.h5", "Read-only", "mount that disk"]);
+    disk.remount("rw");
+    said.wait_for(&["WARN", "written again"]);
+    said.finish().expect(0);
+    assert_whole(&rig, "disk/run.h5", &expected);
+}
+
+/// Catches a line on a full disk that cannot be ended, loses what was safe, or ends as if all were well.
+#[test]
+fn a_line_on_a_full_disk_is_ended_in_order() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    let Some(disk) = Disk::new(&rig, "64m") else { return };
+    let (mut said, ballast) = start_and_fill(&rig, &disk);
+    said.interrupt();
+    let done = said.finish();
+    let summary = done.json(3);
+    assert!(summary["missing"].as_u64().unwrap() > 0 && !done.err.contains("is killed"), "{done:#?}");
+    rig.run("verify disk/run.h5").expect(3);
+    fs::remove_file(ballast).unwrap();
+    rig.run("run --config paced.toml --out disk/run.h5").expect(0);
+    assert_whole(&rig, "disk/run.h5", &expected);
+}
+
+/// Catches a `store` killed on a full disk that does not take up the wait where it was.
+#[test]
+fn store_is_killed_on_a_full_disk() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    let Some(disk) = Disk::new(&rig, "64m") else { return };
+    let (mut said, ballast) = start_and_fill(&rig, &disk);
+    signal(stage(said.line(), "store"), Signal::KILL);
+    said.wait_for(&["store", "was killed"]);
+    said.wait_for(&["ERROR", "No space left"]);
+    fs::remove_file(ballast).unwrap();
+    said.finish().expect(0);
+    assert_whole(&rig, "disk/run.h5", &expected);
+}
+
+/// Catches an archive that is begun where it cannot be without a clear word, or half begun and left there.
+#[test]
+fn places_where_no_archive_can_begin() {
+    let rig = Rig::new();
+    rig.write("paced.toml", &paced());
+    let Some(disk) = Disk::new(&rig, "1m") else { return };
+    disk.fill(20_000);
+    let done = rig.run("run --config paced.toml --out disk/run.h5").expect(1);
+    assert!(done.err.contains("disk/run.h5: No space left"), "{done:#?}");
+    let left: Vec<_> = fs::read_dir(rig.path("disk")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["ballast"]);
+    disk.remount("ro");
+    let done = rig.run("run --config paced.toml --out disk/run.h5").expect(1);
+    assert!(done.err.contains("disk/run.h5") && done.err.contains("Read-only"), "{done:#?}");
+}
+
+/// Catches taps that are lost with an archive that someone removes while it is written, or removes with its folder.
+#[test]
+fn a_removed_archive_is_put_back() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    for is_folder in [false, true] {
+        fs::create_dir(rig.path("disk")).unwrap();
+        let mut said = start_on_disk(&rig);
+        if is_folder {
+            fs::remove_dir_all(rig.path("disk")).unwrap();
+            said.wait_for(&["ERROR", "disk/run.h5", "was removed"]);
+            fs::create_dir(rig.path("disk")).unwrap();
+        } else {
+            fs::remove_file(rig.path("disk/run.h5")).unwrap();
+            said.wait_for(&["ERROR", "disk/run.h5", "was removed"]);
+        }
+        said.wait_for(&["WARN", "written again"]);
+        said.finish().expect(0);
+        assert_whole(&rig, "disk/run.h5", &expected);
+        fs::remove_dir_all(rig.path("disk")).unwrap();
+    }
+}
+
+/// Catches a line that ends well although its archive is gone for good.
+#[test]
+fn a_line_ended_without_its_archive_has_failed() {
+    let rig = Rig::new();
+    rig.write("paced.toml", &paced());
+    fs::create_dir(rig.path("disk")).unwrap();
+    let mut said = start_on_disk(&rig);
+    fs::remove_dir_all(rig.path("disk")).unwrap();
+    said.wait_for(&["ERROR", "disk/run.h5", "was removed"]);
+    said.interrupt();
+    let done = said.finish().expect(1);
+    assert!(done.err.contains("disk/run.h5"), "{done:#?}");
+}
+
+/// Catches an archive that is moved away, or another file in its place, and goes on in the dark.
+#[test]
+fn a_moved_or_replaced_archive_is_waited_for() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    fs::create_dir(rig.path("disk")).unwrap();
+    let mut said = start_on_disk(&rig);
+    fs::rename(rig.path("disk"), rig.path("elsewhere")).unwrap();
+    said.wait_for(&["ERROR", "disk/run.h5 was moved", "elsewhere/run.h5", "move it back"]);
+    fs::create_dir(rig.path("disk")).unwrap();
+    fs::write(rig.path("disk/run.h5"), "another").unwrap();
+    said.wait_for(&["ERROR", "disk/run.h5 is another file", "elsewhere/run.h5"]);
+    assert_eq!(fs::read_to_string(rig.path("disk/run.h5")).unwrap(), "another");
+    fs::rename(rig.path("elsewhere/run.h5"), rig.path("disk/run.h5")).unwrap();
+    said.wait_for(&["WARN", "written again"]);
+    said.finish().expect(0);
+    assert_whole(&rig, "disk/run.h5", &expected);
+}
+
+/// Catches a file that is cut while it is written and written on, or gone on with afterwards.
+#[test]
+fn a_cut_archive_is_not_gone_on_with() {
+    let rig = Rig::new();
+    rig.write("paced.toml", &paced());
+    fs::create_dir(rig.path("disk")).unwrap();
+    let mut said = start_on_disk(&rig);
+    OpenOptions::new().write(true).open(rig.path("disk/run.h5")).unwrap().set_len(20_000).unwrap();
+    said.wait_for(&["ERROR", "disk/run.h5 was cut", "to 20000", "whole copy"]);
+    said.interrupt();
+    said.finish().expect(1);
+    for verb in ["run --config paced.toml --out disk/run.h5", "verify disk/run.h5", "report disk/run.h5"] {
+        let done = rig.run(verb).expect(1);
+        assert!(done.err.contains("disk/run.h5"), "{done:#?}");
+    }
+}
+
+/// Catches a line that drops taps, or says nothing, while `store` hangs as on a disk that does not answer.
+#[test]
+fn a_store_that_hangs_is_told_of_and_waited_for() {
+    let rig = Rig::new();
+    let expected = undisturbed(&rig);
+    fs::create_dir(rig.path("disk")).unwrap();
+    let mut said = start_on_disk(&rig);
+    let store = stage(said.line(), "store");
+    signal(store, Signal::STOP);
+    said.wait_for(&["ERROR", "store does not answer", "the line waits"]);
+    signal(store, Signal::CONT);
+    said.wait_for(&["WARN", "store answers again"]);
+    let summary = said.finish().json(0);
+    assert_eq!(summary["pace"]["restarts"], 0);
+    assert_whole(&rig, "disk/run.h5", &expected);
+}
+
+/// Catches a second writer that gets at the file past the line's own lock.
+#[test]
+fn a_second_program_on_the_file_is_refused_by_name() {
+    let rig = Rig::new();
+    undisturbed(&rig);
+    let file = File::open(rig.path("quick.h5")).unwrap();
+    file.lock().unwrap();
+    let done = rig.run("run --config paced.toml --out quick.h5").expect(1);
+    assert!(done.err.contains("quick.h5 is in use"), "{done:#?}");
+}
