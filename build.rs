@@ -14,6 +14,7 @@ fn main() -> io::Result<()> {
         let folder = root.join(stage);
         tell(stage, &digest(&[folder.join("src"), folder.join("Cargo.toml")])?);
     }
+    tell("program", &digest(&[root.join("src")])?);
     tell("dependencies", &digest(&[root.join("Cargo.lock"), root.join("Cargo.toml")])?);
     Ok(())
 }

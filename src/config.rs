@@ -61,10 +61,11 @@ impl Job {
         let (mut config, mut config_toml) = read_config(args.config.as_deref())?;
         if let Some(text) = &args.reference {
             config.fuse.reference = Some(Reference::try_from(text.clone()).context("--reference")?);
-            config_toml = with_reference(&config_toml, text)?;
+            config_toml = with_value(&config_toml, "fuse", "reference", text.clone().into())?;
         }
         if let (Some(stations), None) = (args.stations, &args.taps) {
             config.scan.stations = stations;
+            config_toml = with_value(&config_toml, "scan", "stations", i64::from(stations).into())?;
         }
         config.acquire.validate()?;
         config.process.validate()?;
@@ -167,12 +168,12 @@ pub(crate) fn differences(was: &str, is: &str) -> String {
     format!("{} there, {} here", only(was, is).join(", "), only(is, was).join(", "))
 }
 
-/// The configuration `config_toml` with another reference.
-fn with_reference(config_toml: &str, reference: &str) -> Result<String> {
+/// The configuration `config_toml` with another value of `key` in the table `name`.
+fn with_value(config_toml: &str, name: &str, key: &str, value: toml::Value) -> Result<String> {
     let mut table: toml::Table = toml::from_str(config_toml).context("the configuration is no TOML")?;
-    let fuse = table.entry("fuse").or_insert_with(|| toml::Value::Table(toml::Table::new()));
-    let fuse = fuse.as_table_mut().context("[fuse] is no table")?;
-    fuse.insert("reference".to_owned(), toml::Value::String(reference.to_owned()));
+    let part = table.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+    let part = part.as_table_mut().with_context(|| format!("[{name}] is no table"))?;
+    part.insert(key.to_owned(), value);
     toml::to_string(&table).context("the configuration does not fit TOML")
 }
 

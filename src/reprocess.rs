@@ -15,13 +15,16 @@ use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
 use tapline_fuse::{Fusion, Reference, ReferenceSet};
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_store::{Lineage, Reader, Room, Taps, Writer, lineage_key};
+use tapline_store::{Lineage, PutOutcome, Reader, Room, Taps, Writer, lineage_key};
 use tapline_wire::{Discriminators, ScanState, TapState};
 
 use crate::cli::ReprocessArgs;
 use crate::config::Config;
 use crate::lineage::{made_by, of_discriminators};
 use crate::progress::Progress;
+
+/// Most threads that may be asked for.
+const JOBS_MAX: usize = 1024;
 
 /// Taps that a thread takes at a time.
 const TAPS_AT_A_TIME: u32 = 16;
@@ -37,11 +40,20 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
         0 => available_parallelism().map_or(1, NonZeroUsize::get),
         jobs => jobs,
     };
-    let mut is_whole = true;
+    ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
+    let (mut is_whole, mut failed) = (true, 0);
     for archive in &args.archives {
-        let told = || format!("cannot judge {} again", archive.display());
-        is_whole &= again(archive, args, jobs).with_context(told)?;
+        match again(archive, args, jobs).with_context(|| format!("cannot judge {} again", archive.display())) {
+            Ok(this_is_whole) => is_whole &= this_is_whole,
+            // The others are done all the same.
+            Err(error) if args.archives.len() > 1 => {
+                tracing::error!("{}", crate::told(&error));
+                failed += 1;
+            }
+            Err(error) => return Err(error),
+        }
     }
+    ensure!(failed == 0, "{failed} of {} archives could not be judged again", args.archives.len());
     Ok(is_whole)
 }
 
@@ -111,13 +123,14 @@ impl Task {
 
 fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let task = Task::of(archive, args)?;
-    let key = lineage_key(&task.reader.raw_digest()?, &task.made_by, task.reference.as_deref());
+    let raw_digest = task.reader.raw_digest()?;
+    let key = lineage_key(&raw_digest, &task.made_by, task.reference.as_deref());
     let out = beside(archive, &key);
     let lineage = Lineage {
         config_toml: &task.config_toml,
         reference: task.reference.as_deref(),
         made_by: &task.made_by,
-        raw: Some(archive),
+        raw: Some((archive, raw_digest)),
         ..task.config_toml.as_str().into()
     };
     let plan = task.reader.plan();
@@ -134,7 +147,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     refuse(&task.reader, &mut writer)?;
     if is_old {
         for found in task.reader.discriminators()?.into_iter().flatten() {
-            writer.put_discriminators(&found)?;
+            put(&mut writer, &found)?;
         }
     } else {
         extract(&task.reader.taps()?, &task.config.process, &mut writer, jobs, |writer| {
@@ -190,7 +203,7 @@ fn extract(
     let next = AtomicU32::new(0);
     let (send, receive) = bounded::<Result<Vec<Discriminators>>>(WAITING_MAX);
     scope(|threads| -> Result<()> {
-        for number in 0..jobs {
+        for number in 0..jobs.clamp(1, to_do.len().div_ceil(TAPS_AT_A_TIME as usize).clamp(1, JOBS_MAX)) {
             let (send, next, to_do) = (send.clone(), &next, &to_do[..]);
             let work = move || work(taps, config, to_do, next, &send);
             Builder::new()
@@ -203,7 +216,7 @@ fn extract(
         // Dropping the receiver on an error ends the threads: nobody waits for them in vain.
         for batch in receive {
             for found in batch? {
-                writer.put_discriminators(&found)?;
+                put(writer, &found)?;
                 unflushed += 1;
             }
             if unflushed >= FLUSH_TAPS {
@@ -248,6 +261,13 @@ fn work(
     }
 }
 
+/// Puts what was found in a tap into the results, where nothing else may stand.
+fn put(writer: &mut Writer, found: &Discriminators) -> Result<()> {
+    let outcome = writer.put_discriminators(found)?;
+    ensure!(outcome != PutOutcome::Conflict, "other values of {} stand under the same lineage", found.id);
+    Ok(())
+}
+
 /// Judges the scans that had ended when the taps were taken.
 fn judge(reader: &Reader, writer: &mut Writer, fusion: &mut Fusion) -> Result<()> {
     writer.flush()?;
@@ -267,7 +287,8 @@ fn judge(reader: &Reader, writer: &mut Writer, fusion: &mut Fusion) -> Result<()
     }
     for &scan in &scans {
         let (judgement, cells) = fusion.judge(scan as usize)?;
-        writer.put_judgement(scan, &judgement, &cells)?;
+        let outcome = writer.put_judgement(scan, &judgement, &cells)?;
+        ensure!(outcome != PutOutcome::Conflict, "scan {scan} was judged otherwise before, under the same lineage");
     }
     Ok(writer.flush()?)
 }

@@ -29,7 +29,7 @@ reference = \"self\"
 
 fn scanned(rig: &Rig) -> PathBuf {
     rig.write("line.toml", CONFIG);
-    rig.run("run --config line.toml --out run.h5").expect(0);
+    rig.run("run --config line.toml --stations 2 --out run.h5").expect(0);
     rig.path("run.h5")
 }
 

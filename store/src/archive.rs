@@ -12,12 +12,13 @@ use tapline_wire::{Channel, Geometry, Plan, Recording, SampleFormat, Truth};
 use crate::check::{other_configuration, other_lineage};
 use crate::chunk::{ChunkRows, close_in_children, take_whole_file};
 use crate::codec::Codec;
-use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name};
+use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name, hex, read_bounded};
 use crate::error::Context;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, TruthRow,
     attribute, table,
 };
+use crate::lineage::raw_digest;
 use crate::rows::serial;
 use crate::sealed::SealedRow;
 use crate::table::Table;
@@ -87,6 +88,27 @@ impl Archive {
         Ok(())
     }
 
+    /// Whether the taps that results are of are those that they were made of.
+    fn check_raw(&self) -> Result<()> {
+        if !self.is_results() {
+            return Ok(());
+        }
+        let made_of =
+            read_text(&self.file, attribute::RAW_DIGEST).context("read the digest of the taps", &self.path)?;
+        let there = hex(&raw_digest(self)?);
+        if made_of == there {
+            return Ok(());
+        }
+        let raw = self.samples.dataset().filename();
+        Err(Error::OtherTaps { path: self.path.clone(), raw: raw.into(), made_of, there })
+    }
+
+    /// The key that was written down; empty where none was.
+    pub(crate) fn stored_key(&self) -> Result<String> {
+        let key: hdf5::Result<Key> = read_number(&self.file, attribute::LINEAGE_KEY);
+        Ok(key.context("read the key of the results", &self.path)?.as_str().to_owned())
+    }
+
     /// Whether this archive has results alone, of the taps of another.
     pub(crate) fn is_results(&self) -> bool {
         self.raw.is_some()
@@ -136,7 +158,7 @@ impl Archive {
             .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
             .flatten()
             .ok_or_else(|| damaged(path, "the samples have not the shape that the plan asks for"))?;
-        Ok(Self {
+        let archive = Self {
             path: path.to_owned(),
             config,
             made_by,
@@ -154,7 +176,9 @@ impl Archive {
                 None => None,
             },
             file,
-        })
+        };
+        archive.check_raw()?;
+        Ok(archive)
     }
 
     /// The error that this archive contradicts itself in `what`.
@@ -259,7 +283,7 @@ fn check_format(file: &File, path: &Path) -> Result<()> {
 /// Whether what does not change once an archive is there is what it was then.
 fn check_fixed(file: &File, path: &Path) -> Result<()> {
     let said = read_text(file, attribute::DIGEST).context("read the digest", path)?;
-    if digest_of_fixed(file).context("read what does not change", path)? != said {
+    if digest_of_fixed(file).context("read what does not change", path)?.as_ref() != Some(&said) {
         let what =
             "its plan, truth, configuration, reference or attributes are not what was written: their digest differs";
         return Err(damaged(path, what));
@@ -326,22 +350,13 @@ fn read_truth(file: &File, path: &Path) -> Result<Truth> {
 
 /// Every row of a table whose length is not known beforehand.
 fn read_whole<R: H5Type + Clone>(file: &File, path: &Path, name: &'static str) -> Result<Vec<R>> {
-    let dataset = file.dataset(name).context(name, path)?;
-    let &[row_count] = dataset.shape().as_slice() else {
-        return Err(damaged(path, format!("{name} has shape {:?}", dataset.shape())));
-    };
-    // All rows are in the file: a length that only claims to be must not ask for memory.
-    let bytes = row_count.checked_mul(size_of::<R>()).and_then(|bytes| u64::try_from(bytes).ok());
-    if bytes.is_none_or(|bytes| bytes > file.size()) {
-        return Err(damaged(path, format!("{name} says it has {row_count} rows")));
-    }
-    dataset.read_raw::<R>().context("read a table", path)
+    read_bounded(file, name).context("read a table", path)?.ok_or_else(|| damaged(path, format!("{name} cannot be so")))
 }
 
 fn open_table<R: SealedRow>(file: &File, path: &Path, row_count: usize) -> Result<Table<R>> {
     Table::open(file, row_count)
         .context("find a table", path)?
-        .ok_or_else(|| damaged(path, format!("{} has not {row_count} rows", R::TABLE)))
+        .ok_or_else(|| damaged(path, format!("{} has not {row_count} rows of this layout", R::TABLE)))
 }
 
 fn utf8(text: &VarLenUnicode) -> Option<String> {

@@ -76,7 +76,15 @@ pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<(
         return Err(error).context("lay out the tables", path);
     }
     drop(file);
-    std::fs::rename(draft.path(), path).context("name", path)
+    named(draft.publish(path), path)
+}
+
+/// The outcome of giving a draft its name.
+pub(crate) fn named(published: std::io::Result<()>, path: &Path) -> Result<()> {
+    match published {
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Err(Error::Exists { path: path.to_owned() }),
+        published => published.context("name", path),
+    }
 }
 
 fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
@@ -97,9 +105,10 @@ fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
 
     let (taps, scan_of_tap) = (plan.taps(), plan.scan_of_tap());
     create_table(file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;
-    match lineage.raw.and_then(Path::file_name) {
-        Some(raw) => {
+    match lineage.raw.and_then(|(path, digest)| Some((path.file_name()?, digest))) {
+        Some((raw, digest)) => {
             let raw = raw.to_string_lossy();
+            write_text(file, attribute::RAW_DIGEST, &hex(&digest))?;
             write_text(file, attribute::RAW, &raw)?;
             // For other readers of HDF5; this program opens the other archive itself, to read only.
             file.link_external(&raw, table::TAPS, table::TAPS)?;
@@ -128,13 +137,15 @@ fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     }
     write_text(file, attribute::NX_CLASS, "NXroot")?;
     write_text(file, attribute::NX_DEFAULT, table::TAPS)?;
-    write_text(file, attribute::DIGEST, &digest_of_fixed(file)?)?;
+    write_text(file, attribute::DIGEST, &digest_of_fixed(file)?.unwrap_or_default())?;
     write_number(file, attribute::LINEAGE_KEY, &Key::new())?;
     file.flush()
 }
 
 /// BLAKE3, in hexadecimal digits, of all that does not change once the archive is there.
-pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<String> {
+///
+/// `None` where a table claims what cannot be.
+pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<Option<String>> {
     let mut hasher = blake3::Hasher::new();
     let mut add = |part: &[u8]| {
         hasher.update(&(part.len() as u64).to_le_bytes()).update(part);
@@ -150,20 +161,44 @@ pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<String> {
         add(file.dataset(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
     }
     if file.attr_names()?.iter().any(|name| name == attribute::RAW) {
-        add(file.attr(attribute::RAW)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+        for name in [attribute::RAW, attribute::RAW_DIGEST] {
+            add(file.attr(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+        }
     }
     if file.link_exists(table::REFERENCE) {
-        add(&file.dataset(table::REFERENCE)?.read_raw::<u8>()?);
+        let Some(bytes) = read_bounded::<u8>(file, table::REFERENCE)? else { return Ok(None) };
+        add(&bytes);
     }
-    for row in file.dataset(table::PLAN)?.read_raw::<PlanRow>()? {
+    let Some(plan) = read_bounded::<PlanRow>(file, table::PLAN)? else { return Ok(None) };
+    for row in plan {
         add(row.bytes());
     }
     if file.link_exists(table::TRUTH) {
-        for row in file.dataset(table::TRUTH)?.read_raw::<TruthRow>()? {
+        let Some(truth) = read_bounded::<TruthRow>(file, table::TRUTH)? else { return Ok(None) };
+        for row in truth {
             add(row.bytes());
         }
     }
-    Ok(hasher.finalize().to_hex().to_string())
+    Ok(Some(hasher.finalize().to_hex().to_string()))
+}
+
+/// `bytes` in hexadecimal digits.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// All rows of a table whose length is not known beforehand; `None` where the file cannot hold what it claims, or it has
+/// other columns.
+pub(crate) fn read_bounded<R: H5Type + Clone>(file: &File, name: &str) -> hdf5::Result<Option<Vec<R>>> {
+    let dataset = file.dataset(name)?;
+    let &[row_count] = dataset.shape().as_slice() else { return Ok(None) };
+    // All rows are in the file: a length that only claims to be must not ask for memory.
+    let bytes = row_count.checked_mul(size_of::<R>()).and_then(|bytes| u64::try_from(bytes).ok());
+    let is_so = bytes.is_some_and(|bytes| bytes <= file.size());
+    if !is_so || dataset.dtype()?.to_descriptor()? != R::type_descriptor() {
+        return Ok(None);
+    }
+    dataset.read_raw::<R>().map(Some)
 }
 
 fn create_scans(file: &File, plan: &Plan) -> hdf5::Result<()> {

@@ -27,6 +27,20 @@ impl Draft {
         Ok(draft)
     }
 
+    /// Gives the draft its name, if nothing has it by now.
+    ///
+    /// # Errors
+    /// What the system says; `AlreadyExists` where something has the name.
+    pub(crate) fn publish(self, path: &Path) -> io::Result<()> {
+        // A second name never takes the place of a file, as renaming does; the first goes when the draft is dropped.
+        match fs::hard_link(&self.path, path) {
+            Err(error) if matches!(error.kind(), io::ErrorKind::Unsupported | io::ErrorKind::PermissionDenied) => {
+                fs::rename(&self.path, path)
+            }
+            named => named,
+        }
+    }
+
     /// Where it lies.
     pub(crate) fn path(&self) -> &Path {
         &self.path

@@ -143,6 +143,18 @@ pub enum Error {
         /// That line now.
         given: String,
     },
+    /// Results lie beside other taps than those they were made of.
+    #[error("{} has results of the taps {made_of:.16}..., but {} has the taps {there:.16}... now: judge those again (tapline reprocess)", path.display(), raw.display())]
+    OtherTaps {
+        /// The results.
+        path: PathBuf,
+        /// The archive of the taps.
+        raw: PathBuf,
+        /// Digest of the taps that the results were made of.
+        made_of: String,
+        /// Digest of those that are there.
+        there: String,
+    },
     /// Taps are to be put into an archive that has results alone.
     #[error("{} has results alone, of the taps of another archive: no tap can be put into it", path.display())]
     ResultsAlone {

@@ -54,6 +54,8 @@ pub(crate) mod attribute {
     pub(crate) const CODEC: &str = "codec";
     /// Name of the archive whose taps results are of, in the same folder.
     pub(crate) const RAW: &str = "raw";
+    /// Digest of the taps that results are of, as hexadecimal digits.
+    pub(crate) const RAW_DIGEST: &str = "raw_digest";
     /// Key of the results, zeros until they are whole.
     pub(crate) const LINEAGE_KEY: &str = "lineage_key";
     /// BLAKE3 of what does not change after creation, as hexadecimal digits.

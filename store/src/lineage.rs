@@ -6,7 +6,7 @@ use crate::Codec;
 use crate::archive::Archive;
 use crate::error::Context;
 use crate::layout::HeaderRow;
-use crate::sealed::Digest;
+use crate::sealed::{Digest, SealedRow as _};
 use crate::{Result, reader::settled};
 
 /// What a run was told, beside its plan.
@@ -21,8 +21,9 @@ pub struct Lineage<'a> {
     /// What its results are made by, as lines of text: digests of the program's sources, and every option with its value,
     /// defaults among them.
     pub made_by: &'a str,
-    /// The archive whose taps the results are of, where these are results alone; it must lie in the same folder.
-    pub raw: Option<&'a Path>,
+    /// The archive whose taps the results are of, where these are results alone, and the digest of its taps; it must lie in
+    /// the same folder.
+    pub raw: Option<(&'a Path, [u8; 32])>,
 }
 
 impl<'a> From<&'a str> for Lineage<'a> {
@@ -49,6 +50,10 @@ pub(crate) fn raw_digest(archive: &Archive) -> Result<Digest> {
         let (state, attempt) = settled(archive, k, row)?;
         hasher.update(&(k as u64).to_le_bytes()).update(&[state.code()]).update(&attempt.to_le_bytes());
         if state == tapline_wire::TapState::Archived {
+            if !header.is_whole(k) {
+                let what = format!("the header of plan row {k} is not what was written: its checksum differs");
+                return Err(archive.damaged(what));
+            }
             add_header(&mut hasher, &header);
         }
     }
@@ -69,7 +74,7 @@ fn add_header(hasher: &mut blake3::Hasher, header: &HeaderRow) {
 
 /// The key of results: 256 bits over the recorded taps, what the results were made by, and the reference.
 ///
-/// Results with the same key are the same numbers; results with different keys never enter one normalisation.
+/// On one machine and build, results with the same key are the same numbers; results with different keys never enter one normalisation.
 pub fn lineage_key(raw_digest: &[u8; 32], made_by: &str, reference: Option<&str>) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(raw_digest);

@@ -5,8 +5,9 @@ use tapline_wire::{Ledger, ScanState, TapState};
 use crate::Result;
 use crate::archive::Archive;
 use crate::error::Context;
-use crate::layout::ScanRow;
+use crate::layout::{ScanRow, table};
 use crate::reader::{scan_state, settled};
+use crate::sealed::SealedRow as _;
 use crate::track::{Take, Track};
 
 /// What is settled in an archive.
@@ -33,13 +34,20 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger) -> Result<Vec<Track>> {
     let context = "read what is archived";
     let mut samples = vec![Take { attempt: 0, fingerprint: 0 }; archive.plan.taps().len()];
     let mut discriminators = samples.clone();
+    let (mut whole_headers, mut whole_found) = (vec![true; samples.len()], vec![true; samples.len()]);
     archive
         .headers
-        .for_each(|k, row| samples[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() })
+        .for_each(|k, row| {
+            whole_headers[k] = row.is_whole(k);
+            samples[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() };
+        })
         .context(context, &archive.path)?;
     archive
         .discriminators
-        .for_each(|k, row| discriminators[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() })
+        .for_each(|k, row| {
+            whole_found[k] = row.is_whole(k);
+            discriminators[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() };
+        })
         .context(context, &archive.path)?;
     // Of results alone the samples are there already.
     let are_there = match archive.is_results() {
@@ -50,15 +58,27 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger) -> Result<Vec<Track>> {
     for (k, row) in archive.ledger.read_all().context(context, &archive.path)?.into_iter().enumerate() {
         let (state, attempt) = settled(archive, k, &row)?;
         ledger.set_tap(k, state, attempt);
+        // What is vouched for was whole when it was: it was altered since, and nothing may be judged from it.
+        if state == TapState::Archived
+            && let Some((_, table)) = [(whole_headers[k], table::HEADER), (whole_found[k], table::DISCRIMINATORS)]
+                .into_iter()
+                .find(|(is, _)| !is)
+        {
+            let what = format!("row {k} of its table {table:?} is not what was written: its checksum differs");
+            return Err(archive.damaged(what));
+        }
+        let raw = are_there.get(k);
+        let retaken = raw.unwrap_or(&row);
+        let (retaken_count, retaken_quality) = (retaken.retaken_count, retaken.retaken_quality);
         let track = match state {
-            TapState::Missing => match are_there.get(k).map(|row| settled(archive, k, row)).transpose()? {
+            TapState::Missing => match raw.map(|row| settled(archive, k, row)).transpose()? {
                 Some((TapState::Archived, _)) => Track::recorded(samples[k]),
                 _ => Track::missing(attempt),
             },
             TapState::Archived => Track::archived(samples[k], discriminators[k]),
             TapState::Refused => Track::refused(attempt),
         };
-        tracks.push(track.retaken_before(row.retaken_count, row.retaken_quality));
+        tracks.push(track.retaken_before(retaken_count, retaken_quality));
     }
     Ok(tracks)
 }

@@ -7,7 +7,8 @@ use std::path::Path;
 use tapline_wire::SampleFormat;
 
 use crate::archive::{Access, Archive};
-use crate::create::create;
+use crate::create::{create, named};
+use crate::draft::{Draft, remove_dead_drafts};
 use crate::encode::{Packer, Shape};
 use crate::error::Context;
 use crate::layout::HeaderRow;
@@ -15,7 +16,7 @@ use crate::reader::Reader;
 use crate::samples::Room;
 use crate::sealed::{SealedRow, checksum};
 use crate::table::Table;
-use crate::{Codec, Error, Lineage, Result};
+use crate::{Codec, Error, Lineage, Result, verify};
 
 /// Taps that are packed together, by several threads.
 const BATCH_TAPS: usize = 64;
@@ -37,7 +38,7 @@ pub struct Repacked {
 ///
 /// # Errors
 /// [`Error::Exists`] where `to` is there, [`Error::ResultsAlone`] where `from` has no samples of its own,
-/// [`Error::Damaged`] where a checksum differs, or what the system says.
+/// [`Error::Damaged`] where [`verify`] finds a problem in it, or what the system says.
 pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Result<Repacked> {
     let (from, to) = (from.as_ref(), to.as_ref());
     let reader = Reader::open(from)?;
@@ -47,20 +48,15 @@ pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Res
     if to.try_exists().context("look for", to)? {
         return Err(Error::Exists { path: to.to_owned() });
     }
-    let draft = to.with_added_extension("repack");
-    if draft.try_exists().context("look for", &draft)? {
-        // Left by one that was killed: nothing else makes files of that name.
-        fs::remove_file(&draft).context("remove", &draft)?;
+    if let Some(problem) = verify(from)?.problems.first() {
+        return Err(reader.archive().damaged(format!("it is not packed again, for {problem}")));
     }
-    let written = fill(&reader, &draft, codec);
-    let sample_bytes = match written.and_then(|bytes| fs::rename(&draft, to).context("name", to).map(|()| bytes)) {
-        Ok(bytes) => bytes,
-        Err(error) => {
-            // The first error is the one to tell; a draft that cannot be removed is written over by the next.
-            drop(fs::remove_file(&draft));
-            return Err(error);
-        }
-    };
+    remove_dead_drafts(to);
+    let draft = Draft::begin(to).context("create", to)?;
+    // The name is this draft's alone; the archive itself must not be there yet.
+    fs::remove_file(draft.path()).context("create", draft.path())?;
+    let sample_bytes = fill(&reader, draft.path(), codec)?;
+    named(draft.publish(to), to)?;
     let length = |path: &Path| Ok::<_, Error>(fs::metadata(path).context("measure", path)?.len());
     Ok(Repacked { sample_bytes, before_bytes: length(from)?, after_bytes: length(to)? })
 }

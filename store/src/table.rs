@@ -49,10 +49,11 @@ impl<R: SealedRow> Table<R> {
         create(parent, R::TABLE, row_count, |number| row(number).sealed(number))
     }
 
-    /// The table of `parent`; `None` when it has not `row_count` rows.
+    /// The table of `parent`; `None` when it has not `row_count` rows `R`.
     pub(crate) fn open(parent: &Group, row_count: usize) -> hdf5::Result<Option<Self>> {
         let dataset = parent.dataset(R::TABLE)?;
-        let is_whole = dataset.shape() == [row_count];
+        // Columns are found by name: one that is named otherwise would be read as memory that nobody wrote.
+        let is_whole = dataset.shape() == [row_count] && dataset.dtype()?.to_descriptor()? == R::type_descriptor();
         Ok(is_whole.then_some(Self { dataset, row_count, row: PhantomData }))
     }
 

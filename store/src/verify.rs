@@ -8,7 +8,7 @@ use tapline_wire::{Ledger, Plan, Quality, Reasons, ScanState, TapId, TapState, V
 use crate::archive::{Access, Archive};
 use crate::error::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
-use crate::lineage::digest_of;
+use crate::lineage::{digest_of, lineage_key, raw_digest};
 use crate::samples::{Room, SampleFile, checked_header};
 use crate::sealed::SealedRow as _;
 use crate::{Error, Result};
@@ -26,6 +26,13 @@ pub enum Problem {
         /// What is amiss.
         what: String,
     },
+    /// The key that stands in the archive is not that of its results.
+    Key {
+        /// What stands there.
+        stored: String,
+        /// What it must be.
+        computed: String,
+    },
     /// A scan's rows contradict each other or its taps.
     Scan {
         /// Number of the scan.
@@ -39,6 +46,9 @@ impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Tap { plan_index, id, what } => write!(f, "plan row {plan_index} ({id}): {what}"),
+            Self::Key { stored, computed } => {
+                write!(f, "its lineage key is {stored:?}; that of its results is {computed}")
+            }
             Self::Scan { scan, what } => write!(f, "scan {scan}: {what}"),
         }
     }
@@ -131,6 +141,13 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
                     check_scan(plan, k, &report.ledger, row, &cells, &mut complain);
                 }
             }
+        }
+    }
+    let stored = archive.stored_key()?;
+    if !stored.is_empty() && report.problems.is_empty() {
+        let computed = lineage_key(&raw_digest(&archive)?, &archive.made_by, archive.reference.as_deref());
+        if stored != computed {
+            report.problems.push(Problem::Key { stored, computed });
         }
     }
     Ok(report)

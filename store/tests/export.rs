@@ -75,11 +75,12 @@ fn tables_to_the_letter() {
     assert_eq!(lines.len(), 11);
     assert_eq!(
         lines[0],
-        "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,state,attempt,reason"
+        "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,state,attempt,reason,\
+         retaken_count,retaken_for,lost_at"
     );
-    assert_eq!(lines[3], "1,A\u{e9}-1,1,5,1.85,2,180,0,archived,0,");
-    assert_eq!(lines[4], "1,A\u{e9}-1,1,5,1.85,3,270,0,refused,1,\"force, 3 \"\"bounces\"\"\"");
-    assert_eq!(lines[10], "2,A\u{e9}-1,2,,1.85,4,,0,missing,,");
+    assert_eq!(lines[3], "1,A\u{e9}-1,1,5,1.85,2,180,0,archived,0,,0,,");
+    assert_eq!(lines[4], "1,A\u{e9}-1,1,5,1.85,3,270,0,refused,1,\"force, 3 \"\"bounces\"\"\",0,,");
+    assert_eq!(lines[10], "2,A\u{e9}-1,2,,1.85,4,,0,missing,,,0,,acquire");
 }
 
 /// Catches a table that the command line cannot name.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File, Location};
-use tapline_store::{Lineage, Writer};
+use tapline_store::{Lineage, Reader, Writer};
 use tapline_wire::{Quality, Reasons, SampleFormat};
 
 use crate::common::{CONFIG, plan};
@@ -82,7 +82,8 @@ fn found_in_files() -> Found {
     let plan = plan(SampleFormat::I16);
     let whole = Lineage { reference: Some("{}"), ..CONFIG.into() };
     Writer::create(&path, &plan, whole).unwrap().finish().unwrap();
-    Writer::create(&results, &plan, Lineage { raw: Some(&path), ..whole }).unwrap().finish().unwrap();
+    let raw = Some((path.as_path(), Reader::open(&path).unwrap().raw_digest().unwrap()));
+    Writer::create(&results, &plan, Lineage { raw, ..whole }).unwrap().finish().unwrap();
     let mut found = Found::new();
     add_attributes(&mut found, "", &File::open(&results).unwrap());
     let file = File::open(&path).unwrap();

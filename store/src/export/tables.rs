@@ -1,14 +1,15 @@
 //! The tables of an archive: their columns and where their rows come from.
 
 use tapline_wire::{
-    DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Reasons, Scan, ScanState, TapState, Verdict,
+    DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, ScanState, TapState,
+    Verdict,
 };
 
 use super::Export;
 use super::column::{Column, Sink};
-use crate::Result;
 use crate::reader::Reader;
 use crate::regions::{Region, regions};
+use crate::{Lost, Result};
 
 /// Gives `table` of the archive to `sink`.
 pub(crate) fn give(reader: &Reader, table: Export, sink: impl Sink) -> Result<()> {
@@ -197,6 +198,8 @@ struct LedgerRow<'a> {
     state: TapState,
     attempt: Option<u16>,
     reason: Option<String>,
+    retaken: Option<(u32, Quality)>,
+    lost_at: Option<Lost>,
 }
 
 fn ledger(reader: &Reader, sink: impl Sink) -> Result<()> {
@@ -205,6 +208,9 @@ fn ledger(reader: &Reader, sink: impl Sink) -> Result<()> {
         Column::text("state", |row: &LedgerRow<'_>| row.state.name().to_owned()),
         Column::maybe_u16("attempt", |row: &LedgerRow<'_>| row.attempt),
         Column::maybe_text("reason", |row: &LedgerRow<'_>| row.reason.clone()),
+        Column::u32("retaken_count", |row: &LedgerRow<'_>| row.retaken.map_or(0, |(count, _)| count)),
+        Column::maybe_text("retaken_for", |row: &LedgerRow<'_>| row.retaken.map(|(_, quality)| quality.to_string())),
+        Column::maybe_text("lost_at", |row: &LedgerRow<'_>| row.lost_at.map(|stage| stage.name().to_owned())),
     ]);
     let mut refusals = reader.refusals()?.into_iter().peekable();
     let taps = reader.plan().taps().iter().zip(reader.ledger().taps());
@@ -213,6 +219,8 @@ fn ledger(reader: &Reader, sink: impl Sink) -> Result<()> {
         state,
         attempt: reader.attempt(row),
         reason: refusals.next_if(|refusal| refusal.plan_index == row).map(|refusal| refusal.reason),
+        retaken: reader.retaken(row),
+        lost_at: reader.lost_at(row),
     });
     sink.table(&columns, rows)
 }
