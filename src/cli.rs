@@ -203,7 +203,7 @@ pub(crate) struct ReprocessArgs {
     /// The archives.
     #[arg(required = true)]
     pub(crate) archives: Vec<PathBuf>,
-    /// Configuration file whose [process] and [fuse] are new; each archive's own when left out.
+    /// Configuration file whose tables `process` and `fuse` are new; each archive's own when left out.
     #[arg(long)]
     pub(crate) config: Option<PathBuf>,
     /// What shoulders are compared with, over what the configuration says, as for `tapline run`.

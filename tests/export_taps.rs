@@ -71,7 +71,14 @@ fn an_exported_tap_set_gives_the_same_archive() {
     assert_eq!(before.plan().geometry, after.plan().geometry);
     assert!(before.truth() == after.truth() && before.truth().values().any(|&is_cracked| is_cracked));
     for table in ["discriminators", "damage", "regions", "verdicts", "ledger"] {
-        let table_of = |archive: &str| rig.run(&format!("export {archive} {table}")).expect(0).out;
+        // A tap set does not tell of the attempts before the one that counts.
+        let kept = |line: &str| match table {
+            "ledger" => line.rsplitn(4, ',').last().unwrap().to_owned(),
+            _ => line.to_owned(),
+        };
+        let table_of = |archive: &str| -> Vec<String> {
+            rig.run(&format!("export {archive} {table}")).expect(0).out.lines().map(kept).collect()
+        };
         assert_eq!(table_of("run.h5"), table_of("again.h5"), "{table}");
     }
     // And once more: what came from a tap set is nothing else.

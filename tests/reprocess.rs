@@ -97,11 +97,6 @@ fn other_options_stand_beside() {
         assert!(said.contains(words), "{words} is not in {said}");
     }
     assert_eq!(said.lines().filter(|line| line.contains(" 1.5 ")).count(), 4, "four taps: {said}");
-    // Once there, the samples are not needed: with them gone, new weights still judge.
-    let results = fs::read_dir(rig.path(""))
-        .unwrap()
-        .filter(|e| e.as_ref().unwrap().path().extension().is_some_and(|x| x == "h5"));
-    assert_eq!(results.count(), 3);
 }
 
 /// Catches work that is lost or done again when reprocessing is killed, and a half-made file that passes for whole.
@@ -149,4 +144,35 @@ fn what_cannot_be_done_is_told() {
         let done = rig.run(arguments);
         assert!(done.code == Some(1) && done.err.contains(words), "{arguments}: {:?} {}", done.code, done.err);
     }
+}
+
+/// Catches results that pass for those of taps they were not made of.
+#[test]
+fn results_hold_to_their_taps() {
+    let rig = Rig::new();
+    let archive = scanned(&rig);
+    let results = again(&rig, "run.h5");
+    fs::remove_file(&archive).unwrap();
+    rig.write("line.toml", &CONFIG.replace("locations = 40", "locations = 40\nseed = 9"));
+    rig.run("run --config line.toml --stations 2 --out run.h5").expect(0);
+    let done = rig.run(&format!("explain {}", results.display()));
+    assert!(done.code == Some(1), "{done:?}");
+    assert!(done.err.contains("results of the taps") || done.err.contains("scan plan"), "{}", done.err);
+    fs::remove_file(&archive).unwrap();
+    let done = rig.run(&format!("verify {}", results.display()));
+    assert!(done.code == Some(1) && done.err.contains("run.h5"), "{done:?}");
+}
+
+/// Catches two that write one name, of which one ends up with half an archive and says it is done.
+#[test]
+fn two_that_pack_under_one_name_do_no_harm() {
+    let rig = Rig::new();
+    scanned(&rig);
+    let start = |codec: &str| rig.start(&format!("repack run.h5 --codec {codec} --out small.h5"));
+    let both = [start("zstd"), start("gzip")].map(|child| child.wait_with_output().unwrap());
+    let done = both.iter().filter(|out| out.status.success()).count();
+    assert_eq!(done, 1, "{both:?}");
+    rig.run("verify small.h5").expect(0);
+    let ledger = rig.run("export small.h5 ledger").expect(0).out;
+    assert_eq!(ledger.lines().filter(|line| line.contains(",archived,")).count(), 656);
 }

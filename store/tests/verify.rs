@@ -133,3 +133,53 @@ fn what_never_changes_is_sealed() {
         assert!(matches!(error, tapline_store::Error::Damaged { .. }), "byte {at}: {error}");
     }
 }
+
+/// Catches a key that stands in an archive and is not that of its results.
+#[test]
+fn the_key_is_that_of_the_results() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = finished(&folder);
+    let key = Reader::open(&path).unwrap().lineage_key().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let at = bytes.windows(64).position(|window| window == key.as_bytes()).unwrap();
+    bytes[at + 7] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let problems = verify(&path).unwrap().problems;
+    assert!(matches!(&problems[..], [Problem::Key { computed, .. }] if *computed == key), "{problems:?}");
+}
+
+/// Catches a column that is named otherwise, whose values would be whatever lay in memory.
+#[test]
+fn a_renamed_column_is_refused() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = finished(&folder);
+    let whole = std::fs::read(&path).unwrap();
+    for name in ["retaken_count", "lost_at", "refused_count", "tap_time_ns", "is_closing"] {
+        let mut bytes = whole.clone();
+        let name_bytes = format!("{name}\0");
+        let at = bytes.windows(name_bytes.len()).position(|window| window == name_bytes.as_bytes()).unwrap();
+        bytes[at] ^= 1;
+        std::fs::write(&path, bytes).unwrap();
+        let error = verify(&path).unwrap_err();
+        assert!(matches!(error, tapline_store::Error::Damaged { .. }), "{name}: {error}");
+        assert!(Reader::open(&path).is_err() && Writer::resume(&path, &plan(SampleFormat::I16), CONFIG).is_err());
+    }
+}
+
+/// Catches a resumed line that judges from values that were altered, and records over taps that it cannot vouch for.
+#[test]
+fn what_was_altered_is_not_gone_on_with() {
+    let _guard = crate::common::beside_others();
+    for table in ["taps/header", "discriminators"] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = finished(&folder);
+        let (at, ..) = places(&path).into_iter().find(|(_, name, row)| *name == table && *row == 3).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes[at + 17] ^= 2;
+        std::fs::write(&path, bytes).unwrap();
+        let error = Writer::resume(&path, &plan(SampleFormat::I16), CONFIG).unwrap_err().to_string();
+        assert!(error.contains("row 3") && error.contains(table), "{error}");
+    }
+}
