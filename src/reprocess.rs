@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
-use tapline_fuse::{Fusion, Reference, ReferenceSet};
+use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Lineage, PutOutcome, Reader, Room, Taps, Writer, lineage_key};
 use tapline_wire::{Discriminators, ScanState, TapState};
@@ -71,6 +71,7 @@ impl Task {
         let reader = Reader::open(archive)?;
         ensure!(!reader.is_results(), "it has results alone: name the archive that they are of");
         let old: Config = toml::from_str(reader.config()).context("its configuration is not one of this program")?;
+        let was = old.fuse.reference.clone();
         let mut config = match &args.config {
             None => old,
             Some(path) => {
@@ -78,30 +79,30 @@ impl Task {
                     .with_context(|| format!("cannot read the configuration {}", path.display()))?;
                 let new: Config =
                     toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
-                // How taps were taken is past; only how they are read and judged can be new.
-                Config { process: new.process, fuse: new.fuse, ..old }
+                // How taps were taken is past; only how they are read and judged can be new. Where nothing else is said they
+                // are compared with what they were compared with.
+                let reference = new.fuse.reference.or(old.fuse.reference);
+                Config { process: new.process, fuse: FuseConfig { reference, ..new.fuse }, ..old }
             }
         };
-        let archived = config.fuse.reference.clone();
         if let Some(text) = &args.reference {
             config.fuse.reference = Some(Reference::try_from(text.clone()).context("--reference")?);
         }
         config.process.validate()?;
         config.fuse.validate()?;
-        let reference = match &config.fuse.reference {
-            Some(Reference::File(path)) => {
-                Some(match (reader.reference(), args.reference.is_none() && args.config.is_none()) {
-                    // Its own reference lies in the archive, wherever the file is today.
-                    (Some(text), true) => text.to_owned(),
-                    _ => std::fs::read_to_string(path)
-                        .with_context(|| format!("cannot read the reference {}", path.display()))?,
-                })
+        let reference = match (&config.fuse.reference, reader.reference()) {
+            // Its own reference lies in the archive, wherever the file is today.
+            (Some(Reference::File(_)), Some(text)) if config.fuse.reference == was && args.reference.is_none() => {
+                Some(text.to_owned())
             }
-            Some(_) => None,
-            None if archived.is_none() => {
+            (Some(Reference::File(path)), _) => Some(
+                std::fs::read_to_string(path)
+                    .with_context(|| format!("cannot read the reference {}", path.display()))?,
+            ),
+            (Some(_), _) => None,
+            (None, _) => {
                 bail!("no reference is named: give --reference FILE.json, TYRE/SHOULDER, or self, as for tapline run")
             }
-            None => None,
         };
         let config_toml = toml::to_string(&config).context("the configuration does not fit TOML")?;
         Ok(Self { made_by: made_by(&config)?, reader, config, config_toml, reference })

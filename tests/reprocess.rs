@@ -74,7 +74,8 @@ fn other_options_stand_beside() {
     let rig = Rig::new();
     let archive = scanned(&rig);
     rig.write("weights.toml", "[fuse]\nindex = \"robust\"\nreference = \"self\"\n");
-    rig.write("bands.toml", "[process]\nf_c_hz = 600.0\n[fuse]\nreference = \"self\"\n");
+    // Where no reference is named, it is the archive's own.
+    rig.write("bands.toml", "[process]\nf_c_hz = 600.0\n");
     let weights = again(&rig, "run.h5 --config weights.toml");
     let bands = again(&rig, "run.h5 --config bands.toml");
     let key = |path: &PathBuf| Reader::open(path).unwrap().lineage_key().unwrap();
@@ -131,10 +132,9 @@ fn what_was_killed_goes_on() {
 fn what_cannot_be_done_is_told() {
     let rig = Rig::new();
     scanned(&rig);
-    rig.write("none.toml", "[process]\nf_c_hz = 600.0\n");
     rig.write("wrong.toml", "[process]\nf_c_hz = -1.0\n[fuse]\nreference = \"self\"\n");
     for (arguments, words) in [
-        ("reprocess run.h5 --config none.toml", "no reference is named"),
+        ("reprocess run.h5 --jobs 5000", "5000"),
         ("reprocess run.h5 --config wrong.toml", "f_c_hz"),
         ("reprocess gone.h5", "gone.h5"),
         ("explain run.h5 --shoulder NONE/1", "no shoulder \"NONE/1\""),

@@ -83,8 +83,14 @@ pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<(
 pub(crate) fn named(published: std::io::Result<()>, path: &Path) -> Result<()> {
     match published {
         Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Err(Error::Exists { path: path.to_owned() }),
-        published => published.context("name", path),
+        published => published.and_then(|()| sync_folder(path)).context("name", path),
     }
+}
+
+/// Waits until the folder of `path` is on the disk: without it a power cut takes the name back.
+fn sync_folder(path: &Path) -> std::io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::File::open(folder)?.sync_all()
 }
 
 fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {

@@ -38,7 +38,7 @@ pub struct Repacked {
 ///
 /// # Errors
 /// [`Error::Exists`] where `to` is there, [`Error::ResultsAlone`] where `from` has no samples of its own,
-/// [`Error::Damaged`] where [`verify`] finds a problem in it, or what the system says.
+/// [`Error::Damaged`] where [`verify()`] finds a problem in it, or what the system says.
 pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Result<Repacked> {
     let (from, to) = (from.as_ref(), to.as_ref());
     let reader = Reader::open(from)?;
