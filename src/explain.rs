@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use comfy_table::Table;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
-use tapline_store::{Judged, Reader};
+use tapline_store::{Judged, Reader, digest_of, hex_of};
 use tapline_wire::{Discriminator, Discriminators, Scan, TapState, Verdict};
 
 use crate::config::Config;
@@ -26,10 +26,10 @@ pub(crate) fn explain(archive: &Path, shoulder: Option<&str>, location: Option<u
         "taps       {archived} archived, {refused} refused, {missing} missing; packed by {}",
         reader.codec()
     )?;
-    writeln!(text, "raw data   {}", hex(&reader.raw_digest()?))?;
+    writeln!(text, "raw data   {}", hex_of(&reader.raw_digest()?))?;
     writeln!(text, "plan       {:016x}", reader.plan().digest())?;
     let reference = reader.reference().map_or("none, or one of these shoulders".to_owned(), |text| {
-        format!("a file, BLAKE3 {}", hex(&tapline_store::digest_of(text.as_bytes())))
+        format!("a file, BLAKE3 {}", hex_of(&digest_of(text.as_bytes())))
     });
     writeln!(text, "reference  {reference}")?;
     let here = made_by(&Config::default())?;
@@ -201,10 +201,6 @@ fn judged(a: Option<&Judged>, b: Option<&Judged>) -> String {
         Some(largest) => write!(said, ", index differs at {count} locations, by {largest:.2e} at most"),
     };
     said
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}"))
 }
 
 fn say(text: &str) -> Result<bool> {

@@ -12,13 +12,13 @@ use tapline_wire::{Channel, Geometry, Plan, Recording, SampleFormat, Truth};
 use crate::check::{other_configuration, other_lineage};
 use crate::chunk::{ChunkRows, close_in_children, take_whole_file};
 use crate::codec::Codec;
-use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name, hex, read_bounded};
+use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name, read_bounded};
 use crate::error::Context;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, TruthRow,
     attribute, table,
 };
-use crate::lineage::raw_digest;
+use crate::lineage::{hex_of, lineage_key, raw_digest};
 use crate::rows::serial;
 use crate::sealed::SealedRow;
 use crate::table::Table;
@@ -95,7 +95,7 @@ impl Archive {
         }
         let made_of =
             read_text(&self.file, attribute::RAW_DIGEST).context("read the digest of the taps", &self.path)?;
-        let there = hex(&raw_digest(self)?);
+        let there = hex_of(&raw_digest(self)?);
         if made_of == there {
             return Ok(());
         }
@@ -186,10 +186,16 @@ impl Archive {
         damaged(&self.path, what)
     }
 
-    /// Writes down the key of the results, which are whole.
-    pub(crate) fn write_key(&self, key: &str) -> Result<()> {
-        let key = Key::from_ascii(key.as_bytes()).map_err(|error| hdf5::Error::from(error.to_string()));
+    /// The key of the results as they are.
+    pub(crate) fn key(&self) -> Result<String> {
+        Ok(lineage_key(&raw_digest(self)?, &self.made_by, self.reference.as_deref()))
+    }
+
+    /// Writes down the key of the results, which are whole, and hands it to the system.
+    pub(crate) fn write_key(&self) -> Result<()> {
+        let key = Key::from_ascii(self.key()?.as_bytes()).map_err(|error| hdf5::Error::from(error.to_string()));
         key.and_then(|key| self.file.attr(attribute::LINEAGE_KEY)?.write_scalar(&key))
+            .and_then(|()| self.file.flush())
             .context("write the key of the results", &self.path)
     }
 

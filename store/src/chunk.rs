@@ -87,12 +87,12 @@ fn with_descriptor<T>(file: &hdf5::File, act: impl FnOnce(BorrowedFd<'_>) -> io:
 
 /// Where a row lies in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Place {
+pub(crate) struct Span {
     pub(crate) address: u64,
     pub(crate) length: usize,
 }
 
-impl Place {
+impl Span {
     /// Reads the row's bytes from `file` into `stored`, whose old contents are lost.
     ///
     /// # Errors
@@ -173,7 +173,7 @@ impl ChunkRows {
     ///
     /// # Errors
     /// What the library says.
-    pub(crate) fn place(&self, row: u32) -> hdf5::Result<Option<Place>> {
+    pub(crate) fn place(&self, row: u32) -> hdf5::Result<Option<Span>> {
         let offset: [hsize_t; 3] = [row.into(), 0, 0];
         let (mut mask, mut address, mut length): (u32, haddr_t, hsize_t) = (0, haddr_t::MAX, 0);
         sync(|| {
@@ -192,6 +192,6 @@ impl ChunkRows {
         // The library leaves out a filter that gains nothing, and undoes what it did when it reads.
         let is_known = mask == 0 || matches!(self.codec, Codec::Lzf | Codec::Gzip);
         let is_there = address != haddr_t::MAX && is_known;
-        Ok(usize::try_from(length).ok().filter(|_| is_there).map(|length| Place { address, length }))
+        Ok(usize::try_from(length).ok().filter(|_| is_there).map(|length| Span { address, length }))
     }
 }

@@ -47,11 +47,21 @@ impl Codec {
         matches!(self, Self::None | Self::Lz4 | Self::Zstd)
     }
 
-    /// Compressor within Blosc and its level; `None` where it is not Blosc's.
-    pub(crate) fn blosc(self) -> Option<(&'static CStr, i32)> {
+    /// How hard it packs, where it has levels: what the file says of its filter, and what [`pack`] does.
+    pub(crate) fn level(self) -> u8 {
         match self {
-            Self::Lz4 => Some((c"lz4", 5)),
-            Self::Zstd => Some((c"zstd", 1)),
+            Self::Lz4 => 5,
+            Self::Zstd => 1,
+            Self::Gzip => 4,
+            Self::None | Self::Lzf => 0,
+        }
+    }
+
+    /// Compressor within Blosc; `None` where it is not Blosc's.
+    pub(crate) fn blosc(self) -> Option<&'static CStr> {
+        match self {
+            Self::Lz4 => Some(c"lz4"),
+            Self::Zstd => Some(c"zstd"),
             Self::None | Self::Lzf | Self::Gzip => None,
         }
     }
@@ -70,7 +80,7 @@ impl fmt::Display for Codec {
 /// If Blosc finds no room in what it says is enough: a bug.
 pub(crate) fn pack(codec: Codec, element_bytes: usize, samples: &[u8], packed: &mut Vec<u8>) {
     match codec.blosc() {
-        Some(compressor) => pack_blocks(compressor, element_bytes, BLOCK_BYTES, samples, packed),
+        Some(compressor) => pack_blocks((compressor, codec.level()), element_bytes, BLOCK_BYTES, samples, packed),
         None => {
             packed.clear();
             packed.extend_from_slice(samples);
@@ -90,7 +100,7 @@ pub(crate) fn placeholder(codec: Codec, element_bytes: usize, row_bytes: usize) 
 }
 
 fn pack_blocks(
-    (compressor, level): (&CStr, i32),
+    (compressor, level): (&CStr, u8),
     element_bytes: usize,
     block_bytes: usize,
     samples: &[u8],
@@ -103,7 +113,7 @@ fn pack_blocks(
     // call with a context of its own keeps no state and no pointer.
     let length = unsafe {
         blosc_compress_ctx(
-            level,
+            level.into(),
             shuffle,
             element_bytes,
             samples.len(),

@@ -17,6 +17,7 @@ use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
     TruthRow, attribute, table,
 };
+use crate::lineage::hex_of;
 use crate::rows::{fixed, no_reason};
 use crate::sealed::PlainRow as _;
 use crate::table::{Table, create as create_table};
@@ -76,21 +77,7 @@ pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<(
         return Err(error).context("lay out the tables", path);
     }
     drop(file);
-    named(draft.publish(path), path)
-}
-
-/// The outcome of giving a draft its name.
-pub(crate) fn named(published: std::io::Result<()>, path: &Path) -> Result<()> {
-    match published {
-        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Err(Error::Exists { path: path.to_owned() }),
-        published => published.and_then(|()| sync_folder(path)).context("name", path),
-    }
-}
-
-/// Waits until the folder of `path` is on the disk: without it a power cut takes the name back.
-fn sync_folder(path: &Path) -> std::io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::File::open(folder)?.sync_all()
+    draft.publish(path)
 }
 
 fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
@@ -114,7 +101,7 @@ fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     match lineage.raw.and_then(|(path, digest)| Some((path.file_name()?, digest))) {
         Some((raw, digest)) => {
             let raw = raw.to_string_lossy();
-            write_text(file, attribute::RAW_DIGEST, &hex(&digest))?;
+            write_text(file, attribute::RAW_DIGEST, &hex_of(&digest))?;
             write_text(file, attribute::RAW, &raw)?;
             // For other readers of HDF5; this program opens the other archive itself, to read only.
             file.link_external(&raw, table::TAPS, table::TAPS)?;
@@ -188,11 +175,6 @@ pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<Option<String>> {
     Ok(Some(hasher.finalize().to_hex().to_string()))
 }
 
-/// `bytes` in hexadecimal digits.
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 /// All rows of a table whose length is not known beforehand; `None` where the file cannot hold what it claims, or it has
 /// other columns.
 pub(crate) fn read_bounded<R: H5Type + Clone>(file: &File, name: &str) -> hdf5::Result<Option<Vec<R>>> {
@@ -261,10 +243,10 @@ fn create_samples(file: &File, plan: &Plan, codec: Codec) -> hdf5::Result<()> {
         .obj_track_times(false);
     let builder = match codec {
         Codec::None => builder.fill_time(FillTime::Never).alloc_time(Some(AllocTime::Early)),
-        Codec::Lz4 => builder.fill_time(FillTime::Never).blosc_lz4(5, BloscShuffle::Bit),
-        Codec::Zstd => builder.fill_time(FillTime::Never).blosc_zstd(1, BloscShuffle::Bit),
+        Codec::Lz4 => builder.fill_time(FillTime::Never).blosc_lz4(codec.level(), BloscShuffle::Bit),
+        Codec::Zstd => builder.fill_time(FillTime::Never).blosc_zstd(codec.level(), BloscShuffle::Bit),
         Codec::Lzf => builder.shuffle().lzf(),
-        Codec::Gzip => builder.shuffle().deflate(4),
+        Codec::Gzip => builder.shuffle().deflate(codec.level()),
     };
     let dataset = builder.create(table::SAMPLES)?;
     if codec.blosc().is_some() {

@@ -2,9 +2,15 @@
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
+
+use crate::error::Context;
+use crate::{Error, Result};
 
 /// A new file beside the one that it is to become; it is removed when dropped, unless it was renamed.
 #[derive(Debug)]
@@ -27,17 +33,19 @@ impl Draft {
         Ok(draft)
     }
 
-    /// Gives the draft its name, if nothing has it by now.
+    /// Gives the draft its name, if nothing has it by now, so that no power cut takes it back.
     ///
     /// # Errors
-    /// What the system says; `AlreadyExists` where something has the name.
-    pub(crate) fn publish(self, path: &Path) -> io::Result<()> {
-        // A second name never takes the place of a file, as renaming does; the first goes when the draft is dropped.
-        match fs::hard_link(&self.path, path) {
-            Err(error) if matches!(error.kind(), io::ErrorKind::Unsupported | io::ErrorKind::PermissionDenied) => {
-                fs::rename(&self.path, path)
-            }
-            named => named,
+    /// [`Error::Exists`], or what the system says.
+    pub(crate) fn publish(self, path: &Path) -> Result<()> {
+        let named = match renameat_with(CWD, &self.path, CWD, path, RenameFlags::NOREPLACE) {
+            // A file system that cannot do both at once.
+            Err(Errno::INVAL | Errno::NOSYS) => fs::hard_link(&self.path, path),
+            named => named.map_err(io::Error::from),
+        };
+        match named {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => Err(Error::Exists { path: path.to_owned() }),
+            named => named.and_then(|()| File::open(folder_of(path))?.sync_all()).context("name", path),
         }
     }
 
@@ -54,12 +62,16 @@ impl Drop for Draft {
     }
 }
 
+/// The folder that `path` is in.
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Removes the drafts of `path` whose processes have died.
 ///
 /// What cannot be looked at or removed stays: it only takes room.
 pub(crate) fn remove_dead_drafts(path: &Path) {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let Ok(entries) = fs::read_dir(folder) else { return };
+    let Ok(entries) = fs::read_dir(folder_of(path)) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
         let Some(pid) = pid_of_draft(&name, path.file_name().unwrap_or_default()) else { continue };

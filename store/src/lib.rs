@@ -1,8 +1,10 @@
 //! One HDF5 archive a run: written once, read back bit for bit.
 //!
 //! Row `k` of every table belongs to row `k` of the scan plan, so what an archive holds does not depend on the order in
-//! which taps arrived, and no tap can be there twice. All tables have their final size from the start: once created, a
-//! file's structure never changes again, which is why a writer that is killed leaves a file that opens plainly.
+//! which taps arrived, and no tap can be there twice. All tables have their final size from the start, and
+//! the index of the samples' chunks has all of its entries: once created, a file's structure changes no more than entries
+//! where they stand, which is why a writer that is killed leaves a file that opens plainly. Samples are packed off the
+//! library's lock, every row is sealed, and readers read past the library.
 //!
 //! ```
 //! use tapline_store::{Reader, Writer};
@@ -69,7 +71,7 @@ pub use config::StoreConfig;
 pub use error::Error;
 pub use export::{Export, TapCounts, UffEncoding, export, export_parquet, export_tap_set, export_uff};
 pub use layout::{FORMAT_VERSION, REASON_BYTES};
-pub use lineage::{Lineage, digest_of, lineage_key};
+pub use lineage::{Lineage, digest_of, hex_of, lineage_key};
 pub use lost::Lost;
 pub use reader::{Judged, OwnedSamples, Reader, Refusal};
 pub use regions::{Region, regions};

@@ -89,3 +89,8 @@ pub fn lineage_key(raw_digest: &[u8; 32], made_by: &str, reference: Option<&str>
 pub fn digest_of(bytes: &[u8]) -> [u8; 32] {
     *blake3::hash(bytes).as_bytes()
 }
+
+/// A digest in hexadecimal digits.
+pub fn hex_of(digest: &[u8; 32]) -> String {
+    blake3::Hash::from_bytes(*digest).to_hex().to_string()
+}

@@ -5,10 +5,10 @@ use std::io::{self, ErrorKind};
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::{CWD, RenameFlags, renameat_with, statvfs};
+use rustix::fs::statvfs;
 
 use crate::chunk::read_handle;
-use crate::draft::{Draft, remove_dead_drafts};
+use crate::draft::{Draft, folder_of, remove_dead_drafts};
 use crate::error::Context;
 use crate::{Error, Result};
 
@@ -64,18 +64,18 @@ impl Place {
         remove_dead_drafts(&self.path);
         let draft = Draft::begin(&self.path).context("write the archive again", &self.path)?;
         copy_sparse(&self.file, draft.path()).context("write the archive again", &self.path)?;
-        // Whoever took the place meanwhile keeps it.
-        renameat_with(CWD, draft.path(), CWD, &self.path, RenameFlags::NOREPLACE)
-            .map_err(io::Error::from)
-            .context("write the archive again", &self.path)?;
+        match draft.publish(&self.path) {
+            // Whoever took the place meanwhile keeps it.
+            Err(Error::Exists { .. }) => return self.check(),
+            published => published?,
+        }
         self.file = File::open(&self.path).context("open the archive", &self.path)?;
         Ok(())
     }
 
     /// Checks that the disk has room for `bytes` more, so that no attempt fills what little there is.
     pub(crate) fn check_room(&self, bytes: u64) -> Result<()> {
-        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let disk = statvfs(folder).map_err(io::Error::from).context("look for", &self.path)?;
+        let disk = statvfs(folder_of(&self.path)).map_err(io::Error::from).context("look for", &self.path)?;
         // A file system that does not count its blocks says that it has none.
         match disk.f_blocks > 0 && disk.f_bavail.saturating_mul(disk.f_frsize) < bytes {
             true => {

@@ -9,7 +9,7 @@ use tapline_wire::{
 use crate::archive::{Access, Archive, read_text};
 use crate::error::Context;
 use crate::layout::{LedgerRow, ScanRow, attribute};
-use crate::lineage::{lineage_key, raw_digest};
+use crate::lineage::raw_digest;
 use crate::rows::{at_attempt, text};
 use crate::samples::{Room, SampleFile, Taps, checked_header};
 use crate::sealed::SealedRow;
@@ -132,12 +132,12 @@ impl Reader {
         raw_digest(&self.archive)
     }
 
-    /// The key of the results as they are: [`lineage_key`] of the recorded taps, what made the results, and the reference.
+    /// The key of the results as they are: [`crate::lineage_key`] of the recorded taps, what made the results, and the reference.
     ///
     /// # Errors
     /// What the system says.
     pub fn lineage_key(&self) -> Result<String> {
-        Ok(lineage_key(&self.raw_digest()?, self.made_by(), self.reference()))
+        self.archive.key()
     }
 
     /// Whether this archive has results alone, of the taps of another.

@@ -7,7 +7,7 @@ use std::path::Path;
 use tapline_wire::SampleFormat;
 
 use crate::archive::{Access, Archive};
-use crate::create::{create, named};
+use crate::create::create;
 use crate::draft::{Draft, remove_dead_drafts};
 use crate::encode::{Packer, Shape};
 use crate::error::Context;
@@ -56,7 +56,7 @@ pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Res
     // The name is this draft's alone; the archive itself must not be there yet.
     fs::remove_file(draft.path()).context("create", draft.path())?;
     let sample_bytes = fill(&reader, draft.path(), codec)?;
-    named(draft.publish(to), to)?;
+    draft.publish(to)?;
     let length = |path: &Path| Ok::<_, Error>(fs::metadata(path).context("measure", path)?.len());
     Ok(Repacked { sample_bytes, before_bytes: length(from)?, after_bytes: length(to)? })
 }
@@ -78,7 +78,7 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
     copy(&old.scans, &new.scans, draft)?;
     copy(&old.ledger, &new.ledger, draft)?;
     if reader.ledger().is_judged() {
-        new.write_key(&reader.lineage_key()?)?;
+        new.write_key()?;
     }
     new.file.flush().context("write", draft)?;
     drop(new);

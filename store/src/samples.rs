@@ -8,7 +8,7 @@ use ndarray::s;
 use tapline_wire::{Lane, Plan, SampleFormat, Samples, TapHeader, TapState, bytes_of_mut, lanes_for};
 
 use crate::archive::Archive;
-use crate::chunk::{ChunkRows, Place};
+use crate::chunk::{ChunkRows, Span};
 use crate::codec::{Codec, unpack};
 use crate::encode::unpadded;
 use crate::error::Context;
@@ -42,7 +42,7 @@ impl SampleFile {
     }
 
     /// Where the samples of plan row `row` lie.
-    pub(crate) fn place(&self, row: u32) -> Result<Option<Place>> {
+    pub(crate) fn place(&self, row: u32) -> Result<Option<Span>> {
         self.rows.place(row).context("find samples", &self.path)
     }
 
@@ -51,7 +51,7 @@ impl SampleFile {
         &self,
         header: &TapHeader,
         stored_checksum: u64,
-        place: Option<Place>,
+        place: Option<Span>,
         room: &'r mut Room,
     ) -> Result<Samples<'r>> {
         let damaged = |what: &str| Error::Damaged {
@@ -104,7 +104,7 @@ pub struct Taps {
     file: SampleFile,
     plan: Plan,
     /// Of the archived taps, by plan row.
-    found: Vec<Option<(HeaderRow, Option<Place>)>>,
+    found: Vec<Option<(HeaderRow, Option<Span>)>>,
 }
 
 impl Taps {

@@ -51,9 +51,12 @@ pub(crate) fn checksum(parts: &[&[u8]]) -> u64 {
     for part in parts {
         hasher.update(part);
     }
-    let mut first = [0; 8];
-    hasher.finalize_xof().fill(&mut first);
-    u64::from_le_bytes(first)
+    first_bits(hasher.finalize().as_bytes())
+}
+
+/// The checksum of what has that digest.
+pub(crate) fn first_bits(digest: &Digest) -> u64 {
+    digest.iter().take(8).rev().fold(0, |bits, &byte| (bits << 8) | u64::from(byte))
 }
 
 macro_rules! sealed {

@@ -8,7 +8,7 @@ use tapline_wire::{Ledger, Plan, Quality, Reasons, ScanState, TapId, TapState, V
 use crate::archive::{Access, Archive};
 use crate::error::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
-use crate::lineage::{digest_of, lineage_key, raw_digest};
+use crate::lineage::digest_of;
 use crate::samples::{Room, SampleFile, checked_header};
 use crate::sealed::SealedRow as _;
 use crate::{Error, Result};
@@ -145,7 +145,7 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
     }
     let stored = archive.stored_key()?;
     if !stored.is_empty() && report.problems.is_empty() {
-        let computed = lineage_key(&raw_digest(&archive)?, &archive.made_by, archive.reference.as_deref());
+        let computed = archive.key()?;
         if stored != computed {
             report.problems.push(Problem::Key { stored, computed });
         }

@@ -2,7 +2,8 @@
 //!
 //! # Why a crash costs nothing but the last batch
 //!
-//! After creation no structure of the file changes; every write lands in space that was allotted for that very row.
+//! After creation every row of every table has its place, and every chunk of samples its entry in the index. Rows are
+//! written where they lie; a packed chunk takes room at the end, and its entry changes where it stands, with the next flush.
 //! [`Writer::flush`] first writes what the rows hold and hands it to the system, then the states that vouch for them,
 //! and hands over those. A writer that dies in between leaves rows whose state still says "missing": they are put
 //! again, and overwrite themselves. A file that cannot be written is left as such a writer leaves it: see [`Writer::recover`].
@@ -19,7 +20,6 @@ use crate::create::create;
 use crate::encode::{Packer, Shape};
 use crate::error::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, ReasonRow, ScanRow};
-use crate::lineage::{lineage_key, raw_digest};
 use crate::pending::Pending;
 use crate::place::Place;
 use crate::recall::recall;
@@ -219,11 +219,13 @@ impl Writer {
                 self.let_go();
                 return Err(error);
             }
-            self.pending.keep(header.plan_index, packed.stored(samples));
             let (samples_digest, stored_checksum) = (packed.samples_digest, packed.stored_checksum);
-            written.push(HeaderRow { samples_digest, stored_checksum, ..header });
+            written.push((HeaderRow { samples_digest, stored_checksum, ..header }, packed.stored(samples)));
         }
-        for header in written {
+        // All are written: only now they take the place of earlier attempts.
+        written.iter().for_each(|(header, stored)| self.pending.keep(header.plan_index, stored));
+        let headers: Vec<HeaderRow> = written.into_iter().map(|(header, _)| header).collect();
+        for header in headers {
             self.pending.headers.insert(header.plan_index, header);
             self.take(header.plan_index, Half::Samples, take(&header));
         }
@@ -357,7 +359,7 @@ impl Writer {
         self.pending.taps.extend(missing.map(|(row, track)| (row, track.to_row(true))));
         self.flush()?;
         let archive = self.open()?;
-        let written = if self.ledger.is_judged() { write_key(archive) } else { Ok(()) };
+        let written = if self.ledger.is_judged() { archive.write_key() } else { Ok(()) };
         written.inspect_err(|_| self.let_go())
     }
 
@@ -390,10 +392,4 @@ impl Writer {
         }
         Ok(outcome)
     }
-}
-
-/// Writes down the key of results that are whole.
-fn write_key(archive: &Archive) -> Result<()> {
-    archive.write_key(&lineage_key(&raw_digest(archive)?, &archive.made_by, archive.reference.as_deref()))?;
-    archive.file.flush().context("write the key of the results", &archive.path)
 }

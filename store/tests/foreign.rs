@@ -35,18 +35,23 @@ except ImportError:
     pass
 sys.exit(not h5py.h5z.filter_avail(32001))";
 
+/// A Python that can read packed samples.
+fn python() -> Option<OsString> {
+    let named = std::env::var_os("TAPLINE_PYTHON").into_iter();
+    let has_all =
+        |python: &OsString| Command::new(python).args(["-c", HAS_ALL]).output().is_ok_and(|out| out.status.success());
+    let found = named.chain(["/usr/bin/python3", "python3"].map(OsString::from)).find(has_all);
+    if found.is_none() {
+        eprintln!("skipped: no python3 with h5py and Blosc here (pip install h5py hdf5plugin): not checked");
+    }
+    found
+}
+
 /// Catches an archive that only this program can read, or reads otherwise.
 #[test]
 fn h5py_reads_the_same() {
     let _guard = crate::common::alone();
-    let named = std::env::var_os("TAPLINE_PYTHON").into_iter();
-    let Some(python) = named
-        .chain(["/usr/bin/python3", "python3"].map(OsString::from))
-        .find(|python| Command::new(python).args(["-c", HAS_ALL]).output().is_ok_and(|out| out.status.success()))
-    else {
-        println!("no python3 with h5py and Blosc here (pip install h5py hdf5plugin): not checked");
-        return;
-    };
+    let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::F32);
@@ -96,14 +101,7 @@ for path in sys.argv[1:]:
 #[test]
 fn h5py_unpacks_every_codec() {
     let _guard = crate::common::alone();
-    let candidates = ["/usr/bin/python3", "python3"];
-    let found = candidates
-        .into_iter()
-        .find(|python| Command::new(python).args(["-c", HAS_ALL]).output().is_ok_and(|out| out.status.success()));
-    let Some(python) = found else {
-        println!("no python3 with h5py and Blosc here (pip install h5py hdf5plugin): not checked");
-        return;
-    };
+    let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let mut writer = Writer::create(path("run.h5"), &plan(SampleFormat::I16), CONFIG).unwrap();
