@@ -3,8 +3,8 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead as _, BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, Command, Stdio};
-use std::thread::JoinHandle;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use rustix::process::Signal;
@@ -19,6 +19,9 @@ velocities_m_per_s = [1.85]
 repetitions = 1
 locations = 40
 ";
+
+/// How long a line that is under way may be silent: none of these tests is to hang where it ought to fail.
+const SILENCE: Duration = Duration::from_secs(60);
 
 /// With a pace at which it lasts a second or more: what is done to the disk is done while it is under way.
 fn paced() -> String {
@@ -76,7 +79,7 @@ impl Drop for Disk {
 /// A line that is running, and what it says.
 struct Said {
     line: Option<Child>,
-    lines: Option<std::io::Lines<BufReader<ChildStderr>>>,
+    lines: Receiver<String>,
     text: String,
 }
 
@@ -93,8 +96,10 @@ impl Drop for Said {
 impl Said {
     fn start(rig: &Rig, arguments: &str) -> Self {
         let mut line = rig.start(arguments);
-        let lines = BufReader::new(line.stderr.take().unwrap()).lines();
-        Self { line: Some(line), lines: Some(lines), text: String::new() }
+        let (said, (tell, lines)) = (BufReader::new(line.stderr.take().unwrap()).lines(), channel());
+        let listen = move || said.map_while(Result::ok).try_for_each(|said| tell.send(said));
+        std::thread::Builder::new().name("stderr".to_owned()).spawn(listen).unwrap();
+        Self { line: Some(line), lines, text: String::new() }
     }
 
     fn line(&mut self) -> &mut Child {
@@ -108,10 +113,9 @@ impl Said {
     /// Waits until the line says all of `words` in one line.
     fn wait_for(&mut self, words: &[&str]) {
         loop {
-            let Some(said) = self.lines.as_mut().unwrap().next() else {
+            let Ok(said) = self.lines.recv_timeout(SILENCE) else {
                 panic!("{words:?} was never said, but:\n{}", self.text)
             };
-            let said = said.unwrap();
             self.text.push_str(&said);
             self.text.push('\n');
             if words.iter().all(|word| said.contains(word)) {
@@ -122,16 +126,16 @@ impl Said {
 
     /// Waits for the end; all that was said on standard error goes into the result.
     fn finish(mut self) -> Done {
-        let (line, lines) = (self.line.take().unwrap(), self.lines.take().unwrap());
-        let mut text = std::mem::take(&mut self.text);
-        let rest: JoinHandle<String> = std::thread::Builder::new()
-            .name("stderr".to_owned())
-            .spawn(move || lines.map_while(Result::ok).collect::<Vec<_>>().join("\n"))
-            .unwrap();
-        let mut done = Done::from(line.wait_with_output().unwrap());
-        text.push_str(&rest.join().unwrap());
-        assert!(!text.contains("panicked"), "{text}");
-        done.err = text;
+        loop {
+            match self.lines.recv_timeout(SILENCE) {
+                Ok(said) => self.text = format!("{}{said}\n", self.text),
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => panic!("the line does not end; it said:\n{}", self.text),
+            }
+        }
+        let mut done = Done::from(self.line.take().unwrap().wait_with_output().unwrap());
+        done.err = std::mem::take(&mut self.text);
+        assert!(!done.err.contains("panicked"), "{}", done.err);
         done
     }
 }
@@ -314,20 +318,28 @@ fn a_moved_or_replaced_archive_is_waited_for() {
     assert_whole(&rig, "disk/run.h5", &expected);
 }
 
-/// Catches a file that is cut while it is written and written on, or gone on with afterwards.
+/// Catches a file that is cut while it is written and written on, or gone on with afterwards; also one that has grown again
+/// by the time that is looked.
 #[test]
 fn a_cut_archive_is_not_gone_on_with() {
-    let rig = Rig::new();
-    rig.write("paced.toml", &paced());
-    fs::create_dir(rig.path("disk")).unwrap();
-    let mut said = start_on_disk(&rig);
-    OpenOptions::new().write(true).open(rig.path("disk/run.h5")).unwrap().set_len(20_000).unwrap();
-    said.wait_for(&["ERROR", "disk/run.h5 was cut", "to 20000", "whole copy"]);
-    said.interrupt();
-    said.finish().expect(1);
-    for verb in ["run --config paced.toml --out disk/run.h5", "verify disk/run.h5", "report disk/run.h5"] {
-        let done = rig.run(verb).expect(1);
-        assert!(done.err.contains("disk/run.h5"), "{done:#?}");
+    for has_grown_again in [false, true] {
+        let rig = Rig::new();
+        rig.write("paced.toml", &paced());
+        fs::create_dir(rig.path("disk")).unwrap();
+        let mut said = start_on_disk(&rig);
+        let file = OpenOptions::new().write(true).open(rig.path("disk/run.h5")).unwrap();
+        let bytes = file.metadata().unwrap().len();
+        file.set_len(20_000).unwrap();
+        if has_grown_again {
+            file.set_len(2 * bytes).unwrap();
+        }
+        said.wait_for(&["ERROR", "disk/run.h5 was cut", "whole copy"]);
+        said.interrupt();
+        said.finish().expect(1);
+        for verb in ["run --config paced.toml --out disk/run.h5", "verify disk/run.h5", "report disk/run.h5"] {
+            let done = rig.run(verb).expect(1);
+            assert!(done.err.contains("disk/run.h5"), "{done:#?}");
+        }
     }
 }
 

@@ -75,6 +75,14 @@ pub enum Error {
         /// Bytes it has.
         is: u64,
     },
+    /// The file that was being written lost what was in it, and is no shorter: it was cut and written on, or written over.
+    #[error("{} was cut or written over while it was being written: byte {at} has changed", path.display())]
+    Overwritten {
+        /// The file.
+        path: PathBuf,
+        /// The byte.
+        at: u64,
+    },
     /// An archive that could not be written was let go of.
     #[error("{} was let go of after it could not be written", path.display())]
     LetGo {
@@ -314,7 +322,12 @@ impl Error {
         let is_io = matches!(self, Self::Io { .. } | Self::Hdf5 { .. } | Self::LetGo { .. });
         let is_of_the_place = matches!(
             self,
-            Self::Removed { .. } | Self::Moved { .. } | Self::Replaced { .. } | Self::Cut { .. } | Self::InUse { .. }
+            Self::Removed { .. }
+                | Self::Moved { .. }
+                | Self::Replaced { .. }
+                | Self::Cut { .. }
+                | Self::Overwritten { .. }
+                | Self::InUse { .. }
         );
         is_io || is_of_the_place
     }
@@ -339,7 +352,7 @@ impl Error {
             Self::Moved { .. } => "move it back",
             Self::Replaced { .. } => "move the other file away and this one back",
             Self::InUse { .. } => "end what reads it",
-            Self::Cut { .. } => "put a whole copy in its place",
+            Self::Cut { .. } | Self::Overwritten { .. } => "put a whole copy in its place",
             _ => "see to that disk and file",
         }
     }

@@ -38,6 +38,11 @@ impl Pending {
         self.row_count() > PENDING_ROWS_MAX || self.sample_bytes > SAMPLE_BYTES_MAX
     }
 
+    /// The samples kept, as they are in the file.
+    pub(crate) fn samples(&self) -> &BTreeMap<u32, Vec<u8>> {
+        &self.samples
+    }
+
     /// Bytes of the samples kept.
     pub(crate) fn sample_bytes(&self) -> usize {
         self.sample_bytes

@@ -1,5 +1,6 @@
 //! Where an archive lies: whether the file that is being written is still there, and how it is put back when it is not.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::statvfs;
 
-use crate::chunk::read_handle;
+use crate::chunk::{ChunkRows, read_handle};
 use crate::draft::{Draft, folder_of, remove_dead_drafts};
 use crate::error::Context;
 use crate::{Error, Result};
@@ -23,19 +24,45 @@ pub(crate) struct Place {
     file: File,
     /// Bytes that the file had when it was written last.
     least_bytes: u64,
+    keystone: Option<Keystone>,
+}
+
+/// A byte of samples, not zero, behind which no others lie: a file that is cut and then written on, so that its length tells
+/// nothing, has zero there, or something else.
+#[derive(Debug)]
+struct Keystone {
+    row: u32,
+    at: u64,
+    byte: u8,
+}
+
+impl Keystone {
+    /// That of `stored`, the samples of plan row `row`; `None` where they are all zeros.
+    fn of(row: u32, stored: &[u8], samples: &ChunkRows) -> hdf5::Result<Option<Self>> {
+        let Some(last) = stored.iter().rposition(|&byte| byte != 0) else { return Ok(None) };
+        let span = samples.place(row)?;
+        Ok(span.map(|span| Self { row, at: span.address + last as u64, byte: stored[last] }))
+    }
 }
 
 impl Place {
     /// The place of `file`, which was opened at `path`.
     pub(crate) fn of(file: &hdf5::File, path: &Path) -> Result<Self> {
         let file = read_handle(file).context("open the archive", path)?;
-        let mut place = Self { path: path.to_owned(), file, least_bytes: 0 };
-        place.note_length()?;
+        let mut place = Self { path: path.to_owned(), file, least_bytes: 0, keystone: None };
+        place.least_bytes = place.held()?.len();
         Ok(place)
     }
 
-    /// Notes that what the file holds now must not become less.
-    pub(crate) fn note_length(&mut self) -> Result<()> {
+    /// Notes that what the file holds now must not become less: `stored` are samples that were written to it, by plan row.
+    pub(crate) fn note(&mut self, samples: &ChunkRows, stored: &BTreeMap<u32, Vec<u8>>) -> Result<()> {
+        // The old samples of a tap that is taken again may be written over.
+        let mut keystone = self.keystone.take().filter(|keystone| !stored.contains_key(&keystone.row));
+        for (&row, stored) in stored {
+            let other = Keystone::of(row, stored, samples).context("find samples", &self.path)?;
+            keystone = keystone.into_iter().chain(other).max_by_key(|keystone| keystone.at);
+        }
+        self.keystone = keystone;
         self.least_bytes = self.held()?.len();
         Ok(())
     }
@@ -49,9 +76,15 @@ impl Place {
             Err(error) if error.kind() == ErrorKind::NotFound => return Err(self.gone(&held)),
             Err(error) => return Err(error).context("look for", &self.path),
         }
-        match held.len() < self.least_bytes {
-            true => Err(Error::Cut { path: self.path.clone(), was: self.least_bytes, is: held.len() }),
-            false => Ok(()),
+        if held.len() < self.least_bytes {
+            return Err(Error::Cut { path: self.path.clone(), was: self.least_bytes, is: held.len() });
+        }
+        let Some(Keystone { at, byte, .. }) = self.keystone else { return Ok(()) };
+        let mut there = [0];
+        self.file.read_exact_at(&mut there, at).context("look for", &self.path)?;
+        match there == [byte] {
+            true => Ok(()),
+            false => Err(Error::Overwritten { path: self.path.clone(), at }),
         }
     }
 

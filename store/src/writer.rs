@@ -188,6 +188,7 @@ impl Writer {
             check_id(self.plan(), header.plan_index, &header.id)?;
             check_shape(self.plan(), header, samples)?;
         }
+        self.check_place()?;
         let mut outcomes = Vec::with_capacity(taps.len());
         let mut rest = taps;
         while !rest.is_empty() {
@@ -338,7 +339,9 @@ impl Writer {
             return Ok(());
         }
         self.check_place()?;
-        let written = self.pending.flush(self.open()?).and_then(|()| self.place.note_length());
+        let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
+        let written =
+            self.pending.flush(archive).and_then(|()| self.place.note(&archive.samples, self.pending.samples()));
         written.inspect_err(|_| self.let_go())?;
         let pending = std::mem::take(&mut self.pending);
         for (&row, settled) in &pending.taps {
