@@ -117,6 +117,7 @@ impl Job {
             codec: self.config.store.codec,
             made_by: &self.made_by,
             raw: None,
+            part: None,
         }
     }
 

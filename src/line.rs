@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use tapline_store::Reader;
+use tapline_store::{Reader, RunWriter};
 use tapline_wire::{
     Ledger, LedgerTopic, Line, LineAddress, Plan, Role, Services, Subscriber, TapState, line_bytes, room,
 };
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
 ///
 /// An archive of another plan or configuration is an error.
 fn settled_before(job: &Job, plan: &Plan) -> Result<Option<usize>> {
-    if !job.out.exists() {
+    if !RunWriter::is_begun(&job.out, &job.config.store)? {
         return Ok(Some(0));
     }
     let reader = Reader::open(&job.out)?;
@@ -84,7 +84,8 @@ struct Lock {
 
 impl Lock {
     fn take(archive: &Path) -> Result<Self> {
-        let path = PathBuf::from(format!("{}.lock", archive.display()));
+        // A folder's name may end in a slash.
+        let path = PathBuf::from(format!("{}.lock", archive.components().collect::<PathBuf>().display()));
         // Held open to read only, it does not keep the disk from being made read only.
         let file = File::create(&path).and_then(|_| File::open(&path));
         let file = file.with_context(|| format!("cannot write beside the archive: {}", path.display()))?;

@@ -15,7 +15,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_store::{Lineage, PutOutcome, Reader, Room, Taps, Writer, lineage_key};
+use tapline_store::{Lineage, PutOutcome, Reader, Room, RunWriter, Taps, lineage_key};
 use tapline_wire::{Discriminators, ScanState, TapState};
 
 use crate::cli::ReprocessArgs;
@@ -131,11 +131,10 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         config_toml: &task.config_toml,
         reference: task.reference.as_deref(),
         made_by: &task.made_by,
-        raw: Some((archive, raw_digest)),
         ..task.config_toml.as_str().into()
     };
     let plan = task.reader.plan();
-    let mut writer = Writer::open_or_create(&out, plan, lineage)?;
+    let mut writer = RunWriter::of_results(&out, &task.reader, lineage)?;
     let mut fusion = task.fusion()?;
     let begin = Instant::now();
     let settled_before = settled(&writer);
@@ -172,19 +171,22 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
 /// Digits of the lineage key in the name of a file of results.
 const KEY_DIGITS: usize = 12;
 
-/// The file of the results of lineage `key`, beside `archive`.
+/// The file of the results of lineage `key`, beside `archive`, or a folder of such in that of a run.
 fn beside(archive: &Path, key: &str) -> PathBuf {
+    if archive.is_dir() {
+        return archive.join(&key[..KEY_DIGITS]);
+    }
     let stem = archive.file_stem().unwrap_or_default().to_string_lossy();
     archive.with_file_name(format!("{stem}.{}.h5", &key[..KEY_DIGITS]))
 }
 
-fn settled(writer: &Writer) -> usize {
+fn settled(writer: &RunWriter) -> usize {
     let ledger = writer.ledger();
     ledger.taps().len() - ledger.count(TapState::Missing)
 }
 
 /// Carries over the taps that never came, with their reasons.
-fn refuse(reader: &Reader, writer: &mut Writer) -> Result<()> {
+fn refuse(reader: &Reader, writer: &mut RunWriter) -> Result<()> {
     for refusal in reader.refusals()? {
         writer.put_refusal(refusal.plan_index, &refusal.id, &refusal.reason)?;
     }
@@ -195,9 +197,9 @@ fn refuse(reader: &Reader, writer: &mut Writer) -> Result<()> {
 fn extract(
     taps: &Taps,
     config: &ProcessConfig,
-    writer: &mut Writer,
+    writer: &mut RunWriter,
     jobs: usize,
-    mut tell: impl FnMut(&Writer),
+    mut tell: impl FnMut(&RunWriter),
 ) -> Result<()> {
     let to_do: Vec<u32> =
         (0..).zip(writer.ledger().taps()).filter(|(_, s)| **s == TapState::Missing).map(|(k, _)| k).collect();
@@ -263,14 +265,14 @@ fn work(
 }
 
 /// Puts what was found in a tap into the results, where nothing else may stand.
-fn put(writer: &mut Writer, found: &Discriminators) -> Result<()> {
+fn put(writer: &mut RunWriter, found: &Discriminators) -> Result<()> {
     let outcome = writer.put_discriminators(found)?;
     ensure!(outcome != PutOutcome::Conflict, "other values of {} stand under the same lineage", found.id);
     Ok(())
 }
 
 /// Judges the scans that had ended when the taps were taken.
-fn judge(reader: &Reader, writer: &mut Writer, fusion: &mut Fusion) -> Result<()> {
+fn judge(reader: &Reader, writer: &mut RunWriter, fusion: &mut Fusion) -> Result<()> {
     writer.flush()?;
     let mut from = Some(0);
     while let Some(row) = from {

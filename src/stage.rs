@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
-use tapline_store::Writer;
+use tapline_store::RunWriter;
 use tapline_wire::{Line, LineAddress, Plan, Role};
 
 use crate::cli::LineArgs;
@@ -77,7 +77,7 @@ pub(crate) fn store(args: &LineArgs) -> Result<bool> {
     let job = Job::of_stage(args)?;
     let plan = job.source()?.plan().clone();
     let reference = job.reference()?;
-    let writer = Writer::open_or_create(&job.out, &plan, job.lineage(reference.as_ref()))?;
+    let writer = RunWriter::open_or_create(&job.out, &plan, job.lineage(reference.as_ref()), &job.config.store)?;
     let line = join(args, Role::Store, &plan)?;
     report(Work::Store(tapline_store::run(&line, &plan, writer)?))
 }

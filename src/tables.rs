@@ -52,7 +52,8 @@ pub(crate) fn verify_here(archive: &Path, as_json: bool) -> Result<bool> {
         report => report?,
     };
     let count = |state| report.ledger.count(state);
-    let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), count(TapState::Missing));
+    let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), report.missing_count);
+    let later = count(TapState::Missing) - missing;
     let is_whole = report.is_complete() && refused == 0;
     let mut out = io::stdout().lock();
     if as_json {
@@ -63,8 +64,9 @@ pub(crate) fn verify_here(archive: &Path, as_json: bool) -> Result<bool> {
             "archived": archived,
             "refused": refused,
             "missing": missing,
+            "in_later_files": later,
             "scans": report.ledger.scans().len(),
-            "is_judged": report.ledger.is_judged(),
+            "is_judged": report.is_judged(),
             "problems": problems,
             "is_whole": is_whole,
         });
@@ -74,11 +76,12 @@ pub(crate) fn verify_here(archive: &Path, as_json: bool) -> Result<bool> {
     for problem in &report.problems {
         writeln!(out, "{problem}")?;
     }
-    let judged = if report.ledger.is_judged() { "all scans judged" } else { "scans without verdict" };
+    let judged = if report.is_judged() { "all scans judged" } else { "scans without verdict" };
     let whole = if is_whole { "whole" } else { "NOT WHOLE" };
+    let later = if later > 0 { format!(", {later} in later files of the run") } else { String::new() };
     writeln!(
         out,
-        "{}: {whole}: {archived} archived, {refused} refused, {missing} missing; {judged}; {} problems",
+        "{}: {whole}: {archived} archived, {refused} refused, {missing} missing{later}; {judged}; {} problems",
         archive.display(),
         report.problems.len()
     )?;

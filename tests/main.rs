@@ -20,6 +20,7 @@ mod report;
 mod reprocess;
 mod retakes;
 mod rig;
+mod rotation;
 mod simulated;
 mod stability;
 mod study;

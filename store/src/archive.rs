@@ -12,8 +12,8 @@ use tapline_wire::{Channel, Geometry, Plan, Recording, SampleFormat, Truth};
 use crate::check::{other_configuration, other_lineage};
 use crate::chunk::{ChunkRows, close_in_children, take_whole_file};
 use crate::codec::Codec;
+use crate::context::Context;
 use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name, read_bounded};
-use crate::error::Context;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, TruthRow,
     attribute, table,
@@ -23,7 +23,7 @@ use crate::rows::serial;
 use crate::sealed::SealedRow;
 use crate::table::Table;
 use crate::units::check_units;
-use crate::{Error, Lineage, Result};
+use crate::{Error, Lineage, Part, Result};
 
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
 
@@ -54,6 +54,8 @@ pub(crate) struct Archive {
     pub(crate) refusals: Table<ReasonRow>,
     pub(crate) scans: Table<ScanRow>,
     pub(crate) damage: Table<CellRow>,
+    /// Which file of its run this is, where that may take several.
+    pub(crate) part: Option<Part>,
     /// What the results were made by.
     pub(crate) made_by: String,
     pub(crate) file: File,
@@ -76,14 +78,19 @@ impl Archive {
         if archived != given {
             return Err(Error::OtherPlan { path: self.path.clone(), archived, given });
         }
-        if self.config != lineage.config_toml {
-            return Err(other_configuration(&self.path, &self.config, lineage.config_toml));
+        self.check_lineage(lineage.config_toml, lineage.reference, lineage.made_by)
+    }
+
+    /// Checks that it was begun with that configuration and that reference, for results made by `made_by`.
+    pub(crate) fn check_lineage(&self, config: &str, reference: Option<&str>, made_by: &str) -> Result<()> {
+        if self.config != config {
+            return Err(other_configuration(&self.path, &self.config, config));
         }
-        if self.reference.as_deref() != lineage.reference {
+        if self.reference.as_deref() != reference {
             return Err(Error::OtherReference { path: self.path.clone() });
         }
-        if self.made_by != lineage.made_by {
-            return Err(other_lineage(&self.path, &self.made_by, lineage.made_by));
+        if self.made_by != made_by {
+            return Err(other_lineage(&self.path, &self.made_by, made_by));
         }
         Ok(())
     }
@@ -158,8 +165,16 @@ impl Archive {
             .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
             .flatten()
             .ok_or_else(|| damaged(path, "the samples have not the shape that the plan asks for"))?;
+        let part = match file.attr(attribute::PART) {
+            Ok(number) => Some(Part {
+                number: number.read_scalar().context("read which file of its run it is", path)?,
+                run_digest: read_number(&file, attribute::RUN_DIGEST).context("read its run's digest", path)?,
+            }),
+            Err(_) => None,
+        };
         let archive = Self {
             path: path.to_owned(),
+            part,
             config,
             made_by,
             reference,

@@ -106,7 +106,7 @@ fn pack_blocks(
     samples: &[u8],
     packed: &mut Vec<u8>,
 ) {
-    packed.clear();
+    // What was in it is written over: only what it lacks is filled.
     packed.resize(samples.len() + BLOSC_MAX_OVERHEAD as usize, 0);
     let shuffle = i32::try_from(BLOSC_BITSHUFFLE).unwrap_or(0);
     // SAFETY: source and destination are valid for the lengths given and do not overlap; the name ends in NUL; the

@@ -11,8 +11,8 @@ use tapline_wire::{Channel, DamageCell, Geometry, Plan, SampleFormat, TapState};
 
 use crate::chunk::{ChunkRows, let_go};
 use crate::codec::{Codec, placeholder};
-use crate::draft::{Draft, remove_dead_drafts};
-use crate::error::Context;
+use crate::context::Context;
+use crate::draft::{Draft, folder_of, remove_dead_drafts};
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
     TruthRow, attribute, table,
@@ -71,7 +71,7 @@ pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<(
     remove_dead_drafts(path);
     let draft = Draft::begin(path).context("create", path)?;
     let file = files().create(draft.path()).context("create", path)?;
-    if let Err(error) = fill(&file, plan, lineage) {
+    if let Err(error) = fill(&file, path, plan, lineage) {
         // What is half there cannot be closed in order, on a full disk for one.
         drop(let_go(&file));
         return Err(error).context("lay out the tables", path);
@@ -80,13 +80,17 @@ pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<(
     draft.publish(path)
 }
 
-fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
+fn fill(file: &File, path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     write_text(file, attribute::FORMAT, FORMAT)?;
     write_number(file, attribute::FORMAT_VERSION, &FORMAT_VERSION)?;
     write_text(file, attribute::TAPLINE_VERSION, env!("CARGO_PKG_VERSION"))?;
     write_text(file, attribute::GEOMETRY, geometry_name(plan.geometry))?;
     write_number(file, attribute::PLAN_DIGEST, &plan.digest())?;
     write_number(file, attribute::SOURCE_DIGEST, &plan.source_digest())?;
+    if let Some(part) = lineage.part {
+        write_number(file, attribute::PART, &part.number)?;
+        write_number(file, attribute::RUN_DIGEST, &part.run_digest)?;
+    }
     let config = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::CONFIG)?;
     config.write_scalar(&var_len(lineage.config_toml)?)?;
     let made_by = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::MADE_BY)?;
@@ -98,9 +102,9 @@ fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
 
     let (taps, scan_of_tap) = (plan.taps(), plan.scan_of_tap());
     create_table(file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;
-    match lineage.raw.and_then(|(path, digest)| Some((path.file_name()?, digest))) {
+    match lineage.raw {
         Some((raw, digest)) => {
-            let raw = raw.to_string_lossy();
+            let raw = from_beside(path, raw);
             write_text(file, attribute::RAW_DIGEST, &hex_of(&digest))?;
             write_text(file, attribute::RAW, &raw)?;
             // For other readers of HDF5; this program opens the other archive itself, to read only.
@@ -135,6 +139,12 @@ fn fill(file: &File, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
     file.flush()
 }
 
+/// The name of `raw` as seen from the folder of `path`: it lies there, or in the folder of that folder.
+fn from_beside(path: &Path, raw: &Path) -> String {
+    let name = raw.file_name().unwrap_or_default().to_string_lossy();
+    if folder_of(path) == folder_of(raw) { name.into_owned() } else { format!("../{name}") }
+}
+
 /// BLAKE3, in hexadecimal digits, of all that does not change once the archive is there.
 ///
 /// `None` where a table claims what cannot be.
@@ -153,7 +163,12 @@ pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<Option<String>> {
     for name in [table::CONFIG, table::MADE_BY] {
         add(file.dataset(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
     }
-    if file.attr_names()?.iter().any(|name| name == attribute::RAW) {
+    let names = file.attr_names()?;
+    if names.iter().any(|name| name == attribute::PART) {
+        add(&file.attr(attribute::PART)?.read_scalar::<u32>()?.to_le_bytes());
+        add(&file.attr(attribute::RUN_DIGEST)?.read_scalar::<u64>()?.to_le_bytes());
+    }
+    if names.iter().any(|name| name == attribute::RAW) {
         for name in [attribute::RAW, attribute::RAW_DIGEST] {
             add(file.attr(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
         }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
-use crate::error::Context;
+use crate::context::Context;
 use crate::{Error, Result};
 
 /// A new file beside the one that it is to become; it is removed when dropped, unless it was renamed.

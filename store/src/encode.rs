@@ -24,6 +24,16 @@ impl Packed {
     pub(crate) fn stored<'a>(&'a self, samples: &'a [u8]) -> &'a [u8] {
         if self.is_as_given { samples } else { &self.bytes }
     }
+
+    /// The same, to be kept, in `room` or in exchange for it.
+    pub(crate) fn give(&mut self, samples: &[u8], mut room: Vec<u8>) -> Vec<u8> {
+        if self.is_as_given {
+            room.clear();
+            room.extend_from_slice(samples);
+            return room;
+        }
+        std::mem::replace(&mut self.bytes, room)
+    }
 }
 
 /// The shape of what is packed.
@@ -53,7 +63,7 @@ impl Packer {
     }
 
     /// Packs `records`, the samples of one tap each; what comes of them does not depend on how many there are.
-    pub(crate) fn pack(&mut self, records: &[&[u8]]) -> &[Packed] {
+    pub(crate) fn pack(&mut self, records: &[&[u8]]) -> &mut [Packed] {
         if self.desks.len() < records.len() {
             self.desks.resize_with(records.len(), Packed::default);
         }
@@ -79,7 +89,7 @@ impl Packer {
             }
             own.iter().for_each(run);
         });
-        &self.desks[..records.len()]
+        &mut self.desks[..records.len()]
     }
 }
 

@@ -1,7 +1,7 @@
 //! What can go wrong with an archive.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use tapline_wire::TapId;
 
@@ -195,6 +195,14 @@ pub enum Error {
         /// What was asked for.
         codec: Codec,
     },
+    /// A folder is not that of one whole run.
+    #[error("{} is not the folder of a run: {what}", path.display())]
+    NotARun {
+        /// The folder.
+        path: PathBuf,
+        /// What is amiss.
+        what: String,
+    },
     /// The archive contradicts itself.
     #[error("{} is damaged: {what}", path.display())]
     Damaged {
@@ -356,32 +364,4 @@ impl Error {
             _ => "see to that disk and file",
         }
     }
-}
-
-/// Adds to an HDF5 error what was tried and on which file.
-pub(crate) trait Context<T> {
-    /// The result, its error naming `action` and `path`.
-    fn context(self, action: &'static str, path: &Path) -> Result<T, Error>;
-}
-
-impl<T> Context<T> for hdf5::Result<T> {
-    fn context(self, action: &'static str, path: &Path) -> Result<T, Error> {
-        self.map_err(|source| match system_error(&source) {
-            Some(source) => Error::Io { action, path: path.to_owned(), source },
-            None => Error::Hdf5 { action, path: path.to_owned(), source },
-        })
-    }
-}
-
-impl<T> Context<T> for io::Result<T> {
-    fn context(self, action: &'static str, path: &Path) -> Result<T, Error> {
-        self.map_err(|source| Error::Io { action, path: path.to_owned(), source })
-    }
-}
-
-/// What the system said to the library, which says it on within a page of its own.
-fn system_error(error: &hdf5::Error) -> Option<io::Error> {
-    let stack = error.stack()?;
-    let number = |text: &str| text.split_once("errno = ")?.1.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok();
-    stack.iter().find_map(|frame| number(frame.desc())).filter(|&errno| errno != 0).map(io::Error::from_raw_os_error)
 }

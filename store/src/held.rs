@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use tapline_wire::{LineError, TapTopic, Topic as _};
 
 use crate::run::{Desk, RunError};
-use crate::{Error, Result, Writer};
+use crate::{Error, Result, RunWriter};
 
 /// How often it is tried again.
 const TRY_EVERY: Duration = Duration::from_millis(500);
@@ -20,7 +20,7 @@ impl Desk<'_> {
     /// Does `act` on the archive; while that cannot be written, waits, and then does it again.
     ///
     /// What has come is kept meanwhile, and no more is taken: the buffers fill, and the sources wait.
-    pub(crate) fn insist<T>(&mut self, mut act: impl FnMut(&mut Writer) -> Result<T>) -> Result<T, RunError> {
+    pub(crate) fn insist<T>(&mut self, mut act: impl FnMut(&mut RunWriter) -> Result<T>) -> Result<T, RunError> {
         loop {
             match act(&mut self.writer) {
                 Err(error) if error.is_of_the_disk() => self.wait_out(error)?,
@@ -35,7 +35,7 @@ impl Desk<'_> {
             return Ok(());
         }
         self.looked_at = Instant::now();
-        self.insist(Writer::check_place)
+        self.insist(RunWriter::check_place)
     }
 
     fn wait_out(&mut self, mut error: Error) -> Result<(), RunError> {

@@ -56,6 +56,10 @@ pub(crate) mod attribute {
     pub(crate) const RAW: &str = "raw";
     /// Digest of the taps that results are of, as hexadecimal digits.
     pub(crate) const RAW_DIGEST: &str = "raw_digest";
+    /// Which file of a run this is, from 1; only where the run may take several.
+    pub(crate) const PART: &str = "part";
+    /// Digest of the plan of the whole run, likewise.
+    pub(crate) const RUN_DIGEST: &str = "run_digest";
     /// Key of the results, zeros until they are whole.
     pub(crate) const LINEAGE_KEY: &str = "lineage_key";
     /// BLAKE3 of what does not change after creation, as hexadecimal digits.
@@ -99,7 +103,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     ),
     (
         table::LEDGER,
-        "state 0 missing, 1 archived, 2 refused; only an archived tap's other rows are meant; a missing tap was lost at 1 acquire, 2 process, 3 store, 0 not said; attempts before this one were retaken for the flags of retaken_quality",
+        "state 0 missing, 1 archived, 2 refused; only an archived tap's other rows are meant; a missing tap was lost at 1 acquire, 2 process, 3 store, 0 not said, or is 4 in a later file of the run; attempts before this one were retaken for the flags of retaken_quality",
         "",
     ),
     (table::REFUSALS, "reason of a refused tap, UTF-8", ""),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::Codec;
 use crate::archive::Archive;
-use crate::error::Context;
+use crate::context::Context;
 use crate::layout::HeaderRow;
 use crate::sealed::{Digest, SealedRow as _};
 use crate::{Result, reader::settled};
@@ -22,14 +22,25 @@ pub struct Lineage<'a> {
     /// defaults among them.
     pub made_by: &'a str,
     /// The archive whose taps the results are of, where these are results alone, and the digest of its taps; it must lie in
-    /// the same folder.
+    /// the same folder, or in the folder of that folder.
     pub raw: Option<(&'a Path, [u8; 32])>,
+    /// Which file of its run the archive is, where that may take several.
+    pub part: Option<Part>,
+}
+
+/// Which file of a run an archive is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    /// Its number, from 1.
+    pub number: u32,
+    /// Digest of the plan of the whole run.
+    pub run_digest: u64,
 }
 
 impl<'a> From<&'a str> for Lineage<'a> {
     /// A run with that configuration and no reference file, packed as usual, of which nothing else is known.
     fn from(config_toml: &'a str) -> Self {
-        Self { config_toml, reference: None, codec: Codec::default(), made_by: "", raw: None }
+        Self { config_toml, reference: None, codec: Codec::default(), made_by: "", raw: None, part: None }
     }
 }
 

@@ -13,10 +13,12 @@ pub enum Lost {
     Process,
     /// Its discriminators came, its samples did not.
     Store,
+    /// It is not lost: its scan was begun after this file was full, and is in a later file of the same run.
+    LaterFile,
 }
 
 impl Lost {
-    const ALL: [Self; 4] = [Self::Unknown, Self::Acquire, Self::Process, Self::Store];
+    const ALL: [Self; 5] = [Self::Unknown, Self::Acquire, Self::Process, Self::Store, Self::LaterFile];
 
     /// Its code in the archive.
     pub fn code(self) -> u16 {
@@ -28,8 +30,8 @@ impl Lost {
         Self::ALL.get(usize::from(code)).copied()
     }
 
-    /// Its name in tables: the stage that should have passed the tap on.
+    /// Its name in tables: the stage that should have passed the tap on, or where it is.
     pub fn name(self) -> &'static str {
-        ["unknown", "acquire", "process", "store"][self as usize]
+        ["unknown", "acquire", "process", "store", "later file"][self as usize]
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::Result;
 use crate::archive::Archive;
-use crate::error::Context;
+use crate::context::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ReasonRow, ScanRow};
 
 /// Rows that wait for a flush; one more and it is done unasked, so that memory stays bounded.
@@ -19,6 +19,8 @@ pub(crate) struct Pending {
     /// As they go to the file: where a flush fails they are written again.
     samples: BTreeMap<u32, Vec<u8>>,
     sample_bytes: usize,
+    /// Room of samples that are safe, for others: new memory costs as much as the copy into it.
+    spare: Vec<Vec<u8>>,
     pub(crate) headers: BTreeMap<u32, HeaderRow>,
     pub(crate) discriminators: BTreeMap<u32, DiscriminatorsRow>,
     pub(crate) reasons: BTreeMap<u32, ReasonRow>,
@@ -53,11 +55,26 @@ impl Pending {
         halves + self.cells.len() + self.taps.len() + self.scans.len()
     }
 
+    /// Room for the samples of a tap, whatever is in it.
+    pub(crate) fn room(&mut self) -> Vec<u8> {
+        self.spare.pop().unwrap_or_default()
+    }
+
     /// Keeps the samples of plan row `row` as they were written.
-    pub(crate) fn keep(&mut self, row: u32, stored: &[u8]) {
+    pub(crate) fn keep(&mut self, row: u32, stored: Vec<u8>) {
         self.sample_bytes += stored.len();
-        let before = self.samples.insert(row, stored.to_vec());
-        self.sample_bytes -= before.map_or(0, |before| before.len());
+        if let Some(before) = self.samples.insert(row, stored) {
+            self.sample_bytes -= before.len();
+            self.spare.push(before);
+        }
+    }
+
+    /// Nothing waits any more; what did is returned.
+    pub(crate) fn take(&mut self) -> Self {
+        let mut taken = std::mem::take(self);
+        self.spare = std::mem::take(&mut taken.spare);
+        self.spare.extend(std::mem::take(&mut taken.samples).into_values());
+        taken
     }
 
     /// Writes the samples to an archive that does not have them.

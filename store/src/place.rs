@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::statvfs;
 
+use crate::behind::Behind;
 use crate::chunk::{ChunkRows, read_handle};
+use crate::context::Context;
 use crate::draft::{Draft, folder_of, remove_dead_drafts};
-use crate::error::Context;
 use crate::{Error, Result};
 
 /// Bytes that are copied at a time when a file is put back: a block of most file systems, so that holes stay holes.
@@ -25,6 +26,7 @@ pub(crate) struct Place {
     /// Bytes that the file had when it was written last.
     least_bytes: u64,
     keystone: Option<Keystone>,
+    behind: Behind,
 }
 
 /// A byte of samples, not zero, behind which no others lie: a file that is cut and then written on, so that its length tells
@@ -49,7 +51,8 @@ impl Place {
     /// The place of `file`, which was opened at `path`.
     pub(crate) fn of(file: &hdf5::File, path: &Path) -> Result<Self> {
         let file = read_handle(file).context("open the archive", path)?;
-        let mut place = Self { path: path.to_owned(), file, least_bytes: 0, keystone: None };
+        let behind = Behind::start(file.try_clone().context("open the archive", path)?);
+        let mut place = Self { path: path.to_owned(), file, least_bytes: 0, keystone: None, behind };
         place.least_bytes = place.held()?.len();
         Ok(place)
     }
@@ -63,7 +66,10 @@ impl Place {
             keystone = keystone.into_iter().chain(other).max_by_key(|keystone| keystone.at);
         }
         self.keystone = keystone;
-        self.least_bytes = self.held()?.len();
+        // It may have been cut just now.
+        let held = self.held()?;
+        self.check_whole(&held)?;
+        self.least_bytes = held.len();
         Ok(())
     }
 
@@ -76,13 +82,21 @@ impl Place {
             Err(error) if error.kind() == ErrorKind::NotFound => return Err(self.gone(&held)),
             Err(error) => return Err(error).context("look for", &self.path),
         }
-        if held.len() < self.least_bytes {
-            return Err(Error::Cut { path: self.path.clone(), was: self.least_bytes, is: held.len() });
+        self.check_whole(&held)
+    }
+
+    /// Checks that the file has what was in it.
+    fn check_whole(&self, held: &Metadata) -> Result<()> {
+        let must_end = self.keystone.as_ref().map_or(0, |keystone| keystone.at + 1);
+        let (was, is) = (self.least_bytes.max(must_end), held.len());
+        if is < was {
+            return Err(Error::Cut { path: self.path.clone(), was, is });
         }
         let Some(Keystone { at, byte, .. }) = self.keystone else { return Ok(()) };
         let mut there = [0];
-        self.file.read_exact_at(&mut there, at).context("look for", &self.path)?;
-        match there == [byte] {
+        // Nothing is read where it was cut this very moment.
+        let count = self.file.read_at(&mut there, at).context("look for", &self.path)?;
+        match (count, there) == (1, [byte]) {
             true => Ok(()),
             false => Err(Error::Overwritten { path: self.path.clone(), at }),
         }
@@ -118,9 +132,15 @@ impl Place {
         }
     }
 
+    /// Has `bytes` that were handed to the system go to the disk meanwhile.
+    pub(crate) fn note_written(&mut self, bytes: usize) {
+        self.behind.note(bytes);
+    }
+
     /// Waits until all that was written is on the disk, where a power cut cannot take it back.
     pub(crate) fn sync(&self) -> Result<()> {
-        self.file.sync_all().context("sync", &self.path)
+        let synced = self.file.sync_all();
+        self.behind.failure().and(synced).context("sync", &self.path)
     }
 
     fn held(&self) -> Result<Metadata> {

@@ -1,15 +1,16 @@
 //! Reads an archive back, as the records that were put into it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tapline_wire::{
     DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, Samples, ScanState, TapHeader, TapId, TapState, Truth,
 };
 
-use crate::archive::{Access, Archive, read_text};
-use crate::error::Context;
+use crate::archive::{Archive, read_text};
+use crate::context::Context;
 use crate::layout::{LedgerRow, ScanRow, attribute};
-use crate::lineage::raw_digest;
+use crate::lineage::{digest_of, lineage_key, raw_digest};
+use crate::parts::{PartMap, open_all};
 use crate::rows::{at_attempt, text};
 use crate::samples::{Room, SampleFile, Taps, checked_header};
 use crate::sealed::SealedRow;
@@ -48,38 +49,48 @@ pub struct Refusal {
 /// The verdict on a scan, and its damage map.
 pub type Judged = (Judgement, Vec<DamageCell>);
 
-/// An archive that is read.
+/// The archive of a run that is read: one file, or all those of a folder.
 ///
 /// Readers share an archive with one another, not with a writer.
 #[derive(Debug)]
 pub struct Reader {
-    archive: Archive,
+    path: PathBuf,
+    /// The files of the run; the first has the plan of all of it.
+    archives: Vec<Archive>,
+    map: PartMap,
     ledger: Ledger,
-    samples: SampleFile,
-    /// Rows of the ledger as they are in the file.
-    states: Vec<LedgerRow>,
+    samples: Vec<SampleFile>,
+    /// Rows of the ledgers as they are in the files.
+    states: Vec<Vec<LedgerRow>>,
 }
 
 impl Reader {
-    /// Opens the archive at `path`, whole or left by a writer that died.
+    /// Opens the archive at `path`, whole or left by a writer that died: a file, or the folder of a run that took several.
     ///
     /// # Errors
-    /// [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`],
+    /// [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::NotARun`], [`crate::Error::FormatVersion`],
     /// [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        let archive = Archive::open(path.as_ref(), Access::Read)?;
-        let (tap_count, scan_count) = (archive.plan.taps().len(), archive.plan.scans().len());
-        let mut ledger = Ledger::empty(tap_count, scan_count, archive.plan.stations().len());
-        let states = archive.ledger.read_all().context("read the ledger", &archive.path)?;
-        for (k, row) in states.iter().enumerate() {
-            let (state, attempt) = settled(&archive, k, row)?;
-            ledger.set_tap(k, state, attempt);
+        let path = path.as_ref().to_owned();
+        let archives = open_all(&path)?;
+        let map = PartMap::of_all(&archives)?;
+        let run = &archives[0].plan;
+        let mut ledger = Ledger::empty(run.taps().len(), run.scans().len(), run.stations().len());
+        let mut states = Vec::with_capacity(archives.len());
+        for (part, archive) in archives.iter().enumerate() {
+            let rows = archive.ledger.read_all().context("read the ledger", &archive.path)?;
+            for (row, there) in map.taps_in(part) {
+                let (state, attempt) = settled(archive, there as usize, &rows[there as usize])?;
+                ledger.set_tap(row as usize, state, attempt);
+            }
+            let scans = archive.scans.read_all().context("read the scans", &archive.path)?;
+            for (scan, there) in map.scans_in(part) {
+                ledger.set_scan(scan as usize, scan_state(archive, there as usize, &scans[there as usize])?);
+            }
+            states.push(rows);
         }
-        for (k, row) in archive.scans.read_all().context("read the scans", &archive.path)?.into_iter().enumerate() {
-            ledger.set_scan(k, scan_state(&archive, k, &row)?);
-        }
-        let samples = SampleFile::open(&archive)?;
-        Ok(Self { archive, ledger, samples, states })
+        let samples = archives.iter().map(SampleFile::open).collect::<Result<_>>()?;
+        Ok(Self { path, archives, map, ledger, samples, states })
     }
 
     /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
@@ -87,41 +98,47 @@ impl Reader {
     /// # Errors
     /// [`crate::Error::OtherPlan`], [`crate::Error::OtherConfiguration`] and [`crate::Error::OtherReference`].
     pub fn check_same<'a>(&self, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<()> {
-        self.archive.check_same(plan, lineage.into())
+        self.first().check_same(plan, lineage.into())
     }
 
-    pub(crate) fn archive(&self) -> &Archive {
-        &self.archive
+    /// The files of the run.
+    pub(crate) fn archives(&self) -> &[Archive] {
+        &self.archives
+    }
+
+    /// The first of them, which has the plan of all.
+    pub(crate) fn first(&self) -> &Archive {
+        &self.archives[0]
     }
 
     /// Where the archive is.
     pub fn path(&self) -> &Path {
-        &self.archive.path
+        &self.path
     }
 
     /// The scan plan, as it was given to the writer.
     pub fn plan(&self) -> &Plan {
-        &self.archive.plan
+        &self.first().plan
     }
 
     /// The configuration, verbatim.
     pub fn config(&self) -> &str {
-        &self.archive.config
+        &self.first().config
     }
 
     /// Version of the program that created the archive; `None` where it does not say.
     pub fn written_by(&self) -> Option<String> {
-        read_text(&self.archive.file, attribute::TAPLINE_VERSION).ok()
+        read_text(&self.first().file, attribute::TAPLINE_VERSION).ok()
     }
 
     /// The reference file of the run, verbatim; `None` where it had none.
     pub fn reference(&self) -> Option<&str> {
-        self.archive.reference.as_deref()
+        self.first().reference.as_deref()
     }
 
     /// What the results were made by: digests of the program's sources and every option, a line each.
     pub fn made_by(&self) -> &str {
-        &self.archive.made_by
+        &self.first().made_by
     }
 
     /// BLAKE3 of all that was recorded in the archived taps.
@@ -129,7 +146,11 @@ impl Reader {
     /// # Errors
     /// What the system says.
     pub fn raw_digest(&self) -> Result<[u8; 32]> {
-        raw_digest(&self.archive)
+        let digests = self.raw_digests()?;
+        if let [digest] = digests[..] {
+            return Ok(digest);
+        }
+        Ok(digest_of(digests.as_flattened()))
     }
 
     /// The key of the results as they are: [`crate::lineage_key`] of the recorded taps, what made the results, and the reference.
@@ -137,17 +158,27 @@ impl Reader {
     /// # Errors
     /// What the system says.
     pub fn lineage_key(&self) -> Result<String> {
-        self.archive.key()
+        Ok(lineage_key(&self.raw_digest()?, self.made_by(), self.reference()))
+    }
+
+    /// Of every file of the run what [`Reader::raw_digest`] is of all.
+    pub(crate) fn raw_digests(&self) -> Result<Vec<[u8; 32]>> {
+        self.archives.iter().map(raw_digest).collect()
+    }
+
+    /// Whether the file that ought to have scan `scan` leaves it to a later one, which is not there.
+    pub(crate) fn is_later(&self, scan: u32) -> bool {
+        self.plan().scans()[scan as usize].taps.iter().all(|&row| self.lost_at(row) == Some(Lost::LaterFile))
     }
 
     /// Whether this archive has results alone, of the taps of another.
     pub fn is_results(&self) -> bool {
-        self.archive.is_results()
+        self.first().is_results()
     }
 
     /// What is known of where cracks are; empty where nothing is.
     pub fn truth(&self) -> &Truth {
-        self.archive.plan.truth()
+        self.plan().truth()
     }
 
     /// State of every tap and scan; barriers and losses are not archived and zero.
@@ -164,14 +195,20 @@ impl Reader {
     /// Why and how often the tap in plan row `row` was taken again before the attempt that counts, as the flags of the last
     /// attempt that was of no use; `None` where it never was.
     pub fn retaken(&self, row: u32) -> Option<(u32, Quality)> {
-        let row = self.states.get(row as usize).filter(|row| row.retaken_count > 0)?;
+        let row = self.state(row).filter(|row| row.retaken_count > 0)?;
         Some((row.retaken_count, Quality::from_bits(row.retaken_quality)))
     }
 
-    /// Where the tap in plan row `row` was lost; `None` where it is not missing.
+    /// The row of the ledger of plan row `row`.
+    fn state(&self, row: u32) -> Option<&LedgerRow> {
+        let (part, there) = self.map.tap_if_any(row)?;
+        Some(&self.states[part][there as usize])
+    }
+
+    /// Where the tap in plan row `row` was lost, or that it is in a later file; `None` where it is not missing.
     pub fn lost_at(&self, row: u32) -> Option<Lost> {
         let is_missing = self.ledger.taps().get(row as usize) == Some(&TapState::Missing);
-        self.states.get(row as usize).filter(|_| is_missing).map(|row| Lost::from_code(row.lost_at).unwrap_or_default())
+        self.state(row).filter(|_| is_missing).map(|row| Lost::from_code(row.lost_at).unwrap_or_default())
     }
 
     /// The tap in plan row `row`, bit for bit; `None` when it is not archived or there is no such row.
@@ -183,15 +220,17 @@ impl Reader {
         if self.ledger.taps().get(k) != Some(&TapState::Archived) {
             return Ok(None);
         }
-        let rows = self.archive.headers.read(k..k + 1).context("read a header", &self.archive.path)?;
-        let header = checked_header(&self.archive.path, self.plan(), row, rows[0])?;
+        let (part, there) = self.map.tap(row);
+        let archive = &self.archives[part];
+        let rows = archive.headers.read(there as usize..there as usize + 1).context("read a header", &archive.path)?;
+        let header = checked_header(&archive.path, &archive.plan, there, rows[0])?;
         let mut room = Room::default();
-        let place = self.samples.place(row)?;
-        let samples = match self.samples.read(&header, rows[0].stored_checksum, place, &mut room)? {
+        let place = self.samples[part].place(there)?;
+        let samples = match self.samples[part].read(&header, rows[0].stored_checksum, place, &mut room)? {
             Samples::I16(samples) => OwnedSamples::I16(samples.to_vec()),
             Samples::F32(samples) => OwnedSamples::F32(samples.to_vec()),
         };
-        Ok(Some((header, samples)))
+        Ok(Some((in_run(header, row, self.plan()), samples)))
     }
 
     /// All archived taps, for readers that share the work between threads.
@@ -199,12 +238,12 @@ impl Reader {
     /// # Errors
     /// What the system says.
     pub fn taps(&self) -> Result<Taps> {
-        Taps::of(&self.archive, self.ledger.taps())
+        Taps::of(&self.archives, &self.map, self.ledger.taps())
     }
 
     /// What packs the samples.
     pub fn codec(&self) -> Codec {
-        self.archive.samples.codec()
+        self.first().samples.codec()
     }
 
     /// The headers of all planned taps, by plan row; `None` where the tap is not archived.
@@ -212,16 +251,14 @@ impl Reader {
     /// # Errors
     /// [`crate::Error::Damaged`] where a checksum differs, or what the system says.
     pub fn headers(&self) -> Result<Vec<Option<TapHeader>>> {
-        let mut headers = Vec::with_capacity(self.ledger.taps().len());
-        let rows = self.archive.headers.read_all().context("read the headers", &self.archive.path)?;
-        for ((number, row), state) in (0..).zip(rows).zip(self.ledger.taps()) {
-            let is_there = *state == TapState::Archived;
-            headers.push(match is_there {
-                true => Some(checked_header(&self.archive.path, self.plan(), number, row)?),
-                false => None,
-            });
-        }
-        Ok(headers)
+        let rows = self.each(|archive| archive.headers.read_all(), "read the headers")?;
+        let header = |row: u32| {
+            let (part, there) = self.map.tap(row);
+            let archive = &self.archives[part];
+            let header = checked_header(&archive.path, &archive.plan, there, rows[part][there as usize])?;
+            Ok(in_run(header, row, self.plan()))
+        };
+        (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| header(row)).transpose()).collect()
     }
 
     /// What was found in every planned tap, by plan row; `None` where the tap is not archived.
@@ -229,16 +266,14 @@ impl Reader {
     /// # Errors
     /// What the system says.
     pub fn discriminators(&self) -> Result<Vec<Option<Discriminators>>> {
-        let mut found = Vec::with_capacity(self.ledger.taps().len());
-        let taps = self.plan().taps();
-        let rows = self.archive.discriminators.read_all().context("read the discriminators", &self.archive.path)?;
-        for ((k, row), state) in rows.into_iter().enumerate().zip(self.ledger.taps()) {
-            found.push(match state {
-                TapState::Archived => Some(self.whole(k, row)?.to_discriminators(&taps[k].id)),
-                TapState::Missing | TapState::Refused => None,
-            });
-        }
-        Ok(found)
+        let rows = self.each(|archive| archive.discriminators.read_all(), "read the discriminators")?;
+        let found = |row: u32| {
+            let (part, there) = self.map.tap(row);
+            let found = whole(&self.archives[part], there as usize, rows[part][there as usize])?;
+            let found = found.to_discriminators(&self.plan().taps()[row as usize].id);
+            Ok(Discriminators { plan_index: row, ..found })
+        };
+        (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| found(row)).transpose()).collect()
     }
 
     /// Why taps were refused, in plan order.
@@ -248,13 +283,14 @@ impl Reader {
     pub fn refusals(&self) -> Result<Vec<Refusal>> {
         let mut refusals = Vec::new();
         for (row, planned) in (0..).zip(self.plan().taps()) {
-            let k = row as usize;
-            if self.ledger.taps()[k] == TapState::Refused {
-                let reasons = self.archive.refusals.read(k..k + 1).context("read a reason", &self.archive.path)?;
-                let row_of_reason = self.whole(k, reasons[0])?;
+            if self.ledger.taps()[row as usize] == TapState::Refused {
+                let (part, there) = self.map.tap(row);
+                let (archive, there) = (&self.archives[part], there as usize);
+                let reasons = archive.refusals.read(there..there + 1).context("read a reason", &archive.path)?;
+                let row_of_reason = whole(archive, there, reasons[0])?;
                 let reason = text(&row_of_reason.reason)
-                    .ok_or_else(|| self.archive.damaged(format!("the reason in row {row} is not UTF-8")))?;
-                let id = at_attempt(planned.id, self.ledger.attempt(k));
+                    .ok_or_else(|| archive.damaged(format!("the reason in row {there} is not UTF-8")))?;
+                let id = at_attempt(planned.id, self.ledger.attempt(row as usize));
                 refusals.push(Refusal { plan_index: row, id, reason: reason.to_owned() });
             }
         }
@@ -268,33 +304,44 @@ impl Reader {
     /// # Errors
     /// What the system says.
     pub fn judgements(&self) -> Result<Vec<Option<Judged>>> {
-        let rows = self.archive.scans.read_all().context("read the scans", &self.archive.path)?;
-        let first_cells = self.archive.first_cells();
-        let mut judgements = Vec::with_capacity(rows.len());
-        for (number, row) in (0..).zip(rows) {
-            let k = number as usize;
-            if self.ledger.scans()[k] != ScanState::Judged {
-                judgements.push(None);
-                continue;
-            }
-            let cells = self.archive.damage.read(first_cells[k]..first_cells[k + 1]);
-            let cells = cells.context("read a damage map", &self.archive.path)?;
-            let judgement = row.to_judgement(number, self.plan().digest());
-            let cells =
-                cells.into_iter().enumerate().map(|(n, cell)| Ok(self.whole(first_cells[k] + n, cell)?.to_cell()));
-            judgements.push(Some((judgement, cells.collect::<Result<_>>()?)));
-        }
-        Ok(judgements)
+        let rows = self.each(|archive| archive.scans.read_all(), "read the scans")?;
+        let first_cells: Vec<Vec<usize>> = self.archives.iter().map(Archive::first_cells).collect();
+        let judged = |scan: u32| {
+            let (part, there) = self.map.scan(scan);
+            let (archive, there) = (&self.archives[part], there as usize);
+            let (first, end) = (first_cells[part][there], first_cells[part][there + 1]);
+            let cells = archive.damage.read(first..end).context("read a damage map", &archive.path)?;
+            let judgement = rows[part][there].to_judgement(scan, self.plan().digest());
+            let cells = (first..).zip(cells).map(|(k, cell)| Ok(whole(archive, k, cell)?.to_cell()));
+            Ok((judgement, cells.collect::<Result<_>>()?))
+        };
+        let is_judged = |state: &ScanState| *state == ScanState::Judged;
+        (0..).zip(self.ledger.scans()).map(|(scan, state)| is_judged(state).then(|| judged(scan)).transpose()).collect()
     }
 
-    /// `row` as row `number` of its table, if it is what was written.
-    fn whole<R: SealedRow>(&self, number: usize, row: R) -> Result<R> {
-        if row.is_whole(number) {
-            return Ok(row);
-        }
-        let what = format!("row {number} of its table {:?} is not what was written: its checksum differs", R::TABLE);
-        Err(self.archive.damaged(what))
+    /// What `read` gives of every file.
+    fn each<R>(&self, read: impl Fn(&Archive) -> hdf5::Result<Vec<R>>, what: &'static str) -> Result<Vec<Vec<R>>> {
+        self.archives.iter().map(|archive| read(archive).context(what, &archive.path)).collect()
     }
+}
+
+fn archived(state: TapState) -> bool {
+    state == TapState::Archived
+}
+
+/// `header`, as it stands in the file that has it, as that of plan row `row` of the run.
+pub(crate) fn in_run(mut header: TapHeader, row: u32, run: &Plan) -> TapHeader {
+    (header.plan_index, header.stamp.plan_digest) = (row, run.digest());
+    header
+}
+
+/// `row` as row `number` of its table, if it is what was written.
+fn whole<R: SealedRow>(archive: &Archive, number: usize, row: R) -> Result<R> {
+    if row.is_whole(number) {
+        return Ok(row);
+    }
+    let what = format!("row {number} of its table {:?} is not what was written: its checksum differs", R::TABLE);
+    Err(archive.damaged(what))
 }
 
 /// State and attempt of the tap in row `k` of the ledger.

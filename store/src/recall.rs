@@ -2,13 +2,13 @@
 
 use tapline_wire::{Ledger, ScanState, TapState};
 
-use crate::Result;
 use crate::archive::Archive;
-use crate::error::Context;
+use crate::context::Context;
 use crate::layout::{ScanRow, table};
 use crate::reader::{scan_state, settled};
 use crate::sealed::SealedRow as _;
 use crate::track::{Take, Track};
+use crate::{Lost, Result};
 
 /// What is settled in an archive.
 #[derive(Debug)]
@@ -78,7 +78,11 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger) -> Result<Vec<Track>> {
             TapState::Archived => Track::archived(samples[k], discriminators[k]),
             TapState::Refused => Track::refused(attempt),
         };
-        tracks.push(track.retaken_before(retaken_count, retaken_quality));
+        let mut track = track.retaken_before(retaken_count, retaken_quality);
+        if state == TapState::Missing && Lost::from_code(row.lost_at) == Some(Lost::LaterFile) {
+            track.hand_over();
+        }
+        tracks.push(track);
     }
     Ok(tracks)
 }

@@ -7,11 +7,12 @@ use std::path::Path;
 use tapline_wire::SampleFormat;
 
 use crate::archive::{Access, Archive};
+use crate::context::Context;
 use crate::create::create;
 use crate::draft::{Draft, remove_dead_drafts};
 use crate::encode::{Packer, Shape};
-use crate::error::Context;
 use crate::layout::HeaderRow;
+use crate::parts::{open_all, part_path, part_paths};
 use crate::reader::Reader;
 use crate::samples::Room;
 use crate::sealed::{SealedRow, checksum};
@@ -32,7 +33,7 @@ pub struct Repacked {
     pub after_bytes: u64,
 }
 
-/// Writes the archive at `from` to `to`, its samples packed by `codec`; every sample is checked on the way.
+/// Writes the archive at `from`, a file or the folder of a run, to `to`, its samples packed by `codec`; every sample is checked on the way.
 ///
 /// The new file appears whole or not at all, and its results have the same lineage.
 ///
@@ -41,6 +42,24 @@ pub struct Repacked {
 /// [`Error::Damaged`] where [`verify()`] finds a problem in it, or what the system says.
 pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Result<Repacked> {
     let (from, to) = (from.as_ref(), to.as_ref());
+    if !from.is_dir() {
+        return repack_file(from, to, codec);
+    }
+    let paths = part_paths(from)?;
+    // It also says what is amiss with the run as such.
+    open_all(from)?;
+    fs::create_dir(to).context("create", to)?;
+    let mut sum = Repacked { sample_bytes: 0, before_bytes: 0, after_bytes: 0 };
+    for (number, path) in (1..).zip(paths) {
+        let one = repack_file(&path, &part_path(to, number), codec)?;
+        sum.sample_bytes += one.sample_bytes;
+        sum.before_bytes += one.before_bytes;
+        sum.after_bytes += one.after_bytes;
+    }
+    Ok(sum)
+}
+
+fn repack_file(from: &Path, to: &Path, codec: Codec) -> Result<Repacked> {
     let reader = Reader::open(from)?;
     if reader.is_results() {
         return Err(Error::ResultsAlone { path: from.to_owned() });
@@ -49,7 +68,7 @@ pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Res
         return Err(Error::Exists { path: to.to_owned() });
     }
     if let Some(problem) = verify(from)?.problems.first() {
-        return Err(reader.archive().damaged(format!("it is not packed again, for {problem}")));
+        return Err(reader.first().damaged(format!("it is not packed again, for {problem}")));
     }
     remove_dead_drafts(to);
     let draft = Draft::begin(to).context("create", to)?;
@@ -68,16 +87,17 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
         made_by: reader.made_by(),
         codec,
         raw: None,
+        part: reader.first().part,
     };
     create(draft, reader.plan(), lineage)?;
-    let (old, new) = (reader.archive(), Archive::open(draft, Access::Write)?);
+    let (old, new) = (reader.first(), Archive::open(draft, Access::Write)?);
     let sample_bytes = copy_taps(reader, &new)?;
     copy(&old.discriminators, &new.discriminators, draft)?;
     copy(&old.refusals, &new.refusals, draft)?;
     copy(&old.damage, &new.damage, draft)?;
     copy(&old.scans, &new.scans, draft)?;
     copy(&old.ledger, &new.ledger, draft)?;
-    if reader.ledger().is_judged() {
+    if !old.stored_key()?.is_empty() {
         new.write_key()?;
     }
     new.file.flush().context("write", draft)?;
@@ -103,7 +123,7 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
         row_bytes: rows.row_bytes(),
     });
     let taps = reader.taps()?;
-    let mut headers = reader.archive().headers.read_all().context("read the headers", reader.path())?;
+    let mut headers = reader.first().headers.read_all().context("read the headers", reader.path())?;
     let numbers: Vec<u32> = (0..).take(headers.len()).collect();
     let mut room = Room::default();
     let mut sample_bytes = 0;
@@ -121,7 +141,7 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
             if packed.samples_digest != header.samples_digest {
                 let what =
                     format!("the samples of plan row {row} are not those that were recorded: their digest differs");
-                return Err(reader.archive().damaged(what));
+                return Err(reader.first().damaged(what));
             }
             match rows.codec() {
                 Codec::None | Codec::Lz4 | Codec::Zstd => {

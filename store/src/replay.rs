@@ -3,12 +3,13 @@
 use tapline_wire::{Discriminators, Quality, TapId, TapState};
 
 use crate::Result;
-use crate::error::Context;
+use crate::archive::{Access, Archive};
+use crate::context::Context;
 use crate::rows::at_attempt;
 use crate::writer::Writer;
 
 /// Rows that one call of [`Writer::settled_from`] looks at.
-const REPLAY_ROWS_MAX: usize = 4096;
+pub(crate) const REPLAY_ROWS_MAX: usize = 4096;
 
 impl Writer {
     /// What was found in the taps from plan row `from` on, as far as this writer has it, for a stage that missed it:
@@ -23,7 +24,16 @@ impl Writer {
         let taps = self.plan.taps();
         let first = (from as usize).min(taps.len());
         let last = (first + most.min(REPLAY_ROWS_MAX)).min(taps.len());
-        let rows = self.open()?.discriminators.read(first..last).context("read discriminators", &self.path)?;
+        let shut;
+        let archive = match &self.archive {
+            // All that it has is in the file.
+            None if self.is_shut() => {
+                shut = Archive::open(&self.path, Access::Read)?;
+                &shut
+            }
+            _ => self.open()?,
+        };
+        let rows = archive.discriminators.read(first..last).context("read discriminators", &self.path)?;
         let mut records = Vec::new();
         for (plan_index, row) in (from..).zip(rows) {
             let (track, planned) = (&self.tracks[plan_index as usize], &taps[plan_index as usize].id);

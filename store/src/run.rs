@@ -9,7 +9,7 @@ use tapline_wire::{
     bytes_of,
 };
 
-use crate::{Error, PutOutcome, Writer};
+use crate::{Error, PutOutcome, RunWriter};
 
 /// Taps that are taken in together, packed by several threads: as many as may be held at once.
 const BATCH_TAPS: usize = TapTopic::BORROWED;
@@ -65,9 +65,9 @@ pub struct Outcome {
 ///
 /// # Errors
 /// [`RunError`] when the archive cannot be written or shared memory fails. Being asked to stop is no error.
-pub fn run(line: &Line, plan: &Plan, writer: Writer) -> Result<Outcome, RunError> {
+pub fn run(line: &Line, plan: &Plan, writer: RunWriter) -> Result<Outcome, RunError> {
     let mut desk = Desk::open(line, plan, writer)?;
-    match desk.serve().and_then(|()| desk.insist(Writer::settle)) {
+    match desk.serve().and_then(|()| desk.insist(RunWriter::settle)) {
         Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => desk.close(),
         Err(error) => Err(error),
     }
@@ -82,7 +82,7 @@ pub(crate) struct Desk<'a> {
     verdicts: Subscriber<'a, DamageTopic>,
     told: Publisher<'a, LedgerTopic>,
     replay: Publisher<'a, ReplayTopic>,
-    pub(crate) writer: Writer,
+    pub(crate) writer: RunWriter,
     /// Whether the archive cannot be written.
     pub(crate) is_held: bool,
     /// When the file was last looked for.
@@ -102,7 +102,7 @@ pub(crate) struct Desk<'a> {
 }
 
 impl<'a> Desk<'a> {
-    fn open(line: &'a Line, plan: &'a Plan, writer: Writer) -> Result<Self, RunError> {
+    fn open(line: &'a Line, plan: &'a Plan, writer: RunWriter) -> Result<Self, RunError> {
         let stations = plan.stations();
         let now = Instant::now();
         Ok(Self {
@@ -261,7 +261,7 @@ impl<'a> Desk<'a> {
     }
 
     fn flush(&mut self) -> Result<(), RunError> {
-        self.insist(Writer::flush)?;
+        self.insist(RunWriter::flush)?;
         for (passed, &(taps, found)) in self.passed.iter_mut().zip(&self.barriers) {
             if taps == found {
                 *passed = taps;

@@ -10,9 +10,11 @@ use tapline_wire::{Lane, Plan, SampleFormat, Samples, TapHeader, TapState, bytes
 use crate::archive::Archive;
 use crate::chunk::{ChunkRows, Span};
 use crate::codec::{Codec, unpack};
+use crate::context::Context;
 use crate::encode::unpadded;
-use crate::error::Context;
 use crate::layout::HeaderRow;
+use crate::parts::PartMap;
+use crate::reader::in_run;
 use crate::sealed::{SealedRow as _, checksum};
 use crate::{Error, Result};
 
@@ -96,27 +98,40 @@ impl SampleFile {
     }
 }
 
-/// The taps of an archive for readers that share the work: where each lies is found once, and then no lock is taken.
+/// The taps of a run for readers that share the work: where each lies is found once, and then no lock is taken.
 ///
 /// What an archive packs by LZF or Deflate is unpacked by the HDF5 library after all, one record after another.
 #[derive(Debug)]
 pub struct Taps {
-    file: SampleFile,
-    plan: Plan,
+    /// Of every file, with its plan; the plan of the first is that of the run.
+    files: Vec<(SampleFile, Plan)>,
     /// Of the archived taps, by plan row.
-    found: Vec<Option<(HeaderRow, Option<Span>)>>,
+    found: Vec<Option<Found>>,
+}
+
+/// Where a tap is.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    file: usize,
+    row: u32,
+    header: HeaderRow,
+    place: Option<Span>,
 }
 
 impl Taps {
-    pub(crate) fn of(archive: &Archive, states: &[TapState]) -> Result<Self> {
-        let file = SampleFile::open(archive)?;
-        let rows = archive.headers.read_all().context("read the headers", &archive.path)?;
-        let mut found = Vec::with_capacity(rows.len());
-        for ((number, row), state) in (0..).zip(rows).zip(states) {
-            let is_there = *state == TapState::Archived;
-            found.push(if is_there { Some((row, file.place(number)?)) } else { None });
+    pub(crate) fn of(archives: &[Archive], map: &PartMap, states: &[TapState]) -> Result<Self> {
+        let mut files = Vec::with_capacity(archives.len());
+        let mut found = vec![None; states.len()];
+        for (number, archive) in archives.iter().enumerate() {
+            let file = SampleFile::open(archive)?;
+            let headers = archive.headers.read_all().context("read the headers", &archive.path)?;
+            for (row, there) in map.taps_in(number).filter(|&(row, _)| states[row as usize] == TapState::Archived) {
+                let (header, place) = (headers[there as usize], file.place(there)?);
+                found[row as usize] = Some(Found { file: number, row: there, header, place });
+            }
+            files.push((file, archive.plan.clone()));
         }
-        Ok(Self { file, plan: archive.plan.clone(), found })
+        Ok(Self { files, found })
     }
 
     /// The tap in plan row `row`, bit for bit, its samples in `room`; `None` when it is not archived or there is no such row.
@@ -124,10 +139,11 @@ impl Taps {
     /// # Errors
     /// [`Error::Damaged`] where a checksum differs, or what the system says.
     pub fn read<'r>(&self, row: u32, room: &'r mut Room) -> Result<Option<(TapHeader, Samples<'r>)>> {
-        let Some((header_row, place)) = self.found.get(row as usize).copied().flatten() else { return Ok(None) };
-        let header = checked_header(&self.file.path, &self.plan, row, header_row)?;
-        let samples = self.file.read(&header, header_row.stored_checksum, place, room)?;
-        Ok(Some((header, samples)))
+        let Some(found) = self.found.get(row as usize).copied().flatten() else { return Ok(None) };
+        let (file, plan) = &self.files[found.file];
+        let header = checked_header(&file.path, plan, found.row, found.header)?;
+        let samples = file.read(&header, found.header.stored_checksum, found.place, room)?;
+        Ok(Some((in_run(header, row, &self.files[0].1), samples)))
     }
 }
 

@@ -8,8 +8,8 @@ use std::path::Path;
 use hdf5::{Dataset, File};
 
 use crate::archive::read_text;
+use crate::context::Context;
 use crate::create::write_text;
-use crate::error::Context;
 use crate::layout::{NOTES, attribute, table};
 use crate::{Error, Result};
 

@@ -5,13 +5,14 @@ use std::path::Path;
 
 use tapline_wire::{Ledger, Plan, Quality, Reasons, ScanState, TapId, TapState, Verdict};
 
-use crate::archive::{Access, Archive};
-use crate::error::Context;
+use crate::archive::Archive;
+use crate::context::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
 use crate::lineage::digest_of;
+use crate::parts::{PartMap, open_all};
 use crate::samples::{Room, SampleFile, checked_header};
 use crate::sealed::SealedRow as _;
-use crate::{Error, Result};
+use crate::{Error, Lost, Result};
 
 /// Something in an archive that cannot be right.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +34,13 @@ pub enum Problem {
         /// What it must be.
         computed: String,
     },
+    /// One file of a run that takes several has a problem.
+    File {
+        /// Its name.
+        name: String,
+        /// The problem; rows and scans are that file's.
+        problem: Box<Problem>,
+    },
     /// A scan's rows contradict each other or its taps.
     Scan {
         /// Number of the scan.
@@ -49,6 +57,7 @@ impl fmt::Display for Problem {
             Self::Key { stored, computed } => {
                 write!(f, "its lineage key is {stored:?}; that of its results is {computed}")
             }
+            Self::File { name, problem } => write!(f, "{name}: {problem}"),
             Self::Scan { scan, what } => write!(f, "scan {scan}: {what}"),
         }
     }
@@ -63,33 +72,79 @@ pub struct Report {
     pub ledger: Ledger,
     /// Contradictions, those of taps first, in plan order.
     pub problems: Vec<Problem>,
+    /// Planned taps that are not there, and not left to a later file.
+    pub missing_count: usize,
+    /// By scan: whether it is left to a later file of the run, which was not looked at.
+    pub is_later: Vec<bool>,
 }
 
 impl Report {
-    /// Whether every planned tap is settled, every scan judged, and nothing contradicts itself.
+    /// Whether every planned tap is settled, every scan judged, and nothing contradicts itself; what is left to a later file
+    /// does not count.
     pub fn is_complete(&self) -> bool {
-        self.problems.is_empty() && self.ledger.count(TapState::Missing) == 0 && self.ledger.is_judged()
+        self.problems.is_empty() && self.missing_count == 0 && self.is_judged()
+    }
+
+    /// Whether every scan is judged that is not left to a later file.
+    pub fn is_judged(&self) -> bool {
+        let mut scans = self.ledger.scans().iter().zip(&self.is_later);
+        scans.all(|(&state, is_later)| state == ScanState::Judged || *is_later)
     }
 }
 
-/// Checks the archive at `path`; taps that are missing and scans that are open are no problems, but not complete.
+/// Checks the archive at `path`, a file or the folder of a run; taps that are missing and scans that are open are no
+/// problems, but not complete.
 ///
 /// # Errors
 /// As [`crate::Reader::open`]: a file whose plan or tables cannot be read is not checked further.
 pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
-    let archive = Archive::open(path.as_ref(), Access::Read)?;
+    let archives = open_all(path.as_ref())?;
+    if let [archive] = &archives[..] {
+        return verify_file(archive);
+    }
+    let map = PartMap::of_all(&archives)?;
+    let run = &archives[0].plan;
+    let mut whole = Report::of(run);
+    for (part, archive) in archives.iter().enumerate() {
+        let report = verify_file(archive)?;
+        for (row, there) in map.taps_in(part) {
+            let there = there as usize;
+            whole.ledger.set_tap(row as usize, report.ledger.taps()[there], report.ledger.attempt(there));
+        }
+        for (scan, there) in map.scans_in(part) {
+            whole.ledger.set_scan(scan as usize, report.ledger.scans()[there as usize]);
+        }
+        let name = archive.path.file_name().unwrap_or_default().to_string_lossy();
+        let named = |problem| Problem::File { name: name.clone().into_owned(), problem: Box::new(problem) };
+        whole.problems.extend(report.problems.into_iter().map(named));
+    }
+    // A scan that no file has, for one as the last is not there, is missing here.
+    whole.missing_count = whole.ledger.count(TapState::Missing);
+    Ok(whole)
+}
+
+impl Report {
+    /// Nothing is known yet.
+    fn of(plan: &Plan) -> Self {
+        Self {
+            plan_digest: plan.digest(),
+            ledger: Ledger::empty(plan.taps().len(), plan.scans().len(), plan.stations().len()),
+            problems: Vec::new(),
+            missing_count: 0,
+            is_later: vec![false; plan.scans().len()],
+        }
+    }
+}
+
+fn verify_file(archive: &Archive) -> Result<Report> {
     let plan = &archive.plan;
-    let mut report = Report {
-        plan_digest: plan.digest(),
-        ledger: Ledger::empty(plan.taps().len(), plan.scans().len(), plan.stations().len()),
-        problems: Vec::new(),
-    };
+    let mut report = Report::of(plan);
     let context = "read a table";
     let ledger = archive.ledger.read_all().context(context, &archive.path)?;
     let headers = archive.headers.read_all().context(context, &archive.path)?;
     let discriminators = archive.discriminators.read_all().context(context, &archive.path)?;
     let reasons = archive.refusals.read_all().context(context, &archive.path)?;
-    let file = SampleFile::open(&archive)?;
+    let file = SampleFile::open(archive)?;
     let mut room = Room::default();
     for (plan_index, tap) in (0..).zip(plan.taps()) {
         let k = plan_index as usize;
@@ -119,6 +174,15 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
             }
         }
     }
+    let is_later = |row: &u32| {
+        let row = *row as usize;
+        let is_missing = report.ledger.taps()[row] == TapState::Missing && ledger[row].is_whole(row);
+        is_missing && Lost::from_code(ledger[row].lost_at) == Some(Lost::LaterFile)
+    };
+    let is_later: Vec<bool> = plan.scans().iter().map(|scan| scan.taps.iter().all(is_later)).collect();
+    let later = plan.scans().iter().zip(&is_later).filter(|(_, is_later)| **is_later).map(|(scan, _)| scan.taps.len());
+    report.missing_count = report.ledger.count(TapState::Missing) - later.sum::<usize>();
+    report.is_later = is_later;
     let scans = archive.scans.read_all().context(context, &archive.path)?;
     let first_cells = archive.first_cells();
     for (scan, row) in (0..).zip(&scans) {

@@ -16,9 +16,9 @@ use tapline_wire::{
 
 use crate::archive::{Access, Archive};
 use crate::check::{check_cells, check_id, check_scan, check_shape};
+use crate::context::Context;
 use crate::create::create;
 use crate::encode::{Packer, Shape};
-use crate::error::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, ReasonRow, ScanRow};
 use crate::pending::Pending;
 use crate::place::Place;
@@ -59,7 +59,7 @@ pub struct Writer {
     pub(crate) archive: Option<Archive>,
     is_results: bool,
     pub(crate) tracks: Vec<Track>,
-    scans: Vec<ScanRow>,
+    pub(crate) scans: Vec<ScanRow>,
     scan_fingerprints: Vec<Option<u64>>,
     first_cells: Vec<usize>,
     pub(crate) pending: Pending,
@@ -211,21 +211,23 @@ impl Writer {
         let samples: Vec<&[u8]> =
             (0..taps.len()).filter(is_new).map(|k| &taps[k].1[..taps[k].0.payload_bytes()]).collect();
         let packed = self.packer.pack(&samples);
-        let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
-        let mut written = Vec::with_capacity(samples.len());
-        for ((k, packed), samples) in (0..taps.len()).filter(is_new).zip(packed).zip(&samples) {
-            let header = rows[k];
-            let outcome = archive.samples.write(header.plan_index, packed.stored(samples));
+        let mut headers = Vec::with_capacity(samples.len());
+        for ((k, packed), samples) in (0..taps.len()).filter(is_new).zip(&*packed).zip(&samples) {
+            let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
+            let outcome = archive.samples.write(rows[k].plan_index, packed.stored(samples));
             if let Err(error) = outcome.context("write samples", &self.path) {
                 self.let_go();
                 return Err(error);
             }
             let (samples_digest, stored_checksum) = (packed.samples_digest, packed.stored_checksum);
-            written.push((HeaderRow { samples_digest, stored_checksum, ..header }, packed.stored(samples)));
+            headers.push(HeaderRow { samples_digest, stored_checksum, ..rows[k] });
         }
         // All are written: only now they take the place of earlier attempts.
-        written.iter().for_each(|(header, stored)| self.pending.keep(header.plan_index, stored));
-        let headers: Vec<HeaderRow> = written.into_iter().map(|(header, _)| header).collect();
+        for ((header, packed), samples) in headers.iter().zip(packed).zip(samples) {
+            let stored = packed.give(samples, self.pending.room());
+            self.place.note_written(stored.len());
+            self.pending.keep(header.plan_index, stored);
+        }
         for header in headers {
             self.pending.headers.insert(header.plan_index, header);
             self.take(header.plan_index, Half::Samples, take(&header));
@@ -343,7 +345,7 @@ impl Writer {
         let written =
             self.pending.flush(archive).and_then(|()| self.place.note(&archive.samples, self.pending.samples()));
         written.inspect_err(|_| self.let_go())?;
-        let pending = std::mem::take(&mut self.pending);
+        let pending = self.pending.take();
         for (&row, settled) in &pending.taps {
             self.ledger.set_tap(row as usize, settled.state().unwrap_or(TapState::Missing), settled.attempt);
         }
@@ -362,7 +364,7 @@ impl Writer {
         self.pending.taps.extend(missing.map(|(row, track)| (row, track.to_row(true))));
         self.flush()?;
         let archive = self.open()?;
-        let written = if self.ledger.is_judged() { archive.write_key() } else { Ok(()) };
+        let written = if self.is_judged() { archive.write_key() } else { Ok(()) };
         written.inspect_err(|_| self.let_go())
     }
 

@@ -108,8 +108,14 @@ fn write_anew() {
     let _guard = crate::common::beside_others();
     let (path, plan) = (fixture(), plan());
     drop(std::fs::remove_file(&path));
-    let lineage =
-        Lineage { config_toml: CONFIG, reference: Some(REFERENCE), codec: Codec::Lz4, made_by: MADE_BY, raw: None };
+    let lineage = Lineage {
+        config_toml: CONFIG,
+        reference: Some(REFERENCE),
+        codec: Codec::Lz4,
+        made_by: MADE_BY,
+        raw: None,
+        part: None,
+    };
     let mut writer = Writer::create(&path, &plan, lineage).unwrap();
     let id = plan.taps()[1].id;
     writer.put_retake(1, &id, Quality::DOUBLE_HIT).unwrap();

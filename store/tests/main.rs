@@ -12,5 +12,6 @@ mod page;
 mod parquet;
 mod refuse;
 mod repack;
+mod rotation;
 mod roundtrip;
 mod verify;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File, Location};
-use tapline_store::{Lineage, Reader, Writer};
+use tapline_store::{Lineage, Part, Reader, Writer};
 use tapline_wire::{Quality, Reasons, SampleFormat};
 
 use crate::common::{CONFIG, plan};
@@ -80,7 +80,8 @@ fn found_in_files() -> Found {
     let folder = tempfile::tempdir().unwrap();
     let (path, results) = (folder.path().join("run.h5"), folder.path().join("results.h5"));
     let plan = plan(SampleFormat::I16);
-    let whole = Lineage { reference: Some("{}"), ..CONFIG.into() };
+    let part = Some(Part { number: 1, run_digest: plan.digest() });
+    let whole = Lineage { reference: Some("{}"), part, ..CONFIG.into() };
     Writer::create(&path, &plan, whole).unwrap().finish().unwrap();
     let raw = Some((path.as_path(), Reader::open(&path).unwrap().raw_digest().unwrap()));
     Writer::create(&results, &plan, Lineage { raw, ..whole }).unwrap().finish().unwrap();

@@ -7,7 +7,8 @@ use tapline_wire::{Ledger, Plan, Quality, SampleFormat, ScanState, TapState};
 
 use crate::common::{CONFIG, bytes, discriminators, header, judgement, plan, put, put_all, samples};
 
-fn everything_is_there(reader: &Reader, plan: &Plan) {
+/// Whether `reader` has what [`put_all`] puts.
+pub(crate) fn everything_is_there(reader: &Reader, plan: &Plan) {
     let found = reader.discriminators().unwrap();
     let headers = reader.headers().unwrap();
     for row in 0..plan.taps().len() as u32 {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::error::Context;
+use crate::context::Context;
 use crate::{Error, Result};
 
 /// A folder that is being filled beside the place where it will stand; it is taken away again unless it is finished.

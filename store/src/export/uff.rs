@@ -17,7 +17,7 @@ use tapline_wire::{Channel, TapHeader};
 use super::folder::Draft;
 use super::fortran::{exponent, plain};
 use super::taps::{COLUMNS, ListedTap, TapCounts, Taps, cells, known, scan_names};
-use crate::error::Context;
+use crate::context::Context;
 use crate::reader::{OwnedSamples, Reader};
 use crate::{Error, Result};
 
