@@ -159,8 +159,12 @@ mod tests {
         let reference = tapline_fuse::Reference::Own;
         let mut config = Config::default();
         config.fuse.reference = Some(reference);
-        let usual = toml::Table::try_from(&config).unwrap();
+        // What is left out by default is flipped too.
         let key = |config: &Config| tapline_store::lineage_key(&[7; 32], &made_by(config).unwrap(), None);
+        let without = key(&config);
+        config.acquire.taps_per_s = Some(50.0);
+        assert_ne!(key(&config), without);
+        let usual = toml::Table::try_from(&config).unwrap();
         let (mut count, mut stuck) = (0, Vec::new());
         walk(&mut Vec::new(), &usual, &mut |path, value| {
             let others = flips(value).into_iter().filter(|other| other != value).filter_map(|other| {

@@ -32,8 +32,7 @@ pub(crate) fn verify(archive: &Path, as_json: bool) -> Result<bool> {
         }
         (_, Some(signal)) => {
             let died = format!("the HDF5 library fell over it (signal {signal}): its structure is damaged");
-            writeln!(io::stdout(), "{}: NOT WHOLE: {died}", archive.display())?;
-            Ok(false)
+            tell_unreadable(archive, &died, as_json)
         }
         _ => {
             let told = String::from_utf8_lossy(&done.stderr);
@@ -42,12 +41,25 @@ pub(crate) fn verify(archive: &Path, as_json: bool) -> Result<bool> {
     }
 }
 
+/// Tells of an archive that is damaged so that it cannot be checked row by row.
+fn tell_unreadable(archive: &Path, why: &str, as_json: bool) -> Result<bool> {
+    let mut out = io::stdout().lock();
+    match as_json {
+        true => {
+            let text = json!({ "archive": archive.display().to_string(), "problems": [why], "is_whole": false });
+            writeln!(out, "{text:#}")?;
+        }
+        false => writeln!(out, "{why}\n{}: NOT WHOLE", archive.display())?,
+    }
+    Ok(false)
+}
+
 /// Checks an archive in this process.
 pub(crate) fn verify_here(archive: &Path, as_json: bool) -> Result<bool> {
+    use tapline_store::Error;
     let report = match tapline_store::verify(archive) {
-        Err(error @ tapline_store::Error::Damaged { .. }) => {
-            writeln!(io::stdout(), "{error}\n{}: NOT WHOLE", archive.display())?;
-            return Ok(false);
+        Err(error @ (Error::Damaged { .. } | Error::Hdf5 { .. } | Error::NotARun { .. })) => {
+            return tell_unreadable(archive, &error.to_string(), as_json);
         }
         report => report?,
     };

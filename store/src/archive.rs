@@ -323,10 +323,9 @@ fn read_plan(file: &File, taps_file: &File, path: &Path) -> Result<Plan> {
     for (k, row) in read_whole::<PlanRow>(file, path, table::PLAN)?.into_iter().enumerate() {
         taps.push(row.to_tap().map_err(|e| damaged(path, format!("row {k} of its plan: {e}")))?);
     }
-    let plan = Plan::new(geometry, recording, taps, read_truth(file, path)?)
-        .map_err(|e| damaged(path, format!("its plan: {e}")))?;
     let source: u64 = read_number(file, attribute::SOURCE_DIGEST).context("read the source's digest", path)?;
-    let plan = plan.with_source(source);
+    let plan = Plan::of_source(geometry, recording, taps, read_truth(file, path)?, source)
+        .map_err(|e| damaged(path, format!("its plan: {e}")))?;
     let archived: u64 = read_number(file, attribute::PLAN_DIGEST).context("read the plan's digest", path)?;
     if plan.digest() != archived {
         let what = format!("its plan has digest {:016x}, but it says {archived:016x}", plan.digest());

@@ -1,6 +1,7 @@
 //! The scan plan: every tap that must exist, and what its record will look like.
 
 use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write as _;
 
 use sha2::{Digest, Sha256};
 
@@ -134,6 +135,21 @@ impl Plan {
         taps: Vec<PlannedTap>,
         truth: Truth,
     ) -> Result<Self, PlanError> {
+        Self::of_source(geometry, recording, taps, truth, 0)
+    }
+
+    /// The plan of `taps` for a source that `source_digest` tells from others with the same taps: other recordings, other
+    /// scales. It becomes a part of [`Plan::digest`].
+    ///
+    /// # Errors
+    /// As [`Plan::new`].
+    pub fn of_source(
+        geometry: Geometry,
+        recording: Recording,
+        taps: Vec<PlannedTap>,
+        truth: Truth,
+        source_digest: u64,
+    ) -> Result<Self, PlanError> {
         if taps.is_empty() {
             return Err(PlanError::Empty);
         }
@@ -148,13 +164,12 @@ impl Plan {
             }
         }
         let scans = scans_of(&taps)?;
-        let digest = digest_of(geometry, &recording, &taps, 0);
+        let digest = digest_of(geometry, &recording, &taps, source_digest);
         let nominal_m_per_s = Nominal(nominal_velocities(&taps));
-        Ok(Self { geometry, recording, taps, scans, truth, nominal_m_per_s, source_digest: 0, digest })
+        Ok(Self { geometry, recording, taps, scans, truth, nominal_m_per_s, source_digest, digest })
     }
 
-    /// The same plan for a source that `source_digest` tells from others with the same taps: other recordings, other
-    /// scales. It becomes a part of [`Plan::digest`].
+    /// The same plan for another source: see [`Plan::of_source`].
     pub fn with_source(mut self, source_digest: u64) -> Self {
         self.source_digest = source_digest;
         self.digest = digest_of(self.geometry, &self.recording, &self.taps, source_digest);
@@ -177,7 +192,7 @@ impl Plan {
         let is_of = |&(tyre, shoulder, _): &(Serial, u16, u32)| shoulders.contains(&(tyre, shoulder));
         let truth =
             self.truth.iter().filter(|(place, _)| is_of(place)).map(|(&place, &known)| (place, known)).collect();
-        Ok(Self::new(self.geometry, self.recording.clone(), taps, truth)?.with_source(self.source_digest))
+        Self::of_source(self.geometry, self.recording.clone(), taps, truth, self.source_digest)
     }
 
     /// What tells the plan's source from others with the same taps; 0 where nothing does.
@@ -271,8 +286,13 @@ pub fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
 fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap], source_digest: u64) -> u64 {
     let mut hasher = Sha256::new();
     hasher.update(format!("{geometry:?} {recording:?} {source_digest}"));
+    let mut line = String::new();
     for tap in taps {
-        hasher.update(format!("\n{} {:?} {}", tap.id, tap.angle_deg, tap.is_closing));
+        line.clear();
+        // A text takes all that is written to it.
+        if write!(line, "\n{} {:?} {}", tap.id, tap.angle_deg, tap.is_closing).is_ok() {
+            hasher.update(&line);
+        }
     }
     first_bits(hasher)
 }
