@@ -12,6 +12,7 @@ use tapline_wire::{
 use crate::compare::{Cache, Compared};
 use crate::lateral::mark_regions;
 use crate::panel::Panel;
+use crate::shuffles::KnownShuffles;
 use crate::verdict::verdict_of;
 use crate::{Error, FuseConfig, Reference, ReferenceSet};
 
@@ -48,6 +49,7 @@ pub struct Fusion {
     /// Shoulders of earlier runs that make the reference.
     pub(crate) set: Option<Arc<ReferenceSet>>,
     pub(crate) cache: Cache,
+    shuffles: KnownShuffles,
 }
 
 impl Fusion {
@@ -87,6 +89,7 @@ impl Fusion {
             plan: plan.clone(),
             set,
             cache: Cache::default(),
+            shuffles: KnownShuffles::default(),
         })
     }
 
@@ -178,7 +181,7 @@ impl Fusion {
         let view = compared.view(&planned.locations);
         let regions = view.regions(self.config.extent);
         let mut cells = view.cells(&regions);
-        let p_value = mark_regions(&compared, &regions, &mut cells);
+        let p_value = mark_regions(&compared, &regions, &mut cells, &mut self.shuffles);
         let mut reasons = view.reasons(&regions);
         reasons.insert(self.reasons_of(scan, &compared));
         let seen = planned.taps.iter().filter_map(|&row| self.seen[row as usize]);

@@ -83,6 +83,7 @@ mod scale;
 mod scan;
 mod score;
 mod shoulder;
+mod shuffles;
 mod split;
 mod standard;
 mod standing;
