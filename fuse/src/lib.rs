@@ -67,6 +67,7 @@ mod fit;
 mod fusion;
 mod hidden;
 mod indices;
+mod lacking;
 mod lateral;
 mod level;
 mod limits;
