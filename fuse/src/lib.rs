@@ -65,6 +65,7 @@ mod covariance;
 mod error;
 mod fit;
 mod fusion;
+mod grid;
 mod hidden;
 mod indices;
 mod lacking;
