@@ -115,12 +115,12 @@ impl Standard {
     /// The reference that a casing is to itself, and its maps: what stands out of it leaves it, round by round.
     pub(crate) fn own(config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder]) -> (Self, Casing) {
         let (mut kept, mut calm) = (everything(shoulders), everything(shoulders));
-        let pooled = |kept: &Kept| level_of(config, conditions, shoulders, kept, |_| true);
-        let mut values = once(|now| {
-            let levels = vec![pooled(now); shoulders.len()];
-            Fit::values_of(config, conditions, shoulders, now, &levels)
-        });
+        let mut pooled = once(|kept| level_of(config, conditions, shoulders, kept, |_| true));
         if config.index != IndexKind::Dissertation {
+            let mut values = once(|now| {
+                let levels = vec![pooled(now); shoulders.len()];
+                Fit::values_of(config, conditions, shoulders, now, &levels)
+            });
             // Location by location first: the step along the ring makes five cracked ones of three, and many narrow
             // cracks would be the majority.
             for step in [Step::Alone, Step::AlongRing] {
@@ -155,8 +155,9 @@ impl Standard {
             (Centre::Reference, _) => vec![Level::pooled(&self.casing_levels); shoulders.len()],
             (Centre::Own, Some(level)) => vec![level.clone(); shoulders.len()],
             (Centre::Own, None) => {
-                let kept = self.kept_of(config, conditions, shoulders);
-                casing_level = Some(level_of(config, conditions, shoulders, &kept, |_| true));
+                let mut pooled = once(|kept| level_of(config, conditions, shoulders, kept, |_| true));
+                let kept = self.kept_of(config, shoulders, &mut pooled);
+                casing_level = Some(pooled(&kept));
                 own_levels(config, conditions, shoulders, &kept)
             }
         };
@@ -170,12 +171,13 @@ impl Standard {
         Casing { levels, maps, stands_off, is_inverted }
     }
 
-    /// Those places of a casing that do not stand out of it, by this reference's scales.
-    fn kept_of(&self, config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder]) -> Kept {
+    /// Those places of a casing that do not stand out of it, by this reference's scales; `pooled` is the level of all its
+    /// shoulders together.
+    fn kept_of(&self, config: &FuseConfig, shoulders: &[Shoulder], pooled: &mut impl FnMut(&Kept) -> Level) -> Kept {
         let mut kept = everything(shoulders);
         let Some(limits) = self.limits else { return kept };
         let mut values = once(|now| {
-            let level = level_of(config, conditions, shoulders, now, |_| true);
+            let level = pooled(now);
             shoulders.iter().map(|s| self.fit.values(&level, s, Taps::All)).collect()
         });
         for step in [Step::Alone, Step::AlongRing] {
@@ -329,15 +331,15 @@ fn is_majority(kept: &Kept) -> bool {
     2 * kept.iter().flatten().filter(|&&k| k).count() >= count
 }
 
-/// `values` of what is kept; those of the last time where the same is kept again, as where one step of trimming begins
-/// with what the one before it ended with.
-fn once(mut values: impl FnMut(&Kept) -> Maps) -> impl FnMut(&Kept) -> Maps {
-    let mut last: Option<(Kept, Maps)> = None;
+/// `of` what is kept; that of the last time where the same is kept again, as where one step of trimming begins with what
+/// the one before it ended with.
+fn once<T: Clone>(mut of: impl FnMut(&Kept) -> T) -> impl FnMut(&Kept) -> T {
+    let mut last: Option<(Kept, T)> = None;
     move |now| {
-        if let Some((_, values)) = last.as_ref().filter(|(kept, _)| kept == now) {
-            return values.clone();
+        if let Some((_, found)) = last.as_ref().filter(|(kept, _)| kept == now) {
+            return found.clone();
         }
-        let found = values(now);
+        let found = of(now);
         last = Some((now.clone(), found.clone()));
         found
     }
