@@ -74,9 +74,7 @@ pub(crate) fn upper_tail(z: f64) -> f64 {
     let tail = if magnitude < 3.0 {
         0.5 - density * odd_series(magnitude)
     } else if magnitude.is_finite() {
-        // 200 levels reach 1e-14 at |z| = 3 and less beyond.
-        let fraction = (1..=200_u32).rev().fold(magnitude, |fraction, n| magnitude + f64::from(n) / fraction);
-        density / fraction
+        density / continued_fraction(magnitude)
     } else {
         0.0
     };
@@ -98,6 +96,19 @@ fn odd_series(x: f64) -> f64 {
         sum = next;
     }
     sum
+}
+
+/// The continued fraction x + 1/(x + 2/(x + 3/(x + ...))) for `x` of 3 and more.
+fn continued_fraction(x: f64) -> f64 {
+    // 200 levels reach 1e-14 at 3 and less beyond.
+    const LEVELS: u32 = 200;
+    const FEWER: u32 = 60;
+    let level = |n: u32, below: f64| x + f64::from(n) / below;
+    // What the levels below these give lies between x and this, and rounding keeps the order of numbers: where both ends
+    // come to one and the same number, all levels do.
+    let ends = (x, level(FEWER + 1, x));
+    let (low, high) = (1..=FEWER).rev().fold(ends, |(low, high), n| (level(n, high), level(n, low)));
+    if low.to_bits() == high.to_bits() { low } else { (1..=LEVELS).rev().fold(x, |below, n| level(n, below)) }
 }
 
 /// Chance that a value of Student's t with `freedom` degrees of freedom, above 0, exceeds `t`.
@@ -161,6 +172,15 @@ mod tests {
                 (sum + next, next)
             });
             prop_assert_eq!(odd_series(x).to_bits(), whole.to_bits());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_fraction_of_fewer_levels_is_the_whole_one(x in prop_oneof![3.0..4.0_f64, 3.0..40.0_f64, 3.0..1e300_f64]) {
+            // Catches ends that do not hold the lower levels between them: all 200 of them.
+            let whole = (1..=200_u32).rev().fold(x, |below, n| x + f64::from(n) / below);
+            prop_assert_eq!(continued_fraction(x).to_bits(), whole.to_bits());
         }
     }
 
