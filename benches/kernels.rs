@@ -7,13 +7,14 @@
 mod common;
 
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
-use tapline_fuse::{FuseConfig, Fusion, Reference};
+use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, Reference, build_reference};
 use tapline_model::{DampingLaw, Rung, Scene, SimulationConfig, choose};
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor, SpectrumEstimator};
 use tapline_wire::{Channel, ChannelHeader, Discriminators, Lane, SampleFormat, Samples, TapHeader, lanes_for};
@@ -70,6 +71,7 @@ impl<'a> Kernel<'a> {
 fn main() -> Result<()> {
     let mut line = SimulatedLine::new(&ScanConfig::default(), &SimulationConfig::default())?;
     let mut extractor = extractor(Precision::F32)?;
+    let again = judge_again(&mut extractor)?;
     let (taps, records) = tyre(&mut line, &mut extractor)?;
     let fusion = Fusion::new(&FuseConfig::by(Reference::Own), line.plan())?;
     let mut kernels = yardsticks(&taps);
@@ -86,6 +88,7 @@ fn main() -> Result<()> {
         kernels.push(extract(name, &taps, ProcessExtractor::new(&config)?, true));
     }
     kernels.push(judge(fusion, &records));
+    kernels.extend(again);
     kernels.extend(ladder());
     // Cargo itself gives arguments that begin with a dash.
     let asked: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
@@ -195,20 +198,58 @@ fn extract<'a>(name: &'static str, taps: &'a [Tap], mut extractor: ProcessExtrac
 /// The whole tyre: every record taken in, every scan ended and judged.
 fn judge(fusion: Fusion, records: &[Discriminators]) -> Kernel<'_> {
     let mut fresh = vec![fusion; ROUNDS];
-    let call = move || {
-        let mut fusion = fresh.pop().expect("one a round");
-        let is_taken = records.iter().all(|record| fusion.push(record).is_ok());
-        let ended = (0..).take_while(|&scan| fusion.end(scan).is_ok()).count();
-        let judged = (0..ended).filter_map(|scan| fusion.judge(scan).ok()).map(|(_, cells)| cells.len());
-        assert!(is_taken && judged.sum::<usize>() == 200, "a tyre has two shoulders of 100 locations");
-        0.0
-    };
+    let call = move || judged(&mut fresh.pop().expect("one a round"), records);
     Kernel {
         name: "fuse a tyre: take in, end, judge",
         taps_per_call: records.len(),
         call: Box::new(call),
         us_per_tap: Vec::new(),
     }
+}
+
+fn judged(fusion: &mut Fusion, records: &[Discriminators]) -> f64 {
+    let is_taken = records.iter().all(|record| fusion.push(record).is_ok());
+    let ended = (0..).take_while(|&scan| fusion.end(scan).is_ok()).count();
+    let judged = (0..ended).filter_map(|scan| fusion.judge(scan).ok()).map(|(_, cells)| cells.len());
+    assert!(is_taken && judged.sum::<usize>() == 200, "a tyre has two shoulders of 100 locations");
+    0.0
+}
+
+/// One tyre after the other from stored discriminators, as a new configuration judges an archive again: each call takes
+/// the records in as those of a further attempt, so that nothing of the tyre before is of use.
+fn judge_again(extractor: &mut ProcessExtractor) -> Result<Vec<Kernel<'static>>> {
+    let mut kernels = Vec::new();
+    for (offsets_mm, repetitions, names) in [
+        (vec![0.0], 1, ["fuse again 202 taps, by itself", "fuse again 202 taps, by a reference"]),
+        (vec![0.0, 5.0, 10.0, 15.0], 2, ["fuse again 1616 taps, by itself", "fuse again 1616 taps, by a reference"]),
+    ] {
+        let scan = ScanConfig { offsets_mm, velocities_m_per_s: vec![1.5], repetitions, ..ScanConfig::default() };
+        let mut line = SimulatedLine::new(&scan, &SimulationConfig::default())?;
+        let (_, records) = tyre(&mut line, extractor)?;
+        let plan = line.plan();
+        let known = |scan| KnownShoulder::of(plan, &records, scan, Some(plan.truth()));
+        let built = Built {
+            config: FuseConfig::default(),
+            lineage: Vec::new(),
+            process: String::new(),
+            learns_directions: false,
+        };
+        let set = build_reference(&built, (0..plan.scans().len()).filter_map(known).collect())?;
+        let fusions = [
+            Fusion::new(&FuseConfig::by(Reference::Own), plan)?,
+            Fusion::with_reference(&FuseConfig::default(), plan, Arc::new(set))?,
+        ];
+        for (name, mut fusion) in names.into_iter().zip(fusions) {
+            let mut records = records.clone();
+            let taps_per_call = records.len();
+            let call = move || {
+                records.iter_mut().for_each(|record| record.id.attempt += 1);
+                judged(&mut fusion, &records)
+            };
+            kernels.push(Kernel { name, taps_per_call, call: Box::new(call), us_per_tap: Vec::new() });
+        }
+    }
+    Ok(kernels)
 }
 
 /// One contact on each rung of the ladder, and on the one that a tolerance chooses: casings with cracks 4 to 250 mm deep,

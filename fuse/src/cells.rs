@@ -16,7 +16,9 @@ pub(crate) enum Taps {
     Even,
 }
 
-/// Mean scores of the discriminators, `[place][condition][discriminator]`; `None` where nothing could be scored.
+/// Mean scores of the discriminators, `[condition][place][discriminator]`; `None` where nothing could be scored.
+///
+/// A turn taps place after place in one condition: what it fills lies together.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Cells {
     width: usize,
@@ -49,7 +51,7 @@ impl Cells {
         };
         let mut number_of = vec![0_u32; place_count * condition_count];
         for tap in &shoulder.taps {
-            let cell = tap.place * condition_count + tap.condition;
+            let cell = tap.condition * place_count + tap.place;
             number_of[cell] += 1;
             let is_odd = number_of[cell] % 2 == 1;
             if which == (if is_odd { Taps::Even } else { Taps::Odd }) {
@@ -77,7 +79,7 @@ impl Cells {
     /// The score of the averaged repetitions in place of the mean of their scores: a magnitude is not linear.
     fn fill_averaged(&mut self, yardstick: &Yardstick, level: &Level, averaged: &[Reading]) {
         for reading in averaged {
-            let first = (reading.place * self.condition_count + reading.condition) * self.width;
+            let first = self.first(reading.place, reading.condition);
             for (score, cell) in yardstick.scores(level, reading).zip(&mut self.scores[first..]) {
                 *cell = score;
             }
@@ -106,7 +108,12 @@ impl Cells {
 
     /// Scores of the discriminators at `place` in `condition`.
     pub(crate) fn at(&self, place: usize, condition: usize) -> &[Option<f64>] {
-        &self.scores[(place * self.condition_count + condition) * self.width..][..self.width]
+        &self.scores[self.first(place, condition)..][..self.width]
+    }
+
+    /// Where the scores of `place` in `condition` begin.
+    fn first(&self, place: usize, condition: usize) -> usize {
+        (condition * self.place_count() + place) * self.width
     }
 }
 

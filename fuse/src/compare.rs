@@ -76,7 +76,7 @@ impl Fusion {
         let involved = self.panel.involved(scan);
         let casing_scans = self.panel.casing(scan).to_vec();
         let reference_scans = self.panel.reference(scan).to_vec();
-        let planned = involved.iter().flat_map(|&s| self.entering(s)).map(|(_, id)| id);
+        let planned = involved.iter().flat_map(|&s| self.names[s].iter().copied());
         let conditions = Conditions::of(planned.chain(self.set.iter().flat_map(|set| set.taps())));
         let key =
             |scans: &[usize]| (conditions.clone(), scans.iter().map(|&s| (s, self.progress[s].changes)).collect());
@@ -156,7 +156,7 @@ impl Fusion {
     fn shoulder(&self, conditions: &Conditions, normalisation: &Normalisation, scan: usize, tyre: usize) -> Shoulder {
         let planned = &self.plan.scans()[scan];
         let reading = |(row, id): (u32, tapline_wire::TapId)| {
-            let seen = self.seen[row as usize].filter(|seen| !seen.is_refused)?;
+            let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?;
             let place = planned.locations.binary_search_by_key(&id.location, |&(location, _)| location).ok()?;
             let values = normalisation.applied(seen.values, id.velocity_m_per_s(), seen.velocity_m_per_s);
             Some(Reading { place, condition: conditions.number(&id)?, values })

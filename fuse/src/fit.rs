@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use crate::cells::{Cells, Taps};
 use crate::combine::Largest;
 use crate::condition::Conditions;
+use crate::grid::Grid;
 use crate::indices::{Example, Index, Lda, LearnError, LogOdds, Mahalanobis, Mean, Signs, Weighted};
 use crate::level::Level;
 use crate::repeat::{repeat_sds, score_sds};
@@ -25,7 +26,7 @@ pub(crate) struct Fit {
     index: Box<dyn Index>,
     combination: Box<dyn Index>,
     /// Index of each of the reference's sound places, condition by condition.
-    sound: Vec<Vec<Option<f64>>>,
+    sound: Grid,
     /// Which conditions most of those places have.
     full: Vec<bool>,
     /// Spread of each condition's index at those places.
@@ -66,6 +67,30 @@ impl Fit {
         kept: &Kept,
         levels: &[Level],
     ) -> Self {
+        let (mut fit, learnt) = Self::learnt(config, conditions, reference, kept, levels);
+        fit.own = learnt.into_iter().map(|Learnt { cells, grid, values }| located(&cells, &grid, values)).collect();
+        fit
+    }
+
+    /// The index of every location of the `reference` that [`Fit::own`] would have, and nothing else of it.
+    pub(crate) fn values_of(
+        config: &FuseConfig,
+        conditions: &Conditions,
+        reference: &[Shoulder],
+        kept: &Kept,
+        levels: &[Level],
+    ) -> Vec<Vec<Option<f64>>> {
+        let (_, learnt) = Self::learnt(config, conditions, reference, kept, levels);
+        learnt.into_iter().map(|learnt| learnt.values).collect()
+    }
+
+    fn learnt(
+        config: &FuseConfig,
+        conditions: &Conditions,
+        reference: &[Shoulder],
+        kept: &Kept,
+        levels: &[Level],
+    ) -> (Self, Vec<Learnt>) {
         let condition_count = conditions.count();
         let averaged: Vec<Vec<Reading>> = match config.index {
             IndexKind::Dissertation => reference.iter().map(|s| s.averaged(condition_count)).collect(),
@@ -97,20 +122,16 @@ impl Fit {
         let index: Box<dyn Index> = if is_plain {
             Box::new(Mean::new(yardstick.width()))
         } else {
-            let examples = examples(condition_count, reference, kept, &cells);
-            learned(config.index, &examples, &score_sds(&yardstick, &repeats)).unwrap_or_else(|why| {
+            let examples = || examples(condition_count, reference, kept, &cells);
+            learned(config.index, examples, &score_sds(&yardstick, &repeats)).unwrap_or_else(|why| {
                 fallbacks.push(format!("index = {:?} falls back to \"robust\": {why}", config.index.name()));
                 Box::new(Mean::new(yardstick.width()))
             })
         };
         let has_fallen_back = !fallbacks.is_empty();
-        let mut rows = Rows::default();
-        for (number, (shoulder, cells)) in reference.iter().zip(&cells).enumerate() {
-            for place in 0..cells.place_count() {
-                rows.push(number, place, shoulder, kept, by_condition(index.as_ref(), cells, place));
-            }
-        }
-        let combination = rows.combination(config, conditions).unwrap_or_else(|why| {
+        let grids: Vec<Grid> = cells.iter().map(|cells| Grid::of(index.as_ref(), cells)).collect();
+        let teaching = teaching(reference, kept, &grids);
+        let combination = combination(config, conditions, &teaching).unwrap_or_else(|why| {
             fallbacks.push(format!("combine = \"fitted\" falls back to \"mean\": {why}"));
             Box::new(Mean::new(condition_count))
         });
@@ -118,18 +139,27 @@ impl Fit {
             IndexKind::Lda | IndexKind::Mahalanobis | IndexKind::LogOdds => has_fallen_back,
             _ => true,
         };
-        let sound: Vec<Vec<Option<f64>>> =
-            rows.examples.into_iter().filter(|e| !e.is_cracked).map(|e| e.scores).collect();
-        let mut values: Vec<f64> = sound.iter().filter_map(|row| combination.value(row)).collect();
-        let usual = Spread::of(&mut values);
+        // One combination a place serves the spread of them, and the places themselves.
+        let combined: Vec<Vec<Option<f64>>> = grids.iter().map(|grid| grid.combined(combination.as_ref())).collect();
+        let mut sound = Grid::new(condition_count);
+        let mut values: Vec<f64> = Vec::new();
         let mut counts: BTreeMap<Vec<bool>, usize> = BTreeMap::new();
-        for row in &sound {
-            *counts.entry(row.iter().map(Option::is_some).collect()).or_default() += 1;
+        let mut present: Vec<bool> = Vec::new();
+        for row in teaching.iter().filter(|row| !row.is_cracked) {
+            sound.push(row.scores.iter().copied());
+            values.extend(combined[row.number][row.place]);
+            present.clear();
+            present.extend(row.scores.iter().map(Option::is_some));
+            match counts.get_mut(&present) {
+                Some(count) => *count += 1,
+                None => _ = counts.insert(present.clone(), 1),
+            }
         }
+        let usual = Spread::of(&mut values);
         let full = counts.into_iter().max_by_key(|&(_, count)| count).map(|(mask, _)| mask).unwrap_or_default();
-        let of_condition = |c: usize| Spread::of(&mut sound.iter().filter_map(|row| row[c]).collect::<Vec<f64>>());
+        let of_condition = |c: usize| Spread::of(&mut sound.rows().filter_map(|row| row[c]).collect::<Vec<f64>>());
         let spreads = (0..condition_count).map(of_condition).collect();
-        let mut fit = Self {
+        let fit = Self {
             kind: config.index,
             condition_count,
             yardstick,
@@ -143,8 +173,12 @@ impl Fit {
             own: Vec::new(),
             fallbacks,
         };
-        fit.own = cells.iter().map(|cells| fit.locations_of(cells)).collect();
-        fit
+        let own = cells.into_iter().zip(grids).zip(combined).map(|((cells, grid), combined)| {
+            let values = fit.on_one_scale(&grid, combined);
+            Learnt { cells, grid, values }
+        });
+        let own = own.collect();
+        (fit, own)
     }
 
     /// The index of every location of the reference's own shoulders, each measured against the level it was fitted at.
@@ -182,107 +216,145 @@ impl Fit {
 
     /// The index of every location of `shoulder`, whose casing has this `level`.
     pub(crate) fn locations(&self, level: &Level, shoulder: &Shoulder, which: Taps) -> Vec<LocationIndex> {
-        self.locations_of(&Cells::of(self.kind, self.condition_count, &self.yardstick, level, shoulder, which))
+        let (cells, grid) = self.measured(level, shoulder, which);
+        let values = self.on_one_scale(&grid, grid.combined(self.combination.as_ref()));
+        located(&cells, &grid, values)
     }
 
-    fn locations_of(&self, cells: &Cells) -> Vec<LocationIndex> {
-        let mut nulls = BTreeMap::new();
-        let location = |place: usize| {
-            let by_condition = by_condition(self.index.as_ref(), cells, place);
-            LocationIndex {
-                value: self.combined(&by_condition, &mut nulls),
-                by_condition,
-                by_discriminator: cells.by_discriminator(place),
-                tap_count: cells.tap_counts[place],
-                absent_count: cells.absent_counts[place],
-            }
-        };
-        (0..cells.place_count()).map(location).collect()
+    /// The values of [`Fit::locations`] alone.
+    pub(crate) fn values(&self, level: &Level, shoulder: &Shoulder, which: Taps) -> Vec<Option<f64>> {
+        let (_, grid) = self.measured(level, shoulder, which);
+        self.on_one_scale(&grid, grid.combined(self.combination.as_ref()))
+    }
+
+    fn measured(&self, level: &Level, shoulder: &Shoulder, which: Taps) -> (Cells, Grid) {
+        let cells = Cells::of(self.kind, self.condition_count, &self.yardstick, level, shoulder, which);
+        let grid = Grid::of(self.index.as_ref(), &cells);
+        (cells, grid)
     }
 
     /// The index of locations of which only the `asked` conditions are looked at, on the scale of the usual ones.
     pub(crate) fn only(&self, locations: &[LocationIndex], asked: impl Fn(usize) -> bool) -> Vec<Option<f64>> {
-        let mut nulls = BTreeMap::new();
-        let of = |location: &LocationIndex| {
-            let row: Vec<Option<f64>> =
-                location.by_condition.iter().enumerate().map(|(c, v)| v.filter(|_| asked(c))).collect();
-            self.combined(&row, &mut nulls)
-        };
-        locations.iter().map(of).collect()
+        let mut grid = Grid::new(self.condition_count);
+        for location in locations {
+            grid.push(location.by_condition.iter().enumerate().map(|(c, v)| v.filter(|_| asked(c))));
+        }
+        self.on_one_scale(&grid, grid.combined(self.combination.as_ref()))
     }
 
-    /// One value of the conditions of a location, on the scale of the usual ones.
+    /// The `combined` values of the places of `grid`, on the scale of the usual conditions.
     ///
     /// A location that lacks conditions scatters more: what it shows counts by the spread that the reference has where it
     /// lacks the same. `None` where the reference cannot tell that spread.
-    fn combined(&self, row: &[Option<f64>], nulls: &mut BTreeMap<Vec<bool>, Option<Spread>>) -> Option<f64> {
-        let value = self.combination.value(row)?;
-        let (Some(usual), false) = (self.usual, self.kind == IndexKind::Dissertation) else { return Some(value) };
-        let present: Vec<bool> = row.iter().map(Option::is_some).collect();
-        if present == self.full {
-            return Some(value);
-        }
-        let null = *nulls.entry(present).or_insert_with_key(|present| self.null_of(present));
-        let Spread { centre, sigma } = null?;
-        Some(usual.centre + (value - centre) * usual.sigma / sigma).filter(|v| v.is_finite())
+    fn on_one_scale(&self, grid: &Grid, combined: Vec<Option<f64>>) -> Vec<Option<f64>> {
+        let (Some(usual), false) = (self.usual, self.kind == IndexKind::Dissertation) else { return combined };
+        let mut nulls: BTreeMap<Vec<bool>, Option<Spread>> = BTreeMap::new();
+        let scaled = |(row, value): (&[Option<f64>], Option<f64>)| {
+            let value = value?;
+            if row.iter().map(Option::is_some).eq(self.full.iter().copied()) {
+                return Some(value);
+            }
+            let present: Vec<bool> = row.iter().map(Option::is_some).collect();
+            let null = *nulls.entry(present).or_insert_with_key(|present| self.null_of(present));
+            let Spread { centre, sigma } = null?;
+            Some(usual.centre + (value - centre) * usual.sigma / sigma).filter(|v| v.is_finite())
+        };
+        grid.rows().zip(combined).map(scaled).collect()
     }
 
     /// Spread of the combination at sound places of which only the `present` conditions are looked at.
     fn null_of(&self, present: &[bool]) -> Option<Spread> {
-        let only = |row: &Vec<Option<f64>>| -> Option<f64> {
+        let only = |row: &[Option<f64>]| -> Option<f64> {
             let has_all = row.iter().zip(present).all(|(value, &asked)| !asked || value.is_some());
             let row: Vec<Option<f64>> = row.iter().zip(present).map(|(v, &asked)| v.filter(|_| asked)).collect();
             has_all.then(|| self.combination.value(&row)).flatten()
         };
-        Spread::of(&mut self.sound.iter().filter_map(only).collect::<Vec<f64>>())
+        Spread::of(&mut self.sound.rows().filter_map(only).collect::<Vec<f64>>())
     }
 }
 
-/// The index of `place` in every condition.
-fn by_condition(index: &dyn Index, cells: &Cells, place: usize) -> Vec<Option<f64>> {
-    (0..cells.condition_count()).map(|condition| index.value(cells.at(place, condition))).collect()
+/// What a fit found of one shoulder of its reference.
+struct Learnt {
+    cells: Cells,
+    grid: Grid,
+    /// On the scale of the usual conditions.
+    values: Vec<Option<f64>>,
 }
 
-/// Index values of the reference's places, condition by condition, with their labels.
-#[derive(Debug, Default)]
-struct Rows {
-    examples: Vec<Example>,
+/// The locations of a shoulder, of which each has one of the `values`.
+fn located(cells: &Cells, grid: &Grid, values: Vec<Option<f64>>) -> Vec<LocationIndex> {
+    let location = |(place, value): (usize, Option<f64>)| LocationIndex {
+        value,
+        by_condition: grid.row(place).to_vec(),
+        by_discriminator: cells.by_discriminator(place),
+        tap_count: cells.tap_counts[place],
+        absent_count: cells.absent_counts[place],
+    };
+    values.into_iter().enumerate().map(location).collect()
 }
 
-impl Rows {
-    fn push(&mut self, number: usize, place: usize, shoulder: &Shoulder, kept: &Kept, values: Vec<Option<f64>>) {
-        let is_cracked = shoulder.is_cracked[place] == Some(true);
-        if (kept[number][place] || is_cracked) && values.iter().any(Option::is_some) {
-            self.examples.push(Example { scores: values, is_cracked, place: self.examples.len() });
-        }
-    }
+/// A place of the reference that teaches how conditions become one value.
+struct Teaching<'a> {
+    /// Number of its shoulder.
+    number: usize,
+    place: usize,
+    is_cracked: bool,
+    /// Its index, condition by condition.
+    scores: &'a [Option<f64>],
+}
 
-    fn combination(&self, config: &FuseConfig, conditions: &Conditions) -> Result<Box<dyn Index>, LearnError> {
-        // Eq. 56 is a mean, whatever is asked for.
-        let is_faithful = config.index == IndexKind::Dissertation;
-        match if is_faithful { Combine::Mean } else { config.combine } {
-            Combine::Mean => Ok(Box::new(Mean::new(conditions.count()))),
-            Combine::Largest => {
-                let sound: Vec<&[Option<f64>]> =
-                    self.examples.iter().filter(|e| !e.is_cracked).map(|e| e.scores.as_slice()).collect();
-                Ok(Box::new(Largest::of(conditions, &sound)))
+/// The places that are `kept`, or labelled as cracked, and have an index in any condition.
+fn teaching<'a>(reference: &[Shoulder], kept: &Kept, grids: &'a [Grid]) -> Vec<Teaching<'a>> {
+    let mut teaching = Vec::new();
+    for (number, (shoulder, grid)) in reference.iter().zip(grids).enumerate() {
+        for (place, scores) in grid.rows().enumerate() {
+            let is_cracked = shoulder.is_cracked[place] == Some(true);
+            if (kept[number][place] || is_cracked) && scores.iter().any(Option::is_some) {
+                teaching.push(Teaching { number, place, is_cracked, scores });
             }
-            Combine::Fitted => Ok(Box::new(Lda::learn(&self.examples, Signs::default())?)),
+        }
+    }
+    teaching
+}
+
+fn combination(
+    config: &FuseConfig,
+    conditions: &Conditions,
+    teaching: &[Teaching<'_>],
+) -> Result<Box<dyn Index>, LearnError> {
+    // Eq. 56 is a mean, whatever is asked for.
+    let is_faithful = config.index == IndexKind::Dissertation;
+    match if is_faithful { Combine::Mean } else { config.combine } {
+        Combine::Mean => Ok(Box::new(Mean::new(conditions.count()))),
+        Combine::Largest => {
+            let sound: Vec<&[Option<f64>]> = teaching.iter().filter(|t| !t.is_cracked).map(|t| t.scores).collect();
+            Ok(Box::new(Largest::of(conditions, &sound)))
+        }
+        Combine::Fitted => {
+            let example = |(place, t): (usize, &Teaching<'_>)| Example {
+                scores: t.scores.to_vec(),
+                is_cracked: t.is_cracked,
+                place,
+            };
+            let examples: Vec<Example> = teaching.iter().enumerate().map(example).collect();
+            Ok(Box::new(Lda::learn(&examples, Signs::default())?))
         }
     }
 }
 
-/// The index of `kind` as `examples` teach it; `repeat_sds` are those of a repeated tap's scores.
-fn learned(kind: IndexKind, examples: &[Example], repeat_sds: &[Option<f64>]) -> Result<Box<dyn Index>, LearnError> {
+/// The index of `kind` as `examples` teach it, where it asks for them; `repeat_sds` are those of a repeated tap's scores.
+fn learned(
+    kind: IndexKind,
+    examples: impl Fn() -> Vec<Example>,
+    repeat_sds: &[Option<f64>],
+) -> Result<Box<dyn Index>, LearnError> {
     Ok(match kind {
         IndexKind::Repeatability => Box::new(Weighted::by_repeatability(repeat_sds)?),
-        IndexKind::Auc => Box::new(Weighted::by_auc(examples)?),
-        IndexKind::Lda => Box::new(Lda::learn(examples, Signs::default())?),
-        IndexKind::Mahalanobis => Box::new(Mahalanobis::learn(examples)?),
-        IndexKind::LogOdds => Box::new(LogOdds::learn(examples, Signs::default())?),
-        IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile => {
-            Box::new(Mean::new(examples.first().map_or(0, |e| e.scores.len())))
-        }
+        IndexKind::Auc => Box::new(Weighted::by_auc(&examples())?),
+        IndexKind::Lda => Box::new(Lda::learn(&examples(), Signs::default())?),
+        IndexKind::Mahalanobis => Box::new(Mahalanobis::learn(&examples())?),
+        IndexKind::LogOdds => Box::new(LogOdds::learn(&examples(), Signs::default())?),
+        IndexKind::Robust | IndexKind::Dissertation | IndexKind::Percentile => Box::new(Mean::new(repeat_sds.len())),
     })
 }
 

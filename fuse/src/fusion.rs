@@ -1,6 +1,6 @@
 //! The state machine: taps and ends of scans in, in any order; verdicts out.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -10,8 +10,10 @@ use tapline_wire::{
 };
 
 use crate::compare::{Cache, Compared};
+use crate::condition::distinct;
 use crate::lateral::mark_regions;
 use crate::panel::Panel;
+use crate::shuffles::KnownShuffles;
 use crate::verdict::verdict_of;
 use crate::{Error, FuseConfig, Reference, ReferenceSet};
 
@@ -32,6 +34,8 @@ pub(crate) struct Progress {
     pub(crate) changes: u64,
     is_ended: bool,
     is_judged: bool,
+    /// What [`Fusion::lacks_features`] found since the last change.
+    lacks_features: Option<bool>,
 }
 
 /// Collects taps and judges shoulders.
@@ -45,9 +49,12 @@ pub struct Fusion {
     pub(crate) seen: Vec<Option<Seen>>,
     pub(crate) progress: Vec<Progress>,
     pub(crate) panel: Panel,
+    /// For each scan a tap of every offset and velocity that enters its index.
+    pub(crate) names: Arc<[Vec<TapId>]>,
     /// Shoulders of earlier runs that make the reference.
     pub(crate) set: Option<Arc<ReferenceSet>>,
     pub(crate) cache: Cache,
+    shuffles: KnownShuffles,
 }
 
 impl Fusion {
@@ -84,16 +91,21 @@ impl Fusion {
             seen: vec![None; plan.taps().len()],
             progress: vec![Progress::default(); plan.scans().len()],
             panel: Panel::of(config, plan)?,
+            names: (0..plan.scans().len()).map(|scan| distinct(entering(plan, scan).map(|(_, id)| id))).collect(),
             plan: plan.clone(),
             set,
             cache: Cache::default(),
+            shuffles: KnownShuffles::default(),
         })
     }
 
     /// The same taps, to be judged by another configuration of the same reference.
     pub(crate) fn reconfigured(&self, config: FuseConfig) -> Result<Self, Error> {
         let panel = Panel::of(&config, &self.plan)?;
-        Ok(Self { config, panel, cache: Cache::default(), ..self.clone() })
+        let mut again = Self { config, panel, cache: Cache::default(), ..self.clone() };
+        // Other discriminators may be asked for.
+        again.progress.iter_mut().for_each(|progress| progress.lacks_features = None);
+        Ok(again)
     }
 
     /// Takes in one tap's discriminators, or its refusal ([`Quality::REFUSED`]).
@@ -123,6 +135,7 @@ impl Fusion {
         if old.as_ref().is_none_or(|old| rank(old) < rank(&new)) {
             *old = Some(new);
             self.progress[scan].changes += 1;
+            self.progress[scan].lacks_features = None;
             for &dependent in self.panel.dependents(scan) {
                 self.progress[dependent].is_judged = false;
             }
@@ -174,15 +187,19 @@ impl Fusion {
         self.check(scan)?;
         self.progress[scan].is_judged = true;
         let compared = self.compared(scan);
+        for involved in self.panel.involved(scan) {
+            let lacks = self.progress[involved].lacks_features.unwrap_or_else(|| self.lacks_features(involved));
+            self.progress[involved].lacks_features = Some(lacks);
+        }
         let planned = &self.plan.scans()[scan];
         let view = compared.view(&planned.locations);
         let regions = view.regions(self.config.extent);
         let mut cells = view.cells(&regions);
-        let p_value = mark_regions(&compared, &regions, &mut cells);
+        let p_value = mark_regions(&compared, &regions, &mut cells, &mut self.shuffles);
         let mut reasons = view.reasons(&regions);
         reasons.insert(self.reasons_of(scan, &compared));
-        let seen = planned.taps.iter().filter_map(|&row| self.seen[row as usize]);
-        let (refused, received): (Vec<Seen>, Vec<Seen>) = seen.partition(|s| s.is_refused);
+        let seen = || planned.taps.iter().filter_map(|&row| self.seen[row as usize].as_ref());
+        let refused_count = seen().filter(|s| s.is_refused).count();
         let limits = compared.standard.limits;
         let limit = |of: Option<f64>| of.unwrap_or(f64::NAN);
         let judgement = Judgement {
@@ -201,8 +218,8 @@ impl Fusion {
             evidence: compared.evidence(),
             drift: self.drift(scan, &compared),
             planned_count: count(planned.taps.len()),
-            received_count: count(received.len()),
-            refused_count: count(refused.len()),
+            received_count: count(seen().count() - refused_count),
+            refused_count: count(refused_count),
             absent_count: cells.iter().fold(0, |sum: u32, cell| sum.saturating_add(cell.absent_count)),
         };
         Ok((judgement, cells))
@@ -219,19 +236,9 @@ impl Fusion {
         Ok(self.compared(scan).standard.fit.fallbacks.clone())
     }
 
-    /// Plan rows of a scan's taps that enter its index if they come, with their names; all but the closing ones.
-    ///
-    /// A name has the velocity that was meant: a tap that struck out is compared with those beside it, under its flag.
+    /// [`entering`], of this plan.
     pub(crate) fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
-        let meant =
-            |row: u32, id: TapId| id.with_velocity_m_per_s(self.plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
-        let planned = |&row: &u32| (row, &self.plan.taps()[row as usize]);
-        self.plan.scans()[scan]
-            .taps
-            .iter()
-            .map(planned)
-            .filter(|(_, tap)| !tap.is_closing)
-            .map(move |(row, tap)| (row, meant(row, tap.id)))
+        entering(&self.plan, scan)
     }
 
     /// What the state of the scan and of its reference gives reason for.
@@ -248,14 +255,14 @@ impl Fusion {
             }
         }
         // Only its own: a reference may lack a tap, as its verdict says, but it has no blind spot here.
-        let mut seen = self.plan.scans()[scan].taps.iter().filter_map(|&row| self.seen[row as usize]);
+        let mut seen = self.plan.scans()[scan].taps.iter().filter_map(|&row| self.seen[row as usize].as_ref());
         if seen.any(|s| s.is_refused) {
             reasons.insert(Reasons::TAPS_REFUSED);
         }
         if self.panel.reference(scan).contains(&scan) {
             reasons.insert(Reasons::SELF_REFERENCE);
         }
-        if all_involved.iter().any(|&involved| self.lacks_features(involved)) {
+        if all_involved.iter().any(|&involved| self.progress[involved].lacks_features == Some(true)) {
             reasons.insert(Reasons::FEATURES_ABSENT);
         }
         if self.plan.geometry == Geometry::Ring && !compared.ring.is_whole() {
@@ -273,46 +280,17 @@ impl Fusion {
         reasons
     }
 
-    /// Whether a discriminator that the index asks for is absent, or one and the same, at more than half of the planned
-    /// taps of a scan although its channels are recorded: a sensor that is dead or stuck, or taps that never came. Or
-    /// whether a location lacks more than half of what its taps should have given.
-    fn lacks_features(&self, scan: usize) -> bool {
-        let channels = &self.plan.recording.channels;
-        let recorded = |which: &Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
-        let asked: Vec<Discriminator> = self.config.discriminators.iter().copied().filter(recorded).collect();
-        let mut planned: BTreeMap<u32, (usize, usize)> = BTreeMap::new();
-        let mut values: Vec<Vec<f64>> = vec![Vec::new(); asked.len()];
-        let mut tap_count = 0;
-        for (row, id) in self.entering(scan) {
-            tap_count += 1;
-            let seen = self.seen[row as usize];
-            let (given, due) = planned.entry(id.location).or_default();
-            for (which, values) in asked.iter().zip(&mut values) {
-                let value = seen.and_then(|seen| seen.values.get(*which));
-                *due += 1;
-                *given += usize::from(value.is_some());
-                values.extend(value);
-            }
-        }
-        let is_stuck = |values: &mut Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            let alike = values.chunk_by(|a, b| a.total_cmp(b).is_eq()).map(<[f64]>::len).max().unwrap_or(0);
-            2 * values.len() < tap_count || (alike > 1 && 2 * alike > values.len())
-        };
-        values.iter_mut().any(is_stuck) || planned.values().any(|&(given, due)| 2 * given < due)
-    }
-
     /// Whether taps are planned at an offset and velocity of which the reference has none.
     fn has_unknown_condition(&self, scan: usize, compared: &Compared) -> bool {
         let conditions = &compared.conditions;
         let known: BTreeSet<usize> = match &self.set {
             None => {
-                let of_run = self.panel.reference(scan).iter().flat_map(|&s| self.entering(s));
-                of_run.filter_map(|(_, id)| conditions.number(&id)).collect()
+                let of_run = self.panel.reference(scan).iter().flat_map(|&s| &self.names[s]);
+                of_run.filter_map(|id| conditions.number(id)).collect()
             }
             Some(set) => set.taps().filter_map(|id| conditions.number(&id)).collect(),
         };
-        self.entering(scan).any(|(_, id)| conditions.number(&id).is_none_or(|number| !known.contains(&number)))
+        self.names[scan].iter().any(|id| conditions.number(id).is_none_or(|number| !known.contains(&number)))
     }
 
     fn is_whole(&self, scan: usize) -> bool {
@@ -324,6 +302,17 @@ impl Fusion {
         let scan_count = self.progress.len();
         if scan < scan_count { Ok(()) } else { Err(Error::NoSuchScan { got: scan, scan_count }) }
     }
+}
+
+/// Plan rows of the taps of scan number `scan` that enter its index if they come, with their names; all but the closing
+/// ones.
+///
+/// A name has the velocity that was meant: a tap that struck out is compared with those beside it, under its flag.
+fn entering(plan: &Plan, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
+    let meant = |row: u32, id: TapId| id.with_velocity_m_per_s(plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
+    let planned = |&row: &u32| (row, &plan.taps()[row as usize]);
+    let taps = plan.scans()[scan].taps.iter().map(planned).filter(|(_, tap)| !tap.is_closing);
+    taps.map(move |(row, tap)| (row, meant(row, tap.id)))
 }
 
 /// Of two records of one tap the one with the higher rank holds. The attempt decides; the rest makes

@@ -3,7 +3,8 @@
 use tapline_wire::{DamageCell, Geometry};
 
 use crate::compare::Compared;
-use crate::scan::{Permutation, arc_null, scan};
+use crate::scan::{arc_null_by, background, scan};
+use crate::shuffles::KnownShuffles;
 use crate::stats::Spread;
 use crate::{Error, Fusion, IndexKind};
 
@@ -21,14 +22,20 @@ const ALIKE_PART: f64 = 0.98;
 ///
 /// The ring outside of the regions is the background that chances are taken from: an arc that is real would come together
 /// again in its own permutations.
-pub(crate) fn mark_regions(compared: &Compared, regions: &[u32], cells: &mut [DamageCell]) -> Option<f64> {
+pub(crate) fn mark_regions(
+    compared: &Compared,
+    regions: &[u32],
+    cells: &mut [DamageCell],
+    shuffles: &mut KnownShuffles,
+) -> Option<f64> {
     // Arcs go over the seam only where the ends meet.
     let geometry = if compared.ring.is_closed() { Geometry::Ring } else { Geometry::Line };
     let Spread { centre, sigma } = compared.standard.fit.usual()?;
     let z: Vec<Option<f64>> =
         compared.map().locations.iter().map(|l| l.value.map(|value| (value - centre) / sigma)).collect();
-    let background: Vec<Option<f64>> = z.iter().zip(regions).map(|(z, &region)| z.filter(|_| region == 0)).collect();
-    let null = arc_null(&background, geometry, Permutation::default());
+    let outside: Vec<Option<f64>> = z.iter().zip(regions).map(|(z, &region)| z.filter(|_| region == 0)).collect();
+    let background = background(&outside);
+    let null = arc_null_by(&background, geometry, &shuffles.of(background.len()));
     let p_value = |value: f64| {
         let at_least = null.len() - null.partition_point(|&of_null| of_null < value);
         (!null.is_empty()).then(|| (at_least + 1) as f64 / (null.len() + 1) as f64)

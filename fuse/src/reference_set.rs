@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use tapline_wire::{Discriminator, Discriminators, Geometry, Plan, Quality, Scan, Serial, TapId, Truth, Values};
 
-use crate::condition::Conditions;
+use crate::condition::{Conditions, distinct};
 use crate::reference_summary::Summary;
 use crate::ring::Ring;
 use crate::shoulder::{Reading, Shoulder};
@@ -268,14 +268,16 @@ impl ReferenceSet {
     pub(crate) fn check_conditions(&self, plan: &Plan) -> Result<(), Error> {
         let meant = |row: u32, id: TapId| id.with_velocity_m_per_s(plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
         let planned: Vec<TapId> = (0..).zip(plan.taps()).map(|(row, tap)| meant(row, tap.id)).collect();
-        let conditions = Conditions::of(planned.iter().copied().chain(self.taps()));
+        let names = distinct(planned.iter().copied());
+        let conditions = Conditions::of(names.iter().copied().chain(self.taps()));
         let numbers = |taps: &mut dyn Iterator<Item = TapId>| -> BTreeMap<usize, TapId> {
             taps.filter_map(|tap| Some((conditions.number(&tap)?, tap))).collect()
         };
-        let (known, planned) = (numbers(&mut self.taps()), numbers(&mut planned.into_iter()));
-        if known.keys().any(|number| planned.contains_key(number)) {
+        let known = numbers(&mut self.taps());
+        if names.iter().any(|tap| conditions.number(tap).is_some_and(|number| known.contains_key(&number))) {
             return Ok(());
         }
+        let planned = numbers(&mut planned.into_iter());
         let name = |of: Option<f64>| of.map_or_else(|| "an unknown".to_owned(), |v| v.to_string());
         let names = |of: BTreeMap<usize, TapId>| {
             let each =

@@ -30,13 +30,15 @@ pub(crate) fn repeat_sds(
     let width = discriminators.len();
     let mut pooled = vec![(0.0, 0_u32); condition_count * width];
     for ((shoulder, kept), level) in reference.iter().zip(kept).zip(levels) {
-        // Count, mean and sum of squares about it, by place and slot (Welford).
-        let mut sums = vec![(0_u32, 0.0, 0.0); shoulder.ring.len() * condition_count * width];
+        // Count, mean and sum of squares about it, by condition, place and discriminator (Welford): a turn taps place after
+        // place in one condition.
+        let place_count = shoulder.ring.len();
+        let mut sums = vec![(0_u32, 0.0, 0.0); condition_count * place_count * width];
         for tap in shoulder.taps.iter().filter(|tap| kept[tap.place]) {
-            let first = tap.condition * width;
-            for (slot, &(which, _)) in (first..).zip(&discriminators) {
+            let slots = tap.condition * width..;
+            let sums = &mut sums[(tap.condition * place_count + tap.place) * width..][..width];
+            for ((slot, &(which, _)), (count, mean, squares)) in slots.zip(&discriminators).zip(sums) {
                 let Some(share) = tap.values.get(which).and_then(|x| level.share(slot, x)) else { continue };
-                let (count, mean, squares) = &mut sums[tap.place * condition_count * width + slot];
                 *count += 1;
                 let off = share - *mean;
                 *mean += off / f64::from(*count);
@@ -44,7 +46,7 @@ pub(crate) fn repeat_sds(
             }
         }
         for (number, (count, _, squares)) in sums.into_iter().enumerate() {
-            let (sum, free) = &mut pooled[number % (condition_count * width)];
+            let (sum, free) = &mut pooled[number / (place_count * width) * width + number % width];
             if count > 1 && f64::is_finite(squares) {
                 (*sum, *free) = (*sum + squares, *free + count - 1);
             }

@@ -4,7 +4,7 @@
 
 use tapline_wire::Geometry;
 
-use crate::resample::Blocks;
+use crate::shuffles::{LANES, Shuffles};
 
 /// Lengths of arcs that are looked at, in locations: from the least crack to a fifth of a ring.
 pub const ARC_LENGTHS: [usize; 7] = [1, 2, 3, 5, 8, 13, 20];
@@ -51,21 +51,34 @@ pub fn scan(z: &[Option<f64>], geometry: Geometry) -> Option<Arc> {
 ///
 /// Places without a value are closed up first: what is left of the ring is the background that chance has to offer.
 pub fn arc_null(z: &[Option<f64>], geometry: Geometry, permutation: Permutation) -> Vec<f64> {
-    let values: Vec<f64> = z.iter().flatten().copied().filter(|value| value.is_finite()).collect();
-    let mut blocks = Blocks::new(permutation.block_length, permutation.seed);
-    let mut places = vec![0; values.len()];
-    let mut sums = Vec::with_capacity(2 * values.len() + 1);
-    let mut highest = Vec::with_capacity(permutation.count);
-    for _ in 0..permutation.count {
-        blocks.permute(&mut places);
+    let values = background(z);
+    arc_null_by(&values, geometry, &Shuffles::draw(values.len(), permutation))
+}
+
+/// The values that a permutation exchanges.
+pub(crate) fn background(z: &[Option<f64>]) -> Vec<f64> {
+    z.iter().flatten().copied().filter(|value| value.is_finite()).collect()
+}
+
+/// [`arc_null`] of `values` by permutations of as many places that were drawn before.
+///
+/// Several permutations go side by side, so that none waits for its own last sum.
+pub(crate) fn arc_null_by(values: &[f64], geometry: Geometry, shuffles: &Shuffles) -> Vec<f64> {
+    let end = lengths(values.len(), geometry).map(|(length, first_count)| length + first_count).max().unwrap_or(0);
+    let mut sums = Vec::with_capacity(end);
+    let mut highest = Vec::with_capacity(shuffles.count());
+    for (lane_count, places) in shuffles.side_by_side() {
+        let mut sum = [0.0; LANES];
         sums.clear();
-        sums.push(0.0);
-        let mut sum = 0.0;
-        for &place in places.iter().chain(&places) {
-            sum += values[place];
+        sums.push(sum);
+        for places in places.iter().chain(places).take(end.saturating_sub(1)) {
+            for (sum, &place) in sum.iter_mut().zip(places) {
+                *sum += values[place as usize];
+            }
             sums.push(sum);
         }
-        highest.extend(highest_of(&sums, geometry));
+        let of_lanes = highest_of_lanes(&sums, values.len(), geometry);
+        highest.extend(of_lanes[..lane_count].iter().copied().filter(|value| value.is_finite()));
     }
     highest.sort_unstable_by(f64::total_cmp);
     highest
@@ -132,25 +145,22 @@ fn lengths(place_count: usize, geometry: Geometry) -> impl Iterator<Item = (usiz
     })
 }
 
-/// The value of [`Prefix::best`] where every place has a value, in vectors; `sums` are those of a [`Prefix`].
-fn highest_of(sums: &[f64], geometry: Geometry) -> Option<f64> {
-    const LANES: usize = 8;
+/// The value of [`Prefix::best`] for rings or lines side by side of which every place has a value, negative infinity where
+/// it has none; `sums` are those of a [`Prefix`] each, as far as arcs reach.
+fn highest_of_lanes(sums: &[[f64; LANES]], place_count: usize, geometry: Geometry) -> [f64; LANES] {
     let larger = |a: f64, b: f64| if b > a { b } else { a };
-    let mut highest = f64::NEG_INFINITY;
-    for (length, first_count) in lengths(sums.len() / 2, geometry) {
-        let (starts, starts_left) = sums[..first_count].as_chunks::<LANES>();
-        let (ends, ends_left) = sums[length..length + first_count].as_chunks::<LANES>();
-        let mut lanes = [f64::NEG_INFINITY; LANES];
-        for (starts, ends) in starts.iter().zip(ends) {
-            for ((lane, start), end) in lanes.iter_mut().zip(starts).zip(ends) {
-                *lane = larger(*lane, end - start);
+    let mut highest = [f64::NEG_INFINITY; LANES];
+    for (length, first_count) in lengths(place_count, geometry) {
+        let mut most = [f64::NEG_INFINITY; LANES];
+        for (starts, ends) in sums[..first_count].iter().zip(&sums[length..]) {
+            for ((most, start), end) in most.iter_mut().zip(starts).zip(ends) {
+                *most = larger(*most, end - start);
             }
         }
-        let left = starts_left.iter().zip(ends_left).map(|(start, end)| end - start);
-        let sum = lanes.into_iter().chain(left).fold(f64::NEG_INFINITY, larger);
-        highest = larger(highest, sum / (length as f64).sqrt());
+        let root = (length as f64).sqrt();
+        highest = std::array::from_fn(|lane| larger(highest[lane], most[lane] / root));
     }
-    Some(highest).filter(|value| value.is_finite())
+    highest
 }
 
 #[cfg(test)]
@@ -161,6 +171,44 @@ mod tests {
     use rand_distr::{Distribution as _, StandardNormal};
 
     use super::*;
+    use crate::resample::Blocks;
+
+    /// The highest arc of one ring or line, alone in the last of the lanes.
+    fn highest_of(sums: &[f64], geometry: Geometry) -> Option<f64> {
+        let in_last = |&sum: &f64| std::array::from_fn(|lane| if lane + 1 == LANES { sum } else { 0.0 });
+        let sums: Vec<[f64; LANES]> = sums.iter().map(in_last).collect();
+        Some(highest_of_lanes(&sums, sums.len() / 2, geometry)[LANES - 1]).filter(|value| value.is_finite())
+    }
+
+    /// The slow twin: permutation after permutation, all of its arcs by [`Prefix::best`].
+    fn arc_null_slow(z: &[Option<f64>], geometry: Geometry, permutation: Permutation) -> Vec<f64> {
+        let values = background(z);
+        let mut blocks = Blocks::new(permutation.block_length, permutation.seed);
+        let mut places = vec![0; values.len()];
+        let mut prefix = Prefix::default();
+        let mut highest = Vec::new();
+        for _ in 0..permutation.count {
+            blocks.permute(&mut places);
+            prefix.fill(places.iter().map(|&place| Some(values[place])));
+            highest.extend(prefix.best(geometry).map(|arc| arc.value));
+        }
+        highest.sort_by(f64::total_cmp);
+        highest
+    }
+
+    proptest! {
+        #[test]
+        fn permutations_side_by_side_are_those_one_by_one(
+            z in prop::collection::vec(prop::option::weighted(0.9, -9.0..9.0), 0..110),
+            (is_ring, count, block_length, seed) in (any::<bool>(), 0_usize..40, 1_usize..6, any::<u64>()),
+        ) {
+            // Catches a lane that is lost or counted twice, sums that end before the arcs do, another order of draws.
+            let geometry = if is_ring { Geometry::Ring } else { Geometry::Line };
+            let permutation = Permutation { block_length, count, seed };
+            let bits = |of: Vec<f64>| of.into_iter().map(f64::to_bits).collect::<Vec<_>>();
+            prop_assert_eq!(bits(arc_null(&z, geometry, permutation)), bits(arc_null_slow(&z, geometry, permutation)));
+        }
+    }
 
     /// The slow twin: every arc summed on its own.
     fn scan_slow(z: &[Option<f64>]) -> Option<f64> {

@@ -61,7 +61,8 @@ pub(crate) struct IndexMap {
 
 impl IndexMap {
     fn of(config: &FuseConfig, shoulder: &Shoulder, locations: Vec<LocationIndex>) -> Self {
-        let index = indexed(config.index, Step::AlongRing, shoulder, &locations);
+        let values: Vec<Option<f64>> = locations.iter().map(|l| l.value).collect();
+        let index = indexed(config.index, Step::AlongRing, shoulder, &values);
         Self { locations, index }
     }
 }
@@ -79,6 +80,9 @@ pub(crate) struct Casing {
     /// stands out the sound rest.
     pub(crate) is_inverted: bool,
 }
+
+/// A value a location, shoulder by shoulder.
+type Maps = Vec<Vec<Option<f64>>>;
 
 /// Whether the index is taken with or without the step along the ring.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,17 +115,18 @@ impl Standard {
     /// The reference that a casing is to itself, and its maps: what stands out of it leaves it, round by round.
     pub(crate) fn own(config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder]) -> (Self, Casing) {
         let (mut kept, mut calm) = (everything(shoulders), everything(shoulders));
-        let pooled = |kept: &Kept| level_of(config, conditions, shoulders, kept, |_| true);
+        let mut pooled = once(|kept| level_of(config, conditions, shoulders, kept, |_| true));
         if config.index != IndexKind::Dissertation {
+            let mut values = once(|now| {
+                let levels = vec![pooled(now); shoulders.len()];
+                Fit::values_of(config, conditions, shoulders, now, &levels)
+            });
             // Location by location first: the step along the ring makes five cracked ones of three, and many narrow
             // cracks would be the majority.
             for step in [Step::Alone, Step::AlongRing] {
                 calm = kept.clone();
                 kept = trimmed(&calm, step, |now, calm| {
-                    let levels = vec![pooled(now); shoulders.len()];
-                    let fit = Fit::of(config, conditions, shoulders, now, &levels);
-                    let map = |(s, own): (&Shoulder, &Vec<LocationIndex>)| indexed(config.index, step, s, own);
-                    let maps: Vec<_> = shoulders.iter().zip(fit.own()).map(map).collect();
+                    let maps = maps_of(config.index, &values(now), shoulders, step);
                     let spread = Spread::of(&mut sound_values(shoulders, &maps, now, calm, step))?;
                     Some((maps, spread))
                 });
@@ -150,8 +155,9 @@ impl Standard {
             (Centre::Reference, _) => vec![Level::pooled(&self.casing_levels); shoulders.len()],
             (Centre::Own, Some(level)) => vec![level.clone(); shoulders.len()],
             (Centre::Own, None) => {
-                let kept = self.kept_of(config, conditions, shoulders);
-                casing_level = Some(level_of(config, conditions, shoulders, &kept, |_| true));
+                let mut pooled = once(|kept| level_of(config, conditions, shoulders, kept, |_| true));
+                let kept = self.kept_of(config, shoulders, &mut pooled);
+                casing_level = Some(pooled(&kept));
                 own_levels(config, conditions, shoulders, &kept)
             }
         };
@@ -165,15 +171,19 @@ impl Standard {
         Casing { levels, maps, stands_off, is_inverted }
     }
 
-    /// Those places of a casing that do not stand out of it, by this reference's scales.
-    fn kept_of(&self, config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder]) -> Kept {
+    /// Those places of a casing that do not stand out of it, by this reference's scales; `pooled` is the level of all its
+    /// shoulders together.
+    fn kept_of(&self, config: &FuseConfig, shoulders: &[Shoulder], pooled: &mut impl FnMut(&Kept) -> Level) -> Kept {
         let mut kept = everything(shoulders);
         let Some(limits) = self.limits else { return kept };
+        let mut values = once(|now| {
+            let level = pooled(now);
+            shoulders.iter().map(|s| self.fit.values(&level, s, Taps::All)).collect()
+        });
         for step in [Step::Alone, Step::AlongRing] {
             let calm = kept.clone();
             kept = trimmed(&calm, step, |now, _| {
-                let levels = vec![level_of(config, conditions, shoulders, now, |_| true); shoulders.len()];
-                let maps = maps_of(config.index, &self.fit, &levels, shoulders, step);
+                let maps = maps_of(config.index, &values(now), shoulders, step);
                 // Alone, a location scatters more than with its neighbours: by how much, its own casing says.
                 let spread = match step {
                     Step::Alone => Spread::of(&mut selected(&maps, now))?,
@@ -194,14 +204,9 @@ impl Standard {
         calm: &Kept,
         location_count: usize,
     ) -> Self {
-        let each = |which| -> Vec<Vec<Option<f64>>> {
-            let map = |(s, level): (&Shoulder, &Level)| {
-                indexed(config.index, Step::AlongRing, s, &fit.locations(level, s, which))
-            };
-            shoulders.iter().zip(&levels).map(map).collect()
-        };
-        let own = |(s, own): (&Shoulder, &Vec<LocationIndex>)| indexed(config.index, Step::AlongRing, s, own);
-        let maps: Vec<_> = shoulders.iter().zip(fit.own()).map(own).collect();
+        let along = |values: Maps| maps_of(config.index, &values, shoulders, Step::AlongRing);
+        let each = |which| along(shoulders.iter().zip(&levels).map(|(s, l)| fit.values(l, s, which)).collect());
+        let maps = along(fit.own().iter().map(|own| own.iter().map(|l| l.value).collect()).collect());
         let (odd, even) = (each(Taps::Odd), each(Taps::Even));
         let mut null = Null {
             values: sound_values(shoulders, &maps, kept, calm, Step::AlongRing),
@@ -304,7 +309,7 @@ fn level_of(
 
 /// Those of `calm` that stay when the ones that stand out of them leave, round by round, as `measure` sees those that
 /// stayed so far.
-fn trimmed(calm: &Kept, step: Step, measure: impl Fn(&Kept, &Kept) -> Option<(Vec<Vec<Option<f64>>>, Spread)>) -> Kept {
+fn trimmed(calm: &Kept, step: Step, mut measure: impl FnMut(&Kept, &Kept) -> Option<(Maps, Spread)>) -> Kept {
     let at = if step == Step::Alone { TRIM_ALONE_AT } else { TRIM_AT };
     let mut now = calm.clone();
     for _ in 0..TRIM_ROUNDS_MAX {
@@ -326,16 +331,28 @@ fn is_majority(kept: &Kept) -> bool {
     2 * kept.iter().flatten().filter(|&&k| k).count() >= count
 }
 
-fn maps_of(kind: IndexKind, fit: &Fit, levels: &[Level], shoulders: &[Shoulder], step: Step) -> Vec<Vec<Option<f64>>> {
-    let map = |(s, level): (&Shoulder, &Level)| indexed(kind, step, s, &fit.locations(level, s, Taps::All));
-    shoulders.iter().zip(levels).map(map).collect()
+/// `of` what is kept; that of the last time where the same is kept again, as where one step of trimming begins with what
+/// the one before it ended with.
+fn once<T: Clone>(mut of: impl FnMut(&Kept) -> T) -> impl FnMut(&Kept) -> T {
+    let mut last: Option<(Kept, T)> = None;
+    move |now| {
+        if let Some((_, found)) = last.as_ref().filter(|(kept, _)| kept == now) {
+            return found.clone();
+        }
+        let found = of(now);
+        last = Some((now.clone(), found.clone()));
+        found
+    }
 }
 
-fn indexed(kind: IndexKind, step: Step, shoulder: &Shoulder, locations: &[LocationIndex]) -> Vec<Option<f64>> {
-    let values: Vec<Option<f64>> = locations.iter().map(|l| l.value).collect();
+fn maps_of(kind: IndexKind, values: &Maps, shoulders: &[Shoulder], step: Step) -> Maps {
+    shoulders.iter().zip(values).map(|(s, values)| indexed(kind, step, s, values)).collect()
+}
+
+fn indexed(kind: IndexKind, step: Step, shoulder: &Shoulder, values: &[Option<f64>]) -> Vec<Option<f64>> {
     match (kind, step) {
-        (IndexKind::Dissertation, _) | (_, Step::Alone) => values,
-        (_, Step::AlongRing) => shoulder.ring.mean_of_3(&values),
+        (IndexKind::Dissertation, _) | (_, Step::Alone) => values.to_vec(),
+        (_, Step::AlongRing) => shoulder.ring.mean_of_3(values),
     }
 }
 

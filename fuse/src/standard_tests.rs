@@ -111,3 +111,30 @@ fn a_shoulder_has_its_own_level_where_most_of_it_is_kept() {
         assert_eq!(own_levels(&config, &one_condition(), &shoulders, &kept)[1], expected, "{kept_count} of {count}");
     }
 }
+
+#[test]
+fn values_alone_are_those_of_the_locations() {
+    // Catches a short way to the values that leaves out a step of the long one, and one that takes those of other places
+    // for its own.
+    let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::default() };
+    let shoulders = [slab(101, 20, 500.0), slab(60, 0, 0.0)];
+    let fit = |kept: &Kept| {
+        let levels = vec![level_of(&config, &one_condition(), &shoulders, kept, |_| true); shoulders.len()];
+        let short = Fit::values_of(&config, &one_condition(), &shoulders, kept, &levels);
+        (Fit::of(&config, &one_condition(), &shoulders, kept, &levels), levels, short)
+    };
+    let mut values = once(|kept| fit(kept).2);
+    let of = |locations: &[LocationIndex]| locations.iter().map(|l| l.value).collect::<Vec<_>>();
+    let all = everything(&shoulders);
+    let mut some = all.clone();
+    some[0][..20].fill(false);
+    for kept in [&all, &all, &some, &all, &some] {
+        let (fit, levels, short) = fit(kept);
+        let own: Maps = fit.own().iter().map(|own| of(own)).collect();
+        assert_eq!((&short, &values(kept)), (&own, &own));
+        for ((shoulder, level), own) in shoulders.iter().zip(&levels).zip(&own) {
+            let locations = of(&fit.locations(level, shoulder, Taps::All));
+            assert_eq!((&locations, &fit.values(level, shoulder, Taps::All)), (own, own));
+        }
+    }
+}

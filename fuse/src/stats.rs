@@ -72,20 +72,43 @@ pub(crate) fn upper_tail(z: f64) -> f64 {
     let density = (-0.5 * z * z).exp() / (SQRT_2 * PI.sqrt());
     let magnitude = z.abs();
     let tail = if magnitude < 3.0 {
-        // 60 terms: the last is below 1e-25 at |z| = 3.
-        let (sum, _) = (1..60_u32).fold((magnitude, magnitude), |(sum, term), n| {
-            let next = term * magnitude * magnitude / f64::from(2 * n + 1);
-            (sum + next, next)
-        });
-        0.5 - density * sum
+        0.5 - density * odd_series(magnitude)
     } else if magnitude.is_finite() {
-        // 200 levels reach 1e-14 at |z| = 3 and less beyond.
-        let fraction = (1..=200_u32).rev().fold(magnitude, |fraction, n| magnitude + f64::from(n) / fraction);
-        density / fraction
+        density / continued_fraction(magnitude)
     } else {
         0.0
     };
     if z < 0.0 { 1.0 - tail } else { tail }
+}
+
+/// The series x + x^3/3 + x^5/15 + ... for `x` of 0 to 3.
+fn odd_series(x: f64) -> f64 {
+    let (mut sum, mut term) = (x, x);
+    // 60 terms: the last is below 1e-25 at 3.
+    for n in 1..60_u32 {
+        term = term * x * x / f64::from(2 * n + 1);
+        let next = sum + term;
+        // Terms rise before they fall, but none that still rises is lost in the sum of those before it: what follows one
+        // that is lost is smaller still.
+        if next.to_bits() == sum.to_bits() {
+            break;
+        }
+        sum = next;
+    }
+    sum
+}
+
+/// The continued fraction x + 1/(x + 2/(x + 3/(x + ...))) for `x` of 3 and more.
+fn continued_fraction(x: f64) -> f64 {
+    // 200 levels reach 1e-14 at 3 and less beyond.
+    const LEVELS: u32 = 200;
+    const FEWER: u32 = 60;
+    let level = |n: u32, below: f64| x + f64::from(n) / below;
+    // What the levels below these give lies between x and this, and rounding keeps the order of numbers: where both ends
+    // come to one and the same number, all levels do.
+    let ends = (x, level(FEWER + 1, x));
+    let (low, high) = (1..=FEWER).rev().fold(ends, |(low, high), n| (level(n, high), level(n, low)));
+    if low.to_bits() == high.to_bits() { low } else { (1..=LEVELS).rev().fold(x, |below, n| level(n, below)) }
 }
 
 /// Chance that a value of Student's t with `freedom` degrees of freedom, above 0, exceeds `t`.
@@ -137,6 +160,27 @@ mod tests {
             // Catches the wrong middle for even or odd counts.
             let expected = median_by_sorting(&values);
             prop_assert_eq!(median(&mut values.clone()).unwrap().to_bits(), expected.to_bits());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_series_cut_short_is_the_whole_one(x in prop_oneof![0.0..3.0_f64, 0.0..1e-6_f64, Just(0.0)]) {
+            // Catches terms left out that would still have counted: all 60 of them.
+            let (whole, _) = (1..60_u32).fold((x, x), |(sum, term), n| {
+                let next = term * x * x / f64::from(2 * n + 1);
+                (sum + next, next)
+            });
+            prop_assert_eq!(odd_series(x).to_bits(), whole.to_bits());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_fraction_of_fewer_levels_is_the_whole_one(x in prop_oneof![3.0..4.0_f64, 3.0..40.0_f64, 3.0..1e300_f64]) {
+            // Catches ends that do not hold the lower levels between them: all 200 of them.
+            let whole = (1..=200_u32).rev().fold(x, |below, n| x + f64::from(n) / below);
+            prop_assert_eq!(continued_fraction(x).to_bits(), whole.to_bits());
         }
     }
 

@@ -72,6 +72,7 @@ impl Default for Values {
 
 impl Values {
     /// The value of `which` in SI units, `None` when absent.
+    #[inline] // asked for tens of thousands of times a tyre, from another crate
     pub fn get(&self, which: Discriminator) -> Option<f64> {
         Some(self.0[which as usize]).filter(|v| v.is_finite())
     }
