@@ -156,7 +156,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         })?;
     }
     judge(&task.reader, &mut writer, &mut fusion)?;
-    let is_whole = writer.ledger().is_judged() && writer.ledger().count(TapState::Missing) == 0;
+    let is_whole = writer.is_whole();
     let done = settled(&writer) - settled_before;
     writer.finish()?;
     progress.finish();

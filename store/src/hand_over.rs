@@ -24,7 +24,7 @@ impl Writer {
     }
 
     /// Whether scan `scan` is left to a later file.
-    fn is_later(&self, scan: u32) -> bool {
+    pub(crate) fn is_later(&self, scan: u32) -> bool {
         self.plan.scans()[scan as usize].taps.iter().all(|&row| self.tracks[row as usize].is_later())
     }
 

@@ -166,9 +166,10 @@ impl Reader {
         self.archives.iter().map(raw_digest).collect()
     }
 
-    /// Whether the file that ought to have scan `scan` leaves it to a later one, which is not there.
-    pub(crate) fn is_later(&self, scan: u32) -> bool {
-        self.plan().scans()[scan as usize].taps.iter().all(|&row| self.lost_at(row) == Some(Lost::LaterFile))
+    /// Whether file `part` leaves its scan `there` to a later one.
+    pub(crate) fn is_later(&self, part: usize, there: u32) -> bool {
+        let is_later = |&row: &u32| Lost::from_code(self.states[part][row as usize].lost_at) == Some(Lost::LaterFile);
+        self.archives[part].plan.scans()[there as usize].taps.iter().all(is_later)
     }
 
     /// Whether this archive has results alone, of the taps of another.

@@ -1,6 +1,6 @@
 //! What is put into a run: each record goes to the file that has its scan, under that file's own numbers.
 
-use tapline_wire::{DamageCell, Discriminators, Judgement, Quality, TapHeader, TapId};
+use tapline_wire::{DamageCell, Discriminators, Judgement, Quality, ScanState, TapHeader, TapId};
 
 use crate::check::check_scan;
 use crate::replay::REPLAY_ROWS_MAX;
@@ -155,6 +155,17 @@ impl RunWriter {
     /// Whether the files are in their places: see [`Writer::is_in_place`].
     pub fn is_in_place(&self) -> bool {
         self.writers.iter().all(|writer| writer.is_shut() || writer.is_in_place())
+    }
+
+    /// Whether every tap is settled and every scan judged that is not left to a later file, as of the last flush.
+    pub fn is_whole(&self) -> bool {
+        (0..).zip(self.plan.scans()).all(|(scan, planned)| {
+            let is_settled = |&row: &u32| self.ledger.taps()[row as usize].is_settled();
+            let is_done =
+                self.ledger.scans()[scan as usize] == ScanState::Judged && planned.taps.iter().all(is_settled);
+            let (part, there) = self.map.scan(scan);
+            is_done || self.writers[part].is_later(there)
+        })
     }
 
     /// The files that are not closed.

@@ -42,7 +42,7 @@ pub struct RunWriter {
     pub(crate) map: PartMap,
     /// By scan: whether anything of it has come.
     is_begun: Vec<bool>,
-    ledger: Ledger,
+    pub(crate) ledger: Ledger,
     /// Scan for which a new file could not be begun yet.
     pub(crate) waits_for_file: Option<u32>,
 }
@@ -102,26 +102,29 @@ impl RunWriter {
     /// As [`Writer::create`] and [`Writer::resume`].
     pub fn of_results(path: &Path, reader: &Reader, lineage: Lineage<'_>) -> Result<Self> {
         let raw = reader.raw_digests()?;
-        let [first, later @ ..] = reader.archives() else { return Err(not_a_run(path, "there are no taps")) };
-        if first.part.is_none() {
-            let lineage = Lineage { raw: Some((&first.path, raw[0])), ..lineage };
-            let writer = Writer::open_or_create(path, &first.plan, lineage)?;
-            return Ok(Self::of(path, &first.plan, lineage, StoreConfig::default(), vec![writer]));
-        }
-        fs::create_dir_all(path).context("create", path)?;
+        let is_folder = reader.path().is_dir();
         let open = |archive: &Archive, digest| {
-            let lineage = Lineage { raw: Some((&archive.path, digest)), part: archive.part, ..lineage };
-            Writer::open_or_create(path.join(archive.path.file_name().unwrap_or_default()), &archive.plan, lineage)
+            let raw = Some((archive.path.as_path(), digest));
+            if !is_folder {
+                return Writer::open_or_create(path, &archive.plan, Lineage { raw, ..lineage });
+            }
+            let path = path.join(archive.path.file_name().unwrap_or_default());
+            Writer::open_or_create(path, &archive.plan, Lineage { raw, part: archive.part, ..lineage })
         };
-        let mut this = Self::of(path, &first.plan, lineage, StoreConfig::default(), vec![open(first, raw[0])?]);
-        for (archive, &digest) in later.iter().zip(&raw[1..]) {
+        if is_folder {
+            fs::create_dir_all(path).context("create", path)?;
+        }
+        let (first, plan) = (open(reader.first(), raw[0])?, reader.plan());
+        let mut this = Self::of(path, plan, lineage, StoreConfig::default(), vec![first]);
+        for (archive, &digest) in reader.archives().iter().zip(&raw).skip(1) {
             this.add(open(archive, digest)?)?;
         }
-        // What the taps' own files left to later ones stays so, and all else is where it is.
-        for (scan, is_begun) in (0..).zip(&mut this.is_begun) {
-            *is_begun = !reader.is_later(scan);
+        // What a file leaves to later ones, its results do too.
+        for (part, writer) in this.writers.iter_mut().enumerate() {
+            let later = this.map.planned_in(part).filter(|&(_, there)| reader.is_later(part, there));
+            later.for_each(|(_, there)| writer.hand_over(there));
         }
-        this.hand_over();
+        this.is_begun.fill(true);
         this.note_states();
         Ok(this)
     }

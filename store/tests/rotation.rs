@@ -299,4 +299,23 @@ fn a_run_of_several_files_is_packed_and_judged_again() {
     let report = verify(&results).unwrap();
     assert!(report.is_complete(), "{report:?}");
     assert_ne!(again.lineage_key().unwrap(), reader.lineage_key().unwrap());
+
+    // One of the files alone: its own scans are judged, and what it leaves to others is left to them.
+    let first = Reader::open(&parts(&path)[1]).unwrap();
+    let alone = path.join("alone.h5");
+    let mut writer = RunWriter::of_results(&alone, &first, Lineage { made_by: "other", ..CONFIG.into() }).unwrap();
+    let ours = first.plan();
+    for (row, _) in (0..).zip(first.ledger().taps()).filter(|(_, state)| state.is_settled()) {
+        writer.put_discriminators(&discriminators(ours, row)).unwrap();
+    }
+    for (scan, _) in (0..).zip(first.ledger().scans()).filter(|(_, state)| **state == ScanState::Judged) {
+        take(&mut writer, ours, Step::End(scan)).unwrap();
+        assert!(!writer.is_whole());
+        take(&mut writer, ours, Step::Verdict(scan)).unwrap();
+        writer.flush().unwrap();
+    }
+    assert!(writer.is_whole());
+    writer.finish().unwrap();
+    let report = verify(&alone).unwrap();
+    assert!(report.is_complete() && report.missing_count < report.ledger.count(TapState::Missing), "{report:?}");
 }

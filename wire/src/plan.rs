@@ -1,6 +1,6 @@
 //! The scan plan: every tap that must exist, and what its record will look like.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write as _;
 
 use sha2::{Digest, Sha256};
@@ -181,14 +181,11 @@ impl Plan {
     /// # Errors
     /// [`PlanError::Empty`] where none of the numbers is of a scan.
     pub fn subset(&self, scans: &[u32]) -> Result<Self, PlanError> {
-        let of_tap = self.scan_of_tap();
-        let taps =
-            self.taps.iter().zip(&of_tap).filter(|(_, scan)| scans.contains(scan)).map(|(tap, _)| *tap).collect();
-        let shoulders: Vec<_> = scans
-            .iter()
-            .filter_map(|&scan| self.scans.get(scan as usize))
-            .map(|scan| (scan.tyre, scan.shoulder))
-            .collect();
+        let scans: Vec<&Scan> = scans.iter().filter_map(|&scan| self.scans.get(scan as usize)).collect();
+        let mut rows: Vec<u32> = scans.iter().flat_map(|scan| scan.taps.iter().copied()).collect();
+        rows.sort_unstable();
+        let taps = rows.into_iter().map(|row| self.taps[row as usize]).collect();
+        let shoulders: BTreeSet<_> = scans.iter().map(|scan| (scan.tyre, scan.shoulder)).collect();
         let is_of = |&(tyre, shoulder, _): &(Serial, u16, u32)| shoulders.contains(&(tyre, shoulder));
         let truth =
             self.truth.iter().filter(|(place, _)| is_of(place)).map(|(&place, &known)| (place, known)).collect();
