@@ -77,6 +77,7 @@ mod record;
 mod run;
 mod sound;
 mod spectrum;
+mod wide;
 
 pub use config::{Precision, ProcessConfig};
 pub use error::Error;

@@ -2,7 +2,9 @@
 
 use std::ops::{AddAssign, SubAssign};
 
-use realfft::FftNum;
+use rustfft::FftNum;
+
+use crate::wide::Kernel;
 
 mod sealed {
     pub trait Sealed {}
@@ -41,20 +43,46 @@ impl Real for f64 {
 /// Eight lanes of at most eight terms each keep the error of an `f32` block below 2^-20 of its sum
 /// of magnitudes, whatever the length of the record, and leave the compiler free to use SIMD.
 pub(crate) fn sum_of<T: Real>(samples: &[T], term: impl Fn(T) -> T) -> f64 {
-    const LANES: usize = 8;
-    const BLOCK: usize = 64;
-    let mut blocks = samples.chunks_exact(BLOCK);
-    let mut total = 0.0;
-    for block in blocks.by_ref() {
-        let mut lanes = [T::zero(); LANES];
-        for row in block.chunks_exact(LANES) {
-            for (lane, &x) in lanes.iter_mut().zip(row) {
-                *lane += term(x);
+    Sum { samples, term }.wide()
+}
+
+struct Sum<'a, T, F> {
+    samples: &'a [T],
+    term: F,
+}
+
+/// Lanes of a sum.
+const LANES: usize = 8;
+/// Samples of a block.
+const BLOCK: usize = 64;
+/// Blocks whose lanes are stored before they are added up: it is at stores that the compiler sees vectors.
+const GROUP: usize = 16;
+
+impl<T: Real, F: Fn(T) -> T> Kernel for Sum<'_, T, F> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let Self { samples, term } = self;
+        let mut stored = [[T::zero(); LANES]; GROUP];
+        let (blocks, rest) = samples.as_chunks::<BLOCK>();
+        let mut total = 0.0;
+        for group in blocks.chunks(GROUP) {
+            for (block, stored) in group.iter().zip(&mut stored) {
+                let mut lanes = [T::zero(); LANES];
+                for row in block.as_chunks::<LANES>().0 {
+                    for lane in 0..LANES {
+                        lanes[lane] += term(row[lane]);
+                    }
+                }
+                *stored = lanes;
+            }
+            for lanes in &stored[..group.len()] {
+                total += lanes.iter().map(|lane| lane.widened()).sum::<f64>();
             }
         }
-        total += lanes.iter().map(|lane| lane.widened()).sum::<f64>();
+        total + rest.iter().map(|&x| term(x).widened()).sum::<f64>()
     }
-    total + blocks.remainder().iter().map(|&x| term(x).widened()).sum::<f64>()
 }
 
 #[cfg(test)]

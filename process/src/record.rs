@@ -3,6 +3,7 @@
 use tapline_wire::{CHANNELS_MAX, Channel, TapHeader};
 
 use crate::Real;
+use crate::wide::Kernel;
 
 /// A sample as the converter gave it.
 pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
@@ -14,6 +15,12 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn is_rail(self) -> bool;
     /// The sample in single precision, which holds it exactly.
     fn exact_f32(self) -> f32;
+    /// An integer that orders as samples do.
+    fn key(self) -> i32;
+    /// The key of |sample - `base`|, `base` being a median of samples.
+    fn distance_key(self, base: f64) -> i32;
+    /// The counts of which `key` is the key.
+    fn of_key(key: i32) -> f64;
     /// (sample - `base`) * `gain`, rounded once; `gain` is a power of two.
     fn centred<T: Real>(self, base: f64, gain: f64) -> T;
 }
@@ -29,6 +36,15 @@ impl Count for i16 {
     }
     fn exact_f32(self) -> f32 {
         f32::from(self)
+    }
+    fn key(self) -> i32 {
+        2 * i32::from(self) // the median may be half a count
+    }
+    fn distance_key(self, base: f64) -> i32 {
+        (self.key() - (2.0 * base) as i32).abs()
+    }
+    fn of_key(key: i32) -> f64 {
+        f64::from(key) / 2.0
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
         // The median of 16-bit counts is a whole or half count, so that this is exact in f32 too.
@@ -47,10 +63,25 @@ impl Count for f32 {
     fn exact_f32(self) -> f32 {
         self
     }
+    fn key(self) -> i32 {
+        in_order(self.to_bits() as i32)
+    }
+    fn distance_key(self, base: f64) -> i32 {
+        ((f64::from(self) - base).abs() as f32).key()
+    }
+    fn of_key(key: i32) -> f64 {
+        f64::from(f32::from_bits(in_order(key) as u32))
+    }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
         // In double precision, or an offset of many times the signal would cost the signal its digits.
         T::rounded((f64::from(self) - base) * gain)
     }
+}
+
+/// The bits of an `f32` turned so that they order as `f32::total_cmp` does, and back.
+fn in_order(bits: i32) -> i32 {
+    // Of a negative number, all but the sign are turned.
+    bits ^ ((bits >> 31) as u32 >> 1) as i32
 }
 
 /// Samples of one channel with their scale: newtons or volts per count.
@@ -107,27 +138,7 @@ pub(crate) struct Extent<C> {
 impl<C: Count> Extent<C> {
     /// The extent of `samples`; `None` when there is none or one is not a number.
     pub(crate) fn of(samples: &[C]) -> Option<Self> {
-        const LANES: usize = 32;
-        let first = *samples.first()?;
-        let (mut least, mut largest, mut is_number) = ([first; LANES], [first; LANES], [true; LANES]);
-        let mut rows = samples.chunks_exact(LANES);
-        // Lanes, because a minimum of floats in one variable may not be reordered into SIMD.
-        for row in rows.by_ref() {
-            for lane in 0..LANES {
-                let x = row[lane];
-                least[lane] = if x < least[lane] { x } else { least[lane] };
-                largest[lane] = if x > largest[lane] { x } else { largest[lane] };
-                is_number[lane] &= x.is_number();
-            }
-        }
-        let mut extent = Self { least: first, largest: first };
-        let mut is_sound = is_number.into_iter().all(|good| good);
-        for &x in rows.remainder().iter().chain(&least).chain(&largest) {
-            extent.least = if x < extent.least { x } else { extent.least };
-            extent.largest = if x > extent.largest { x } else { extent.largest };
-            is_sound &= x.is_number();
-        }
-        is_sound.then_some(extent)
+        Extremes { samples }.wide()
     }
 
     /// Whether all samples are the same.
@@ -145,6 +156,77 @@ impl<C: Count> Extent<C> {
         }
         let exponent = (peak.abs().to_bits() >> 52) as i32 - 1023;
         2.0_f64.powi(-exponent)
+    }
+}
+
+/// Place of the first of `samples` that is `level`.
+pub(crate) fn position<C: Count>(samples: &[C], level: C) -> Option<usize> {
+    let first = Touched { samples, level, from: 0 }.wide()?;
+    samples[first..].iter().position(|&x| x == level).map(|at| first + at)
+}
+
+/// Samples that [`Touched`] looks at together.
+pub(crate) const STRETCH: usize = 192;
+
+/// Where the first stretch of `samples` begins, from the one that begins at `from` on, in which one is at `level`.
+pub(crate) struct Touched<'a, C> {
+    pub(crate) samples: &'a [C],
+    pub(crate) level: C,
+    pub(crate) from: usize,
+}
+
+impl<C: Count> Kernel for Touched<'_, C> {
+    type Output = Option<usize>;
+
+    #[inline(always)]
+    fn run(self) -> Option<usize> {
+        let Self { samples, level, from } = self;
+        let (stretches, rest) = samples.get(from..)?.as_chunks::<STRETCH>();
+        for (number, stretch) in stretches.iter().enumerate() {
+            let mut touches = false;
+            for &x in stretch {
+                touches |= x == level;
+            }
+            if touches {
+                return Some(from + number * STRETCH);
+            }
+        }
+        rest.iter().any(|&x| x == level).then_some(samples.len() - rest.len())
+    }
+}
+
+/// The extent of `samples`; `None` when there is none or one is not a number.
+struct Extremes<'a, C> {
+    samples: &'a [C],
+}
+
+impl<C: Count> Kernel for Extremes<'_, C> {
+    type Output = Option<Extent<C>>;
+
+    #[inline(always)]
+    fn run(self) -> Option<Extent<C>> {
+        let samples = self.samples;
+        const LANES: usize = 32;
+        let first = *samples.first()?;
+        let (mut least, mut largest, mut is_number) = ([first; LANES], [first; LANES], [true; LANES]);
+        let mut rows = samples.chunks_exact(LANES);
+        // Lanes, because a minimum of floats in one variable may not be reordered into SIMD.
+        for row in rows.by_ref() {
+            for lane in 0..LANES {
+                let x = row[lane];
+                least[lane] = if x < least[lane] { x } else { least[lane] };
+                largest[lane] = if x > largest[lane] { x } else { largest[lane] };
+                is_number[lane] &= x.is_number();
+            }
+        }
+        let mut extent = Extent { least: first, largest: first };
+        let mut is_sound = is_number.into_iter().all(|good| good);
+        for &x in rows.remainder().iter().chain(&least).chain(&largest) {
+            extent.least = if x < extent.least { x } else { extent.least };
+            extent.largest = if x > extent.largest { x } else { extent.largest };
+            is_sound &= x.is_number();
+        }
+        is_sound.then_some(extent)
     }
 }
 
