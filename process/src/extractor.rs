@@ -3,10 +3,11 @@
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
 use crate::baseline::{Medians, baseline_count};
+use crate::extent::Extent;
 use crate::force::{Pulse, PulseFinder};
 use crate::hum::Hum;
 use crate::quality::{self, Blocks, Doubts, Force, Sound, of_force, of_sound};
-use crate::record::{Count, Extent, Record, Track};
+use crate::record::{Count, Record, Track};
 use crate::sound::{SOUND_M_PER_S, area, deviation, magnitude_area, magnitude_of_noise, onset_without_force};
 use crate::spectrum::{Bands, Spectrum, View};
 use crate::wide::Kernel;

@@ -12,7 +12,8 @@ mod duration;
 mod half_sine;
 mod peak;
 
-use crate::record::{Count, Extent, Track, position};
+use crate::extent::{Extent, position};
+use crate::record::{Count, Track};
 use crate::{DurationEstimator, PeakEstimator};
 
 use duration::{crossings, half_sine_base};

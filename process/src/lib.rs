@@ -68,6 +68,7 @@ mod baseline;
 mod config;
 mod error;
 mod estimator;
+mod extent;
 mod extractor;
 mod force;
 mod hum;

@@ -55,8 +55,6 @@ struct Sum<'a, T, F> {
 const LANES: usize = 8;
 /// Samples of a block.
 const BLOCK: usize = 64;
-/// Blocks whose lanes are stored before they are added up: it is at stores that the compiler sees vectors.
-const GROUP: usize = 16;
 
 impl<T: Real, F: Fn(T) -> T> Kernel for Sum<'_, T, F> {
     type Output = f64;
@@ -64,23 +62,21 @@ impl<T: Real, F: Fn(T) -> T> Kernel for Sum<'_, T, F> {
     #[inline(always)]
     fn run(self) -> f64 {
         let Self { samples, term } = self;
-        let mut stored = [[T::zero(); LANES]; GROUP];
+        let added = |lanes: &[T; LANES]| lanes.iter().map(|lane| lane.widened()).sum::<f64>();
         let (blocks, rest) = samples.as_chunks::<BLOCK>();
-        let mut total = 0.0;
-        for group in blocks.chunks(GROUP) {
-            for (block, stored) in group.iter().zip(&mut stored) {
-                let mut lanes = [T::zero(); LANES];
-                for row in block.as_chunks::<LANES>().0 {
-                    for lane in 0..LANES {
-                        lanes[lane] += term(row[lane]);
-                    }
+        let (mut stored, mut total) = ([[T::zero(); LANES]; 2], 0.0);
+        for (number, block) in blocks.iter().enumerate() {
+            let mut lanes = [T::zero(); LANES];
+            for row in block.as_chunks::<LANES>().0 {
+                for lane in 0..LANES {
+                    lanes[lane] += term(row[lane]);
                 }
-                *stored = lanes;
             }
-            for lanes in &stored[..group.len()] {
-                total += lanes.iter().map(|lane| lane.widened()).sum::<f64>();
-            }
+            // A block late: it is where lanes are stored that the compiler sees a vector.
+            total += added(&stored[number % 2]);
+            stored[(number + 1) % 2] = lanes;
         }
+        total += added(&stored[blocks.len() % 2]);
         total + rest.iter().map(|&x| term(x).widened()).sum::<f64>()
     }
 }

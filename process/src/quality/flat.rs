@@ -1,7 +1,7 @@
 //! Flat tops: samples that stand still where a signal would turn.
 
-use crate::record::{Count, Extent, STRETCH, Touched, position};
-use crate::wide::Kernel as _;
+use crate::extent::{Extent, STRETCH, position, stretch_at};
+use crate::record::Count;
 
 /// Samples in a row at an extreme that may make a channel clipped (B1).
 const RUN: usize = 3;
@@ -50,7 +50,7 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
     }
     // A run of three covers one of every three places. Most stretches never touch the level, which vectors see at once.
     let mut after = 0;
-    let next = |first: usize| Touched { samples, level, from: first }.wide();
+    let next = |first: usize| stretch_at(samples, level, first);
     let stretches = std::iter::successors(next(0), |first| next(first + STRETCH));
     let probes = stretches.flat_map(|first| {
         let end = samples.len().min(first + STRETCH);

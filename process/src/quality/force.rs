@@ -5,8 +5,9 @@ use tapline_wire::{Discriminator, Quality};
 use super::flat::{OF_PULSE, is_flat};
 use super::{Doubts, POWERS, QualityConfig};
 use crate::baseline::Medians;
+use crate::extent::{Extent, position};
 use crate::force::{NOISE_SIGMAS, Pulse};
-use crate::record::{Count, Extent, Track, position};
+use crate::record::{Count, Track};
 
 /// Standard deviations of the noise that a second pulse exceeds: the greatest of a whole record's noise does not.
 const SECOND_SIGMAS: f64 = 6.0;

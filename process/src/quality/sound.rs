@@ -9,7 +9,8 @@ use super::blocks::{Block, Blocks, samples_per_block};
 use super::flat::is_clipped;
 use super::{Doubts, OF_SOUND, POWERS, Policy, QualityConfig};
 use crate::Real;
-use crate::record::{Count, Extent, Track};
+use crate::extent::Extent;
+use crate::record::{Count, Track};
 
 /// Blocks after the onset in which a casing falls silent: 100 ms.
 const RINGING_BLOCKS: usize = 100;

@@ -152,16 +152,16 @@ impl<T: Real> Kernel for Untangle<'_, T> {
 
     #[inline(always)]
     fn run(self) {
-    let Self { halves, twiddles, powers } = self;
-    let half = T::rounded(0.5);
-    for (((power, z), image), w) in powers.iter_mut().zip(halves).zip(halves.iter().rev()).zip(twiddles) {
-        let (sum_re, sum_im) = (z.re + image.re, z.im + image.im);
-        let (diff_re, diff_im) = (z.re - image.re, z.im - image.im);
-        let re = half * sum_re + (sum_im * w.re + diff_re * w.im);
-        let im = half * diff_im + (sum_im * w.im - diff_re * w.re);
-        *power = power_of(re, im);
+        let Self { halves, twiddles, powers } = self;
+        let half = T::rounded(0.5);
+        for (((power, z), image), w) in powers.iter_mut().zip(halves).zip(halves.iter().rev()).zip(twiddles) {
+            let (sum_re, sum_im) = (z.re + image.re, z.im + image.im);
+            let (diff_re, diff_im) = (z.re - image.re, z.im - image.im);
+            let re = half * sum_re + (sum_im * w.re + diff_re * w.im);
+            let im = half * diff_im + (sum_im * w.im - diff_re * w.re);
+            *power = power_of(re, im);
+        }
     }
-}
 }
 
 #[inline(always)]
