@@ -135,6 +135,33 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// Catches floats that do not order as they should, or that do not come back from their keys: the twin sorts.
+        #[test]
+        fn median_and_noise_of_floats_like_a_sort(samples in prop::collection::vec(-1e30..1e30_f32, 1..50)) {
+            let twin = |mut values: Vec<f32>| {
+                values.sort_by(f32::total_cmp);
+                let n = values.len();
+                f64::midpoint(f64::from(values[(n - 1) / 2]), f64::from(values[n / 2]))
+            };
+            let mut medians = Medians::default();
+            let base = medians.median(&samples);
+            prop_assert_eq!(base.to_bits(), twin(samples.clone()).to_bits());
+            let distances = samples.iter().map(|&x| (f64::from(x) - base).abs() as f32).collect();
+            prop_assert_eq!(medians.noise_counts(&samples, base).to_bits(), (1.4826 * twin(distances)).to_bits());
+        }
+
+        /// Catches middles that differ with the machine's vectors.
+        #[test]
+        fn middles_are_the_same_on_every_machine(keys in prop::collection::vec(any::<i32>(), 0..90)) {
+            let mut sorted = keys.clone();
+            sorted.sort_unstable();
+            let expected = sorted.get(keys.len() / 2).map(|&upper| (sorted[(keys.len() - 1) / 2], upper));
+            prop_assert_eq!(Middle { keys: &keys }.run(), expected);
+            prop_assert_eq!(Middle { keys: &keys }.wide(), expected);
+        }
+    }
+
     /// Catches noise measured as a standard deviation, which one early impact inflates, and a quiet converter
     /// taken for one without rounding.
     #[test]

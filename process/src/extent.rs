@@ -144,4 +144,22 @@ mod tests {
         }
         assert!((Extent { least: 4_i16, largest: 4 }.gain(4.0) - 1.0).abs() < 1e-15);
     }
+
+    /// Catches a stretch stepped over, or one that is looked at twice: the twin looks at every sample.
+    #[test]
+    fn places_like_a_walk() {
+        for count in [1, 5, 191, 192, 193, 400, 1000] {
+            for place in (0..count).step_by(7).chain([count - 1]) {
+                let mut samples = vec![0_i16; count];
+                samples[place] = 9;
+                assert_eq!(position(&samples, 9), Some(place));
+                let floats: Vec<f32> = samples.iter().map(|&x| f32::from(x)).collect();
+                assert_eq!(position(&floats, 9.0), Some(place));
+                let stretch = place / STRETCH * STRETCH;
+                assert_eq!(stretch_at(&samples, 9, 0), Some(stretch));
+                assert_eq!(stretch_at(&samples, 9, stretch + STRETCH), None);
+                assert_eq!(position(&samples, 8), None);
+            }
+        }
+    }
 }

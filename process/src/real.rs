@@ -101,4 +101,34 @@ mod tests {
         let samples = vec![1.0_f32; (1 << 24) + 1000];
         assert!((sum_of(&samples, |x| x) - f64::from((1 << 24) + 1000)).abs() < 0.5);
     }
+
+    /// Catches lanes, or an order of summation, that differ with the machine's vectors or from the definition: the twin
+    /// is sample by sample, and all bits are compared.
+    #[test]
+    fn sums_have_the_same_bits_on_every_machine() {
+        fn twin<T: Real>(samples: &[T], term: impl Fn(T) -> T) -> f64 {
+            let whole = samples.len() / BLOCK * BLOCK;
+            let mut total = 0.0;
+            for block in samples[..whole].chunks(BLOCK) {
+                let mut lanes = [T::zero(); LANES];
+                for (i, &x) in block.iter().enumerate() {
+                    lanes[i % LANES] += term(x);
+                }
+                total += lanes.iter().map(|lane| lane.widened()).sum::<f64>();
+            }
+            total + samples[whole..].iter().map(|&x| term(x).widened()).sum::<f64>()
+        }
+        fn check<T: Real>(count: usize) {
+            let samples: Vec<T> = (0..count).map(|i| T::rounded((i as f64 * 0.7).sin() * 1.9)).collect();
+            for term in [(|x| x) as fn(T) -> T, |x| x * x, |x| x.abs()] {
+                let expected = twin(&samples, term).to_bits();
+                assert_eq!(Sum { samples: &samples, term }.run().to_bits(), expected, "{count}");
+                assert_eq!(sum_of(&samples, term).to_bits(), expected, "{count}");
+            }
+        }
+        for count in (0..200).chain([16_384, 16_401]) {
+            check::<f32>(count);
+            check::<f64>(count);
+        }
+    }
 }

@@ -148,8 +148,7 @@ impl<T: Real> Lanes<T> {
 
     #[inline(always)]
     fn add(&mut self, row: &[T; LANES]) {
-        for lane in 0..LANES {
-            let x = row[lane];
+        for (lane, &x) in row.iter().enumerate() {
             let magnitude = x.abs();
             self.sum[lane] += x;
             self.square[lane] += x * x;
@@ -204,5 +203,38 @@ mod tests {
         assert_eq!((blocks.noise(3, 3), blocks.noise(99, 101)), (None, None));
         blocks.fill(&signal, 2000.0);
         assert!(blocks.all().is_empty());
+    }
+
+    /// Catches lanes, or an order of summation, that differ with the machine's vectors or from the definition, and a
+    /// sample behind the block that counts: the twin is sample by sample, and all bits are compared.
+    #[test]
+    fn blocks_have_the_same_bits_on_every_machine() {
+        fn twin<T: Real>(block: &[T]) -> Block {
+            let mut lanes = [[T::zero(); LANES]; 3];
+            for (i, &x) in block.iter().enumerate() {
+                let lane = i % LANES;
+                lanes[0][lane] += x;
+                lanes[1][lane] += x * x;
+                lanes[2][lane] = if x.abs() > lanes[2][lane] { x.abs() } else { lanes[2][lane] };
+            }
+            let [mean, mean_square, _] = lanes.map(|lanes| lanes.iter().map(|x| x.widened()).sum::<f64>());
+            let peak = lanes[2].iter().fold(0.0, |a, x| if x.widened() > a { x.widened() } else { a });
+            let count = block.len() as f64;
+            Block { mean: mean / count, mean_square: mean_square / count, peak }
+        }
+        fn check<T: Real>(count: usize) {
+            let signal: Vec<T> = (0..count * 21 + 5).map(|i| T::rounded((i as f64 * 0.7).sin() * 1.9)).collect();
+            let expected: Vec<Block> = signal.chunks_exact(count).map(twin).collect();
+            let mut blocks = vec![Block::default(); expected.len()];
+            Fill { signal: &signal, count, blocks: &mut blocks }.run();
+            assert_eq!(blocks, expected, "{count}");
+            blocks.fill(Block::default());
+            Fill { signal: &signal, count, blocks: &mut blocks }.wide();
+            assert_eq!(blocks, expected, "{count}");
+        }
+        for count in (4..50).chain([192]) {
+            check::<f32>(count);
+            check::<f64>(count);
+        }
     }
 }
