@@ -1,6 +1,7 @@
 //! The level of a channel before the impact, and how much it scatters.
 
 use crate::record::Count;
+use crate::wide::Kernel;
 
 /// Samples that a baseline is taken from: the first floor(0.75 p) of a record of `sample_count`.
 ///
@@ -13,37 +14,93 @@ pub(crate) fn baseline_count(pre_trigger_samples: usize, sample_count: usize) ->
 /// Finds medians, with one scratch for all of them.
 #[derive(Debug, Default)]
 pub(crate) struct Medians {
-    order: Vec<f32>,
+    keys: Vec<i32>,
 }
 
 impl Medians {
     /// Median of `samples` in counts, the mean of the middle two when their number is even; 0 of none.
     pub(crate) fn median<C: Count>(&mut self, samples: &[C]) -> f64 {
-        self.order.clear();
-        self.order.extend(samples.iter().map(|x| x.exact_f32()));
-        self.median_of_order()
+        self.keys.resize(samples.len(), 0);
+        Keys { samples, key: |x: C| x.key(), keys: &mut self.keys }.wide();
+        self.median_of_keys::<C>()
     }
 
-    /// Standard deviation of `samples` about `base`, estimated as 1.4826 times the median of their magnitudes so
-    /// that an impact which began too early does not count as noise; never below the converter's rounding.
+    /// Standard deviation of `samples` about `base`, a median of such, estimated as 1.4826 times the median of their
+    /// magnitudes so that an impact which began too early does not count as noise; never below the converter's rounding.
     pub(crate) fn noise_counts<C: Count>(&mut self, samples: &[C], base: f64) -> f64 {
-        self.order.clear();
-        self.order.extend(samples.iter().map(|&x| (x.into() - base).abs() as f32));
-        let sigma = 1.4826 * self.median_of_order();
+        self.keys.resize(samples.len(), 0);
+        Keys { samples, key: |x: C| x.distance_key(base), keys: &mut self.keys }.wide();
+        let sigma = 1.4826 * self.median_of_keys::<C>();
         if sigma > C::ROUNDING_COUNTS { sigma } else { C::ROUNDING_COUNTS }
     }
 
-    fn median_of_order(&mut self) -> f64 {
-        let count = self.order.len();
-        if count == 0 {
-            return 0.0;
+    fn median_of_keys<C: Count>(&self) -> f64 {
+        let Some((lower, upper)) = Middle { keys: &self.keys }.wide() else { return 0.0 };
+        f64::midpoint(C::of_key(lower), C::of_key(upper))
+    }
+}
+
+/// Fills `keys` with the `key` of each sample.
+struct Keys<'a, C, F> {
+    samples: &'a [C],
+    key: F,
+    keys: &'a mut [i32],
+}
+
+impl<C: Count, F: Fn(C) -> i32> Kernel for Keys<'_, C, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (to, &x) in self.keys.iter_mut().zip(self.samples) {
+            *to = (self.key)(x);
         }
-        let (lower, &mut upper_middle, _) = self.order.select_nth_unstable_by(count / 2, f32::total_cmp);
-        if count % 2 == 1 {
-            return f64::from(upper_middle);
+    }
+}
+
+/// The middle two of `keys`, which are the same of an odd number; `None` of none.
+///
+/// Counting how many lie below a value takes a vector where sorting takes a comparison: the median is found by halving
+/// the range it may be in, 32 times at most.
+struct Middle<'a> {
+    keys: &'a [i32],
+}
+
+impl Kernel for Middle<'_> {
+    type Output = Option<(i32, i32)>;
+
+    #[inline(always)]
+    fn run(self) -> Option<(i32, i32)> {
+        let first = *self.keys.first()?;
+        let (mut low, mut high) = (first, first);
+        for &key in self.keys {
+            low = low.min(key);
+            high = high.max(key);
         }
-        let lower_middle = lower.iter().copied().max_by(f32::total_cmp).unwrap_or(upper_middle);
-        f64::midpoint(f64::from(lower_middle), f64::from(upper_middle))
+        // The least value that more than half of the keys do not exceed is the upper of the two.
+        let half = self.keys.len() / 2;
+        while low < high {
+            let middle = ((i64::from(low) + i64::from(high)) >> 1) as i32;
+            if self.count(|key| key <= middle) > half { high = middle } else { low = middle + 1 }
+        }
+        let upper = low;
+        let is_pair = self.keys.len().is_multiple_of(2) && self.count(|key| key < upper) == half;
+        let mut lower = i32::MIN;
+        for &key in self.keys {
+            lower = lower.max(if key < upper { key } else { i32::MIN });
+        }
+        Some((if is_pair { lower } else { upper }, upper))
+    }
+}
+
+impl Middle<'_> {
+    #[inline(always)]
+    fn count(&self, is_counted: impl Fn(i32) -> bool) -> usize {
+        let mut count = 0_u32;
+        for &key in self.keys {
+            count += u32::from(is_counted(key));
+        }
+        count as usize
     }
 }
 
@@ -75,6 +132,33 @@ mod tests {
             let n = sorted.len();
             let expected = (sorted[(n - 1) / 2] + sorted[n / 2]) / 2.0;
             prop_assert!((Medians::default().median(&samples) - expected).abs() < 1e-12);
+        }
+    }
+
+    proptest! {
+        /// Catches floats that do not order as they should, or that do not come back from their keys: the twin sorts.
+        #[test]
+        fn median_and_noise_of_floats_like_a_sort(samples in prop::collection::vec(-1e30..1e30_f32, 1..50)) {
+            let twin = |mut values: Vec<f32>| {
+                values.sort_by(f32::total_cmp);
+                let n = values.len();
+                f64::midpoint(f64::from(values[(n - 1) / 2]), f64::from(values[n / 2]))
+            };
+            let mut medians = Medians::default();
+            let base = medians.median(&samples);
+            prop_assert_eq!(base.to_bits(), twin(samples.clone()).to_bits());
+            let distances = samples.iter().map(|&x| (f64::from(x) - base).abs() as f32).collect();
+            prop_assert_eq!(medians.noise_counts(&samples, base).to_bits(), (1.4826 * twin(distances)).to_bits());
+        }
+
+        /// Catches middles that differ with the machine's vectors.
+        #[test]
+        fn middles_are_the_same_on_every_machine(keys in prop::collection::vec(any::<i32>(), 0..90)) {
+            let mut sorted = keys.clone();
+            sorted.sort_unstable();
+            let expected = sorted.get(keys.len() / 2).map(|&upper| (sorted[(keys.len() - 1) / 2], upper));
+            prop_assert_eq!(Middle { keys: &keys }.run(), expected);
+            prop_assert_eq!(Middle { keys: &keys }.wide(), expected);
         }
     }
 

@@ -3,12 +3,14 @@
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
 use crate::baseline::{Medians, baseline_count};
+use crate::extent::Extent;
 use crate::force::{Pulse, PulseFinder};
 use crate::hum::Hum;
 use crate::quality::{self, Blocks, Doubts, Force, Sound, of_force, of_sound};
-use crate::record::{Count, Extent, Record, Track};
+use crate::record::{Count, Record, Track};
 use crate::sound::{SOUND_M_PER_S, area, deviation, magnitude_area, magnitude_of_noise, onset_without_force};
 use crate::spectrum::{Bands, Spectrum, View};
+use crate::wide::Kernel;
 use crate::{Error, Precision, ProcessConfig, Real, SpectrumEstimator};
 
 /// Time before the sound's onset at which the gate opens: the onset is an estimate.
@@ -154,8 +156,8 @@ impl<T: Real> Extractor<T> {
         });
         let base = baseline.map_or(0.0, |(base, _)| base); // the spectrum removes the mean anyway
         let gain = extent.gain(base);
-        self.signal.clear();
-        self.signal.extend(track.samples.iter().map(|x| x.centred::<T>(base, gain)));
+        self.signal.resize(track.samples.len(), T::zero());
+        Centre { samples: track.samples, base, gain, signal: &mut self.signal }.wide();
         let unit = track.unit_per_count.abs() / gain;
         let travel_samples = microphone_distance_m / SOUND_M_PER_S * record.sample_rate_hz;
         let sound = Sound {
@@ -189,7 +191,7 @@ impl<T: Real> Extractor<T> {
         let tau_s = pulse.ok().map(|pulse| pulse.tau_samples / record.sample_rate_hz);
         let bands = self.bands(tau_s).ok_or(Quality::NO_BAND)?;
         let view = self.view(record.sample_rate_hz, baseline_count, window.ok());
-        let power = self.spectrum.band_power(&mut self.signal, &view, &bands);
+        let power = self.spectrum.band_power(&self.signal, &view, &bands);
         let power = power.ok_or(Quality::NO_BAND)?;
         self.is_faint = power.is_faint;
         found.set(Discriminator::Pr, power.pr);
@@ -260,6 +262,25 @@ impl<T: Real> Extractor<T> {
                 let f_c_hz = if asked_for > f_lo_hz { asked_for } else { f_lo_hz };
                 (f_c_hz <= f_hi_hz).then_some(Bands { f_c_hz, ..fixed })
             }
+        }
+    }
+}
+
+/// Fills `signal` with the `samples` less their `base`, times the `gain`.
+struct Centre<'a, C, T> {
+    samples: &'a [C],
+    base: f64,
+    gain: f64,
+    signal: &'a mut [T],
+}
+
+impl<C: Count, T: Real> Kernel for Centre<'_, C, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (to, &x) in self.signal.iter_mut().zip(self.samples) {
+            *to = x.centred(self.base, self.gain);
         }
     }
 }

@@ -12,7 +12,8 @@ mod duration;
 mod half_sine;
 mod peak;
 
-use crate::record::{Count, Extent, Track};
+use crate::extent::{Extent, position};
+use crate::record::{Count, Track};
 use crate::{DurationEstimator, PeakEstimator};
 
 use duration::{crossings, half_sine_base};
@@ -64,7 +65,7 @@ impl PulseFinder {
         let count = samples.len();
         let force_n = |i: usize| (samples[i].into() - base) * unit_per_count;
         let peak = if unit_per_count < 0.0 { extent.least } else { extent.largest };
-        let peak_at = samples.iter().position(|&x| x == peak)?;
+        let peak_at = position(samples, peak)?;
         let height_n = vertex(force_n, count, peak_at);
         let stands_out = height_n > NOISE_SIGMAS * noise * unit_per_count.abs();
         if !stands_out {

@@ -68,6 +68,7 @@ mod baseline;
 mod config;
 mod error;
 mod estimator;
+mod extent;
 mod extractor;
 mod force;
 mod hum;
@@ -77,6 +78,7 @@ mod record;
 mod run;
 mod sound;
 mod spectrum;
+mod wide;
 
 pub use config::{Precision, ProcessConfig};
 pub use error::Error;

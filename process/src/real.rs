@@ -2,7 +2,9 @@
 
 use std::ops::{AddAssign, SubAssign};
 
-use realfft::FftNum;
+use rustfft::FftNum;
+
+use crate::wide::Kernel;
 
 mod sealed {
     pub trait Sealed {}
@@ -41,20 +43,42 @@ impl Real for f64 {
 /// Eight lanes of at most eight terms each keep the error of an `f32` block below 2^-20 of its sum
 /// of magnitudes, whatever the length of the record, and leave the compiler free to use SIMD.
 pub(crate) fn sum_of<T: Real>(samples: &[T], term: impl Fn(T) -> T) -> f64 {
-    const LANES: usize = 8;
-    const BLOCK: usize = 64;
-    let mut blocks = samples.chunks_exact(BLOCK);
-    let mut total = 0.0;
-    for block in blocks.by_ref() {
-        let mut lanes = [T::zero(); LANES];
-        for row in block.chunks_exact(LANES) {
-            for (lane, &x) in lanes.iter_mut().zip(row) {
-                *lane += term(x);
+    Sum { samples, term }.wide()
+}
+
+struct Sum<'a, T, F> {
+    samples: &'a [T],
+    term: F,
+}
+
+/// Lanes of a sum.
+const LANES: usize = 8;
+/// Samples of a block.
+const BLOCK: usize = 64;
+
+impl<T: Real, F: Fn(T) -> T> Kernel for Sum<'_, T, F> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let Self { samples, term } = self;
+        let added = |lanes: &[T; LANES]| lanes.iter().map(|lane| lane.widened()).sum::<f64>();
+        let (blocks, rest) = samples.as_chunks::<BLOCK>();
+        let (mut stored, mut total) = ([[T::zero(); LANES]; 2], 0.0);
+        for (number, block) in blocks.iter().enumerate() {
+            let mut lanes = [T::zero(); LANES];
+            for row in block.as_chunks::<LANES>().0 {
+                for lane in 0..LANES {
+                    lanes[lane] += term(row[lane]);
+                }
             }
+            // A block late: it is where lanes are stored that the compiler sees a vector.
+            total += added(&stored[number % 2]);
+            stored[(number + 1) % 2] = lanes;
         }
-        total += lanes.iter().map(|lane| lane.widened()).sum::<f64>();
+        total += added(&stored[blocks.len() % 2]);
+        total + rest.iter().map(|&x| term(x).widened()).sum::<f64>()
     }
-    total + blocks.remainder().iter().map(|&x| term(x).widened()).sum::<f64>()
 }
 
 #[cfg(test)]
@@ -76,5 +100,35 @@ mod tests {
     fn sum_of_many_f32() {
         let samples = vec![1.0_f32; (1 << 24) + 1000];
         assert!((sum_of(&samples, |x| x) - f64::from((1 << 24) + 1000)).abs() < 0.5);
+    }
+
+    /// Catches lanes, or an order of summation, that differ with the machine's vectors or from the definition: the twin
+    /// is sample by sample, and all bits are compared.
+    #[test]
+    fn sums_have_the_same_bits_on_every_machine() {
+        fn twin<T: Real>(samples: &[T], term: impl Fn(T) -> T) -> f64 {
+            let whole = samples.len() / BLOCK * BLOCK;
+            let mut total = 0.0;
+            for block in samples[..whole].chunks(BLOCK) {
+                let mut lanes = [T::zero(); LANES];
+                for (i, &x) in block.iter().enumerate() {
+                    lanes[i % LANES] += term(x);
+                }
+                total += lanes.iter().map(|lane| lane.widened()).sum::<f64>();
+            }
+            total + samples[whole..].iter().map(|&x| term(x).widened()).sum::<f64>()
+        }
+        fn check<T: Real>(count: usize) {
+            let samples: Vec<T> = (0..count).map(|i| T::rounded((i as f64 * 0.7).sin() * 1.9)).collect();
+            for term in [(|x| x) as fn(T) -> T, |x| x * x, |x| x.abs()] {
+                let expected = twin(&samples, term).to_bits();
+                assert_eq!(Sum { samples: &samples, term }.run().to_bits(), expected, "{count}");
+                assert_eq!(sum_of(&samples, term).to_bits(), expected, "{count}");
+            }
+        }
+        for count in (0..200).chain([16_384, 16_401]) {
+            check::<f32>(count);
+            check::<f64>(count);
+        }
     }
 }

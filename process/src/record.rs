@@ -14,6 +14,12 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn is_rail(self) -> bool;
     /// The sample in single precision, which holds it exactly.
     fn exact_f32(self) -> f32;
+    /// An integer that orders as samples do.
+    fn key(self) -> i32;
+    /// The key of |sample - `base`|, `base` being a median of samples.
+    fn distance_key(self, base: f64) -> i32;
+    /// The counts of which `key` is the key.
+    fn of_key(key: i32) -> f64;
     /// (sample - `base`) * `gain`, rounded once; `gain` is a power of two.
     fn centred<T: Real>(self, base: f64, gain: f64) -> T;
 }
@@ -29,6 +35,15 @@ impl Count for i16 {
     }
     fn exact_f32(self) -> f32 {
         f32::from(self)
+    }
+    fn key(self) -> i32 {
+        2 * i32::from(self) // the median may be half a count
+    }
+    fn distance_key(self, base: f64) -> i32 {
+        (self.key() - (2.0 * base) as i32).abs()
+    }
+    fn of_key(key: i32) -> f64 {
+        f64::from(key) / 2.0
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
         // The median of 16-bit counts is a whole or half count, so that this is exact in f32 too.
@@ -47,10 +62,25 @@ impl Count for f32 {
     fn exact_f32(self) -> f32 {
         self
     }
+    fn key(self) -> i32 {
+        in_order(self.to_bits() as i32)
+    }
+    fn distance_key(self, base: f64) -> i32 {
+        ((f64::from(self) - base).abs() as f32).key()
+    }
+    fn of_key(key: i32) -> f64 {
+        f64::from(f32::from_bits(in_order(key) as u32))
+    }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
         // In double precision, or an offset of many times the signal would cost the signal its digits.
         T::rounded((f64::from(self) - base) * gain)
     }
+}
+
+/// The bits of an `f32` turned so that they order as `f32::total_cmp` does, and back.
+fn in_order(bits: i32) -> i32 {
+    // Of a negative number, all but the sign are turned.
+    bits ^ ((bits >> 31) as u32 >> 1) as i32
 }
 
 /// Samples of one channel with their scale: newtons or volts per count.
@@ -97,57 +127,6 @@ impl<'a, C: Count> Record<'a, C> {
     }
 }
 
-/// Smallest and largest of the samples of a channel.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Extent<C> {
-    pub(crate) least: C,
-    pub(crate) largest: C,
-}
-
-impl<C: Count> Extent<C> {
-    /// The extent of `samples`; `None` when there is none or one is not a number.
-    pub(crate) fn of(samples: &[C]) -> Option<Self> {
-        const LANES: usize = 32;
-        let first = *samples.first()?;
-        let (mut least, mut largest, mut is_number) = ([first; LANES], [first; LANES], [true; LANES]);
-        let mut rows = samples.chunks_exact(LANES);
-        // Lanes, because a minimum of floats in one variable may not be reordered into SIMD.
-        for row in rows.by_ref() {
-            for lane in 0..LANES {
-                let x = row[lane];
-                least[lane] = if x < least[lane] { x } else { least[lane] };
-                largest[lane] = if x > largest[lane] { x } else { largest[lane] };
-                is_number[lane] &= x.is_number();
-            }
-        }
-        let mut extent = Self { least: first, largest: first };
-        let mut is_sound = is_number.into_iter().all(|good| good);
-        for &x in rows.remainder().iter().chain(&least).chain(&largest) {
-            extent.least = if x < extent.least { x } else { extent.least };
-            extent.largest = if x > extent.largest { x } else { extent.largest };
-            is_sound &= x.is_number();
-        }
-        is_sound.then_some(extent)
-    }
-
-    /// Whether all samples are the same.
-    pub(crate) fn is_constant(&self) -> bool {
-        self.least == self.largest
-    }
-
-    /// Power of two that brings every |sample - `base`| below 2 and the largest of them to 1 or more, so that
-    /// no square overflows or vanishes in `f32`; 1 when no sample differs from `base`.
-    pub(crate) fn gain(&self, base: f64) -> f64 {
-        let (below, above) = (base - self.least.into(), self.largest.into() - base);
-        let peak = if below > above { below } else { above };
-        if !peak.is_normal() {
-            return 1.0;
-        }
-        let exponent = (peak.abs().to_bits() >> 52) as i32 - 1023;
-        2.0_f64.powi(-exponent)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use tapline_wire::ChannelHeader;
@@ -186,36 +165,5 @@ mod tests {
         for sample_rate_hz in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(Record::new(&TapHeader { sample_rate_hz, ..header(&[1], 6) }, &samples).is_none());
         }
-    }
-
-    /// Catches a lane or a remainder that is not looked at: the extreme at every place of every short length.
-    #[test]
-    fn extent_finds_every_place() {
-        for count in 1..100 {
-            for place in 0..count {
-                let mut samples = vec![0.5_f32; count];
-                let (least, largest) = if count > 1 { (0.5, 0.5) } else { (7.0, -7.0) };
-                samples[place] = 7.0;
-                assert_eq!(Extent::of(&samples), Some(Extent { least, largest: 7.0 }));
-                samples[place] = -7.0;
-                assert_eq!(Extent::of(&samples), Some(Extent { least: -7.0, largest }));
-                samples[place] = f32::NAN;
-                assert!(Extent::of(&samples).is_none());
-                samples[place] = f32::NEG_INFINITY;
-                assert!(Extent::of(&samples).is_none());
-            }
-        }
-        assert!(Extent::<i16>::of(&[]).is_none());
-    }
-
-    /// Catches an exponent off by one, and a gain that overflows for the smallest and largest samples.
-    #[test]
-    fn gain_brings_the_peak_to_one() {
-        for (least, largest, base) in [(-1.0_f32, 3.0, 0.5), (f32::MIN, f32::MAX, 0.0), (0.0, f32::from_bits(1), 0.0)] {
-            let gain = Extent { least, largest }.gain(base);
-            let peak = (f64::from(largest) - base) * gain;
-            assert!((1.0..2.0).contains(&peak), "{largest}: {peak}");
-        }
-        assert!((Extent { least: 4_i16, largest: 4 }.gain(4.0) - 1.0).abs() < 1e-15);
     }
 }

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::Real;
+use crate::wide::Kernel;
 
 /// Blocks of one second, nearly: a block has whole samples.
 const BLOCKS_PER_S: f64 = 1000.0;
@@ -10,7 +11,7 @@ const BLOCKS_PER_S: f64 = 1000.0;
 const BLOCK_SAMPLES: usize = 4;
 
 /// What a block holds, in the unit of the signal.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Block {
     pub(crate) mean: f64,
     pub(crate) mean_square: f64,
@@ -29,13 +30,11 @@ pub(crate) struct Blocks {
 impl Blocks {
     /// Fills the blocks from `signal`; samples that fill no block at its end are left out.
     pub(crate) fn fill<T: Real>(&mut self, signal: &[T], sample_rate_hz: f64) {
-        self.all.clear();
         let count = samples_per_block(sample_rate_hz);
         self.rate_hz = sample_rate_hz / count as f64;
-        if count < BLOCK_SAMPLES {
-            return;
-        }
-        self.all.extend(signal.chunks_exact(count).map(block_of));
+        let block_count = if count < BLOCK_SAMPLES { 0 } else { signal.len() / count };
+        self.all.resize(block_count, Block::default());
+        Fill { signal, count, blocks: &mut self.all }.wide();
     }
 
     /// The blocks of the last record.
@@ -81,32 +80,96 @@ pub(crate) fn samples_per_block(sample_rate_hz: f64) -> usize {
     if count > 1.0 { count as usize } else { 1 }
 }
 
-/// Mean, mean square and greatest magnitude of `block`, in one pass.
+/// Lanes of a block's sums.
+const LANES: usize = 8;
+/// Blocks whose lanes are stored before they are added up: it is at stores that the compiler sees vectors.
+const GROUP: usize = 8;
+
+/// Fills `blocks` with those of `count` samples of `signal`: mean, mean square and greatest magnitude in one pass.
 ///
 /// Lanes, because neither a sum nor a maximum of floats in one variable may be reordered into SIMD; a block is short
 /// enough for `T`.
-fn block_of<T: Real>(block: &[T]) -> Block {
-    const LANES: usize = 8;
-    let (mut sum, mut square, mut peak) = ([T::zero(); LANES], [T::zero(); LANES], [T::zero(); LANES]);
-    let mut rows = block.chunks_exact(LANES);
-    for row in rows.by_ref() {
-        for lane in 0..LANES {
-            let x = row[lane];
-            let magnitude = x.abs();
-            sum[lane] += x;
-            square[lane] += x * x;
-            peak[lane] = if magnitude > peak[lane] { magnitude } else { peak[lane] };
+struct Fill<'a, T> {
+    signal: &'a [T],
+    count: usize,
+    blocks: &'a mut [Block],
+}
+
+impl<T: Real> Kernel for Fill<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { signal, count, blocks } = self;
+        let mut stored = [Lanes::default(); GROUP];
+        let mut from = 0;
+        for group in blocks.chunks_mut(GROUP) {
+            for lanes in &mut stored[..group.len()] {
+                *lanes = Lanes::of(&signal[from..], count);
+                from += count;
+            }
+            for (block, lanes) in group.iter_mut().zip(&stored) {
+                *block = lanes.block(count);
+            }
         }
     }
-    for (lane, &x) in rows.remainder().iter().enumerate() {
-        sum[lane] += x;
-        square[lane] += x * x;
-        peak[lane] = if x.abs() > peak[lane] { x.abs() } else { peak[lane] };
+}
+
+/// Sum, sum of squares and greatest magnitude of every eighth sample of a block.
+#[derive(Debug, Clone, Copy)]
+struct Lanes<T> {
+    sum: [T; LANES],
+    square: [T; LANES],
+    peak: [T; LANES],
+}
+
+impl<T: Real> Lanes<T> {
+    /// Of the first `count` samples of `signal`.
+    #[inline(always)]
+    fn of(signal: &[T], count: usize) -> Self {
+        let mut lanes = Self::default();
+        let (rows, rest) = signal.split_at(count - count % LANES);
+        for row in rows.as_chunks::<LANES>().0 {
+            lanes.add(row);
+        }
+        // Zeros change no lane: none of them is -0. Samples behind the block are read, but not used.
+        let mut last = [T::zero(); LANES];
+        match rest.first_chunk::<LANES>() {
+            Some(row) => {
+                for lane in 0..LANES {
+                    last[lane] = if lane < count % LANES { row[lane] } else { T::zero() };
+                }
+            }
+            None => last[..count % LANES].copy_from_slice(&rest[..count % LANES]),
+        }
+        lanes.add(&last);
+        lanes
     }
-    let total = |lanes: [T; LANES]| lanes.iter().map(|x| x.widened()).sum::<f64>();
-    let count = block.len() as f64;
-    let greatest = peak.into_iter().fold(T::zero(), |a, b| if b > a { b } else { a });
-    Block { mean: total(sum) / count, mean_square: total(square) / count, peak: greatest.widened() }
+
+    #[inline(always)]
+    fn add(&mut self, row: &[T; LANES]) {
+        for (lane, &x) in row.iter().enumerate() {
+            let magnitude = x.abs();
+            self.sum[lane] += x;
+            self.square[lane] += x * x;
+            self.peak[lane] = if magnitude > self.peak[lane] { magnitude } else { self.peak[lane] };
+        }
+    }
+
+    /// The block of `count` samples.
+    #[inline(always)]
+    fn block(&self, count: usize) -> Block {
+        let total = |lanes: &[T; LANES]| lanes.iter().map(|x| x.widened()).sum::<f64>();
+        let count = count as f64;
+        let greatest = self.peak.iter().fold(T::zero(), |a, &b| if b > a { b } else { a });
+        Block { mean: total(&self.sum) / count, mean_square: total(&self.square) / count, peak: greatest.widened() }
+    }
+}
+
+impl<T: Real> Default for Lanes<T> {
+    fn default() -> Self {
+        Self { sum: [T::zero(); LANES], square: [T::zero(); LANES], peak: [T::zero(); LANES] }
+    }
 }
 
 #[cfg(test)]
@@ -140,5 +203,38 @@ mod tests {
         assert_eq!((blocks.noise(3, 3), blocks.noise(99, 101)), (None, None));
         blocks.fill(&signal, 2000.0);
         assert!(blocks.all().is_empty());
+    }
+
+    /// Catches lanes, or an order of summation, that differ with the machine's vectors or from the definition, and a
+    /// sample behind the block that counts: the twin is sample by sample, and all bits are compared.
+    #[test]
+    fn blocks_have_the_same_bits_on_every_machine() {
+        fn twin<T: Real>(block: &[T]) -> Block {
+            let mut lanes = [[T::zero(); LANES]; 3];
+            for (i, &x) in block.iter().enumerate() {
+                let lane = i % LANES;
+                lanes[0][lane] += x;
+                lanes[1][lane] += x * x;
+                lanes[2][lane] = if x.abs() > lanes[2][lane] { x.abs() } else { lanes[2][lane] };
+            }
+            let [mean, mean_square, _] = lanes.map(|lanes| lanes.iter().map(|x| x.widened()).sum::<f64>());
+            let peak = lanes[2].iter().fold(0.0, |a, x| if x.widened() > a { x.widened() } else { a });
+            let count = block.len() as f64;
+            Block { mean: mean / count, mean_square: mean_square / count, peak }
+        }
+        fn check<T: Real>(count: usize) {
+            let signal: Vec<T> = (0..count * 21 + 5).map(|i| T::rounded((i as f64 * 0.7).sin() * 1.9)).collect();
+            let expected: Vec<Block> = signal.chunks_exact(count).map(twin).collect();
+            let mut blocks = vec![Block::default(); expected.len()];
+            Fill { signal: &signal, count, blocks: &mut blocks }.run();
+            assert_eq!(blocks, expected, "{count}");
+            blocks.fill(Block::default());
+            Fill { signal: &signal, count, blocks: &mut blocks }.wide();
+            assert_eq!(blocks, expected, "{count}");
+        }
+        for count in (4..50).chain([192]) {
+            check::<f32>(count);
+            check::<f64>(count);
+        }
     }
 }

@@ -1,11 +1,11 @@
 //! Flat tops: samples that stand still where a signal would turn.
 
-use crate::record::{Count, Extent};
+use crate::extent::{Extent, STRETCH, position, stretch_at};
+use crate::record::Count;
 
 /// Samples in a row at an extreme that may make a channel clipped (B1).
 const RUN: usize = 3;
-/// Samples that are looked at together: whole runs.
-const STRETCH: usize = 64 * RUN;
+const _: () = assert!(STRETCH.is_multiple_of(RUN), "probes go on from stretch to stretch");
 /// Part of the greatest distance below which one is nothing but rounding of single precision.
 const GRID: f64 = 1e-5;
 /// Part of the greater extreme that the lesser must reach to be one: the silence between impacts is flat too.
@@ -50,11 +50,11 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
     }
     // A run of three covers one of every three places. Most stretches never touch the level, which vectors see at once.
     let mut after = 0;
-    let touches = |stretch: &[C]| stretch.iter().fold(false, |touches, &x| touches | (x == level));
-    let stretches = samples.chunks(STRETCH).enumerate().filter(|(_, stretch)| touches(stretch));
-    let probes = stretches.flat_map(|(number, stretch)| {
-        let first = number * STRETCH;
-        (first + RUN - 1..first + stretch.len()).step_by(RUN)
+    let next = |first: usize| stretch_at(samples, level, first);
+    let stretches = std::iter::successors(next(0), |first| next(first + STRETCH));
+    let probes = stretches.flat_map(|first| {
+        let end = samples.len().min(first + STRETCH);
+        (first + RUN - 1..end).step_by(RUN)
     });
     for probe in probes {
         if samples[probe] != level || probe < after {
@@ -74,7 +74,7 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
 /// falls as far as the signal does: one of which n samples are within `d` of its vertex is `d` below it (n - 1)/2 samples
 /// away or more, and r samples beyond the last of them no more than ((n/2 + r)/(n/2 - 1/2))^2 d.
 fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, (noise, leaving): (f64, Leaving)) -> bool {
-    let Some(at) = samples.iter().position(|&x| x == level) else { return false };
+    let Some(at) = position(samples, level) else { return false };
     let level: f64 = level.into();
     let (sign, band) = (if level < base { -1.0 } else { 1.0 }, BAND_SIGMAS * noise);
     let is_narrow = band > 0.0 && band < BAND_MOST * (level - base).abs();

@@ -5,8 +5,9 @@ use tapline_wire::{Discriminator, Quality};
 use super::flat::{OF_PULSE, is_flat};
 use super::{Doubts, POWERS, QualityConfig};
 use crate::baseline::Medians;
+use crate::extent::{Extent, position};
 use crate::force::{NOISE_SIGMAS, Pulse};
-use crate::record::{Count, Extent, Track};
+use crate::record::{Count, Track};
 
 /// Standard deviations of the noise that a second pulse exceeds: the greatest of a whole record's noise does not.
 const SECOND_SIGMAS: f64 = 6.0;
@@ -106,7 +107,7 @@ impl<C: Count> Shape<C> {
     fn of(force: &Force<'_, C>) -> Option<Self> {
         let Track { samples, unit_per_count } = force.track;
         let (level, sign) = if unit_per_count < 0.0 { (force.extent.least, -1.0) } else { (force.extent.largest, 1.0) };
-        let peak_at = samples.iter().position(|&x| x == level)?;
+        let peak_at = position(samples, level)?;
         let peak = sign * (level.into() - force.base);
         let stands_out = peak > NOISE_SIGMAS * force.noise && unit_per_count != 0.0;
         let is_above = |&&x: &&C| sign * (x.into() - force.base) > FOOT * peak;
@@ -158,7 +159,7 @@ fn is_lost_in_baseline<C: Count>(force: &Force<'_, C>) -> bool {
     let mut medians = Medians::default();
     let base = medians.median(tail);
     let noise = medians.noise_counts(tail, base);
-    let is_before = samples.iter().position(|&x| x == level).is_some_and(|peak_at| peak_at < baseline_count);
+    let is_before = position(samples, level).is_some_and(|peak_at| peak_at < baseline_count);
     is_before && !tail.is_empty() && sign * (level.into() - base) > SECOND_SIGMAS * noise
 }
 

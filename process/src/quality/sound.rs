@@ -2,14 +2,15 @@
 
 use std::f64::consts::TAU;
 
-use realfft::num_complex::Complex;
+use rustfft::num_complex::Complex;
 use tapline_wire::{Discriminator, Quality};
 
 use super::blocks::{Block, Blocks, samples_per_block};
 use super::flat::is_clipped;
 use super::{Doubts, OF_SOUND, POWERS, Policy, QualityConfig};
 use crate::Real;
-use crate::record::{Count, Extent, Track};
+use crate::extent::Extent;
+use crate::record::{Count, Track};
 
 /// Blocks after the onset in which a casing falls silent: 100 ms.
 const RINGING_BLOCKS: usize = 100;
@@ -145,9 +146,13 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The loudest of `blocks`, and how loud it is.
+/// The loudest of `blocks`, the last of equals, and how loud it is.
 fn loudest(blocks: &[Block]) -> Option<(usize, f64)> {
-    blocks.iter().map(|block| block.peak).enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
+    let mut loudest = (0, blocks.first()?.peak);
+    for (at, block) in blocks.iter().enumerate() {
+        loudest = if block.peak >= loudest.1 { (at, block.peak) } else { loudest };
+    }
+    Some(loudest)
 }
 
 /// Standard deviation of the noise without the `hum`, in the signal's unit: the greater of what there is before the

@@ -43,6 +43,14 @@ pub(super) struct Folded {
     pub(super) largest: f64,
 }
 
+impl Cells {
+    /// The bin behind the last that counts.
+    pub(super) fn end(&self) -> usize {
+        let [low, high] = self.edges.map(|(k, part)| if part > 0.0 { k + 1 } else { 0 });
+        self.whole.end.max(low).max(high)
+    }
+}
+
 impl Grid {
     pub(super) fn new(sample_count: usize, sample_rate_hz: f64) -> Self {
         // Operation by operation as numpy.fft.rfftfreq(n, 1/fs), so that a bin on an edge falls on the same side.

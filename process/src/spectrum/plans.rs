@@ -1,20 +1,29 @@
-//! Plans of transforms, made once a length.
+//! Powers of a signal's bins, with plans of transforms that are made once a length.
 
+use std::cmp::Ordering;
+use std::f64::consts::TAU;
 use std::fmt;
 use std::sync::Arc;
 
-use realfft::num_complex::Complex;
-use realfft::{RealFftPlanner, RealToComplex};
+use rustfft::num_complex::Complex;
+use rustfft::{Fft, FftPlanner};
 
 use crate::Real;
+use crate::wide::Kernel;
 
 /// Lengths whose plans are kept: more than one line taps with, and a bound on memory.
 const PLANS_MAX: usize = 8;
 
+/// The transform of `count` samples: an even number of them as half as many complex ones, each of two samples.
 struct Plan<T> {
-    fft: Arc<dyn RealToComplex<T>>,
-    bins: Vec<Complex<T>>,
+    count: usize,
+    fft: Arc<dyn Fft<T>>,
+    /// exp(-2 pi i k/n)/2 of the bins k from 0 Hz to the Nyquist frequency, which take an even number's bins apart.
+    twiddles: Vec<Complex<T>>,
+    packed: Vec<Complex<T>>,
+    transformed: Vec<Complex<T>>,
     scratch: Vec<Complex<T>>,
+    powers: Vec<f64>,
 }
 
 /// Transforms signals of any length, keeping the plans of the lengths used last.
@@ -34,24 +43,21 @@ impl<T: Real> Plans<T> {
         Self { plans: Vec::with_capacity(PLANS_MAX) }
     }
 
-    /// Bins of `signal` from 0 Hz to the Nyquist frequency; destroys `signal`.
-    pub(super) fn transform(&mut self, signal: &mut [T]) -> Option<&[Complex<T>]> {
-        let plan = self.plan(signal.len());
-        // The lengths are the plan's own.
-        plan.fft.process_with_scratch(signal, &mut plan.bins, &mut plan.scratch).ok()?;
-        Some(&plan.bins)
+    /// |X|^2 of `signal` less its `mean`, of the first `bin_count` bins from 0 Hz on, none beyond the Nyquist frequency.
+    ///
+    /// `realfft` would do it, but takes all bins apart, of which the bands hold an eighth; these have the same bits.
+    pub(super) fn powers(&mut self, signal: &[T], mean: T, bin_count: usize) -> &[f64] {
+        self.plan(signal.len()).powers(signal, mean, bin_count)
     }
 
     fn plan(&mut self, count: usize) -> &mut Plan<T> {
-        match self.plans.iter().position(|plan| plan.fft.len() == count) {
+        match self.plans.iter().position(|plan| plan.count == count) {
             Some(at) => self.plans[at..].rotate_left(1),
             None => {
                 if self.plans.len() >= PLANS_MAX {
                     self.plans.remove(0);
                 }
-                // A planner keeps every plan it ever made, so each plan gets its own.
-                let fft = RealFftPlanner::new().plan_fft_forward(count);
-                self.plans.push(Plan { bins: fft.make_output_vec(), scratch: fft.make_scratch_vec(), fft });
+                self.plans.push(Plan::new(count));
             }
         }
         let last = self.plans.len() - 1;
@@ -59,21 +65,152 @@ impl<T: Real> Plans<T> {
     }
 }
 
+impl<T: Real> Plan<T> {
+    fn new(count: usize) -> Self {
+        let is_even = count.is_multiple_of(2);
+        let length = if is_even { count / 2 } else { count };
+        // A planner keeps every plan it ever made, so each plan gets its own.
+        let fft = FftPlanner::new().plan_fft_forward(length);
+        let zeros = |length: usize| vec![Complex::new(T::zero(), T::zero()); length];
+        Self {
+            count,
+            twiddles: if is_even { twiddles(count) } else { Vec::new() },
+            packed: zeros(length),
+            transformed: zeros(length + 1),
+            scratch: zeros(fft.get_outofplace_scratch_len()),
+            powers: Vec::new(),
+            fft,
+        }
+    }
+
+    fn powers(&mut self, signal: &[T], mean: T, bin_count: usize) -> &[f64] {
+        let Self { fft, twiddles, packed, transformed, scratch, powers, .. } = self;
+        let is_even = !twiddles.is_empty();
+        match is_even {
+            true => Pack { signal, mean, packed }.wide(),
+            false => packed.iter_mut().zip(signal).for_each(|(to, &x)| *to = Complex::new(x - mean, T::zero())),
+        }
+        let length = packed.len();
+        fft.process_outofplace_with_scratch(packed, &mut transformed[..length], scratch);
+        // The transform goes round: behind its last bin comes its first.
+        transformed[length] = transformed[0];
+        powers.resize(bin_count, 0.0);
+        match is_even {
+            true => Untangle { halves: transformed, twiddles, powers }.wide(),
+            false => powers.iter_mut().zip(transformed).for_each(|(power, bin)| *power = power_of(bin.re, bin.im)),
+        }
+        powers
+    }
+}
+
+/// The twiddles of an even `count`; those beyond half the Nyquist frequency are the others' mirror images bit for bit.
+fn twiddles<T: Real>(count: usize) -> Vec<Complex<T>> {
+    let half = T::rounded(0.5);
+    let twiddle = |bin: usize| {
+        let angle = -TAU / count as f64 * bin as f64;
+        Complex::new(T::rounded(angle.cos()) * half, T::rounded(angle.sin()) * half)
+    };
+    let of_bin = |bin: usize| match (4 * bin).cmp(&count) {
+        Ordering::Less => twiddle(bin),
+        Ordering::Equal => Complex::new(T::zero(), -half),
+        Ordering::Greater => {
+            let image = twiddle(count / 2 - bin);
+            Complex::new(-image.re, image.im)
+        }
+    };
+    (0..=count / 2).map(of_bin).collect()
+}
+
+/// Samples 0 and 1 of `signal` less its `mean` become one complex number, 2 and 3 the next, and so on.
+struct Pack<'a, T> {
+    signal: &'a [T],
+    mean: T,
+    packed: &'a mut [Complex<T>],
+}
+
+impl<T: Real> Kernel for Pack<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (to, pair) in self.packed.iter_mut().zip(self.signal.chunks_exact(2)) {
+            *to = Complex::new(pair[0] - self.mean, pair[1] - self.mean);
+        }
+    }
+}
+
+/// |X_k|^2 of the signal of which `halves` are the transform Z of its packed pairs: with E and O the transforms of the
+/// even and odd samples, Z = E + iO, and X_k = E_k + exp(-2 pi i k/n) O_k; that E and O are of real samples takes them apart.
+struct Untangle<'a, T> {
+    halves: &'a [Complex<T>],
+    twiddles: &'a [Complex<T>],
+    powers: &'a mut [f64],
+}
+
+impl<T: Real> Kernel for Untangle<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { halves, twiddles, powers } = self;
+        let half = T::rounded(0.5);
+        for (((power, z), image), w) in powers.iter_mut().zip(halves).zip(halves.iter().rev()).zip(twiddles) {
+            let (sum_re, sum_im) = (z.re + image.re, z.im + image.im);
+            let (diff_re, diff_im) = (z.re - image.re, z.im - image.im);
+            let re = half * sum_re + (sum_im * w.re + diff_re * w.im);
+            let im = half * diff_im + (sum_im * w.im - diff_re * w.re);
+            *power = power_of(re, im);
+        }
+    }
+}
+
+#[inline(always)]
+fn power_of<T: Real>(re: T, im: T) -> f64 {
+    let (re, im) = (re.widened(), im.widened());
+    re * re + im * im
+}
+
 #[cfg(test)]
 mod tests {
+    use realfft::RealFftPlanner;
+
     use super::*;
+
+    fn signal<T: Real>(count: usize) -> Vec<T> {
+        (0..count).map(|i| T::rounded(((i * i) % 17) as f64 - 0.1 * (i % 5) as f64)).collect()
+    }
 
     /// Catches a cache without bound, and a plan used for another length than its own.
     #[test]
     fn plans_are_kept_and_bounded() {
-        let signal = |count: usize| -> Vec<f64> { (0..count).map(|i| ((i * i) % 17) as f64).collect() };
-        let mut plans = Plans::new();
+        let mut plans = Plans::<f64>::new();
         for count in (100..130).chain([129, 100, 128]) {
-            let kept = plans.transform(&mut signal(count)).unwrap().to_vec();
-            assert_eq!(kept, Plans::new().transform(&mut signal(count)).unwrap());
+            let kept = plans.powers(&signal(count), 1.0, 40).to_vec();
+            assert_eq!(kept, Plans::new().powers(&signal(count), 1.0, 40));
             assert!(plans.plans.len() <= PLANS_MAX);
         }
-        let kept: Vec<usize> = plans.plans.iter().map(|plan| plan.fft.len()).collect();
+        let kept: Vec<usize> = plans.plans.iter().map(|plan| plan.count).collect();
         assert_eq!(kept, [123, 124, 125, 126, 127, 129, 100, 128]);
+    }
+
+    /// Catches a bin taken apart wrongly, of any length, even and odd: the twin is `realfft`, bit for bit.
+    #[test]
+    fn powers_like_realfft() {
+        fn check<T: Real>(count: usize) {
+            let signal: Vec<T> = signal(count);
+            let mean = T::rounded(0.37);
+            let fft = RealFftPlanner::new().plan_fft_forward(count);
+            let mut bins = fft.make_output_vec();
+            let mut centred: Vec<T> = signal.iter().map(|&x| x - mean).collect();
+            fft.process(&mut centred, &mut bins).unwrap();
+            for bin_count in [bins.len(), bins.len() / 3] {
+                let expected: Vec<f64> = bins[..bin_count].iter().map(|bin| power_of(bin.re, bin.im)).collect();
+                assert_eq!(Plans::new().powers(&signal, mean, bin_count), expected, "{count}");
+            }
+        }
+        for count in (1..70).chain([96, 100, 127, 128, 1000, 1023, 1026, 4096, 16_384]) {
+            check::<f32>(count);
+            check::<f64>(count);
+        }
     }
 }
