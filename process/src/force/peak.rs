@@ -80,13 +80,23 @@ impl Quartic {
         self.basis(x).iter().zip(&self.weight).map(|(p, w)| p * w).sum()
     }
 
-    /// Largest value from -1 to 1: the best of a grid, then thirds of the two cells beside it.
+    /// Largest value from -1 to 1: of each top of a grid the two cells beside it are cut in thirds. A quartic has two tops
+    /// at most, and the higher one need not be the higher one on the grid.
     fn maximum(&self) -> f64 {
         const CELLS: u32 = 64;
-        const THIRDS: u32 = 40; // (2/3)^40 of a cell is 1e-9, its square beyond all digits
         let grid = |i: u32| f64::from(i) * 2.0 / f64::from(CELLS) - 1.0;
-        let best = (0..=CELLS).max_by(|&i, &j| self.at(grid(i)).total_cmp(&self.at(grid(j)))).unwrap_or(0);
-        let (mut low, mut high) = (grid(best.saturating_sub(1)), grid(if best < CELLS { best + 1 } else { best }));
+        let at = |i: u32| self.at(grid(i));
+        let is_top = |&i: &u32| at(i) >= at(i.saturating_sub(1)) && at(i) >= at(if i < CELLS { i + 1 } else { i });
+        let tops = (0..=CELLS).filter(is_top).map(|i| {
+            let (low, high) = (grid(i.saturating_sub(1)), grid(if i < CELLS { i + 1 } else { i }));
+            self.top_between(low, high)
+        });
+        tops.max_by(f64::total_cmp).unwrap_or(f64::NAN)
+    }
+
+    /// Largest value from `low` to `high`, between which there is one top.
+    fn top_between(&self, mut low: f64, mut high: f64) -> f64 {
+        const THIRDS: u32 = 40; // (2/3)^40 of a cell is 1e-9, its square beyond all digits
         for _ in 0..THIRDS {
             let third = (high - low) / 3.0;
             if self.at(low + third) < self.at(high - third) { low += third } else { high -= third }
@@ -129,6 +139,19 @@ mod tests {
                 let fit = Quartic::fit(|i| quartic((i as f64 - half) / half), count as usize);
                 assert!((fit.maximum() - 7.0).abs() < 1e-12, "{r} {count}: {}", fit.maximum());
             }
+        }
+    }
+
+    /// Catches the lower of two tops, taken where the grid has it higher.
+    #[test]
+    fn quartic_with_two_tops_returns_the_higher() {
+        // Tops at -0.5 and 0.5 + shift, all but equally high; where the grid of 1 / 32 falls on one it sees that one higher.
+        for (shift, tilt) in [(0.015, 1e-4), (0.0, 1e-4), (0.015, -1e-4), (0.008, 2e-4)] {
+            let quartic = |x: f64| 1.0 - 16.0 * (x + 0.5).powi(2) * (x - 0.5 - shift).powi(2) + tilt * x;
+            let fit = Quartic::fit(|i| quartic((i as f64 - 20.0) / 20.0), 41);
+            let on_grid =
+                (0..=200_000).map(|i| quartic(f64::from(i) / 100_000.0 - 1.0)).max_by(f64::total_cmp).unwrap();
+            assert!((fit.maximum() - on_grid).abs() < 1e-8, "{shift} {tilt}: {} {on_grid}", fit.maximum());
         }
     }
 
