@@ -4,9 +4,9 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead as _, BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
+use crossbeam::channel::{Receiver, RecvTimeoutError, bounded};
 use rustix::process::Signal;
 
 use crate::rig::{Contents, Done, Rig, assert_same, contents, signal, stage};
@@ -22,6 +22,9 @@ locations = 40
 
 /// How long a line that is under way may take to say what it must: none of these tests is to hang where it ought to fail.
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Lines that may wait to be read: more than any line says.
+const LINES_MAX: usize = 4096;
 
 /// With a pace at which it lasts a second or more: what is done to the disk is done while it is under way.
 fn paced() -> String {
@@ -96,7 +99,7 @@ impl Drop for Said {
 impl Said {
     fn start(rig: &Rig, arguments: &str) -> Self {
         let mut line = rig.start(arguments);
-        let (said, (tell, lines)) = (BufReader::new(line.stderr.take().unwrap()).lines(), channel());
+        let (said, (tell, lines)) = (BufReader::new(line.stderr.take().unwrap()).lines(), bounded(LINES_MAX));
         let listen = move || said.map_while(Result::ok).try_for_each(|said| tell.send(said));
         std::thread::Builder::new().name("stderr".to_owned()).spawn(listen).unwrap();
         Self { line: Some(line), lines, text: String::new() }
@@ -120,7 +123,7 @@ impl Said {
             self.text.push_str(&said);
             self.text.push('\n');
             if words.iter().all(|word| said.contains(word)) {
-                println!("{words:?} was said after {:.2} s", since.elapsed().as_secs_f64());
+                eprintln!("{words:?} was said after {:.2} s", since.elapsed().as_secs_f64());
                 return;
             }
         }

@@ -57,10 +57,14 @@ impl Place {
         Ok(place)
     }
 
+    /// Notes that the samples of plan row `row` are about to be written again: the room of the old ones may be given to others.
+    pub(crate) fn forget(&mut self, row: u32) {
+        self.keystone.take_if(|keystone| keystone.row == row);
+    }
+
     /// Notes that what the file holds now must not become less: `stored` are samples that were written to it, by plan row.
     pub(crate) fn note(&mut self, samples: &ChunkRows, stored: &BTreeMap<u32, Vec<u8>>) -> Result<()> {
-        // The old samples of a tap that is taken again may be written over.
-        let mut keystone = self.keystone.take().filter(|keystone| !stored.contains_key(&keystone.row));
+        let mut keystone = self.keystone.take();
         for (&row, stored) in stored {
             let other = Keystone::of(row, stored, samples).context("find samples", &self.path)?;
             keystone = keystone.into_iter().chain(other).max_by_key(|keystone| keystone.at);

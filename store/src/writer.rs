@@ -210,6 +210,7 @@ impl Writer {
         let is_new = |k: &usize| now[*k] == PutOutcome::Stored;
         let samples: Vec<&[u8]> =
             (0..taps.len()).filter(is_new).map(|k| &taps[k].1[..taps[k].0.payload_bytes()]).collect();
+        (0..taps.len()).filter(is_new).for_each(|k| self.place.forget(rows[k].plan_index));
         let packed = self.packer.pack(&samples);
         let mut headers = Vec::with_capacity(samples.len());
         for ((k, packed), samples) in (0..taps.len()).filter(is_new).zip(&*packed).zip(&samples) {
@@ -232,10 +233,7 @@ impl Writer {
             self.pending.headers.insert(header.plan_index, header);
             self.take(header.plan_index, Half::Samples, take(&header));
         }
-        for outcome in now {
-            outcomes.push(self.count(outcome)?);
-        }
-        Ok(())
+        now.into_iter().try_for_each(|outcome| self.count(outcome).map(|counted| outcomes.push(counted)))
     }
 
     /// Takes in what was found in a tap; it waits for the next flush.
