@@ -23,9 +23,6 @@ locations = 40
 /// How long a line that is under way may take to say what it must: none of these tests is to hang where it ought to fail.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Lines that may wait to be read: more than any line says.
-const LINES_MAX: usize = 4096;
-
 /// With a pace at which it lasts a second or more: what is done to the disk is done while it is under way.
 fn paced() -> String {
     format!("{SCAN}\n[acquire]\ntaps_per_s = 60.0\n")
@@ -99,7 +96,7 @@ impl Drop for Said {
 impl Said {
     fn start(rig: &Rig, arguments: &str) -> Self {
         let mut line = rig.start(arguments);
-        let (said, (tell, lines)) = (BufReader::new(line.stderr.take().unwrap()).lines(), bounded(LINES_MAX));
+        let (said, (tell, lines)) = (BufReader::new(line.stderr.take().unwrap()).lines(), bounded(4096));
         let listen = move || said.map_while(Result::ok).try_for_each(|said| tell.send(said));
         std::thread::Builder::new().name("stderr".to_owned()).spawn(listen).unwrap();
         Self { line: Some(line), lines, text: String::new() }
