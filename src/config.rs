@@ -75,7 +75,8 @@ impl Job {
             bail!("--stations is 0; at least one is needed");
         }
         let out = match (&args.out, &args.taps) {
-            (Some(out), _) => out.clone(),
+            // A folder's name may end in a slash, and is the same run's.
+            (Some(out), _) => out.components().collect(),
             (None, None) => PathBuf::from("simulated.h5"),
             (None, Some(taps)) => {
                 let folder =

@@ -84,8 +84,7 @@ struct Lock {
 
 impl Lock {
     fn take(archive: &Path) -> Result<Self> {
-        // A folder's name may end in a slash.
-        let path = PathBuf::from(format!("{}.lock", archive.components().collect::<PathBuf>().display()));
+        let path = PathBuf::from(format!("{}.lock", archive.display()));
         // Held open to read only, it does not keep the disk from being made read only.
         let file = File::create(&path).and_then(|_| File::open(&path));
         let file = file.with_context(|| format!("cannot write beside the archive: {}", path.display()))?;

@@ -2,6 +2,8 @@
 
 use std::fs;
 use std::path::PathBuf;
+use std::thread::sleep;
+use std::time::Duration;
 
 use rustix::process::Signal;
 use tapline_store::{Lost, Reader};
@@ -75,11 +77,12 @@ fn a_file_that_is_old_takes_no_new_scan_whoever_is_killed() {
     rig.write("one.toml", &paced);
     rig.write("many.toml", &format!("{paced}\n[store]\nrotate_after_s = 1\n"));
     rig.run("run --config one.toml --out one.h5").expect(0);
-    let line = rig.start("run --config many.toml --out many --json");
+    let mut line = rig.start("run --config many.toml --out many --json");
     for number in 1..=3 {
         let next = rig.path(&format!("many/many.000{number}.h5"));
         while !next.is_file() {
-            std::thread::sleep(std::time::Duration::from_millis(5));
+            assert_eq!(line.try_wait().unwrap(), None, "the line has ended without file {number}");
+            sleep(Duration::from_millis(5));
         }
         signal(stage(&line, "store"), Signal::KILL);
     }

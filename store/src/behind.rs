@@ -3,7 +3,7 @@
 //! The system would begin with it much later, and whoever waits for the end would then wait for all of it.
 
 use std::fs::File;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
@@ -17,20 +17,34 @@ pub(crate) struct Behind {
     /// `None` once it is to end.
     ask: Option<SyncSender<()>>,
     thread: Option<JoinHandle<()>>,
-    /// Why the disk did not keep what it was given, where it did not.
-    failed: Arc<Mutex<Option<io::Error>>>,
     unasked_bytes: usize,
+}
+
+/// Why a disk did not keep what it was given, where it did not. The system tells it once: whoever asks for all to be written
+/// at the end would not hear it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Failures(Arc<Mutex<Option<(ErrorKind, String)>>>);
+
+impl Failures {
+    /// The last of them.
+    pub(crate) fn last(&self) -> io::Result<()> {
+        let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        last.as_ref().map_or(Ok(()), |(kind, text)| Err(io::Error::new(*kind, text.clone())))
+    }
+
+    fn note(&self, error: &io::Error) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((error.kind(), error.to_string()));
+    }
 }
 
 impl Behind {
     /// Begins it for `file`; where no thread can be had, all is written at the end.
-    pub(crate) fn start(file: File) -> Self {
+    pub(crate) fn start(file: File, failures: &Failures) -> Self {
         // One may wait: it covers all that was written until it is taken up.
         let (ask, asked) = sync_channel(1);
-        let failed = Arc::default();
-        let told = Arc::clone(&failed);
-        let thread = Builder::new().name("sync".to_owned()).spawn(move || run(&file, &asked, &told)).ok();
-        Self { ask: Some(ask), thread, failed, unasked_bytes: 0 }
+        let failures = failures.clone();
+        let thread = Builder::new().name("sync".to_owned()).spawn(move || run(&file, &asked, &failures)).ok();
+        Self { ask: Some(ask), thread, unasked_bytes: 0 }
     }
 
     /// Notes that `bytes` more were handed to the system.
@@ -46,14 +60,8 @@ impl Behind {
         }
     }
 
-    /// What went wrong until now. The system tells it once: whoever asks for all to be written at the end would not hear it.
-    pub(crate) fn failure(&self) -> io::Result<()> {
-        self.failed.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
-    }
-}
-
-impl Drop for Behind {
-    fn drop(&mut self) {
+    /// Ends the thread.
+    pub(crate) fn rest(&mut self) {
         drop(self.ask.take());
         if let Some(thread) = self.thread.take() {
             drop(thread.join());
@@ -61,11 +69,17 @@ impl Drop for Behind {
     }
 }
 
-fn run(file: &File, asked: &Receiver<()>, failed: &Mutex<Option<io::Error>>) {
+impl Drop for Behind {
+    fn drop(&mut self) {
+        self.rest();
+    }
+}
+
+fn run(file: &File, asked: &Receiver<()>, failures: &Failures) {
     while asked.recv().is_ok() {
         if let Err(error) = file.sync_data() {
             tracing::error!(%error, "the disk has not kept what was written to it: check the archive when the run is over");
-            *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            failures.note(&error);
         }
     }
 }

@@ -62,6 +62,11 @@ impl Packer {
         Self { shape, thread_count, desks: Vec::new() }
     }
 
+    /// Gives back the room that it has kept.
+    pub(crate) fn rest(&mut self) {
+        self.desks = Vec::new();
+    }
+
     /// Packs `records`, the samples of one tap each; what comes of them does not depend on how many there are.
     pub(crate) fn pack(&mut self, records: &[&[u8]]) -> &mut [Packed] {
         if self.desks.len() < records.len() {

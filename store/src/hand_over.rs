@@ -36,13 +36,23 @@ impl Writer {
     /// Does what [`Writer::finish`] does, and still tells a record that comes again from one that contradicts it.
     pub(crate) fn shut(&mut self) -> Result<()> {
         self.settle()?;
-        self.place.sync()?;
         drop(self.archive.take());
+        self.place.sync()?;
+        self.rest();
         Ok(())
+    }
+
+    /// The file is closed: what it takes to write it is given back.
+    pub(crate) fn rest(&mut self) {
+        drop(self.archive.take());
+        self.place.rest();
+        self.packer.rest();
+        self.pending.rest();
+        self.is_closed = true;
     }
 
     /// Whether the file is closed, and nothing is left to do to it.
     pub(crate) fn is_shut(&self) -> bool {
-        self.archive.is_none() && self.pending.is_empty() && self.is_judged()
+        self.is_closed && self.pending.is_empty()
     }
 }

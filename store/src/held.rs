@@ -21,9 +21,16 @@ impl Desk<'_> {
     ///
     /// What has come is kept meanwhile, and no more is taken: the buffers fill, and the sources wait.
     pub(crate) fn insist<T>(&mut self, mut act: impl FnMut(&mut RunWriter) -> Result<T>) -> Result<T, RunError> {
+        let mut has_failed = false;
         loop {
             match act(&mut self.writer) {
-                Err(error) if error.is_of_the_disk() => self.wait_out(error)?,
+                Err(error) if error.is_of_the_disk() => {
+                    // What is not mended by opening the file anew is not tried without a pause.
+                    if std::mem::replace(&mut has_failed, true) {
+                        self.pause()?;
+                    }
+                    self.wait_out(error)?;
+                }
                 outcome => return Ok(outcome?),
             }
         }
@@ -49,18 +56,24 @@ impl Desk<'_> {
                 said = Instant::now();
             }
             error = next;
-            let tried = Instant::now();
-            while tried.elapsed() < TRY_EVERY {
-                self.tell()?;
-                if self.line.is_stopped() {
-                    return Err(LineError::Stopped { topic: TapTopic::NAME }.into());
-                }
-                self.line.wait(Duration::from_millis(100))?;
-            }
+            self.pause()?;
         }
         self.is_held = false;
         tracing::warn!("the archive is written again after {:.1} s; nothing is lost", since.elapsed().as_secs_f64());
         self.tell()
+    }
+
+    /// Waits until it is time to try again, or the line is to stop.
+    fn pause(&mut self) -> Result<(), RunError> {
+        let tried = Instant::now();
+        while tried.elapsed() < TRY_EVERY {
+            self.tell()?;
+            if self.line.is_stopped() {
+                return Err(LineError::Stopped { topic: TapTopic::NAME }.into());
+            }
+            self.line.wait(Duration::from_millis(100))?;
+        }
+        Ok(())
     }
 
     /// Whether the archive, after a run that is over, has all that was told to be in it; what came since may be left out.

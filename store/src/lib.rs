@@ -85,9 +85,9 @@ pub use repack::{Repacked, repack};
 pub use run::{Outcome, RunError, run};
 pub use run_writer::RunWriter;
 pub use samples::{Room, Taps};
-pub use track::PutOutcome;
+pub use track::{PutCounts, PutOutcome};
 pub use verify::{Problem, Report, verify};
-pub use writer::{PutCounts, Writer};
+pub use writer::Writer;
 
 /// What a fallible call of this crate returns.
 pub type Result<T, E = Error> = std::result::Result<T, E>;

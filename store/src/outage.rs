@@ -8,6 +8,7 @@ use tapline_wire::TapState;
 
 use crate::archive::{Access, Archive};
 use crate::chunk::let_go;
+use crate::context::Context as _;
 use crate::place::Place;
 use crate::recall::recall;
 use crate::writer::Writer;
@@ -32,11 +33,12 @@ impl Writer {
     /// Why it still cannot be written; the same call may be made again.
     pub fn recover(&mut self) -> Result<()> {
         if self.archive.is_none() {
+            self.is_closed = false;
             self.place.put_back()?;
             let bytes = self.pending.sample_bytes() + self.plan.recording.payload_bytes_max();
             self.place.check_room(bytes as u64)?;
             let archive = self.reopen()?;
-            self.place = Place::of(&archive.file, &archive.path)?;
+            self.place = Place::of(&archive.file, &archive.path, &self.failures)?;
             self.archive = Some(archive);
         }
         let Some(archive) = &self.archive else { return Ok(()) };
@@ -58,6 +60,7 @@ impl Writer {
     /// The rest of [`Writer::finish`].
     pub(crate) fn close(mut self) -> Result<()> {
         drop(self.archive.take());
+        self.failures.last().context("sync", &self.path)?;
         self.place.sync()
     }
 

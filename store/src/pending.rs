@@ -60,6 +60,11 @@ impl Pending {
         self.spare.pop().unwrap_or_default()
     }
 
+    /// Gives back the room that is not in use.
+    pub(crate) fn rest(&mut self) {
+        self.spare = Vec::new();
+    }
+
     /// Keeps the samples of plan row `row` as they were written.
     pub(crate) fn keep(&mut self, row: u32, stored: Vec<u8>) {
         self.sample_bytes += stored.len();

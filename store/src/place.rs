@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::statvfs;
 
-use crate::behind::Behind;
+use crate::behind::{Behind, Failures};
 use crate::chunk::{ChunkRows, read_handle};
 use crate::context::Context;
 use crate::draft::{Draft, folder_of, remove_dead_drafts};
@@ -49,9 +49,11 @@ impl Keystone {
 
 impl Place {
     /// The place of `file`, which was opened at `path`.
-    pub(crate) fn of(file: &hdf5::File, path: &Path) -> Result<Self> {
+    ///
+    /// What failed behind the writer is told by `failures`, whatever becomes of the file.
+    pub(crate) fn of(file: &hdf5::File, path: &Path, failures: &Failures) -> Result<Self> {
         let file = read_handle(file).context("open the archive", path)?;
-        let behind = Behind::start(file.try_clone().context("open the archive", path)?);
+        let behind = Behind::start(file.try_clone().context("open the archive", path)?, failures);
         let mut place = Self { path: path.to_owned(), file, least_bytes: 0, keystone: None, behind };
         place.least_bytes = place.held()?.len();
         Ok(place)
@@ -70,11 +72,11 @@ impl Place {
             keystone = keystone.into_iter().chain(other).max_by_key(|keystone| keystone.at);
         }
         self.keystone = keystone;
-        // It may have been cut just now.
         let held = self.held()?;
-        self.check_whole(&held)?;
+        // The library itself makes the file shorter where the samples at its end give way to smaller ones. Whether it was cut
+        // just now the keystone tells.
         self.least_bytes = held.len();
-        Ok(())
+        self.check_whole(&held)
     }
 
     /// Checks that the file is still where it was opened, and as long.
@@ -143,8 +145,12 @@ impl Place {
 
     /// Waits until all that was written is on the disk, where a power cut cannot take it back.
     pub(crate) fn sync(&self) -> Result<()> {
-        let synced = self.file.sync_all();
-        self.behind.failure().and(synced).context("sync", &self.path)
+        self.file.sync_all().context("sync", &self.path)
+    }
+
+    /// Ends the thread that writes behind: nothing more is written.
+    pub(crate) fn rest(&mut self) {
+        self.behind.rest();
     }
 
     fn held(&self) -> Result<Metadata> {

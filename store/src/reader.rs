@@ -209,7 +209,9 @@ impl Reader {
     /// Where the tap in plan row `row` was lost, or that it is in a later file; `None` where it is not missing.
     pub fn lost_at(&self, row: u32) -> Option<Lost> {
         let is_missing = self.ledger.taps().get(row as usize) == Some(&TapState::Missing);
-        self.state(row).filter(|_| is_missing).map(|row| Lost::from_code(row.lost_at).unwrap_or_default())
+        let lost = self.state(row).filter(|_| is_missing).map(|row| Lost::from_code(row.lost_at).unwrap_or_default());
+        // Of a run there is no later file than those of its folder: the scan was not begun.
+        lost.map(|lost| if lost == Lost::LaterFile && self.path.is_dir() { Lost::Acquire } else { lost })
     }
 
     /// The tap in plan row `row`, bit for bit; `None` when it is not archived or there is no such row.

@@ -9,7 +9,7 @@ use tapline_wire::SampleFormat;
 use crate::archive::{Access, Archive};
 use crate::context::Context;
 use crate::create::create;
-use crate::draft::{Draft, remove_dead_drafts};
+use crate::draft::{Draft, folder_of, remove_dead_drafts};
 use crate::encode::{Packer, Shape};
 use crate::layout::HeaderRow;
 use crate::parts::{open_all, part_path, part_paths};
@@ -48,14 +48,20 @@ pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Res
     let paths = part_paths(from)?;
     // It also says what is amiss with the run as such.
     open_all(from)?;
-    fs::create_dir(to).context("create", to)?;
+    if to.try_exists().context("look for", to)? {
+        return Err(Error::Exists { path: to.to_owned() });
+    }
+    // Its name is given to the folder when all are in it.
+    let draft = tempfile::Builder::new().prefix(".repack-").tempdir_in(folder_of(to)).context("create", to)?;
     let mut sum = Repacked { sample_bytes: 0, before_bytes: 0, after_bytes: 0 };
     for (number, path) in (1..).zip(paths) {
-        let one = repack_file(&path, &part_path(to, number), codec)?;
+        let name = part_path(to, number);
+        let one = repack_file(&path, &draft.path().join(name.file_name().unwrap_or_default()), codec)?;
         sum.sample_bytes += one.sample_bytes;
         sum.before_bytes += one.before_bytes;
         sum.after_bytes += one.after_bytes;
     }
+    fs::rename(draft.keep(), to).context("name", to)?;
     Ok(sum)
 }
 

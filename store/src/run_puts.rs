@@ -2,7 +2,9 @@
 
 use tapline_wire::{DamageCell, Discriminators, Judgement, Quality, ScanState, TapHeader, TapId};
 
+use crate::archive::{Access, Archive};
 use crate::check::check_scan;
+use crate::context::Context as _;
 use crate::replay::REPLAY_ROWS_MAX;
 use crate::{PutOutcome, Result, RunWriter, Writer};
 
@@ -80,7 +82,7 @@ impl RunWriter {
     ///
     /// # Errors
     /// What the system says.
-    pub fn settled_from(&self, from: u32, most: usize) -> Result<(Vec<Discriminators>, Option<u32>)> {
+    pub fn settled_from(&mut self, from: u32, most: usize) -> Result<(Vec<Discriminators>, Option<u32>)> {
         let tap_count = u32::try_from(self.plan.taps().len()).unwrap_or(u32::MAX);
         if from >= tap_count {
             return Ok((Vec::new(), None));
@@ -90,10 +92,19 @@ impl RunWriter {
         let is_next = |&k: &u32| self.map.tap(from + k) == (part, first + k);
         let most = most.min(REPLAY_ROWS_MAX);
         let count = (0..tap_count - from).take(most).take_while(is_next).count();
-        let (mut records, _) = self.writers[part].settled_from(first, count)?;
+        let writer = &self.writers[part];
+        if writer.is_shut() && self.told_again.as_ref().is_none_or(|(told, _)| *told != part) {
+            self.told_again = Some((part, Archive::open(&writer.path, Access::Read)?));
+        }
+        let shut = self.told_again.as_ref().filter(|_| writer.is_shut()).map(|(_, archive)| archive);
+        let (mut records, _) = writer.settled_in(shut.map_or_else(|| writer.open(), Ok)?, first, count)?;
         records.iter_mut().for_each(|record| record.plan_index = record.plan_index - first + from);
         let next = from.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
-        Ok((records, Some(next).filter(|&next| next < tap_count)))
+        let next = Some(next).filter(|&next| next < tap_count);
+        if next.is_none() {
+            self.told_again = None;
+        }
+        Ok((records, next))
     }
 
     /// Writes what waits: see [`Writer::flush`]. A file that takes no new scan, and whose scans are all judged, is closed.
@@ -130,7 +141,9 @@ impl RunWriter {
 
     /// The rest of [`RunWriter::finish`].
     pub(crate) fn close(self) -> Result<()> {
-        self.writers.into_iter().filter(|writer| !writer.is_shut()).try_for_each(Writer::close)
+        let failed = self.writers.iter().try_for_each(|writer| writer.failures.last().context("sync", &writer.path));
+        let closed = self.writers.into_iter().filter(|writer| !writer.is_shut()).try_for_each(Writer::close);
+        failed.and(closed)
     }
 
     /// Checks that the files are in their places: see [`Writer::check_place`].
@@ -159,12 +172,14 @@ impl RunWriter {
 
     /// Whether every tap is settled and every scan judged that is not left to a later file, as of the last flush.
     pub fn is_whole(&self) -> bool {
+        let is_alone = !self.path.is_dir();
         (0..).zip(self.plan.scans()).all(|(scan, planned)| {
             let is_settled = |&row: &u32| self.ledger.taps()[row as usize].is_settled();
             let is_done =
                 self.ledger.scans()[scan as usize] == ScanState::Judged && planned.taps.iter().all(is_settled);
             let (part, there) = self.map.scan(scan);
-            is_done || self.writers[part].is_later(there)
+            // In the run's folder there is no other place for it.
+            is_done || (is_alone && self.writers[part].is_later(there))
         })
     }
 

@@ -14,9 +14,9 @@ use tapline_wire::{Ledger, Plan, TapId, now_ns};
 use crate::archive::{Access, Archive};
 use crate::check::check_id;
 use crate::context::Context;
+use crate::draft::folder_of;
 use crate::parts::{PartMap, part_path, part_paths};
-use crate::writer::PutCounts;
-use crate::{Codec, Error, Lineage, Part, Reader, Result, StoreConfig, Writer};
+use crate::{Codec, Error, Lineage, Part, PutCounts, Reader, Result, StoreConfig, Writer};
 
 /// Bytes of what the system counts as a block.
 const BLOCK_BYTES: u64 = 512;
@@ -43,6 +43,8 @@ pub struct RunWriter {
     /// By scan: whether anything of it has come.
     is_begun: Vec<bool>,
     pub(crate) ledger: Ledger,
+    /// The closed file that is told of again, while it is.
+    pub(crate) told_again: Option<(usize, Archive)>,
     /// Scan for which a new file could not be begun yet.
     pub(crate) waits_for_file: Option<u32>,
 }
@@ -74,10 +76,12 @@ impl RunWriter {
         }
         let paths = part_paths(path)?;
         let (first, later) = paths.split_at(1);
-        let mut this = Self::of(path, plan, lineage, *config, vec![Writer::resume(&first[0], plan, lineage)?]);
-        for path in later {
-            let planned = Archive::open(path, Access::Read)?.plan;
-            this.add(Writer::resume(path, &planned, part_of(plan, this.number(), lineage))?)?;
+        let mut this = Self::of(path, plan, lineage, *config, vec![resume(&first[0], lineage, later.is_empty())?]);
+        if this.writers[0].plan() != plan {
+            return Err(not_a_run(path, "its first file has another plan than the run"));
+        }
+        for (number, path) in (2..).zip(later) {
+            this.add(resume(path, part_of(plan, number, lineage), number as usize == paths.len())?)?;
         }
         this.go_on();
         Ok(this)
@@ -144,6 +148,7 @@ impl RunWriter {
             map: PartMap::of(plan),
             is_begun: vec![false; plan.scans().len()],
             ledger: Ledger::empty(plan.taps().len(), plan.scans().len(), plan.stations().len()),
+            told_again: None,
             waits_for_file: None,
             writers,
         };
@@ -247,7 +252,8 @@ impl RunWriter {
         let &Begin { ref config_toml, ref reference, ref made_by, codec } = &self.begin;
         let lineage = Lineage { reference: reference.as_deref(), made_by, codec, ..config_toml.as_str().into() };
         let path = part_path(&self.path, self.number());
-        let writer = Writer::create(&path, &plan, part_of(&self.plan, self.number(), lineage))?;
+        // It may have been begun and then not opened.
+        let writer = Writer::open_or_create(&path, &plan, part_of(&self.plan, self.number(), lineage))?;
         tracing::info!("{} is begun, for {} scans", path.display(), plan.scans().len());
         self.add(writer)?;
         self.hand_over();
@@ -270,7 +276,7 @@ impl RunWriter {
         let last = self.writers.len() - 1;
         let begun = self.map.scans_in(last).filter(|&(scan, _)| self.is_begun[scan as usize]).count();
         let (scans_max, bytes_max) = match self.bytes_max() {
-            0 => (GROWS_AT_MOST * begun, u64::MAX),
+            0 => ((GROWS_AT_MOST * begun).max(1), u64::MAX),
             bytes => (usize::MAX, PACKED_AT_MOST * bytes),
         };
         let tap_bytes = self.plan.recording.payload_bytes_max() as u64;
@@ -311,6 +317,29 @@ impl RunWriter {
     pub fn path(&self) -> &Path {
         &self.path
     }
+}
+
+/// Goes on with one file of a run. One that is done and not the last is not opened to be written, so that it may be read.
+fn resume(path: &Path, lineage: Lineage<'_>, is_last: bool) -> Result<Writer> {
+    let archive = Archive::open(path, Access::Read)?;
+    archive.check_same(&archive.plan, lineage)?;
+    if archive.part != lineage.part {
+        return Err(not_a_run(
+            folder_of(path),
+            format!("{} is another of its files, or of another run", path.display()),
+        ));
+    }
+    let plan = archive.plan.clone();
+    if !is_last && !archive.stored_key()?.is_empty() {
+        let mut writer = Writer::of(archive)?;
+        if writer.is_judged() {
+            writer.rest();
+            return Ok(writer);
+        }
+    } else {
+        drop(archive);
+    }
+    Writer::resume(path, &plan, lineage)
 }
 
 fn part_of<'a>(run: &Plan, number: u32, lineage: Lineage<'a>) -> Lineage<'a> {

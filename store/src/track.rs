@@ -16,6 +16,17 @@ pub enum PutOutcome {
     Conflict,
 }
 
+/// How many records a writer was given, by what became of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PutCounts {
+    /// Taken in.
+    pub stored: u64,
+    /// Ignored, for they were there.
+    pub already_there: u64,
+    /// Ignored, for their tap or scan was settled with another record.
+    pub conflicts: u64,
+}
+
 /// One take of a tap: which attempt, and a fingerprint of what came with it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Take {
@@ -145,6 +156,7 @@ impl Track {
 
     /// Takes `take` of `half` in; the tap is archived once both halves are of one attempt.
     pub(crate) fn take(&mut self, half: Half, take: Take) {
+        self.is_later = false;
         match half {
             Half::Samples => self.samples = Some(take),
             Half::Discriminators => self.discriminators = Some(take),

@@ -99,8 +99,8 @@ impl Report {
 /// As [`crate::Reader::open`]: a file whose plan or tables cannot be read is not checked further.
 pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
     let archives = open_all(path.as_ref())?;
-    if let [archive] = &archives[..] {
-        return verify_file(archive);
+    if !path.as_ref().is_dir() {
+        return verify_file(&archives[0]);
     }
     let map = PartMap::of_all(&archives)?;
     let run = &archives[0].plan;
@@ -113,6 +113,17 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
         }
         for (scan, there) in map.scans_in(part) {
             whole.ledger.set_scan(scan as usize, report.ledger.scans()[there as usize]);
+        }
+        // What a later file has must not be here too.
+        for (scan, there) in map.planned_in(part).filter(|&(scan, _)| map.scan(scan).0 != part) {
+            let is_here = |&row: &u32| report.ledger.taps()[row as usize].is_settled();
+            let is_begun = report.ledger.scans()[there as usize] != ScanState::Open;
+            if is_begun || archive.plan.scans()[there as usize].taps.iter().any(is_here) {
+                let later = archives[map.scan(scan).0].path.display();
+                whole
+                    .problems
+                    .push(Problem::Scan { scan, what: format!("it is in {} and in {later}", archive.path.display()) });
+            }
         }
         let name = archive.path.file_name().unwrap_or_default().to_string_lossy();
         let named = |problem| Problem::File { name: name.clone().into_owned(), problem: Box::new(problem) };

@@ -15,6 +15,7 @@ use tapline_wire::{
 };
 
 use crate::archive::{Access, Archive};
+use crate::behind::Failures;
 use crate::check::{check_cells, check_id, check_scan, check_shape};
 use crate::context::Context;
 use crate::create::create;
@@ -24,19 +25,8 @@ use crate::pending::Pending;
 use crate::place::Place;
 use crate::recall::recall;
 use crate::rows::{fixed, no_reason};
-use crate::track::{Half, PutOutcome, Take, Track};
+use crate::track::{Half, PutCounts, PutOutcome, Take, Track};
 use crate::{Error, Lineage, Result};
-
-/// How many records a writer was given, by what became of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct PutCounts {
-    /// Taken in.
-    pub stored: u64,
-    /// Ignored, for they were there.
-    pub already_there: u64,
-    /// Ignored, for their tap or scan was settled with another record.
-    pub conflicts: u64,
-}
 
 /// What an archive was begun with, to know it again by.
 #[derive(Debug)]
@@ -55,7 +45,10 @@ pub struct Writer {
     pub(crate) plan: Plan,
     pub(crate) kept: Kept,
     pub(crate) place: Place,
-    /// `None` after it could not be written.
+    pub(crate) failures: Failures,
+    /// Whether nothing is left to do to the file, and it was closed.
+    pub(crate) is_closed: bool,
+    /// `None` after it could not be written, or is closed.
     pub(crate) archive: Option<Archive>,
     is_results: bool,
     pub(crate) tracks: Vec<Track>,
@@ -65,7 +58,7 @@ pub struct Writer {
     pub(crate) pending: Pending,
     pub(crate) ledger: Ledger,
     counts: PutCounts,
-    packer: Packer,
+    pub(crate) packer: Packer,
 }
 
 impl Writer {
@@ -108,7 +101,7 @@ impl Writer {
         }
     }
 
-    fn of(archive: Archive) -> Result<Self> {
+    pub(crate) fn of(archive: Archive) -> Result<Self> {
         let (recording, codec) = (&archive.plan.recording, archive.samples.codec());
         if !codec.is_for_lines() && !archive.is_results() {
             return Err(Error::OfflineCodec { path: archive.path.clone(), codec });
@@ -119,7 +112,7 @@ impl Writer {
             element_bytes: recording.sample_format.bytes(),
             row_bytes: archive.samples.row_bytes(),
         });
-        let recalled = recall(&archive)?;
+        let (recalled, failures) = (recall(&archive)?, Failures::default());
         Ok(Self {
             tracks: recalled.tracks,
             scans: recalled.scans,
@@ -129,7 +122,9 @@ impl Writer {
             pending: Pending::default(),
             counts: PutCounts::default(),
             packer,
-            place: Place::of(&archive.file, &archive.path)?,
+            place: Place::of(&archive.file, &archive.path, &failures)?,
+            failures,
+            is_closed: false,
             path: archive.path.clone(),
             plan: archive.plan.clone(),
             kept: Kept {

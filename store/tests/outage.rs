@@ -15,11 +15,11 @@ fn big_plan() -> Plan {
 }
 
 /// A small disk of its own, taken away when dropped.
-struct Disk(tempfile::TempDir);
+pub(crate) struct Disk(tempfile::TempDir);
 
 impl Disk {
     /// `None`, with a notice, where none can be had.
-    fn new() -> Option<Self> {
+    pub(crate) fn new() -> Option<Self> {
         let disk = Self(tempfile::tempdir().unwrap());
         let mut mount = Command::new("mount");
         mount.args(["-t", "tmpfs", "-o", "size=8m", "tmpfs"]).arg(disk.0.path()).stderr(Stdio::null());
@@ -30,8 +30,12 @@ impl Disk {
         is_made.then_some(disk)
     }
 
+    pub(crate) fn path(&self) -> &Path {
+        self.0.path()
+    }
+
     /// Fills the disk but for `free_bytes`, with a file that can be removed.
-    fn fill(&self, free_bytes: u64) -> PathBuf {
+    pub(crate) fn fill(&self, free_bytes: u64) -> PathBuf {
         let path = self.0.path().join("ballast");
         let disk = rustix::fs::statvfs(self.0.path()).unwrap();
         let bytes = (disk.f_bavail * disk.f_frsize).saturating_sub(free_bytes);
@@ -149,4 +153,21 @@ fn an_older_copy_is_not_gone_on_with() {
     assert!(error.to_string().contains("was cut from") && !writer.is_in_place(), "{error}");
     fs::write(&path, older).unwrap();
     assert!(writer.recover().is_err());
+}
+
+/// Catches the writer that takes its own file for cut when the samples at its end give way to smaller ones.
+#[test]
+fn a_tap_at_the_end_may_become_smaller() {
+    let _guard = crate::common::beside_others();
+    let (folder, plan) = (tempfile::tempdir().unwrap(), big_plan());
+    let path = folder.path().join("run.h5");
+    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    for (attempt, is_quiet) in [(0, false), (1, true), (2, false), (3, true)] {
+        let mut header = header(&plan, 3, 4096);
+        header.id.attempt = attempt;
+        let samples = if is_quiet { vec![0; header.payload_bytes()] } else { samples(&header) };
+        writer.put_tap(&header, &samples).unwrap();
+        writer.flush().unwrap();
+        writer.check_place().unwrap();
+    }
 }

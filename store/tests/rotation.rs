@@ -12,6 +12,7 @@ use tapline_wire::{
 };
 
 use crate::common::{CONFIG, beside_others, discriminators, header, judgement, samples};
+use crate::outage::Disk;
 use crate::roundtrip::everything_is_there;
 
 /// Some four scans fill a file.
@@ -212,6 +213,12 @@ fn what_is_no_whole_run_is_told_by_name() {
         assert!(verify(&path).is_err());
     };
 
+    // Of a run there is no more than its folder has.
+    let only = folder.path().join("only");
+    fs::create_dir(&only).unwrap();
+    fs::copy(&parts(&path)[0], only.join("only.0001.h5")).unwrap();
+    assert!(!verify(&only).unwrap().is_complete() && verify(only.join("only.0001.h5")).unwrap().is_complete());
+
     fs::rename(last, &aside).unwrap();
     let report = verify(&path).unwrap();
     let there = report.ledger.count(TapState::Archived);
@@ -241,6 +248,78 @@ fn what_is_no_whole_run_is_told_by_name() {
     assert!(error.to_string().contains("rotate_after_mb"), "{error}");
     let error = RunWriter::open_or_create(second, &plan, CONFIG.into(), &CONFIG_OF_STORE).unwrap_err();
     assert!(error.to_string().contains("it is a file"), "{error}");
+}
+
+/// Catches a full disk on which the next file is not begun, and is forgotten or begun twice when there is room again.
+#[test]
+fn a_file_that_cannot_be_begun_is_begun_later() {
+    let _guard = beside_others();
+    let (Some(disk), plan) = (Disk::new(), plan()) else { return };
+    let path = disk.path().join("run");
+    let mut writer = open(&path, &plan);
+    let steps = steps(&plan);
+    let fourth = steps.iter().position(|step| matches!(step, Step::Samples(20))).unwrap();
+    steps[..fourth].iter().for_each(|&step| take(&mut writer, &plan, step).unwrap());
+    assert_eq!(parts(&path).len(), 1);
+    let ballast = disk.fill(4096);
+    for _ in 0..2 {
+        let error = take(&mut writer, &plan, steps[fourth]).unwrap_err();
+        assert!(error.is_of_the_disk() && error.is_no_room(), "{error}");
+        assert!(writer.recover().unwrap_err().is_no_room());
+    }
+    fs::remove_file(ballast).unwrap();
+    writer.recover().unwrap();
+    steps[fourth..].iter().for_each(|&step| take(&mut writer, &plan, step).unwrap());
+    writer.finish().unwrap();
+    everything_is_there(&Reader::open(&path).unwrap(), &plan);
+    assert!(verify(&path).unwrap().is_complete());
+    assert_eq!(parts(&path).len(), 3);
+}
+
+/// Catches a file whose scans are all judged, and that is lost with its folder while it still waits for others.
+#[test]
+fn a_file_that_is_used_up_is_put_back() {
+    let _guard = beside_others();
+    let (folder, plan) = (tempfile::tempdir().unwrap(), plan());
+    let path = folder.path().join("run");
+    let mut writer = open(&path, &plan);
+    let last = plan.scans().len() as u32 - 1;
+    let all_but_last = |step: &Step| match *step {
+        Step::Samples(row) | Step::Found(row) => plan.scan_of_tap()[row as usize] != last,
+        Step::End(scan) | Step::Verdict(scan) => scan != last,
+        Step::Flush => true,
+    };
+    let (now, later): (Vec<Step>, Vec<Step>) = steps(&plan).into_iter().partition(all_but_last);
+    now.into_iter().for_each(|step| take(&mut writer, &plan, step).unwrap());
+    writer.flush().unwrap();
+    let current = parts(&path).pop().unwrap();
+    fs::remove_file(&current).unwrap();
+    assert!(matches!(writer.check_place(), Err(Error::Removed { .. })));
+    writer.recover().unwrap();
+    assert!(current.is_file() && writer.is_in_place());
+    later.into_iter().for_each(|step| take(&mut writer, &plan, step).unwrap());
+    writer.finish().unwrap();
+    everything_is_there(&Reader::open(&path).unwrap(), &plan);
+}
+
+/// Catches a store that is started again and cannot open a closed file because someone reads it.
+#[test]
+fn a_closed_file_may_be_read_while_the_run_goes_on() {
+    let _guard = beside_others();
+    let (folder, plan) = (tempfile::tempdir().unwrap(), plan());
+    let (path, steps) = (folder.path().join("run"), steps(&plan));
+    let mut writer = open(&path, &plan);
+    let (now, later) = steps.split_at(steps.len() - 9);
+    now.iter().for_each(|&step| take(&mut writer, &plan, step).unwrap());
+    [1, 3].into_iter().for_each(|scan| take(&mut writer, &plan, Step::Verdict(scan)).unwrap());
+    writer.flush().unwrap();
+    drop(writer);
+    let reading = Reader::open(&parts(&path)[0]).unwrap();
+    let mut writer = open(&path, &plan);
+    now.iter().chain(later).for_each(|&step| take(&mut writer, &plan, step).unwrap());
+    writer.finish().unwrap();
+    drop(reading);
+    everything_is_there(&Reader::open(&path).unwrap(), &plan);
 }
 
 /// Catches a number of a file that could be changed unseen.
