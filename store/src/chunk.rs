@@ -1,7 +1,7 @@
 //! Samples straight from where they lie to the disk and back: the one place that calls the C library itself.
 #![expect(unsafe_code, reason = "the safe crate has no direct chunk access")]
 
-use std::ffi::{c_int, c_void};
+use std::ffi::{c_int, c_uint, c_ulong, c_void};
 use std::fs::File;
 use std::io;
 use std::mem::ManuallyDrop;
@@ -18,12 +18,26 @@ use ndarray::{ArrayView2, s};
 use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::io::{DupFlags, FdFlags, dup3};
 
+use crate::chunk_index::{Chunk, chunks};
 use crate::codec::Codec;
 
 unsafe extern "C" {
     // Declared by HDF5 since 1.10, not by the crate of its declarations.
     fn H5Fincrement_filesize(file: hid_t, increment: hsize_t) -> herr_t;
+    // Since 1.10.3; the crate declares it for some versions alone.
+    fn H5Oget_info2(object: hid_t, info: *mut ObjectInfo, fields: c_uint) -> herr_t;
 }
+
+/// What [`H5Oget_info2`] writes: the number of the file, the address of the object's header, and more.
+#[repr(C)]
+struct ObjectInfo {
+    file: c_ulong,
+    address: haddr_t,
+    more: [u64; 64],
+}
+
+/// Asks [`H5Oget_info2`] for the address alone.
+const BASIC: c_uint = 1;
 
 /// Has the library take all of a file that a killed writer left for used: chunks of that writer which lie behind the end
 /// that it last wrote down must not be given away again.
@@ -169,6 +183,42 @@ impl ChunkRows {
         self.dataset.write_slice(samples, s![row as usize, .., ..])
     }
 
+    /// Where every row lies, as [`ChunkRows::place`] says of one; `file` is the one that has them, which nobody writes.
+    ///
+    /// # Errors
+    /// What the library says.
+    pub(crate) fn places(&self, file: &File) -> hdf5::Result<Vec<Option<Span>>> {
+        match self.index(file) {
+            Some(chunks) => Ok(chunks.into_iter().map(|(span, mask)| self.known(span, mask)).collect()),
+            None => (0..).take(self.row_count()).map(|row| self.place(row)).collect(),
+        }
+    }
+
+    fn row_count(&self) -> usize {
+        self.dataset.shape().first().copied().unwrap_or(0)
+    }
+
+    /// The index as it lies in `file`, where it is of a known kind.
+    pub(crate) fn index(&self, file: &File) -> Option<Vec<Chunk>> {
+        chunks(file, self.header_address()?, self.row_count(), self.dataset.ndim())
+    }
+
+    /// Where the dataset's object header lies, where the library says so.
+    pub(crate) fn header_address(&self) -> Option<u64> {
+        let mut info = ObjectInfo { file: 0, address: haddr_t::MAX, more: [0; 64] };
+        // SAFETY: the lock of the library is held; the dataset's identifier is valid while `self.dataset` lives; the library
+        // writes no more than its own structure, which begins as this one does and is shorter.
+        let status = sync(|| unsafe { H5Oget_info2(self.dataset.id(), &raw mut info, BASIC) });
+        (status >= 0).then_some(info.address)
+    }
+
+    /// `span`, where the chunk there was put through the filters that are undone here.
+    fn known(&self, span: Span, mask: u32) -> Option<Span> {
+        // The library leaves out a filter that gains nothing, and undoes what it did when it reads.
+        let is_known = mask == 0 || matches!(self.codec, Codec::Lzf | Codec::Gzip);
+        Some(span).filter(|span| span.address != haddr_t::MAX && is_known)
+    }
+
     /// Where row `row` lies; `None` where it was never written, or was by another filter.
     ///
     /// # Errors
@@ -189,9 +239,7 @@ impl ChunkRows {
             };
             if status < 0 { Err(Error::query()?) } else { Ok(()) }
         })?;
-        // The library leaves out a filter that gains nothing, and undoes what it did when it reads.
-        let is_known = mask == 0 || matches!(self.codec, Codec::Lzf | Codec::Gzip);
-        let is_there = address != haddr_t::MAX && is_known;
-        Ok(usize::try_from(length).ok().filter(|_| is_there).map(|length| Span { address, length }))
+        let span = usize::try_from(length).ok().map(|length| Span { address, length });
+        Ok(span.and_then(|span| self.known(span, mask)))
     }
 }

@@ -38,6 +38,7 @@ mod archive;
 mod behind;
 mod check;
 mod chunk;
+mod chunk_index;
 mod codec;
 mod config;
 mod context;

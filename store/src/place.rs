@@ -29,7 +29,7 @@ pub(crate) struct Place {
     behind: Behind,
 }
 
-/// A byte of samples, not zero, behind which no others lie: a file that is cut and then written on, so that its length tells
+/// A byte of samples, not zero, behind which few others lie: a file that is cut and then written on, so that its length tells
 /// nothing, has zero there, or something else.
 #[derive(Debug)]
 struct Keystone {
@@ -67,7 +67,8 @@ impl Place {
     /// Notes that what the file holds now must not become less: `stored` are samples that were written to it, by plan row.
     pub(crate) fn note(&mut self, samples: &ChunkRows, stored: &BTreeMap<u32, Vec<u8>>) -> Result<()> {
         let mut keystone = self.keystone.take();
-        for (&row, stored) in stored {
+        // That of the last row was very likely written last, behind the others.
+        if let Some((&row, stored)) = stored.last_key_value() {
             let other = Keystone::of(row, stored, samples).context("find samples", &self.path)?;
             keystone = keystone.into_iter().chain(other).max_by_key(|keystone| keystone.at);
         }

@@ -43,6 +43,11 @@ impl SampleFile {
         Ok(Self { path, file, rows: archive.samples.clone() })
     }
 
+    /// Where the samples of every plan row lie.
+    pub(crate) fn places(&self) -> Result<Vec<Option<Span>>> {
+        self.rows.places(&self.file).context("find samples", &self.path)
+    }
+
     /// Where the samples of plan row `row` lie.
     pub(crate) fn place(&self, row: u32) -> Result<Option<Span>> {
         self.rows.place(row).context("find samples", &self.path)
@@ -124,9 +129,10 @@ impl Taps {
         let mut found = vec![None; states.len()];
         for (number, archive) in archives.iter().enumerate() {
             let file = SampleFile::open(archive)?;
+            let places = file.places()?;
             let headers = archive.headers.read_all().context("read the headers", &archive.path)?;
             for (row, there) in map.taps_in(number).filter(|&(row, _)| states[row as usize] == TapState::Archived) {
-                let (header, place) = (headers[there as usize], file.place(there)?);
+                let (header, place) = (headers[there as usize], places[there as usize]);
                 found[row as usize] = Some(Found { file: number, row: there, header, place });
             }
             files.push((file, archive.plan.clone()));

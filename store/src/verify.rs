@@ -6,6 +6,7 @@ use std::path::Path;
 use tapline_wire::{Ledger, Plan, Quality, Reasons, ScanState, TapId, TapState, Verdict};
 
 use crate::archive::Archive;
+use crate::chunk::Span;
 use crate::context::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
 use crate::lineage::digest_of;
@@ -156,7 +157,7 @@ fn verify_file(archive: &Archive) -> Result<Report> {
     let discriminators = archive.discriminators.read_all().context(context, &archive.path)?;
     let reasons = archive.refusals.read_all().context(context, &archive.path)?;
     let file = SampleFile::open(archive)?;
-    let mut room = Room::default();
+    let (mut room, places) = (Room::default(), file.places()?);
     for (plan_index, tap) in (0..).zip(plan.taps()) {
         let k = plan_index as usize;
         let mut complain = |what: String| report.problems.push(Problem::Tap { plan_index, id: tap.id, what });
@@ -177,7 +178,7 @@ fn verify_file(archive: &Archive) -> Result<Report> {
                 if state == TapState::Archived {
                     check_tap(plan, plan_index, &ledger[k], &headers[k], &discriminators[k], &mut complain);
                     if headers[k].is_whole(k)
-                        && let Err(error) = check_samples(&file, plan, plan_index, &headers[k], &mut room)
+                        && let Err(error) = check_samples(&file, plan, plan_index, &headers[k], places[k], &mut room)
                     {
                         complain(error);
                     }
@@ -234,10 +235,10 @@ fn check_samples(
     plan: &Plan,
     row: u32,
     header: &HeaderRow,
+    place: Option<Span>,
     room: &mut Room,
 ) -> std::result::Result<(), String> {
     let checked = checked_header(Path::new(""), plan, row, *header).and_then(|of_row| {
-        let place = file.place(row)?;
         let samples = file.read(&of_row, header.stored_checksum, place, room)?;
         Ok(digest_of(samples.as_bytes()) == header.samples_digest)
     });
