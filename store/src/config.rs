@@ -12,7 +12,7 @@ pub struct StoreConfig {
     pub codec: Codec,
     /// Size of a file, in MB of 10^6 bytes, at which the next scan to be begun begins a new one; 0: never.
     pub rotate_after_mb: u32,
-    /// Age of a file, in seconds, likewise; 0: never.
+    /// Age of a file, in seconds, likewise; 0: never. While no run writes it a file does not age.
     pub rotate_after_s: u32,
 }
 

@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
-use tapline_wire::{Ledger, Plan, TapId, now_ns};
+use tapline_wire::{Ledger, Plan, TapId};
 
 use crate::archive::{Access, Archive};
 use crate::check::check_id;
@@ -43,6 +43,9 @@ pub struct RunWriter {
     /// By scan: whether anything of it has come.
     is_begun: Vec<bool>,
     pub(crate) ledger: Ledger,
+    /// Since when the last file is written here, and how long it was before, as far as the file system says.
+    last_since: Instant,
+    age_before: Duration,
     /// The closed file that is told of again, while it is.
     pub(crate) told_again: Option<(usize, Archive)>,
     /// Scan for which a new file could not be begun yet.
@@ -148,6 +151,8 @@ impl RunWriter {
             map: PartMap::of(plan),
             is_begun: vec![false; plan.scans().len()],
             ledger: Ledger::empty(plan.taps().len(), plan.scans().len(), plan.stations().len()),
+            last_since: Instant::now(),
+            age_before: Duration::ZERO,
             told_again: None,
             waits_for_file: None,
             writers,
@@ -179,6 +184,10 @@ impl RunWriter {
         }
         self.hand_over();
         self.note_states();
+        // Not by the time of day, which may jump.
+        let last = self.writers.last().and_then(|writer| fs::metadata(&writer.path).ok());
+        let used = last.and_then(|file| file.modified().ok()?.duration_since(file.created().ok()?).ok());
+        (self.last_since, self.age_before) = (Instant::now(), used.unwrap_or_default());
     }
 
     /// Has every file but the last leave to later ones the scans that are not begun.
@@ -233,10 +242,8 @@ impl RunWriter {
         // What is allotted: without a codec a file has its full length from the start.
         let (bytes, after) = (file.blocks() * BLOCK_BYTES, Duration::from_secs(self.rotation.rotate_after_s.into()));
         let is_large = self.rotation.rotate_after_mb > 0 && bytes >= self.bytes_max();
-        // A file system that does not say when a file was begun has none that is old.
-        let begun = file.created().ok().and_then(|begun| begun.duration_since(UNIX_EPOCH).ok());
-        let now = Duration::from_nanos(now_ns().unsigned_abs());
-        let is_old = self.rotation.rotate_after_s > 0 && begun.is_some_and(|begun| now.saturating_sub(begun) >= after);
+        let age = self.age_before + self.last_since.elapsed();
+        let is_old = self.rotation.rotate_after_s > 0 && age >= after;
         Ok(is_large || is_old)
     }
 
@@ -257,6 +264,7 @@ impl RunWriter {
         tracing::info!("{} is begun, for {} scans", path.display(), plan.scans().len());
         self.add(writer)?;
         self.hand_over();
+        (self.last_since, self.age_before) = (Instant::now(), Duration::ZERO);
         self.waits_for_file = None;
         Ok(())
     }
