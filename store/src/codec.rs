@@ -3,12 +3,15 @@
 
 use std::ffi::CStr;
 use std::fmt;
+use std::ops::Range;
 
 use blosc_src::{BLOSC_BITSHUFFLE, BLOSC_MAX_OVERHEAD, blosc_compress_ctx, blosc_decompress_ctx};
 use serde::{Deserialize, Serialize};
 
-/// Bytes that are packed on their own, so that a part of a record can be unpacked alone: 4096 samples of 16 bits.
-const BLOCK_BYTES: usize = 8192;
+use crate::blosc::{self, Chunk};
+
+/// Bytes that Zstandard packs on their own.
+const ZSTD_BLOCK_BYTES: usize = 8192;
 
 /// What packs the samples of an archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -74,14 +77,15 @@ impl fmt::Display for Codec {
 }
 
 /// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost, as the filter of `codec` does; the
-/// same input gives the same bytes. Those of a codec that is not Blosc's are left as they are.
+/// same input gives the same bytes. Those of a codec that is not Blosc's are left as they are. `planes` is room to work in.
 ///
 /// # Panics
 /// If Blosc finds no room in what it says is enough: a bug.
-pub(crate) fn pack(codec: Codec, element_bytes: usize, samples: &[u8], packed: &mut Vec<u8>) {
-    match codec.blosc() {
-        Some(compressor) => pack_blocks((compressor, codec.level()), element_bytes, BLOCK_BYTES, samples, packed),
-        None => {
+pub(crate) fn pack(codec: Codec, element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, packed: &mut Vec<u8>) {
+    match codec {
+        Codec::Lz4 => blosc::pack(element_bytes, samples, planes, packed),
+        Codec::Zstd => pack_by_library((c"zstd", codec.level()), element_bytes, ZSTD_BLOCK_BYTES, samples, packed),
+        Codec::None | Codec::Lzf | Codec::Gzip => {
             packed.clear();
             packed.extend_from_slice(samples);
         }
@@ -93,13 +97,13 @@ pub(crate) fn placeholder(codec: Codec, element_bytes: usize, row_bytes: usize) 
     let mut packed = Vec::new();
     match codec.blosc() {
         // Which compressor packed a chunk stands in the chunk.
-        Some(_) => pack_blocks((c"zstd", 1), element_bytes, row_bytes, &vec![0; row_bytes], &mut packed),
+        Some(_) => pack_by_library((c"zstd", 1), element_bytes, row_bytes, &vec![0; row_bytes], &mut packed),
         None => packed.resize(row_bytes, 0),
     }
     packed
 }
 
-fn pack_blocks(
+fn pack_by_library(
     (compressor, level): (&CStr, u8),
     element_bytes: usize,
     block_bytes: usize,
@@ -130,20 +134,36 @@ fn pack_blocks(
     packed.truncate(length);
 }
 
-/// Unpacks what [`pack`] packed into `samples`, all of it; whether it was that, and as long as `samples`.
+/// Unpacks the bytes in `part` of what [`pack`] or the filter of `codec` packed, and such around them as are packed with
+/// them, into their places in `samples`, which are all samples; whether it was that, and as long as `samples`. `planes` is
+/// room to work in.
 #[must_use]
-pub(crate) fn unpack(codec: Codec, packed: &[u8], samples: &mut [u8]) -> bool {
+pub(crate) fn unpack(
+    codec: Codec,
+    packed: &[u8],
+    part: Range<usize>,
+    samples: &mut [u8],
+    planes: &mut Vec<u8>,
+) -> bool {
     if codec.blosc().is_none() {
         let is_whole = packed.len() == samples.len();
         if is_whole {
-            samples.copy_from_slice(packed);
+            samples[part.clone()].copy_from_slice(&packed[part]);
         }
         return is_whole;
+    }
+    if let Some(chunk) = Chunk::new(packed) {
+        return chunk.unpack(part, samples, planes);
     }
     if !is_blosc_of(packed, samples.len()) {
         return false;
     }
-    // SAFETY: the source is as long as its own header says (checked above), the destination as long as is given; they do
+    unpack_by_library(packed, samples)
+}
+
+/// Unpacks a chunk that [`is_blosc_of`] the length of `samples`.
+fn unpack_by_library(packed: &[u8], samples: &mut [u8]) -> bool {
+    // SAFETY: the source is as long as its own header says (checked before), the destination as long as is given; they do
     // not overlap; Blosc writes no further than it is told, whatever the packed bytes say.
     let length = unsafe { blosc_decompress_ctx(packed.as_ptr().cast(), samples.as_mut_ptr().cast(), samples.len(), 1) };
     usize::try_from(length).is_ok_and(|length| length == samples.len())
@@ -161,32 +181,130 @@ mod tests {
 
     use super::*;
 
+    /// Everything unpacked, by what [`unpack`] chooses.
+    fn unpacked(codec: Codec, packed: &[u8], length: usize) -> Option<Vec<u8>> {
+        let mut samples = vec![7; length];
+        unpack(codec, packed, 0..length, &mut samples, &mut Vec::new()).then_some(samples)
+    }
+
+    /// Everything unpacked, by the library.
+    fn unpacked_by_library(packed: &[u8], length: usize) -> Option<Vec<u8>> {
+        let mut samples = vec![7; length];
+        (is_blosc_of(packed, length) && unpack_by_library(packed, &mut samples)).then_some(samples)
+    }
+
+    fn packed(codec: Codec, element_bytes: usize, samples: &[u8]) -> Vec<u8> {
+        let mut packed = vec![3; 5];
+        pack(codec, element_bytes, samples, &mut Vec::new(), &mut packed);
+        packed
+    }
+
+    /// A record in little of its range, nothing after a while, or noise: what packs well, very well, and not at all.
+    fn record(samples: Vec<u8>, kind: u8) -> Vec<u8> {
+        let count = samples.len();
+        let tamed = |(k, byte): (usize, u8)| match kind {
+            0 => byte,
+            1 => byte & 1,
+            // A sound of 16 bits that falls silent: the high byte is the sign.
+            2 if k % 2 == 1 => {
+                if samples_sign(k) {
+                    255
+                } else {
+                    0
+                }
+            }
+            _ if k > count / 3 => 0,
+            _ => byte,
+        };
+        samples.into_iter().enumerate().map(tamed).collect()
+    }
+
+    fn samples_sign(k: usize) -> bool {
+        (k / 2).wrapping_mul(2_654_435_761) >> 7 & 1 == 1
+    }
+
     proptest! {
-        /// Catches samples that do not come back, bytes that change from call to call, and a packing that outgrows its room.
+        /// Catches samples that do not come back, bytes that change from call to call, what the library's filter would not
+        /// read, and what it packed and is not read here, of every size of block and whether cut into bytes or not.
         #[test]
-        fn what_is_packed_comes_back(samples in prop::collection::vec(any::<u8>(), 1..40_000), quiet in any::<bool>()) {
-            let samples: Vec<u8> = samples.into_iter().map(|byte| if quiet { byte & 1 } else { byte }).collect();
+        fn what_is_packed_comes_back(
+            samples in prop::collection::vec(any::<u8>(), 4..40_000),
+            kind in 0..4_u8,
+            element_bytes in prop::sample::select(vec![2_usize, 4]),
+            block_bytes in 128..20_000_usize,
+        ) {
+            let whole = samples.len() / element_bytes * element_bytes;
+            let samples = record(samples[..whole].to_vec(), kind);
             for codec in [Codec::None, Codec::Lz4, Codec::Zstd] {
-                let (mut packed, mut again, mut back) = (Vec::new(), Vec::new(), vec![7; samples.len()]);
-                pack(codec, 2, &samples, &mut packed);
-                pack(codec, 2, &samples, &mut again);
-                prop_assert!(packed == again && unpack(codec, &packed, &mut back) && back == samples, "{}", codec);
+                let there = packed(codec, element_bytes, &samples);
+                prop_assert!(there == packed(codec, element_bytes, &samples), "{codec}: other bytes");
+                prop_assert!(unpacked(codec, &there, whole).as_ref() == Some(&samples), "{codec}");
+                let by_library = codec.blosc().map(|_| unpacked_by_library(&there, whole));
+                prop_assert!(by_library.is_none_or(|back| back.as_ref() == Some(&samples)), "{codec}, by the library");
+            }
+            for (compressor, level) in [(c"lz4", 5), (c"lz4", 0), (c"lz4hc", 9), (c"blosclz", 5), (c"zstd", 1)] {
+                let mut there = Vec::new();
+                pack_by_library((compressor, level), element_bytes, block_bytes, &samples, &mut there);
+                prop_assert!(unpacked(Codec::Lz4, &there, whole).as_ref() == Some(&samples), "{compressor:?} {level}");
+            }
+        }
+
+        /// Catches a part that is not where it belongs, and more unpacked than blocks it lies in.
+        #[test]
+        fn a_part_comes_back_alone(
+            samples in prop::collection::vec(any::<u8>(), 1..40_000),
+            (a, b) in any::<(prop::sample::Index, prop::sample::Index)>(),
+            kind in 0..4_u8,
+        ) {
+            let samples = record(samples, kind);
+            let (a, b) = (a.index(samples.len() + 1), b.index(samples.len() + 1));
+            let part = if a < b { a..b } else { b..a };
+            for codec in [Codec::None, Codec::Lz4] {
+                let there = packed(codec, 2, &samples[..samples.len() / 2 * 2]);
+                let mut back = vec![7; samples.len() / 2 * 2];
+                let part = part.start..part.end.clamp(part.start, back.len());
+                prop_assume!(part.start <= back.len());
+                prop_assert!(unpack(codec, &there, part.clone(), &mut back, &mut Vec::new()));
+                prop_assert!(back[part.clone()] == samples[part.clone()]);
+                let around = 8192;
+                let untouched = (0..part.start.saturating_sub(around)).chain((part.end + around).min(back.len())..back.len());
+                prop_assert!(untouched.into_iter().all(|k| back[k] == 7));
             }
         }
 
         /// Catches a reader that trusts damaged bytes: it says no or gives other samples, and never more than asked for.
         #[test]
-        fn damaged_bytes_do_no_harm(at in 0_usize..100_000, flip in 1_u8.., cut in 0_usize..9000) {
-            let samples: Vec<u8> = (0..9000_u32).map(|k| (k / 50) as u8).collect();
+        fn damaged_bytes_do_no_harm(at in 0_usize..100_000, flip in 1_u8.., cut in 0_usize..20_000, head in any::<[u8; 16]>()) {
+            let samples: Vec<u8> = (0..20_000_u32).map(|k| (k / 50) as u8).collect();
             for codec in [Codec::Lz4, Codec::Zstd] {
-                let mut packed = Vec::new();
-                pack(codec, 2, &samples, &mut packed);
-                let length = packed.len();
-                packed[at % length] ^= flip;
-                let mut back = vec![0; samples.len()];
-                let _is_known = unpack(codec, &packed, &mut back);
-                prop_assert!(!unpack(codec, &packed[..cut % length], &mut back));
+                let mut there = packed(codec, 2, &samples);
+                let length = there.len();
+                there[at % length] ^= flip;
+                let _is_known = unpacked(codec, &there, samples.len());
+                prop_assert!(unpacked(codec, &there[..cut % length], samples.len()).is_none());
+                // Whatever the header says, its lengths but for those that are looked at before the library is asked.
+                let lengths = [4..8, 12..16].map(|place| there[place].to_vec());
+                there[..16].copy_from_slice(&head);
+                there[4..8].copy_from_slice(&lengths[0]);
+                there[12..16].copy_from_slice(&lengths[1]);
+                let _is_known = unpacked(codec, &there, samples.len());
             }
         }
+    }
+
+    /// Catches a packing that finds less than LZ4's own search does: records of a tap's kind, in noise of 4 bits.
+    #[test]
+    fn planes_pack_as_well_as_a_search() {
+        let mut state = 1_u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 28) as i16 - 8
+        };
+        let sound = |k: usize| (9000.0 * (-(k as f64) / 900.0).exp() * (k as f64 * 0.3).sin()) as i16;
+        let samples: Vec<u8> = (0..16_384).flat_map(|k| (sound(k) + noise()).to_le_bytes()).collect();
+        let mut searched = Vec::new();
+        pack_by_library((c"lz4", 5), 2, ZSTD_BLOCK_BYTES, &samples, &mut searched);
+        let ours = packed(Codec::Lz4, 2, &samples);
+        assert!(ours.len() < searched.len() && 2 * ours.len() < samples.len(), "{} {}", ours.len(), searched.len());
     }
 }

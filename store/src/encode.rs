@@ -13,6 +13,7 @@ use crate::sealed::{Digest, checksum, first_bits};
 pub(crate) struct Packed {
     bytes: Vec<u8>,
     padded: Vec<u8>,
+    planes: Vec<u8>,
     /// Whether the record goes to the file from where it lies.
     is_as_given: bool,
     pub(crate) samples_digest: Digest,
@@ -104,7 +105,7 @@ impl Shape {
         let padded = padded(samples, self.channel_count, self.row_bytes, &mut desk.padded);
         desk.is_as_given = self.codec.blosc().is_none() && padded.len() == samples.len();
         if !desk.is_as_given {
-            pack(self.codec, self.element_bytes, padded, &mut desk.bytes);
+            pack(self.codec, self.element_bytes, padded, &mut desk.planes, &mut desk.bytes);
         }
         // Where the record goes to the file as it is, its digest begins with its checksum.
         desk.stored_checksum = match desk.is_as_given {

@@ -36,6 +36,7 @@
 
 mod archive;
 mod behind;
+mod blosc;
 mod check;
 mod chunk;
 mod chunk_index;
@@ -52,10 +53,12 @@ mod held;
 mod layout;
 mod lineage;
 mod lost;
+mod lz4;
 mod outage;
 mod parts;
 mod pending;
 mod place;
+mod planes;
 mod reader;
 mod recall;
 mod regions;

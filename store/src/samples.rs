@@ -25,6 +25,8 @@ pub struct Room {
     stored: Vec<u8>,
     /// The samples.
     lanes: Vec<Lane>,
+    /// What is unpacked, between the one and the other.
+    planes: Vec<u8>,
 }
 
 /// Where the samples of an archive lie, and how.
@@ -66,7 +68,7 @@ impl SampleFile {
             what: format!("the samples of plan row {} {what}", header.plan_index),
         };
         let place = place.ok_or_else(|| damaged("have no place in the file"))?;
-        let Room { stored, lanes } = room;
+        let Room { stored, lanes, planes } = room;
         place.read(&self.file, stored).context("read samples", &self.path)?;
         if checksum(&[stored]) != stored_checksum {
             return Err(damaged("are not what was written: their checksum differs"));
@@ -75,7 +77,7 @@ impl SampleFile {
         let unpacked = &mut bytes_of_mut(lanes)[..self.rows.row_bytes()];
         match self.rows.codec() {
             Codec::None | Codec::Lz4 | Codec::Zstd => {
-                if !unpack(self.rows.codec(), stored, unpacked) {
+                if !unpack(self.rows.codec(), stored, 0..unpacked.len(), unpacked, planes) {
                     return Err(damaged("cannot be unpacked"));
                 }
             }

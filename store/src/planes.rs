@@ -1,0 +1,97 @@
+//! Samples as planes of bits, as Blosc and `bitshuffle` lay them: every sample's lowest bit, then every sample's next, ...
+//!
+//! The low planes of a record are noise that nothing packs; the high ones repeat the sign, each the plane before it.
+
+#[cfg(target_arch = "x86_64")]
+mod wide;
+
+/// Samples whose bits fill one byte of every plane.
+const GROUP: usize = 8;
+
+/// Bits of a byte.
+const BITS: usize = 8;
+
+/// Lays the bits of `samples`, of `element_bytes` each, out as planes. Samples of which eight do not divide the number stay
+/// as they are, as in the library.
+///
+/// # Panics
+/// If `planes` is not as long as `samples`.
+pub(crate) fn to_planes(element_bytes: usize, samples: &[u8], planes: &mut [u8]) {
+    assert_eq!(samples.len(), planes.len(), "planes have as many bits as samples");
+    if !samples.len().is_multiple_of(GROUP * element_bytes) {
+        return planes.copy_from_slice(samples);
+    }
+    #[cfg(target_arch = "x86_64")]
+    let done = wide::to_planes(element_bytes, samples, planes);
+    #[cfg(not(target_arch = "x86_64"))]
+    let done = 0;
+    let plane_bytes = samples.len() / (GROUP * element_bytes);
+    for (group, samples) in samples.chunks_exact(GROUP * element_bytes).enumerate().skip(done) {
+        for (byte, bits) in (0..element_bytes).flat_map(|byte| (0..BITS).map(move |bit| (byte, bit))) {
+            let bit = |k: usize| ((samples[k * element_bytes + byte] >> bits) & 1) << k;
+            planes[(BITS * byte + bits) * plane_bytes + group] = (0..GROUP).fold(0, |all, k| all | bit(k));
+        }
+    }
+}
+
+/// The opposite of [`to_planes`].
+///
+/// # Panics
+/// If `samples` is not as long as `planes`.
+pub(crate) fn from_planes(element_bytes: usize, planes: &[u8], samples: &mut [u8]) {
+    assert_eq!(samples.len(), planes.len(), "planes have as many bits as samples");
+    if !planes.len().is_multiple_of(GROUP * element_bytes) {
+        return samples.copy_from_slice(planes);
+    }
+    #[cfg(target_arch = "x86_64")]
+    let done = wide::from_planes(element_bytes, planes, samples);
+    #[cfg(not(target_arch = "x86_64"))]
+    let done = 0;
+    let plane_bytes = planes.len() / (GROUP * element_bytes);
+    for (group, samples) in samples.chunks_exact_mut(GROUP * element_bytes).enumerate().skip(done) {
+        for (at, sample) in samples.iter_mut().enumerate() {
+            let (k, byte) = (at / element_bytes, at % element_bytes);
+            let bit = |bits: usize| ((planes[(BITS * byte + bits) * plane_bytes + group] >> k) & 1) << bits;
+            *sample = (0..BITS).fold(0, |all, bits| all | bit(bits));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Catches a bit in the wrong place, of any number of samples: the twin takes them one by one.
+        #[test]
+        fn every_bit_has_its_place(
+            bytes in prop::collection::vec(any::<u8>(), 8..6000),
+            element_bytes in prop::sample::select(vec![2_usize, 3, 4, 8]),
+        ) {
+            let count = bytes.len() / element_bytes / GROUP * GROUP;
+            let samples = &bytes[..count * element_bytes];
+            let (mut planes, mut back) = (vec![9; samples.len()], vec![9; samples.len()]);
+            to_planes(element_bytes, samples, &mut planes);
+            let bit = |bytes: &[u8], k: usize| (bytes[k / BITS] >> (k % BITS)) & 1;
+            for (sample, plane) in (0..count).flat_map(|k| (0..BITS * element_bytes).map(move |plane| (k, plane))) {
+                let there = bit(&planes, plane * count + sample);
+                prop_assert_eq!(there, bit(samples, BITS * element_bytes * sample + plane), "{} {}", sample, plane);
+            }
+            from_planes(element_bytes, &planes, &mut back);
+            prop_assert_eq!(&back[..], samples);
+        }
+    }
+
+    /// Catches samples that the library leaves alone and that are moved here.
+    #[test]
+    fn what_does_not_fill_planes_stays() {
+        let samples: Vec<u8> = (0..18).collect();
+        let (mut planes, mut back) = (vec![9; 18], vec![9; 18]);
+        to_planes(2, &samples, &mut planes);
+        assert_eq!(planes, samples);
+        from_planes(2, &planes, &mut back);
+        assert_eq!(back, samples);
+    }
+}
