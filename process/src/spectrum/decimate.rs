@@ -9,6 +9,7 @@ use std::f64::consts::{PI, TAU};
 
 use crate::Real;
 use crate::real::sum_of;
+use crate::wide::Kernel;
 
 /// Samples of which one is kept.
 const FACTOR: usize = 4;
@@ -21,7 +22,7 @@ const ROUNDS: usize = TAPS / FACTOR;
 /// than 1e-4, off in amplitude at its worst bin, and far less in sums over bins.
 const FOLDED_MOST: f64 = 2e-7;
 /// Outputs made together, so that the compiler makes vectors of them.
-const LANES: usize = 16;
+const LANES: usize = 64;
 
 /// The filter of records of one length whose bands end at one frequency.
 #[derive(Debug)]
@@ -81,28 +82,38 @@ impl<T: Real> Decimator<T> {
     pub(super) fn decimate(&mut self, signal: &[T], decimated: &mut Vec<T>) -> f64 {
         assert_eq!(signal.len(), self.count, "a decimator is for one length");
         let mean = T::rounded(sum_of(signal, |x| x) / self.count as f64);
-        self.split(signal, mean);
-        let kept = self.count / FACTOR;
-        let squares: f64 = self.phases.iter().map(|phase| sum_of(&phase[..kept], |x| x * x)).sum();
-        decimated.clear();
-        decimated.resize(kept, T::zero());
-        filter(&self.phases, &self.taps, decimated);
-        squares / self.count as f64
-    }
-
-    /// Deals the samples out to the phases, in one pass that the compiler makes shuffles of.
-    fn split(&mut self, signal: &[T], mean: T) {
         let kept = self.count / FACTOR;
         for phase in &mut self.phases {
             phase.resize(kept + ROUNDS - 1, T::zero());
         }
-        let [a, b, c, d] = &mut self.phases;
-        let places = a[..kept].iter_mut().zip(&mut b[..kept]).zip(c[..kept].iter_mut().zip(&mut d[..kept]));
-        for (four, ((a, b), (c, d))) in signal.chunks_exact(FACTOR).zip(places) {
-            (*a, *b, *c, *d) = (four[0] - mean, four[1] - mean, four[2] - mean, four[3] - mean);
-        }
+        Split { signal, mean, phases: &mut self.phases }.wide();
         for phase in &mut self.phases {
             phase.copy_within(..ROUNDS - 1, kept);
+        }
+        let squares: f64 = self.phases.iter().map(|phase| sum_of(&phase[..kept], |x| x * x)).sum();
+        decimated.clear();
+        decimated.resize(kept, T::zero());
+        Filter { phases: &self.phases, taps: &self.taps, filtered: decimated }.wide();
+        squares / self.count as f64
+    }
+}
+
+/// Deals the samples less their mean out to the phases, in one pass that the compiler makes shuffles of.
+struct Split<'a, T> {
+    signal: &'a [T],
+    mean: T,
+    phases: &'a mut [Vec<T>; FACTOR],
+}
+
+impl<T: Real> Kernel for Split<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { signal, mean, phases: [a, b, c, d] } = self;
+        let places = a.iter_mut().zip(b).zip(c.iter_mut().zip(d));
+        for (four, ((a, b), (c, d))) in signal.chunks_exact(FACTOR).zip(places) {
+            (*a, *b, *c, *d) = (four[0] - mean, four[1] - mean, four[2] - mean, four[3] - mean);
         }
     }
 }
@@ -111,27 +122,39 @@ impl<T: Real> Decimator<T> {
 const MIDDLE: f64 = (TAPS - 1) as f64 / 2.0;
 
 /// `y[m]` = sum over j of `h[j] x[4 m + j]`, going on at the record's beginning beyond its end.
-fn filter<T: Real>(phases: &[Vec<T>; FACTOR], taps: &[T; TAPS], filtered: &mut [T]) {
-    let mut blocks = filtered.chunks_exact_mut(LANES);
-    let mut from = 0;
-    for block in blocks.by_ref() {
-        let mut sums = [T::zero(); LANES];
-        for (r, phase) in phases.iter().enumerate() {
-            let window = &phase[from..from + LANES + ROUNDS - 1];
-            for round in 0..ROUNDS {
-                let tap = taps[FACTOR * round + r];
-                for (sum, &x) in sums.iter_mut().zip(&window[round..round + LANES]) {
-                    *sum += tap * x;
+struct Filter<'a, T> {
+    phases: &'a [Vec<T>; FACTOR],
+    taps: &'a [T; TAPS],
+    filtered: &'a mut [T],
+}
+
+impl<T: Real> Kernel for Filter<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { phases, taps, filtered } = self;
+        let mut blocks = filtered.chunks_exact_mut(LANES);
+        let mut from = 0;
+        for block in blocks.by_ref() {
+            let mut sums = [T::zero(); LANES];
+            for (r, phase) in phases.iter().enumerate() {
+                let window = &phase[from..from + LANES + ROUNDS - 1];
+                for round in 0..ROUNDS {
+                    let tap = taps[FACTOR * round + r];
+                    for (sum, &x) in sums.iter_mut().zip(&window[round..round + LANES]) {
+                        *sum += tap * x;
+                    }
                 }
             }
+            block.copy_from_slice(&sums);
+            from += LANES;
         }
-        block.copy_from_slice(&sums);
-        from += LANES;
-    }
-    for (m, y) in blocks.into_remainder().iter_mut().enumerate() {
-        for (r, phase) in phases.iter().enumerate() {
-            for round in 0..ROUNDS {
-                *y += taps[FACTOR * round + r] * phase[from + m + round];
+        for (m, y) in blocks.into_remainder().iter_mut().enumerate() {
+            for (r, phase) in phases.iter().enumerate() {
+                for round in 0..ROUNDS {
+                    *y += taps[FACTOR * round + r] * phase[from + m + round];
+                }
             }
         }
     }
