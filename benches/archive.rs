@@ -25,6 +25,9 @@ use common::{print_table, quantile};
 
 const ROUNDS: usize = 5;
 
+/// Beginning of a record that has the pulse and most of the ringing.
+const BEGINNING_S: f64 = 0.1;
+
 struct Scan {
     plan: Plan,
     taps: Vec<(TapHeader, Vec<Lane>)>,
@@ -71,7 +74,8 @@ fn main() -> Result<()> {
     let scan = Scan::of()?;
     codecs(&scan, folder.path())?;
     let archive = judged(&scan, &folder.path().join("judged.h5"))?;
-    reprocessing(&scan, &archive)
+    reprocessing(&scan, &archive, 0.0)?;
+    reprocessing(&scan, &archive, BEGINNING_S)
 }
 
 /// Seconds to write `chunks` one after another and have them on the disk.
@@ -178,9 +182,12 @@ fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     Ok(Reader::open(path)?)
 }
 
-/// Judging the taps again on one core, in its parts, and the Python program on the same taps and core.
+/// Judging the taps again on one core, in its parts, and the Python program on the same taps and core; of the first `record_s`
+/// of each, or all of them.
 #[expect(clippy::cast_precision_loss, reason = "a count of taps")]
-fn reprocessing(scan: &Scan, archive: &Reader) -> Result<()> {
+fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
+    let config = ProcessConfig { record_s, ..ProcessConfig::default() };
+    let used = |header: &TapHeader| config.samples_looked_at(header.sample_count, header.sample_rate_hz);
     let rows = 0..u32::try_from(scan.taps.len())?;
     let us = |begin: Instant| begin.elapsed().as_secs_f64() * 1e6 / scan.taps.len() as f64;
     let (mut open, mut unpack, mut extract, mut fuse, mut peer) =
@@ -193,10 +200,10 @@ fn reprocessing(scan: &Scan, archive: &Reader) -> Result<()> {
         open.push(us(begin));
         let begin = Instant::now();
         for row in rows.clone() {
-            black_box(taps.read(row, &mut room)?);
+            black_box(taps.read_beginning(row, used, &mut room)?);
         }
         unpack.push(us(begin));
-        let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
+        let mut extractor = ProcessExtractor::new(&config)?;
         let begin = Instant::now();
         let mut found: Vec<Discriminators> = Vec::new();
         for (header, lanes) in &scan.taps {
@@ -214,7 +221,7 @@ fn reprocessing(scan: &Scan, archive: &Reader) -> Result<()> {
             black_box(fusion.judge(number)?);
         }
         fuse.push(us(begin));
-        peer.extend(python(archive.path()).map(|s| s * 1e6 / scan.taps.len() as f64));
+        peer.extend(python(archive.path(), record_s).map(|s| s * 1e6 / scan.taps.len() as f64));
     }
     let parts = [&mut open, &mut unpack, &mut extract, &mut fuse].map(|times| quantile(times, 0.25));
     let ours: f64 = parts.iter().sum();
@@ -224,17 +231,21 @@ fn reprocessing(scan: &Scan, archive: &Reader) -> Result<()> {
     let mut table: Vec<[String; 3]> = names.iter().zip(parts).map(|(name, us)| row(name, us)).collect();
     table.push(row("all", ours));
     table.push(row("Python, discriminators alone", theirs));
-    print_table("judging a tyre again on one core, us per tap", ["part", "us", "/ all"], &table);
+    let what = if record_s > 0.0 { format!(" from the first {record_s} s") } else { String::new() };
+    print_table(&format!("judging a tyre again{what} on one core, us per tap"), ["part", "us", "/ all"], &table);
     println!("  Python over discriminators with reading: {:.2}", theirs / (parts[0] + parts[1] + parts[2]));
     println!("  What is neither unpacking nor discriminators: {:.0} %", 100.0 * (parts[0] + parts[3]) / ours);
     Ok(())
 }
 
 /// Seconds the Python program takes; `None` where it cannot run.
-fn python(archive: &Path) -> Option<f64> {
+fn python(archive: &Path, record_s: f64) -> Option<f64> {
     let named = std::env::var("TAPLINE_PYTHON").ok();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peer.py");
-    let run = |python: &str| Command::new(python).arg(&script).arg(archive).env("OMP_NUM_THREADS", "1").output().ok();
+    let run = |python: &str| {
+        let mut command = Command::new(python);
+        command.arg(&script).arg(archive).arg(record_s.to_string()).env("OMP_NUM_THREADS", "1").output().ok()
+    };
     let out = named.iter().map(String::as_str).chain(["python3"]).filter_map(run).find(|out| out.status.success())?;
     String::from_utf8_lossy(&out.stdout).split_whitespace().next()?.parse().ok()
 }

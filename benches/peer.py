@@ -1,4 +1,5 @@
-"""The seven discriminators of every tap of an archive, as a competent Python program has them.
+"""The seven discriminators of every tap of an archive, as a competent Python program has them: ARCHIVE, and how many seconds
+of each record are looked at (0 for all of it).
 
 Samples come through h5py in batches, into arrays that are allotted once; the transform is scipy.fft's, of 32-bit numbers, in
 batches. Prints the seconds from opening the file to the last tap, and sums by which the work can be seen to be done.
@@ -19,12 +20,14 @@ except ImportError:
 BATCH = 16
 
 
-def main(path):
+def main(path, record_s):
     begin = time.perf_counter()
     with h5py.File(path, "r") as archive:
         samples, headers = archive["taps/samples"], archive["taps/header"][:]
         rate_hz, pre = float(samples.attrs["sample_rate_hz"]), int(samples.attrs["pre_trigger_samples"])
         tap_count, _, count = samples.shape
+        if record_s > 0:
+            count = min(count, int(np.ceil(record_s * rate_hz)))
         counts = np.empty((BATCH, 2, count), np.int16)
         force, sound = np.empty((BATCH, count), np.float32), np.empty((BATCH, count), np.float32)
         step_hz = rate_hz / count
@@ -32,7 +35,7 @@ def main(path):
         sums = np.zeros(7)
         for first in range(0, tap_count, BATCH):
             n = min(BATCH, tap_count - first)
-            samples.read_direct(counts, np.s_[first : first + n], np.s_[:n])
+            samples.read_direct(counts, np.s_[first : first + n, :, :count], np.s_[:n])
             units = headers["unit_per_count"][first : first + n].astype(np.float32)
             np.multiply(counts[:n, 0], units[:, :1], out=force[:n])
             np.multiply(counts[:n, 1], units[:, 1:2], out=sound[:n])
@@ -54,4 +57,4 @@ def main(path):
     print(time.perf_counter() - begin, *sums)
 
 
-main(sys.argv[1])
+main(sys.argv[1], float(sys.argv[2]))

@@ -16,7 +16,7 @@ use crossbeam::channel::{Sender, bounded};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Lineage, PutOutcome, Reader, Room, RunWriter, Taps, lineage_key};
-use tapline_wire::{Discriminators, ScanState, TapState};
+use tapline_wire::{Discriminators, ScanState, TapHeader, TapState};
 
 use crate::cli::ReprocessArgs;
 use crate::config::Config;
@@ -240,10 +240,12 @@ fn work(
     next: &AtomicU32,
     send: &Sender<Result<Vec<Discriminators>>>,
 ) {
+    // What is not looked at need not be unpacked.
+    let used = |header: &TapHeader| config.samples_looked_at(header.sample_count, header.sample_rate_hz);
     let batch = |extractor: &mut ProcessExtractor, room: &mut Room, rows: &[u32]| -> Result<Vec<Discriminators>> {
         let mut found = Vec::with_capacity(rows.len());
         for &row in rows {
-            if let Some((header, samples)) = taps.read(row, room)? {
+            if let Some((header, samples)) = taps.read_beginning(row, used, room)? {
                 found.push(extractor.extract(&header, samples));
             }
         }

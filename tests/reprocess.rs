@@ -68,6 +68,23 @@ fn the_same_lineage_gives_the_same_bits() {
     assert!(refused.code == Some(1) && refused.err.contains("results alone"), "{}", refused.err);
 }
 
+/// Catches a beginning of records that is another where only that is unpacked than on the line, which had all of them.
+#[test]
+fn beginnings_give_the_same_bits() {
+    let rig = Rig::new();
+    let config = format!("{CONFIG}[process]\nrecord_s = 0.1\n");
+    rig.write("line.toml", &config);
+    rig.run("run --config line.toml --stations 2 --out run.h5").expect(0);
+    let redone = again(&rig, "run.h5 --from-samples --jobs 2");
+    assert_same(&contents(&rig.path("run.h5")), &contents(&redone));
+    rig.write("whole.toml", "[process]\nrecord_s = 0.0\n");
+    let whole = again(&rig, "run.h5 --config whole.toml");
+    let told = rig.run(&format!("diff run.h5 {}", whole.display())).expect(0).out;
+    assert!(told.contains("process.record_s: 0.1 -> 0.0"), "{told}");
+    // The pulse lies in the beginning, the ringing does not.
+    assert!(told.contains("f_max      the same") && told.contains("e_f        656 differ"), "{told}");
+}
+
 /// Catches options that change numbers and not the lineage, new weights that need the samples, and a difference not told.
 #[test]
 fn other_options_stand_beside() {

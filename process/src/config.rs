@@ -22,6 +22,8 @@ pub enum Precision {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ProcessConfig {
+    /// Length of each record that is looked at, from its first sample on, as if it had ended there; 0 for all of it.
+    pub record_s: f64,
     /// Lower edge f_c of the flexural band, Hz.
     pub f_c_hz: f64,
     /// Upper edge of the flexural band, Hz.
@@ -60,6 +62,7 @@ impl Default for ProcessConfig {
     /// The bands for tyres, and the method's own estimators.
     fn default() -> Self {
         Self {
+            record_s: 0.0,
             f_c_hz: 550.0,
             f_hi_hz: 2000.0,
             f_lo_hz: 70.0,
@@ -99,6 +102,7 @@ impl ProcessConfig {
         let time = |key, value: f64, is_good: bool, bound| {
             if value.is_finite() && is_good { Ok(()) } else { Err(Error::Time { key, value, bound }) }
         };
+        time("record_s", self.record_s, self.record_s >= 0.0, "not below 0")?;
         time("gate_s", self.gate_s, self.gate_s > 0.0, "above 0")?;
         time("droop_time_constant_s", self.droop_time_constant_s, self.droop_time_constant_s >= 0.0, "not below 0")?;
         let band = |key, value, bound_key, bound| {
@@ -110,6 +114,14 @@ impl ProcessConfig {
             return Err(Error::Workers { value: self.workers, bound: WORKERS_MAX });
         }
         self.quality.validate()
+    }
+
+    /// Samples of each channel of a record of `sample_count` at `sample_rate_hz` that are looked at, from its first on.
+    pub fn samples_looked_at(&self, sample_count: u32, sample_rate_hz: f64) -> u32 {
+        let asked_for = (self.record_s * sample_rate_hz).ceil();
+        // A rate that is none has its record refused, whole or not.
+        let is_less = asked_for > 0.0 && asked_for < f64::from(sample_count);
+        if is_less { asked_for as u32 } else { sample_count }
     }
 }
 
@@ -188,6 +200,10 @@ mod tests {
         assert_eq!(message(ProcessConfig { workers: 5000, ..good }), "process.workers = 5000: must be at most 1024");
         assert!(ProcessConfig { f_top_hz: f64::INFINITY, ..good }.validate().is_err());
         assert_eq!(message(ProcessConfig { gate_s: 0.0, ..good }), "process.gate_s = 0 s: must be finite and above 0");
+        assert_eq!(
+            message(ProcessConfig { record_s: -0.1, ..good }),
+            "process.record_s = -0.1 s: must be finite and not below 0"
+        );
         assert!(ProcessConfig { droop_time_constant_s: -1.0, ..good }.validate().is_err());
         assert!(ProcessConfig { mains_hz: f64::NAN, ..good }.validate().is_err());
     }

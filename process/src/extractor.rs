@@ -73,7 +73,8 @@ impl<T: Real> Extractor<T> {
     }
 
     fn extract_counts<C: Count>(&mut self, header: &TapHeader, samples: &[C], found: &mut Found) {
-        let Some(record) = Record::new(header, samples) else { return found.flag(Quality::REFUSED) };
+        let used = self.config.samples_looked_at(header.sample_count, header.sample_rate_hz);
+        let Some(record) = Record::new(header, used, samples) else { return found.flag(Quality::REFUSED) };
         let mut of_force = Doubts::default();
         let pulse = self.pulse(&record, quality::velocity_m_per_s(header), &mut of_force);
         found.flag(of_force.flags);

@@ -100,9 +100,9 @@ pub(crate) struct Record<'a, C> {
 }
 
 impl<'a, C: Count> Record<'a, C> {
-    /// The first force and the first sound channel of `samples`, planar as `header` says; `None` when the
-    /// header describes other samples than these or gives no rate.
-    pub(crate) fn new(header: &TapHeader, samples: &'a [C]) -> Option<Self> {
+    /// The first `used` samples of the first force and the first sound channel of `samples`, planar as `header` says; `None`
+    /// when the header describes other samples than these or gives no rate.
+    pub(crate) fn new(header: &TapHeader, used: u32, samples: &'a [C]) -> Option<Self> {
         let count = header.sample_count as usize;
         let is_whole = header.channel_count as usize <= CHANNELS_MAX
             && count > 0
@@ -111,8 +111,9 @@ impl<'a, C: Count> Record<'a, C> {
         if !is_whole || !has_rate {
             return None;
         }
+        let used = count.min(used as usize);
         let track = |which| {
-            let of_channel = header.channels().zip(samples.chunks_exact(count));
+            let of_channel = header.channels().zip(samples.chunks_exact(count).map(|samples| &samples[..used]));
             of_channel
                 .filter(|((kind, _), _)| *kind == which)
                 .map(|((_, unit_per_count), samples)| Track { samples, unit_per_count })
@@ -146,10 +147,12 @@ mod tests {
     #[test]
     fn channels_by_kind() {
         let samples = [1_i16, 2, 3, 4, 5, 6];
-        let record = Record::new(&header(&[2, 1], 3), &samples).unwrap();
+        let record = Record::new(&header(&[2, 1], 3), 3, &samples).unwrap();
         assert_eq!(record.sound.unwrap().samples, [1, 2, 3]);
         assert_eq!(record.force.unwrap().samples, [4, 5, 6]);
-        let silent = Record::new(&header(&[1], 6), &samples).unwrap();
+        let short = Record::new(&header(&[2, 1], 3), 2, &samples).unwrap();
+        assert_eq!((short.sound.unwrap().samples, short.force.unwrap().samples), (&[1_i16, 2][..], &[4_i16, 5][..]));
+        let silent = Record::new(&header(&[1], 6), 6, &samples).unwrap();
         assert!(silent.sound.is_none() && silent.force.is_some());
     }
 
@@ -157,13 +160,13 @@ mod tests {
     #[test]
     fn mismatch_is_refused() {
         let samples = [0_i16; 6];
-        assert!(Record::new(&header(&[1, 2], 4), &samples).is_none());
-        assert!(Record::new(&header(&[1], 4), &samples).is_none());
-        assert!(Record::new(&header(&[1, 2], 0), &[] as &[i16]).is_none());
+        assert!(Record::new(&header(&[1, 2], 4), 4, &samples).is_none());
+        assert!(Record::new(&header(&[1], 4), 4, &samples).is_none());
+        assert!(Record::new(&header(&[1, 2], 0), 0, &[] as &[i16]).is_none());
         let many = TapHeader { channel_count: 6, sample_count: 1, ..header(&[], 1) };
-        assert!(Record::new(&many, &samples).is_none());
+        assert!(Record::new(&many, 1, &samples).is_none());
         for sample_rate_hz in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(Record::new(&TapHeader { sample_rate_hz, ..header(&[1], 6) }, &samples).is_none());
+            assert!(Record::new(&TapHeader { sample_rate_hz, ..header(&[1], 6) }, 6, &samples).is_none());
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Samples read past the HDF5 library: positioned reads of chunks whose places are known, unpacked by whoever reads.
 
 use std::fs::File;
+use std::ops::Range;
 use std::path::PathBuf;
 
 use hdf5::H5Type;
@@ -55,7 +56,8 @@ impl SampleFile {
         self.rows.place(row).context("find samples", &self.path)
     }
 
-    /// Reads the samples of `header`, which lie at `place`, into `room`.
+    /// Reads the samples of `header`, which lie at `place`, into `room`; of a record that the header has shorter than it is,
+    /// as many from its first on.
     pub(crate) fn read<'r>(
         &self,
         header: &TapHeader,
@@ -77,7 +79,8 @@ impl SampleFile {
         let unpacked = &mut bytes_of_mut(lanes)[..self.rows.row_bytes()];
         match self.rows.codec() {
             Codec::None | Codec::Lz4 | Codec::Zstd => {
-                if !unpack(self.rows.codec(), stored, 0..unpacked.len(), unpacked, planes) {
+                let mut parts = parts(header, unpacked.len());
+                if !parts.all(|part| unpack(self.rows.codec(), stored, part, unpacked, planes)) {
                     return Err(damaged("cannot be unpacked"));
                 }
             }
@@ -103,6 +106,15 @@ impl SampleFile {
         }
         Ok(())
     }
+}
+
+/// Where in a row of `row_bytes` the samples of `header` are, as few stretches as can be.
+fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usize>> {
+    let channel_count = (header.channel_count as usize).clamp(1, row_bytes);
+    let stride = row_bytes / channel_count;
+    let used = (header.payload_bytes() / channel_count).clamp(0, stride);
+    let (count, length) = if used == stride { (1, row_bytes) } else { (channel_count, used) };
+    (0..count).map(move |channel| channel * stride..channel * stride + length)
 }
 
 /// The taps of a run for readers that share the work: where each lies is found once, and then no lock is taken.
@@ -147,9 +159,24 @@ impl Taps {
     /// # Errors
     /// [`Error::Damaged`] where a checksum differs, or what the system says.
     pub fn read<'r>(&self, row: u32, room: &'r mut Room) -> Result<Option<(TapHeader, Samples<'r>)>> {
+        self.read_beginning(row, |header| header.sample_count, room)
+    }
+
+    /// The same of as many samples of each channel as `used` says, from the first on, and at most all; the header has that
+    /// number. No more is unpacked than these and what is packed with them.
+    ///
+    /// # Errors
+    /// As [`Taps::read`]: the checksum is that of the whole tap.
+    pub fn read_beginning<'r>(
+        &self,
+        row: u32,
+        used: impl FnOnce(&TapHeader) -> u32,
+        room: &'r mut Room,
+    ) -> Result<Option<(TapHeader, Samples<'r>)>> {
         let Some(found) = self.found.get(row as usize).copied().flatten() else { return Ok(None) };
         let (file, plan) = &self.files[found.file];
         let header = checked_header(&file.path, plan, found.row, found.header)?;
+        let header = TapHeader { sample_count: used(&header).clamp(0, header.sample_count), ..header };
         let samples = file.read(&header, found.header.stored_checksum, found.place, room)?;
         Ok(Some((in_run(header, row, &self.files[0].1), samples)))
     }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use tapline_store::{Codec, Error, Lineage, Reader, Writer, repack, verify};
+use tapline_store::{Codec, Error, Lineage, Reader, Room, Writer, repack, verify};
 use tapline_wire::SampleFormat;
 
 use crate::common::{CONFIG, bytes, discriminators, header, plan, put_all, samples};
@@ -34,6 +34,21 @@ fn every_codec_gives_the_same_archive() {
             let reader = Reader::open(&to).unwrap();
             assert_eq!((reader.codec(), reader.lineage_key().unwrap()), (codec, first.lineage_key().unwrap()));
             assert!(contents(&reader) == contents(&first), "{codec}");
+            for (row, tap) in contents(&reader).into_iter().enumerate() {
+                let (mut room, taps, row) = (Room::default(), reader.taps().unwrap(), row as u32);
+                let beginning = taps.read_beginning(row, |_| 7, &mut room).unwrap();
+                let Some((header, whole)) = tap else {
+                    assert!(beginning.is_none());
+                    continue;
+                };
+                let (short, samples) = beginning.unwrap();
+                let stride = whole.len() / header.channel_count as usize;
+                let used = stride / header.sample_count as usize * 7;
+                let expected: Vec<u8> = whole.chunks(stride).flat_map(|channel| &channel[..used]).copied().collect();
+                assert_eq!((short.sample_count, bytes(samples)), (7, expected), "{codec}");
+                let (all, samples) = taps.read_beginning(row, |_| u32::MAX, &mut room).unwrap().unwrap();
+                assert_eq!((all, bytes(samples)), (header, whole), "{codec}");
+            }
             let found =
                 |reader: &Reader| format!("{:?}{:?}", reader.discriminators().unwrap(), reader.judgements().unwrap());
             assert_eq!(found(&reader), found(&first));

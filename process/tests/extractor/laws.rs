@@ -85,6 +85,32 @@ fn results_do_not_depend_on_what_came_before() {
     }
 }
 
+/// Catches a sample behind `record_s` that reaches a value or a flag, and a channel cut at another's end: the twin is the
+/// record that ended there.
+#[test]
+fn record_s_is_where_the_record_ends() {
+    for (case, _) in CASES {
+        let (header, recorded) = (case.header(), case.recorded());
+        let used = case.count / 8 * 5;
+        let short = tapline_wire::TapHeader { sample_count: used, ..header };
+        let (whole, used) = (case.count as usize, used as usize);
+        let cut = match &recorded {
+            Recorded::I16(all) => Recorded::I16(all.chunks(whole).flat_map(|track| &track[..used]).copied().collect()),
+            Recorded::F32(all) => Recorded::F32(all.chunks(whole).flat_map(|track| &track[..used]).copied().collect()),
+        };
+        let of = |record_s| Extractor::<f32>::new(&ProcessConfig { record_s, ..case.config() }).unwrap();
+        let record_s = (f64::from(short.sample_count) - 0.5) / case.rate;
+        let expected = of(0.0).extract(&short, cut.samples());
+        for found in [of(record_s).extract(&header, recorded.samples()), of(record_s).extract(&short, cut.samples())] {
+            assert_eq!((values(&found), found.quality), (values(&expected), expected.quality), "{}", case.name);
+        }
+        // A record that ends before is taken as it is.
+        let of_all = of(1e9).extract(&header, recorded.samples());
+        assert_eq!(values(&of_all), values(&of(0.0).extract(&header, recorded.samples())));
+        assert_ne!(values(&of_all), values(&expected), "{}: nothing was cut", case.name);
+    }
+}
+
 /// Catches an identity lost on the way, and a configuration's precision that is not heeded.
 #[test]
 fn identity_and_precision_are_kept() {
