@@ -54,6 +54,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod arc_null;
 mod bootstrap;
 mod cells;
 mod closing;
