@@ -46,6 +46,6 @@ impl Grid {
 
     /// One value a place, by `combination` of its conditions.
     pub(crate) fn combined(&self, combination: &dyn Index) -> Vec<Option<f64>> {
-        self.rows().map(|row| combination.value(row)).collect()
+        combination.values(&mut self.rows())
     }
 }
