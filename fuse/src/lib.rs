@@ -58,6 +58,7 @@ mod arc_null;
 mod bootstrap;
 mod cells;
 mod closing;
+mod columns;
 mod combine;
 mod compare;
 mod condition;
