@@ -70,6 +70,7 @@ mod fusion;
 mod grid;
 mod hidden;
 mod indices;
+mod kept_levels;
 mod lacking;
 mod lateral;
 mod level;
