@@ -3,7 +3,7 @@
 use crate::IndexKind;
 use crate::level::Level;
 use crate::shoulder::{Reading, Shoulder};
-use crate::yardstick::Yardstick;
+use crate::yardstick::{Scorer, Yardstick};
 
 /// Which taps of a location and condition enter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,6 +28,8 @@ pub(crate) struct Cells {
     pub(crate) tap_counts: Vec<u32>,
     /// For each place the discriminators of its taps that were left out: absent, or without a scale.
     pub(crate) absent_counts: Vec<u32>,
+    /// For each condition whether a tap of it entered.
+    has_taps: Vec<bool>,
 }
 
 impl Cells {
@@ -48,8 +50,10 @@ impl Cells {
             scores: Vec::new(),
             tap_counts: vec![0; place_count],
             absent_counts: vec![0; place_count],
+            has_taps: vec![false; condition_count],
         };
         let mut number_of = vec![0_u32; place_count * condition_count];
+        let scorer = Scorer::of(yardstick, level);
         for tap in &shoulder.taps {
             let cell = tap.condition * place_count + tap.place;
             number_of[cell] += 1;
@@ -57,13 +61,22 @@ impl Cells {
             if which == (if is_odd { Taps::Even } else { Taps::Odd }) {
                 continue;
             }
+            cells.has_taps[tap.condition] = true;
             let (mut scored, mut absent) = (0, 0);
             let sums = &mut sums[cell * width..][..width];
-            for (score, (sum, count)) in yardstick.scores(level, tap).zip(sums) {
-                if let Some(score) = score {
-                    (*sum, *count) = (*sum + score, *count + 1);
+            let mut add = |(score, (sum, count)): (f64, &mut (f64, u32))| {
+                let is_there = !score.is_nan();
+                // A sum is never -0, which alone would not be left as it is.
+                *sum += if is_there { score } else { 0.0 };
+                *count += u32::from(is_there);
+                *(if is_there { &mut scored } else { &mut absent }) += 1_u32;
+            };
+            match &scorer {
+                Some(scorer) => scorer.scores(tap).into_iter().zip(sums).for_each(add),
+                None => {
+                    let scores = yardstick.scores(level, tap).map(|score| score.unwrap_or(f64::NAN));
+                    scores.zip(sums).for_each(&mut add);
                 }
-                *(if score.is_some() { &mut scored } else { &mut absent }) += 1_u32;
             }
             cells.tap_counts[tap.place] += u32::from(scored > 0);
             cells.absent_counts[tap.place] += absent;
@@ -94,6 +107,11 @@ impl Cells {
     /// How many conditions there are.
     pub(crate) fn condition_count(&self) -> usize {
         self.condition_count
+    }
+
+    /// Whether any tap entered in `condition`; there are no scores where none did.
+    pub(crate) fn has_taps(&self, condition: usize) -> bool {
+        self.has_taps[condition]
     }
 
     /// Mean score of each discriminator at `place` over its conditions.

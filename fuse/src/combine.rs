@@ -2,7 +2,7 @@
 
 use crate::condition::Conditions;
 use crate::indices::Index;
-use crate::stats::{Spread, upper_quantile, upper_tail};
+use crate::stats::{Spread, upper_quantile, upper_tails};
 
 /// The largest over runs of neighbouring offsets: a crack reaches across some of them, and which is not known.
 ///
@@ -35,7 +35,12 @@ impl Largest {
         };
         let offsets: Vec<Vec<usize>> = order.iter().map(of_offset).collect();
         let mut largest = Self { offsets, conditions: (0..conditions.count()).map(spread).collect(), runs: Vec::new() };
-        let means: Vec<Vec<Option<f64>>> = sound.iter().map(|row| largest.by_offset(row)).collect();
+        let by_offset = |row: &&[Option<f64>]| {
+            let mut means = Vec::new();
+            largest.by_offset(row, &mut means);
+            means
+        };
+        let means: Vec<Vec<Option<f64>>> = sound.iter().map(by_offset).collect();
         for first in 0..largest.offsets.len() {
             for end in first + 1..=largest.offsets.len() {
                 let mut of_run: Vec<f64> = means.iter().filter_map(|means| mean(&means[first..end])).collect();
@@ -45,8 +50,8 @@ impl Largest {
         largest
     }
 
-    /// Mean of the standardised conditions at each offset.
-    fn by_offset(&self, row: &[Option<f64>]) -> Vec<Option<f64>> {
+    /// Fills in the mean of the standardised conditions at each offset.
+    fn by_offset(&self, row: &[Option<f64>], means: &mut Vec<Option<f64>>) {
         let z = |&c: &usize| {
             let spread = self.conditions[c]?;
             Some((row[c]? - spread.centre) / spread.sigma)
@@ -56,7 +61,28 @@ impl Largest {
                 conditions.iter().filter_map(z).fold((0.0, 0_u32), |(sum, count), z| (sum + z, count + 1));
             (count > 0).then(|| sum / f64::from(count)).filter(|mean| mean.is_finite())
         };
-        self.offsets.iter().map(of).collect()
+        means.clear();
+        means.extend(self.offsets.iter().map(of));
+    }
+
+    /// The largest over runs of the `means` of the offsets, standardised.
+    fn largest(&self, means: &[Option<f64>]) -> Option<f64> {
+        let mut largest: Option<f64> = None;
+        let mut last: Option<(usize, usize, Option<f64>)> = None;
+        for &(first, end, spread) in &self.runs {
+            // A run that begins where the one before it does goes on with its sum.
+            let (from, sum) = match last {
+                Some((last_first, last_end, sum)) if last_first == first && last_end < end => (last_end, sum),
+                _ => (first + 1, means[first]),
+            };
+            let sum = means[from..end].iter().fold(sum, |sum, &mean| Some(sum? + mean?));
+            last = Some((first, end, sum));
+            let z = sum.map(|sum| (sum / (end - first) as f64 - spread.centre) / spread.sigma);
+            if let Some(z) = z.filter(|&z| z.is_finite() && largest.is_none_or(|largest| z > largest)) {
+                largest = Some(z);
+            }
+        }
+        largest
     }
 }
 
@@ -68,17 +94,27 @@ fn mean(values: &[Option<f64>]) -> Option<f64> {
 
 impl Index for Largest {
     fn value(&self, scores: &[Option<f64>]) -> Option<f64> {
-        let means = self.by_offset(scores);
-        let mut largest: Option<f64> = None;
-        for &(first, end, spread) in &self.runs {
-            let z = mean(&means[first..end]).map(|mean| (mean - spread.centre) / spread.sigma);
-            if let Some(z) = z.filter(|&z| z.is_finite() && largest.is_none_or(|largest| z > largest)) {
-                largest = Some(z);
-            }
+        self.values(&mut std::iter::once(scores)).pop().flatten()
+    }
+
+    /// The tails of all rows are found side by side: each waits for divisions, one after the other.
+    fn values(&self, rows: &mut dyn Iterator<Item = &[Option<f64>]>) -> Vec<Option<f64>> {
+        let mut means = Vec::new();
+        let mut counts: Vec<Option<f64>> = Vec::new();
+        let mut largest: Vec<f64> = Vec::new();
+        for row in rows {
+            self.by_offset(row, &mut means);
+            let of_row = self.largest(&means);
+            largest.extend(of_row);
+            counts.push(of_row.map(|_| means.iter().flatten().count() as f64));
         }
-        let count = means.iter().flatten().count() as f64;
-        let chance = -(count * (-upper_tail(largest?)).ln_1p()).exp_m1();
-        Some(upper_quantile(chance))
+        upper_tails(&mut largest);
+        let mut tails = largest.into_iter();
+        let mut value = |count: Option<f64>| {
+            let chance = -(count? * (-tails.next()?).ln_1p()).exp_m1();
+            Some(upper_quantile(chance))
+        };
+        counts.into_iter().map(&mut value).collect()
     }
 
     fn weights(&self) -> Option<Vec<f64>> {
@@ -94,6 +130,7 @@ mod tests {
     use tapline_wire::TapId;
 
     use super::*;
+    use crate::stats::upper_tail;
 
     type Row = Vec<Option<f64>>;
 
@@ -119,6 +156,44 @@ mod tests {
     fn largest(of: &Conditions) -> Largest {
         let rows = sound(of, 4000, 10);
         Largest::of(of, &rows.iter().map(Vec::as_slice).collect::<Vec<_>>())
+    }
+
+    /// The slow twin: row by row, run by run.
+    fn value_slow(of: &Largest, row: &[Option<f64>]) -> Option<f64> {
+        let mut means = Vec::new();
+        of.by_offset(row, &mut means);
+        let z = |&(first, end, spread): &(usize, usize, Spread)| {
+            mean(&means[first..end]).map(|mean| (mean - spread.centre) / spread.sigma).filter(|z| z.is_finite())
+        };
+        let largest = of.runs.iter().filter_map(z).max_by(f64::total_cmp)?;
+        let count = means.iter().flatten().count() as f64;
+        Some(upper_quantile(-(count * (-upper_tail(largest)).ln_1p()).exp_m1()))
+    }
+
+    #[test]
+    fn rows_side_by_side_are_those_one_by_one() {
+        // Catches a sum of another run that is gone on with, and a tail that is given to another row.
+        for (offset_count, velocity_count) in [(4, 1), (3, 2), (1, 1)] {
+            let conditions = conditions(offset_count, velocity_count);
+            let mut of = largest(&conditions);
+            let mut rows = sound(&conditions, 200, 12);
+            for (number, row) in rows.iter_mut().enumerate() {
+                let (place, count) = (number % 5, row.len());
+                row[place % count] = row[place % count].filter(|_| number % 3 > 0);
+                row.iter_mut().flatten().for_each(|z| *z *= (number % 7) as f64);
+            }
+            for _ in 0..3 {
+                let values = of.values(&mut rows.iter().map(Vec::as_slice));
+                let slow: Vec<Option<f64>> = rows.iter().map(|row| value_slow(&of, row)).collect();
+                let bits = |of: Vec<Option<f64>>| of.into_iter().map(|v| v.map(f64::to_bits)).collect::<Vec<_>>();
+                assert_eq!(bits(values), bits(slow));
+                // A run that has no spread is left out.
+                of.runs.remove(of.runs.len() / 2);
+                if of.runs.is_empty() {
+                    break;
+                }
+            }
+        }
     }
 
     #[test]

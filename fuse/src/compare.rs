@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::condition::Conditions;
-use crate::fusion::Fusion;
+use crate::fusion::{Entering, Fusion};
 use crate::level::Level;
 use crate::ring::Ring;
 use crate::shoulder::{Reading, Shoulder};
@@ -155,13 +155,16 @@ impl Fusion {
 
     fn shoulder(&self, conditions: &Conditions, normalisation: &Normalisation, scan: usize, tyre: usize) -> Shoulder {
         let planned = &self.plan.scans()[scan];
-        let reading = |(row, id): (u32, tapline_wire::TapId)| {
-            let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?;
-            let place = planned.locations.binary_search_by_key(&id.location, |&(location, _)| location).ok()?;
-            let values = normalisation.applied(seen.values, id.velocity_m_per_s(), seen.velocity_m_per_s);
-            Some(Reading { place, condition: conditions.number(&id)?, values })
+        let names = &self.names[scan];
+        let numbers: Vec<Option<usize>> = names.iter().map(|name| conditions.number(name)).collect();
+        let reading = |tap: &Entering| {
+            let seen = self.seen[tap.row as usize].as_ref().filter(|seen| !seen.is_refused)?;
+            let velocity_m_per_s = names[tap.name as usize].velocity_m_per_s();
+            let values = normalisation.applied(seen.values, velocity_m_per_s, seen.velocity_m_per_s);
+            Some(Reading { place: tap.place as usize, condition: numbers[tap.name as usize]?, values })
         };
-        let taps = self.entering(scan).filter_map(reading).collect();
+        let mut taps = Vec::with_capacity(planned.taps.len());
+        taps.extend(self.taps[scan].iter().filter_map(reading));
         Shoulder { ring: self.ring(scan), tyre, taps, is_cracked: vec![None; planned.locations.len()] }
     }
 }

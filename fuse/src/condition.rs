@@ -84,7 +84,6 @@ impl Conditions {
 
 /// Those of `taps` whose offset and velocity none before has: all that [`Conditions::of`] looks at.
 pub(crate) fn distinct(taps: impl Iterator<Item = TapId>) -> Vec<TapId> {
-    let name = |tap: &TapId| (offset_key(tap), tap.velocity_m_per_s().map(f64::to_bits));
     let mut names: Vec<TapId> = Vec::new();
     let mut last = None;
     for tap in taps {
@@ -96,6 +95,16 @@ pub(crate) fn distinct(taps: impl Iterator<Item = TapId>) -> Vec<TapId> {
     names.sort_by_key(name);
     names.dedup_by_key(|tap| name(tap));
     names
+}
+
+/// Which of the [`distinct`] `names` has the offset and velocity of `tap`.
+pub(crate) fn name_number(names: &[TapId], tap: &TapId) -> Option<usize> {
+    names.binary_search_by_key(&name(tap), name).ok()
+}
+
+/// Offset and velocity of a tap, in an order.
+fn name(tap: &TapId) -> (Option<u64>, Option<u64>) {
+    (offset_key(tap), tap.velocity_m_per_s().map(f64::to_bits))
 }
 
 fn offset_key(tap: &TapId) -> Option<u64> {
@@ -129,6 +138,12 @@ mod tests {
         // Catches a name that is lost because another tap came between two that share it, and one that is there twice.
         let twice = distinct(taps.iter().chain(&taps).copied());
         assert_eq!((Conditions::of(twice.iter()), twice.len()), (conditions, 150));
+        // Catches a tap that is taken for one of another velocity.
+        for id in &taps {
+            let number = name_number(&twice, id).unwrap();
+            assert_eq!(twice[number].velocity_m_per_s().map(f64::to_bits), id.velocity_m_per_s().map(f64::to_bits));
+        }
+        assert_eq!(name_number(&twice, &tap(Some(5.0), None)), None);
     }
 
     #[test]

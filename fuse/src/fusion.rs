@@ -10,7 +10,7 @@ use tapline_wire::{
 };
 
 use crate::compare::{Cache, Compared};
-use crate::condition::distinct;
+use crate::condition::{distinct, name_number};
 use crate::lateral::mark_regions;
 use crate::panel::Panel;
 use crate::shuffles::KnownShuffles;
@@ -24,6 +24,17 @@ pub(crate) struct Seen {
     pub(crate) is_refused: bool,
     pub(crate) velocity_m_per_s: f64,
     pub(crate) values: Values,
+}
+
+/// A tap that enters the index of its scan if it comes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Entering {
+    /// Its row of the plan.
+    pub(crate) row: u32,
+    /// Which of the scan's locations, counted in their order.
+    pub(crate) place: u32,
+    /// Which of the scan's [names](Fusion::names) it has.
+    pub(crate) name: u32,
 }
 
 /// Where one scan stands.
@@ -51,6 +62,8 @@ pub struct Fusion {
     pub(crate) panel: Panel,
     /// For each scan a tap of every offset and velocity that enters its index.
     pub(crate) names: Arc<[Vec<TapId>]>,
+    /// For each scan the taps that enter its index, in plan order.
+    pub(crate) taps: Arc<[Vec<Entering>]>,
     /// Shoulders of earlier runs that make the reference.
     pub(crate) set: Option<Arc<ReferenceSet>>,
     pub(crate) cache: Cache,
@@ -85,13 +98,16 @@ impl Fusion {
 
     fn build(config: &FuseConfig, plan: &Plan, set: Option<Arc<ReferenceSet>>) -> Result<Self, Error> {
         config.validate()?;
+        let names: Arc<[Vec<TapId>]> =
+            (0..plan.scans().len()).map(|scan| distinct(entering(plan, scan).map(|(_, id)| id))).collect();
         Ok(Self {
             config: config.clone(),
             scan_of_tap: plan.scan_of_tap(),
             seen: vec![None; plan.taps().len()],
             progress: vec![Progress::default(); plan.scans().len()],
             panel: Panel::of(config, plan)?,
-            names: (0..plan.scans().len()).map(|scan| distinct(entering(plan, scan).map(|(_, id)| id))).collect(),
+            taps: names.iter().enumerate().map(|(scan, names)| numbered(plan, scan, names)).collect(),
+            names,
             plan: plan.clone(),
             set,
             cache: Cache::default(),
@@ -313,6 +329,19 @@ fn entering(plan: &Plan, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
     let planned = |&row: &u32| (row, &plan.taps()[row as usize]);
     let taps = plan.scans()[scan].taps.iter().map(planned).filter(|(_, tap)| !tap.is_closing);
     taps.map(move |(row, tap)| (row, meant(row, tap.id)))
+}
+
+/// The taps of [`entering`], by the numbers of their locations and of their `names`, of which each has one.
+fn numbered(plan: &Plan, scan: usize, names: &[TapId]) -> Vec<Entering> {
+    let locations = &plan.scans()[scan].locations;
+    let number = |(row, id): (u32, TapId)| {
+        let place = locations.binary_search_by_key(&id.location, |&(location, _)| location).ok()?;
+        let name = name_number(names, &id)?;
+        Some(Entering { row, place: u32::try_from(place).ok()?, name: u32::try_from(name).ok()? })
+    };
+    let mut taps = Vec::with_capacity(plan.scans()[scan].taps.len());
+    taps.extend(entering(plan, scan).filter_map(number));
+    taps
 }
 
 /// Of two records of one tap the one with the higher rank holds. The attempt decides; the rest makes

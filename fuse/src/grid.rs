@@ -22,7 +22,10 @@ impl Grid {
         let mut grid = Self::new(cells.condition_count());
         grid.values.reserve_exact(cells.place_count() * cells.condition_count());
         for place in 0..cells.place_count() {
-            grid.push((0..cells.condition_count()).map(|condition| index.value(cells.at(place, condition))));
+            // Of nothing an index says nothing.
+            let value =
+                |condition| cells.has_taps(condition).then(|| index.value(cells.at(place, condition))).flatten();
+            grid.push((0..cells.condition_count()).map(value));
         }
         grid
     }
@@ -46,6 +49,6 @@ impl Grid {
 
     /// One value a place, by `combination` of its conditions.
     pub(crate) fn combined(&self, combination: &dyn Index) -> Vec<Option<f64>> {
-        self.rows().map(|row| combination.value(row)).collect()
+        combination.values(&mut self.rows())
     }
 }

@@ -89,6 +89,11 @@ pub trait Index: Debug + Send + Sync {
     /// Scores that `scores` is too short for are absent; those beyond the discriminators learnt from are not looked at.
     fn value(&self, scores: &[Option<f64>]) -> Option<f64>;
 
+    /// The index of each of several places.
+    fn values(&self, places: &mut dyn Iterator<Item = &[Option<f64>]>) -> Vec<Option<f64>> {
+        places.map(|scores| self.value(scores)).collect()
+    }
+
     /// What each discriminator counts, largest magnitude 1, for people to read; `None` where that has no meaning.
     fn weights(&self) -> Option<Vec<f64>>;
 }

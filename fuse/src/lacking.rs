@@ -16,20 +16,18 @@ impl Fusion {
         // Of each location what was given and what was due.
         let mut planned = vec![(0_usize, 0_usize); locations.len()];
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); asked.len()];
-        let mut tap_count = 0;
-        for (row, id) in self.entering(scan) {
-            tap_count += 1;
+        let taps = &self.taps[scan];
+        for tap in taps {
             let mut given = 0;
             for (which, values) in asked.iter().zip(&mut values) {
-                let value = self.seen[row as usize].as_ref().and_then(|seen| seen.values.get(*which));
+                let value = self.seen[tap.row as usize].as_ref().and_then(|seen| seen.values.get(*which));
                 given += usize::from(value.is_some());
                 values.extend(value);
             }
-            if let Ok(place) = locations.binary_search_by_key(&id.location, |&(location, _)| location) {
-                planned[place] = (planned[place].0 + given, planned[place].1 + asked.len());
-            }
+            let (given_here, due) = &mut planned[tap.place as usize];
+            (*given_here, *due) = (*given_here + given, *due + asked.len());
         }
-        let is_stuck = |values: &Vec<f64>| 2 * values.len() < tap_count || has_majority(values);
+        let is_stuck = |values: &Vec<f64>| 2 * values.len() < taps.len() || has_majority(values);
         values.iter().any(is_stuck) || planned.iter().any(|&(given, due)| 2 * given < due)
     }
 }

@@ -2,8 +2,9 @@
 
 use tapline_wire::{DamageCell, Geometry};
 
+use crate::arc_null::ArcNull;
 use crate::compare::Compared;
-use crate::scan::{arc_null_by, background, scan};
+use crate::scan::{background, scan};
 use crate::shuffles::KnownShuffles;
 use crate::stats::Spread;
 use crate::{Error, Fusion, IndexKind};
@@ -35,10 +36,11 @@ pub(crate) fn mark_regions(
         compared.map().locations.iter().map(|l| l.value.map(|value| (value - centre) / sigma)).collect();
     let outside: Vec<Option<f64>> = z.iter().zip(regions).map(|(z, &region)| z.filter(|_| region == 0)).collect();
     let background = background(&outside);
-    let null = arc_null_by(&background, geometry, &shuffles.of(background.len()));
+    let shuffles = shuffles.of(background.len());
+    let null = ArcNull::of(&background, geometry, &shuffles);
     let p_value = |value: f64| {
-        let at_least = null.len() - null.partition_point(|&of_null| of_null < value);
-        (!null.is_empty()).then(|| (at_least + 1) as f64 / (null.len() + 1) as f64)
+        let count = null.len();
+        (count > 0).then(|| (null.at_least(value) + 1) as f64 / (count + 1) as f64)
     };
     for region in 1..=regions.iter().copied().max().unwrap_or(0) {
         let places: Vec<usize> = (0..regions.len()).filter(|&place| regions[place] == region).collect();

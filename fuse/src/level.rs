@@ -3,6 +3,7 @@
 use tapline_wire::Discriminator;
 
 use crate::Direction;
+use crate::columns::Columns;
 use crate::shoulder::Reading;
 use crate::stats::median;
 
@@ -20,17 +21,20 @@ impl Level {
     pub(crate) fn of<'a>(
         discriminators: &[(Discriminator, Direction)],
         condition_count: usize,
-        readings: impl Iterator<Item = &'a Reading>,
+        readings: impl Iterator<Item = &'a Reading> + Clone,
     ) -> Self {
         let width = discriminators.len();
-        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); condition_count * width];
+        let mut columns = Columns::of(readings.clone().map(|reading| reading.condition), condition_count, width);
         for reading in readings {
-            for (slot, &(which, _)) in discriminators.iter().enumerate() {
-                columns[reading.condition * width + slot].extend(reading.values.get(which));
+            for (slot, &(which, _)) in (reading.condition * width..).zip(discriminators) {
+                if let Some(value) = reading.values.get(which) {
+                    columns.push(slot, value);
+                }
             }
         }
-        let centre = |column: &mut Vec<f64>| median(column).filter(|&c| c.is_normal());
-        Self { centres: columns.iter_mut().map(centre).collect() }
+        let mut centres = vec![None; condition_count * width];
+        columns.for_each(|slot, column| centres[slot] = median(column).filter(|&c| c.is_normal()));
+        Self { centres }
     }
 
     /// The median of `levels`, slot by slot.

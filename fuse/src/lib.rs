@@ -54,9 +54,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod arc_null;
 mod bootstrap;
 mod cells;
 mod closing;
+mod columns;
 mod combine;
 mod compare;
 mod condition;
@@ -68,6 +70,7 @@ mod fusion;
 mod grid;
 mod hidden;
 mod indices;
+mod kept_levels;
 mod lacking;
 mod lateral;
 mod level;

@@ -64,24 +64,30 @@ pub(crate) fn background(z: &[Option<f64>]) -> Vec<f64> {
 ///
 /// Several permutations go side by side, so that none waits for its own last sum.
 pub(crate) fn arc_null_by(values: &[f64], geometry: Geometry, shuffles: &Shuffles) -> Vec<f64> {
-    let end = lengths(values.len(), geometry).map(|(length, first_count)| length + first_count).max().unwrap_or(0);
-    let mut sums = Vec::with_capacity(end);
+    let mut sums = Vec::new();
     let mut highest = Vec::with_capacity(shuffles.count());
     for (lane_count, places) in shuffles.side_by_side() {
-        let mut sum = [0.0; LANES];
-        sums.clear();
-        sums.push(sum);
-        for places in places.iter().chain(places).take(end.saturating_sub(1)) {
-            for (sum, &place) in sum.iter_mut().zip(places) {
-                *sum += values[place as usize];
-            }
-            sums.push(sum);
-        }
-        let of_lanes = highest_of_lanes(&sums, values.len(), geometry);
+        sum_up(&mut sums, values, geometry, places);
+        let of_lanes = highest_of_lanes(&sums, values.len(), geometry, [true; ARC_LENGTHS.len()]);
         highest.extend(of_lanes[..lane_count].iter().copied().filter(|value| value.is_finite()));
     }
     highest.sort_unstable_by(f64::total_cmp);
     highest
+}
+
+/// Fills in the `sums` of the first n places of permutations side by side, run through twice as far as arcs reach.
+pub(crate) fn sum_up(sums: &mut Vec<[f64; LANES]>, values: &[f64], geometry: Geometry, places: &[[u32; LANES]]) {
+    let end = lengths(values.len(), geometry).map(|(length, first_count)| length + first_count).max().unwrap_or(0);
+    let mut sum = [0.0; LANES];
+    sums.clear();
+    sums.reserve(end);
+    sums.push(sum);
+    for places in places.iter().chain(places).take(end.saturating_sub(1)) {
+        for (sum, &place) in sum.iter_mut().zip(places) {
+            *sum += values[place as usize];
+        }
+        sums.push(sum);
+    }
 }
 
 /// The chance that a ring whose places are exchangeable in blocks has an arc as high as the highest of `z`: one chance for
@@ -137,7 +143,7 @@ impl Prefix {
 }
 
 /// Every length that is looked at on a ring or line of so many places, and how many arcs of it there are.
-fn lengths(place_count: usize, geometry: Geometry) -> impl Iterator<Item = (usize, usize)> {
+pub(crate) fn lengths(place_count: usize, geometry: Geometry) -> impl Iterator<Item = (usize, usize)> {
     let lengths = ARC_LENGTHS.into_iter().take_while(move |&length| length < place_count);
     lengths.map(move |length| match geometry {
         Geometry::Ring => (length, place_count),
@@ -146,11 +152,16 @@ fn lengths(place_count: usize, geometry: Geometry) -> impl Iterator<Item = (usiz
 }
 
 /// The value of [`Prefix::best`] for rings or lines side by side of which every place has a value, negative infinity where
-/// it has none; `sums` are those of a [`Prefix`] each, as far as arcs reach.
-fn highest_of_lanes(sums: &[[f64; LANES]], place_count: usize, geometry: Geometry) -> [f64; LANES] {
+/// it has none; `sums` are those of a [`Prefix`] each, as far as arcs reach. Of [`ARC_LENGTHS`] only those asked for count.
+pub(crate) fn highest_of_lanes(
+    sums: &[[f64; LANES]],
+    place_count: usize,
+    geometry: Geometry,
+    is_asked: [bool; ARC_LENGTHS.len()],
+) -> [f64; LANES] {
     let larger = |a: f64, b: f64| if b > a { b } else { a };
     let mut highest = [f64::NEG_INFINITY; LANES];
-    for (length, first_count) in lengths(place_count, geometry) {
+    for ((length, first_count), _) in lengths(place_count, geometry).zip(is_asked).filter(|&(_, is_asked)| is_asked) {
         let mut most = [f64::NEG_INFINITY; LANES];
         for (starts, ends) in sums[..first_count].iter().zip(&sums[length..]) {
             for ((most, start), end) in most.iter_mut().zip(starts).zip(ends) {
@@ -177,7 +188,8 @@ mod tests {
     fn highest_of(sums: &[f64], geometry: Geometry) -> Option<f64> {
         let in_last = |&sum: &f64| std::array::from_fn(|lane| if lane + 1 == LANES { sum } else { 0.0 });
         let sums: Vec<[f64; LANES]> = sums.iter().map(in_last).collect();
-        Some(highest_of_lanes(&sums, sums.len() / 2, geometry)[LANES - 1]).filter(|value| value.is_finite())
+        Some(highest_of_lanes(&sums, sums.len() / 2, geometry, [true; ARC_LENGTHS.len()])[LANES - 1])
+            .filter(|value| value.is_finite())
     }
 
     /// The slow twin: permutation after permutation, all of its arcs by [`Prefix::best`].

@@ -9,7 +9,10 @@ use crate::scan::Permutation;
 /// Permutations that are gone through side by side.
 pub(crate) const LANES: usize = 8;
 
-/// Most counts of places whose permutations are kept; those of a hundred places take 0.2 MB.
+/// Places that a byte can name.
+pub(crate) const BYTE_COUNT: usize = 256;
+
+/// Most counts of places whose permutations are kept; those of a hundred places take 0.25 MB.
 const KEPT_MOST: usize = 32;
 
 /// Permutations of a ring's places.
@@ -20,6 +23,8 @@ pub(crate) struct Shuffles {
     /// [`LANES`] permutations after [`LANES`] permutations, place by place; lanes behind the last permutation are of no
     /// meaning.
     places: Vec<[u32; LANES]>,
+    /// The same in bytes; empty where a byte does not name every place.
+    bytes: Vec<[u8; LANES]>,
 }
 
 impl Shuffles {
@@ -35,7 +40,10 @@ impl Shuffles {
                 to[number % LANES] = u32::try_from(place).unwrap_or(u32::MAX);
             }
         }
-        Self { place_count, count: permutation.count, places }
+        #[expect(clippy::cast_possible_truncation, reason = "a byte names every place")]
+        let byte = |row: &[u32; LANES]| row.map(|place| place as u8);
+        let bytes = if place_count <= BYTE_COUNT { places.iter().map(byte).collect() } else { Vec::new() };
+        Self { place_count, count: permutation.count, places, bytes }
     }
 
     /// How many permutations there are.
@@ -45,12 +53,32 @@ impl Shuffles {
 
     /// Several permutations at a time: how many of the lanes hold one, and their places.
     pub(crate) fn side_by_side(&self) -> impl Iterator<Item = (usize, &[[u32; LANES]])> {
-        // Of no places there are no permutations.
-        let chunks = self.places.chunks_exact(if self.place_count > 0 { self.place_count } else { 1 });
-        chunks.enumerate().map(|(number, places)| {
+        self.places.chunks_exact(self.chunk_length()).enumerate().map(|(number, places)| {
             let left = self.count - number * LANES;
             (if left < LANES { left } else { LANES }, places)
         })
+    }
+
+    /// The places of several permutations at a time, in bytes; none of more places than a byte can name.
+    pub(crate) fn bytes_side_by_side(&self) -> impl Iterator<Item = &[[u8; LANES]]> {
+        self.bytes.chunks_exact(self.chunk_length())
+    }
+
+    /// Of no places there are no permutations.
+    fn chunk_length(&self) -> usize {
+        if self.place_count > 0 { self.place_count } else { 1 }
+    }
+
+    /// The permutations with these `numbers`, [`LANES`] at most, side by side; lanes behind them are of no meaning.
+    pub(crate) fn side_by_side_of(&self, numbers: &[usize]) -> Vec<[u32; LANES]> {
+        let mut places = vec![[0; LANES]; self.place_count];
+        for (lane, number) in numbers.iter().enumerate() {
+            let of_number = &self.places[number / LANES * self.place_count..];
+            for (to, from) in places.iter_mut().zip(of_number) {
+                to[lane] = from[number % LANES];
+            }
+        }
+        places
     }
 }
 

@@ -3,9 +3,10 @@
 use crate::cells::Taps;
 use crate::condition::Conditions;
 use crate::fit::{Fit, Kept, LocationIndex};
+use crate::kept_levels::{level_of, own_levels, whole_levels};
 use crate::level::Level;
 use crate::limits::{Limits, Null};
-use crate::shoulder::{Reading, Shoulder};
+use crate::shoulder::Shoulder;
 use crate::standing::{above, level_limit, stand_off};
 use crate::stats::Spread;
 use crate::{Centre, FuseConfig, IndexKind};
@@ -23,8 +24,9 @@ const TRIM_ALONE_AT: f64 = 5.0;
 /// Fewest locations below their reference that put it in doubt: as many as the least crack has.
 const INVERTED_MIN: usize = 3;
 
-/// Fewest values, each with all of its neighbours in the reference, that the limits are taken from alone.
-const UNTOUCHED_MIN: usize = 16;
+/// Fewest values, each with all of its neighbours in the reference, that the limits are taken from alone; and fewest places
+/// that a level is taken from alone.
+pub(crate) const UNTOUCHED_MIN: usize = 16;
 
 /// Most rounds of trimming. Recorded and simulated sets settle within six.
 const TRIM_ROUNDS_MAX: usize = 10;
@@ -132,13 +134,14 @@ impl Standard {
                 });
             }
         }
-        let levels = own_levels(config, conditions, shoulders, &kept);
+        let whole = whole_levels(config, conditions, shoulders);
+        let levels = own_levels(config, conditions, shoulders, &kept, &whole, &mut pooled);
         let fit = Fit::of(config, conditions, shoulders, &kept, &levels);
         let standard = Self::of(config, fit, (levels.clone(), vec![pooled(&kept)]), shoulders, &kept, &calm, 0);
         let own = shoulders.iter().zip(standard.fit.own().to_vec());
         let maps: Vec<IndexMap> = own.map(|(shoulder, locations)| IndexMap::of(config, shoulder, locations)).collect();
         let is_inverted = standard.is_inverted(config, &maps);
-        let stands_off = stand_off(config, conditions.count(), shoulders);
+        let stands_off = stand_off(config, conditions.count(), shoulders, &whole);
         (standard, Casing { levels, maps, stands_off, is_inverted })
     }
 
@@ -151,6 +154,7 @@ impl Standard {
         stated_level: Option<&Level>,
     ) -> Casing {
         let mut casing_level = None;
+        let whole = whole_levels(config, conditions, shoulders);
         let levels = match (config.centre, stated_level) {
             (Centre::Reference, _) => vec![Level::pooled(&self.casing_levels); shoulders.len()],
             (Centre::Own, Some(level)) => vec![level.clone(); shoulders.len()],
@@ -158,13 +162,13 @@ impl Standard {
                 let mut pooled = once(|kept| level_of(config, conditions, shoulders, kept, |_| true));
                 let kept = self.kept_of(config, shoulders, &mut pooled);
                 casing_level = Some(pooled(&kept));
-                own_levels(config, conditions, shoulders, &kept)
+                own_levels(config, conditions, shoulders, &kept, &whole, &mut pooled)
             }
         };
         let maps = self.maps(config, &levels, shoulders);
         let is_own = config.centre == Centre::Own && stated_level.is_none() && config.index != IndexKind::Dissertation;
         let is_inverted = is_own && self.is_inverted(config, &maps);
-        let mut stands_off = stand_off(config, conditions.count(), shoulders);
+        let mut stands_off = stand_off(config, conditions.count(), shoulders, &whole);
         if casing_level.is_some_and(|level| is_own && self.is_above(&level)) {
             stands_off.fill(true);
         }
@@ -279,32 +283,6 @@ fn likeness(kind: IndexKind) -> f64 {
 
 fn everything(shoulders: &[Shoulder]) -> Kept {
     shoulders.iter().map(|s| vec![true; s.ring.len()]).collect()
-}
-
-/// The level of each shoulder by its `kept` places; that of all together where less than half of its own are kept.
-///
-/// Shoulders of a casing differ a little. One that is mostly cracked must not be measured against its cracks, so which
-/// places are sound is found out with both in one first. Lines across one slab, and parts of a ring, have one level: on a
-/// recorded slab of which half a line is cracked, a level for each line took the AUC from 0.99 to 0.86.
-fn own_levels(config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder], kept: &Kept) -> Vec<Level> {
-    let of = |(own, kept_here): (&Shoulder, &Vec<bool>)| {
-        let count = kept_here.iter().filter(|&&kept| kept).count();
-        let is_alone = own.ring.is_closed() && 2 * count > kept_here.len() && count >= UNTOUCHED_MIN;
-        level_of(config, conditions, shoulders, kept, |s| !is_alone || std::ptr::eq(s, own))
-    };
-    shoulders.iter().zip(kept).map(of).collect()
-}
-
-fn level_of(
-    config: &FuseConfig,
-    conditions: &Conditions,
-    shoulders: &[Shoulder],
-    kept: &Kept,
-    is_meant: impl Fn(&Shoulder) -> bool,
-) -> Level {
-    let meant = shoulders.iter().zip(kept).filter(|(shoulder, _)| is_meant(shoulder));
-    let readings = meant.flat_map(|(shoulder, kept)| shoulder.taps.iter().filter(|tap: &&Reading| kept[tap.place]));
-    Level::of(&config.directed(), conditions.count(), readings)
 }
 
 /// Those of `calm` that stay when the ones that stand out of them leave, round by round, as `measure` sees those that

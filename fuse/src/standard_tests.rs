@@ -4,6 +4,7 @@ use tapline_wire::{Discriminator, Geometry, Values};
 
 use super::*;
 use crate::ring::Ring;
+use crate::shoulder::Reading;
 
 /// One tap a location with a PR that rises by 1 from location to location in a scrambled order, and
 /// by `shift` in the first `cracked` of them.
@@ -108,7 +109,10 @@ fn a_shoulder_has_its_own_level_where_most_of_it_is_kept() {
         let (alone, together) = (level(&|s| std::ptr::eq(s, &raw const shoulders[1])), level(&|_| true));
         assert_ne!(alone, together);
         let expected = if is_alone { alone } else { together };
-        assert_eq!(own_levels(&config, &one_condition(), &shoulders, &kept)[1], expected, "{kept_count} of {count}");
+        let mut pooled = |kept: &Kept| level_of(&config, &one_condition(), &shoulders, kept, |_| true);
+        let whole = whole_levels(&config, &one_condition(), &shoulders);
+        let levels = own_levels(&config, &one_condition(), &shoulders, &kept, &whole, &mut pooled);
+        assert_eq!(levels[1], expected, "{kept_count} of {count}");
     }
 }
 

@@ -38,15 +38,20 @@ pub(crate) fn above(level: &Level, other: &Level, yardstick: &Yardstick) -> Opti
     mean(&mut (0..width).filter_map(of))
 }
 
-/// For each of the `shoulders` of a casing, whether it lies above any other by more than shoulders do.
-pub(crate) fn stand_off(config: &FuseConfig, condition_count: usize, shoulders: &[Shoulder]) -> Vec<bool> {
+/// For each of the `shoulders` of a casing, whether it lies above any other by more than shoulders do; `levels` are those of
+/// all taps of each.
+pub(crate) fn stand_off(
+    config: &FuseConfig,
+    condition_count: usize,
+    shoulders: &[Shoulder],
+    levels: &[Level],
+) -> Vec<bool> {
+    if shoulders.len() < 2 {
+        return vec![false; shoulders.len()];
+    }
     let robust = FuseConfig { index: crate::IndexKind::Robust, ..config.clone() };
-    let discriminators = robust.directed();
-    let level = |s: &Shoulder| Level::of(&discriminators, condition_count, s.taps.iter());
-    let levels: Vec<Level> = shoulders.iter().map(level).collect();
     // Each against its own level: how far they lie apart must not become the unit.
-    let readings =
-        shoulders.iter().zip(&levels).flat_map(|(s, level)| s.taps.iter().map(move |r: &Reading| (level, r)));
+    let readings = shoulders.iter().zip(levels).flat_map(|(s, level)| s.taps.iter().map(move |r: &Reading| (level, r)));
     let yardstick = Yardstick::of(&robust, condition_count, readings, &[]);
     let is_above =
         |own: &Level| levels.iter().any(|other| above(own, other, &yardstick).is_some_and(|above| above > SHOULDER_AT));

@@ -2,6 +2,7 @@
 
 use tapline_wire::Discriminator;
 
+use crate::columns::Columns;
 use crate::level::Level;
 use crate::shoulder::Reading;
 use crate::stats::Spread;
@@ -34,23 +35,27 @@ impl Yardstick {
     pub(crate) fn of<'a>(
         config: &FuseConfig,
         condition_count: usize,
-        readings: impl Iterator<Item = (&'a Level, &'a Reading)>,
+        readings: impl Iterator<Item = (&'a Level, &'a Reading)> + Clone,
         repeat_sds: &[Option<f64>],
     ) -> Self {
         let discriminators = config.directed();
         let width = discriminators.len();
-        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); condition_count * width];
+        let conditions = readings.clone().map(|(_, reading)| reading.condition);
+        let mut columns = Columns::of(conditions, condition_count, width);
         for (level, reading) in readings {
             let slots = reading.condition * width..;
             for (slot, &(which, _)) in slots.zip(&discriminators) {
                 let value = reading.values.get(which);
-                columns[slot].extend(match config.index {
+                let value = match config.index {
                     IndexKind::Dissertation => value,
                     _ => value.and_then(|x| level.share(slot, x)),
-                });
+                };
+                if let Some(value) = value {
+                    columns.push(slot, value);
+                }
             }
         }
-        let scale = |(slot, column): (usize, &mut Vec<f64>)| {
+        let scale = |slot: usize, column: &mut [f64]| {
             let direction = discriminators[slot % width].1;
             match config.index {
                 IndexKind::Dissertation => extremes(column, direction),
@@ -63,7 +68,8 @@ impl Yardstick {
                 _ => Spread::of(column).map(Scale::Robust),
             }
         };
-        let scales = columns.iter_mut().enumerate().map(scale).collect();
+        let mut scales = vec![None; condition_count * width];
+        columns.for_each(|slot, column| scales[slot] = scale(slot, column));
         Self { discriminators, z_clip: config.z_clip, scales }
     }
 
@@ -103,6 +109,70 @@ impl Yardstick {
             };
             Some(score).filter(|s| s.is_finite())
         })
+    }
+}
+
+/// Discriminators of a tap and what fills them up, so that they are scored side by side.
+const LANES: usize = Discriminator::ALL.len() + 1;
+
+/// Robust scores of readings of one casing: [`Yardstick::scores`], with a NaN for what is absent.
+///
+/// What a casing's level and the reference say of a slot is looked up once and not tap by tap, and the discriminators of a
+/// tap are scored side by side. A slot without a level or a scale is full of NaN, and so is what it scores.
+pub(crate) struct Scorer {
+    conditions: Vec<Slots>,
+    columns: [Option<Discriminator>; LANES],
+    z_clip: f64,
+}
+
+/// What is known of the slots of one condition.
+#[derive(Clone)]
+struct Slots {
+    level: [f64; LANES],
+    /// Magnitude of the level.
+    unit: [f64; LANES],
+    centre: [f64; LANES],
+    sigma: [f64; LANES],
+    sign: [f64; LANES],
+}
+
+impl Scorer {
+    /// `None` where scores are no robust z values.
+    pub(crate) fn of(yardstick: &Yardstick, level: &Level) -> Option<Self> {
+        let is_robust = |scale: &Option<Scale>| matches!(scale, None | Some(Scale::Robust(_)));
+        if !yardstick.scales.iter().all(is_robust) {
+            return None;
+        }
+        let width = yardstick.width();
+        let unknown = [f64::NAN; LANES];
+        let nothing = Slots { level: unknown, unit: unknown, centre: unknown, sigma: unknown, sign: unknown };
+        let mut conditions = vec![nothing; yardstick.scales.len() / width];
+        for (slot, scale) in yardstick.scales.iter().enumerate() {
+            let (Some(Scale::Robust(spread)), Some(centre)) = (scale, level.centre(slot)) else { continue };
+            let (slots, lane) = (&mut conditions[slot / width], slot % width);
+            (slots.level[lane], slots.unit[lane]) = (centre, centre.abs());
+            (slots.centre[lane], slots.sigma[lane]) = (spread.centre, spread.sigma);
+            slots.sign[lane] = yardstick.discriminators[lane].1.sign();
+        }
+        let mut columns = [None; LANES];
+        for (column, &(which, _)) in columns.iter_mut().zip(&yardstick.discriminators) {
+            *column = Some(which);
+        }
+        Some(Self { conditions, columns, z_clip: yardstick.z_clip })
+    }
+
+    /// Scores of the discriminators of `reading`, in the order of the configuration; NaN behind the last.
+    pub(crate) fn scores(&self, reading: &Reading) -> [f64; LANES] {
+        let slots = &self.conditions[reading.condition];
+        let value = |column: Option<Discriminator>| column.and_then(|which| reading.values.get(which));
+        let mut scores = self.columns.map(|column| value(column).unwrap_or(f64::NAN));
+        for (lane, score) in scores.iter_mut().enumerate() {
+            let share = 1.0 + (*score - slots.level[lane]) / slots.unit[lane]; // Level::share
+            let z = slots.sign[lane] * (share - slots.centre[lane]) / slots.sigma[lane];
+            let z = z.clamp(-self.z_clip, self.z_clip);
+            *score = if share.is_finite() { z } else { f64::NAN };
+        }
+        scores
     }
 }
 
@@ -175,6 +245,31 @@ mod tests {
         assert_eq!(scores(&faithful, &reading(0, Some(16.0), Some(16.0))), [Some(0.25), Some(0.75)]);
         assert_eq!(scores(&faithful, &reading(0, Some(20.0), Some(8.0))), [Some(0.25), Some(0.25)], "the magnitude");
         assert_eq!(scores(&faithful, &reading(1, Some(180.0), Some(0.3))), [Some(0.0), None], "constant");
+    }
+
+    #[test]
+    fn scores_side_by_side_are_those_one_by_one() {
+        // Catches another slot's scale, an absent value that is scored, and an overflow that becomes the clip.
+        let robust = config(IndexKind::Robust);
+        let reference = reference();
+        let level = Level::of(&robust.directed(), 3, reference.iter());
+        let yardstick = Yardstick::of(&robust, 3, reference.iter().map(|r| (&level, r)), &[]);
+        let scorer = Scorer::of(&yardstick, &level).unwrap();
+        let values = [None, Some(0.0), Some(13.3), Some(-14.1), Some(1e300), Some(f64::MAX), Some(f64::MIN)];
+        let pairs = values.into_iter().flat_map(|a| values.into_iter().map(move |b| (a, b)));
+        for (f_max, pr) in pairs {
+            for condition in 0..3 {
+                let reading = reading(condition, f_max, pr);
+                let slow = yardstick.scores(&level, &reading).chain(std::iter::repeat(None));
+                for (fast, slow) in scorer.scores(&reading).into_iter().zip(slow) {
+                    let fast = Some(fast).filter(|score| !score.is_nan());
+                    assert_eq!(fast.map(f64::to_bits), slow.map(f64::to_bits), "{reading:?}");
+                }
+            }
+        }
+        let share = config(IndexKind::Dissertation);
+        let extremes = Yardstick::of(&share, 3, reference.iter().map(|r| (&level, r)), &[]);
+        assert!(Scorer::of(&extremes, &level).is_none());
     }
 
     #[test]
