@@ -42,6 +42,8 @@ const CUT_BYTES_MOST: usize = 16;
 pub(crate) fn pack(element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, packed: &mut Vec<u8>) {
     let block_count = samples.len().div_ceil(BLOCK_BYTES);
     header(element_bytes, samples.len(), BITS_SHUFFLED | UNCUT | LZ4, packed);
+    // Room for all at once: growing would copy what is there.
+    packed.reserve(samples.len() + WORD_BYTES * block_count);
     packed.resize(HEADER_BYTES + WORD_BYTES * block_count, 0);
     planes.resize(BLOCK_BYTES, 0);
     for (number, block) in samples.chunks(BLOCK_BYTES).enumerate() {

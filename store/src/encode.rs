@@ -1,8 +1,9 @@
 //! Records made ready for the file, several at a time: digested, padded, packed, all outside the lock of the HDF5 library.
 
 use std::num::NonZeroUsize;
-use std::sync::Mutex;
 use std::thread;
+
+use crossbeam::channel::bounded;
 
 use crate::codec::{Codec, pack};
 use crate::lineage::digest_of;
@@ -68,34 +69,75 @@ impl Packer {
         self.desks = Vec::new();
     }
 
-    /// Packs `records`, the samples of one tap each; what comes of them does not depend on how many there are.
-    pub(crate) fn pack(&mut self, records: &[&[u8]]) -> &mut [Packed] {
+    /// Packs `records`, the samples of one tap each, and has each, in their order, taken by `take`, which gets its number,
+    /// while later ones are being packed; returns all of them. What comes of a record does not depend on how many there are.
+    ///
+    /// # Errors
+    /// The first that `take` returns; no more are taken then.
+    ///
+    /// # Panics
+    /// If packing does: a bug.
+    pub(crate) fn pack<E>(
+        &mut self,
+        records: &[&[u8]],
+        mut take: impl FnMut(usize, &Packed) -> Result<(), E>,
+    ) -> Result<&mut [Packed], E> {
         if self.desks.len() < records.len() {
             self.desks.resize_with(records.len(), Packed::default);
         }
-        let (shape, share) = (self.shape, records.len().div_ceil(self.thread_count).clamp(1, usize::MAX));
+        let (shape, helper_count) = (self.shape, (self.thread_count - 1).min(records.len()));
         let desks = &mut self.desks[..records.len()];
-        let shares: Vec<_> = desks.chunks_mut(share).zip(records.chunks(share)).map(Mutex::new).collect();
-        let run = |share: &Mutex<(&mut [Packed], &[&[u8]])>| {
-            // Whoever has a share does it; who comes second finds it taken and has nothing to do.
-            let Ok(mut share) = share.try_lock() else { return };
-            let (desks, records) = std::mem::take(&mut *share);
-            for (desk, samples) in desks.iter_mut().zip(records) {
-                shape.pack(samples, desk);
-            }
-        };
+        let (give, jobs) = bounded(records.len());
+        for job in desks.iter_mut().zip(records).enumerate() {
+            drop(give.send(job)); // room for all
+        }
+        drop(give);
+        let (done, ready) = bounded(records.len());
         thread::scope(|scope| {
-            let (own, others) = shares.split_at(shares.len().clamp(0, 1));
-            for (number, share) in others.iter().enumerate() {
-                let named = thread::Builder::new().name(format!("pack-{number}"));
-                if named.spawn_scoped(scope, move || run(share)).is_err() {
-                    // No thread can be had: slower, but done.
-                    run(share);
+            for number in 0..helper_count {
+                let (jobs, done) = (jobs.clone(), done.clone());
+                let help = move || {
+                    for (number, (desk, samples)) in jobs {
+                        shape.pack(samples, desk);
+                        if done.send((number, &*desk)).is_err() {
+                            return;
+                        }
+                    }
+                };
+                let helper = thread::Builder::new().name(format!("pack-{number}")).spawn_scoped(scope, help);
+                // Where no thread can be had it is slower, but done.
+                if helper.is_err() {
+                    break;
                 }
             }
-            own.iter().for_each(run);
-        });
-        &mut self.desks[..records.len()]
+            drop(done);
+            let mut packed: Vec<Option<&Packed>> = vec![None; records.len()];
+            for number in 0..records.len() {
+                let this = loop {
+                    ready.try_iter().for_each(|(number, desk)| packed[number] = Some(desk));
+                    if let Some(this) = packed[number] {
+                        break this;
+                    }
+                    // Whoever has nothing to take packs too, and waits when there is no more to pack.
+                    if let Ok((number, (desk, samples))) = jobs.try_recv() {
+                        shape.pack(samples, desk);
+                        packed[number] = Some(desk);
+                    } else {
+                        // Where a thread has panicked, so does the scope.
+                        let Ok((number, desk)) = ready.recv() else { return Ok(()) };
+                        packed[number] = Some(desk);
+                    }
+                };
+                if let Err(error) = take(number, this) {
+                    // Nobody waits for the others.
+                    jobs.try_iter().for_each(drop);
+                    return Err(error);
+                }
+            }
+            Ok(())
+        })?;
+        drop((jobs, ready));
+        Ok(&mut self.desks[..records.len()])
     }
 }
 

@@ -141,7 +141,9 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
             }
         }
         let records: Vec<&[u8]> = samples.values().map(Vec::as_slice).collect();
-        for ((&row, &record), packed) in samples.keys().zip(&records).zip(packer.pack(&records)) {
+        let rows_of: Vec<u32> = samples.keys().copied().collect();
+        packer.pack(&records, |number, packed| {
+            let (row, record) = (rows_of[number], records[number]);
             sample_bytes += record.len() as u64;
             let header = &mut headers[row as usize];
             if packed.samples_digest != header.samples_digest {
@@ -156,7 +158,8 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
                 }
                 Codec::Lzf | Codec::Gzip => write_by_library(new, row, packed.stored(record), header)?,
             }
-        }
+            Ok(())
+        })?;
     }
     new.headers.write_all(&headers).context("write the headers", &new.path)?;
     Ok(sample_bytes)

@@ -206,18 +206,23 @@ impl Writer {
         let samples: Vec<&[u8]> =
             (0..taps.len()).filter(is_new).map(|k| &taps[k].1[..taps[k].0.payload_bytes()]).collect();
         (0..taps.len()).filter(is_new).for_each(|k| self.place.forget(rows[k].plan_index));
-        let packed = self.packer.pack(&samples);
+        let new_rows: Vec<&HeaderRow> = (0..taps.len()).filter(is_new).map(|k| &rows[k]).collect();
         let mut headers = Vec::with_capacity(samples.len());
-        for ((k, packed), samples) in (0..taps.len()).filter(is_new).zip(&*packed).zip(&samples) {
+        let written = self.packer.pack(&samples, |number, packed| {
             let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
-            let outcome = archive.samples.write(rows[k].plan_index, packed.stored(samples));
-            if let Err(error) = outcome.context("write samples", &self.path) {
+            let (row, stored) = (new_rows[number], packed.stored(samples[number]));
+            archive.samples.write(row.plan_index, stored).context("write samples", &self.path)?;
+            let (samples_digest, stored_checksum) = (packed.samples_digest, packed.stored_checksum);
+            headers.push(HeaderRow { samples_digest, stored_checksum, ..*row });
+            Ok(())
+        });
+        let packed = match written {
+            Ok(packed) => packed,
+            Err(error) => {
                 self.let_go();
                 return Err(error);
             }
-            let (samples_digest, stored_checksum) = (packed.samples_digest, packed.stored_checksum);
-            headers.push(HeaderRow { samples_digest, stored_checksum, ..rows[k] });
-        }
+        };
         // All are written: only now they take the place of earlier attempts.
         for ((header, packed), samples) in headers.iter().zip(packed).zip(samples) {
             let stored = packed.give(samples, self.pending.room());
