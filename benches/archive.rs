@@ -59,10 +59,14 @@ impl Scan {
         drop(fs::remove_file(path));
         let mut writer = Writer::create(path, &self.plan, Lineage { codec, .."[store]\n".into() })?;
         let begin = Instant::now();
-        for batch in self.taps.chunks(16) {
-            let taps: Vec<(&TapHeader, &[u8])> =
-                batch.iter().map(|(header, lanes)| (header, bytes_of(lanes))).collect();
-            writer.put_taps(&taps)?;
+        // As the stage does when taps come faster than they can be kept.
+        for flushed in self.taps.chunks(64) {
+            for batch in flushed.chunks(16) {
+                let taps: Vec<(&TapHeader, &[u8])> =
+                    batch.iter().map(|(header, lanes)| (header, bytes_of(lanes))).collect();
+                writer.put_taps(&taps)?;
+            }
+            writer.flush()?;
         }
         writer.finish()?;
         Ok(begin.elapsed().as_secs_f64())
