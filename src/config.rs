@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::{AcquireConfig, ScanConfig, SimulatedLine, Source, TapSet};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
@@ -124,6 +124,7 @@ impl Job {
 
     /// The fusion of the taps of `plan`, by the reference that the configuration names.
     pub(crate) fn fusion(&self, plan: &Plan) -> Result<Fusion> {
+        check_record_s(&self.config.process, &plan.recording)?;
         Ok(match self.reference()? {
             Some(ReferenceFile { set, .. }) => {
                 check_reference(&set, &self.config.process, &plan.recording)?;
@@ -145,18 +146,46 @@ impl Job {
 /// How discriminators come about: rate and channels of the records, and the table `[process]` with every default spelled
 /// out.
 pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
-    let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
-    Ok(format!("sample_rate_hz = {:?}\nchannels = {channels:?}\n{config}", recording.sample_rate_hz))
+    spelled_out(config, recording.sample_rate_hz, &channels)
+}
+
+fn spelled_out<Name: std::fmt::Debug>(config: &ProcessConfig, rate_hz: f64, channels: &[Name]) -> Result<String> {
+    let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
+    Ok(format!("sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\n{config}"))
+}
+
+/// Whether what is looked at of each record reaches beyond its trigger.
+pub(crate) fn check_record_s(config: &ProcessConfig, recording: &Recording) -> Result<()> {
+    let (pre_trigger, rate_hz) = (recording.pre_trigger_samples, recording.sample_rate_hz);
+    ensure!(
+        config.samples_looked_at(u32::MAX, rate_hz) > pre_trigger,
+        "process.record_s = {} s: must be 0, or above the {:.4} s of each record before the trigger",
+        config.record_s,
+        f64::from(pre_trigger) / rate_hz
+    );
+    Ok(())
+}
+
+/// What [`process_of`] gave in a program that lacked some keys of today's, which it treated as their defaults do.
+fn with_todays_keys(process: &str) -> Option<String> {
+    let mut table: toml::Table = toml::from_str(process).ok()?;
+    let rate_hz = table.remove("sample_rate_hz")?.as_float()?;
+    let channels: Vec<String> = table.remove("channels")?.try_into().ok()?;
+    spelled_out(&table.try_into().ok()?, rate_hz, &channels).ok()
 }
 
 /// Whether the taps of `set` were recorded and analysed as those of a run are.
 pub(crate) fn check_reference(set: &ReferenceSet, config: &ProcessConfig, recording: &Recording) -> Result<()> {
-    let now = process_of(config, recording)?;
-    if set.process != now {
+    check_process(&set.process, &process_of(config, recording)?)
+}
+
+fn check_process(there: &str, here: &str) -> Result<()> {
+    let there = with_todays_keys(there).unwrap_or_else(|| there.to_owned());
+    if there != here {
         bail!(
             "the taps of the reference were recorded or analysed otherwise than this run's: {}",
-            differences(&set.process, &now)
+            differences(&there, here)
         );
     }
     Ok(())
@@ -221,8 +250,20 @@ mod tests {
             told(&other, &recording),
             "f_c_hz = 550.0, f_hi_hz = 2000.0 there, f_c_hz = 600.0, f_hi_hz = 1900.0 here"
         );
+        // A key that its program did not have had no other value than the default.
+        let of_old = was.replace("record_s = 0.0\n", "");
+        assert!(of_old != was && check_process(&of_old, &was).is_ok());
+        let short = process_of(&ProcessConfig { record_s: 0.1, ..config }, &recording).unwrap();
+        let refused = check_process(&of_old, &short).unwrap_err().to_string();
+        assert!(refused.ends_with("record_s = 0.0 there, record_s = 0.1 here"), "{refused}");
         // How long the records are, and in what numbers, does not count.
         let longer = Recording { sample_count_max: 32_768, sample_format: SampleFormat::F32, ..recording };
         assert_eq!(process_of(&ProcessConfig::default(), &longer).unwrap(), was);
+        assert!(check_record_s(&config, &longer).is_ok());
+        let refused = check_record_s(&ProcessConfig { record_s: 0.0125, ..config }, &longer).unwrap_err().to_string();
+        assert_eq!(
+            refused,
+            "process.record_s = 0.0125 s: must be 0, or above the 0.0125 s of each record before the trigger"
+        );
     }
 }

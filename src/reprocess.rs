@@ -111,6 +111,7 @@ impl Task {
     /// The fusion of this archive's taps.
     fn fusion(&self) -> Result<Fusion> {
         let plan = self.reader.plan();
+        crate::config::check_record_s(&self.config.process, &plan.recording)?;
         Ok(match &self.reference {
             None => Fusion::new(&self.config.fuse, plan)?,
             Some(text) => {

@@ -81,7 +81,7 @@ fn beginnings_give_the_same_bits() {
     let whole = again(&rig, "run.h5 --config whole.toml");
     let told = rig.run(&format!("diff run.h5 {}", whole.display())).expect(0).out;
     assert!(told.contains("process.record_s: 0.1 -> 0.0"), "{told}");
-    // The pulse lies in the beginning, the ringing does not.
+    // The pulse lies in the beginning; the power is referred to the record's length.
     assert!(told.contains("f_max      the same") && told.contains("e_f        656 differ"), "{told}");
 }
 

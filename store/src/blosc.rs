@@ -21,10 +21,12 @@ const WORD_BYTES: usize = 4;
 /// Version of the chunk, and of LZ4 in it.
 const VERSIONS: [u8; 2] = [2, 1];
 
-/// Bits of the header's third byte: bytes shuffled, samples as they are, bits shuffled, blocks not cut into bytes; LZ4.
+/// Bits of the header's third byte: bytes shuffled, samples as they are, bits shuffled, what no version has yet, blocks not
+/// cut into bytes; LZ4.
 const BYTES_SHUFFLED: u8 = 1;
 const AS_IT_IS: u8 = 2;
 const BITS_SHUFFLED: u8 = 4;
+const UNKNOWN: u8 = 8;
 const UNCUT: u8 = 16;
 const LZ4: u8 = 1 << 5;
 const COMPRESSOR: u8 = 7 << 5;
@@ -38,7 +40,7 @@ const CUT_BYTES_MOST: usize = 16;
 /// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost; `planes` is room to work in.
 ///
 /// # Panics
-/// If there are 4 GiB of samples or more.
+/// If there are 2 GiB of samples or more.
 pub(crate) fn pack(element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, packed: &mut Vec<u8>) {
     let block_count = samples.len().div_ceil(BLOCK_BYTES);
     header(element_bytes, samples.len(), BITS_SHUFFLED | UNCUT | LZ4, packed);
@@ -80,7 +82,7 @@ fn header(element_bytes: usize, length: usize, flags: u8, packed: &mut Vec<u8>) 
 }
 
 fn put(packed: &mut [u8], at: usize, value: usize) {
-    let value = u32::try_from(value).unwrap_or_else(|_| panic!("{value} bytes do not fit a chunk"));
+    let value = i32::try_from(value).unwrap_or_else(|_| panic!("{value} bytes do not fit a chunk"));
     packed[at..at + WORD_BYTES].copy_from_slice(&value.to_le_bytes());
 }
 
@@ -103,8 +105,8 @@ impl<'a> Chunk<'a> {
         let (length, block_bytes) = (word(packed, 4)?, word(packed, 8)?);
         let is_ours = [version, of_lz4] == VERSIONS
             && flags & COMPRESSOR == LZ4
-            && flags & (BYTES_SHUFFLED | BITS_SHUFFLED) == BITS_SHUFFLED
-            && block_bytes > 0
+            && flags & (BYTES_SHUFFLED | BITS_SHUFFLED | UNKNOWN) == BITS_SHUFFLED
+            && (1..=length.max(1)).contains(&block_bytes)
             && [length, block_bytes].iter().all(|bytes| bytes.is_multiple_of(element_bytes.into()))
             && word(packed, 12)? == packed.len();
         is_ours.then_some(Self {
@@ -117,26 +119,37 @@ impl<'a> Chunk<'a> {
         })
     }
 
-    /// Unpacks the bytes in `part` of the samples, and such around them as are packed with them, into their places in
-    /// `samples`, which are all samples; whether that could be done. `planes` is room to work in.
+    /// Unpacks the bytes in `parts` of the samples, in their order, and such around them as are packed with them, into their
+    /// places in `samples`, which are all samples; whether that could be done. `planes` is room to work in.
     #[must_use]
-    pub(crate) fn unpack(&self, part: Range<usize>, samples: &mut [u8], planes: &mut Vec<u8>) -> bool {
-        if samples.len() != self.length || part.end > self.length {
+    pub(crate) fn unpack(
+        &self,
+        parts: impl IntoIterator<Item = Range<usize>>,
+        samples: &mut [u8],
+        planes: &mut Vec<u8>,
+    ) -> bool {
+        if samples.len() != self.length {
             return false;
         }
-        if self.is_as_it_is {
-            let given = self.packed.get(HEADER_BYTES..).filter(|given| given.len() == self.length);
-            return given.is_some_and(|given| {
+        let given = self.packed.get(HEADER_BYTES..).filter(|given| given.len() == self.length);
+        if self.is_as_it_is && given.is_none() {
+            return false;
+        }
+        planes.resize(self.block_bytes, 0);
+        // Blocks before this one are unpacked: two parts may lie in one.
+        let mut next = 0;
+        parts.into_iter().all(|part| match given.filter(|_| self.is_as_it_is) {
+            Some(given) => {
                 samples[part.clone()].copy_from_slice(&given[part]);
                 true
-            });
-        }
-        let first = part.start / self.block_bytes;
-        let count = part.end.div_ceil(self.block_bytes) - first;
-        let blocks = samples.chunks_mut(self.block_bytes).enumerate().skip(first).take(count);
-        // A damaged size of blocks must not ask for more room than there are samples.
-        planes.resize(self.block_bytes.min(self.length), 0);
-        blocks.into_iter().all(|(number, block)| self.block(number, block, planes).is_some())
+            }
+            None => {
+                let first = (part.start / self.block_bytes).max(next);
+                next = part.end.div_ceil(self.block_bytes).max(next);
+                let mut blocks = samples.chunks_mut(self.block_bytes).enumerate().take(next).skip(first);
+                blocks.all(|(number, block)| self.block(number, block, planes).is_some())
+            }
+        })
     }
 
     /// Unpacks block `number`; `None` where it is damaged.

@@ -50,7 +50,8 @@ impl Codec {
         matches!(self, Self::None | Self::Lz4 | Self::Zstd)
     }
 
-    /// How hard it packs, where it has levels: what the file says of its filter, and what [`pack`] does.
+    /// How hard the filter packs, where it has levels: what the file says of it. [`pack`] does the same but for LZ4, where
+    /// it has none.
     pub(crate) fn level(self) -> u8 {
         match self {
             Self::Lz4 => 5,
@@ -134,26 +135,26 @@ fn pack_by_library(
     packed.truncate(length);
 }
 
-/// Unpacks the bytes in `part` of what [`pack`] or the filter of `codec` packed, and such around them as are packed with
-/// them, into their places in `samples`, which are all samples; whether it was that, and as long as `samples`. `planes` is
-/// room to work in.
+/// Unpacks the bytes in `parts`, in their order, of what [`pack`] or the filter of `codec` packed, and such around them as
+/// are packed with them, into their places in `samples`, which are all samples; whether it was that, and as long as
+/// `samples`. `planes` is room to work in.
 #[must_use]
 pub(crate) fn unpack(
     codec: Codec,
     packed: &[u8],
-    part: Range<usize>,
+    parts: impl IntoIterator<Item = Range<usize>>,
     samples: &mut [u8],
     planes: &mut Vec<u8>,
 ) -> bool {
     if codec.blosc().is_none() {
         let is_whole = packed.len() == samples.len();
         if is_whole {
-            samples[part.clone()].copy_from_slice(&packed[part]);
+            parts.into_iter().for_each(|part| samples[part.clone()].copy_from_slice(&packed[part]));
         }
         return is_whole;
     }
     if let Some(chunk) = Chunk::new(packed) {
-        return chunk.unpack(part, samples, planes);
+        return chunk.unpack(parts, samples, planes);
     }
     if !is_blosc_of(packed, samples.len()) {
         return false;
@@ -184,7 +185,7 @@ mod tests {
     /// Everything unpacked, by what [`unpack`] chooses.
     fn unpacked(codec: Codec, packed: &[u8], length: usize) -> Option<Vec<u8>> {
         let mut samples = vec![7; length];
-        unpack(codec, packed, 0..length, &mut samples, &mut Vec::new()).then_some(samples)
+        unpack(codec, packed, std::iter::once(0..length), &mut samples, &mut Vec::new()).then_some(samples)
     }
 
     /// Everything unpacked, by the library.
@@ -249,26 +250,26 @@ mod tests {
             }
         }
 
-        /// Catches a part that is not where it belongs, and more unpacked than blocks it lies in.
+        /// Catches a part that is not where it belongs, and more unpacked than the blocks that two parts lie in.
         #[test]
-        fn a_part_comes_back_alone(
-            samples in prop::collection::vec(any::<u8>(), 1..40_000),
-            (a, b) in any::<(prop::sample::Index, prop::sample::Index)>(),
+        fn parts_come_back_alone(
+            samples in prop::collection::vec(any::<u8>(), 2..40_000),
+            ends in any::<[prop::sample::Index; 4]>(),
             kind in 0..4_u8,
         ) {
-            let samples = record(samples, kind);
-            let (a, b) = (a.index(samples.len() + 1), b.index(samples.len() + 1));
-            let part = if a < b { a..b } else { b..a };
+            let samples = record(samples[..samples.len() / 2 * 2].to_vec(), kind);
+            let mut ends = ends.map(|end| end.index(samples.len() + 1));
+            ends.sort_unstable();
+            let parts = [ends[0]..ends[1], ends[2]..ends[3]];
             for codec in [Codec::None, Codec::Lz4] {
-                let there = packed(codec, 2, &samples[..samples.len() / 2 * 2]);
-                let mut back = vec![7; samples.len() / 2 * 2];
-                let part = part.start..part.end.clamp(part.start, back.len());
-                prop_assume!(part.start <= back.len());
-                prop_assert!(unpack(codec, &there, part.clone(), &mut back, &mut Vec::new()));
-                prop_assert!(back[part.clone()] == samples[part.clone()]);
-                let around = 8192;
-                let untouched = (0..part.start.saturating_sub(around)).chain((part.end + around).min(back.len())..back.len());
-                prop_assert!(untouched.into_iter().all(|k| back[k] == 7));
+                let there = packed(codec, 2, &samples);
+                let mut back = vec![7; samples.len()];
+                prop_assert!(unpack(codec, &there, parts.clone(), &mut back, &mut Vec::new()));
+                for part in parts.clone() {
+                    prop_assert!(back[part.clone()] == samples[part], "{}", codec);
+                }
+                let is_near = |k: usize| parts.iter().any(|part| k + 8192 > part.start && k < part.end + 8192);
+                prop_assert!((0..back.len()).all(|k| is_near(k) || back[k] == 7), "{}", codec);
             }
         }
 
@@ -288,6 +289,25 @@ mod tests {
                 there[4..8].copy_from_slice(&lengths[0]);
                 there[12..16].copy_from_slice(&lengths[1]);
                 let _is_known = unpacked(codec, &there, samples.len());
+            }
+        }
+    }
+
+    /// Catches blocks beyond the first that are not found: chunks of 64 KiB and more, as the library packs them, cut into the
+    /// bytes of samples but for a last short block.
+    #[test]
+    fn blocks_of_the_library_come_back() {
+        for (element_bytes, count) in [(2, 65_536), (2, 131_072), (2, 150_000), (4, 65_536), (4, 200_004), (4, 300_000)]
+        {
+            let samples = record((0..count as u32).map(|k| (k.wrapping_mul(k) >> 7) as u8).collect(), 2);
+            for (compressor, level) in [(c"lz4", 5), (c"lz4hc", 1)] {
+                let mut there = Vec::new();
+                pack_by_library((compressor, level), element_bytes, 8192, &samples, &mut there);
+                assert!(Chunk::new(&there).is_some(), "left to the library: {element_bytes} {count}");
+                assert!(unpacked(Codec::Lz4, &there, count).as_ref() == Some(&samples), "{element_bytes} {count}");
+                let (mut back, part) = (vec![7; count], count - 9000..count - 5);
+                assert!(unpack(Codec::Lz4, &there, std::iter::once(part.clone()), &mut back, &mut Vec::new()));
+                assert!(back[part.clone()] == samples[part], "{element_bytes} {count}");
             }
         }
     }

@@ -85,7 +85,7 @@ impl Packer {
         if self.desks.len() < records.len() {
             self.desks.resize_with(records.len(), Packed::default);
         }
-        let (shape, helper_count) = (self.shape, (self.thread_count - 1).min(records.len()));
+        let (shape, helper_count) = (self.shape, (self.thread_count - 1).min(records.len().saturating_sub(1)));
         let desks = &mut self.desks[..records.len()];
         let (give, jobs) = bounded(records.len());
         for job in desks.iter_mut().zip(records).enumerate() {
@@ -178,6 +178,49 @@ pub(crate) fn unpadded(row: &mut [u8], channel_count: usize, sample_bytes: usize
     if sample_bytes < stride {
         for channel in 1..channel_count {
             row.copy_within(channel * stride..channel * stride + sample_bytes, channel * sample_bytes);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches records taken in another order, packed otherwise than one by one, left out or taken after an error, and a
+    /// call that goes wrong because the one before did; with helpers and without.
+    #[test]
+    fn records_are_taken_in_their_order() {
+        let shape = Shape { codec: Codec::Lz4, channel_count: 2, element_bytes: 2, row_bytes: 4000 };
+        // Some of them shorter than a row.
+        let samples: Vec<Vec<u8>> = (0..40_u32)
+            .map(|tap| (0..4000 - 40 * (tap % 3)).map(|k| (k.wrapping_mul(tap + 7) >> 3) as u8).collect())
+            .collect();
+        let records: Vec<&[u8]> = samples.iter().map(Vec::as_slice).collect();
+        let alone = |samples: &[u8]| {
+            let mut desk = Packed::default();
+            shape.pack(samples, &mut desk);
+            (desk.stored(samples).to_vec(), desk.samples_digest, desk.stored_checksum)
+        };
+        let of = |desk: &Packed| (desk.stored(&[]).to_vec(), desk.samples_digest, desk.stored_checksum);
+        for thread_count in [1, 2, 5] {
+            let mut packer = Packer { shape, thread_count, desks: Vec::new() };
+            for (record_count, bad) in [(40, 40), (40, 11), (1, 1), (0, 0), (7, 0), (40, 39), (40, 40)] {
+                let mut taken = Vec::new();
+                let packed = packer.pack(&records[..record_count], |number, desk| {
+                    if number == bad {
+                        return Err("enough");
+                    }
+                    assert_eq!(number, taken.len(), "another order");
+                    taken.push(of(desk));
+                    Ok(())
+                });
+                assert_eq!(packed.is_err(), bad < record_count);
+                if let Ok(all) = packed {
+                    assert!(all.iter().map(of).eq(taken.iter().cloned()));
+                }
+                assert_eq!(taken.len(), bad);
+                assert!(taken.into_iter().eq(records[..bad].iter().map(|samples| alone(samples))));
+            }
         }
     }
 }

@@ -79,8 +79,8 @@ impl SampleFile {
         let unpacked = &mut bytes_of_mut(lanes)[..self.rows.row_bytes()];
         match self.rows.codec() {
             Codec::None | Codec::Lz4 | Codec::Zstd => {
-                let mut parts = parts(header, unpacked.len());
-                if !parts.all(|part| unpack(self.rows.codec(), stored, part, unpacked, planes)) {
+                let parts = parts(header, unpacked.len());
+                if !unpack(self.rows.codec(), stored, parts, unpacked, planes) {
                     return Err(damaged("cannot be unpacked"));
                 }
             }
@@ -110,7 +110,7 @@ impl SampleFile {
 
 /// Where in a row of `row_bytes` the samples of `header` are, as few stretches as can be.
 fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usize>> {
-    let channel_count = (header.channel_count as usize).clamp(1, row_bytes);
+    let channel_count = (header.channel_count as usize).max(1);
     let stride = row_bytes / channel_count;
     let used = (header.payload_bytes() / channel_count).clamp(0, stride);
     let (count, length) = if used == stride { (1, row_bytes) } else { (channel_count, used) };
