@@ -1,6 +1,7 @@
 //! Where a line lives: the names of its files, and clearing away what the dead have left.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use iceoryx2::node::NodeView as _;
 use iceoryx2::prelude::*;
@@ -42,9 +43,8 @@ impl LineAddress {
             return Ok(false);
         }
         // The layer leaves one management file a prefix by design; nobody is left to need it.
-        let files = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
-        for file in files.filter(|f| f.file_name().to_string_lossy().starts_with(&self.prefix)) {
-            remove(&file.path(), |path| std::fs::remove_file(path));
+        for path in segments(&self.prefix) {
+            remove(&path, |path| std::fs::remove_file(path));
         }
         remove(&self.root, |path| std::fs::remove_dir_all(path));
         Ok(true)
@@ -63,12 +63,37 @@ fn remove(path: &Path, by: impl Fn(&Path) -> std::io::Result<()>) {
     }
 }
 
+/// The segments of shared memory whose names begin with `prefix`.
+fn segments(prefix: &str) -> impl Iterator<Item = PathBuf> {
+    let files = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
+    files.filter(move |file| file.file_name().to_string_lossy().starts_with(prefix)).map(|file| file.path())
+}
+
+/// Longest time that a living participant takes between making a segment and giving it a size.
+const SIZING_MOST: Duration = Duration::from_secs(1);
+
+/// Removes segments that have no size: who made them died before giving them one, for which the layer would wait for ever.
+fn remove_unsized(prefix: &str) {
+    let unsized_now = || -> Vec<PathBuf> {
+        segments(prefix).filter(|path| path.metadata().is_ok_and(|segment| segment.len() == 0)).collect()
+    };
+    let suspects = unsized_now();
+    if suspects.is_empty() {
+        return;
+    }
+    std::thread::sleep(SIZING_MOST);
+    for path in unsized_now().into_iter().filter(|path| suspects.contains(path)) {
+        remove(&path, |path| std::fs::remove_file(path));
+    }
+}
+
 /// Clears the resources of dead participants; whether anyone is alive.
 pub(crate) fn reap(config: &Config) -> bool {
     let mut is_alive = false;
     let listed = Node::<Svc>::list(config, |state| {
         match state {
             NodeState::Dead(view) => {
+                remove_unsized(&config.global.prefix.to_string());
                 let name = view.details().as_ref().map(|d| d.name().as_str().to_owned());
                 match view.try_remove_stale_resources() {
                     Ok(()) => tracing::debug!(?name, "cleared away a dead participant"),

@@ -269,7 +269,44 @@ fn nothing_is_left_behind() {
     assert!(!place.0.root.exists());
 }
 
+/// Catches a line that cannot be cleared, and waits for ever, because a participant was killed between making a segment of
+/// shared memory and giving it a size.
+#[test]
+fn a_segment_without_a_size_is_cleared_away() {
+    let name = format!("u{}", std::process::id());
+    let place = LineAddress::new(&name);
+    let mut child = child(&name, 0);
+    let until = Instant::now() + Duration::from_secs(30);
+    let services = || segments(&place).filter(|path| path.extension().is_some_and(|kind| kind == "dynamic")).count();
+    while services() < 2 && Instant::now() < until {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::thread::sleep(Duration::from_millis(200)); // the child has opened all it needs
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let mut emptied = 0;
+    for path in segments(&place).filter(|path| path.extension().is_some_and(|kind| kind == "dynamic")) {
+        std::fs::OpenOptions::new().write(true).truncate(true).open(path).unwrap();
+        emptied += 1;
+    }
+    assert!(emptied > 0, "the child made no segment");
+    let address = place.clone();
+    let clearing = in_thread("clear", move || assert!(address.clear().unwrap()));
+    let until = Instant::now() + Duration::from_secs(30);
+    while !clearing.is_finished() && Instant::now() < until {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!(clearing.is_finished(), "the line is still being cleared");
+    clearing.join().unwrap();
+    assert_eq!(shm_files(&place), 0);
+}
+
 fn shm_files(address: &LineAddress) -> usize {
+    segments(address).count()
+}
+
+fn segments(address: &LineAddress) -> impl Iterator<Item = std::path::PathBuf> {
     let files = std::fs::read_dir("/dev/shm").unwrap().flatten();
-    files.filter(|f| f.file_name().to_string_lossy().starts_with(&address.prefix)).count()
+    let is_ours = |f: &std::fs::DirEntry| f.file_name().to_string_lossy().starts_with(&address.prefix);
+    files.filter(is_ours).map(|f| f.path()).collect::<Vec<_>>().into_iter()
 }
