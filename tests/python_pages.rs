@@ -79,7 +79,7 @@ fn reading_archives_runs_as_it_stands() {
 /// Catches a page that tells another way to compute seals than the program's, and one that finds no damage.
 #[test]
 fn seals_are_computed_as_the_page_says() {
-    let Some(python) = python_with("h5py, hdf5plugin, blake3") else { return };
+    let Some(python) = python_with("h5py, hdf5plugin, blake3, xxhash") else { return };
     let rig = scanned();
     assert_eq!(run_page(&rig, &python, "archive-layout.md"), "what does not fit its seal: []\n");
     let bend = "import h5py\nwith h5py.File('run.h5', 'r+') as f:\n    row = f['discriminators'][7]\n    row['pr'] += 1e-9\n    \

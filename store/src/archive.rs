@@ -15,12 +15,12 @@ use crate::codec::Codec;
 use crate::context::Context;
 use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name, read_bounded};
 use crate::layout::{
-    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, TruthRow,
-    attribute, table,
+    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, OLDEST_VERSION, PlanRow, ReasonRow,
+    ScanRow, TruthRow, attribute, table,
 };
 use crate::lineage::{hex_of, lineage_key, raw_digest};
 use crate::rows::serial;
-use crate::sealed::SealedRow;
+use crate::sealed::{ChunkSeal, SealedRow};
 use crate::table::Table;
 use crate::units::check_units;
 use crate::{Error, Lineage, Part, Result};
@@ -48,6 +48,7 @@ pub(crate) struct Archive {
     /// The reference file of the run, as it was read.
     pub(crate) reference: Option<String>,
     pub(crate) samples: ChunkRows,
+    pub(crate) chunk_seal: ChunkSeal,
     pub(crate) headers: Table<HeaderRow>,
     pub(crate) discriminators: Table<DiscriminatorsRow>,
     pub(crate) ledger: Table<LedgerRow>,
@@ -138,9 +139,9 @@ impl Archive {
             take_whole_file(&file).context("take the whole file", path)?;
         }
         close_in_children(&file).context("keep the archive to this process", path)?;
-        check_format(&file, path)?;
+        let version = check_format(&file, path)?;
         check_fixed(&file, path)?;
-        let raw_file = open_raw(&file, path)?;
+        let (raw_file, taps_version) = open_raw(&file, path)?.unzip();
         let taps_file = raw_file.as_ref().unwrap_or(&file);
         check_units(&file, taps_file, path)?;
         let plan = read_plan(&file, taps_file, path)?;
@@ -179,6 +180,7 @@ impl Archive {
             made_by,
             reference,
             samples,
+            chunk_seal: ChunkSeal::of_layout(taps_version.unwrap_or(version)),
             headers: open_table(taps_file, path, tap_count)?,
             discriminators: open_table(&file, path, tap_count)?,
             ledger: open_table(&file, path, tap_count)?,
@@ -224,8 +226,8 @@ impl Archive {
     }
 }
 
-/// Opens the archive whose taps the results in `file` are of; `None` where they are its own.
-fn open_raw(file: &File, path: &Path) -> Result<Option<File>> {
+/// Opens the archive whose taps the results in `file` are of, and says its layout; `None` where they are its own.
+fn open_raw(file: &File, path: &Path) -> Result<Option<(File, u32)>> {
     if !file.attr_names().context("read the attributes", path)?.iter().any(|name| name == attribute::RAW) {
         return Ok(None);
     }
@@ -234,14 +236,14 @@ fn open_raw(file: &File, path: &Path) -> Result<Option<File>> {
     probe(&raw_path, Access::Read)?;
     let raw = File::open(&raw_path).context("open the archive of the taps", &raw_path)?;
     close_in_children(&raw).context("keep the archive to this process", &raw_path)?;
-    check_format(&raw, &raw_path)?;
+    let version = check_format(&raw, &raw_path)?;
     let digest =
         |of: &File, path: &Path| read_number::<u64>(of, attribute::PLAN_DIGEST).context("read the plan's digest", path);
     let (archived, given) = (digest(&raw, &raw_path)?, digest(file, path)?);
     if archived != given {
         return Err(Error::OtherPlan { path: raw_path, archived, given });
     }
-    Ok(Some(raw))
+    Ok(Some((raw, version)))
 }
 
 fn read_reference(file: &File, path: &Path) -> Result<String> {
@@ -288,17 +290,18 @@ fn probe(path: &Path, access: Access) -> Result<()> {
     }
 }
 
-fn check_format(file: &File, path: &Path) -> Result<()> {
+/// The version of the layout of `file`, if it is one that is known.
+fn check_format(file: &File, path: &Path) -> Result<u32> {
     let format = read_text(file, attribute::FORMAT).unwrap_or_default();
     if format != FORMAT {
         let what = format!("its attribute {:?} is {format:?}, not {FORMAT:?}", attribute::FORMAT);
         return Err(Error::NotAnArchive { path: path.to_owned(), what });
     }
     let got: u32 = read_number(file, attribute::FORMAT_VERSION).context("read the format version", path)?;
-    if got != FORMAT_VERSION {
+    if !(OLDEST_VERSION..=FORMAT_VERSION).contains(&got) {
         return Err(Error::FormatVersion { path: path.to_owned(), got, known: FORMAT_VERSION });
     }
-    Ok(())
+    Ok(got)
 }
 
 /// Whether what does not change once an archive is there is what it was then.

@@ -7,7 +7,7 @@ use crossbeam::channel::bounded;
 
 use crate::codec::{Codec, pack};
 use crate::lineage::digest_of;
-use crate::sealed::{Digest, checksum, first_bits};
+use crate::sealed::{ChunkSeal, Digest};
 
 /// One record, ready to be written.
 #[derive(Debug, Default)]
@@ -42,6 +42,7 @@ impl Packed {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shape {
     pub(crate) codec: Codec,
+    pub(crate) seal: ChunkSeal,
     pub(crate) channel_count: usize,
     /// Bytes of one sample of one channel.
     pub(crate) element_bytes: usize,
@@ -149,11 +150,7 @@ impl Shape {
         if !desk.is_as_given {
             pack(self.codec, self.element_bytes, padded, &mut desk.planes, &mut desk.bytes);
         }
-        // Where the record goes to the file as it is, its digest begins with its checksum.
-        desk.stored_checksum = match desk.is_as_given {
-            true => first_bits(&desk.samples_digest),
-            false => checksum(&[&desk.bytes]),
-        };
+        desk.stored_checksum = self.seal.of(desk.stored(samples));
     }
 }
 
@@ -190,7 +187,8 @@ mod tests {
     /// call that goes wrong because the one before did; with helpers and without.
     #[test]
     fn records_are_taken_in_their_order() {
-        let shape = Shape { codec: Codec::Lz4, channel_count: 2, element_bytes: 2, row_bytes: 4000 };
+        let (codec, seal) = (Codec::Lz4, ChunkSeal::Xxh3);
+        let shape = Shape { codec, seal, channel_count: 2, element_bytes: 2, row_bytes: 4000 };
         // Some of them shorter than a row.
         let samples: Vec<Vec<u8>> = (0..40_u32)
             .map(|tap| (0..4000 - 40 * (tap % 3)).map(|k| (k.wrapping_mul(tap + 7) >> 3) as u8).collect())

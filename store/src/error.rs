@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use tapline_wire::TapId;
 
 use crate::Codec;
+use crate::layout::OLDEST_VERSION;
 
 /// Why an archive cannot be made, opened, written, read or exported.
 #[derive(Debug, thiserror::Error)]
@@ -104,13 +105,13 @@ pub enum Error {
         what: String,
     },
     /// The archive has a layout this program does not know.
-    #[error("{} has archive layout {got}; this program reads layout {known}: {}", path.display(), way_out(*got, *known))]
+    #[error("{} has archive layout {got}; this program reads layouts {OLDEST_VERSION} to {known}: {}", path.display(), way_out(*got, *known))]
     FormatVersion {
         /// The file.
         path: PathBuf,
         /// Format of the file.
         got: u32,
-        /// Format of this program.
+        /// Format that this program writes.
         known: u32,
     },
     /// A table's numbers are in other units than this program's, or do not say in which.

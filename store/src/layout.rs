@@ -10,8 +10,12 @@ use tapline_wire::{CHANNELS_MAX, SERIAL_BYTES};
 
 use crate::sealed::Digest;
 
-/// Version of the layout; a file of another version is refused.
-pub const FORMAT_VERSION: u32 = 3;
+/// Version of the layout that is written.
+pub const FORMAT_VERSION: u32 = 4;
+
+/// Oldest version of the layout that is read; a file of another version is refused. In layout 3 a chunk has another
+/// checksum, see [`crate::sealed::ChunkSeal`]; that is all that was different.
+pub(crate) const OLDEST_VERSION: u32 = 3;
 
 /// Longest reason of a refusal in bytes of UTF-8; a longer one ends in an ellipsis.
 pub const REASON_BYTES: usize = 256;

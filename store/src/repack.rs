@@ -15,7 +15,7 @@ use crate::layout::HeaderRow;
 use crate::parts::{open_all, part_path, part_paths};
 use crate::reader::Reader;
 use crate::samples::Room;
-use crate::sealed::{SealedRow, checksum};
+use crate::sealed::SealedRow;
 use crate::table::Table;
 use crate::{Codec, Error, Lineage, Result, verify};
 
@@ -124,6 +124,7 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
     let rows = &new.samples;
     let mut packer = Packer::new(Shape {
         codec: rows.codec(),
+        seal: new.chunk_seal,
         channel_count: recording.channels.len(),
         element_bytes: recording.sample_format.bytes(),
         row_bytes: rows.row_bytes(),
@@ -178,6 +179,6 @@ fn write_by_library(new: &Archive, row: u32, samples: &[u8], header: &mut Header
     let mut stored = Vec::new();
     let file = fs::File::open(&new.path).context("read back", &new.path)?;
     place.read(&file, &mut stored).context("read back", &new.path)?;
-    header.stored_checksum = checksum(&[&stored]);
+    header.stored_checksum = new.chunk_seal.of(&stored);
     Ok(())
 }

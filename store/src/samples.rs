@@ -16,7 +16,7 @@ use crate::encode::unpadded;
 use crate::layout::HeaderRow;
 use crate::parts::PartMap;
 use crate::reader::in_run;
-use crate::sealed::{SealedRow as _, checksum};
+use crate::sealed::{ChunkSeal, SealedRow as _};
 use crate::{Error, Result};
 
 /// Room for one record, kept by whoever reads many.
@@ -36,6 +36,7 @@ pub(crate) struct SampleFile {
     path: PathBuf,
     file: File,
     rows: ChunkRows,
+    seal: ChunkSeal,
 }
 
 impl SampleFile {
@@ -43,7 +44,7 @@ impl SampleFile {
     pub(crate) fn open(archive: &Archive) -> Result<Self> {
         let path = PathBuf::from(archive.samples.dataset().filename());
         let file = File::open(&path).context("open the samples", &path)?;
-        Ok(Self { path, file, rows: archive.samples.clone() })
+        Ok(Self { path, file, rows: archive.samples.clone(), seal: archive.chunk_seal })
     }
 
     /// Where the samples of every plan row lie.
@@ -72,7 +73,7 @@ impl SampleFile {
         let place = place.ok_or_else(|| damaged("have no place in the file"))?;
         let Room { stored, lanes, planes } = room;
         place.read(&self.file, stored).context("read samples", &self.path)?;
-        if checksum(&[stored]) != stored_checksum {
+        if self.seal.of(stored) != stored_checksum {
             return Err(damaged("are not what was written: their checksum differs"));
         }
         lanes.resize(lanes_for(self.rows.row_bytes()), Lane::default());

@@ -108,6 +108,7 @@ impl Writer {
         }
         let packer = Packer::new(Shape {
             codec,
+            seal: archive.chunk_seal,
             channel_count: recording.channels.len(),
             element_bytes: recording.sample_format.bytes(),
             row_bytes: archive.samples.row_bytes(),

@@ -1,12 +1,12 @@
 //! Archives of earlier layouts: what was released stays readable, number for number.
 //!
-//! `fixtures/layout-3.h5` was written by `tapline_store::Writer` of layout 3, by [`write_anew`]. What it must give is written
-//! down here as numbers, apart from what the other tests share: when the layout changes, this file does not, and the next
-//! layout gets a fixture of its own.
+//! `fixtures/layout-3.h5` was written by `tapline_store::Writer` of layout 3, and so on, by [`write_anew`]. What each must
+//! give is written down here as numbers, apart from what the other tests share: what is recorded and judged is the same in
+//! all of them.
 
 use std::path::{Path, PathBuf};
 
-use tapline_store::{Codec, Error, Lineage, Lost, Reader, Writer, verify};
+use tapline_store::{Codec, Error, FORMAT_VERSION, Lineage, Lost, Reader, Writer, repack, verify};
 use tapline_wire::{
     Channel, ChannelHeader, DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Quality,
     Reasons, RecordKind, Recording, SampleFormat, Serial, SourceKind, Stamp, TapHeader, TapId, TapState, Truth,
@@ -22,8 +22,11 @@ const SAMPLE_COUNT: u32 = 12;
 /// The taps that the fixture has; of the others, row 2 was refused and row 3 never came.
 const ARCHIVED: [u32; 3] = [0, 1, 4];
 
-fn fixture() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/layout-3.h5")
+/// The layouts that were released.
+const RELEASED: [u32; 2] = [3, FORMAT_VERSION];
+
+fn fixture(version: u32) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/fixtures/layout-{version}.h5"))
 }
 
 /// One shoulder of four locations and a closing tap.
@@ -101,22 +104,25 @@ fn values(row: u32) -> [Option<f64>; 7] {
     [force(30.0 + row), force(0.00075), force(0.5 + row), Some(2.5), Some(0.375 + row / 16.0), Some(1e-9), Some(3e-7)]
 }
 
-/// Writes the fixture: `cargo test -p tapline-store -- --ignored write_anew`, once for a layout, before it is released.
-#[test]
-#[ignore = "it makes the fixture, which is committed"]
-fn write_anew() {
-    let _guard = crate::common::beside_others();
-    let (path, plan) = (fixture(), plan());
-    drop(std::fs::remove_file(&path));
-    let lineage = Lineage {
+fn lineage() -> Lineage<'static> {
+    Lineage {
         config_toml: CONFIG,
         reference: Some(REFERENCE),
         codec: Codec::Lz4,
         made_by: MADE_BY,
         raw: None,
         part: None,
-    };
-    let mut writer = Writer::create(&path, &plan, lineage).unwrap();
+    }
+}
+
+/// Writes the newest fixture: `cargo test -p tapline-store -- --ignored write_anew`, once for a layout, before it is released.
+#[test]
+#[ignore = "it makes the fixture, which is committed"]
+fn write_anew() {
+    let _guard = crate::common::beside_others();
+    let (path, plan) = (fixture(FORMAT_VERSION), plan());
+    drop(std::fs::remove_file(&path));
+    let mut writer = Writer::create(&path, &plan, lineage()).unwrap();
     let id = plan.taps()[1].id;
     writer.put_retake(1, &id, Quality::DOUBLE_HIT).unwrap();
     for row in ARCHIVED {
@@ -172,11 +178,15 @@ fn write_anew() {
     writer.finish().unwrap();
 }
 
-/// Catches a program that no longer reads what layout 3 wrote, or reads other taps, plans or texts out of it.
+/// Catches a program that no longer reads what a released layout wrote, or reads other taps, plans or texts out of it.
 #[test]
-fn layout_3_gives_its_taps() {
+fn every_layout_gives_its_taps() {
     let _guard = crate::common::beside_others();
-    let reader = Reader::open(fixture()).unwrap();
+    RELEASED.into_iter().for_each(gives_its_taps);
+}
+
+fn gives_its_taps(version: u32) {
+    let reader = Reader::open(fixture(version)).unwrap();
     assert_eq!(reader.plan(), &plan());
     assert_eq!(reader.truth(), plan().truth());
     assert_eq!((reader.config(), reader.reference(), reader.made_by()), (CONFIG, Some(REFERENCE), MADE_BY));
@@ -204,11 +214,15 @@ fn layout_3_gives_its_taps() {
     }
 }
 
-/// Catches a program that reads other results out of layout 3, or finds fault with an archive that has none.
+/// Catches a program that reads other results out of a released layout, or finds fault with an archive that has none.
 #[test]
-fn layout_3_gives_its_results() {
+fn every_layout_gives_its_results() {
     let _guard = crate::common::beside_others();
-    let reader = Reader::open(fixture()).unwrap();
+    RELEASED.into_iter().for_each(gives_its_results);
+}
+
+fn gives_its_results(version: u32) {
+    let reader = Reader::open(fixture(version)).unwrap();
     for (row, found) in (0..).zip(reader.discriminators().unwrap()) {
         assert_eq!(found.is_some(), ARCHIVED.contains(&row), "row {row}");
         let Some(found) = found else { continue };
@@ -233,11 +247,11 @@ fn layout_3_gives_its_results() {
     assert_eq!(column(|cell| cell.p_value + cell.guard), "0.75 0.75 0.75 0.75 ");
     assert_eq!(column(|cell| (10 * cell.tap_count + cell.absent_count).into()), "13 10 10 10 ");
     assert_eq!(reader.lineage_key().unwrap(), KEY);
-    let report = verify(fixture()).unwrap();
+    let report = verify(fixture(version)).unwrap();
     assert_eq!((report.problems, report.ledger.count(TapState::Missing)), (vec![], 1));
 }
 
-/// The key of the fixture's results, when it was made.
+/// The key of the fixtures' results, when they were made: it is over what was recorded, not over how it lies in the file.
 const KEY: &str = "e1d8b2bb5747b5dbf4b4ec643f2cfc5059aabea4d82bb1d8426cd994498b847f";
 
 /// Catches an archive from before the first release that is taken for a whole one, or refused without a way out.
@@ -246,14 +260,50 @@ fn layouts_before_the_first_release_are_refused() {
     let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("old.h5");
-    for (version, words) in [(1_u32, "never released"), (2, "tapline run --taps"), (4, "newer tapline")] {
-        std::fs::copy(fixture(), &path).unwrap();
+    for (version, words) in
+        [(1_u32, "never released"), (2, "tapline run --taps"), (FORMAT_VERSION + 1, "newer tapline")]
+    {
+        std::fs::copy(fixture(3), &path).unwrap();
         let file = hdf5::File::open_rw(&path).unwrap();
         file.attr("format_version").unwrap().write_scalar(&version).unwrap();
         file.close().unwrap();
         let error = Reader::open(&path).unwrap_err();
-        assert!(matches!(error, Error::FormatVersion { got, known: 3, .. } if got == version), "{error}");
+        assert!(matches!(error, Error::FormatVersion { got, known: FORMAT_VERSION, .. } if got == version), "{error}");
         let said = error.to_string();
         assert!(said.contains("old.h5") && said.contains(words), "{said}");
+    }
+}
+
+/// Catches a tap that is put into an archive of an earlier layout as today's layout has it, and one that is packed again and
+/// keeps what sealed it before.
+#[test]
+fn an_older_archive_is_gone_on_with_as_it_is() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let version =
+        |path: &Path| hdf5::File::open(path).unwrap().attr("format_version").unwrap().read_scalar::<u32>().unwrap();
+    for layout in RELEASED {
+        let (path, packed) =
+            (folder.path().join(format!("{layout}.h5")), folder.path().join(format!("{layout}-again.h5")));
+        std::fs::copy(fixture(layout), &path).unwrap();
+        let mut writer = Writer::resume(&path, &plan(), lineage()).unwrap();
+        let bytes: Vec<u8> = counts(3).into_iter().flat_map(i16::to_ne_bytes).collect();
+        writer.put_tap(&header(&plan(), 3), &bytes).unwrap();
+        let id = header(&plan(), 3).id;
+        writer.put_discriminators(&Discriminators { id, plan_index: 3, ..Discriminators::default() }).unwrap();
+        writer.finish().unwrap();
+        let read = |path: &Path| {
+            let (found, samples) = Reader::open(path).unwrap().tap(3).unwrap().unwrap();
+            assert_eq!(found, header(&plan(), 3));
+            crate::common::bytes(samples.as_samples())
+        };
+        assert_eq!((read(&path), version(&path)), (bytes.clone(), layout));
+        let of_samples = |path: &Path| {
+            let problems = verify(path).unwrap().problems;
+            problems.iter().map(ToString::to_string).filter(|said| said.contains("samples")).collect::<Vec<_>>()
+        };
+        assert_eq!(of_samples(&path), Vec::<String>::new());
+        repack(fixture(layout), &packed, Codec::Zstd).unwrap();
+        assert_eq!((of_samples(&packed), version(&packed)), (vec![], FORMAT_VERSION));
     }
 }
