@@ -40,44 +40,70 @@ impl Real for f64 {
 
 /// Sum over `samples` of `term`, in double precision across blocks that are short enough for `T`.
 ///
-/// Eight lanes of at most eight terms each keep the error of an `f32` block below 2^-20 of its sum
-/// of magnitudes, whatever the length of the record, and leave the compiler free to use SIMD.
+/// Lanes of at most eight terms each keep the error of an `f32` block below 2^-20 of its sum of magnitudes, whatever the
+/// length of the record, and leave the compiler free to use SIMD.
 pub(crate) fn sum_of<T: Real>(samples: &[T], term: impl Fn(T) -> T) -> f64 {
-    Sum { samples, term }.wide()
+    let [sum] = sums_of(samples, |x| [term(x)]);
+    sum
 }
 
-struct Sum<'a, T, F> {
+/// The same of several terms, in one pass.
+pub(crate) fn sums_of<T: Real, const N: usize>(samples: &[T], terms: impl Fn(T) -> [T; N]) -> [f64; N] {
+    Sums { samples, terms }.wide()
+}
+
+struct Sums<'a, T, F> {
     samples: &'a [T],
-    term: F,
+    terms: F,
 }
 
 /// Lanes of a sum.
-const LANES: usize = 8;
-/// Samples of a block.
-const BLOCK: usize = 64;
+const LANES: usize = 32;
+/// Rows of a block, which are the terms of a lane.
+const ROWS: usize = 8;
+/// Blocks that are summed before they are added up.
+const GROUP: usize = 8;
 
-impl<T: Real, F: Fn(T) -> T> Kernel for Sum<'_, T, F> {
-    type Output = f64;
+impl<T: Real, F: Fn(T) -> [T; N], const N: usize> Kernel for Sums<'_, T, F> {
+    type Output = [f64; N];
 
     #[inline(always)]
-    fn run(self) -> f64 {
-        let Self { samples, term } = self;
-        let added = |lanes: &[T; LANES]| lanes.iter().map(|lane| lane.widened()).sum::<f64>();
-        let (blocks, rest) = samples.as_chunks::<BLOCK>();
-        let (mut stored, mut total) = ([[T::zero(); LANES]; 2], 0.0);
-        for (number, block) in blocks.iter().enumerate() {
-            let mut lanes = [T::zero(); LANES];
-            for row in block.as_chunks::<LANES>().0 {
-                for lane in 0..LANES {
-                    lanes[lane] += term(row[lane]);
+    fn run(self) -> [f64; N] {
+        let Self { samples, terms } = self;
+        let (rows, rest) = samples.as_chunks::<LANES>();
+        let mut totals = [[0.0; LANES]; N];
+        let mut stored = [[[T::zero(); LANES]; N]; GROUP];
+        for group in rows.chunks(GROUP * ROWS) {
+            // Blocks are added up when some of them are there: it is where lanes are stored that the compiler sees a vector.
+            let blocks = group.chunks(ROWS);
+            let block_count = blocks.len();
+            for (lanes, block) in stored.iter_mut().zip(blocks) {
+                let mut sums = [[T::zero(); LANES]; N];
+                for row in block {
+                    for n in 0..N {
+                        for lane in 0..LANES {
+                            sums[n][lane] += terms(row[lane])[n];
+                        }
+                    }
+                }
+                *lanes = sums;
+            }
+            for lanes in &stored[..block_count] {
+                for n in 0..N {
+                    for lane in 0..LANES {
+                        totals[n][lane] += lanes[n][lane].widened();
+                    }
                 }
             }
-            // A block late: it is where lanes are stored that the compiler sees a vector.
-            total += added(&stored[number % 2]);
-            stored[(number + 1) % 2] = lanes;
         }
-        total += added(&stored[blocks.len() % 2]);
-        total + rest.iter().map(|&x| term(x).widened()).sum::<f64>()
+        let mut sums = totals.map(|lanes| lanes.iter().sum());
+        for &x in rest {
+            let terms = terms(x);
+            for n in 0..N {
+                sums[n] += terms[n].widened();
+            }
+        }
+        sums
     }
 }
 
@@ -107,22 +133,22 @@ mod tests {
     #[test]
     fn sums_have_the_same_bits_on_every_machine() {
         fn twin<T: Real>(samples: &[T], term: impl Fn(T) -> T) -> f64 {
-            let whole = samples.len() / BLOCK * BLOCK;
-            let mut total = 0.0;
-            for block in samples[..whole].chunks(BLOCK) {
+            let whole = samples.len() / LANES * LANES;
+            let mut totals = [0.0; LANES];
+            for block in samples[..whole].chunks(ROWS * LANES) {
                 let mut lanes = [T::zero(); LANES];
                 for (i, &x) in block.iter().enumerate() {
                     lanes[i % LANES] += term(x);
                 }
-                total += lanes.iter().map(|lane| lane.widened()).sum::<f64>();
+                totals.iter_mut().zip(lanes).for_each(|(total, lane)| *total += lane.widened());
             }
-            total + samples[whole..].iter().map(|&x| term(x).widened()).sum::<f64>()
+            samples[whole..].iter().fold(totals.iter().sum(), |sum, &x| sum + term(x).widened())
         }
         fn check<T: Real>(count: usize) {
             let samples: Vec<T> = (0..count).map(|i| T::rounded((i as f64 * 0.7).sin() * 1.9)).collect();
             for term in [(|x| x) as fn(T) -> T, |x| x * x, |x| x.abs()] {
                 let expected = twin(&samples, term).to_bits();
-                assert_eq!(Sum { samples: &samples, term }.run().to_bits(), expected, "{count}");
+                assert_eq!(Sums { samples: &samples, terms: |x| [term(x)] }.run()[0].to_bits(), expected, "{count}");
                 assert_eq!(sum_of(&samples, term).to_bits(), expected, "{count}");
             }
         }

@@ -15,7 +15,7 @@ mod plans;
 
 use std::ops::Range;
 
-use crate::real::sum_of;
+use crate::real::{sum_of, sums_of};
 use crate::{BandEdges, Real, SpectrumEstimator};
 
 use bands::{Cells, Folded, Grid};
@@ -127,12 +127,11 @@ impl<T: Real> Spectrum<T> {
         let count = signal.len();
         let grid = Grid::new(count, view.sample_rate_hz);
         let (flexural, reference) = cells(&grid, view.edges, bands)?;
-        let mean = T::rounded(sum_of(signal, |x| x) / count as f64);
-        let mean_square = sum_of(signal, |x| (x - mean) * (x - mean)) / count as f64;
+        let (mean, mean_square) = moments(signal);
         let powers = self.plans.powers(signal, mean, end(&flexural, &reference));
         Some(Taken {
-            flexural: grid.fold(flexural, |k| powers[k]),
-            reference: grid.fold(reference, |k| powers[k]),
+            flexural: grid.fold(flexural, powers),
+            reference: grid.fold(reference, powers),
             // |X|^2 / (fs N) is a density, V^2/Hz (Eq. 50).
             density: 1.0 / (view.sample_rate_hz * count as f64),
             bin_width_hz: grid.bin_width_hz,
@@ -151,8 +150,8 @@ impl<T: Real> Spectrum<T> {
         let mean_square = sum_of(&self.cut, |x| x * x) / whole;
         let powers = self.plans.powers(&self.cut, T::zero(), end(&flexural, &reference));
         Some(Taken {
-            flexural: grid.fold(flexural, |k| powers[k]),
-            reference: grid.fold(reference, |k| powers[k]),
+            flexural: grid.fold(flexural, powers),
+            reference: grid.fold(reference, powers),
             density: 1.0 / (view.sample_rate_hz * whole),
             bin_width_hz: grid.bin_width_hz,
             mean_square,
@@ -173,17 +172,30 @@ impl<T: Real> Spectrum<T> {
         let Some((flexural, reference)) = cells(&grid, view.edges, bands) else { return Some(None) };
         let mean_square = decimator.decimate(signal, &mut self.cut);
         let powers = self.plans.powers(&self.cut, T::zero(), end(&flexural, &reference));
-        let inverse = decimator.inverse();
-        let power = |k: usize| powers[k] * inverse[k];
+        powers.iter_mut().zip(decimator.inverse()).for_each(|(power, inverse)| *power *= inverse);
         Some(Some(Taken {
-            flexural: grid.fold(flexural, power),
-            reference: grid.fold(reference, power),
+            flexural: grid.fold(flexural, powers),
+            reference: grid.fold(reference, powers),
             density: 1.0 / (view.sample_rate_hz * count as f64),
             bin_width_hz: grid.bin_width_hz,
             mean_square,
             noise_share: 1.0,
         }))
     }
+}
+
+/// Mean of `signal`, and its mean square about that.
+fn moments<T: Real>(signal: &[T]) -> (T, f64) {
+    let count = signal.len() as f64;
+    let [mean, square] = sums_of(signal, |x| [x, x * x]).map(|sum| sum / count);
+    let rounded = T::rounded(mean);
+    // Of a signal that is mostly offset a difference would be mostly rounding.
+    let is_centred = 2.0 * mean * mean < square;
+    let mean_square = match is_centred {
+        true => square - mean * mean,
+        false => sum_of(signal, |x| (x - rounded) * (x - rounded)) / count,
+    };
+    (rounded, mean_square)
 }
 
 /// Bins of the flexural and of the reference band; `None` when either has none.

@@ -101,7 +101,7 @@ impl<T: Real> Kernel for Fill<'_, T> {
     #[inline(always)]
     fn run(self) {
         let Self { signal, count, blocks } = self;
-        let mut stored = [Lanes::default(); GROUP];
+        let (mut stored, part) = ([Lanes::default(); GROUP], 1.0 / count as f64);
         let mut from = 0;
         for group in blocks.chunks_mut(GROUP) {
             for lanes in &mut stored[..group.len()] {
@@ -109,7 +109,7 @@ impl<T: Real> Kernel for Fill<'_, T> {
                 from += count;
             }
             for (block, lanes) in group.iter_mut().zip(&stored) {
-                *block = lanes.block(count);
+                *block = lanes.block(part);
             }
         }
     }
@@ -156,13 +156,21 @@ impl<T: Real> Lanes<T> {
         }
     }
 
-    /// The block of `count` samples.
+    /// The block, of whose samples each is a `part`.
     #[inline(always)]
-    fn block(&self, count: usize) -> Block {
-        let total = |lanes: &[T; LANES]| lanes.iter().map(|x| x.widened()).sum::<f64>();
-        let count = count as f64;
-        let greatest = self.peak.iter().fold(T::zero(), |a, &b| if b > a { b } else { a });
-        Block { mean: total(&self.sum) / count, mean_square: total(&self.square) / count, peak: greatest.widened() }
+    fn block(&self, part: f64) -> Block {
+        // By halves, which are vectors too.
+        let fold = |lanes: &[T; LANES], of_two: fn(T, T) -> T| {
+            let four: [T; 4] = std::array::from_fn(|lane| of_two(lanes[lane], lanes[lane + 4]));
+            let two: [T; 2] = std::array::from_fn(|lane| of_two(four[lane], four[lane + 2]));
+            of_two(two[0], two[1]).widened()
+        };
+        let sum = |a, b| a + b;
+        Block {
+            mean: fold(&self.sum, sum) * part,
+            mean_square: fold(&self.square, sum) * part,
+            peak: fold(&self.peak, |a, b| if b > a { b } else { a }),
+        }
     }
 }
 
@@ -217,10 +225,13 @@ mod tests {
                 lanes[1][lane] += x * x;
                 lanes[2][lane] = if x.abs() > lanes[2][lane] { x.abs() } else { lanes[2][lane] };
             }
-            let [mean, mean_square, _] = lanes.map(|lanes| lanes.iter().map(|x| x.widened()).sum::<f64>());
+            let sum = |lanes: [T; LANES]| {
+                let pair = |lane: usize| lanes[lane] + lanes[lane + 4];
+                ((pair(0) + pair(2)) + (pair(1) + pair(3))).widened()
+            };
             let peak = lanes[2].iter().fold(0.0, |a, x| if x.widened() > a { x.widened() } else { a });
-            let count = block.len() as f64;
-            Block { mean: mean / count, mean_square: mean_square / count, peak }
+            let part = 1.0 / block.len() as f64;
+            Block { mean: sum(lanes[0]) * part, mean_square: sum(lanes[1]) * part, peak }
         }
         fn check<T: Real>(count: usize) {
             let signal: Vec<T> = (0..count * 21 + 5).map(|i| T::rounded((i as f64 * 0.7).sin() * 1.9)).collect();

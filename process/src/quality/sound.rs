@@ -32,6 +32,8 @@ const GUARD_BLOCKS: usize = 2;
 const MAINS_HZ: [f64; 2] = [50.0, 60.0];
 /// Blocks without which hum is not told from ringing: 2.5 periods at 50 Hz.
 const HUM_BLOCKS: usize = 50;
+/// More than a sum of some hundred terms can round up by.
+const ROUNDED_UP: f64 = 1.0 + 1e-9;
 /// Factor by which a line stands above what is three bins beside it.
 const LINE: f64 = 5.0;
 
@@ -77,8 +79,8 @@ impl<C: Count, T> Sound<'_, C, T> {
     /// Whether the tap began before the record did, or where its baseline is taken.
     fn is_late(&self, blocks: &Blocks) -> bool {
         let baseline_blocks = self.baseline_count.map_or(0, |count| count / samples_per_block(self.sample_rate_hz));
-        let is_in_baseline = loudest(blocks.all()).is_some_and(|(at, _)| at < baseline_blocks);
-        self.known.contains(Quality::LATE_TRIGGER) || (is_in_baseline && self.known.contains(Quality::NO_FORCE))
+        let is_in_baseline = || loudest(blocks.all()).is_some_and(|(at, _)| at < baseline_blocks);
+        self.known.contains(Quality::LATE_TRIGGER) || (self.known.contains(Quality::NO_FORCE) && is_in_baseline())
     }
 }
 
@@ -202,6 +204,11 @@ fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
     }
     let beside = 3.0 / tail.len() as f64;
     let mean = tail.iter().map(|block| block.mean).sum::<f64>() / tail.len() as f64;
+    // No line is more than twice what is furthest from the mean; of a clean tap that is little.
+    let furthest = tail.iter().map(|block| (block.mean - mean).abs()).fold(0.0, greater);
+    if ROUNDED_UP * 2.0 * furthest <= least {
+        return None;
+    }
     let lines = MAINS_HZ.into_iter().filter_map(|f_hz| {
         let turns = f_hz / blocks.rate_hz();
         let line = amplitude(tail, mean, turns);

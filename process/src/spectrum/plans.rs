@@ -46,7 +46,7 @@ impl<T: Real> Plans<T> {
     /// |X|^2 of `signal` less its `mean`, of the first `bin_count` bins from 0 Hz on, none beyond the Nyquist frequency.
     ///
     /// `realfft` would do it, but takes all bins apart, of which the bands hold an eighth; these have the same bits.
-    pub(super) fn powers(&mut self, signal: &[T], mean: T, bin_count: usize) -> &[f64] {
+    pub(super) fn powers(&mut self, signal: &[T], mean: T, bin_count: usize) -> &mut [f64] {
         self.plan(signal.len()).powers(signal, mean, bin_count)
     }
 
@@ -83,7 +83,7 @@ impl<T: Real> Plan<T> {
         }
     }
 
-    fn powers(&mut self, signal: &[T], mean: T, bin_count: usize) -> &[f64] {
+    fn powers(&mut self, signal: &[T], mean: T, bin_count: usize) -> &mut [f64] {
         let Self { fft, twiddles, packed, transformed, scratch, powers, .. } = self;
         let is_even = !twiddles.is_empty();
         match is_even {
