@@ -19,7 +19,7 @@ use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Codec, Lineage, Reader, Room, Writer, repack};
-use tapline_wire::{Discriminators, Lane, Plan, RecordKind, TapHeader, bytes_of, lanes_for};
+use tapline_wire::{Discriminators, Lane, Plan, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of, lanes_for};
 
 use common::{print_table, quantile};
 
@@ -61,7 +61,7 @@ impl Scan {
         let begin = Instant::now();
         // As the stage does when taps come faster than they can be kept.
         for flushed in self.taps.chunks(64) {
-            for batch in flushed.chunks(16) {
+            for batch in flushed.chunks(TapTopic::BORROWED) {
                 let taps: Vec<(&TapHeader, &[u8])> =
                     batch.iter().map(|(header, lanes)| (header, bytes_of(lanes))).collect();
                 writer.put_taps(&taps)?;
