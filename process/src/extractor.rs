@@ -192,7 +192,7 @@ impl<T: Real> Extractor<T> {
         let tau_s = pulse.ok().map(|pulse| pulse.tau_samples / record.sample_rate_hz);
         let bands = self.bands(tau_s).ok_or(Quality::NO_BAND)?;
         let view = self.view(record.sample_rate_hz, baseline_count, window.ok());
-        let power = self.spectrum.band_power(&self.signal, &view, &bands);
+        let power = self.spectrum.band_power(&mut self.signal, &view, &bands);
         let power = power.ok_or(Quality::NO_BAND)?;
         self.is_faint = power.is_faint;
         found.set(Discriminator::Pr, power.pr);

@@ -2,6 +2,7 @@
 
 use std::ops::{AddAssign, SubAssign};
 
+use bytemuck::Pod;
 use rustfft::FftNum;
 
 use crate::wide::Kernel;
@@ -13,7 +14,7 @@ mod sealed {
 }
 
 /// `f32` or `f64`: the arithmetic of the transform and of sums over a whole record.
-pub trait Real: FftNum + PartialOrd + AddAssign + SubAssign + sealed::Sealed {
+pub trait Real: FftNum + Pod + PartialOrd + AddAssign + SubAssign + sealed::Sealed {
     /// The nearest number of this kind.
     fn rounded(value: f64) -> Self;
     /// The same number in double precision.
@@ -80,19 +81,17 @@ impl<T: Real, F: Fn(T) -> [T; N], const N: usize> Kernel for Sums<'_, T, F> {
             for (lanes, block) in stored.iter_mut().zip(blocks) {
                 let mut sums = [[T::zero(); LANES]; N];
                 for row in block {
-                    for n in 0..N {
-                        for lane in 0..LANES {
-                            sums[n][lane] += terms(row[lane])[n];
+                    for (n, lanes) in sums.iter_mut().enumerate() {
+                        for (lane, &x) in lanes.iter_mut().zip(row) {
+                            *lane += terms(x)[n];
                         }
                     }
                 }
                 *lanes = sums;
             }
             for lanes in &stored[..block_count] {
-                for n in 0..N {
-                    for lane in 0..LANES {
-                        totals[n][lane] += lanes[n][lane].widened();
-                    }
+                for (totals, lanes) in totals.iter_mut().zip(lanes) {
+                    totals.iter_mut().zip(lanes).for_each(|(total, lane)| *total += lane.widened());
                 }
             }
         }

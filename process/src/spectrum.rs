@@ -2,7 +2,7 @@
 //!
 //! The power spectral density is the one-sided boxcar periodogram of the whole record with its mean removed,
 //! as `scipy.signal.periodogram(x, fs, window="boxcar", detrend="constant", scaling="density")` defines it.
-//! The bin at 0 Hz is exactly 0: that is what removing the mean does to it.
+//! The bin at 0 Hz is exactly 0: that is what removing the mean does to it, and no bin of a band is that one.
 //!
 //! Of a gate, or of the decimated record, density and energy are those of the whole record all the same, so that values
 //! of different estimators may be compared.
@@ -89,10 +89,10 @@ impl<T: Real> Spectrum<T> {
         Self { plans: Plans::new(), decimator: None, cut: Vec::new() }
     }
 
-    /// PR, P_f and E_f of `signal` as `view` has it.
+    /// PR, P_f and E_f of `signal` as `view` has it; nothing of use is left in the signal.
     ///
     /// `None` when a band holds no bin, or the lower one's reference no power, or the flexural one no more than noise.
-    pub(crate) fn band_power(&mut self, signal: &[T], view: &View, bands: &Bands) -> Option<BandPower> {
+    pub(crate) fn band_power(&mut self, signal: &mut [T], view: &View, bands: &Bands) -> Option<BandPower> {
         let noise = match view.quiet_count {
             0 => None,
             count => noise::of_bands(&mut self.plans, signal.get(..count)?, view.sample_rate_hz, bands),
@@ -123,12 +123,12 @@ impl<T: Real> Spectrum<T> {
         }
     }
 
-    fn whole(&mut self, signal: &[T], view: &View, bands: &Bands) -> Option<Taken> {
+    fn whole(&mut self, signal: &mut [T], view: &View, bands: &Bands) -> Option<Taken> {
         let count = signal.len();
         let grid = Grid::new(count, view.sample_rate_hz);
         let (flexural, reference) = cells(&grid, view.edges, bands)?;
-        let (mean, mean_square) = moments(signal);
-        let powers = self.plans.powers(signal, mean, end(&flexural, &reference));
+        let mean_square = centred(signal);
+        let powers = self.plans.powers(signal, end(&flexural, &reference));
         Some(Taken {
             flexural: grid.fold(flexural, powers),
             reference: grid.fold(reference, powers),
@@ -148,7 +148,7 @@ impl<T: Real> Spectrum<T> {
         let grid = Grid::new(count, view.sample_rate_hz);
         let (flexural, reference) = cells(&grid, view.edges, bands)?;
         let mean_square = sum_of(&self.cut, |x| x * x) / whole;
-        let powers = self.plans.powers(&self.cut, T::zero(), end(&flexural, &reference));
+        let powers = self.plans.powers(&mut self.cut, end(&flexural, &reference));
         Some(Taken {
             flexural: grid.fold(flexural, powers),
             reference: grid.fold(reference, powers),
@@ -171,7 +171,7 @@ impl<T: Real> Spectrum<T> {
         let grid = Grid::new(count, view.sample_rate_hz);
         let Some((flexural, reference)) = cells(&grid, view.edges, bands) else { return Some(None) };
         let mean_square = decimator.decimate(signal, &mut self.cut);
-        let powers = self.plans.powers(&self.cut, T::zero(), end(&flexural, &reference));
+        let powers = self.plans.powers(&mut self.cut, end(&flexural, &reference));
         powers.iter_mut().zip(decimator.inverse()).for_each(|(power, inverse)| *power *= inverse);
         Some(Some(Taken {
             flexural: grid.fold(flexural, powers),
@@ -184,18 +184,20 @@ impl<T: Real> Spectrum<T> {
     }
 }
 
-/// Mean of `signal`, and its mean square about that.
-fn moments<T: Real>(signal: &[T]) -> (T, f64) {
+/// Mean square of `signal` about its mean, which is taken off where it is of any size.
+///
+/// The mean is in the bin at 0 Hz alone, which no band has. Only where it outweighs all the rest would its rounding show in
+/// the others, and only there is the mean square lost in a difference.
+fn centred<T: Real>(signal: &mut [T]) -> f64 {
     let count = signal.len() as f64;
     let [mean, square] = sums_of(signal, |x| [x, x * x]).map(|sum| sum / count);
-    let rounded = T::rounded(mean);
-    // Of a signal that is mostly offset a difference would be mostly rounding.
-    let is_centred = 2.0 * mean * mean < square;
-    let mean_square = match is_centred {
-        true => square - mean * mean,
-        false => sum_of(signal, |x| (x - rounded) * (x - rounded)) / count,
-    };
-    (rounded, mean_square)
+    let is_small = 2.0 * mean * mean < square;
+    if is_small {
+        return square - mean * mean;
+    }
+    let mean = T::rounded(mean);
+    signal.iter_mut().for_each(|x| *x -= mean);
+    sum_of(signal, |x| x * x) / count
 }
 
 /// Bins of the flexural and of the reference band; `None` when either has none.
@@ -232,9 +234,9 @@ mod tests {
     fn sine_on_a_bin() {
         for count in [4096_u32, 4095] {
             let rate = 10.0 * f64::from(count); // bins of 10 Hz
-            let signal: Vec<f64> =
+            let mut signal: Vec<f64> =
                 (0..count).map(|i| 7.0 + 3.0 * (2.0 * PI * 100.0 * f64::from(i) / f64::from(count)).sin()).collect();
-            let power = Spectrum::new().band_power(&signal, &View::whole(rate), &BANDS).unwrap();
+            let power = Spectrum::new().band_power(&mut signal, &View::whole(rate), &BANDS).unwrap();
             assert!((power.pr - 1.0).abs() < 1e-12, "{power:?}");
             assert!((power.e_f - 4.5).abs() < 1e-9, "{power:?}");
             assert!((power.p_f - 0.45).abs() < 1e-9, "{power:?}");
@@ -245,10 +247,10 @@ mod tests {
     #[test]
     fn parseval() {
         for count in [2, 3, 10, 11, 97, 128, 1000, 1023] {
-            let signal = noise(count);
+            let mut signal = noise(count);
             let mean = signal.iter().sum::<f64>() / count as f64;
             let variance = signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count as f64;
-            let power = Spectrum::new().band_power(&signal, &View::whole(5000.0), &EVERYTHING).unwrap();
+            let power = Spectrum::new().band_power(&mut signal, &View::whole(5000.0), &EVERYTHING).unwrap();
             assert!((power.e_f / variance - 1.0).abs() < 1e-12, "{count}: {} {variance}", power.e_f);
         }
     }
@@ -260,18 +262,39 @@ mod tests {
         for (tone_hz, expected) in
             [(550.0, 1.0), (2000.0, 1.0), (540.0, 0.0), (2010.0, 0.0), (70.0, 0.0), (3000.0, 0.0)]
         {
-            let signal: Vec<f64> = (0..count).map(|i| (2.0 * PI * tone_hz * f64::from(i) / rate).cos()).collect();
-            let power = Spectrum::new().band_power(&signal, &View::whole(rate), &BANDS).unwrap();
+            let mut signal: Vec<f64> = (0..count).map(|i| (2.0 * PI * tone_hz * f64::from(i) / rate).cos()).collect();
+            let power = Spectrum::new().band_power(&mut signal, &View::whole(rate), &BANDS).unwrap();
             assert!((power.pr - expected).abs() < 1e-9, "{tone_hz} Hz: {}", power.pr);
+        }
+    }
+
+    /// Catches an offset whose rounding shows in the bands, be it left in the signal or taken off, and a mean square that has
+    /// the offset in it.
+    #[test]
+    fn an_offset_is_in_no_band() {
+        let tone: Vec<f64> = noise(4096).iter().enumerate().map(|(i, x)| x + (0.3 * i as f64).sin()).collect();
+        let mean = tone.iter().sum::<f64>() / 4096.0;
+        let mean_square = tone.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 4096.0;
+        let view = View::whole(40_960.0);
+        let expected = Spectrum::new().band_power(&mut tone.clone(), &view, &BANDS).unwrap();
+        for offset in [0.0, 0.2, 0.7, 0.8, 30.0, 1000.0] {
+            let mut single: Vec<f32> = tone.iter().map(|x| (x + offset) as f32).collect();
+            let found = centred(&mut single.clone());
+            assert!((found / mean_square - 1.0).abs() < 1e-4, "{offset}: {found} {mean_square}");
+            let found = Spectrum::new().band_power(&mut single, &view, &BANDS).unwrap();
+            // What is left is the rounding of the samples beside the offset.
+            let most = 1e-5 * (1.0 + offset);
+            assert!((found.pr / expected.pr - 1.0).abs() < most, "{offset}: {found:?} {expected:?}");
+            assert!((found.e_f / expected.e_f - 1.0).abs() < most, "{offset}: {found:?} {expected:?}");
         }
     }
 
     /// Catches a number made up for no bins or no power.
     #[test]
     fn empty_bands() {
-        assert_eq!(Spectrum::new().band_power(&noise(16), &View::whole(40_960.0), &BANDS), None);
-        assert_eq!(Spectrum::new().band_power(&noise(1000), &View::whole(100.0), &BANDS), None);
-        assert_eq!(Spectrum::new().band_power(&[0.0_f32; 1000], &View::whole(40_960.0), &BANDS), None);
-        assert_eq!(Spectrum::new().band_power(&[1.0_f32], &View::whole(40_960.0), &EVERYTHING), None);
+        assert_eq!(Spectrum::new().band_power(&mut noise(16), &View::whole(40_960.0), &BANDS), None);
+        assert_eq!(Spectrum::new().band_power(&mut noise(1000), &View::whole(100.0), &BANDS), None);
+        assert_eq!(Spectrum::new().band_power(&mut [0.0_f32; 1000], &View::whole(40_960.0), &BANDS), None);
+        assert_eq!(Spectrum::new().band_power(&mut [1.0_f32], &View::whole(40_960.0), &EVERYTHING), None);
     }
 }

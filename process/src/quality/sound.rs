@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use rustfft::num_complex::Complex;
+use num_complex::Complex;
 use tapline_wire::{Discriminator, Quality};
 
 use super::blocks::{Block, Blocks, samples_per_block};
@@ -260,4 +260,30 @@ fn is_after<C: Count, T>(sound: &Sound<'_, C, T>, blocks: &[Block], step_blocks:
         least = if peak < least { peak } else { least };
     }
     false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches hum that is missed because the level it must exceed is taken for more than a line can have.
+    #[test]
+    fn no_line_is_more_than_twice_the_furthest() {
+        for period in 3..300 {
+            for phase in 0..8 {
+                let turns = 1.0 / f64::from(period);
+                let angle = |i: i32| TAU * (turns * f64::from(i) + f64::from(phase) / 8.0);
+                for square in [false, true] {
+                    let mean = |i: i32| if square { angle(i).cos().signum() } else { angle(i).cos() };
+                    let tail: Vec<Block> = (0..200).map(|i| Block { mean: mean(i), ..Block::default() }).collect();
+                    let middle = tail.iter().map(|block| block.mean).sum::<f64>() / 200.0;
+                    let furthest = tail.iter().map(|block| (block.mean - middle).abs()).fold(0.0, greater);
+                    let line = amplitude(&tail, middle, turns);
+                    assert!(line <= ROUNDED_UP * 2.0 * furthest, "{period}: {line} {furthest}");
+                    // A square wave's line is 4/pi of its height: the bound cannot be as low as that.
+                    assert!(!square || period != 21 || line > 1.1 * furthest, "{line} {furthest}");
+                }
+            }
+        }
+    }
 }

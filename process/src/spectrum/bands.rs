@@ -195,7 +195,7 @@ mod tests {
     /// that differ with the machine's vectors.
     #[test]
     fn whole_bins_like_a_loop() {
-        proptest!(|(powers in prop::collection::vec(0.0..1.0_f64, 1..200), is_even in any::<bool>(), start: u8, end: u8)| {
+        proptest!(|(powers in prop::collection::vec(0.0..1.0_f64, 2..200), is_even in any::<bool>(), start: u8, end: u8)| {
             let bins = powers.len();
             let grid = Grid::new(if is_even { 2 * (bins - 1) } else { 2 * bins - 1 }, 1000.0);
             let (start, end) = (start as usize % bins, end as usize % (bins + 1));
@@ -204,9 +204,10 @@ mod tests {
             let sided = |k: usize| if k == 0 { 0.0 } else if is_even && k == bins - 1 { powers[k] } else { 2.0 * powers[k] };
             let sum: f64 = (start..end).map(sided).sum();
             prop_assert!((found.sum - sum).abs() < 1e-12 * (1.0 + sum), "{} {sum}", found.sum);
-            prop_assert_eq!(found.largest, (start..end).map(sided).fold(0.0, f64::max));
+            let largest = (start..end).map(sided).fold(0.0, |most, power| if power > most { power } else { most });
+            prop_assert_eq!(found.largest.to_bits(), largest.to_bits());
             let (plain, wide) = (Fold { powers: &powers }.run(), Fold { powers: &powers }.wide());
-            prop_assert_eq!((plain.sum, plain.largest), (wide.sum, wide.largest));
+            prop_assert_eq!((plain.sum.to_bits(), plain.largest.to_bits()), (wide.sum.to_bits(), wide.largest.to_bits()));
         });
     }
 

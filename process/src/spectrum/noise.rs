@@ -41,8 +41,8 @@ pub(super) fn of_bands<T: Real>(
         squares += height * height;
         T::rounded(height * (x.widened() - mean))
     });
-    let windowed: Vec<T> = windowed.collect();
-    let powers = plans.powers(&windowed, T::zero(), end(&flexural, &reference));
+    let mut windowed: Vec<T> = windowed.collect();
+    let powers = plans.powers(&mut windowed, end(&flexural, &reference));
     let density = 1.0 / (sample_rate_hz * squares);
     let mean_square = |cells| grid.fold(cells, powers).sum * density * grid.bin_width_hz;
     let (flexural, reference) = (mean_square(flexural), mean_square(reference));

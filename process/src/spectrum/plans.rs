@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::fmt;
 use std::sync::Arc;
 
-use rustfft::num_complex::Complex;
+use num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
 use crate::Real;
@@ -20,7 +20,8 @@ struct Plan<T> {
     fft: Arc<dyn Fft<T>>,
     /// exp(-2 pi i k/n)/2 of the bins k from 0 Hz to the Nyquist frequency, which take an even number's bins apart.
     twiddles: Vec<Complex<T>>,
-    packed: Vec<Complex<T>>,
+    /// The samples as complex ones, of an odd number.
+    widened: Vec<Complex<T>>,
     transformed: Vec<Complex<T>>,
     scratch: Vec<Complex<T>>,
     powers: Vec<f64>,
@@ -43,11 +44,12 @@ impl<T: Real> Plans<T> {
         Self { plans: Vec::with_capacity(PLANS_MAX) }
     }
 
-    /// |X|^2 of `signal` less its `mean`, of the first `bin_count` bins from 0 Hz on, none beyond the Nyquist frequency.
+    /// |X|^2 of `signal`, of the first `bin_count` bins from 0 Hz on, none beyond the Nyquist frequency; nothing of use is left
+    /// in the signal.
     ///
     /// `realfft` would do it, but takes all bins apart, of which the bands hold an eighth; these have the same bits.
-    pub(super) fn powers(&mut self, signal: &[T], mean: T, bin_count: usize) -> &mut [f64] {
-        self.plan(signal.len()).powers(signal, mean, bin_count)
+    pub(super) fn powers(&mut self, signal: &mut [T], bin_count: usize) -> &mut [f64] {
+        self.plan(signal.len()).powers(signal, bin_count)
     }
 
     fn plan(&mut self, count: usize) -> &mut Plan<T> {
@@ -75,7 +77,7 @@ impl<T: Real> Plan<T> {
         Self {
             count,
             twiddles: if is_even { twiddles(count) } else { Vec::new() },
-            packed: zeros(length),
+            widened: if is_even { Vec::new() } else { zeros(length) },
             transformed: zeros(length + 1),
             scratch: zeros(fft.get_outofplace_scratch_len()),
             powers: Vec::new(),
@@ -83,13 +85,17 @@ impl<T: Real> Plan<T> {
         }
     }
 
-    fn powers(&mut self, signal: &[T], mean: T, bin_count: usize) -> &mut [f64] {
-        let Self { fft, twiddles, packed, transformed, scratch, powers, .. } = self;
+    fn powers(&mut self, signal: &mut [T], bin_count: usize) -> &mut [f64] {
+        let Self { fft, twiddles, widened, transformed, scratch, powers, .. } = self;
         let is_even = !twiddles.is_empty();
-        match is_even {
-            true => Pack { signal, mean, packed }.wide(),
-            false => packed.iter_mut().zip(signal).for_each(|(to, &x)| *to = Complex::new(x - mean, T::zero())),
-        }
+        let packed: &mut [Complex<T>] = match is_even {
+            // Samples 0 and 1 are one complex number, 2 and 3 the next, and so on.
+            true => bytemuck::cast_slice_mut(signal),
+            false => {
+                widened.iter_mut().zip(&*signal).for_each(|(to, &x)| *to = Complex::new(x, T::zero()));
+                widened
+            }
+        };
         let length = packed.len();
         fft.process_outofplace_with_scratch(packed, &mut transformed[..length], scratch);
         // The transform goes round: behind its last bin comes its first.
@@ -119,24 +125,6 @@ fn twiddles<T: Real>(count: usize) -> Vec<Complex<T>> {
         }
     };
     (0..=count / 2).map(of_bin).collect()
-}
-
-/// Samples 0 and 1 of `signal` less its `mean` become one complex number, 2 and 3 the next, and so on.
-struct Pack<'a, T> {
-    signal: &'a [T],
-    mean: T,
-    packed: &'a mut [Complex<T>],
-}
-
-impl<T: Real> Kernel for Pack<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        for (to, pair) in self.packed.iter_mut().zip(self.signal.chunks_exact(2)) {
-            *to = Complex::new(pair[0] - self.mean, pair[1] - self.mean);
-        }
-    }
 }
 
 /// |X_k|^2 of the signal of which `halves` are the transform Z of its packed pairs: with E and O the transforms of the
@@ -185,8 +173,8 @@ mod tests {
     fn plans_are_kept_and_bounded() {
         let mut plans = Plans::<f64>::new();
         for count in (100..130).chain([129, 100, 128]) {
-            let kept = plans.powers(&signal(count), 1.0, 40).to_vec();
-            assert_eq!(kept, Plans::new().powers(&signal(count), 1.0, 40));
+            let kept = plans.powers(&mut signal(count), 40).to_vec();
+            assert_eq!(kept, Plans::<f64>::new().powers(&mut signal(count), 40));
             assert!(plans.plans.len() <= PLANS_MAX);
         }
         let kept: Vec<usize> = plans.plans.iter().map(|plan| plan.count).collect();
@@ -198,14 +186,12 @@ mod tests {
     fn powers_like_realfft() {
         fn check<T: Real>(count: usize) {
             let signal: Vec<T> = signal(count);
-            let mean = T::rounded(0.37);
             let fft = RealFftPlanner::new().plan_fft_forward(count);
             let mut bins = fft.make_output_vec();
-            let mut centred: Vec<T> = signal.iter().map(|&x| x - mean).collect();
-            fft.process(&mut centred, &mut bins).unwrap();
+            fft.process(&mut signal.clone(), &mut bins).unwrap();
             for bin_count in [bins.len(), bins.len() / 3] {
                 let expected: Vec<f64> = bins[..bin_count].iter().map(|bin| power_of(bin.re, bin.im)).collect();
-                assert_eq!(Plans::new().powers(&signal, mean, bin_count), expected, "{count}");
+                assert_eq!(Plans::new().powers(&mut signal.clone(), bin_count), expected, "{count}");
             }
         }
         for count in (1..70).chain([96, 100, 127, 128, 1000, 1023, 1026, 4096, 16_384]) {
