@@ -18,8 +18,8 @@ const GATE_LEAD_S: f64 = 1e-3;
 
 /// Extracts the discriminators of taps, one after the other, in the arithmetic of `T`.
 ///
-/// Only the transform, its power sums' terms and the magnitudes under A_2 are in `T`; everything else, and every sum,
-/// is in `f64`. One extractor serves one thread; its results depend on the tap alone, not on what came before.
+/// Only the transform, the terms of long sums and the blocks that flags are found by are in `T`; everything else is in
+/// `f64`, long sums too. One extractor serves one thread; its results depend on the tap alone, not on what came before.
 #[derive(Debug)]
 pub struct Extractor<T: Real> {
     config: ProcessConfig,
@@ -155,7 +155,7 @@ impl<T: Real> Extractor<T> {
             let base = self.medians.median(before);
             (base, self.medians.noise_counts(before, base))
         });
-        let base = baseline.map_or(0.0, |(base, _)| base); // the spectrum removes the mean anyway
+        let base = baseline.map_or(0.0, |(base, _)| base); // no band has the mean in it
         let gain = extent.gain(base);
         self.signal.resize(track.samples.len(), T::zero());
         Centre { samples: track.samples, base, gain, signal: &mut self.signal }.wide();

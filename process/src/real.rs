@@ -149,6 +149,8 @@ mod tests {
                 let expected = twin(&samples, term).to_bits();
                 assert_eq!(Sums { samples: &samples, terms: |x| [term(x)] }.run()[0].to_bits(), expected, "{count}");
                 assert_eq!(sum_of(&samples, term).to_bits(), expected, "{count}");
+                let [of_one, one] = sums_of(&samples, |x| [term(x), T::one()]);
+                assert_eq!((of_one.to_bits(), one.to_bits()), (expected, (count as f64).to_bits()), "{count}");
             }
         }
         for count in (0..200).chain([16_384, 16_401]) {

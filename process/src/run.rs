@@ -14,9 +14,8 @@ use tapline_wire::{
 
 use crate::{Error, ProcessConfig, ProcessExtractor};
 
-/// Most taps in hand at once: more would wait here instead of where they lie.
-const IN_HAND_MAX: usize = 14;
-const _: () = assert!(IN_HAND_MAX + 2 <= TapTopic::BORROWED, "a subscriber may not hold so many");
+/// Most taps in hand at once; below what a subscriber may borrow.
+const IN_HAND_MAX: usize = TapTopic::BORROWED - 2;
 
 /// Longest latency told apart from longer ones.
 const LATENCY_MAX_US: u64 = 600_000_000;

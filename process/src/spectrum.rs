@@ -2,7 +2,7 @@
 //!
 //! The power spectral density is the one-sided boxcar periodogram of the whole record with its mean removed,
 //! as `scipy.signal.periodogram(x, fs, window="boxcar", detrend="constant", scaling="density")` defines it.
-//! The bin at 0 Hz is exactly 0: that is what removing the mean does to it, and no bin of a band is that one.
+//! The bin at 0 Hz, which removing the mean makes 0, counts in no band.
 //!
 //! Of a gate, or of the decimated record, density and energy are those of the whole record all the same, so that values
 //! of different estimators may be compared.
@@ -127,7 +127,7 @@ impl<T: Real> Spectrum<T> {
         let count = signal.len();
         let grid = Grid::new(count, view.sample_rate_hz);
         let (flexural, reference) = cells(&grid, view.edges, bands)?;
-        let mean_square = centred(signal);
+        let mean_square = square_about_mean(signal);
         let powers = self.plans.powers(signal, end(&flexural, &reference));
         Some(Taken {
             flexural: grid.fold(flexural, powers),
@@ -172,6 +172,7 @@ impl<T: Real> Spectrum<T> {
         let Some((flexural, reference)) = cells(&grid, view.edges, bands) else { return Some(None) };
         let mean_square = decimator.decimate(signal, &mut self.cut);
         let powers = self.plans.powers(&mut self.cut, end(&flexural, &reference));
+        debug_assert!(powers.len() <= decimator.inverse().len(), "a bin has no inverse");
         powers.iter_mut().zip(decimator.inverse()).for_each(|(power, inverse)| *power *= inverse);
         Some(Some(Taken {
             flexural: grid.fold(flexural, powers),
@@ -184,11 +185,11 @@ impl<T: Real> Spectrum<T> {
     }
 }
 
-/// Mean square of `signal` about its mean, which is taken off where it is of any size.
+/// Mean square of `signal` about its mean, which is taken off where it outweighs the rest.
 ///
-/// The mean is in the bin at 0 Hz alone, which no band has. Only where it outweighs all the rest would its rounding show in
-/// the others, and only there is the mean square lost in a difference.
-fn centred<T: Real>(signal: &mut [T]) -> f64 {
+/// The mean is in the bin at 0 Hz alone, which counts in no band. Only where there is more of it than of all the rest would
+/// its rounding show in other bins, and only there is the mean square lost in a difference.
+fn square_about_mean<T: Real>(signal: &mut [T]) -> f64 {
     let count = signal.len() as f64;
     let [mean, square] = sums_of(signal, |x| [x, x * x]).map(|sum| sum / count);
     let is_small = 2.0 * mean * mean < square;
@@ -279,7 +280,7 @@ mod tests {
         let expected = Spectrum::new().band_power(&mut tone.clone(), &view, &BANDS).unwrap();
         for offset in [0.0, 0.2, 0.7, 0.8, 30.0, 1000.0] {
             let mut single: Vec<f32> = tone.iter().map(|x| (x + offset) as f32).collect();
-            let found = centred(&mut single.clone());
+            let found = square_about_mean(&mut single.clone());
             assert!((found / mean_square - 1.0).abs() < 1e-4, "{offset}: {found} {mean_square}");
             let found = Spectrum::new().band_power(&mut single, &view, &BANDS).unwrap();
             // What is left is the rounding of the samples beside the offset.

@@ -48,6 +48,7 @@ pub(crate) struct Archive {
     /// The reference file of the run, as it was read.
     pub(crate) reference: Option<String>,
     pub(crate) samples: ChunkRows,
+    /// By the layout of the file that has the samples.
     pub(crate) chunk_seal: ChunkSeal,
     pub(crate) headers: Table<HeaderRow>,
     pub(crate) discriminators: Table<DiscriminatorsRow>,

@@ -13,8 +13,8 @@ use crate::sealed::Digest;
 /// Version of the layout that is written.
 pub const FORMAT_VERSION: u32 = 4;
 
-/// Oldest version of the layout that is read; a file of another version is refused. In layout 3 a chunk has another
-/// checksum, see [`crate::sealed::ChunkSeal`]; that is all that was different.
+/// Oldest version of the layout that is read; an older one is refused, and so is one newer than [`FORMAT_VERSION`]. In layout
+/// 3 a chunk has another checksum, see [`crate::sealed::ChunkSeal`]; that is all that was different.
 pub(crate) const OLDEST_VERSION: u32 = 3;
 
 /// Longest reason of a refusal in bytes of UTF-8; a longer one ends in an ellipsis.

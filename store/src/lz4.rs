@@ -103,3 +103,91 @@ pub(crate) fn unpack(packed: &[u8], unpacked: &mut [u8]) -> bool {
     // packed bytes say, and keeps no pointer.
     unsafe { LZ4_decompress_safe(packed.as_ptr().cast(), unpacked.as_mut_ptr().cast(), from, to) == to }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// What a block of LZ4 says, by its description and no faster; every rule on how a block ends is held to, such as decoders
+    /// may count on: the last match begins 12 bytes before the end or earlier, and the last 5 are literals.
+    fn slow(packed: &[u8], length: usize) -> Vec<u8> {
+        let (mut bytes, mut unpacked) = (packed.iter().copied(), Vec::new());
+        loop {
+            let token = bytes.next().unwrap();
+            let mut long = |half: u8| {
+                let mut length = usize::from(half);
+                let mut more = half == 15;
+                while more {
+                    let byte = bytes.next().unwrap();
+                    length += usize::from(byte);
+                    more = byte == 255;
+                }
+                length
+            };
+            let literals = long(token >> 4);
+            unpacked.extend(bytes.by_ref().take(literals));
+            let Some(low) = bytes.next() else {
+                assert!(token & 15 == 0 && (literals >= 5 || unpacked.len() == literals), "ends within a match");
+                return unpacked;
+            };
+            let distance = usize::from(u16::from_le_bytes([low, bytes.next().unwrap()]));
+            assert!((1..=unpacked.len()).contains(&distance), "{distance} before {}", unpacked.len());
+            assert!(unpacked.len() + 12 <= length, "a match begins at {} of {length}", unpacked.len());
+            let mut more = usize::from(token & 15);
+            let mut is_more = more == 15;
+            while is_more {
+                let byte = bytes.next().unwrap();
+                more += usize::from(byte);
+                is_more = byte == 255;
+            }
+            for _ in 0..more + 4 {
+                unpacked.push(unpacked[unpacked.len() - distance]);
+            }
+            assert!(unpacked.len() + 5 <= length, "a match ends at {} of {length}", unpacked.len());
+        }
+    }
+
+    fn check(planes: &[u8], plane_bytes: usize) {
+        let (mut packed, mut unpacked) = (vec![7], vec![9; planes.len()]);
+        pack(planes, plane_bytes, &mut packed);
+        assert_eq!(packed[0], 7, "it is appended");
+        assert_eq!(slow(&packed[1..], planes.len()), planes, "{plane_bytes}");
+        assert!(unpack(&packed[1..], &mut unpacked) || planes.is_empty());
+        assert_eq!(unpacked, planes);
+    }
+
+    /// Catches a match that goes on into the last bytes, or begins among them: what repeats to the very end, of any length.
+    #[test]
+    fn a_block_ends_as_it_must() {
+        for length in 0..400 {
+            for noise in 0..20 {
+                let planes: Vec<u8> = (0..length).map(|k| if k < noise { (k * k) as u8 } else { 3 }).collect();
+                check(&planes, 16);
+                let planes: Vec<u8> = (0..length).map(|k| (k % 24 * (k % 24) % 251) as u8).collect();
+                check(&planes, 24);
+            }
+        }
+    }
+
+    proptest! {
+        /// Catches a length that is written wrongly, a distance mistaken for another, and bytes lost between matches.
+        #[test]
+        fn what_is_packed_is_what_lz4_says(
+            runs in prop::collection::vec((0..3_u8, 1..400_usize, any::<bool>()), 0..40),
+            plane_bytes in 1..200_usize,
+            seed: u32,
+        ) {
+            let (mut planes, mut state) = (Vec::new(), seed);
+            for (byte, length, is_noise) in runs {
+                for _ in 0..length {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    let before = planes.len().checked_sub(plane_bytes).map_or(byte, |at: usize| planes[at]);
+                    planes.push(if is_noise { (state >> 24) as u8 } else if byte == 2 { before } else { byte });
+                }
+            }
+            check(&planes, plane_bytes);
+        }
+    }
+}

@@ -13,6 +13,7 @@ use crate::{Error, PutOutcome, RunWriter};
 
 /// Taps that are taken in together, packed by several threads: as many as may be held at once.
 const BATCH_TAPS: usize = TapTopic::BORROWED;
+const _: () = assert!(BATCH_TAPS <= FLUSH_TAPS, "taps would never be taken");
 
 /// Taps after which the archive is flushed even while more are coming.
 const FLUSH_TAPS: usize = 64;

@@ -1,7 +1,7 @@
 //! Rows and samples under seal: a checksum with each, by which a single changed bit is found and located.
 //!
-//! Rows have part of a BLAKE3. So have the samples as they are meant, which is what results are traced to; the packed bytes
-//! are read far oftener than anyone doubts them, and have a checksum that costs a tenth of that.
+//! Rows have part of a BLAKE3, samples as they are meant a whole one, which results are traced to. Packed bytes are checked
+//! at every reading, and have a checksum that costs a tenth of that.
 #![expect(unsafe_code, reason = "a row is checked as the bytes that go to the file")]
 
 use hdf5::H5Type;

@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use tapline_store::{Codec, Error, FORMAT_VERSION, Lineage, Lost, Reader, Writer, repack, verify};
+use tapline_store::{Codec, Error, FORMAT_VERSION, Lineage, Lost, Reader, Room, RunWriter, Writer, repack, verify};
 use tapline_wire::{
     Channel, ChannelHeader, DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Quality,
     Reasons, RecordKind, Recording, SampleFormat, Serial, SourceKind, Stamp, TapHeader, TapId, TapState, Truth,
@@ -22,8 +22,9 @@ const SAMPLE_COUNT: u32 = 12;
 /// The taps that the fixture has; of the others, row 2 was refused and row 3 never came.
 const ARCHIVED: [u32; 3] = [0, 1, 4];
 
-/// The layouts that were released.
-const RELEASED: [u32; 2] = [3, FORMAT_VERSION];
+/// The layouts that were released, the newest last.
+const RELEASED: [u32; 2] = [3, 4];
+const _: () = assert!(RELEASED[RELEASED.len() - 1] == FORMAT_VERSION, "a layout has no fixture: see `write_anew`");
 
 fn fixture(version: u32) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/fixtures/layout-{version}.h5"))
@@ -199,7 +200,7 @@ fn gives_its_taps(version: u32) {
     let refusals = reader.refusals().unwrap();
     assert_eq!((refusals.len(), refusals[0].plan_index, refusals[0].reason.as_str()), (1, 2, REASON));
     let taps = reader.taps().unwrap();
-    let mut room = tapline_store::Room::default();
+    let mut room = Room::default();
     for row in 0..5 {
         let Some((found, samples)) = reader.tap(row).unwrap() else {
             assert!(!ARCHIVED.contains(&row), "row {row} is gone");
@@ -306,4 +307,34 @@ fn an_older_archive_is_gone_on_with_as_it_is() {
         repack(fixture(layout), &packed, Codec::Zstd).unwrap();
         assert_eq!((of_samples(&packed), version(&packed)), (vec![], FORMAT_VERSION));
     }
+}
+
+/// Catches samples that are checked as the layout of the results has it, not as that of the file which has them.
+#[test]
+fn results_may_have_another_layout_than_their_taps() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let [path, packed, results] = ["run.h5", "packed.h5", "results.h5"].map(|name| folder.path().join(name));
+    std::fs::copy(fixture(3), &path).unwrap();
+    let reader = Reader::open(&path).unwrap();
+    let mut writer = RunWriter::of_results(&results, &reader, Lineage { made_by: "other", ..lineage() }).unwrap();
+    for row in ARCHIVED {
+        let id = header(&plan(), row).id;
+        writer.put_discriminators(&Discriminators { id, plan_index: row, ..Discriminators::default() }).unwrap();
+    }
+    writer.finish().unwrap();
+    let again = Reader::open(&results).unwrap();
+    let (taps, mut room) = (again.taps().unwrap(), Room::default());
+    for row in ARCHIVED {
+        let (_, samples) = taps.read(row, &mut room).unwrap().unwrap();
+        let bytes: Vec<u8> = counts(row).into_iter().flat_map(i16::to_le_bytes).collect();
+        assert_eq!(samples.as_bytes(), bytes);
+    }
+    let problems = verify(&results).unwrap().problems;
+    assert!(!problems.iter().any(|problem| problem.to_string().contains("samples")), "{problems:?}");
+    // And when the taps are packed again, by another codec too.
+    drop((reader, again));
+    repack(&path, &packed, Codec::Zstd).unwrap();
+    std::fs::rename(&packed, &path).unwrap();
+    assert!(Reader::open(&results).unwrap().tap(0).unwrap().is_some());
 }

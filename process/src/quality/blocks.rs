@@ -156,7 +156,7 @@ impl<T: Real> Lanes<T> {
         }
     }
 
-    /// The block, of whose samples each is a `part`.
+    /// The block; `part` is one over the number of its samples.
     #[inline(always)]
     fn block(&self, part: f64) -> Block {
         // By halves, which are vectors too.

@@ -99,13 +99,14 @@ impl Grid {
     }
 
     /// Of the `powers` of the bins from 0 Hz on those of `cells`, doubled where a bin stands for a negative frequency as well:
-    /// all but 0 Hz, which the removed mean makes 0, and the Nyquist frequency of an even number of samples.
+    /// all but 0 Hz, which is left out, and the Nyquist frequency of an even number of samples.
     pub(super) fn fold(&self, cells: Cells, powers: &[f64]) -> Folded {
         let is_nyquist = |k: usize| 2 * k == self.sample_count;
         let sided = |k: usize| if is_nyquist(k) { powers[k] } else { 2.0 * powers[k] };
         let Range { start, end } = cells.whole;
         let has_nyquist = end > start && is_nyquist(end - 1);
         let both_sided = start.max(1)..end - usize::from(has_nyquist);
+        debug_assert!(cells.whole.is_empty() || end <= powers.len(), "a bin has no power");
         let mut folded = Fold { powers: powers.get(both_sided).unwrap_or_default() }.wide();
         folded = Folded { sum: 2.0 * folded.sum, largest: 2.0 * folded.largest };
         if has_nyquist {

@@ -21,7 +21,7 @@ struct Plan<T> {
     /// exp(-2 pi i k/n)/2 of the bins k from 0 Hz to the Nyquist frequency, which take an even number's bins apart.
     twiddles: Vec<Complex<T>>,
     /// The samples as complex ones, of an odd number.
-    widened: Vec<Complex<T>>,
+    complex: Vec<Complex<T>>,
     transformed: Vec<Complex<T>>,
     scratch: Vec<Complex<T>>,
     powers: Vec<f64>,
@@ -77,7 +77,7 @@ impl<T: Real> Plan<T> {
         Self {
             count,
             twiddles: if is_even { twiddles(count) } else { Vec::new() },
-            widened: if is_even { Vec::new() } else { zeros(length) },
+            complex: if is_even { Vec::new() } else { zeros(length) },
             transformed: zeros(length + 1),
             scratch: zeros(fft.get_outofplace_scratch_len()),
             powers: Vec::new(),
@@ -86,18 +86,18 @@ impl<T: Real> Plan<T> {
     }
 
     fn powers(&mut self, signal: &mut [T], bin_count: usize) -> &mut [f64] {
-        let Self { fft, twiddles, widened, transformed, scratch, powers, .. } = self;
+        let Self { fft, twiddles, complex, transformed, scratch, powers, .. } = self;
         let is_even = !twiddles.is_empty();
-        let packed: &mut [Complex<T>] = match is_even {
+        let given: &mut [Complex<T>] = match is_even {
             // Samples 0 and 1 are one complex number, 2 and 3 the next, and so on.
             true => bytemuck::cast_slice_mut(signal),
             false => {
-                widened.iter_mut().zip(&*signal).for_each(|(to, &x)| *to = Complex::new(x, T::zero()));
-                widened
+                complex.iter_mut().zip(&*signal).for_each(|(to, &x)| *to = Complex::new(x, T::zero()));
+                complex
             }
         };
-        let length = packed.len();
-        fft.process_outofplace_with_scratch(packed, &mut transformed[..length], scratch);
+        let length = given.len();
+        fft.process_outofplace_with_scratch(given, &mut transformed[..length], scratch);
         // The transform goes round: behind its last bin comes its first.
         transformed[length] = transformed[0];
         powers.resize(bin_count, 0.0);
