@@ -15,9 +15,9 @@ const STEP: usize = 16;
 /// Steps without a match after which only every fourth is looked at: what was passed over is taken in backwards.
 const PATIENCE: usize = 8;
 
-/// The last bytes of a block, in which no match may begin; the very last are literals.
-const NO_MATCH: usize = 12;
+/// The last bytes of a block, which are literals. Nor may a match begin in the last 12, which none of [`STEP`] bytes can.
 const LITERALS_LAST: usize = 5;
+const _: () = assert!(STEP + LITERALS_LAST >= 12, "a match may begin too late");
 
 /// The shortest match there is, which is written as length 0.
 const MATCH_LEAST: usize = 4;
@@ -28,7 +28,7 @@ const HALF_BYTE: usize = 15;
 /// Appends `planes` of `plane_bytes` each to `packed`.
 pub(crate) fn pack(planes: &[u8], plane_bytes: usize, packed: &mut Vec<u8>) {
     let (mut written, mut at, mut misses) = (0, 1, 0);
-    let end = planes.len().saturating_sub(NO_MATCH);
+    let end = planes.len().saturating_sub(LITERALS_LAST);
     while at + STEP <= end {
         let Some(distance) = [plane_bytes, 1].into_iter().find(|&distance| repeats(planes, at, distance)) else {
             misses += 1;
