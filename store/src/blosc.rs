@@ -12,6 +12,9 @@ use crate::planes::{from_planes, to_planes};
 /// Bytes that are packed on their own: 4096 samples of 16 bits, so that the beginning of a record can be had alone.
 const BLOCK_BYTES: usize = 8192;
 
+/// Bytes of the longest record: chunks count by whole numbers of 32 bits with a sign, also where blocks begin that do not pack.
+pub(crate) const RECORD_BYTES_MAX: usize = 1 << 30;
+
 /// Bytes before the places of the blocks.
 const HEADER_BYTES: usize = 16;
 

@@ -9,6 +9,7 @@ use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{File, FileBuilder, H5Type, Location};
 use tapline_wire::{Channel, DamageCell, Geometry, Plan, SampleFormat, TapState};
 
+use crate::blosc::RECORD_BYTES_MAX;
 use crate::chunk::{ChunkRows, let_go};
 use crate::codec::{Codec, placeholder};
 use crate::context::Context;
@@ -64,6 +65,10 @@ pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<(
     if recording.channels.is_empty() || recording.sample_count_max == 0 {
         let (channel_count, sample_count_max) = (recording.channels.len(), recording.sample_count_max);
         return Err(Error::EmptyRecording { channel_count, sample_count_max });
+    }
+    let (bytes, most) = (recording.payload_bytes_max(), RECORD_BYTES_MAX);
+    if bytes > most {
+        return Err(Error::LongRecording { bytes, most });
     }
     if path.try_exists().context("look for", path)? {
         return Err(Error::Exists { path: path.to_owned() });

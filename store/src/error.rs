@@ -220,6 +220,14 @@ pub enum Error {
         /// Most samples planned.
         sample_count_max: u32,
     },
+    /// A plan whose records would be longer than a codec can count.
+    #[error("a record of {bytes} bytes cannot be packed: at most {most} can")]
+    LongRecording {
+        /// Bytes of the longest record planned.
+        bytes: usize,
+        /// Most bytes that there may be.
+        most: usize,
+    },
     /// A record names a plan row that does not exist.
     #[error("plan row {plan_index} does not exist: the plan has {tap_count} taps")]
     NoSuchRow {

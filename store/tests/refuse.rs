@@ -166,6 +166,10 @@ fn places_that_cannot_be_written() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "a failed creation leaves nothing");
     let silent = plan_of(Recording { sample_count_max: 0, ..given.recording });
     assert!(matches!(Writer::create(&place, &silent, CONFIG).unwrap_err(), Error::EmptyRecording { .. }));
+    let long = plan_of(Recording { sample_count_max: 1 << 29, ..silent.recording });
+    let error = Writer::create(&place, &long, CONFIG).unwrap_err();
+    assert!(matches!(error, Error::LongRecording { bytes: 0x8000_0000, most: 0x4000_0000 }), "{error}");
+    assert!(!place.exists());
 }
 
 /// Catches a record that would land in a row that is not its own, or read beyond its samples.
