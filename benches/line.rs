@@ -62,7 +62,9 @@ struct Pace {
 fn run_line(folder: &Path, stations: u16) -> Result<Pace> {
     let ScanConfig { offsets_mm, repetitions, .. } = scan(stations);
     let config = folder.join("line.toml");
-    std::fs::write(&config, format!("[scan]\noffsets_mm = {offsets_mm:?}\nrepetitions = {repetitions}\n"))?;
+    let text =
+        format!("[scan]\noffsets_mm = {offsets_mm:?}\nrepetitions = {repetitions}\n[fuse]\nreference = \"self\"\n");
+    std::fs::write(&config, text)?;
     let out = folder.join("line.h5");
     let before_s = children_cpu_s()?;
     let output = Command::new(env!("CARGO_BIN_EXE_tapline"))
@@ -72,8 +74,8 @@ fn run_line(folder: &Path, stations: u16) -> Result<Pace> {
         .stderr(Stdio::null())
         .output()?;
     let cpu_s = children_cpu_s()? - before_s;
-    std::fs::remove_file(&out)?;
     ensure!(output.status.success(), "a line of {stations} stations ended with {}", output.status);
+    std::fs::remove_file(&out)?;
     let summary: Value = serde_json::from_slice(&output.stdout)?;
     let pace = |key: &str| summary["pace"][key].as_f64().with_context(|| format!("no {key} in {summary}"));
     let taps = SimulatedLine::new(&scan(stations), &SimulationConfig::default())?.plan().taps().len();
