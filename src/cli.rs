@@ -203,7 +203,8 @@ pub(crate) struct ReprocessArgs {
     /// The archives.
     #[arg(required = true)]
     pub(crate) archives: Vec<PathBuf>,
-    /// Configuration file whose tables `process` and `fuse` are new; each archive's own when left out.
+    /// Configuration file whose tables `process` and `fuse` take the place of the archive's, whole: an option that it does not
+    /// name has its default, but for the reference. Without this file each archive's own are taken.
     #[arg(long)]
     pub(crate) config: Option<PathBuf>,
     /// What shoulders are compared with, over what the configuration says, as for `tapline run`.

@@ -86,8 +86,9 @@ fn whole_file(archive: &Path, path: &Path, write: impl FnOnce(File) -> tapline_s
     let draft = path.with_added_extension("new");
     let context = || format!("cannot write {}", path.display());
     let file = File::create(&draft).with_context(context)?;
-    write(file).with_context(context)?;
-    fs::rename(&draft, path).with_context(context)
+    let written = write(file).with_context(context).and_then(|()| fs::rename(&draft, path).with_context(context));
+    // What is half there is nothing; where it cannot be removed the error above says more.
+    written.inspect_err(|_| drop(fs::remove_file(&draft)))
 }
 
 /// A reader that has seen enough, as `head` has, is no failure.

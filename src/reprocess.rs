@@ -135,8 +135,9 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         ..task.config_toml.as_str().into()
     };
     let plan = task.reader.plan();
-    let mut writer = RunWriter::of_results(&out, &task.reader, lineage)?;
+    // What cannot be judged leaves no file.
     let mut fusion = task.fusion()?;
+    let mut writer = RunWriter::of_results(&out, &task.reader, lineage)?;
     let begin = Instant::now();
     let settled_before = settled(&writer);
     let is_old = of_discriminators(task.reader.made_by()) == of_discriminators(&task.made_by) && !args.from_samples;

@@ -3,9 +3,12 @@
 use std::io::{self, Write};
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
+use crossbeam::channel::{RecvTimeoutError, bounded};
+use rustix::process::{Pid, Signal, kill_process, set_parent_process_death_signal};
 use serde_json::json;
 use tapline_model::EffectiveLength;
 use tapline_store::{Codec, Repacked};
@@ -16,13 +19,22 @@ use crate::cli::{Length, PackedBy};
 /// What a check ends with that has found something.
 const INCOMPLETE: i32 = crate::INCOMPLETE as i32;
 
-/// Checks an archive in a process of its own: where its structure is damaged, the HDF5 library may bring that process down,
-/// and this one tells.
+/// Seconds that a check may take, and bytes that it goes through in another one at least: no disk is as slow.
+const CHECK_S: u64 = 10;
+const CHECK_BYTES_PER_S: u64 = 1_000_000;
+
+/// Checks an archive in a process of its own: where its structure is damaged, the HDF5 library may bring that process down or
+/// go round in it for ever, and this one tells.
 pub(crate) fn verify(archive: &Path, as_json: bool) -> Result<bool> {
     let program = std::env::current_exe().context("cannot find this program")?;
     let mut child = Command::new(program);
     child.arg("verify").arg(archive).arg("--here").args(as_json.then_some("--json"));
-    let done = child.output().context("cannot start the check")?;
+    child.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let limit = Duration::from_secs(CHECK_S + bytes_beside(archive) / CHECK_BYTES_PER_S);
+    let Some(done) = output_within(child, limit)? else {
+        let hung = format!("the HDF5 library did not come to an end with it in {limit:.0?}: its structure is damaged");
+        return tell_unreadable(archive, &hung, as_json);
+    };
     io::stdout().write_all(&done.stdout)?;
     match (done.status.code(), done.status.signal()) {
         (Some(0), _) => Ok(true),
@@ -41,6 +53,39 @@ pub(crate) fn verify(archive: &Path, as_json: bool) -> Result<bool> {
     }
 }
 
+/// Bytes of a run's files, or of all whose names begin as that of `archive` does: results stand beside their taps.
+fn bytes_beside(archive: &Path) -> u64 {
+    let stem = |path: &Path| path.file_name().map(|name| name.to_string_lossy().split('.').next().map(str::to_owned));
+    let (folder, is_meant): (_, &dyn Fn(&Path) -> bool) = match archive.is_dir() {
+        true => (archive, &|_| true),
+        false => (archive.parent().unwrap_or(archive), &|path| stem(path) == stem(archive)),
+    };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().filter(|file| is_meant(&file.path()));
+    files.filter_map(|file| file.metadata().ok()).map(|file| file.len()).sum()
+}
+
+/// What `command` puts out; `None` where it took longer than `limit`, and was ended.
+fn output_within(mut command: Command, limit: Duration) -> Result<Option<Output>> {
+    let child = command.spawn().context("cannot start the check")?;
+    let pid = Pid::from_child(&child);
+    let (tell, ended) = bounded::<()>(1);
+    let watch = move || {
+        let is_late = ended.recv_timeout(limit) == Err(RecvTimeoutError::Timeout);
+        if is_late {
+            // It is there: nobody has asked how it ended.
+            let _gone = kill_process(pid, Signal::KILL);
+        }
+        is_late
+    };
+    let watch = std::thread::Builder::new().name("limit".to_owned()).spawn(watch).context("cannot watch the check")?;
+    let done = child.wait_with_output();
+    drop(tell);
+    let is_late = watch.join().unwrap_or(false);
+    let done = done.context("cannot hear the check")?;
+    Ok((!is_late || done.status.signal().is_none()).then_some(done))
+}
+
 /// Tells of an archive that is damaged so that it cannot be checked row by row.
 fn tell_unreadable(archive: &Path, why: &str, as_json: bool) -> Result<bool> {
     let mut out = io::stdout().lock();
@@ -54,11 +99,14 @@ fn tell_unreadable(archive: &Path, why: &str, as_json: bool) -> Result<bool> {
     Ok(false)
 }
 
-/// Checks an archive in this process.
+/// Checks an archive in this process, which ends with the one that started it.
 pub(crate) fn verify_here(archive: &Path, as_json: bool) -> Result<bool> {
     use tapline_store::Error;
+    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot ask to end with the check")?;
     let report = match tapline_store::verify(archive) {
-        Err(error @ (Error::Damaged { .. } | Error::Hdf5 { .. } | Error::NotARun { .. })) => {
+        Err(
+            error @ (Error::Damaged { .. } | Error::Hdf5 { .. } | Error::NotARun { .. } | Error::OtherUnits { .. }),
+        ) => {
             return tell_unreadable(archive, &error.to_string(), as_json);
         }
         report => report?,

@@ -1,5 +1,6 @@
 //! What a whole simulated run leaves: an archive, its tables, and results that depend on nothing but their input.
 
+use std::fs;
 use std::process::Command;
 
 use crate::rig::{Rig, assert_same, contents, csv_rows};
@@ -137,4 +138,17 @@ fn the_readme_snippet_reads_an_archive() {
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let rows = csv_rows(&rig.run("export simulated.h5 discriminators").expect(0).out);
     assert!(said.contains(&rows[0]["pr"]), "the first tap's PR {} is not in:\n{said}", rows[0]["pr"]);
+}
+
+/// Catches a check that goes round for ever in a damaged structure, as the library then does: a length in its heap of texts.
+#[test]
+fn a_structure_that_goes_round_is_told() {
+    let rig = Rig::new();
+    let mut bytes = fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/store/tests/fixtures/layout-4.h5")).unwrap();
+    bytes[2465] ^= 8;
+    fs::write(rig.path("round.h5"), bytes).unwrap();
+    for arguments in ["verify round.h5", "verify round.h5 --json"] {
+        let done = rig.run(arguments).expect(3);
+        assert!(done.out.contains("its structure is damaged"), "{done:?}");
+    }
 }

@@ -82,6 +82,15 @@ fn seals_are_computed_as_the_page_says() {
     let Some(python) = python_with("h5py, hdf5plugin, blake3, xxhash") else { return };
     let rig = scanned();
     assert_eq!(run_page(&rig, &python, "archive-layout.md"), "what does not fit its seal: []\n");
+    // Results have other attributes, which are under the seal too.
+    let results = fs::read_dir(rig.path("")).unwrap().flatten().map(|file| file.file_name().into_string().unwrap());
+    let results = results.filter(|name| name.starts_with("run.") && name.ends_with(".h5") && name != "run.h5");
+    let results: Vec<String> = results.collect();
+    let page = python_of(&text(&docs("archive-layout.md"))).replace("run.h5", &results[0]);
+    rig.write("of-results.py", &page);
+    let mut command = Command::new(&python);
+    let done = crate::rig::Done::from(command.arg("of-results.py").current_dir(rig.path("")).output().unwrap());
+    assert_eq!(done.expect(0).out, "what does not fit its seal: []\n", "{results:?}");
     let bend = "import h5py\nwith h5py.File('run.h5', 'r+') as f:\n    row = f['discriminators'][7]\n    row['pr'] += 1e-9\n    \
                 f['discriminators'][7] = row\n    f.attrs['geometry'] = 'line'\n";
     let bent = Command::new(&python).args(["-c", bend]).current_dir(rig.path("")).output().unwrap();

@@ -153,6 +153,7 @@ fn what_cannot_be_done_is_told() {
     for (arguments, words) in [
         ("reprocess run.h5 --jobs 5000", "5000"),
         ("reprocess run.h5 --config wrong.toml", "f_c_hz"),
+        ("reprocess run.h5 --reference NONE/1", "NONE/1"),
         ("reprocess gone.h5", "gone.h5"),
         ("explain run.h5 --shoulder NONE/1", "no shoulder \"NONE/1\""),
         ("explain run.h5 --location 3", "--shoulder"),
@@ -161,6 +162,9 @@ fn what_cannot_be_done_is_told() {
         let done = rig.run(arguments);
         assert!(done.code == Some(1) && done.err.contains(words), "{arguments}: {:?} {}", done.code, done.err);
     }
+    let archives = fs::read_dir(rig.path("")).unwrap().flatten();
+    let names = archives.map(|file| file.file_name()).filter(|name| name.to_string_lossy().ends_with(".h5"));
+    assert_eq!(names.collect::<Vec<_>>(), ["run.h5"], "what is refused leaves no file");
 }
 
 /// Catches results that pass for those of taps they were not made of.

@@ -115,7 +115,8 @@ impl Archive {
     /// The key that was written down; empty where none was.
     pub(crate) fn stored_key(&self) -> Result<String> {
         let key: hdf5::Result<Key> = read_number(&self.file, attribute::LINEAGE_KEY);
-        Ok(key.context("read the key of the results", &self.path)?.as_str().to_owned())
+        // Of a damaged file the text may be none.
+        Ok(String::from_utf8_lossy(key.context("read the key of the results", &self.path)?.as_bytes()).into_owned())
     }
 
     /// Whether this archive has results alone, of the taps of another.

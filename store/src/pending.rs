@@ -31,6 +31,11 @@ pub(crate) struct Pending {
 }
 
 impl Pending {
+    /// States alone that are to be written.
+    pub(crate) fn of_states(taps: BTreeMap<u32, LedgerRow>) -> Self {
+        Self { taps, ..Self::default() }
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.row_count() == 0
     }

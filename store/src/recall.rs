@@ -1,10 +1,12 @@
 //! What earlier writers of an archive left, as a new one needs to know it.
 
+use std::collections::BTreeMap;
+
 use tapline_wire::{Ledger, ScanState, TapState};
 
 use crate::archive::Archive;
 use crate::context::Context;
-use crate::layout::{ScanRow, table};
+use crate::layout::{LedgerRow, ScanRow, table};
 use crate::reader::{scan_state, settled};
 use crate::sealed::SealedRow as _;
 use crate::track::{Take, Track};
@@ -18,19 +20,22 @@ pub(crate) struct Recalled {
     /// For each scan, the fingerprint of its verdict and map if it is judged.
     pub(crate) scan_fingerprints: Vec<Option<u64>>,
     pub(crate) ledger: Ledger,
+    /// Rows of the ledger that were torn, as they are to be written again.
+    pub(crate) mended: BTreeMap<u32, LedgerRow>,
 }
 
 /// Reads what is settled in `archive`; rows whose state says "missing" are as if they were not there.
 pub(crate) fn recall(archive: &Archive) -> Result<Recalled> {
     let plan = &archive.plan;
     let mut ledger = Ledger::empty(plan.taps().len(), plan.scans().len(), plan.stations().len());
-    let tracks = recall_taps(archive, &mut ledger)?;
+    let mut mended = BTreeMap::new();
+    let tracks = recall_taps(archive, &mut ledger, &mut mended)?;
     let scans = archive.scans.read_all().context("read the scans", &archive.path)?;
     let scan_fingerprints = recall_scans(archive, &scans, &mut ledger)?;
-    Ok(Recalled { tracks, scans, scan_fingerprints, ledger })
+    Ok(Recalled { tracks, scans, scan_fingerprints, ledger, mended })
 }
 
-fn recall_taps(archive: &Archive, ledger: &mut Ledger) -> Result<Vec<Track>> {
+fn recall_taps(archive: &Archive, ledger: &mut Ledger, mended: &mut BTreeMap<u32, LedgerRow>) -> Result<Vec<Track>> {
     let context = "read what is archived";
     let mut samples = vec![Take { attempt: 0, fingerprint: 0 }; archive.plan.taps().len()];
     let mut discriminators = samples.clone();
@@ -55,8 +60,12 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger) -> Result<Vec<Track>> {
         false => Vec::new(),
     };
     let mut tracks = Vec::with_capacity(samples.len());
-    for (k, row) in archive.ledger.read_all().context(context, &archive.path)?.into_iter().enumerate() {
+    for (k, mut row) in archive.ledger.read_all().context(context, &archive.path)?.into_iter().enumerate() {
         let (state, attempt) = settled(archive, k, &row)?;
+        if !row.is_whole(k) {
+            row = LedgerRow::new(state, attempt);
+            mended.insert(k as u32, row);
+        }
         ledger.set_tap(k, state, attempt);
         // What is vouched for was whole when it was: it was altered since, and nothing may be judged from it.
         if state == TapState::Archived

@@ -102,8 +102,39 @@ fn what_is_damaged_is_not_given() {
     assert!(reader.tap(1).unwrap_err().to_string().contains("plan row 1") && reader.tap(2).unwrap().is_some());
     assert!(bent("discriminators").discriminators().unwrap_err().to_string().contains("row 1"));
     assert!(bent("damage").judgements().is_err());
-    // A torn row of the ledger is a tap to be taken again.
-    assert_eq!(bent("ledger").ledger().taps()[1], TapState::Missing);
+}
+
+/// Catches a tap that is given up because a row of the ledger is torn, though all that was written before that row is whole,
+/// one that is kept though it is not, and a row that a writer leaves torn.
+#[test]
+fn a_torn_ledger_is_mended() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = finished(&folder);
+    let whole = std::fs::read(&path).unwrap();
+    let bend = |tables: &[&str]| {
+        let mut bytes = whole.clone();
+        for table in tables {
+            let first = places(&path).into_iter().find(|(_, name, row)| name == table && *row == 1).unwrap().0;
+            bytes[first + 8] ^= 4;
+        }
+        let path = folder.path().join("bent.h5");
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let bent = bend(&["ledger"]);
+    assert!(!verify(&bent).unwrap().is_complete());
+    let reader = Reader::open(&bent).unwrap();
+    assert_eq!((reader.ledger().taps()[1], reader.attempt(1)), (TapState::Archived, Some(0)));
+    assert!(reader.tap(1).unwrap().is_some());
+    drop(reader);
+    Writer::resume(&bent, &plan(SampleFormat::I16), CONFIG).unwrap().finish().unwrap();
+    let report = verify(&bent).unwrap();
+    assert!(report.is_complete() && report.problems.is_empty(), "{report:?}");
+    for other in ["taps/header", "discriminators"] {
+        let reader = Reader::open(bend(&["ledger", other])).unwrap();
+        assert_eq!(reader.ledger().taps()[1], TapState::Missing, "{other}");
+    }
 }
 
 /// Catches parts that never change and are under no seal.
