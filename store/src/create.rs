@@ -303,7 +303,7 @@ pub(crate) fn format_name(format: SampleFormat) -> &'static str {
 }
 
 /// Unit of a channel's samples once they are scaled.
-fn unit_of(channel: Channel) -> &'static str {
+pub(crate) fn unit_of(channel: Channel) -> &'static str {
     match channel {
         Channel::Force => "N",
         Channel::Sound => "V",

@@ -6,10 +6,11 @@
 use std::path::Path;
 
 use hdf5::{Dataset, File};
+use tapline_wire::Channel;
 
 use crate::archive::read_text;
 use crate::context::Context;
-use crate::create::write_text;
+use crate::create::{unit_of, write_text};
 use crate::layout::{NOTES, attribute, table};
 use crate::{Error, Result};
 
@@ -36,6 +37,23 @@ pub(crate) fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<
             if archived != known {
                 return Err(Error::OtherUnits { path: path.to_owned(), table: name, archived, known });
             }
+        }
+    }
+    check_channels(taps_file, path)
+}
+
+/// Whether the channels of `taps_file` are in the units of this program, each in its own.
+fn check_channels(taps_file: &File, path: &Path) -> Result<()> {
+    let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
+    let [names, archived] =
+        [attribute::CHANNELS, attribute::CHANNEL_UNITS].map(|name| read_text(&samples, name).unwrap_or_default());
+    let mut units = archived.split(',');
+    for name in names.split(',') {
+        let channel = [Channel::Force, Channel::Sound].into_iter().find(|channel| channel.name() == name);
+        let known = channel.map_or("", unit_of);
+        let is_known = units.next() == Some(known);
+        if !is_known {
+            return Err(Error::OtherUnits { path: path.to_owned(), table: table::SAMPLES, archived, known });
         }
     }
     Ok(())

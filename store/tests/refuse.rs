@@ -98,6 +98,16 @@ fn a_field_in_another_unit_is_refused() {
     file.close().unwrap();
     let error = Reader::open(&path).unwrap_err();
     assert!(matches!(error, Error::OtherUnits { table: "discriminators", known: "s", .. }), "{error}");
+    let file = hdf5::File::open_rw(&path).unwrap();
+    let write = |table: &str, name: &str, text: &str| {
+        let text: hdf5::types::VarLenUnicode = text.parse().unwrap();
+        file.dataset(table).unwrap().attr(name).unwrap().write_scalar(&text).unwrap();
+    };
+    write("discriminators", "units_tau_s", "s");
+    write("taps/samples", "channel_units", "V,N");
+    file.close().unwrap();
+    let error = Reader::open(&path).unwrap_err();
+    assert!(matches!(error, Error::OtherUnits { table: "taps/samples", known: "N", .. }), "{error}");
 }
 
 /// Catches a panic on, or trust in, a file that was cut anywhere.
