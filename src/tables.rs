@@ -53,16 +53,15 @@ pub(crate) fn verify(archive: &Path, as_json: bool) -> Result<bool> {
     }
 }
 
-/// Bytes of a run's files, or of all whose names begin as that of `archive` does: results stand beside their taps.
+/// Bytes of `archive`, and of all that may be archives with its taps: in its folder, or in the folder of that folder.
 fn bytes_beside(archive: &Path) -> u64 {
-    let stem = |path: &Path| path.file_name().map(|name| name.to_string_lossy().split('.').next().map(str::to_owned));
-    let (folder, is_meant): (_, &dyn Fn(&Path) -> bool) = match archive.is_dir() {
-        true => (archive, &|_| true),
-        false => (archive.parent().unwrap_or(archive), &|path| stem(path) == stem(archive)),
-    };
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().filter(|file| is_meant(&file.path()));
-    files.filter_map(|file| file.metadata().ok()).map(|file| file.len()).sum()
+    let first = |path: &Path| path.file_name().and_then(|name| name.to_str()?.split('.').next().map(str::to_owned));
+    // A name without a folder is one in this folder.
+    let whole = std::path::absolute(archive).unwrap_or_else(|_| archive.to_owned());
+    let is_meant = |path: &Path| path.extension().is_some_and(|end| end == "h5") || first(path) == first(&whole);
+    let files = whole.ancestors().take(3).flat_map(std::fs::read_dir).flatten().flatten().map(|file| file.path());
+    let beside = files.filter(|path| is_meant(path) && *path != whole);
+    beside.chain([whole.clone()]).filter_map(|path| path.metadata().ok()).map(|file| file.len()).sum()
 }
 
 /// What `command` puts out; `None` where it took longer than `limit`, and was ended.
