@@ -27,8 +27,8 @@ const DOWNSTREAM: usize = 3;
 /// How long a stage may take to end after it was told to.
 const END_WITHIN: Duration = Duration::from_secs(20);
 
-/// How long stages of an earlier line may take to end with it.
-const GONE_WITHIN: Duration = Duration::from_secs(10);
+/// How long stages of an earlier line may take to end with it: as long as any, and a little for the news to come.
+const GONE_WITHIN: Duration = END_WITHIN.saturating_add(Duration::from_secs(5));
 
 /// `store` tells the ledger ten times a second; when it has not for so long, its disk is slow or hangs.
 const SILENT_AFTER: Duration = Duration::from_millis(900);
