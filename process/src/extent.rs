@@ -99,13 +99,15 @@ impl<C: Count> Kernel for Extremes<'_, C> {
                 is_number[lane] &= x.is_number();
             }
         }
-        let mut extent = Extent { least: first, largest: first };
-        let mut is_sound = is_number.into_iter().all(|good| good);
-        for &x in rest.iter().chain(&least).chain(&largest) {
-            extent.least = if x < extent.least { x } else { extent.least };
-            extent.largest = if x > extent.largest { x } else { extent.largest };
-            is_sound &= x.is_number();
-        }
+        let (rest_least, rest_largest) = rest.iter().fold((first, first), |(least, largest), &x| {
+            (if x < least { x } else { least }, if x > largest { x } else { largest })
+        });
+        let is_sound = is_number.into_iter().fold(true, |all, is_one| all & is_one)
+            & rest.iter().fold(true, |all, x| all & x.is_number());
+        let extent = Extent {
+            least: least.into_iter().fold(rest_least, |a, b| if b < a { b } else { a }),
+            largest: largest.into_iter().fold(rest_largest, |a, b| if b > a { b } else { a }),
+        };
         is_sound.then_some(extent)
     }
 }

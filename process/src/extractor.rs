@@ -3,14 +3,14 @@
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
 use crate::baseline::{Medians, baseline_count};
+use crate::blocks::Blocks;
 use crate::extent::Extent;
 use crate::force::{Pulse, PulseFinder};
 use crate::hum::Hum;
-use crate::quality::{self, Blocks, Doubts, Force, Sound, of_force, of_sound};
+use crate::quality::{self, Doubts, Force, Sound, of_force, of_sound};
 use crate::record::{Count, Record, Track};
 use crate::sound::{SOUND_M_PER_S, area, deviation, magnitude_area, magnitude_of_noise, onset_without_force};
 use crate::spectrum::{Bands, Spectrum, View};
-use crate::wide::Kernel;
 use crate::{Error, Precision, ProcessConfig, Real, SpectrumEstimator};
 
 /// Time before the sound's onset at which the gate opens: the onset is an estimate.
@@ -18,8 +18,8 @@ const GATE_LEAD_S: f64 = 1e-3;
 
 /// Extracts the discriminators of taps, one after the other, in the arithmetic of `T`.
 ///
-/// Only the transform, the terms of long sums and the blocks that flags are found by are in `T`; everything else is in
-/// `f64`, long sums too. One extractor serves one thread; its results depend on the tap alone, not on what came before.
+/// Only the transform, the terms of long sums and the blocks that sums and flags are had from are in `T`; everything else
+/// is in `f64`, long sums too. One extractor serves one thread; its results depend on the tap alone, not on what came before.
 #[derive(Debug)]
 pub struct Extractor<T: Real> {
     config: ProcessConfig,
@@ -158,7 +158,10 @@ impl<T: Real> Extractor<T> {
         let base = baseline.map_or(0.0, |(base, _)| base); // no band has the mean in it
         let gain = extent.gain(base);
         self.signal.resize(track.samples.len(), T::zero());
-        Centre { samples: track.samples, base, gain, signal: &mut self.signal }.wide();
+        let centred = |from: usize, to: &mut [T]| {
+            to.iter_mut().zip(&track.samples[from..]).for_each(|(to, &x)| *to = x.centred(base, gain));
+        };
+        self.blocks.fill(&mut self.signal, record.sample_rate_hz, centred);
         let unit = track.unit_per_count.abs() / gain;
         let travel_samples = microphone_distance_m / SOUND_M_PER_S * record.sample_rate_hz;
         let sound = Sound {
@@ -192,7 +195,8 @@ impl<T: Real> Extractor<T> {
         let tau_s = pulse.ok().map(|pulse| pulse.tau_samples / record.sample_rate_hz);
         let bands = self.bands(tau_s).ok_or(Quality::NO_BAND)?;
         let view = self.view(record.sample_rate_hz, baseline_count, window.ok());
-        let power = self.spectrum.band_power(&mut self.signal, &view, &bands);
+        let moments = self.blocks.moments(&self.signal);
+        let power = self.spectrum.band_power(&mut self.signal, moments, &view, &bands);
         let power = power.ok_or(Quality::NO_BAND)?;
         self.is_faint = power.is_faint;
         found.set(Discriminator::Pr, power.pr);
@@ -206,6 +210,7 @@ impl<T: Real> Extractor<T> {
         let count = quiet.filter(|_| self.config.subtract.has_hum())?;
         let hum = Hum::fit(|i| self.signal[i].widened(), count, self.config.mains_hz / sample_rate_hz)?;
         hum.subtract_from(&mut self.signal);
+        self.blocks.fill(&mut self.signal, sample_rate_hz, |_, _| ());
         Some(hum)
     }
 
@@ -243,7 +248,7 @@ impl<T: Real> Extractor<T> {
             found.set(Discriminator::A1, initial.abs() * unit / sample_rate_hz);
         }
         let of_noise = noise.map_or(0.0, |noise| magnitude_of_noise(&self.signal, window.ringing, noise));
-        let ringing = magnitude_area(&self.signal, window.ringing) - of_noise;
+        let ringing = magnitude_area(&self.signal, &self.blocks, window.ringing) - of_noise;
         if ringing < 0.0 {
             return found.flag(Quality::NO_ONSET); // no more than noise
         }
@@ -263,25 +268,6 @@ impl<T: Real> Extractor<T> {
                 let f_c_hz = if asked_for > f_lo_hz { asked_for } else { f_lo_hz };
                 (f_c_hz <= f_hi_hz).then_some(Bands { f_c_hz, ..fixed })
             }
-        }
-    }
-}
-
-/// Fills `signal` with the `samples` less their `base`, times the `gain`.
-struct Centre<'a, C, T> {
-    samples: &'a [C],
-    base: f64,
-    gain: f64,
-    signal: &'a mut [T],
-}
-
-impl<C: Count, T: Real> Kernel for Centre<'_, C, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        for (to, &x) in self.signal.iter_mut().zip(self.samples) {
-            *to = x.centred(self.base, self.gain);
         }
     }
 }

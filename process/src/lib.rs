@@ -65,6 +65,7 @@
 //! [`Quality`]: tapline_wire::Quality
 
 mod baseline;
+mod blocks;
 mod config;
 mod error;
 mod estimator;

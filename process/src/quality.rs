@@ -6,12 +6,10 @@
 //!
 //! A tap that its policies do not want to stand is marked for retaking where its source can tap again.
 
-mod blocks;
 mod flat;
 mod force;
 mod sound;
 
-pub(crate) use blocks::Blocks;
 pub(crate) use force::{Force, of_force};
 pub(crate) use sound::{Sound, of_sound};
 

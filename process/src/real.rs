@@ -44,18 +44,12 @@ impl Real for f64 {
 /// Lanes of at most eight terms each keep the error of an `f32` block below 2^-20 of its sum of magnitudes, whatever the
 /// length of the record, and leave the compiler free to use SIMD.
 pub(crate) fn sum_of<T: Real>(samples: &[T], term: impl Fn(T) -> T) -> f64 {
-    let [sum] = sums_of(samples, |x| [term(x)]);
-    sum
+    Sum { samples, term }.wide()
 }
 
-/// The same of several terms, in one pass.
-pub(crate) fn sums_of<T: Real, const N: usize>(samples: &[T], terms: impl Fn(T) -> [T; N]) -> [f64; N] {
-    Sums { samples, terms }.wide()
-}
-
-struct Sums<'a, T, F> {
+struct Sum<'a, T, F> {
     samples: &'a [T],
-    terms: F,
+    term: F,
 }
 
 /// Lanes of a sum.
@@ -65,44 +59,31 @@ const ROWS: usize = 8;
 /// Blocks that are summed before they are added up.
 const GROUP: usize = 8;
 
-impl<T: Real, F: Fn(T) -> [T; N], const N: usize> Kernel for Sums<'_, T, F> {
-    type Output = [f64; N];
+impl<T: Real, F: Fn(T) -> T> Kernel for Sum<'_, T, F> {
+    type Output = f64;
 
     #[inline(always)]
-    fn run(self) -> [f64; N] {
-        let Self { samples, terms } = self;
+    fn run(self) -> f64 {
+        let Self { samples, term } = self;
         let (rows, rest) = samples.as_chunks::<LANES>();
-        let mut totals = [[0.0; LANES]; N];
-        let mut stored = [[[T::zero(); LANES]; N]; GROUP];
+        let mut totals = [0.0; LANES];
+        let mut stored = [[T::zero(); LANES]; GROUP];
         for group in rows.chunks(GROUP * ROWS) {
             // Blocks are added up when some of them are there: it is where lanes are stored that the compiler sees a vector.
             let blocks = group.chunks(ROWS);
             let block_count = blocks.len();
             for (lanes, block) in stored.iter_mut().zip(blocks) {
-                let mut sums = [[T::zero(); LANES]; N];
+                let mut sums = [T::zero(); LANES];
                 for row in block {
-                    for (n, lanes) in sums.iter_mut().enumerate() {
-                        for (lane, &x) in lanes.iter_mut().zip(row) {
-                            *lane += terms(x)[n];
-                        }
-                    }
+                    sums.iter_mut().zip(row).for_each(|(lane, &x)| *lane += term(x));
                 }
                 *lanes = sums;
             }
             for lanes in &stored[..block_count] {
-                for (totals, lanes) in totals.iter_mut().zip(lanes) {
-                    totals.iter_mut().zip(lanes).for_each(|(total, lane)| *total += lane.widened());
-                }
+                totals.iter_mut().zip(lanes).for_each(|(total, lane)| *total += lane.widened());
             }
         }
-        let mut sums = totals.map(|lanes| lanes.iter().sum());
-        for &x in rest {
-            let terms = terms(x);
-            for n in 0..N {
-                sums[n] += terms[n].widened();
-            }
-        }
-        sums
+        rest.iter().fold(totals.iter().sum(), |sum, &x| sum + term(x).widened())
     }
 }
 
@@ -147,10 +128,8 @@ mod tests {
             let samples: Vec<T> = (0..count).map(|i| T::rounded((i as f64 * 0.7).sin() * 1.9)).collect();
             for term in [(|x| x) as fn(T) -> T, |x| x * x, |x| x.abs()] {
                 let expected = twin(&samples, term).to_bits();
-                assert_eq!(Sums { samples: &samples, terms: |x| [term(x)] }.run()[0].to_bits(), expected, "{count}");
+                assert_eq!(Sum { samples: &samples, term }.run().to_bits(), expected, "{count}");
                 assert_eq!(sum_of(&samples, term).to_bits(), expected, "{count}");
-                let [of_one, one] = sums_of(&samples, |x| [term(x), T::one()]);
-                assert_eq!((of_one.to_bits(), one.to_bits()), (expected, (count as f64).to_bits()), "{count}");
             }
         }
         for count in (0..200).chain([16_384, 16_401]) {

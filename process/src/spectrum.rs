@@ -15,7 +15,8 @@ mod plans;
 
 use std::ops::Range;
 
-use crate::real::{sum_of, sums_of};
+use crate::blocks::Moments;
+use crate::real::sum_of;
 use crate::{BandEdges, Real, SpectrumEstimator};
 
 use bands::{Cells, Folded, Grid};
@@ -89,10 +90,16 @@ impl<T: Real> Spectrum<T> {
         Self { plans: Plans::new(), decimator: None, cut: Vec::new() }
     }
 
-    /// PR, P_f and E_f of `signal` as `view` has it; nothing of use is left in the signal.
+    /// PR, P_f and E_f of `signal`, of which `moments` are, as `view` has it; nothing of use is left in the signal.
     ///
     /// `None` when a band holds no bin, or the lower one's reference no power, or the flexural one no more than noise.
-    pub(crate) fn band_power(&mut self, signal: &mut [T], view: &View, bands: &Bands) -> Option<BandPower> {
+    pub(crate) fn band_power(
+        &mut self,
+        signal: &mut [T],
+        moments: Moments,
+        view: &View,
+        bands: &Bands,
+    ) -> Option<BandPower> {
         let noise = match view.quiet_count {
             0 => None,
             count => noise::of_bands(&mut self.plans, signal.get(..count)?, view.sample_rate_hz, bands),
@@ -101,9 +108,9 @@ impl<T: Real> Spectrum<T> {
             (Some(gate), SpectrumEstimator::Gate) => self.gated(signal, gate.clone(), view, bands)?,
             (_, SpectrumEstimator::Decimated) => match self.decimated(signal, view, bands) {
                 Some(taken) => taken?,
-                None => self.whole(signal, view, bands)?,
+                None => self.whole(signal, moments, view, bands)?,
             },
-            _ => self.whole(signal, view, bands)?,
+            _ => self.whole(signal, moments, view, bands)?,
         };
         let Taken { flexural, reference, density, bin_width_hz, .. } = taken;
         let has_power = reference.sum > 0.0;
@@ -123,11 +130,11 @@ impl<T: Real> Spectrum<T> {
         }
     }
 
-    fn whole(&mut self, signal: &mut [T], view: &View, bands: &Bands) -> Option<Taken> {
+    fn whole(&mut self, signal: &mut [T], moments: Moments, view: &View, bands: &Bands) -> Option<Taken> {
         let count = signal.len();
         let grid = Grid::new(count, view.sample_rate_hz);
         let (flexural, reference) = cells(&grid, view.edges, bands)?;
-        let mean_square = square_about_mean(signal);
+        let mean_square = square_about_mean(signal, moments);
         let powers = self.plans.powers(signal, end(&flexural, &reference));
         Some(Taken {
             flexural: grid.fold(flexural, powers),
@@ -185,20 +192,18 @@ impl<T: Real> Spectrum<T> {
     }
 }
 
-/// Mean square of `signal` about its mean, which is taken off where it outweighs the rest.
+/// Mean square about its mean of a `signal` of `moments`; the mean is taken off where it outweighs the rest.
 ///
 /// The mean is in the bin at 0 Hz alone, which counts in no band. Only where there is more of it than of all the rest would
 /// its rounding show in other bins, and only there is the mean square lost in a difference.
-fn square_about_mean<T: Real>(signal: &mut [T]) -> f64 {
-    let count = signal.len() as f64;
-    let [mean, square] = sums_of(signal, |x| [x, x * x]).map(|sum| sum / count);
-    let is_small = 2.0 * mean * mean < square;
+fn square_about_mean<T: Real>(signal: &mut [T], Moments { mean, mean_square }: Moments) -> f64 {
+    let is_small = 2.0 * mean * mean < mean_square;
     if is_small {
-        return square - mean * mean;
+        return mean_square - mean * mean;
     }
     let mean = T::rounded(mean);
     signal.iter_mut().for_each(|x| *x -= mean);
-    sum_of(signal, |x| x * x) / count
+    sum_of(signal, |x| x * x) / signal.len() as f64
 }
 
 /// Bins of the flexural and of the reference band; `None` when either has none.
@@ -220,6 +225,17 @@ mod tests {
     const BANDS: Bands = Bands { f_c_hz: 550.0, f_hi_hz: 2000.0, f_lo_hz: 70.0, f_top_hz: 3000.0 };
     const EVERYTHING: Bands = Bands { f_c_hz: 1e-9, f_hi_hz: 1e9, f_lo_hz: 0.0, f_top_hz: 1e9 };
 
+    fn moments<T: Real>(signal: &[T]) -> Moments {
+        let mean_of =
+            |term: fn(f64) -> f64| signal.iter().map(|x| term(x.widened())).sum::<f64>() / signal.len() as f64;
+        Moments { mean: mean_of(|x| x), mean_square: mean_of(|x| x * x) }
+    }
+
+    fn band_power<T: Real>(mut signal: Vec<T>, view: &View, bands: &Bands) -> Option<BandPower> {
+        let moments = moments(&signal);
+        Spectrum::new().band_power(&mut signal, moments, view, bands)
+    }
+
     fn noise(count: usize) -> Vec<f64> {
         let mut state = 12_345_u32;
         std::iter::repeat_with(|| {
@@ -235,9 +251,9 @@ mod tests {
     fn sine_on_a_bin() {
         for count in [4096_u32, 4095] {
             let rate = 10.0 * f64::from(count); // bins of 10 Hz
-            let mut signal: Vec<f64> =
+            let signal: Vec<f64> =
                 (0..count).map(|i| 7.0 + 3.0 * (2.0 * PI * 100.0 * f64::from(i) / f64::from(count)).sin()).collect();
-            let power = Spectrum::new().band_power(&mut signal, &View::whole(rate), &BANDS).unwrap();
+            let power = band_power(signal, &View::whole(rate), &BANDS).unwrap();
             assert!((power.pr - 1.0).abs() < 1e-12, "{power:?}");
             assert!((power.e_f - 4.5).abs() < 1e-9, "{power:?}");
             assert!((power.p_f - 0.45).abs() < 1e-9, "{power:?}");
@@ -248,10 +264,10 @@ mod tests {
     #[test]
     fn parseval() {
         for count in [2, 3, 10, 11, 97, 128, 1000, 1023] {
-            let mut signal = noise(count);
+            let signal = noise(count);
             let mean = signal.iter().sum::<f64>() / count as f64;
             let variance = signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count as f64;
-            let power = Spectrum::new().band_power(&mut signal, &View::whole(5000.0), &EVERYTHING).unwrap();
+            let power = band_power(signal, &View::whole(5000.0), &EVERYTHING).unwrap();
             assert!((power.e_f / variance - 1.0).abs() < 1e-12, "{count}: {} {variance}", power.e_f);
         }
     }
@@ -263,8 +279,8 @@ mod tests {
         for (tone_hz, expected) in
             [(550.0, 1.0), (2000.0, 1.0), (540.0, 0.0), (2010.0, 0.0), (70.0, 0.0), (3000.0, 0.0)]
         {
-            let mut signal: Vec<f64> = (0..count).map(|i| (2.0 * PI * tone_hz * f64::from(i) / rate).cos()).collect();
-            let power = Spectrum::new().band_power(&mut signal, &View::whole(rate), &BANDS).unwrap();
+            let signal: Vec<f64> = (0..count).map(|i| (2.0 * PI * tone_hz * f64::from(i) / rate).cos()).collect();
+            let power = band_power(signal, &View::whole(rate), &BANDS).unwrap();
             assert!((power.pr - expected).abs() < 1e-9, "{tone_hz} Hz: {}", power.pr);
         }
     }
@@ -277,12 +293,12 @@ mod tests {
         let mean = tone.iter().sum::<f64>() / 4096.0;
         let mean_square = tone.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 4096.0;
         let view = View::whole(40_960.0);
-        let expected = Spectrum::new().band_power(&mut tone.clone(), &view, &BANDS).unwrap();
+        let expected = band_power(tone.clone(), &view, &BANDS).unwrap();
         for offset in [0.0, 0.2, 0.7, 0.8, 30.0, 1000.0] {
-            let mut single: Vec<f32> = tone.iter().map(|x| (x + offset) as f32).collect();
-            let found = square_about_mean(&mut single.clone());
+            let single: Vec<f32> = tone.iter().map(|x| (x + offset) as f32).collect();
+            let found = square_about_mean(&mut single.clone(), moments(&single));
             assert!((found / mean_square - 1.0).abs() < 1e-4, "{offset}: {found} {mean_square}");
-            let found = Spectrum::new().band_power(&mut single, &view, &BANDS).unwrap();
+            let found = band_power(single, &view, &BANDS).unwrap();
             // What is left is the rounding of the samples beside the offset.
             let most = 1e-5 * (1.0 + offset);
             assert!((found.pr / expected.pr - 1.0).abs() < most, "{offset}: {found:?} {expected:?}");
@@ -293,9 +309,9 @@ mod tests {
     /// Catches a number made up for no bins or no power.
     #[test]
     fn empty_bands() {
-        assert_eq!(Spectrum::new().band_power(&mut noise(16), &View::whole(40_960.0), &BANDS), None);
-        assert_eq!(Spectrum::new().band_power(&mut noise(1000), &View::whole(100.0), &BANDS), None);
-        assert_eq!(Spectrum::new().band_power(&mut [0.0_f32; 1000], &View::whole(40_960.0), &BANDS), None);
-        assert_eq!(Spectrum::new().band_power(&mut [1.0_f32], &View::whole(40_960.0), &EVERYTHING), None);
+        assert_eq!(band_power(noise(16), &View::whole(40_960.0), &BANDS), None);
+        assert_eq!(band_power(noise(1000), &View::whole(100.0), &BANDS), None);
+        assert_eq!(band_power(vec![0.0_f32; 1000], &View::whole(40_960.0), &BANDS), None);
+        assert_eq!(band_power(vec![1.0_f32], &View::whole(40_960.0), &EVERYTHING), None);
     }
 }

@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 use num_complex::Complex;
 use tapline_wire::{Discriminator, Quality};
 
-use super::blocks::{Block, Blocks, samples_per_block};
 use super::flat::is_clipped;
 use super::{Doubts, OF_SOUND, POWERS, Policy, QualityConfig};
 use crate::Real;
+use crate::blocks::{Block, Blocks, folded_blocks, mean_of, samples_per_block};
 use crate::extent::Extent;
 use crate::record::{Count, Track};
 
@@ -84,7 +84,7 @@ impl<C: Count, T> Sound<'_, C, T> {
     }
 }
 
-/// What is doubtful about a sound.
+/// What is doubtful about a sound, of which `blocks` are.
 pub(crate) fn of_sound<C: Count, T: Real>(
     sound: &Sound<'_, C, T>,
     blocks: &mut Blocks,
@@ -97,7 +97,6 @@ pub(crate) fn of_sound<C: Count, T: Real>(
     if sound.sample_rate_hz < 2.0 * sound.f_top_hz {
         doubts.spoils(Quality::UNDERSAMPLED, config.undersampled, POWERS);
     }
-    blocks.fill(sound.signal, sound.sample_rate_hz);
     let is_late = sound.is_late(blocks);
     if is_late {
         doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, &[Discriminator::A2]);
@@ -203,7 +202,7 @@ fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
         return None;
     }
     let beside = 3.0 / tail.len() as f64;
-    let mean = tail.iter().map(|block| block.mean).sum::<f64>() / tail.len() as f64;
+    let mean = mean_of(tail);
     if loudest_line(tail, mean) <= least {
         return None; // a clean tap is looked at no further
     }
@@ -221,7 +220,7 @@ fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
 
 /// More than the [`amplitude`] of any sine in the means of `tail` about their `mean`: twice what is furthest from it.
 fn loudest_line(tail: &[Block], mean: f64) -> f64 {
-    ROUNDED_UP * 2.0 * tail.iter().map(|block| (block.mean - mean).abs()).fold(0.0, greater)
+    ROUNDED_UP * 2.0 * folded_blocks(tail, |block| (block.mean - mean).abs(), greater)
 }
 
 /// Amplitude of a sine of `turns` in a block in the means of `tail` about their `mean`, through a Hann window.
