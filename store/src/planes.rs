@@ -3,6 +3,8 @@
 //! The low planes of a record are noise that nothing packs; the high ones repeat the sign, each the plane before it.
 
 #[cfg(target_arch = "x86_64")]
+mod affine;
+#[cfg(target_arch = "x86_64")]
 mod wide;
 
 /// Samples whose bits fill one byte of every plane.

@@ -5,16 +5,21 @@ use std::arch::x86_64::__m256i;
 use pulp::x86::V3;
 use pulp::{NullaryFnOnce, cast};
 
-use super::{BITS, GROUP};
+use super::{BITS, GROUP, affine};
 
 /// Bytes of half a vector, within which bytes are moved.
-const HALF: usize = 16;
+pub(super) const HALF: usize = 16;
 
 /// Groups taken together: those whose bits fill a vector of each plane.
-const GROUPS: usize = 2 * HALF;
+pub(super) const GROUPS: usize = 2 * HALF;
 
 /// Lays out as many groups as come in whole vectors; how many those were.
 pub(super) fn to_planes(element_bytes: usize, samples: &[u8], planes: &mut [u8]) -> usize {
+    if element_bytes == 2
+        && let Some(done) = affine::to_planes(samples, planes)
+    {
+        return done;
+    }
     match (V3::try_new(), element_bytes) {
         (Some(simd), 2) => simd.vectorize(ToPlanes::<16> { simd, samples, planes }),
         (Some(simd), 4) => simd.vectorize(ToPlanes::<32> { simd, samples, planes }),
@@ -24,6 +29,11 @@ pub(super) fn to_planes(element_bytes: usize, samples: &[u8], planes: &mut [u8])
 
 /// The opposite of [`to_planes`].
 pub(super) fn from_planes(element_bytes: usize, planes: &[u8], samples: &mut [u8]) -> usize {
+    if element_bytes == 2
+        && let Some(done) = affine::from_planes(planes, samples)
+    {
+        return done;
+    }
     match (V3::try_new(), element_bytes) {
         (Some(simd), 2) => simd.vectorize(FromPlanes::<16> { simd, planes, samples }),
         (Some(simd), 4) => simd.vectorize(FromPlanes::<32> { simd, planes, samples }),
@@ -113,7 +123,7 @@ impl<const N: usize> NullaryFnOnce for FromPlanes<'_, N> {
 /// The rows of the lower and of the upper half of `rows` dealt together, byte by byte: the number of a byte, its row's number
 /// before its place in the half vector, is turned left by one bit.
 #[inline(always)]
-fn dealt<const N: usize>(simd: V3, rows: [__m256i; N]) -> [__m256i; N] {
+pub(super) fn dealt<const N: usize>(simd: V3, rows: [__m256i; N]) -> [__m256i; N] {
     let mut all = rows;
     for k in 0..N / 2 {
         all[2 * k] = simd.avx2._mm256_unpacklo_epi8(rows[k], rows[k + N / 2]);
