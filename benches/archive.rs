@@ -208,6 +208,8 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
         }
         unpack.push(us(begin));
         // Record by record, as it is done: the samples are still in the cache when they are looked at.
+        // What was mapped for the first readings is not there for the second.
+        let taps = reader.taps()?;
         let mut extractor = ProcessExtractor::new(&config)?;
         let begin = Instant::now();
         let mut found: Vec<Discriminators> = Vec::new();

@@ -3,6 +3,7 @@
 //! This package is glue: it reads the command line and the configuration, starts the stages of a line as processes and
 //! heals them, and prints. What is computed is computed in the libraries.
 
+mod bus;
 mod child;
 mod cli;
 mod config;
@@ -48,7 +49,7 @@ fn main() -> ExitCode {
         .with_ansi(has_colours)
         .with_target(false)
         .init();
-    match dispatch(&cli.verb) {
+    match bus::say_what_is_gone().and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
         Err(error) => {

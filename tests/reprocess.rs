@@ -1,6 +1,6 @@
 //! `tapline reprocess`, `explain` and `diff`: archives judged again beside themselves, and what made their numbers.
 
-use std::fs;
+use std::fs::{self, OpenOptions};
 use std::path::PathBuf;
 use std::process::Stdio;
 use std::thread::sleep;
@@ -142,6 +142,29 @@ fn what_was_killed_goes_on() {
     assert!(was_cut, "none was cut in the middle");
     assert_eq!(again(&rig, "run.h5 --from-samples"), whole);
     assert_same(&contents(&whole), &bytes);
+}
+
+/// Catches a program that ends without a word when the archive that it reads is cut short under it.
+#[test]
+fn an_archive_that_is_cut_meanwhile_is_told_of() {
+    let rig = Rig::new();
+    let archive = scanned(&rig);
+    let cut = rig.path("cut.h5");
+    // Later and later, until the taps are being read.
+    let mut pause = Duration::from_millis(2);
+    let was_told = (0..60).any(|_| {
+        fs::copy(&archive, &cut).unwrap();
+        let mut command = rig.command("reprocess cut.h5 --from-samples --jobs 1");
+        let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        sleep(pause);
+        pause = pause.mul_f64(1.1);
+        OpenOptions::new().write(true).open(&cut).unwrap().set_len(20_000).unwrap();
+        let done = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&done.stderr);
+        assert!(matches!(done.status.code(), Some(0 | 1)), "{:?} {said}", done.status);
+        said.contains("cut short")
+    });
+    assert!(was_told, "it was never cut while it was read");
 }
 
 /// Catches a reference that is missing, archives that cannot be compared, and places that are not there, told without names.

@@ -154,9 +154,11 @@ fn from_beside(path: &Path, raw: &Path) -> String {
 ///
 /// `None` where a table claims what cannot be.
 pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<Option<String>> {
-    let mut hasher = blake3::Hasher::new();
+    // All in one piece, of which BLAKE3 takes several parts at a time.
+    let mut fixed = Vec::new();
     let mut add = |part: &[u8]| {
-        hasher.update(&(part.len() as u64).to_le_bytes()).update(part);
+        fixed.extend_from_slice(&(part.len() as u64).to_le_bytes());
+        fixed.extend_from_slice(part);
     };
     for name in [attribute::FORMAT, attribute::TAPLINE_VERSION, attribute::GEOMETRY] {
         add(file.attr(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
@@ -192,7 +194,7 @@ pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<Option<String>> {
             add(row.bytes());
         }
     }
-    Ok(Some(hasher.finalize().to_hex().to_string()))
+    Ok(Some(blake3::hash(&fixed).to_hex().to_string()))
 }
 
 /// All rows of a table whose length is not known beforehand; `None` where the file cannot hold what it claims, or it has

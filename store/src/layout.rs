@@ -11,10 +11,10 @@ use tapline_wire::{CHANNELS_MAX, SERIAL_BYTES};
 use crate::sealed::Digest;
 
 /// Version of the layout that is written.
-pub const FORMAT_VERSION: u32 = 4;
+pub const FORMAT_VERSION: u32 = 5;
 
 /// Oldest version of the layout that is read; an older one is refused, and so is one newer than [`FORMAT_VERSION`]. In layout
-/// 3 a chunk has another checksum, see [`crate::sealed::ChunkSeal`]; that is all that was different.
+/// 3 and in layout 4 a chunk has another checksum, see [`crate::sealed::ChunkSeal`]; that is all that was different.
 pub(crate) const OLDEST_VERSION: u32 = 3;
 
 /// Longest reason of a refusal in bytes of UTF-8; a longer one ends in an ellipsis.

@@ -54,6 +54,7 @@ mod layout;
 mod lineage;
 mod lost;
 mod lz4;
+mod mapped;
 mod outage;
 mod parts;
 mod pending;

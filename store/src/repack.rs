@@ -179,6 +179,6 @@ fn write_by_library(new: &Archive, row: u32, samples: &[u8], header: &mut Header
     let mut stored = Vec::new();
     let file = fs::File::open(&new.path).context("read back", &new.path)?;
     place.read(&file, &mut stored).context("read back", &new.path)?;
-    header.stored_checksum = new.chunk_seal.of(&stored);
+    header.stored_checksum = new.chunk_seal.of(rows.codec(), &stored);
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Samples read past the HDF5 library: positioned reads of chunks whose places are known, unpacked by whoever reads.
+//! Samples read past the HDF5 library: chunks whose places are known, unpacked by whoever reads from where they lie.
 
 use std::fs::File;
 use std::ops::Range;
@@ -14,6 +14,7 @@ use crate::codec::{Codec, unpack};
 use crate::context::Context;
 use crate::encode::unpadded;
 use crate::layout::HeaderRow;
+use crate::mapped::Mapped;
 use crate::parts::PartMap;
 use crate::reader::in_run;
 use crate::sealed::{ChunkSeal, SealedRow as _};
@@ -22,11 +23,9 @@ use crate::{Error, Result};
 /// Room for one record, kept by whoever reads many.
 #[derive(Debug, Default)]
 pub struct Room {
-    /// The chunk as it lies in the file.
-    stored: Vec<u8>,
     /// The samples.
     lanes: Vec<Lane>,
-    /// What is unpacked, between the one and the other.
+    /// What is unpacked, on its way there.
     planes: Vec<u8>,
 }
 
@@ -35,6 +34,7 @@ pub struct Room {
 pub(crate) struct SampleFile {
     path: PathBuf,
     file: File,
+    bytes: Mapped,
     rows: ChunkRows,
     seal: ChunkSeal,
 }
@@ -44,7 +44,8 @@ impl SampleFile {
     pub(crate) fn open(archive: &Archive) -> Result<Self> {
         let path = PathBuf::from(archive.samples.dataset().filename());
         let file = File::open(&path).context("open the samples", &path)?;
-        Ok(Self { path, file, rows: archive.samples.clone(), seal: archive.chunk_seal })
+        let bytes = Mapped::new(&file).context("map the samples", &path)?;
+        Ok(Self { path, file, bytes, rows: archive.samples.clone(), seal: archive.chunk_seal })
     }
 
     /// Where the samples of every plan row lie.
@@ -57,8 +58,8 @@ impl SampleFile {
         self.rows.place(row).context("find samples", &self.path)
     }
 
-    /// Reads the samples of `header`, which lie at `place`, into `room`; of a record that the header has shorter than it is,
-    /// as many from its first on.
+    /// The samples of `header`, which lie at `place`, unpacked into `room`; of a record that the header has shorter than it
+    /// is, as many from its first on. Everything that was packed is checked.
     pub(crate) fn read<'r>(
         &self,
         header: &TapHeader,
@@ -66,29 +67,59 @@ impl SampleFile {
         place: Option<Span>,
         room: &'r mut Room,
     ) -> Result<Samples<'r>> {
-        let damaged = |what: &str| Error::Damaged {
-            path: self.path.clone(),
-            what: format!("the samples of plan row {} {what}", header.plan_index),
-        };
-        let place = place.ok_or_else(|| damaged("have no place in the file"))?;
-        let Room { stored, lanes, planes } = room;
-        place.read(&self.file, stored).context("read samples", &self.path)?;
-        if self.seal.of(stored) != stored_checksum {
-            return Err(damaged("are not what was written: their checksum differs"));
+        let stored = self.stored(header, place)?;
+        if !self.seal.is_whole(self.rows.codec(), stored, stored_checksum) {
+            return Err(self.damaged(header, OTHER_CHECKSUM));
         }
+        self.unpacked(header, stored, room)
+    }
+
+    /// The same, but no more is looked at and checked than the samples and what is packed with them, where the chunk lets one.
+    pub(crate) fn read_beginning<'r>(
+        &self,
+        header: &TapHeader,
+        stored_checksum: u64,
+        place: Option<Span>,
+        room: &'r mut Room,
+    ) -> Result<Samples<'r>> {
+        let stored = self.stored(header, place)?;
+        let Some(head) = self.seal.head(self.rows.codec(), stored) else {
+            return self.read(header, stored_checksum, place, room);
+        };
+        let are_whole = |part| head.are_whole(head.blocks(&part), stored);
+        if head.seal() != stored_checksum || !parts(header, self.rows.row_bytes()).all(are_whole) {
+            return Err(self.damaged(header, OTHER_CHECKSUM));
+        }
+        self.unpacked(header, stored, room)
+    }
+
+    /// What lies at `place`.
+    fn stored(&self, header: &TapHeader, place: Option<Span>) -> Result<&[u8]> {
+        let place = place.ok_or_else(|| self.damaged(header, "have no place in the file"))?;
+        self.bytes.at(place).context("read samples", &self.path)
+    }
+
+    /// What is packed in `stored`, as far as the header goes.
+    fn unpacked<'r>(&self, header: &TapHeader, stored: &[u8], room: &'r mut Room) -> Result<Samples<'r>> {
+        let Room { lanes, planes } = room;
         lanes.resize(lanes_for(self.rows.row_bytes()), Lane::default());
         let unpacked = &mut bytes_of_mut(lanes)[..self.rows.row_bytes()];
         match self.rows.codec() {
             Codec::None | Codec::Lz4 | Codec::Zstd => {
                 let parts = parts(header, unpacked.len());
                 if !unpack(self.rows.codec(), stored, parts, unpacked, planes) {
-                    return Err(damaged("cannot be unpacked"));
+                    return Err(self.damaged(header, "cannot be unpacked"));
                 }
             }
             Codec::Lzf | Codec::Gzip => self.read_by_library(header, unpacked)?,
         }
         unpadded(unpacked, header.channel_count as usize, header.payload_bytes() / header.channel_count as usize);
-        Samples::view(header, lanes).ok_or_else(|| damaged("are not as many as their header says"))
+        Samples::view(header, lanes).ok_or_else(|| self.damaged(header, "are not as many as their header says"))
+    }
+
+    fn damaged(&self, header: &TapHeader, what: &str) -> Error {
+        let what = format!("the samples of plan row {} {what}", header.plan_index);
+        Error::Damaged { path: self.path.clone(), what }
     }
 
     fn read_by_library(&self, header: &TapHeader, unpacked: &mut [u8]) -> Result<()> {
@@ -108,6 +139,9 @@ impl SampleFile {
         Ok(())
     }
 }
+
+/// What is wrong with samples that are not those which were written.
+const OTHER_CHECKSUM: &str = "are not what was written: their checksum differs";
 
 /// Where in a row of `row_bytes` the samples of `header` are, as few stretches as can be.
 fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usize>> {
@@ -167,7 +201,7 @@ impl Taps {
     /// number. No more is unpacked than these and what is packed with them.
     ///
     /// # Errors
-    /// As [`Taps::read`]: the checksum is that of the whole tap.
+    /// As [`Taps::read`], of what is unpacked; of a tap whose blocks have no checksums of their own, of the whole tap.
     pub fn read_beginning<'r>(
         &self,
         row: u32,
@@ -177,8 +211,14 @@ impl Taps {
         let Some(found) = self.found.get(row as usize).copied().flatten() else { return Ok(None) };
         let (file, plan) = &self.files[found.file];
         let header = checked_header(&file.path, plan, found.row, found.header)?;
-        let header = TapHeader { sample_count: used(&header).clamp(0, header.sample_count), ..header };
-        let samples = file.read(&header, found.header.stored_checksum, found.place, room)?;
+        let used = used(&header).clamp(0, header.sample_count);
+        let is_beginning = used < header.sample_count;
+        let header = TapHeader { sample_count: used, ..header };
+        let (checksum, place) = (found.header.stored_checksum, found.place);
+        let samples = match is_beginning {
+            true => file.read_beginning(&header, checksum, place, room)?,
+            false => file.read(&header, checksum, place, room)?,
+        };
         Ok(Some((in_run(header, row, &self.files[0].1), samples)))
     }
 }

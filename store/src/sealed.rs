@@ -7,6 +7,8 @@
 use hdf5::H5Type;
 use twox_hash::XxHash3_64;
 
+use crate::blosc::Head;
+use crate::codec::Codec;
 use crate::layout::table;
 
 /// Bytes of a digest of samples.
@@ -63,22 +65,42 @@ pub(crate) fn checksum(parts: &[&[u8]]) -> u64 {
 pub(crate) enum ChunkSeal {
     /// [`checksum`], in layout 3.
     Blake3,
-    /// XXH3 of 64 bits.
+    /// XXH3 of 64 bits, in layout 4.
     Xxh3,
+    /// That of the chunk's [`Head`], in which are those of its blocks; where it has none, as in layout 4.
+    Head,
 }
 
 impl ChunkSeal {
     /// What it is in layout `version`.
     pub(crate) fn of_layout(version: u32) -> Self {
-        if version <= 3 { Self::Blake3 } else { Self::Xxh3 }
+        match version {
+            ..=3 => Self::Blake3,
+            4 => Self::Xxh3,
+            _ => Self::Head,
+        }
     }
 
-    /// The checksum of `stored`.
-    pub(crate) fn of(self, stored: &[u8]) -> u64 {
-        match self {
-            Self::Blake3 => checksum(&[stored]),
-            Self::Xxh3 => XxHash3_64::oneshot(stored),
+    /// The checksum of `stored`, which `codec` packed.
+    pub(crate) fn of(self, codec: Codec, stored: &[u8]) -> u64 {
+        match (self, self.head(codec, stored)) {
+            (Self::Blake3, _) => checksum(&[stored]),
+            (_, Some(head)) => head.seal(),
+            (_, None) => XxHash3_64::oneshot(stored),
         }
+    }
+
+    /// Whether `stored`, which `codec` packed, is what it was when its checksum was `said`.
+    pub(crate) fn is_whole(self, codec: Codec, stored: &[u8], said: u64) -> bool {
+        let are_blocks_whole = || self.head(codec, stored).is_none_or(|head| head.are_whole(head.all(), stored));
+        self.of(codec, stored) == said && are_blocks_whole()
+    }
+
+    /// The head of the chunk that begins with `stored`, where chunks of `codec` are sealed by it.
+    pub(crate) fn head(self, codec: Codec, stored: &[u8]) -> Option<Head<'_>> {
+        // What other codecs make of samples is not theirs to choose, and may look like anything.
+        let has_heads = self == Self::Head && codec == Codec::Lz4;
+        Some(stored).filter(|_| has_heads).and_then(Head::new)
     }
 }
 

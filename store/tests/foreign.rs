@@ -70,7 +70,7 @@ fn h5py_reads_the_same() {
         .output()
         .unwrap();
     let expected = [
-        format!("tapline 4 ring {}", plan.digest()),
+        format!("tapline 5 ring {}", plan.digest()),
         "'[process]\\nf_c_hz = 550.0 # \u{b5}\\n'".to_owned(),
         "A\u{e9}-1 90.0 True [0, 0, 0, 0, 1, 0, 0, 0, 0, 1]".to_owned(),
         format!("[0, 0, 0, 0, 0, 1, 1, 0, 0, 2] {} {}", tap.tap_time_ns, String::from_utf8_lossy(&scale.stdout).trim()),

@@ -23,7 +23,7 @@ const SAMPLE_COUNT: u32 = 12;
 const ARCHIVED: [u32; 3] = [0, 1, 4];
 
 /// The layouts that were released, the newest last.
-const RELEASED: [u32; 2] = [3, 4];
+const RELEASED: [u32; 3] = [3, 4, 5];
 const _: () = assert!(RELEASED[RELEASED.len() - 1] == FORMAT_VERSION, "a layout has no fixture: see `write_anew`");
 
 fn fixture(version: u32) -> PathBuf {
@@ -177,6 +177,79 @@ fn write_anew() {
     };
     writer.put_judgement(0, &judgement, &(0..4).map(cell).collect::<Vec<_>>()).unwrap();
     writer.finish().unwrap();
+}
+
+/// Samples a channel of the fixtures whose taps have several blocks, of 8 KiB each: `layout-5-blocks.h5` and later ones.
+const LONG_SAMPLE_COUNT: u32 = 6000;
+
+/// The layouts that have such a fixture: blocks have checksums since layout 5.
+const WITH_BLOCKS: [u32; 1] = [5];
+const _: () =
+    assert!(WITH_BLOCKS[WITH_BLOCKS.len() - 1] == FORMAT_VERSION, "a layout has no fixture: see `write_anew`");
+
+fn fixture_of_blocks(version: u32) -> PathBuf {
+    fixture(version).with_file_name(format!("layout-{version}-blocks.h5"))
+}
+
+fn long_plan() -> Plan {
+    let short = plan();
+    let recording = Recording { sample_count_max: LONG_SAMPLE_COUNT, ..short.recording.clone() };
+    Plan::new(Geometry::Ring, recording, short.taps()[..2].to_vec(), Truth::new()).unwrap()
+}
+
+/// The counts of plan row `row` of the long plan, `[channel][sample]`: little in a wide range, so that they pack.
+fn long_counts(row: u32) -> Vec<i16> {
+    let length = i32::try_from(LONG_SAMPLE_COUNT).unwrap();
+    let count = |channel: i32, k: i32| (k * k / (7 + channel) % 23 - 11) * if k < 900 { 90 } else { 1 };
+    (0..2)
+        .flat_map(|channel| (0..length).map(move |k| i16::try_from(count(channel, k)).unwrap() + row as i16))
+        .collect()
+}
+
+fn long_header(row: u32) -> TapHeader {
+    let plan = long_plan();
+    TapHeader { sample_count: LONG_SAMPLE_COUNT, ..header(&plan, row) }
+}
+
+/// Writes the newest fixture of blocks: as [`write_anew`].
+#[test]
+#[ignore = "it makes the fixture, which is committed"]
+fn write_blocks_anew() {
+    let _guard = crate::common::beside_others();
+    let path = fixture_of_blocks(FORMAT_VERSION);
+    drop(std::fs::remove_file(&path));
+    let mut writer = Writer::create(&path, &long_plan(), lineage()).unwrap();
+    for row in 0..2 {
+        let samples: Vec<u8> = long_counts(row).into_iter().flat_map(i16::to_ne_bytes).collect();
+        writer.put_tap(&long_header(row), &samples).unwrap();
+        let id = long_header(row).id;
+        writer.put_discriminators(&Discriminators { id, plan_index: row, ..Discriminators::default() }).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// Catches blocks that are looked for where today's layout has them, whole records and beginnings of them.
+#[test]
+fn every_layout_gives_its_blocks() {
+    let _guard = crate::common::beside_others();
+    for version in WITH_BLOCKS {
+        let path = fixture_of_blocks(version);
+        let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), Room::default());
+        for row in 0..2 {
+            let counts = long_counts(row);
+            let whole: Vec<u8> = counts.iter().copied().flat_map(i16::to_le_bytes).collect();
+            assert_eq!(taps.read(row, &mut room).unwrap().unwrap().1.as_bytes(), whole);
+            for used in [1, 4000, 4096, 4097, 6000] {
+                let (header, samples) = taps.read_beginning(row, |_| used, &mut room).unwrap().unwrap();
+                let channels = counts.chunks_exact(LONG_SAMPLE_COUNT as usize);
+                let expected: Vec<u8> =
+                    channels.flat_map(|of_one| &of_one[..used as usize]).flat_map(|x| x.to_le_bytes()).collect();
+                assert_eq!((header.sample_count, samples.as_bytes()), (used, &expected[..]));
+            }
+        }
+        let problems = verify(&path).unwrap().problems;
+        assert!(!problems.iter().any(|problem| problem.to_string().contains("samples")), "{problems:?}");
+    }
 }
 
 /// Catches a program that no longer reads what a released layout wrote, or reads other taps, plans or texts out of it.

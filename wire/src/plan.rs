@@ -1,8 +1,9 @@
 //! The scan plan: every tap that must exist, and what its record will look like.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+use rustc_hash::{FxBuildHasher, FxHashMap};
 use sha2::{Digest, Sha256};
 
 use crate::nominal::nominal_velocities;
@@ -157,7 +158,7 @@ impl Plan {
         if taps.len() > most {
             return Err(PlanError::TooMany { got: taps.len(), most });
         }
-        let mut first_row = HashMap::with_capacity(taps.len());
+        let mut first_row = FxHashMap::with_capacity_and_hasher(taps.len(), FxBuildHasher);
         for (second, tap) in taps.iter().enumerate() {
             if let Some(first) = first_row.insert(tap.id, second) {
                 return Err(PlanError::Duplicate { id: tap.id, first, second });
@@ -247,7 +248,7 @@ impl Plan {
 
 fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
     let mut scans: Vec<Scan> = Vec::new();
-    let mut number_of: HashMap<(Serial, u16), usize> = HashMap::new();
+    let mut number_of: FxHashMap<(Serial, u16), usize> = FxHashMap::default();
     for (row, tap) in (0..).zip(taps) {
         let TapId { station, tyre, shoulder, .. } = tap.id;
         let number = *number_of.entry((tyre, shoulder)).or_insert_with(|| {
@@ -283,14 +284,15 @@ pub fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
 fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap], source_digest: u64) -> u64 {
     let mut hasher = Sha256::new();
     hasher.update(format!("{geometry:?} {recording:?} {source_digest}"));
-    let mut line = String::new();
+    let mut lines = String::new();
     for tap in taps {
-        line.clear();
+        let known = lines.len();
         // A text takes all that is written to it.
-        if write!(line, "\n{} {:?} {}", tap.id, tap.angle_deg, tap.is_closing).is_ok() {
-            hasher.update(&line);
+        if write!(lines, "\n{} {:?} {}", tap.id, tap.angle_deg, tap.is_closing).is_err() {
+            lines.truncate(known);
         }
     }
+    hasher.update(&lines);
     first_bits(hasher)
 }
 
