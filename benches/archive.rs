@@ -23,7 +23,7 @@ use tapline_wire::{Discriminators, Lane, Plan, RecordKind, TapHeader, TapTopic, 
 
 use common::{print_table, quantile};
 
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 15;
 
 /// Beginning of a record that has the pulse and most of the ringing.
 const BEGINNING_S: f64 = 0.1;

@@ -81,14 +81,17 @@ impl Kernel for Middle<'_> {
         let half = self.keys.len() / 2;
         while low < high {
             let middle = ((i64::from(low) + i64::from(high)) >> 1) as i32;
-            if self.count(|key| key <= middle) > half { high = middle } else { low = middle + 1 }
+            let is_most = self.count(|key| key <= middle) > half;
+            // Either way by choice, not by a jump that nobody can foresee.
+            (low, high) = (if is_most { low } else { middle + 1 }, if is_most { middle } else { high });
         }
         let upper = low;
-        let is_pair = self.keys.len().is_multiple_of(2) && self.count(|key| key < upper) == half;
-        let mut lower = i32::MIN;
+        let (mut lower, mut below) = (i32::MIN, 0_u32);
         for &key in self.keys {
+            below += u32::from(key < upper);
             lower = lower.max(if key < upper { key } else { i32::MIN });
         }
+        let is_pair = self.keys.len().is_multiple_of(2) && below as usize == half;
         Some((if is_pair { lower } else { upper }, upper))
     }
 }

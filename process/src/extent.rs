@@ -47,7 +47,7 @@ pub(crate) fn stretch_at<C: Count>(samples: &[C], level: C, from: usize) -> Opti
 }
 
 /// Samples that [`stretch_at`] looks at together.
-pub(crate) const STRETCH: usize = 192;
+pub(crate) const STRETCH: usize = 96;
 
 struct Touching<'a, C> {
     samples: &'a [C],

@@ -206,39 +206,43 @@ fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
     if loudest_line(tail, mean) <= least {
         return None; // a clean tap is looked at no further
     }
-    let lines = MAINS_HZ.into_iter().filter_map(|f_hz| {
-        let turns = f_hz / blocks.rate_hz();
-        let line = amplitude(tail, mean, turns);
+    let turns = MAINS_HZ.map(|f_hz| f_hz / blocks.rate_hz());
+    let lines = turns.into_iter().zip(amplitudes(tail, mean, turns)).filter_map(|(turns, line)| {
         if line <= least {
             return None;
         }
-        let mut sides = [turns - beside, turns + beside].into_iter().filter(|&side| side > 0.0);
-        sides.all(|side| line > LINE * amplitude(tail, mean, side)).then_some(Hum { amplitude: line, turns })
+        let sides = amplitudes(tail, mean, [turns - beside, turns + beside]);
+        let stands_out = |(side, turns): (f64, f64)| turns <= 0.0 || line > LINE * side;
+        let mut sides = sides.into_iter().zip([turns - beside, turns + beside]);
+        sides.all(stands_out).then_some(Hum { amplitude: line, turns })
     });
     lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude))
 }
 
-/// More than the [`amplitude`] of any sine in the means of `tail` about their `mean`: twice what is furthest from it.
+/// More than the [`amplitudes`] of any sines in the means of `tail` about their `mean`: twice what is furthest from it.
 fn loudest_line(tail: &[Block], mean: f64) -> f64 {
     ROUNDED_UP * 2.0 * folded_blocks(tail, |block| (block.mean - mean).abs(), greater)
 }
 
-/// Amplitude of a sine of `turns` in a block in the means of `tail` about their `mean`, through a Hann window.
+/// Amplitude of a sine of each of `turns` in a block in the means of `tail` about their `mean`, through a Hann window.
 ///
-/// Sines are had by turning a pointer from block to block: the few hundred steps cost it no digit that counts.
-fn amplitude(tail: &[Block], mean: f64, turns: f64) -> f64 {
+/// Sines are had by turning a pointer from block to block: the few hundred steps cost it no digit that counts. Each step waits
+/// for the one before, so that two lines cost as much as one.
+fn amplitudes<const N: usize>(tail: &[Block], mean: f64, turns: [f64; N]) -> [f64; N] {
     let per_block = TAU / tail.len() as f64;
-    let (mut wave, wave_step) = (Complex::new(1.0, 0.0), Complex::cis(TAU * turns));
+    let (mut waves, steps) = ([Complex::new(1.0, 0.0); N], turns.map(|turns| Complex::cis(TAU * turns)));
     let (mut window, window_step) = (Complex::cis(0.5 * per_block), Complex::cis(per_block));
-    let (mut sum, mut weight) = (Complex::new(0.0, 0.0), 0.0);
+    let (mut sums, mut weight) = ([Complex::new(0.0, 0.0); N], 0.0);
     for block in tail {
         let w = 0.5 - 0.5 * window.re;
-        sum += wave * (w * (block.mean - mean));
+        for ((sum, wave), step) in sums.iter_mut().zip(&mut waves).zip(&steps) {
+            *sum += *wave * (w * (block.mean - mean));
+            *wave *= *step;
+        }
         weight += w;
-        wave *= wave_step;
         window *= window_step;
     }
-    2.0 * sum.norm() / weight
+    sums.map(|sum| 2.0 * sum.norm() / weight)
 }
 
 /// Whether something is heard before the tap.
@@ -279,7 +283,7 @@ mod tests {
                     let mean = |i: i32| if is_square { angle(i).cos().signum() } else { angle(i).cos() };
                     let tail: Vec<Block> = (0..200).map(|i| Block { mean: mean(i), ..Block::default() }).collect();
                     let middle = tail.iter().map(|block| block.mean).sum::<f64>() / 200.0;
-                    let (line, most) = (amplitude(&tail, middle, turns), loudest_line(&tail, middle));
+                    let ([line], most) = (amplitudes(&tail, middle, [turns]), loudest_line(&tail, middle));
                     assert!(line <= most, "{period}: {line} {most}");
                     if is_square && period == 21 {
                         assert!(line > 0.55 * most, "the bound is no idle one: {line} {most}");
