@@ -109,14 +109,15 @@ pub(crate) fn of_sound<C: Count, T: Real>(
     let share = config.neighbour_share * peak;
     let can_hear_before = !is_late && sound.onset.is_some();
     // What is louder before the tap than after it is no noise, which stays.
-    let quiet = noise_after(sound, blocks, hum).filter(|_| hum.is_none());
+    let after = noise_after(sound, blocks, hum);
+    let quiet = after.filter(|_| hum.is_none());
     let is_ringing_before = can_hear_before
         && quiet.is_some_and(|quiet| {
             let before = sound.noise.map_or(0.0, |noise| noise * sound.gain);
             let limit = greater(share, TAP_SIGMAS * quiet);
             before > STEADY * quiet && is_before(sound, blocks.all(), limit)
         });
-    let noise = if is_ringing_before { quiet } else { noise(sound, blocks, hum, is_late) };
+    let noise = if is_ringing_before { quiet } else { noise(sound, after, hum, is_late) };
     if noise.is_some_and(|noise| peak < config.snr_least * noise) {
         doubts.spoils(Quality::LOW_SNR, config.low_snr, OF_SOUND);
     }
@@ -157,10 +158,9 @@ fn loudest(blocks: &[Block]) -> Option<(usize, f64)> {
 }
 
 /// Standard deviation of the noise without the `hum`, in the signal's unit: the greater of what there is before the
-/// trigger and after the ringing; `None` when the record has neither.
-fn noise<C: Count, T>(sound: &Sound<'_, C, T>, blocks: &mut Blocks, hum: Option<Hum>, is_late: bool) -> Option<f64> {
+/// trigger and `after` the ringing; `None` when the record has neither.
+fn noise<C, T>(sound: &Sound<'_, C, T>, after: Option<f64>, hum: Option<Hum>, is_late: bool) -> Option<f64> {
     let before = sound.noise.map(|noise| noise * sound.gain).filter(|_| !is_late);
-    let after = noise_after(sound, blocks, hum);
     match (before, after) {
         // Before the trigger there is too little time to tell hum from noise.
         (Some(before), Some(after)) if hum.is_none() && before > after => Some(before),
