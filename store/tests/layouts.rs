@@ -252,6 +252,40 @@ fn every_layout_gives_its_blocks() {
     }
 }
 
+/// Catches a beginning that is not given because of what lies behind it, and one that is given though it, or what says where
+/// it lies, was changed.
+#[test]
+fn a_beginning_is_proved_by_itself() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bent.h5");
+    let whole = std::fs::read(fixture_of_blocks(FORMAT_VERSION)).unwrap();
+    let samples = hdf5::File::open(fixture_of_blocks(FORMAT_VERSION)).unwrap().dataset("taps/samples").unwrap();
+    let chunk = samples.chunk_info(1).unwrap();
+    let (first, end) = (chunk.addr as usize, (chunk.addr + chunk.size) as usize);
+    let begins: [usize; 3] = std::array::from_fn(|block| {
+        let word = whole[first + 16 + 4 * block..].first_chunk().unwrap();
+        first + u32::from_le_bytes(*word) as usize
+    });
+    assert_eq!(begins[0] - first, 16 + 12 * 3, "the second tap has three blocks");
+    // The beginning of the force is in the first, that of the sound in the second.
+    for at in (first..end).step_by(7).chain([first, begins[0], begins[1], begins[2] - 1, begins[2], end - 1]) {
+        let mut bent = whole.clone();
+        bent[at] ^= 0x10;
+        std::fs::write(&path, &bent).unwrap();
+        let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), Room::default());
+        let is_damaged = |result: Result<_, Error>| match result {
+            Ok(_) => false,
+            Err(Error::Damaged { what, .. }) => what.contains("plan row 1"),
+            Err(error) => panic!("{error}"),
+        };
+        assert!(is_damaged(taps.read(1, &mut room).map(|_| ())), "{at}");
+        let is_behind = at >= begins[2];
+        assert_eq!(is_damaged(taps.read_beginning(1, |_| 100, &mut room).map(|_| ())), !is_behind, "{at}");
+        assert!(taps.read(0, &mut room).is_ok(), "another tap");
+    }
+}
+
 /// Catches a program that no longer reads what a released layout wrote, or reads other taps, plans or texts out of it.
 #[test]
 fn every_layout_gives_its_taps() {
