@@ -218,7 +218,11 @@ fn write_blocks_anew() {
     let _guard = crate::common::beside_others();
     let path = fixture_of_blocks(FORMAT_VERSION);
     drop(std::fs::remove_file(&path));
-    let mut writer = Writer::create(&path, &long_plan(), lineage()).unwrap();
+    write_blocks(&path);
+}
+
+fn write_blocks(path: &Path) {
+    let mut writer = Writer::create(path, &long_plan(), lineage()).unwrap();
     for row in 0..2 {
         let samples: Vec<u8> = long_counts(row).into_iter().flat_map(i16::to_ne_bytes).collect();
         writer.put_tap(&long_header(row), &samples).unwrap();
@@ -250,6 +254,22 @@ fn every_layout_gives_its_blocks() {
         let problems = verify(&path).unwrap().problems;
         assert!(!problems.iter().any(|problem| problem.to_string().contains("samples")), "{problems:?}");
     }
+}
+
+/// Catches a writer that writes another layout than the fixture of it has.
+#[test]
+fn what_is_written_today_is_the_newest_layout() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("today.h5");
+    write_blocks(&path);
+    let chunks = |path: &Path| {
+        let samples = hdf5::File::open(path).unwrap().dataset("taps/samples").unwrap();
+        let bytes = std::fs::read(path).unwrap();
+        let chunk = |k| samples.chunk_info(k).map(|c| bytes[c.addr as usize..][..c.size as usize].to_vec()).unwrap();
+        (0..2).map(chunk).collect::<Vec<_>>()
+    };
+    assert!(chunks(&path) == chunks(&fixture_of_blocks(FORMAT_VERSION)), "the chunks differ");
 }
 
 /// Catches a beginning that is not given because of what lies behind it, and one that is given though it, or what says where
