@@ -97,6 +97,14 @@ fn seals_are_computed_as_the_page_says() {
     assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
     let said = run_page(&rig, &python, "archive-layout.md");
     assert_eq!(said, "what does not fit its seal: [('discriminators', 7), ('root', 0)]\n");
+    // A byte of the last block of a tap, whose checksum stands in the head alone.
+    let block = "import h5py\nwith h5py.File('run.h5', 'r') as f:\n    chunk = f['taps/samples'].id.get_chunk_info(5)\n\
+                 with open('run.h5', 'r+b') as f:\n    f.seek(chunk.byte_offset + chunk.size - 9)\n    \
+                 byte = f.read(1)[0]\n    f.seek(-1, 1)\n    f.write(bytes([byte ^ 4]))\n";
+    let bent = Command::new(&python).args(["-c", block]).current_dir(rig.path("")).output().unwrap();
+    assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
+    let said = run_page(&rig, &python, "archive-layout.md");
+    assert_eq!(said, "what does not fit its seal: [('discriminators', 7), ('stored', 5), ('root', 0)]\n");
 }
 
 /// Catches a table of flags in the page's code that has fallen behind the program's.

@@ -19,7 +19,7 @@ const GATE_LEAD_S: f64 = 1e-3;
 /// Extracts the discriminators of taps, one after the other, in the arithmetic of `T`.
 ///
 /// Only the transform, the terms of long sums and the blocks that sums and flags are had from are in `T`; everything else
-/// is in `f64`, long sums too. One extractor serves one thread; its results depend on the tap alone, not on what came before.
+/// is in `f64`, long sums too, but for the order of the blocks' squares, of which flags have the median. One extractor serves one thread; its results depend on the tap alone, not on what came before.
 #[derive(Debug)]
 pub struct Extractor<T: Real> {
     config: ProcessConfig,

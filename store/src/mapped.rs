@@ -20,9 +20,9 @@ impl Mapped {
     /// # Errors
     /// What the system says.
     pub(crate) fn new(file: &File) -> io::Result<Self> {
-        // SAFETY: bytes that others change meanwhile are still bytes, and are used only where they fit their checksum, with
-        // no reference to them kept from one reading to the next; where they are cut off there is no memory, and the system
-        // ends whoever reads it.
+        // SAFETY: nobody writes the file while the library's lock on it is held, which is as long as the archive is open. Who
+        // does not heed the lock may give other bytes, of which whatever is read is checked, and which are unpacked by code that
+        // stays within bounds whatever they say; where they are cut off there is no memory, and the system ends who reads it.
         Ok(Self { bytes: unsafe { Mmap::map(file)? } })
     }
 

@@ -229,7 +229,7 @@ impl Reader {
         let header = checked_header(&archive.path, &archive.plan, there, rows[0])?;
         let mut room = Room::default();
         let place = self.samples[part].place(there)?;
-        let samples = match self.samples[part].read(&header, rows[0].stored_checksum, place, &mut room)? {
+        let samples = match self.samples[part].read(&header, rows[0].stored_checksum, place, false, &mut room)? {
             Samples::I16(samples) => OwnedSamples::I16(samples.to_vec()),
             Samples::F32(samples) => OwnedSamples::F32(samples.to_vec()),
         };

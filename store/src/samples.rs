@@ -23,6 +23,8 @@ use crate::{Error, Result};
 /// Room for one record, kept by whoever reads many.
 #[derive(Debug, Default)]
 pub struct Room {
+    /// The chunk, where it is not read where it lies.
+    copied: Vec<u8>,
     /// The samples.
     lanes: Vec<Lane>,
     /// What is unpacked, on its way there.
@@ -34,18 +36,28 @@ pub struct Room {
 pub(crate) struct SampleFile {
     path: PathBuf,
     file: File,
-    bytes: Mapped,
+    /// Its bytes, where they are read where they lie.
+    mapped: Option<Mapped>,
     rows: ChunkRows,
     seal: ChunkSeal,
 }
 
 impl SampleFile {
-    /// The file of the samples of `archive`, which another archive may share.
+    /// The file of the samples of `archive`, which another archive may share, for reading tap by tap: what cannot be read is
+    /// an error that names the tap.
     pub(crate) fn open(archive: &Archive) -> Result<Self> {
         let path = PathBuf::from(archive.samples.dataset().filename());
         let file = File::open(&path).context("open the samples", &path)?;
-        let bytes = Mapped::new(&file).context("map the samples", &path)?;
-        Ok(Self { path, file, bytes, rows: archive.samples.clone(), seal: archive.chunk_seal })
+        Ok(Self { path, file, mapped: None, rows: archive.samples.clone(), seal: archive.chunk_seal })
+    }
+
+    /// The same for reading many taps, where they lie: who reads what cannot be read is ended by the system.
+    pub(crate) fn mapped(archive: &Archive) -> Result<Self> {
+        let file = Self::open(archive)?;
+        // A library that unpacks trusts its bytes to stay as they are.
+        let is_unpacked_here = matches!(file.rows.codec(), Codec::None | Codec::Lz4);
+        let mapped = is_unpacked_here.then(|| Mapped::new(&file.file)).transpose();
+        Ok(Self { mapped: mapped.context("map the samples", &file.path)?, ..file })
     }
 
     /// Where the samples of every plan row lie.
@@ -59,49 +71,50 @@ impl SampleFile {
     }
 
     /// The samples of `header`, which lie at `place`, unpacked into `room`; of a record that the header has shorter than it
-    /// is, as many from its first on. Everything that was packed is checked.
+    /// is, as many from its first on. Everything that was packed is checked, or of a beginning (`is_beginning`) no more than
+    /// is unpacked, where the chunk lets one.
     pub(crate) fn read<'r>(
         &self,
         header: &TapHeader,
         stored_checksum: u64,
         place: Option<Span>,
+        is_beginning: bool,
         room: &'r mut Room,
     ) -> Result<Samples<'r>> {
-        let stored = self.stored(header, place)?;
-        if !self.seal.is_whole(self.rows.codec(), stored, stored_checksum) {
-            return Err(self.damaged(header, OTHER_CHECKSUM));
-        }
-        self.unpacked(header, stored, room)
-    }
-
-    /// The same, but no more is looked at and checked than the samples and what is packed with them, where the chunk lets one.
-    pub(crate) fn read_beginning<'r>(
-        &self,
-        header: &TapHeader,
-        stored_checksum: u64,
-        place: Option<Span>,
-        room: &'r mut Room,
-    ) -> Result<Samples<'r>> {
-        let stored = self.stored(header, place)?;
-        let Some(head) = self.seal.head(self.rows.codec(), stored) else {
-            return self.read(header, stored_checksum, place, room);
+        let Room { copied, lanes, planes } = room;
+        let stored = self.stored(header, place, copied)?;
+        let codec = self.rows.codec();
+        let is_whole = match self.seal.head(codec, stored).filter(|_| is_beginning) {
+            Some(head) => {
+                let are_whole = |part| head.are_whole(head.blocks(&part), stored);
+                head.seal() == stored_checksum && parts(header, self.rows.row_bytes()).all(are_whole)
+            }
+            None => self.seal.is_whole(codec, stored, stored_checksum),
         };
-        let are_whole = |part| head.are_whole(head.blocks(&part), stored);
-        if head.seal() != stored_checksum || !parts(header, self.rows.row_bytes()).all(are_whole) {
-            return Err(self.damaged(header, OTHER_CHECKSUM));
+        if !is_whole {
+            return Err(self.damaged(header, "are not what was written: their checksum differs"));
         }
-        self.unpacked(header, stored, room)
+        self.unpacked(header, stored, lanes, planes)
     }
 
-    /// What lies at `place`.
-    fn stored(&self, header: &TapHeader, place: Option<Span>) -> Result<&[u8]> {
+    /// What lies at `place`, in `copied` if it is not read there.
+    fn stored<'s>(&'s self, header: &TapHeader, place: Option<Span>, copied: &'s mut Vec<u8>) -> Result<&'s [u8]> {
         let place = place.ok_or_else(|| self.damaged(header, "have no place in the file"))?;
-        self.bytes.at(place).context("read samples", &self.path)
+        let stored = match &self.mapped {
+            Some(mapped) => mapped.at(place),
+            None => place.read(&self.file, copied).map(|()| &copied[..]),
+        };
+        stored.context("read samples", &self.path)
     }
 
     /// What is packed in `stored`, as far as the header goes.
-    fn unpacked<'r>(&self, header: &TapHeader, stored: &[u8], room: &'r mut Room) -> Result<Samples<'r>> {
-        let Room { lanes, planes } = room;
+    fn unpacked<'r>(
+        &self,
+        header: &TapHeader,
+        stored: &[u8],
+        lanes: &'r mut Vec<Lane>,
+        planes: &mut Vec<u8>,
+    ) -> Result<Samples<'r>> {
         lanes.resize(lanes_for(self.rows.row_bytes()), Lane::default());
         let unpacked = &mut bytes_of_mut(lanes)[..self.rows.row_bytes()];
         match self.rows.codec() {
@@ -140,9 +153,6 @@ impl SampleFile {
     }
 }
 
-/// What is wrong with samples that are not those which were written.
-const OTHER_CHECKSUM: &str = "are not what was written: their checksum differs";
-
 /// Where in a row of `row_bytes` the samples of `header` are, as few stretches as can be.
 fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usize>> {
     let channel_count = (header.channel_count as usize).max(1);
@@ -155,6 +165,9 @@ fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usi
 /// The taps of a run for readers that share the work: where each lies is found once, and then no lock is taken.
 ///
 /// What an archive packs by LZF or Deflate is unpacked by the HDF5 library after all, one record after another.
+///
+/// What is packed by LZ4 or not at all is read where it lies, as memory. The library's lock keeps other writers off; a file
+/// that is cut short all the same, or a disk that fails, ends the process by `SIGBUS`. [`crate::Reader::tap`] returns an error then.
 #[derive(Debug)]
 pub struct Taps {
     /// Of every file, with its plan; the plan of the first is that of the run.
@@ -177,7 +190,7 @@ impl Taps {
         let mut files = Vec::with_capacity(archives.len());
         let mut found = vec![None; states.len()];
         for (number, archive) in archives.iter().enumerate() {
-            let file = SampleFile::open(archive)?;
+            let file = SampleFile::mapped(archive)?;
             let places = file.places()?;
             let headers = archive.headers.read_all().context("read the headers", &archive.path)?;
             for (row, there) in map.taps_in(number).filter(|&(row, _)| states[row as usize] == TapState::Archived) {
@@ -214,11 +227,7 @@ impl Taps {
         let used = used(&header).clamp(0, header.sample_count);
         let is_beginning = used < header.sample_count;
         let header = TapHeader { sample_count: used, ..header };
-        let (checksum, place) = (found.header.stored_checksum, found.place);
-        let samples = match is_beginning {
-            true => file.read_beginning(&header, checksum, place, room)?,
-            false => file.read(&header, checksum, place, room)?,
-        };
+        let samples = file.read(&header, found.header.stored_checksum, found.place, is_beginning, room)?;
         Ok(Some((in_run(header, row, &self.files[0].1), samples)))
     }
 }

@@ -239,7 +239,7 @@ fn check_samples(
     room: &mut Room,
 ) -> std::result::Result<(), String> {
     let checked = checked_header(Path::new(""), plan, row, *header).and_then(|of_row| {
-        let samples = file.read(&of_row, header.stored_checksum, place, room)?;
+        let samples = file.read(&of_row, header.stored_checksum, place, false, room)?;
         Ok(digest_of(samples.as_bytes()) == header.samples_digest)
     });
     match checked {

@@ -25,8 +25,8 @@ impl<'a> Head<'a> {
     /// The head of the chunk that begins with `beginning`; `None` where its blocks have no checksums: what gained nothing by
     /// being packed, and what was packed in another way.
     pub(crate) fn new(beginning: &'a [u8]) -> Option<Self> {
-        let (row_bytes, block_bytes) = (word(beginning, 4)?, word(beginning, 8)?);
-        let block_count = row_bytes.div_ceil(block_bytes.max(1));
+        let (row_bytes, block_bytes) = (word(beginning, 4)?, word(beginning, 8).filter(|&bytes| bytes > 0)?);
+        let block_count = row_bytes.div_ceil(block_bytes);
         let head = Self {
             bytes: beginning.get(..length(block_count))?,
             block_count,
@@ -151,15 +151,24 @@ mod tests {
     }
 
     proptest! {
-        /// Catches a reader that trusts what the head says: whatever stands there is a head or none.
+        /// Catches a reader that trusts what the head says: whatever stands there is a head or none, and most of these are one.
         #[test]
-        fn any_bytes_are_a_head_or_none(mut bytes in prop::collection::vec(any::<u8>(), 0..200), blocks in 0..20_u8) {
-            // Sizes of which there may be few blocks, or every head would be too long.
-            if let Some(sizes) = bytes.get_mut(4..16) {
-                sizes.copy_from_slice(&[blocks, 0, 0, 0, 1, 0, 0, 0, 200, 0, 0, 0]);
+        fn any_bytes_are_a_head_or_none(
+            mut bytes in prop::collection::vec(any::<u8>(), 260..300),
+            row_bytes in 0..40_u32,
+            block_bytes in 0..5_u32,
+            begins in prop::collection::vec(0..320_u32, 20),
+        ) {
+            let count = row_bytes.div_ceil(block_bytes.max(1));
+            let sizes = [row_bytes, block_bytes, 300, 16 + 12 * count];
+            for (place, word) in bytes[4..].chunks_exact_mut(4).zip(sizes.into_iter().chain(begins)) {
+                place.copy_from_slice(&word.to_le_bytes());
             }
-            if let Some(head) = Head::new(&bytes) {
-                let _is_known = head.are_whole(head.all(), &bytes);
+            let head = Head::new(&bytes);
+            let is_there = count > 0 && length(count as usize) <= bytes.len();
+            prop_assert_eq!(head.is_some(), bytes[2] & AS_IT_IS == 0 && block_bytes > 0 && is_there);
+            if let Some(head) = head {
+                prop_assert!(!head.are_whole(head.all(), &bytes));
                 prop_assert!(head.blocks(&(0..usize::MAX)) == head.all());
             }
         }

@@ -1,0 +1,136 @@
+//! Blocks of packed samples: what was released stays readable, whole and in its beginning, and is proved by itself.
+
+use std::path::{Path, PathBuf};
+
+use tapline_store::{Error, FORMAT_VERSION, Reader, Room, Writer, verify};
+use tapline_wire::{Discriminators, Geometry, Plan, Recording, TapHeader, Truth};
+
+use crate::layouts::{fixture, header, lineage, plan};
+
+/// Samples a channel of the fixtures whose taps have several blocks, of 8 KiB each: `layout-5-blocks.h5` and later ones.
+const LONG_SAMPLE_COUNT: u32 = 6000;
+
+/// The layouts that have such a fixture: blocks have checksums since layout 5.
+const WITH_BLOCKS: [u32; 1] = [5];
+const _: () =
+    assert!(WITH_BLOCKS[WITH_BLOCKS.len() - 1] == FORMAT_VERSION, "a layout has no fixture: see `write_blocks_anew`");
+
+fn fixture_of_blocks(version: u32) -> PathBuf {
+    fixture(version).with_file_name(format!("layout-{version}-blocks.h5"))
+}
+
+fn long_plan() -> Plan {
+    let short = plan();
+    let recording = Recording { sample_count_max: LONG_SAMPLE_COUNT, ..short.recording.clone() };
+    Plan::new(Geometry::Ring, recording, short.taps()[..2].to_vec(), Truth::new()).unwrap()
+}
+
+/// The counts of plan row `row` of the long plan, `[channel][sample]`: little in a wide range, so that they pack.
+fn long_counts(row: u32) -> Vec<i16> {
+    let length = i32::try_from(LONG_SAMPLE_COUNT).unwrap();
+    let count = |channel: i32, k: i32| (k * k / (7 + channel) % 23 - 11) * if k < 900 { 90 } else { 1 };
+    (0..2)
+        .flat_map(|channel| (0..length).map(move |k| i16::try_from(count(channel, k)).unwrap() + row as i16))
+        .collect()
+}
+
+fn long_header(row: u32) -> TapHeader {
+    let plan = long_plan();
+    TapHeader { sample_count: LONG_SAMPLE_COUNT, ..header(&plan, row) }
+}
+
+/// Writes the newest fixture: `cargo test -p tapline-store -- --ignored write_blocks_anew`, once for a layout, before it is
+/// released.
+#[test]
+#[ignore = "it makes the fixture, which is committed"]
+fn write_blocks_anew() {
+    let _guard = crate::common::beside_others();
+    let path = fixture_of_blocks(FORMAT_VERSION);
+    drop(std::fs::remove_file(&path));
+    write_blocks(&path);
+}
+
+fn write_blocks(path: &Path) {
+    let mut writer = Writer::create(path, &long_plan(), lineage()).unwrap();
+    for row in 0..2 {
+        let samples: Vec<u8> = long_counts(row).into_iter().flat_map(i16::to_ne_bytes).collect();
+        writer.put_tap(&long_header(row), &samples).unwrap();
+        let id = long_header(row).id;
+        writer.put_discriminators(&Discriminators { id, plan_index: row, ..Discriminators::default() }).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// Catches blocks that are looked for where today's layout has them, whole records and beginnings of them.
+#[test]
+fn every_layout_gives_its_blocks() {
+    let _guard = crate::common::beside_others();
+    for version in WITH_BLOCKS {
+        let path = fixture_of_blocks(version);
+        let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), Room::default());
+        for row in 0..2 {
+            let counts = long_counts(row);
+            let whole: Vec<u8> = counts.iter().copied().flat_map(i16::to_le_bytes).collect();
+            assert_eq!(taps.read(row, &mut room).unwrap().unwrap().1.as_bytes(), whole);
+            for used in [1, 4000, 4096, 4097, 6000] {
+                let (header, samples) = taps.read_beginning(row, |_| used, &mut room).unwrap().unwrap();
+                let channels = counts.chunks_exact(LONG_SAMPLE_COUNT as usize);
+                let expected: Vec<u8> =
+                    channels.flat_map(|of_one| &of_one[..used as usize]).flat_map(|x| x.to_le_bytes()).collect();
+                assert_eq!((header.sample_count, samples.as_bytes()), (used, &expected[..]));
+            }
+        }
+        let problems = verify(&path).unwrap().problems;
+        assert!(!problems.iter().any(|problem| problem.to_string().contains("samples")), "{problems:?}");
+    }
+}
+
+/// Catches a writer whose chunks have not the heads that the newest layout promises.
+#[test]
+fn what_is_written_today_has_heads() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("today.h5");
+    write_blocks(&path);
+    let samples = hdf5::File::open(&path).unwrap().dataset("taps/samples").unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    for k in 0..2 {
+        let head = samples.chunk_info(k).unwrap().addr as usize;
+        let first = u32::from_le_bytes(*bytes[head + 16..].first_chunk().unwrap());
+        assert_eq!(first, 16 + 12 * 3, "the first of three blocks begins behind their checksums");
+    }
+}
+
+/// Catches a beginning that is not given because of what lies behind it, and one that is given though it, or what says where
+/// it lies, was changed.
+#[test]
+fn a_beginning_is_proved_by_itself() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bent.h5");
+    let whole = std::fs::read(fixture_of_blocks(FORMAT_VERSION)).unwrap();
+    let samples = hdf5::File::open(fixture_of_blocks(FORMAT_VERSION)).unwrap().dataset("taps/samples").unwrap();
+    let chunk = samples.chunk_info(1).unwrap();
+    let (first, end) = (chunk.addr as usize, (chunk.addr + chunk.size) as usize);
+    let begins: [usize; 3] = std::array::from_fn(|block| {
+        let word = whole[first + 16 + 4 * block..].first_chunk().unwrap();
+        first + u32::from_le_bytes(*word) as usize
+    });
+    assert_eq!(begins[0] - first, 16 + 12 * 3, "the second tap has three blocks");
+    // The beginning of the force is in the first, that of the sound in the second.
+    for at in (first..end).step_by(7).chain([first, begins[0], begins[1], begins[2] - 1, begins[2], end - 1]) {
+        let mut bent = whole.clone();
+        bent[at] ^= 0x10;
+        std::fs::write(&path, &bent).unwrap();
+        let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), Room::default());
+        let is_damaged = |result: Result<_, Error>| match result {
+            Ok(_) => false,
+            Err(Error::Damaged { what, .. }) => what.contains("plan row 1"),
+            Err(error) => panic!("{error}"),
+        };
+        assert!(is_damaged(taps.read(1, &mut room).map(|_| ())), "{at}");
+        let is_behind = at >= begins[2];
+        assert_eq!(is_damaged(taps.read_beginning(1, |_| 100, &mut room).map(|_| ())), !is_behind, "{at}");
+        assert!(taps.read(0, &mut room).is_ok(), "another tap");
+    }
+}
