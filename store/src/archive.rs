@@ -21,6 +21,7 @@ use crate::layout::{
 use crate::lineage::{hex_of, lineage_key, raw_digest};
 use crate::rows::serial;
 use crate::sealed::{ChunkSeal, SealedRow};
+use crate::settled::Raw;
 use crate::table::Table;
 use crate::units::check_units;
 use crate::{Error, Lineage, Part, Result};
@@ -63,14 +64,6 @@ pub(crate) struct Archive {
     pub(crate) file: File,
     /// The archive of the taps, where this one has results alone.
     raw: Option<Raw>,
-}
-
-/// Another archive, whose taps these results are of.
-#[derive(Debug)]
-struct Raw {
-    ledger: Table<LedgerRow>,
-    /// Kept open for its tables.
-    _file: File,
 }
 
 impl Archive {
@@ -124,9 +117,9 @@ impl Archive {
         self.raw.is_some()
     }
 
-    /// The ledger that vouches for the samples.
-    pub(crate) fn raw_ledger(&self) -> &Table<LedgerRow> {
-        self.raw.as_ref().map_or(&self.ledger, |raw| &raw.ledger)
+    /// The ledger that vouches for the samples, and the discriminators that it vouches for besides.
+    pub(crate) fn of_taps(&self) -> (&Table<LedgerRow>, &Table<DiscriminatorsRow>) {
+        self.raw.as_ref().map_or((&self.ledger, &self.discriminators), |raw| (&raw.ledger, &raw.discriminators))
     }
 
     /// Opens the archive at `path` and checks that all its tables are there and fit each other.
@@ -190,10 +183,7 @@ impl Archive {
             scans: open_table(&file, path, plan.scans().len())?,
             damage: open_table(&file, path, cell_count)?,
             plan,
-            raw: match raw_file {
-                Some(file) => Some(Raw { ledger: open_table(&file, path, tap_count)?, _file: file }),
-                None => None,
-            },
+            raw: raw_file.map(|file| Raw::of(file, path, tap_count)).transpose()?,
             file,
         };
         archive.check_raw()?;
@@ -378,7 +368,7 @@ fn read_whole<R: H5Type + Clone>(file: &File, path: &Path, name: &'static str) -
     read_bounded(file, name).context("read a table", path)?.ok_or_else(|| damaged(path, format!("{name} cannot be so")))
 }
 
-fn open_table<R: SealedRow>(file: &File, path: &Path, row_count: usize) -> Result<Table<R>> {
+pub(crate) fn open_table<R: SealedRow>(file: &File, path: &Path, row_count: usize) -> Result<Table<R>> {
     Table::open(file, row_count)
         .context("find a table", path)?
         .ok_or_else(|| damaged(path, format!("{} has not {row_count} rows of this layout", R::TABLE)))

@@ -71,6 +71,7 @@ mod run_puts;
 mod run_writer;
 mod samples;
 mod sealed;
+mod settled;
 mod table;
 mod track;
 mod units;

@@ -7,7 +7,7 @@ use crate::archive::Archive;
 use crate::context::Context;
 use crate::layout::HeaderRow;
 use crate::sealed::{Digest, SealedRow as _};
-use crate::{Result, reader::settled};
+use crate::{Result, settled::settled_raw};
 
 /// What a run was told, beside its plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,10 +55,10 @@ impl<'a> From<&'a String> for Lineage<'a> {
 pub(crate) fn raw_digest(archive: &Archive) -> Result<Digest> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&archive.plan.digest().to_le_bytes());
-    let ledger = archive.raw_ledger().read_all().context("read the ledger", &archive.path)?;
+    let ledger = archive.of_taps().0.read_all().context("read the ledger", &archive.path)?;
     let headers = archive.headers.read_all().context("read the headers", &archive.path)?;
     for (k, (row, header)) in ledger.iter().zip(headers).enumerate() {
-        let (state, attempt) = settled(archive, k, row)?;
+        let (state, attempt) = settled_raw(archive, k, row)?;
         hasher.update(&(k as u64).to_le_bytes()).update(&[state.code()]).update(&attempt.to_le_bytes());
         if state == tapline_wire::TapState::Archived {
             if !header.is_whole(k) {

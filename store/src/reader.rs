@@ -8,12 +8,13 @@ use tapline_wire::{
 
 use crate::archive::{Archive, read_text};
 use crate::context::Context;
-use crate::layout::{LedgerRow, ScanRow, attribute};
+use crate::layout::{LedgerRow, attribute};
 use crate::lineage::{digest_of, lineage_key, raw_digest};
 use crate::parts::{PartMap, open_all};
 use crate::rows::{at_attempt, text};
 use crate::samples::{Room, SampleFile, Taps, checked_header};
 use crate::sealed::SealedRow;
+use crate::settled::{scan_state, settled};
 use crate::{Codec, Lineage, Lost, Result};
 
 /// The samples of a tap, planar `[channel][sample]`, as the converter gave them.
@@ -345,39 +346,4 @@ fn whole<R: SealedRow>(archive: &Archive, number: usize, row: R) -> Result<R> {
     }
     let what = format!("row {number} of its table {:?} is not what was written: its checksum differs", R::TABLE);
     Err(archive.damaged(what))
-}
-
-/// State and attempt of the tap in row `k` of the ledger.
-///
-/// A row whose checksum differs was being written when its writer was killed, or was damaged later. What it vouches for was
-/// written before it: where that is whole the tap counts as archived; else as missing, so that it is taken again.
-pub(crate) fn settled(archive: &Archive, k: usize, row: &LedgerRow) -> Result<(TapState, u16)> {
-    if !row.is_whole(k) {
-        let attempt = attempt_of_whole_rows(archive, k)?;
-        let counts_as = if attempt.is_some() { "archived, as its other rows are whole" } else { "missing" };
-        tracing::warn!(row = k, "the ledger's row is torn; the tap counts as {counts_as}");
-        return Ok(attempt.map_or((TapState::Missing, 0), |attempt| (TapState::Archived, attempt)));
-    }
-    let unknown = || archive.damaged(format!("row {k} of its ledger has state {}", row.state));
-    Ok((row.state().ok_or_else(unknown)?, row.attempt))
-}
-
-/// Attempt of the tap that row `k` of the headers and of the discriminators are of; `None` where either is not whole.
-fn attempt_of_whole_rows(archive: &Archive, k: usize) -> Result<Option<u16>> {
-    let context = "read what is archived";
-    let (headers, found) = (archive.headers.read(k..k + 1), archive.discriminators.read(k..k + 1));
-    let (headers, found) = (headers.context(context, &archive.path)?, found.context(context, &archive.path)?);
-    let (Some(header), Some(found)) = (headers.first(), found.first()) else { return Ok(None) };
-    let are_whole = header.is_whole(k) && found.is_whole(k);
-    let are_of_it = [header.plan_index, found.plan_index].iter().all(|&row| row as usize == k);
-    Ok((are_whole && are_of_it && header.attempt == found.attempt).then_some(header.attempt))
-}
-
-/// State of scan `k`; one whose row is torn is open.
-pub(crate) fn scan_state(archive: &Archive, k: usize, row: &ScanRow) -> Result<ScanState> {
-    if !row.is_whole(k) {
-        tracing::warn!(scan = k, "the scan's row is torn; it counts as open");
-        return Ok(ScanState::Open);
-    }
-    row.state().ok_or_else(|| archive.damaged(format!("scan {k} has state {}", row.state)))
 }

@@ -7,8 +7,8 @@ use tapline_wire::{Ledger, ScanState, TapState};
 use crate::archive::Archive;
 use crate::context::Context;
 use crate::layout::{LedgerRow, ScanRow, table};
-use crate::reader::{scan_state, settled};
 use crate::sealed::SealedRow as _;
+use crate::settled::{scan_state, settled, settled_raw};
 use crate::track::{Take, Track};
 use crate::{Lost, Result};
 
@@ -56,7 +56,7 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger, mended: &mut BTreeMap<u32
         .context(context, &archive.path)?;
     // Of results alone the samples are there already.
     let are_there = match archive.is_results() {
-        true => archive.raw_ledger().read_all().context(context, &archive.path)?,
+        true => archive.of_taps().0.read_all().context(context, &archive.path)?,
         false => Vec::new(),
     };
     let mut tracks = Vec::with_capacity(samples.len());
@@ -80,7 +80,7 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger, mended: &mut BTreeMap<u32
         let retaken = raw.unwrap_or(&row);
         let (retaken_count, retaken_quality) = (retaken.retaken_count, retaken.retaken_quality);
         let track = match state {
-            TapState::Missing => match raw.map(|row| settled(archive, k, row)).transpose()? {
+            TapState::Missing => match raw.map(|row| settled_raw(archive, k, row)).transpose()? {
                 Some((TapState::Archived, _)) => Track::recorded(samples[k]),
                 _ => Track::missing(attempt),
             },

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use tapline_store::{Codec, Lineage, Problem, Reader, Writer, verify};
+use tapline_store::{Codec, Lineage, Problem, Reader, RunWriter, Writer, verify};
 use tapline_wire::{SampleFormat, TapState};
 
 use crate::common::{CONFIG, plan, put, put_all};
@@ -127,8 +127,15 @@ fn a_torn_ledger_is_mended() {
     let reader = Reader::open(&bent).unwrap();
     assert_eq!((reader.ledger().taps()[1], reader.attempt(1)), (TapState::Archived, Some(0)));
     assert!(reader.tap(1).unwrap().is_some());
+    // Results are of the same taps, whether or not the row is mended meanwhile.
+    let results = folder.path().join("results.h5");
+    let lineage = Lineage { made_by: "other", ..CONFIG.into() };
+    RunWriter::of_results(&results, &reader, lineage).unwrap().finish().unwrap();
+    let raw_digest = reader.raw_digest().unwrap();
+    assert_eq!(Reader::open(&results).unwrap().raw_digest().unwrap(), raw_digest);
     drop(reader);
     Writer::resume(&bent, &plan(SampleFormat::I16), CONFIG).unwrap().finish().unwrap();
+    assert_eq!(Reader::open(&results).unwrap().raw_digest().unwrap(), raw_digest);
     let report = verify(&bent).unwrap();
     assert!(report.is_complete() && report.problems.is_empty(), "{report:?}");
     for other in ["taps/header", "discriminators"] {

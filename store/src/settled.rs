@@ -1,0 +1,83 @@
+//! What state taps and scans are in, and what a torn row of a ledger counts as.
+
+use std::path::Path;
+
+use hdf5::File;
+use tapline_wire::{ScanState, TapState};
+
+use crate::Result;
+use crate::archive::{Archive, open_table};
+use crate::context::Context;
+use crate::layout::{DiscriminatorsRow, LedgerRow, ScanRow};
+use crate::sealed::SealedRow as _;
+use crate::table::Table;
+
+/// Another archive, whose taps results are of.
+#[derive(Debug)]
+pub(crate) struct Raw {
+    pub(crate) ledger: Table<LedgerRow>,
+    pub(crate) discriminators: Table<DiscriminatorsRow>,
+    /// Kept open for its tables.
+    _file: File,
+}
+
+impl Raw {
+    /// The archive in `file`, of `tap_count` taps; `path` is that of the results.
+    pub(crate) fn of(file: File, path: &Path, tap_count: usize) -> Result<Self> {
+        let ledger = open_table(&file, path, tap_count)?;
+        Ok(Self { ledger, discriminators: open_table(&file, path, tap_count)?, _file: file })
+    }
+}
+
+/// State and attempt of the tap in row `k` of the ledger.
+///
+/// A row whose checksum differs was being written when its writer was killed, or was damaged later. What it vouches for was
+/// written before it: where that is whole the tap counts as archived; else as missing, so that it is taken again.
+pub(crate) fn settled(archive: &Archive, k: usize, row: &LedgerRow) -> Result<(TapState, u16)> {
+    settled_by(archive, &archive.discriminators, k, row)
+}
+
+/// The same of the ledger that vouches for the samples, which may be another archive's.
+pub(crate) fn settled_raw(archive: &Archive, k: usize, row: &LedgerRow) -> Result<(TapState, u16)> {
+    settled_by(archive, archive.of_taps().1, k, row)
+}
+
+fn settled_by(
+    archive: &Archive,
+    discriminators: &Table<DiscriminatorsRow>,
+    k: usize,
+    row: &LedgerRow,
+) -> Result<(TapState, u16)> {
+    if !row.is_whole(k) {
+        let attempt = attempt_of_whole_rows(archive, discriminators, k)?;
+        let counts_as = if attempt.is_some() { "archived, as its other rows are whole" } else { "missing" };
+        tracing::warn!(row = k, "the ledger's row is torn; the tap counts as {counts_as}");
+        return Ok(attempt.map_or((TapState::Missing, 0), |attempt| (TapState::Archived, attempt)));
+    }
+    let unknown = || archive.damaged(format!("row {k} of its ledger has state {}", row.state));
+    Ok((row.state().ok_or_else(unknown)?, row.attempt))
+}
+
+/// Attempt of the tap that row `k` of the headers and of the discriminators are of; `None` where either is not whole.
+fn attempt_of_whole_rows(
+    archive: &Archive,
+    discriminators: &Table<DiscriminatorsRow>,
+    k: usize,
+) -> Result<Option<u16>> {
+    let context = "read what is archived";
+    let (headers, found) = (archive.headers.read(k..k + 1), discriminators.read(k..k + 1));
+    let (headers, found) = (headers.context(context, &archive.path)?, found.context(context, &archive.path)?);
+    let (Some(header), Some(found)) = (headers.first(), found.first()) else { return Ok(None) };
+    let are_whole = header.is_whole(k) && found.is_whole(k);
+    let are_of_it = [header.plan_index, found.plan_index].iter().all(|&row| row as usize == k);
+    Ok((are_whole && are_of_it && header.attempt == found.attempt).then_some(header.attempt))
+}
+
+/// State of scan `k`; one whose row is torn is open.
+pub(crate) fn scan_state(archive: &Archive, k: usize, row: &ScanRow) -> Result<ScanState> {
+    if !row.is_whole(k) {
+        tracing::warn!(scan = k, "the scan's row is torn; it counts as open");
+        return Ok(ScanState::Open);
+    }
+    row.state().ok_or_else(|| archive.damaged(format!("scan {k} has state {}", row.state)))
+}
