@@ -213,7 +213,8 @@ pub(crate) struct ReprocessArgs {
     /// Threads; one for every core when left out. They change no result.
     #[arg(long, default_value_t = 0)]
     pub(crate) jobs: usize,
-    /// Read the samples even where the archive's own discriminators were made by the same options and sources.
+    /// Read the samples even where the archive's own discriminators were made by the same options and sources; taps that
+    /// results of the same lineage have already are not read again.
     #[arg(long)]
     pub(crate) from_samples: bool,
 }
