@@ -8,9 +8,22 @@ use rustfft::FftNum;
 use crate::wide::Kernel;
 
 mod sealed {
-    pub trait Sealed {}
-    impl Sealed for f32 {}
-    impl Sealed for f64 {}
+    use crate::spectrum::transform::{self, Transform};
+
+    pub trait Sealed: Sized {
+        /// Our own transform of `length` numbers in this arithmetic, where there is one.
+        fn own_transform(length: usize) -> Option<Box<dyn Transform<Self>>>;
+    }
+    impl Sealed for f32 {
+        fn own_transform(length: usize) -> Option<Box<dyn Transform<Self>>> {
+            transform::of_single(length)
+        }
+    }
+    impl Sealed for f64 {
+        fn own_transform(_length: usize) -> Option<Box<dyn Transform<Self>>> {
+            None
+        }
+    }
 }
 
 /// `f32` or `f64`: the arithmetic of the transform and of sums over a whole record.

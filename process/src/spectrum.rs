@@ -10,8 +10,11 @@
 mod bands;
 mod decimate;
 mod gate;
+#[cfg(target_arch = "x86_64")]
+mod lanes;
 mod noise;
 mod plans;
+pub(crate) mod transform;
 
 use std::ops::Range;
 
