@@ -8,8 +8,9 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
-/// Bytes after which the thread is asked: enough for a disk to be busy, and little beside what memory holds.
-const EVERY_BYTES: usize = 8 << 20;
+/// Bytes after which the thread is asked: enough for a disk to be busy, and so few that whoever waits for the end waits for
+/// little. A disk that is slower is not asked more often than it answers.
+const EVERY_BYTES: usize = 2 << 20;
 
 /// The thread that waits for the disk; it ends when this is dropped.
 #[derive(Debug)]
