@@ -36,7 +36,9 @@ impl Blocks {
             let end = start.saturating_add(self.length);
             let end = if end < count { end } else { count };
             for (place, to) in (start..end).zip(&mut to) {
-                *to = (place + turn) % count;
+                // Neither is more than the count: a comparison does for a division.
+                let turned = place + turn;
+                *to = if turned < count { turned } else { turned - count };
             }
         }
     }

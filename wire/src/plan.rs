@@ -1,11 +1,10 @@
 //! The scan plan: every tap that must exist, and what its record will look like.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 
 use rustc_hash::{FxBuildHasher, FxHashMap};
-use sha2::{Digest, Sha256};
 
+use crate::digest::digest_of;
 use crate::nominal::nominal_velocities;
 use crate::{Channel, Geometry, SampleFormat, Serial, TapId};
 
@@ -269,35 +268,6 @@ fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
         scan.locations.dedup_by_key(|&mut (location, _)| location);
     }
     Ok(scans)
-}
-
-/// The first 64 bits of the SHA-256 of `parts`, each with its length: a number that differs for different input.
-pub fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
-    let mut hasher = Sha256::new();
-    for part in parts {
-        hasher.update((part.len() as u64).to_le_bytes());
-        hasher.update(part);
-    }
-    first_bits(hasher)
-}
-
-fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap], source_digest: u64) -> u64 {
-    let mut hasher = Sha256::new();
-    hasher.update(format!("{geometry:?} {recording:?} {source_digest}"));
-    let mut lines = String::new();
-    for tap in taps {
-        let known = lines.len();
-        // A text takes all that is written to it.
-        if write!(lines, "\n{} {:?} {}", tap.id, tap.angle_deg, tap.is_closing).is_err() {
-            lines.truncate(known);
-        }
-    }
-    hasher.update(&lines);
-    first_bits(hasher)
-}
-
-fn first_bits(hasher: Sha256) -> u64 {
-    hasher.finalize().iter().take(8).fold(0, |number, &byte| (number << 8) | u64::from(byte))
 }
 
 #[cfg(test)]

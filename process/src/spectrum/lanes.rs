@@ -164,13 +164,28 @@ fn into_eights(given: &[Complex<f32>], work: &mut [Row], twiddles: &[[Complex<f3
 /// The other passes over a block, each part of it to the end before the next one, so that it stays in the nearest cache.
 #[target_feature(enable = "avx512f")]
 fn in_depth(block: &mut [Row], passes: &[Pass]) {
-    let Some((Pass { row_count, twiddles }, rest)) = passes.split_first() else { return };
-    for block in block.chunks_exact_mut(*row_count) {
-        match twiddles {
-            Twiddles::Eight(twiddles) => in_place(block, twiddles, |rows| eight(rows)),
-            Twiddles::Four(twiddles) => in_place(block, twiddles, |rows| four(rows)),
+    match passes {
+        [] => {}
+        // The twiddles of the last pass are ones.
+        [Pass { twiddles: Twiddles::Eight(_), .. }] => {
+            for rows in block.as_chunks_mut().0 {
+                *rows = eight(*rows);
+            }
         }
-        in_depth(block, rest);
+        [Pass { twiddles: Twiddles::Four(_), .. }] => {
+            for rows in block.as_chunks_mut().0 {
+                *rows = four(*rows);
+            }
+        }
+        [Pass { row_count, twiddles }, rest @ ..] => {
+            for block in block.chunks_exact_mut(*row_count) {
+                match twiddles {
+                    Twiddles::Eight(twiddles) => in_place(block, twiddles, |rows| eight(rows)),
+                    Twiddles::Four(twiddles) => in_place(block, twiddles, |rows| four(rows)),
+                }
+                in_depth(block, rest);
+            }
+        }
     }
 }
 

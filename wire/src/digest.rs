@@ -1,0 +1,93 @@
+//! Numbers that tell plans, and parts of them, from others.
+
+use rustc_hash::FxHashMap;
+use sha2::{Digest, Sha256};
+
+use crate::{Geometry, PlannedTap, Recording, TapId};
+
+/// The first 64 bits of the SHA-256 of `parts`, each with its length: a number that differs for different input.
+pub fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
+    let mut hasher = Sha256::new();
+    for part in parts {
+        hasher.update((part.len() as u64).to_le_bytes());
+        hasher.update(part);
+    }
+    first_bits(hasher)
+}
+
+/// What tells one plan from another.
+pub(crate) fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap], source_digest: u64) -> u64 {
+    let mut hasher = Sha256::new();
+    hasher.update(format!("{geometry:?} {recording:?} {source_digest}"));
+    let mut spelt = Spelt::default();
+    for tap in taps {
+        hasher.update(spelt.line(tap));
+    }
+    first_bits(hasher)
+}
+
+/// A line of text for every tap, as the digest has it: `\n{id} {angle:?} {is_closing}`. To spell numbers is most of what
+/// opening an archive would take, and neighbours in a plan have most of them in common: what stands before and behind a
+/// tap's location is kept from the tap before, and the angles of a ring come again and again.
+#[derive(Default)]
+struct Spelt {
+    /// The tap before, at location 0, and the two texts of it.
+    kept: Option<(TapId, String, String)>,
+    angles: FxHashMap<Option<u64>, String>,
+    line: String,
+}
+
+impl Spelt {
+    fn line(&mut self, tap: &PlannedTap) -> &str {
+        const LOCATION: &str = "location ";
+        let mut nowhere = tap.id;
+        nowhere.location = 0;
+        if self.kept.as_ref().is_none_or(|(id, ..)| *id != nowhere) {
+            let text = nowhere.to_string();
+            // A serial number may hold any text, so that the last place counts.
+            let at = text.rfind(LOCATION).map_or(0, |at| at + LOCATION.len());
+            self.kept = Some((nowhere, text[..at].to_owned(), text[at + 1..].to_owned()));
+        }
+        let Self { kept, angles, line } = self;
+        line.clear();
+        if let Some((_, before, behind)) = kept {
+            let angle = angles.entry(tap.angle_deg.map(f64::to_bits)).or_insert_with(|| format!("{:?}", tap.angle_deg));
+            let is_closing = if tap.is_closing { "true" } else { "false" };
+            line.extend(["\n", before]);
+            line.push_str(&tap.id.location.to_string());
+            line.extend([behind.as_str(), " ", angle, " ", is_closing]);
+        }
+        line
+    }
+}
+
+fn first_bits(hasher: Sha256) -> u64 {
+    hasher.finalize().iter().take(8).fold(0, |number, &byte| (number << 8) | u64::from(byte))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Serial;
+
+    /// Catches a text kept for another tap, and another text than the digests of archives that are there were taken of.
+    #[test]
+    fn lines_like_one_by_one() {
+        let mut taps = Vec::new();
+        for tyre in ["A", "location 7", "location "] {
+            for (shoulder, offset_mm, velocity) in [(1, None, None), (1, Some(7.5), Some(1.85)), (2, Some(7.5), None)] {
+                for location in [0, 1, 99, 100, 4_294_967_295] {
+                    let mut id = TapId::new(3, Serial::new(tyre).unwrap(), shoulder, location);
+                    id = id.with_offset_mm(offset_mm).unwrap().with_velocity_m_per_s(velocity).unwrap();
+                    (id.repetition, id.attempt) = (u16::try_from(location % 3).unwrap(), 0);
+                    let angle_deg = (location % 2 == 0).then_some(f64::from(location) * 3.6);
+                    taps.push(PlannedTap { id, angle_deg, is_closing: location == 100 });
+                }
+            }
+        }
+        let mut spelt = Spelt::default();
+        for tap in &taps {
+            assert_eq!(spelt.line(tap), format!("\n{} {:?} {}", tap.id, tap.angle_deg, tap.is_closing));
+        }
+    }
+}
