@@ -61,7 +61,7 @@ impl<C: Count, F: Fn(C) -> i32> Kernel for Keys<'_, C, F> {
 /// The middle two of `keys`, which are the same of an odd number; `None` of none.
 ///
 /// Counting how many lie below a value takes a vector where sorting takes a comparison: the median is found by halving
-/// the range it may be in, 32 times at most.
+/// the range it may be in twice at a time, 16 times at most.
 struct Middle<'a> {
     keys: &'a [i32],
 }
@@ -80,10 +80,11 @@ impl Kernel for Middle<'_> {
         // The least value that more than half of the keys do not exceed is the upper of the two.
         let half = self.keys.len() / 2;
         while low < high {
-            let middle = ((i64::from(low) + i64::from(high)) >> 1) as i32;
-            let is_most = self.count(|key| key <= middle) > half;
+            let span = i64::from(high) - i64::from(low);
+            let at = [span / 4, span / 2, 3 * span / 4].map(|part| (i64::from(low) + part) as i32);
             // Either way by choice, not by a jump that nobody can foresee.
-            (low, high) = (if is_most { low } else { middle + 1 }, if is_most { middle } else { high });
+            let quarter: usize = self.counts(at).into_iter().map(|count| usize::from(count <= half)).sum();
+            (low, high) = ([low, at[0] + 1, at[1] + 1, at[2] + 1][quarter], [at[0], at[1], at[2], high][quarter]);
         }
         let upper = low;
         let (mut lower, mut below) = (i32::MIN, 0_u32);
@@ -97,13 +98,16 @@ impl Kernel for Middle<'_> {
 }
 
 impl Middle<'_> {
+    /// How many keys exceed none of the values `at`, one by one.
     #[inline(always)]
-    fn count(&self, is_counted: impl Fn(i32) -> bool) -> usize {
-        let mut count = 0_u32;
+    fn counts(&self, at: [i32; 3]) -> [usize; 3] {
+        let mut counts = [0_u32; 3];
         for &key in self.keys {
-            count += u32::from(is_counted(key));
+            for (count, at) in counts.iter_mut().zip(at) {
+                *count += u32::from(key <= at);
+            }
         }
-        count as usize
+        counts.map(|count| count as usize)
     }
 }
 
