@@ -1,5 +1,7 @@
 //! Numbers that tell plans, and parts of them, from others.
 
+use std::fmt::Write as _;
+
 use rustc_hash::FxHashMap;
 use sha2::{Digest, Sha256};
 
@@ -53,9 +55,10 @@ impl Spelt {
         if let Some((_, before, behind)) = kept {
             let angle = angles.entry(tap.angle_deg.map(f64::to_bits)).or_insert_with(|| format!("{:?}", tap.angle_deg));
             let is_closing = if tap.is_closing { "true" } else { "false" };
-            line.extend(["\n", before]);
-            line.push_str(&tap.id.location.to_string());
-            line.extend([behind.as_str(), " ", angle, " ", is_closing]);
+            // A text takes all that is written to it.
+            if write!(line, "\n{before}{}{behind} {angle} {is_closing}", tap.id.location).is_err() {
+                line.clear();
+            }
         }
         line
     }
