@@ -242,7 +242,12 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
     let what = if record_s > 0.0 { format!(" from the first {record_s} s") } else { String::new() };
     print_table(&format!("judging a tyre again{what} on one core, us per tap"), ["part", "us", "/ all"], &table);
     println!("  Python over discriminators with reading: {:.2}", theirs / (open + both));
-    println!("  What is neither unpacking nor discriminators: {:.0} %", 100.0 * (open + fuse) / ours);
+    let percent = |part: f64| 100.0 * part / ours;
+    println!(
+        "  What is neither unpacking nor discriminators: {:.0} %; nor fusion: {:.0} %",
+        percent(open + fuse),
+        percent(open)
+    );
     Ok(())
 }
 

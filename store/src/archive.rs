@@ -13,10 +13,11 @@ use crate::check::{other_configuration, other_lineage};
 use crate::chunk::{ChunkRows, close_in_children, take_whole_file};
 use crate::codec::Codec;
 use crate::context::Context;
-use crate::create::{Key, digest_of_fixed, files, format_name, geometry_name, read_bounded};
+use crate::create::{Key, files, format_name, geometry_name};
+use crate::given::Given;
 use crate::layout::{
-    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, OLDEST_VERSION, PlanRow, ReasonRow,
-    ScanRow, TruthRow, attribute, table,
+    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, OLDEST_VERSION, ReasonRow, ScanRow,
+    attribute, table,
 };
 use crate::lineage::{hex_of, lineage_key, raw_digest};
 use crate::rows::serial;
@@ -135,23 +136,19 @@ impl Archive {
         }
         close_in_children(&file).context("keep the archive to this process", path)?;
         let version = check_format(&file, path)?;
-        check_fixed(&file, path)?;
+        let given = read_given(&file, path)?;
         let (raw_file, taps_version) = open_raw(&file, path)?.unzip();
         let taps_file = raw_file.as_ref().unwrap_or(&file);
         check_units(&file, taps_file, path)?;
-        let plan = read_plan(&file, taps_file, path)?;
+        let plan = read_plan(&given, taps_file, path)?;
         let tap_count = plan.taps().len();
         let cell_count = plan.scans().iter().map(|s| s.locations.len()).sum();
-        let text_of = |name: &str, what: &'static str| -> Result<String> {
-            let text = file.dataset(name).and_then(|d| d.read_scalar::<VarLenUnicode>()).context(what, path)?;
-            utf8(&text).ok_or_else(|| damaged(path, format!("{name:?} is not UTF-8")))
+        let text_of = |text: &VarLenUnicode, name: &str| {
+            utf8(text).ok_or_else(|| damaged(path, format!("{name:?} is not UTF-8")))
         };
-        let config = text_of(table::CONFIG, "read the configuration")?;
-        let made_by = text_of(table::MADE_BY, "read what the results were made by")?;
-        let reference = match file.link_exists(table::REFERENCE) {
-            true => Some(read_reference(&file, path)?),
-            false => None,
-        };
+        let (config, made_by) = (text_of(&given.config, table::CONFIG)?, text_of(&given.made_by, table::MADE_BY)?);
+        let reference = given.reference.map(String::from_utf8).transpose();
+        let reference = reference.map_err(|_error| damaged(path, "the reference is not UTF-8"))?;
         let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
         let codec = read_text(&samples, attribute::CODEC).context("read what packs the samples", path)?;
         let codec = Codec::from_name(&codec).ok_or_else(|| {
@@ -161,16 +158,9 @@ impl Archive {
             .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
             .flatten()
             .ok_or_else(|| damaged(path, "the samples have not the shape that the plan asks for"))?;
-        let part = match file.attr(attribute::PART) {
-            Ok(number) => Some(Part {
-                number: number.read_scalar().context("read which file of its run it is", path)?,
-                run_digest: read_number(&file, attribute::RUN_DIGEST).context("read its run's digest", path)?,
-            }),
-            Err(_) => None,
-        };
         let archive = Self {
             path: path.to_owned(),
-            part,
+            part: given.part,
             config,
             made_by,
             reference,
@@ -238,11 +228,6 @@ fn open_raw(file: &File, path: &Path) -> Result<Option<(File, u32)>> {
     Ok(Some((raw, version)))
 }
 
-fn read_reference(file: &File, path: &Path) -> Result<String> {
-    let bytes = file.dataset(table::REFERENCE).and_then(|d| d.read_raw::<u8>()).context("read the reference", path)?;
-    String::from_utf8(bytes).map_err(|_error| damaged(path, "the reference is not UTF-8"))
-}
-
 fn damaged(path: &Path, what: impl Into<String>) -> Error {
     Error::Damaged { path: path.to_owned(), what: what.into() }
 }
@@ -296,32 +281,36 @@ fn check_format(file: &File, path: &Path) -> Result<u32> {
     Ok(got)
 }
 
-/// Whether what does not change once an archive is there is what it was then.
-fn check_fixed(file: &File, path: &Path) -> Result<()> {
+/// What was given to the archive, if it is what it was then.
+fn read_given(file: &File, path: &Path) -> Result<Given> {
     let said = read_text(file, attribute::DIGEST).context("read the digest", path)?;
-    if digest_of_fixed(file).context("read what does not change", path)?.as_ref() != Some(&said) {
+    let given = Given::read(file).context("read what does not change", path)?;
+    given.filter(|given| given.digest == said).ok_or_else(|| {
         let what =
             "its plan, truth, configuration, reference or attributes are not what was written: their digest differs";
-        return Err(damaged(path, what));
-    }
-    Ok(())
+        damaged(path, what)
+    })
 }
 
-fn read_plan(file: &File, taps_file: &File, path: &Path) -> Result<Plan> {
-    let geometry = read_text(file, attribute::GEOMETRY).context("read the geometry", path)?;
+fn read_plan(given: &Given, taps_file: &File, path: &Path) -> Result<Plan> {
+    let geometry = utf8(&given.geometry).unwrap_or_default();
     let geometry = [Geometry::Ring, Geometry::Line]
         .into_iter()
         .find(|&g| geometry_name(g) == geometry)
         .ok_or_else(|| damaged(path, format!("its geometry is {geometry:?}")))?;
     let recording = read_recording(taps_file, path)?;
-    let mut taps = Vec::new();
-    for (k, row) in read_whole::<PlanRow>(file, path, table::PLAN)?.into_iter().enumerate() {
+    let mut taps = Vec::with_capacity(given.plan.len());
+    for (k, row) in given.plan.iter().enumerate() {
         taps.push(row.to_tap().map_err(|e| damaged(path, format!("row {k} of its plan: {e}")))?);
     }
-    let source: u64 = read_number(file, attribute::SOURCE_DIGEST).context("read the source's digest", path)?;
-    let plan = Plan::of_source(geometry, recording, taps, read_truth(file, path)?, source)
+    let mut truth = Truth::new();
+    for (k, row) in given.truth.iter().enumerate() {
+        let tyre = serial(&row.tyre).ok_or_else(|| damaged(path, format!("row {k} of its truth names no tyre")))?;
+        truth.insert((tyre, row.shoulder, row.location), row.cracked != 0);
+    }
+    let plan = Plan::of_source(geometry, recording, taps, truth, given.source_digest)
         .map_err(|e| damaged(path, format!("its plan: {e}")))?;
-    let archived: u64 = read_number(file, attribute::PLAN_DIGEST).context("read the plan's digest", path)?;
+    let archived = given.plan_digest;
     if plan.digest() != archived {
         let what = format!("its plan has digest {:016x}, but it says {archived:016x}", plan.digest());
         return Err(damaged(path, what));
@@ -349,23 +338,6 @@ fn read_recording(file: &File, path: &Path) -> Result<Recording> {
         sample_format,
         channels: channels.ok_or_else(|| damaged(path, format!("its channels are {names:?}")))?,
     })
-}
-
-fn read_truth(file: &File, path: &Path) -> Result<Truth> {
-    if !file.link_exists(table::TRUTH) {
-        return Ok(Truth::new());
-    }
-    let mut truth = Truth::new();
-    for (k, row) in read_whole::<TruthRow>(file, path, table::TRUTH)?.into_iter().enumerate() {
-        let tyre = serial(&row.tyre).ok_or_else(|| damaged(path, format!("row {k} of its truth names no tyre")))?;
-        truth.insert((tyre, row.shoulder, row.location), row.cracked != 0);
-    }
-    Ok(truth)
-}
-
-/// Every row of a table whose length is not known beforehand.
-fn read_whole<R: H5Type + Clone>(file: &File, path: &Path, name: &'static str) -> Result<Vec<R>> {
-    read_bounded(file, name).context("read a table", path)?.ok_or_else(|| damaged(path, format!("{name} cannot be so")))
 }
 
 pub(crate) fn open_table<R: SealedRow>(file: &File, path: &Path, row_count: usize) -> Result<Table<R>> {

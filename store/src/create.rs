@@ -14,13 +14,13 @@ use crate::chunk::{ChunkRows, let_go};
 use crate::codec::{Codec, placeholder};
 use crate::context::Context;
 use crate::draft::{Draft, folder_of, remove_dead_drafts};
+use crate::given::Given;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
     TruthRow, attribute, table,
 };
 use crate::lineage::hex_of;
 use crate::rows::{fixed, no_reason};
-use crate::sealed::PlainRow as _;
 use crate::table::{Table, create as create_table};
 use crate::units::write_units;
 use crate::{Error, Lineage, Result};
@@ -139,7 +139,7 @@ fn fill(file: &File, path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Re
     }
     write_text(file, attribute::NX_CLASS, "NXroot")?;
     write_text(file, attribute::NX_DEFAULT, table::TAPS)?;
-    write_text(file, attribute::DIGEST, &digest_of_fixed(file)?.unwrap_or_default())?;
+    write_text(file, attribute::DIGEST, &Given::read(file)?.map(|given| given.digest).unwrap_or_default())?;
     write_number(file, attribute::LINEAGE_KEY, &Key::new())?;
     file.flush()
 }
@@ -148,67 +148,6 @@ fn fill(file: &File, path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Re
 fn from_beside(path: &Path, raw: &Path) -> String {
     let name = raw.file_name().unwrap_or_default().to_string_lossy();
     if folder_of(path) == folder_of(raw) { name.into_owned() } else { format!("../{name}") }
-}
-
-/// BLAKE3, in hexadecimal digits, of all that does not change once the archive is there.
-///
-/// `None` where a table claims what cannot be.
-pub(crate) fn digest_of_fixed(file: &File) -> hdf5::Result<Option<String>> {
-    // All in one piece, of which BLAKE3 takes several parts at a time.
-    let mut fixed = Vec::new();
-    let mut add = |part: &[u8]| {
-        fixed.extend_from_slice(&(part.len() as u64).to_le_bytes());
-        fixed.extend_from_slice(part);
-    };
-    for name in [attribute::FORMAT, attribute::TAPLINE_VERSION, attribute::GEOMETRY] {
-        add(file.attr(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
-    }
-    for name in [attribute::PLAN_DIGEST, attribute::SOURCE_DIGEST] {
-        add(&file.attr(name)?.read_scalar::<u64>()?.to_le_bytes());
-    }
-    add(&file.attr(attribute::FORMAT_VERSION)?.read_scalar::<u32>()?.to_le_bytes());
-    for name in [table::CONFIG, table::MADE_BY] {
-        add(file.dataset(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
-    }
-    let names = file.attr_names()?;
-    if names.iter().any(|name| name == attribute::PART) {
-        add(&file.attr(attribute::PART)?.read_scalar::<u32>()?.to_le_bytes());
-        add(&file.attr(attribute::RUN_DIGEST)?.read_scalar::<u64>()?.to_le_bytes());
-    }
-    if names.iter().any(|name| name == attribute::RAW) {
-        for name in [attribute::RAW, attribute::RAW_DIGEST] {
-            add(file.attr(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
-        }
-    }
-    if file.link_exists(table::REFERENCE) {
-        let Some(bytes) = read_bounded::<u8>(file, table::REFERENCE)? else { return Ok(None) };
-        add(&bytes);
-    }
-    let Some(plan) = read_bounded::<PlanRow>(file, table::PLAN)? else { return Ok(None) };
-    for row in plan {
-        add(row.bytes());
-    }
-    if file.link_exists(table::TRUTH) {
-        let Some(truth) = read_bounded::<TruthRow>(file, table::TRUTH)? else { return Ok(None) };
-        for row in truth {
-            add(row.bytes());
-        }
-    }
-    Ok(Some(blake3::hash(&fixed).to_hex().to_string()))
-}
-
-/// All rows of a table whose length is not known beforehand; `None` where the file cannot hold what it claims, or it has
-/// other columns.
-pub(crate) fn read_bounded<R: H5Type + Clone>(file: &File, name: &str) -> hdf5::Result<Option<Vec<R>>> {
-    let dataset = file.dataset(name)?;
-    let &[row_count] = dataset.shape().as_slice() else { return Ok(None) };
-    // All rows are in the file: a length that only claims to be must not ask for memory.
-    let bytes = row_count.checked_mul(size_of::<R>()).and_then(|bytes| u64::try_from(bytes).ok());
-    let is_so = bytes.is_some_and(|bytes| bytes <= file.size());
-    if !is_so || dataset.dtype()?.to_descriptor()? != R::type_descriptor() {
-        return Ok(None);
-    }
-    dataset.read_raw::<R>().map(Some)
 }
 
 fn create_scans(file: &File, plan: &Plan) -> hdf5::Result<()> {

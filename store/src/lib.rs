@@ -48,6 +48,7 @@ mod draft;
 mod encode;
 mod error;
 mod export;
+mod given;
 mod hand_over;
 mod held;
 mod layout;

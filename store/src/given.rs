@@ -1,0 +1,101 @@
+//! What an archive is given when it is made and never changes: read once, with the digest that it is held to.
+
+use hdf5::types::VarLenUnicode;
+use hdf5::{File, H5Type};
+
+use crate::Part;
+use crate::layout::{PlanRow, TruthRow, attribute, table};
+use crate::sealed::PlainRow as _;
+
+/// All that does not change once the archive is there. Texts are as they are in the file, which may be damaged.
+pub(crate) struct Given {
+    /// BLAKE3 of all of it, in hexadecimal digits.
+    pub(crate) digest: String,
+    pub(crate) geometry: VarLenUnicode,
+    pub(crate) plan_digest: u64,
+    pub(crate) source_digest: u64,
+    pub(crate) config: VarLenUnicode,
+    pub(crate) made_by: VarLenUnicode,
+    pub(crate) part: Option<Part>,
+    pub(crate) reference: Option<Vec<u8>>,
+    pub(crate) plan: Vec<PlanRow>,
+    pub(crate) truth: Vec<TruthRow>,
+}
+
+impl Given {
+    /// Reads it from `file`; `None` where a table claims what cannot be.
+    pub(crate) fn read(file: &File) -> hdf5::Result<Option<Self>> {
+        // All in one piece, of which BLAKE3 takes several parts at a time.
+        let mut all = Vec::new();
+        let mut add = |part: &[u8]| {
+            all.extend_from_slice(&(part.len() as u64).to_le_bytes());
+            all.extend_from_slice(part);
+        };
+        let mut text = |name: &str| -> hdf5::Result<VarLenUnicode> {
+            let text: VarLenUnicode = file.attr(name)?.read_scalar()?;
+            add(text.as_bytes());
+            Ok(text)
+        };
+        text(attribute::FORMAT)?;
+        text(attribute::TAPLINE_VERSION)?;
+        let geometry = text(attribute::GEOMETRY)?;
+        let mut number = |name: &str| -> hdf5::Result<u64> {
+            let number: u64 = file.attr(name)?.read_scalar()?;
+            add(&number.to_le_bytes());
+            Ok(number)
+        };
+        let (plan_digest, source_digest) = (number(attribute::PLAN_DIGEST)?, number(attribute::SOURCE_DIGEST)?);
+        add(&file.attr(attribute::FORMAT_VERSION)?.read_scalar::<u32>()?.to_le_bytes());
+        let mut dataset = |name: &str| -> hdf5::Result<VarLenUnicode> {
+            let text: VarLenUnicode = file.dataset(name)?.read_scalar()?;
+            add(text.as_bytes());
+            Ok(text)
+        };
+        let (config, made_by) = (dataset(table::CONFIG)?, dataset(table::MADE_BY)?);
+        let names = file.attr_names()?;
+        let has = |name: &str| names.iter().any(|known| known == name);
+        let mut part = None;
+        if has(attribute::PART) {
+            let number: u32 = file.attr(attribute::PART)?.read_scalar()?;
+            let run_digest: u64 = file.attr(attribute::RUN_DIGEST)?.read_scalar()?;
+            add(&number.to_le_bytes());
+            add(&run_digest.to_le_bytes());
+            part = Some(Part { number, run_digest });
+        }
+        if has(attribute::RAW) {
+            for name in [attribute::RAW, attribute::RAW_DIGEST] {
+                add(file.attr(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+            }
+        }
+        let mut reference = None;
+        if file.link_exists(table::REFERENCE) {
+            let Some(bytes) = read_bounded::<u8>(file, table::REFERENCE)? else { return Ok(None) };
+            add(&bytes);
+            reference = Some(bytes);
+        }
+        let Some(plan) = read_bounded::<PlanRow>(file, table::PLAN)? else { return Ok(None) };
+        plan.iter().for_each(|row| add(row.bytes()));
+        let mut truth = Vec::new();
+        if file.link_exists(table::TRUTH) {
+            let Some(rows) = read_bounded::<TruthRow>(file, table::TRUTH)? else { return Ok(None) };
+            rows.iter().for_each(|row| add(row.bytes()));
+            truth = rows;
+        }
+        let digest = blake3::hash(&all).to_hex().to_string();
+        Ok(Some(Self { digest, geometry, plan_digest, source_digest, config, made_by, part, reference, plan, truth }))
+    }
+}
+
+/// All rows of a table whose length is not known beforehand; `None` where the file cannot hold what it claims, or it has
+/// other columns.
+fn read_bounded<R: H5Type + Clone>(file: &File, name: &str) -> hdf5::Result<Option<Vec<R>>> {
+    let dataset = file.dataset(name)?;
+    let &[row_count] = dataset.shape().as_slice() else { return Ok(None) };
+    // All rows are in the file: a length that only claims to be must not ask for memory.
+    let bytes = row_count.checked_mul(size_of::<R>()).and_then(|bytes| u64::try_from(bytes).ok());
+    let is_so = bytes.is_some_and(|bytes| bytes <= file.size());
+    if !is_so || dataset.dtype()?.to_descriptor()? != R::type_descriptor() {
+        return Ok(None);
+    }
+    dataset.read_raw::<R>().map(Some)
+}
