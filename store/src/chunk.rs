@@ -8,9 +8,9 @@ use std::mem::ManuallyDrop;
 use std::os::fd::{AsRawFd as _, BorrowedFd, FromRawFd as _, OwnedFd};
 use std::os::unix::fs::FileExt as _;
 
-use hdf5::{Dataset, Error, H5Type, sync::sync};
+use hdf5::{Dataset, Dataspace, Datatype, Error, H5Type, sync::sync};
 use hdf5_sys::h5::{haddr_t, herr_t, hsize_t};
-use hdf5_sys::h5d::{H5Dget_chunk_info_by_coord, H5Dwrite_chunk};
+use hdf5_sys::h5d::{H5Dget_chunk_info_by_coord, H5Dwrite, H5Dwrite_chunk};
 use hdf5_sys::h5f::H5Fget_vfd_handle;
 use hdf5_sys::h5i::hid_t;
 use hdf5_sys::h5p::H5P_DEFAULT;
@@ -20,6 +20,7 @@ use rustix::io::{DupFlags, FdFlags, dup3};
 
 use crate::chunk_index::{Chunk, chunks};
 use crate::codec::Codec;
+use crate::sealed::PlainRow;
 
 unsafe extern "C" {
     // Declared by HDF5 since 1.10, not by the crate of its declarations.
@@ -96,6 +97,28 @@ fn with_descriptor<T>(file: &hdf5::File, act: impl FnOnce(BorrowedFd<'_>) -> io:
         // SAFETY: as above; the descriptor stays open as long as `file`, which outlives the borrow.
         let descriptor = unsafe { BorrowedFd::borrow_raw(*handle.cast::<c_int>()) };
         act(descriptor).map_err(|error| Error::from(error.to_string()))
+    })
+}
+
+/// Writes `rows`, which in memory are of the type `in_memory`, to a one-dimensional `dataset`, from row `first` on. The safe
+/// crate would describe the type anew for every write, which takes several times as long as to write them.
+///
+/// # Errors
+/// What the library says.
+pub(crate) fn write_rows<R: PlainRow>(
+    dataset: &Dataset,
+    in_memory: &Datatype,
+    first: usize,
+    rows: &[R],
+) -> hdf5::Result<()> {
+    let to = dataset.space()?.select(first..first + rows.len())?;
+    let from = Dataspace::try_new(rows.len())?;
+    sync(|| {
+        // SAFETY: the lock of the library is held and all identifiers are valid while what they are of lives; the library
+        // reads as many rows as `from` has.
+        let status =
+            unsafe { H5Dwrite(dataset.id(), in_memory.id(), from.id(), to.id(), H5P_DEFAULT, rows.as_ptr().cast()) };
+        if status < 0 { Err(Error::query()?) } else { Ok(()) }
     })
 }
 

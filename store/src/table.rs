@@ -1,13 +1,15 @@
 //! A table of fixed length whose rows are written in contiguous runs.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::ops::Range;
 
 use hdf5::plist::dataset_create::{AllocTime, FillTime};
-use hdf5::{Dataset, Group, H5Type};
+use hdf5::{Dataset, Datatype, Group, H5Type};
 use ndarray::ArrayView1;
 
+use crate::chunk::write_rows;
 use crate::sealed::SealedRow;
 
 /// Rows read or written at a time when a whole table is walked: keeps memory flat.
@@ -17,6 +19,8 @@ const BLOCK_ROWS: usize = 4096;
 #[derive(Debug)]
 pub(crate) struct Table<R> {
     dataset: Dataset,
+    /// What a row is in memory, once one is written.
+    in_memory: OnceCell<Datatype>,
     row_count: usize,
     row: PhantomData<R>,
 }
@@ -54,7 +58,7 @@ impl<R: SealedRow> Table<R> {
         let dataset = parent.dataset(R::TABLE)?;
         // Columns are found by name: one that is named otherwise would be read as memory that nobody wrote.
         let is_whole = dataset.shape() == [row_count] && dataset.dtype()?.to_descriptor()? == R::type_descriptor();
-        Ok(is_whole.then_some(Self { dataset, row_count, row: PhantomData }))
+        Ok(is_whole.then_some(Self { dataset, in_memory: OnceCell::new(), row_count, row: PhantomData }))
     }
 
     /// The rows `range`.
@@ -111,7 +115,14 @@ impl<R: SealedRow> Table<R> {
         if rows.is_empty() {
             return Ok(());
         }
-        self.dataset.write_slice(ArrayView1::from(rows), start..start + rows.len())
+        let in_memory = match self.in_memory.get() {
+            Some(known) => known,
+            None => {
+                let described = Datatype::from_type::<R>()?;
+                self.in_memory.get_or_init(|| described)
+            }
+        };
+        write_rows(&self.dataset, in_memory, start, rows)
     }
 }
 
