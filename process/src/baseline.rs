@@ -98,7 +98,7 @@ impl Kernel for Middle<'_> {
 }
 
 impl Middle<'_> {
-    /// How many keys exceed none of the values `at`, one by one.
+    /// For each of the values `at`, how many keys do not exceed it.
     #[inline(always)]
     fn counts(&self, at: [i32; 3]) -> [usize; 3] {
         let mut counts = [0_u32; 3];

@@ -143,10 +143,8 @@ impl Archive {
         let plan = read_plan(&given, taps_file, path)?;
         let tap_count = plan.taps().len();
         let cell_count = plan.scans().iter().map(|s| s.locations.len()).sum();
-        let text_of = |text: &VarLenUnicode, name: &str| {
-            utf8(text).ok_or_else(|| damaged(path, format!("{name:?} is not UTF-8")))
-        };
-        let (config, made_by) = (text_of(&given.config, table::CONFIG)?, text_of(&given.made_by, table::MADE_BY)?);
+        let config = text_of(&given.config, table::CONFIG, path)?;
+        let made_by = text_of(&given.made_by, table::MADE_BY, path)?;
         let reference = given.reference.map(String::from_utf8).transpose();
         let reference = reference.map_err(|_error| damaged(path, "the reference is not UTF-8"))?;
         let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
@@ -293,7 +291,7 @@ fn read_given(file: &File, path: &Path) -> Result<Given> {
 }
 
 fn read_plan(given: &Given, taps_file: &File, path: &Path) -> Result<Plan> {
-    let geometry = utf8(&given.geometry).unwrap_or_default();
+    let geometry = text_of(&given.geometry, attribute::GEOMETRY, path)?;
     let geometry = [Geometry::Ring, Geometry::Line]
         .into_iter()
         .find(|&g| geometry_name(g) == geometry)
@@ -344,6 +342,10 @@ pub(crate) fn open_table<R: SealedRow>(file: &File, path: &Path, row_count: usiz
     Table::open(file, row_count)
         .context("find a table", path)?
         .ok_or_else(|| damaged(path, format!("{} has not {row_count} rows of this layout", R::TABLE)))
+}
+
+fn text_of(text: &VarLenUnicode, name: &str, path: &Path) -> Result<String> {
+    utf8(text).ok_or_else(|| damaged(path, format!("{name:?} is not UTF-8")))
 }
 
 fn utf8(text: &VarLenUnicode) -> Option<String> {

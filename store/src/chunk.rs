@@ -1,9 +1,13 @@
-//! Samples straight from where they lie to the disk and back: the one place that calls the C library itself.
-#![expect(unsafe_code, reason = "the safe crate has no direct chunk access")]
+//! Samples and rows straight from where they lie to the disk, and samples back: the one place that calls the C library itself.
+#![expect(
+    unsafe_code,
+    reason = "the safe crate has no direct chunk access, and describes a row each time it writes one"
+)]
 
 use std::ffi::{c_int, c_uint, c_ulong, c_void};
 use std::fs::File;
 use std::io;
+use std::marker::PhantomData;
 use std::mem::ManuallyDrop;
 use std::os::fd::{AsRawFd as _, BorrowedFd, FromRawFd as _, OwnedFd};
 use std::os::unix::fs::FileExt as _;
@@ -100,24 +104,37 @@ fn with_descriptor<T>(file: &hdf5::File, act: impl FnOnce(BorrowedFd<'_>) -> io:
     })
 }
 
-/// Writes `rows`, which in memory are of the type `in_memory`, to a one-dimensional `dataset`, from row `first` on. The safe
-/// crate would describe the type anew for every write, which takes several times as long as to write them.
+/// The type of rows `R` in memory, as the library knows it.
+#[derive(Debug)]
+pub(crate) struct InMemory<R>(Datatype, PhantomData<R>);
+
+impl<R: PlainRow> InMemory<R> {
+    /// Describes it to the library, which takes as long as to write some dozens of rows.
+    ///
+    /// # Errors
+    /// What the library says.
+    pub(crate) fn describe() -> hdf5::Result<Self> {
+        Ok(Self(Datatype::from_type::<R>()?, PhantomData))
+    }
+}
+
+/// Writes `rows` to a one-dimensional `dataset`, from row `first` on. The safe crate would describe them anew each time.
 ///
 /// # Errors
 /// What the library says.
 pub(crate) fn write_rows<R: PlainRow>(
     dataset: &Dataset,
-    in_memory: &Datatype,
+    in_memory: &InMemory<R>,
     first: usize,
     rows: &[R],
 ) -> hdf5::Result<()> {
     let to = dataset.space()?.select(first..first + rows.len())?;
     let from = Dataspace::try_new(rows.len())?;
     sync(|| {
-        // SAFETY: the lock of the library is held and all identifiers are valid while what they are of lives; the library
-        // reads as many rows as `from` has.
+        // SAFETY: the lock of the library is held and all identifiers are valid while what they are of lives. The type is that
+        // of `R`, so that the library reads as many of them as `from` and `to` have, which is all of `rows`.
         let status =
-            unsafe { H5Dwrite(dataset.id(), in_memory.id(), from.id(), to.id(), H5P_DEFAULT, rows.as_ptr().cast()) };
+            unsafe { H5Dwrite(dataset.id(), in_memory.0.id(), from.id(), to.id(), H5P_DEFAULT, rows.as_ptr().cast()) };
         if status < 0 { Err(Error::query()?) } else { Ok(()) }
     })
 }

@@ -1,4 +1,4 @@
-//! What an archive is given when it is made and never changes: read once, with the digest that it is held to.
+//! What an archive is given when it is made and never changes, with the digest that it is held to.
 
 use hdf5::types::VarLenUnicode;
 use hdf5::{File, H5Type};

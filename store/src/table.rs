@@ -1,15 +1,15 @@
 //! A table of fixed length whose rows are written in contiguous runs.
 
-use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use hdf5::plist::dataset_create::{AllocTime, FillTime};
-use hdf5::{Dataset, Datatype, Group, H5Type};
+use hdf5::{Dataset, Group, H5Type};
 use ndarray::ArrayView1;
 
-use crate::chunk::write_rows;
+use crate::chunk::{InMemory, write_rows};
 use crate::sealed::SealedRow;
 
 /// Rows read or written at a time when a whole table is walked: keeps memory flat.
@@ -20,7 +20,7 @@ const BLOCK_ROWS: usize = 4096;
 pub(crate) struct Table<R> {
     dataset: Dataset,
     /// What a row is in memory, once one is written.
-    in_memory: OnceCell<Datatype>,
+    in_memory: OnceLock<InMemory<R>>,
     row_count: usize,
     row: PhantomData<R>,
 }
@@ -58,7 +58,7 @@ impl<R: SealedRow> Table<R> {
         let dataset = parent.dataset(R::TABLE)?;
         // Columns are found by name: one that is named otherwise would be read as memory that nobody wrote.
         let is_whole = dataset.shape() == [row_count] && dataset.dtype()?.to_descriptor()? == R::type_descriptor();
-        Ok(is_whole.then_some(Self { dataset, in_memory: OnceCell::new(), row_count, row: PhantomData }))
+        Ok(is_whole.then_some(Self { dataset, in_memory: OnceLock::new(), row_count, row: PhantomData }))
     }
 
     /// The rows `range`.
@@ -118,7 +118,7 @@ impl<R: SealedRow> Table<R> {
         let in_memory = match self.in_memory.get() {
             Some(known) => known,
             None => {
-                let described = Datatype::from_type::<R>()?;
+                let described = InMemory::describe()?;
                 self.in_memory.get_or_init(|| described)
             }
         };
@@ -161,6 +161,13 @@ mod tests {
         let mut walked = 0;
         table.for_each(|number, row| walked += usize::from(row.attempt == read[number].attempt)).unwrap();
         assert_eq!(walked, row_count);
+    }
+
+    /// Catches a reader that threads may no longer share: it would not compile.
+    #[test]
+    fn readers_are_shared() {
+        fn shared<T: Send + Sync>() {}
+        shared::<crate::Reader>();
     }
 
     /// Catches a table of another length being taken for this one.

@@ -1,4 +1,5 @@
-//! The transform of complex numbers: our own where the processor has its vectors, `rustfft`'s everywhere else.
+//! The transform of complex numbers: our own of powers of two from 1024 on in single precision, where the processor has
+//! AVX-512, and `rustfft`'s everywhere else.
 
 use std::sync::Arc;
 
@@ -22,10 +23,14 @@ pub(super) fn plan<T: Real>(length: usize) -> Box<dyn Transform<T>> {
 }
 
 /// Our own transform of `length` numbers in single precision; `None` where there is none.
+#[cfg(target_arch = "x86_64")]
 pub(crate) fn of_single(length: usize) -> Option<Box<dyn Transform<f32>>> {
-    #[cfg(target_arch = "x86_64")]
-    return Some(Box::new(Lanes::try_new(length)?));
-    #[cfg(not(target_arch = "x86_64"))]
+    Some(Box::new(Lanes::try_new(length)?))
+}
+
+/// No transform of our own: it is for other processors.
+#[cfg(not(target_arch = "x86_64"))]
+pub(crate) fn of_single(_length: usize) -> Option<Box<dyn Transform<f32>>> {
     None
 }
 
