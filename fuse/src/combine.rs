@@ -25,7 +25,11 @@ pub(crate) struct Largest {
 impl Largest {
     /// The largest as `sound` places, condition by condition, scale it, of `conditions`.
     pub(crate) fn of(conditions: &Conditions, sound: &[&[Option<f64>]]) -> Self {
-        let spread = |c: usize| Spread::of(&mut sound.iter().filter_map(|row| row[c]).collect::<Vec<f64>>());
+        let spread = |c: usize| {
+            let mut of_condition = Vec::with_capacity(sound.len());
+            of_condition.extend(sound.iter().filter_map(|row| row[c]));
+            Spread::of(&mut of_condition)
+        };
         let mut order: Vec<(usize, Option<f64>)> = conditions.offsets_mm().into_iter().enumerate().collect();
         // The unknown offset comes last; it is nobody's neighbour, but there is no other where it is.
         let mm = |of: Option<f64>| of.unwrap_or(f64::INFINITY);
@@ -35,34 +39,31 @@ impl Largest {
         };
         let offsets: Vec<Vec<usize>> = order.iter().map(of_offset).collect();
         let mut largest = Self { offsets, conditions: (0..conditions.count()).map(spread).collect(), runs: Vec::new() };
-        let by_offset = |row: &&[Option<f64>]| {
-            let mut means = Vec::new();
-            largest.by_offset(row, &mut means);
-            means
-        };
-        let means: Vec<Vec<Option<f64>>> = sound.iter().map(by_offset).collect();
-        for first in 0..largest.offsets.len() {
-            for end in first + 1..=largest.offsets.len() {
-                let mut of_run: Vec<f64> = means.iter().filter_map(|means| mean(&means[first..end])).collect();
+        let means: Vec<Option<f64>> = sound.iter().flat_map(|row| largest.by_offset(row)).collect();
+        let width = largest.offsets.len();
+        for first in 0..width {
+            let rows = || means.chunks_exact(width);
+            for end in first + 1..=width {
+                let mut of_run = Vec::with_capacity(sound.len());
+                of_run.extend(rows().filter_map(|means| mean(&means[first..end])));
                 largest.runs.extend(Spread::of(&mut of_run).map(|spread| (first, end, spread)));
             }
         }
         largest
     }
 
-    /// Fills in the mean of the standardised conditions at each offset.
-    fn by_offset(&self, row: &[Option<f64>], means: &mut Vec<Option<f64>>) {
+    /// The mean of the standardised conditions at each offset.
+    fn by_offset(&self, row: &[Option<f64>]) -> impl Iterator<Item = Option<f64>> {
         let z = |&c: &usize| {
             let spread = self.conditions[c]?;
             Some((row[c]? - spread.centre) / spread.sigma)
         };
-        let of = |conditions: &Vec<usize>| {
+        let of = move |conditions: &Vec<usize>| {
             let (sum, count) =
                 conditions.iter().filter_map(z).fold((0.0, 0_u32), |(sum, count), z| (sum + z, count + 1));
             (count > 0).then(|| sum / f64::from(count)).filter(|mean| mean.is_finite())
         };
-        means.clear();
-        means.extend(self.offsets.iter().map(of));
+        self.offsets.iter().map(of)
     }
 
     /// The largest over runs of the `means` of the offsets, standardised.
@@ -99,11 +100,13 @@ impl Index for Largest {
 
     /// The tails of all rows are found side by side: each waits for divisions, one after the other.
     fn values(&self, rows: &mut dyn Iterator<Item = &[Option<f64>]>) -> Vec<Option<f64>> {
-        let mut means = Vec::new();
-        let mut counts: Vec<Option<f64>> = Vec::new();
-        let mut largest: Vec<f64> = Vec::new();
+        let mut means = Vec::with_capacity(self.offsets.len());
+        let row_count = rows.size_hint().0;
+        let mut counts: Vec<Option<f64>> = Vec::with_capacity(row_count);
+        let mut largest: Vec<f64> = Vec::with_capacity(row_count);
         for row in rows {
-            self.by_offset(row, &mut means);
+            means.clear();
+            means.extend(self.by_offset(row));
             let of_row = self.largest(&means);
             largest.extend(of_row);
             counts.push(of_row.map(|_| means.iter().flatten().count() as f64));
@@ -160,8 +163,7 @@ mod tests {
 
     /// The slow twin: row by row, run by run.
     fn value_slow(of: &Largest, row: &[Option<f64>]) -> Option<f64> {
-        let mut means = Vec::new();
-        of.by_offset(row, &mut means);
+        let means: Vec<Option<f64>> = of.by_offset(row).collect();
         let z = |&(first, end, spread): &(usize, usize, Spread)| {
             mean(&means[first..end]).map(|mean| (mean - spread.centre) / spread.sigma).filter(|z| z.is_finite())
         };

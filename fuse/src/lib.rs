@@ -87,6 +87,7 @@ mod run;
 mod scale;
 mod scan;
 mod score;
+mod shares;
 mod shoulder;
 mod shuffles;
 mod split;

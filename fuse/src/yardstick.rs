@@ -4,6 +4,7 @@ use tapline_wire::Discriminator;
 
 use crate::columns::Columns;
 use crate::level::Level;
+use crate::shares::{LANES, Shares};
 use crate::shoulder::Reading;
 use crate::stats::Spread;
 use crate::{Direction, FuseConfig, IndexKind, PercentileScale};
@@ -112,25 +113,19 @@ impl Yardstick {
     }
 }
 
-/// Discriminators of a tap and what fills them up, so that they are scored side by side.
-const LANES: usize = Discriminator::ALL.len() + 1;
-
 /// Robust scores of readings of one casing: [`Yardstick::scores`], with a NaN for what is absent.
 ///
-/// What a casing's level and the reference say of a slot is looked up once and not tap by tap, and the discriminators of a
-/// tap are scored side by side. A slot without a level or a scale is full of NaN, and so is what it scores.
+/// What the reference says of a slot is looked up once and not tap by tap, and the discriminators of a tap are scored side by
+/// side. A slot without a scale is full of NaN, and so is what it scores.
 pub(crate) struct Scorer {
+    shares: Shares,
     conditions: Vec<Slots>,
-    columns: [Option<Discriminator>; LANES],
     z_clip: f64,
 }
 
 /// What is known of the slots of one condition.
 #[derive(Clone)]
 struct Slots {
-    level: [f64; LANES],
-    /// Magnitude of the level.
-    unit: [f64; LANES],
     centre: [f64; LANES],
     sigma: [f64; LANES],
     sign: [f64; LANES],
@@ -145,32 +140,25 @@ impl Scorer {
         }
         let width = yardstick.width();
         let unknown = [f64::NAN; LANES];
-        let nothing = Slots { level: unknown, unit: unknown, centre: unknown, sigma: unknown, sign: unknown };
+        let nothing = Slots { centre: unknown, sigma: unknown, sign: unknown };
         let mut conditions = vec![nothing; yardstick.scales.len() / width];
         for (slot, scale) in yardstick.scales.iter().enumerate() {
-            let (Some(Scale::Robust(spread)), Some(centre)) = (scale, level.centre(slot)) else { continue };
+            let Some(Scale::Robust(spread)) = scale else { continue };
             let (slots, lane) = (&mut conditions[slot / width], slot % width);
-            (slots.level[lane], slots.unit[lane]) = (centre, centre.abs());
             (slots.centre[lane], slots.sigma[lane]) = (spread.centre, spread.sigma);
             slots.sign[lane] = yardstick.discriminators[lane].1.sign();
         }
-        let mut columns = [None; LANES];
-        for (column, &(which, _)) in columns.iter_mut().zip(&yardstick.discriminators) {
-            *column = Some(which);
-        }
-        Some(Self { conditions, columns, z_clip: yardstick.z_clip })
+        let shares = Shares::of(level, &yardstick.discriminators, conditions.len());
+        Some(Self { shares, conditions, z_clip: yardstick.z_clip })
     }
 
     /// Scores of the discriminators of `reading`, in the order of the configuration; NaN behind the last.
     pub(crate) fn scores(&self, reading: &Reading) -> [f64; LANES] {
         let slots = &self.conditions[reading.condition];
-        let value = |column: Option<Discriminator>| column.and_then(|which| reading.values.get(which));
-        let mut scores = self.columns.map(|column| value(column).unwrap_or(f64::NAN));
+        let mut scores = self.shares.of_reading(reading);
         for (lane, score) in scores.iter_mut().enumerate() {
-            let share = 1.0 + (*score - slots.level[lane]) / slots.unit[lane]; // Level::share
-            let z = slots.sign[lane] * (share - slots.centre[lane]) / slots.sigma[lane];
-            let z = z.clamp(-self.z_clip, self.z_clip);
-            *score = if share.is_finite() { z } else { f64::NAN };
+            let z = slots.sign[lane] * (*score - slots.centre[lane]) / slots.sigma[lane];
+            *score = z.clamp(-self.z_clip, self.z_clip);
         }
         scores
     }
