@@ -221,6 +221,7 @@ fn judge_again(extractor: &mut ProcessExtractor) -> Result<Vec<Kernel<'static>>>
     let mut kernels = Vec::new();
     for (offsets_mm, repetitions, names) in [
         (vec![0.0], 1, ["fuse again 202 taps, by itself", "fuse again 202 taps, by a reference"]),
+        (vec![0.0], 2, ["fuse again 404 taps, by itself", "fuse again 404 taps, by a reference"]),
         (vec![0.0, 5.0, 10.0, 15.0], 2, ["fuse again 1616 taps, by itself", "fuse again 1616 taps, by a reference"]),
     ] {
         let scan = ScanConfig { offsets_mm, velocities_m_per_s: vec![1.5], repetitions, ..ScanConfig::default() };

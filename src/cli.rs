@@ -110,7 +110,8 @@ pub(crate) enum Verb {
         /// Folder to write into; made when it is not there.
         #[arg(long, default_value = "experiment")]
         out: PathBuf,
-        /// Decides all that is left to chance; the same seed gives the same bytes on processors of one kind.
+        /// Decides all that is left to chance; the same seed gives the same bytes on processors with the same vector
+        /// instructions.
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
@@ -124,7 +125,8 @@ pub(crate) struct StudyArgs {
     /// Tyres of each simulated set, of which a half trains and a half is judged; 16, or 8 with --quick, when left out.
     #[arg(long)]
     pub(crate) tyres: Option<usize>,
-    /// Decides all that is left to chance; the same seed gives the same bytes on processors of one kind.
+    /// Decides all that is left to chance; the same seed gives the same bytes on processors with the same vector
+    /// instructions.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
     /// Threads; one for every core when left out. They change no result.

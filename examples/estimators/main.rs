@@ -1,7 +1,7 @@
 //! Measures bias and spread of every estimator on taps whose truth is known, and writes the table.
 //!
 //! `cargo run --release --example estimators` writes `docs/estimators.csv` and `docs/estimators.md`: the same bytes each
-//! time on processors of one kind. `tests/estimators.rs` measures a part of it again.
+//! time on processors with the same vector instructions. `tests/estimators.rs` measures a part of it again.
 
 mod study;
 

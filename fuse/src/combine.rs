@@ -101,9 +101,9 @@ impl Index for Largest {
     /// The tails of all rows are found side by side: each waits for divisions, one after the other.
     fn values(&self, rows: &mut dyn Iterator<Item = &[Option<f64>]>) -> Vec<Option<f64>> {
         let mut means = Vec::with_capacity(self.offsets.len());
-        let row_count = rows.size_hint().0;
-        let mut counts: Vec<Option<f64>> = Vec::with_capacity(row_count);
-        let mut largest: Vec<f64> = Vec::with_capacity(row_count);
+        let row_count_min = rows.size_hint().0;
+        let mut counts: Vec<Option<f64>> = Vec::with_capacity(row_count_min);
+        let mut largest: Vec<f64> = Vec::with_capacity(row_count_min);
         for row in rows {
             means.clear();
             means.extend(self.by_offset(row));

@@ -70,7 +70,7 @@ impl Repeats {
         }
     }
 
-    /// Adds the sums of squares, and how many values in them were free.
+    /// Adds the sums of squares and their degrees of freedom.
     fn pool(&self, pooled: &mut [(f64, f64); LANES]) {
         for (lane, (sum, free)) in pooled.iter_mut().enumerate() {
             if self.counts[lane] > 1.0 && self.squares[lane].is_finite() {
@@ -118,6 +118,27 @@ mod tests {
         (0..CONDITIONS * width).map(sd).collect()
     }
 
+    fn casing(tyre: usize, taps: Vec<Reading>) -> Shoulder {
+        let locations: Vec<_> = (0..u32::try_from(PLACES).unwrap()).map(|l| (l, None)).collect();
+        let ring = Ring::of(Geometry::Line, &locations, None);
+        Shoulder { ring, tyre, taps, is_cracked: vec![None; PLACES] }
+    }
+
+    #[test]
+    fn a_place_that_overflows_is_left_out() {
+        // Catches one place's squares that make the spread of all infinite.
+        let config = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::default() };
+        let tap = |place: usize, pr: f64| {
+            let mut values = Values::default();
+            values.set(Discriminator::Pr, Some(pr));
+            Reading { place, condition: 0, values }
+        };
+        let level = Level::of(&config.directed(), 1, [tap(0, 1.0)].iter());
+        let taps = vec![tap(0, 1.7e308), tap(0, -1.7e308), tap(1, 1.0), tap(1, 1.2), tap(2, 5.0)];
+        let sds = repeat_sds(&config, 1, &[casing(0, taps)], &vec![vec![true; PLACES]], &[level]);
+        assert!(matches!(sds[..], [Some(sd)] if (sd - 0.02_f64.sqrt()).abs() < 1e-12), "{sds:?}");
+    }
+
     proptest! {
         #[test]
         fn lanes_pool_what_groups_do(
@@ -130,19 +151,13 @@ mod tests {
             // Catches a spread between places, conditions or casings that counts, places that are not kept, absent values
             // that count, and freedom of one tap too many.
             let config = FuseConfig::default();
-            let locations: Vec<_> = (0..u32::try_from(PLACES).unwrap()).map(|l| (l, None)).collect();
             let of_casing = |number: usize| {
                 let reading = |(_, place, condition, of): &(usize, usize, usize, Vec<Option<f64>>)| {
                     let mut values = Values::default();
                     Discriminator::ALL.into_iter().zip(of).for_each(|(which, value)| values.set(which, *value));
                     Reading { place: *place, condition: *condition, values }
                 };
-                Shoulder {
-                    ring: Ring::of(Geometry::Line, &locations, None),
-                    tyre: number,
-                    taps: taps.iter().filter(|tap| tap.0 == number).map(reading).collect(),
-                    is_cracked: vec![None; PLACES],
-                }
+                casing(number, taps.iter().filter(|tap| tap.0 == number).map(reading).collect())
             };
             let reference = [of_casing(0), of_casing(1)];
             let levels = reference.each_ref().map(|s| Level::of(&config.directed(), CONDITIONS, s.taps.iter()));

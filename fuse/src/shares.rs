@@ -6,7 +6,7 @@ use crate::Direction;
 use crate::level::Level;
 use crate::shoulder::Reading;
 
-/// Discriminators of a tap and what fills them up, so that they are reckoned with side by side.
+/// One lane a discriminator, and one more to make eight.
 pub(crate) const LANES: usize = Discriminator::ALL.len() + 1;
 
 /// [`Level::share`] of the discriminators of a tap, with a NaN for what is absent.
@@ -16,7 +16,7 @@ pub(crate) const LANES: usize = Discriminator::ALL.len() + 1;
 pub(crate) struct Shares {
     /// The level in each condition, and its magnitude.
     levels: Vec<([f64; LANES], [f64; LANES])>,
-    /// Where among all discriminators each of the configuration is; beyond them behind its last.
+    /// Place in [`Discriminator::ALL`] of each configured discriminator; `LANES`, which is no place, in spare lanes.
     columns: [usize; LANES],
 }
 

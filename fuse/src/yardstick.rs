@@ -158,7 +158,9 @@ impl Scorer {
         let mut scores = self.shares.of_reading(reading);
         for (lane, score) in scores.iter_mut().enumerate() {
             let z = slots.sign[lane] * (*score - slots.centre[lane]) / slots.sigma[lane];
-            *score = z.clamp(-self.z_clip, self.z_clip);
+            let z = z.clamp(-self.z_clip, self.z_clip);
+            // The clip may be infinite.
+            *score = if z.is_finite() { z } else { f64::NAN };
         }
         scores
     }
@@ -237,21 +239,27 @@ mod tests {
 
     #[test]
     fn scores_side_by_side_are_those_one_by_one() {
-        // Catches another slot's scale, an absent value that is scored, and an overflow that becomes the clip.
+        // Catches another slot's scale, an absent value that is scored, a share that overflows and becomes the clip, and a
+        // score that overflows where there is no clip.
         let robust = config(IndexKind::Robust);
-        let reference = reference();
-        let level = Level::of(&robust.directed(), 3, reference.iter());
-        let yardstick = Yardstick::of(&robust, 3, reference.iter().map(|r| (&level, r)), &[]);
-        let scorer = Scorer::of(&yardstick, &level).unwrap();
+        let fine = |i: u32| 1.0 + 1e-3 * f64::from(i);
+        let mut reference = reference();
+        reference.extend((0..9).map(|i| reading(2, Some(fine(i)), Some(0.5 * fine(i)))));
+        let level = Level::of(&robust.directed(), 4, reference.iter());
         let values = [None, Some(0.0), Some(13.3), Some(-14.1), Some(1e300), Some(f64::MAX), Some(f64::MIN)];
-        let pairs = values.into_iter().flat_map(|a| values.into_iter().map(move |b| (a, b)));
-        for (f_max, pr) in pairs {
-            for condition in 0..3 {
-                let reading = reading(condition, f_max, pr);
-                let slow = yardstick.scores(&level, &reading).chain(std::iter::repeat(None));
-                for (fast, slow) in scorer.scores(&reading).into_iter().zip(slow) {
-                    let fast = Some(fast).filter(|score| !score.is_nan());
-                    assert_eq!(fast.map(f64::to_bits), slow.map(f64::to_bits), "{reading:?}");
+        for z_clip in [robust.z_clip, f64::INFINITY] {
+            let robust = FuseConfig { z_clip, ..robust.clone() };
+            let yardstick = Yardstick::of(&robust, 4, reference.iter().map(|r| (&level, r)), &[]);
+            let scorer = Scorer::of(&yardstick, &level).unwrap();
+            let pairs = values.into_iter().flat_map(|a| values.into_iter().map(move |b| (a, b)));
+            for (f_max, pr) in pairs {
+                for condition in 0..4 {
+                    let reading = reading(condition, f_max, pr);
+                    let slow = yardstick.scores(&level, &reading).chain(std::iter::repeat(None));
+                    for (fast, slow) in scorer.scores(&reading).into_iter().zip(slow) {
+                        let fast = Some(fast).filter(|score| !score.is_nan());
+                        assert_eq!(fast.map(f64::to_bits), slow.map(f64::to_bits), "{z_clip} {reading:?}");
+                    }
                 }
             }
         }

@@ -13,7 +13,7 @@ use crate::check::{other_configuration, other_lineage};
 use crate::chunk::{ChunkRows, close_in_children, take_whole_file};
 use crate::codec::Codec;
 use crate::context::Context;
-use crate::create::{Key, files, format_name, geometry_name};
+use crate::create::{Key, files, files_to_read, format_name, geometry_name};
 use crate::given::Given;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, OLDEST_VERSION, ReasonRow, ScanRow,
@@ -127,7 +127,7 @@ impl Archive {
     pub(crate) fn open(path: &Path, access: Access) -> Result<Self> {
         probe(path, access)?;
         let file = match access {
-            Access::Read => File::open(path),
+            Access::Read => files_to_read().open(path),
             Access::Write => files().open_rw(path),
         }
         .context("open the archive", path)?;
@@ -214,7 +214,7 @@ fn open_raw(file: &File, path: &Path) -> Result<Option<(File, u32)>> {
     let name = read_text(file, attribute::RAW).context("read the name of the taps' archive", path)?;
     let raw_path = path.with_file_name(&name);
     probe(&raw_path, Access::Read)?;
-    let raw = File::open(&raw_path).context("open the archive of the taps", &raw_path)?;
+    let raw = files_to_read().open(&raw_path).context("open the archive of the taps", &raw_path)?;
     close_in_children(&raw).context("keep the archive to this process", &raw_path)?;
     let version = check_format(&raw, &raw_path)?;
     let digest =

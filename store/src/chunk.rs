@@ -92,8 +92,8 @@ pub(crate) fn let_go(file: &hdf5::File) -> hdf5::Result<()> {
 fn with_descriptor<T>(file: &hdf5::File, act: impl FnOnce(BorrowedFd<'_>) -> io::Result<T>) -> hdf5::Result<T> {
     let mut handle: *mut c_void = std::ptr::null_mut();
     sync(|| {
-        // SAFETY: the lock of the library is held and the file's identifier is valid while `file` lives; its driver is the
-        // one that keeps a descriptor, for which the handle points to that number.
+        // SAFETY: the lock of the library is held and the file's identifier is valid while `file` lives; it was opened by the
+        // driver that keeps a descriptor (`create::files_to_read`), for which the handle points to that number.
         let status = unsafe { H5Fget_vfd_handle(file.id(), H5P_DEFAULT, &raw mut handle) };
         if status < 0 || handle.is_null() {
             return Err(Error::query()?);

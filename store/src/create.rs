@@ -4,7 +4,9 @@ use std::path::Path;
 
 use hdf5::filters::BloscShuffle;
 use hdf5::plist::dataset_create::{AllocTime, FillTime};
-use hdf5::plist::file_access::{CacheDecreaseMode, CacheIncreaseMode, FlashIncreaseMode, MetadataCacheConfig};
+use hdf5::plist::file_access::{
+    CacheDecreaseMode, CacheIncreaseMode, FileAccessBuilder, FlashIncreaseMode, MetadataCacheConfig,
+};
 use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{File, FileBuilder, H5Type, Location};
 use tapline_wire::{Channel, DamageCell, Geometry, Plan, SampleFormat, TapState};
@@ -37,10 +39,17 @@ pub(crate) fn files() -> FileBuilder {
         decr_mode: CacheDecreaseMode::Off,
         ..MetadataCacheConfig::default()
     };
-    let mut files = FileBuilder::new();
+    let mut files = files_to_read();
     files.with_fapl(|plist| {
         plist.alignment(ALIGN_FROM_BYTES, PAGE_BYTES).mdc_config(&cache).meta_block_size(0).small_data_block_size(0)
     });
+    files
+}
+
+/// How archives are opened for reading: by a descriptor, whatever driver the environment asks the library for.
+pub(crate) fn files_to_read() -> FileBuilder {
+    let mut files = FileBuilder::new();
+    files.with_fapl(FileAccessBuilder::sec2);
     files
 }
 
