@@ -99,3 +99,22 @@ fn read_bounded<R: H5Type + Clone>(file: &File, name: &str) -> hdf5::Result<Opti
     }
     dataset.read_raw::<R>().map(Some)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches memory that is asked for because a damaged length claims rows that the file cannot have.
+    #[test]
+    fn rows_that_cannot_be_there_are_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = File::create(folder.path().join("t.h5")).unwrap();
+        let of = |name: &str, row_count: usize| {
+            file.new_dataset::<PlanRow>().chunk([64]).shape(row_count).create(name).unwrap();
+            read_bounded::<PlanRow>(&file, name).unwrap()
+        };
+        assert!(of("too many", 1 << 40).is_none());
+        assert!(of("beyond all bytes", usize::MAX / 2).is_none());
+        assert_eq!(of("none", 0).map(|rows| rows.len()), Some(0));
+    }
+}

@@ -90,7 +90,7 @@ impl<R: SealedRow> Table<R> {
         let mut start = 0;
         for (&number, row) in rows {
             let number = number as usize;
-            if number != start + run.len() || run.len() == BLOCK_ROWS {
+            if number != start + run.len() {
                 self.write_run(start, &run)?;
                 run.clear();
                 start = number;
@@ -141,7 +141,8 @@ mod tests {
         LedgerRow::new(TapState::Missing, attempt as u16)
     }
 
-    /// Catches a run that is cut or joined at the wrong row, at either end of a block, and a row under another's seal.
+    /// Catches a run that is cut or joined at the wrong row, and a row that is read twice or not where blocks meet, or under
+    /// another's seal.
     #[test]
     fn scattered_rows_land_where_they_belong() {
         let folder = tempfile::tempdir().unwrap();
