@@ -1,6 +1,7 @@
 //! `tapline reprocess`, `explain` and `diff`: archives judged again beside themselves, and what made their numbers.
 
 use std::fs::{self, OpenOptions};
+use std::os::unix::fs::FileExt as _;
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::PathBuf;
 use std::process::Stdio;
@@ -117,6 +118,33 @@ fn other_options_stand_beside() {
         assert!(said.contains(words), "{words} is not in {said}");
     }
     assert_eq!(said.lines().filter(|line| line.contains(" 1.5 ")).count(), 4, "four taps: {said}");
+}
+
+/// Catches new weights or limits for which samples are read: none is left.
+#[test]
+fn new_weights_need_no_samples() {
+    let rig = Rig::new();
+    let archive = scanned(&rig);
+    rig.write("weights.toml", "[fuse]\nindex = \"robust\"\nfalse_call_rate = 0.01\nreference = \"self\"\n");
+    let judged = || {
+        let results = again(&rig, "run.h5 --config weights.toml");
+        let of = |verb: &str| rig.run(&format!("export {} {verb}", results.display())).expect(0).out;
+        let found = (of("verdicts"), of("damage"));
+        fs::remove_file(results).unwrap();
+        found
+    };
+    let whole = judged();
+    let samples = hdf5::File::open(&archive).unwrap().dataset("taps/samples").unwrap();
+    let chunks = (0..samples.num_chunks().unwrap()).map(|k| samples.chunk_info(k).unwrap());
+    let spans: Vec<_> = chunks.map(|chunk| (chunk.addr, chunk.size)).collect();
+    drop(samples);
+    let file = OpenOptions::new().write(true).open(&archive).unwrap();
+    for (start, size) in spans {
+        file.write_all_at(&vec![0; usize::try_from(size).unwrap()], start).unwrap();
+    }
+    assert!(whole.0.contains("REJECT") && judged() == whole);
+    let refused = rig.run("reprocess run.h5 --from-samples");
+    assert!(refused.code == Some(1) && refused.err.contains("plan row 0"), "{}", refused.err);
 }
 
 /// Catches work that is lost or done again when reprocessing is killed, and a half-made file that passes for whole.
