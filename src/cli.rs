@@ -41,7 +41,8 @@ pub(crate) enum Verb {
     Export(ExportArgs),
     /// Make a reference of shoulders of archives: stated to be sound, or labelled by what is known of them.
     Reference(ReferenceArgs),
-    /// Check that an archive holds all its plan asks for, that nothing in it was altered, and that it does not contradict itself.
+    /// Check that an archive holds all its plan asks for, that no tap or result in it was altered, and that it does not
+    /// contradict itself.
     ///
     /// Every sample is read and every checksum compared. Prints what is amiss, a line each, and ends with code 3 then.
     Verify {
@@ -90,7 +91,8 @@ pub(crate) enum Verb {
     },
     /// Write what an archive holds as pages to read and print: one a tyre, and one of the whole shift.
     ///
-    /// Each page is one HTML file that needs nothing else. An archive that is not whole is told of as far as it goes.
+    /// Each page is one HTML file that needs nothing else. An archive of which taps are missing is told of as far as
+    /// it goes; one that `verify` finds altered is not.
     Report {
         /// The archive.
         archive: PathBuf,

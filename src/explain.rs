@@ -28,7 +28,7 @@ pub(crate) fn explain(archive: &Path, shoulder: Option<&str>, location: Option<u
     )?;
     writeln!(text, "raw data   {}", hex_of(&reader.raw_digest()?))?;
     writeln!(text, "plan       {:016x}", reader.plan().digest())?;
-    let reference = reader.reference().map_or("none, or one of these shoulders".to_owned(), |text| {
+    let reference = reader.reference().map_or("no file; fuse.reference says which".to_owned(), |text| {
         format!("a file, BLAKE3 {}", hex_of(&digest_of(text.as_bytes())))
     });
     writeln!(text, "reference  {reference}")?;
@@ -135,7 +135,7 @@ pub(crate) fn diff(there: &Path, here: &Path) -> Result<bool> {
         writeln!(text, "           {key}: {there} -> {here}")?;
     }
     if a.raw_digest()? != b.raw_digest()? {
-        writeln!(text, "           the recorded taps differ")?;
+        writeln!(text, "           what was recorded differs, samples or headers")?;
     }
     if a.reference() != b.reference() {
         writeln!(text, "           the reference files differ")?;

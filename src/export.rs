@@ -35,7 +35,8 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
         None => quiet_pipe(write(&reader, table, format, BufWriter::new(io::stdout())))?,
         Some(path) => whole_file(&args.archive, path, |file| write(&reader, table, format, BufWriter::new(file)))?,
     }
-    Ok(true)
+    // What was torn counts as open or missing, of which a table alone says nothing.
+    Ok(reader.torn_row_count() == 0)
 }
 
 fn write(reader: &Reader, table: Export, format: Format, out: impl Write + Send) -> tapline_store::Result<()> {

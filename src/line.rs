@@ -20,6 +20,7 @@ use crate::config::Job;
 use crate::progress::Progress;
 use crate::stage::stop_flag;
 use crate::summary::{Pace, summarise};
+use crate::tell::tell;
 
 /// `store`, `fuse` and `process`, in this order, come before the sources.
 const DOWNSTREAM: usize = 3;
@@ -29,6 +30,9 @@ const END_WITHIN: Duration = Duration::from_secs(20);
 
 /// How long stages of an earlier line may take to end with it: as long as any, and a little for the news to come.
 const GONE_WITHIN: Duration = END_WITHIN.saturating_add(Duration::from_secs(5));
+
+/// After how long of that it is said what is waited for.
+const TELL_AFTER: Duration = Duration::from_millis(500);
 
 /// `store` tells the ledger ten times a second; when it has not for so long, its disk is slow or hangs.
 const SILENT_AFTER: Duration = Duration::from_millis(900);
@@ -72,7 +76,8 @@ fn settled_before(job: &Job, plan: &Plan) -> Result<Option<usize>> {
         "the archive cannot be gone on with: give another --out, or the same taps, stations, configuration and reference as before",
     )?;
     let ledger = reader.ledger();
-    let is_finished = ledger.is_judged() && ledger.count(TapState::Missing) == 0;
+    // A row of the ledger that is torn is written again by whoever opens the archive to write.
+    let is_finished = ledger.is_judged() && ledger.count(TapState::Missing) == 0 && reader.torn_row_count() == 0;
     Ok((!is_finished).then(|| settled_count(ledger)))
 }
 
@@ -120,7 +125,11 @@ impl Workplace {
         let name = format!("{:016x}", fnv_1a(absolute(&job.out)?.as_os_str().as_encoded_bytes()));
         let address = LineAddress::new(&name);
         let since = Instant::now();
+        let mut is_told = false;
         while !address.clear()? {
+            if since.elapsed() > TELL_AFTER && !std::mem::replace(&mut is_told, true) {
+                tell(&format!("waiting for stages of an earlier line on {} to end", job.out.display()));
+            }
             if since.elapsed() > GONE_WITHIN {
                 bail!("stages of an earlier line on {} still run: end them first (ps shows them)", job.out.display());
             }

@@ -27,6 +27,7 @@ mod stats;
 mod study;
 mod summary;
 mod tables;
+mod tell;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
@@ -35,6 +36,7 @@ use clap::Parser as _;
 use tracing_subscriber::EnvFilter;
 
 use crate::cli::{Cli, ModelVerb, Verb};
+use crate::tell::tell;
 
 /// Ended, but not whole: taps are missing or refused, or the archive contradicts itself.
 const INCOMPLETE: u8 = 3;
@@ -48,13 +50,15 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .with_ansi(has_colours)
         .with_target(false)
+        // Where the log cannot be written it would panic, in the middle of a scan.
+        .log_internal_errors(false)
         .init();
     match bus::say_what_is_gone().and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
         Err(error) => {
             tracing::debug!(?error);
-            eprintln!("tapline: {}", told(&error));
+            tell(&format!("tapline: {}", told(&error)));
             ExitCode::FAILURE
         }
     }

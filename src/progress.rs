@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::tell::tell;
+
 /// Time between plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(5);
 
@@ -33,8 +35,8 @@ impl Progress {
     /// Says something beside the progress.
     pub(crate) fn say(&self, text: &str) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(bar) => bar.suspend(|| tell(text)),
+            None => tell(text),
         }
     }
 
@@ -50,7 +52,7 @@ impl Progress {
             bar.set_message(format!("{rate:.0} taps/s{}", left(left_s)));
         } else if self.told_at.elapsed() >= LINE_EVERY {
             self.told_at = Instant::now();
-            eprintln!("{settled} of {} taps, {rate:.0} taps/s{}", self.total, left(left_s));
+            tell(&format!("{settled} of {} taps, {rate:.0} taps/s{}", self.total, left(left_s)));
         }
         is_news
     }

@@ -14,6 +14,7 @@ use tapline_wire::{Discriminator, Verdict};
 
 use crate::cli::ReferenceArgs;
 use crate::config::{Config, differences, process_of};
+use crate::tell::tell;
 
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {
@@ -46,7 +47,9 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let is_wanted = |name: &str, has_passed: bool| match names_none {
             true => {
                 if !has_passed && !args.labelled {
-                    eprintln!("{name} did not pass and is left out; name it by --shoulder if it is known to be sound");
+                    tell(&format!(
+                        "{name} did not pass and is left out; name it by --shoulder if it is known to be sound"
+                    ));
                 }
                 has_passed || args.labelled
             }
@@ -123,8 +126,10 @@ fn take(
 fn write(path: &Path, set: &ReferenceSet) -> Result<()> {
     let draft = path.with_added_extension("new");
     let context = || format!("cannot write {}", path.display());
-    fs::write(&draft, set.text()?).with_context(context)?;
-    fs::rename(&draft, path).with_context(context)
+    let text = set.text()?;
+    let written = fs::write(&draft, text).and_then(|()| fs::rename(&draft, path)).with_context(context);
+    // What is half there is nothing; where it cannot be removed the error above says more.
+    written.inspect_err(|_| drop(fs::remove_file(&draft)))
 }
 
 fn print(path: &Path, set: &ReferenceSet) -> Result<()> {

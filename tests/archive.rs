@@ -100,6 +100,43 @@ fn stages_run_alone() {
     assert!(tapline_wire::LineAddress::new(&name).clear().unwrap());
 }
 
+/// Catches a table that passes for whole though what a row says of a shoulder is torn, and rows that stay so for ever.
+#[test]
+fn torn_rows_are_told_and_mended() {
+    let rig = rig();
+    let run = "run --config scan.toml --stations 2 --out run.h5";
+    rig.run(run).expect(0);
+    let (whole, verdicts) = (contents(&rig.path("run.h5")), rig.run("export run.h5 verdicts").expect(0).out);
+    for table in ["ledger", "scans"] {
+        let file = hdf5::File::open(rig.path("run.h5")).unwrap();
+        let at = file.dataset(table).unwrap().offset().unwrap() as usize;
+        drop(file);
+        let mut bytes = fs::read(rig.path("run.h5")).unwrap();
+        bytes[at] ^= 1;
+        fs::write(rig.path("run.h5"), bytes).unwrap();
+        let told = rig.run("export run.h5 verdicts").expect(3);
+        assert!(told.err.contains("torn"), "{table}: {told:?}");
+        rig.run("verify run.h5").expect(3);
+        rig.run(run).expect(0);
+        rig.run("verify run.h5").expect(0);
+        assert_eq!(rig.run("export run.h5 verdicts").expect(0).out, verdicts, "{table}");
+        assert_same(&contents(&rig.path("run.h5")), &whole);
+    }
+}
+
+/// Catches a scan that a log which cannot be written ends: a pipe that nobody reads, or a full disk.
+#[test]
+fn a_log_that_is_full_ends_nothing() {
+    let rig = rig();
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let mut line = rig.command("run --config scan.toml --stations 2 --out run.h5");
+    let done = line.env("TAPLINE_LOG", "trace").stderr(full).output().unwrap();
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stdout));
+    rig.run("verify run.h5").expect(0);
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    assert_eq!(rig.command("verify gone.h5").stderr(full).status().unwrap().code(), Some(1));
+}
+
 /// A finished archive is not taken for another scan's.
 #[test]
 fn another_plan_or_configuration_is_refused() {

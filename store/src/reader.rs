@@ -63,6 +63,7 @@ pub struct Reader {
     samples: Vec<SampleFile>,
     /// Rows of the ledgers as they are in the files.
     states: Vec<Vec<LedgerRow>>,
+    torn_row_count: usize,
 }
 
 impl Reader {
@@ -78,20 +79,23 @@ impl Reader {
         let run = &archives[0].plan;
         let mut ledger = Ledger::empty(run.taps().len(), run.scans().len(), run.stations().len());
         let mut states = Vec::with_capacity(archives.len());
+        let mut torn_row_count = 0;
         for (part, archive) in archives.iter().enumerate() {
             let rows = archive.ledger.read_all().context("read the ledger", &archive.path)?;
             for (row, there) in map.taps_in(part) {
+                torn_row_count += usize::from(!rows[there as usize].is_whole(there as usize));
                 let (state, attempt) = settled(archive, there as usize, &rows[there as usize])?;
                 ledger.set_tap(row as usize, state, attempt);
             }
             let scans = archive.scans.read_all().context("read the scans", &archive.path)?;
             for (scan, there) in map.scans_in(part) {
+                torn_row_count += usize::from(!scans[there as usize].is_whole(there as usize));
                 ledger.set_scan(scan as usize, scan_state(archive, there as usize, &scans[there as usize])?);
             }
             states.push(rows);
         }
         let samples = archives.iter().map(SampleFile::open).collect::<Result<_>>()?;
-        Ok(Self { path, archives, map, ledger, samples, states })
+        Ok(Self { path, archives, map, ledger, samples, states, torn_row_count })
     }
 
     /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
@@ -120,6 +124,12 @@ impl Reader {
     /// The scan plan, as it was given to the writer.
     pub fn plan(&self) -> &Plan {
         &self.first().plan
+    }
+
+    /// How many rows that say where taps and scans stand are not what was written: each is told as a warning, and the next
+    /// [`Writer`](crate::Writer) mends it.
+    pub fn torn_row_count(&self) -> usize {
+        self.torn_row_count
     }
 
     /// The configuration, verbatim.
