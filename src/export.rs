@@ -58,11 +58,12 @@ fn taps(args: &ExportArgs) -> Result<bool> {
         Format::UffAscii => export_uff(&reader, folder, UffEncoding::Ascii),
         _ => export_tap_set(&reader, folder),
     };
-    let TapCounts { written, refused, missing } = counts?;
-    let is_whole = refused == 0 && missing == 0;
+    let TapCounts { written, refused, missing, damaged } = counts?;
+    let is_whole = refused == 0 && missing == 0 && damaged == 0;
+    let hurt = if damaged == 0 { String::new() } else { format!(", {damaged} damaged") };
     let why = if is_whole { "" } else { "; taps.csv says which and why" };
     let folder = folder.display();
-    writeln!(io::stdout().lock(), "{folder}: {written} taps written, {refused} refused, {missing} missing{why}")?;
+    writeln!(io::stdout().lock(), "{folder}: {written} taps written, {refused} refused, {missing} missing{hurt}{why}")?;
     Ok(is_whole)
 }
 

@@ -133,6 +133,37 @@ fn missing_taps_are_said_to_be_missing() {
     assert!(again.refusals().unwrap().iter().all(|refusal| refusal.reason == "missing in the archive"));
 }
 
+/// Catches one damaged tap that keeps all others in their archive, and one that leaves it as if it were whole.
+#[test]
+fn damaged_taps_are_left_behind() {
+    let rig = run();
+    let file = hdf5::File::open(rig.path("run.h5")).unwrap();
+    let samples = file.dataset("taps/samples").unwrap().chunk_info(7).unwrap();
+    let header = file.dataset("taps/header").unwrap();
+    let row_bytes = header.storage_size() / 248;
+    let of_header = header.offset().unwrap() + 9 * row_bytes + 8;
+    drop((header, file));
+    let mut bytes = fs::read(rig.path("run.h5")).unwrap();
+    for at in [samples.addr + samples.size / 2, of_header] {
+        bytes[usize::try_from(at).unwrap()] ^= 16;
+    }
+    fs::write(rig.path("bent.h5"), bytes).unwrap();
+    for format in ["wav", "uff"] {
+        let done = rig.run(&format!("export bent.h5 taps --format {format} --out {format}")).expect(3);
+        let said =
+            format!("{format}: 246 taps written, 0 refused, 0 missing, 2 damaged; taps.csv says which and why\n");
+        assert_eq!(done.out, said);
+        let rows = csv_rows(&fs::read_to_string(rig.path(&format!("{format}/taps.csv"))).unwrap());
+        let is_damaged =
+            |k: &usize| rows[*k]["refused"].starts_with("damaged in the archive: ") && rows[*k]["file"].is_empty();
+        let damaged: Vec<usize> = (0..rows.len()).filter(is_damaged).collect();
+        assert_eq!(damaged, [7, 9]);
+    }
+    rig.run("run --taps wav --config wav/config.toml --out again.h5").expect(3);
+    let again = Reader::open(rig.path("again.h5")).unwrap();
+    assert_eq!((again.ledger().count(TapState::Archived), again.ledger().count(TapState::Refused)), (246, 2));
+}
+
 /// Catches taps of other scales than the first, or another distance, that come back with the first one's.
 #[test]
 fn scales_are_kept_tap_by_tap() {

@@ -1,5 +1,6 @@
 //! What the exports of taps share: the list of all planned taps, and how files are named after tyres.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use tapline_wire::{Plan, PlannedTap, Scan, TapHeader, TapState};
@@ -17,6 +18,8 @@ pub struct TapCounts {
     pub refused: usize,
     /// Taps that never came.
     pub missing: usize,
+    /// Taps that are not what was written.
+    pub damaged: usize,
 }
 
 /// Why a missing tap has no recording, in the list of taps.
@@ -24,6 +27,9 @@ const MISSING: &str = "missing in the archive";
 
 /// The same for a tap that was refused without a word.
 const NO_REASON: &str = "refused without a reason";
+
+/// How the list says that a tap is not what was written, before what is wrong with it.
+const DAMAGED: &str = "damaged in the archive: ";
 
 /// One planned tap as its archive has it.
 pub(crate) struct ListedTap<'a> {
@@ -39,6 +45,7 @@ pub(crate) struct Taps<'a> {
     reader: &'a Reader,
     /// Why taps were refused, by plan row.
     reasons: BTreeMap<u32, String>,
+    damaged_count: Cell<usize>,
 }
 
 impl<'a> Taps<'a> {
@@ -53,16 +60,18 @@ impl<'a> Taps<'a> {
         // A refusal without a word would be read as none.
         let has_words = |reason: &String| !reason.trim().is_empty();
         let refusals = reader.refusals()?.into_iter().map(|refusal| (refusal.plan_index, refusal.reason));
-        Ok(Self { reader, reasons: refusals.filter(|(_, reason)| has_words(reason)).collect() })
+        let reasons = refusals.filter(|(_, reason)| has_words(reason)).collect();
+        Ok(Self { reader, reasons, damaged_count: Cell::new(0) })
     }
 
-    /// How many there are of each state.
+    /// How many there are of each state; of those that were found damaged as far as taps were read.
     pub(crate) fn counts(&self) -> TapCounts {
         let count = |state| self.reader.ledger().count(state);
         TapCounts {
-            written: count(TapState::Archived),
+            written: count(TapState::Archived) - self.damaged_count.get(),
             refused: count(TapState::Refused),
             missing: count(TapState::Missing),
+            damaged: self.damaged_count.get(),
         }
     }
 
@@ -74,9 +83,17 @@ impl<'a> Taps<'a> {
             Some(reason) => reason.clone(),
             None => NO_REASON.to_owned(),
         };
+        let record = match self.reader.tap(row) {
+            // It is given up, and the others are not.
+            Err(Error::Damaged { what, .. }) => {
+                self.damaged_count.update(|count| count + 1);
+                Err(format!("{DAMAGED}{what}"))
+            }
+            tap => tap?.ok_or_else(why),
+        };
         Ok(ListedTap {
             planned: &self.reader.plan().taps()[row as usize],
-            record: self.reader.tap(row)?.ok_or_else(why),
+            record,
             attempt: self.reader.attempt(row).unwrap_or(0),
         })
     }
