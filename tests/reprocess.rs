@@ -144,7 +144,7 @@ fn new_weights_need_no_samples() {
     }
     assert!(whole.0.contains("REJECT") && judged() == whole);
     let refused = rig.run("reprocess run.h5 --from-samples");
-    assert!(refused.code == Some(1) && refused.err.contains("plan row 0"), "{}", refused.err);
+    assert!(refused.code == Some(1) && refused.err.contains("the samples of plan row"), "{}", refused.err);
 }
 
 /// Catches work that is lost or done again when reprocessing is killed, and a half-made file that passes for whole.
