@@ -1,14 +1,13 @@
 //! The verb `export`: what an archive holds, for other programs.
 
-use std::fs::{self, File};
 use std::io::{self, BufWriter, IsTerminal as _, Write};
-use std::path::Path;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use clap::ValueEnum as _;
 use tapline_store::{Export, Reader, TapCounts, UffEncoding, export_parquet, export_tap_set, export_uff};
 
 use crate::cli::{ExportArgs, Format, What};
+use crate::whole::whole_file;
 
 /// Formats of a table.
 const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];
@@ -33,7 +32,10 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
             bail!("Parquet is no text for a terminal; name a file with --out, or redirect the output");
         }
         None => quiet_pipe(write(&reader, table, format, BufWriter::new(io::stdout())))?,
-        Some(path) => whole_file(&args.archive, path, |file| write(&reader, table, format, BufWriter::new(file)))?,
+        Some(path) if path.canonicalize().is_ok_and(|path| Some(path) == args.archive.canonicalize().ok()) => {
+            bail!("--out {} is the archive itself", path.display());
+        }
+        Some(path) => whole_file(path, |file| write(&reader, table, format, BufWriter::new(file)))?,
     }
     // What was torn counts as open or missing, of which a table alone says nothing.
     Ok(reader.torn_row_count() == 0)
@@ -77,20 +79,6 @@ fn allowed(args: &ExportArgs, formats: &[Format]) -> Result<Format> {
     let what = args.what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
     let known = formats.iter().map(name).collect::<Vec<_>>().join(" or ");
     bail!("--format {} does not go with {what}; it must be {known}", name(&format))
-}
-
-/// Has `write` fill a file that is there whole or not at all: what stands at `path` is replaced at the end, and never if
-/// it is the archive.
-fn whole_file(archive: &Path, path: &Path, write: impl FnOnce(File) -> tapline_store::Result<()>) -> Result<()> {
-    if path.canonicalize().is_ok_and(|path| Some(path) == archive.canonicalize().ok()) {
-        bail!("--out {} is the archive itself", path.display());
-    }
-    let draft = path.with_added_extension("new");
-    let context = || format!("cannot write {}", path.display());
-    let file = File::create(&draft).with_context(context)?;
-    let written = write(file).with_context(context).and_then(|()| fs::rename(&draft, path).with_context(context));
-    // What is half there is nothing; where it cannot be removed the error above says more.
-    written.inspect_err(|_| drop(fs::remove_file(&draft)))
 }
 
 /// A reader that has seen enough, as `head` has, is no failure.

@@ -28,6 +28,7 @@ mod study;
 mod summary;
 mod tables;
 mod tell;
+mod whole;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;

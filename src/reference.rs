@@ -15,6 +15,7 @@ use tapline_wire::{Discriminator, Verdict};
 use crate::cli::ReferenceArgs;
 use crate::config::{Config, differences, process_of};
 use crate::tell::tell;
+use crate::whole::whole_file;
 
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {
@@ -70,7 +71,8 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     let mut built = built.context("no archive is named")?;
     built.lineage = lineage;
     let set = build_reference(&built, shoulders)?;
-    write(&args.out, &set)?;
+    let text = set.text()?;
+    whole_file(&args.out, |mut file| file.write_all(text.as_bytes()))?;
     print(&args.out, &set)?;
     Ok(true)
 }
@@ -120,16 +122,6 @@ fn take(
         shoulders.push(shoulder);
     }
     Ok(())
-}
-
-/// Whole or not at all.
-fn write(path: &Path, set: &ReferenceSet) -> Result<()> {
-    let draft = path.with_added_extension("new");
-    let context = || format!("cannot write {}", path.display());
-    let text = set.text()?;
-    let written = fs::write(&draft, text).and_then(|()| fs::rename(&draft, path)).with_context(context);
-    // What is half there is nothing; where it cannot be removed the error above says more.
-    written.inspect_err(|_| drop(fs::remove_file(&draft)))
 }
 
 fn print(path: &Path, set: &ReferenceSet) -> Result<()> {

@@ -32,6 +32,7 @@ use anyhow::{Context as _, Result};
 use tapline_store::Reader;
 
 use self::evidence::{Evidence, Tyre};
+use crate::whole::whole_file;
 
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";
@@ -45,7 +46,7 @@ pub(crate) fn report(archive: &Path, out: Option<&Path>) -> Result<bool> {
     let mut told = io::stdout().lock();
     let mut put = |name: &str, page: &str| -> Result<()> {
         let path = folder.join(name);
-        whole(&path, page).with_context(|| format!("cannot write {}", path.display()))?;
+        whole_file(&path, |mut file| file.write_all(page.as_bytes()))?;
         writeln!(told, "{}", path.display())?;
         Ok(())
     };
@@ -60,13 +61,6 @@ pub(crate) fn report(archive: &Path, out: Option<&Path>) -> Result<bool> {
 
 fn default_folder(archive: &Path) -> PathBuf {
     PathBuf::from(format!("{}-report", archive.file_stem().unwrap_or_default().to_string_lossy()))
-}
-
-/// Writes the whole of `text` or nothing: what stands at `path` is replaced at the end.
-fn whole(path: &Path, text: &str) -> io::Result<()> {
-    let draft = path.with_added_extension("new");
-    fs::write(&draft, text)?;
-    fs::rename(&draft, path)
 }
 
 /// The file of each tyre's page: its serial with what a file name or an address may not hold replaced, and numbered

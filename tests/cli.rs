@@ -1,6 +1,10 @@
 //! The command line: usage, configuration, and the dissertation's tables.
 
 use std::fs;
+use std::os::unix::fs::{FileTypeExt as _, symlink};
+use std::thread;
+
+use rustix::fs::{CWD, FileType, Mode, mknodat};
 
 use crate::rig::{Rig, shared};
 
@@ -63,6 +67,30 @@ fn an_export_does_not_destroy_its_archive() {
     rig.run("export x.h5 ledger --out ledger.csv").expect(0);
     assert_eq!(fs::read_to_string(rig.path("ledger.csv")).unwrap(), rig.run("export x.h5 ledger").expect(0).out);
     assert!(!rig.path("ledger.csv.new").exists());
+}
+
+/// Catches a file put in the place of a device, which takes that from the whole machine, or of a link.
+#[test]
+fn an_export_writes_to_pipes_and_where_links_lead() {
+    let rig = Rig::new();
+    rig.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 9\n");
+    rig.run("run --config c.toml --out x.h5").expect(0);
+    let ledger = rig.run("export x.h5 ledger").expect(0).out;
+
+    let pipe = rig.path("pipe");
+    mknodat(CWD, &pipe, FileType::Fifo, Mode::RWXU, 0).unwrap();
+    let read = thread::Builder::new().name("read-pipe".to_owned());
+    let read = read.spawn(move || fs::read_to_string(pipe).unwrap()).unwrap();
+    rig.run("export x.h5 ledger --out pipe").expect(0);
+    // Where it is none any more, nobody will write to the one that is being read.
+    assert!(fs::metadata(rig.path("pipe")).unwrap().file_type().is_fifo());
+    assert_eq!(read.join().unwrap(), ledger);
+
+    rig.write("elsewhere.csv", &"longer than what is new\n".repeat(1000));
+    symlink("elsewhere.csv", rig.path("link.csv")).unwrap();
+    rig.run("export x.h5 ledger --out link.csv").expect(0);
+    assert!(fs::symlink_metadata(rig.path("link.csv")).unwrap().is_symlink());
+    assert_eq!(fs::read_to_string(rig.path("elsewhere.csv")).unwrap(), ledger);
 }
 
 /// `export | head` is no failure.
