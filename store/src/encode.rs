@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::thread;
 
 use crossbeam::channel::bounded;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::codec::{Codec, pack};
 use crate::lineage::digest_of;
@@ -54,15 +55,23 @@ pub(crate) struct Shape {
 #[derive(Debug)]
 pub(crate) struct Packer {
     shape: Shape,
-    thread_count: usize,
+    /// The other threads; `None` where none can be had, which is slower.
+    helpers: Option<ThreadPool>,
     /// Room for one record each, kept from call to call.
     desks: Vec<Packed>,
 }
 
 impl Packer {
     pub(crate) fn new(shape: Shape) -> Self {
-        let thread_count = thread::available_parallelism().map_or(1, NonZeroUsize::get);
-        Self { shape, thread_count, desks: Vec::new() }
+        Self::of(shape, thread::available_parallelism().map_or(1, NonZeroUsize::get))
+    }
+
+    fn of(shape: Shape, thread_count: usize) -> Self {
+        // One of them is whoever calls.
+        let helpers =
+            ThreadPoolBuilder::new().num_threads(thread_count - 1).thread_name(|number| format!("pack-{number}"));
+        let helpers = if thread_count > 1 { helpers.build().ok() } else { None };
+        Self { shape, helpers, desks: Vec::new() }
     }
 
     /// Gives back the room that it has kept.
@@ -86,7 +95,9 @@ impl Packer {
         if self.desks.len() < records.len() {
             self.desks.resize_with(records.len(), Packed::default);
         }
-        let (shape, helper_count) = (self.shape, (self.thread_count - 1).min(records.len().saturating_sub(1)));
+        let shape = self.shape;
+        let known = self.helpers.as_ref().map_or(0, ThreadPool::current_num_threads);
+        let helper_count = known.min(records.len().saturating_sub(1));
         let desks = &mut self.desks[..records.len()];
         let (give, jobs) = bounded(records.len());
         for job in desks.iter_mut().zip(records).enumerate() {
@@ -94,24 +105,7 @@ impl Packer {
         }
         drop(give);
         let (done, ready) = bounded(records.len());
-        thread::scope(|scope| {
-            for number in 0..helper_count {
-                let (jobs, done) = (jobs.clone(), done.clone());
-                let help = move || {
-                    for (number, (desk, samples)) in jobs {
-                        shape.pack(samples, desk);
-                        if done.send((number, &*desk)).is_err() {
-                            return;
-                        }
-                    }
-                };
-                let helper = thread::Builder::new().name(format!("pack-{number}")).spawn_scoped(scope, help);
-                // Where no thread can be had it is slower, but done.
-                if helper.is_err() {
-                    break;
-                }
-            }
-            drop(done);
+        let mut here = || {
             let mut packed: Vec<Option<&Packed>> = vec![None; records.len()];
             for number in 0..records.len() {
                 let this = loop {
@@ -136,7 +130,28 @@ impl Packer {
                 }
             }
             Ok(())
-        })?;
+        };
+        match &self.helpers {
+            None => {
+                drop(done);
+                here()?;
+            }
+            Some(helpers) => helpers.in_place_scope(|scope| {
+                for _ in 0..helper_count {
+                    let (jobs, done) = (jobs.clone(), done.clone());
+                    scope.spawn(move |_| {
+                        for (number, (desk, samples)) in jobs {
+                            shape.pack(samples, desk);
+                            if done.send((number, &*desk)).is_err() {
+                                return;
+                            }
+                        }
+                    });
+                }
+                drop(done);
+                here()
+            })?,
+        }
         drop((jobs, ready));
         Ok(&mut self.desks[..records.len()])
     }
@@ -202,7 +217,7 @@ mod tests {
         };
         let of = |desk: &Packed| (desk.stored(&[]).to_vec(), desk.samples_digest, desk.stored_checksum);
         for thread_count in [1, 2, 5] {
-            let mut packer = Packer { shape, thread_count, desks: Vec::new() };
+            let mut packer = Packer::of(shape, thread_count);
             for (record_count, bad) in [(40, 40), (40, 11), (1, 1), (0, 0), (7, 0), (40, 39), (40, 40)] {
                 let mut taken = Vec::new();
                 let packed = packer.pack(&records[..record_count], |number, desk| {
