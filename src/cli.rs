@@ -92,7 +92,7 @@ pub(crate) enum Verb {
     /// Write what an archive holds as pages to read and print: one a tyre, and one of the whole shift.
     ///
     /// Each page is one HTML file that needs nothing else. An archive of which taps are missing is told of as far as
-    /// it goes; one that `verify` finds altered is not.
+    /// it goes; so is one with torn rows, and then the exit code is 3. What else was altered ends it, where it is read.
     Report {
         /// The archive.
         archive: PathBuf,
@@ -267,7 +267,8 @@ const EXPORT_FORMATS: &str = "\
 A table as parquet has the columns and rows of the csv, typed, with units; sets of flags also as bits.
 Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again.
 Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58), in N and V.
-Taps that were refused or are missing are counted, and listed in taps.csv (column `refused`); then the exit code is 3.";
+Taps that were refused, are missing or damaged are counted, and listed in taps.csv (column `refused`); then the exit code
+is 3. It is 3 too where rows that say how taps and shoulders stand are torn; `tapline run` mends those.";
 
 /// What of an archive can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -39,7 +39,7 @@ use tracing_subscriber::EnvFilter;
 use crate::cli::{Cli, ModelVerb, Verb};
 use crate::tell::tell;
 
-/// Ended, but not whole: taps are missing or refused, or the archive contradicts itself.
+/// Ended, but not whole: taps are missing, refused or damaged, rows are torn, or the archive contradicts itself.
 const INCOMPLETE: u8 = 3;
 
 fn main() -> ExitCode {

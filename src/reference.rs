@@ -30,6 +30,13 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     let (mut shoulders, mut lineage) = (Vec::new(), Vec::new());
     for path in &args.archives {
         let reader = Reader::open(path)?;
+        if reader.torn_row_count() > 0 {
+            bail!(
+                "{}: {} rows that say how its taps and shoulders stand are torn; run it again, which mends them",
+                path.display(),
+                reader.torn_row_count()
+            );
+        }
         let config: Config =
             toml::from_str(reader.config()).with_context(|| format!("the configuration in {}", path.display()))?;
         let process = process_of(&config.process, &reader.plan().recording)?;

@@ -1,4 +1,4 @@
-//! What people are told on standard error, which may be a full disk or a pipe that nobody reads: that ends nothing.
+//! What people are told on standard error, which may be a full disk or a pipe whose reader has gone: that ends nothing.
 
 use std::io::Write as _;
 

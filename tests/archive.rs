@@ -1,9 +1,10 @@
 //! What a whole simulated run leaves: an archive, its tables, and results that depend on nothing but their input.
 
 use std::fs;
-use std::process::Command;
+use std::path::Path;
+use std::process::{Command, Stdio};
 
-use crate::rig::{Rig, assert_same, contents, csv_rows};
+use crate::rig::{Rig, assert_same, bend, contents, csv_rows, table_bytes};
 
 const SCAN: &str = "
 [scan]
@@ -107,35 +108,54 @@ fn torn_rows_are_told_and_mended() {
     let run = "run --config scan.toml --stations 2 --out run.h5";
     rig.run(run).expect(0);
     let (whole, verdicts) = (contents(&rig.path("run.h5")), rig.run("export run.h5 verdicts").expect(0).out);
-    for table in ["ledger", "scans"] {
-        let file = hdf5::File::open(rig.path("run.h5")).unwrap();
-        let at = file.dataset(table).unwrap().offset().unwrap() as usize;
-        drop(file);
-        let mut bytes = fs::read(rig.path("run.h5")).unwrap();
-        bytes[at] ^= 1;
-        fs::write(rig.path("run.h5"), bytes).unwrap();
+    let rows = |table: &str| fs::read(rig.path("run.h5")).unwrap()[table_bytes(&rig.path("run.h5"), table)].to_vec();
+    // The first byte, and of a scan another that names a tyre, and one of where its map begins.
+    let first_cell = first_cell_at(&rig.path("run.h5"));
+    for (table, at) in [("ledger", 0), ("scans", 0), ("scans", 3), ("scans", first_cell)] {
+        let before = rows(table);
+        bend(&rig.path("run.h5"), table, at);
         let told = rig.run("export run.h5 verdicts").expect(3);
         assert!(told.err.contains("torn"), "{table}: {told:?}");
+        rig.run("export run.h5 taps --out taps").expect(3);
+        fs::remove_dir_all(rig.path("taps")).unwrap();
+        rig.run("report run.h5").expect(3);
+        let refused = rig.run("reference run.h5 --out r.json").expect(1);
+        assert!(refused.err.contains("torn"), "{table}: {refused:?}");
         rig.run("verify run.h5").expect(3);
         rig.run(run).expect(0);
         rig.run("verify run.h5").expect(0);
         assert_eq!(rig.run("export run.h5 verdicts").expect(0).out, verdicts, "{table}");
         assert_same(&contents(&rig.path("run.h5")), &whole);
+        assert_eq!(rows(table), before, "{table} at {at}");
     }
 }
 
-/// Catches a scan that a log which cannot be written ends: a pipe that nobody reads, or a full disk.
+/// Byte in a row of the scans at which its first cell stands.
+fn first_cell_at(path: &Path) -> usize {
+    let file = hdf5::File::open(path).unwrap();
+    let hdf5::types::TypeDescriptor::Compound(row) =
+        file.dataset("scans").unwrap().dtype().unwrap().to_descriptor().unwrap()
+    else {
+        panic!("scans is no table");
+    };
+    row.fields.iter().find(|field| field.name == "first_cell").unwrap().offset
+}
+
+/// Catches a scan that a log which cannot be written ends: a pipe whose reader has gone, or a full disk.
 #[test]
 fn a_log_that_is_full_ends_nothing() {
     let rig = rig();
-    let unheard = |arguments: &str| {
-        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let (_, broken) = std::io::pipe().unwrap();
+    for (name, log) in [("full", Stdio::from(full)), ("broken", Stdio::from(broken))] {
         // Errors are logged too, with their causes, where all is.
-        rig.command(arguments).env("TAPLINE_LOG", "trace").stderr(full).output().unwrap().status.code()
-    };
-    assert_eq!(unheard("run --config scan.toml --stations 2 --out run.h5"), Some(0));
-    rig.run("verify run.h5").expect(0);
-    assert_eq!(unheard("verify gone.h5"), Some(1));
+        let mut run = rig.command(&format!("run --config scan.toml --stations 2 --out {name}.h5"));
+        let done = run.env("TAPLINE_LOG", "trace").stderr(log).output().unwrap();
+        assert_eq!(done.status.code(), Some(0), "{name}");
+        rig.run(&format!("verify {name}.h5")).expect(0);
+    }
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    assert_eq!(rig.command("verify gone.h5").stderr(full).output().unwrap().status.code(), Some(1));
 }
 
 /// A finished archive is not taken for another scan's.

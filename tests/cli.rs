@@ -1,12 +1,13 @@
 //! The command line: usage, configuration, and the dissertation's tables.
 
 use std::fs;
+use std::io::Read as _;
 use std::os::unix::fs::{FileTypeExt as _, symlink};
-use std::thread;
 
 use rustix::fs::{CWD, FileType, Mode, mknodat};
+use rustix::io::ioctl_fionread;
 
-use crate::rig::{Rig, shared};
+use crate::rig::{Rig, bend, shared};
 
 #[test]
 fn wrong_usage_has_its_own_exit_code() {
@@ -77,17 +78,23 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     rig.run("run --config c.toml --out x.h5").expect(0);
     let ledger = rig.run("export x.h5 ledger").expect(0).out;
 
-    let pipe = rig.path("pipe");
-    mknodat(CWD, &pipe, FileType::Fifo, Mode::RWXU, 0).unwrap();
-    let read = thread::Builder::new().name("read-pipe".to_owned());
-    let read = read.spawn(move || fs::read_to_string(pipe).unwrap()).unwrap();
+    // Opened to read and write it is there before the program is, and no one waits for anyone.
+    mknodat(CWD, rig.path("pipe"), FileType::Fifo, Mode::RWXU, 0).unwrap();
+    let mut pipe = fs::OpenOptions::new().read(true).write(true).open(rig.path("pipe")).unwrap();
     rig.run("export x.h5 ledger --out pipe").expect(0);
-    // Where it is none any more, nobody will write to the one that is being read.
     assert!(fs::metadata(rig.path("pipe")).unwrap().file_type().is_fifo());
-    assert_eq!(read.join().unwrap(), ledger);
+    assert_eq!(ioctl_fionread(&pipe).unwrap(), ledger.len() as u64);
+    let mut read = vec![0; ledger.len()];
+    pipe.read_exact(&mut read).unwrap();
+    assert_eq!(read, ledger.as_bytes());
 
     rig.write("elsewhere.csv", &"longer than what is new\n".repeat(1000));
     symlink("elsewhere.csv", rig.path("link.csv")).unwrap();
+    // What fails leaves what was there.
+    fs::copy(rig.path("x.h5"), rig.path("bent.h5")).unwrap();
+    bend(&rig.path("bent.h5"), "discriminators", 0);
+    rig.run("export bent.h5 discriminators --out link.csv").expect(1);
+    assert!(fs::read_to_string(rig.path("elsewhere.csv")).unwrap().starts_with("longer than"));
     rig.run("export x.h5 ledger --out link.csv").expect(0);
     assert!(fs::symlink_metadata(rig.path("link.csv")).unwrap().is_symlink());
     assert_eq!(fs::read_to_string(rig.path("elsewhere.csv")).unwrap(), ledger);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -154,6 +155,22 @@ pub(crate) struct Contents {
     pub(crate) taps: Vec<Option<(TapHeader, OwnedSamples)>>,
     pub(crate) discriminators: Vec<Option<String>>,
     pub(crate) judgements: Vec<Option<String>>,
+}
+
+/// Bytes of the archive's file that a table takes.
+pub(crate) fn table_bytes(archive: &Path, table: &str) -> Range<usize> {
+    let file = hdf5::File::open(archive).unwrap();
+    let table = file.dataset(table).unwrap();
+    let start = table.offset().unwrap() as usize;
+    start..start + table.storage_size() as usize
+}
+
+/// Turns the lowest bit of byte `at` of a table.
+pub(crate) fn bend(archive: &Path, table: &str, at: usize) {
+    let start = table_bytes(archive, table).start;
+    let mut bytes = fs::read(archive).unwrap();
+    bytes[start + at] ^= 1;
+    fs::write(archive, bytes).unwrap();
 }
 
 /// Reads an archive, leaving out what tells of the sending: sequence, epoch and the time of sending.

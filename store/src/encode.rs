@@ -1,5 +1,6 @@
 //! Records made ready for the file, several at a time: digested, padded, packed, all outside the lock of the HDF5 library.
 
+use std::cell::OnceCell;
 use std::num::NonZeroUsize;
 use std::thread;
 
@@ -55,8 +56,9 @@ pub(crate) struct Shape {
 #[derive(Debug)]
 pub(crate) struct Packer {
     shape: Shape,
-    /// The other threads; `None` where none can be had, which is slower.
-    helpers: Option<ThreadPool>,
+    thread_count: usize,
+    /// The other threads, once there is more than one record to pack; `None` where none can be had, which is slower.
+    helpers: OnceCell<Option<ThreadPool>>,
     /// Room for one record each, kept from call to call.
     desks: Vec<Packed>,
 }
@@ -67,16 +69,13 @@ impl Packer {
     }
 
     fn of(shape: Shape, thread_count: usize) -> Self {
-        // One of them is whoever calls.
-        let helpers =
-            ThreadPoolBuilder::new().num_threads(thread_count - 1).thread_name(|number| format!("pack-{number}"));
-        let helpers = if thread_count > 1 { helpers.build().ok() } else { None };
-        Self { shape, helpers, desks: Vec::new() }
+        Self { shape, thread_count, helpers: OnceCell::new(), desks: Vec::new() }
     }
 
-    /// Gives back the room that it has kept.
+    /// Gives back the room and the threads that it has kept.
     pub(crate) fn rest(&mut self) {
         self.desks = Vec::new();
+        self.helpers = OnceCell::new();
     }
 
     /// Packs `records`, the samples of one tap each, and has each, in their order, taken by `take`, which gets its number,
@@ -96,8 +95,12 @@ impl Packer {
             self.desks.resize_with(records.len(), Packed::default);
         }
         let shape = self.shape;
-        let known = self.helpers.as_ref().map_or(0, ThreadPool::current_num_threads);
-        let helper_count = known.min(records.len().saturating_sub(1));
+        // One of the threads is whoever calls.
+        let helper_count = (self.thread_count - 1).min(records.len().saturating_sub(1));
+        let helpers = match helper_count {
+            0 => None,
+            _ => self.helpers.get_or_init(|| begin(self.thread_count - 1)).as_ref(),
+        };
         let desks = &mut self.desks[..records.len()];
         let (give, jobs) = bounded(records.len());
         for job in desks.iter_mut().zip(records).enumerate() {
@@ -131,7 +134,7 @@ impl Packer {
             }
             Ok(())
         };
-        match &self.helpers {
+        match helpers {
             None => {
                 drop(done);
                 here()?;
@@ -155,6 +158,11 @@ impl Packer {
         drop((jobs, ready));
         Ok(&mut self.desks[..records.len()])
     }
+}
+
+fn begin(thread_count: usize) -> Option<ThreadPool> {
+    let pool = ThreadPoolBuilder::new().num_threads(thread_count).thread_name(|number| format!("pack-{number}"));
+    pool.build().inspect_err(|error| tracing::warn!(%error, "one thread packs alone, which is slower")).ok()
 }
 
 impl Shape {

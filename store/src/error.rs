@@ -306,8 +306,8 @@ pub enum Error {
         /// The folder.
         path: PathBuf,
     },
-    /// There are no taps to export.
-    #[error("{} holds the samples of none of its {tap_count} planned taps", path.display())]
+    /// There are no taps to export, or none that can be read.
+    #[error("{} holds readable samples of none of its {tap_count} planned taps", path.display())]
     NoSamples {
         /// The archive.
         path: PathBuf,

@@ -32,8 +32,8 @@ pub(crate) struct Pending {
 
 impl Pending {
     /// States alone that are to be written.
-    pub(crate) fn of_states(taps: BTreeMap<u32, LedgerRow>) -> Self {
-        Self { taps, ..Self::default() }
+    pub(crate) fn of_states(taps: BTreeMap<u32, LedgerRow>, scans: BTreeMap<u32, ScanRow>) -> Self {
+        Self { taps, scans, ..Self::default() }
     }
 
     pub(crate) fn is_empty(&self) -> bool {

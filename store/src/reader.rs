@@ -127,7 +127,7 @@ impl Reader {
     }
 
     /// How many rows that say where taps and scans stand are not what was written: each is told as a warning, and the next
-    /// [`Writer`](crate::Writer) mends it.
+    /// [`Writer`](crate::Writer) mends it. What a tap's said of retakes is lost; a scan's is judged again.
     pub fn torn_row_count(&self) -> usize {
         self.torn_row_count
     }
@@ -298,17 +298,21 @@ impl Reader {
         let mut refusals = Vec::new();
         for (row, planned) in (0..).zip(self.plan().taps()) {
             if self.ledger.taps()[row as usize] == TapState::Refused {
-                let (part, there) = self.map.tap(row);
-                let (archive, there) = (&self.archives[part], there as usize);
-                let reasons = archive.refusals.read(there..there + 1).context("read a reason", &archive.path)?;
-                let row_of_reason = whole(archive, there, reasons[0])?;
-                let reason = text(&row_of_reason.reason)
-                    .ok_or_else(|| archive.damaged(format!("the reason in row {there} is not UTF-8")))?;
                 let id = at_attempt(planned.id, self.ledger.attempt(row as usize));
-                refusals.push(Refusal { plan_index: row, id, reason: reason.to_owned() });
+                refusals.push(Refusal { plan_index: row, id, reason: self.reason(row)? });
             }
         }
         Ok(refusals)
+    }
+
+    /// Why the tap in plan row `row` was refused; empty where it was not.
+    pub(crate) fn reason(&self, row: u32) -> Result<String> {
+        let (part, there) = self.map.tap(row);
+        let (archive, there) = (&self.archives[part], there as usize);
+        let reasons = archive.refusals.read(there..there + 1).context("read a reason", &archive.path)?;
+        let row_of_reason = whole(archive, there, reasons[0])?;
+        let reason = text(&row_of_reason.reason);
+        reason.map(str::to_owned).ok_or_else(|| archive.damaged(format!("the reason in row {there} is not UTF-8")))
     }
 
     /// Verdict and damage map of every scan, by scan number; `None` where it is not judged.

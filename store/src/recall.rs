@@ -20,19 +20,21 @@ pub(crate) struct Recalled {
     /// For each scan, the fingerprint of its verdict and map if it is judged.
     pub(crate) scan_fingerprints: Vec<Option<u64>>,
     pub(crate) ledger: Ledger,
-    /// Rows of the ledger that were torn, as they are to be written again.
-    pub(crate) mended: BTreeMap<u32, LedgerRow>,
+    /// Rows of the ledger that were torn, as they are to be written again; what they said of retakes is lost.
+    pub(crate) mended_taps: BTreeMap<u32, LedgerRow>,
+    /// Rows of scans that were torn, open again: of what they hold nothing is believed.
+    pub(crate) mended_scans: BTreeMap<u32, ScanRow>,
 }
 
 /// Reads what is settled in `archive`; rows whose state says "missing" are as if they were not there.
 pub(crate) fn recall(archive: &Archive) -> Result<Recalled> {
     let plan = &archive.plan;
     let mut ledger = Ledger::empty(plan.taps().len(), plan.scans().len(), plan.stations().len());
-    let mut mended = BTreeMap::new();
-    let tracks = recall_taps(archive, &mut ledger, &mut mended)?;
-    let scans = archive.scans.read_all().context("read the scans", &archive.path)?;
-    let scan_fingerprints = recall_scans(archive, &scans, &mut ledger)?;
-    Ok(Recalled { tracks, scans, scan_fingerprints, ledger, mended })
+    let (mut mended_taps, mut mended_scans) = (BTreeMap::new(), BTreeMap::new());
+    let tracks = recall_taps(archive, &mut ledger, &mut mended_taps)?;
+    let mut scans = archive.scans.read_all().context("read the scans", &archive.path)?;
+    let scan_fingerprints = recall_scans(archive, &mut scans, &mut ledger, &mut mended_scans)?;
+    Ok(Recalled { tracks, scans, scan_fingerprints, ledger, mended_taps, mended_scans })
 }
 
 fn recall_taps(archive: &Archive, ledger: &mut Ledger, mended: &mut BTreeMap<u32, LedgerRow>) -> Result<Vec<Track>> {
@@ -96,12 +98,21 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger, mended: &mut BTreeMap<u32
     Ok(tracks)
 }
 
-fn recall_scans(archive: &Archive, scans: &[ScanRow], ledger: &mut Ledger) -> Result<Vec<Option<u64>>> {
+fn recall_scans(
+    archive: &Archive,
+    scans: &mut [ScanRow],
+    ledger: &mut Ledger,
+    mended: &mut BTreeMap<u32, ScanRow>,
+) -> Result<Vec<Option<u64>>> {
     let first_cells = archive.first_cells();
     let mut fingerprints = Vec::with_capacity(scans.len());
-    for (k, row) in scans.iter().enumerate() {
+    for (k, row) in scans.iter_mut().enumerate() {
         let state = scan_state(archive, k, row)?;
         ledger.set_scan(k, state);
+        if !row.is_whole(k) {
+            *row = ScanRow::open(&archive.plan.scans()[k], first_cells[k] as u32);
+            mended.insert(k as u32, *row);
+        }
         let is_judged = state == ScanState::Judged;
         let cells = if is_judged { first_cells[k]..first_cells[k + 1] } else { 0..0 };
         let cells = archive.damage.read(cells).context("read what is archived", &archive.path)?;

@@ -339,8 +339,9 @@ fn resume(path: &Path, lineage: Lineage<'_>, is_last: bool) -> Result<Writer> {
     }
     let plan = archive.plan.clone();
     if !is_last && !archive.stored_key()?.is_empty() {
+        // Where rows are torn it has some to write.
         let mut writer = Writer::of(archive)?;
-        if writer.is_judged() {
+        if writer.is_judged() && writer.pending.is_empty() {
             writer.rest();
             return Ok(writer);
         }

@@ -51,7 +51,7 @@ fn settled_by(
     if !row.is_whole(k) {
         let attempt = attempt_of_whole_rows(archive, discriminators, k)?;
         let counts_as = if attempt.is_some() { "archived, as its other rows are whole" } else { "missing" };
-        tracing::warn!(row = k, "the ledger's row is torn; the tap counts as {counts_as}");
+        tracing::warn!(row = k, "the ledger's row is torn; the tap counts as {counts_as}, and as never retaken");
         return Ok(attempt.map_or((TapState::Missing, 0), |attempt| (TapState::Archived, attempt)));
     }
     let unknown = || archive.damaged(format!("row {k} of its ledger has state {}", row.state));

@@ -213,6 +213,7 @@ fn verify_file(archive: &Archive) -> Result<Report> {
             None => {}
             Some(state) => {
                 report.ledger.set_scan(k, state);
+                check_planned(plan, k, row, first_cells[k], &mut complain);
                 if state == ScanState::Judged {
                     check_scan(plan, k, &report.ledger, row, &cells, &mut complain);
                 }
@@ -299,6 +300,24 @@ fn check_tap(
     }
     if let Some(value) = discriminators.values().into_iter().find(|v| v.is_infinite()) {
         complain(format!("a discriminator is {value}, neither a number nor absent"));
+    }
+}
+
+/// What a scan's row says of the plan, whatever state it is in.
+fn check_planned(plan: &Plan, number: usize, row: &ScanRow, first_cell: usize, complain: &mut impl FnMut(String)) {
+    let scan = &plan.scans()[number];
+    if row.tyre.as_bytes() != scan.tyre.as_str().as_bytes() {
+        let named = String::from_utf8_lossy(row.tyre.as_bytes());
+        complain(format!("its row is of tyre {named:?}; {:?} is planned", scan.tyre.as_str()));
+    }
+    for (what, said, planned) in [
+        ("station", row.station.into(), scan.station.into()),
+        ("shoulder", row.shoulder.into(), scan.shoulder.into()),
+        ("first cell", row.first_cell as usize, first_cell),
+    ] {
+        if said != planned {
+            complain(format!("its row has {what} {said}; {planned} is planned"));
+        }
     }
 }
 

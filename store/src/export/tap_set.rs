@@ -2,8 +2,8 @@
 //!
 //! Samples, scales, velocities, distances, angles, closing taps, stations, attempts, times and truth come back bit for bit,
 //! and a tap that was refused is refused again in the same words. What cannot come back as it was: the kind of the source,
-//! which is a tap set from then on; with it the digest of the plan; when and as which record a tap was sent; a missing tap,
-//! which is refused; room for samples that no archived tap has; and a recording with a sample that is no number, which no
+//! which is a tap set from then on; with it the digest of the plan; when and as which record a tap was sent; a missing tap
+//! and a damaged one, which are refused; room for samples that no archived tap has; and a recording with a sample that is no number, which no
 //! tap set may have.
 
 use std::path::Path;
@@ -73,8 +73,9 @@ pub fn export_tap_set(reader: &Reader, folder: &Path) -> Result<TapCounts> {
     if !reader.truth().is_empty() {
         write_truth(reader, &draft)?;
     }
+    let counts = taps.counts()?;
     draft.finish()?;
-    Ok(taps.counts())
+    Ok(counts)
 }
 
 fn no_tap_set(reader: &Reader, what: String) -> Error {

@@ -1,7 +1,7 @@
 //! What the exports of taps share: the list of all planned taps, and how files are named after tyres.
 
 use std::cell::Cell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use tapline_wire::{Plan, PlannedTap, Scan, TapHeader, TapState};
 
@@ -31,6 +31,9 @@ const NO_REASON: &str = "refused without a reason";
 /// How the list says that a tap is not what was written, before what is wrong with it.
 const DAMAGED: &str = "damaged in the archive: ";
 
+/// The same of why a tap was refused.
+const REASON_DAMAGED: &str = "refused, but why is damaged in the archive: ";
+
 /// One planned tap as its archive has it.
 pub(crate) struct ListedTap<'a> {
     pub(crate) planned: &'a PlannedTap,
@@ -43,8 +46,6 @@ pub(crate) struct ListedTap<'a> {
 /// The planned taps of an archive, read one at a time.
 pub(crate) struct Taps<'a> {
     reader: &'a Reader,
-    /// Why taps were refused, by plan row.
-    reasons: BTreeMap<u32, String>,
     damaged_count: Cell<usize>,
 }
 
@@ -52,50 +53,60 @@ impl<'a> Taps<'a> {
     /// The taps of an archive that has at least one.
     ///
     /// # Errors
-    /// [`Error::NoSamples`] when no tap is archived, or what reading gives.
+    /// [`Error::NoSamples`] when no tap is archived.
     pub(crate) fn of(reader: &'a Reader) -> Result<Self> {
-        if reader.ledger().count(TapState::Archived) == 0 {
-            return Err(Error::NoSamples { path: reader.path().to_owned(), tap_count: reader.plan().taps().len() });
-        }
-        // A refusal without a word would be read as none.
-        let has_words = |reason: &String| !reason.trim().is_empty();
-        let refusals = reader.refusals()?.into_iter().map(|refusal| (refusal.plan_index, refusal.reason));
-        let reasons = refusals.filter(|(_, reason)| has_words(reason)).collect();
-        Ok(Self { reader, reasons, damaged_count: Cell::new(0) })
+        let taps = Self { reader, damaged_count: Cell::new(0) };
+        taps.counts()?;
+        Ok(taps)
     }
 
     /// How many there are of each state; of those that were found damaged as far as taps were read.
-    pub(crate) fn counts(&self) -> TapCounts {
+    ///
+    /// # Errors
+    /// [`Error::NoSamples`] when none is left.
+    pub(crate) fn counts(&self) -> Result<TapCounts> {
         let count = |state| self.reader.ledger().count(state);
-        TapCounts {
-            written: count(TapState::Archived) - self.damaged_count.get(),
-            refused: count(TapState::Refused),
-            missing: count(TapState::Missing),
-            damaged: self.damaged_count.get(),
+        let written = count(TapState::Archived) - self.damaged_count.get();
+        if written == 0 {
+            let tap_count = self.reader.plan().taps().len();
+            return Err(Error::NoSamples { path: self.reader.path().to_owned(), tap_count });
         }
+        let (refused, missing) = (count(TapState::Refused), count(TapState::Missing));
+        Ok(TapCounts { written, refused, missing, damaged: self.damaged_count.get() })
     }
 
     /// The tap in plan row `row`.
     pub(crate) fn tap(&self, row: u32) -> Result<ListedTap<'a>> {
-        let is_missing = self.reader.ledger().taps()[row as usize] == TapState::Missing;
-        let why = || match self.reasons.get(&row) {
-            _ if is_missing => MISSING.to_owned(),
-            Some(reason) => reason.clone(),
-            None => NO_REASON.to_owned(),
-        };
-        let record = match self.reader.tap(row) {
+        let record = match self.reader.tap(row).map_err(what_is_damaged) {
+            Ok(Some(tap)) => Ok(tap),
+            Ok(None) if self.reader.ledger().taps()[row as usize] == TapState::Missing => Err(MISSING.to_owned()),
+            Ok(None) => Err(match self.reader.reason(row).map_err(what_is_damaged) {
+                // A refusal without a word would be read as none.
+                Ok(reason) if reason.trim().is_empty() => NO_REASON.to_owned(),
+                Ok(reason) => reason,
+                Err(damage) => format!("{REASON_DAMAGED}{}", damage?),
+            }),
             // It is given up, and the others are not.
-            Err(Error::Damaged { what, .. }) => {
+            Err(damage) => {
+                let damage = damage?;
                 self.damaged_count.update(|count| count + 1);
-                Err(format!("{DAMAGED}{what}"))
+                Err(format!("{DAMAGED}{damage}"))
             }
-            tap => tap?.ok_or_else(why),
         };
         Ok(ListedTap {
             planned: &self.reader.plan().taps()[row as usize],
             record,
             attempt: self.reader.attempt(row).unwrap_or(0),
         })
+    }
+}
+
+/// What is wrong with one tap, as its sector of the disk may be; else the error.
+fn what_is_damaged(error: Error) -> Result<String> {
+    match error {
+        Error::Damaged { what, .. } => Ok(what),
+        Error::Io { .. } => Ok(error.to_string()),
+        error => Err(error),
     }
 }
 

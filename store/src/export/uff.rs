@@ -67,8 +67,9 @@ pub fn export_uff(reader: &Reader, folder: &Path, encoding: UffEncoding) -> Resu
     }
     list.flush().map_err(|error| Error::Csv(error.into()))?;
     drop(list);
+    let counts = taps.counts()?;
     draft.finish()?;
-    Ok(taps.counts())
+    Ok(counts)
 }
 
 /// Newtons or volts of channel `channel`.
