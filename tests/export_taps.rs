@@ -8,7 +8,7 @@ use tapline_acquire::{Source as _, TapSet};
 use tapline_store::{OwnedSamples, Reader};
 use tapline_wire::{Discriminator, Lane, SourceKind, TapHeader, TapState, lanes_for};
 
-use crate::rig::{Contents, Rig, assert_same, contents, csv_rows, python_with};
+use crate::rig::{Contents, Rig, assert_same, bend, contents, csv_rows, python_with, table_bytes};
 use crate::tapset;
 
 /// Two tyres at two stations, a crack, taps that are taken again, and a closing tap at the end of every turn.
@@ -109,6 +109,13 @@ fn refused_taps_and_floats_are_exported() {
     assert_same(&before, &after);
     let reasons = ["run.h5", "again.h5"].map(|name| Reader::open(rig.path(name)).unwrap().refusals().unwrap());
     assert!(reasons[0].len() == 1 && reasons[0] == reasons[1], "{reasons:?}");
+    // A reason that is torn takes no other tap with it.
+    let reason_bytes = table_bytes(&rig.path("run.h5"), "refusals").len() / 24;
+    bend(&rig.path("run.h5"), "refusals", 3 * reason_bytes);
+    let done = rig.run("export run.h5 taps --out torn").expect(3);
+    assert_eq!(done.out, "torn: 23 taps written, 1 refused, 0 missing; taps.csv says which and why\n");
+    let rows = csv_rows(&fs::read_to_string(rig.path("torn/taps.csv")).unwrap());
+    assert!(rows[3]["refused"].starts_with("refused, but why is damaged in the archive: "), "{:?}", rows[3]);
 }
 
 /// Catches a missing tap that is exported as if it were there or had never been planned.
@@ -162,6 +169,24 @@ fn damaged_taps_are_left_behind() {
     rig.run("run --taps wav --config wav/config.toml --out again.h5").expect(3);
     let again = Reader::open(rig.path("again.h5")).unwrap();
     assert_eq!((again.ledger().count(TapState::Archived), again.ledger().count(TapState::Refused)), (246, 2));
+}
+
+/// Catches an export of nothing that ends as if it were one.
+#[test]
+fn nothing_that_can_be_read_is_no_export() {
+    let rig = run();
+    let whole = Reader::open(rig.path("run.h5")).unwrap();
+    let mut writer = tapline_store::Writer::create(rig.path("one.h5"), whole.plan(), "").unwrap();
+    let (header, samples) = whole.tap(0).unwrap().unwrap();
+    writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+    writer.put_discriminators(&whole.discriminators().unwrap()[0].unwrap()).unwrap();
+    writer.finish().unwrap();
+    bend(&rig.path("one.h5"), "taps/header", 0);
+    for format in ["wav", "uff"] {
+        let done = rig.run(&format!("export one.h5 taps --format {format} --out {format}")).expect(1);
+        assert!(done.err.contains("readable samples of none of its 248 planned taps"), "{done:?}");
+        assert!(!rig.path(format).exists());
+    }
 }
 
 /// Catches taps of other scales than the first, or another distance, that come back with the first one's.

@@ -366,3 +366,7 @@ fn check_scan(
         }
     }
 }
+
+#[cfg(test)]
+#[path = "verify_tests.rs"]
+mod tests;
