@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use tapline_store::{Codec, Lineage, Problem, Reader, RunWriter, Writer, verify};
-use tapline_wire::{SampleFormat, TapState};
+use tapline_wire::{SampleFormat, ScanState, TapState};
 
 use crate::common::{CONFIG, plan, put, put_all};
 
@@ -220,4 +220,24 @@ fn what_was_altered_is_not_gone_on_with() {
         let error = Writer::resume(&path, &plan(SampleFormat::I16), CONFIG).unwrap_err().to_string();
         assert!(error.contains("row 3") && error.contains(table), "{error}");
     }
+}
+
+/// Catches rows that say how taps and scans stand and stay torn though a writer went on with them, or are sealed as they are.
+#[test]
+fn a_writer_mends_torn_rows() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = finished(&folder);
+    let of = |name| places(&path).into_iter().find(|&(_, table, _)| table == name).unwrap().0;
+    let (ledger, scans) = (of("ledger"), of("scans"));
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[ledger] ^= 1;
+    bytes[scans] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    assert_eq!(Reader::open(&path).unwrap().torn_row_count(), 2);
+    Writer::resume(&path, &plan(SampleFormat::I16), CONFIG).unwrap().finish().unwrap();
+    let reader = Reader::open(&path).unwrap();
+    assert_eq!((reader.torn_row_count(), reader.ledger().scans()[0]), (0, ScanState::Open));
+    let report = verify(&path).unwrap();
+    assert!(report.problems.is_empty() && report.missing_count == 0 && !report.is_judged(), "{report:?}");
 }
