@@ -2,7 +2,7 @@
 
 use crate::condition::Conditions;
 use crate::indices::Index;
-use crate::stats::{Spread, upper_quantile, upper_tails};
+use crate::stats::{Spread, in_reach, upper_quantile, upper_tails};
 
 /// The largest over runs of neighbouring offsets: a crack reaches across some of them, and which is not known.
 ///
@@ -102,22 +102,25 @@ impl Index for Largest {
     fn values(&self, rows: &mut dyn Iterator<Item = &[Option<f64>]>) -> Vec<Option<f64>> {
         let mut means = Vec::with_capacity(self.offsets.len());
         let row_count_min = rows.size_hint().0;
-        let mut counts: Vec<Option<f64>> = Vec::with_capacity(row_count_min);
-        let mut largest: Vec<f64> = Vec::with_capacity(row_count_min);
+        let mut values = Vec::with_capacity(row_count_min);
+        let (mut of_several, mut largest) = (Vec::with_capacity(row_count_min), Vec::with_capacity(row_count_min));
         for row in rows {
             means.clear();
             means.extend(self.by_offset(row));
             let of_row = self.largest(&means);
-            largest.extend(of_row);
-            counts.push(of_row.map(|_| means.iter().flatten().count() as f64));
+            // The largest of one is that one.
+            let count = means.iter().flatten().count();
+            if let Some(z) = of_row.filter(|_| count > 1) {
+                of_several.push((values.len(), count as f64));
+                largest.push(z);
+            }
+            values.push(of_row.map(in_reach));
         }
         upper_tails(&mut largest);
-        let mut tails = largest.into_iter();
-        let mut value = |count: Option<f64>| {
-            let chance = -(count? * (-tails.next()?).ln_1p()).exp_m1();
-            Some(upper_quantile(chance))
-        };
-        counts.into_iter().map(&mut value).collect()
+        for ((row, count), tail) in of_several.into_iter().zip(largest) {
+            values[row] = Some(upper_quantile(-(count * (-tail).ln_1p()).exp_m1()));
+        }
+        values
     }
 
     fn weights(&self) -> Option<Vec<f64>> {
@@ -169,7 +172,13 @@ mod tests {
         };
         let largest = of.runs.iter().filter_map(z).max_by(f64::total_cmp)?;
         let count = means.iter().flatten().count() as f64;
-        Some(upper_quantile(-(count * (-upper_tail(largest)).ln_1p()).exp_m1()))
+        let by_chance = upper_quantile(-(count * (-upper_tail(largest)).ln_1p()).exp_m1());
+        if count > 1.0 {
+            return Some(by_chance);
+        }
+        // The same but for rounding, which is coarse where the chance is all but 1.
+        assert!(largest < -5.0 || (by_chance - largest.clamp(-9.0, 38.0)).abs() < 1e-6, "{by_chance} of {largest}");
+        Some(largest.clamp(-9.0, 38.0))
     }
 
     #[test]

@@ -35,8 +35,6 @@ pub(crate) struct Fit {
     usual: Option<Spread>,
     /// Whether the index in one condition is a mean of scores that are clipped.
     is_mean: bool,
-    /// The index of every location of the reference's own shoulders.
-    own: Vec<Vec<LocationIndex>>,
     /// What was asked for and could not be learned from this reference; the mean stands in its place.
     pub(crate) fallbacks: Vec<String>,
 }
@@ -57,7 +55,8 @@ pub(crate) struct LocationIndex {
 }
 
 impl Fit {
-    /// What the `kept` places of `reference` teach, each shoulder measured against its own of the `levels`.
+    /// What the `kept` places of `reference` teach, each shoulder measured against its own of the `levels`, and the index of
+    /// every location of those shoulders.
     ///
     /// Places that are not kept teach only as what they are labelled.
     pub(crate) fn of(
@@ -66,13 +65,12 @@ impl Fit {
         reference: &[Shoulder],
         kept: &Kept,
         levels: &[Level],
-    ) -> Self {
-        let (mut fit, learnt) = Self::learnt(config, conditions, reference, kept, levels);
-        fit.own = learnt.into_iter().map(|Learnt { cells, grid, values }| located(&cells, &grid, values)).collect();
-        fit
+    ) -> (Self, Vec<Vec<LocationIndex>>) {
+        let (fit, learnt) = Self::learnt(config, conditions, reference, kept, levels);
+        (fit, learnt.into_iter().map(|Learnt { cells, grid, values }| located(&cells, &grid, values)).collect())
     }
 
-    /// The index of every location of the `reference` that [`Fit::own`] would have, and nothing else of it.
+    /// The values of the locations that [`Fit::of`] would have, and nothing else of it.
     pub(crate) fn values_of(
         config: &FuseConfig,
         conditions: &Conditions,
@@ -170,20 +168,14 @@ impl Fit {
             by_condition: spreads,
             usual,
             is_mean,
-            own: Vec::new(),
             fallbacks,
         };
-        let own = cells.into_iter().zip(grids).zip(combined).map(|((cells, grid), combined)| {
+        let learnt = cells.into_iter().zip(grids).zip(combined).map(|((cells, grid), combined)| {
             let values = fit.on_one_scale(&grid, combined);
             Learnt { cells, grid, values }
         });
-        let own = own.collect();
-        (fit, own)
-    }
-
-    /// The index of every location of the reference's own shoulders, each measured against the level it was fitted at.
-    pub(crate) fn own(&self) -> &[Vec<LocationIndex>] {
-        &self.own
+        let learnt = learnt.collect();
+        (fit, learnt)
     }
 
     /// The scales.

@@ -86,7 +86,7 @@ fn learned(
     let standard = Standard::stated(&config, conditions, shoulders, 0);
     let mut scores: Vec<(Vec<f64>, Vec<bool>)> = vec![Default::default(); Discriminator::ALL.len()];
     for (number, shoulder) in shoulders.iter().enumerate() {
-        let map = standard.labelled(number);
+        let map = &standard.locations[number];
         for (location, label) in map.iter().zip(&shoulder.is_cracked) {
             for ((scores, labels), score) in scores.iter_mut().zip(&location.by_discriminator) {
                 if let (Some(score), Some(label)) = (score, label) {
@@ -126,7 +126,7 @@ fn summed_up(config: &FuseConfig, conditions: &Conditions, shoulders: &[Shoulder
         .iter()
         .enumerate()
         .flat_map(|(number, shoulder)| {
-            let locations = standard.labelled(number);
+            let locations = &standard.locations[number];
             let is_sound = shoulder.sound();
             locations.iter().zip(is_sound).filter(|(_, sound)| *sound).map(|(l, _)| l.by_discriminator.clone())
         })

@@ -38,6 +38,8 @@ const LEVELS_MIN: usize = 3;
 #[derive(Debug)]
 pub(crate) struct Standard {
     pub(crate) fit: Fit,
+    /// The locations of the reference's shoulders; none where a casing is its own reference, whose maps have them.
+    pub(crate) locations: Vec<Vec<LocationIndex>>,
     /// Levels of the reference's shoulders.
     pub(crate) levels: Vec<Level>,
     /// Levels of its casings, by their numbers.
@@ -110,8 +112,11 @@ impl Standard {
             Centre::Own => shoulders.iter().map(|own| level_of(&|s| std::ptr::eq(s, own))).collect(),
             Centre::Reference => vec![Level::pooled(&casing_levels); shoulders.len()],
         };
-        let fit = Fit::of(config, conditions, shoulders, &kept, &levels);
-        Self::of(config, fit, (levels, casing_levels), shoulders, &kept, &kept, location_count)
+        let (fit, locations) = Fit::of(config, conditions, shoulders, &kept, &levels);
+        let values = values_of(&locations);
+        let standard =
+            Self::of(config, fit, &values, (levels, casing_levels), shoulders, (&kept, &kept), location_count);
+        Self { locations, ..standard }
     }
 
     /// The reference that a casing is to itself, and its maps: what stands out of it leaves it, round by round.
@@ -136,9 +141,11 @@ impl Standard {
         }
         let whole = whole_levels(config, conditions, shoulders);
         let levels = own_levels(config, conditions, shoulders, &kept, &whole, &mut pooled);
-        let fit = Fit::of(config, conditions, shoulders, &kept, &levels);
-        let standard = Self::of(config, fit, (levels.clone(), vec![pooled(&kept)]), shoulders, &kept, &calm, 0);
-        let own = shoulders.iter().zip(standard.fit.own().to_vec());
+        let (fit, locations) = Fit::of(config, conditions, shoulders, &kept, &levels);
+        let values = values_of(&locations);
+        let all_levels = (levels.clone(), vec![pooled(&kept)]);
+        let standard = Self::of(config, fit, &values, all_levels, shoulders, (&kept, &calm), 0);
+        let own = shoulders.iter().zip(locations);
         let maps: Vec<IndexMap> = own.map(|(shoulder, locations)| IndexMap::of(config, shoulder, locations)).collect();
         let is_inverted = standard.is_inverted(config, &maps);
         let stands_off = stand_off(config, conditions.count(), shoulders, &whole);
@@ -202,15 +209,15 @@ impl Standard {
     fn of(
         config: &FuseConfig,
         fit: Fit,
+        values: &Maps,
         (levels, casing_levels): (Vec<Level>, Vec<Level>),
         shoulders: &[Shoulder],
-        kept: &Kept,
-        calm: &Kept,
+        (kept, calm): (&Kept, &Kept),
         location_count: usize,
     ) -> Self {
-        let along = |values: Maps| maps_of(config.index, &values, shoulders, Step::AlongRing);
-        let each = |which| along(shoulders.iter().zip(&levels).map(|(s, l)| fit.values(l, s, which)).collect());
-        let maps = along(fit.own().iter().map(|own| own.iter().map(|l| l.value).collect()).collect());
+        let along = |values: &Maps| maps_of(config.index, values, shoulders, Step::AlongRing);
+        let each = |which| along(&shoulders.iter().zip(&levels).map(|(s, l)| fit.values(l, s, which)).collect());
+        let maps = along(values);
         let (odd, even) = (each(Taps::Odd), each(Taps::Even));
         let mut null = Null {
             values: sound_values(shoulders, &maps, kept, calm, Step::AlongRing),
@@ -229,12 +236,8 @@ impl Standard {
         }
         let usual_tap_count = crate::stats::median(&mut tap_counts).unwrap_or(0.0);
         let level_limit = level_limit(&casing_levels, fit.yardstick(), config.false_call_rate);
-        Self { fit, levels, casing_levels, limits, usual_tap_count, repeat_sd: null.repeat_sd, level_limit }
-    }
-
-    /// The locations of shoulder number `number` of the reference itself.
-    pub(crate) fn labelled(&self, number: usize) -> &[LocationIndex] {
-        &self.fit.own()[number]
+        let (locations, repeat_sd) = (Vec::new(), null.repeat_sd);
+        Self { fit, locations, levels, casing_levels, limits, usual_tap_count, repeat_sd, level_limit }
     }
 
     /// Median of the casings' levels in `slot`.
@@ -279,6 +282,10 @@ impl Standard {
 /// changes smoothly around the ring makes neighbours alike too; it is bounded and has no tail, so it is left out.
 fn likeness(kind: IndexKind) -> f64 {
     if kind == IndexKind::Dissertation { 1.0 } else { 1.0 + 2.0 * (4.0 + 1.0) / 9.0 }
+}
+
+fn values_of(locations: &[Vec<LocationIndex>]) -> Maps {
+    locations.iter().map(|locations| locations.iter().map(|location| location.value).collect()).collect()
 }
 
 fn everything(shoulders: &[Shoulder]) -> Kept {

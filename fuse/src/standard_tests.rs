@@ -133,8 +133,8 @@ fn values_alone_are_those_of_the_locations() {
     let mut some = all.clone();
     some[0][..20].fill(false);
     for kept in [&all, &all, &some, &all, &some] {
-        let (fit, levels, short) = fit(kept);
-        let own: Maps = fit.own().iter().map(|own| of(own)).collect();
+        let ((fit, own), levels, short) = fit(kept);
+        let own = values_of(&own);
         assert_eq!((&short, &values(kept)), (&own, &own));
         for ((shoulder, level), own) in shoulders.iter().zip(&levels).zip(&own) {
             let locations = of(&fit.locations(level, shoulder, Taps::All));

@@ -167,10 +167,15 @@ pub(crate) fn t_quantile(chance: f64, freedom: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The z that a standard normal value exceeds with `chance`, within -9 to 38, beyond which chances are 1 or 0.
+/// The z that a standard normal value exceeds with `chance`, [`in_reach`].
 pub(crate) fn upper_quantile(chance: f64) -> f64 {
     let z = SQRT_2 * erfc_inv(2.0 * chance);
-    if z.is_nan() { 0.0 } else { z.clamp(-9.0, 38.0) }
+    if z.is_nan() { 0.0 } else { in_reach(z) }
+}
+
+/// `z` within -9 to 38, beyond which the chances that a standard normal value exceeds it are 1 or 0.
+pub(crate) fn in_reach(z: f64) -> f64 {
+    z.clamp(-9.0, 38.0)
 }
 
 #[cfg(test)]
