@@ -94,7 +94,7 @@ impl Fusion {
         self.cache.standard = Some((standard_key, standard.clone()));
         self.cache.casing = Some((casing_key, casing.clone()));
         let number = casing_scans.iter().position(|&s| s == scan).unwrap_or(0);
-        Compared { standard, casing, number, ring: self.ring(scan), conditions }
+        Compared { standard, casing, number, ring: self.rings[scan].clone(), conditions }
     }
 
     fn computed(
@@ -146,13 +146,6 @@ impl Fusion {
         Normalisation::fitted(&taps)
     }
 
-    /// The locations of scan number `scan`.
-    fn ring(&self, scan: usize) -> Ring {
-        let planned = &self.plan.scans()[scan];
-        let mut closing = planned.taps.iter().map(|&row| &self.plan.taps()[row as usize]).filter(|tap| tap.is_closing);
-        Ring::of(self.plan.geometry, &planned.locations, closing.next().map(|tap| tap.id.location))
-    }
-
     fn shoulder(&self, conditions: &Conditions, normalisation: &Normalisation, scan: usize, tyre: usize) -> Shoulder {
         let planned = &self.plan.scans()[scan];
         let names = &self.names[scan];
@@ -165,6 +158,6 @@ impl Fusion {
         };
         let mut taps = Vec::with_capacity(planned.taps.len());
         taps.extend(self.taps[scan].iter().filter_map(reading));
-        Shoulder { ring: self.ring(scan), tyre, taps, is_cracked: vec![None; planned.locations.len()] }
+        Shoulder { ring: self.rings[scan].clone(), tyre, taps, is_cracked: vec![None; planned.locations.len()] }
     }
 }

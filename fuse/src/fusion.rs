@@ -5,14 +5,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use tapline_wire::{
-    DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, Quality, Reasons, RecordKind, Stamp, TapId,
-    Values,
+    DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, Quality, Reasons, RecordKind, Scan, Stamp,
+    TapId, Values,
 };
 
 use crate::compare::{Cache, Compared};
 use crate::condition::{distinct, name_number};
 use crate::lateral::mark_regions;
 use crate::panel::Panel;
+use crate::ring::Ring;
 use crate::shuffles::KnownShuffles;
 use crate::verdict::verdict_of;
 use crate::{Error, FuseConfig, Reference, ReferenceSet};
@@ -64,6 +65,8 @@ pub struct Fusion {
     pub(crate) names: Arc<[Vec<TapId>]>,
     /// For each scan the taps that enter its index, in plan order.
     pub(crate) taps: Arc<[Vec<Entering>]>,
+    /// For each scan its locations.
+    pub(crate) rings: Arc<[Ring]>,
     /// Shoulders of earlier runs that make the reference.
     pub(crate) set: Option<Arc<ReferenceSet>>,
     pub(crate) cache: Cache,
@@ -108,6 +111,7 @@ impl Fusion {
             panel: Panel::of(config, plan)?,
             taps: names.iter().enumerate().map(|(scan, names)| numbered(plan, scan, names)).collect(),
             names,
+            rings: plan.scans().iter().map(|scan| ring(plan, scan)).collect(),
             plan: plan.clone(),
             set,
             cache: Cache::default(),
@@ -329,6 +333,12 @@ fn entering(plan: &Plan, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
     let planned = |&row: &u32| (row, &plan.taps()[row as usize]);
     let taps = plan.scans()[scan].taps.iter().map(planned).filter(|(_, tap)| !tap.is_closing);
     taps.map(move |(row, tap)| (row, meant(row, tap.id)))
+}
+
+/// The locations of a scan of `plan`.
+fn ring(plan: &Plan, scan: &Scan) -> Ring {
+    let mut closing = scan.taps.iter().map(|&row| &plan.taps()[row as usize]).filter(|tap| tap.is_closing);
+    Ring::of(plan.geometry, &scan.locations, closing.next().map(|tap| tap.id.location))
 }
 
 /// The taps of [`entering`], by the numbers of their locations and of their `names`, of which each has one.

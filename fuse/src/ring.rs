@@ -45,11 +45,11 @@ impl Ring {
     }
 
     fn next(&self, place: usize) -> Option<usize> {
-        self.is_linked[place].then(|| (place + 1) % self.len())
+        self.is_linked[place].then_some(if place + 1 < self.len() { place + 1 } else { 0 })
     }
 
     fn previous(&self, place: usize) -> Option<usize> {
-        let previous = (place + self.len() - 1) % self.len();
+        let previous = if place > 0 { place - 1 } else { self.len() - 1 };
         self.is_linked[previous].then_some(previous)
     }
 
