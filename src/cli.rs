@@ -268,7 +268,8 @@ A table as parquet has the columns and rows of the csv, typed, with units; sets 
 Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again.
 Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58), in N and V.
 Taps that were refused, are missing or damaged are counted, and listed in taps.csv (column `refused`); then the exit code
-is 3. It is 3 too where rows that say how taps and shoulders stand are torn; `tapline run` mends those.";
+is 3. It is 3 too where rows that say how taps and shoulders stand are torn; `tapline run` (of results `tapline reprocess`)
+mends those.";
 
 /// What of an archive can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

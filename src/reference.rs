@@ -32,9 +32,10 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let reader = Reader::open(path)?;
         if reader.torn_row_count() > 0 {
             bail!(
-                "{}: {} rows that say how its taps and shoulders stand are torn; run it again, which mends them",
+                "{}: {} rows that say how its taps and shoulders stand are torn; {} it again, which mends them",
                 path.display(),
-                reader.torn_row_count()
+                reader.torn_row_count(),
+                if reader.is_results() { "reprocess" } else { "run" }
             );
         }
         let config: Config =

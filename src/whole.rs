@@ -1,9 +1,14 @@
 //! Files that are there whole or not at all.
 
 use std::fs::{self, File, OpenOptions};
-use std::path::Path;
+use std::io;
+use std::os::fd::AsFd as _;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+
+/// Links that are followed, one to the next; the system follows as many.
+const LINKS_MAX: usize = 40;
 
 /// Has `write` fill the file at `path`: what stands there, or where a link there leads, is replaced at the end, and stays if
 /// that fails. A pipe, a device and what is open already, as `/dev/stdout` is, are written to.
@@ -12,12 +17,15 @@ where
     Result<(), E>: Context<(), E>,
 {
     let context = || format!("cannot write {}", path.display());
-    let is_special = fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir());
-    // A file in the place of a device would take the device from everyone on the machine.
-    if is_special || is_open_already(path) {
-        return write(OpenOptions::new().append(true).open(path).with_context(context)?).with_context(context);
-    }
-    let place = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let place = match place_of(path) {
+        Place::Standard(fd) => return write(fd.with_context(context)?).with_context(context),
+        // A file in the place of a device would take the device from everyone on the machine.
+        Place::There => {
+            let file = OpenOptions::new().append(true).open(path).with_context(context)?;
+            return write(file).with_context(context);
+        }
+        Place::File(place) => place,
+    };
     let draft = place.with_added_extension("new");
     let file = File::create(&draft).with_context(context)?;
     let written = write(file).with_context(context).and_then(|()| fs::rename(&draft, &place).with_context(context));
@@ -25,8 +33,35 @@ where
     written.inspect_err(|_| drop(fs::remove_file(&draft)))
 }
 
-/// Whether `path` names what some process has open, itself or by a link.
-fn is_open_already(path: &Path) -> bool {
-    let folder = path.parent().and_then(|folder| folder.canonicalize().ok());
-    folder.into_iter().chain(path.read_link()).any(|place| place.starts_with("/proc"))
+/// Where a path leads.
+enum Place {
+    /// To this program's own output, which whoever has it too goes on with behind what is written.
+    Standard(io::Result<File>),
+    /// To what is there to be written to, and no plain file.
+    There,
+    /// To a plain file, or where one may be.
+    File(PathBuf),
+}
+
+fn place_of(path: &Path) -> Place {
+    let mut place = path.to_owned();
+    for _ in 0..LINKS_MAX {
+        let folder = place.parent().unwrap_or(Path::new("")).to_owned();
+        // What processes have open looks like links to where it was when it was opened.
+        let of_processes = folder.canonicalize().ok().filter(|folder| folder.starts_with("/proc"));
+        if let Some(folder) = of_processes {
+            let is_own = Path::new("/proc/self/fd").canonicalize().is_ok_and(|own| own == folder);
+            return match place.file_name().and_then(|name| name.to_str()) {
+                Some("1") if is_own => Place::Standard(io::stdout().as_fd().try_clone_to_owned().map(File::from)),
+                Some("2") if is_own => Place::Standard(io::stderr().as_fd().try_clone_to_owned().map(File::from)),
+                _ => Place::There,
+            };
+        }
+        let Ok(next) = place.read_link() else { break };
+        place = folder.join(next);
+    }
+    match fs::metadata(&place) {
+        Ok(there) if !there.is_file() && !there.is_dir() => Place::There,
+        _ => Place::File(place),
+    }
 }

@@ -109,13 +109,20 @@ fn torn_rows_are_told_and_mended() {
     rig.run(run).expect(0);
     let (whole, verdicts) = (contents(&rig.path("run.h5")), rig.run("export run.h5 verdicts").expect(0).out);
     let rows = |table: &str| fs::read(rig.path("run.h5")).unwrap()[table_bytes(&rig.path("run.h5"), table)].to_vec();
-    // The first byte, and of a scan another that names a tyre, and one of where its map begins.
-    let first_cell = first_cell_at(&rig.path("run.h5"));
-    for (table, at) in [("ledger", 0), ("scans", 0), ("scans", 3), ("scans", first_cell)] {
+    // The first byte; how often a tap was taken; what names a tyre, and where its map begins.
+    let [first_cell, retaken_count] =
+        [("scans", "first_cell"), ("ledger", "retaken_count")].map(|of| column_at(&rig.path("run.h5"), of));
+    let ledger = rig.run("export run.h5 ledger").expect(0).out;
+    for (table, at) in [("ledger", 0), ("ledger", retaken_count), ("scans", 0), ("scans", 3), ("scans", first_cell)] {
         let before = rows(table);
         bend(&rig.path("run.h5"), table, at);
         let told = rig.run("export run.h5 verdicts").expect(3);
         assert!(told.err.contains("torn"), "{table}: {told:?}");
+        // Nothing of a torn row is believed, nor goes into results.
+        assert_eq!(rig.run("export run.h5 ledger").expect(3).out, ledger, "{table} at {at}");
+        let results = rig.run("reprocess run.h5 --from-samples").expect(3).out;
+        assert_eq!(rig.run(&format!("export {} ledger", results.trim())).expect(0).out, ledger, "{table} at {at}");
+        fs::remove_file(rig.path(results.trim())).unwrap();
         rig.run("export run.h5 taps --out taps").expect(3);
         fs::remove_dir_all(rig.path("taps")).unwrap();
         rig.run("report run.h5").expect(3);
@@ -130,15 +137,12 @@ fn torn_rows_are_told_and_mended() {
     }
 }
 
-/// Byte in a row of the scans at which its first cell stands.
-fn first_cell_at(path: &Path) -> usize {
-    let file = hdf5::File::open(path).unwrap();
-    let hdf5::types::TypeDescriptor::Compound(row) =
-        file.dataset("scans").unwrap().dtype().unwrap().to_descriptor().unwrap()
-    else {
-        panic!("scans is no table");
-    };
-    row.fields.iter().find(|field| field.name == "first_cell").unwrap().offset
+/// Byte of a table's row at which a column begins.
+fn column_at(archive: &Path, (table, column): (&str, &str)) -> usize {
+    let file = hdf5::File::open(archive).unwrap();
+    let row = file.dataset(table).unwrap().dtype().unwrap().to_descriptor().unwrap();
+    let hdf5::types::TypeDescriptor::Compound(row) = row else { panic!("{table} is no table") };
+    row.fields.iter().find(|field| field.name == column).unwrap().offset
 }
 
 /// Catches a scan that a log which cannot be written ends: a pipe whose reader has gone, or a full disk.

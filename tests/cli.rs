@@ -1,7 +1,7 @@
 //! The command line: usage, configuration, and the dissertation's tables.
 
 use std::fs;
-use std::io::Read as _;
+use std::io::{Read as _, Write as _};
 use std::os::unix::fs::{FileTypeExt as _, symlink};
 
 use rustix::fs::{CWD, FileType, Mode, mknodat};
@@ -98,6 +98,25 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     rig.run("export x.h5 ledger --out link.csv").expect(0);
     assert!(fs::symlink_metadata(rig.path("link.csv")).unwrap().is_symlink());
     assert_eq!(fs::read_to_string(rig.path("elsewhere.csv")).unwrap(), ledger);
+    // To a link, and to nothing yet.
+    symlink("link.csv", rig.path("links.csv")).unwrap();
+    symlink("later.csv", rig.path("early.csv")).unwrap();
+    for (link, file) in [("links.csv", "elsewhere.csv"), ("early.csv", "later.csv")] {
+        fs::write(rig.path("elsewhere.csv"), "").unwrap();
+        rig.run(&format!("export x.h5 ledger --out {link}")).expect(0);
+        assert!(fs::symlink_metadata(rig.path(link)).unwrap().is_symlink());
+        assert_eq!(fs::read_to_string(rig.path(file)).unwrap(), ledger, "{link}");
+    }
+    // Whoever shares the output goes on behind it.
+    symlink("/dev/stdout", rig.path("out.csv")).unwrap();
+    for out in ["/dev/stdout", "/dev/fd/1", "out.csv"] {
+        let mut shared = fs::File::create(rig.path("shared.txt")).unwrap();
+        shared.write_all(b"before\n").unwrap();
+        let mut export = rig.command(&format!("export x.h5 ledger --out {out}"));
+        assert!(export.stdout(shared.try_clone().unwrap()).status().unwrap().success());
+        shared.write_all(b"after\n").unwrap();
+        assert_eq!(fs::read_to_string(rig.path("shared.txt")).unwrap(), format!("before\n{ledger}after\n"), "{out}");
+    }
 }
 
 /// `export | head` is no failure.

@@ -14,7 +14,7 @@ use crate::parts::{PartMap, open_all};
 use crate::rows::{at_attempt, text};
 use crate::samples::{Room, SampleFile, Taps, checked_header};
 use crate::sealed::SealedRow;
-use crate::settled::{scan_state, settled};
+use crate::settled::take_stock;
 use crate::{Codec, Lineage, Lost, Result};
 
 /// The samples of a tap, planar `[channel][sample]`, as the converter gave them.
@@ -61,7 +61,7 @@ pub struct Reader {
     map: PartMap,
     ledger: Ledger,
     samples: Vec<SampleFile>,
-    /// Rows of the ledgers as they are in the files.
+    /// Rows of the ledgers, those that are torn as what they count as.
     states: Vec<Vec<LedgerRow>>,
     torn_row_count: usize,
 }
@@ -81,18 +81,9 @@ impl Reader {
         let mut states = Vec::with_capacity(archives.len());
         let mut torn_row_count = 0;
         for (part, archive) in archives.iter().enumerate() {
-            let rows = archive.ledger.read_all().context("read the ledger", &archive.path)?;
-            for (row, there) in map.taps_in(part) {
-                torn_row_count += usize::from(!rows[there as usize].is_whole(there as usize));
-                let (state, attempt) = settled(archive, there as usize, &rows[there as usize])?;
-                ledger.set_tap(row as usize, state, attempt);
-            }
-            let scans = archive.scans.read_all().context("read the scans", &archive.path)?;
-            for (scan, there) in map.scans_in(part) {
-                torn_row_count += usize::from(!scans[there as usize].is_whole(there as usize));
-                ledger.set_scan(scan as usize, scan_state(archive, there as usize, &scans[there as usize])?);
-            }
-            states.push(rows);
+            let stock = take_stock(archive, &map, part, &mut ledger)?;
+            torn_row_count += stock.torn_count;
+            states.push(stock.rows);
         }
         let samples = archives.iter().map(SampleFile::open).collect::<Result<_>>()?;
         Ok(Self { path, archives, map, ledger, samples, states, torn_row_count })

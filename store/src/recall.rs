@@ -79,8 +79,10 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger, mended: &mut BTreeMap<u32
             return Err(archive.damaged(what));
         }
         let raw = are_there.get(k);
-        let retaken = raw.unwrap_or(&row);
-        let (retaken_count, retaken_quality) = (retaken.retaken_count, retaken.retaken_quality);
+        let (retaken_count, retaken_quality) = match raw {
+            Some(raw) if !raw.is_whole(k) => (0, 0),
+            raw => raw.map_or((row.retaken_count, row.retaken_quality), |raw| (raw.retaken_count, raw.retaken_quality)),
+        };
         let track = match state {
             TapState::Missing => match raw.map(|row| settled_raw(archive, k, row)).transpose()? {
                 Some((TapState::Archived, _)) => Track::recorded(samples[k]),

@@ -3,14 +3,15 @@
 use std::path::Path;
 
 use hdf5::File;
-use tapline_wire::{ScanState, TapState};
+use tapline_wire::{Ledger, ScanState, TapState};
 
-use crate::Result;
 use crate::archive::{Archive, open_table};
 use crate::context::Context;
 use crate::layout::{DiscriminatorsRow, LedgerRow, ScanRow};
+use crate::parts::PartMap;
 use crate::sealed::SealedRow as _;
 use crate::table::Table;
+use crate::{Lost, Result};
 
 /// Another archive, whose taps results are of.
 #[derive(Debug)]
@@ -80,4 +81,47 @@ pub(crate) fn scan_state(archive: &Archive, k: usize, row: &ScanRow) -> Result<S
         return Ok(ScanState::Open);
     }
     row.state().ok_or_else(|| archive.damaged(format!("scan {k} has state {}", row.state)))
+}
+
+/// What one file of a run says of where its taps stand.
+#[derive(Debug)]
+pub(crate) struct Stock {
+    /// Rows of its ledger, those that are torn as what they count as.
+    pub(crate) rows: Vec<LedgerRow>,
+    /// How many rows of its ledger and of its scans are torn.
+    pub(crate) torn_count: usize,
+}
+
+/// Takes the states of the taps and scans that file `part` of a run has into the `ledger` of the run.
+pub(crate) fn take_stock(archive: &Archive, map: &PartMap, part: usize, ledger: &mut Ledger) -> Result<Stock> {
+    let mut rows = archive.ledger.read_all().context("read the ledger", &archive.path)?;
+    let scans = archive.scans.read_all().context("read the scans", &archive.path)?;
+    let torn: Vec<usize> = (0..rows.len()).filter(|&k| !rows[k].is_whole(k)).collect();
+    let torn_scans: Vec<usize> = (0..scans.len()).filter(|&k| !scans[k].is_whole(k)).collect();
+    // A torn row of a tap that is not here is of one that is in a later file.
+    let later = LedgerRow { lost_at: Lost::LaterFile.code(), ..LedgerRow::new(TapState::Missing, 0) };
+    let mut counts_as = vec![later; rows.len()];
+    let mut is_here = vec![false; rows.len()];
+    for (row, there) in map.taps_in(part) {
+        let there = there as usize;
+        let (state, attempt) = settled(archive, there, &rows[there])?;
+        ledger.set_tap(row as usize, state, attempt);
+        (counts_as[there], is_here[there]) = (LedgerRow::new(state, attempt), true);
+    }
+    for &row in &torn {
+        rows[row] = counts_as[row];
+        if !is_here[row] {
+            tracing::warn!(row, "the ledger's row is torn; the tap is in a later file");
+        }
+    }
+    let mut is_here = vec![false; scans.len()];
+    for (scan, there) in map.scans_in(part) {
+        let there = there as usize;
+        is_here[there] = true;
+        ledger.set_scan(scan as usize, scan_state(archive, there, &scans[there])?);
+    }
+    for &scan in torn_scans.iter().filter(|&&k| !is_here[k]) {
+        tracing::warn!(scan, "the scan's row is torn; the scan is in a later file");
+    }
+    Ok(Stock { rows, torn_count: torn.len() + torn_scans.len() })
 }

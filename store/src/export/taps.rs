@@ -2,7 +2,9 @@
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
+use std::io::ErrorKind;
 
+use rustix::io::Errno;
 use tapline_wire::{Plan, PlannedTap, Scan, TapHeader, TapState};
 
 use super::csv_file::number_text;
@@ -101,11 +103,16 @@ impl<'a> Taps<'a> {
     }
 }
 
-/// What is wrong with one tap, as its sector of the disk may be; else the error.
+/// What is wrong with one tap; else the error.
 fn what_is_damaged(error: Error) -> Result<String> {
     match error {
         Error::Damaged { what, .. } => Ok(what),
-        Error::Io { .. } => Ok(error.to_string()),
+        // Its sector of the disk is bad, or its length; a disk that is gone is so for all of them.
+        Error::Io { ref source, .. }
+            if source.kind() == ErrorKind::UnexpectedEof || source.raw_os_error() == Some(Errno::IO.raw_os_error()) =>
+        {
+            Ok(error.to_string())
+        }
         error => Err(error),
     }
 }
