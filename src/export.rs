@@ -1,8 +1,6 @@
 //! The verb `export`: what an archive holds, for other programs.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, IsTerminal as _, Read as _, Write};
-use std::path::Path;
+use std::io::{self, BufWriter, IsTerminal as _, Write};
 
 use anyhow::{Result, bail};
 use clap::ValueEnum as _;
@@ -13,9 +11,6 @@ use crate::whole::whole_file;
 
 /// Formats of a table.
 const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];
-
-/// Source: HDF5 File Format Specification Version 3.0, section II.A.
-const HDF5_SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
 /// Formats of the taps.
 const OF_TAPS: [Format; 3] = [Format::Wav, Format::Uff, Format::UffAscii];
@@ -37,9 +32,6 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
             bail!("Parquet is no text for a terminal; name a file with --out, or redirect the output");
         }
         None => quiet_pipe(write(&reader, table, format, BufWriter::new(io::stdout())))?,
-        Some(path) if is_hdf5(path) => {
-            bail!("--out {} is an HDF5 file, as archives are; no table takes its place", path.display());
-        }
         Some(path) => whole_file(path, |file| write(&reader, table, format, BufWriter::new(file)))?,
     }
     // Of what was torn a table alone says nothing.
@@ -85,13 +77,6 @@ fn allowed(args: &ExportArgs, formats: &[Format]) -> Result<Format> {
     let what = args.what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
     let known = formats.iter().map(name).collect::<Vec<_>>().join(" or ");
     bail!("--format {} does not go with {what}; it must be {known}", name(&format))
-}
-
-/// Whether an HDF5 file is at `path`, by how it begins.
-fn is_hdf5(path: &Path) -> bool {
-    let mut begin = [0; HDF5_SIGNATURE.len()];
-    let is_file = fs::metadata(path).is_ok_and(|there| there.is_file());
-    is_file && File::open(path).and_then(|mut file| file.read_exact(&mut begin)).is_ok() && begin == HDF5_SIGNATURE
 }
 
 /// A reader that has seen enough, as `head` has, is no failure.

@@ -1,17 +1,20 @@
 //! Files that are there whole or not at all.
 
 use std::fs::{self, File, OpenOptions};
-use std::io;
+use std::io::{self, Read as _};
 use std::os::fd::AsFd as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
+
+/// Source: HDF5 File Format Specification Version 3.0, section II.A.
+const HDF5_SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
 /// Links that are followed, one to the next; the system follows as many.
 const LINKS_MAX: usize = 40;
 
 /// Has `write` fill the file at `path`: what stands there, or where a link there leads, is replaced at the end, and stays if
-/// that fails. A pipe, a device and what is open already, as `/dev/stdout` is, are written to.
+/// that fails; no archive is replaced. A pipe, a device and what is open already, as `/dev/stdout` is, are written to.
 pub(crate) fn whole_file<E>(path: &Path, write: impl FnOnce(File) -> Result<(), E>) -> Result<()>
 where
     Result<(), E>: Context<(), E>,
@@ -26,6 +29,9 @@ where
         }
         Place::File(place) => place,
     };
+    if is_hdf5(&place) {
+        bail!("{} is an HDF5 file, as archives are; nothing takes its place", path.display());
+    }
     let draft = place.with_added_extension("new");
     let file = File::create(&draft).with_context(context)?;
     let written = write(file).with_context(context).and_then(|()| fs::rename(&draft, &place).with_context(context));
@@ -64,4 +70,11 @@ fn place_of(path: &Path) -> Place {
         Ok(there) if !there.is_file() && !there.is_dir() => Place::There,
         _ => Place::File(place),
     }
+}
+
+/// Whether an HDF5 file is at `path`, by how it begins.
+fn is_hdf5(path: &Path) -> bool {
+    let mut begin = [0; HDF5_SIGNATURE.len()];
+    let is_file = fs::metadata(path).is_ok_and(|there| there.is_file());
+    is_file && File::open(path).and_then(|mut file| file.read_exact(&mut begin)).is_ok() && begin == HDF5_SIGNATURE
 }

@@ -70,6 +70,24 @@ fn an_export_does_not_destroy_its_archive() {
     assert!(!rig.path("ledger.csv.new").exists());
 }
 
+/// Catches an archive that a reference takes the place of, under its own name or by a link.
+#[test]
+fn a_reference_does_not_take_an_archives_place() {
+    let rig = Rig::new();
+    rig.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 20\n[fuse]\nreference = \"self\"\n");
+    rig.run("run --config c.toml --stations 2 --out x.h5").expect(0);
+    fs::copy(rig.path("x.h5"), rig.path("x.json")).unwrap();
+    symlink("x.h5", rig.path("link.json")).unwrap();
+    let shoulder = "--shoulder SIM-0002/1 --shoulder SIM-0002/2";
+    for out in ["x.json", "link.json"] {
+        let done = rig.run(&format!("reference x.h5 {shoulder} --out {out}")).expect(1);
+        assert!(done.err.contains("is an HDF5 file"), "{done:?}");
+    }
+    rig.run("verify x.h5").expect(0);
+    rig.run("verify x.json").expect(0);
+    rig.run(&format!("reference x.h5 {shoulder} --out r.json")).expect(0);
+}
+
 /// Catches a file put in the place of a device, which takes that from the whole machine, or of a link.
 #[test]
 fn an_export_writes_to_pipes_and_where_links_lead() {

@@ -31,9 +31,13 @@ pub(crate) struct Pending {
 }
 
 impl Pending {
-    /// States alone that are to be written.
-    pub(crate) fn of_states(taps: BTreeMap<u32, LedgerRow>, scans: BTreeMap<u32, ScanRow>) -> Self {
-        Self { taps, scans, ..Self::default() }
+    /// Rows that were torn and are to be written again.
+    pub(crate) fn of_mended(
+        taps: BTreeMap<u32, LedgerRow>,
+        reasons: BTreeMap<u32, ReasonRow>,
+        scans: BTreeMap<u32, ScanRow>,
+    ) -> Self {
+        Self { taps, reasons, scans, ..Self::default() }
     }
 
     pub(crate) fn is_empty(&self) -> bool {

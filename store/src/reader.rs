@@ -11,7 +11,7 @@ use crate::context::Context;
 use crate::layout::{LedgerRow, attribute};
 use crate::lineage::{digest_of, lineage_key, raw_digest};
 use crate::parts::{PartMap, open_all};
-use crate::rows::{at_attempt, text};
+use crate::rows::{REASON_LOST, at_attempt, text};
 use crate::samples::{Room, SampleFile, Taps, checked_header};
 use crate::sealed::SealedRow;
 use crate::settled::take_stock;
@@ -281,10 +281,10 @@ impl Reader {
         (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| found(row)).transpose()).collect()
     }
 
-    /// Why taps were refused, in plan order.
+    /// Why taps were refused, in plan order; where that is damaged, the reason says so.
     ///
     /// # Errors
-    /// [`crate::Error::Damaged`], or what the system says.
+    /// What the system says.
     pub fn refusals(&self) -> Result<Vec<Refusal>> {
         let mut refusals = Vec::new();
         for (row, planned) in (0..).zip(self.plan().taps()) {
@@ -301,9 +301,8 @@ impl Reader {
         let (part, there) = self.map.tap(row);
         let (archive, there) = (&self.archives[part], there as usize);
         let reasons = archive.refusals.read(there..there + 1).context("read a reason", &archive.path)?;
-        let row_of_reason = whole(archive, there, reasons[0])?;
-        let reason = text(&row_of_reason.reason);
-        reason.map(str::to_owned).ok_or_else(|| archive.damaged(format!("the reason in row {there} is not UTF-8")))
+        let reason = text(&reasons[0].reason).filter(|_| reasons[0].is_whole(there));
+        Ok(reason.unwrap_or(REASON_LOST).to_owned())
     }
 
     /// Verdict and damage map of every scan, by scan number; `None` where it is not judged.

@@ -6,9 +6,10 @@ use tapline_wire::{Ledger, ScanState, TapState};
 
 use crate::archive::Archive;
 use crate::context::Context;
-use crate::layout::{LedgerRow, ScanRow, table};
+use crate::layout::{LedgerRow, ReasonRow, ScanRow, table};
+use crate::rows::{REASON_LOST, fixed, no_reason};
 use crate::sealed::SealedRow as _;
-use crate::settled::{scan_state, settled, settled_raw};
+use crate::settled::{scan_state, settled, settled_raw, torn_reasons};
 use crate::track::{Take, Track};
 use crate::{Lost, Result};
 
@@ -22,7 +23,9 @@ pub(crate) struct Recalled {
     pub(crate) ledger: Ledger,
     /// Rows of the ledger that were torn, as they are to be written again; what they said of retakes is lost.
     pub(crate) mended_taps: BTreeMap<u32, LedgerRow>,
-    /// Rows of scans that were torn, open again: of what they hold nothing is believed.
+    /// Rows of why taps were refused that were torn, as they are to be written again.
+    pub(crate) mended_reasons: BTreeMap<u32, ReasonRow>,
+    /// Rows of scans that were torn, or judged from taps that are lost: of what they hold nothing is believed.
     pub(crate) mended_scans: BTreeMap<u32, ScanRow>,
 }
 
@@ -33,8 +36,11 @@ pub(crate) fn recall(archive: &Archive) -> Result<Recalled> {
     let (mut mended_taps, mut mended_scans) = (BTreeMap::new(), BTreeMap::new());
     let tracks = recall_taps(archive, &mut ledger, &mut mended_taps)?;
     let mut scans = archive.scans.read_all().context("read the scans", &archive.path)?;
-    let scan_fingerprints = recall_scans(archive, &mut scans, &mut ledger, &mut mended_scans)?;
-    Ok(Recalled { tracks, scans, scan_fingerprints, ledger, mended_taps, mended_scans })
+    let scan_fingerprints = recall_scans(archive, &mut scans, &mut ledger, &mended_taps, &mut mended_scans)?;
+    let lost = ReasonRow { reason: fixed(REASON_LOST), ..no_reason() };
+    let torn = torn_reasons(archive, |row| ledger.taps()[row] == TapState::Refused)?;
+    let mended_reasons = torn.into_iter().map(|row| (row as u32, lost)).collect();
+    Ok(Recalled { tracks, scans, scan_fingerprints, ledger, mended_taps, mended_reasons, mended_scans })
 }
 
 fn recall_taps(archive: &Archive, ledger: &mut Ledger, mended: &mut BTreeMap<u32, LedgerRow>) -> Result<Vec<Track>> {
@@ -104,15 +110,19 @@ fn recall_scans(
     archive: &Archive,
     scans: &mut [ScanRow],
     ledger: &mut Ledger,
+    mended_taps: &BTreeMap<u32, LedgerRow>,
     mended: &mut BTreeMap<u32, ScanRow>,
 ) -> Result<Vec<Option<u64>>> {
     let first_cells = archive.first_cells();
     let mut fingerprints = Vec::with_capacity(scans.len());
     for (k, row) in scans.iter_mut().enumerate() {
-        let state = scan_state(archive, k, row)?;
+        let is_missing = |row: usize| ledger.taps()[row] == TapState::Missing;
+        let is_lost = |row: usize| is_missing(row) && mended_taps.contains_key(&(row as u32));
+        let state = scan_state(archive, k, row, is_missing, is_lost)?;
         ledger.set_scan(k, state);
-        if !row.is_whole(k) {
-            *row = ScanRow::open(&archive.plan.scans()[k], first_cells[k] as u32);
+        if !row.is_whole(k) || row.state() != Some(state) {
+            let open = ScanRow::open(&archive.plan.scans()[k], first_cells[k] as u32);
+            *row = ScanRow { state: state.code().into(), ..open };
             mended.insert(k as u32, *row);
         }
         let is_judged = state == ScanState::Judged;

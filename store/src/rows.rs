@@ -12,6 +12,9 @@ use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, R
 use crate::lost::Lost;
 use crate::sealed::Digest;
 
+/// Stands where it was said why a tap was refused, and the row is torn.
+pub(crate) const REASON_LOST: &str = "refused, but why is lost: what was written is damaged";
+
 /// Stands at the end of a text that was cut.
 const ELLIPSIS: &str = "\u{2026}";
 

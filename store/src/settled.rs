@@ -74,13 +74,43 @@ fn attempt_of_whole_rows(
     Ok((are_whole && are_of_it && header.attempt == found.attempt).then_some(header.attempt))
 }
 
-/// State of scan `k`; one whose row is torn is open.
-pub(crate) fn scan_state(archive: &Archive, k: usize, row: &ScanRow) -> Result<ScanState> {
+/// State of scan `k`, of whose taps those in `missing` count as missing, and those in `lost` because their rows are torn.
+///
+/// One whose row is torn is judged again: it has ended if all its taps are there. One that was judged is open again when a tap
+/// is lost that it was judged from.
+pub(crate) fn scan_state(
+    archive: &Archive,
+    k: usize,
+    row: &ScanRow,
+    missing: impl Fn(usize) -> bool,
+    lost: impl Fn(usize) -> bool,
+) -> Result<ScanState> {
+    let has = |of: &dyn Fn(usize) -> bool| archive.plan.scans()[k].taps.iter().any(|&row| of(row as usize));
     if !row.is_whole(k) {
-        tracing::warn!(scan = k, "the scan's row is torn; it counts as open");
+        let (state, name) = if has(&missing) { (ScanState::Open, "open") } else { (ScanState::Ended, "ended") };
+        tracing::warn!(scan = k, "the scan's row is torn; it counts as {name}, and as not judged");
+        return Ok(state);
+    }
+    let state = row.state().ok_or_else(|| archive.damaged(format!("scan {k} has state {}", row.state)))?;
+    if state != ScanState::Open && has(&lost) {
+        tracing::warn!(scan = k, "a tap of the scan is lost, as its rows are torn; it counts as open");
         return Ok(ScanState::Open);
     }
-    row.state().ok_or_else(|| archive.damaged(format!("scan {k} has state {}", row.state)))
+    Ok(state)
+}
+
+/// Those of the `refused` taps of whose reasons the rows are torn.
+pub(crate) fn torn_reasons(archive: &Archive, refused: impl Fn(usize) -> bool) -> Result<Vec<usize>> {
+    let refused: Vec<usize> = (0..archive.plan.taps().len()).filter(|&row| refused(row)).collect();
+    if refused.is_empty() {
+        return Ok(Vec::new());
+    }
+    let reasons = archive.refusals.read_all().context("read why taps were refused", &archive.path)?;
+    let torn: Vec<usize> = refused.into_iter().filter(|&row| !reasons[row].is_whole(row)).collect();
+    for row in &torn {
+        tracing::warn!(row, "the row that says why the tap was refused is torn");
+    }
+    Ok(torn)
 }
 
 /// What one file of a run says of where its taps stand.
@@ -88,7 +118,7 @@ pub(crate) fn scan_state(archive: &Archive, k: usize, row: &ScanRow) -> Result<S
 pub(crate) struct Stock {
     /// Rows of its ledger, those that are torn as what they count as.
     pub(crate) rows: Vec<LedgerRow>,
-    /// How many rows of its ledger and of its scans are torn.
+    /// How many rows of its ledger, of its scans, and of why taps were refused are torn.
     pub(crate) torn_count: usize,
 }
 
@@ -114,14 +144,17 @@ pub(crate) fn take_stock(archive: &Archive, map: &PartMap, part: usize, ledger: 
             tracing::warn!(row, "the ledger's row is torn; the tap is in a later file");
         }
     }
-    let mut is_here = vec![false; scans.len()];
+    let mut is_scan_here = vec![false; scans.len()];
     for (scan, there) in map.scans_in(part) {
         let there = there as usize;
-        is_here[there] = true;
-        ledger.set_scan(scan as usize, scan_state(archive, there, &scans[there])?);
+        is_scan_here[there] = true;
+        let is_missing = |row: usize| rows[row].state() == Some(TapState::Missing);
+        let is_lost = |row: usize| is_missing(row) && torn.binary_search(&row).is_ok();
+        ledger.set_scan(scan as usize, scan_state(archive, there, &scans[there], is_missing, is_lost)?);
     }
-    for &scan in torn_scans.iter().filter(|&&k| !is_here[k]) {
+    for &scan in torn_scans.iter().filter(|&&k| !is_scan_here[k]) {
         tracing::warn!(scan, "the scan's row is torn; the scan is in a later file");
     }
-    Ok(Stock { rows, torn_count: torn.len() + torn_scans.len() })
+    let torn_reasons = torn_reasons(archive, |row| is_here[row] && rows[row].state() == Some(TapState::Refused))?;
+    Ok(Stock { rows, torn_count: torn.len() + torn_scans.len() + torn_reasons.len() })
 }

@@ -13,6 +13,7 @@ use crate::lineage::digest_of;
 use crate::parts::{PartMap, open_all};
 use crate::samples::{Room, SampleFile, checked_header};
 use crate::sealed::SealedRow as _;
+use crate::settled::settled;
 use crate::{Error, Lost, Result};
 
 /// Something in an archive that cannot be right.
@@ -170,13 +171,17 @@ fn verify_file(archive: &Archive) -> Result<Report> {
         for (half, _) in are_whole.into_iter().filter(|(_, is_whole)| !is_whole) {
             complain(format!("its {half} is not what was written: the checksum differs"));
         }
-        match ledger[k].state().filter(|_| ledger[k].is_whole(k)) {
-            None if ledger[k].is_whole(k) => complain(format!("its state is {}, which is none", ledger[k].state)),
-            None => {}
+        // A torn row is told of above; for the rest the tap is what it counts as elsewhere.
+        let row = match ledger[k].is_whole(k) {
+            true => ledger[k],
+            false => settled(archive, k, &ledger[k]).map(|(state, attempt)| LedgerRow::new(state, attempt))?,
+        };
+        match row.state() {
+            None => complain(format!("its state is {}, which is none", row.state)),
             Some(state) => {
-                report.ledger.set_tap(k, state, ledger[k].attempt);
+                report.ledger.set_tap(k, state, row.attempt);
                 if state == TapState::Archived {
-                    check_tap(plan, plan_index, &ledger[k], &headers[k], &discriminators[k], &mut complain);
+                    check_tap(plan, plan_index, &row, &headers[k], &discriminators[k], &mut complain);
                     if headers[k].is_whole(k)
                         && let Err(error) = check_samples(&file, plan, plan_index, &headers[k], places[k], &mut room)
                     {

@@ -120,7 +120,7 @@ impl Writer {
             scan_fingerprints: recalled.scan_fingerprints,
             ledger: recalled.ledger,
             first_cells: archive.first_cells(),
-            pending: Pending::of_states(recalled.mended_taps, recalled.mended_scans),
+            pending: Pending::of_mended(recalled.mended_taps, recalled.mended_reasons, recalled.mended_scans),
             counts: PutCounts::default(),
             packer,
             place: Place::of(&archive.file, &archive.path, &failures)?,

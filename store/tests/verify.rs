@@ -237,7 +237,7 @@ fn a_writer_mends_torn_rows() {
     assert_eq!(Reader::open(&path).unwrap().torn_row_count(), 2);
     Writer::resume(&path, &plan(SampleFormat::I16), CONFIG).unwrap().finish().unwrap();
     let reader = Reader::open(&path).unwrap();
-    assert_eq!((reader.torn_row_count(), reader.ledger().scans()[0]), (0, ScanState::Open));
+    assert_eq!((reader.torn_row_count(), reader.ledger().scans()[0]), (0, ScanState::Ended));
     let report = verify(&path).unwrap();
     assert!(report.problems.is_empty() && report.missing_count == 0 && !report.is_judged(), "{report:?}");
 }

@@ -16,9 +16,11 @@ impl Draft {
     /// Begins what will be `folder`, which may stand there already if it is empty.
     pub(crate) fn new(folder: &Path) -> Result<Self> {
         // A name that ends in a slash, or is none, as "." is: the parent is wanted, and something to add to.
-        let folder = match folder.file_name() {
-            Some(name) => folder.with_file_name(name),
-            None => folder.canonicalize().context("find the folder", folder)?,
+        // One that is there may be so by way of a link, which stays.
+        let folder = match (folder.canonicalize(), folder.file_name()) {
+            (Ok(there), _) => there,
+            (Err(_), Some(name)) => folder.with_file_name(name),
+            (there, None) => there.context("find the folder", folder)?,
         };
         match fs::read_dir(&folder).map(|mut entries| entries.next().is_none()) {
             Ok(true) => {}

@@ -33,9 +33,6 @@ const NO_REASON: &str = "refused without a reason";
 /// How the list says that a tap is not what was written, before what is wrong with it.
 const DAMAGED: &str = "damaged in the archive: ";
 
-/// The same of why a tap was refused.
-const REASON_DAMAGED: &str = "refused, but why is damaged in the archive: ";
-
 /// One planned tap as its archive has it.
 pub(crate) struct ListedTap<'a> {
     pub(crate) planned: &'a PlannedTap,
@@ -82,12 +79,10 @@ impl<'a> Taps<'a> {
         let record = match self.reader.tap(row).map_err(what_is_damaged) {
             Ok(Some(tap)) => Ok(tap),
             Ok(None) if self.reader.ledger().taps()[row as usize] == TapState::Missing => Err(MISSING.to_owned()),
-            Ok(None) => Err(match self.reader.reason(row).map_err(what_is_damaged) {
-                // A refusal without a word would be read as none.
-                Ok(reason) if reason.trim().is_empty() => NO_REASON.to_owned(),
-                Ok(reason) => reason,
-                Err(damage) => format!("{REASON_DAMAGED}{}", damage?),
-            }),
+            // A refusal without a word would be read as none.
+            Ok(None) => Err(Some(self.reader.reason(row)?)
+                .filter(|reason| !reason.trim().is_empty())
+                .unwrap_or_else(|| NO_REASON.to_owned())),
             // It is given up, and the others are not.
             Err(damage) => {
                 let damage = damage?;
