@@ -52,7 +52,7 @@ pub(crate) fn explain(archive: &Path, shoulder: Option<&str>, location: Option<u
         None => {}
         Some(name) => shoulder_of(&reader, name, location, &mut text)?,
     }
-    Ok(say(&text)? && reader.torn_row_count() == 0)
+    Ok(say(&text)? && !reader.is_torn())
 }
 
 /// Adds what is known of the shoulder `name`, and of the taps of its location `location`.
@@ -144,7 +144,7 @@ pub(crate) fn diff(there: &Path, here: &Path) -> Result<bool> {
     for ((scan, a), b) in a.plan().scans().iter().zip(a.judgements()?).zip(b.judgements()?) {
         writeln!(text, "{}/{}  {}", scan.tyre, scan.shoulder, judged(a.as_ref(), b.as_ref()))?;
     }
-    Ok(say(&text)? && a.torn_row_count() + b.torn_row_count() == 0)
+    Ok(say(&text)? && !a.is_torn() && !b.is_torn())
 }
 
 fn discriminators(a: &[Option<Discriminators>], b: &[Option<Discriminators>], text: &mut String) -> Result<()> {

@@ -35,7 +35,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
         Some(path) => whole_file(path, |file| write(&reader, table, format, BufWriter::new(file)))?,
     }
     // Of what was torn a table alone says nothing.
-    Ok(reader.torn_row_count() == 0)
+    Ok(!reader.is_torn())
 }
 
 fn write(reader: &Reader, table: Export, format: Format, out: impl Write + Send) -> tapline_store::Result<()> {
@@ -58,7 +58,7 @@ fn taps(args: &ExportArgs) -> Result<bool> {
         _ => export_tap_set(&reader, folder),
     };
     let TapCounts { written, refused, missing, damaged } = counts?;
-    let is_whole = refused == 0 && missing == 0 && damaged == 0 && reader.torn_row_count() == 0;
+    let is_whole = refused == 0 && missing == 0 && damaged == 0 && !reader.is_torn();
     let hurt = if damaged == 0 { String::new() } else { format!(", {damaged} damaged") };
     let is_listed = refused + missing + damaged > 0;
     let why = if is_listed { "; taps.csv says which and why" } else { "" };

@@ -77,7 +77,7 @@ fn settled_before(job: &Job, plan: &Plan) -> Result<Option<usize>> {
     )?;
     let ledger = reader.ledger();
     // A row of the ledger that is torn is written again by whoever opens the archive to write.
-    let is_finished = ledger.is_judged() && ledger.count(TapState::Missing) == 0 && reader.torn_row_count() == 0;
+    let is_finished = ledger.is_judged() && ledger.count(TapState::Missing) == 0 && !reader.is_torn();
     Ok((!is_finished).then(|| settled_count(ledger)))
 }
 

@@ -56,7 +56,7 @@ pub(crate) fn report(archive: &Path, out: Option<&Path>) -> Result<bool> {
     }
     // Last, as it names the others.
     put(SHIFT, &shift::page(&reader, &evidence, &names)?)?;
-    Ok(reader.torn_row_count() == 0)
+    Ok(!reader.is_torn())
 }
 
 fn default_folder(archive: &Path) -> PathBuf {

@@ -167,7 +167,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let rate = done as f64 / took_s;
     progress.say(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..KEY_DIGITS]));
     writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
-    Ok(is_whole && task.reader.torn_row_count() == 0)
+    Ok(is_whole && !task.reader.is_torn())
 }
 
 /// Digits of the lineage key in the name of a file of results.

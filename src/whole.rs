@@ -43,7 +43,7 @@ where
 enum Place {
     /// To this program's own output, which whoever has it too goes on with behind what is written.
     Standard(io::Result<File>),
-    /// To what is there to be written to, and no plain file.
+    /// To what is there to be written to: a device, a pipe, or what some process has open.
     There,
     /// To a plain file, or where one may be.
     File(PathBuf),

@@ -123,6 +123,13 @@ fn torn_rows_are_told_and_mended() {
         let results = rig.run("reprocess run.h5 --from-samples").expect(3).out;
         assert_eq!(rig.run(&format!("export {} ledger", results.trim())).expect(0).out, ledger, "{table} at {at}");
         assert_eq!(rig.run(&format!("export {} verdicts", results.trim())).expect(0).out, verdicts, "{table} at {at}");
+        // Of results too.
+        bend(&rig.path(results.trim()), table, at);
+        rig.run(&format!("verify {}", results.trim())).expect(3);
+        rig.run("reprocess run.h5 --from-samples").expect(3);
+        rig.run(&format!("verify {}", results.trim())).expect(0);
+        assert_eq!(rig.run(&format!("export {} ledger", results.trim())).expect(0).out, ledger, "{table} at {at}");
+        assert_eq!(rig.run(&format!("export {} verdicts", results.trim())).expect(0).out, verdicts, "{table} at {at}");
         fs::remove_file(rig.path(results.trim())).unwrap();
         rig.run("export run.h5 taps --out taps").expect(3);
         fs::remove_dir_all(rig.path("taps")).unwrap();

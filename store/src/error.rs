@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use rustix::io::Errno;
 use tapline_wire::TapId;
 
 use crate::Codec;
@@ -347,6 +348,12 @@ impl Error {
                 | Self::InUse { .. }
         );
         is_io || is_of_the_place
+    }
+
+    /// Whether one place of a file cannot be read, as where a sector is bad or a length is, and not the disk.
+    pub(crate) fn is_of_one_place(&self) -> bool {
+        let Self::Io { source, .. } = self else { return false };
+        source.kind() == io::ErrorKind::UnexpectedEof || source.raw_os_error() == Some(Errno::IO.raw_os_error())
     }
 
     /// Whether the disk, or what of it this user may have, is full.

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use tapline_wire::ScanState;
+
 use crate::Result;
 use crate::archive::Archive;
 use crate::context::Context;
@@ -112,8 +114,15 @@ impl Pending {
     }
 
     fn write_states(&self, archive: &Archive) -> hdf5::Result<()> {
+        // A scan that is open again must be so before the taps that it was judged from are not there.
+        let (open, others): (BTreeMap<u32, ScanRow>, BTreeMap<u32, ScanRow>) =
+            self.scans.iter().partition(|(_, row)| row.state() == Some(ScanState::Open));
+        if !open.is_empty() {
+            archive.scans.write(&open)?;
+            archive.file.flush()?;
+        }
         archive.ledger.write(&self.taps)?;
-        archive.scans.write(&self.scans)?;
+        archive.scans.write(&others)?;
         archive.file.flush()
     }
 }

@@ -11,10 +11,10 @@ use crate::context::Context;
 use crate::layout::{LedgerRow, attribute};
 use crate::lineage::{digest_of, lineage_key, raw_digest};
 use crate::parts::{PartMap, open_all};
-use crate::rows::{REASON_LOST, at_attempt, text};
+use crate::rows::{REASON_LOST, at_attempt};
 use crate::samples::{Room, SampleFile, Taps, checked_header};
 use crate::sealed::SealedRow;
-use crate::settled::take_stock;
+use crate::settled::{reason, take_stock};
 use crate::{Codec, Lineage, Lost, Result};
 
 /// The samples of a tap, planar `[channel][sample]`, as the converter gave them.
@@ -64,6 +64,7 @@ pub struct Reader {
     /// Rows of the ledgers, those that are torn as what they count as.
     states: Vec<Vec<LedgerRow>>,
     torn_row_count: usize,
+    torn_reason_count: usize,
 }
 
 impl Reader {
@@ -79,14 +80,15 @@ impl Reader {
         let run = &archives[0].plan;
         let mut ledger = Ledger::empty(run.taps().len(), run.scans().len(), run.stations().len());
         let mut states = Vec::with_capacity(archives.len());
-        let mut torn_row_count = 0;
+        let (mut torn_row_count, mut torn_reason_count) = (0, 0);
         for (part, archive) in archives.iter().enumerate() {
             let stock = take_stock(archive, &map, part, &mut ledger)?;
-            torn_row_count += stock.torn_count;
+            torn_row_count += stock.torn_row_count;
+            torn_reason_count += stock.torn_reason_count;
             states.push(stock.rows);
         }
         let samples = archives.iter().map(SampleFile::open).collect::<Result<_>>()?;
-        Ok(Self { path, archives, map, ledger, samples, states, torn_row_count })
+        Ok(Self { path, archives, map, ledger, samples, states, torn_row_count, torn_reason_count })
     }
 
     /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
@@ -121,6 +123,11 @@ impl Reader {
     /// [`Writer`](crate::Writer) mends it. What a tap's said of retakes is lost; a scan's is judged again.
     pub fn torn_row_count(&self) -> usize {
         self.torn_row_count
+    }
+
+    /// Whether any row is torn that says where taps and scans stand, or why a tap was refused.
+    pub fn is_torn(&self) -> bool {
+        self.torn_row_count + self.torn_reason_count > 0
     }
 
     /// The configuration, verbatim.
@@ -299,10 +306,7 @@ impl Reader {
     /// Why the tap in plan row `row` was refused; empty where it was not.
     pub(crate) fn reason(&self, row: u32) -> Result<String> {
         let (part, there) = self.map.tap(row);
-        let (archive, there) = (&self.archives[part], there as usize);
-        let reasons = archive.refusals.read(there..there + 1).context("read a reason", &archive.path)?;
-        let reason = text(&reasons[0].reason).filter(|_| reasons[0].is_whole(there));
-        Ok(reason.unwrap_or(REASON_LOST).to_owned())
+        Ok(reason(&self.archives[part], there as usize)?.unwrap_or_else(|| REASON_LOST.to_owned()))
     }
 
     /// Verdict and damage map of every scan, by scan number; `None` where it is not judged.

@@ -7,9 +7,9 @@ use tapline_wire::{Ledger, ScanState, TapState};
 use crate::archive::Archive;
 use crate::context::Context;
 use crate::layout::{LedgerRow, ReasonRow, ScanRow, table};
-use crate::rows::{REASON_LOST, fixed, no_reason};
+use crate::rows::{no_reason, reason_lost};
 use crate::sealed::SealedRow as _;
-use crate::settled::{scan_state, settled, settled_raw, torn_reasons};
+use crate::settled::{scan_state, settled, settled_raw};
 use crate::track::{Take, Track};
 use crate::{Lost, Result};
 
@@ -23,7 +23,7 @@ pub(crate) struct Recalled {
     pub(crate) ledger: Ledger,
     /// Rows of the ledger that were torn, as they are to be written again; what they said of retakes is lost.
     pub(crate) mended_taps: BTreeMap<u32, LedgerRow>,
-    /// Rows of why taps were refused that were torn, as they are to be written again.
+    /// Rows of why taps were refused that were torn, as they are to be written again; what they said is lost.
     pub(crate) mended_reasons: BTreeMap<u32, ReasonRow>,
     /// Rows of scans that were torn, or judged from taps that are lost: of what they hold nothing is believed.
     pub(crate) mended_scans: BTreeMap<u32, ScanRow>,
@@ -37,9 +37,17 @@ pub(crate) fn recall(archive: &Archive) -> Result<Recalled> {
     let tracks = recall_taps(archive, &mut ledger, &mut mended_taps)?;
     let mut scans = archive.scans.read_all().context("read the scans", &archive.path)?;
     let scan_fingerprints = recall_scans(archive, &mut scans, &mut ledger, &mended_taps, &mut mended_scans)?;
-    let lost = ReasonRow { reason: fixed(REASON_LOST), ..no_reason() };
-    let torn = torn_reasons(archive, |row| ledger.taps()[row] == TapState::Refused)?;
-    let mended_reasons = torn.into_iter().map(|row| (row as u32, lost)).collect();
+    let mut mended_reasons = BTreeMap::new();
+    archive
+        .refusals
+        .for_each(|k, row| {
+            if !row.is_whole(k) {
+                let is_refused = ledger.taps()[k] == TapState::Refused;
+                let mended = if is_refused { reason_lost() } else { no_reason() };
+                mended_reasons.insert(k as u32, mended);
+            }
+        })
+        .context("read why taps were refused", &archive.path)?;
     Ok(Recalled { tracks, scans, scan_fingerprints, ledger, mended_taps, mended_reasons, mended_scans })
 }
 
@@ -70,9 +78,9 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger, mended: &mut BTreeMap<u32
     let mut tracks = Vec::with_capacity(samples.len());
     for (k, mut row) in archive.ledger.read_all().context(context, &archive.path)?.into_iter().enumerate() {
         let (state, attempt) = settled(archive, k, &row)?;
-        if !row.is_whole(k) {
+        let is_torn = !row.is_whole(k);
+        if is_torn {
             row = LedgerRow::new(state, attempt);
-            mended.insert(k as u32, row);
         }
         ledger.set_tap(k, state, attempt);
         // What is vouched for was whole when it was: it was altered since, and nothing may be judged from it.
@@ -89,6 +97,9 @@ fn recall_taps(archive: &Archive, ledger: &mut Ledger, mended: &mut BTreeMap<u32
             Some(raw) if !raw.is_whole(k) => (0, 0),
             raw => raw.map_or((row.retaken_count, row.retaken_quality), |raw| (raw.retaken_count, raw.retaken_quality)),
         };
+        if is_torn {
+            mended.insert(k as u32, LedgerRow { retaken_count, retaken_quality, ..row });
+        }
         let track = match state {
             TapState::Missing => match raw.map(|row| settled_raw(archive, k, row)).transpose()? {
                 Some((TapState::Archived, _)) => Track::recorded(samples[k]),

@@ -259,6 +259,11 @@ pub(crate) fn no_reason() -> ReasonRow {
     ReasonRow { reason: FixedUnicode::new(), checksum: 0 }
 }
 
+/// The row of a reason that was lost.
+pub(crate) fn reason_lost() -> ReasonRow {
+    ReasonRow { reason: fixed(REASON_LOST), ..no_reason() }
+}
+
 impl ScanRow {
     /// The row of a scan that is still open.
     pub(crate) fn open(scan: &Scan, first_cell: u32) -> Self {

@@ -9,6 +9,7 @@ use crate::archive::{Archive, open_table};
 use crate::context::Context;
 use crate::layout::{DiscriminatorsRow, LedgerRow, ScanRow};
 use crate::parts::PartMap;
+use crate::rows::text;
 use crate::sealed::SealedRow as _;
 use crate::table::Table;
 use crate::{Lost, Result};
@@ -99,18 +100,13 @@ pub(crate) fn scan_state(
     Ok(state)
 }
 
-/// Those of the `refused` taps of whose reasons the rows are torn.
-pub(crate) fn torn_reasons(archive: &Archive, refused: impl Fn(usize) -> bool) -> Result<Vec<usize>> {
-    let refused: Vec<usize> = (0..archive.plan.taps().len()).filter(|&row| refused(row)).collect();
-    if refused.is_empty() {
-        return Ok(Vec::new());
-    }
-    let reasons = archive.refusals.read_all().context("read why taps were refused", &archive.path)?;
-    let torn: Vec<usize> = refused.into_iter().filter(|&row| !reasons[row].is_whole(row)).collect();
-    for row in &torn {
-        tracing::warn!(row, "the row that says why the tap was refused is torn");
-    }
-    Ok(torn)
+/// Why the tap in row `k` was refused; `None` where that is torn, or cannot be read.
+pub(crate) fn reason(archive: &Archive, k: usize) -> Result<Option<String>> {
+    let rows = match archive.refusals.read(k..k + 1).context("read a reason", &archive.path) {
+        Err(error) if error.is_of_one_place() => return Ok(None),
+        rows => rows?,
+    };
+    Ok(rows.first().filter(|row| row.is_whole(k)).and_then(|row| text(&row.reason)).map(str::to_owned))
 }
 
 /// What one file of a run says of where its taps stand.
@@ -118,8 +114,10 @@ pub(crate) fn torn_reasons(archive: &Archive, refused: impl Fn(usize) -> bool) -
 pub(crate) struct Stock {
     /// Rows of its ledger, those that are torn as what they count as.
     pub(crate) rows: Vec<LedgerRow>,
-    /// How many rows of its ledger, of its scans, and of why taps were refused are torn.
-    pub(crate) torn_count: usize,
+    /// How many rows of its ledger and of its scans are torn.
+    pub(crate) torn_row_count: usize,
+    /// How many of why taps were refused.
+    pub(crate) torn_reason_count: usize,
 }
 
 /// Takes the states of the taps and scans that file `part` of a run has into the `ledger` of the run.
@@ -155,6 +153,12 @@ pub(crate) fn take_stock(archive: &Archive, map: &PartMap, part: usize, ledger: 
     for &scan in torn_scans.iter().filter(|&&k| !is_scan_here[k]) {
         tracing::warn!(scan, "the scan's row is torn; the scan is in a later file");
     }
-    let torn_reasons = torn_reasons(archive, |row| is_here[row] && rows[row].state() == Some(TapState::Refused))?;
-    Ok(Stock { rows, torn_count: torn.len() + torn_scans.len() + torn_reasons.len() })
+    let mut torn_reason_count = 0;
+    for row in (0..rows.len()).filter(|&row| is_here[row] && rows[row].state() == Some(TapState::Refused)) {
+        if reason(archive, row)?.is_none() {
+            torn_reason_count += 1;
+            tracing::warn!(row, "the row that says why the tap was refused is torn");
+        }
+    }
+    Ok(Stock { rows, torn_row_count: torn.len() + torn_scans.len(), torn_reason_count })
 }

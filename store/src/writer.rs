@@ -24,7 +24,7 @@ use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, ReasonRow, ScanRow};
 use crate::pending::Pending;
 use crate::place::Place;
 use crate::recall::recall;
-use crate::rows::{fixed, no_reason};
+use crate::rows::{fixed, no_reason, reason_lost};
 use crate::track::{Half, PutCounts, PutOutcome, Take, Track};
 use crate::{Error, Lineage, Result};
 
@@ -267,6 +267,10 @@ impl Writer {
             self.tracks[plan_index as usize].refuse(id.attempt);
             self.pending.reasons.insert(plan_index, ReasonRow { reason: fixed(reason), ..no_reason() });
             self.pending.taps.insert(plan_index, self.tracks[plan_index as usize].to_row(false));
+        }
+        // Whoever refused it still knows why.
+        if let Some(row) = self.pending.reasons.get_mut(&plan_index).filter(|row| row.reason == reason_lost().reason) {
+            row.reason = fixed(reason);
         }
         self.count(outcome)
     }

@@ -19,8 +19,9 @@ impl Draft {
         // One that is there may be so by way of a link, which stays.
         let folder = match (folder.canonicalize(), folder.file_name()) {
             (Ok(there), _) => there,
-            (Err(_), Some(name)) => folder.with_file_name(name),
-            (there, None) => there.context("find the folder", folder)?,
+            (Err(_), Some(name)) if !folder.is_symlink() => folder.with_file_name(name),
+            // Also a link to nothing, in whose place no folder can be put.
+            (there, _) => there.context("find the folder", folder)?,
         };
         match fs::read_dir(&folder).map(|mut entries| entries.next().is_none()) {
             Ok(true) => {}

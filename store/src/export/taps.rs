@@ -2,9 +2,7 @@
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
-use std::io::ErrorKind;
 
-use rustix::io::Errno;
 use tapline_wire::{Plan, PlannedTap, Scan, TapHeader, TapState};
 
 use super::csv_file::number_text;
@@ -102,12 +100,8 @@ impl<'a> Taps<'a> {
 fn what_is_damaged(error: Error) -> Result<String> {
     match error {
         Error::Damaged { what, .. } => Ok(what),
-        // Its sector of the disk is bad, or its length; a disk that is gone is so for all of them.
-        Error::Io { ref source, .. }
-            if source.kind() == ErrorKind::UnexpectedEof || source.raw_os_error() == Some(Errno::IO.raw_os_error()) =>
-        {
-            Ok(error.to_string())
-        }
+        // A disk that is gone is so for all of them.
+        error if error.is_of_one_place() => Ok(error.to_string()),
         error => Err(error),
     }
 }
