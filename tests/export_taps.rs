@@ -111,6 +111,13 @@ fn refused_taps_and_floats_are_exported() {
     assert!(reasons[0].len() == 1 && reasons[0] == reasons[1], "{reasons:?}");
     // A reason that is torn takes no other tap with it.
     let reason_bytes = table_bytes(&rig.path("run.h5"), "refusals").len() / 24;
+    // Results have it anew from their taps' archive.
+    let ledger = rig.run("export run.h5 ledger").expect(0).out;
+    let results = rig.run("reprocess run.h5 --from-samples").out;
+    bend(&rig.path(results.trim()), "refusals", 3 * reason_bytes);
+    rig.run(&format!("export {} ledger", results.trim())).expect(3);
+    rig.run("reprocess run.h5 --from-samples");
+    assert_eq!(rig.run(&format!("export {} ledger", results.trim())).expect(0).out, ledger);
     bend(&rig.path("run.h5"), "refusals", 3 * reason_bytes);
     let done = rig.run("export run.h5 taps --out torn").expect(3);
     assert_eq!(done.out, "torn: 23 taps written, 1 refused, 0 missing; taps.csv says which and why\n");
