@@ -22,7 +22,7 @@ use crate::layout::{
     TruthRow, attribute, table,
 };
 use crate::lineage::hex_of;
-use crate::rows::{fixed, no_reason};
+use crate::rows::fixed;
 use crate::table::{Table, create as create_table};
 use crate::units::write_units;
 use crate::{Error, Lineage, Result};
@@ -137,7 +137,7 @@ fn fill(file: &File, path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Re
     Table::<DiscriminatorsRow>::create(file, taps.len(), |_| discriminators)?;
     let missing = LedgerRow::new(TapState::Missing, 0);
     Table::<LedgerRow>::create(file, taps.len(), |_| missing)?;
-    Table::<ReasonRow>::create(file, taps.len(), |_| no_reason())?;
+    Table::<ReasonRow>::create(file, taps.len(), |_| ReasonRow::none())?;
     create_scans(file, plan)?;
     create_truth(file, plan)?;
     let is_own = |name: &str| lineage.raw.is_none() || !name.starts_with(table::TAPS);

@@ -62,6 +62,7 @@ mod pending;
 mod place;
 mod planes;
 mod reader;
+mod reason;
 mod recall;
 mod regions;
 mod repack;
@@ -74,6 +75,8 @@ mod samples;
 mod sealed;
 mod settled;
 mod table;
+#[cfg(test)]
+mod testing;
 mod track;
 mod units;
 mod verify;

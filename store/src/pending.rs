@@ -126,3 +126,33 @@ impl Pending {
         archive.file.flush()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tapline_wire::TapState;
+
+    use super::*;
+    use crate::Writer;
+    use crate::archive::Access;
+    use crate::testing::two_scans;
+
+    /// Catches a scan that stays judged where its writer dies while it is opened again for a tap that is lost: nobody would
+    /// take that.
+    #[test]
+    fn a_scan_is_open_before_its_taps_are_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, plan) = (folder.path().join("run.h5"), two_scans());
+        drop(Writer::create(&path, &plan, "").unwrap());
+        let archive = Archive::open(&path, Access::Write).unwrap();
+        let ended = ScanRow { state: ScanState::Ended.code().into(), ..ScanRow::open(&plan.scans()[0], 0) };
+        archive.scans.write(&[(0, ended), (1, ended)].into()).unwrap();
+        // A row that is not there stops it at the ledger.
+        let taps = [(99, LedgerRow::new(TapState::Missing, 0))].into();
+        let open = ScanRow::open(&plan.scans()[0], 0);
+        let pending =
+            Pending::of_mended(taps, BTreeMap::new(), [(0, open), (1, open.judged(&Default::default()))].into());
+        assert!(pending.flush(&archive).is_err());
+        let states: Vec<_> = archive.scans.read_all().unwrap().iter().map(ScanRow::state).collect();
+        assert_eq!(states, [Some(ScanState::Open), Some(ScanState::Ended)]);
+    }
+}

@@ -11,10 +11,11 @@ use crate::context::Context;
 use crate::layout::{LedgerRow, attribute};
 use crate::lineage::{digest_of, lineage_key, raw_digest};
 use crate::parts::{PartMap, open_all};
-use crate::rows::{REASON_LOST, at_attempt};
+use crate::reason::{REASON_LOST, reason};
+use crate::rows::at_attempt;
 use crate::samples::{Room, SampleFile, Taps, checked_header};
 use crate::sealed::SealedRow;
-use crate::settled::{reason, take_stock};
+use crate::settled::take_stock;
 use crate::{Codec, Lineage, Lost, Result};
 
 /// The samples of a tap, planar `[channel][sample]`, as the converter gave them.

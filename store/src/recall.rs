@@ -7,7 +7,7 @@ use tapline_wire::{Ledger, ScanState, TapState};
 use crate::archive::Archive;
 use crate::context::Context;
 use crate::layout::{LedgerRow, ReasonRow, ScanRow, table};
-use crate::rows::{no_reason, reason_lost};
+use crate::reason::REASON_LOST;
 use crate::sealed::SealedRow as _;
 use crate::settled::{scan_state, settled, settled_raw};
 use crate::track::{Take, Track};
@@ -43,7 +43,7 @@ pub(crate) fn recall(archive: &Archive) -> Result<Recalled> {
         .for_each(|k, row| {
             if !row.is_whole(k) {
                 let is_refused = ledger.taps()[k] == TapState::Refused;
-                let mended = if is_refused { reason_lost() } else { no_reason() };
+                let mended = if is_refused { ReasonRow::new(REASON_LOST) } else { ReasonRow::none() };
                 mended_reasons.insert(k as u32, mended);
             }
         })

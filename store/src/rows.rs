@@ -8,12 +8,9 @@ use tapline_wire::{
     Quality, Reasons, RecordKind, Scan, ScanState, Serial, Stamp, TapHeader, TapId, TapState, Values,
 };
 
-use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, UNWRITTEN};
+use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, ScanRow, UNWRITTEN};
 use crate::lost::Lost;
 use crate::sealed::Digest;
-
-/// Stands where it was said why a tap was refused, and the row is torn.
-pub(crate) const REASON_LOST: &str = "refused, but why is lost: what was written is damaged";
 
 /// Stands at the end of a text that was cut.
 const ELLIPSIS: &str = "\u{2026}";
@@ -252,16 +249,6 @@ impl LedgerRow {
     pub(crate) fn state(&self) -> Option<TapState> {
         TapState::from_code(u8::try_from(self.state).ok()?)
     }
-}
-
-/// The reason of no refusal.
-pub(crate) fn no_reason() -> ReasonRow {
-    ReasonRow { reason: FixedUnicode::new(), checksum: 0 }
-}
-
-/// The row of a reason that was lost.
-pub(crate) fn reason_lost() -> ReasonRow {
-    ReasonRow { reason: fixed(REASON_LOST), ..no_reason() }
 }
 
 impl ScanRow {

@@ -9,7 +9,7 @@ use crate::archive::{Archive, open_table};
 use crate::context::Context;
 use crate::layout::{DiscriminatorsRow, LedgerRow, ScanRow};
 use crate::parts::PartMap;
-use crate::rows::text;
+use crate::reason::reason;
 use crate::sealed::SealedRow as _;
 use crate::table::Table;
 use crate::{Lost, Result};
@@ -98,15 +98,6 @@ pub(crate) fn scan_state(
         return Ok(ScanState::Open);
     }
     Ok(state)
-}
-
-/// Why the tap in row `k` was refused; `None` where that is torn, or cannot be read.
-pub(crate) fn reason(archive: &Archive, k: usize) -> Result<Option<String>> {
-    let rows = match archive.refusals.read(k..k + 1).context("read a reason", &archive.path) {
-        Err(error) if error.is_of_one_place() => return Ok(None),
-        rows => rows?,
-    };
-    Ok(rows.first().filter(|row| row.is_whole(k)).and_then(|row| text(&row.reason)).map(str::to_owned))
 }
 
 /// What one file of a run says of where its taps stand.

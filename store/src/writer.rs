@@ -24,7 +24,6 @@ use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, ReasonRow, ScanRow};
 use crate::pending::Pending;
 use crate::place::Place;
 use crate::recall::recall;
-use crate::rows::{fixed, no_reason, reason_lost};
 use crate::track::{Half, PutCounts, PutOutcome, Take, Track};
 use crate::{Error, Lineage, Result};
 
@@ -265,12 +264,10 @@ impl Writer {
         let outcome = self.tracks[plan_index as usize].refusal_outcome(id.attempt);
         if outcome == PutOutcome::Stored {
             self.tracks[plan_index as usize].refuse(id.attempt);
-            self.pending.reasons.insert(plan_index, ReasonRow { reason: fixed(reason), ..no_reason() });
             self.pending.taps.insert(plan_index, self.tracks[plan_index as usize].to_row(false));
         }
-        // Whoever refused it still knows why.
-        if let Some(row) = self.pending.reasons.get_mut(&plan_index).filter(|row| row.reason == reason_lost().reason) {
-            row.reason = fixed(reason);
+        if outcome == PutOutcome::Stored || self.pending.reasons.get(&plan_index).is_some_and(ReasonRow::is_lost) {
+            self.pending.reasons.insert(plan_index, ReasonRow::new(reason));
         }
         self.count(outcome)
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use tapline_store::{Codec, Lineage, Problem, Reader, RunWriter, Writer, verify};
 use tapline_wire::{SampleFormat, ScanState, TapState};
 
-use crate::common::{CONFIG, plan, put, put_all};
+use crate::common::{CONFIG, header, plan, put, put_all, samples};
 
 fn finished(folder: &tempfile::TempDir) -> PathBuf {
     let path = folder.path().join("run.h5");
@@ -220,6 +220,27 @@ fn what_was_altered_is_not_gone_on_with() {
         let error = Writer::resume(&path, &plan(SampleFormat::I16), CONFIG).unwrap_err().to_string();
         assert!(error.contains("row 3") && error.contains(table), "{error}");
     }
+}
+
+/// Catches results that are said to be altered where they are of what was there before a tap was lost.
+#[test]
+fn a_lost_tap_is_no_contradiction() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = finished(&folder);
+    let of = |name| places(&path).into_iter().find(|&(_, table, _)| table == name).unwrap().0;
+    let torn = ["ledger", "taps/header"].map(of);
+    let mut bytes = std::fs::read(&path).unwrap();
+    torn.iter().for_each(|&at| bytes[at] ^= 1);
+    std::fs::write(&path, bytes).unwrap();
+    // Its samples come again, and then the run is ended.
+    let plan = plan(SampleFormat::I16);
+    let mut writer = Writer::resume(&path, &plan, CONFIG).unwrap();
+    let header = header(&plan, 0, 32);
+    writer.put_tap(&header, &samples(&header)).unwrap();
+    writer.finish().unwrap();
+    let report = verify(&path).unwrap();
+    assert_eq!((&report.problems[..], report.missing_count, report.is_judged()), (&[][..], 1, false));
 }
 
 /// Catches rows that say how taps and scans stand and stay torn though a writer went on with them, or are sealed as they are.
