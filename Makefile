@@ -16,16 +16,16 @@ setup:
 	  $$sudo apt-get update -qq && DEBIAN_FRONTEND=noninteractive $$sudo apt-get install -y -qq --no-install-recommends $$missing; \
 	fi
 
-# A simulated line of two stations: a cracked tyre and a sound one.
+# Two stations: a cracked tyre and a sound one, a file each.
 demo: setup
 	cargo build --release
-	@mkdir -p $(DEMO) && rm -f $(DEMO)/demo.h5
-	cargo run -q --release -- run --stations 2 --config examples/demo.toml --out $(DEMO)/demo.h5
+	@rm -rf $(DEMO)/casings && mkdir -p $(DEMO)
+	cargo run -q --release -- run --stations 2 --config examples/demo.toml --out $(DEMO)/casings
 	@for table in verdicts regions damage discriminators; do \
-	  cargo run -q --release -- export $(DEMO)/demo.h5 $$table --out $(DEMO)/$$table.csv || exit 1; \
+	  cargo run -q --release -- export $(DEMO)/casings $$table --out $(DEMO)/$$table.csv || exit 1; \
 	done
-	cargo run -q --release -- report $(DEMO)/demo.h5 --out $(DEMO)/report
-	@echo "The archive is $(DEMO)/demo.h5; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
+	cargo run -q --release -- report $(DEMO)/casings --out $(DEMO)/report
+	@echo "Each casing's archive is in $(DEMO)/casings; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
 
 test: setup
 	cargo test --workspace

@@ -44,7 +44,7 @@ impl Scan {
             let mut lanes = vec![Lane::default(); lanes_for(plan.recording.payload_bytes_max())];
             line.render(row, 0, &mut header, &mut lanes)?;
             // What a publisher would add.
-            (header.stamp.plan_digest, header.stamp.kind) = (plan.digest(), RecordKind::Data.code());
+            header.stamp.kind = RecordKind::Data.code();
             taps.push((header, lanes));
         }
         Ok(Self { plan, taps })
@@ -57,7 +57,7 @@ impl Scan {
     /// Seconds to put every tap into a new archive and have it on the disk.
     fn write(&self, path: &Path, codec: Codec) -> Result<f64> {
         drop(fs::remove_file(path));
-        let mut writer = Writer::create(path, &self.plan, Lineage { codec, .."[store]\n".into() })?;
+        let mut writer = Writer::create(path, &self.plan, 0, Lineage { codec, .."[store]\n".into() })?;
         let begin = Instant::now();
         // As the stage does when taps come faster than they can be kept.
         for flushed in self.taps.chunks(64) {
@@ -163,7 +163,7 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
 /// An archive that is whole.
 fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     drop(fs::remove_file(path));
-    let mut writer = Writer::create(path, &scan.plan, "[store]\n")?;
+    let mut writer = Writer::create(path, &scan.plan, 0, "[store]\n")?;
     let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
     let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &scan.plan)?;
     for (header, lanes) in &scan.taps {

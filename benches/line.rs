@@ -65,7 +65,7 @@ fn run_line(folder: &Path, stations: u16) -> Result<Pace> {
     let text =
         format!("[scan]\noffsets_mm = {offsets_mm:?}\nrepetitions = {repetitions}\n[fuse]\nreference = \"self\"\n");
     std::fs::write(&config, text)?;
-    let out = folder.join("line.h5");
+    let out = folder.join("line");
     let before_s = children_cpu_s()?;
     let output = Command::new(env!("CARGO_BIN_EXE_tapline"))
         .args(["run", "--json", "--stations", &stations.to_string()])
@@ -75,8 +75,9 @@ fn run_line(folder: &Path, stations: u16) -> Result<Pace> {
         .output()?;
     let cpu_s = children_cpu_s()? - before_s;
     ensure!(output.status.success(), "a line of {stations} stations ended with {}", output.status);
-    std::fs::remove_file(&out)?;
-    let summary: Value = serde_json::from_slice(&output.stdout)?;
+    std::fs::remove_dir_all(&out)?;
+    let said = String::from_utf8(output.stdout)?;
+    let summary: Value = serde_json::from_str(said.lines().last().unwrap_or_default())?;
     let pace = |key: &str| summary["pace"][key].as_f64().with_context(|| format!("no {key} in {summary}"));
     let taps = SimulatedLine::new(&scan(stations), &SimulationConfig::default())?.plan().taps().len();
     ensure!(summary["is_whole"] == true && summary["archived"] == taps, "not all of {taps} taps: {summary}");

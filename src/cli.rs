@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::archives::Which;
 use crate::contact::ContactArgs;
 
 /// Finds hidden cracks in truck-tyre casings by tapping them and listening.
@@ -14,41 +15,51 @@ pub(crate) struct Cli {
     pub(crate) verb: Verb,
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 ended, but taps are missing or refused, or the archive is not whole.";
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 ended, but taps are missing or refused, or an archive is not whole or was left out.";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
-    /// Run a whole line: one process, one fuse, one store and an acquire per station, until every shoulder is judged.
+    /// Scan a list of casings, until each has its verdict: simulated tyres, or with --taps recorded taps.
     ///
-    /// Without --taps a simulated line is scanned. The same command again goes on with what is missing. Ctrl-C ends
+    /// The results go into a folder, one file a casing. The same command again goes on with what is missing. Ctrl-C ends
     /// the run in good order.
     Run(RunArgs),
-    /// Take the taps of one station (one stage of a line, alone).
-    Acquire {
-        #[command(flatten)]
-        line: LineArgs,
-        /// Station whose taps to take.
+    /// Judge casings as they come to the stations of a configuration, for as long as it is left on.
+    ///
+    /// Each casing's verdict is said, and its file is in its place, within a second of its last tap. Ctrl-C, or SIGTERM,
+    /// ends the line in good order; the same command again goes on with the casings that were under way.
+    Line(LineArgs),
+    /// Show how a running line is: its stations, casings, verdicts and alarms. The line does not notice.
+    Status(StatusArgs),
+    /// Play a rig for a station of a line: casings that come and go at random, over TCP. See docs/rig-protocol.md.
+    Rig {
+        /// Address to listen at.
+        #[arg(long, default_value = "127.0.0.1:7001")]
+        listen: String,
+        /// What it does (TOML); defaults hold for what is left out.
         #[arg(long)]
-        station: u16,
+        config: Option<PathBuf>,
     },
-    /// Extract the discriminators of the taps of all stations (one stage of a line, alone).
-    Process(LineArgs),
-    /// Turn discriminators into damage maps and verdicts (one stage of a line, alone).
-    Fuse(LineArgs),
-    /// Keep taps, discriminators, maps and verdicts in the archive (one stage of a line, alone).
-    Store(LineArgs),
-    /// Write a table of an archive, or its taps, in a format of other programs.
+    /// One stage of a line, started by it.
+    #[command(hide = true)]
+    Stage(StageArgs),
+    /// Write a table of archives, or their taps, in a format of other programs.
+    ///
+    /// A folder stands for every finished archive in it. Of a folder, and of several files, it is one table, with a first
+    /// column `file`; taps are one tap set.
     Export(ExportArgs),
     /// Make a reference of shoulders of archives: stated to be sound, or labelled by what is known of them.
     Reference(ReferenceArgs),
-    /// Check that an archive holds all its plan asks for, that no tap or result in it was altered, and that it does not
-    /// contradict itself.
+    /// Check that archives hold all their plans ask for, that no tap or result in them was altered, and that they do not
+    /// contradict themselves.
     ///
-    /// Every sample is read and every checksum compared. Prints what is amiss, a line each, and ends with code 3 then.
+    /// Every sample is read and every checksum compared. Prints what is amiss, a line each, and ends with code 3 then, or
+    /// where a folder has archives that are not finished.
     Verify {
-        /// The archive.
-        archive: PathBuf,
-        /// Print the report as JSON.
+        /// Archives, or folders of them.
+        #[arg(required = true)]
+        archives: Vec<PathBuf>,
+        /// Print the report as JSON; of several archives a line each, and one that sums up.
         #[arg(long)]
         json: bool,
         /// In this process, not in one of its own.
@@ -58,48 +69,60 @@ pub(crate) enum Verb {
     /// Judge archives again: with other options, another reference, or by a newer program.
     ///
     /// The archive is not touched. The results stand beside it in a file named after their lineage, which every other verb
-    /// takes as an archive; the same command again goes on where it was ended. Prints the name of each file.
+    /// takes as an archive, and of folders with --results. Prints the name of each file.
     Reprocess(ReprocessArgs),
-    /// Write an archive again, its samples packed otherwise; every sample is checked on the way.
+    /// Write archives again, their samples packed otherwise; every sample is checked on the way.
     Repack {
-        /// The archive.
-        archive: PathBuf,
-        /// What packs the samples of the new one.
+        /// Archives, or folders of them.
+        #[arg(required = true)]
+        archives: Vec<PathBuf>,
+        /// What packs the samples of the new ones.
         #[arg(long, value_enum)]
         codec: PackedBy,
-        /// The new archive.
+        /// The new archive; of a folder, or of several files, a folder for them.
         #[arg(long)]
         out: PathBuf,
     },
     /// Say what an archive's numbers are made of and by: recorded taps, sources of the program, options, reference.
     Explain {
-        /// The archive, or a file of results.
-        archive: PathBuf,
-        /// Of this shoulder the verdict too.
+        /// Archives or files of results, or folders of archives.
+        #[arg(required = true)]
+        archives: Vec<PathBuf>,
+        /// Of this shoulder the verdict too; of folders and several files only the archive that has it.
         #[arg(long, value_name = "TYRE/SHOULDER")]
         shoulder: Option<String>,
         /// Of this location of it the index, and what was found in every tap.
         #[arg(long)]
         location: Option<u32>,
+        #[command(flatten)]
+        results: ResultsArgs,
     },
     /// Say what changed from one archive's numbers to another's of the same taps: options and sources first, then numbers.
+    ///
+    /// Archives in folders are paired by the casing's name; exit code 3 says that one has no partner.
     Diff {
-        /// The one, before.
+        /// The one, before; or a folder of archives.
         there: PathBuf,
-        /// The other, after.
+        /// The other, after; or a folder of archives.
         here: PathBuf,
+        /// Of the second folder take the newest results of `tapline reprocess`: it may be the same folder.
+        #[arg(long)]
+        results: bool,
     },
-    /// Write what an archive holds as pages to read and print: one a tyre, and one of the whole shift.
+    /// Write what archives hold as pages to read and print: one a tyre, and one of the whole shift.
     ///
     /// Each page is one HTML file that needs nothing else. An archive of which taps are missing is told of as far as
-    /// it goes; so is one with torn rows, and then the exit code is 3. What else was altered ends it, where it is read.
+    /// it goes.
     Report {
-        /// The archive.
-        archive: PathBuf,
-        /// Folder to write into, made when it is not there; the archive's name with `-report`, in this folder, when left
-        /// out.
+        /// Archives or files of results, or folders of archives.
+        #[arg(required = true)]
+        archives: Vec<PathBuf>,
+        /// Folder to write into, made when it is not there; the first archive's or folder's name with `-report`, in this
+        /// folder, when left out.
         #[arg(long)]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        results: ResultsArgs,
     },
     /// The contact models.
     #[command(subcommand)]
@@ -153,11 +176,11 @@ pub(crate) struct SourceArgs {
     /// Folder of recorded taps (a tap set) to scan instead of simulated tyres.
     #[arg(long)]
     pub(crate) taps: Option<PathBuf>,
-    /// The archive; `simulated.h5`, or the name of the tap set with `.h5`, in this folder when left out.
+    /// Folder for the results, one file a casing; `simulated`, or the name of the tap set, in this folder when left out.
     #[arg(long)]
     pub(crate) out: Option<PathBuf>,
     /// What shoulders are compared with, over what the configuration says: the file of a reference (`tapline reference`
-    /// makes one), TYRE/SHOULDER of this run, or `self`: each tyre with itself, where damage all round does not show.
+    /// makes one), TYRE/SHOULDER of the casing itself, or `self`: each tyre with itself, where damage all round does not show.
     #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
     pub(crate) reference: Option<String>,
     /// Stations: how many are simulated, or over how many the shoulders of a tap set are shared out.
@@ -167,9 +190,11 @@ pub(crate) struct SourceArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct ReferenceArgs {
-    /// Archives to take shoulders from.
+    /// Archives to take shoulders from, or folders of them.
     #[arg(required = true)]
     pub(crate) archives: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) results: ResultsArgs,
     /// A shoulder to take, several times for several; when left out, all that passed, or with --labelled all.
     #[arg(long = "shoulder", value_name = "TYRE/SHOULDER")]
     pub(crate) shoulders: Vec<String>,
@@ -196,15 +221,27 @@ pub(crate) enum PackedBy {
     Lz4,
     /// Blosc with Zstandard: smaller.
     Zstd,
-    /// LZF: read by h5py alone.
-    Lzf,
     /// Deflate: read by every HDF5 program, slow to write.
     Gzip,
 }
 
+/// Which files of a folder are meant.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct ResultsArgs {
+    /// Of folders take, of each casing, the newest results of `tapline reprocess` instead of its archive.
+    #[arg(long)]
+    results: bool,
+}
+
+impl ResultsArgs {
+    pub(crate) fn which(self) -> Which {
+        Which::results_if(self.results)
+    }
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct ReprocessArgs {
-    /// The archives.
+    /// The archives, or folders of them.
     #[arg(required = true)]
     pub(crate) archives: Vec<PathBuf>,
     /// Configuration file whose tables `process` and `fuse` take the place of the archive's, whole: an option that it does not
@@ -227,37 +264,70 @@ pub(crate) struct ReprocessArgs {
 pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,
-    /// Print the summary as JSON.
+    /// Say verdicts, and the summary at the end, as lines of JSON.
     #[arg(long)]
     pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct LineArgs {
-    #[command(flatten)]
-    pub(crate) source: SourceArgs,
-    /// Name of the line: stages with the same name meet. Letters, digits and '-'.
-    #[arg(long, default_value = "line")]
-    pub(crate) line: String,
-    /// Copy of the reference file that the line was started with.
-    #[arg(long, hide = true)]
-    pub(crate) reference_copy: Option<PathBuf>,
+    /// Configuration file (TOML) with the stations.
+    #[arg(long)]
+    pub(crate) config: PathBuf,
+    /// Folder for the results: a folder a day, a file a casing; made when it is not there.
+    #[arg(long)]
+    pub(crate) out: PathBuf,
+    /// What shoulders are compared with, over what the configuration says: the file of a reference (`tapline reference`
+    /// makes one), or `self`: each tyre with itself, where damage all round does not show.
+    #[arg(long, value_name = "FILE.json|self")]
+    pub(crate) reference: Option<String>,
+    /// Say verdicts as lines of JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// End after so many casings.
+    #[arg(long)]
+    pub(crate) casings: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct StatusArgs {
+    /// Folder that the line writes its results to.
+    #[arg(long)]
+    pub(crate) out: PathBuf,
+    /// Go on showing it until the line ends.
+    #[arg(long)]
+    pub(crate) follow: bool,
+    /// Print it as a line of JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct StageArgs {
+    /// Which: store, fuse, process, or acquire-NUMBER.
+    pub(crate) stage: String,
+    /// Private folder of the line.
+    #[arg(long)]
+    pub(crate) line: PathBuf,
     /// Number of the process that started this one, with which it ends.
-    #[arg(long, hide = true)]
-    pub(crate) child: Option<i32>,
+    #[arg(long)]
+    pub(crate) child: i32,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = EXPORT_FORMATS)]
 pub(crate) struct ExportArgs {
-    /// The archive.
-    pub(crate) archive: PathBuf,
+    /// Archives or files of results, or folders of archives.
+    #[arg(required = true)]
+    pub(crate) archives: Vec<PathBuf>,
     /// What to write.
     #[arg(value_enum, value_name = "WHAT")]
     pub(crate) what: What,
     /// Format; csv for a table and wav for the taps when left out.
     #[arg(long, value_enum)]
     pub(crate) format: Option<Format>,
+    #[command(flatten)]
+    pub(crate) results: ResultsArgs,
     /// File to write a table into, standard output when left out; for the taps a folder, which must be new or empty.
     #[arg(long)]
     pub(crate) out: Option<PathBuf>,
@@ -265,11 +335,11 @@ pub(crate) struct ExportArgs {
 
 const EXPORT_FORMATS: &str = "\
 A table as parquet has the columns and rows of the csv, typed, with units; sets of flags also as bits.
-Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again.
+Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again. Archives whose
+recordings or configurations differ are exported one by one.
 Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58), in N and V.
 Taps that were refused, are missing or damaged are counted, and listed in taps.csv (column `refused`); then the exit code
-is 3. It is 3 too where rows that say how taps and shoulders stand are torn; `tapline run` (of results `tapline reprocess`)
-mends those.";
+is 3. It is 3 too where one of several archives cannot be read: it is named, and the others are exported.";
 
 /// What of an archive can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -5,14 +5,15 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
-use tapline_acquire::{AcquireConfig, ScanConfig, SimulatedLine, Source, TapSet};
+use tapline_acquire::{AcquireConfig, Limits, ScanConfig, StationConfig, StationSource, validate_stations};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
-use tapline_store::{Lineage, StoreConfig};
+use tapline_store::StoreConfig;
 use tapline_wire::{Plan, Recording};
 
 use crate::cli::{LineArgs, SourceArgs};
+use crate::line::setup::{Arriving, Setup};
 use crate::lineage::made_by;
 
 /// What a configuration file says; every key has a default, and unknown keys are refused.
@@ -31,6 +32,64 @@ pub(crate) struct Config {
     pub(crate) fuse: FuseConfig,
     /// The archive.
     pub(crate) store: StoreConfig,
+    /// A line that never ends.
+    pub(crate) line: LineConfig,
+    /// Its stations.
+    pub(crate) station: Vec<StationConfig>,
+}
+
+/// A line that never ends: the table `[line]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct LineConfig {
+    /// Command that is run, by the shell, at each verdict, which it gets as a line of JSON on its standard input.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) on_verdict: Option<String>,
+    /// Most taps of a casing that comes as a tap set.
+    pub(crate) taps_max: usize,
+    /// Most samples of one of its taps, all channels together.
+    pub(crate) record_samples_max: usize,
+    /// Most shoulders, or lines of a slab, that such a casing has.
+    pub(crate) scans_max: usize,
+}
+
+impl Default for LineConfig {
+    fn default() -> Self {
+        Self { on_verdict: None, taps_max: 8192, record_samples_max: 65_536, scans_max: 64 }
+    }
+}
+
+/// Bytes of a sample in the widest format.
+const SAMPLE_BYTES_MAX: usize = 4;
+
+impl LineConfig {
+    fn validate(&self) -> Result<()> {
+        let check = |key: &str, value: usize, most: usize| {
+            ensure!((1..=most).contains(&value), "line.{key} = {value}: must be from 1 to {most}");
+            Ok(())
+        };
+        check("taps_max", self.taps_max, 1_000_000)?;
+        check("record_samples_max", self.record_samples_max, 8_000_000)?;
+        check("scans_max", self.scans_max, 1000)
+    }
+}
+
+impl Config {
+    /// What the largest casing of any station needs.
+    pub(crate) fn station_limits(&self) -> Result<Limits> {
+        let tap_sets = Limits {
+            taps: self.line.taps_max,
+            scans: self.line.scans_max,
+            cells: self.line.taps_max,
+            locations: self.line.taps_max,
+            record_bytes: self.line.record_samples_max * SAMPLE_BYTES_MAX,
+        };
+        let of = |station: &StationConfig| match station.source {
+            StationSource::Folder => tap_sets,
+            StationSource::Rig | StationSource::Simulated => self.scan.limits(&self.simulation),
+        };
+        Ok(self.station.iter().map(of).fold(Limits::default(), Limits::and))
+    }
 }
 
 /// A run as it was asked for: configuration, source and archive.
@@ -41,11 +100,20 @@ pub(crate) struct Job {
     pub(crate) config_toml: String,
     pub(crate) taps: Option<PathBuf>,
     pub(crate) out: PathBuf,
-    /// Where the reference is read from, if it is in a file.
-    reference_file: Option<PathBuf>,
-    stations: Option<u16>,
+    reference: ReferenceSource,
+    pub(crate) stations: Option<u16>,
     /// What its results are made by.
     made_by: String,
+}
+
+/// Where a reference is read from.
+#[derive(Debug)]
+enum ReferenceSource {
+    /// It is in no file.
+    None,
+    File(PathBuf),
+    /// It was read before.
+    Text(String),
 }
 
 /// A reference as it was read.
@@ -71,75 +139,137 @@ impl Job {
         config.process.validate()?;
         config.fuse.validate()?;
         config.store.validate()?;
+        config.line.validate()?;
         if args.stations == Some(0) {
             bail!("--stations is 0; at least one is needed");
         }
         let out = match (&args.out, &args.taps) {
             // A folder's name may end in a slash, and is the same run's.
             (Some(out), _) => out.components().collect(),
-            (None, None) => PathBuf::from("simulated.h5"),
+            (None, None) => PathBuf::from("simulated"),
             (None, Some(taps)) => {
                 let folder =
                     taps.canonicalize().with_context(|| format!("cannot find the tap set {}", taps.display()))?;
-                PathBuf::from(format!("{}.h5", folder.file_name().unwrap_or_default().to_string_lossy()))
+                PathBuf::from(folder.file_name().unwrap_or_default())
             }
         };
-        let reference_file = match &config.fuse.reference {
-            Some(Reference::File(path)) => Some(path.clone()),
-            _ => None,
+        let reference = match &config.fuse.reference {
+            Some(Reference::File(path)) => ReferenceSource::File(path.clone()),
+            _ => ReferenceSource::None,
         };
         let (taps, stations, made_by) = (args.taps.clone(), args.stations, made_by(&config)?);
-        Ok(Self { config, config_toml, taps, out, reference_file, stations, made_by })
+        Ok(Self { config, config_toml, taps, out, reference, stations, made_by })
     }
 
-    /// The job of a stage: its reference is read from the copy that its line made, if it made one.
-    pub(crate) fn of_stage(args: &LineArgs) -> Result<Self> {
-        let mut job = Self::resolve(&args.source)?;
-        if args.reference_copy.is_some() {
-            job.reference_file.clone_from(&args.reference_copy);
+    /// The job of `tapline line`.
+    pub(crate) fn of_line(args: &LineArgs) -> Result<Self> {
+        let source = SourceArgs {
+            config: Some(args.config.clone()),
+            taps: None,
+            out: Some(args.out.clone()),
+            reference: args.reference.clone(),
+            stations: None,
+        };
+        let job = Self::resolve(&source)?;
+        validate_stations(&job.config.station)?;
+        if let Some(Reference::Shoulder { tyre, shoulder }) = &job.config.fuse.reference {
+            bail!(
+                "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, which no casing of a \
+                 line is known to have. Make a reference file of casings that are known to be sound (`tapline reference \
+                 FOLDER --out sound.json`) and give `--reference sound.json`; to compare each casing with itself, give \
+                 `--reference self`"
+            );
         }
         Ok(job)
     }
 
+    /// The job of a stage, from the copy that its line made.
+    pub(crate) fn of_setup(setup: &Setup) -> Result<Self> {
+        let config: Config = toml::from_str(&setup.config_toml).context("the copy of the configuration is none")?;
+        let (taps, stations) = match &setup.arriving {
+            Arriving::TapSet { folder, stations } => (Some(folder.clone()), Some(*stations)),
+            Arriving::Simulated | Arriving::Stations => (None, None),
+        };
+        Ok(Self {
+            made_by: made_by(&config)?,
+            config,
+            config_toml: setup.config_toml.clone(),
+            taps,
+            out: setup.out.clone(),
+            reference: match &setup.reference {
+                Some(text) => ReferenceSource::Text(text.clone()),
+                None => ReferenceSource::None,
+            },
+            stations,
+        })
+    }
+
+    /// What its results are made by.
+    pub(crate) fn made_by(&self) -> &str {
+        &self.made_by
+    }
+
     /// Reads the reference, if it is in a file.
     pub(crate) fn reference(&self) -> Result<Option<ReferenceFile>> {
-        let Some(path) = &self.reference_file else { return Ok(None) };
-        let text =
-            std::fs::read_to_string(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
-        let set = ReferenceSet::parse(&text).with_context(|| format!("cannot use {}", path.display()))?;
+        let (text, name) = match &self.reference {
+            ReferenceSource::None => return Ok(None),
+            ReferenceSource::Text(text) => (text.clone(), "the copy of the reference".to_owned()),
+            ReferenceSource::File(path) => {
+                let name = path.display().to_string();
+                (std::fs::read_to_string(path).with_context(|| format!("cannot read the reference {name}"))?, name)
+            }
+        };
+        let set = ReferenceSet::parse(&text).with_context(|| format!("cannot use {name}"))?;
         Ok(Some(ReferenceFile { text, set: Arc::new(set) }))
     }
 
-    /// What the archive keeps of how the run began.
-    pub(crate) fn lineage<'a>(&'a self, reference: Option<&'a ReferenceFile>) -> Lineage<'a> {
-        Lineage {
-            config_toml: &self.config_toml,
-            reference: reference.map(|file| file.text.as_str()),
-            codec: self.config.store.codec,
-            made_by: &self.made_by,
-            raw: None,
-            part: None,
+    /// What makes the fusion of each casing.
+    pub(crate) fn fusions(&self) -> Result<Fusions> {
+        let set = self.reference()?.map(|file| file.set);
+        Ok(Fusions { fuse: self.config.fuse.clone(), process: self.config.process, set })
+    }
+}
+
+/// Makes the fusion of each casing, by the reference that the configuration names.
+#[derive(Debug)]
+pub(crate) struct Fusions {
+    fuse: FuseConfig,
+    process: ProcessConfig,
+    set: Option<Arc<ReferenceSet>>,
+}
+
+impl Fusions {
+    /// The fusion of the taps of `plan`.
+    pub(crate) fn of(&self, plan: &Plan) -> Result<Fusion, tapline_fuse::Error> {
+        match &self.set {
+            Some(set) => Fusion::with_reference(&self.fuse, plan, Arc::clone(set)),
+            None => Fusion::new(&self.fuse, plan),
         }
     }
 
-    /// The fusion of the taps of `plan`, by the reference that the configuration names.
-    pub(crate) fn fusion(&self, plan: &Plan) -> Result<Fusion> {
-        check_record_s(&self.config.process, &plan.recording)?;
-        Ok(match self.reference()? {
-            Some(ReferenceFile { set, .. }) => {
-                check_reference(&set, &self.config.process, &plan.recording)?;
-                Fusion::with_reference(&self.config.fuse, plan, set)?
-            }
-            None => Fusion::new(&self.config.fuse, plan)?,
-        })
+    /// The fusion of the taps of `plan`, if they are recorded and looked at as those of the reference are.
+    pub(crate) fn check(&self, plan: &Plan) -> Result<Fusion> {
+        check_record_s(&self.process, &plan.recording)?;
+        if let Some(set) = &self.set {
+            check_reference(set, &self.process, &plan.recording)?;
+        }
+        self.check_shoulder(plan)?;
+        Ok(self.of(plan)?)
     }
 
-    /// Opens the source of the taps.
-    pub(crate) fn source(&self) -> Result<Box<dyn Source>> {
-        Ok(match &self.taps {
-            Some(folder) => Box::new(TapSet::open(folder, self.stations.unwrap_or(1))?),
-            None => Box::new(SimulatedLine::new(&self.config.scan, &self.config.simulation)?),
-        })
+    /// Whether the casing of `plan` has the shoulder that the reference names: one named so is of the same casing.
+    pub(crate) fn check_shoulder(&self, plan: &Plan) -> Result<()> {
+        let Some(Reference::Shoulder { tyre, shoulder }) = &self.fuse.reference else { return Ok(()) };
+        let has_it = plan.scans().iter().any(|scan| scan.tyre == *tyre && scan.shoulder == *shoulder);
+        ensure!(
+            has_it,
+            "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, but {} does not have \
+             it. To compare casings with a sound one, make a reference file of its archive (`tapline reference FOLDER \
+             --shoulder {tyre}/{shoulder} --out sound.json`) and give `--reference sound.json`; to compare each with \
+             itself, give `--reference self`",
+            plan.scans().first().map_or_else(|| "a casing".to_owned(), |scan| format!("casing {}", scan.tyre))
+        );
+        Ok(())
     }
 }
 

@@ -1,8 +1,9 @@
 //! What made a number, and what changed between two archives' numbers.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use comfy_table::Table;
@@ -10,15 +11,40 @@ use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use tapline_store::{Judged, Reader, digest_of, hex_of};
 use tapline_wire::{Discriminator, Discriminators, Scan, TapState, Verdict};
 
+use crate::archives::{ArchiveFile, Archives, Outcome, Which, of_archive};
 use crate::config::Config;
 use crate::lineage::{changes, made_by};
 
-/// Says what the results of `archive` are made of and by; of one shoulder, and one location of it, the numbers too.
-pub(crate) fn explain(archive: &Path, shoulder: Option<&str>, location: Option<u32>) -> Result<bool> {
-    let reader = Reader::open(archive)?;
+/// Says what the results of the archives at `paths` are made of and by; of one shoulder, and one location of it, the numbers
+/// too. Of many archives only those that have that shoulder are told of.
+pub(crate) fn explain(paths: &[PathBuf], which: Which, shoulder: Option<&str>, location: Option<u32>) -> Result<bool> {
+    if shoulder.is_none() && location.is_some() {
+        bail!("--location needs --shoulder TYRE/SHOULDER");
+    }
+    let archives = Archives::find(paths, which)?;
+    let mut outcome = Outcome::of(&archives);
+    let mut told = 0;
+    for file in &archives.files {
+        let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
+        if archives.is_many && shoulder.is_some_and(|name| number_of(&reader, name).is_none()) {
+            continue;
+        }
+        let Some(text) = outcome.take(file, explained(&reader, shoulder, location))? else { continue };
+        say(&if told > 0 { format!("\n{text}") } else { text })?;
+        told += 1;
+    }
+    let is_whole = outcome.end()?;
+    match shoulder.filter(|_| told == 0 && is_whole) {
+        Some(name) => bail!("none of the {} archives has a shoulder {name:?}", archives.files.len()),
+        None => Ok(is_whole),
+    }
+}
+
+/// What is said of one archive.
+fn explained(reader: &Reader, shoulder: Option<&str>, location: Option<u32>) -> Result<String> {
     let mut text = String::new();
     let count = |state| reader.ledger().count(state);
-    writeln!(text, "{}", archive.display())?;
+    writeln!(text, "{}", reader.path().display())?;
     writeln!(text, "lineage    {}", reader.lineage_key()?)?;
     let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), count(TapState::Missing));
     writeln!(
@@ -47,19 +73,21 @@ pub(crate) fn explain(archive: &Path, shoulder: Option<&str>, location: Option<u
         let value = if value.is_empty() { "not set" } else { &value };
         writeln!(text, "           {key} = {value} (default {default})")?;
     }
-    match shoulder {
-        None if location.is_some() => bail!("--location needs --shoulder TYRE/SHOULDER"),
-        None => {}
-        Some(name) => shoulder_of(&reader, name, location, &mut text)?,
+    if let Some(name) = shoulder {
+        shoulder_of(reader, name, location, &mut text)?;
     }
-    Ok(say(&text)? && !reader.is_torn())
+    Ok(text)
+}
+
+/// Number of the scan of the shoulder `name`.
+fn number_of(reader: &Reader, name: &str) -> Option<usize> {
+    let named = |scan: &Scan| format!("{}/{}", scan.tyre, scan.shoulder);
+    reader.plan().scans().iter().position(|scan| named(scan) == name)
 }
 
 /// Adds what is known of the shoulder `name`, and of the taps of its location `location`.
 fn shoulder_of(reader: &Reader, name: &str, location: Option<u32>, text: &mut String) -> Result<()> {
-    let named = |scan: &Scan| format!("{}/{}", scan.tyre, scan.shoulder);
-    let number = reader.plan().scans().iter().position(|scan| named(scan) == name);
-    let number = number.with_context(|| format!("the archive has no shoulder {name:?}"))?;
+    let number = number_of(reader, name).with_context(|| format!("the archive has no shoulder {name:?}"))?;
     let scan = &reader.plan().scans()[number];
     match &reader.judgements()?[number] {
         None => writeln!(text, "shoulder   {name}: not judged")?,
@@ -117,8 +145,46 @@ fn shoulder_of(reader: &Reader, name: &str, location: Option<u32>, text: &mut St
     Ok(())
 }
 
-/// Says what changed from the results of `there` to those of `here`: lineage first, then numbers.
-pub(crate) fn diff(there: &Path, here: &Path) -> Result<bool> {
+/// Says what changed from the results at `there` to those at `here`: lineage first, then numbers. Where one is a folder, the
+/// casings are paired by name; `which` files of the folder `here` are meant.
+pub(crate) fn diff(there: &Path, here: &Path, which: Which) -> Result<bool> {
+    if !there.is_dir() && !here.is_dir() {
+        return say(&difference(there, here)?);
+    }
+    let (before, after) = (Archives::find(&[there], Which::Casings)?, Archives::find(&[here], which)?);
+    let mut partners: BTreeMap<String, &ArchiveFile> = after.files.iter().map(|file| (casing_of(file), file)).collect();
+    let mut outcome = Outcome::of(&Archives { is_many: true, ..before.clone() });
+    let alone = |file: &ArchiveFile| say(&format!("{}: without a partner\n", file.path.display()));
+    for file in &before.files {
+        match partners.remove(&casing_of(file)) {
+            // A casing that was named alone has what it is to be compared with in the folder, and the rest there counts not.
+            None => outcome.note(!alone(file)?),
+            Some(other) => {
+                let text = outcome.take(file, difference(&file.path, &other.path))?;
+                let named = |text| format!("{} -> {}\n{text}", file.path.display(), other.path.display());
+                say(&text.map(named).unwrap_or_default())?;
+            }
+        }
+    }
+    if there.is_dir() && here.is_dir() {
+        for file in partners.values() {
+            outcome.note(!alone(file)?);
+        }
+    }
+    outcome.end()
+}
+
+/// Name of the casing whose archive, or whose results, `file` has.
+fn casing_of(file: &ArchiveFile) -> String {
+    let name = file.casing();
+    match of_archive(&file.path) {
+        Some(of) => of.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        None => name,
+    }
+}
+
+/// What changed from one file to another.
+fn difference(there: &Path, here: &Path) -> Result<String> {
     let (a, b) = (Reader::open(there)?, Reader::open(here)?);
     if a.plan().digest() != b.plan().digest() {
         bail!(
@@ -144,7 +210,7 @@ pub(crate) fn diff(there: &Path, here: &Path) -> Result<bool> {
     for ((scan, a), b) in a.plan().scans().iter().zip(a.judgements()?).zip(b.judgements()?) {
         writeln!(text, "{}/{}  {}", scan.tyre, scan.shoulder, judged(a.as_ref(), b.as_ref()))?;
     }
-    Ok(say(&text)? && !a.is_torn() && !b.is_torn())
+    Ok(text)
 }
 
 fn discriminators(a: &[Option<Discriminators>], b: &[Option<Discriminators>], text: &mut String) -> Result<()> {

@@ -1,11 +1,13 @@
 //! The verb `export`: what an archive holds, for other programs.
 
 use std::io::{self, BufWriter, IsTerminal as _, Write};
+use std::path::Path;
 
 use anyhow::{Result, bail};
 use clap::ValueEnum as _;
-use tapline_store::{Export, Reader, TapCounts, UffEncoding, export_parquet, export_tap_set, export_uff};
+use tapline_store::{Export, Reader, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder};
 
+use crate::archives::{Archives, Outcome};
 use crate::cli::{ExportArgs, Format, What};
 use crate::whole::whole_file;
 
@@ -26,23 +28,72 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
         What::Taps => return taps(args),
     };
     let format = allowed(args, &OF_TABLES)?;
-    let reader = Reader::open(&args.archive)?;
+    let archives = Archives::find(&args.archives, args.results.which())?;
     match &args.out {
         None if format == Format::Parquet && io::stdout().is_terminal() => {
             bail!("Parquet is no text for a terminal; name a file with --out, or redirect the output");
         }
-        None => quiet_pipe(write(&reader, table, format, BufWriter::new(io::stdout())))?,
-        Some(path) => whole_file(path, |file| write(&reader, table, format, BufWriter::new(file)))?,
+        None => quiet_pipe(write(&archives, table, format, BufWriter::new(io::stdout()))),
+        Some(path) => {
+            let mut is_whole = false;
+            whole_file(path, |file| {
+                is_whole = write(&archives, table, format, BufWriter::new(file))?;
+                anyhow::Ok(())
+            })?;
+            Ok(is_whole)
+        }
     }
-    // Of what was torn a table alone says nothing.
-    Ok(!reader.is_torn())
 }
 
-fn write(reader: &Reader, table: Export, format: Format, out: impl Write + Send) -> tapline_store::Result<()> {
-    if format == Format::Parquet {
-        export_parquet(reader, table, out)
-    } else {
-        tapline_store::export(reader, table, out)
+/// Writes the table of all archives, one at a time; whether none was left out.
+fn write(archives: &Archives, table: Export, format: Format, out: impl Write + Send) -> Result<bool> {
+    let mut file = match format {
+        Format::Parquet => TableFile::parquet(table, out),
+        _ => TableFile::csv(table, out),
+    };
+    let mut outcome = Outcome::of(archives);
+    for archive in &archives.files {
+        let name = archive.name.to_string_lossy();
+        let added =
+            Reader::open(&archive.path).and_then(|reader| file.add(&reader, archives.is_many.then_some(&*name)));
+        // Where the table cannot be written there is nothing to go on with.
+        match added {
+            Err(error @ (tapline_store::Error::Csv(_) | tapline_store::Error::Parquet(_))) => return Err(error.into()),
+            added => outcome.take(archive, added)?,
+        };
+    }
+    let is_whole = outcome.end()?;
+    file.finish()?;
+    Ok(is_whole)
+}
+
+/// A folder that taps are written into.
+enum TapFolder {
+    Wav(Box<TapSetFolder>),
+    Uff(Box<UffFolder>),
+}
+
+impl TapFolder {
+    fn begin(folder: &Path, format: Format) -> Result<Self> {
+        Ok(match format {
+            Format::Uff => Self::Uff(Box::new(UffFolder::begin(folder, UffEncoding::Binary)?)),
+            Format::UffAscii => Self::Uff(Box::new(UffFolder::begin(folder, UffEncoding::Ascii)?)),
+            _ => Self::Wav(Box::new(TapSetFolder::begin(folder)?)),
+        })
+    }
+
+    fn add(&mut self, reader: &Reader) -> tapline_store::Result<()> {
+        match self {
+            Self::Wav(folder) => folder.add(reader),
+            Self::Uff(folder) => folder.add(reader),
+        }
+    }
+
+    fn finish(self) -> tapline_store::Result<TapCounts> {
+        match self {
+            Self::Wav(folder) => folder.finish(),
+            Self::Uff(folder) => folder.finish(),
+        }
     }
 }
 
@@ -51,20 +102,28 @@ fn taps(args: &ExportArgs) -> Result<bool> {
     let Some(folder) = &args.out else {
         bail!("taps are many files; name a new or empty folder for them with --out");
     };
-    let reader = Reader::open(&args.archive)?;
-    let counts = match format {
-        Format::Uff => export_uff(&reader, folder, UffEncoding::Binary),
-        Format::UffAscii => export_uff(&reader, folder, UffEncoding::Ascii),
-        _ => export_tap_set(&reader, folder),
-    };
-    let TapCounts { written, refused, missing, damaged } = counts?;
-    let is_whole = refused == 0 && missing == 0 && damaged == 0 && !reader.is_torn();
+    let archives = Archives::find(&args.archives, args.results.which())?;
+    let mut outcome = Outcome::of(&archives);
+    // What cannot be read leaves no folder.
+    let mut out = None;
+    for archive in &archives.files {
+        let Some(reader) = outcome.take(archive, Reader::open(&archive.path))? else { continue };
+        let out = match &mut out {
+            Some(out) => out,
+            none => none.insert(TapFolder::begin(folder, format)?),
+        };
+        // A part of an archive's taps may be in the folder already: none of it is left.
+        out.add(&reader)?;
+    }
+    let is_whole = outcome.end()?;
+    let counts = out.map(TapFolder::finish).transpose()?.unwrap_or_default();
+    let TapCounts { written, refused, missing, damaged } = counts;
     let hurt = if damaged == 0 { String::new() } else { format!(", {damaged} damaged") };
     let is_listed = refused + missing + damaged > 0;
     let why = if is_listed { "; taps.csv says which and why" } else { "" };
     let folder = folder.display();
     writeln!(io::stdout().lock(), "{folder}: {written} taps written, {refused} refused, {missing} missing{hurt}{why}")?;
-    Ok(is_whole)
+    Ok(is_whole && !is_listed)
 }
 
 /// The format that is asked for, or the first of `formats`, which are those that there are.
@@ -80,11 +139,15 @@ fn allowed(args: &ExportArgs, formats: &[Format]) -> Result<Format> {
 }
 
 /// A reader that has seen enough, as `head` has, is no failure.
-fn quiet_pipe(written: tapline_store::Result<()>) -> Result<()> {
-    match written {
-        Err(tapline_store::Error::Csv(error)) if matches!(error.kind(), csv::ErrorKind::Io(e) if e.kind() == io::ErrorKind::BrokenPipe) => {
-            Ok(())
+fn quiet_pipe(written: Result<bool>) -> Result<bool> {
+    let is_pipe = |error: &anyhow::Error| match error.downcast_ref::<tapline_store::Error>() {
+        Some(tapline_store::Error::Csv(error)) => {
+            matches!(error.kind(), csv::ErrorKind::Io(error) if error.kind() == io::ErrorKind::BrokenPipe)
         }
-        other => Ok(other?),
+        _ => false,
+    };
+    match written {
+        Err(error) if is_pipe(&error) => Ok(true),
+        other => other,
     }
 }

@@ -3,8 +3,8 @@
 //! This package is glue: it reads the command line and the configuration, starts the stages of a line as processes and
 //! heals them, and prints. What is computed is computed in the libraries.
 
+mod archives;
 mod bus;
-mod child;
 mod cli;
 mod config;
 mod contact;
@@ -17,17 +17,18 @@ mod line;
 mod lineage;
 mod palette;
 mod pen;
-mod progress;
 mod record;
 mod reference;
+mod repack;
 mod report;
 mod reprocess;
-mod stage;
+mod rig;
 mod stats;
 mod study;
 mod summary;
 mod tables;
 mod tell;
+mod verify;
 mod whole;
 
 use std::io::IsTerminal as _;
@@ -36,10 +37,12 @@ use std::process::ExitCode;
 use clap::Parser as _;
 use tracing_subscriber::EnvFilter;
 
+use crate::archives::Which;
 use crate::cli::{Cli, ModelVerb, Verb};
+use crate::line::stage::{DISK_FAILED, DiskFailed};
 use crate::tell::tell;
 
-/// Ended, but not whole: taps are missing, refused or damaged, rows are torn, or the archive contradicts itself.
+/// Ended, but not whole: taps are missing, refused or damaged, an archive was left out, or contradicts itself.
 const INCOMPLETE: u8 = 3;
 
 fn main() -> ExitCode {
@@ -59,6 +62,10 @@ fn main() -> ExitCode {
         Ok(false) => ExitCode::from(INCOMPLETE),
         Err(error) => {
             tracing::debug!(?error);
+            // A disk that has failed is in the log already.
+            if error.is::<DiskFailed>() {
+                return ExitCode::from(DISK_FAILED);
+            }
             tell(&format!("tapline: {}", told(&error)));
             ExitCode::FAILURE
         }
@@ -78,19 +85,20 @@ fn told(error: &anyhow::Error) -> String {
 fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
     match verb {
         Verb::Run(args) => line::run(args),
-        Verb::Acquire { line, station } => stage::acquire(line, *station),
-        Verb::Process(line) => stage::process(line),
-        Verb::Fuse(line) => stage::fuse(line),
-        Verb::Store(line) => stage::store(line),
+        Verb::Line(args) => line::line(args),
+        Verb::Status(args) => line::status::status(args),
+        Verb::Rig { listen, config } => rig::rig(listen, config.as_deref()),
+        Verb::Stage(args) => line::stage::stage(args),
         Verb::Export(args) => export::export(args),
         Verb::Reference(args) => reference::reference(args),
-        Verb::Verify { archive, json, here: true } => tables::verify_here(archive, *json),
-        Verb::Verify { archive, json, here: false } => tables::verify(archive, *json),
+        Verb::Verify { archives, json, here } => verify::verify(archives, *json, *here),
         Verb::Reprocess(args) => reprocess::reprocess(args),
-        Verb::Repack { archive, codec, out } => tables::repack(archive, (*codec).into(), out),
-        Verb::Explain { archive, shoulder, location } => explain::explain(archive, shoulder.as_deref(), *location),
-        Verb::Diff { there, here } => explain::diff(there, here),
-        Verb::Report { archive, out } => report::report(archive, out.as_deref()),
+        Verb::Repack { archives, codec, out } => repack::repack(archives, (*codec).into(), out),
+        Verb::Explain { archives, shoulder, location, results } => {
+            explain::explain(archives, results.which(), shoulder.as_deref(), *location)
+        }
+        Verb::Diff { there, here, results } => explain::diff(there, here, Which::results_if(*results)),
+        Verb::Report { archives, out, results } => report::report(archives, results.which(), out.as_deref()),
         Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Study(args) => study::study(args),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),

@@ -10,8 +10,9 @@ use comfy_table::Table;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference};
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Verdict};
+use tapline_wire::{Discriminator, Discriminators, Verdict};
 
+use crate::archives::{Archives, Outcome};
 use crate::cli::ReferenceArgs;
 use crate::config::{Config, differences, process_of};
 use crate::tell::tell;
@@ -28,25 +29,26 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     let names_none = wanted.is_empty();
     let mut built: Option<Built> = None;
     let (mut shoulders, mut lineage) = (Vec::new(), Vec::new());
-    for path in &args.archives {
-        let reader = Reader::open(path)?;
-        if reader.torn_row_count() > 0 {
-            bail!(
-                "{}: {} rows that say how its taps and shoulders stand are torn; {} it again, which mends them",
-                path.display(),
-                reader.torn_row_count(),
-                if reader.is_results() { "reprocess" } else { "run" }
-            );
-        }
+    let archives = Archives::find(&args.archives, args.results.which())?;
+    let mut outcome = Outcome::of(&archives);
+    let mut first = None;
+    for file in &archives.files {
+        let path = &file.path;
+        let Some(reader) = outcome.take(file, Reader::open(path))? else { continue };
+        let Some(records) = outcome.take(file, reader.discriminators())? else { continue };
+        let records: Vec<_> = records.into_iter().flatten().collect();
         let config: Config =
             toml::from_str(reader.config()).with_context(|| format!("the configuration in {}", path.display()))?;
         let process = process_of(&config.process, &reader.plan().recording)?;
         match &built {
-            None => built = Some(start(args, &config, process)?),
+            None => {
+                built = Some(start(args, &config, process)?);
+                first = Some(path);
+            }
             Some(built) if built.process != process => bail!(
                 "{}: its taps were recorded or analysed otherwise than those of {}: {}",
                 path.display(),
-                args.archives[0].display(),
+                first.unwrap_or(path).display(),
                 differences(&built.process, &process)
             ),
             Some(_) => {}
@@ -64,7 +66,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
             }
             false => wanted.remove(name),
         };
-        take(args, path, &reader, is_wanted, &mut shoulders)?;
+        take(args, &reader, &records, is_wanted, &mut shoulders)?;
         if shoulders.len() > before {
             lineage.push(Origin {
                 archive: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -76,13 +78,14 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if let Some(missing) = wanted.first() {
         bail!("--shoulder {missing} is in none of the archives");
     }
+    let is_whole = outcome.end()?;
     let mut built = built.context("no archive is named")?;
     built.lineage = lineage;
     let set = build_reference(&built, shoulders)?;
     let text = set.text()?;
     whole_file(&args.out, |mut file| file.write_all(text.as_bytes()))?;
     print(&args.out, &set)?;
-    Ok(true)
+    Ok(is_whole)
 }
 
 fn start(args: &ReferenceArgs, of_archive: &Config, process: String) -> Result<Built> {
@@ -100,12 +103,12 @@ fn start(args: &ReferenceArgs, of_archive: &Config, process: String) -> Result<B
 /// Takes the shoulders of an archive that `is_wanted`.
 fn take(
     args: &ReferenceArgs,
-    path: &Path,
     reader: &Reader,
+    records: &[Discriminators],
     mut is_wanted: impl FnMut(&str, bool) -> bool,
     shoulders: &mut Vec<KnownShoulder>,
 ) -> Result<()> {
-    let records: Vec<_> = reader.discriminators()?.into_iter().flatten().collect();
+    let path = reader.path();
     let truth = args.labelled.then(|| reader.truth());
     for (number, (scan, judged)) in reader.plan().scans().iter().zip(reader.judgements()?).enumerate() {
         let name = format!("{}/{}", scan.tyre, scan.shoulder);
@@ -113,7 +116,7 @@ fn take(
         if !is_wanted(&name, has_passed) {
             continue;
         }
-        let shoulder = KnownShoulder::of(reader.plan(), &records, number, truth);
+        let shoulder = KnownShoulder::of(reader.plan(), records, number, truth);
         let shoulder = shoulder.with_context(|| format!("{} has no scan {number}", path.display()))?;
         let is_known_cracked = |&(location, _): &(u32, Option<f64>)| {
             reader.truth().get(&(scan.tyre, scan.shoulder, location)) == Some(&true)

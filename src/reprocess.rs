@@ -15,13 +15,14 @@ use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_store::{Lineage, PutOutcome, Reader, Room, RunWriter, Taps, lineage_key};
+use tapline_store::{Lineage, PutOutcome, Reader, Room, Taps, Writer, lineage_key};
 use tapline_wire::{Discriminators, ScanState, TapHeader, TapState};
 
+use crate::archives::{Archives, KEY_DIGITS, Outcome, Which};
 use crate::cli::ReprocessArgs;
 use crate::config::Config;
+use crate::line::progress::Progress;
 use crate::lineage::{made_by, of_discriminators};
-use crate::progress::Progress;
 
 /// Most threads that may be asked for.
 const JOBS_MAX: usize = 1024;
@@ -41,20 +42,15 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
         jobs => jobs,
     };
     ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
-    let (mut is_whole, mut failed) = (true, 0);
-    for archive in &args.archives {
-        match again(archive, args, jobs).with_context(|| format!("cannot judge {} again", archive.display())) {
-            Ok(this_is_whole) => is_whole &= this_is_whole,
-            // The others are done all the same.
-            Err(error) if args.archives.len() > 1 => {
-                tracing::error!("{}", crate::told(&error));
-                failed += 1;
-            }
-            Err(error) => return Err(error),
+    let archives = Archives::find(&args.archives, Which::Casings)?;
+    let mut outcome = Outcome::of(&archives);
+    for file in &archives.files {
+        let done = again(&file.path, args, jobs).with_context(|| format!("cannot judge {} again", file.path.display()));
+        if let Some(is_whole) = outcome.take(file, done)? {
+            outcome.note(is_whole);
         }
     }
-    ensure!(failed == 0, "{failed} of {} archives could not be judged again", args.archives.len());
-    Ok(is_whole)
+    outcome.end()
 }
 
 /// What is to be done with one archive.
@@ -134,16 +130,32 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         made_by: &task.made_by,
         ..task.config_toml.as_str().into()
     };
+    // The same results were finished before.
+    if let Ok(there) = Reader::open(&out)
+        && there.is_results()
+        && there.lineage_key()? == key
+    {
+        writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
+        return Ok(is_whole(&there));
+    }
     let plan = task.reader.plan();
     // What cannot be judged leaves no file.
     let mut fusion = task.fusion()?;
-    let mut writer = RunWriter::of_results(&out, &task.reader, lineage)?;
+    let mut writer = match Writer::results(&out, &task.reader, lineage) {
+        // The same results were made before.
+        Err(tapline_store::Error::Finished { .. }) => {
+            writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
+            let ledger = Reader::open(&out)?.ledger().clone();
+            return Ok(ledger.is_judged() && ledger.count(TapState::Missing) == 0);
+        }
+        writer => writer?,
+    };
     let begin = Instant::now();
     let settled_before = settled(&writer);
     let is_old = of_discriminators(task.reader.made_by()) == of_discriminators(&task.made_by) && !args.from_samples;
     let how = if is_old { "from its discriminators" } else { "from its samples" };
     let mut progress = Progress::begin(
-        plan.taps().len(),
+        Some(plan.taps().len()),
         &format!("judging {} again {how}, into {}", archive.display(), out.display()),
     );
     refuse(&task.reader, &mut writer)?;
@@ -167,28 +179,28 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let rate = done as f64 / took_s;
     progress.say(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..KEY_DIGITS]));
     writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
-    Ok(is_whole && !task.reader.is_torn())
+    Ok(is_whole)
 }
 
-/// Digits of the lineage key in the name of a file of results.
-const KEY_DIGITS: usize = 12;
-
-/// The file of the results of lineage `key`, beside `archive`, or a folder of such in that of a run.
+/// The file of the results of lineage `key`, beside `archive`.
 fn beside(archive: &Path, key: &str) -> PathBuf {
-    if archive.is_dir() {
-        return archive.join(&key[..KEY_DIGITS]);
-    }
     let stem = archive.file_stem().unwrap_or_default().to_string_lossy();
     archive.with_file_name(format!("{stem}.{}.h5", &key[..KEY_DIGITS]))
 }
 
-fn settled(writer: &RunWriter) -> usize {
+/// Whether every tap of finished results is settled, and every shoulder judged.
+fn is_whole(results: &Reader) -> bool {
+    let ledger = results.ledger();
+    ledger.is_judged() && ledger.count(TapState::Missing) == 0
+}
+
+fn settled(writer: &Writer) -> usize {
     let ledger = writer.ledger();
     ledger.taps().len() - ledger.count(TapState::Missing)
 }
 
 /// Carries over the taps that never came, with their reasons.
-fn refuse(reader: &Reader, writer: &mut RunWriter) -> Result<()> {
+fn refuse(reader: &Reader, writer: &mut Writer) -> Result<()> {
     for refusal in reader.refusals()? {
         writer.put_refusal(refusal.plan_index, &refusal.id, &refusal.reason)?;
     }
@@ -199,9 +211,9 @@ fn refuse(reader: &Reader, writer: &mut RunWriter) -> Result<()> {
 fn extract(
     taps: &Taps,
     config: &ProcessConfig,
-    writer: &mut RunWriter,
+    writer: &mut Writer,
     jobs: usize,
-    mut tell: impl FnMut(&RunWriter),
+    mut tell: impl FnMut(&Writer),
 ) -> Result<()> {
     let to_do: Vec<u32> =
         (0..).zip(writer.ledger().taps()).filter(|(_, s)| **s == TapState::Missing).map(|(k, _)| k).collect();
@@ -269,14 +281,14 @@ fn work(
 }
 
 /// Puts what was found in a tap into the results, where nothing else may stand.
-fn put(writer: &mut RunWriter, found: &Discriminators) -> Result<()> {
+fn put(writer: &mut Writer, found: &Discriminators) -> Result<()> {
     let outcome = writer.put_discriminators(found)?;
     ensure!(outcome != PutOutcome::Conflict, "other values of {} stand under the same lineage", found.id);
     Ok(())
 }
 
 /// Judges the scans that had ended when the taps were taken.
-fn judge(reader: &Reader, writer: &mut RunWriter, fusion: &mut Fusion) -> Result<()> {
+fn judge(reader: &Reader, writer: &mut Writer, fusion: &mut Fusion) -> Result<()> {
     writer.flush()?;
     let mut from = Some(0);
     while let Some(row) = from {

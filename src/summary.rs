@@ -1,6 +1,6 @@
 //! What a run ends with: the verdict on every shoulder, how good they are where the truth is known, how fast it went.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write as _};
 use std::sync::Arc;
 
@@ -8,34 +8,31 @@ use anyhow::Result;
 use comfy_table::Table;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde::Serialize;
-use tapline_fuse::{Fusion, Reference, ReferenceSet, Score};
-use tapline_store::{Reader, regions};
-use tapline_wire::{DamageCell, Discriminator, Judgement, Quality, Reasons, TapState, Verdict};
+use tapline_fuse::{Fusion, Reference, ReferenceSet, Score, ScorePool};
+use tapline_store::Reader;
+use tapline_wire::{Discriminator, Quality, Reasons, TapState};
 
 use crate::config::Job;
-use crate::stage::{StageReport, Work};
+use crate::line::setup::Setup;
+use crate::line::stage::Work;
+use crate::line::supervisor::Pace;
+use crate::line::verdicts::ShoulderVerdict;
 
-/// How a run went, as the line saw it.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Pace {
-    /// Taps that were settled before the run; `None` when there was nothing to do.
-    pub(crate) settled_before: Option<usize>,
-    /// Time that took.
-    pub(crate) elapsed_s: f64,
-    /// How often each stage was restarted.
-    pub(crate) restarts: Vec<(String, u32)>,
-    /// What the stages said when they ended.
-    pub(crate) reports: Vec<StageReport>,
-}
+/// Casings over which the index is scored again against the truth: it takes as long as to judge them eight times.
+const SCORED_MAX: usize = 64;
 
 #[derive(Debug, Serialize)]
 struct Summary {
-    archive: String,
+    kind: &'static str,
+    out: String,
     is_whole: bool,
+    casings: usize,
+    /// Casings without a finished file.
+    unfinished: usize,
     archived: usize,
     refused: usize,
     missing: usize,
-    verdicts: Vec<ShoulderLine>,
+    verdicts: Vec<ShoulderVerdict>,
     #[serde(skip_serializing_if = "Option::is_none")]
     auc: Option<Auc>,
     reference_is_self: bool,
@@ -47,24 +44,13 @@ struct Summary {
 }
 
 #[derive(Debug, Serialize)]
-struct ShoulderLine {
-    tyre: String,
-    shoulder: u16,
-    station: u16,
-    verdict: Verdict,
-    reasons: String,
-    regions: usize,
-    peak_damage_index: Option<f64>,
-    peak_location: Option<u32>,
-    limit_reject: Option<f64>,
-}
-
-#[derive(Debug, Serialize)]
 struct Auc {
     index: Option<f64>,
     discriminators: Vec<(&'static str, Option<f64>)>,
     cracked: u32,
     sound: u32,
+    /// Casings that are scored.
+    casings: usize,
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -84,123 +70,118 @@ struct PaceLine {
     peak_memory_mb: Vec<(String, f64)>,
 }
 
-/// Prints the summary of the archive of `job`; whether nothing is missing, refused or contradicted.
-pub(crate) fn summarise(job: &Job, pace: Pace, as_json: bool) -> Result<bool> {
-    let reader = Reader::open(&job.out)?;
-    let ledger = reader.ledger();
-    let count = |state| ledger.count(state);
-    let settled = ledger.taps().iter().filter(|state| state.is_settled()).count();
-    let pace = pace_line(&pace, settled);
+/// What is summed up over the casings, one file at a time.
+#[derive(Default)]
+struct Sum {
+    verdicts: Vec<ShoulderVerdict>,
+    unfinished: usize,
+    counts: [usize; 3],
+    is_judged: bool,
+    flags: BTreeMap<&'static str, usize>,
+    fallbacks: BTreeSet<String>,
+    scores: ScorePool,
+    has_truth: bool,
+    scored: usize,
+}
+
+/// Prints the summary of the casings `names` of `job`; whether nothing is missing, refused or contradicted.
+pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, as_json: bool) -> Result<bool> {
+    let mut sum = Sum { is_judged: true, ..Sum::default() };
+    let places = setup.places();
+    for name in names {
+        match places.finished(name) {
+            Some(path) => add(&mut sum, job, &Reader::open(path)?)?,
+            None => sum.unfinished += 1,
+        }
+    }
+    let pace = pace_line(&pace);
+    let [archived, refused, missing] = sum.counts;
+    let is_whole = sum.unfinished == 0 && refused == 0 && missing == 0 && sum.is_judged && pace.conflicts == 0;
     let summary = Summary {
-        archive: job.out.display().to_string(),
-        is_whole: count(TapState::Archived) == ledger.taps().len() && ledger.is_judged() && pace.conflicts == 0,
-        archived: count(TapState::Archived),
-        refused: count(TapState::Refused),
-        missing: count(TapState::Missing),
-        verdicts: shoulders(&reader)?,
-        auc: auc(job, &reader)?,
-        flags: flags(&reader)?,
-        fallbacks: fallbacks(job, &reader)?,
+        kind: "summary",
+        out: job.out.display().to_string(),
+        is_whole,
+        casings: names.len(),
+        unfinished: sum.unfinished,
+        archived,
+        refused,
+        missing,
+        verdicts: sum.verdicts,
+        auc: sum.has_truth.then(|| Auc::of(&sum.scores.score(), sum.scored)),
+        flags: Quality::ALL.iter().filter_map(|&(_, name)| Some((name, *sum.flags.get(name)?))).collect(),
+        fallbacks: sum.fallbacks.into_iter().collect(),
         reference_is_self: job.config.fuse.reference == Some(Reference::Own),
         pace,
     };
     let mut out = io::stdout().lock();
     if as_json {
-        writeln!(out, "{}", serde_json::to_string_pretty(&summary)?)?;
+        writeln!(out, "{}", serde_json::to_string(&summary)?)?;
     } else {
         print(&mut out, &summary)?;
     }
     Ok(summary.is_whole)
 }
 
-/// Why verdicts of the archive fell back. Learned from the archive again, so that it is said also when another `fuse`, or
-/// an earlier run, reached them.
-fn fallbacks(job: &Job, reader: &Reader) -> Result<Vec<String>> {
-    let judgements = reader.judgements()?;
-    let fell_back = |judged: &Option<(Judgement, _)>| {
-        judged.as_ref().is_some_and(|(judgement, _)| judgement.reasons.contains(Reasons::FELL_BACK))
-    };
-    let scans: Vec<usize> = (0..judgements.len()).filter(|&scan| fell_back(&judgements[scan])).collect();
-    if scans.is_empty() {
-        return Ok(Vec::new());
+/// Adds the casing of one file.
+fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
+    let ledger = reader.ledger();
+    let states = [TapState::Archived, TapState::Refused, TapState::Missing];
+    for (count, state) in sum.counts.iter_mut().zip(states) {
+        *count += ledger.count(state);
     }
-    let mut fusion = match reader.reference() {
-        Some(text) => Fusion::with_reference(&job.config.fuse, reader.plan(), Arc::new(ReferenceSet::parse(text)?))?,
-        None => Fusion::new(&job.config.fuse, reader.plan())?,
-    };
-    for record in reader.discriminators()?.iter().flatten() {
-        fusion.push(record)?;
-    }
-    let mut texts = BTreeSet::new();
-    for scan in scans {
-        texts.extend(fusion.fallbacks(scan)?);
-    }
-    Ok(texts.into_iter().collect())
-}
-
-fn flags(reader: &Reader) -> Result<Vec<(&'static str, usize)>> {
+    sum.is_judged &= ledger.is_judged();
     let found = reader.discriminators()?;
-    let count = |flag| found.iter().flatten().filter(|record| record.quality.contains(flag)).count();
-    let all = Quality::ALL.iter().map(|&(flag, name)| (name, count(flag)));
-    Ok(all.filter(|&(_, count)| count > 0).collect())
-}
-
-fn shoulders(reader: &Reader) -> Result<Vec<ShoulderLine>> {
-    let plan = reader.plan();
-    let judgements = reader.judgements()?;
-    Ok(plan.scans().iter().zip(judgements).map(|(scan, judged)| shoulder(reader, scan, judged)).collect())
-}
-
-fn shoulder(reader: &Reader, scan: &tapline_wire::Scan, judged: Option<(Judgement, Vec<DamageCell>)>) -> ShoulderLine {
-    let mut line = ShoulderLine {
-        tyre: scan.tyre.to_string(),
-        shoulder: scan.shoulder,
-        station: scan.station,
-        verdict: Verdict::ReInspect,
-        reasons: Reasons::NOT_ENDED.to_string(),
-        regions: 0,
-        peak_damage_index: None,
-        peak_location: None,
-        limit_reject: None,
-    };
-    if let Some((judgement, cells)) = judged {
-        let peak = cells
-            .iter()
-            .filter(|cell| !cell.damage_index.is_nan())
-            .max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
-        line.verdict = Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect);
-        line.reasons = judgement.reasons.to_string();
-        line.regions = regions(reader.plan().geometry, &cells).len();
-        line.peak_damage_index = peak.map(|cell| cell.damage_index);
-        line.peak_location = peak.map(|cell| cell.location);
-        line.limit_reject = Some(judgement.limit_reject).filter(|l| l.is_finite());
-    }
-    line
-}
-
-fn auc(job: &Job, reader: &Reader) -> Result<Option<Auc>> {
-    if reader.truth().is_empty() {
-        return Ok(None);
-    }
-    let records: Vec<_> = reader.discriminators()?.into_iter().flatten().collect();
-    let score = match reader.reference() {
-        Some(text) => {
-            let set = Arc::new(ReferenceSet::parse(text)?);
-            Score::by_reference(&job.config.fuse, reader.plan(), set, &records)?
+    for &(flag, name) in Quality::ALL {
+        let count = found.iter().flatten().filter(|record| record.quality.contains(flag)).count();
+        if count > 0 {
+            *sum.flags.entry(name).or_default() += count;
         }
-        None => Score::of(&job.config.fuse, reader.plan(), &records)?,
+    }
+    let judgements = reader.judgements()?;
+    let fell_back: Vec<usize> = (0..judgements.len())
+        .filter(|&scan| judgements[scan].as_ref().is_some_and(|(j, _)| j.reasons.contains(Reasons::FELL_BACK)))
+        .collect();
+    let records: Vec<_> = found.into_iter().flatten().collect();
+    let fusion = || -> Result<Fusion> {
+        Ok(match reader.reference() {
+            Some(text) => {
+                Fusion::with_reference(&job.config.fuse, reader.plan(), Arc::new(ReferenceSet::parse(text)?))?
+            }
+            None => Fusion::new(&job.config.fuse, reader.plan())?,
+        })
     };
-    Ok(Some(Auc {
-        index: score.index,
-        discriminators: Discriminator::ALL.iter().map(|d| d.name()).zip(score.discriminators).collect(),
-        cracked: score.cracked_count,
-        sound: score.sound_count,
-    }))
+    // Why verdicts fell back is learned from the archive again, so that it is said also when an earlier run reached them.
+    if !fell_back.is_empty() && sum.fallbacks.is_empty() {
+        let mut fusion = fusion()?;
+        records.iter().try_for_each(|record| fusion.push(record))?;
+        for scan in fell_back {
+            sum.fallbacks.extend(fusion.fallbacks(scan)?);
+        }
+    }
+    if !reader.truth().is_empty() && sum.scored < SCORED_MAX {
+        (sum.has_truth, sum.scored) = (true, sum.scored + 1);
+        sum.scores.add(fusion()?, &records)?;
+    }
+    let shoulders = reader.plan().scans().iter().zip(judgements);
+    sum.verdicts.extend(shoulders.map(|(scan, judged)| ShoulderVerdict::of(reader, scan, judged)));
+    Ok(())
+}
+
+impl Auc {
+    fn of(score: &Score, casings: usize) -> Self {
+        Self {
+            index: score.index,
+            discriminators: Discriminator::ALL.iter().map(|d| d.name()).zip(score.discriminators).collect(),
+            cracked: score.cracked_count,
+            sound: score.sound_count,
+            casings,
+        }
+    }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "figures for people to read")]
-fn pace_line(pace: &Pace, settled: usize) -> PaceLine {
-    let taps = pace.settled_before.map_or(0, |before| settled.saturating_sub(before));
+fn pace_line(pace: &Pace) -> PaceLine {
+    let taps = pace.settled.unwrap_or(0);
     let elapsed_s = pace.elapsed_s;
     let per_s = |count: f64| if elapsed_s > 0.0 { count / elapsed_s } else { 0.0 };
     let mut line = PaceLine {
@@ -217,7 +198,7 @@ fn pace_line(pace: &Pace, settled: usize) -> PaceLine {
                 line.sent += work.sent_count;
                 line.sent_again += work.resent_count;
                 line.taken_again += work.retake_count;
-                format!("acquire {}", work.station)
+                format!("acquire {}", stations(&work.stations))
             }
             Work::Process(work) => {
                 (line.latency_p50_us, line.latency_p99_us) = (work.latency_p50_us, work.latency_p99_us);
@@ -237,6 +218,15 @@ fn pace_line(pace: &Pace, settled: usize) -> PaceLine {
         line.peak_memory_mb.push((name, report.peak_memory_bytes as f64 / 1e6));
     }
     line
+}
+
+/// A few stations by number, many by how many there are.
+fn stations(numbers: &[u16]) -> String {
+    match numbers {
+        [number] => number.to_string(),
+        [first, .., last] => format!("{first}..{last} ({} stations)", numbers.len()),
+        [] => "(no station)".to_owned(),
+    }
 }
 
 fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
@@ -263,7 +253,8 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
         let alone: Vec<String> = auc.discriminators.iter().map(|(name, v)| format!("{name} {}", text(*v))).collect();
         writeln!(
             out,
-            "AUC against truth ({} cracked, {} sound locations): index {}; alone: {}",
+            "AUC against truth ({} casings, {} cracked, {} sound locations): index {}; alone: {}",
+            auc.casings,
             auc.cracked,
             auc.sound,
             text(auc.index),
@@ -281,14 +272,15 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
         writeln!(out, "Taps with flags (`export discriminators` has them): {}", flags.join(", "))?;
     }
     print_pace(out, &summary.pace)?;
-    let Summary { archived, refused, missing, .. } = summary;
+    let Summary { casings, unfinished, archived, refused, missing, .. } = summary;
     let whole = if summary.is_whole { "whole" } else { "NOT WHOLE" };
     writeln!(
         out,
-        "Archive {} is {whole}: {archived} taps archived, {refused} refused, {missing} missing.",
-        summary.archive
+        "{} is {whole}: {} of {casings} casings finished; {archived} taps archived, {refused} refused, {missing} missing.",
+        summary.out,
+        casings - unfinished
     )?;
-    if *missing > 0 {
+    if *unfinished > 0 {
         writeln!(out, "The same command again takes what is missing.")?;
     }
     Ok(())

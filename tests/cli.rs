@@ -16,7 +16,7 @@ fn wrong_usage_has_its_own_exit_code() {
     rig.run("rum").expect(2);
     rig.run("export archive.h5 verdict").expect(2);
     rig.run("--help").expect(0);
-    for verb in ["run", "acquire", "process", "fuse", "store", "export", "verify", "model table"] {
+    for verb in ["run", "line", "status", "rig", "export", "reference", "verify", "report", "model table"] {
         assert!(rig.run(&format!("{verb} --help")).expect(0).out.contains("Usage"));
     }
 }
@@ -35,11 +35,11 @@ fn a_configuration_is_refused_by_name_of_what_is_wrong() {
         ("[scan\n", &["c.toml"]),
     ] {
         rig.write("c.toml", text);
-        let done = rig.run("run --config c.toml --out x.h5").expect(1);
+        let done = rig.run("run --config c.toml --out x").expect(1);
         for part in parts {
             assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
         }
-        assert!(!rig.path("x.h5").exists(), "{text}");
+        assert!(!rig.path("x").exists(), "{text}");
     }
     let done = rig.run("run --config none.toml").expect(1);
     assert!(done.err.contains("none.toml"), "{done:?}");
@@ -61,12 +61,15 @@ fn an_archive_that_is_none_is_refused_by_name() {
 fn an_export_does_not_destroy_its_archive() {
     let rig = Rig::new();
     rig.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 9\n");
-    rig.run("run --config c.toml --out x.h5").expect(0);
-    let done = rig.run("export x.h5 ledger --out ./x.h5").expect(1);
-    assert!(done.err.contains("x.h5"), "{done:?}");
-    rig.run("verify x.h5").expect(0);
-    rig.run("export x.h5 ledger --out ledger.csv").expect(0);
-    assert_eq!(fs::read_to_string(rig.path("ledger.csv")).unwrap(), rig.run("export x.h5 ledger").expect(0).out);
+    rig.run("run --config c.toml --out x").expect(0);
+    let done = rig.run("export x/SIM-0001.h5 ledger --out ./x/SIM-0001.h5").expect(1);
+    assert!(done.err.contains("SIM-0001.h5"), "{done:?}");
+    rig.run("verify x/SIM-0001.h5").expect(0);
+    rig.run("export x/SIM-0001.h5 ledger --out ledger.csv").expect(0);
+    assert_eq!(
+        fs::read_to_string(rig.path("ledger.csv")).unwrap(),
+        rig.run("export x/SIM-0001.h5 ledger").expect(0).out
+    );
     assert!(!rig.path("ledger.csv.new").exists());
 }
 
@@ -75,17 +78,17 @@ fn an_export_does_not_destroy_its_archive() {
 fn a_reference_does_not_take_an_archives_place() {
     let rig = Rig::new();
     rig.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 20\n[fuse]\nreference = \"self\"\n");
-    rig.run("run --config c.toml --stations 2 --out x.h5").expect(0);
-    fs::copy(rig.path("x.h5"), rig.path("x.json")).unwrap();
-    symlink("x.h5", rig.path("link.json")).unwrap();
+    rig.run("run --config c.toml --stations 2 --out x").expect(0);
+    fs::copy(rig.path("x/SIM-0002.h5"), rig.path("x.json")).unwrap();
+    symlink("x/SIM-0002.h5", rig.path("link.json")).unwrap();
     let shoulder = "--shoulder SIM-0002/1 --shoulder SIM-0002/2";
     for out in ["x.json", "link.json"] {
-        let done = rig.run(&format!("reference x.h5 {shoulder} --out {out}")).expect(1);
+        let done = rig.run(&format!("reference x/SIM-0002.h5 {shoulder} --out {out}")).expect(1);
         assert!(done.err.contains("is an HDF5 file"), "{done:?}");
     }
-    rig.run("verify x.h5").expect(0);
+    rig.run("verify x/SIM-0002.h5").expect(0);
     rig.run("verify x.json").expect(0);
-    rig.run(&format!("reference x.h5 {shoulder} --out r.json")).expect(0);
+    rig.run(&format!("reference x/SIM-0002.h5 {shoulder} --out r.json")).expect(0);
 }
 
 /// Catches a file put in the place of a device, which takes that from the whole machine, or of a link.
@@ -93,13 +96,13 @@ fn a_reference_does_not_take_an_archives_place() {
 fn an_export_writes_to_pipes_and_where_links_lead() {
     let rig = Rig::new();
     rig.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 9\n");
-    rig.run("run --config c.toml --out x.h5").expect(0);
-    let ledger = rig.run("export x.h5 ledger").expect(0).out;
+    rig.run("run --config c.toml --out x").expect(0);
+    let ledger = rig.run("export x/SIM-0001.h5 ledger").expect(0).out;
 
     // Opened to read and write it is there before the program is, and no one waits for anyone.
     mknodat(CWD, rig.path("pipe"), FileType::Fifo, Mode::RWXU, 0).unwrap();
     let mut pipe = fs::OpenOptions::new().read(true).write(true).open(rig.path("pipe")).unwrap();
-    rig.run("export x.h5 ledger --out pipe").expect(0);
+    rig.run("export x/SIM-0001.h5 ledger --out pipe").expect(0);
     assert!(fs::metadata(rig.path("pipe")).unwrap().file_type().is_fifo());
     assert_eq!(ioctl_fionread(&pipe).unwrap(), ledger.len() as u64);
     let mut read = vec![0; ledger.len()];
@@ -109,11 +112,11 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     rig.write("elsewhere.csv", &"longer than what is new\n".repeat(1000));
     symlink("elsewhere.csv", rig.path("link.csv")).unwrap();
     // What fails leaves what was there.
-    fs::copy(rig.path("x.h5"), rig.path("bent.h5")).unwrap();
+    fs::copy(rig.path("x/SIM-0001.h5"), rig.path("bent.h5")).unwrap();
     bend(&rig.path("bent.h5"), "discriminators", 0);
     rig.run("export bent.h5 discriminators --out link.csv").expect(1);
     assert!(fs::read_to_string(rig.path("elsewhere.csv")).unwrap().starts_with("longer than"));
-    rig.run("export x.h5 ledger --out link.csv").expect(0);
+    rig.run("export x/SIM-0001.h5 ledger --out link.csv").expect(0);
     assert!(fs::symlink_metadata(rig.path("link.csv")).unwrap().is_symlink());
     assert_eq!(fs::read_to_string(rig.path("elsewhere.csv")).unwrap(), ledger);
     // To a link, and to nothing yet.
@@ -121,7 +124,7 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     symlink("later.csv", rig.path("early.csv")).unwrap();
     for (link, file) in [("links.csv", "elsewhere.csv"), ("early.csv", "later.csv")] {
         fs::write(rig.path("elsewhere.csv"), "").unwrap();
-        rig.run(&format!("export x.h5 ledger --out {link}")).expect(0);
+        rig.run(&format!("export x/SIM-0001.h5 ledger --out {link}")).expect(0);
         assert!(fs::symlink_metadata(rig.path(link)).unwrap().is_symlink());
         assert_eq!(fs::read_to_string(rig.path(file)).unwrap(), ledger, "{link}");
     }
@@ -130,7 +133,7 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     for out in ["/dev/stdout", "/dev/fd/1", "out.csv"] {
         let mut shared = fs::File::create(rig.path("shared.txt")).unwrap();
         shared.write_all(b"before\n").unwrap();
-        let mut export = rig.command(&format!("export x.h5 ledger --out {out}"));
+        let mut export = rig.command(&format!("export x/SIM-0001.h5 ledger --out {out}"));
         assert!(export.stdout(shared.try_clone().unwrap()).status().unwrap().success());
         shared.write_all(b"after\n").unwrap();
         assert_eq!(fs::read_to_string(rig.path("shared.txt")).unwrap(), format!("before\n{ledger}after\n"), "{out}");
@@ -145,8 +148,8 @@ fn a_reader_that_leaves_is_no_failure() {
         "c.toml",
         "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 9\n[simulation]\nsample_count = 1024\n",
     );
-    rig.run("run --config c.toml --out x.h5").expect(0);
-    let mut export = rig.start("export x.h5 discriminators");
+    rig.run("run --config c.toml --out x").expect(0);
+    let mut export = rig.start("export x/SIM-0001.h5 discriminators");
     drop(export.stdout.take());
     assert_eq!(export.wait().unwrap().code(), Some(0));
 }

@@ -37,18 +37,20 @@ share = 0.1
 ";
 
 /// The archive's content, but for the kind of source, which an export cannot keep.
-fn as_from_a_tap_set(mut contents: Contents) -> Contents {
+pub(crate) fn as_from_a_tap_set(mut contents: Contents) -> Contents {
     for (header, _) in contents.taps.iter_mut().flatten() {
         header.source = SourceKind::TapSet.code();
     }
     contents
 }
 
-/// A run of the simulated line.
+/// A run of the simulated line: `run.h5` is the cracked tyre, `sound.h5` the other.
 fn run() -> Rig {
     let rig = Rig::new();
     rig.write("scan.toml", SCAN);
-    rig.run("run --config scan.toml --stations 2 --out run.h5").expect(0);
+    rig.run("run --config scan.toml --stations 2 --out run").expect(0);
+    fs::rename(rig.path("run/CRACKED.h5"), rig.path("run.h5")).unwrap();
+    fs::rename(rig.path("run/SOUND%20%C3%A9.h5"), rig.path("sound.h5")).unwrap();
     rig
 }
 
@@ -57,19 +59,29 @@ fn run() -> Rig {
 #[test]
 fn an_exported_tap_set_gives_the_same_archive() {
     let rig = run();
-    let done = rig.run("export run.h5 taps --out set").expect(0);
-    assert_eq!(done.out, "set: 248 taps written, 0 refused, 0 missing\n");
-    rig.run("run --taps set --config set/config.toml --out again.h5").expect(0);
-    let (before, after) = (contents(&rig.path("run.h5")), contents(&rig.path("again.h5")));
+    for (archive, file) in [("run.h5", "CRACKED.h5"), ("sound.h5", "SOUND%20%C3%A9.h5")] {
+        comes_back(&rig, archive, &format!("again/{file}"));
+        for made in ["set", "set-again", "again"] {
+            fs::remove_dir_all(rig.path(made)).unwrap();
+        }
+    }
+}
+
+fn comes_back(rig: &Rig, archive: &str, again: &str) {
+    let done = rig.run(&format!("export {archive} taps --out set")).expect(0);
+    assert_eq!(done.out, "set: 124 taps written, 0 refused, 0 missing\n");
+    rig.run("run --taps set --config set/config.toml --out again").expect(0);
+    let (before, after) = (contents(&rig.path(archive)), contents(&rig.path(again)));
     assert!(before.taps.iter().flatten().any(|(header, _)| header.id.attempt > 0), "a tap was taken again");
     assert!(before.taps.iter().flatten().all(|(header, _)| header.tap_time_ns != 0));
     assert_same(&as_from_a_tap_set(before), &after);
-    let [before, after] = ["run.h5", "again.h5"].map(|name| Reader::open(rig.path(name)).unwrap());
+    let [before, after] = [archive, again].map(|name| Reader::open(rig.path(name)).unwrap());
     assert_eq!(before.plan().taps(), after.plan().taps());
     assert_eq!(before.plan().scans(), after.plan().scans());
     assert_eq!(before.plan().recording, after.plan().recording);
     assert_eq!(before.plan().geometry, after.plan().geometry);
-    assert!(before.truth() == after.truth() && before.truth().values().any(|&is_cracked| is_cracked));
+    assert!(before.truth() == after.truth() && !before.truth().is_empty());
+    assert_eq!(before.truth().values().any(|&is_cracked| is_cracked), archive == "run.h5");
     for table in ["discriminators", "damage", "regions", "verdicts", "ledger"] {
         // A tap set does not tell of the attempts before the one that counts.
         let kept = |line: &str| match table {
@@ -79,10 +91,10 @@ fn an_exported_tap_set_gives_the_same_archive() {
         let table_of = |archive: &str| -> Vec<String> {
             rig.run(&format!("export {archive} {table}")).expect(0).out.lines().map(kept).collect()
         };
-        assert_eq!(table_of("run.h5"), table_of("again.h5"), "{table}");
+        assert_eq!(table_of(archive), table_of(again), "{table}");
     }
     // And once more: what came from a tap set is nothing else.
-    rig.run("export again.h5 taps --format wav --out set-again").expect(0);
+    rig.run(&format!("export {again} taps --format wav --out set-again")).expect(0);
     let files =
         |folder: &str| ["taps.csv", "truth.csv", "config.toml"].map(|f| fs::read(rig.path(folder).join(f)).unwrap());
     assert!(files("set") == files("set-again"));
@@ -97,60 +109,50 @@ fn refused_taps_and_floats_are_exported() {
         tapset::write_float_wav(&rig.path(&format!("taps/{location:03}.wav")), location);
     }
     fs::remove_file(rig.path("taps/003.wav")).unwrap();
-    rig.run("run --taps taps --out run.h5").expect(3);
+    rig.run("run --taps taps --out run").expect(3);
+    fs::copy(rig.path("run/A-17.h5"), rig.path("run.h5")).unwrap();
     let done = rig.run("export run.h5 taps --out set").expect(3);
     assert_eq!(done.out, "set: 23 taps written, 1 refused, 0 missing; taps.csv says which and why\n");
     let rows = csv_rows(&fs::read_to_string(rig.path("set/taps.csv")).unwrap());
     assert!(rows[3]["file"].is_empty() && rows[3]["refused"].contains("003.wav"), "{:?}", rows[3]);
     assert!(rows.iter().enumerate().all(|(k, row)| (k == 3) != row["refused"].is_empty()));
-    rig.run("run --taps set --config set/config.toml --out again.h5").expect(3);
-    let (before, after) = (contents(&rig.path("run.h5")), contents(&rig.path("again.h5")));
+    rig.run("run --taps set --config set/config.toml --out again").expect(3);
+    let (before, after) = (contents(&rig.path("run.h5")), contents(&rig.path("again/A-17.h5")));
     assert!(matches!(before.taps[0], Some((_, OwnedSamples::F32(_)))));
     assert_same(&before, &after);
-    let reasons = ["run.h5", "again.h5"].map(|name| Reader::open(rig.path(name)).unwrap().refusals().unwrap());
+    let reasons = ["run.h5", "again/A-17.h5"].map(|name| Reader::open(rig.path(name)).unwrap().refusals().unwrap());
     assert!(reasons[0].len() == 1 && reasons[0] == reasons[1], "{reasons:?}");
-    // A reason that is torn takes no other tap with it.
+    // A reason that is not what was written is not given out as if it were.
     let reason_bytes = table_bytes(&rig.path("run.h5"), "refusals").len() / 24;
-    // Results have it anew from their taps' archive.
-    let ledger = rig.run("export run.h5 ledger").expect(0).out;
-    let results = rig.run("reprocess run.h5 --from-samples").out;
-    bend(&rig.path(results.trim()), "refusals", 3 * reason_bytes);
-    rig.run(&format!("export {} ledger", results.trim())).expect(3);
-    rig.run("reprocess run.h5 --from-samples");
-    assert_eq!(rig.run(&format!("export {} ledger", results.trim())).expect(0).out, ledger);
     bend(&rig.path("run.h5"), "refusals", 3 * reason_bytes);
-    let done = rig.run("export run.h5 taps --out torn").expect(3);
-    assert_eq!(done.out, "torn: 23 taps written, 1 refused, 0 missing; taps.csv says which and why\n");
-    let rows = csv_rows(&fs::read_to_string(rig.path("torn/taps.csv")).unwrap());
-    assert_eq!(rows[3]["refused"], "refused, but why is lost: what was written is damaged");
-    let ledger = rig.run("export run.h5 ledger").expect(3).out;
-    assert!(ledger.contains("refused, but why is lost"), "{ledger}");
-    rig.run("report run.h5").expect(3);
-    // The next run has it said for good.
-    rig.run("verify run.h5").expect(3);
-    rig.run("run --taps taps --out run.h5").expect(3);
-    assert!(rig.run("verify run.h5 --json").json(3)["problems"].as_array().unwrap().is_empty());
+    assert!(matches!(rig.run("verify run.h5").code, Some(1 | 3)));
+    for arguments in ["export run.h5 taps --out bent", "export run.h5 ledger", "report run.h5", "reprocess run.h5"] {
+        let done = rig.run(arguments);
+        assert!(matches!(done.code, Some(1 | 3)), "{arguments}: {done:?}");
+    }
 }
 
 /// Catches a missing tap that is exported as if it were there or had never been planned.
 #[test]
 fn missing_taps_are_said_to_be_missing() {
     let rig = run();
-    // Half a run: the plan of two tyres, the taps of the first.
+    // Half a casing: the plan of two shoulders, the taps of the first.
     let whole = Reader::open(rig.path("run.h5")).unwrap();
-    let mut writer = tapline_store::Writer::create(rig.path("half.h5"), whole.plan(), whole.config()).unwrap();
-    for (row, found) in (0..124).zip(whole.discriminators().unwrap()) {
+    let mut writer =
+        tapline_store::Writer::create(rig.path("half.h5"), whole.plan(), whole.plan().taps().len(), whole.config())
+            .unwrap();
+    for (row, found) in (0..62).zip(whole.discriminators().unwrap()) {
         let (header, samples) = whole.tap(row).unwrap().unwrap();
         writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
         writer.put_discriminators(&found.unwrap()).unwrap();
     }
     writer.finish().unwrap();
     let done = rig.run("export half.h5 taps --out set").expect(3);
-    assert_eq!(done.out, "set: 124 taps written, 0 refused, 124 missing; taps.csv says which and why\n");
-    rig.run("run --taps set --config set/config.toml --out again.h5").expect(3);
-    let again = Reader::open(rig.path("again.h5")).unwrap();
+    assert_eq!(done.out, "set: 62 taps written, 0 refused, 62 missing; taps.csv says which and why\n");
+    rig.run("run --taps set --config set/config.toml --out again").expect(3);
+    let again = Reader::open(rig.path("again/CRACKED.h5")).unwrap();
     assert_eq!(again.plan().taps(), whole.plan().taps());
-    assert_eq!(again.ledger().count(TapState::Refused), 124);
+    assert_eq!(again.ledger().count(TapState::Refused), 62);
     assert!(again.refusals().unwrap().iter().all(|refusal| refusal.reason == "missing in the archive"));
 }
 
@@ -158,31 +160,36 @@ fn missing_taps_are_said_to_be_missing() {
 #[test]
 fn damaged_taps_are_left_behind() {
     let rig = run();
-    let file = hdf5::File::open(rig.path("run.h5")).unwrap();
-    let samples = file.dataset("taps/samples").unwrap().chunk_info(7).unwrap();
-    let header = file.dataset("taps/header").unwrap();
-    let row_bytes = header.storage_size() / 248;
-    let of_header = header.offset().unwrap() + 9 * row_bytes + 8;
-    drop((header, file));
-    let mut bytes = fs::read(rig.path("run.h5")).unwrap();
-    for at in [samples.addr + samples.size / 2, of_header] {
-        bytes[usize::try_from(at).unwrap()] ^= 16;
-    }
-    fs::write(rig.path("bent.h5"), bytes).unwrap();
+    fs::copy(rig.path("run.h5"), rig.path("bent.h5")).unwrap();
+    bend_samples(&rig.path("bent.h5"), 7);
     for format in ["wav", "uff"] {
         let done = rig.run(&format!("export bent.h5 taps --format {format} --out {format}")).expect(3);
         let said =
-            format!("{format}: 246 taps written, 0 refused, 0 missing, 2 damaged; taps.csv says which and why\n");
+            format!("{format}: 123 taps written, 0 refused, 0 missing, 1 damaged; taps.csv says which and why\n");
         assert_eq!(done.out, said);
         let rows = csv_rows(&fs::read_to_string(rig.path(&format!("{format}/taps.csv"))).unwrap());
         let is_damaged =
             |k: &usize| rows[*k]["refused"].starts_with("damaged in the archive: ") && rows[*k]["file"].is_empty();
         let damaged: Vec<usize> = (0..rows.len()).filter(is_damaged).collect();
-        assert_eq!(damaged, [7, 9]);
+        assert_eq!(damaged, [7]);
     }
-    rig.run("run --taps wav --config wav/config.toml --out again.h5").expect(3);
-    let again = Reader::open(rig.path("again.h5")).unwrap();
-    assert_eq!((again.ledger().count(TapState::Archived), again.ledger().count(TapState::Refused)), (246, 2));
+    rig.run("run --taps wav --config wav/config.toml --out again").expect(3);
+    let again = Reader::open(rig.path("again/CRACKED.h5")).unwrap();
+    assert_eq!((again.ledger().count(TapState::Archived), again.ledger().count(TapState::Refused)), (123, 1));
+    // Rows of tables are under the seal: where one is not what was written, none is believed.
+    bend(&rig.path("bent.h5"), "taps/header", 9 * 8);
+    let done = rig.run("export bent.h5 taps --out sealed").expect(1);
+    assert!(done.err.contains("seal") && !rig.path("sealed").exists(), "{done:?}");
+}
+
+/// Turns a bit in the middle of the packed samples of a tap.
+fn bend_samples(archive: &Path, row: usize) {
+    let file = hdf5::File::open(archive).unwrap();
+    let chunk = file.dataset("taps/samples").unwrap().chunk_info(row).unwrap();
+    drop(file);
+    let mut bytes = fs::read(archive).unwrap();
+    bytes[usize::try_from(chunk.addr + chunk.size / 2).unwrap()] ^= 16;
+    fs::write(archive, bytes).unwrap();
 }
 
 /// Catches an export of nothing that ends as if it were one.
@@ -190,15 +197,16 @@ fn damaged_taps_are_left_behind() {
 fn nothing_that_can_be_read_is_no_export() {
     let rig = run();
     let whole = Reader::open(rig.path("run.h5")).unwrap();
-    let mut writer = tapline_store::Writer::create(rig.path("one.h5"), whole.plan(), "").unwrap();
+    let mut writer =
+        tapline_store::Writer::create(rig.path("one.h5"), whole.plan(), whole.plan().taps().len(), "").unwrap();
     let (header, samples) = whole.tap(0).unwrap().unwrap();
     writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
     writer.put_discriminators(&whole.discriminators().unwrap()[0].unwrap()).unwrap();
     writer.finish().unwrap();
-    bend(&rig.path("one.h5"), "taps/header", 0);
+    bend_samples(&rig.path("one.h5"), 0);
     for format in ["wav", "uff"] {
         let done = rig.run(&format!("export one.h5 taps --format {format} --out {format}")).expect(1);
-        assert!(done.err.contains("readable samples of none of its 248 planned taps"), "{done:?}");
+        assert!(done.err.contains("readable samples of none of its 124 planned taps"), "{done:?}");
         assert!(!rig.path(format).exists());
     }
 }
@@ -208,7 +216,8 @@ fn nothing_that_can_be_read_is_no_export() {
 fn scales_are_kept_tap_by_tap() {
     let rig = run();
     let whole = Reader::open(rig.path("run.h5")).unwrap();
-    let mut writer = tapline_store::Writer::create(rig.path("mixed.h5"), whole.plan(), "").unwrap();
+    let mut writer =
+        tapline_store::Writer::create(rig.path("mixed.h5"), whole.plan(), whole.plan().taps().len(), "").unwrap();
     let mut headers = Vec::new();
     for (row, found) in (0..4).zip(whole.discriminators().unwrap()) {
         let (mut header, samples) = whole.tap(row).unwrap().unwrap();
@@ -274,7 +283,7 @@ fn pyuff_reads_what_was_recorded() {
     drop(reader);
     for format in ["uff", "uff-ascii"] {
         let done = rig.run(&format!("export run.h5 taps --format {format} --out {format}")).expect(0);
-        assert_eq!(done.out, format!("{format}: 248 taps written, 0 refused, 0 missing\n"));
+        assert_eq!(done.out, format!("{format}: 124 taps written, 0 refused, 0 missing\n"));
         let out = Command::new(&python)
             .args(["-c", PYUFF, "run.h5", format, format])
             .current_dir(rig.path(""))
@@ -291,8 +300,8 @@ fn pyuff_reads_what_was_recorded() {
         assert_eq!(said[5], format!("station 1 attempt {} velocity_measured_m_per_s {measured}", header.id.attempt));
         let (rate, distance) = (header.sample_rate_hz, header.microphone_distance_m);
         assert_eq!(said[6], format!("sample_rate_hz {rate} microphone_distance_m {distance} plan {plan}"));
-        let names = ["CRACKED-1", "CRACKED-2", "SOUND__-1", "SOUND__-2"].map(|name| format!("'{name}.uff'"));
-        assert_eq!(said[7], format!("[{}] [125, 125, 125, 125]", names.join(", ")));
+        let names = ["CRACKED-1", "CRACKED-2"].map(|name| format!("'{name}.uff'"));
+        assert_eq!(said[7], format!("[{}] [125, 125]", names.join(", ")));
     }
 }
 
@@ -317,8 +326,11 @@ fn what_cannot_be_exported_is_said() {
     assert_eq!(fs::read_to_string(rig.path("full/mine.txt")).unwrap(), "mine");
 
     let reader = Reader::open(rig.path("run.h5")).unwrap();
-    tapline_store::Writer::create(rig.path("none.h5"), reader.plan(), "").unwrap().finish().unwrap();
-    fails("export none.h5 taps --out x", &["none.h5", "none of its 248"]);
+    tapline_store::Writer::create(rig.path("none.h5"), reader.plan(), reader.plan().taps().len(), "")
+        .unwrap()
+        .finish()
+        .unwrap();
+    fails("export none.h5 taps --out x", &["none.h5", "none of its 124"]);
     assert!(!rig.path("x").exists());
     fs::create_dir(rig.path("empty")).unwrap();
     rig.run("export run.h5 taps --out empty/").expect(0);

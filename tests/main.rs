@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod alone;
 mod archive;
 mod cli;
 mod disk;
@@ -11,7 +12,10 @@ mod experiment;
 mod export_taps;
 mod faults;
 mod figures;
+mod folders;
 mod in_memory;
+mod limits;
+mod line;
 mod model;
 mod python_pages;
 mod recorded;
@@ -20,7 +24,6 @@ mod report;
 mod reprocess;
 mod retakes;
 mod rig;
-mod rotation;
 mod simulated;
 mod stability;
 mod study;

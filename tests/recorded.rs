@@ -9,7 +9,7 @@ fn auc_of_index(set: &str) -> Option<f64> {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(format!("{set}.toml"));
     let rig = Rig::new();
     let arguments =
-        format!("run --taps {} --config {} --stations 2 --out slab.h5 --json", taps.display(), config.display());
+        format!("run --taps {} --config {} --stations 2 --out slab --json", taps.display(), config.display());
     let summary = rig.run(&arguments).json(0);
     assert_eq!(summary["pace"]["gaps"], 0);
     summary["auc"]["index"].as_f64()

@@ -1,6 +1,6 @@
 //! A reference: made from archives, named by a run, kept in its archive; and what is refused on the way.
 
-use crate::rig::Rig;
+use crate::rig::{Rig, finished};
 
 const SCAN: &str = "[scan]\noffsets_mm = [0.0, 10.0]\nvelocities_m_per_s = [1.5]\nshoulders = 2\n";
 
@@ -12,21 +12,27 @@ fn tyres(prefix: &str, cracked: bool) -> String {
     format!("{}{}{third}", tyre(1, ""), tyre(2, ""))
 }
 
-/// A rig with `sound.h5`, of which every tyre was its own reference, and `cracked.h5`, likewise.
+const SOUND: &str = "sound/S1.h5 sound/S2.h5";
+const CRACKED: &str = "cracked/C1.h5 cracked/C2.h5 cracked/C3.h5";
+
+/// A rig with `sound`, in which every tyre was its own reference, and `cracked`, likewise.
 fn rig() -> Rig {
     let rig = Rig::new();
     rig.write("sound.toml", &format!("{SCAN}seed = 5\n{}", tyres("S", false)));
     rig.write("cracked.toml", &format!("{SCAN}seed = 6\n{}", tyres("C", true)));
     for name in ["sound", "cracked"] {
-        let done = rig.run(&format!("run --config {name}.toml --out {name}.h5 --reference self --json"));
+        let done = rig.run(&format!("run --config {name}.toml --out {name} --reference self --json"));
         assert_eq!(done.code, Some(0), "{done:?}");
     }
     rig
 }
 
 fn verdicts(rig: &Rig, archive: &str) -> Vec<(String, String, String)> {
-    let done = rig.run(&format!("export {archive} verdicts"));
-    let rows = done.out.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let files = finished(&rig.path(archive)).into_values();
+    let texts = files.map(|file| rig.run(&format!("export {} verdicts", file.display())).expect(0).out);
+    let lines: Vec<String> =
+        texts.flat_map(|text| text.lines().skip(1).map(str::to_owned).collect::<Vec<_>>()).collect();
+    let rows = lines.iter().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
     rows.map(|row| (format!("{}/{}", row[0], row[1]), row[3].clone(), row[4].clone())).collect()
 }
 
@@ -35,31 +41,31 @@ fn verdicts(rig: &Rig, archive: &str) -> Vec<(String, String, String)> {
 #[test]
 fn tyres_are_judged_by_a_reference_of_others() {
     let rig = rig();
-    let done = rig.run("reference sound.h5 --out sound.json");
+    let done = rig.run(&format!("reference {SOUND} --out sound.json"));
     assert_eq!(done.code, Some(0), "{done:?}");
     assert!(done.out.contains("4 shoulders: S1/1, S1/2, S2/1, S2/2; 400 sound and 0 cracked locations"), "{done:?}");
-    let done = rig.run("run --config cracked.toml --out by.h5 --reference sound.json --json");
+    let done = rig.run("run --config cracked.toml --out by --reference sound.json --json");
     assert_eq!(done.code, Some(0), "{done:?}");
-    for (name, verdict, reasons) in verdicts(&rig, "by.h5") {
+    for (name, verdict, reasons) in verdicts(&rig, "by") {
         let expected = if name == "C3/1" { "REJECT" } else { "PASS" };
         assert_eq!(verdict, expected, "{name} {reasons}");
         assert!(!reasons.contains("self_reference"), "{name} {reasons}");
     }
-    assert!(verdicts(&rig, "cracked.h5").iter().all(|(_, _, reasons)| reasons.contains("self_reference")));
-    let regions = rig.run("export by.h5 regions").out;
+    assert!(verdicts(&rig, "cracked").iter().all(|(_, _, reasons)| reasons.contains("self_reference")));
+    let regions = rig.run("export by/C3.h5 regions").out;
     let region: Vec<&str> = regions.lines().nth(1).unwrap().split(',').collect();
     let (first, last): (u32, u32) = (region[3].parse().unwrap(), region[4].parse().unwrap());
     assert!((28..=31).contains(&first) && (34..=37).contains(&last), "{regions}");
     let p_value: f64 = region[13].parse().unwrap();
     assert!(p_value <= 0.01 && region[14] == "0", "the belt edge sees it best: {regions}");
 
-    let reader = tapline_store::Reader::open(rig.path("by.h5")).unwrap();
+    let reader = tapline_store::Reader::open(rig.path("by/C3.h5")).unwrap();
     assert_eq!(reader.reference(), Some(std::fs::read_to_string(rig.path("sound.json")).unwrap().as_str()));
     drop(reader);
     // The same run again has nothing to do; by another reference it is another run.
-    let again = "run --config cracked.toml --out by.h5 --reference sound.json --json";
+    let again = "run --config cracked.toml --out by --reference sound.json --json";
     assert_eq!(rig.run(again).code, Some(0));
-    assert_eq!(rig.run("reference sound.h5 --shoulder S1/1 --shoulder S1/2 --out sound.json").code, Some(0));
+    assert_eq!(rig.run("reference sound/S1.h5 --shoulder S1/1 --shoulder S1/2 --out sound.json").code, Some(0));
     let done = rig.run(again);
     assert!(done.code == Some(1) && done.err.contains("another reference"), "{done:?}");
 }
@@ -68,24 +74,24 @@ fn tyres_are_judged_by_a_reference_of_others() {
 #[test]
 fn a_labelled_reference_teaches() {
     let rig = rig();
-    let done = rig.run("reference cracked.h5 sound.h5 --labelled --learn-directions --out known.json");
+    let done = rig.run(&format!("reference {CRACKED} {SOUND} --labelled --learn-directions --out known.json"));
     assert_eq!(done.code, Some(0), "{done:?}");
     assert!(done.out.contains("994 sound and 6 cracked"), "{done:?}");
     rig.write(
         "lda.toml",
         &format!("{SCAN}seed = 7\n{}[fuse]\nindex = \"lda\"\nreference = \"known.json\"\n", tyres("L", true)),
     );
-    let done = rig.run("run --config lda.toml --out lda.h5 --json");
+    let done = rig.run("run --config lda.toml --out lda --json");
     assert_eq!(done.code, Some(0), "{done:?}");
     // Six cracked locations are too few for a discriminant: it says so and falls back.
-    assert!(verdicts(&rig, "lda.h5").iter().all(|(_, _, reasons)| reasons.contains("fell_back")));
+    assert!(verdicts(&rig, "lda").iter().all(|(_, _, reasons)| reasons.contains("fell_back")));
     let why = "index = \"lda\" falls back to \"robust\": ";
     let told = |text: &str| text.lines().filter(|line| line.contains(why) && line.contains(" and 6 (")).count();
     assert_eq!(told(&done.err), 1, "a warning, once for all six shoulders: {done:?}");
     let summary = done.json(0);
     let texts = summary["fallbacks"].as_array().unwrap();
     assert!(texts.len() == 1 && told(texts[0].as_str().unwrap()) == 1, "{texts:?}");
-    let again = rig.run("run --config lda.toml --out lda.h5");
+    let again = rig.run("run --config lda.toml --out lda");
     assert_eq!((again.code, told(&again.out)), (Some(0), 1), "also when nothing is left to do: {again:?}");
 }
 
@@ -100,42 +106,44 @@ fn what_cannot_be_a_reference_is_refused() {
             assert!(done.err.contains(word), "{arguments}: {word} is not in {}", done.err);
         }
     };
-    let done = crate::rig::Done::from(rig.plain("run --config sound.toml --out none.h5").output().unwrap());
+    let done = crate::rig::Done::from(rig.plain("run --config sound.toml --out none").output().unwrap());
     assert!(done.code == Some(1) && done.err.contains("no reference is named"), "{done:?}");
-    assert!(!rig.path("none.h5").exists());
-    refused("run --config sound.toml --out a.h5 --reference missing.json", &["missing.json"]);
-    refused("run --config sound.toml --out a.h5 --reference nonsense", &["--reference", "nonsense", "self"]);
-    refused("run --config sound.toml --out a.h5 --reference X/1", &["X/1", "none of the 4 shoulders"]);
+    assert!(!rig.path("none").exists());
+    refused("run --config sound.toml --out a --reference missing.json", &["missing.json"]);
+    refused("run --config sound.toml --out a --reference nonsense", &["--reference", "nonsense", "self"]);
+    refused(
+        "run --config sound.toml --out a --reference X/1",
+        &["X/1", "does not have it", "tapline reference FOLDER"],
+    );
     rig.write("bad.json", "{}");
-    refused("run --config sound.toml --out a.h5 --reference bad.json", &["bad.json", "no reference"]);
-    refused("reference sound.h5 --out sound.txt", &["sound.txt", ".json"]);
-    refused("reference sound.h5 --shoulder S9/1 --out s.json", &["S9/1"]);
-    refused("reference sound.h5 sound.h5 --out s.json", &["S1/1", "before"]);
+    refused("run --config sound.toml --out a --reference bad.json", &["bad.json", "no reference"]);
+    refused(&format!("reference {SOUND} --out sound.txt"), &["sound.txt", ".json"]);
+    refused(&format!("reference {SOUND} --shoulder S9/1 --out s.json"), &["S9/1"]);
+    // One that is named twice counts once.
+    let once = rig.run("reference sound/S1.h5 sound/S1.h5 --out once.json");
+    assert!(once.code == Some(0) && once.out.contains("2 shoulders: S1/1, S1/2"), "{once:?}");
     refused("reference missing.h5 --out s.json", &["missing.h5"]);
     // A shoulder that did not pass is not sound unless it is named.
-    let done = rig.run("reference cracked.h5 --out c.json");
+    let done = rig.run(&format!("reference {CRACKED} --out c.json"));
     assert!(done.code == Some(0) && done.err.contains("C3/1 did not pass"), "{done:?}");
     assert!(done.out.contains("5 shoulders: C1/1, C1/2, C2/1, C2/2, C3/2; 500 sound"), "{done:?}");
     // One that is known to be cracked is not sound for being named; the truth of each location is asked for.
-    refused("reference cracked.h5 --shoulder C3/1 --out named.json", &["C3/1 is known to be cracked", "--labelled"]);
+    refused("reference cracked/C3.h5 --shoulder C3/1 --out named.json", &["C3/1 is known to be cracked", "--labelled"]);
     assert!(!rig.path("named.json").exists());
-    assert_eq!(rig.run("reference sound.h5 --out sound.json").code, Some(0));
+    assert_eq!(rig.run(&format!("reference {SOUND} --out sound.json")).code, Some(0));
     rig.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
-    refused(
-        "run --config other.toml --out a.h5 --reference sound.json",
-        &["f_c_hz = 550.0 there", "f_c_hz = 600.0 here"],
-    );
+    refused("run --config other.toml --out a --reference sound.json", &["f_c_hz = 550.0 there", "f_c_hz = 600.0 here"]);
     // Nor do archives go together that were analysed otherwise.
-    let done = rig.run("run --config other.toml --out other.h5 --reference self");
+    let done = rig.run("run --config other.toml --out other --reference self");
     assert_eq!(done.code, Some(0), "{done:?}");
     refused(
-        "reference sound.h5 other.h5 --out both.json",
-        &["other.h5", "sound.h5", "f_c_hz = 550.0 there, f_c_hz = 600.0 here"],
+        "reference sound/S1.h5 other/S2.h5 --out both.json",
+        &["other/S2.h5", "sound/S1.h5", "f_c_hz = 550.0 there, f_c_hz = 600.0 here"],
     );
     assert!(!rig.path("both.json").exists());
     rig.write("elsewhere.toml", "[scan]\noffsets_mm = [7.0]\nvelocities_m_per_s = [1.5]\n");
-    refused("run --config elsewhere.toml --out a.h5 --reference sound.json", &["7 mm", "10 mm", "in common"]);
+    refused("run --config elsewhere.toml --out a --reference sound.json", &["7 mm", "10 mm", "in common"]);
     let edited = std::fs::read_to_string(rig.path("sound.json")).unwrap().replace("\"S1\"", "\"S8\"");
     rig.write("edited.json", &edited);
-    refused("run --config sound.toml --out a.h5 --reference edited.json", &["edited.json", "changed"]);
+    refused("run --config sound.toml --out a --reference edited.json", &["edited.json", "changed"]);
 }

@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::time::Duration;
 
-use rustix::process::Signal;
+use tapline_store::{Reader, Writer};
 
-use crate::rig::{Done, Rig, csv_rows, signal, stage};
+use crate::rig::{Rig, csv_rows};
 use crate::tapset::write_wav;
 
 /// A cracked tyre with a name that would be markup, and a sound one with a file name that another folder would have.
@@ -34,10 +33,14 @@ reference = "self"
 const CRACKED: &str = "tyre-_script___x_.html";
 const SOUND: &str = "tyre-.._B_2.html";
 
+/// The two as a run leaves them, in the folder `run`, and once more under names that are easier to write.
 fn scanned() -> Rig {
     let rig = Rig::new();
     rig.write("scan.toml", SCAN);
-    rig.run("run --config scan.toml --out run.h5").expect(0);
+    rig.run("run --config scan.toml --out run").expect(0);
+    for (file, name) in [("%3Cscript%3E%26%22x%27.h5", "cracked.h5"), ("%2E.%5CB%202.h5", "sound.h5")] {
+        fs::copy(rig.path("run").join(file), rig.path(name)).unwrap();
+    }
     rig
 }
 
@@ -80,11 +83,32 @@ fn assert_well_formed(name: &str, text: &str) {
 #[test]
 fn pages_stand_alone() {
     let rig = scanned();
-    let told = rig.run("report run.h5").expect(0).out;
-    assert_eq!(told.lines().collect::<Vec<_>>(), [CRACKED, SOUND, "shift.html"].map(|n| format!("run-report/{n}")));
+    for (archive, tyre) in [("cracked", CRACKED), ("sound", SOUND)] {
+        let told = rig.run(&format!("report {archive}.h5")).expect(0).out;
+        let folder = format!("{archive}-report");
+        assert_eq!(told.lines().collect::<Vec<_>>(), [tyre, "shift.html"].map(|n| format!("{folder}/{n}")));
+        let pages = pages(&rig, &folder);
+        assert_eq!(pages.keys().map(String::as_str).collect::<Vec<_>>(), ["shift.html", tyre]);
+        assert_stand_alone(&pages);
+    }
+    assert!(page(&rig, &format!("cracked-report/{CRACKED}")).contains("<h1>Tyre &lt;script&gt;&amp;&quot;x"));
+}
+
+/// A whole folder is a shift: a page for each of its tyres, and one for all, the worst first.
+#[test]
+fn a_folder_is_a_shift() {
+    let rig = scanned();
+    let told = rig.run("report run").expect(0).out;
+    assert_eq!(told.lines().count(), 3, "{told}");
     let pages = pages(&rig, "run-report");
     assert_eq!(pages.keys().map(String::as_str).collect::<Vec<_>>(), ["shift.html", SOUND, CRACKED]);
-    for (name, text) in &pages {
+    assert_stand_alone(&pages);
+    let shift = &pages["shift.html"];
+    assert!(shift.find(CRACKED).unwrap() < shift.find(SOUND).unwrap(), "the worst is not first");
+}
+
+fn assert_stand_alone(pages: &BTreeMap<String, String>) {
+    for (name, text) in pages {
         assert_well_formed(name, text);
         assert!(text.len() < 1_000_000, "{name} has {} bytes", text.len());
         for outside in ["http:", "https:", "src=", "<script", "<link", "@import", "url(", "NaN", "xmlns"] {
@@ -96,22 +120,23 @@ fn pages_stand_alone() {
             assert!(target.starts_with("data:image/png;base64,") || pages.contains_key(target), "{name}: {target}");
         }
     }
-    assert!(pages[CRACKED].contains("<h1>Tyre &lt;script&gt;&amp;&quot;x"), "the serial is not there");
 }
 
 /// Catches a page whose verdict, regions or limits are others than those of the tables.
 #[test]
 fn pages_say_what_the_tables_say() {
     let rig = scanned();
-    rig.run("report run.h5 --out pages").expect(0);
-    let (cracked, sound) = (page(&rig, &format!("pages/{CRACKED}")), page(&rig, &format!("pages/{SOUND}")));
-    let regions = csv_rows(&rig.run("export run.h5 regions").expect(0).out);
+    rig.run("report cracked.h5 --out cracked").expect(0);
+    rig.run("report sound.h5 --out sound").expect(0);
+    let (cracked, sound) = (page(&rig, &format!("cracked/{CRACKED}")), page(&rig, &format!("sound/{SOUND}")));
+    let table = |table: &str| ["cracked.h5", "sound.h5"].map(|f| rig.run(&format!("export {f} {table}")).expect(0).out);
+    let regions = table("regions").map(|text| csv_rows(&text)).concat();
     assert_eq!(regions.len(), 1);
     for column in ["start_deg", "end_deg", "peak_angle_deg"] {
         let deg: f64 = regions[0][column].parse().unwrap();
         assert!(cracked.contains(&format!(">{deg:.1}°<span class=\"at\">location ")), "{column} {deg}");
     }
-    for row in csv_rows(&rig.run("export run.h5 verdicts").expect(0).out) {
+    for row in table("verdicts").map(|text| csv_rows(&text)).concat() {
         let text = if row["tyre"].starts_with('<') { &cracked } else { &sound };
         for column in ["limit_re_inspect", "limit_reject"] {
             let limit: f64 = row[column].parse().unwrap();
@@ -126,12 +151,13 @@ fn pages_say_what_the_tables_say() {
     }
     assert!(cracked.contains("<p class=\"word\">REJECT</p>") && sound.contains("<p class=\"word\">PASS</p>"));
     assert!(sound.contains("no region of damage was found"));
-    let shift = page(&rig, "pages/shift.html");
-    assert!(shift.find(CRACKED).unwrap() < shift.find(SOUND).unwrap(), "the worst is not first");
-    let auc = rig.run("run --config scan.toml --out run.h5 --json").json(0)["auc"]["index"].as_f64().unwrap();
+    // Of one tyre alone, that it is scored by itself: the run's own score is of both.
+    rig.write("alone.toml", &SCAN.replace("[[scan.tyre]]\nserial = \"..\\\\B 2\"\nstation = 2\n", ""));
+    let auc = rig.run("run --config alone.toml --out alone --json").json(0)["auc"]["index"].as_f64().unwrap();
+    let shift = page(&rig, "cracked/shift.html");
     assert!(shift.contains(&format!("AUC of the index {auc:.4}")), "{auc}");
     // Lineage, to the letter.
-    let digest = rig.run("verify run.h5 --json").json(0)["plan_digest"].as_str().unwrap().to_owned();
+    let digest = rig.run("verify cracked.h5 --json").json(0)["plan_digest"].as_str().unwrap().to_owned();
     assert!(cracked.contains(&digest) && cracked.contains("locations = 60"));
 }
 
@@ -139,22 +165,26 @@ fn pages_say_what_the_tables_say() {
 #[test]
 fn the_same_archive_gives_the_same_bytes() {
     let rig = scanned();
-    rig.run("report run.h5 --out a").expect(0);
-    rig.run("report run.h5 --out a").expect(0);
-    rig.run(&format!("report {} --out deep/b", rig.path("run.h5").display())).expect(0);
+    rig.run("report cracked.h5 --out a").expect(0);
+    rig.run("report cracked.h5 --out a").expect(0);
+    rig.run(&format!("report {} --out deep/b", rig.path("cracked.h5").display())).expect(0);
     assert_eq!(pages(&rig, "a"), pages(&rig, "deep/b"));
 }
 
 /// Catches an archive that is not whole being refused, passed, or shown without saying what is missing.
 #[test]
 fn what_is_not_whole_is_told() {
-    let rig = Rig::new();
-    rig.write("scan.toml", &format!("{SCAN}\n[acquire]\ntaps_per_s = 60.0\n"));
-    let line = rig.start("run --config scan.toml --out part.h5 --json");
-    stage(&line, "acquire --station 2");
-    std::thread::sleep(Duration::from_millis(900));
-    signal(i32::try_from(line.id()).unwrap(), Signal::INT);
-    let summary = Done::from(line.wait_with_output().unwrap()).json(3);
+    let rig = scanned();
+    // Half a casing: the plan of two shoulders, the taps of the first.
+    let whole = Reader::open(rig.path("cracked.h5")).unwrap();
+    let mut writer =
+        Writer::create(rig.path("part.h5"), whole.plan(), whole.plan().taps().len(), whole.config()).unwrap();
+    for (row, found) in (0..244).zip(whole.discriminators().unwrap()) {
+        let (header, samples) = whole.tap(row).unwrap().unwrap();
+        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+        writer.put_discriminators(&found.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
     rig.run("report part.h5").expect(0);
     let pages = pages(&rig, "part-report");
     for (name, text) in &pages {
@@ -163,8 +193,7 @@ fn what_is_not_whole_is_told() {
         assert!(notice < head && text.contains("which counts as RE-INSPECT"), "{name}");
         assert!(!text.contains("<p class=\"word\">PASS"), "{name}");
     }
-    let missing = format!("{} of 976 planned taps are missing.", summary["missing"]);
-    assert!(pages["shift.html"].contains(&missing), "{missing}");
+    assert!(pages["shift.html"].contains("244 of 488 planned taps are missing."), "{}", pages["shift.html"]);
 }
 
 /// Catches a line drawn as a ring, degrees on what has none, a refusal without its reason, and an absent value that is
@@ -185,12 +214,12 @@ fn a_line_is_a_strip() {
         table += &format!("\n{location:03}.wav,slab,7,,,{location},,0");
     }
     rig.write("taps/taps.csv", &table);
-    rig.run("run --taps taps --reference self --out slab.h5").expect(3);
-    rig.run("report slab.h5").expect(0);
-    let text = page(&rig, "slab-report/tyre-slab.html");
+    rig.run("run --taps taps --reference self --out slab").expect(3);
+    rig.run("report slab/taps.h5").expect(0);
+    let text = page(&rig, "taps-report/tyre-slab.html");
     assert_well_formed("slab", &text);
     assert!(text.contains("<h1>Piece slab</h1>") && text.contains("1 of 24 planned taps were refused"));
-    let ledger = csv_rows(&rig.run("export slab.h5 ledger").expect(0).out);
+    let ledger = csv_rows(&rig.run("export slab/taps.h5 ledger").expect(0).out);
     let reason = &ledger[ABSENT as usize]["reason"];
     assert!(!reason.is_empty() && text.contains(&format!("<td>{reason}</td>")), "{reason}");
     assert!(!text.contains('°') && !text.contains("start mark"));

@@ -40,23 +40,23 @@ fn flags(rig: &Rig, archive: &str) -> BTreeMap<String, u32> {
 fn what_is_of_no_use_is_taken_again() {
     let rig = Rig::new();
     rig.write("faulty.toml", &format!("[acquire]\nretakes = 4\n{FAULTY}"));
-    let summary = rig.run("run --config faulty.toml --out faulty.h5 --json").json(0);
+    let summary = rig.run("run --config faulty.toml --out faulty --json").json(0);
     let taken_again = summary["pace"]["taken_again"].as_u64().unwrap();
     assert!((10..60).contains(&taken_again), "{summary:#}");
     assert_eq!(summary["archived"], 122);
     assert_eq!(summary["flags"].as_array().unwrap().len(), 0, "{summary:#}");
-    let found = flags(&rig, "faulty.h5");
+    let found = flags(&rig, "faulty/SIM-0001.h5");
     assert!(!["double_hit", "neighbour", "retake"].iter().any(|flag| found.contains_key(*flag)), "{found:?}");
-    let ledger = csv_rows(&rig.run("export faulty.h5 ledger").expect(0).out);
+    let ledger = csv_rows(&rig.run("export faulty/SIM-0001.h5 ledger").expect(0).out);
     let attempts: u64 = ledger.iter().map(|row| row["attempt"].parse::<u64>().unwrap()).sum();
     assert_eq!(attempts, taken_again);
-    rig.run("verify faulty.h5").expect(0);
+    rig.run("verify faulty/SIM-0001.h5").expect(0);
 
     // Without retakes, the last record is the first, and stands with its flags.
     rig.write("once.toml", &format!("[acquire]\nretakes = 0\n{FAULTY}"));
-    let summary = rig.run("run --config once.toml --out once.h5 --json").json(0);
+    let summary = rig.run("run --config once.toml --out once --json").json(0);
     assert_eq!(summary["pace"]["taken_again"], 0);
-    let found = flags(&rig, "once.h5");
+    let found = flags(&rig, "once/SIM-0001.h5");
     let told = summary["flags"]
         .as_array()
         .unwrap()
@@ -65,7 +65,7 @@ fn what_is_of_no_use_is_taken_again() {
     let counted = found.iter().map(|(name, &count)| (name.clone(), u64::from(count)));
     assert_eq!(told.collect::<BTreeMap<_, _>>(), counted.collect(), "what the run says and what the archive has");
     assert!(found["double_hit"] >= 4 && found["neighbour"] >= 4 && !found.contains_key("retake"), "{found:?}");
-    for row in csv_rows(&rig.run("export once.h5 discriminators").expect(0).out) {
+    for row in csv_rows(&rig.run("export once/SIM-0001.h5 discriminators").expect(0).out) {
         assert!(
             !row["quality"].contains("double_hit") || (row["f_max_n"].is_empty() && row["pr"].is_empty()),
             "{row:?}"
@@ -73,11 +73,11 @@ fn what_is_of_no_use_is_taken_again() {
     }
 
     rig.write("keep.toml", &format!("[process.quality]\ndouble_hit = \"keep\"\nneighbour = \"drop\"\n{FAULTY}"));
-    let summary = rig.run("run --config keep.toml --out keep.h5 --json").json(0);
+    let summary = rig.run("run --config keep.toml --out keep --json").json(0);
     assert_eq!(summary["pace"]["taken_again"], 0);
-    let found = flags(&rig, "keep.h5");
+    let found = flags(&rig, "keep/SIM-0001.h5");
     assert!(found["double_hit"] >= 4 && found["neighbour"] >= 4, "{found:?}");
-    for row in csv_rows(&rig.run("export keep.h5 discriminators").expect(0).out) {
+    for row in csv_rows(&rig.run("export keep/SIM-0001.h5 discriminators").expect(0).out) {
         assert!(row["quality"] != "double_hit" || (!row["f_max_n"].is_empty() && !row["pr"].is_empty()), "{row:?}");
         assert!(row["quality"] != "neighbour" || (!row["f_max_n"].is_empty() && row["pr"].is_empty()), "{row:?}");
     }
@@ -88,16 +88,16 @@ fn what_is_of_no_use_is_taken_again() {
 fn attempts_outlive_the_stages() {
     let rig = Rig::new();
     rig.write("quick.toml", FAULTY);
-    rig.run("run --config quick.toml --out quick.h5").expect(0);
-    let expected = contents(&rig.path("quick.h5"));
+    rig.run("run --config quick.toml --out quick").expect(0);
+    let expected = contents(&rig.path("quick/SIM-0001.h5"));
     rig.write("paced.toml", &format!("[acquire]\ntaps_per_s = 60.0\n{FAULTY}"));
-    let line = rig.start("run --config paced.toml --out paced.h5 --json");
-    for victim in ["process", "acquire --station 1", "store"] {
+    let line = rig.start("run --config paced.toml --out paced --json");
+    for victim in ["process", "acquire-0", "store"] {
         std::thread::sleep(std::time::Duration::from_millis(500));
         signal(stage(&line, victim), Signal::KILL);
     }
     let summary = Done::from(line.wait_with_output().unwrap()).json(0);
     assert_eq!(summary["pace"]["restarts"], 3);
-    assert_same(&contents(&rig.path("paced.h5")), &expected);
-    rig.run("verify paced.h5").expect(0);
+    assert_same(&contents(&rig.path("paced/SIM-0001.h5")), &expected);
+    rig.run("verify paced/SIM-0001.h5").expect(0);
 }

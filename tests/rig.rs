@@ -37,7 +37,7 @@ impl Rig {
     /// A run must name its reference; where a test does not care, each tyre is its own.
     pub(crate) fn command(&self, arguments: &str) -> Command {
         let mut command = self.plain(arguments);
-        let is_judged = ["run ", "fuse "].iter().any(|verb| arguments.starts_with(verb));
+        let is_judged = ["run ", "line "].iter().any(|verb| arguments.starts_with(verb));
         if is_judged && !self.names_reference(arguments) {
             command.args(["--reference", "self"]);
         }
@@ -48,6 +48,8 @@ impl Rig {
     pub(crate) fn plain(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tapline"));
         command.args(arguments.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
+        // Private and short: its lines work below it.
+        command.env("XDG_RUNTIME_DIR", self.folder.path());
         command
     }
 
@@ -70,26 +72,14 @@ impl Rig {
         self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
     }
 
-    /// Files that the line that writes `archive` has left, in shared memory or in the folder for temporary files.
-    pub(crate) fn left_by(&self, archive: &str) -> Vec<String> {
-        let name = line_name(&self.path(archive));
-        let root = std::env::temp_dir().join(format!("tapline-{name}"));
-        if root.exists() {
-            return vec![root.display().to_string()];
-        }
-        let prefix = format!("tapline_{name}");
-        let files = fs::read_dir("/dev/shm").unwrap().flatten();
-        files.map(|f| f.file_name().to_string_lossy().into_owned()).filter(|name| name.starts_with(&prefix)).collect()
+    /// Folders that lines have left; while one is there, shared memory may be too.
+    pub(crate) fn left(&self) -> Vec<String> {
+        let files = fs::read_dir(self.folder.path()).unwrap().flatten();
+        files
+            .map(|f| f.file_name().to_string_lossy().into_owned())
+            .filter(|name| name.starts_with("tapline-"))
+            .collect()
     }
-}
-
-/// The name that a line gives itself after its archive, written down here a second time: FNV-1a of the path.
-fn line_name(archive: &Path) -> String {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    for byte in archive.as_os_str().as_encoded_bytes() {
-        hash = (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
-    }
-    format!("{hash:016x}")
 }
 
 /// How a program ended and what it said.
@@ -111,10 +101,11 @@ impl From<Output> for Done {
 }
 
 impl Done {
-    /// The program's JSON, after checking that it ended with `code`.
+    /// The program's JSON, of a run the last, which is its summary, after checking that it ended with `code`.
     pub(crate) fn json(&self, code: i32) -> Value {
         assert_eq!(self.code, Some(code), "{self:#?}");
-        serde_json::from_str(&self.out).unwrap()
+        let values = serde_json::Deserializer::from_str(&self.out).into_iter();
+        values.map(Result::unwrap).last().unwrap_or_else(|| panic!("no JSON: {self:#?}"))
     }
 
     pub(crate) fn expect(self, code: i32) -> Self {
@@ -123,24 +114,28 @@ impl Done {
     }
 }
 
-/// The process that runs stage `words` (as `ps` shows them) for the line `parent`, once it is there.
-pub(crate) fn stage(parent: &Child, words: &str) -> i32 {
+/// The process that is the stage `name` (`store`, `acquire-0`) of the line `parent`, once it is there.
+pub(crate) fn stage(parent: &Child, name: &str) -> i32 {
     let deadline = Instant::now() + Duration::from_secs(10);
     while Instant::now() < deadline {
-        let found = fs::read_dir("/proc").unwrap().flatten().find_map(|entry| {
-            let pid: i32 = entry.file_name().to_str()?.parse().ok()?;
-            let stat = fs::read_to_string(entry.path().join("stat")).ok()?;
-            let parent_pid: u32 = stat.rsplit_once(')')?.1.split_whitespace().nth(1)?.parse().ok()?;
-            let line = fs::read_to_string(entry.path().join("cmdline")).ok()?.replace('\0', " ");
-            let arguments = line.split_once(' ')?.1;
-            (parent_pid == parent.id() && arguments.starts_with(words)).then_some(pid)
-        });
-        if let Some(pid) = found {
+        if let Some(pid) = stage_now(parent, name) {
             return pid;
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    panic!("no stage {words:?}");
+    panic!("no stage {name:?}");
+}
+
+/// The process that is the stage `name` of the line `parent`, if it is there now.
+pub(crate) fn stage_now(parent: &Child, name: &str) -> Option<i32> {
+    fs::read_dir("/proc").unwrap().flatten().find_map(|entry| {
+        let pid: i32 = entry.file_name().to_str()?.parse().ok()?;
+        let stat = fs::read_to_string(entry.path().join("stat")).ok()?;
+        let parent_pid: u32 = stat.rsplit_once(')')?.1.split_whitespace().nth(1)?.parse().ok()?;
+        let line = fs::read_to_string(entry.path().join("cmdline")).ok()?.replace('\0', " ");
+        let arguments = line.split_once(' ')?.1;
+        (parent_pid == parent.id() && arguments.starts_with(&format!("stage {name} "))).then_some(pid)
+    })
 }
 
 /// Sends `signal` to a process, which must be there.
@@ -191,6 +186,32 @@ pub(crate) fn contents(archive: &Path) -> Contents {
         taps: rows.map(tap).collect(),
         discriminators: reader.discriminators().unwrap().into_iter().map(|r| r.map(found)).collect(),
         judgements: reader.judgements().unwrap().into_iter().map(|j| j.map(judged)).collect(),
+    }
+}
+
+/// The finished files of a run, by the names of their casings as the files have them.
+pub(crate) fn finished(out: &Path) -> BTreeMap<String, PathBuf> {
+    let files = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path());
+    let files = files.filter(|path| path.extension().is_some_and(|ending| ending == "h5"));
+    files.map(|path| (path.file_stem().unwrap().to_str().unwrap().to_owned(), path)).collect()
+}
+
+/// The files of a run that are under way.
+pub(crate) fn under_way(out: &Path) -> Vec<PathBuf> {
+    finished(&out.join("open")).into_values().collect()
+}
+
+/// What the finished files of a run hold, by casing.
+pub(crate) fn casings(out: &Path) -> BTreeMap<String, Contents> {
+    finished(out).into_iter().map(|(name, path)| (name, contents(&path))).collect()
+}
+
+/// Says of which casing two runs differ, and where.
+pub(crate) fn assert_same_casings(a: &BTreeMap<String, Contents>, b: &BTreeMap<String, Contents>) {
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (name, contents) in a {
+        eprintln!("comparing {name}");
+        assert_same(contents, &b[name]);
     }
 }
 

@@ -226,8 +226,9 @@ fn the_default_plan_finds_every_planted_crack() {
         crack_count += cracks.len();
         let rig = Rig::new();
         rig.write("scan.toml", &config_file(seed, &cracks));
-        let summary = rig.run("run --config scan.toml --out scan.h5 --json").json(0);
-        let regions = csv_rows(&rig.run("export scan.h5 regions").expect(0).out);
+        let summary = rig.run("run --config scan.toml --out scan --json").json(0);
+        let regions_of = |tyre| csv_rows(&rig.run(&format!("export scan/{tyre}.h5 regions")).expect(0).out);
+        let regions = [DAMAGED, SOUND].map(regions_of).concat();
         let mut line = format!("seed {seed:2} cracks {}", cracks.len());
         for told in summary["verdicts"].as_array().unwrap() {
             let (tyre, shoulder) = (told["tyre"].as_str().unwrap(), told["shoulder"].as_u64().unwrap());

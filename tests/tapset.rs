@@ -78,17 +78,17 @@ pub(crate) fn tap_set() -> Rig {
 #[test]
 fn a_clean_set_is_archived_bit_for_bit() {
     let rig = tap_set();
-    let summary = rig.run("run --taps taps --out set.h5 --json").json(0);
+    let summary = rig.run("run --taps taps --out set --json").json(0);
     assert_eq!((&summary["archived"], &summary["refused"]), (&24.into(), &0.into()));
     assert_eq!(summary["verdicts"][0]["verdict"], "PASS", "{summary}");
-    let reader = tapline_store::Reader::open(rig.path("set.h5")).unwrap();
+    let reader = tapline_store::Reader::open(rig.path("set/A-17.h5")).unwrap();
     let (header, samples) = reader.tap(7).unwrap().unwrap();
     assert_eq!((header.sample_count, header.sample_rate_hz, header.pre_trigger_samples), (4096, 41e3, 400));
     let wav: Vec<i16> =
         hound::WavReader::open(rig.path("taps/007.wav")).unwrap().samples::<i16>().map(Result::unwrap).collect();
     let planar: Vec<i16> = (0..2).flat_map(|c| wav.iter().skip(c).step_by(2).copied()).collect();
     assert_eq!(samples, tapline_store::OwnedSamples::I16(planar));
-    let row = &csv_rows(&rig.run("export set.h5 discriminators").expect(0).out)[7];
+    let row = &csv_rows(&rig.run("export set/A-17.h5 discriminators").expect(0).out)[7];
     let f_max_n: f64 = row["f_max_n"].parse().unwrap();
     assert!((f_max_n / (0.14 * 1.06 * 222.0) - 1.0).abs() < 0.02, "{f_max_n}");
     assert_eq!((row["offset_mm"].as_str(), row["velocity_m_per_s"].as_str()), ("5", "1.85"));
@@ -98,12 +98,12 @@ fn a_clean_set_is_archived_bit_for_bit() {
 #[test]
 fn a_set_that_has_changed_is_not_gone_on_with() {
     let rig = tap_set();
-    rig.run("run --taps taps --out set.h5").expect(0);
+    rig.run("run --taps taps --out set").expect(0);
     rig.write("taps/scan.toml", &SCAN.replace("222.0", "111.0"));
-    let done = rig.run("run --taps taps --out set.h5").expect(1);
-    assert!(done.err.contains("set.h5") && done.err.contains("scan plan"), "{done:?}");
+    let done = rig.run("run --taps taps --out set").expect(1);
+    assert!(done.err.contains("set has results of another run (other recorded taps: A-17 "), "{done:?}");
     rig.write("taps/scan.toml", SCAN);
-    rig.run("run --taps taps --out set.h5").expect(0);
+    rig.run("run --taps taps --out set").expect(0);
 }
 
 /// A tap that cannot be read is refused by name; the others are archived, and the shoulder does not pass.
@@ -121,11 +121,11 @@ fn bad_recordings_are_refused_into_the_ledger() {
     for (file, harm, _) in &harms {
         harm(&rig.path("taps").join(file));
     }
-    let summary = rig.run("run --taps taps --out set.h5 --json").json(3);
+    let summary = rig.run("run --taps taps --out set --json").json(3);
     assert_eq!((&summary["archived"], &summary["refused"], &summary["missing"]), (&19.into(), &5.into(), &0.into()));
     assert_eq!(summary["verdicts"][0]["verdict"], "RE-INSPECT");
     assert!(summary["verdicts"][0]["reasons"].as_str().unwrap().contains("taps_refused"));
-    let ledger = csv_rows(&rig.run("export set.h5 ledger").expect(0).out);
+    let ledger = csv_rows(&rig.run("export set/A-17.h5 ledger").expect(0).out);
     for (file, _, why) in harms {
         let location: usize = file[..3].parse().unwrap();
         let row = &ledger[location];
@@ -135,7 +135,7 @@ fn bad_recordings_are_refused_into_the_ledger() {
             assert!(row["reason"].contains(part), "{part:?} is not in {:?}", row["reason"]);
         }
     }
-    rig.run("verify set.h5").expect(3);
+    rig.run("verify set/A-17.h5").expect(3);
 }
 
 /// A sample that is not a number is found when the tap is read, and refused like the rest.
@@ -158,9 +158,9 @@ fn a_sample_that_is_not_a_number_is_refused() {
         }
         wav.finalize().unwrap();
     }
-    let summary = rig.run("run --taps taps --out set.h5 --json").json(3);
+    let summary = rig.run("run --taps taps --out set --json").json(3);
     assert_eq!((&summary["archived"], &summary["refused"]), (&23.into(), &1.into()));
-    let reason = &csv_rows(&rig.run("export set.h5 ledger").expect(0).out)[9]["reason"];
+    let reason = &csv_rows(&rig.run("export set/A-17.h5 ledger").expect(0).out)[9]["reason"];
     assert!(reason.contains("009.wav") && reason.contains("NaN") && reason.contains("2000"), "{reason}");
 }
 
@@ -184,15 +184,15 @@ fn bad_tables_stop_before_the_first_tap() {
         let rig = tap_set();
         let table = fs::read_to_string(rig.path("taps/taps.csv")).unwrap();
         rig.write("taps/taps.csv", &change(&table));
-        let done = rig.run("run --taps taps --out set.h5").expect(1);
+        let done = rig.run("run --taps taps --out set").expect(1);
         for part in parts {
             assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
         }
-        assert!(!rig.path("set.h5").exists());
+        assert!(!rig.path("set").exists());
     }
     let rig = tap_set();
     rig.write("taps/scan.toml", &SCAN.replace("pre_trigger_samples", "pre_triger_samples"));
-    let done = rig.run("run --taps taps --out set.h5").expect(1);
+    let done = rig.run("run --taps taps --out set").expect(1);
     assert!(done.err.contains("scan.toml") && done.err.contains("pre_triger_samples"), "{done:?}");
 }
 
@@ -204,9 +204,9 @@ fn a_tap_of_another_velocity_than_its_set_is_flagged() {
     let fast = table.replace("011.wav,A-17,1,5,1.85", "011.wav,A-17,1,5,2.05");
     assert_ne!(fast, table);
     rig.write("taps/taps.csv", &fast);
-    let summary = rig.run("run --taps taps --out set.h5 --json").json(0);
+    let summary = rig.run("run --taps taps --out set --json").json(0);
     assert_eq!(summary["verdicts"][0]["verdict"], "PASS", "it is kept, and compared with those beside it: {summary:#}");
-    for row in csv_rows(&rig.run("export set.h5 discriminators").expect(0).out) {
+    for row in csv_rows(&rig.run("export set/A-17.h5 discriminators").expect(0).out) {
         let is_fast = row["location"] == "11";
         assert_eq!(row["quality"], if is_fast { "velocity_off" } else { "" }, "{row:?}");
         assert_eq!(row["velocity_m_per_s"], if is_fast { "2.05" } else { "1.85" });

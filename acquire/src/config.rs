@@ -1,10 +1,10 @@
 //! The tables `[acquire]` and `[scan]` of a configuration.
 
 use serde::{Deserialize, Serialize};
-use tapline_model::Crack;
+use tapline_model::{Crack, SimulationConfig};
 use tapline_wire::{RETAKES_MAX, Serial};
 
-use crate::Error;
+use crate::{Error, Limits};
 
 /// Most taps of a simulated scan, some two thousand tyres: the plan is held in memory, 130 bytes or so a tap.
 const TAPS_MAX: u64 = 10_000_000;
@@ -150,13 +150,32 @@ impl ScanConfig {
 
     /// Taps of the whole scan.
     fn tap_count(&self) -> u128 {
-        let tyres = if self.tyre.is_empty() { usize::from(self.stations) } else { self.tyre.len() };
-        let turns = tyres as u128
-            * u128::from(self.shoulders)
+        (crate::simulated::tyre_count(self) as u128).saturating_mul(self.taps_of_tyre())
+    }
+
+    fn taps_of_tyre(&self) -> u128 {
+        let turns = u128::from(self.shoulders)
             * self.offsets_mm.len() as u128
             * self.velocities_m_per_s.len() as u128
             * u128::from(self.repetitions);
         turns.saturating_mul(u128::from(self.locations) + u128::from(self.closing_tap))
+    }
+
+    /// Taps of one tyre.
+    pub(crate) fn taps_per_tyre(&self) -> u64 {
+        u64::try_from(self.taps_of_tyre()).unwrap_or(u64::MAX)
+    }
+
+    /// What a tyre that is scanned so needs, when the rig of `simulation` records it.
+    pub fn limits(&self, simulation: &SimulationConfig) -> Limits {
+        let (scans, locations) = (usize::from(self.shoulders), self.locations as usize);
+        Limits {
+            taps: usize::try_from(self.taps_of_tyre()).unwrap_or(usize::MAX),
+            scans,
+            cells: scans.saturating_mul(locations),
+            locations,
+            record_bytes: 2 * size_of::<i16>() * simulation.sample_count as usize,
+        }
     }
 
     fn validate_tyres(&self) -> Result<(), Error> {
@@ -164,7 +183,7 @@ impl ScanConfig {
             let key = |field: &str| format!("scan.tyre[{number}].{field}");
             let serial = &tyre.serial;
             if Serial::new(serial).is_err() {
-                let bound = "1 to 32 bytes without control characters or '/'";
+                let bound = "1 to 32 bytes without white space at its ends, '/', control characters or unseen ones";
                 return refuse(&key("serial"), format!("{serial:?}"), bound);
             }
             if self.tyre[..number].iter().any(|other| other.serial == *serial) {

@@ -110,6 +110,18 @@ pub enum Error {
         /// Line of the second, from 1.
         second: usize,
     },
+    /// The taps of a casing are at two stations, although a casing can only lie on one.
+    #[error("{}: {what} is at station {} (line {}) and at station {} (line {})", file.display(), first.0, first.1, second.0, second.1)]
+    TwoStations {
+        /// The list of taps.
+        file: PathBuf,
+        /// The casing.
+        what: String,
+        /// One station, and the line that names it, from 1.
+        first: (u16, usize),
+        /// The other, and the line that names it.
+        second: (u16, usize),
+    },
     /// A table without rows.
     #[error("{}: has no rows below its header", file.display())]
     NoRows {
@@ -139,6 +151,17 @@ pub enum Error {
     /// The simulated rig or one of its tyres is impossible.
     #[error("simulation: {0}")]
     Model(#[from] tapline_model::Error),
+    /// A thread cannot be had.
+    #[error("no thread for {what}: {source}")]
+    Thread {
+        /// What it is for.
+        what: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A simulated rig cannot be talked to.
+    #[error("the simulated rig: {0}")]
+    Rig(std::io::Error),
     /// The taps make no plan.
     #[error(transparent)]
     Plan(#[from] tapline_wire::PlanError),

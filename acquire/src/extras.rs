@@ -2,7 +2,7 @@
 //!
 //! Each column may be left out, and each cell may be empty: then the set, or its reader, decides as it does without.
 
-use tapline_wire::{Geometry, RETAKES_MAX};
+use tapline_wire::{Geometry, RETAKES_MAX, csv_text};
 
 use crate::Error;
 use crate::scan_toml::{FULL_SCALE_MAX, MICROPHONE_DISTANCE_M_MAX};
@@ -65,7 +65,7 @@ impl Extras {
             force_full_scale_n: full_scale("force_full_scale_n")?,
             sound_full_scale_v: full_scale("sound_full_scale_v")?,
             microphone_distance_m: row.number("microphone_distance_m", (0.0, true), MICROPHONE_DISTANCE_M_MAX)?,
-            refused: Some(row.text("refused")).filter(|reason| !reason.is_empty()).map(str::to_owned),
+            refused: Some(csv_text(row.text("refused"))).filter(|reason| !reason.is_empty()).map(str::to_owned),
         })
     }
 }

@@ -18,13 +18,21 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod arrivals;
 mod config;
 mod error;
 mod extras;
+mod folder;
+mod limits;
+mod listed_simulated;
+mod listed_tap_set;
+mod rig;
 mod run;
 mod scan_toml;
 mod simulated;
 mod source;
+mod station;
+mod station_config;
 mod table;
 mod taps_csv;
 mod tapset;
@@ -37,9 +45,16 @@ mod fuzz_tests;
 #[cfg(test)]
 mod mutated;
 
+pub use arrivals::{Arrival, Arrivals, Casing, CasingEnd, Wake};
 pub use config::{AcquireConfig, ScanConfig, TyreConfig};
 pub use error::Error;
-pub use run::{Outcome, run};
+pub use folder::FolderArrivals;
+pub use limits::Limits;
+pub use listed_simulated::{SimulatedList, listed_simulated};
+pub use listed_tap_set::{TapSetList, listed_tap_set};
+pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};
+pub use run::{Outcome, RunError, run};
 pub use simulated::SimulatedLine;
-pub use source::{Refusal, Source};
+pub use source::{Readiness, Refusal, Source};
+pub use station_config::{StationConfig, StationSource, open_station, validate_stations};
 pub use tapset::TapSet;

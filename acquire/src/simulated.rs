@@ -27,10 +27,11 @@ pub struct SimulatedLine {
 }
 
 /// A tyre of the line, as it was written or as it is by default.
-struct Tyre {
-    serial: Serial,
-    station: u16,
-    cracks: Vec<Crack>,
+#[derive(Debug, Clone)]
+pub(crate) struct Tyre {
+    pub(crate) serial: Serial,
+    pub(crate) station: u16,
+    pub(crate) cracks: Vec<Crack>,
 }
 
 impl SimulatedLine {
@@ -40,23 +41,35 @@ impl SimulatedLine {
     /// [`Error`] for a value out of its bounds.
     pub fn new(scan: &ScanConfig, simulation: &SimulationConfig) -> Result<Self, Error> {
         scan.validate()?;
-        let tyres = tyres_of(scan)?;
-        let on_rig: Vec<_> = tyres
-            .iter()
-            .map(|tyre| SimulatedTyre { serial: tyre.serial.to_string(), cracks: tyre.cracks.clone() })
-            .collect();
-        let rig = SimulatedRig::new(simulation, scan.seed, &on_rig)?;
-        let recording = Recording {
-            sample_rate_hz: simulation.sample_rate_hz,
-            pre_trigger_samples: simulation.pre_trigger_samples,
-            sample_count_max: simulation.sample_count,
-            sample_format: SampleFormat::I16,
-            channels: vec![Channel::Force, Channel::Sound],
-        };
+        let tyres: Vec<Tyre> = (0..tyre_count(scan)).map(|number| tyre_of(scan, number)).collect::<Result<_, _>>()?;
+        let start_ns = vec![scan.start_ns; usize::from(scan.stations) + 1];
+        Self::of_tyres(scan, simulation, &tyres, start_ns)
+    }
+
+    /// One tyre alone, whose station has made `taps_before` taps before it: the same taps as those of the whole scan.
+    pub(crate) fn of_tyre(
+        scan: &ScanConfig,
+        simulation: &SimulationConfig,
+        tyre: &Tyre,
+        taps_before: u64,
+    ) -> Result<Self, Error> {
+        let mut start_ns = vec![0; usize::from(tyre.station) + 1];
+        start_ns[usize::from(tyre.station)] = time_after(scan, taps_before);
+        Self::of_tyres(scan, simulation, std::slice::from_ref(tyre), start_ns)
+    }
+
+    /// The line of `tyres`, of which each station starts at its place in `start_ns`.
+    fn of_tyres(
+        scan: &ScanConfig,
+        simulation: &SimulationConfig,
+        tyres: &[Tyre],
+        start_ns: Vec<i64>,
+    ) -> Result<Self, Error> {
+        let rig = rig_of(scan, simulation, tyres)?;
+        let plan = plan_of(scan, simulation, tyres)?;
         let full_scales = [simulation.force_full_scale_n, simulation.sound_full_scale_v];
-        let channels = channel_headers(&recording, &full_scales.map(|full_scale| full_scale / COUNTS_FULL_SCALE));
-        let plan = Plan::new(Geometry::Ring, recording, taps_of(scan, &tyres)?, truth_of(scan, &tyres))?;
-        let tap_time_ns = times_of(scan, &plan);
+        let channels = channel_headers(&plan.recording, &full_scales.map(|full_scale| full_scale / COUNTS_FULL_SCALE));
+        let tap_time_ns = times_of(scan, &plan, start_ns);
         Ok(Self { plan, rig, locations: scan.locations, channels, tap_time_ns })
     }
 
@@ -106,26 +119,65 @@ impl Source for SimulatedLine {
     }
 }
 
-fn tyres_of(scan: &ScanConfig) -> Result<Vec<Tyre>, Error> {
-    let serial_of = |text: &str| {
-        Serial::new(text).map_err(|e| Error::Setting {
-            key: "scan.tyre.serial".to_owned(),
-            value: format!("{text:?}"),
-            bound: format!("such that {e}"),
-        })
+/// The rig with `tyres` to tap.
+pub(crate) fn rig_of(
+    scan: &ScanConfig,
+    simulation: &SimulationConfig,
+    tyres: &[Tyre],
+) -> Result<SimulatedRig, tapline_model::Error> {
+    let on_rig: Vec<_> = tyres
+        .iter()
+        .map(|tyre| SimulatedTyre { serial: tyre.serial.to_string(), cracks: tyre.cracks.clone() })
+        .collect();
+    SimulatedRig::new(simulation, scan.seed, &on_rig)
+}
+
+/// The plan of the scan of `tyres`.
+pub(crate) fn plan_of(scan: &ScanConfig, simulation: &SimulationConfig, tyres: &[Tyre]) -> Result<Plan, Error> {
+    let recording = Recording {
+        sample_rate_hz: simulation.sample_rate_hz,
+        pre_trigger_samples: simulation.pre_trigger_samples,
+        sample_count_max: simulation.sample_count,
+        sample_format: SampleFormat::I16,
+        channels: vec![Channel::Force, Channel::Sound],
     };
-    if scan.tyre.is_empty() {
-        let default_tyre = |station: u16| {
-            let serial = format!("SIM-{station:04}");
-            let is_damaged = station % 2 == 1;
-            let crack_count = if is_damaged { CRACKS_PLANTED } else { 0 };
-            let cracks = plant_cracks(scan.seed, &serial, scan.locations, crack_count);
-            Ok(Tyre { serial: serial_of(&serial)?, station, cracks })
-        };
-        return (1..=scan.stations).map(default_tyre).collect();
+    Ok(Plan::new(Geometry::Ring, recording, taps_of(scan, tyres)?, truth_of(scan, tyres))?)
+}
+
+/// How many tyres are scanned.
+pub(crate) fn tyre_count(scan: &ScanConfig) -> usize {
+    if scan.tyre.is_empty() { usize::from(scan.stations) } else { scan.tyre.len() }
+}
+
+/// Station of tyre `number`, from 0.
+pub(crate) fn station_of(scan: &ScanConfig, number: usize) -> u16 {
+    scan.tyre.get(number).map_or_else(|| u16::try_from(number + 1).unwrap_or(u16::MAX), |tyre| tyre.station)
+}
+
+/// Tyre `number`, from 0, as it is written; where none is, the one of station `number` + 1.
+pub(crate) fn tyre_of(scan: &ScanConfig, number: usize) -> Result<Tyre, Error> {
+    let station = station_of(scan, number);
+    match scan.tyre.get(number) {
+        Some(written) => {
+            Ok(Tyre { serial: simulated_serial(&written.serial)?, station, cracks: written.crack.clone() })
+        }
+        None => default_tyre(scan, &format!("SIM-{station:04}"), station, station % 2 == 1),
     }
-    let written = scan.tyre.iter();
-    written.map(|t| Ok(Tyre { serial: serial_of(&t.serial)?, station: t.station, cracks: t.crack.clone() })).collect()
+}
+
+/// A tyre that is written nowhere: with cracks that its serial and the seed decide, or sound.
+pub(crate) fn default_tyre(scan: &ScanConfig, serial: &str, station: u16, is_damaged: bool) -> Result<Tyre, Error> {
+    let crack_count = if is_damaged { CRACKS_PLANTED } else { 0 };
+    let cracks = plant_cracks(scan.seed, serial, scan.locations, crack_count);
+    Ok(Tyre { serial: simulated_serial(serial)?, station, cracks })
+}
+
+fn simulated_serial(text: &str) -> Result<Serial, Error> {
+    Serial::new(text).map_err(|e| Error::Setting {
+        key: "scan.tyre.serial".to_owned(),
+        value: format!("{text:?}"),
+        bound: format!("such that {e}"),
+    })
 }
 
 /// Every tap in the order in which it is taken: tyre, shoulder, offset, velocity, repetition, full turn.
@@ -183,11 +235,21 @@ fn truth_of(scan: &ScanConfig, tyres: &[Tyre]) -> Truth {
     known
 }
 
-/// Times of the taps; stations work side by side, each tapping once a period.
-fn times_of(scan: &ScanConfig, plan: &Plan) -> Vec<i64> {
+/// Time of a station's tap after `taps_before` others, ns since the Unix epoch.
+fn time_after(scan: &ScanConfig, taps_before: u64) -> i64 {
+    let taps_before = i64::try_from(taps_before).unwrap_or(i64::MAX);
+    scan.start_ns.saturating_add(period_ns(scan).saturating_mul(taps_before))
+}
+
+fn period_ns(scan: &ScanConfig) -> i64 {
     #[expect(clippy::cast_possible_truncation, reason = "at most an hour, which is 3.6e12 ns")]
     let period_ns = (scan.tap_period_s * 1e9).round() as i64;
-    let mut next_ns = vec![scan.start_ns; usize::from(scan.stations) + 1];
+    period_ns
+}
+
+/// Times of the taps; stations work side by side, each tapping once a period from its place in `next_ns` on.
+fn times_of(scan: &ScanConfig, plan: &Plan, mut next_ns: Vec<i64>) -> Vec<i64> {
+    let period_ns = period_ns(scan);
     plan.taps()
         .iter()
         .map(|tap| {

@@ -4,7 +4,7 @@ use std::fmt;
 
 use tapline_wire::{CHANNELS_MAX, ChannelHeader, Lane, Plan, Recording, SourceKind, TapHeader};
 
-/// A source of taps.
+/// A source of taps: those of one casing at one station.
 ///
 /// A tap depends on its plan row and attempt alone, never on what was rendered before it: a run that is resumed,
 /// retaken or split over stations gets the same bytes.
@@ -18,6 +18,14 @@ pub trait Source: Send + fmt::Debug {
     /// Whether a tap that is asked for again is struck again, or is what it was.
     fn can_retake(&self) -> bool;
 
+    /// Whether the tap in plan row `row` can be rendered now; a rig is told to move and to hit by being asked.
+    ///
+    /// Never blocks. A source whose taps exist already is always ready.
+    fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
+        let _whichever = (row, attempt);
+        Readiness::Ready
+    }
+
     /// Renders the tap in plan row `row` into `lanes`, and all that is known of it into `header`.
     ///
     /// A tap whose earlier takes are known to its source may be of a later attempt than `attempt`. Of `header` all but `stamp`, `sent_ns` and `retakes_left` is filled in, `id` and `plan_index` also when the tap is refused.
@@ -27,6 +35,19 @@ pub trait Source: Send + fmt::Debug {
     /// # Errors
     /// [`Refusal`] when this tap cannot be had; others still may.
     fn render(&mut self, row: u32, attempt: u16, header: &mut TapHeader, lanes: &mut [Lane]) -> Result<(), Refusal>;
+}
+
+/// Whether a tap can be rendered now.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Readiness {
+    /// It can.
+    Ready,
+    /// It is on its way: ask again when woken, or after [`crate::Arrivals::look_every`].
+    NotYet,
+    /// This tap alone will not come.
+    Refused(Refusal),
+    /// The casing was taken away, for the reason given: no tap of it will come any more.
+    Gone(String),
 }
 
 /// Why a planned tap will not come.

@@ -1,9 +1,9 @@
 //! `taps.csv`: which file is the recording of which tap.
 
 use std::collections::HashMap;
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
-use tapline_wire::{Geometry, IdError, PlannedTap, Serial, TapId};
+use tapline_wire::{Geometry, IdError, PlannedTap, Serial, TapId, csv_text};
 
 use crate::Error;
 use crate::extras::{self, Extras, MEASURED};
@@ -50,6 +50,7 @@ pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<T
         mark_closing_taps(&mut rows);
     }
     refuse_duplicates(file, &rows)?;
+    refuse_shared_recordings(file, &rows)?;
     Ok(rows)
 }
 
@@ -67,7 +68,7 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
         .map_err(|e| refuse_id(row, "offset_mm", &e))?
         .with_velocity_m_per_s(velocity_m_per_s)
         .map_err(|e| refuse_id(row, "velocity_m_per_s", &e))?;
-    id.tyre = Serial::new(row.text("tyre")).map_err(|e| refuse_id(row, "tyre", &e))?;
+    id.tyre = Serial::new(csv_text(row.text("tyre"))).map_err(|e| refuse_id(row, "tyre", &e))?;
     id.shoulder = short(whole("shoulder", 1, shoulder_max)?);
     id.location = whole("location", 0, LOCATION_MAX)?;
     id.repetition = short(row.whole("repetition", 0, u32::from(u16::MAX))?.unwrap_or(0));
@@ -95,7 +96,7 @@ fn refuse_id(row: &Row<'_>, column: &'static str, error: &IdError) -> Error {
 
 /// The recording's path; it may not lead out of the set's folder, which may come from a stranger.
 fn file_name(row: &Row<'_>) -> Result<String, Error> {
-    let text = row.text("file");
+    let text = csv_text(row.text("file"));
     let is_inside = Path::new(text).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
     if text.is_empty() || text.contains('\0') || !is_inside {
         return Err(row.refuse("file", "the path of a WAV below the folder of the set, without '..'"));
@@ -152,6 +153,19 @@ fn refuse_duplicates(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     Ok(())
 }
 
+/// One recording can be that of one tap only, however its path is written.
+fn refuse_shared_recordings(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
+    let mut line_of = HashMap::with_capacity(rows.len());
+    for row in rows.iter().filter(|row| !row.file.is_empty()) {
+        let plain: PathBuf = Path::new(&row.file).components().filter(|c| *c != Component::CurDir).collect();
+        if let Some(first) = line_of.insert(plain, row.line) {
+            let what = format!("the recording {}", row.file);
+            return Err(Error::Duplicate { file: file.to_owned(), what, first, second: row.line });
+        }
+    }
+    Ok(())
+}
+
 /// The tap in the words of the list, which knows neither stations nor attempts.
 fn name_of(row: &TapRow) -> String {
     let TapId { tyre, shoulder, location, repetition, .. } = row.tap.id;
@@ -191,6 +205,16 @@ mod tests {
         let id = rows[1].tap.id;
         assert_eq!((id.offset_mm(), id.velocity_m_per_s(), rows[1].velocity_measured_m_per_s), (None, None, None));
         assert_eq!((id.repetition, rows[1].tap.angle_deg), (0, None));
+    }
+
+    /// Catches a serial, path or reason that keeps the apostrophe that exports put before formulas.
+    #[test]
+    fn what_an_export_made_a_text_comes_back() {
+        let header = HEADER.replace("repetition", "repetition,refused");
+        let text = format!("{header}'-5-1/a.wav,'=T,1,,,0,,0,\n,'=T,1,,,1,,0,'@lost\n");
+        let rows = parse(Path::new("taps.csv"), &text, Geometry::Ring).unwrap();
+        assert_eq!((rows[0].file.as_str(), rows[0].tap.id.tyre.as_str()), ("-5-1/a.wav", "=T"));
+        assert_eq!(rows[1].extras.refused.as_deref(), Some("@lost"));
     }
 
     /// Catches a measured velocity that is taken for the planned one, required, or made up where its cell is empty.
@@ -300,6 +324,8 @@ mod tests {
             ("/etc/a.wav,T,1,,,0,,0", "line 3: file is \"/etc/a.wav\""),
             ("x/../../a.wav,T,1,,,0,,0", "line 3: file is \"x/../../a.wav\""),
             (",T,1,,,0,,0", "line 3: file is \"\""),
+            ("ok.wav,T,1,,,0,,0", "taps.csv line 3: names the recording ok.wav again; line 2 has it already"),
+            ("./ok.wav,T,1,,,0,,0", "line 3: names the recording ./ok.wav again; line 2 has it already"),
             ("a.wav,T,1,,,0,,0,9", "line 3: has 9 cells"),
             (
                 "a.wav,T,2,,,5,,",

@@ -1,11 +1,12 @@
 //! A tap set: a folder of recordings, one WAV a tap, with two tables that say what they are.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use tapline_wire::{
-    CHANNELS_MAX, Channel, ChannelHeader, Lane, Plan, PlannedTap, Recording, SampleFormat, Serial, SourceKind,
-    TapHeader, Truth, digest_of_parts,
+    Channel, Geometry, Lane, Plan, PlannedTap, Recording, SampleFormat, Serial, SourceKind, TapHeader, Truth,
+    digest_of_parts,
 };
 
 use crate::extras::Extras;
@@ -22,84 +23,155 @@ const COUNTS_FULL_SCALE: f64 = 32_768.0;
 const REASONS_TOLD: usize = 3;
 
 /// A folder of recorded taps: `scan.toml`, `taps.csv`, one WAV a tap, and `truth.csv` where the truth is known.
+///
+/// It is all of the folder, or one casing of it; what they have in common is held once.
 #[derive(Debug)]
 pub struct TapSet {
-    dir: PathBuf,
-    scan: ScanToml,
+    set: Arc<Recordings>,
     plan: Plan,
-    rows: Vec<RecordedTap>,
+    /// For every row of the plan that of the set.
+    rows: Vec<u32>,
     scratch: Vec<u8>,
 }
 
+/// What is known of all recordings of a folder.
 #[derive(Debug)]
-struct RecordedTap {
-    file: String,
-    line: usize,
-    velocity_measured_m_per_s: f64,
-    microphone_distance_m: f64,
-    tap_time_ns: i64,
-    /// How many takes of it were of no use before the one that was recorded.
-    attempt: u16,
-    channels: [ChannelHeader; CHANNELS_MAX],
-    /// Why the recording cannot be used, as far as its header tells.
-    fault: Option<String>,
+pub(crate) struct Recordings {
+    dir: PathBuf,
+    scan: ScanToml,
+    scan_text: String,
+    pub(crate) taps: Vec<TapRow>,
+    headers: Vec<Result<WavHeader, String>>,
+    truth: Truth,
+}
+
+impl Recordings {
+    /// Reads the tables in `dir` and every recording's header.
+    ///
+    /// # Errors
+    /// [`Error`] when a table is missing or wrong, or no recording at all can be used.
+    pub(crate) fn open(dir: &Path) -> Result<Self, Error> {
+        let need = |file: &Path| text::read(file)?.ok_or_else(|| text::missing(file));
+        let scan_file = dir.join("scan.toml");
+        let scan_text = need(&scan_file)?;
+        let scan = scan_toml::parse(&scan_file, &scan_text)?;
+        let taps_file = dir.join("taps.csv");
+        let taps = taps_csv::parse(&taps_file, &need(&taps_file)?, scan.geometry)?;
+        let truth_file = dir.join("truth.csv");
+        let truth = text::read(&truth_file)?.map_or(Ok(Truth::new()), |text| truth_csv::parse(&truth_file, &text))?;
+        let header = |row: &TapRow| header_of(dir, row, &scan).map_err(|fault| fault.to_string());
+        let headers: Vec<_> = taps.iter().map(header).collect();
+        if headers.iter().all(Result::is_err) {
+            return Err(no_usable_tap(taps_file, &taps, headers));
+        }
+        Ok(Self { dir: dir.to_owned(), scan, scan_text, taps, headers, truth })
+    }
+
+    pub(crate) fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// The list of taps.
+    pub(crate) fn taps_file(&self) -> PathBuf {
+        self.dir.join("taps.csv")
+    }
+
+    pub(crate) fn geometry(&self) -> Geometry {
+        self.scan.geometry
+    }
+
+    /// The plan of the taps in `rows` of the set, at the station that `station_of` gives each row.
+    ///
+    /// It depends on these rows and their recordings alone, not on what else is in the set.
+    pub(crate) fn plan(&self, rows: &[u32], station_of: impl Fn(usize) -> u16) -> Result<Plan, Error> {
+        let taps = rows.iter().map(|&row| {
+            let mut tap = self.taps[row as usize].tap;
+            tap.id.station = station_of(row as usize);
+            tap
+        });
+        let taps: Vec<PlannedTap> = taps.collect();
+        let shoulders: HashSet<_> = taps.iter().map(|tap| (tap.id.tyre, tap.id.shoulder)).collect();
+        let is_of = |&(tyre, shoulder, _): &(Serial, u16, u32)| shoulders.contains(&(tyre, shoulder));
+        let truth = self.truth.iter().filter(|(place, _)| is_of(place)).map(|(&place, &is)| (place, is)).collect();
+        let headers = || rows.iter().map(|&row| &self.headers[row as usize]);
+        let recording = recording_of(&self.scan, headers);
+        Ok(Plan::of_source(self.scan.geometry, recording, taps, truth, self.digest(rows))?)
+    }
+
+    /// What tells the source of `rows` from others with the same taps: scales, files and their lengths, which stand for
+    /// the recordings themselves.
+    fn digest(&self, rows: &[u32]) -> u64 {
+        let about = rows.iter().map(|&row| {
+            let TapRow { file, velocity_measured_m_per_s, extras, .. } = &self.taps[row as usize];
+            let length = file_length(&self.dir.join(file));
+            format!("{file} {length} {velocity_measured_m_per_s:?} {extras:?}")
+        });
+        let about: Vec<String> = about.collect();
+        let parts = std::iter::once(self.scan_text.as_bytes()).chain(about.iter().map(String::as_bytes));
+        digest_of_parts(parts)
+    }
 }
 
 impl TapSet {
-    /// Opens the tap set in the folder `dir`, its shoulders shared out over `station_count` stations in turn where it does
+    /// Opens the tap set in the folder `dir`, its casings shared out over `station_count` stations in turn where it does
     /// not say whose they are.
     ///
     /// The tables and every recording's header are checked; a recording that cannot be used is a refusal of its tap
     /// when that is asked for, not an error here.
     ///
     /// # Errors
-    /// [`Error`] when a table is missing or wrong, when no recording at all can be used, or without a station.
+    /// [`Error`] when a table is missing or wrong, when no recording at all can be used, when a casing is at two
+    /// stations, or without a station.
     pub fn open(dir: &Path, station_count: u16) -> Result<Self, Error> {
-        if station_count == 0 {
-            let bound = format!("from 1 to {}", u16::MAX);
-            return Err(Error::Setting { key: "stations".to_owned(), value: "0".to_owned(), bound });
+        refuse_no_station(station_count)?;
+        let set = Recordings::open(dir)?;
+        let units = units_of(&set, station_count)?;
+        let mut stations = vec![0; set.taps.len()];
+        for unit in &units {
+            for &row in &unit.rows {
+                stations[row as usize] = unit.station;
+            }
         }
-        let need = |file: &Path| text::read(file)?.ok_or_else(|| text::missing(file));
-        let scan_file = dir.join("scan.toml");
-        let scan_text = need(&scan_file)?;
-        let scan = scan_toml::parse(&scan_file, &scan_text)?;
-        let taps_file = dir.join("taps.csv");
-        let taps_text = need(&taps_file)?;
-        let rows = taps_csv::parse(&taps_file, &taps_text, scan.geometry)?;
-        let truth_file = dir.join("truth.csv");
-        let truth = text::read(&truth_file)?.map_or(Ok(Truth::new()), |text| truth_csv::parse(&truth_file, &text))?;
+        let rows: Vec<u32> = (0..).zip(&set.taps).map(|(row, _)| row).collect();
+        let plan = set.plan(&rows, |row| stations[row])?;
+        Ok(Self { set: Arc::new(set), plan, rows, scratch: Vec::new() })
+    }
 
-        let headers: Vec<_> = rows.iter().map(|row| header_of(dir, row, &scan)).collect();
-        let Some(recording) = recording_of(&scan, &headers) else {
-            return Err(no_usable_tap(taps_file, &rows, headers));
-        };
-        let taps = at_stations(&rows, station_count);
-        // Same taps, other scales or files: not the same source. Lengths stand for the recordings themselves.
-        let lengths: Vec<String> = rows.iter().map(|row| file_length(&dir.join(&row.file))).collect();
-        let lengths = lengths.join(" ");
-        let source = digest_of_parts([scan_text.as_bytes(), taps_text.as_bytes(), lengths.as_bytes()]);
-        let plan = Plan::new(scan.geometry, recording, taps, truth)?.with_source(source);
-        let rows = rows.into_iter().zip(headers).map(|(row, header)| recorded_tap(row, header, &scan, &plan.recording));
-        let rows = rows.collect();
-        Ok(Self { dir: dir.to_owned(), scan, plan, rows, scratch: Vec::new() })
+    /// The casing `unit` of `set`, at `station`.
+    pub(crate) fn of_unit(set: &Arc<Recordings>, unit: &Unit, station: u16) -> Result<Self, Error> {
+        let plan = set.plan(&unit.rows, |_| station)?;
+        Ok(Self { set: Arc::clone(set), plan, rows: unit.rows.clone(), scratch: Vec::new() })
     }
 
     /// What `scan.toml` says beside what is computed with: units, description, source and licence of the recordings.
     pub fn remarks(&self) -> &BTreeMap<String, String> {
-        &self.scan.remarks
+        &self.set.scan.remarks
     }
 
     /// The taps that will be refused as far as the headers of their recordings tell, in the order of the plan.
     pub fn refusals(&self) -> impl Iterator<Item = Refusal> + '_ {
-        self.rows.iter().filter_map(|tap| tap.fault.as_ref().map(|fault| tap.refusal(fault.clone())))
+        self.rows.iter().filter_map(|&row| Some(self.refusal(row, self.fault(row)?)))
     }
 
-    fn read(&mut self, row: usize, lanes: &mut [Lane]) -> Result<u32, WavFault> {
+    /// Why the recording in row `row` of the set cannot be used, as far as its header tells.
+    fn fault(&self, row: u32) -> Option<String> {
+        match &self.set.headers[row as usize] {
+            Err(fault) => Some(fault.clone()),
+            Ok(wav) => refuse_format(wav, self.plan.recording.sample_format).err().map(|fault| fault.to_string()),
+        }
+    }
+
+    fn refusal(&self, row: u32, reason: String) -> Refusal {
+        let TapRow { file, line, .. } = &self.set.taps[row as usize];
+        Refusal { file: file.clone(), line: *line, reason }
+    }
+
+    fn read(&mut self, row: u32, lanes: &mut [Lane]) -> Result<u32, WavFault> {
         let recording = &self.plan.recording;
-        let (mut file, file_bytes) = wav::open(&self.dir.join(&self.rows[row].file))?;
+        let (mut file, file_bytes) = wav::open(&self.set.dir.join(&self.set.taps[row as usize].file))?;
         // Read again, because the file may have changed since the set was opened.
         let wav = wav::read_header(&mut file, file_bytes)?;
-        refuse_misfit(&wav, &self.scan)?;
+        refuse_misfit(&wav, &self.set.scan)?;
         refuse_format(&wav, recording.sample_format)?;
         if wav.sample_count > recording.sample_count_max {
             return Err(WavFault::Grown { got: wav.sample_count, most: recording.sample_count_max });
@@ -130,25 +202,20 @@ impl Source for TapSet {
     fn render(&mut self, row: u32, attempt: u16, header: &mut TapHeader, lanes: &mut [Lane]) -> Result<(), Refusal> {
         let kind = self.kind();
         *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
-        let row = row as usize;
-        let tap = &self.rows[row];
-        header.id.attempt = attempt.max(tap.attempt);
-        header.tap_time_ns = tap.tap_time_ns;
-        header.velocity_measured_m_per_s = tap.velocity_measured_m_per_s;
-        header.microphone_distance_m = tap.microphone_distance_m;
-        header.channels = tap.channels;
-        let known = tap.fault.clone().or_else(|| no_room(lanes, self.plan.recording.payload_bytes_max()));
-        if let Some(reason) = known {
-            return Err(self.rows[row].refusal(reason));
+        let row = self.rows[row as usize];
+        let TapRow { velocity_measured_m_per_s, extras, .. } = &self.set.taps[row as usize];
+        let scan = &self.set.scan;
+        let recording = &self.plan.recording;
+        header.id.attempt = attempt.max(extras.attempt);
+        header.tap_time_ns = extras.tap_time_ns;
+        header.velocity_measured_m_per_s = velocity_measured_m_per_s.unwrap_or(f64::NAN);
+        header.microphone_distance_m = extras.microphone_distance_m.unwrap_or(scan.microphone_distance_m);
+        header.channels = channel_headers(recording, &scales_of(scan, extras, recording.sample_format));
+        if let Some(reason) = self.fault(row).or_else(|| no_room(lanes, recording.payload_bytes_max())) {
+            return Err(self.refusal(row, reason));
         }
-        header.sample_count = self.read(row, lanes).map_err(|fault| self.rows[row].refusal(fault.to_string()))?;
+        header.sample_count = self.read(row, lanes).map_err(|fault| self.refusal(row, fault.to_string()))?;
         Ok(())
-    }
-}
-
-impl RecordedTap {
-    fn refusal(&self, reason: String) -> Refusal {
-        Refusal { file: self.file.clone(), line: self.line, reason }
     }
 }
 
@@ -185,23 +252,27 @@ fn refuse_format(wav: &WavHeader, need: SampleFormat) -> Result<(), WavFault> {
     if got == need { Ok(()) } else { Err(WavFault::Format { got, need }) }
 }
 
-/// The shape of the set's records, `None` when no recording can be used.
-fn recording_of(scan: &ScanToml, headers: &[Result<WavHeader, WavFault>]) -> Option<Recording> {
-    let usable = || headers.iter().flatten();
-    let first = usable().next()?.format;
+/// The shape of the records with these `headers`; of none that can be used, one sample after the trigger.
+fn recording_of<'a, I>(scan: &ScanToml, headers: impl Fn() -> I) -> Recording
+where
+    I: Iterator<Item = &'a Result<WavHeader, String>>,
+{
+    let usable = || headers().flatten();
+    let first = usable().next().map_or(SampleFormat::I16, |wav| wav.format);
     // The format of most; of the first where there are as many of either.
     let first_count = usable().filter(|h| h.format == first).count();
     let sample_format = match usable().find(|h| h.format != first) {
         Some(other) if first_count * 2 < usable().count() => other.format,
         _ => first,
     };
-    Some(Recording {
+    let longest = usable().filter(|h| h.format == sample_format).map(|h| h.sample_count).max();
+    Recording {
         sample_rate_hz: scan.sample_rate_hz,
         pre_trigger_samples: scan.pre_trigger_samples,
-        sample_count_max: usable().filter(|h| h.format == sample_format).map(|h| h.sample_count).max()?,
+        sample_count_max: longest.unwrap_or_else(|| scan.pre_trigger_samples.saturating_add(1)),
         sample_format,
         channels: scan.channels.clone(),
-    })
+    }
 }
 
 /// Newtons or volts of one stored unit of a tap, by channel.
@@ -220,28 +291,9 @@ fn scales_of(scan: &ScanToml, extras: &Extras, format: SampleFormat) -> Vec<f64>
     scan.channels.iter().map(full_scale).collect()
 }
 
-fn recorded_tap(
-    row: TapRow,
-    header: Result<WavHeader, WavFault>,
-    scan: &ScanToml,
-    recording: &Recording,
-) -> RecordedTap {
-    let fault = header.and_then(|wav| refuse_format(&wav, recording.sample_format)).err();
-    RecordedTap {
-        file: row.file,
-        line: row.line,
-        velocity_measured_m_per_s: row.velocity_measured_m_per_s.unwrap_or(f64::NAN),
-        microphone_distance_m: row.extras.microphone_distance_m.unwrap_or(scan.microphone_distance_m),
-        tap_time_ns: row.extras.tap_time_ns,
-        attempt: row.extras.attempt,
-        channels: channel_headers(recording, &scales_of(scan, &row.extras, recording.sample_format)),
-        fault: fault.map(|fault| fault.to_string()),
-    }
-}
-
-fn no_usable_tap(file: PathBuf, rows: &[TapRow], headers: Vec<Result<WavHeader, WavFault>>) -> Error {
+fn no_usable_tap(file: PathBuf, rows: &[TapRow], headers: Vec<Result<WavHeader, String>>) -> Error {
     let refusals = rows.iter().zip(headers).filter_map(|(row, header)| {
-        let reason = header.err()?.to_string();
+        let reason = header.err()?;
         Some(Refusal { file: row.file.clone(), line: row.line, reason }.to_string())
     });
     let mut reasons = refusals.take(REASONS_TOLD).collect::<Vec<_>>().join("; ");
@@ -251,26 +303,76 @@ fn no_usable_tap(file: PathBuf, rows: &[TapRow], headers: Vec<Result<WavHeader, 
     Error::NoUsableTap { file, tap_count: rows.len(), reasons }
 }
 
-/// The taps at their stations: those that the list names, and other shoulders in order of first appearance, to stations
+/// A casing of a set, or a whole slab: what is one plan.
+#[derive(Debug, Clone)]
+pub(crate) struct Unit {
+    /// Its serial, or the name of the folder.
+    pub(crate) name: String,
+    pub(crate) station: u16,
+    /// Its rows of the set, ascending.
+    pub(crate) rows: Vec<u32>,
+}
+
+/// The casings of `set` in order of first appearance: at the stations that the list names, and others at stations
 /// 1, 2, ... and round again.
-fn at_stations(rows: &[TapRow], station_count: u16) -> Vec<PlannedTap> {
-    let mut station_of: HashMap<(Serial, u16), u16> = HashMap::new();
-    let mut last = station_count;
-    rows.iter()
-        .map(|row| {
-            let mut tap = row.tap;
-            if row.extras.station.is_some() {
-                return tap;
+pub(crate) fn units_of(set: &Recordings, station_count: u16) -> Result<Vec<Unit>, Error> {
+    refuse_no_station(station_count)?;
+    let is_slab = set.geometry() == Geometry::Line;
+    let mut units: Vec<Unit> = Vec::new();
+    // By unit: the station that is named, and the line that does.
+    let mut named: Vec<Option<(u16, usize)>> = Vec::new();
+    let mut number_of: HashMap<Serial, usize> = HashMap::new();
+    for (number, row) in (0..).zip(&set.taps) {
+        let key = if is_slab { Serial::default() } else { row.tap.id.tyre };
+        let place = *number_of.entry(key).or_insert_with(|| {
+            let name = if is_slab { folder_name(set.dir()) } else { key.to_string() };
+            units.push(Unit { name, station: 0, rows: Vec::new() });
+            named.push(None);
+            units.len() - 1
+        });
+        units[place].rows.push(number);
+        let here = row.extras.station.map(|station| (station, row.line));
+        match (named[place], here) {
+            (Some(first), Some(second)) if first.0 != second.0 => {
+                let what = if is_slab { "this slab".to_owned() } else { format!("tyre {key}") };
+                return Err(Error::TwoStations { file: set.taps_file(), what, first, second });
             }
-            tap.id.station = *station_of.entry((tap.id.tyre, tap.id.shoulder)).or_insert_with(|| {
+            (None, Some(_)) => named[place] = here,
+            _ => {}
+        }
+    }
+    let mut last = station_count;
+    for (unit, named) in units.iter_mut().zip(named) {
+        unit.station = named.map_or_else(
+            || {
                 last = if last >= station_count { 1 } else { last + 1 };
                 last
-            });
-            tap
-        })
-        .collect()
+            },
+            |(station, _)| station,
+        );
+    }
+    Ok(units)
+}
+
+pub(crate) fn refuse_no_station(station_count: u16) -> Result<(), Error> {
+    let bound = || format!("from 1 to {}", u16::MAX);
+    let refusal = || Error::Setting { key: "stations".to_owned(), value: "0".to_owned(), bound: bound() };
+    if station_count == 0 { Err(refusal()) } else { Ok(()) }
+}
+
+/// Longest name of a slab: it is a part of file names.
+const FOLDER_NAME_BYTES_MAX: usize = 64;
+
+/// The name of the folder `dir`, cut where it is long.
+fn folder_name(dir: &Path) -> String {
+    let whole = std::fs::canonicalize(dir).unwrap_or_else(|_| dir.to_owned());
+    let name = whole.file_name().map_or_else(|| "slab".to_owned(), |name| name.to_string_lossy().into_owned());
+    let mut cut = name.clone();
+    cut.truncate(name.floor_char_boundary(FOLDER_NAME_BYTES_MAX));
+    // Two long names that begin alike stay two.
+    if cut == name { name } else { format!("{cut}~{:08x}", digest_of_parts([name.as_bytes()]) >> 32) }
 }
 
 #[cfg(test)]
 #[path = "tapset_tests.rs"]
-mod tests;
+pub(crate) mod tests;

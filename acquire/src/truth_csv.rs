@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use tapline_wire::{Serial, Truth};
+use tapline_wire::{Serial, Truth, csv_text};
 
 use crate::Error;
 use crate::table::read_rows;
@@ -20,7 +20,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Truth, Error> {
             row.whole(column, low, high)?
                 .ok_or_else(|| row.refuse(column, format!("a whole number from {low} to {high}")))
         };
-        let tyre = Serial::new(row.text("tyre")).map_err(|e| row.refuse("tyre", format!("such that {e}")))?;
+        let tyre = Serial::new(csv_text(row.text("tyre"))).map_err(|e| row.refuse("tyre", format!("such that {e}")))?;
         let shoulder = whole("shoulder", 1, u32::from(u16::MAX))?;
         let location = whole("location", 0, LOCATION_MAX)?;
         let is_cracked = match row.text("cracked") {
@@ -50,6 +50,7 @@ mod tests {
     /// Catches sound and cracked swapped, and a spelling that is not understood.
     #[test]
     fn truth_is_read() {
+        assert!(of("'=T,1,0,0\n").unwrap().contains_key(&(Serial::new("=T").unwrap(), 1, 0)), "as exports write it");
         let truth = of("T,1,0,0\nT,1,1,1\nT,2,0,true\nT,2,1,false\n").unwrap();
         let tyre = Serial::new("T").unwrap();
         let cracked: Vec<_> = truth.iter().filter(|&(_, &c)| c).map(|(&key, _)| key).collect();

@@ -1,7 +1,7 @@
 //! Draws what an archive says of a damaged and of a sound shoulder: the two damage maps, and what one tap of a crack
 //! and one of sound rubber look like.
 //!
-//! `cargo run --release --example picture -- demo/demo.h5 docs/picture.svg`
+//! `cargo run --release --example picture -- demo/casings/SIM-0001.h5 docs/picture.svg`
 
 mod panels;
 #[path = "../../src/pen.rs"]
@@ -48,7 +48,7 @@ impl Shoulder<'_> {
 
 fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);
-    let archive = arguments.next().unwrap_or_else(|| "demo.h5".to_owned());
+    let archive = arguments.next().unwrap_or_else(|| "demo/casings/SIM-0001.h5".to_owned());
     let out = arguments.next().unwrap_or_else(|| "docs/picture.svg".to_owned());
     let reader = Reader::open(&archive)?;
     ensure!(reader.plan().geometry == Geometry::Ring, "{archive} holds no ring, and this draws rings");

@@ -187,10 +187,12 @@ impl Fusion {
     /// Scans that can be judged, ascending: they and their reference have ended, every tap of them has
     /// come or was refused, and they have not been judged since.
     pub fn ready(&self) -> Vec<usize> {
-        let is_ready = |&scan: &usize| {
-            !self.progress[scan].is_judged && self.panel.involved(scan).into_iter().all(|s| self.is_whole(s))
-        };
-        (0..self.progress.len()).filter(is_ready).collect()
+        (0..self.progress.len()).filter(|&scan| !self.progress[scan].is_judged && self.can_be_judged(scan)).collect()
+    }
+
+    /// Whether scan number `scan` and its reference have ended, and every tap of them has come or was refused.
+    pub fn can_be_judged(&self, scan: usize) -> bool {
+        self.panel.involved(scan).into_iter().all(|involved| self.is_whole(involved))
     }
 
     /// The verdict on scan number `scan` with its damage map, one cell a location in their order.
@@ -223,12 +225,7 @@ impl Fusion {
         let limits = compared.standard.limits;
         let limit = |of: Option<f64>| of.unwrap_or(f64::NAN);
         let judgement = Judgement {
-            stamp: Stamp {
-                plan_digest: self.plan.digest(),
-                kind: RecordKind::Data.code(),
-                mark: scan as u64,
-                ..Stamp::default()
-            },
+            stamp: Stamp { kind: RecordKind::Data.code(), mark: scan as u64, ..Stamp::default() },
             verdict: verdict_of(reasons).code(),
             reasons,
             limit_re_inspect: limit(limits.map(|l| l.re_inspect)),

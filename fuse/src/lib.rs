@@ -114,6 +114,6 @@ pub use reference_summary::{ScaleLine, Summary};
 pub use run::{Outcome, RunError, run};
 pub use scale::{PercentileScale, Scaled};
 pub use scan::{ARC_LENGTHS, Arc, Permutation, arc_null, scan, scan_p_value};
-pub use score::{Score, auc};
+pub use score::{Score, ScorePool, auc};
 pub use split::{Split, auc_left_out, leave_one_out};
 pub use velocity::PowerLaw;

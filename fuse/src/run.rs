@@ -1,21 +1,18 @@
-//! `fuse` on a line: judges each shoulder as soon as it can be judged.
+//! `fuse` on a line: judges each shoulder of an open casing as soon as it can be judged.
 
 use std::collections::BTreeSet;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
-    DamageTopic, DiscriminatorTopic, Ledger, LedgerTopic, Line, LineError, Plan, Publisher, RecordKind, ReplayTopic,
-    Role, ScanState, Signal, Subscriber,
+    CasingTopic, DamageCell, DamageTopic, Discriminators, Judgement, Ledger, Line, LineError, Plan, Publisher, Reasons,
+    Received, RecordKind, ScanState, SettledTopic, Stamp, Subscriber, Verdict,
 };
 
 use crate::{Error, Fusion};
 
-/// How long discriminators that the archive has may be missing here before they are asked for: they may be on the way.
-const PATIENCE: Duration = Duration::from_millis(500);
-
-/// How long a verdict may take to reach the archive before it is sent again.
-const JUDGE_AGAIN: Duration = Duration::from_secs(1);
+/// Most reasons why something was not learned from a reference that are kept for the end.
+const FALLBACKS_MAX: usize = 16;
 
 /// Why `fuse` cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -30,172 +27,205 @@ pub enum RunError {
 }
 
 /// What `fuse` did.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// Discriminator records received, replayed ones among them.
+    /// Discriminator records received, those that came again among them.
     pub record_count: u64,
     /// Verdicts reached.
     pub verdict_count: u64,
     /// Records lost on the way here.
     pub lost_count: u64,
-    /// Whether every scan is judged, and not just the process told to stop.
-    pub is_complete: bool,
     /// What was asked for and could not be learned from a reference, and why; each text once, in the order of the texts.
     pub fallbacks: Vec<String>,
 }
 
-/// Turns the discriminators on `line` into verdicts, by `fusion`, until every scan of `plan` is judged.
+/// Turns the discriminators of the casings on `line` into verdicts until told to stop; `begin` makes the fusion of a casing's
+/// plan.
 ///
 /// # Errors
-/// [`RunError`] when a record does not fit the plan or shared memory fails. Being asked to stop is no error.
-pub fn run(line: &Line, plan: &Plan, fusion: Fusion) -> Result<Outcome, RunError> {
-    let mut bench = Bench::open(line, plan, fusion)?;
-    match bench.serve() {
-        Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => Ok(bench.outcome()),
+/// [`RunError`] when shared memory fails. Being asked to stop is no error. A casing that `begin` cannot judge is judged
+/// RE-INSPECT.
+pub fn run(line: &Line, begin: &dyn Fn(&Plan) -> Result<Fusion, Error>) -> Result<Outcome, RunError> {
+    let mut stage = StageLoop {
+        line,
+        casings: Subscriber::open(line)?,
+        settled: Subscriber::open(line)?,
+        verdicts: Publisher::open(line)?,
+        begin,
+        open: Vec::new(),
+        outcome: Outcome::default(),
+        fallbacks: BTreeSet::new(),
+    };
+    match stage.serve() {
+        Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => Ok(stage.into_outcome()),
         Err(error) => Err(error),
     }
 }
 
-struct Bench<'a> {
+struct StageLoop<'a> {
     line: &'a Line,
-    plan: &'a Plan,
-    found: Subscriber<'a, DiscriminatorTopic>,
-    replayed: Subscriber<'a, ReplayTopic>,
-    snapshots: Subscriber<'a, LedgerTopic>,
+    casings: Subscriber<'a, CasingTopic>,
+    settled: Subscriber<'a, SettledTopic>,
     verdicts: Publisher<'a, DamageTopic>,
-    fusion: Fusion,
-    ledger: Option<Ledger>,
-    /// When each scan's verdict was last sent.
-    judged_at: Vec<Option<Instant>>,
-    progress_at: Instant,
-    record_count: u64,
-    verdict_count: u64,
+    begin: &'a dyn Fn(&Plan) -> Result<Fusion, Error>,
+    open: Vec<OpenCasing>,
+    outcome: Outcome,
     fallbacks: BTreeSet<String>,
 }
 
-impl<'a> Bench<'a> {
-    fn open(line: &'a Line, plan: &'a Plan, fusion: Fusion) -> Result<Self, RunError> {
-        Ok(Self {
-            line,
-            plan,
-            found: Subscriber::open(line, plan)?,
-            replayed: Subscriber::open(line, plan)?,
-            snapshots: Subscriber::open(line, plan)?,
-            verdicts: Publisher::open(line, plan)?,
-            fusion,
-            ledger: None,
-            judged_at: vec![None; plan.scans().len()],
-            progress_at: Instant::now(),
-            record_count: 0,
-            verdict_count: 0,
-            fallbacks: BTreeSet::new(),
-        })
-    }
+/// A casing that is open, as far as it is known here.
+struct OpenCasing {
+    number: u64,
+    plan: Plan,
+    /// `None` where it cannot be judged.
+    fusion: Option<Fusion>,
+    states: Vec<ScanState>,
+    /// For each scan, whether its verdict was sent to the `store` that there is.
+    is_judged: Vec<bool>,
+}
 
+impl StageLoop<'_> {
     fn serve(&mut self) -> Result<(), RunError> {
         loop {
-            let is_idle = !self.receive()?;
-            if let Some(snapshot) = self.snapshots.receive_newest()? {
-                self.ledger = Ledger::decode(snapshot.header(), &snapshot).or(self.ledger.take());
+            let mut is_idle = true;
+            while let Some(record) = self.casings.receive()? {
+                is_idle = false;
+                self.note_casing(&record)?;
+            }
+            while let Some(record) = self.settled.receive()? {
+                is_idle = false;
+                self.push(&record)?;
             }
             self.judge()?;
-            let is_done = self.ledger.as_ref().is_some_and(Ledger::is_judged);
-            if is_idle && (is_done || self.line.is_stopped()) {
+            if is_idle && self.line.is_stopped() {
                 return Ok(());
             }
             if is_idle {
-                self.ask_for_missing();
-                self.line.wait(Duration::from_millis(100))?;
+                self.line.wait(Duration::MAX)?;
             }
         }
     }
 
-    /// Takes in what has come; whether anything had.
-    fn receive(&mut self) -> Result<bool, RunError> {
-        let before = self.record_count;
-        let mut has_ended = false;
-        while let Some(record) = self.found.receive()? {
-            match record.kind() {
-                Some(RecordKind::Data) => self.push(&record)?,
-                Some(RecordKind::End) => {
-                    self.fusion.end(usize::try_from(record.header().mark).unwrap_or(usize::MAX))?;
-                    has_ended = true;
+    fn note_casing(&mut self, record: &Received<CasingTopic>) -> Result<(), RunError> {
+        let number = record.header().stamp.casing;
+        let place = self.open.iter().position(|casing| casing.number == number);
+        match record.kind() {
+            // It comes again when `store` was restarted, which may have lost a verdict, or when the plan has grown.
+            Some(RecordKind::Plan) => match Plan::decode(record) {
+                Ok(plan) => {
+                    let known = place.map(|place| self.open.swap_remove(place)).filter(|casing| casing.plan == plan);
+                    let mut casing = known.unwrap_or_else(|| self.begin(number, plan));
+                    casing.is_judged.fill(false);
+                    self.open.push(casing);
                 }
-                _ => {}
+                Err(error) => tracing::error!(%error, number, "a casing's plan cannot be read; it is not judged"),
+            },
+            Some(RecordKind::Ledger) => {
+                let Some((casing, ledger)) = place.zip(Ledger::decode(record.header(), record)) else { return Ok(()) };
+                let casing = &mut self.open[casing];
+                for (scan, &state) in ledger.scans().iter().enumerate().take(casing.states.len()) {
+                    casing.states[scan] = state;
+                    if let Some(fusion) = &mut casing.fusion
+                        && state >= ScanState::Ended
+                    {
+                        fusion.end(scan)?;
+                    }
+                }
             }
+            Some(RecordKind::Closed) => drop(place.map(|place| self.open.swap_remove(place))),
+            _ => {}
         }
-        while let Some(record) = self.replayed.receive()? {
-            self.push(&record)?;
-        }
-        let has_come = self.record_count != before;
-        if has_come {
-            self.progress_at = Instant::now();
-        }
-        Ok(has_come || has_ended)
+        Ok(())
     }
 
-    fn push(&mut self, records: &[tapline_wire::Discriminators]) -> Result<(), RunError> {
+    fn begin(&self, number: u64, plan: Plan) -> OpenCasing {
+        let fusion = (self.begin)(&plan);
+        let fusion = fusion.inspect_err(|error| {
+            let tyre = plan.scans().first().map(|scan| scan.tyre);
+            tracing::error!(%error, ?tyre, "a casing cannot be judged; its verdict is RE-INSPECT");
+        });
+        let scan_count = plan.scans().len();
+        OpenCasing {
+            number,
+            plan,
+            fusion: fusion.ok(),
+            states: vec![ScanState::Open; scan_count],
+            is_judged: vec![false; scan_count],
+        }
+    }
+
+    /// Takes in discriminators that are safe in the archive.
+    fn push(&mut self, record: &Received<SettledTopic>) -> Result<(), RunError> {
+        let stamp = *record.header();
+        let is_known =
+            |casing: &OpenCasing| casing.number == stamp.casing && casing.plan.taps().len() as u64 == stamp.mark;
+        if !self.open.iter().any(is_known) {
+            // The plan was sent before: it is there by now.
+            while let Some(record) = self.casings.receive()? {
+                self.note_casing(&record)?;
+            }
+        }
+        let Some(casing) = self.open.iter_mut().find(|casing| is_known(casing)) else { return Ok(()) };
+        let Some(fusion) = &mut casing.fusion else { return Ok(()) };
+        let records: &[Discriminators] = record;
         for record in records {
-            self.fusion.push(record)?;
-            self.record_count += 1;
+            fusion.push(record)?;
+            self.outcome.record_count += 1;
         }
         Ok(())
     }
 
     /// Sends the verdicts that can be reached and are not in the archive.
     fn judge(&mut self) -> Result<(), RunError> {
-        let Some(ledger) = &self.ledger else { return Ok(()) };
-        for (scan, &state) in ledger.scans().iter().enumerate() {
-            // The end may have come while another `fuse` was here.
-            if state >= ScanState::Ended {
-                self.fusion.end(scan)?;
+        for casing in &mut self.open {
+            let ready: Vec<usize> = match &casing.fusion {
+                Some(fusion) => (0..casing.states.len()).filter(|&scan| fusion.can_be_judged(scan)).collect(),
+                None => (0..casing.states.len()).filter(|&scan| casing.states[scan] >= ScanState::Ended).collect(),
+            };
+            for scan in ready {
+                if casing.is_judged[scan] || casing.states[scan] == ScanState::Judged {
+                    continue;
+                }
+                let (mut judgement, cells) = match &mut casing.fusion {
+                    Some(fusion) => fusion.judge(scan)?,
+                    None => unjudged(&casing.plan, scan),
+                };
+                if let Some(fusion) = &mut casing.fusion {
+                    for text in fusion.fallbacks(scan)? {
+                        if self.fallbacks.len() < FALLBACKS_MAX && !self.fallbacks.contains(&text) {
+                            tracing::warn!("{text}");
+                            self.fallbacks.insert(text);
+                        }
+                    }
+                }
+                judgement.stamp = Stamp { casing: casing.number, mark: scan as u64, ..Stamp::default() };
+                self.verdicts.send(RecordKind::Data, judgement, &cells)?;
+                casing.is_judged[scan] = true;
+                self.outcome.verdict_count += 1;
             }
-        }
-        let is_archived: Vec<bool> = ledger.scans().iter().map(|&state| state == ScanState::Judged).collect();
-        let overdue = |at: Option<Instant>| at.is_some_and(|at| at.elapsed() > JUDGE_AGAIN);
-        let mut todo: Vec<usize> = self.fusion.ready();
-        todo.extend((0..is_archived.len()).filter(|&scan| overdue(self.judged_at[scan])));
-        for scan in todo.into_iter().filter(|&scan| !is_archived[scan]) {
-            let (judgement, cells) = self.fusion.judge(scan)?;
-            self.note_fallbacks(scan)?;
-            self.verdicts.send(RecordKind::Data, judgement, &cells)?;
-            self.verdict_count += u64::from(self.judged_at[scan].is_none());
-            self.judged_at[scan] = Some(Instant::now());
         }
         Ok(())
     }
 
-    /// Says once what the verdict on `scan` was to rest on and does not.
-    fn note_fallbacks(&mut self, scan: usize) -> Result<(), RunError> {
-        for text in self.fusion.fallbacks(scan)? {
-            if !self.fallbacks.contains(&text) {
-                tracing::warn!("{text}");
-                self.fallbacks.insert(text);
-            }
-        }
-        Ok(())
+    fn into_outcome(self) -> Outcome {
+        let lost_count = self.casings.lost() + self.settled.lost();
+        Outcome { lost_count, fallbacks: self.fallbacks.into_iter().collect(), ..self.outcome }
     }
+}
 
-    /// Asks `store` for discriminators that it has and we have not, as after a restart or in a resumed run.
-    fn ask_for_missing(&mut self) {
-        let Some(ledger) = &self.ledger else { return };
-        if self.progress_at.elapsed() < PATIENCE {
-            return;
-        }
-        let is_lacking = |scan| self.fusion.missing(scan).iter().any(|&row| ledger.taps()[row as usize].is_settled());
-        if (0..self.plan.scans().len()).any(is_lacking) {
-            self.line.ring(Role::Store, Signal::ReplayWanted);
-            self.progress_at = Instant::now();
-        }
-    }
-
-    fn outcome(&self) -> Outcome {
-        Outcome {
-            record_count: self.record_count,
-            verdict_count: self.verdict_count,
-            lost_count: self.found.lost() + self.replayed.lost(),
-            is_complete: self.ledger.as_ref().is_some_and(Ledger::is_judged),
-            fallbacks: self.fallbacks.iter().cloned().collect(),
-        }
-    }
+/// The verdict on a scan that cannot be judged, for one because the reference has nothing in common with it.
+fn unjudged(plan: &Plan, scan: usize) -> (Judgement, Vec<DamageCell>) {
+    let planned = &plan.scans()[scan];
+    let judgement = Judgement {
+        verdict: Verdict::ReInspect.code(),
+        reasons: Reasons::NO_INDEX,
+        planned_count: u32::try_from(planned.taps.len()).unwrap_or(u32::MAX),
+        ..Judgement::default()
+    };
+    let cell = |&(location, angle_deg): &(u32, Option<f64>)| DamageCell {
+        location,
+        angle_deg: angle_deg.unwrap_or(f64::NAN),
+        ..DamageCell::default()
+    };
+    (judgement, planned.locations.iter().map(cell).collect())
 }

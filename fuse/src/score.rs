@@ -44,15 +44,35 @@ impl Score {
         Self::of_fusion(Fusion::with_reference(config, plan, set)?, records)
     }
 
-    fn of_fusion(mut fusion: Fusion, records: &[Discriminators]) -> Result<Self, Error> {
+    fn of_fusion(fusion: Fusion, records: &[Discriminators]) -> Result<Self, Error> {
+        let mut pool = ScorePool::default();
+        pool.add(fusion, records)?;
+        Ok(pool.score())
+    }
+}
+
+/// Values of the locations of many casings, each with whether it is cracked, to be scored together.
+#[derive(Debug, Clone, Default)]
+pub struct ScorePool {
+    index: (Vec<f64>, Vec<bool>),
+    alone: [(Vec<f64>, Vec<bool>); 7],
+}
+
+impl ScorePool {
+    /// Adds the locations of the plan of `fusion` whose truth is known, by `records`.
+    ///
+    /// # Errors
+    /// What [`Fusion::push`] refuses.
+    pub fn add(&mut self, mut fusion: Fusion, records: &[Discriminators]) -> Result<(), Error> {
         for record in records {
             fusion.push(record)?;
         }
-        let (index, labels) = pooled(&mut fusion, |map| map.index.clone());
-        let counted = |class: bool| index.iter().zip(&labels).filter(|&(i, &l)| !i.is_nan() && l == class).count();
-        let count = |class: bool| u32::try_from(counted(class)).unwrap_or(u32::MAX);
-        let mut discriminators = [None; 7];
-        for (alone, which) in discriminators.iter_mut().zip(Discriminator::ALL) {
+        let extend = |pool: &mut (Vec<f64>, Vec<bool>), (values, labels): (Vec<f64>, Vec<bool>)| {
+            pool.0.extend(values);
+            pool.1.extend(labels);
+        };
+        extend(&mut self.index, pooled(&mut fusion, |map| map.index.clone()));
+        for (alone, which) in self.alone.iter_mut().zip(Discriminator::ALL) {
             let mut fusion = fusion.reconfigured(FuseConfig {
                 discriminators: vec![which],
                 index: IndexKind::Robust,
@@ -60,10 +80,22 @@ impl Score {
                 z_clip: f64::INFINITY,
                 ..fusion.config.clone()
             })?;
-            let (z, labels) = pooled(&mut fusion, |map| map.locations.iter().map(|location| location.value).collect());
-            *alone = auc(&z, &labels);
+            extend(alone, pooled(&mut fusion, |map| map.locations.iter().map(|location| location.value).collect()));
         }
-        Ok(Self { index: auc(&index, &labels), discriminators, cracked_count: count(true), sound_count: count(false) })
+        Ok(())
+    }
+
+    /// The score of all that was added.
+    pub fn score(&self) -> Score {
+        let (index, labels) = &self.index;
+        let counted = |class: bool| index.iter().zip(labels).filter(|&(i, &l)| !i.is_nan() && l == class).count();
+        let count = |class: bool| u32::try_from(counted(class)).unwrap_or(u32::MAX);
+        Score {
+            index: auc(index, labels),
+            discriminators: self.alone.each_ref().map(|(values, labels)| auc(values, labels)),
+            cracked_count: count(true),
+            sound_count: count(false),
+        }
     }
 }
 

@@ -8,8 +8,8 @@ use crossbeam::channel::{Receiver, Sender, bounded};
 use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
-    DiscriminatorTopic, Discriminators, Ledger, LedgerTopic, Line, LineError, Plan, Publisher, Quality, Received,
-    RecordKind, Rope, Samples, Stamp, Subscriber, TapHeader, TapTopic, Topic, monotonic_ns,
+    DiscriminatorTopic, Discriminators, Line, LineError, Publisher, Quality, Received, RecordKind, Samples, Stamp,
+    Subscriber, TapHeader, TapTopic, Topic, Waker, monotonic_ns,
 };
 
 use crate::{Error, ProcessConfig, ProcessExtractor};
@@ -58,54 +58,61 @@ pub struct Outcome {
     pub latency_p99_us: u64,
     /// Worker threads.
     pub worker_count: usize,
-    /// Whether every scan is judged, and not just the process told to stop.
-    pub is_complete: bool,
 }
 
-/// Turns the taps on `line` into discriminators until every scan of `plan` is judged.
+/// Turns the taps on `line` into discriminators until told to stop.
 ///
 /// # Errors
 /// [`RunError`] when the configuration is not valid or shared memory fails. Being asked to stop is no error.
-pub fn run(line: &Line, plan: &Plan, config: &ProcessConfig) -> Result<Outcome, RunError> {
+pub fn run(line: &Line, config: &ProcessConfig) -> Result<Outcome, RunError> {
     let worker_count = match config.workers {
         0 => available_parallelism().map_or(1, NonZeroUsize::get),
         count => count,
     };
-    let mut hub = Hub::open(line, plan)?;
+    let mut stage = StageLoop::open(line, config)?;
     let (work, to_do) = bounded(IN_HAND_MAX);
     let (finish, done) = bounded(IN_HAND_MAX);
-    let rope = line.rope()?;
+    let waker = line.waker()?;
     let outcome = scope(|threads| {
         for k in 0..worker_count {
             let worker = Worker {
                 extractor: ProcessExtractor::new(config)?,
                 to_do: to_do.clone(),
                 finish: finish.clone(),
-                rope: rope.clone(),
+                waker: waker.clone(),
             };
             let name = format!("extract-{k}");
             let spawned = Builder::new().name(name.clone()).spawn_scoped(threads, move || worker.extract_all());
             spawned.map_err(|source| RunError::Thread { name, source })?;
         }
-        // The ends that the workers hold are the only ones: the channels close when the workers or the hub are gone.
+        // The ends that the workers hold are the only ones: the channels close when the workers or the loop are gone.
         drop((to_do, finish));
-        let served = hub.serve(&work, &done);
+        let served = stage.serve(&work, &done);
         drop(work);
         served
     });
     let mut outcome = match outcome {
-        Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => hub.outcome(),
+        Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => stage.outcome(),
         Err(error) => return Err(error),
     };
     outcome.worker_count = worker_count;
     Ok(outcome)
 }
 
-/// What a worker made of one tap, and when the tap was sent.
+/// What was made of one tap, and when the tap was sent.
 struct Done {
+    casing: u64,
     record: Discriminators,
     sent_ns: i64,
     sample_bytes: usize,
+}
+
+fn extract(extractor: &mut ProcessExtractor, tap: &Received<TapTopic>) -> Done {
+    let header = tap.header();
+    // A header that does not fit its payload is flagged by the extractor, which then sees no samples.
+    let samples = Samples::view(header, tap).unwrap_or(Samples::I16(&[]));
+    let record = extractor.extract(header, samples);
+    Done { casing: header.stamp.casing, record, sent_ns: header.sent_ns, sample_bytes: header.payload_bytes() }
 }
 
 /// One thread that extracts.
@@ -113,60 +120,55 @@ struct Worker {
     extractor: ProcessExtractor,
     to_do: Receiver<Received<TapTopic>>,
     finish: Sender<Option<Done>>,
-    rope: Rope,
+    waker: Waker,
 }
 
 impl Worker {
     fn extract_all(mut self) {
         while let Ok(tap) = self.to_do.recv() {
-            let header = tap.header();
-            // A header that does not fit its payload is flagged by the extractor, which then sees no samples.
-            let samples = Samples::view(header, &tap).unwrap_or(Samples::I16(&[]));
-            let record = self.extractor.extract(header, samples);
-            let done = Done { record, sent_ns: header.sent_ns, sample_bytes: header.payload_bytes() };
+            let done = extract(&mut self.extractor, &tap);
             drop(tap);
             if self.finish.send(Some(done)).is_err() {
                 return;
             }
-            self.rope.pull();
+            self.waker.wake();
         }
     }
 }
 
 impl Drop for Worker {
-    /// A worker that panics says so, or the hub would wait for its tap for ever.
+    /// A worker that panics says so, or the loop would wait for its tap for ever.
     fn drop(&mut self) {
         if std::thread::panicking() && self.finish.send(None).is_ok() {
-            self.rope.pull();
+            self.waker.wake();
         }
     }
 }
 
 /// The thread that talks to shared memory.
-struct Hub<'a> {
+struct StageLoop<'a> {
     line: &'a Line,
     taps: Subscriber<'a, TapTopic>,
-    snapshots: Subscriber<'a, LedgerTopic>,
     found: Publisher<'a, DiscriminatorTopic>,
+    /// For a tap that comes alone: to hand it to a worker would cost more than to do it.
+    extractor: ProcessExtractor,
     in_hand: usize,
     tap_count: u64,
     sample_bytes: u64,
     latency_us: Histogram<u64>,
-    is_judged: bool,
 }
 
-impl<'a> Hub<'a> {
-    fn open(line: &'a Line, plan: &'a Plan) -> Result<Self, RunError> {
+impl<'a> StageLoop<'a> {
+    fn open(line: &'a Line, config: &ProcessConfig) -> Result<Self, RunError> {
         Ok(Self {
             line,
-            taps: Subscriber::open(line, plan)?,
-            snapshots: Subscriber::open(line, plan)?,
-            found: Publisher::open(line, plan)?,
+            taps: Subscriber::open(line)?,
+            found: Publisher::open(line)?,
+            extractor: ProcessExtractor::new(config)?,
             in_hand: 0,
             tap_count: 0,
             sample_bytes: 0,
             latency_us: latencies(),
-            is_judged: false,
         })
     }
 
@@ -174,22 +176,33 @@ impl<'a> Hub<'a> {
         loop {
             let mut is_idle = true;
             while let Ok(result) = done.try_recv() {
+                self.in_hand -= 1;
                 self.publish(result)?;
                 is_idle = false;
             }
+            // One is held back until it is seen whether another follows: only the last of them is done here.
+            let mut last = None;
             while self.in_hand < IN_HAND_MAX {
                 let Some(tap) = self.taps.receive()? else { break };
                 is_idle = false;
-                self.handle(tap, work, done)?;
+                if let Some(before) = last.replace(tap) {
+                    self.handle(before, work, done)?;
+                }
             }
-            if let Some(snapshot) = self.snapshots.receive_newest()? {
-                self.is_judged = Ledger::decode(snapshot.header(), &snapshot).is_some_and(|l| l.is_judged());
+            if let Some(tap) = last {
+                if tap.kind() == Some(RecordKind::Data) {
+                    let done = extract(&mut self.extractor, &tap);
+                    drop(tap);
+                    self.publish(Some(done))?;
+                } else {
+                    self.handle(tap, work, done)?;
+                }
             }
-            if is_idle && self.in_hand == 0 && (self.is_judged || self.line.is_stopped()) {
+            if is_idle && self.in_hand == 0 && self.line.is_stopped() {
                 return Ok(());
             }
             if is_idle {
-                self.line.wait(Duration::from_millis(100))?;
+                self.line.wait(Duration::MAX)?;
             }
         }
     }
@@ -209,19 +222,20 @@ impl<'a> Hub<'a> {
             Some(kind @ (RecordKind::Barrier | RecordKind::End)) => {
                 // What the mark follows must leave before it.
                 while self.in_hand > 0 {
+                    self.in_hand -= 1;
                     self.publish(done.recv().unwrap_or(None))?;
                 }
                 self.send(kind, tap.header(), &[])
             }
-            Some(RecordKind::Greeting) | None => Ok(()),
+            _ => Ok(()),
         }
     }
 
-    /// Passes on what a worker made; `None` is a worker that has panicked.
+    /// Passes on what was made of a tap; `None` is a worker that has panicked.
     fn publish(&mut self, done: Option<Done>) -> Result<(), RunError> {
         let done = done.ok_or(RunError::WorkersGone)?;
-        self.in_hand -= 1;
-        self.found.send(RecordKind::Data, Stamp::default(), &[done.record])?;
+        let stamp = Stamp { casing: done.casing, ..Stamp::default() };
+        self.found.send(RecordKind::Data, stamp, &[done.record])?;
         self.tap_count += 1;
         self.sample_bytes += done.sample_bytes as u64;
         let latency_us = u64::try_from((monotonic_ns() - done.sent_ns) / 1000).unwrap_or(0);
@@ -229,9 +243,9 @@ impl<'a> Hub<'a> {
         Ok(())
     }
 
-    /// Passes on a mark, or a refusal, of the station that `tap` came from.
+    /// Passes on a mark, or a refusal, of the casing that `tap` is of.
     fn send(&self, kind: RecordKind, tap: &TapHeader, records: &[Discriminators]) -> Result<(), RunError> {
-        let stamp = Stamp { mark: tap.stamp.mark, source: tap.stamp.source, ..Stamp::default() };
+        let stamp = Stamp { casing: tap.stamp.casing, mark: tap.stamp.mark, ..Stamp::default() };
         Ok(self.found.send(kind, stamp, records)?)
     }
 
@@ -243,7 +257,6 @@ impl<'a> Hub<'a> {
             latency_p50_us: self.latency_us.value_at_quantile(0.5),
             latency_p99_us: self.latency_us.value_at_quantile(0.99),
             worker_count: 0,
-            is_complete: self.is_judged,
         }
     }
 }

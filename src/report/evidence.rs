@@ -19,6 +19,8 @@ use crate::config::Config;
 pub(super) struct Evidence {
     /// Name of the archive's file.
     pub(super) archive: String,
+    /// Archives whose tyres were added.
+    pub(super) others: usize,
     pub(super) plan_digest: u64,
     pub(super) source_digest: u64,
     /// Version of the program that made the archive.
@@ -174,6 +176,7 @@ impl Evidence {
         let source = headers.iter().flatten().next().and_then(|header| SourceKind::from_code(header.source));
         Ok(Self {
             archive: reader.path().file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            others: 0,
             plan_digest: plan.digest(),
             source_digest: plan.source_digest(),
             written_by: reader.written_by(),
@@ -188,6 +191,14 @@ impl Evidence {
             tyres,
             has_truth: !reader.truth().is_empty(),
         })
+    }
+
+    /// Adds the tyres of another archive; what is said of the archive itself stays that of the first.
+    pub(super) fn join(&mut self, other: Self) {
+        self.others += 1 + other.others;
+        self.has_truth |= other.has_truth;
+        self.config_problem = self.config_problem.take().or(other.config_problem);
+        self.tyres.extend(other.tyres);
     }
 
     /// Every shoulder of every tyre.

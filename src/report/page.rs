@@ -163,7 +163,7 @@ pub(super) fn lineage(evidence: &Evidence) -> Markup {
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
     html! {
         dl {
-            dt { "Archive" } dd { (evidence.archive) }
+            dt { "Archive" } dd { (evidence.archive) @if evidence.others > 0 { ", " (evidence.others + 1) " archives; what follows is of the first" } }
             dt { "Plan digest" } dd { code { (format!("{:016x}", evidence.plan_digest)) } }
             @if evidence.source_digest != 0 { dt { "Source digest" } dd { code { (format!("{:016x}", evidence.source_digest)) } } }
             dt { "Taps from" } dd { (evidence.source.map_or("unknown", |source| source.name())) }

@@ -1,25 +1,81 @@
-//! The page of a shift: all tyres of an archive, the worst first.
+//! The page of a shift: all tyres, the worst first.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::Result;
 use maud::{Markup, html};
-use tapline_fuse::Score;
+use tapline_fuse::{Fusion, Score, ScorePool};
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Verdict};
 
 use super::evidence::{Evidence, Shoulder, Tyre};
 use super::page::{self, figure, small_figure, verdict_word};
 use super::scale::Scale;
-use super::tyre::{boxes_words, counted};
+use super::tyre::boxes_words;
 use super::words::{self, body, side};
 use super::{boxes, rounds};
 
 /// Most tyres whose index is drawn: more would be too much for one page.
 const DRAWN_MOST: usize = 60;
 
-/// The page of the archive; `names` are the files of its tyres' pages.
-pub(super) fn page(reader: &Reader, evidence: &Evidence, names: &[String]) -> Result<String> {
+/// What the page of a shift tells, gathered archive by archive.
+#[derive(Default)]
+pub(super) struct Shift {
+    /// Of the first archive, with the tyres of all.
+    evidence: Option<Evidence>,
+    /// The files of the tyres' pages.
+    pub(super) names: Vec<String>,
+    refusals: BTreeMap<String, usize>,
+    scores: ScorePool,
+    /// Whether something is scored.
+    is_scored: bool,
+}
+
+impl Shift {
+    /// Gathers what is not in `evidence`, which is of the archive behind `reader`.
+    pub(super) fn look_at(&mut self, reader: &Reader, evidence: &Evidence) -> Result<()> {
+        let refusals = reader.refusals()?;
+        for refusal in refusals {
+            *self.refusals.entry(refusal.reason).or_default() += 1;
+        }
+        if evidence.has_truth {
+            // What the run says at its end; a configuration that does not fit the plan has no score.
+            let records: Vec<_> = evidence.tyres.iter().flat_map(Tyre::taps).filter_map(|tap| tap.found).collect();
+            let (config, plan) = (&evidence.config.fuse, reader.plan());
+            let fusion = match &evidence.reference {
+                Some(set) => Fusion::with_reference(config, plan, Arc::clone(set)),
+                None => Fusion::new(config, plan),
+            };
+            let added = fusion.and_then(|fusion| self.scores.add(fusion, &records));
+            self.is_scored |= added.is_ok();
+        }
+        Ok(())
+    }
+
+    /// Takes the tyres.
+    pub(super) fn take(&mut self, evidence: Evidence) {
+        match &mut self.evidence {
+            None => self.evidence = Some(evidence),
+            Some(first) => first.join(evidence),
+        }
+    }
+
+    /// The page, called `title` or, where that is empty, after the archive; `None` where there is nothing to tell.
+    pub(super) fn page(self, title: String) -> Result<Option<String>> {
+        let Some(mut evidence) = self.evidence else { return Ok(None) };
+        if !title.is_empty() {
+            evidence.archive = title;
+        }
+        let mut refusals: Vec<(String, usize)> = self.refusals.into_iter().collect();
+        refusals.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+        let score = self.is_scored.then(|| self.scores.score());
+        page(&evidence, &self.names, &refusals, score).map(Some)
+    }
+}
+
+/// The page of `evidence`; `names` are the files of its tyres' pages.
+fn page(evidence: &Evidence, names: &[String], refusals: &[(String, usize)], score: Option<Score>) -> Result<String> {
     let geometry = evidence.geometry;
     let mut order: Vec<(&Tyre, &String)> = evidence.tyres.iter().zip(names).collect();
     order.sort_by(|(a, _), (b, _)| {
@@ -33,8 +89,6 @@ pub(super) fn page(reader: &Reader, evidence: &Evidence, names: &[String]) -> Re
             tyre.shoulders.iter().map(|s| (format!("{}, {} {}", tyre.serial, side(geometry), s.number), s))
         })
         .collect();
-    let refusals = reader.refusals()?;
-    let refusals = counted(refusals.iter().map(|refusal| refusal.reason.as_str()));
     let taps = || evidence.tyres.iter().flat_map(Tyre::taps);
     let body = html! {
         header {
@@ -52,8 +106,8 @@ pub(super) fn page(reader: &Reader, evidence: &Evidence, names: &[String]) -> Re
         }
         (overview(evidence, &order))
         (indices(evidence, &order)?)
-        (truth(reader, evidence)?)
-        section { h2 { "Taps" } (page::ledger(&named, &refusals)) }
+        (truth(evidence, score)?)
+        section { h2 { "Taps" } (page::ledger(&named, refusals)) }
         section { h2 { "Lineage" } (page::lineage(evidence)) }
     };
     Ok(page::page(&format!("Shift {}", evidence.archive), &body))
@@ -97,19 +151,11 @@ fn indices(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Result<Markup> {
     Ok(html! { section { h2 { "Damage index" } (figure(pictures, &what)) } })
 }
 
-fn truth(reader: &Reader, evidence: &Evidence) -> Result<Markup> {
+fn truth(evidence: &Evidence, score: Option<Score>) -> Result<Markup> {
     let pictures = boxes::pictures(evidence, &evidence.tyres)?;
     if pictures.is_empty() {
         return Ok(html! {});
     }
-    // What the run says at its end; a configuration that does not fit the plan has no score.
-    let records: Vec<_> = evidence.tyres.iter().flat_map(Tyre::taps).filter_map(|tap| tap.found).collect();
-    let (config, plan) = (&evidence.config.fuse, reader.plan());
-    let score = match &evidence.reference {
-        Some(set) => Score::by_reference(config, plan, Arc::clone(set), &records),
-        None => Score::of(config, plan, &records),
-    };
-    let score = score.ok();
     let number = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |value| format!("{value:.4}"));
     Ok(html! {
         section {

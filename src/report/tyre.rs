@@ -57,7 +57,7 @@ fn refusals(reader: &Reader, tyre: &Tyre) -> Result<Vec<(String, usize)>> {
 }
 
 /// How often each text comes, the most frequent first.
-pub(super) fn counted<'a>(texts: impl Iterator<Item = &'a str>) -> Vec<(String, usize)> {
+fn counted<'a>(texts: impl Iterator<Item = &'a str>) -> Vec<(String, usize)> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     texts.for_each(|text| *counts.entry(text).or_default() += 1);
     let mut counts: Vec<(String, usize)> = counts.into_iter().map(|(text, count)| (text.to_owned(), count)).collect();

@@ -2,30 +2,32 @@
 
 use std::fs::TryLockError;
 use std::io::{ErrorKind, Read as _};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use hdf5::types::VarLenUnicode;
-use hdf5::{File, H5Type, Location};
-use tapline_wire::{Channel, Geometry, Plan, Recording, SampleFormat, Truth};
+use hdf5::File;
+use tapline_wire::{Channel, Geometry, Plan, PlanError, PlannedTap, Recording, SampleFormat, Truth};
 
 use crate::check::{other_configuration, other_lineage};
 use crate::chunk::{ChunkRows, close_in_children, take_whole_file};
 use crate::codec::Codec;
 use crate::context::Context;
-use crate::create::{Key, files, files_to_read, format_name, geometry_name};
+use crate::create::{Key, files, files_to_read, first_cells, format_name, geometry_name};
 use crate::given::Given;
 use crate::layout::{
-    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, OLDEST_VERSION, ReasonRow, ScanRow,
-    attribute, table,
+    CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, attribute,
+    table,
 };
 use crate::lineage::{hex_of, lineage_key, raw_digest};
 use crate::rows::serial;
-use crate::sealed::{ChunkSeal, SealedRow};
-use crate::settled::Raw;
+use crate::seal::is_sealed;
+use crate::sealed::SealedRow;
+use crate::structure;
 use crate::table::Table;
+use crate::text::{read_number, read_text};
 use crate::units::check_units;
-use crate::{Error, Lineage, Part, Result};
+use crate::{Error, Lineage, Result};
 
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
 
@@ -37,7 +39,11 @@ const LOCK_PAUSE: Duration = Duration::from_millis(10);
 /// What an archive is opened for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Access {
+    /// One that is finished, to be read.
     Read,
+    /// Any, to be read: what is not finished is as its writer left it.
+    ReadUnfinished,
+    /// One that is not finished, to be written.
     Write,
 }
 
@@ -50,21 +56,28 @@ pub(crate) struct Archive {
     /// The reference file of the run, as it was read.
     pub(crate) reference: Option<String>,
     pub(crate) samples: ChunkRows,
-    /// By the layout of the file that has the samples.
-    pub(crate) chunk_seal: ChunkSeal,
     pub(crate) headers: Table<HeaderRow>,
     pub(crate) discriminators: Table<DiscriminatorsRow>,
     pub(crate) ledger: Table<LedgerRow>,
     pub(crate) refusals: Table<ReasonRow>,
     pub(crate) scans: Table<ScanRow>,
     pub(crate) damage: Table<CellRow>,
-    /// Which file of its run this is, where that may take several.
-    pub(crate) part: Option<Part>,
+    /// The plan as rows, and room for more of them.
+    pub(crate) plan_rows: Table<PlanRow>,
+    /// The plan as it was begun.
+    pub(crate) begun: Plan,
+    /// Digests of the plan as it was begun and after every growth.
+    /// Taps that there is room for.
+    pub(crate) taps_max: usize,
+    /// Row in the damage table of the first cell of every scan, and of the end of its room.
+    first_cells: Vec<usize>,
+    /// Whether it is finished, and sealed.
+    pub(crate) is_finished: bool,
     /// What the results were made by.
     pub(crate) made_by: String,
     pub(crate) file: File,
     /// The archive of the taps, where this one has results alone.
-    raw: Option<Raw>,
+    raw: Option<Box<Archive>>,
 }
 
 impl Archive {
@@ -74,19 +87,19 @@ impl Archive {
         if archived != given {
             return Err(Error::OtherPlan { path: self.path.clone(), archived, given });
         }
-        self.check_lineage(lineage.config_toml, lineage.reference, lineage.made_by)
+        self.check_lineage(lineage)
     }
 
-    /// Checks that it was begun with that configuration and that reference, for results made by `made_by`.
-    pub(crate) fn check_lineage(&self, config: &str, reference: Option<&str>, made_by: &str) -> Result<()> {
-        if self.config != config {
-            return Err(other_configuration(&self.path, &self.config, config));
+    /// Checks that it was begun with the configuration and the reference of `lineage`, for results made by the same.
+    pub(crate) fn check_lineage(&self, lineage: Lineage<'_>) -> Result<()> {
+        if self.config != lineage.config_toml {
+            return Err(other_configuration(&self.path, &self.config, lineage.config_toml));
         }
-        if self.reference.as_deref() != reference {
+        if self.reference.as_deref() != lineage.reference {
             return Err(Error::OtherReference { path: self.path.clone() });
         }
-        if self.made_by != made_by {
-            return Err(other_lineage(&self.path, &self.made_by, made_by));
+        if self.made_by != lineage.made_by {
+            return Err(other_lineage(&self.path, &self.made_by, lineage.made_by));
         }
         Ok(())
     }
@@ -108,7 +121,7 @@ impl Archive {
 
     /// The key that was written down; empty where none was.
     pub(crate) fn stored_key(&self) -> Result<String> {
-        let key: hdf5::Result<Key> = read_number(&self.file, attribute::LINEAGE_KEY);
+        let key: hdf5::Result<Key> = self.file.dataset(table::LINEAGE_KEY).and_then(|key| key.read_scalar());
         // Of a damaged file the text may be none.
         Ok(String::from_utf8_lossy(key.context("read the key of the results", &self.path)?.as_bytes()).into_owned())
     }
@@ -118,16 +131,21 @@ impl Archive {
         self.raw.is_some()
     }
 
-    /// The ledger that vouches for the samples, and the discriminators that it vouches for besides.
-    pub(crate) fn of_taps(&self) -> (&Table<LedgerRow>, &Table<DiscriminatorsRow>) {
-        self.raw.as_ref().map_or((&self.ledger, &self.discriminators), |raw| (&raw.ledger, &raw.discriminators))
+    /// The ledger that vouches for the samples, which may be another archive's.
+    pub(crate) fn ledger_of_taps(&self) -> &Table<LedgerRow> {
+        self.raw.as_ref().map_or(&self.ledger, |raw| &raw.ledger)
+    }
+
+    /// The plan with why taps were asked for, which may be another archive's.
+    pub(crate) fn plan_of_taps(&self) -> &Table<PlanRow> {
+        self.raw.as_ref().map_or(&self.plan_rows, |raw| &raw.plan_rows)
     }
 
     /// Opens the archive at `path` and checks that all its tables are there and fit each other.
     pub(crate) fn open(path: &Path, access: Access) -> Result<Self> {
-        probe(path, access)?;
+        let is_finished = probe(path, access)?;
         let file = match access {
-            Access::Read => files_to_read().open(path),
+            Access::Read | Access::ReadUnfinished => files_to_read().open(path),
             Access::Write => files().open_rw(path),
         }
         .context("open the archive", path)?;
@@ -135,43 +153,51 @@ impl Archive {
             take_whole_file(&file).context("take the whole file", path)?;
         }
         close_in_children(&file).context("keep the archive to this process", path)?;
-        let version = check_format(&file, path)?;
+        check_format(&file, path)?;
         let given = read_given(&file, path)?;
-        let (raw_file, taps_version) = open_raw(&file, path)?.unzip();
-        let taps_file = raw_file.as_ref().unwrap_or(&file);
+        let raw = open_raw(&file, path)?;
+        let taps_file = raw.as_ref().map_or(&file, |raw| &raw.file);
         check_units(&file, taps_file, path)?;
-        let plan = read_plan(&given, taps_file, path)?;
-        let tap_count = plan.taps().len();
-        let cell_count = plan.scans().iter().map(|s| s.locations.len()).sum();
-        let config = text_of(&given.config, table::CONFIG, path)?;
-        let made_by = text_of(&given.made_by, table::MADE_BY, path)?;
-        let reference = given.reference.map(String::from_utf8).transpose();
-        let reference = reference.map_err(|_error| damaged(path, "the reference is not UTF-8"))?;
+        let Planned { plan, begun } = read_plan(&given, taps_file, path)?;
+        if let Some(raw) = raw.as_ref().filter(|raw| raw.plan.digest() != plan.digest()) {
+            let (archived, given) = (raw.plan.digest(), plan.digest());
+            return Err(Error::OtherPlan { path: raw.path.clone(), archived, given });
+        }
+        let (tap_count, taps_max) = (plan.taps().len(), given.plan.len());
+        let taps_max_there = raw.as_ref().map_or(taps_max, |raw| raw.taps_max);
+        let first_cells = first_cells(&begun, taps_max);
+        let cells_max = first_cells[plan.scans().len()];
+        let config = text_of(given.config, table::CONFIG, path)?;
+        let made_by = text_of(given.made_by, table::MADE_BY, path)?;
+        let reference = given.reference.map(|text| text_of(text, table::REFERENCE, path)).transpose()?;
         let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
         let codec = read_text(&samples, attribute::CODEC).context("read what packs the samples", path)?;
         let codec = Codec::from_name(&codec).ok_or_else(|| {
             damaged(path, format!("its samples are packed by {codec:?}, which is none of its codecs"))
         })?;
-        let samples = (samples.shape().first() == Some(&tap_count))
+        let samples = (samples.shape().first() == Some(&taps_max_there))
             .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
             .flatten()
             .ok_or_else(|| damaged(path, "the samples have not the shape that the plan asks for"))?;
         let archive = Self {
             path: path.to_owned(),
-            part: given.part,
             config,
             made_by,
             reference,
             samples,
-            chunk_seal: ChunkSeal::of_layout(taps_version.unwrap_or(version)),
-            headers: open_table(taps_file, path, tap_count)?,
-            discriminators: open_table(&file, path, tap_count)?,
-            ledger: open_table(&file, path, tap_count)?,
-            refusals: open_table(&file, path, tap_count)?,
-            scans: open_table(&file, path, plan.scans().len())?,
-            damage: open_table(&file, path, cell_count)?,
+            headers: open_table(taps_file, path, tap_count, taps_max_there)?,
+            discriminators: open_table(&file, path, tap_count, taps_max)?,
+            ledger: open_table(&file, path, tap_count, taps_max)?,
+            refusals: open_table(&file, path, tap_count, taps_max)?,
+            scans: open_table(&file, path, plan.scans().len(), plan.scans().len())?,
+            damage: open_table(&file, path, cells_max, cells_max)?,
+            plan_rows: open_table(&file, path, tap_count, taps_max)?,
+            begun,
+            taps_max,
+            first_cells,
+            is_finished,
             plan,
-            raw: raw_file.map(|file| Raw::of(file, path, tap_count)).transpose()?,
+            raw: raw.map(Box::new),
             file,
         };
         archive.check_raw()?;
@@ -191,39 +217,45 @@ impl Archive {
     /// Writes down the key of the results, which are whole, and hands it to the system.
     pub(crate) fn write_key(&self) -> Result<()> {
         let key = Key::from_ascii(self.key()?.as_bytes()).map_err(|error| hdf5::Error::from(error.to_string()));
-        key.and_then(|key| self.file.attr(attribute::LINEAGE_KEY)?.write_scalar(&key))
+        key.and_then(|key| self.file.dataset(table::LINEAGE_KEY)?.write_scalar(&key))
             .and_then(|()| self.file.flush())
             .context("write the key of the results", &self.path)
     }
 
-    /// Row in the damage table of the first cell of every scan, and of the end.
-    pub(crate) fn first_cells(&self) -> Vec<usize> {
-        let mut first_cells = vec![0];
-        for scan in self.plan.scans() {
-            first_cells.push(first_cells[first_cells.len() - 1] + scan.locations.len());
-        }
-        first_cells
+    /// Row in the damage table of the first cell of scan `scan`.
+    pub(crate) fn first_cell(&self, scan: usize) -> usize {
+        self.first_cells[scan]
+    }
+
+    /// Rows of the cells of scan `scan`.
+    pub(crate) fn cells(&self, scan: usize) -> Range<usize> {
+        let first = self.first_cells[scan];
+        first..first + self.plan.scans()[scan].locations.len()
+    }
+
+    /// The plan is `plan` from now on, which has more taps.
+    pub(crate) fn grow_to(&mut self, plan: Plan) {
+        let tap_count = plan.taps().len();
+        self.plan_rows.grow_to(tap_count);
+        self.headers.grow_to(tap_count);
+        self.discriminators.grow_to(tap_count);
+        self.ledger.grow_to(tap_count);
+        self.refusals.grow_to(tap_count);
+        self.plan = plan;
     }
 }
 
-/// Opens the archive whose taps the results in `file` are of, and says its layout; `None` where they are its own.
-fn open_raw(file: &File, path: &Path) -> Result<Option<(File, u32)>> {
+/// Opens the archive whose taps the results in `file` are of; `None` where they are its own.
+fn open_raw(file: &File, path: &Path) -> Result<Option<Archive>> {
     if !file.attr_names().context("read the attributes", path)?.iter().any(|name| name == attribute::RAW) {
         return Ok(None);
     }
     let name = read_text(file, attribute::RAW).context("read the name of the taps' archive", path)?;
-    let raw_path = path.with_file_name(&name);
-    probe(&raw_path, Access::Read)?;
-    let raw = files_to_read().open(&raw_path).context("open the archive of the taps", &raw_path)?;
-    close_in_children(&raw).context("keep the archive to this process", &raw_path)?;
-    let version = check_format(&raw, &raw_path)?;
-    let digest =
-        |of: &File, path: &Path| read_number::<u64>(of, attribute::PLAN_DIGEST).context("read the plan's digest", path);
-    let (archived, given) = (digest(&raw, &raw_path)?, digest(file, path)?);
-    if archived != given {
-        return Err(Error::OtherPlan { path: raw_path, archived, given });
+    let raw = Archive::open(&path.with_file_name(&name), Access::Read)?;
+    match raw.is_results() {
+        true => Err(damaged(path, "it names other results as the archive of its taps")),
+        false => Ok(Some(raw)),
     }
-    Ok(Some((raw, version)))
 }
 
 fn damaged(path: &Path, what: impl Into<String>) -> Error {
@@ -234,14 +266,15 @@ fn damaged(path: &Path, what: impl Into<String>) -> Error {
 ///
 /// The lock is tried with a descriptor of its own: the library shares one file between all its openings within a
 /// process and would let a second writer in.
-fn probe(path: &Path, access: Access) -> Result<()> {
+/// Says whether it is finished.
+fn probe(path: &Path, access: Access) -> Result<bool> {
     let mut file = std::fs::OpenOptions::new()
         .read(true)
         .write(access == Access::Write)
         .open(path)
         .context("open the archive", path)?;
     let try_lock = || match access {
-        Access::Read => file.try_lock_shared(),
+        Access::Read | Access::ReadUnfinished => file.try_lock_shared(),
         Access::Write => file.try_lock(),
     };
     let mut locked = try_lock();
@@ -259,24 +292,31 @@ fn probe(path: &Path, access: Access) -> Result<()> {
     }
     let mut signature = [0; 8];
     match file.read_exact(&mut signature) {
-        Ok(()) if signature == *SIGNATURE => Ok(()),
-        Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(error).context("read the archive", path),
-        _ => Err(Error::NotHdf5 { path: path.to_owned() }),
+        Ok(()) if signature == *SIGNATURE => {}
+        Err(error) if error.kind() != ErrorKind::UnexpectedEof => return Err(error).context("read the archive", path),
+        _ => return Err(Error::NotHdf5 { path: path.to_owned() }),
+    }
+    let is_finished = is_sealed(&file, path)?;
+    match access {
+        Access::Read if !is_finished => Err(Error::NotFinished { path: path.to_owned() }),
+        Access::Write if is_finished => Err(Error::Finished { path: path.to_owned() }),
+        _ if is_finished => Ok(true),
+        _ => structure::check(&file, path).map(|()| false),
     }
 }
 
-/// The version of the layout of `file`, if it is one that is known.
-fn check_format(file: &File, path: &Path) -> Result<u32> {
+/// Checks that `file` is an archive of the layout that is known.
+fn check_format(file: &File, path: &Path) -> Result<()> {
     let format = read_text(file, attribute::FORMAT).unwrap_or_default();
     if format != FORMAT {
         let what = format!("its attribute {:?} is {format:?}, not {FORMAT:?}", attribute::FORMAT);
         return Err(Error::NotAnArchive { path: path.to_owned(), what });
     }
     let got: u32 = read_number(file, attribute::FORMAT_VERSION).context("read the format version", path)?;
-    if !(OLDEST_VERSION..=FORMAT_VERSION).contains(&got) {
+    if got != FORMAT_VERSION {
         return Err(Error::FormatVersion { path: path.to_owned(), got, known: FORMAT_VERSION });
     }
-    Ok(got)
+    Ok(())
 }
 
 /// What was given to the archive, if it is what it was then.
@@ -290,30 +330,60 @@ fn read_given(file: &File, path: &Path) -> Result<Given> {
     })
 }
 
-fn read_plan(given: &Given, taps_file: &File, path: &Path) -> Result<Plan> {
-    let geometry = text_of(&given.geometry, attribute::GEOMETRY, path)?;
+/// The plan of an archive.
+struct Planned {
+    plan: Plan,
+    /// As it was begun.
+    begun: Plan,
+}
+
+fn read_plan(given: &Given, taps_file: &File, path: &Path) -> Result<Planned> {
     let geometry = [Geometry::Ring, Geometry::Line]
         .into_iter()
-        .find(|&g| geometry_name(g) == geometry)
-        .ok_or_else(|| damaged(path, format!("its geometry is {geometry:?}")))?;
+        .find(|&g| geometry_name(g) == given.geometry)
+        .ok_or_else(|| damaged(path, format!("its geometry is {:?}", given.geometry)))?;
     let recording = read_recording(taps_file, path)?;
-    let mut taps = Vec::with_capacity(given.plan.len());
-    for (k, row) in given.plan.iter().enumerate() {
-        taps.push(row.to_tap().map_err(|e| damaged(path, format!("row {k} of its plan: {e}")))?);
-    }
+    let taps_in = |rows: Range<usize>| -> Result<Vec<PlannedTap>> {
+        let tap = |k: usize| given.plan[k].to_tap().map_err(|e| damaged(path, format!("row {k} of its plan: {e}")));
+        rows.map(tap).collect()
+    };
     let mut truth = Truth::new();
     for (k, row) in given.truth.iter().enumerate() {
         let tyre = serial(&row.tyre).ok_or_else(|| damaged(path, format!("row {k} of its truth names no tyre")))?;
         truth.insert((tyre, row.shoulder, row.location), row.cracked != 0);
     }
-    let plan = Plan::of_source(geometry, recording, taps, truth, given.source_digest)
-        .map_err(|e| damaged(path, format!("its plan: {e}")))?;
+    let not_a_plan = |error: PlanError| damaged(path, format!("its plan: {error}"));
+    let begun = Plan::of_source(geometry, recording, taps_in(0..given.begun_count)?, truth, given.source_digest)
+        .map_err(not_a_plan)?;
     let archived = given.plan_digest;
-    if plan.digest() != archived {
-        let what = format!("its plan has digest {:016x}, but it says {archived:016x}", plan.digest());
+    if begun.digest() != archived {
+        let what = format!("its plan has digest {:016x}, but it says {archived:016x}", begun.digest());
         return Err(damaged(path, what));
     }
-    Ok(plan)
+    let mut plan = begun.clone();
+    while let Some(rows) = growth(&given.plan, plan.taps().len()) {
+        let (first, digest) = (rows.start, given.plan[rows.start].plan_digest);
+        // Of a writer that died while it added them some may be there, or such that were added before and are not meant.
+        match taps_in(rows).ok().and_then(|taps| plan.grown(&taps).ok()).filter(|grown| grown.digest() == digest) {
+            Some(grown) => plan = grown,
+            None => {
+                tracing::warn!(
+                    "{}: taps from plan row {first} on are not all there: they do not count",
+                    path.display()
+                );
+                break;
+            }
+        }
+    }
+    Ok(Planned { plan, begun })
+}
+
+/// The rows that were added together to a plan of `tap_count` taps; `None` where none were, or one is not what was written.
+fn growth(rows: &[PlanRow], tap_count: usize) -> Option<Range<usize>> {
+    let first = rows.get(tap_count)?;
+    let added = tap_count..(first.grown_to as usize).min(rows.len());
+    let are_whole = added.clone().all(|k| rows[k].is_whole(k));
+    Some(added).filter(|added| are_whole && !added.is_empty())
 }
 
 fn read_recording(file: &File, path: &Path) -> Result<Recording> {
@@ -338,24 +408,17 @@ fn read_recording(file: &File, path: &Path) -> Result<Recording> {
     })
 }
 
-pub(crate) fn open_table<R: SealedRow>(file: &File, path: &Path, row_count: usize) -> Result<Table<R>> {
-    Table::open(file, row_count)
+pub(crate) fn open_table<R: SealedRow>(
+    file: &File,
+    path: &Path,
+    row_count: usize,
+    capacity: usize,
+) -> Result<Table<R>> {
+    Table::open(file, row_count, capacity)
         .context("find a table", path)?
-        .ok_or_else(|| damaged(path, format!("{} has not {row_count} rows of this layout", R::TABLE)))
+        .ok_or_else(|| damaged(path, format!("{} has not {capacity} rows of this layout", R::TABLE)))
 }
 
-fn text_of(text: &VarLenUnicode, name: &str, path: &Path) -> Result<String> {
-    utf8(text).ok_or_else(|| damaged(path, format!("{name:?} is not UTF-8")))
-}
-
-fn utf8(text: &VarLenUnicode) -> Option<String> {
-    std::str::from_utf8(text.as_bytes()).ok().map(str::to_owned)
-}
-
-pub(crate) fn read_text(place: &Location, name: &str) -> hdf5::Result<String> {
-    utf8(&read_number(place, name)?).ok_or_else(|| hdf5::Error::from("a text is not UTF-8"))
-}
-
-fn read_number<T: H5Type>(place: &Location, name: &str) -> hdf5::Result<T> {
-    place.attr(name)?.read_scalar()
+fn text_of(text: Vec<u8>, name: &str, path: &Path) -> Result<String> {
+    String::from_utf8(text).map_err(|_error| damaged(path, format!("{name:?} is not UTF-8")))
 }

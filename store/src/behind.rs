@@ -1,23 +1,28 @@
-//! What a writer has handed to the system goes to the disk while the writer goes on, by a thread of its own.
+//! What writers have handed to the system goes to the disk while they go on, by one thread for all writers of the process.
 //!
 //! The system would begin with it much later, and whoever waits for the end would then wait for all of it.
 
 use std::fs::File;
 use std::io::{self, ErrorKind};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::{Builder, JoinHandle};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::thread::Builder;
 
 /// Bytes after which the thread is asked: enough for a disk to be busy, and so few that whoever waits for the end waits for
 /// little. A disk that is slower is not asked more often than it answers.
 const EVERY_BYTES: usize = 2 << 20;
 
-/// The thread that waits for the disk; it ends when this is dropped.
+/// Writers that may wait for the thread.
+const JOBS_MAX: usize = 1024;
+
+/// What the thread does for one writer.
 #[derive(Debug)]
 pub(crate) struct Behind {
-    /// `None` once it is to end.
-    ask: Option<SyncSender<()>>,
-    thread: Option<JoinHandle<()>>,
+    file: Arc<File>,
+    failures: Failures,
+    /// Whether the thread has been asked and has not begun: it then takes along what is written until it does.
+    is_asked: Arc<AtomicBool>,
     unasked_bytes: usize,
 }
 
@@ -38,46 +43,48 @@ impl Failures {
     }
 }
 
+/// What the thread is asked to do.
+struct Job {
+    file: Arc<File>,
+    failures: Failures,
+    is_asked: Arc<AtomicBool>,
+}
+
 impl Behind {
-    /// Begins it for `file`; where no thread can be had, all is written at the end.
-    pub(crate) fn start(file: File, failures: &Failures) -> Self {
-        // One may wait: it covers all that was written until it is taken up.
-        let (ask, asked) = sync_channel(1);
-        let failures = failures.clone();
-        let thread = Builder::new().name("sync".to_owned()).spawn(move || run(&file, &asked, &failures)).ok();
-        Self { ask: Some(ask), thread, unasked_bytes: 0 }
+    /// That for `file`.
+    pub(crate) fn new(file: Arc<File>, failures: &Failures) -> Self {
+        Self { file, failures: failures.clone(), is_asked: Arc::default(), unasked_bytes: 0 }
     }
 
     /// Notes that `bytes` more were handed to the system.
     pub(crate) fn note(&mut self, bytes: usize) {
         self.unasked_bytes += bytes;
-        if self.unasked_bytes >= EVERY_BYTES
-            && let Some(ask) = &self.ask
-        {
-            // Where one waits already this is in it too, and a thread that is not there is asked in vain.
-            match ask.try_send(()) {
-                Ok(()) | Err(TrySendError::Full(()) | TrySendError::Disconnected(())) => self.unasked_bytes = 0,
-            }
+        if self.unasked_bytes < EVERY_BYTES {
+            return;
         }
-    }
-
-    /// Ends the thread.
-    pub(crate) fn rest(&mut self) {
-        drop(self.ask.take());
-        if let Some(thread) = self.thread.take() {
-            drop(thread.join());
+        self.unasked_bytes = 0;
+        if !self.is_asked.swap(true, Ordering::AcqRel) {
+            let Self { file, failures, is_asked, .. } = self;
+            let job = Job { file: file.clone(), failures: failures.clone(), is_asked: is_asked.clone() };
+            // Where no thread can be had, or it has more to do than it can, all is written at the end.
+            let is_taken = thread().as_ref().is_some_and(|thread| thread.try_send(job).is_ok());
+            self.is_asked.fetch_and(is_taken, Ordering::AcqRel);
         }
     }
 }
 
-impl Drop for Behind {
-    fn drop(&mut self) {
-        self.rest();
-    }
+/// The thread; `None` where none can be had.
+fn thread() -> &'static Option<SyncSender<Job>> {
+    static THREAD: OnceLock<Option<SyncSender<Job>>> = OnceLock::new();
+    THREAD.get_or_init(|| {
+        let (ask, asked) = sync_channel(JOBS_MAX);
+        Builder::new().name("sync".to_owned()).spawn(move || run(&asked)).ok().map(|_| ask)
+    })
 }
 
-fn run(file: &File, asked: &Receiver<()>, failures: &Failures) {
-    while asked.recv().is_ok() {
+fn run(asked: &Receiver<Job>) {
+    while let Ok(Job { file, failures, is_asked }) = asked.recv() {
+        is_asked.store(false, Ordering::Release);
         if let Err(error) = file.sync_data() {
             tracing::error!(%error, "the disk has not kept what was written to it: check the archive when the run is over");
             failures.note(&error);

@@ -46,13 +46,13 @@ const CUT_BYTES_MOST: usize = 16;
 
 /// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost; `planes` is room to work in.
 ///
-/// With a [`Head`] if it is to have one, unless nothing is gained by packing.
+/// With a [`Head`], unless nothing is gained by packing.
 ///
 /// # Panics
 /// If there are 2 GiB of samples or more.
-pub(crate) fn pack(element_bytes: usize, samples: &[u8], has_head: bool, planes: &mut Vec<u8>, packed: &mut Vec<u8>) {
+pub(crate) fn pack(element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, packed: &mut Vec<u8>) {
     let block_count = samples.len().div_ceil(BLOCK_BYTES);
-    let head_bytes = if has_head { head::length(block_count) } else { HEADER_BYTES + WORD_BYTES * block_count };
+    let head_bytes = head::length(block_count);
     header(element_bytes, samples.len(), BITS_SHUFFLED | UNCUT | LZ4, packed);
     // Room for all at once: growing would copy what is there.
     packed.reserve(head_bytes + samples.len() + WORD_BYTES * block_count);
@@ -72,9 +72,7 @@ pub(crate) fn pack(element_bytes: usize, samples: &[u8], has_head: bool, planes:
         }
         let length = packed.len() - begin - WORD_BYTES;
         put(packed, begin, length);
-        if has_head {
-            head::put_sum(packed, block_count, number, begin);
-        }
+        head::put_sum(packed, block_count, number, begin);
     }
     if packed.len() >= samples.len() + HEADER_BYTES {
         header(element_bytes, samples.len(), BITS_SHUFFLED | UNCUT | LZ4 | AS_IT_IS, packed);

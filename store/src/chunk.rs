@@ -234,7 +234,8 @@ impl ChunkRows {
         }
     }
 
-    fn row_count(&self) -> usize {
+    /// How many there are.
+    pub(crate) fn row_count(&self) -> usize {
         self.dataset.shape().first().copied().unwrap_or(0)
     }
 
@@ -255,7 +256,7 @@ impl ChunkRows {
     /// `span`, where the chunk there was put through the filters that are undone here.
     fn known(&self, span: Span, mask: u32) -> Option<Span> {
         // The library leaves out a filter that gains nothing, and undoes what it did when it reads.
-        let is_known = mask == 0 || matches!(self.codec, Codec::Lzf | Codec::Gzip);
+        let is_known = mask == 0 || self.codec == Codec::Gzip;
         Some(span).filter(|span| span.address != haddr_t::MAX && is_known)
     }
 

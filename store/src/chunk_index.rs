@@ -26,12 +26,51 @@ pub(crate) type Chunk = (Span, u32);
 /// The chunks of the dataset whose object header is at `header` of `file`, one row each of `row_count`, by row; `rank` is the
 /// number of its dimensions. `None` where they are kept in a way that is not known here, or not one for each row.
 pub(crate) fn chunks(file: &File, header: u64, row_count: usize, rank: usize) -> Option<Vec<Chunk>> {
+    Some(index(file, header, row_count, rank)?.chunks)
+}
+
+/// The index of a dataset's chunks.
+#[derive(Debug)]
+pub(crate) struct Index {
+    pub(crate) chunks: Vec<Chunk>,
+    /// Where its nodes lie.
+    pub(crate) nodes: Vec<u64>,
+}
+
+/// The same, and where it lies itself.
+pub(crate) fn index(file: &File, header: u64, row_count: usize, rank: usize) -> Option<Index> {
     if read(file, 0, SUPERBLOCK.len())? != SUPERBLOCK || u64_at(&read(file, 24, 8)?, 0)? != 0 {
         return None;
     }
-    let mut walk = Walk { file, rank, chunks: vec![None; row_count], nodes_left: 2 * row_count + BLOCKS_MAX };
+    let nodes_left = 2 * row_count + BLOCKS_MAX;
+    let mut walk = Walk { file, rank, chunks: vec![None; row_count], nodes: Vec::new(), nodes_left };
     walk.node(tree_of(file, header, rank)?, LEVELS_MAX)?;
-    walk.chunks.into_iter().collect()
+    Some(Index { chunks: walk.chunks.into_iter().collect::<Option<_>>()?, nodes: walk.nodes })
+}
+
+/// What stands in the node at `address`, but for what changes as chunks are written: their lengths, which nodes above repeat,
+/// and their places are zeros.
+pub(crate) fn node_with_changes_left_out(file: &File, address: u64, rank: usize) -> Option<Vec<u8>> {
+    let head = read(file, address, NODE_HEAD_BYTES)?;
+    let (is_leaf, entry_count) = (head[5] == 0, u16_at(&head, 6)? as usize);
+    let (key_bytes, entry_bytes) = (key_bytes(rank), key_bytes(rank) + 8);
+    let mut node = read(file, address, NODE_HEAD_BYTES + entry_count * entry_bytes + key_bytes)?;
+    // The last is a key alone.
+    for entry in node[NODE_HEAD_BYTES..].chunks_mut(entry_bytes) {
+        entry[..4].fill(0);
+        if is_leaf {
+            entry[key_bytes..].fill(0);
+        }
+    }
+    Some(node)
+}
+
+/// Bytes of a node before its entries.
+const NODE_HEAD_BYTES: usize = 24;
+
+/// Bytes of a key: a chunk's length, its filters, and where it begins in every dimension and the element.
+fn key_bytes(rank: usize) -> usize {
+    8 + 8 * (rank + 1)
 }
 
 /// Address of the tree of chunks that the object header at `header` names.
@@ -66,6 +105,7 @@ struct Walk<'a> {
     file: &'a File,
     rank: usize,
     chunks: Vec<Option<Chunk>>,
+    nodes: Vec<u64>,
     nodes_left: usize,
 }
 
@@ -73,14 +113,14 @@ impl Walk<'_> {
     /// Takes in the chunks below the node at `address`, which is on a level below `above`.
     fn node(&mut self, address: u64, above: u8) -> Option<()> {
         self.nodes_left = self.nodes_left.checked_sub(1)?;
-        let head = read(self.file, address, 24)?;
+        let head = read(self.file, address, NODE_HEAD_BYTES)?;
         let (level, entry_count) = (head[5], u16_at(&head, 6)? as usize);
         if head[..5] != *b"TREE\x01" || level >= above {
             return None;
         }
-        // A key has the chunk's length, its filters, and where it begins in every dimension and the element.
-        let key_bytes = 8 + 8 * (self.rank + 1);
-        let entries = read(self.file, address + 24, entry_count * (key_bytes + 8))?;
+        let key_bytes = key_bytes(self.rank);
+        let entries = read(self.file, address.checked_add(24)?, entry_count * (key_bytes + 8))?;
+        self.nodes.push(address);
         for entry in entries.chunks_exact(key_bytes + 8) {
             let child = u64_at(entry, key_bytes)?;
             if level > 0 {

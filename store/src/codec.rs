@@ -25,19 +25,17 @@ pub enum Codec {
     Lz4,
     /// Blosc (filter 32001), bits shuffled, Zstandard: a little smaller, slower.
     Zstd,
-    /// LZF (filter 32000), bytes shuffled: what h5py reads by itself. For archives that are packed again.
-    Lzf,
     /// Deflate (filter 1), bytes shuffled: what every HDF5 reader reads. Slow; for archives that are packed again.
     Gzip,
 }
 
 impl Codec {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::None, Self::Lz4, Self::Zstd, Self::Lzf, Self::Gzip];
+    pub const ALL: [Self; 4] = [Self::None, Self::Lz4, Self::Zstd, Self::Gzip];
 
     /// Its name in configurations, on the command line and in archives.
     pub fn name(self) -> &'static str {
-        ["none", "lz4", "zstd", "lzf", "gzip"][self as usize]
+        ["none", "lz4", "zstd", "gzip"][self as usize]
     }
 
     /// The codec of that name.
@@ -57,7 +55,7 @@ impl Codec {
             Self::Lz4 => 5,
             Self::Zstd => 1,
             Self::Gzip => 4,
-            Self::None | Self::Lzf => 0,
+            Self::None => 0,
         }
     }
 
@@ -66,7 +64,7 @@ impl Codec {
         match self {
             Self::Lz4 => Some(c"lz4"),
             Self::Zstd => Some(c"zstd"),
-            Self::None | Self::Lzf | Self::Gzip => None,
+            Self::None | Self::Gzip => None,
         }
     }
 }
@@ -78,23 +76,15 @@ impl fmt::Display for Codec {
 }
 
 /// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost, as the filter of `codec` does; the
-/// same input gives the same bytes. Those of a codec that is not Blosc's are left as they are. With a head where `has_head`,
-/// if the codec has such: see [`blosc::Head`]. `planes` is room to work in.
+/// same input gives the same bytes. Those of a codec that is not Blosc's are left as they are. `planes` is room to work in.
 ///
 /// # Panics
 /// If Blosc finds no room in what it says is enough: a bug.
-pub(crate) fn pack(
-    codec: Codec,
-    element_bytes: usize,
-    samples: &[u8],
-    has_head: bool,
-    planes: &mut Vec<u8>,
-    packed: &mut Vec<u8>,
-) {
+pub(crate) fn pack(codec: Codec, element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, packed: &mut Vec<u8>) {
     match codec {
-        Codec::Lz4 => blosc::pack(element_bytes, samples, has_head, planes, packed),
+        Codec::Lz4 => blosc::pack(element_bytes, samples, planes, packed),
         Codec::Zstd => pack_by_library((c"zstd", codec.level()), element_bytes, ZSTD_BLOCK_BYTES, samples, packed),
-        Codec::None | Codec::Lzf | Codec::Gzip => {
+        Codec::None | Codec::Gzip => {
             packed.clear();
             packed.extend_from_slice(samples);
         }
@@ -203,12 +193,8 @@ mod tests {
     }
 
     fn packed(codec: Codec, element_bytes: usize, samples: &[u8]) -> Vec<u8> {
-        packed_with(codec, element_bytes, samples, true)
-    }
-
-    fn packed_with(codec: Codec, element_bytes: usize, samples: &[u8], has_head: bool) -> Vec<u8> {
         let mut packed = vec![3; 5];
-        pack(codec, element_bytes, samples, has_head, &mut Vec::new(), &mut packed);
+        pack(codec, element_bytes, samples, &mut Vec::new(), &mut packed);
         packed
     }
 
@@ -248,11 +234,9 @@ mod tests {
         ) {
             let whole = samples.len() / element_bytes * element_bytes;
             let samples = record(samples[..whole].to_vec(), kind);
-            for (codec, has_head) in
-                [(Codec::None, false), (Codec::Lz4, false), (Codec::Lz4, true), (Codec::Zstd, true)]
-            {
-                let there = packed_with(codec, element_bytes, &samples, has_head);
-                prop_assert!(there == packed_with(codec, element_bytes, &samples, has_head), "{codec}: other bytes");
+            for codec in [Codec::None, Codec::Lz4, Codec::Zstd] {
+                let there = packed(codec, element_bytes, &samples);
+                prop_assert!(there == packed(codec, element_bytes, &samples), "{codec}: other bytes");
                 prop_assert!(unpacked(codec, &there, whole).as_ref() == Some(&samples), "{codec}");
                 let by_library = codec.blosc().map(|_| unpacked_by_library(&there, whole));
                 prop_assert!(by_library.is_none_or(|back| back.as_ref() == Some(&samples)), "{codec}, by the library");

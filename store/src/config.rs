@@ -10,18 +10,9 @@ use crate::{Codec, Error, Result};
 pub struct StoreConfig {
     /// What packs the samples: `lz4`, `zstd` or `none`.
     pub codec: Codec,
-    /// Size of a file, in MB of 10^6 bytes, at which the next scan to be begun begins a new one; 0: never.
-    pub rotate_after_mb: u32,
-    /// Age of a file, in seconds, likewise; 0: never. While no run writes it a file does not age.
-    pub rotate_after_s: u32,
 }
 
 impl StoreConfig {
-    /// Whether a run may take several files, in a folder of their own.
-    pub fn rotates(&self) -> bool {
-        self.rotate_after_mb > 0 || self.rotate_after_s > 0
-    }
-
     /// Whether a line can keep to it.
     ///
     /// # Errors

@@ -7,8 +7,8 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::plist::file_access::{
     CacheDecreaseMode, CacheIncreaseMode, FileAccessBuilder, FlashIncreaseMode, MetadataCacheConfig,
 };
-use hdf5::types::{FixedAscii, VarLenUnicode};
-use hdf5::{File, FileBuilder, H5Type, Location};
+use hdf5::types::FixedAscii;
+use hdf5::{File, FileBuilder};
 use tapline_wire::{Channel, DamageCell, Geometry, Plan, SampleFormat, TapState};
 
 use crate::blosc::RECORD_BYTES_MAX;
@@ -22,8 +22,10 @@ use crate::layout::{
     TruthRow, attribute, table,
 };
 use crate::lineage::hex_of;
-use crate::rows::fixed;
+use crate::rows::{Growth, fixed};
+use crate::structure;
 use crate::table::{Table, create as create_table};
+use crate::text::{create_text, write_number, write_text, write_texts};
 use crate::units::write_units;
 use crate::{Error, Lineage, Result};
 
@@ -68,8 +70,9 @@ const SIGNAL: &str = "samples";
 /// Stands for an axis of plain indices: no dataset has positions of taps or channels in one dimension, or times.
 const NO_AXIS: &str = ".";
 
-/// Creates the archive of `plan` at `path`; it appears there whole or not at all.
-pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<()> {
+/// Creates the archive of `plan`, with room for `taps_max` taps, at `path`; it appears there whole or not at all.
+pub(crate) fn create(path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage<'_>) -> Result<()> {
+    let taps_max = taps_max.max(plan.taps().len());
     let recording = &plan.recording;
     if recording.channels.is_empty() || recording.sample_count_max == 0 {
         let (channel_count, sample_count_max) = (recording.channels.len(), recording.sample_count_max);
@@ -85,37 +88,40 @@ pub(crate) fn create(path: &Path, plan: &Plan, lineage: Lineage<'_>) -> Result<(
     remove_dead_drafts(path);
     let draft = Draft::begin(path).context("create", path)?;
     let file = files().create(draft.path()).context("create", path)?;
-    if let Err(error) = fill(&file, path, plan, lineage) {
+    let filled = fill(&file, path, plan, taps_max, lineage).context("lay out the tables", path);
+    let changing = filled.and_then(|()| structure::changing(&file, lineage.raw.is_some(), draft.path()));
+    let changing = changing.inspect_err(|_| {
         // What is half there cannot be closed in order, on a full disk for one.
         drop(let_go(&file));
-        return Err(error).context("lay out the tables", path);
-    }
+    })?;
     drop(file);
+    structure::write(draft.path(), changing).context("lay out the tables", path)?;
     draft.publish(path)
 }
 
-fn fill(file: &File, path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Result<()> {
+fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage<'_>) -> hdf5::Result<()> {
+    // The first of all, so that it is found without the library.
+    structure::create(file, taps_max)?;
     write_text(file, attribute::FORMAT, FORMAT)?;
     write_number(file, attribute::FORMAT_VERSION, &FORMAT_VERSION)?;
     write_text(file, attribute::TAPLINE_VERSION, env!("CARGO_PKG_VERSION"))?;
     write_text(file, attribute::GEOMETRY, geometry_name(plan.geometry))?;
     write_number(file, attribute::PLAN_DIGEST, &plan.digest())?;
     write_number(file, attribute::SOURCE_DIGEST, &plan.source_digest())?;
-    if let Some(part) = lineage.part {
-        write_number(file, attribute::PART, &part.number)?;
-        write_number(file, attribute::RUN_DIGEST, &part.run_digest)?;
-    }
-    let config = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::CONFIG)?;
-    config.write_scalar(&var_len(lineage.config_toml)?)?;
-    let made_by = file.new_dataset_builder().empty::<VarLenUnicode>().obj_track_times(false).create(table::MADE_BY)?;
-    made_by.write_scalar(&var_len(lineage.made_by)?)?;
+    write_number(file, attribute::BEGUN_TAPS, &(plan.taps().len() as u64))?;
+    create_text(file, table::CONFIG, lineage.config_toml)?;
+    create_text(file, table::MADE_BY, lineage.made_by)?;
     if let Some(reference) = lineage.reference {
-        let builder = file.new_dataset::<u8>().shape(reference.len()).obj_track_times(false);
-        builder.create(table::REFERENCE)?.write_raw(reference.as_bytes())?;
+        create_text(file, table::REFERENCE, reference)?;
     }
 
     let (taps, scan_of_tap) = (plan.taps(), plan.scan_of_tap());
-    create_table(file, table::PLAN, taps.len(), |k| PlanRow::new(&taps[k], scan_of_tap[k]))?;
+    let to = u32::try_from(taps.len()).unwrap_or(u32::MAX);
+    let begun = Growth { to, plan_digest: plan.digest(), why: 0 };
+    Table::<PlanRow>::create(file, taps_max, |k| match taps.get(k) {
+        Some(tap) => PlanRow::new(tap, scan_of_tap[k], begun),
+        None => PlanRow::unwritten(),
+    })?;
     match lineage.raw {
         Some((raw, digest)) => {
             let raw = from_beside(path, raw);
@@ -129,16 +135,16 @@ fn fill(file: &File, path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Re
             write_text(&group, attribute::NX_CLASS, "NXdata")?;
             write_text(&group, attribute::NX_SIGNAL, SIGNAL)?;
             write_texts(&group, attribute::NX_AXES, &[NO_AXIS; 3])?;
-            Table::<HeaderRow>::create(file, taps.len(), |_| HeaderRow::unwritten())?;
-            create_samples(file, plan, lineage.codec)?;
+            Table::<HeaderRow>::create(file, taps_max, |_| HeaderRow::unwritten())?;
+            create_samples(file, plan, taps_max, lineage.codec)?;
         }
     }
     let discriminators = DiscriminatorsRow::unwritten();
-    Table::<DiscriminatorsRow>::create(file, taps.len(), |_| discriminators)?;
+    Table::<DiscriminatorsRow>::create(file, taps_max, |_| discriminators)?;
     let missing = LedgerRow::new(TapState::Missing, 0);
-    Table::<LedgerRow>::create(file, taps.len(), |_| missing)?;
-    Table::<ReasonRow>::create(file, taps.len(), |_| ReasonRow::none())?;
-    create_scans(file, plan)?;
+    Table::<LedgerRow>::create(file, taps_max, |_| missing)?;
+    Table::<ReasonRow>::create(file, taps_max, |_| ReasonRow::none())?;
+    create_scans(file, plan, taps_max)?;
     create_truth(file, plan)?;
     let is_own = |name: &str| lineage.raw.is_none() || !name.starts_with(table::TAPS);
     for (name, note, units) in NOTES.into_iter().filter(|(name, ..)| is_own(name)) {
@@ -149,7 +155,8 @@ fn fill(file: &File, path: &Path, plan: &Plan, lineage: Lineage<'_>) -> hdf5::Re
     write_text(file, attribute::NX_CLASS, "NXroot")?;
     write_text(file, attribute::NX_DEFAULT, table::TAPS)?;
     write_text(file, attribute::DIGEST, &Given::read(file)?.map(|given| given.digest).unwrap_or_default())?;
-    write_number(file, attribute::LINEAGE_KEY, &Key::new())?;
+    let key = file.new_dataset_builder().empty::<Key>().alloc_time(Some(AllocTime::Early)).obj_track_times(false);
+    key.create(table::LINEAGE_KEY)?.write_scalar(&Key::new())?;
     file.flush()
 }
 
@@ -159,22 +166,29 @@ fn from_beside(path: &Path, raw: &Path) -> String {
     if folder_of(path) == folder_of(raw) { name.into_owned() } else { format!("../{name}") }
 }
 
-fn create_scans(file: &File, plan: &Plan) -> hdf5::Result<()> {
-    let mut first_cell = 0;
+/// Row in the damage table of the first cell of every scan of the plan that an archive is begun with, and of the end: each has
+/// room for as many locations as taps may be added.
+pub(crate) fn first_cells(begun: &Plan, taps_max: usize) -> Vec<usize> {
+    let spare = taps_max - begun.taps().len();
+    let mut first_cells = vec![0];
+    for scan in begun.scans() {
+        first_cells.push(first_cells[first_cells.len() - 1] + scan.locations.len() + spare);
+    }
+    first_cells
+}
+
+fn create_scans(file: &File, plan: &Plan, taps_max: usize) -> hdf5::Result<()> {
+    let first_cells = first_cells(plan, taps_max);
     Table::<ScanRow>::create(file, plan.scans().len(), |k| {
-        let row = ScanRow::open(&plan.scans()[k], first_cell);
-        first_cell += row.cell_count;
-        row
+        ScanRow::open(&plan.scans()[k], u32::try_from(first_cells[k]).unwrap_or(u32::MAX))
     })?;
-    let cells: Vec<CellRow> = (0..)
-        .zip(plan.scans())
-        .flat_map(|(number, scan)| {
-            scan.locations.iter().map(move |&(location, angle_deg)| {
-                let angle_deg = angle_deg.unwrap_or(f64::NAN);
-                CellRow::new(number, scan, &DamageCell { location, angle_deg, ..DamageCell::default() })
-            })
-        })
-        .collect();
+    let mut cells = vec![CellRow::unwritten(); first_cells[plan.scans().len()]];
+    for ((number, scan), &first) in (0..).zip(plan.scans()).zip(&first_cells) {
+        for (cell, &(location, angle_deg)) in cells[first..].iter_mut().zip(&scan.locations) {
+            let angle_deg = angle_deg.unwrap_or(f64::NAN);
+            *cell = CellRow::new(number, scan, &DamageCell { location, angle_deg, ..DamageCell::default() });
+        }
+    }
     Table::<CellRow>::create(file, cells.len(), |k| cells[k])?;
     Ok(())
 }
@@ -200,7 +214,7 @@ fn create_truth(file: &File, plan: &Plan) -> hdf5::Result<()> {
 ///
 /// Without a codec every chunk's place is allotted, and stays a hole in the file until a tap fills it. Packed chunks have no
 /// size beforehand: the index is filled with the shortest chunks there are, so that a tap changes one entry where it stands.
-fn create_samples(file: &File, plan: &Plan, codec: Codec) -> hdf5::Result<()> {
+fn create_samples(file: &File, plan: &Plan, taps_max: usize, codec: Codec) -> hdf5::Result<()> {
     let recording = &plan.recording;
     let (channel_count, sample_count) = (recording.channels.len(), recording.sample_count_max as usize);
     let builder = match recording.sample_format {
@@ -208,14 +222,13 @@ fn create_samples(file: &File, plan: &Plan, codec: Codec) -> hdf5::Result<()> {
         SampleFormat::F32 => file.new_dataset::<f32>(),
     };
     let builder = builder
-        .shape((plan.taps().len(), channel_count, sample_count))
+        .shape((taps_max, channel_count, sample_count))
         .chunk((1, channel_count, sample_count))
         .obj_track_times(false);
     let builder = match codec {
         Codec::None => builder.fill_time(FillTime::Never).alloc_time(Some(AllocTime::Early)),
         Codec::Lz4 => builder.fill_time(FillTime::Never).blosc_lz4(codec.level(), BloscShuffle::Bit),
         Codec::Zstd => builder.fill_time(FillTime::Never).blosc_zstd(codec.level(), BloscShuffle::Bit),
-        Codec::Lzf => builder.shuffle().lzf(),
         Codec::Gzip => builder.shuffle().deflate(codec.level()),
     };
     let dataset = builder.create(table::SAMPLES)?;
@@ -224,7 +237,7 @@ fn create_samples(file: &File, plan: &Plan, codec: Codec) -> hdf5::Result<()> {
         let nothing = placeholder(codec, row_bytes / (channel_count * sample_count), row_bytes);
         let rows = ChunkRows::new(dataset.clone(), codec, row_bytes);
         let rows = rows.ok_or_else(|| hdf5::Error::from("the samples have not the shape they were given"))?;
-        (0..).zip(plan.taps()).try_for_each(|(row, _)| rows.write(row, &nothing))?;
+        (0..).take(taps_max).try_for_each(|row| rows.write(row, &nothing))?;
     }
     write_text(&dataset, attribute::CODEC, codec.name())?;
     let channels: Vec<&str> = recording.channels.iter().map(|c| c.name()).collect();
@@ -258,21 +271,4 @@ pub(crate) fn unit_of(channel: Channel) -> &'static str {
         Channel::Force => "N",
         Channel::Sound => "V",
     }
-}
-
-fn var_len(text: &str) -> hdf5::Result<VarLenUnicode> {
-    text.parse().map_err(|_error| hdf5::Error::from("a text holds a NUL character"))
-}
-
-pub(crate) fn write_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
-    write_number(place, name, &var_len(text)?)
-}
-
-fn write_texts(place: &Location, name: &str, texts: &[&str]) -> hdf5::Result<()> {
-    let texts: Vec<VarLenUnicode> = texts.iter().map(|text| var_len(text)).collect::<hdf5::Result<_>>()?;
-    place.new_attr::<VarLenUnicode>().shape(texts.len()).create(name)?.write_raw(&texts)
-}
-
-fn write_number<T: H5Type>(place: &Location, name: &str, value: &T) -> hdf5::Result<()> {
-    place.new_attr::<T>().create(name)?.write_scalar(value)
 }

@@ -38,15 +38,8 @@ impl Draft {
     /// # Errors
     /// [`Error::Exists`], or what the system says.
     pub(crate) fn publish(self, path: &Path) -> Result<()> {
-        let named = match renameat_with(CWD, &self.path, CWD, path, RenameFlags::NOREPLACE) {
-            // A file system that cannot do both at once.
-            Err(Errno::INVAL | Errno::NOSYS) => fs::hard_link(&self.path, path),
-            named => named.map_err(io::Error::from),
-        };
-        match named {
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => Err(Error::Exists { path: path.to_owned() }),
-            named => named.and_then(|()| File::open(folder_of(path))?.sync_all()).context("name", path),
-        }
+        rename_new(&self.path, path)?;
+        File::open(folder_of(path)).and_then(|folder| folder.sync_all()).context("name", path)
     }
 
     /// Where it lies.
@@ -59,6 +52,22 @@ impl Drop for Draft {
     fn drop(&mut self) {
         // Renamed, it is not there; and one that cannot be removed harms nobody.
         drop(fs::remove_file(&self.path));
+    }
+}
+
+/// Gives the file at `from` the name `to`, if nothing has it by now.
+///
+/// # Errors
+/// [`Error::Exists`], or what the system says.
+pub(crate) fn rename_new(from: &Path, to: &Path) -> Result<()> {
+    let named = match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
+        // A file system that cannot do both at once.
+        Err(Errno::INVAL | Errno::NOSYS) => fs::hard_link(from, to).and_then(|()| fs::remove_file(from)),
+        named => named.map_err(io::Error::from),
+    };
+    match named {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => Err(Error::Exists { path: to.to_owned() }),
+        named => named.context("name", to),
     }
 }
 

@@ -1,15 +1,21 @@
 //! Records made ready for the file, several at a time: digested, padded, packed, all outside the lock of the HDF5 library.
+//!
+//! The threads that do it, and the memory, are those of the process: there may be many writers, and one packs at a time.
 
-use std::cell::OnceCell;
 use std::num::NonZeroUsize;
+use std::ops::{Deref, DerefMut};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 
 use crossbeam::channel::bounded;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::codec::{Codec, pack};
+use crate::codec::{Codec, pack as pack_by_codec};
 use crate::lineage::digest_of;
-use crate::sealed::{ChunkSeal, Digest};
+use crate::sealed::{Digest, chunk_checksum};
+
+/// Records, and packed samples, for which memory is kept from call to call.
+const KEPT_MAX: usize = 128;
 
 /// One record, ready to be written.
 #[derive(Debug, Default)]
@@ -29,8 +35,9 @@ impl Packed {
         if self.is_as_given { samples } else { &self.bytes }
     }
 
-    /// The same, to be kept, in `room` or in exchange for it.
-    pub(crate) fn give(&mut self, samples: &[u8], mut room: Vec<u8>) -> Vec<u8> {
+    /// The same, to be kept; [`give_back`] takes it when it is no longer needed.
+    pub(crate) fn give(&mut self, samples: &[u8]) -> Vec<u8> {
+        let mut room = lock(&ROOMS).pop().unwrap_or_default();
         if self.is_as_given {
             room.clear();
             room.extend_from_slice(samples);
@@ -44,7 +51,6 @@ impl Packed {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shape {
     pub(crate) codec: Codec,
-    pub(crate) seal: ChunkSeal,
     pub(crate) channel_count: usize,
     /// Bytes of one sample of one channel.
     pub(crate) element_bytes: usize,
@@ -52,56 +58,92 @@ pub(crate) struct Shape {
     pub(crate) row_bytes: usize,
 }
 
-/// Packs records on as many threads as there are cores.
-#[derive(Debug)]
-pub(crate) struct Packer {
-    shape: Shape,
-    thread_count: usize,
-    /// The other threads, once there is more than one record to pack; `None` where none can be had, which is slower.
-    helpers: OnceCell<Option<ThreadPool>>,
-    /// Room for one record each, kept from call to call.
-    desks: Vec<Packed>,
+/// Memory of records that are not being packed.
+static DESKS: Mutex<Vec<Packed>> = Mutex::new(Vec::new());
+
+/// Memory of packed samples: new memory costs as much as the copy into it.
+static ROOMS: Mutex<Vec<Vec<u8>>> = Mutex::new(Vec::new());
+
+fn lock<T>(kept: &Mutex<Vec<T>>) -> MutexGuard<'_, Vec<T>> {
+    kept.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Packer {
-    pub(crate) fn new(shape: Shape) -> Self {
-        Self::of(shape, thread::available_parallelism().map_or(1, NonZeroUsize::get))
-    }
+fn keep<T>(kept: &Mutex<Vec<T>>, more: impl IntoIterator<Item = T>) {
+    let mut kept = lock(kept);
+    let left = KEPT_MAX.saturating_sub(kept.len());
+    kept.extend(more.into_iter().take(left));
+}
 
-    fn of(shape: Shape, thread_count: usize) -> Self {
-        Self { shape, thread_count, helpers: OnceCell::new(), desks: Vec::new() }
-    }
+/// Takes back the memory of packed samples that were [given](Packed::give).
+pub(crate) fn give_back(samples: impl IntoIterator<Item = Vec<u8>>) {
+    keep(&ROOMS, samples);
+}
 
-    /// Gives back the room and the threads that it has kept.
-    pub(crate) fn rest(&mut self) {
-        self.desks = Vec::new();
-        self.helpers = OnceCell::new();
-    }
+/// Packed records; their memory is given back when this is dropped.
+#[derive(Debug, Default)]
+pub(crate) struct Desks(Vec<Packed>);
 
-    /// Packs `records`, the samples of one tap each, and has each, in their order, taken by `take`, which gets its number,
-    /// while later ones are being packed; returns all of them. What comes of a record does not depend on how many there are.
-    ///
-    /// # Errors
-    /// The first that `take` returns; no more are taken then.
-    ///
-    /// # Panics
-    /// If packing does: a bug.
-    pub(crate) fn pack<E>(
-        &mut self,
-        records: &[&[u8]],
-        mut take: impl FnMut(usize, &Packed) -> Result<(), E>,
-    ) -> Result<&mut [Packed], E> {
-        if self.desks.len() < records.len() {
-            self.desks.resize_with(records.len(), Packed::default);
-        }
-        let shape = self.shape;
-        // One of the threads is whoever calls.
-        let helper_count = (self.thread_count - 1).min(records.len().saturating_sub(1));
-        let helpers = match helper_count {
-            0 => None,
-            _ => self.helpers.get_or_init(|| begin(self.thread_count - 1)).as_ref(),
-        };
-        let desks = &mut self.desks[..records.len()];
+impl Desks {
+    fn take(count: usize) -> Self {
+        let mut desks = lock(&DESKS);
+        let left = desks.len().saturating_sub(count);
+        let mut taken = desks.split_off(left);
+        taken.resize_with(count, Packed::default);
+        Self(taken)
+    }
+}
+
+impl Drop for Desks {
+    fn drop(&mut self) {
+        keep(&DESKS, self.0.drain(..));
+    }
+}
+
+impl Deref for Desks {
+    type Target = [Packed];
+
+    fn deref(&self) -> &[Packed] {
+        &self.0
+    }
+}
+
+impl DerefMut for Desks {
+    fn deref_mut(&mut self) -> &mut [Packed] {
+        &mut self.0
+    }
+}
+
+/// The threads beside whoever calls, once there is more than one record to pack; `None` where there are none, which is slower.
+fn helpers() -> Option<&'static ThreadPool> {
+    static HELPERS: OnceLock<Option<ThreadPool>> = OnceLock::new();
+    HELPERS.get_or_init(|| begin(thread::available_parallelism().map_or(1, NonZeroUsize::get) - 1)).as_ref()
+}
+
+/// Packs `records`, the samples of one tap each, on as many threads as there are cores, and has each, in their order, taken by
+/// `take`, which gets its number, while later ones are being packed; returns all of them. What comes of a record does not
+/// depend on how many there are.
+///
+/// # Errors
+/// The first that `take` returns; no more are taken then.
+///
+/// # Panics
+/// If packing does: a bug.
+pub(crate) fn pack<E>(
+    records: &[(Shape, &[u8])],
+    take: impl FnMut(usize, &Packed) -> Result<(), E>,
+) -> Result<Desks, E> {
+    pack_on(if records.len() > 1 { helpers() } else { None }, records, take)
+}
+
+fn pack_on<E>(
+    helpers: Option<&ThreadPool>,
+    records: &[(Shape, &[u8])],
+    mut take: impl FnMut(usize, &Packed) -> Result<(), E>,
+) -> Result<Desks, E> {
+    let mut all = Desks::take(records.len());
+    let desks = &mut all[..];
+    let helper_count = helpers.map_or(0, ThreadPool::current_num_threads).min(records.len().saturating_sub(1));
+    {
         let (give, jobs) = bounded(records.len());
         for job in desks.iter_mut().zip(records).enumerate() {
             drop(give.send(job)); // room for all
@@ -117,7 +159,7 @@ impl Packer {
                         break this;
                     }
                     // Whoever has nothing to take packs too, and waits when there is no more to pack.
-                    if let Ok((number, (desk, samples))) = jobs.try_recv() {
+                    if let Ok((number, (desk, (shape, samples)))) = jobs.try_recv() {
                         shape.pack(samples, desk);
                         packed[number] = Some(desk);
                     } else {
@@ -143,7 +185,7 @@ impl Packer {
                 for _ in 0..helper_count {
                     let (jobs, done) = (jobs.clone(), done.clone());
                     scope.spawn(move |_| {
-                        for (number, (desk, samples)) in jobs {
+                        for (number, (desk, (shape, samples))) in jobs {
                             shape.pack(samples, desk);
                             if done.send((number, &*desk)).is_err() {
                                 return;
@@ -155,12 +197,14 @@ impl Packer {
                 here()
             })?,
         }
-        drop((jobs, ready));
-        Ok(&mut self.desks[..records.len()])
     }
+    Ok(all)
 }
 
 fn begin(thread_count: usize) -> Option<ThreadPool> {
+    if thread_count == 0 {
+        return None;
+    }
     let pool = ThreadPoolBuilder::new().num_threads(thread_count).thread_name(|number| format!("pack-{number}"));
     pool.build().inspect_err(|error| tracing::warn!(%error, "one thread packs alone, which is slower")).ok()
 }
@@ -171,10 +215,9 @@ impl Shape {
         let padded = padded(samples, self.channel_count, self.row_bytes, &mut desk.padded);
         desk.is_as_given = self.codec.blosc().is_none() && padded.len() == samples.len();
         if !desk.is_as_given {
-            let has_head = self.seal == ChunkSeal::Head;
-            pack(self.codec, self.element_bytes, padded, has_head, &mut desk.planes, &mut desk.bytes);
+            pack_by_codec(self.codec, self.element_bytes, padded, &mut desk.planes, &mut desk.bytes);
         }
-        desk.stored_checksum = self.seal.of(self.codec, desk.stored(samples));
+        desk.stored_checksum = chunk_checksum(self.codec, desk.stored(samples));
     }
 }
 
@@ -211,13 +254,12 @@ mod tests {
     /// call that goes wrong because the one before did; with helpers and without.
     #[test]
     fn records_are_taken_in_their_order() {
-        let (codec, seal) = (Codec::Lz4, ChunkSeal::Head);
-        let shape = Shape { codec, seal, channel_count: 2, element_bytes: 2, row_bytes: 4000 };
+        let shape = Shape { codec: Codec::Lz4, channel_count: 2, element_bytes: 2, row_bytes: 4000 };
         // Some of them shorter than a row.
         let samples: Vec<Vec<u8>> = (0..40_u32)
             .map(|tap| (0..4000 - 40 * (tap % 3)).map(|k| (k.wrapping_mul(tap + 7) >> 3) as u8).collect())
             .collect();
-        let records: Vec<&[u8]> = samples.iter().map(Vec::as_slice).collect();
+        let records: Vec<(Shape, &[u8])> = samples.iter().map(|samples| (shape, samples.as_slice())).collect();
         let alone = |samples: &[u8]| {
             let mut desk = Packed::default();
             shape.pack(samples, &mut desk);
@@ -225,10 +267,10 @@ mod tests {
         };
         let of = |desk: &Packed| (desk.stored(&[]).to_vec(), desk.samples_digest, desk.stored_checksum);
         for thread_count in [1, 2, 5] {
-            let mut packer = Packer::of(shape, thread_count);
+            let helpers = begin(thread_count - 1);
             for (record_count, bad) in [(40, 40), (40, 11), (1, 1), (0, 0), (7, 0), (40, 39), (40, 40)] {
                 let mut taken = Vec::new();
-                let packed = packer.pack(&records[..record_count], |number, desk| {
+                let packed = pack_on(helpers.as_ref(), &records[..record_count], |number, desk| {
                     if number == bad {
                         return Err("enough");
                     }
@@ -241,7 +283,7 @@ mod tests {
                     assert!(all.iter().map(of).eq(taken.iter().cloned()));
                 }
                 assert_eq!(taken.len(), bad);
-                assert!(taken.into_iter().eq(records[..bad].iter().map(|samples| alone(samples))));
+                assert!(taken.into_iter().eq(records[..bad].iter().map(|(_, samples)| alone(samples))));
             }
         }
     }

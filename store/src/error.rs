@@ -7,7 +7,6 @@ use rustix::io::Errno;
 use tapline_wire::TapId;
 
 use crate::Codec;
-use crate::layout::OLDEST_VERSION;
 
 /// Why an archive cannot be made, opened, written, read or exported.
 #[derive(Debug, thiserror::Error)]
@@ -77,14 +76,6 @@ pub enum Error {
         /// Bytes it has.
         is: u64,
     },
-    /// The file that was being written lost what was in it, and is no shorter: it was cut and written on, or written over.
-    #[error("{} was cut or written over while it was being written: byte {at} has changed", path.display())]
-    Overwritten {
-        /// The file.
-        path: PathBuf,
-        /// The byte.
-        at: u64,
-    },
     /// An archive that could not be written was let go of.
     #[error("{} was let go of after it could not be written", path.display())]
     LetGo {
@@ -106,7 +97,7 @@ pub enum Error {
         what: String,
     },
     /// The archive has a layout this program does not know.
-    #[error("{} has archive layout {got}; this program reads layouts {OLDEST_VERSION} to {known}: {}", path.display(), way_out(*got, *known))]
+    #[error("{} has archive layout {got}; this program reads layout {known}: {}", path.display(), way_out(*got, *known))]
     FormatVersion {
         /// The file.
         path: PathBuf,
@@ -197,12 +188,24 @@ pub enum Error {
         /// What was asked for.
         codec: Codec,
     },
-    /// A folder is not that of one whole run.
-    #[error("{} is not the folder of a run: {what}", path.display())]
-    NotARun {
-        /// The folder.
+    /// The archive is not finished, so that nothing but its writer may use it.
+    #[error("{} is not finished, or its end was cut off: the line that writes it finishes it, or the same command again", path.display())]
+    NotFinished {
+        /// The archive.
         path: PathBuf,
-        /// What is amiss.
+    },
+    /// The archive is finished, and is never written again.
+    #[error("{} is finished: it is never written again", path.display())]
+    Finished {
+        /// The archive.
+        path: PathBuf,
+    },
+    /// Taps cannot be added to the plan of an open archive.
+    #[error("the plan of {} cannot grow: {what}", path.display())]
+    CannotGrow {
+        /// The archive.
+        path: PathBuf,
+        /// Why not.
         what: String,
     },
     /// The archive contradicts itself.
@@ -246,16 +249,6 @@ pub enum Error {
         planned: Box<TapId>,
         /// Tap of the record.
         got: Box<TapId>,
-    },
-    /// A record was made under another plan.
-    #[error("a record of plan row {plan_index} was made for scan plan {got:016x}, not {planned:016x}")]
-    OtherPlanRecord {
-        /// Row named.
-        plan_index: u32,
-        /// Digest of the record's plan.
-        got: u64,
-        /// Digest of the archive's plan.
-        planned: u64,
     },
     /// A record does not have the shape that the plan gives all records.
     #[error("the record of plan row {plan_index} has {what} {got}; the plan allows {planned}")]
@@ -327,11 +320,7 @@ pub enum Error {
 
 /// What to do with an archive of layout `got` where `known` is read.
 fn way_out(got: u32, known: u32) -> &'static str {
-    if got > known {
-        "a newer tapline wrote it, and reads it"
-    } else {
-        "layouts before 3 were never released: only the build that wrote it reads it, so export its taps there (tapline export ARCHIVE taps) and run them again here (tapline run --taps)"
-    }
+    if got > known { "a newer tapline wrote it, and reads it" } else { "no released tapline wrote it" }
 }
 
 impl Error {
@@ -340,14 +329,23 @@ impl Error {
         let is_io = matches!(self, Self::Io { .. } | Self::Hdf5 { .. } | Self::LetGo { .. });
         let is_of_the_place = matches!(
             self,
-            Self::Removed { .. }
-                | Self::Moved { .. }
-                | Self::Replaced { .. }
-                | Self::Cut { .. }
-                | Self::Overwritten { .. }
-                | Self::InUse { .. }
+            Self::Removed { .. } | Self::Moved { .. } | Self::Replaced { .. } | Self::Cut { .. } | Self::InUse { .. }
         );
         is_io || is_of_the_place
+    }
+
+    /// Whether the file system has failed, or may not be written: whoever holds a file in it keeps it from being mended.
+    pub fn is_of_the_file_system(&self) -> bool {
+        const FAILED: [Errno; 6] = [Errno::IO, Errno::ROFS, Errno::SHUTDOWN, Errno::UCLEAN, Errno::NODEV, Errno::NXIO];
+        match self {
+            Self::Io { source, .. } => FAILED.iter().any(|errno| source.raw_os_error() == Some(errno.raw_os_error())),
+            // The library says it in words.
+            Self::Hdf5 { source, .. } => {
+                let text = source.to_string();
+                FAILED.iter().any(|errno| text.contains(&format!("errno = {},", errno.raw_os_error())))
+            }
+            _ => false,
+        }
     }
 
     /// Whether one place of a file cannot be read, as where a sector is bad or a length is, and not the disk.
@@ -376,7 +374,7 @@ impl Error {
             Self::Moved { .. } => "move it back",
             Self::Replaced { .. } => "move the other file away and this one back",
             Self::InUse { .. } => "end what reads it",
-            Self::Cut { .. } | Self::Overwritten { .. } => "put a whole copy in its place",
+            Self::Cut { .. } => "put a whole copy in its place",
             _ => "see to that disk and file",
         }
     }

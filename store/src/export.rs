@@ -10,12 +10,15 @@ mod tap_set;
 mod taps;
 mod uff;
 
-use std::io;
+use std::{fmt, io};
 
-pub use tap_set::export_tap_set;
+pub use tap_set::{TapSetFolder, export_tap_set};
 pub use taps::TapCounts;
-pub use uff::{UffEncoding, export_uff};
+pub use uff::{UffEncoding, UffFolder, export_uff};
 
+use self::column::Sink as _;
+use self::csv_file::CsvFile;
+use self::parquet_file::ParquetFile;
 use crate::Result;
 use crate::reader::Reader;
 
@@ -53,8 +56,8 @@ impl Export {
 ///
 /// # Errors
 /// [`crate::Error::Csv`] when `out` fails, or what reading the archive gives.
-pub fn export(reader: &Reader, table: Export, out: impl io::Write) -> Result<()> {
-    tables::give(reader, table, csv_file::CsvFile(out))
+pub fn export(reader: &Reader, table: Export, out: impl io::Write + Send) -> Result<()> {
+    one(reader, TableFile::csv(table, out))
 }
 
 /// Writes `table` of the archive to `out` as Parquet: the columns and rows of the CSV, typed, and sets of flags also as bits.
@@ -65,5 +68,68 @@ pub fn export(reader: &Reader, table: Export, out: impl io::Write) -> Result<()>
 /// # Errors
 /// [`crate::Error::Parquet`] when `out` fails, or what reading the archive gives.
 pub fn export_parquet(reader: &Reader, table: Export, out: impl io::Write + Send) -> Result<()> {
-    tables::give(reader, table, parquet_file::ParquetFile::new(reader, table, out))
+    one(reader, TableFile::parquet(table, out))
+}
+
+fn one(reader: &Reader, mut file: TableFile<impl io::Write + Send>) -> Result<()> {
+    file.add(reader, None)?;
+    file.finish()
+}
+
+/// A table of one archive or of many, written archive by archive: no more than one is in memory.
+pub struct TableFile<W: io::Write + Send> {
+    table: Export,
+    format: TableFormat<W>,
+}
+
+enum TableFormat<W: io::Write + Send> {
+    Csv(Box<CsvFile<W>>),
+    Parquet(ParquetFile<W>),
+}
+
+impl<W: io::Write + Send> fmt::Debug for TableFile<W> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TableFile").field("table", &self.table).finish_non_exhaustive()
+    }
+}
+
+impl<W: io::Write + Send> TableFile<W> {
+    /// `table` as CSV with one header line, into `out`.
+    pub fn csv(table: Export, out: W) -> Self {
+        Self { table, format: TableFormat::Csv(Box::new(CsvFile::new(out))) }
+    }
+
+    /// `table` as Parquet, into `out`; see [`export_parquet`].
+    pub fn parquet(table: Export, out: W) -> Self {
+        Self { table, format: TableFormat::Parquet(ParquetFile::new(table, out)) }
+    }
+
+    /// Adds the rows of an archive. Where it is one of many it has a `name`, which its rows then say in a first column
+    /// `file`: all of a table have one, or none has.
+    ///
+    /// # Errors
+    /// [`crate::Error::Csv`] or [`crate::Error::Parquet`] when the table cannot be written, or what reading the archive
+    /// gives; then no row of it is written.
+    pub fn add(&mut self, reader: &Reader, name: Option<&str>) -> Result<()> {
+        match &mut self.format {
+            TableFormat::Csv(file) => tables::give(reader, name, self.table, file.as_mut()),
+            TableFormat::Parquet(file) => {
+                if name.is_none() {
+                    file.describe(reader);
+                }
+                tables::give(reader, name, self.table, file)
+            }
+        }
+    }
+
+    /// Writes what ends the table.
+    ///
+    /// # Errors
+    /// [`crate::Error::Csv`] or [`crate::Error::Parquet`].
+    pub fn finish(self) -> Result<()> {
+        match self.format {
+            TableFormat::Csv(file) => file.finish(),
+            TableFormat::Parquet(file) => file.finish(),
+        }
+    }
 }

@@ -1,23 +1,23 @@
 //! What an archive is given when it is made and never changes, with the digest that it is held to.
 
-use hdf5::types::VarLenUnicode;
 use hdf5::{File, H5Type};
 
-use crate::Part;
 use crate::layout::{PlanRow, TruthRow, attribute, table};
 use crate::sealed::PlainRow as _;
+use crate::text::read_text;
 
-/// All that does not change once the archive is there. Texts are as they are in the file, which may be damaged.
+/// All that does not change once the archive is there, and the plan, which may grow.
 pub(crate) struct Given {
     /// BLAKE3 of all of it, in hexadecimal digits.
     pub(crate) digest: String,
-    pub(crate) geometry: VarLenUnicode,
+    pub(crate) geometry: String,
     pub(crate) plan_digest: u64,
     pub(crate) source_digest: u64,
-    pub(crate) config: VarLenUnicode,
-    pub(crate) made_by: VarLenUnicode,
-    pub(crate) part: Option<Part>,
+    pub(crate) config: Vec<u8>,
+    pub(crate) made_by: Vec<u8>,
     pub(crate) reference: Option<Vec<u8>>,
+    /// How many of the rows of the plan were there from the beginning.
+    pub(crate) begun_count: usize,
     pub(crate) plan: Vec<PlanRow>,
     pub(crate) truth: Vec<TruthRow>,
 }
@@ -31,8 +31,8 @@ impl Given {
             all.extend_from_slice(&(part.len() as u64).to_le_bytes());
             all.extend_from_slice(part);
         };
-        let mut text = |name: &str| -> hdf5::Result<VarLenUnicode> {
-            let text: VarLenUnicode = file.attr(name)?.read_scalar()?;
+        let mut text = |name: &str| -> hdf5::Result<String> {
+            let text = read_text(file, name)?;
             add(text.as_bytes());
             Ok(text)
         };
@@ -45,26 +45,17 @@ impl Given {
             Ok(number)
         };
         let (plan_digest, source_digest) = (number(attribute::PLAN_DIGEST)?, number(attribute::SOURCE_DIGEST)?);
+        let begun_count = number(attribute::BEGUN_TAPS)?;
         add(&file.attr(attribute::FORMAT_VERSION)?.read_scalar::<u32>()?.to_le_bytes());
-        let mut dataset = |name: &str| -> hdf5::Result<VarLenUnicode> {
-            let text: VarLenUnicode = file.dataset(name)?.read_scalar()?;
-            add(text.as_bytes());
-            Ok(text)
-        };
-        let (config, made_by) = (dataset(table::CONFIG)?, dataset(table::MADE_BY)?);
+        let Some(config) = read_bounded::<u8>(file, table::CONFIG)? else { return Ok(None) };
+        let Some(made_by) = read_bounded::<u8>(file, table::MADE_BY)? else { return Ok(None) };
+        add(&config);
+        add(&made_by);
         let names = file.attr_names()?;
         let has = |name: &str| names.iter().any(|known| known == name);
-        let mut part = None;
-        if has(attribute::PART) {
-            let number: u32 = file.attr(attribute::PART)?.read_scalar()?;
-            let run_digest: u64 = file.attr(attribute::RUN_DIGEST)?.read_scalar()?;
-            add(&number.to_le_bytes());
-            add(&run_digest.to_le_bytes());
-            part = Some(Part { number, run_digest });
-        }
         if has(attribute::RAW) {
             for name in [attribute::RAW, attribute::RAW_DIGEST] {
-                add(file.attr(name)?.read_scalar::<VarLenUnicode>()?.as_bytes());
+                add(read_text(file, name)?.as_bytes());
             }
         }
         let mut reference = None;
@@ -74,7 +65,11 @@ impl Given {
             reference = Some(bytes);
         }
         let Some(plan) = read_bounded::<PlanRow>(file, table::PLAN)? else { return Ok(None) };
-        plan.iter().for_each(|row| add(row.bytes()));
+        let begun = usize::try_from(begun_count).ok().and_then(|count| plan.get(..count));
+        let Some(begun) = begun else { return Ok(None) };
+        begun.iter().for_each(|row| add(row.bytes()));
+        let begun_count = begun.len();
+        add(&(plan.len() as u64).to_le_bytes());
         let mut truth = Vec::new();
         if file.link_exists(table::TRUTH) {
             let Some(rows) = read_bounded::<TruthRow>(file, table::TRUTH)? else { return Ok(None) };
@@ -82,7 +77,18 @@ impl Given {
             truth = rows;
         }
         let digest = blake3::hash(&all).to_hex().to_string();
-        Ok(Some(Self { digest, geometry, plan_digest, source_digest, config, made_by, part, reference, plan, truth }))
+        Ok(Some(Self {
+            digest,
+            geometry,
+            plan_digest,
+            source_digest,
+            config,
+            made_by,
+            reference,
+            begun_count,
+            plan,
+            truth,
+        }))
     }
 }
 

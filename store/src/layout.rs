@@ -10,12 +10,8 @@ use tapline_wire::{CHANNELS_MAX, SERIAL_BYTES};
 
 use crate::sealed::Digest;
 
-/// Version of the layout that is written.
-pub const FORMAT_VERSION: u32 = 5;
-
-/// Oldest version of the layout that is read; an older one is refused, and so is one newer than [`FORMAT_VERSION`]. In layout
-/// 3 and in layout 4 a chunk has another checksum, see [`crate::sealed::ChunkSeal`]; that is all that was different.
-pub(crate) const OLDEST_VERSION: u32 = 3;
+/// Version of the layout that is written, and the only one that is read.
+pub const FORMAT_VERSION: u32 = 1;
 
 /// Longest reason of a refusal in bytes of UTF-8; a longer one ends in an ellipsis.
 pub const REASON_BYTES: usize = 256;
@@ -43,6 +39,10 @@ pub(crate) mod table {
     pub(crate) const SCANS: &str = "scans";
     pub(crate) const DAMAGE: &str = "damage";
     pub(crate) const TRUTH: &str = "truth";
+    /// Key of the results, zeros until they are whole.
+    pub(crate) const LINEAGE_KEY: &str = "lineage_key";
+    /// What must not change while the archive is written: see [`crate::structure`].
+    pub(crate) const STRUCTURE: &str = "structure";
 }
 
 /// Names of the attributes.
@@ -60,12 +60,8 @@ pub(crate) mod attribute {
     pub(crate) const RAW: &str = "raw";
     /// Digest of the taps that results are of, as hexadecimal digits.
     pub(crate) const RAW_DIGEST: &str = "raw_digest";
-    /// Which file of a run this is, from 1; only where the run may take several.
-    pub(crate) const PART: &str = "part";
-    /// Digest of the plan of the whole run, likewise.
-    pub(crate) const RUN_DIGEST: &str = "run_digest";
-    /// Key of the results, zeros until they are whole.
-    pub(crate) const LINEAGE_KEY: &str = "lineage_key";
+    /// How many taps were planned when the archive was begun.
+    pub(crate) const BEGUN_TAPS: &str = "begun_taps";
     /// BLAKE3 of what does not change after creation, as hexadecimal digits.
     pub(crate) const DIGEST: &str = "digest";
     pub(crate) const SAMPLE_FORMAT: &str = "sample_format";
@@ -92,7 +88,7 @@ pub(crate) mod attribute {
 pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     (
         table::PLAN,
-        "row k of every table of taps is row k here; NaN is unknown",
+        "row k of every table of taps is row k here; NaN is unknown; grown_to 0 is room for a tap that was not asked for; why is 0 for a tap that was planned from the beginning",
         "offset_mm mm, velocity_m_per_s m/s, angle_deg deg",
     ),
     (
@@ -107,7 +103,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     ),
     (
         table::LEDGER,
-        "state 0 missing, 1 archived, 2 refused; only an archived tap's other rows are meant; a missing tap was lost at 1 acquire, 2 process, 3 store, 0 not said, or is 4 in a later file of the run; attempts before this one were retaken for the flags of retaken_quality",
+        "state 0 missing, 1 archived, 2 refused; only an archived tap's other rows are meant; a missing tap was lost at 1 acquire, 2 process, 3 store, 0 not said; attempts before this one were retaken for the flags of retaken_quality",
         "",
     ),
     (table::REFUSALS, "reason of a refused tap, UTF-8", ""),
@@ -118,7 +114,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     ),
     (
         table::DAMAGE,
-        "meant where the scan is judged; NaN is none; region 0 is none",
+        "meant where the scan is judged; NaN is none; region 0 is none; scan 4294967295 is room that is not used",
         "angle_deg deg, offset_best_mm mm, offset_low_mm mm, offset_high_mm mm",
     ),
     (table::SAMPLES, "[tap, channel, sample]; sample_count of the header are meant, the rest is 0", "counts"),
@@ -138,6 +134,13 @@ pub(crate) struct PlanRow {
     pub(crate) location: u32,
     pub(crate) repetition: u16,
     pub(crate) is_closing: u16,
+    /// Rows of the plan once this one was added with others; 0 where there is no tap.
+    pub(crate) grown_to: u32,
+    /// Why the tap was added to the plan of an open casing; 0 where it was planned from the beginning.
+    pub(crate) why: u32,
+    /// Digest of the plan with these rows.
+    pub(crate) plan_digest: u64,
+    pub(crate) checksum: u64,
 }
 
 /// What is known of a tap beside its samples, its place in the plan and the shape all records share.

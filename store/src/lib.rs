@@ -1,4 +1,4 @@
-//! One HDF5 archive a run: written once, read back bit for bit.
+//! One HDF5 archive a casing: written once, read back bit for bit.
 //!
 //! Row `k` of every table belongs to row `k` of the scan plan, so what an archive holds does not depend on the order in
 //! which taps arrived, and no tap can be there twice. All tables have their final size from the start, and
@@ -24,7 +24,7 @@
 //!
 //! let folder = tempfile::tempdir()?;
 //! let path = folder.path().join("run.h5");
-//! let mut writer = Writer::create(&path, &plan, "[store]\n")?;
+//! let mut writer = Writer::create(&path, &plan, plan.taps().len(), "[store]\n")?;
 //! writer.put_refusal(0, &id, "the impactor did not return")?;
 //! writer.finish()?;
 //!
@@ -48,19 +48,19 @@ mod draft;
 mod encode;
 mod error;
 mod export;
+mod finish;
 mod given;
-mod hand_over;
-mod held;
+mod grow;
 mod layout;
 mod lineage;
 mod lost;
 mod lz4;
 mod mapped;
 mod outage;
-mod parts;
 mod pending;
 mod place;
 mod planes;
+mod puts;
 mod reader;
 mod reason;
 mod recall;
@@ -68,15 +68,16 @@ mod regions;
 mod repack;
 mod replay;
 mod rows;
-mod run;
-mod run_puts;
-mod run_writer;
 mod samples;
+mod seal;
 mod sealed;
 mod settled;
+mod stage;
+mod structure;
 mod table;
 #[cfg(test)]
 mod testing;
+mod text;
 mod track;
 mod units;
 mod verify;
@@ -85,16 +86,21 @@ mod writer;
 pub use codec::Codec;
 pub use config::StoreConfig;
 pub use error::Error;
-pub use export::{Export, TapCounts, UffEncoding, export, export_parquet, export_tap_set, export_uff};
+pub use export::{
+    Export, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder, export, export_parquet, export_tap_set,
+    export_uff,
+};
+pub use finish::Finishing;
 pub use layout::{FORMAT_VERSION, REASON_BYTES};
-pub use lineage::{Lineage, Part, digest_of, hex_of, lineage_key};
+pub use lineage::{Lineage, digest_of, hex_of, lineage_key};
 pub use lost::Lost;
+pub use puts::put_taps_of;
 pub use reader::{Judged, OwnedSamples, Reader, Refusal};
 pub use regions::{Region, regions};
 pub use repack::{Repacked, repack};
-pub use run::{Outcome, RunError, run};
-pub use run_writer::RunWriter;
+
 pub use samples::{Room, Taps};
+pub use stage::{LEFT_FOLDER, OPEN_FOLDER, Outcome, Places, RunError, StoreRun, run};
 pub use track::{PutCounts, PutOutcome};
 pub use verify::{Problem, Report, verify};
 pub use writer::Writer;

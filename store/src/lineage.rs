@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use crate::Codec;
+use crate::Result;
 use crate::archive::Archive;
 use crate::context::Context;
 use crate::layout::HeaderRow;
 use crate::sealed::{Digest, SealedRow as _};
-use crate::{Result, settled::settled_raw};
+use crate::settled::tap_state;
 
 /// What a run was told, beside its plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,23 +25,12 @@ pub struct Lineage<'a> {
     /// The archive whose taps the results are of, where these are results alone, and the digest of its taps; it must lie in
     /// the same folder, or in the folder of that folder.
     pub raw: Option<(&'a Path, [u8; 32])>,
-    /// Which file of its run the archive is, where that may take several.
-    pub part: Option<Part>,
-}
-
-/// Which file of a run an archive is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Part {
-    /// Its number, from 1.
-    pub number: u32,
-    /// Digest of the plan of the whole run.
-    pub run_digest: u64,
 }
 
 impl<'a> From<&'a str> for Lineage<'a> {
     /// A run with that configuration and no reference file, packed as usual, of which nothing else is known.
     fn from(config_toml: &'a str) -> Self {
-        Self { config_toml, reference: None, codec: Codec::default(), made_by: "", raw: None, part: None }
+        Self { config_toml, reference: None, codec: Codec::default(), made_by: "", raw: None }
     }
 }
 
@@ -55,10 +45,10 @@ impl<'a> From<&'a String> for Lineage<'a> {
 pub(crate) fn raw_digest(archive: &Archive) -> Result<Digest> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&archive.plan.digest().to_le_bytes());
-    let ledger = archive.of_taps().0.read_all().context("read the ledger", &archive.path)?;
+    let ledger = archive.ledger_of_taps().read_all().context("read the ledger", &archive.path)?;
     let headers = archive.headers.read_all().context("read the headers", &archive.path)?;
     for (k, (row, header)) in ledger.iter().zip(headers).enumerate() {
-        let (state, attempt) = settled_raw(archive, k, row)?;
+        let (state, attempt) = tap_state(archive, k, row)?;
         hasher.update(&(k as u64).to_le_bytes()).update(&[state.code()]).update(&attempt.to_le_bytes());
         if state == tapline_wire::TapState::Archived {
             if !header.is_whole(k) {

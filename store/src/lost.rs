@@ -13,12 +13,10 @@ pub enum Lost {
     Process,
     /// Its discriminators came, its samples did not.
     Store,
-    /// It is not lost: its scan was begun after this file was full, and is in a later file of the same run.
-    LaterFile,
 }
 
 impl Lost {
-    const ALL: [Self; 5] = [Self::Unknown, Self::Acquire, Self::Process, Self::Store, Self::LaterFile];
+    const ALL: [Self; 4] = [Self::Unknown, Self::Acquire, Self::Process, Self::Store];
 
     /// Its code in the archive.
     pub fn code(self) -> u16 {
@@ -30,8 +28,8 @@ impl Lost {
         Self::ALL.get(usize::from(code)).copied()
     }
 
-    /// Its name in tables: the stage that should have passed the tap on, or where it is.
+    /// Its name in tables: the stage that should have passed the tap on.
     pub fn name(self) -> &'static str {
-        ["unknown", "acquire", "process", "store", "later file"][self as usize]
+        ["unknown", "acquire", "process", "store"][self as usize]
     }
 }

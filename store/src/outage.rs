@@ -8,7 +8,6 @@ use tapline_wire::TapState;
 
 use crate::archive::{Access, Archive};
 use crate::chunk::let_go;
-use crate::context::Context as _;
 use crate::place::Place;
 use crate::recall::recall;
 use crate::writer::Writer;
@@ -33,7 +32,6 @@ impl Writer {
     /// Why it still cannot be written; the same call may be made again.
     pub fn recover(&mut self) -> Result<()> {
         if self.archive.is_none() {
-            self.is_closed = false;
             self.place.put_back()?;
             let bytes = self.pending.sample_bytes() + self.plan.recording.payload_bytes_max();
             self.place.check_room(bytes as u64)?;
@@ -55,13 +53,6 @@ impl Writer {
     /// The archive, if it was not let go of.
     pub(crate) fn open(&self) -> Result<&Archive> {
         self.archive.as_ref().ok_or_else(|| Error::LetGo { path: self.path.clone() })
-    }
-
-    /// The rest of [`Writer::finish`].
-    pub(crate) fn close(mut self) -> Result<()> {
-        drop(self.archive.take());
-        self.failures.last().context("sync", &self.path)?;
-        self.place.sync()
     }
 
     /// Closes the file without writing anything more to it.

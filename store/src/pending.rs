@@ -7,6 +7,7 @@ use tapline_wire::ScanState;
 use crate::Result;
 use crate::archive::Archive;
 use crate::context::Context;
+use crate::encode::give_back;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ReasonRow, ScanRow};
 
 /// Rows that wait for a flush; one more and it is done unasked, so that memory stays bounded.
@@ -21,8 +22,6 @@ pub(crate) struct Pending {
     /// As they go to the file: where a flush fails they are written again.
     samples: BTreeMap<u32, Vec<u8>>,
     sample_bytes: usize,
-    /// Room of samples that are safe, for others: new memory costs as much as the copy into it.
-    spare: Vec<Vec<u8>>,
     pub(crate) headers: BTreeMap<u32, HeaderRow>,
     pub(crate) discriminators: BTreeMap<u32, DiscriminatorsRow>,
     pub(crate) reasons: BTreeMap<u32, ReasonRow>,
@@ -33,13 +32,9 @@ pub(crate) struct Pending {
 }
 
 impl Pending {
-    /// Rows that were torn and are to be written again.
-    pub(crate) fn of_mended(
-        taps: BTreeMap<u32, LedgerRow>,
-        reasons: BTreeMap<u32, ReasonRow>,
-        scans: BTreeMap<u32, ScanRow>,
-    ) -> Self {
-        Self { taps, reasons, scans, ..Self::default() }
+    /// Rows that count otherwise than they stand in the file.
+    pub(crate) fn of_changed(taps: BTreeMap<u32, LedgerRow>, scans: BTreeMap<u32, ScanRow>) -> Self {
+        Self { taps, scans, ..Self::default() }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -49,11 +44,6 @@ impl Pending {
     /// Whether there is as much as memory is to hold.
     pub(crate) fn is_full(&self) -> bool {
         self.row_count() > PENDING_ROWS_MAX || self.sample_bytes > SAMPLE_BYTES_MAX
-    }
-
-    /// The samples kept, as they are in the file.
-    pub(crate) fn samples(&self) -> &BTreeMap<u32, Vec<u8>> {
-        &self.samples
     }
 
     /// Bytes of the samples kept.
@@ -66,30 +56,19 @@ impl Pending {
         halves + self.cells.len() + self.taps.len() + self.scans.len()
     }
 
-    /// Room for the samples of a tap, whatever is in it.
-    pub(crate) fn room(&mut self) -> Vec<u8> {
-        self.spare.pop().unwrap_or_default()
-    }
-
-    /// Gives back the room that is not in use.
-    pub(crate) fn rest(&mut self) {
-        self.spare = Vec::new();
-    }
-
     /// Keeps the samples of plan row `row` as they were written.
     pub(crate) fn keep(&mut self, row: u32, stored: Vec<u8>) {
         self.sample_bytes += stored.len();
         if let Some(before) = self.samples.insert(row, stored) {
             self.sample_bytes -= before.len();
-            self.spare.push(before);
+            give_back([before]);
         }
     }
 
     /// Nothing waits any more; what did is returned.
     pub(crate) fn take(&mut self) -> Self {
         let mut taken = std::mem::take(self);
-        self.spare = std::mem::take(&mut taken.spare);
-        self.spare.extend(std::mem::take(&mut taken.samples).into_values());
+        give_back(std::mem::take(&mut taken.samples).into_values());
         taken
     }
 
@@ -142,15 +121,14 @@ mod tests {
     fn a_scan_is_open_before_its_taps_are_missing() {
         let folder = tempfile::tempdir().unwrap();
         let (path, plan) = (folder.path().join("run.h5"), two_scans());
-        drop(Writer::create(&path, &plan, "").unwrap());
+        drop(Writer::create(&path, &plan, 2, "").unwrap());
         let archive = Archive::open(&path, Access::Write).unwrap();
         let ended = ScanRow { state: ScanState::Ended.code().into(), ..ScanRow::open(&plan.scans()[0], 0) };
         archive.scans.write(&[(0, ended), (1, ended)].into()).unwrap();
         // A row that is not there stops it at the ledger.
         let taps = [(99, LedgerRow::new(TapState::Missing, 0))].into();
         let open = ScanRow::open(&plan.scans()[0], 0);
-        let pending =
-            Pending::of_mended(taps, BTreeMap::new(), [(0, open), (1, open.judged(&Default::default()))].into());
+        let pending = Pending::of_changed(taps, [(0, open), (1, open.judged(&Default::default()))].into());
         assert!(pending.flush(&archive).is_err());
         let states: Vec<_> = archive.scans.read_all().unwrap().iter().map(ScanRow::state).collect();
         assert_eq!(states, [Some(ScanState::Open), Some(ScanState::Ended)]);

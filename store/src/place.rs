@@ -1,15 +1,15 @@
 //! Where an archive lies: whether the file that is being written is still there, and how it is put back when it is not.
 
-use std::collections::BTreeMap;
 use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use rustix::fs::statvfs;
 
 use crate::behind::{Behind, Failures};
-use crate::chunk::{ChunkRows, read_handle};
+use crate::chunk::read_handle;
 use crate::context::Context;
 use crate::draft::{Draft, folder_of, remove_dead_drafts};
 use crate::{Error, Result};
@@ -22,29 +22,10 @@ const BLOCK_BYTES: usize = 4096;
 pub(crate) struct Place {
     path: PathBuf,
     /// To read only, and without a lock: it stands in nobody's way, and keeps a file that is removed from being lost.
-    file: File,
+    file: Arc<File>,
     /// Bytes that the file had when it was written last.
     least_bytes: u64,
-    keystone: Option<Keystone>,
     behind: Behind,
-}
-
-/// A byte of samples, not zero, behind which few others lie: a file that is cut and then written on, so that its length tells
-/// nothing, has zero there, or something else.
-#[derive(Debug)]
-struct Keystone {
-    row: u32,
-    at: u64,
-    byte: u8,
-}
-
-impl Keystone {
-    /// That of `stored`, the samples of plan row `row`; `None` where they are all zeros.
-    fn of(row: u32, stored: &[u8], samples: &ChunkRows) -> hdf5::Result<Option<Self>> {
-        let Some(last) = stored.iter().rposition(|&byte| byte != 0) else { return Ok(None) };
-        let span = samples.place(row)?;
-        Ok(span.map(|span| Self { row, at: span.address + last as u64, byte: stored[last] }))
-    }
 }
 
 impl Place {
@@ -52,32 +33,23 @@ impl Place {
     ///
     /// What failed behind the writer is told by `failures`, whatever becomes of the file.
     pub(crate) fn of(file: &hdf5::File, path: &Path, failures: &Failures) -> Result<Self> {
-        let file = read_handle(file).context("open the archive", path)?;
-        let behind = Behind::start(file.try_clone().context("open the archive", path)?, failures);
-        let mut place = Self { path: path.to_owned(), file, least_bytes: 0, keystone: None, behind };
+        let file = Arc::new(read_handle(file).context("open the archive", path)?);
+        let behind = Behind::new(file.clone(), failures);
+        let mut place = Self { path: path.to_owned(), file, least_bytes: 0, behind };
         place.least_bytes = place.held()?.len();
         Ok(place)
     }
 
-    /// Notes that the samples of plan row `row` are about to be written again: the room of the old ones may be given to others.
-    pub(crate) fn forget(&mut self, row: u32) {
-        self.keystone.take_if(|keystone| keystone.row == row);
+    /// Notes that what the file holds now must not become less.
+    pub(crate) fn note(&mut self) -> Result<()> {
+        // The library itself makes the file shorter where the samples at its end give way to smaller ones.
+        self.least_bytes = self.held()?.len();
+        Ok(())
     }
 
-    /// Notes that what the file holds now must not become less: `stored` are samples that were written to it, by plan row.
-    pub(crate) fn note(&mut self, samples: &ChunkRows, stored: &BTreeMap<u32, Vec<u8>>) -> Result<()> {
-        let mut keystone = self.keystone.take();
-        // That of the last row was very likely written last, behind the others.
-        if let Some((&row, stored)) = stored.last_key_value() {
-            let other = Keystone::of(row, stored, samples).context("find samples", &self.path)?;
-            keystone = keystone.into_iter().chain(other).max_by_key(|keystone| keystone.at);
-        }
-        self.keystone = keystone;
-        let held = self.held()?;
-        // The library itself makes the file shorter where the samples at its end give way to smaller ones. Whether it was cut
-        // just now the keystone tells.
-        self.least_bytes = held.len();
-        self.check_whole(&held)
+    /// The open file once more.
+    pub(crate) fn read_handle(&self) -> Result<File> {
+        self.file.try_clone().context("open the archive", &self.path)
     }
 
     /// Checks that the file is still where it was opened, and as long.
@@ -94,19 +66,8 @@ impl Place {
 
     /// Checks that the file has what was in it.
     fn check_whole(&self, held: &Metadata) -> Result<()> {
-        let must_end = self.keystone.as_ref().map_or(0, |keystone| keystone.at + 1);
-        let (was, is) = (self.least_bytes.max(must_end), held.len());
-        if is < was {
-            return Err(Error::Cut { path: self.path.clone(), was, is });
-        }
-        let Some(Keystone { at, byte, .. }) = self.keystone else { return Ok(()) };
-        let mut there = [0];
-        // Nothing is read where it was cut this very moment.
-        let count = self.file.read_at(&mut there, at).context("look for", &self.path)?;
-        match (count, there) == (1, [byte]) {
-            true => Ok(()),
-            false => Err(Error::Overwritten { path: self.path.clone(), at }),
-        }
+        let (was, is) = (self.least_bytes, held.len());
+        if is < was { Err(Error::Cut { path: self.path.clone(), was, is }) } else { Ok(()) }
     }
 
     /// Writes the file that was held to its path again, where it was removed and nothing else is there.
@@ -123,7 +84,7 @@ impl Place {
             Err(Error::Exists { .. }) => return self.check(),
             published => published?,
         }
-        self.file = File::open(&self.path).context("open the archive", &self.path)?;
+        self.file = Arc::new(File::open(&self.path).context("open the archive", &self.path)?);
         Ok(())
     }
 
@@ -147,11 +108,6 @@ impl Place {
     /// Waits until all that was written is on the disk, where a power cut cannot take it back.
     pub(crate) fn sync(&self) -> Result<()> {
         self.file.sync_all().context("sync", &self.path)
-    }
-
-    /// Ends the thread that writes behind: nothing more is written.
-    pub(crate) fn rest(&mut self) {
-        self.behind.rest();
     }
 
     fn held(&self) -> Result<Metadata> {

@@ -22,11 +22,6 @@ impl ReasonRow {
     pub(crate) fn none() -> Self {
         Self { reason: FixedUnicode::new(), checksum: 0 }
     }
-
-    /// Whether it says that the reason is lost: whoever refused the tap may still know it, and say it again.
-    pub(crate) fn is_lost(&self) -> bool {
-        text(&self.reason) == Some(REASON_LOST)
-    }
 }
 
 /// Why the tap in row `k` was refused; `None` where that is torn, or cannot be read.

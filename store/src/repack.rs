@@ -9,13 +9,13 @@ use tapline_wire::SampleFormat;
 use crate::archive::{Access, Archive};
 use crate::context::Context;
 use crate::create::create;
-use crate::draft::{Draft, folder_of, remove_dead_drafts};
-use crate::encode::{Packer, Shape};
+use crate::draft::{Draft, remove_dead_drafts};
+use crate::encode::{Shape, pack};
+use crate::finish::close_and_seal;
 use crate::layout::HeaderRow;
-use crate::parts::{open_all, part_path, part_paths};
 use crate::reader::Reader;
 use crate::samples::Room;
-use crate::sealed::SealedRow;
+use crate::sealed::{SealedRow, chunk_checksum};
 use crate::table::Table;
 use crate::{Codec, Error, Lineage, Result, verify};
 
@@ -33,7 +33,7 @@ pub struct Repacked {
     pub after_bytes: u64,
 }
 
-/// Writes the archive at `from`, a file or the folder of a run, to `to`, its samples packed by `codec`; every sample is checked on the way.
+/// Writes the archive at `from` to `to`, its samples packed by `codec`; every sample is checked on the way.
 ///
 /// The new file appears whole or not at all, and its results have the same lineage.
 ///
@@ -42,30 +42,6 @@ pub struct Repacked {
 /// [`Error::Damaged`] where [`verify()`] finds a problem in it, or what the system says.
 pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Result<Repacked> {
     let (from, to) = (from.as_ref(), to.as_ref());
-    if !from.is_dir() {
-        return repack_file(from, to, codec);
-    }
-    let paths = part_paths(from)?;
-    // It also says what is amiss with the run as such.
-    open_all(from)?;
-    if to.try_exists().context("look for", to)? {
-        return Err(Error::Exists { path: to.to_owned() });
-    }
-    // Its name is given to the folder when all are in it.
-    let draft = tempfile::Builder::new().prefix(".repack-").tempdir_in(folder_of(to)).context("create", to)?;
-    let mut sum = Repacked { sample_bytes: 0, before_bytes: 0, after_bytes: 0 };
-    for (number, path) in (1..).zip(paths) {
-        let name = part_path(to, number);
-        let one = repack_file(&path, &draft.path().join(name.file_name().unwrap_or_default()), codec)?;
-        sum.sample_bytes += one.sample_bytes;
-        sum.before_bytes += one.before_bytes;
-        sum.after_bytes += one.after_bytes;
-    }
-    fs::rename(draft.keep(), to).context("name", to)?;
-    Ok(sum)
-}
-
-fn repack_file(from: &Path, to: &Path, codec: Codec) -> Result<Repacked> {
     let reader = Reader::open(from)?;
     if reader.is_results() {
         return Err(Error::ResultsAlone { path: from.to_owned() });
@@ -74,7 +50,7 @@ fn repack_file(from: &Path, to: &Path, codec: Codec) -> Result<Repacked> {
         return Err(Error::Exists { path: to.to_owned() });
     }
     if let Some(problem) = verify(from)?.problems.first() {
-        return Err(reader.first().damaged(format!("it is not packed again, for {problem}")));
+        return Err(reader.archive().damaged(format!("it is not packed again, for {problem}")));
     }
     remove_dead_drafts(to);
     let draft = Draft::begin(to).context("create", to)?;
@@ -93,10 +69,12 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
         made_by: reader.made_by(),
         codec,
         raw: None,
-        part: reader.first().part,
     };
-    create(draft, reader.plan(), lineage)?;
-    let (old, new) = (reader.first(), Archive::open(draft, Access::Write)?);
+    let old = reader.archive();
+    create(draft, &old.begun, old.taps_max, lineage)?;
+    let mut new = Archive::open(draft, Access::Write)?;
+    new.grow_to(old.plan.clone());
+    copy(&old.plan_rows, &new.plan_rows, draft)?;
     let sample_bytes = copy_taps(reader, &new)?;
     copy(&old.discriminators, &new.discriminators, draft)?;
     copy(&old.refusals, &new.refusals, draft)?;
@@ -107,7 +85,7 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
         new.write_key()?;
     }
     new.file.flush().context("write", draft)?;
-    drop(new);
+    close_and_seal(new, reader.ledger().taps())?;
     fs::File::open(draft).and_then(|file| file.sync_all()).context("sync", draft)?;
     Ok(sample_bytes)
 }
@@ -122,15 +100,14 @@ fn copy<R: SealedRow>(from: &Table<R>, to: &Table<R>, path: &Path) -> Result<()>
 fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
     let recording = &reader.plan().recording;
     let rows = &new.samples;
-    let mut packer = Packer::new(Shape {
+    let shape = Shape {
         codec: rows.codec(),
-        seal: new.chunk_seal,
         channel_count: recording.channels.len(),
         element_bytes: recording.sample_format.bytes(),
         row_bytes: rows.row_bytes(),
-    });
+    };
     let taps = reader.taps()?;
-    let mut headers = reader.first().headers.read_all().context("read the headers", reader.path())?;
+    let mut headers = reader.archive().headers.read_all().context("read the headers", reader.path())?;
     let numbers: Vec<u32> = (0..).take(headers.len()).collect();
     let mut room = Room::default();
     let mut sample_bytes = 0;
@@ -141,23 +118,23 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
                 samples.insert(row, of_tap.as_bytes().to_vec());
             }
         }
-        let records: Vec<&[u8]> = samples.values().map(Vec::as_slice).collect();
+        let records: Vec<(Shape, &[u8])> = samples.values().map(|of_tap| (shape, of_tap.as_slice())).collect();
         let rows_of: Vec<u32> = samples.keys().copied().collect();
-        packer.pack(&records, |number, packed| {
-            let (row, record) = (rows_of[number], records[number]);
+        pack(&records, |number, packed| {
+            let (row, record) = (rows_of[number], records[number].1);
             sample_bytes += record.len() as u64;
             let header = &mut headers[row as usize];
             if packed.samples_digest != header.samples_digest {
                 let what =
                     format!("the samples of plan row {row} are not those that were recorded: their digest differs");
-                return Err(reader.first().damaged(what));
+                return Err(reader.archive().damaged(what));
             }
             match rows.codec() {
                 Codec::None | Codec::Lz4 | Codec::Zstd => {
                     rows.write(row, packed.stored(record)).context("write samples", &new.path)?;
                     header.stored_checksum = packed.stored_checksum;
                 }
-                Codec::Lzf | Codec::Gzip => write_by_library(new, row, packed.stored(record), header)?,
+                Codec::Gzip => write_by_library(new, row, packed.stored(record), header)?,
             }
             Ok(())
         })?;
@@ -179,6 +156,6 @@ fn write_by_library(new: &Archive, row: u32, samples: &[u8], header: &mut Header
     let mut stored = Vec::new();
     let file = fs::File::open(&new.path).context("read back", &new.path)?;
     place.read(&file, &mut stored).context("read back", &new.path)?;
-    header.stored_checksum = new.chunk_seal.of(rows.codec(), &stored);
+    header.stored_checksum = chunk_checksum(rows.codec(), &stored);
     Ok(())
 }

@@ -3,7 +3,6 @@
 use tapline_wire::{Discriminators, Quality, TapId, TapState};
 
 use crate::Result;
-use crate::archive::Archive;
 use crate::context::Context;
 use crate::rows::at_attempt;
 use crate::writer::Writer;
@@ -21,20 +20,10 @@ impl Writer {
     /// # Errors
     /// What the library says.
     pub fn settled_from(&self, from: u32, most: usize) -> Result<(Vec<Discriminators>, Option<u32>)> {
-        self.settled_in(self.open()?, from, most)
-    }
-
-    /// The same, of `archive`, which is this writer's.
-    pub(crate) fn settled_in(
-        &self,
-        archive: &Archive,
-        from: u32,
-        most: usize,
-    ) -> Result<(Vec<Discriminators>, Option<u32>)> {
         let taps = self.plan.taps();
         let first = (from as usize).min(taps.len());
         let last = (first + most.min(REPLAY_ROWS_MAX)).min(taps.len());
-        let rows = archive.discriminators.read(first..last).context("read discriminators", &self.path)?;
+        let rows = self.open()?.discriminators.read(first..last).context("read discriminators", &self.path)?;
         let mut records = Vec::new();
         for (plan_index, row) in (from..).zip(rows) {
             let (track, planned) = (&self.tracks[plan_index as usize], &taps[plan_index as usize].id);

@@ -47,9 +47,26 @@ pub(crate) fn at_attempt(mut id: TapId, attempt: u16) -> TapId {
     id
 }
 
+/// The beginning of a plan, or what was added to it at once.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Growth {
+    /// Rows of the plan then.
+    pub(crate) to: u32,
+    /// Its digest then.
+    pub(crate) plan_digest: u64,
+    /// Why it was added, 0 for the beginning.
+    pub(crate) why: u16,
+}
+
 impl PlanRow {
-    /// The row of `tap`, which belongs to scan `scan`.
-    pub(crate) fn new(tap: &PlannedTap, scan: u32) -> Self {
+    /// A row that no tap was planned in.
+    pub(crate) fn unwritten() -> Self {
+        let tap = PlannedTap { id: TapId::default(), angle_deg: None, is_closing: false };
+        Self::new(&tap, UNWRITTEN, Growth { to: 0, plan_digest: 0, why: 0 })
+    }
+
+    /// The row of `tap`, which belongs to scan `scan` and was planned with others by `growth`.
+    pub(crate) fn new(tap: &PlannedTap, scan: u32, growth: Growth) -> Self {
         Self {
             tyre: fixed(tap.id.tyre.as_str()),
             station: tap.id.station,
@@ -61,6 +78,10 @@ impl PlanRow {
             location: tap.id.location,
             repetition: tap.id.repetition,
             is_closing: tap.is_closing.into(),
+            grown_to: growth.to,
+            why: growth.why.into(),
+            plan_digest: growth.plan_digest,
+            checksum: 0,
         }
     }
 
@@ -116,7 +137,7 @@ impl HeaderRow {
             stamp: Stamp {
                 sequence: self.sequence,
                 epoch_ns: self.epoch_ns,
-                plan_digest: plan.digest(),
+                casing: 0,
                 kind: RecordKind::Data.code(),
                 source: self.sender,
                 mark: self.mark,
@@ -303,9 +324,9 @@ impl ScanRow {
     }
 
     /// The judgement of scan `number`; of its stamp, only what does not depend on how it was sent.
-    pub(crate) fn to_judgement(self, number: u32, plan_digest: u64) -> Judgement {
+    pub(crate) fn to_judgement(self, number: u32) -> Judgement {
         Judgement {
-            stamp: Stamp { plan_digest, kind: RecordKind::Data.code(), mark: number.into(), ..Stamp::default() },
+            stamp: Stamp { kind: RecordKind::Data.code(), mark: number.into(), ..Stamp::default() },
             verdict: self.verdict,
             reasons: Reasons::from_bits(self.reasons),
             limit_re_inspect: self.limit_re_inspect,
@@ -342,6 +363,13 @@ impl ScanRow {
 }
 
 impl CellRow {
+    /// Room for a location that may be asked for yet.
+    pub(crate) fn unwritten() -> Self {
+        let cell = DamageCell { angle_deg: f64::NAN, ..DamageCell::default() };
+        let scan = Scan { station: 0, tyre: Serial::default(), shoulder: 0, taps: Vec::new(), locations: Vec::new() };
+        Self::new(UNWRITTEN, &scan, &cell)
+    }
+
     /// The row of `cell` in the damage map of scan `number`.
     pub(crate) fn new(number: u32, scan: &Scan, cell: &DamageCell) -> Self {
         Self {

@@ -15,9 +15,7 @@ use crate::context::Context;
 use crate::encode::unpadded;
 use crate::layout::HeaderRow;
 use crate::mapped::Mapped;
-use crate::parts::PartMap;
-use crate::reader::in_run;
-use crate::sealed::{ChunkSeal, SealedRow as _};
+use crate::sealed::{SealedRow as _, head_of, is_chunk_valid};
 use crate::{Error, Result};
 
 /// Room for one record, kept by whoever reads many.
@@ -39,7 +37,6 @@ pub(crate) struct SampleFile {
     /// Its bytes, where they are read where they lie.
     mapped: Option<Mapped>,
     rows: ChunkRows,
-    seal: ChunkSeal,
 }
 
 impl SampleFile {
@@ -48,7 +45,7 @@ impl SampleFile {
     pub(crate) fn open(archive: &Archive) -> Result<Self> {
         let path = PathBuf::from(archive.samples.dataset().filename());
         let file = File::open(&path).context("open the samples", &path)?;
-        Ok(Self { path, file, mapped: None, rows: archive.samples.clone(), seal: archive.chunk_seal })
+        Ok(Self { path, file, mapped: None, rows: archive.samples.clone() })
     }
 
     /// The same for reading many taps, where they lie: who reads what cannot be read is ended by the system.
@@ -84,12 +81,12 @@ impl SampleFile {
         let Room { copied, lanes, planes } = room;
         let stored = self.stored(header, place, copied)?;
         let codec = self.rows.codec();
-        let is_whole = match self.seal.head(codec, stored).filter(|_| is_beginning) {
+        let is_whole = match head_of(codec, stored).filter(|_| is_beginning) {
             Some(head) => {
                 let are_whole = |part| head.are_whole(head.blocks(&part), stored);
                 head.seal() == stored_checksum && parts(header, self.rows.row_bytes()).all(are_whole)
             }
-            None => self.seal.is_whole(codec, stored, stored_checksum),
+            None => is_chunk_valid(codec, stored, stored_checksum),
         };
         if !is_whole {
             return Err(self.damaged(header, "are not what was written: their checksum differs"));
@@ -124,7 +121,7 @@ impl SampleFile {
                     return Err(self.damaged(header, "cannot be unpacked"));
                 }
             }
-            Codec::Lzf | Codec::Gzip => self.read_by_library(header, unpacked)?,
+            Codec::Gzip => self.read_by_library(header, unpacked)?,
         }
         unpadded(unpacked, header.channel_count as usize, header.payload_bytes() / header.channel_count as usize);
         Samples::view(header, lanes).ok_or_else(|| self.damaged(header, "are not as many as their header says"))
@@ -162,16 +159,16 @@ fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usi
     (0..count).map(move |channel| channel * stride..channel * stride + length)
 }
 
-/// The taps of a run for readers that share the work: where each lies is found once, and then no lock is taken.
+/// The taps of an archive for readers that share the work: where each lies is found once, and then no lock is taken.
 ///
-/// What an archive packs by LZF or Deflate is unpacked by the HDF5 library after all, one record after another.
+/// What an archive packs by Deflate is unpacked by the HDF5 library after all, one record after another.
 ///
 /// What is packed by LZ4 or not at all is read where it lies, as memory. The library's lock keeps other writers off; a file
 /// that is cut short all the same, or a disk that fails, ends the process by `SIGBUS`. [`crate::Reader::tap`] returns an error then.
 #[derive(Debug)]
 pub struct Taps {
-    /// Of every file, with its plan; the plan of the first is that of the run.
-    files: Vec<(SampleFile, Plan)>,
+    file: SampleFile,
+    plan: Plan,
     /// Of the archived taps, by plan row.
     found: Vec<Option<Found>>,
 }
@@ -179,27 +176,19 @@ pub struct Taps {
 /// Where a tap is.
 #[derive(Debug, Clone, Copy)]
 struct Found {
-    file: usize,
-    row: u32,
     header: HeaderRow,
     place: Option<Span>,
 }
 
 impl Taps {
-    pub(crate) fn of(archives: &[Archive], map: &PartMap, states: &[TapState]) -> Result<Self> {
-        let mut files = Vec::with_capacity(archives.len());
-        let mut found = vec![None; states.len()];
-        for (number, archive) in archives.iter().enumerate() {
-            let file = SampleFile::mapped(archive)?;
-            let places = file.places()?;
-            let headers = archive.headers.read_all().context("read the headers", &archive.path)?;
-            for (row, there) in map.taps_in(number).filter(|&(row, _)| states[row as usize] == TapState::Archived) {
-                let (header, place) = (headers[there as usize], places[there as usize]);
-                found[row as usize] = Some(Found { file: number, row: there, header, place });
-            }
-            files.push((file, archive.plan.clone()));
-        }
-        Ok(Self { files, found })
+    pub(crate) fn of(archive: &Archive, states: &[TapState]) -> Result<Self> {
+        let file = SampleFile::mapped(archive)?;
+        let places = file.places()?;
+        let headers = archive.headers.read_all().context("read the headers", &archive.path)?;
+        let taps = states.iter().zip(headers).zip(places);
+        let found =
+            taps.map(|((state, header), place)| Some(Found { header, place }).filter(|_| *state == TapState::Archived));
+        Ok(Self { file, plan: archive.plan.clone(), found: found.collect() })
     }
 
     /// The tap in plan row `row`, bit for bit, its samples in `room`; `None` when it is not archived or there is no such row.
@@ -222,13 +211,12 @@ impl Taps {
         room: &'r mut Room,
     ) -> Result<Option<(TapHeader, Samples<'r>)>> {
         let Some(found) = self.found.get(row as usize).copied().flatten() else { return Ok(None) };
-        let (file, plan) = &self.files[found.file];
-        let header = checked_header(&file.path, plan, found.row, found.header)?;
+        let header = checked_header(&self.file.path, &self.plan, row, found.header)?;
         let used = used(&header).clamp(0, header.sample_count);
         let is_beginning = used < header.sample_count;
         let header = TapHeader { sample_count: used, ..header };
-        let samples = file.read(&header, found.header.stored_checksum, found.place, is_beginning, room)?;
-        Ok(Some((in_run(header, row, &self.files[0].1), samples)))
+        let samples = self.file.read(&header, found.header.stored_checksum, found.place, is_beginning, room)?;
+        Ok(Some((header, samples)))
     }
 }
 

@@ -60,48 +60,22 @@ pub(crate) fn checksum(parts: &[&[u8]]) -> u64 {
     hasher.finalize().as_bytes().iter().take(8).rev().fold(0, |bits, &byte| (bits << 8) | u64::from(byte))
 }
 
-/// What the checksum of a tap's packed bytes is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ChunkSeal {
-    /// [`checksum`], in layout 3.
-    Blake3,
-    /// XXH3 of 64 bits, in layout 4.
-    Xxh3,
-    /// That of the chunk's [`Head`], in which are those of its blocks; where it has none, as in layout 4.
-    Head,
+/// The checksum of `stored`, the packed bytes of a tap: that of its [`Head`], in which are those of its blocks, or where it
+/// has none, of all of it.
+pub(crate) fn chunk_checksum(codec: Codec, stored: &[u8]) -> u64 {
+    head_of(codec, stored).map_or_else(|| XxHash3_64::oneshot(stored), |head| head.seal())
 }
 
-impl ChunkSeal {
-    /// What it is in layout `version`.
-    pub(crate) fn of_layout(version: u32) -> Self {
-        match version {
-            ..=3 => Self::Blake3,
-            4 => Self::Xxh3,
-            _ => Self::Head,
-        }
-    }
+/// Whether `stored`, which `codec` packed, is what it was when its checksum was `said`.
+pub(crate) fn is_chunk_valid(codec: Codec, stored: &[u8], said: u64) -> bool {
+    let are_blocks_whole = || head_of(codec, stored).is_none_or(|head| head.are_whole(head.all(), stored));
+    chunk_checksum(codec, stored) == said && are_blocks_whole()
+}
 
-    /// The checksum of `stored`, which `codec` packed.
-    pub(crate) fn of(self, codec: Codec, stored: &[u8]) -> u64 {
-        match (self, self.head(codec, stored)) {
-            (Self::Blake3, _) => checksum(&[stored]),
-            (_, Some(head)) => head.seal(),
-            (_, None) => XxHash3_64::oneshot(stored),
-        }
-    }
-
-    /// Whether `stored`, which `codec` packed, is what it was when its checksum was `said`.
-    pub(crate) fn is_whole(self, codec: Codec, stored: &[u8], said: u64) -> bool {
-        let are_blocks_whole = || self.head(codec, stored).is_none_or(|head| head.are_whole(head.all(), stored));
-        self.of(codec, stored) == said && are_blocks_whole()
-    }
-
-    /// The head of the chunk that begins with `stored`, where chunks of `codec` are sealed by it.
-    pub(crate) fn head(self, codec: Codec, stored: &[u8]) -> Option<Head<'_>> {
-        // What other codecs make of samples is not theirs to choose, and may look like anything.
-        let has_heads = self == Self::Head && codec == Codec::Lz4;
-        Some(stored).filter(|_| has_heads).and_then(Head::new)
-    }
+/// The head of the chunk that begins with `stored`, where chunks of `codec` have one.
+pub(crate) fn head_of(codec: Codec, stored: &[u8]) -> Option<Head<'_>> {
+    // What other codecs make of samples is not theirs to choose, and may look like anything.
+    Some(stored).filter(|_| codec == Codec::Lz4).and_then(Head::new)
 }
 
 macro_rules! sealed {
@@ -120,6 +94,7 @@ macro_rules! sealed {
 }
 
 sealed! {
+    PlanRow in PLAN,
     HeaderRow in HEADER,
     DiscriminatorsRow in DISCRIMINATORS,
     LedgerRow in LEDGER,
@@ -128,8 +103,6 @@ sealed! {
     CellRow in DAMAGE,
 }
 
-// SAFETY: as above.
-unsafe impl PlainRow for crate::layout::PlanRow {}
 // SAFETY: as above.
 unsafe impl PlainRow for crate::layout::TruthRow {}
 

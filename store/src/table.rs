@@ -53,12 +53,19 @@ impl<R: SealedRow> Table<R> {
         create(parent, R::TABLE, row_count, |number| row(number).sealed(number))
     }
 
-    /// The table of `parent`; `None` when it has not `row_count` rows `R`.
-    pub(crate) fn open(parent: &Group, row_count: usize) -> hdf5::Result<Option<Self>> {
+    /// The first `row_count` rows of the table of `parent`; `None` when it has not `capacity` rows `R`, or fewer than that.
+    pub(crate) fn open(parent: &Group, row_count: usize, capacity: usize) -> hdf5::Result<Option<Self>> {
         let dataset = parent.dataset(R::TABLE)?;
         // Columns are found by name: one that is named otherwise would be read as memory that nobody wrote.
-        let is_whole = dataset.shape() == [row_count] && dataset.dtype()?.to_descriptor()? == R::type_descriptor();
+        let is_whole = row_count <= capacity
+            && dataset.shape() == [capacity]
+            && dataset.dtype()?.to_descriptor()? == R::type_descriptor();
         Ok(is_whole.then_some(Self { dataset, in_memory: OnceLock::new(), row_count, row: PhantomData }))
+    }
+
+    /// The table has `row_count` rows from now on, which must be there.
+    pub(crate) fn grow_to(&mut self, row_count: usize) {
+        self.row_count = row_count;
     }
 
     /// The rows `range`.
@@ -149,7 +156,7 @@ mod tests {
         let file = hdf5::File::create(folder.path().join("t.h5")).unwrap();
         let row_count = 2 * BLOCK_ROWS + 10;
         Table::create(&file, row_count, |_| row(0)).unwrap();
-        let table = Table::<LedgerRow>::open(&file, row_count).unwrap().unwrap();
+        let table = Table::<LedgerRow>::open(&file, row_count, row_count).unwrap().unwrap();
 
         // Short runs, and one over the ends of both blocks.
         let picked = (0..row_count as u32).filter(|k| *k > 50 || k % 7 != 3);
@@ -178,6 +185,6 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = hdf5::File::create(folder.path().join("t.h5")).unwrap();
         Table::create(&file, 3, |_| row(0)).unwrap();
-        assert!(Table::<LedgerRow>::open(&file, 4).unwrap().is_none());
+        assert!(Table::<LedgerRow>::open(&file, 3, 4).unwrap().is_none());
     }
 }

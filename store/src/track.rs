@@ -54,8 +54,6 @@ pub(crate) struct Track {
     retaken_count: u32,
     /// Flags of the last attempt that was of no use.
     retaken_quality: u32,
-    /// Whether a later file of the run has the tap.
-    is_later: bool,
 }
 
 impl Track {
@@ -68,7 +66,6 @@ impl Track {
             attempt,
             retaken_count: 0,
             retaken_quality: 0,
-            is_later: false,
         }
     }
 
@@ -93,26 +90,9 @@ impl Track {
         Self { retaken_count: count, retaken_quality: quality, ..self }
     }
 
-    /// Leaves the tap, of which nothing has come, to a later file of the run.
-    pub(crate) fn hand_over(&mut self) {
-        self.is_later = true;
-    }
-
-    /// Whether a later file of the run has the tap.
-    pub(crate) fn is_later(&self) -> bool {
-        self.is_later
-    }
-
-    /// Whether anything of the tap has come.
-    pub(crate) fn is_begun(&self) -> bool {
-        let has_come = self.samples.is_some() || self.discriminators.is_some();
-        has_come || self.state.is_settled() || self.retaken_count > 0
-    }
-
     /// The row of the ledger that tells all this; where a missing tap was lost is told where `is_over`.
     pub(crate) fn to_row(self, is_over: bool) -> LedgerRow {
         let lost_at = match (self.samples, self.discriminators) {
-            _ if self.is_later => Lost::LaterFile,
             _ if !is_over || self.state.is_settled() => Lost::Unknown,
             (Some(_), _) => Lost::Process,
             (None, Some(_)) => Lost::Store,
@@ -156,7 +136,6 @@ impl Track {
 
     /// Takes `take` of `half` in; the tap is archived once both halves are of one attempt.
     pub(crate) fn take(&mut self, half: Half, take: Take) {
-        self.is_later = false;
         match half {
             Half::Samples => self.samples = Some(take),
             Half::Discriminators => self.discriminators = Some(take),

@@ -8,10 +8,10 @@ use std::path::Path;
 use hdf5::{Dataset, File};
 use tapline_wire::Channel;
 
-use crate::archive::read_text;
 use crate::context::Context;
-use crate::create::{unit_of, write_text};
+use crate::create::unit_of;
 use crate::layout::{NOTES, attribute, table};
+use crate::text::{read_text, write_text};
 use crate::{Error, Result};
 
 /// Writes `units`, a list as in [`NOTES`], on `dataset`; nothing where it is empty.

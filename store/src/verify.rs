@@ -5,16 +5,15 @@ use std::path::Path;
 
 use tapline_wire::{Ledger, Plan, Quality, Reasons, ScanState, TapId, TapState, Verdict};
 
-use crate::archive::Archive;
+use crate::archive::{Access, Archive};
 use crate::chunk::Span;
 use crate::context::Context;
 use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
 use crate::lineage::digest_of;
-use crate::parts::{PartMap, open_all};
 use crate::samples::{Room, SampleFile, checked_header};
 use crate::sealed::SealedRow as _;
-use crate::settled::settled;
-use crate::{Error, Lost, Result};
+use crate::settled::tap_state;
+use crate::{Error, Result};
 
 /// Something in an archive that cannot be right.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,13 +35,6 @@ pub enum Problem {
         /// What it must be.
         computed: String,
     },
-    /// One file of a run that takes several has a problem.
-    File {
-        /// Its name.
-        name: String,
-        /// The problem; rows and scans are that file's.
-        problem: Box<Problem>,
-    },
     /// A scan's rows contradict each other or its taps.
     Scan {
         /// Number of the scan.
@@ -59,7 +51,6 @@ impl fmt::Display for Problem {
             Self::Key { stored, computed } => {
                 write!(f, "its lineage key is {stored:?}; that of its results is {computed}")
             }
-            Self::File { name, problem } => write!(f, "{name}: {problem}"),
             Self::Scan { scan, what } => write!(f, "scan {scan}: {what}"),
         }
     }
@@ -74,66 +65,31 @@ pub struct Report {
     pub ledger: Ledger,
     /// Contradictions, those of taps first, in plan order.
     pub problems: Vec<Problem>,
-    /// Planned taps that are not there, and not left to a later file.
+    /// Planned taps that are not there.
     pub missing_count: usize,
-    /// By scan: whether it is left to a later file of the run, which was not looked at.
-    pub is_later: Vec<bool>,
+    /// Whether the archive is finished, and its seal fits.
+    pub is_finished: bool,
 }
 
 impl Report {
-    /// Whether every planned tap is settled, every scan judged, and nothing contradicts itself; what is left to a later file
-    /// does not count.
+    /// Whether the archive is finished, every planned tap is settled, every scan judged, and nothing contradicts itself.
     pub fn is_complete(&self) -> bool {
-        self.problems.is_empty() && self.missing_count == 0 && self.is_judged()
+        self.is_finished && self.problems.is_empty() && self.missing_count == 0 && self.is_judged()
     }
 
-    /// Whether every scan is judged that is not left to a later file.
+    /// Whether every scan is judged.
     pub fn is_judged(&self) -> bool {
-        let mut scans = self.ledger.scans().iter().zip(&self.is_later);
-        scans.all(|(&state, is_later)| state == ScanState::Judged || *is_later)
+        self.ledger.is_judged()
     }
 }
 
-/// Checks the archive at `path`, a file or the folder of a run; taps that are missing and scans that are open are no
-/// problems, but not complete.
+/// Checks the archive at `path`, finished or not; taps that are missing and scans that are open are no problems, but not
+/// complete.
 ///
 /// # Errors
-/// As [`crate::Reader::open`]: a file whose plan or tables cannot be read is not checked further.
+/// As [`crate::Reader::open_unfinished`]: a file whose seal, plan or tables are damaged is not checked further.
 pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
-    let archives = open_all(path.as_ref())?;
-    if !path.as_ref().is_dir() {
-        return verify_file(&archives[0]);
-    }
-    let map = PartMap::of_all(&archives)?;
-    let run = &archives[0].plan;
-    let mut whole = Report::of(run);
-    for (part, archive) in archives.iter().enumerate() {
-        let report = verify_file(archive)?;
-        for (row, there) in map.taps_in(part) {
-            let there = there as usize;
-            whole.ledger.set_tap(row as usize, report.ledger.taps()[there], report.ledger.attempt(there));
-        }
-        for (scan, there) in map.scans_in(part) {
-            whole.ledger.set_scan(scan as usize, report.ledger.scans()[there as usize]);
-        }
-        // What a later file has must not be here too.
-        for (scan, there) in map.planned_in(part).filter(|&(scan, _)| map.scan(scan).0 != part) {
-            let is_here = |&row: &u32| report.ledger.taps()[row as usize].is_settled();
-            let is_begun = report.ledger.scans()[there as usize] != ScanState::Open;
-            if is_begun || archive.plan.scans()[there as usize].taps.iter().any(is_here) {
-                let later = archives[map.scan(scan).0].path.display();
-                whole
-                    .problems
-                    .push(Problem::Scan { scan, what: format!("it is in {} and in {later}", archive.path.display()) });
-            }
-        }
-        let name = archive.path.file_name().unwrap_or_default().to_string_lossy();
-        let named = |problem| Problem::File { name: name.clone().into_owned(), problem: Box::new(problem) };
-        whole.problems.extend(report.problems.into_iter().map(named));
-    }
-    // A scan that no file has, for one as the last is not there, is missing here.
-    whole.missing_count = whole.ledger.count(TapState::Missing);
-    Ok(whole)
+    verify_file(&Archive::open(path.as_ref(), Access::ReadUnfinished)?)
 }
 
 impl Report {
@@ -141,10 +97,10 @@ impl Report {
     fn of(plan: &Plan) -> Self {
         Self {
             plan_digest: plan.digest(),
-            ledger: Ledger::empty(plan.taps().len(), plan.scans().len(), plan.stations().len()),
+            ledger: Ledger::empty(plan.taps().len(), plan.scans().len()),
             problems: Vec::new(),
             missing_count: 0,
-            is_later: vec![false; plan.scans().len()],
+            is_finished: false,
         }
     }
 }
@@ -174,7 +130,7 @@ fn verify_file(archive: &Archive) -> Result<Report> {
         // A torn row is told of above; for the rest the tap is what it counts as elsewhere.
         let row = match ledger[k].is_whole(k) {
             true => ledger[k],
-            false => settled(archive, k, &ledger[k]).map(|(state, attempt)| LedgerRow::new(state, attempt))?,
+            false => tap_state(archive, k, &ledger[k]).map(|(state, attempt)| LedgerRow::new(state, attempt))?,
         };
         match row.state() {
             None => complain(format!("its state is {}, which is none", row.state)),
@@ -191,25 +147,17 @@ fn verify_file(archive: &Archive) -> Result<Report> {
             }
         }
     }
-    let is_later = |row: &u32| {
-        let row = *row as usize;
-        let is_missing = report.ledger.taps()[row] == TapState::Missing && ledger[row].is_whole(row);
-        is_missing && Lost::from_code(ledger[row].lost_at) == Some(Lost::LaterFile)
-    };
-    let is_later: Vec<bool> = plan.scans().iter().map(|scan| scan.taps.iter().all(is_later)).collect();
-    let later = plan.scans().iter().zip(&is_later).filter(|(_, is_later)| **is_later).map(|(scan, _)| scan.taps.len());
-    report.missing_count = report.ledger.count(TapState::Missing) - later.sum::<usize>();
-    report.is_later = is_later;
+    report.is_finished = archive.is_finished;
+    report.missing_count = report.ledger.count(TapState::Missing);
     let scans = archive.scans.read_all().context(context, &archive.path)?;
-    let first_cells = archive.first_cells();
     for (scan, row) in (0..).zip(&scans) {
         let k = scan as usize;
-        let cells = archive.damage.read(first_cells[k]..first_cells[k + 1]).context(context, &archive.path)?;
+        let cells = archive.damage.read(archive.cells(k)).context(context, &archive.path)?;
         let mut complain = |what: String| report.problems.push(Problem::Scan { scan, what });
         if !row.is_whole(k) {
             complain("its row is not what was written: the checksum differs".to_owned());
         }
-        for (number, _) in cells.iter().enumerate().filter(|(n, cell)| !cell.is_whole(first_cells[k] + n)) {
+        for (number, _) in cells.iter().enumerate().filter(|(n, cell)| !cell.is_whole(archive.first_cell(k) + n)) {
             let location = plan.scans()[k].locations[number].0;
             complain(format!("the cell of location {location} is not what was written: the checksum differs"));
         }
@@ -218,7 +166,7 @@ fn verify_file(archive: &Archive) -> Result<Report> {
             None => {}
             Some(state) => {
                 report.ledger.set_scan(k, state);
-                check_planned(plan, k, row, first_cells[k], &mut complain);
+                check_planned(plan, k, row, archive.first_cell(k), &mut complain);
                 if state == ScanState::Judged {
                     check_scan(plan, k, &report.ledger, row, &cells, &mut complain);
                 }

@@ -10,22 +10,20 @@
 
 use std::path::{Path, PathBuf};
 
-use tapline_wire::{
-    DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, ScanState, TapHeader, TapId, TapState,
-};
+use tapline_wire::{DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, ScanState, TapId, TapState};
 
 use crate::archive::{Access, Archive};
 use crate::behind::Failures;
-use crate::check::{check_cells, check_id, check_scan, check_shape};
+use crate::check::{check_cells, check_id, check_scan};
 use crate::context::Context;
 use crate::create::create;
-use crate::encode::{Packer, Shape};
-use crate::layout::{CellRow, DiscriminatorsRow, HeaderRow, ReasonRow, ScanRow};
+use crate::encode::Shape;
+use crate::layout::{CellRow, DiscriminatorsRow, ReasonRow, ScanRow};
 use crate::pending::Pending;
 use crate::place::Place;
 use crate::recall::recall;
 use crate::track::{Half, PutCounts, PutOutcome, Take, Track};
-use crate::{Error, Lineage, Result};
+use crate::{Error, Lineage, Reader, Result};
 
 /// What an archive was begun with, to know it again by.
 #[derive(Debug)]
@@ -35,7 +33,7 @@ pub(crate) struct Kept {
     pub(crate) made_by: String,
 }
 
-/// Writes the archive of one run.
+/// Writes the archive of one casing.
 ///
 /// Dropping a writer without [`Writer::finish`] is what a crash does: what was put since the last flush is lost.
 #[derive(Debug)]
@@ -45,59 +43,78 @@ pub struct Writer {
     pub(crate) kept: Kept,
     pub(crate) place: Place,
     pub(crate) failures: Failures,
-    /// Whether nothing is left to do to the file, and it was closed.
-    pub(crate) is_closed: bool,
     /// `None` after it could not be written, or is closed.
     pub(crate) archive: Option<Archive>,
-    is_results: bool,
+    pub(crate) is_results: bool,
+    /// Taps that there is room for.
+    pub(crate) taps_max: usize,
+    /// Digests of the plan as it was begun and after every growth.
     pub(crate) tracks: Vec<Track>,
     pub(crate) scans: Vec<ScanRow>,
     scan_fingerprints: Vec<Option<u64>>,
-    first_cells: Vec<usize>,
     pub(crate) pending: Pending,
     pub(crate) ledger: Ledger,
     counts: PutCounts,
-    pub(crate) packer: Packer,
+    pub(crate) shape: Shape,
 }
 
 impl Writer {
-    /// Begins the archive of `plan` at `path`; configuration and reference go into it verbatim.
+    /// Begins the archive of `plan` at `path`, with room for `taps_max` taps if the plan [grows](Writer::grow); configuration and
+    /// reference go into it verbatim.
     ///
-    /// The file appears at `path` whole or not at all. It has its final length from the start, of which the system
-    /// allots what is written.
+    /// The file appears at `path` whole or not at all. All that it will hold but packed samples has its place from the start.
     ///
     /// # Errors
     /// [`crate::Error::Exists`], [`crate::Error::EmptyRecording`], or what the system says.
-    pub fn create<'a>(path: impl AsRef<Path>, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
+    pub fn create<'a>(
+        path: impl AsRef<Path>,
+        plan: &Plan,
+        taps_max: usize,
+        lineage: impl Into<Lineage<'a>>,
+    ) -> Result<Self> {
         let lineage = lineage.into();
-        create(path.as_ref(), plan, lineage)?;
-        Self::resume(path, plan, lineage)
+        create(path.as_ref(), plan, taps_max, lineage)?;
+        Self::resume(path, lineage)
     }
 
-    /// Goes on with the archive at `path`, which must have been begun for the same plan, configuration and reference.
+    /// Goes on with the archive at `path`, which must have been begun with the same configuration, reference and program; its
+    /// plan is what stands in it.
     ///
     /// # Errors
-    /// [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`], [`crate::Error::OtherPlan`],
-    /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::OfflineCodec`],
-    /// [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
-    pub fn resume<'a>(path: impl AsRef<Path>, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
-        let path = path.as_ref();
-        let archive = Archive::open(path, Access::Write)?;
-        archive.check_same(plan, lineage.into())?;
+    /// [`crate::Error::Finished`], [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`],
+    /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::OtherLineage`],
+    /// [`crate::Error::OfflineCodec`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
+    pub fn resume<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
+        let archive = Archive::open(path.as_ref(), Access::Write)?;
+        archive.check_lineage(lineage.into())?;
         Self::of(archive)
     }
 
-    /// Goes on with the archive at `path` or, where there is none, begins it.
+    /// The results of the taps of `reader` at `path`, begun or gone on with: a file beside that archive, or in a folder beside it.
     ///
     /// # Errors
-    /// As [`Writer::create`] and [`Writer::resume`].
-    pub fn open_or_create<'a>(path: impl AsRef<Path>, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
-        let path = path.as_ref();
+    /// As [`Writer::create`] and [`Writer::resume`]: [`crate::Error::Finished`] where they are there already.
+    pub fn results(path: impl AsRef<Path>, reader: &Reader, lineage: Lineage<'_>) -> Result<Self> {
+        let (path, plan) = (path.as_ref(), reader.plan());
         if path.try_exists().context("look for", path)? {
-            Self::resume(path, plan, lineage)
-        } else {
-            Self::create(path, plan, lineage)
+            let writer = match Self::resume(path, lineage) {
+                // What was begun of results is no loss: they are made again from their taps.
+                Err(error @ Error::Damaged { .. }) => {
+                    tracing::warn!("{error}; these results are made anew");
+                    std::fs::remove_file(path).context("remove", path)?;
+                    let raw = Some((reader.path(), reader.raw_digest()?));
+                    return Self::create(path, plan, plan.taps().len(), Lineage { raw, ..lineage });
+                }
+                resumed => resumed?,
+            };
+            let (archived, given) = (writer.plan.digest(), plan.digest());
+            if archived != given {
+                return Err(Error::OtherPlan { path: path.to_owned(), archived, given });
+            }
+            return Ok(writer);
         }
+        let raw = Some((reader.path(), reader.raw_digest()?));
+        Self::create(path, plan, plan.taps().len(), Lineage { raw, ..lineage })
     }
 
     pub(crate) fn of(archive: Archive) -> Result<Self> {
@@ -105,26 +122,24 @@ impl Writer {
         if !codec.is_for_lines() && !archive.is_results() {
             return Err(Error::OfflineCodec { path: archive.path.clone(), codec });
         }
-        let packer = Packer::new(Shape {
+        let shape = Shape {
             codec,
-            seal: archive.chunk_seal,
             channel_count: recording.channels.len(),
             element_bytes: recording.sample_format.bytes(),
             row_bytes: archive.samples.row_bytes(),
-        });
+        };
         let (recalled, failures) = (recall(&archive)?, Failures::default());
         Ok(Self {
             tracks: recalled.tracks,
             scans: recalled.scans,
             scan_fingerprints: recalled.scan_fingerprints,
             ledger: recalled.ledger,
-            first_cells: archive.first_cells(),
-            pending: Pending::of_mended(recalled.mended_taps, recalled.mended_reasons, recalled.mended_scans),
+            pending: Pending::of_changed(recalled.changed_taps, recalled.changed_scans),
+            taps_max: archive.taps_max,
             counts: PutCounts::default(),
-            packer,
+            shape,
             place: Place::of(&archive.file, &archive.path, &failures)?,
             failures,
-            is_closed: false,
             path: archive.path.clone(),
             plan: archive.plan.clone(),
             kept: Kept {
@@ -153,87 +168,6 @@ impl Writer {
     /// What became of the records given so far.
     pub fn counts(&self) -> PutCounts {
         self.counts
-    }
-
-    /// Takes in a tap, as [`Writer::put_taps`] does.
-    ///
-    /// # Errors
-    /// As [`Writer::put_taps`].
-    pub fn put_tap(&mut self, header: &TapHeader, samples: &[u8]) -> Result<PutOutcome> {
-        Ok(self.put_taps(&[(header, samples)])?[0])
-    }
-
-    /// Takes in taps: their samples are packed by as many threads as there are cores and written at once; their headers wait
-    /// for the next flush.
-    ///
-    /// The samples of a tap are the `[channel][sample]` bytes that its header describes, in the machine's order; what lies
-    /// behind them is ignored. Where nothing packs them they go to the file from where they lie; a record that is shorter
-    /// than the plan allows is copied once, to be padded with zeros.
-    /// Samples are not compared with those that are there: two takes are told apart by their headers.
-    ///
-    /// # Errors
-    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], [`crate::Error::OtherPlanRecord`],
-    /// [`crate::Error::RecordShape`], or what the system says: the file is then let go of, none of the taps is taken in, and
-    /// after [`Writer::recover`] the same call may be made again.
-    pub fn put_taps(&mut self, taps: &[(&TapHeader, &[u8])]) -> Result<Vec<PutOutcome>> {
-        if self.is_results {
-            return Err(Error::ResultsAlone { path: self.path.clone() });
-        }
-        for (header, samples) in taps {
-            check_id(self.plan(), header.plan_index, &header.id)?;
-            check_shape(self.plan(), header, samples)?;
-        }
-        self.check_place()?;
-        let mut outcomes = Vec::with_capacity(taps.len());
-        let mut rest = taps;
-        while !rest.is_empty() {
-            // A tap that comes twice is judged by what became of it the first time.
-            let repeated = |k: &usize| rest[..*k].iter().any(|(header, _)| header.plan_index == rest[*k].0.plan_index);
-            let (now, later) = rest.split_at((1..rest.len()).find(repeated).unwrap_or(rest.len()));
-            self.put_different(now, &mut outcomes)?;
-            rest = later;
-        }
-        Ok(outcomes)
-    }
-
-    /// Takes in taps of different plan rows.
-    fn put_different(&mut self, taps: &[(&TapHeader, &[u8])], outcomes: &mut Vec<PutOutcome>) -> Result<()> {
-        let rows: Vec<HeaderRow> = taps.iter().map(|(header, _)| HeaderRow::from(*header)).collect();
-        let take = |row: &HeaderRow| Take { attempt: row.attempt, fingerprint: row.fingerprint() };
-        let outcome = |row: &HeaderRow| self.tracks[row.plan_index as usize].outcome(Half::Samples, take(row));
-        let now: Vec<PutOutcome> = rows.iter().map(outcome).collect();
-        let is_new = |k: &usize| now[*k] == PutOutcome::Stored;
-        let samples: Vec<&[u8]> =
-            (0..taps.len()).filter(is_new).map(|k| &taps[k].1[..taps[k].0.payload_bytes()]).collect();
-        (0..taps.len()).filter(is_new).for_each(|k| self.place.forget(rows[k].plan_index));
-        let new_rows: Vec<&HeaderRow> = (0..taps.len()).filter(is_new).map(|k| &rows[k]).collect();
-        let mut headers = Vec::with_capacity(samples.len());
-        let written = self.packer.pack(&samples, |number, packed| {
-            let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
-            let (row, stored) = (new_rows[number], packed.stored(samples[number]));
-            archive.samples.write(row.plan_index, stored).context("write samples", &self.path)?;
-            let (samples_digest, stored_checksum) = (packed.samples_digest, packed.stored_checksum);
-            headers.push(HeaderRow { samples_digest, stored_checksum, ..*row });
-            Ok(())
-        });
-        let packed = match written {
-            Ok(packed) => packed,
-            Err(error) => {
-                self.let_go();
-                return Err(error);
-            }
-        };
-        // All are written: only now they take the place of earlier attempts.
-        for ((header, packed), samples) in headers.iter().zip(packed).zip(samples) {
-            let stored = packed.give(samples, self.pending.room());
-            self.place.note_written(stored.len());
-            self.pending.keep(header.plan_index, stored);
-        }
-        for header in headers {
-            self.pending.headers.insert(header.plan_index, header);
-            self.take(header.plan_index, Half::Samples, take(&header));
-        }
-        now.into_iter().try_for_each(|outcome| self.count(outcome).map(|counted| outcomes.push(counted)))
     }
 
     /// Takes in what was found in a tap; it waits for the next flush.
@@ -265,8 +199,6 @@ impl Writer {
         if outcome == PutOutcome::Stored {
             self.tracks[plan_index as usize].refuse(id.attempt);
             self.pending.taps.insert(plan_index, self.tracks[plan_index as usize].to_row(false));
-        }
-        if outcome == PutOutcome::Stored || self.pending.reasons.get(&plan_index).is_some_and(ReasonRow::is_lost) {
             self.pending.reasons.insert(plan_index, ReasonRow::new(reason));
         }
         self.count(outcome)
@@ -325,7 +257,7 @@ impl Writer {
             self.scan_fingerprints[number] = Some(fingerprint);
             self.scans[number] = row;
             self.pending.scans.insert(scan, row);
-            let first = u32::try_from(self.first_cells[number]).unwrap_or(u32::MAX);
+            let first = self.scans[number].first_cell;
             self.pending.cells.extend((first..).zip(cells));
         }
         self.count(outcome)
@@ -342,8 +274,7 @@ impl Writer {
         }
         self.check_place()?;
         let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
-        let written =
-            self.pending.flush(archive).and_then(|()| self.place.note(&archive.samples, self.pending.samples()));
+        let written = self.pending.flush(archive).and_then(|()| self.place.note());
         written.inspect_err(|_| self.let_go())?;
         let pending = self.pending.take();
         for (&row, settled) in &pending.taps {
@@ -364,21 +295,26 @@ impl Writer {
         self.pending.taps.extend(missing.map(|(row, track)| (row, track.to_row(true))));
         self.flush()?;
         let archive = self.open()?;
-        let written = if self.is_judged() { archive.write_key() } else { Ok(()) };
+        let written = if self.ledger.is_judged() { archive.write_key() } else { Ok(()) };
         written.inspect_err(|_| self.let_go())
     }
 
-    /// Does what [`Writer::settle`] does, closes the archive and waits until it is on the disk, where a power cut cannot take
-    /// it back.
-    ///
-    /// # Errors
-    /// As [`Writer::flush`].
-    pub fn finish(mut self) -> Result<()> {
-        self.settle()?;
-        self.close()
+    /// Whether every tap is settled and every scan judged, as of the last flush.
+    pub fn is_whole(&self) -> bool {
+        self.ledger.is_judged() && self.ledger.count(TapState::Missing) == 0
     }
 
-    fn take(&mut self, row: u32, half: Half, take: Take) {
+    /// Where the archive is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether scan `scan` is judged, flushed or not.
+    pub(crate) fn is_judged(&self, scan: u32) -> bool {
+        self.scan_fingerprints[scan as usize].is_some()
+    }
+
+    pub(crate) fn take(&mut self, row: u32, half: Half, take: Take) {
         let track = &mut self.tracks[row as usize];
         track.take(half, take);
         if track.state().0 == TapState::Archived {
@@ -386,7 +322,7 @@ impl Writer {
         }
     }
 
-    fn count(&mut self, outcome: PutOutcome) -> Result<PutOutcome> {
+    pub(crate) fn count(&mut self, outcome: PutOutcome) -> Result<PutOutcome> {
         match outcome {
             PutOutcome::Stored => self.counts.stored += 1,
             PutOutcome::AlreadyThere => self.counts.already_there += 1,

@@ -1,26 +1,17 @@
-//! Blocks of packed samples: what was released stays readable, whole and in its beginning, and is proved by itself.
+//! Blocks of packed samples: readable whole and in their beginning, each proved by itself.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use tapline_store::{Error, FORMAT_VERSION, Reader, Room, Writer, verify};
-use tapline_wire::{Discriminators, Geometry, Plan, Recording, TapHeader, Truth};
+use tapline_store::{Error, Reader, Room, Writer, verify};
+use tapline_wire::{Discriminators, Geometry, Plan, Recording, SampleFormat, TapHeader, Truth};
 
-use crate::layouts::{fixture, header, lineage, plan};
+use crate::common::{CONFIG, header, plan};
 
-/// Samples a channel of the fixtures whose taps have several blocks, of 8 KiB each: `layout-5-blocks.h5` and later ones.
+/// Samples a channel of taps that have several blocks, of 8 KiB each.
 const LONG_SAMPLE_COUNT: u32 = 6000;
 
-/// The layouts that have such a fixture: blocks have checksums since layout 5.
-const WITH_BLOCKS: [u32; 1] = [5];
-const _: () =
-    assert!(WITH_BLOCKS[WITH_BLOCKS.len() - 1] == FORMAT_VERSION, "a layout has no fixture: see `write_blocks_anew`");
-
-fn fixture_of_blocks(version: u32) -> PathBuf {
-    fixture(version).with_file_name(format!("layout-{version}-blocks.h5"))
-}
-
 fn long_plan() -> Plan {
-    let short = plan();
+    let short = plan(SampleFormat::I16);
     let recording = Recording { sample_count_max: LONG_SAMPLE_COUNT, ..short.recording.clone() };
     Plan::new(Geometry::Ring, recording, short.taps()[..2].to_vec(), Truth::new()).unwrap()
 }
@@ -36,22 +27,11 @@ fn long_counts(row: u32) -> Vec<i16> {
 
 fn long_header(row: u32) -> TapHeader {
     let plan = long_plan();
-    TapHeader { sample_count: LONG_SAMPLE_COUNT, ..header(&plan, row) }
-}
-
-/// Writes the newest fixture: `cargo test -p tapline-store -- --ignored write_blocks_anew`, once for a layout, before it is
-/// released.
-#[test]
-#[ignore = "it makes the fixture, which is committed"]
-fn write_blocks_anew() {
-    let _guard = crate::common::beside_others();
-    let path = fixture_of_blocks(FORMAT_VERSION);
-    drop(std::fs::remove_file(&path));
-    write_blocks(&path);
+    header(&plan, row, LONG_SAMPLE_COUNT)
 }
 
 fn write_blocks(path: &Path) {
-    let mut writer = Writer::create(path, &long_plan(), lineage()).unwrap();
+    let mut writer = Writer::create(path, &long_plan(), 0, CONFIG).unwrap();
     for row in 0..2 {
         let samples: Vec<u8> = long_counts(row).into_iter().flat_map(i16::to_ne_bytes).collect();
         writer.put_tap(&long_header(row), &samples).unwrap();
@@ -61,12 +41,14 @@ fn write_blocks(path: &Path) {
     writer.finish().unwrap();
 }
 
-/// Catches blocks that are looked for where today's layout has them, whole records and beginnings of them.
+/// Catches blocks that are looked for where they are not, whole records and beginnings of them.
 #[test]
-fn every_layout_gives_its_blocks() {
+fn blocks_come_back() {
     let _guard = crate::common::beside_others();
-    for version in WITH_BLOCKS {
-        let path = fixture_of_blocks(version);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    write_blocks(&path);
+    {
         let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), Room::default());
         for row in 0..2 {
             let counts = long_counts(row);
@@ -85,7 +67,7 @@ fn every_layout_gives_its_blocks() {
     }
 }
 
-/// Catches a writer whose chunks have not the heads that the newest layout promises.
+/// Catches a writer whose chunks have not the heads that the layout promises.
 #[test]
 fn what_is_written_today_has_heads() {
     let _guard = crate::common::beside_others();
@@ -108,8 +90,10 @@ fn a_beginning_is_proved_by_itself() {
     let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bent.h5");
-    let whole = std::fs::read(fixture_of_blocks(FORMAT_VERSION)).unwrap();
-    let samples = hdf5::File::open(fixture_of_blocks(FORMAT_VERSION)).unwrap().dataset("taps/samples").unwrap();
+    let good = folder.path().join("good.h5");
+    write_blocks(&good);
+    let whole = std::fs::read(&good).unwrap();
+    let samples = hdf5::File::open(&good).unwrap().dataset("taps/samples").unwrap();
     let chunk = samples.chunk_info(1).unwrap();
     let (first, end) = (chunk.addr as usize, (chunk.addr + chunk.size) as usize);
     let begins: [usize; 3] = std::array::from_fn(|block| {

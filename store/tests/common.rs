@@ -56,9 +56,9 @@ pub(crate) fn header(plan: &Plan, row: u32, sample_count: u32) -> TapHeader {
     }
     TapHeader {
         stamp: Stamp {
+            casing: 0,
             sequence: u64::from(row) + (1 << 40),
             epoch_ns: 1_700_000_000_000_000_001,
-            plan_digest: plan.digest(),
             kind: RecordKind::Data.code(),
             source: id.station.into(),
             mark: 3,
@@ -122,12 +122,7 @@ pub(crate) fn judgement(plan: &Plan, scan: u32) -> (Judgement, Vec<DamageCell>) 
     let mut reasons = Reasons::DAMAGE;
     reasons.insert(Reasons::SELF_REFERENCE);
     let judgement = Judgement {
-        stamp: Stamp {
-            plan_digest: plan.digest(),
-            kind: RecordKind::Data.code(),
-            mark: scan.into(),
-            ..Stamp::default()
-        },
+        stamp: Stamp { kind: RecordKind::Data.code(), mark: scan.into(), ..Stamp::default() },
         verdict: Verdict::Reject.code(),
         reasons,
         limit_re_inspect: 2.5,
@@ -156,6 +151,12 @@ pub(crate) fn judgement(plan: &Plan, scan: u32) -> (Judgement, Vec<DamageCell>) 
         absent_count: location,
     };
     (judgement, planned.locations.iter().map(cell).collect())
+}
+
+/// Goes on with the archive at `path` or, where there is none, begins it.
+pub(crate) fn open_or_create(path: impl AsRef<std::path::Path>, plan: &Plan, config: &str) -> Result<Writer> {
+    let path = path.as_ref();
+    if path.exists() { Writer::resume(path, config) } else { Writer::create(path, plan, plan.taps().len(), config) }
 }
 
 /// Puts both halves of the tap in plan row `row`.

@@ -8,7 +8,7 @@ use std::time::Duration;
 use tapline_store::{Codec, Lineage, Reader, Writer};
 use tapline_wire::{Plan, Recording, SampleFormat, TapState};
 
-use crate::common::{CONFIG, bytes, discriminators, header, plan, plan_with, put_all, samples};
+use crate::common::{CONFIG, bytes, discriminators, header, open_or_create, plan, plan_with, put_all, samples};
 
 /// Names the archive to the test that is started again as the process to be killed.
 const VICTIM: &str = "TAPLINE_STORE_TEST_VICTIM";
@@ -28,7 +28,7 @@ fn victim() {
     let plan = big_plan();
     println!("begun");
     loop {
-        let mut writer = Writer::open_or_create(&path, &plan, CONFIG).unwrap();
+        let mut writer = open_or_create(&path, &plan, CONFIG).unwrap();
         for row in 0..plan.taps().len() as u32 {
             let tap = header(&plan, row, 4096);
             writer.put_tap(&tap, &samples(&tap)).unwrap();
@@ -84,7 +84,7 @@ fn killed_at_any_time_it_opens_and_goes_on() {
         let said = kill_after(&path, row_count, Duration::from_micros(137 * (trial % 97) as u64));
         if path.exists() {
             survivors += 1;
-            let reader = Reader::open(&path).unwrap();
+            let reader = Reader::open_unfinished(&path).unwrap();
             // When all rows were said to be there, the victim may have begun the next file already.
             if said.len() < plan.taps().len() {
                 assert!(said.iter().all(|&row| reader.ledger().taps()[row as usize] == TapState::Archived));
@@ -97,7 +97,7 @@ fn killed_at_any_time_it_opens_and_goes_on() {
             }
             assert_eq!(tapline_store::verify(&path).unwrap().problems, []);
         }
-        let mut writer = Writer::open_or_create(&path, &plan, CONFIG).unwrap();
+        let mut writer = open_or_create(&path, &plan, CONFIG).unwrap();
         put_all(&mut writer).unwrap();
         writer.finish().unwrap();
         assert!(tapline_store::verify(&path).unwrap().is_complete());
@@ -114,7 +114,8 @@ fn a_run_never_changes_the_structure() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, Lineage { codec: Codec::None, ..CONFIG.into() }).unwrap();
+    let mut writer =
+        Writer::create(&path, &plan, plan.taps().len(), Lineage { codec: Codec::None, ..CONFIG.into() }).unwrap();
     let before = std::fs::read(&path).unwrap();
     put_all(&mut writer).unwrap();
     writer.flush().unwrap();
@@ -145,7 +146,7 @@ fn packed_chunks_change_entries_only() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = big_plan();
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     let before = std::fs::read(&path).unwrap();
     put_all(&mut writer).unwrap();
     writer.flush().unwrap();

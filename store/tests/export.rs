@@ -15,7 +15,7 @@ fn exported(reader: &Reader, table: Export) -> String {
 pub(crate) fn unfinished(folder: &tempfile::TempDir) -> Reader {
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     for row in [0, 1, 2, 4, 5, 6, 7, 8] {
         put(&mut writer, row).unwrap();
     }

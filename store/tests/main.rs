@@ -5,14 +5,14 @@
 mod blocks;
 mod common;
 mod crash;
+mod damage;
 mod export;
 mod foreign;
-mod layouts;
+mod grow;
 mod outage;
 mod page;
 mod parquet;
 mod refuse;
 mod repack;
-mod rotation;
 mod roundtrip;
 mod verify;

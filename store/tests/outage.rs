@@ -30,10 +30,6 @@ impl Disk {
         is_made.then_some(disk)
     }
 
-    pub(crate) fn path(&self) -> &Path {
-        self.0.path()
-    }
-
     /// Fills the disk but for `free_bytes`, with a file that can be removed.
     pub(crate) fn fill(&self, free_bytes: u64) -> PathBuf {
         let path = self.0.path().join("ballast");
@@ -71,7 +67,7 @@ fn a_disk_that_fills_again_and_again() {
     for (codec, flush_every) in [(Codec::Lz4, 1), (Codec::Lz4, 7), (Codec::Zstd, 30), (Codec::None, 5)] {
         let Some(disk) = Disk::new() else { return };
         let path = disk.0.path().join("run.h5");
-        let mut writer = Writer::create(&path, &plan, Lineage { codec, ..CONFIG.into() }).unwrap();
+        let mut writer = Writer::create(&path, &plan, plan.taps().len(), Lineage { codec, ..CONFIG.into() }).unwrap();
         let mut ballast = disk.fill(60_000);
         let mut failure_count = 0;
         for row in 0..plan.taps().len() as u32 {
@@ -106,7 +102,7 @@ fn a_file_that_is_not_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let (place, path) = (folder.path().join("disk"), folder.path().join("disk/run.h5"));
     fs::create_dir(&place).unwrap();
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     let mut rows = 0..plan.taps().len() as u32;
     let mut put_some = |writer: &mut Writer| rows.by_ref().take(20).for_each(|row| put(writer, row).unwrap());
 
@@ -144,7 +140,7 @@ fn an_older_copy_is_not_gone_on_with() {
     let plan = big_plan();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     let older = fs::read(&path).unwrap();
     (0..5).for_each(|row| put(&mut writer, row).unwrap());
     writer.flush().unwrap();
@@ -161,7 +157,7 @@ fn a_tap_at_the_end_may_become_smaller() {
     let _guard = crate::common::beside_others();
     let (folder, plan) = (tempfile::tempdir().unwrap(), big_plan());
     let path = folder.path().join("run.h5");
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     for (attempt, is_quiet) in [(0, false), (1, true), (2, false), (3, true)] {
         let mut header = header(&plan, 3, 4096);
         header.id.attempt = attempt;

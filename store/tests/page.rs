@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenUnicode};
+use hdf5::types::{FixedUnicode, FloatSize, IntSize, TypeDescriptor};
 use hdf5::{Dataset, File, Location};
-use tapline_store::{Lineage, Part, Reader, Writer};
+use tapline_store::{Lineage, Reader, Writer};
 use tapline_wire::{Quality, Reasons, SampleFormat};
 
 use crate::common::{CONFIG, plan};
@@ -28,13 +28,18 @@ fn type_name(of: &TypeDescriptor) -> String {
         TypeDescriptor::FixedArray(of, count) => format!("{}[{count}]", type_name(of)),
         TypeDescriptor::FixedUnicode(bytes) => format!("utf8[{bytes}]"),
         TypeDescriptor::FixedAscii(bytes) => format!("ascii[{bytes}]"),
-        TypeDescriptor::VarLenUnicode => "text".to_owned(),
         other => panic!("{other:?}"),
     }
 }
 
 fn text(place: &Location, name: &str) -> String {
-    place.attr(name).unwrap().read_scalar::<VarLenUnicode>().unwrap().to_string()
+    let attribute = place.attr(name).unwrap();
+    match attribute.dtype().unwrap().to_descriptor().unwrap() {
+        TypeDescriptor::FixedUnicode(32) => attribute.read_scalar::<FixedUnicode<32>>().unwrap().to_string(),
+        TypeDescriptor::FixedUnicode(128) => attribute.read_scalar::<FixedUnicode<128>>().unwrap().to_string(),
+        TypeDescriptor::FixedUnicode(512) => attribute.read_scalar::<FixedUnicode<512>>().unwrap().to_string(),
+        other => panic!("{name}: {other:?}"),
+    }
 }
 
 /// Adds the attributes of `place` but those that every table has.
@@ -80,11 +85,10 @@ fn found_in_files() -> Found {
     let folder = tempfile::tempdir().unwrap();
     let (path, results) = (folder.path().join("run.h5"), folder.path().join("results.h5"));
     let plan = plan(SampleFormat::I16);
-    let part = Some(Part { number: 1, run_digest: plan.digest() });
-    let whole = Lineage { reference: Some("{}"), part, ..CONFIG.into() };
-    Writer::create(&path, &plan, whole).unwrap().finish().unwrap();
+    let whole = Lineage { reference: Some("{}"), ..CONFIG.into() };
+    Writer::create(&path, &plan, plan.taps().len(), whole).unwrap().finish().unwrap();
     let raw = Some((path.as_path(), Reader::open(&path).unwrap().raw_digest().unwrap()));
-    Writer::create(&results, &plan, Lineage { raw, ..whole }).unwrap().finish().unwrap();
+    Writer::create(&results, &plan, plan.taps().len(), Lineage { raw, ..whole }).unwrap().finish().unwrap();
     let mut found = Found::new();
     add_attributes(&mut found, "", &File::open(&results).unwrap());
     let file = File::open(&path).unwrap();
@@ -172,11 +176,11 @@ fn hints_lead_to_the_samples() {
     let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
-    Writer::create(&path, &plan(SampleFormat::F32), CONFIG).unwrap().finish().unwrap();
+    Writer::create(&path, &plan(SampleFormat::F32), 0, CONFIG).unwrap().finish().unwrap();
     let file = File::open(&path).unwrap();
     let group = file.group(&text(&file, "default")).unwrap();
     let signal = group.dataset(&text(&group, "signal")).unwrap();
-    let axes = group.attr("axes").unwrap().read_raw::<VarLenUnicode>().unwrap();
+    let axes = group.attr("axes").unwrap().read_raw::<FixedUnicode<32>>().unwrap();
     assert_eq!((text(&file, "NX_class"), text(&group, "NX_class")), ("NXroot".to_owned(), "NXdata".to_owned()));
     assert!(axes.len() == signal.ndim() && axes.iter().all(|axis| axis.as_str() == "."));
     assert_eq!((text(&signal, "channels"), text(&signal, "channel_units")), ("force,sound".into(), "N,V".into()));

@@ -15,7 +15,7 @@ fn every_codec_gives_the_same_archive() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let plan = plan(format);
-        let mut writer = Writer::create(path("run.h5"), &plan, CONFIG).unwrap();
+        let mut writer = Writer::create(path("run.h5"), &plan, plan.taps().len(), CONFIG).unwrap();
         // One record is shorter than the others.
         let short = header(&plan, 4, 20);
         writer.put_tap(&short, &samples(&short)).unwrap();
@@ -28,7 +28,7 @@ fn every_codec_gives_the_same_archive() {
         let first = Reader::open(path("run.h5")).unwrap();
         // From each to the next, so that every one is read too.
         let mut from = path("run.h5");
-        for codec in [Codec::Gzip, Codec::None, Codec::Lzf, Codec::Zstd, Codec::Lz4] {
+        for codec in [Codec::Gzip, Codec::None, Codec::Zstd, Codec::Lz4] {
             let to = path(&format!("{codec}.h5"));
             repack(&from, &to, codec).unwrap();
             let reader = Reader::open(&to).unwrap();
@@ -54,8 +54,8 @@ fn every_codec_gives_the_same_archive() {
             assert_eq!(found(&reader), found(&first));
             assert!(verify(&to).unwrap().is_complete(), "{codec}: {:?}", verify(&to).unwrap().problems);
             drop(reader);
-            let resumed = Writer::resume(&to, &plan, CONFIG);
-            assert_eq!(resumed.is_err(), !codec.is_for_lines(), "{codec}");
+            let resumed = Writer::resume(&to, CONFIG);
+            assert!(matches!(resumed, Err(Error::Finished { .. })), "{codec}");
             drop(resumed);
             from = to;
         }
@@ -74,7 +74,7 @@ fn damage_is_not_copied() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let lineage = Lineage { codec: Codec::None, ..CONFIG.into() };
-    let mut writer = Writer::create(&path, &plan(SampleFormat::I16), lineage).unwrap();
+    let mut writer = Writer::create(&path, &plan(SampleFormat::I16), 0, lineage).unwrap();
     put_all(&mut writer).unwrap();
     writer.finish().unwrap();
     let file = hdf5::File::open(&path).unwrap();

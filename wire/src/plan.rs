@@ -114,6 +114,18 @@ pub enum PlanError {
         /// The other.
         second: u16,
     },
+    /// Bytes that are no plan.
+    #[error("these bytes are no plan: {what}")]
+    Encoding {
+        /// What is wrong with them.
+        what: &'static str,
+    },
+    /// Taps that are added to an open casing are at another station or of a scan that it does not have.
+    #[error("{id} cannot be added to the plan: it is of no scan of it")]
+    OtherScan {
+        /// The tap.
+        id: TapId,
+    },
     /// More taps than a plan row number can name.
     #[error("the scan plan has {got} taps; at most {most} can be numbered")]
     TooMany {
@@ -167,6 +179,22 @@ impl Plan {
         let digest = digest_of(geometry, &recording, &taps, source_digest);
         let nominal_m_per_s = Nominal(nominal_velocities(&taps));
         Ok(Self { geometry, recording, taps, scans, truth, nominal_m_per_s, source_digest, digest })
+    }
+
+    /// This plan with `taps` behind its own: what an open casing is asked for besides. Rows and scans keep their numbers.
+    ///
+    /// # Errors
+    /// [`PlanError::OtherScan`] for a tap of no scan of the plan, and as [`Plan::new`].
+    pub fn grown(&self, taps: &[PlannedTap]) -> Result<Self, PlanError> {
+        let is_ours = |tap: &PlannedTap| {
+            let id = &tap.id;
+            self.scans.iter().any(|s| (s.station, s.tyre, s.shoulder) == (id.station, id.tyre, id.shoulder))
+        };
+        if let Some(other) = taps.iter().find(|tap| !is_ours(tap)) {
+            return Err(PlanError::OtherScan { id: other.id });
+        }
+        let taps = [&self.taps, taps].concat();
+        Self::of_source(self.geometry, self.recording.clone(), taps, self.truth.clone(), self.source_digest)
     }
 
     /// The same plan for another source: see [`Plan::of_source`].

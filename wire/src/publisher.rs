@@ -2,36 +2,42 @@
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use iceoryx2::identifiers::UniqueSubscriberId;
 use iceoryx2::port::publisher::Publisher as Port;
+use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::port::{BackpressureAction, SendError};
 use iceoryx2::prelude::*;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Service_;
 
-use crate::address::reap;
 use crate::line::Svc;
-use crate::topic::{LOANED, port_limits, publisher_bytes};
+use crate::topic::{LOANED, port_limits, publisher_bytes, receivers};
 use crate::{
-    DamageTopic, DiscriminatorTopic, LedgerTopic, Line, LineError, Plan, RecordKind, ReplayTopic, Role, Signal,
-    Stamped, TapTopic, Topic, monotonic_ns, room,
+    CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, Line, LineError, ProposalTopic, RecordKind, Role,
+    SettledTopic, Signal, Stamped, StatusTopic, TapTopic, Topic, room,
 };
 
 pub(crate) type Service<T> = Service_<Svc, [<T as Topic>::Element], <T as Topic>::Header>;
 
-/// Opens the service of a topic, or creates it: the limits follow from the plan, so that all participants agree.
-pub(crate) fn open<T: Topic>(line: &Line, plan: &Plan) -> Result<Service<T>, LineError> {
-    let name = ServiceName::new(T::NAME).map_err(|e| LineError::shared(format!("naming {}", T::NAME), e))?;
-    let (publishers, subscribers, nodes) = port_limits::<T>(plan);
+/// Opens the service of a topic, or creates it: its sizes follow from the line's limits, so that all participants agree.
+/// An addressed topic has one for each `receiver`.
+pub(crate) fn open<T: Topic>(line: &Line, receiver: Option<Role>) -> Result<Service<T>, LineError> {
+    let name = match receiver {
+        Some(role) => format!("{}/{}", T::NAME, role.name()),
+        None => T::NAME.to_owned(),
+    };
+    let name = ServiceName::new(&name).map_err(|e| LineError::shared(format!("naming {}", T::NAME), e))?;
+    let (publishers, subscribers, nodes) = port_limits::<T>(line.limits());
+    let is_lossy = T::DELIVERY == Delivery::Newest;
     line.node()
         .service_builder(&name)
         .publish_subscribe::<[T::Element]>()
         .user_header::<T::Header>()
-        .enable_safe_overflow(T::SUBSCRIBERS.is_empty())
-        .history_size(0)
+        .enable_safe_overflow(is_lossy)
+        .history_size(usize::from(is_lossy))
         .subscriber_max_buffer_size(T::BUFFER)
         .subscriber_max_borrowed_samples(T::BORROWED)
         .max_publishers(publishers)
@@ -50,16 +56,25 @@ pub(crate) fn failed<T: Topic>(line: &Line, doing: &str, reason: impl std::fmt::
 }
 
 /// The services of all topics, held open.
-pub(crate) type AllTopics =
-    (Service<TapTopic>, Service<DiscriminatorTopic>, Service<DamageTopic>, Service<LedgerTopic>, Service<ReplayTopic>);
+pub(crate) type AllTopics = (
+    Service<TapTopic>,
+    Service<DiscriminatorTopic>,
+    Service<ProposalTopic>,
+    Service<SettledTopic>,
+    Service<DamageTopic>,
+    Service<StatusTopic>,
+    Vec<Service<CasingTopic>>,
+);
 
-pub(crate) fn open_all(line: &Line, plan: &Plan) -> Result<AllTopics, LineError> {
+pub(crate) fn open_all(line: &Line) -> Result<AllTopics, LineError> {
     Ok((
-        open::<TapTopic>(line, plan)?,
-        open::<DiscriminatorTopic>(line, plan)?,
-        open::<DamageTopic>(line, plan)?,
-        open::<LedgerTopic>(line, plan)?,
-        open::<ReplayTopic>(line, plan)?,
+        open::<TapTopic>(line, None)?,
+        open::<DiscriminatorTopic>(line, None)?,
+        open::<ProposalTopic>(line, None)?,
+        open::<SettledTopic>(line, None)?,
+        open::<DamageTopic>(line, None)?,
+        open::<StatusTopic>(line, None)?,
+        receivers(line.limits()).map(|role| open::<CasingTopic>(line, Some(role))).collect::<Result<_, _>>()?,
     ))
 }
 
@@ -72,40 +87,64 @@ pub struct Publisher<'l, T: Topic> {
     line: &'l Line,
     service: Service<T>,
     port: Port<Svc, [T::Element], T::Header>,
+    receivers: Vec<Role>,
     elements_max: usize,
     next_sequence: Cell<u64>,
     /// Subscribers that have said READY; records go out only while these are exactly the ones there are.
-    greeted: RefCell<Vec<UniqueSubscriberId>>,
-    /// Number of the newest greeting.
-    greeting_number: Cell<u64>,
-    /// When an outstanding greeting was sent, and to whom.
-    greeting: RefCell<Option<(Instant, Vec<UniqueSubscriberId>)>>,
-    ready: Cell<u32>,
+    ready_for: RefCell<Vec<UniqueSubscriberId>>,
+    /// How often all have become READY.
+    generation: Cell<u64>,
+    handshake: RefCell<Option<Handshake>>,
     may_block: Arc<AtomicBool>,
 }
 
-/// How long one may be kept waiting before the dead are looked for, and how often then.
-const REAP_AFTER: Duration = Duration::from_millis(20);
-const REAP_MS: i64 = 50;
+/// A greeting that is not answered by all yet.
+#[derive(Debug)]
+struct Handshake {
+    number: u64,
+    sent_at: Instant,
+    to: Vec<UniqueSubscriberId>,
+    /// For each receiver whether it has said READY.
+    are_ready: Vec<bool>,
+}
 
 /// How long a greeting may go unanswered before it is sent again.
 const GREET_AGAIN: Duration = Duration::from_secs(1);
 
-/// How long a wait may last before it is told of.
-const TELL_AFTER: Duration = Duration::from_secs(5);
+/// How long a wait may last before it is logged.
+const LOG_AFTER: Duration = Duration::from_secs(5);
 
 impl<'l, T: Topic> Publisher<'l, T> {
-    /// Opens the sending end of topic `T` for `plan`.
+    /// Opens the sending end of topic `T`.
     ///
     /// # Errors
-    /// [`LineError::NoRoom`] when the shared memory it may need is not free; [`LineError::Shared`] otherwise.
-    pub fn open(line: &'l Line, plan: &Plan) -> Result<Self, LineError> {
-        room::check(&format!("{} from {}", T::NAME, line.role().name()), publisher_bytes::<T>(plan))?;
-        let service = open::<T>(line, plan)?;
-        let elements_max = T::elements_max(plan);
+    /// [`LineError::Stopped`] when the process is asked to end while it waits for room in shared memory; [`LineError::Shared`]
+    /// otherwise.
+    pub fn open(line: &'l Line) -> Result<Self, LineError> {
+        let receivers = match T::DELIVERY {
+            Delivery::All(roles) => roles.to_vec(),
+            Delivery::Addressed | Delivery::Newest => Vec::new(),
+        };
+        Self::open_for(line, None, receivers)
+    }
+
+    /// Opens the sending end of the addressed topic `T` to `receiver`.
+    ///
+    /// # Errors
+    /// As [`Publisher::open`].
+    pub fn open_to(line: &'l Line, receiver: Role) -> Result<Self, LineError> {
+        Self::open_for(line, Some(receiver), vec![receiver])
+    }
+
+    fn open_for(line: &'l Line, receiver: Option<Role>, receivers: Vec<Role>) -> Result<Self, LineError> {
+        let bytes = publisher_bytes::<T>(line.limits(), receiver);
+        let what = format!("{} from {}", T::NAME, line.role().name());
+        // A line's start has checked that there is room for all; what fills it later will end, or be ended.
+        room::wait(&what, bytes, || line.is_stopped())?;
+        let service = open::<T>(line, receiver)?;
+        let elements_max = T::elements_max(line.limits(), receiver);
         let may_block = Arc::new(AtomicBool::new(true));
-        let reaped_ms = AtomicI64::new(0);
-        let (handler_may_block, stop, config) = (may_block.clone(), line.stop().clone(), line.config().clone());
+        let (handler_may_block, stop) = (may_block.clone(), line.stop().clone());
         let port = service
             .publisher_builder()
             .initial_max_slice_len(elements_max)
@@ -115,28 +154,25 @@ impl<'l, T: Topic> Publisher<'l, T> {
                 if stop.load(Ordering::Relaxed) || !handler_may_block.load(Ordering::Relaxed) {
                     return BackpressureAction::DiscardDataAndFail;
                 }
-                // Who blocks us may be dead, and then only a reaper lets us go on.
-                let now_ms = monotonic_ns() / 1_000_000;
-                if info.elapsed_time > REAP_AFTER && now_ms - reaped_ms.load(Ordering::Relaxed) > REAP_MS {
-                    reap(&config);
-                    reaped_ms.store(now_ms, Ordering::Relaxed);
-                }
-                std::thread::sleep(Duration::from_micros(if info.retries < 16 { 100 } else { 400 }));
+                // Who blocks us may be dead: the supervisor, which knows, clears it away, and the wait ends.
+                let pause_us = [100, 400, 2000][(info.retries.min(64) / 32) as usize];
+                std::thread::sleep(Duration::from_micros(pause_us));
                 BackpressureAction::Retry
             })
             .create()
             .map_err(|e| failed::<T>(line, "publishing on", e))?;
+        // The layer only promises it: whoever touched it when it is not there would be killed.
+        room::wait_for(&|| line.is_stopped(), || room::reserve(&what, line.address()))?;
         Ok(Self {
             line,
             service,
             port,
+            receivers,
             elements_max,
             next_sequence: Cell::new(0),
-            greeted: RefCell::default(),
-            greeting: RefCell::default(),
-            // Another life of this publisher counts from elsewhere.
-            greeting_number: Cell::new(line.epoch_ns().unsigned_abs() >> 20),
-            ready: Cell::new(0),
+            ready_for: RefCell::default(),
+            generation: Cell::new(0),
+            handshake: RefCell::default(),
             may_block,
         })
     }
@@ -144,7 +180,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
     /// Shared memory for a record of `element_count` elements, zeroed.
     ///
     /// # Errors
-    /// [`LineError::TooLong`] past the longest record of the plan; [`LineError::Shared`] when none can be had.
+    /// [`LineError::TooLong`] past the longest record of the line; [`LineError::Shared`] when none can be had.
     pub fn loan(&self, element_count: usize) -> Result<Loan<'_, 'l, T>, LineError> {
         if element_count > self.elements_max {
             return Err(LineError::TooLong { topic: T::NAME, got: element_count, most: self.elements_max });
@@ -171,19 +207,27 @@ impl<'l, T: Topic> Publisher<'l, T> {
             return Ok(false);
         }
         let loan = self.loan_copy(header, elements)?;
+        self.without_blocking(|| loan.deliver(kind))
+    }
+
+    /// Has those who look on from now on see the newest record, which was sent before they came.
+    ///
+    /// # Errors
+    /// [`LineError::Shared`] when the shared-memory layer refuses.
+    pub fn show_newcomers(&self) -> Result<(), LineError> {
+        self.port.update_connections().map_err(|e| LineError::shared(format!("connecting viewers of {}", T::NAME), e))
+    }
+
+    /// Runs `deliver`, which gives up where it would wait; whether it did not.
+    fn without_blocking(&self, deliver: impl FnOnce() -> Result<(), LineError>) -> Result<bool, LineError> {
         self.may_block.store(false, Ordering::Relaxed);
-        let sent = loan.deliver(kind);
+        let sent = deliver();
         self.may_block.store(true, Ordering::Relaxed);
         match sent {
             Ok(()) => Ok(true),
             Err(LineError::Stopped { .. }) => Ok(false),
             Err(error) => Err(error),
         }
-    }
-
-    /// Whether anyone but `role` subscribes to the topic.
-    pub fn has_subscriber_other_than(&self, role: Role) -> bool {
-        self.subscribers().1.iter().any(|name| *name != role.name())
     }
 
     fn loan_copy(&self, header: T::Header, elements: &[T::Element]) -> Result<Loan<'_, 'l, T>, LineError> {
@@ -199,14 +243,14 @@ impl<'l, T: Topic> Publisher<'l, T> {
     /// [`LineError::Stopped`] when the process is asked to end meanwhile.
     pub fn wait_ready(&self) -> Result<(), LineError> {
         let since = Instant::now();
-        let mut told = since;
+        let mut logged_at = since;
         while !self.poll_ready()? {
             if self.line.is_stopped() {
                 return Err(LineError::Stopped { topic: T::NAME });
             }
-            if told.elapsed() > TELL_AFTER {
-                told = Instant::now();
-                let needed: Vec<String> = T::SUBSCRIBERS.iter().map(|role| role.name()).collect();
+            if logged_at.elapsed() > LOG_AFTER {
+                logged_at = Instant::now();
+                let needed: Vec<String> = self.receivers.iter().map(|role| role.name()).collect();
                 let (_, present) = self.subscribers();
                 let waited_s = since.elapsed().as_secs();
                 tracing::warn!(topic = T::NAME, waited_s, ?needed, ?present, "waiting for subscribers");
@@ -216,68 +260,68 @@ impl<'l, T: Topic> Publisher<'l, T> {
         Ok(())
     }
 
+    /// How often all subscribers have become READY: it rises when one has been replaced, which has heard nothing then.
+    pub fn generation(&self) -> u64 {
+        self.generation.get()
+    }
+
     /// Takes one step of the handshake, without waiting; whether all are READY.
-    fn poll_ready(&self) -> Result<bool, LineError> {
-        if T::SUBSCRIBERS.is_empty() {
-            return Ok(true);
-        }
-        if self.are_as_greeted() {
+    ///
+    /// # Errors
+    /// [`LineError::Shared`] when the shared-memory layer refuses.
+    pub fn poll_ready(&self) -> Result<bool, LineError> {
+        if self.receivers.is_empty() || self.is_ready_for_all() {
             return Ok(true);
         }
         let (present, roles) = self.subscribers();
         self.line.listen()?;
         let is_complete =
-            present.len() == T::SUBSCRIBERS.len() && T::SUBSCRIBERS.iter().all(|role| roles.contains(&role.name()));
-        let is_asked =
-            matches!(&*self.greeting.borrow(), Some((at, to)) if *to == present && at.elapsed() < GREET_AGAIN);
-        if is_complete && !is_asked {
-            self.greet(present)?;
+            present.len() == self.receivers.len() && self.receivers.iter().all(|role| roles.contains(&role.name()));
+        if !is_complete {
+            return Ok(false);
         }
-        for (bit, &role) in T::SUBSCRIBERS.iter().enumerate() {
-            if self.line.take(Signal::Ready(role, self.greeting_number.get())) {
-                self.ready.set(self.ready.get() | 1 << bit);
-            }
+        let mut handshake = self.handshake.borrow_mut();
+        let under_way = handshake.as_mut().filter(|h| h.to == present && h.sent_at.elapsed() < GREET_AGAIN);
+        let Some(under_way) = under_way else {
+            *handshake = self.greet(present)?;
+            return Ok(false);
+        };
+        for (is_ready, &role) in under_way.are_ready.iter_mut().zip(&self.receivers) {
+            *is_ready |= self.line.take(Signal::Ready(role, under_way.number));
         }
-        if is_complete && is_asked && self.ready.get().count_ones() as usize == T::SUBSCRIBERS.len() {
-            if let Some((_, to)) = self.greeting.take() {
-                *self.greeted.borrow_mut() = to;
-            }
+        if under_way.are_ready.iter().all(|&is_ready| is_ready) {
+            *self.ready_for.borrow_mut() = std::mem::take(&mut under_way.to);
+            self.generation.set(self.generation.get() + 1);
+            *handshake = None;
             return Ok(true);
         }
         Ok(false)
     }
 
-    fn greet(&self, present: Vec<UniqueSubscriberId>) -> Result<(), LineError> {
-        let number = self.greeting_number.get() + 1;
-        self.greeting_number.set(number);
+    /// Greets those who are `present`; `None` where one's buffer is full: its owner is alive and slow, or will be cleared away.
+    fn greet(&self, to: Vec<UniqueSubscriberId>) -> Result<Option<Handshake>, LineError> {
+        let number = self.line.next_handshake();
         // What was said before, perhaps by one who has died since, does not count.
-        for &role in T::SUBSCRIBERS {
+        for &role in &self.receivers {
             self.line.take(Signal::Ready(role, number));
         }
-        self.ready.set(0);
         let mut loan = self.loan(0)?;
         loan.header_mut().stamp_mut().mark = number;
-        self.may_block.store(false, Ordering::Relaxed);
-        let sent = loan.deliver(RecordKind::Greeting);
-        self.may_block.store(true, Ordering::Relaxed);
-        match sent {
-            Ok(()) => *self.greeting.borrow_mut() = Some((Instant::now(), present)),
-            Err(LineError::Stopped { .. }) => {} // a full buffer: its owner is alive and slow, or will be reaped
-            Err(error) => return Err(error),
-        }
-        Ok(())
+        let is_sent = self.without_blocking(|| loan.deliver(RecordKind::Greeting))?;
+        let are_ready = vec![false; self.receivers.len()];
+        Ok(is_sent.then(|| Handshake { number, sent_at: Instant::now(), to, are_ready }))
     }
 
     /// Whether those who subscribe now are exactly those who have said READY; asked before every record.
-    fn are_as_greeted(&self) -> bool {
-        let greeted = self.greeted.borrow();
-        let (mut count, mut all_known) = (0, !greeted.is_empty());
+    fn is_ready_for_all(&self) -> bool {
+        let ready_for = self.ready_for.borrow();
+        let (mut count, mut all_known) = (0, !ready_for.is_empty());
         self.service.dynamic_config().list_subscribers(|details| {
             count += 1;
-            all_known &= greeted.contains(&details.subscriber_id);
+            all_known &= ready_for.contains(&details.subscriber_id);
             CallbackProgression::Continue
         });
-        all_known && count == greeted.len()
+        all_known && count == ready_for.len()
     }
 
     /// Those who subscribe to the topic now, and the names of their roles.
@@ -301,7 +345,7 @@ pub struct Loan<'p, 'l, T: Topic> {
 }
 
 impl<T: Topic> Loan<'_, '_, T> {
-    /// The header, to be filled in; its stamp is filled in when the record is sent, but for `mark`.
+    /// The header, to be filled in; its stamp is filled in when the record is sent, but for `casing` and `mark`.
     pub fn header_mut(&mut self) -> &mut T::Header {
         self.sample.user_header_mut()
     }
@@ -328,6 +372,18 @@ impl<T: Topic> Loan<'_, '_, T> {
         self.deliver(kind)
     }
 
+    /// As [`Loan::send`], but gives up at once instead of waiting; whether it was sent.
+    ///
+    /// # Errors
+    /// As [`Loan::send`].
+    pub fn try_send(self, kind: RecordKind) -> Result<bool, LineError> {
+        let publisher = self.publisher;
+        if !publisher.poll_ready()? {
+            return Ok(false);
+        }
+        publisher.without_blocking(|| self.deliver(kind))
+    }
+
     fn deliver(mut self, kind: RecordKind) -> Result<(), LineError> {
         let publisher = self.publisher;
         let line = publisher.line;
@@ -336,9 +392,8 @@ impl<T: Topic> Loan<'_, '_, T> {
         stamp.kind = kind.code();
         stamp.sequence = sequence;
         stamp.epoch_ns = line.epoch_ns();
-        stamp.plan_digest = line.plan_digest();
-        if let Role::Acquire(station) = line.role() {
-            stamp.source = u32::from(station);
+        if let Role::Acquire(number) = line.role() {
+            stamp.source = number.into();
         }
         match self.sample.send() {
             Ok(_) => {}
@@ -348,8 +403,9 @@ impl<T: Topic> Loan<'_, '_, T> {
         if kind != RecordKind::Greeting {
             publisher.next_sequence.set(sequence + 1);
         }
-        for &role in T::SUBSCRIBERS {
-            line.ring(role, Signal::Data);
+        let wakes_all = kind != RecordKind::Data || sequence % T::WAKE_EVERY == T::WAKE_EVERY - 1;
+        for &role in publisher.receivers.iter().filter(|&&role| wakes_all || T::wakes_always(role)) {
+            line.notify(role, Signal::Data);
         }
         Ok(())
     }

@@ -7,18 +7,25 @@ use iceoryx2::prelude::ZeroCopySend;
 pub enum RecordKind {
     /// Opens a connection; carries nothing. A subscriber answers it with READY.
     Greeting,
-    /// The data of the topic: a tap, its discriminators, a damage map, the ledger.
+    /// The data of the topic: a tap, its discriminators, a damage map.
     Data,
-    /// A planned tap that will not come, with the reason as text behind the header.
+    /// A planned tap, or a whole casing, that will not come, with the reason as text.
     Refusal,
     /// Everything its source sent before it has been handled or lost.
     Barrier,
     /// The end of a scan, in band.
     End,
+    /// A casing's plan: proposed by its station, or open for everyone.
+    Plan,
+    /// A snapshot of a casing's ledger.
+    Ledger,
+    /// A casing's file is closed and in its place, which follows as text.
+    Closed,
 }
 
 impl RecordKind {
-    const ALL: [Self; 5] = [Self::Greeting, Self::Data, Self::Refusal, Self::Barrier, Self::End];
+    const ALL: [Self; 8] =
+        [Self::Greeting, Self::Data, Self::Refusal, Self::Barrier, Self::End, Self::Plan, Self::Ledger, Self::Closed];
 
     /// Number that stands for the kind in a [`Stamp`].
     pub fn code(self) -> u32 {
@@ -39,13 +46,13 @@ pub struct Stamp {
     pub sequence: u64,
     /// When the sender started, ns since the Unix epoch: tells its lives apart.
     pub epoch_ns: i64,
-    /// [`crate::Plan::digest`] of the plan that the sender works from.
-    pub plan_digest: u64,
+    /// Number of the casing that the record is about ([`crate::casing_number`]); 0 for one that is about none.
+    pub casing: u64,
     /// [`RecordKind::code`].
     pub kind: u32,
-    /// Station of the sender, 0 for a stage that serves all stations.
+    /// Number of the sender among its kind: of an `acquire`, the process's; 0 for a stage of which there is one.
     pub source: u32,
-    /// For a barrier or an end: what it marks (a counter, or the number of the scan that ends).
+    /// For a barrier or an end: what it marks (a counter, or the number of the scan that ends). For a plan: its station.
     pub mark: u64,
 }
 

@@ -12,22 +12,22 @@ use iceoryx2::sample::Sample;
 
 use crate::line::Svc;
 use crate::publisher::{Service, failed, open};
-use crate::{Line, LineError, Plan, RecordKind, Signal, Stamped, Topic};
+use crate::{Delivery, Line, LineError, RecordKind, Role, Signal, Stamped, Topic};
 
 /// Counts what sequence numbers tell of loss.
 #[derive(Debug)]
-pub struct Tally<K> {
+pub struct GapCounter<K> {
     next: HashMap<K, u64>,
     lost: u64,
 }
 
-impl<K> Default for Tally<K> {
+impl<K> Default for GapCounter<K> {
     fn default() -> Self {
         Self { next: HashMap::new(), lost: 0 }
     }
 }
 
-impl<K: std::hash::Hash + Eq> Tally<K> {
+impl<K: std::hash::Hash + Eq> GapCounter<K> {
     /// Notes that the next record of `sender` will have the number `sequence`.
     pub fn expect(&mut self, sender: K, sequence: u64) -> u64 {
         self.arrive(sender, sequence, 0)
@@ -58,41 +58,43 @@ pub struct Subscriber<'l, T: Topic> {
     port: Port<Svc, [T::Element], T::Header>,
     // Publishers must not see their last subscriber's service go before the subscriber does.
     _service: Service<T>,
-    tally: RefCell<Tally<UniquePublisherId>>,
+    gaps: RefCell<GapCounter<UniquePublisherId>>,
     lost: Cell<u64>,
 }
 
 impl<'l, T: Topic> Subscriber<'l, T> {
-    /// Opens the receiving end of topic `T` for `plan`.
+    /// Opens the receiving end of topic `T`; of an addressed topic, that of what is addressed to this process.
     ///
     /// # Errors
     /// [`LineError::Shared`] when the shared-memory layer refuses.
-    pub fn open(line: &'l Line, plan: &Plan) -> Result<Self, LineError> {
-        let service = open::<T>(line, plan)?;
+    pub fn open(line: &'l Line) -> Result<Self, LineError> {
+        let service = open::<T>(line, (T::DELIVERY == Delivery::Addressed).then(|| line.role()))?;
         let name = line.role().name();
         let port_name = PortName::new(&name).map_err(|e| LineError::shared(format!("naming the port of {name}"), e))?;
-        let port = service
-            .subscriber_builder()
-            .name(&port_name)
-            .create()
-            .map_err(|e| failed::<T>(line, "subscribing to", e))?;
-        Ok(Self { line, port, _service: service, tally: RefCell::default(), lost: Cell::new(0) })
+        let port = service.subscriber_builder().name(&port_name);
+        // Who looks on sees the newest at once.
+        let port = if T::DELIVERY == Delivery::Newest { port.history_request(1) } else { port };
+        let port = port.create().map_err(|e| failed::<T>(line, "subscribing to", e))?;
+        // Those who have something for this process from before it was here learn that it is.
+        let senders = match line.role() {
+            _ if T::DELIVERY == Delivery::Newest => Vec::new(),
+            Role::Acquire(_) | Role::Fuse | Role::Supervisor => vec![Role::Store],
+            Role::Process | Role::Store | Role::Viewer(_) => Vec::new(),
+        };
+        senders.into_iter().for_each(|role| line.notify(role, Signal::Joined));
+        Ok(Self { line, port, _service: service, gaps: RefCell::default(), lost: Cell::new(0) })
     }
 
     /// The next record, `None` when there is none now. Greetings are answered and not shown.
     ///
     /// # Errors
-    /// [`LineError::OtherPlan`] for a record of another plan; [`LineError::Shared`] when receiving fails.
+    /// [`LineError::Shared`] when receiving fails.
     pub fn receive(&self) -> Result<Option<Received<T>>, LineError> {
         loop {
             let sample = self.port.receive().map_err(|e| LineError::shared(format!("receiving on {}", T::NAME), e))?;
             let Some(sample) = sample else { return Ok(None) };
             let stamp = *sample.user_header().stamp();
-            if stamp.plan_digest != self.line.plan_digest() {
-                let want = self.line.plan_digest();
-                return Err(LineError::OtherPlan { topic: T::NAME, got: stamp.plan_digest, want });
-            }
-            if T::SUBSCRIBERS.is_empty() {
+            if T::DELIVERY == Delivery::Newest {
                 return Ok(Some(Received { sample, topic: PhantomData }));
             }
             let is_greeting = stamp.kind() == Some(RecordKind::Greeting);
@@ -100,7 +102,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
             if !is_greeting {
                 return Ok(Some(Received { sample, topic: PhantomData }));
             }
-            self.line.ring(T::sender(&stamp), Signal::Ready(self.line.role(), stamp.mark));
+            self.line.notify(T::sender(&stamp), Signal::Ready(self.line.role(), stamp.mark));
         }
     }
 
@@ -122,12 +124,12 @@ impl<'l, T: Topic> Subscriber<'l, T> {
     }
 
     fn count(&self, origin: UniquePublisherId, sequence: u64, is_greeting: bool) {
-        let mut tally = self.tally.borrow_mut();
-        let missing = if is_greeting { tally.expect(origin, sequence) } else { tally.note(origin, sequence) };
+        let mut gaps = self.gaps.borrow_mut();
+        let missing = if is_greeting { gaps.expect(origin, sequence) } else { gaps.note(origin, sequence) };
         if missing > 0 {
             tracing::error!(topic = T::NAME, missing, sequence, "records were lost");
         }
-        self.lost.set(tally.lost());
+        self.lost.set(gaps.lost());
     }
 }
 
@@ -169,13 +171,13 @@ mod tests {
     /// Law 2. Catches a gap that is counted twice, not at all, or against the wrong sender.
     #[test]
     fn a_gap_is_counted_once() {
-        let mut tally = Tally::default();
-        assert_eq!((tally.note("a", 7), tally.note("a", 8)), (0, 0), "the first record of a sender tells no gap");
-        assert_eq!(tally.note("b", 0), 0);
-        assert_eq!(tally.note("a", 11), 2);
-        assert_eq!(tally.note("a", 12), 0);
-        assert_eq!(tally.expect("b", 3), 2, "a greeting names the next number");
-        assert_eq!(tally.note("b", 3), 0);
-        assert_eq!(tally.lost(), 4);
+        let mut gaps = GapCounter::default();
+        assert_eq!((gaps.note("a", 7), gaps.note("a", 8)), (0, 0), "the first record of a sender tells no gap");
+        assert_eq!(gaps.note("b", 0), 0);
+        assert_eq!(gaps.note("a", 11), 2);
+        assert_eq!(gaps.note("a", 12), 0);
+        assert_eq!(gaps.expect("b", 3), 2, "a greeting names the next number");
+        assert_eq!(gaps.note("b", 3), 0);
+        assert_eq!(gaps.lost(), 4);
     }
 }

@@ -2,14 +2,13 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use crate::{
-    DamageCell, Discriminators, Judgement, Lane, Ledger, LedgerHeader, Plan, Stamp, Stamped, TapHeader, lanes_for,
-};
+use crate::casing::{opened_bytes_max, proposal_bytes_max};
+use crate::{CasingHeader, DamageCell, Discriminators, Judgement, Lane, Limits, Stamp, Stamped, TapHeader, lanes_for};
 
 /// A participant of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Role {
-    /// Turns taps into records; one a station, which is named.
+    /// Turns taps into records, for some of the stations; the process with this number, from 0.
     Acquire(u16),
     /// Turns records into discriminators.
     Process,
@@ -17,21 +16,54 @@ pub enum Role {
     Fuse,
     /// Keeps everything.
     Store,
-    /// Looks on: shows progress, takes no part.
-    Watch,
+    /// Starts the others, heals them, and tells people of verdicts.
+    Supervisor,
+    /// Looks on: takes no part, and nobody waits for it. The process with this number.
+    Viewer(u32),
 }
 
 impl Role {
-    /// The role's name: that of its node, its ports and its bell.
+    /// Roles before those of the processes that acquire.
+    const STAGES: usize = 4;
+
+    /// The role's name: that of its node, its ports and its events.
     pub fn name(self) -> String {
         match self {
-            Self::Acquire(station) => format!("acquire-{station}"),
+            Self::Acquire(number) => format!("acquire-{number}"),
             Self::Process => "process".to_owned(),
             Self::Fuse => "fuse".to_owned(),
             Self::Store => "store".to_owned(),
-            Self::Watch => "watch".to_owned(),
+            Self::Supervisor => "supervisor".to_owned(),
+            Self::Viewer(number) => format!("viewer-{number}"),
         }
     }
+
+    /// The role's number among those that handshakes tell apart.
+    pub(crate) fn number(self) -> usize {
+        match self {
+            Self::Process => 0,
+            Self::Fuse => 1,
+            Self::Store => 2,
+            Self::Supervisor | Self::Viewer(_) => 3,
+            Self::Acquire(number) => Self::STAGES + usize::from(number),
+        }
+    }
+
+    /// How many roles a line with these limits has, viewers aside.
+    pub(crate) fn count(limits: &Limits) -> usize {
+        Self::STAGES + usize::from(limits.acquire_count)
+    }
+}
+
+/// Who receives the records of a topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Delivery {
+    /// Every record, to each of these.
+    All(&'static [Role]),
+    /// Every record, to the one role that it is addressed to: each receiver has a service of its own.
+    Addressed,
+    /// To whoever looks on; only the newest record matters, and older ones may be lost.
+    Newest,
 }
 
 /// A stream of records of one kind.
@@ -42,23 +74,27 @@ pub trait Topic: std::fmt::Debug + 'static {
     type Element: Clone + Copy + Default + std::fmt::Debug + ZeroCopySend + 'static;
     /// Name of the topic's service.
     const NAME: &'static str;
-    /// Roles that must have every record; empty where only the newest record matters and older ones may be lost.
-    const SUBSCRIBERS: &'static [Role];
+    /// Who receives it.
+    const DELIVERY: Delivery;
     /// Records that may wait at one subscriber.
     const BUFFER: usize;
     /// Records that one subscriber may hold at once.
     const BORROWED: usize;
+    /// After so many records of data a subscriber is woken, and at every record of another kind. More than one for subscribers
+    /// that look by themselves soon enough, so that they are not woken for every tap; below [`Topic::BUFFER`].
+    const WAKE_EVERY: u64 = 1;
 
     /// Who sent a record with this stamp.
     fn sender(stamp: &Stamp) -> Role;
-    /// How many processes publish on the topic, and how many subscribe to it.
-    fn ports(plan: &Plan) -> (usize, usize);
-    /// Elements of the longest record.
-    fn elements_max(plan: &Plan) -> usize;
+    /// Of `subscribers`, who is woken by every record of data whatever [`Topic::WAKE_EVERY`] says.
+    fn wakes_always(_: Role) -> bool {
+        false
+    }
+    /// How many processes publish on the topic.
+    fn publishers(limits: &Limits) -> usize;
+    /// Elements of the longest record, to `receiver` where the topic is addressed.
+    fn elements_max(limits: &Limits, receiver: Option<Role>) -> usize;
 }
-
-/// Places for ports whose processes died and have not been cleared away yet.
-const SPARE_PORTS: usize = 2;
 
 /// Longest reason a refusal can carry, in bytes.
 pub const REASON_BYTES_MAX: usize = 1024;
@@ -71,27 +107,29 @@ impl Topic for TapTopic {
     type Header = TapHeader;
     type Element = Lane;
     const NAME: &'static str = "tapline/tap";
-    const SUBSCRIBERS: &'static [Role] = &[Role::Process, Role::Store];
+    const DELIVERY: Delivery = Delivery::All(&[Role::Process, Role::Store]);
     // 16 against 8: a station rides out one flush of the archive, and what waits of two still fits a cache of 2 MiB.
     const BUFFER: usize = 16;
     // `store` packs as many taps together as it may hold, and each batch wakes its helpers anew: with 16 in a batch the disk
     // stood still for a tenth of the time. A station of 64 KiB a tap may need 12.9 MB for it, 8.6 MB with 16.
     const BORROWED: usize = 32;
+    const WAKE_EVERY: u64 = 8;
 
     fn sender(stamp: &Stamp) -> Role {
         Role::Acquire(u16::try_from(stamp.source).unwrap_or(u16::MAX))
     }
-    fn ports(plan: &Plan) -> (usize, usize) {
-        (plan.stations().len(), 2)
+    fn wakes_always(subscriber: Role) -> bool {
+        subscriber == Role::Process
     }
-    fn elements_max(plan: &Plan) -> usize {
-        let samples = lanes_for(plan.recording.payload_bytes_max());
-        let reason = lanes_for(REASON_BYTES_MAX);
-        if samples > reason { samples } else { reason }
+    fn publishers(limits: &Limits) -> usize {
+        limits.acquire_count.into()
+    }
+    fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
+        lanes_for(limits.record_bytes_max).max(lanes_for(REASON_BYTES_MAX))
     }
 }
 
-/// Discriminators: `process` to `fuse` and `store`.
+/// Discriminators: `process` to `store`.
 #[derive(Debug)]
 pub struct DiscriminatorTopic;
 
@@ -99,18 +137,91 @@ impl Topic for DiscriminatorTopic {
     type Header = Stamp;
     type Element = Discriminators;
     const NAME: &'static str = "tapline/discriminators";
-    const SUBSCRIBERS: &'static [Role] = &[Role::Fuse, Role::Store];
+    const DELIVERY: Delivery = Delivery::All(&[Role::Store]);
     const BUFFER: usize = 64;
     const BORROWED: usize = 2;
+    const WAKE_EVERY: u64 = 32;
 
     fn sender(_: &Stamp) -> Role {
         Role::Process
     }
-    fn ports(_: &Plan) -> (usize, usize) {
-        (1, 2)
-    }
-    fn elements_max(_: &Plan) -> usize {
+    fn publishers(_: &Limits) -> usize {
         1
+    }
+    fn elements_max(_: &Limits, _: Option<Role>) -> usize {
+        1
+    }
+}
+
+/// Plans that stations propose, and casings that they give up: `acquire` to `store`.
+#[derive(Debug)]
+pub struct ProposalTopic;
+
+impl Topic for ProposalTopic {
+    type Header = Stamp;
+    type Element = u8;
+    const NAME: &'static str = "tapline/proposal";
+    const DELIVERY: Delivery = Delivery::All(&[Role::Store]);
+    const BUFFER: usize = 4;
+    const BORROWED: usize = 2;
+
+    fn sender(stamp: &Stamp) -> Role {
+        TapTopic::sender(stamp)
+    }
+    fn publishers(limits: &Limits) -> usize {
+        limits.acquire_count.into()
+    }
+    fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
+        proposal_bytes_max(limits)
+    }
+}
+
+/// What is open and how far it is: `store` to each `acquire`, to `fuse` and to the supervisor, each what concerns it.
+#[derive(Debug)]
+pub struct CasingTopic;
+
+impl Topic for CasingTopic {
+    type Header = CasingHeader;
+    type Element = u8;
+    const NAME: &'static str = "tapline/casing";
+    const DELIVERY: Delivery = Delivery::Addressed;
+    const BUFFER: usize = 8;
+    const BORROWED: usize = 2;
+
+    fn sender(_: &Stamp) -> Role {
+        Role::Store
+    }
+    fn publishers(_: &Limits) -> usize {
+        1
+    }
+    fn elements_max(limits: &Limits, receiver: Option<Role>) -> usize {
+        opened_bytes_max(limits, receiver == Some(Role::Fuse))
+    }
+}
+
+/// Most discriminators that one record of [`SettledTopic`] carries.
+pub const SETTLED_RECORDS_MAX: usize = 256;
+
+/// Discriminators that are safe in the archive: `store` to `fuse`. The mark of a record is how many taps its casing's plan has.
+#[derive(Debug)]
+pub struct SettledTopic;
+
+impl Topic for SettledTopic {
+    type Header = Stamp;
+    type Element = Discriminators;
+    const NAME: &'static str = "tapline/settled";
+    const DELIVERY: Delivery = Delivery::All(&[Role::Fuse]);
+    const BUFFER: usize = 8;
+    const BORROWED: usize = 2;
+
+    fn sender(_: &Stamp) -> Role {
+        Role::Store
+    }
+    fn publishers(_: &Limits) -> usize {
+        1
+    }
+    fn elements_max(_: &Limits, _: Option<Role>) -> usize {
+        SETTLED_RECORDS_MAX
     }
 }
 
@@ -122,96 +233,93 @@ impl Topic for DamageTopic {
     type Header = Judgement;
     type Element = DamageCell;
     const NAME: &'static str = "tapline/damage";
-    const SUBSCRIBERS: &'static [Role] = &[Role::Store];
+    const DELIVERY: Delivery = Delivery::All(&[Role::Store]);
     const BUFFER: usize = 4;
     const BORROWED: usize = 2;
 
     fn sender(_: &Stamp) -> Role {
         Role::Fuse
     }
-    fn ports(_: &Plan) -> (usize, usize) {
-        (1, 1)
+    fn publishers(_: &Limits) -> usize {
+        1
     }
-    fn elements_max(plan: &Plan) -> usize {
-        plan.scans().iter().map(|s| s.locations.len()).fold(1, |most, n| if n > most { n } else { most })
-    }
-}
-
-/// The ledger, from `store` to all: whole snapshots, of which only the newest matters.
-#[derive(Debug)]
-pub struct LedgerTopic;
-
-impl Topic for LedgerTopic {
-    type Header = LedgerHeader;
-    type Element = u8;
-    const NAME: &'static str = "tapline/ledger";
-    const SUBSCRIBERS: &'static [Role] = &[];
-    const BUFFER: usize = 2;
-    const BORROWED: usize = 2;
-
-    fn sender(_: &Stamp) -> Role {
-        Role::Store
-    }
-    fn ports(plan: &Plan) -> (usize, usize) {
-        (1, plan.stations().len() + 3)
-    }
-    fn elements_max(plan: &Plan) -> usize {
-        Ledger::encoded_bytes(plan.taps().len(), plan.scans().len(), plan.stations().len())
+    fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
+        limits.locations_max.max(1)
     }
 }
 
-/// Most discriminators that one record of a replay carries.
-pub const REPLAY_RECORDS_MAX: usize = 256;
+/// Longest status of a line, in bytes.
+pub const STATUS_BYTES_MAX: usize = 256 * 1024;
 
-/// Discriminators that the archive has already, for a `fuse` that missed them: `store` to `fuse`.
+/// How the line is, as text for whoever looks on: the supervisor to viewers, who may freeze or die as they like.
 #[derive(Debug)]
-pub struct ReplayTopic;
+pub struct StatusTopic;
 
-impl Topic for ReplayTopic {
+impl Topic for StatusTopic {
     type Header = Stamp;
-    type Element = Discriminators;
-    const NAME: &'static str = "tapline/replay";
-    const SUBSCRIBERS: &'static [Role] = &[Role::Fuse];
-    const BUFFER: usize = 4;
+    type Element = u8;
+    const NAME: &'static str = "tapline/status";
+    const DELIVERY: Delivery = Delivery::Newest;
+    const BUFFER: usize = 1;
+    // One is held while it is looked whether there is a newer one.
     const BORROWED: usize = 2;
 
     fn sender(_: &Stamp) -> Role {
-        Role::Store
+        Role::Supervisor
     }
-    fn ports(_: &Plan) -> (usize, usize) {
-        (1, 1)
+    fn publishers(_: &Limits) -> usize {
+        1
     }
-    fn elements_max(_: &Plan) -> usize {
-        REPLAY_RECORDS_MAX
+    fn elements_max(_: &Limits, _: Option<Role>) -> usize {
+        STATUS_BYTES_MAX
     }
+}
+
+/// Viewers that may look on at once.
+const VIEWERS_MAX: usize = 8;
+
+/// Places for ports whose processes died and have not been cleared away yet.
+const SPARE_PORTS: usize = 1;
+
+/// Those to whom each receiver's service of an addressed topic belongs.
+pub(crate) fn receivers(limits: &Limits) -> impl Iterator<Item = Role> {
+    [Role::Fuse, Role::Supervisor].into_iter().chain((0..limits.acquire_count).map(Role::Acquire))
 }
 
 /// Limits of a topic's service: publishers, subscribers and nodes, the dead among them included.
-pub(crate) fn port_limits<T: Topic>(plan: &Plan) -> (usize, usize, usize) {
-    let (publishers, subscribers) = T::ports(plan);
-    let limits = (publishers + SPARE_PORTS, subscribers + SPARE_PORTS);
-    (limits.0, limits.1, limits.0 + limits.1 + SPARE_PORTS)
+pub(crate) fn port_limits<T: Topic>(limits: &Limits) -> (usize, usize, usize) {
+    let subscribers = match T::DELIVERY {
+        Delivery::All(roles) => roles.len(),
+        Delivery::Addressed => 1,
+        Delivery::Newest => VIEWERS_MAX,
+    };
+    let ports = (T::publishers(limits) + SPARE_PORTS, subscribers + SPARE_PORTS);
+    // A viewer's node stays until the supervisor looks for dead ones.
+    (ports.0, ports.1, ports.0 + ports.1 + 2 * VIEWERS_MAX)
 }
 
-/// Shared memory that one publisher of `T` may come to need, in bytes.
-pub fn publisher_bytes<T: Topic>(plan: &Plan) -> usize {
-    let (_, subscribers, _) = port_limits::<T>(plan);
+/// Shared memory that one publisher of `T` to `receiver` may come to need, in bytes.
+pub(crate) fn publisher_bytes<T: Topic>(limits: &Limits, receiver: Option<Role>) -> usize {
+    let (_, subscribers, _) = port_limits::<T>(limits);
     let slots = subscribers * (T::BUFFER + T::BORROWED) + LOANED;
     // A record's management header and the padding to its alignment are below a kilobyte.
-    slots * (T::elements_max(plan) * size_of::<T::Element>() + size_of::<T::Header>() + 512)
+    slots * (T::elements_max(limits, receiver) * size_of::<T::Element>() + size_of::<T::Header>() + 512)
 }
 
 /// Records a publisher may have on loan: the one being written, and one in hand.
 pub(crate) const LOANED: usize = 2;
 
-/// Shared memory that a whole line may come to need for `plan`, in bytes.
-pub fn line_bytes(plan: &Plan) -> usize {
-    fn of<T: Topic>(plan: &Plan) -> usize {
-        publisher_bytes::<T>(plan) * T::ports(plan).0
+/// Shared memory that a whole line may come to need, in bytes.
+pub fn line_bytes(limits: &Limits) -> usize {
+    fn of<T: Topic>(limits: &Limits) -> usize {
+        publisher_bytes::<T>(limits, None) * T::publishers(limits)
     }
-    of::<TapTopic>(plan)
-        + of::<DiscriminatorTopic>(plan)
-        + of::<DamageTopic>(plan)
-        + of::<LedgerTopic>(plan)
-        + of::<ReplayTopic>(plan)
+    let to_each: usize = receivers(limits).map(|role| publisher_bytes::<CasingTopic>(limits, Some(role))).sum();
+    of::<TapTopic>(limits)
+        + of::<DiscriminatorTopic>(limits)
+        + of::<ProposalTopic>(limits)
+        + of::<SettledTopic>(limits)
+        + of::<DamageTopic>(limits)
+        + of::<StatusTopic>(limits)
+        + to_each
 }

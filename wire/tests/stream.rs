@@ -4,28 +4,19 @@
 
 use std::process::{Child, Command};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use tapline_wire::{
-    Channel, DiscriminatorTopic, Geometry, Line, LineAddress, LineError, Plan, PlannedTap, Publisher, RecordKind,
-    Recording, Role, SampleFormat, Serial, Subscriber, TapHeader, TapId, TapTopic, Truth, bytes_of, i16_of_mut,
+    CasingHeader, CasingTopic, Limits, Line, LineAddress, LineError, Publisher, RecordKind, Role, Stamp, StatusTopic,
+    Subscriber, TapHeader, TapTopic, bytes_of, i16_of_mut,
 };
 
 const SAMPLES: u32 = 1024;
 
-fn plan() -> Plan {
-    let tyre = Serial::new("T-1").unwrap();
-    let taps =
-        (0..4).map(|location| PlannedTap { id: TapId::new(1, tyre, 1, location), angle_deg: None, is_closing: false });
-    let recording = Recording {
-        sample_rate_hz: 41e3,
-        pre_trigger_samples: 64,
-        sample_count_max: SAMPLES,
-        sample_format: SampleFormat::I16,
-        channels: vec![Channel::Sound],
-    };
-    Plan::new(Geometry::Line, recording, taps.collect(), Truth::new()).unwrap()
+fn limits() -> Limits {
+    let record_bytes_max = SAMPLES as usize * 2;
+    Limits { record_bytes_max, taps_max: 4, scans_max: 1, locations_max: 4, ..Limits::default() }
 }
 
 /// An address of its own for each test, cleared when the test ends.
@@ -33,9 +24,7 @@ struct Place(LineAddress);
 
 impl Place {
     fn new() -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let count = COUNT.fetch_add(1, Ordering::Relaxed);
-        Self(LineAddress::new(&format!("w{}-{count}", std::process::id())))
+        Self(LineAddress::fresh().unwrap())
     }
 }
 
@@ -46,7 +35,7 @@ impl Drop for Place {
 }
 
 fn join(address: &LineAddress, role: Role) -> Line {
-    Line::join(address, role, &plan(), Arc::default()).unwrap()
+    Line::join(address, role, &limits(), Arc::default()).unwrap()
 }
 
 /// Sends `count` taps; tap k carries k in its plan index and in all its samples.
@@ -64,8 +53,7 @@ fn send_taps(publisher: &Publisher<'_, TapTopic>, from: u32, count: u32) -> Resu
 
 /// Receives taps until one carries `last`; the plan indices in order, and the records lost.
 fn receive_taps(line: &Line, last: u32, slowness: Duration) -> (Vec<u32>, u64) {
-    let plan = plan();
-    let subscriber = Subscriber::<TapTopic>::open(line, &plan).unwrap();
+    let subscriber = Subscriber::<TapTopic>::open(line).unwrap();
     let mut seen = Vec::new();
     let deadline = Instant::now() + Duration::from_secs(30);
     while seen.last() != Some(&last) {
@@ -106,8 +94,8 @@ fn subscribers_that_come_late_lose_nothing() {
     let count = 600;
     let process = subscriber_in_thread(&place.0, Role::Process, count - 1, Duration::from_millis(200));
     let store = subscriber_in_thread(&place.0, Role::Store, count - 1, Duration::from_millis(500));
-    let (line, plan) = (join(&place.0, Role::Acquire(1)), plan());
-    let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+    let line = join(&place.0, Role::Acquire(0));
+    let publisher = Publisher::<TapTopic>::open(&line).unwrap();
     send_taps(&publisher, 0, count).unwrap();
     for subscriber in [process, store] {
         let (seen, lost) = subscriber.join().unwrap();
@@ -121,10 +109,9 @@ fn a_restarted_publisher_loses_nothing() {
     let place = Place::new();
     let process = subscriber_in_thread(&place.0, Role::Process, 599, Duration::ZERO);
     let store = subscriber_in_thread(&place.0, Role::Store, 599, Duration::ZERO);
-    let plan = plan();
     for life in 0..3 {
-        let line = join(&place.0, Role::Acquire(1));
-        let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+        let line = join(&place.0, Role::Acquire(0));
+        let publisher = Publisher::<TapTopic>::open(&line).unwrap();
         send_taps(&publisher, life * 200, 200).unwrap();
         // What is still in a buffer when its sender leaves is the sender's to wait for, as acquire does.
         std::thread::sleep(Duration::from_millis(300));
@@ -146,8 +133,8 @@ fn a_publisher_waits_for_a_subscriber_that_restarts() {
         std::thread::sleep(Duration::from_millis(200));
         (first, receive_taps(&join(&address, Role::Process), 599, Duration::ZERO))
     });
-    let (line, plan) = (join(&place.0, Role::Acquire(1)), plan());
-    let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+    let line = join(&place.0, Role::Acquire(0));
+    let publisher = Publisher::<TapTopic>::open(&line).unwrap();
     send_taps(&publisher, 0, 300).unwrap();
     std::thread::sleep(Duration::from_millis(100));
     send_taps(&publisher, 300, 300).unwrap();
@@ -161,10 +148,9 @@ fn a_publisher_waits_for_a_subscriber_that_restarts() {
 #[test]
 fn a_stopped_publisher_gives_up() {
     let place = Place::new();
-    let plan = plan();
     let stop = Arc::new(AtomicBool::new(false));
-    let line = Line::join(&place.0, Role::Acquire(1), &plan, stop.clone()).unwrap();
-    let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+    let line = Line::join(&place.0, Role::Acquire(0), &limits(), stop.clone()).unwrap();
+    let publisher = Publisher::<TapTopic>::open(&line).unwrap();
     let stopper = in_thread("stopper", move || {
         std::thread::sleep(Duration::from_millis(200));
         stop.store(true, Ordering::Relaxed);
@@ -173,41 +159,52 @@ fn a_stopped_publisher_gives_up() {
     stopper.join().unwrap();
 }
 
-/// Stages that work from different plans refuse each other's records and say so.
+/// Catches a viewer that is waited for, and one that sees nothing before the next change.
 #[test]
-fn a_record_of_another_plan_is_refused() {
+fn a_viewer_sees_the_newest_and_holds_nobody() {
     let place = Place::new();
-    let plan = plan();
-    let address = place.0.clone();
-    let other = Plan::new(Geometry::Ring, plan.recording.clone(), plan.taps().to_vec(), Truth::new()).unwrap();
-    let other_digest = other.digest();
-    let fuse = in_thread("fuse", move || {
-        let line = Line::join(&address, Role::Fuse, &other, Arc::default()).unwrap();
-        let subscriber = Subscriber::<DiscriminatorTopic>::open(&line, &other).unwrap();
-        loop {
-            line.wait(Duration::from_millis(20)).unwrap();
-            match subscriber.receive() {
-                Ok(None) => {}
-                Ok(Some(record)) => panic!("accepted {record:?}"),
-                Err(error) => return error.to_string(),
+    let line = join(&place.0, Role::Supervisor);
+    let status = Publisher::<StatusTopic>::open(&line).unwrap();
+    status.send(RecordKind::Data, Stamp::default(), b"first").unwrap();
+    let frozen_line = join(&place.0, Role::Viewer(1));
+    let frozen = Subscriber::<StatusTopic>::open(&frozen_line).unwrap();
+    for k in 0..1000_u32 {
+        status.send(RecordKind::Data, Stamp::default(), k.to_string().as_bytes()).unwrap();
+    }
+    let late_line = join(&place.0, Role::Viewer(2));
+    let late = Subscriber::<StatusTopic>::open(&late_line).unwrap();
+    status.show_newcomers().unwrap();
+    for subscriber in [frozen, late] {
+        assert_eq!(&*subscriber.receive_newest().unwrap().unwrap(), b"999");
+    }
+}
+
+/// Catches a record that reaches another than it is addressed to, and a publisher that does not notice a new receiver.
+#[test]
+fn what_is_addressed_reaches_one() {
+    let place = Place::new();
+    let store = join(&place.0, Role::Store);
+    let [to_fuse, to_acquire] =
+        [Role::Fuse, Role::Acquire(0)].map(|role| Publisher::<CasingTopic>::open_to(&store, role).unwrap());
+    let header = |casing| CasingHeader { stamp: Stamp { casing, ..Stamp::default() }, ..CasingHeader::default() };
+    for life in 1..=2 {
+        let (fuse, acquire) = (join(&place.0, Role::Fuse), join(&place.0, Role::Acquire(0)));
+        let (at_fuse, at_acquire) =
+            (Subscriber::<CasingTopic>::open(&fuse).unwrap(), Subscriber::<CasingTopic>::open(&acquire).unwrap());
+        let deadline = Instant::now() + Duration::from_secs(30);
+        let (mut is_sent, mut got) = ([false; 2], [0; 2]);
+        while got != [7, 8] {
+            assert!(Instant::now() < deadline, "{is_sent:?} {got:?}");
+            is_sent[0] = is_sent[0] || to_fuse.try_send(RecordKind::Ledger, header(7), &[]).unwrap();
+            is_sent[1] = is_sent[1] || to_acquire.try_send(RecordKind::Ledger, header(8), &[]).unwrap();
+            for (subscriber, got) in [&at_fuse, &at_acquire].into_iter().zip(&mut got) {
+                if let Some(record) = subscriber.receive().unwrap() {
+                    assert_eq!(std::mem::replace(got, record.header().stamp.casing), 0, "once");
+                }
             }
         }
-    });
-    let stop = Arc::new(AtomicBool::new(false));
-    let line = Line::join(&place.0, Role::Process, &plan, stop.clone()).unwrap();
-    let store_line = join(&place.0, Role::Store);
-    let _store = Subscriber::<DiscriminatorTopic>::open(&store_line, &plan).unwrap();
-    let publisher = Publisher::<DiscriminatorTopic>::open(&line, &plan).unwrap();
-    while !fuse.is_finished() {
-        // Never READY, since the greeting is refused already.
-        assert!(!publisher.try_send(RecordKind::Data, Default::default(), &[]).unwrap());
-        line.wait(Duration::from_millis(5)).unwrap();
+        assert_eq!([to_fuse.generation(), to_acquire.generation()], [life; 2]);
     }
-    let error = fuse.join().unwrap();
-    assert!(
-        error.contains(&format!("{:016x}", plan.digest())) && error.contains(&format!("{other_digest:016x}")),
-        "{error}"
-    );
 }
 
 const CHILD_LINE: &str = "TAPLINE_TEST_LINE";
@@ -215,16 +212,16 @@ const CHILD_LINE: &str = "TAPLINE_TEST_LINE";
 /// Not a test of its own: the subscriber that `a_killed_subscriber_does_not_hold_its_publisher` kills.
 #[test]
 fn child_subscriber() {
-    let Ok(name) = std::env::var(CHILD_LINE) else { return };
-    let line = join(&LineAddress::new(&name), Role::Process);
+    let Ok(root) = std::env::var(CHILD_LINE) else { return };
+    let line = join(&LineAddress::at(root.as_ref()).unwrap(), Role::Process);
     let slowness = Duration::from_millis(std::env::var("TAPLINE_TEST_SLOW_MS").unwrap().parse().unwrap());
     receive_taps(&line, 399, slowness);
 }
 
-fn child(name: &str, slow_ms: u32) -> Child {
+fn child(address: &LineAddress, slow_ms: u32) -> Child {
     Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "child_subscriber", "--nocapture"])
-        .env(CHILD_LINE, name)
+        .env(CHILD_LINE, address.root())
         .env("TAPLINE_TEST_SLOW_MS", slow_ms.to_string())
         .stdout(std::process::Stdio::null())
         .spawn()
@@ -234,21 +231,22 @@ fn child(name: &str, slow_ms: u32) -> Child {
 /// Laws 2 and 5 of faults: killed while the publisher waits for it, a subscriber must not hold the publisher for ever.
 #[test]
 fn a_killed_subscriber_does_not_hold_its_publisher() {
-    let name = format!("k{}", std::process::id());
-    let place = Place(LineAddress::new(&name));
+    let place = Place::new();
     let store = subscriber_in_thread(&place.0, Role::Store, 399, Duration::ZERO);
-    let mut slow = child(&name, 60_000);
+    let mut slow = child(&place.0, 60_000);
     let address = place.0.clone();
     let publisher = in_thread("acquire-1", move || {
-        let (line, plan) = (join(&address, Role::Acquire(1)), plan());
-        let publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+        let line = join(&address, Role::Acquire(0));
+        let publisher = Publisher::<TapTopic>::open(&line).unwrap();
         send_taps(&publisher, 0, 400).unwrap();
     });
     std::thread::sleep(Duration::from_millis(700)); // by now the buffer of the slow one is full
     assert!(!publisher.is_finished());
     slow.kill().unwrap();
     slow.wait().unwrap();
-    let mut quick = child(&name, 0);
+    // As the supervisor does, which knows that it died.
+    join(&place.0, Role::Supervisor).clear_dead();
+    let mut quick = child(&place.0, 0);
     assert_eq!(store.join().unwrap(), ((0..400).collect(), 0));
     assert!(quick.wait().unwrap().success());
     publisher.join().unwrap();
@@ -259,23 +257,21 @@ fn a_killed_subscriber_does_not_hold_its_publisher() {
 fn nothing_is_left_behind() {
     let place = Place::new();
     {
-        let line = join(&place.0, Role::Acquire(1));
-        let plan = plan();
-        let _publisher = Publisher::<TapTopic>::open(&line, &plan).unwrap();
+        let line = join(&place.0, Role::Acquire(0));
+        let _publisher = Publisher::<TapTopic>::open(&line).unwrap();
         assert!(shm_files(&place.0) > 0);
     }
     place.0.clear().unwrap();
     assert_eq!(shm_files(&place.0), 0);
-    assert!(!place.0.root.exists());
+    assert!(!place.0.root().exists());
 }
 
 /// Catches a line that cannot be cleared, and waits for ever, because a participant was killed between making a segment of
 /// shared memory and giving it a size.
 #[test]
 fn a_segment_without_a_size_is_cleared_away() {
-    let name = format!("u{}", std::process::id());
-    let place = LineAddress::new(&name);
-    let mut child = child(&name, 0);
+    let place = LineAddress::fresh().unwrap();
+    let mut child = child(&place, 0);
     let until = Instant::now() + Duration::from_secs(30);
     let services = || segments(&place).filter(|path| path.extension().is_some_and(|kind| kind == "dynamic")).count();
     while services() < 2 && Instant::now() < until {
@@ -307,6 +303,6 @@ fn shm_files(address: &LineAddress) -> usize {
 
 fn segments(address: &LineAddress) -> impl Iterator<Item = std::path::PathBuf> {
     let files = std::fs::read_dir("/dev/shm").unwrap().flatten();
-    let is_ours = |f: &std::fs::DirEntry| f.file_name().to_string_lossy().starts_with(&address.prefix);
+    let is_ours = |f: &std::fs::DirEntry| f.file_name().to_string_lossy().starts_with(address.prefix());
     files.filter(is_ours).map(|f| f.path()).collect::<Vec<_>>().into_iter()
 }

@@ -92,13 +92,13 @@ mod tests {
 
     use super::*;
     use crate::codec::Codec;
-    use crate::sealed::ChunkSeal;
+    use crate::sealed::{chunk_checksum, head_of, is_chunk_valid};
 
     /// A chunk of three blocks, the last one short.
     fn chunk() -> Vec<u8> {
         let samples: Vec<u8> = (0..20_000_u32).map(|k| (k / 70) as u8).collect();
         let mut chunk = Vec::new();
-        super::super::pack(2, &samples, true, &mut Vec::new(), &mut chunk);
+        super::super::pack(2, &samples, &mut Vec::new(), &mut chunk);
         chunk
     }
 
@@ -106,14 +106,14 @@ mod tests {
     #[test]
     fn every_bit_is_sealed() {
         let mut chunk = chunk();
-        let said = ChunkSeal::Head.of(Codec::Lz4, &chunk);
-        assert!(ChunkSeal::Head.is_whole(Codec::Lz4, &chunk, said));
+        let said = chunk_checksum(Codec::Lz4, &chunk);
+        assert!(is_chunk_valid(Codec::Lz4, &chunk, said));
         let head_bytes = length(3);
         let ends = [0, 1, 2, 3].map(|block| Head::new(&chunk).unwrap().begin(block));
         assert_eq!((ends[0], ends[3]), (head_bytes, chunk.len()));
         for bit in 0..8 * chunk.len() {
             chunk[bit / 8] ^= 1 << (bit % 8);
-            assert!(!ChunkSeal::Head.is_whole(Codec::Lz4, &chunk, said), "bit {bit}");
+            assert!(!is_chunk_valid(Codec::Lz4, &chunk, said), "bit {bit}");
             if bit / 8 >= head_bytes {
                 let head = Head::new(&chunk).unwrap();
                 assert_eq!(head.seal(), said);
@@ -124,9 +124,9 @@ mod tests {
             }
             chunk[bit / 8] ^= 1 << (bit % 8);
         }
-        assert!(!ChunkSeal::Head.is_whole(Codec::Lz4, &chunk[..chunk.len() - 1], said));
+        assert!(!is_chunk_valid(Codec::Lz4, &chunk[..chunk.len() - 1], said));
         chunk.push(0);
-        assert!(!ChunkSeal::Head.is_whole(Codec::Lz4, &chunk, said), "what is behind the last block is under no seal");
+        assert!(!is_chunk_valid(Codec::Lz4, &chunk, said), "what is behind the last block is under no seal");
     }
 
     /// Catches a part whose blocks are not all looked at, and blocks that are not there.
@@ -184,15 +184,11 @@ mod tests {
             (state >> 24) as u8
         };
         let noise: Vec<u8> = (0..20_000).map(|_| noise()).collect();
-        super::super::pack(2, &noise, true, &mut Vec::new(), &mut packed);
+        super::super::pack(2, &noise, &mut Vec::new(), &mut packed);
         assert!(Head::new(&packed).is_none(), "it gained nothing");
-        super::super::pack(2, &[0; 20_000], false, &mut Vec::new(), &mut packed);
-        assert!(Head::new(&packed).is_none(), "it was packed without");
         assert!(Head::new(&[]).is_none());
         let chunk = chunk();
-        assert!(
-            ChunkSeal::Head.head(Codec::Zstd, &chunk).is_none() && ChunkSeal::Xxh3.head(Codec::Lz4, &chunk).is_none()
-        );
-        assert_eq!(ChunkSeal::Head.of(Codec::None, &chunk), ChunkSeal::Xxh3.of(Codec::Lz4, &chunk));
+        assert!(head_of(Codec::Zstd, &chunk).is_none());
+        assert_eq!(chunk_checksum(Codec::None, &chunk), XxHash3_64::oneshot(&chunk));
     }
 }

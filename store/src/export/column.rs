@@ -77,9 +77,15 @@ impl<R> Column<R> {
 
 /// A format in which a table can be written.
 pub(crate) trait Sink {
-    /// Writes the whole table.
+    /// Writes `rows` below those that were written before, whose columns are the same.
+    ///
+    /// # Errors
+    /// [`crate::Error`] when they cannot be written.
+    fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()>;
+
+    /// Writes what ends the table.
     ///
     /// # Errors
     /// [`crate::Error`] when it cannot be written.
-    fn table<R>(self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()>;
+    fn finish(self) -> Result<()>;
 }

@@ -7,6 +7,7 @@ use crate::context::Context;
 use crate::{Error, Result};
 
 /// A folder that is being filled beside the place where it will stand; it is taken away again unless it is finished.
+#[derive(Debug)]
 pub(crate) struct Draft {
     draft: PathBuf,
     folder: PathBuf,
@@ -41,6 +42,11 @@ impl Draft {
             fs::create_dir_all(parent).context("make the folder", parent)?;
         }
         Ok(path)
+    }
+
+    /// Whether something called `name` is in the folder.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.draft.join(name).exists()
     }
 
     /// Writes a file of text.

@@ -26,41 +26,78 @@ const GROUP_ROWS: usize = 8 * BATCH_ROWS;
 /// Metadata key of a column's unit.
 const UNIT: &str = "unit";
 
-/// Parquet with metadata about where the table comes from, into `out`.
-pub(crate) struct ParquetFile<W> {
-    out: W,
+/// Parquet with metadata about where the table comes from.
+pub(crate) struct ParquetFile<W: io::Write + Send> {
+    state: State<W>,
     metadata: Vec<KeyValue>,
 }
 
-impl<W> ParquetFile<W> {
-    /// A file of `table` of the archive.
-    pub(crate) fn new(reader: &Reader, table: Export, out: W) -> Self {
-        let entry = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
-        let mut metadata = vec![
+/// How far it is.
+enum State<W: io::Write + Send> {
+    /// Nothing is written yet, as the columns are not known.
+    Begun(W),
+    Writing(Box<ArrowWriter<W>>, Arc<Schema>),
+    /// What was to be written could not be.
+    Failed,
+}
+
+impl<W: io::Write + Send> ParquetFile<W> {
+    /// A file of `table` into `out`.
+    pub(crate) fn new(table: Export, out: W) -> Self {
+        let metadata = vec![
             entry("tapline.table", table.name().to_owned()),
-            entry("tapline.plan_digest", format!("{:016x}", reader.plan().digest())),
             entry("tapline.exported_by", env!("CARGO_PKG_VERSION").to_owned()),
         ];
-        metadata.extend(reader.written_by().map(|version| entry("tapline.written_by", version)));
-        Self { out, metadata }
+        Self { state: State::Begun(out), metadata }
+    }
+
+    /// Says of the table, before any row, that it is of one archive: which.
+    pub(crate) fn describe(&mut self, reader: &Reader) {
+        self.metadata.push(entry("tapline.plan_digest", format!("{:016x}", reader.plan().digest())));
+        self.metadata.extend(reader.written_by().map(|version| entry("tapline.written_by", version)));
+    }
+
+    /// The writer of a table with `columns`.
+    fn writer<R>(&mut self, columns: &[Column<R>]) -> Result<(&mut ArrowWriter<W>, Arc<Schema>)> {
+        if matches!(self.state, State::Begun(_))
+            && let State::Begun(out) = std::mem::replace(&mut self.state, State::Failed)
+        {
+            let schema = Arc::new(Schema::new(columns.iter().map(field).collect::<Vec<_>>()));
+            let properties = WriterProperties::builder()
+                .set_compression(Compression::SNAPPY)
+                .set_max_row_group_row_count(Some(GROUP_ROWS))
+                .set_key_value_metadata(Some(std::mem::take(&mut self.metadata)))
+                .build();
+            let writer = ArrowWriter::try_new(out, Arc::clone(&schema), Some(properties))?;
+            self.state = State::Writing(Box::new(writer), schema);
+        }
+        match &mut self.state {
+            State::Writing(writer, schema) => Ok((&mut **writer, Arc::clone(schema))),
+            State::Begun(_) | State::Failed => {
+                Err(ParquetError::General("the table could not be begun".to_owned()).into())
+            }
+        }
     }
 }
 
+fn entry(key: &str, value: String) -> KeyValue {
+    KeyValue::new(key.to_owned(), value)
+}
+
 impl<W: io::Write + Send> Sink for ParquetFile<W> {
-    fn table<R>(self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()> {
-        let schema = Arc::new(Schema::new(columns.iter().map(field).collect::<Vec<_>>()));
-        let properties = WriterProperties::builder()
-            .set_compression(Compression::SNAPPY)
-            .set_max_row_group_row_count(Some(GROUP_ROWS))
-            .set_key_value_metadata(Some(self.metadata))
-            .build();
-        let mut out = ArrowWriter::try_new(self.out, Arc::clone(&schema), Some(properties))?;
+    fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()> {
+        let (out, schema) = self.writer(columns)?;
         let mut rows = rows.peekable();
         while rows.peek().is_some() {
             let batch: Vec<R> = rows.by_ref().take(BATCH_ROWS).collect();
             let arrays = columns.iter().map(|column| array(&column.cells, &batch)).collect();
             out.write(&RecordBatch::try_new(Arc::clone(&schema), arrays).map_err(ParquetError::from)?)?;
         }
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<()> {
+        let State::Writing(out, _) = std::mem::replace(&mut self.state, State::Failed) else { return Ok(()) };
         // What a buffer below still holds must be out, or said not to be.
         Ok(out.into_inner()?.flush().map_err(ParquetError::from)?)
     }
@@ -102,8 +139,10 @@ mod tests {
         let row_count = GROUP_ROWS + BATCH_ROWS / 2;
         let mut file = tempfile::tempfile().unwrap();
         let columns = [Column::u32("row", |row: &u32| *row)];
-        let sink = ParquetFile { out: &mut file, metadata: Vec::new() };
-        sink.table(&columns, 0..u32::try_from(row_count).unwrap()).unwrap();
+        let mut sink = ParquetFile::new(Export::Ledger, &mut file);
+        sink.rows(&columns, 0..u32::try_from(BATCH_ROWS / 3).unwrap()).unwrap();
+        sink.rows(&columns, u32::try_from(BATCH_ROWS / 3).unwrap()..u32::try_from(row_count).unwrap()).unwrap();
+        sink.finish().unwrap();
         let builder = ParquetRecordBatchReaderBuilder::try_new(file).unwrap();
         assert_eq!(builder.metadata().num_row_groups(), 2);
         let mut next = 0;

@@ -11,20 +11,20 @@ use crate::reader::Reader;
 use crate::regions::{Region, regions};
 use crate::{Lost, Result};
 
-/// Gives `table` of the archive to `sink`.
-pub(crate) fn give(reader: &Reader, table: Export, sink: impl Sink) -> Result<()> {
+/// Gives `table` of the archive to `sink`; with a first column `file` that says `name`, where it is one of many.
+pub(crate) fn give(reader: &Reader, name: Option<&str>, table: Export, sink: &mut impl Sink) -> Result<()> {
     match table {
-        Export::Discriminators => discriminators(reader, sink),
-        Export::Damage => damage(reader, sink),
-        Export::Regions => arcs(reader, sink),
-        Export::Verdicts => verdicts(reader, sink),
-        Export::Ledger => ledger(reader, sink),
+        Export::Discriminators => discriminators(reader, name, sink),
+        Export::Damage => damage(reader, name, sink),
+        Export::Regions => arcs(reader, name, sink),
+        Export::Verdicts => verdicts(reader, name, sink),
+        Export::Ledger => ledger(reader, name, sink),
     }
 }
 
 /// Columns that name a planned tap.
-fn tap_columns<R>(tap: impl Fn(&R) -> &PlannedTap + Copy + 'static) -> Vec<Column<R>> {
-    vec![
+fn tap_columns<R>(name: Option<&str>, tap: impl Fn(&R) -> &PlannedTap + Copy + 'static) -> Vec<Column<R>> {
+    let of_tap = [
         Column::u16("station", move |row| tap(row).id.station),
         Column::text("tyre", move |row| tap(row).id.tyre.to_string()),
         Column::u16("shoulder", move |row| tap(row).id.shoulder),
@@ -33,15 +33,23 @@ fn tap_columns<R>(tap: impl Fn(&R) -> &PlannedTap + Copy + 'static) -> Vec<Colum
         Column::u32("location", move |row| tap(row).id.location),
         Column::f64("angle_deg", "deg", move |row| tap(row).angle_deg),
         Column::u16("repetition", move |row| tap(row).id.repetition),
-    ]
+    ];
+    file_column(name).into_iter().chain(of_tap).collect()
 }
 
 /// Columns that name a scan.
-fn scan_columns<R>(scan: impl Fn(&R) -> &Scan + Copy + 'static) -> Vec<Column<R>> {
-    vec![
+fn scan_columns<R>(name: Option<&str>, scan: impl Fn(&R) -> &Scan + Copy + 'static) -> Vec<Column<R>> {
+    let of_scan = [
         Column::text("tyre", move |row| scan(row).tyre.to_string()),
         Column::u16("shoulder", move |row| scan(row).shoulder),
-    ]
+    ];
+    file_column(name).into_iter().chain(of_scan).collect()
+}
+
+/// The column that says which archive a row is of.
+fn file_column<R>(name: Option<&str>) -> Option<Column<R>> {
+    let name = name?.to_owned();
+    Some(Column::text("file", move |_| name.clone()))
 }
 
 /// Unit of a discriminator's values.
@@ -61,8 +69,8 @@ struct FoundRow<'a> {
     found: Discriminators,
 }
 
-fn discriminators(reader: &Reader, sink: impl Sink) -> Result<()> {
-    let mut columns = tap_columns(|row: &FoundRow<'_>| row.tap);
+fn discriminators(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = tap_columns(name, |row: &FoundRow<'_>| row.tap);
     columns.push(Column::u16("attempt", |row: &FoundRow<'_>| row.found.id.attempt));
     columns.extend(Discriminator::ALL.map(|which| {
         Column::f64(which.column(), unit_of(which), move |row: &FoundRow<'_>| row.found.values.get(which))
@@ -70,7 +78,7 @@ fn discriminators(reader: &Reader, sink: impl Sink) -> Result<()> {
     columns.push(Column::text("quality", |row: &FoundRow<'_>| row.found.quality.to_string()));
     columns.push(Column::bits("quality_bits", |row: &FoundRow<'_>| row.found.quality.bits()));
     let found = reader.plan().taps().iter().zip(reader.discriminators()?);
-    sink.table(&columns, found.filter_map(|(tap, found)| Some(FoundRow { tap, found: found? })))
+    sink.rows(&columns, found.filter_map(|(tap, found)| Some(FoundRow { tap, found: found? })))
 }
 
 struct CellRow<'a> {
@@ -78,8 +86,8 @@ struct CellRow<'a> {
     cell: DamageCell,
 }
 
-fn damage(reader: &Reader, sink: impl Sink) -> Result<()> {
-    let mut columns = scan_columns(|row: &CellRow<'_>| row.scan);
+fn damage(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = scan_columns(name, |row: &CellRow<'_>| row.scan);
     columns.extend([
         Column::u32("location", |row: &CellRow<'_>| row.cell.location),
         Column::f64("angle_deg", "deg", |row: &CellRow<'_>| Some(row.cell.angle_deg)),
@@ -88,7 +96,7 @@ fn damage(reader: &Reader, sink: impl Sink) -> Result<()> {
     ]);
     let judged = reader.plan().scans().iter().zip(reader.judgements()?);
     let cells = judged.filter_map(|(scan, judged)| Some((scan, judged?.1)));
-    sink.table(&columns, cells.flat_map(|(scan, cells)| cells.into_iter().map(move |cell| CellRow { scan, cell })))
+    sink.rows(&columns, cells.flat_map(|(scan, cells)| cells.into_iter().map(move |cell| CellRow { scan, cell })))
 }
 
 struct RegionRow<'a> {
@@ -96,8 +104,8 @@ struct RegionRow<'a> {
     region: Region,
 }
 
-fn arcs(reader: &Reader, sink: impl Sink) -> Result<()> {
-    let mut columns = scan_columns(|row: &RegionRow<'_>| row.scan);
+fn arcs(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = scan_columns(name, |row: &RegionRow<'_>| row.scan);
     columns.extend([
         Column::u32("region", |row: &RegionRow<'_>| row.region.region),
         Column::u32("first_location", |row: &RegionRow<'_>| row.region.first_location),
@@ -118,7 +126,7 @@ fn arcs(reader: &Reader, sink: impl Sink) -> Result<()> {
     let geometry = reader.plan().geometry;
     let judged = reader.plan().scans().iter().zip(reader.judgements()?);
     let arcs = judged.filter_map(|(scan, judged)| Some((scan, regions(geometry, &judged?.1))));
-    sink.table(&columns, arcs.flat_map(|(scan, arcs)| arcs.into_iter().map(move |region| RegionRow { scan, region })))
+    sink.rows(&columns, arcs.flat_map(|(scan, arcs)| arcs.into_iter().map(move |region| RegionRow { scan, region })))
 }
 
 struct VerdictRow<'a> {
@@ -137,8 +145,8 @@ impl VerdictRow<'_> {
     }
 }
 
-fn verdicts(reader: &Reader, sink: impl Sink) -> Result<()> {
-    let mut columns = scan_columns(|row: &VerdictRow<'_>| row.scan);
+fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = scan_columns(name, |row: &VerdictRow<'_>| row.scan);
     columns.extend([
         Column::u16("station", |row: &VerdictRow<'_>| row.scan.station),
         Column::text("verdict", |row: &VerdictRow<'_>| row.verdict.to_string()),
@@ -185,7 +193,7 @@ fn verdicts(reader: &Reader, sink: impl Sink) -> Result<()> {
             .map(|state| count(taps().filter(|&of_tap| of_tap == state).count()));
         VerdictRow { scan, verdict, reasons, counts, judged: known.map(|(_, judgement, regions)| (judgement, regions)) }
     });
-    sink.table(&columns, rows)
+    sink.rows(&columns, rows)
 }
 
 /// A count of taps or arcs; a plan numbers its taps with a `u32`.
@@ -202,8 +210,8 @@ struct LedgerRow<'a> {
     lost_at: Option<Lost>,
 }
 
-fn ledger(reader: &Reader, sink: impl Sink) -> Result<()> {
-    let mut columns = tap_columns(|row: &LedgerRow<'_>| row.tap);
+fn ledger(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = tap_columns(name, |row: &LedgerRow<'_>| row.tap);
     columns.extend([
         Column::text("state", |row: &LedgerRow<'_>| row.state.name().to_owned()),
         Column::maybe_u16("attempt", |row: &LedgerRow<'_>| row.attempt),
@@ -222,5 +230,5 @@ fn ledger(reader: &Reader, sink: impl Sink) -> Result<()> {
         retaken: reader.retaken(row),
         lost_at: reader.lost_at(row),
     });
-    sink.table(&columns, rows)
+    sink.rows(&columns, rows)
 }

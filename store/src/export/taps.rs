@@ -2,8 +2,9 @@
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
+use std::path::Path;
 
-use tapline_wire::{Plan, PlannedTap, Scan, TapHeader, TapState};
+use tapline_wire::{Plan, PlannedTap, Scan, TapHeader, TapState, csv_cell};
 
 use super::csv_file::number_text;
 use crate::reader::{OwnedSamples, Reader};
@@ -31,6 +32,29 @@ const NO_REASON: &str = "refused without a reason";
 /// How the list says that a tap is not what was written, before what is wrong with it.
 const DAMAGED: &str = "damaged in the archive: ";
 
+impl TapCounts {
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            written: self.written + other.written,
+            refused: self.refused + other.refused,
+            missing: self.missing + other.missing,
+            damaged: self.damaged + other.damaged,
+        }
+    }
+
+    /// The counts, if a tap was written.
+    ///
+    /// # Errors
+    /// [`Error::NoSamples`] of what is at `path`.
+    pub(crate) fn if_any(self, path: &Path) -> Result<Self> {
+        let Self { written, refused, missing, damaged } = self;
+        let tap_count = written + refused + missing + damaged;
+        if written == 0 { Err(Error::NoSamples { path: path.to_owned(), tap_count }) } else { Ok(self) }
+    }
+}
+
 /// One planned tap as its archive has it.
 pub(crate) struct ListedTap<'a> {
     pub(crate) planned: &'a PlannedTap,
@@ -47,29 +71,17 @@ pub(crate) struct Taps<'a> {
 }
 
 impl<'a> Taps<'a> {
-    /// The taps of an archive that has at least one.
-    ///
-    /// # Errors
-    /// [`Error::NoSamples`] when no tap is archived.
-    pub(crate) fn of(reader: &'a Reader) -> Result<Self> {
-        let taps = Self { reader, damaged_count: Cell::new(0) };
-        taps.counts()?;
-        Ok(taps)
+    /// The taps of an archive.
+    pub(crate) fn of(reader: &'a Reader) -> Self {
+        Self { reader, damaged_count: Cell::new(0) }
     }
 
     /// How many there are of each state; of those that were found damaged as far as taps were read.
-    ///
-    /// # Errors
-    /// [`Error::NoSamples`] when none is left.
-    pub(crate) fn counts(&self) -> Result<TapCounts> {
+    pub(crate) fn counts(&self) -> TapCounts {
         let count = |state| self.reader.ledger().count(state);
         let written = count(TapState::Archived) - self.damaged_count.get();
-        if written == 0 {
-            let tap_count = self.reader.plan().taps().len();
-            return Err(Error::NoSamples { path: self.reader.path().to_owned(), tap_count });
-        }
         let (refused, missing) = (count(TapState::Refused), count(TapState::Missing));
-        Ok(TapCounts { written, refused, missing, damaged: self.damaged_count.get() })
+        TapCounts { written, refused, missing, damaged: self.damaged_count.get() }
     }
 
     /// The tap in plan row `row`.
@@ -129,8 +141,8 @@ pub(crate) fn cells(tap: &ListedTap<'_>, file: &str) -> [String; 14] {
     let id = &tap.planned.id;
     let header = tap.record.as_ref().ok().map(|(header, _)| header);
     [
-        if header.is_some() { file.to_owned() } else { String::new() },
-        id.tyre.to_string(),
+        if header.is_some() { csv_cell(file).into_owned() } else { String::new() },
+        csv_cell(id.tyre.as_str()).into_owned(),
         id.shoulder.to_string(),
         known(id.offset_mm()),
         known(id.velocity_m_per_s()),
@@ -142,7 +154,7 @@ pub(crate) fn cells(tap: &ListedTap<'_>, file: &str) -> [String; 14] {
         tap.attempt.to_string(),
         u8::from(tap.planned.is_closing).to_string(),
         header.map_or_else(String::new, |header| header.tap_time_ns.to_string()),
-        tap.record.as_ref().err().cloned().unwrap_or_default(),
+        tap.record.as_ref().err().map(|reason| csv_cell(reason).into_owned()).unwrap_or_default(),
     ]
 }
 
@@ -151,15 +163,20 @@ pub(crate) fn known(value: Option<f64>) -> String {
     value.filter(|value| value.is_finite()).map_or_else(String::new, number_text)
 }
 
-/// A name of each scan that any file system takes: letters, digits, '-' and '_' whatever the serials are, and no two alike.
-pub(crate) fn scan_names(plan: &Plan) -> Vec<String> {
+/// A name of each scan that any file system takes: letters, digits, '-' and '_' whatever the serials are, and none that
+/// `is_taken` or is another's.
+pub(crate) fn scan_names(plan: &Plan, is_taken: impl Fn(&str) -> bool) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
     let name_of = |(number, scan): (usize, &Scan)| {
         let tyre: String = scan.tyre.as_str().chars().map(plain).collect();
         let name = format!("{tyre}-{}", scan.shoulder);
         // No plain name has a dot.
-        if taken.insert(name.clone()) { name } else { format!("{name}.{number}") }
+        let numbered = (number..).map(|number| format!("{name}.{number}"));
+        let free = std::iter::once(name.clone()).chain(numbered).find(|name| !is_taken(name) && !taken.contains(name));
+        let name = free.unwrap_or(name);
+        taken.insert(name.clone());
+        name
     };
     plan.scans().iter().enumerate().map(name_of).collect()
 }

@@ -10,7 +10,7 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tapline_wire::{Channel, TapHeader};
 
@@ -36,40 +36,84 @@ const FIRST_FUNCTION: &str = "first_function";
 /// Writes the taps of the archive into the new folder `folder` as Universal Files.
 ///
 /// # Errors
-/// [`Error::FolderNotEmpty`], [`Error::NoSamples`], or what reading and writing give; the folder is then not there.
+/// [`crate::Error::FolderNotEmpty`], [`crate::Error::NoSamples`], or what reading and writing give; the folder is then not
+/// there.
 pub fn export_uff(reader: &Reader, folder: &Path, encoding: UffEncoding) -> Result<TapCounts> {
-    let taps = Taps::of(reader)?;
-    let draft = Draft::new(folder)?;
-    let plan = reader.plan();
-    let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
-    list.write_record(COLUMNS.iter().chain(&[FIRST_FUNCTION]))?;
-    for (scan, name) in plan.scans().iter().zip(scan_names(plan)) {
-        let name = format!("{name}.uff");
-        let path = draft.path(&name)?;
-        let mut out = BufWriter::new(File::create(&path).context("create", &path)?);
-        write_units(&mut out).context("write", &path)?;
-        let mut function_count = 0_u32;
-        for &row in &scan.taps {
-            let tap = taps.tap(row)?;
-            let mut first_function = String::new();
-            if let Ok((header, samples)) = &tap.record {
-                first_function = (function_count + 1).to_string();
-                for (k, (channel, unit_per_count)) in header.channels().enumerate() {
-                    function_count += 1;
-                    let values = physical(samples, k, header.sample_count as usize, unit_per_count);
-                    let function = Function { reader, tap: &tap, header, channel, number: function_count };
-                    function.write(&mut out, encoding, &values).context("write", &path)?;
-                }
-            }
-            list.write_record(cells(&tap, &name).iter().chain(&[first_function]))?;
-        }
-        out.flush().context("write", &path)?;
+    Taps::of(reader).counts().if_any(reader.path())?;
+    let mut files = UffFolder::begin(folder, encoding)?;
+    files.add(reader)?;
+    files.finish()
+}
+
+/// A folder of Universal Files of the taps of one archive or of many, added archive by archive. It appears when it is
+/// finished.
+#[derive(Debug)]
+pub struct UffFolder {
+    draft: Draft,
+    list: csv::Writer<File>,
+    encoding: UffEncoding,
+    counts: TapCounts,
+    last: PathBuf,
+}
+
+impl UffFolder {
+    /// Begins what will be `folder`.
+    ///
+    /// # Errors
+    /// [`crate::Error::FolderNotEmpty`], or what writing gives.
+    pub fn begin(folder: &Path, encoding: UffEncoding) -> Result<Self> {
+        let draft = Draft::new(folder)?;
+        let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
+        list.write_record(COLUMNS.iter().chain(&[FIRST_FUNCTION]))?;
+        Ok(Self { draft, list, encoding, counts: TapCounts::default(), last: folder.to_owned() })
     }
-    list.flush().map_err(|error| Error::Csv(error.into()))?;
-    drop(list);
-    let counts = taps.counts()?;
-    draft.finish()?;
-    Ok(counts)
+
+    /// Adds the taps of an archive.
+    ///
+    /// # Errors
+    /// What reading and writing give.
+    pub fn add(&mut self, reader: &Reader) -> Result<()> {
+        let (plan, taps, draft) = (reader.plan(), Taps::of(reader), &self.draft);
+        let file_of = |name: &str| draft.path(&format!("{name}.uff"));
+        let names = scan_names(plan, |name| draft.has(&format!("{name}.uff")));
+        for (scan, name) in plan.scans().iter().zip(names) {
+            let path = file_of(&name)?;
+            let mut out = BufWriter::new(File::create(&path).context("create", &path)?);
+            write_units(&mut out).context("write", &path)?;
+            let mut function_count = 0_u32;
+            for &row in &scan.taps {
+                let tap = taps.tap(row)?;
+                let mut first_function = String::new();
+                if let Ok((header, samples)) = &tap.record {
+                    first_function = (function_count + 1).to_string();
+                    for (k, (channel, unit_per_count)) in header.channels().enumerate() {
+                        function_count += 1;
+                        let values = physical(samples, k, header.sample_count as usize, unit_per_count);
+                        let function = Function { reader, tap: &tap, header, channel, number: function_count };
+                        function.write(&mut out, self.encoding, &values).context("write", &path)?;
+                    }
+                }
+                self.list.write_record(cells(&tap, &format!("{name}.uff")).iter().chain(&[first_function]))?;
+            }
+            out.flush().context("write", &path)?;
+        }
+        self.counts = self.counts.and(taps.counts());
+        reader.path().clone_into(&mut self.last);
+        Ok(())
+    }
+
+    /// Puts the folder in its place, and says what is in it.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoSamples`] where no tap is, or what writing gives.
+    pub fn finish(self) -> Result<TapCounts> {
+        let Self { draft, mut list, counts, last, .. } = self;
+        list.flush().map_err(|error| Error::Csv(error.into()))?;
+        drop(list);
+        let counts = counts.if_any(&last)?;
+        draft.finish()?;
+        Ok(counts)
+    }
 }
 
 /// Newtons or volts of channel `channel`.

@@ -1,0 +1,74 @@
+//! Where a station's casings come from, one at a time: a list, a watched folder, a rig.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::{Error, Source};
+
+/// Called from a source's own thread when something has changed (a rig has answered): wakes the loop that asks.
+pub type Wake = Arc<dyn Fn() + Send + Sync>;
+
+/// A casing to be tapped.
+#[derive(Debug)]
+pub struct Casing {
+    /// Its name, not escaped: the serial, or the name of the tap set's folder where that is one piece with many lines.
+    pub name: String,
+    /// Its taps; their plan is that of this casing alone.
+    pub taps: Box<dyn Source>,
+}
+
+/// What a station's next casing is.
+#[derive(Debug)]
+pub enum Arrival {
+    /// A casing that is there now.
+    Casing(Casing),
+    /// None is there now; one may come.
+    NotYet,
+    /// No casing will ever come any more.
+    Ended,
+}
+
+/// How a casing ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum CasingEnd {
+    /// Its file is finished.
+    Closed {
+        /// The finished file.
+        file: PathBuf,
+    },
+    /// Nothing was made of it.
+    Refused {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// Where one station's casings come from.
+pub trait Arrivals: Send + fmt::Debug {
+    /// The station.
+    fn station(&self) -> u16;
+
+    /// The next casing, if there is one now. Never blocks for longer than reading a tap set takes.
+    ///
+    /// # Errors
+    /// [`Error`] for what ends the line. A bad tap set in a watched folder, or a rig that is off, is no error: it is
+    /// logged and passed over.
+    fn next(&mut self) -> Result<Arrival, Error>;
+
+    /// Is told how the casing `name` ended. Casings of one name end in the order in which they came.
+    fn ended(&mut self, name: &str, end: &CasingEnd);
+
+    /// What is waited for while [`Arrivals::next`] says [`Arrival::NotYet`], for people: `the rig at 127.0.0.1:7001`.
+    fn waits_for(&self) -> String;
+
+    /// Whether casings come once, as from a rig: one that is followed by another was taken away. From a list or a folder each
+    /// comes until it is done.
+    fn come_once(&self) -> bool {
+        false
+    }
+
+    /// How soon `next` and [`Source::poll`] should be asked again when nothing wakes the loop.
+    fn look_every(&self) -> Duration;
+}

@@ -1,0 +1,338 @@
+//! Which archives a verb works on: the files that are named, and those in the folders that are.
+//!
+//! A folder stands for every finished archive in it and in its sub-folders, as the days of a line are; those under way
+//! (`open`) and those that a line could not go on with (`left`) are none of them, nor is what is hidden. Results that
+//! `tapline reprocess` put beside an archive are told from archives, so that no casing counts twice.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use anyhow::{Context as _, Result, bail};
+use tapline_store::{LEFT_FOLDER, OPEN_FOLDER, Reader};
+
+use crate::tell::tell;
+
+/// Ending of an archive's name.
+const ENDING: &str = "h5";
+
+/// Hexadecimal digits of the lineage in the name of a file of results.
+pub(crate) const KEY_DIGITS: usize = 12;
+
+/// Folders that are looked into, one within the other.
+const DEPTH_MAX: usize = 16;
+
+/// Which files of a folder are meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Which {
+    /// The archives of casings.
+    Casings,
+    /// The newest results that `tapline reprocess` made of each.
+    Results,
+    /// All of them.
+    All,
+}
+
+impl Which {
+    /// The results, or else the archives.
+    pub(crate) fn results_if(is_results: bool) -> Self {
+        if is_results { Self::Results } else { Self::Casings }
+    }
+}
+
+/// A file to work on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ArchiveFile {
+    /// Where it is.
+    pub(crate) path: PathBuf,
+    /// Its path within the folder that was named; its own name where it was named itself.
+    pub(crate) name: PathBuf,
+}
+
+impl ArchiveFile {
+    /// Name of the casing whose archive it is: that of the file without its ending.
+    pub(crate) fn casing(&self) -> String {
+        self.name.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+}
+
+/// The files to work on.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Archives {
+    pub(crate) files: Vec<ArchiveFile>,
+    /// Files of the folders that are not finished.
+    pub(crate) unfinished: Vec<PathBuf>,
+    /// Whether a folder was named, or several files: whatever is made is made of many then.
+    pub(crate) is_many: bool,
+}
+
+impl Archives {
+    /// The files at `paths`, in the order in which they are named, and of a folder in the order of their names; each once.
+    ///
+    /// # Errors
+    /// A path at which nothing is, a folder without such a file, or what the system says.
+    pub(crate) fn find<P: AsRef<Path>>(paths: &[P], which: Which) -> Result<Self> {
+        let mut found = Self { is_many: paths.len() > 1, ..Self::default() };
+        let mut known = BTreeSet::new();
+        for path in paths.iter().map(AsRef::as_ref) {
+            let there = path.metadata().with_context(|| format!("cannot read {}", path.display()))?;
+            let files = match there.is_dir() {
+                true => {
+                    found.is_many = true;
+                    found.in_folder(path, which)?
+                }
+                false => {
+                    let name = PathBuf::from(path.file_name().unwrap_or_default());
+                    vec![ArchiveFile { path: path.to_owned(), name }]
+                }
+            };
+            // The same by another path, or named beside its folder.
+            found.files.extend(
+                files.into_iter().filter(|file| known.insert(file.path.canonicalize().unwrap_or(file.path.clone()))),
+            );
+        }
+        Ok(found)
+    }
+
+    /// The files of `folder`.
+    fn in_folder(&mut self, folder: &Path, which: Which) -> Result<Vec<ArchiveFile>> {
+        let mut here = Found::default();
+        here.look_into(folder, DEPTH_MAX)?;
+        here.finished.sort();
+        here.unfinished.sort();
+        let (casings, results) = told_apart(here.finished);
+        let chosen = match which {
+            Which::Casings => casings,
+            Which::Results => newest(results.clone()),
+            Which::All => {
+                let mut all: Vec<PathBuf> = casings.into_iter().chain(results.iter().map(|(_, r)| r.clone())).collect();
+                all.sort();
+                all
+            }
+        };
+        if chosen.is_empty() && (which != Which::All || here.unfinished.is_empty()) {
+            bail!("{}{}", nothing_in(folder, which), and_unfinished(here.unfinished.len()));
+        }
+        self.unfinished.extend(here.unfinished);
+        let named = |path: PathBuf| {
+            let name = path.strip_prefix(folder).unwrap_or(&path).to_owned();
+            ArchiveFile { path, name }
+        };
+        Ok(chosen.into_iter().map(named).collect())
+    }
+}
+
+fn nothing_in(folder: &Path, which: Which) -> String {
+    let folder = folder.display();
+    match which {
+        Which::Results => format!("{folder} has no results of tapline reprocess"),
+        Which::Casings | Which::All => format!("{folder} has no finished archive (NAME.{ENDING})"),
+    }
+}
+
+fn and_unfinished(count: usize) -> String {
+    match count {
+        0 => String::new(),
+        1 => format!("; 1 is not finished: {OPEN_FOLDER} has it"),
+        count => format!("; {count} are not finished: {OPEN_FOLDER} has them"),
+    }
+}
+
+/// The files of a folder and its sub-folders.
+#[derive(Debug, Default)]
+struct Found {
+    finished: Vec<PathBuf>,
+    unfinished: Vec<PathBuf>,
+}
+
+impl Found {
+    fn look_into(&mut self, folder: &Path, depth: usize) -> Result<()> {
+        for entry in entries(folder)? {
+            let name = entry.file_name();
+            let Some(name) = name.to_str().filter(|name| !name.starts_with('.')) else { continue };
+            let path = entry.path();
+            let kind = entry.file_type().with_context(|| format!("cannot read {}", path.display()))?;
+            match kind.is_dir() {
+                true if name == OPEN_FOLDER || name == LEFT_FOLDER => {
+                    let files = entries(&path)?.into_iter().map(|entry| entry.path());
+                    self.unfinished.extend(files.filter(|path| is_archive(path)));
+                }
+                true if depth > 1 => self.look_into(&path, depth - 1)?,
+                true => {}
+                false if is_archive(&path) => self.finished.push(path),
+                false => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn entries(folder: &Path) -> Result<Vec<std::fs::DirEntry>> {
+    let context = || format!("cannot read {}", folder.display());
+    std::fs::read_dir(folder).with_context(context)?.collect::<Result<_, _>>().with_context(context)
+}
+
+/// Whether a plain file with an archive's ending is at `path`, or where a link there leads.
+fn is_archive(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == ENDING) && path.metadata().is_ok_and(|there| there.is_file())
+}
+
+/// The archives, and the files of results, each with the archive that it is of.
+fn told_apart(files: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<(PathBuf, PathBuf)>) {
+    let all: BTreeSet<PathBuf> = files.iter().cloned().collect();
+    let (mut casings, mut results) = (Vec::new(), Vec::new());
+    for path in files {
+        match of_archive(&path).filter(|of| all.contains(of) && has_results(&path)) {
+            Some(of) => results.push((of, path)),
+            None => casings.push(path),
+        }
+    }
+    (casings, results)
+}
+
+/// The archive that a file of results is of, by its name: `NAME.0123456789ab.h5` is of `NAME.h5`.
+pub(crate) fn of_archive(path: &Path) -> Option<PathBuf> {
+    let (name, key) = path.file_stem()?.to_str()?.rsplit_once('.')?;
+    let is_key = key.len() == KEY_DIGITS && key.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
+    is_key.then(|| path.with_file_name(format!("{name}.{ENDING}")))
+}
+
+/// Whether the file with such a name has results, and is not the archive of a casing that is called so. One that cannot be
+/// read is taken by its name.
+fn has_results(path: &Path) -> bool {
+    Reader::open(path).map_or(true, |reader| reader.is_results())
+}
+
+/// The results of each archive that were written last.
+fn newest(results: Vec<(PathBuf, PathBuf)>) -> Vec<PathBuf> {
+    let mut newest: BTreeMap<PathBuf, (SystemTime, PathBuf)> = BTreeMap::new();
+    for (of, path) in results {
+        let at = path.metadata().and_then(|there| there.modified()).unwrap_or(SystemTime::UNIX_EPOCH);
+        if newest.get(&of).is_none_or(|(before, _)| *before <= at) {
+            newest.insert(of, (at, path));
+        }
+    }
+    newest.into_values().map(|(_, path)| path).collect()
+}
+
+/// What becomes of many files: one that fails is named, and the others are done all the same.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    is_many: bool,
+    /// Files that there are.
+    count: usize,
+    failed: usize,
+    is_whole: bool,
+}
+
+impl Outcome {
+    pub(crate) fn of(archives: &Archives) -> Self {
+        Self { is_many: archives.is_many, count: archives.files.len(), failed: 0, is_whole: true }
+    }
+
+    /// What was had of `file`; `None` where it failed, as is said then.
+    ///
+    /// # Errors
+    /// The error, where that file alone was named.
+    pub(crate) fn take<T, E>(&mut self, file: &ArchiveFile, had: Result<T, E>) -> Result<Option<T>>
+    where
+        E: Into<anyhow::Error>,
+    {
+        let error = match had {
+            Ok(value) => return Ok(Some(value)),
+            Err(error) => error.into(),
+        };
+        if !self.is_many {
+            return Err(error);
+        }
+        self.failed += 1;
+        let (path, why) = (file.path.display().to_string(), crate::told(&error));
+        tell(&if why.contains(&path) { format!("tapline: {why}") } else { format!("tapline: {path}: {why}") });
+        Ok(None)
+    }
+
+    /// Notes whether what was had of a file was all of it.
+    pub(crate) fn note(&mut self, is_whole: bool) {
+        self.is_whole &= is_whole;
+    }
+
+    /// Whether all files were done, and each was whole.
+    ///
+    /// # Errors
+    /// That none was done.
+    pub(crate) fn end(self) -> Result<bool> {
+        let Self { count, failed, is_whole, .. } = self;
+        if failed > 0 && failed == count {
+            bail!("none of {count} archives could be done");
+        }
+        if failed > 0 {
+            tell(&format!("tapline: {failed} of {count} archives are left out, as said above"));
+        }
+        Ok(is_whole && failed == 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    fn make(folder: &Path, names: &[&str]) {
+        for name in names {
+            let path = folder.join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, "").unwrap();
+        }
+    }
+
+    fn names(archives: &Archives) -> Vec<String> {
+        archives.files.iter().map(|file| file.name.display().to_string()).collect()
+    }
+
+    /// Catches a casing that counts twice or not at all, and files of others that are taken for archives.
+    #[test]
+    fn a_folder_is_its_finished_archives() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = [
+            "2026-11-24/A.h5",
+            "2026-11-23/B.h5",
+            "2026-11-23/A.0123456789ab.h5",
+            "C.h5",
+            "C.0123456789ab.h5",
+            "C.2.h5",
+            "open/D.17.h5",
+            "left/E.18.h5",
+            ".hidden/F.h5",
+            ".G.h5",
+            "run.toml",
+            "H.h5.1-0.new",
+        ];
+        make(folder.path(), &files);
+        fs::create_dir(folder.path().join("I.h5")).unwrap();
+        let casings = Archives::find(&[folder.path()], Which::Casings).unwrap();
+        // The results of an archive that is not there are all that there is of it.
+        assert_eq!(
+            names(&casings),
+            ["2026-11-23/A.0123456789ab.h5", "2026-11-23/B.h5", "2026-11-24/A.h5", "C.2.h5", "C.h5"]
+        );
+        assert_eq!((casings.unfinished.len(), casings.is_many), (2, true));
+        let results = Archives::find(&[folder.path()], Which::Results).unwrap();
+        assert_eq!(names(&results), ["C.0123456789ab.h5"]);
+        assert_eq!(Archives::find(&[folder.path()], Which::All).unwrap().files.len(), 6);
+        let twice = Archives::find(&[folder.path().join("C.h5"), folder.path().to_owned()], Which::Casings).unwrap();
+        assert_eq!((twice.files.len(), names(&twice)[0].as_str()), (5, "C.h5"));
+    }
+
+    #[test]
+    fn a_folder_of_nothing_is_an_error_that_says_what_is_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = |which| Archives::find(&[folder.path()], which).unwrap_err().to_string();
+        assert!(said(Which::Casings).ends_with("has no finished archive (NAME.h5)"), "{}", said(Which::Casings));
+        make(folder.path(), &["open/D.17.h5"]);
+        assert!(said(Which::Casings).ends_with("; 1 is not finished: open has it"), "{}", said(Which::Casings));
+        assert!(said(Which::Results).contains("no results"), "{}", said(Which::Results));
+        // A check tells of what is not finished.
+        assert_eq!(Archives::find(&[folder.path()], Which::All).unwrap().unfinished.len(), 1);
+    }
+}

@@ -1,0 +1,232 @@
+//! What a line will need of the machine against what there is, told before anything starts: short of it, libraries below
+//! try again for ever, and the line would stand still without a word.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use tapline_wire::room;
+
+/// What a line will need.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Needs {
+    /// Stations of the line.
+    pub(crate) stations: usize,
+    /// Processes that serve them.
+    pub(crate) acquire_processes: usize,
+    /// Shared memory that the line reserves, in bytes.
+    pub(crate) shared_bytes: u64,
+}
+
+/// Descriptors of the busiest process, whatever the line: `tests/limits.rs` holds the three to a running line.
+const DESCRIPTORS_FIXED: u64 = 112;
+/// Descriptors that it has more for each process that serves stations.
+const DESCRIPTORS_PER_PROCESS: u64 = 18;
+/// Descriptors that it has more for each station: the file under way.
+const DESCRIPTORS_PER_STATION: u64 = 4;
+
+/// Address space of the busiest process apart from what it shares, in bytes: the program, its threads and their heaps.
+const ADDRESS_SPACE_FIXED: u64 = 512 << 20;
+
+/// Memory that a process has of its own, in bytes.
+const MEMORY_PER_PROCESS: u64 = 24 << 20;
+
+/// Processes beside those that serve stations: `store`, `fuse`, `process` and the one that watches over them.
+const OTHER_PROCESSES: u64 = 4;
+
+/// What there is; `None` is without a limit.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    descriptors: Option<u64>,
+    address_space: Option<u64>,
+    shared_free: u64,
+    memory_free: Option<u64>,
+}
+
+/// Raises what may be raised, and checks that the line finds what it needs. To be called before any process starts: the
+/// limits are handed down.
+///
+/// # Errors
+/// Everything that is too little, in one error: what there is, what is needed, and how many stations would do.
+pub(crate) fn check(needs: &Needs) -> Result<()> {
+    raise_descriptors();
+    judge(needs, &Limits::of_system()?)
+}
+
+/// Raises the soft limit of open files to the hard one.
+fn raise_descriptors() {
+    let limit = getrlimit(Resource::Nofile);
+    if limit.current != limit.maximum
+        && let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, maximum: limit.maximum })
+    {
+        tracing::debug!(%error, "the limit of open files cannot be raised");
+    }
+}
+
+impl Limits {
+    fn of_system() -> Result<Self> {
+        Ok(Self {
+            descriptors: getrlimit(Resource::Nofile).current,
+            address_space: getrlimit(Resource::As).current,
+            shared_free: room::free_bytes()?,
+            memory_free: memory_available().into_iter().chain(memory_of_group()).min(),
+        })
+    }
+}
+
+/// Memory that the system can still give, in bytes, where it tells.
+fn memory_available() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let value = |name: &str| -> Option<u64> {
+        let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+        Some(line.trim().trim_end_matches(" kB").parse::<u64>().ok()? * 1024)
+    };
+    // Shared memory can be put out to swap as any other.
+    Some(value("MemAvailable:")? + value("SwapFree:").unwrap_or(0))
+}
+
+/// Memory that the control groups of this process (a container, a service) still allow, in bytes, where one is limited.
+fn memory_of_group() -> Option<u64> {
+    let groups = std::fs::read_to_string("/proc/self/cgroup").ok()?;
+    let own = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
+    let root = Path::new("/sys/fs/cgroup");
+    let own: PathBuf = root.join(own);
+    let read = |folder: &Path, name: &str| -> Option<u64> {
+        std::fs::read_to_string(folder.join(name)).ok()?.trim().parse().ok() // "max" is no number and no limit
+    };
+    let free = |folder: &Path| Some(read(folder, "memory.max")?.saturating_sub(read(folder, "memory.current")?));
+    own.ancestors().take_while(|folder| folder.starts_with(root)).filter_map(free).min()
+}
+
+/// One thing that a line needs so much of.
+struct Item {
+    what: &'static str,
+    have: u64,
+    need: fn(&Needs) -> u64,
+    /// Whether the numbers are bytes.
+    is_bytes: bool,
+    cure: &'static str,
+}
+
+fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
+    let items = [
+        limits.descriptors.map(|have| Item {
+            what: "open files of a process",
+            have,
+            need: descriptors,
+            is_bytes: false,
+            cure: "raise it with ulimit -n, LimitNOFILE= of a service, or --ulimit nofile= of a container",
+        }),
+        limits.address_space.map(|have| Item {
+            what: "address space of a process",
+            have,
+            need: address_space,
+            is_bytes: true,
+            cure: "raise it with ulimit -v or LimitAS= of a service",
+        }),
+        Some(Item {
+            what: "room in /dev/shm",
+            have: limits.shared_free,
+            need: |needs| needs.shared_bytes,
+            is_bytes: true,
+            cure: "enlarge it with mount -o remount,size=... /dev/shm, or --shm-size= of a container",
+        }),
+        limits.memory_free.map(|have| Item {
+            what: "memory",
+            have,
+            need: memory,
+            is_bytes: true,
+            cure: "end what else uses it, or raise what the container or service may have",
+        }),
+    ];
+    let short: Vec<Item> = items.into_iter().flatten().filter(|item| item.have < (item.need)(needs)).collect();
+    if short.is_empty() {
+        return Ok(());
+    }
+    let stations = needs.stations;
+    let mut text =
+        format!("a line of {stations} station{} finds too little here", if stations == 1 { "" } else { "s" });
+    for Item { what, have, need, is_bytes, cure } in &short {
+        let need = need(needs);
+        let said = match is_bytes {
+            true => write!(text, "; {what}: {:.1} MB of {:.1} MB needed", *have as f64 / 1e6, need as f64 / 1e6),
+            false => write!(text, "; {what}: {have} of {need} needed"),
+        };
+        said.and_then(|()| write!(text, " ({cure})"))?;
+    }
+    let enough = (1..stations).rev().find(|&fewer| short.iter().all(|i| i.have >= (i.need)(&needs.scaled(fewer))));
+    match enough {
+        Some(1) => bail!("{text}; 1 station would do"),
+        Some(fewer) => bail!("{text}; {fewer} stations would do"),
+        None => bail!("{text}; it is too little for any line"),
+    }
+}
+
+impl Needs {
+    /// What a line of `stations` would need that is otherwise the same.
+    fn scaled(&self, stations: usize) -> Self {
+        let of = |whole: usize| (whole * stations).div_ceil(self.stations.max(1));
+        let shared = u128::from(self.shared_bytes) * stations as u128 / self.stations.max(1) as u128;
+        Self { stations, acquire_processes: of(self.acquire_processes), shared_bytes: shared as u64 }
+    }
+}
+
+fn descriptors(needs: &Needs) -> u64 {
+    DESCRIPTORS_FIXED
+        + DESCRIPTORS_PER_PROCESS * needs.acquire_processes as u64
+        + DESCRIPTORS_PER_STATION * needs.stations as u64
+}
+
+fn address_space(needs: &Needs) -> u64 {
+    ADDRESS_SPACE_FIXED + needs.shared_bytes
+}
+
+fn memory(needs: &Needs) -> u64 {
+    needs.shared_bytes + MEMORY_PER_PROCESS * (needs.acquire_processes as u64 + OTHER_PROCESSES)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NEEDS: Needs = Needs { stations: 32, acquire_processes: 32, shared_bytes: 400_000_000 };
+    const PLENTY: Limits = Limits { descriptors: None, address_space: None, shared_free: u64::MAX, memory_free: None };
+
+    fn said(limits: &Limits) -> String {
+        judge(&NEEDS, limits).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_suffices_passes_to_the_last_of_it() {
+        judge(&NEEDS, &PLENTY).unwrap();
+        let just = Limits {
+            descriptors: Some(descriptors(&NEEDS)),
+            address_space: Some(address_space(&NEEDS)),
+            shared_free: NEEDS.shared_bytes,
+            memory_free: Some(memory(&NEEDS)),
+        };
+        judge(&NEEDS, &just).unwrap();
+        let text = said(&Limits { descriptors: Some(descriptors(&NEEDS) - 1), ..just });
+        assert!(text.contains("31 stations would do"), "{text}");
+    }
+
+    #[test]
+    fn everything_that_binds_is_told_at_once_with_how_many_stations_would_do() {
+        let text = said(&Limits { descriptors: Some(300), shared_free: 100_000_000, ..PLENTY });
+        assert!(text.contains("open files of a process: 300 of ") && text.contains("ulimit -n"), "{text}");
+        assert!(text.contains("/dev/shm: 100.0 MB of 400.0 MB needed"), "{text}");
+        // By the memory it would be 8.
+        assert!(text.contains("8 stations would do"), "{text}");
+        let text = said(&Limits { address_space: Some(200_000 << 10), ..PLENTY });
+        assert!(text.contains("ulimit -v") && text.contains("too little for any line"), "{text}");
+    }
+
+    #[test]
+    fn the_limit_of_open_files_is_raised_as_far_as_it_goes() {
+        check(&Needs { stations: 1, acquire_processes: 1, shared_bytes: 1 }).unwrap();
+        let limit = getrlimit(Resource::Nofile);
+        assert_eq!(limit.current, limit.maximum);
+        assert!(memory_available().is_none_or(|bytes| bytes > 0));
+    }
+}

@@ -1,0 +1,225 @@
+//! `tapline run` and `tapline line`: the same line, on a list of casings and on casings as they come.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use serde::{Deserialize, Serialize};
+use tapline_store::{digest_of, hex_of};
+use tapline_wire::{Line, LineAddress, Role, Services};
+
+use crate::cli::{LineArgs, RunArgs};
+use crate::config::Job;
+use crate::line::hook::Hook;
+use crate::line::name::name_process;
+use crate::line::out_folder::OutFolder;
+use crate::line::progress::Progress;
+use crate::line::setup::{Arriving, Setup};
+use crate::line::stage::stop_flag;
+use crate::line::supervisor::{Audience, Pace, Supervisor};
+use crate::summary::summarise;
+use crate::whole::whole_file;
+
+/// How long stages of an earlier line may take to end with it: as long as any, and a little for the news to come.
+const GONE_WITHIN: Duration = Duration::from_secs(25);
+
+/// What says of a folder which run it is of.
+const RUN_FILE: &str = "run.toml";
+
+/// `tapline run`: the casings of a list, until each has its verdict.
+pub(crate) fn run(args: &RunArgs) -> Result<bool> {
+    let job = Job::resolve(&args.source)?;
+    let arriving = match &job.taps {
+        Some(folder) => Arriving::TapSet { folder: absolute(folder)?, stations: job.stations.unwrap_or(1) },
+        None => Arriving::Simulated,
+    };
+    let setup = Setup::of(&job, arriving, &absolute(&job.out)?)?;
+    // What cannot be judged, or not at once, is said before anything is scanned.
+    let listed = Listed::check(&job, &setup)?;
+    let mut folder = OutFolder::take(&job.out)?;
+    RunFile::of(&job, &setup, &listed).check_or_write(folder.path())?;
+    folder.clear_left(GONE_WITHIN)?;
+    let places = setup.places();
+    let finished = listed.names.iter().filter(|name| places.finished(name).is_some()).count();
+    let pace = if finished == listed.names.len() {
+        Pace::default()
+    } else {
+        setup.check_machine()?;
+        let progress = Progress::new(Some(listed.tap_count), &job.out);
+        let audience = Audience { progress, hook: None, as_json: args.json };
+        operate(&setup, &mut folder, audience, Some(listed.names.len()))?
+    };
+    drop(folder);
+    summarise(&job, &setup, &listed.names, pace, args.json)
+}
+
+/// `tapline line`: casings as they come, until it is told to stop.
+pub(crate) fn line(args: &LineArgs) -> Result<bool> {
+    let job = Job::of_line(args)?;
+    ensure!(
+        !job.config.station.is_empty(),
+        "the configuration has no [[station]]: a line needs at least one, with its number and source"
+    );
+    let setup = Setup::of(&job, Arriving::Stations, &absolute(&job.out)?)?;
+    job.fusions()?;
+    let mut folder = OutFolder::take(&job.out)?;
+    folder.clear_left(GONE_WITHIN)?;
+    setup.check_machine()?;
+    let progress = Progress::new(None, &job.out);
+    let hook = job.config.line.on_verdict.as_deref().map(Hook::start).transpose()?;
+    let audience = Audience { progress, hook, as_json: args.json };
+    let pace = operate(&setup, &mut folder, audience, args.casings)?;
+    Ok(pace.refusals.is_empty())
+}
+
+/// Runs the line that `setup` describes.
+fn operate(setup: &Setup, folder: &mut OutFolder, audience: Audience, count: Option<usize>) -> Result<Pace> {
+    name_process("tapline-line");
+    let stop = stop_flag()?;
+    let workplace = Workplace { address: LineAddress::fresh()? };
+    let address = &workplace.address;
+    folder.enter(address)?;
+    let _kept = address.keep()?;
+    setup.write(address)?;
+    // It stays to the end, also when the stages are told to stop.
+    let line = Line::join(address, Role::Supervisor, &setup.limits, Default::default())?;
+    let _services = Services::open(&line)?;
+    address.verify()?;
+    let supervisor = Supervisor::start(&line, setup, address, folder, stop, audience)?;
+    supervisor.until_done(count)
+}
+
+/// The line's place in shared memory, cleared away when dropped.
+struct Workplace {
+    address: LineAddress,
+}
+
+impl Drop for Workplace {
+    fn drop(&mut self) {
+        match self.address.clear() {
+            Ok(true) => {}
+            Ok(false) => tracing::warn!("someone still uses the line's shared memory; the next run clears it away"),
+            Err(error) => tracing::warn!(%error, "cannot clear away the line's shared memory"),
+        }
+    }
+}
+
+/// The casings of a list, checked.
+#[derive(Debug)]
+struct Listed {
+    names: Vec<String>,
+    tap_count: usize,
+    /// Digests of the plans of recorded taps; simulated ones follow from the configuration.
+    plans: Vec<String>,
+}
+
+impl Listed {
+    fn check(job: &Job, setup: &Setup) -> Result<Self> {
+        let fusions = job.fusions()?;
+        let is_simulated = setup.arriving == Arriving::Simulated;
+        let mut known = BTreeSet::new();
+        let mut listed = Self { names: Vec::new(), tap_count: 0, plans: Vec::new() };
+        setup.listed(job, &mut |name, _station, plan| {
+            // One simulated tyre is as good as all, but for its name; each recorded one has taps of its own.
+            match !is_simulated || listed.names.is_empty() {
+                true => drop(fusions.check(&plan)?),
+                false => fusions.check_shoulder(&plan)?,
+            }
+            ensure!(known.insert(name.clone()), "two casings are called {name}: each needs a name of its own");
+            listed.tap_count += plan.taps().len();
+            if !is_simulated {
+                listed.plans.push(format!("{name} {:016x}", plan.digest()));
+            }
+            listed.names.push(name);
+            Ok(())
+        })?;
+        Ok(listed)
+    }
+}
+
+/// What a folder of results says of the run that they are of, so that no other goes on with them.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct RunFile {
+    /// How many casings.
+    casings: usize,
+    /// Folder of the recorded taps; absent for simulated ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    taps: Option<PathBuf>,
+    /// Name and digest of the plan of each recorded casing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    plans: Vec<String>,
+    /// The reference file, by its digest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reference: Option<String>,
+    /// What the results are made by: the program's sources, and every option.
+    made_by: Vec<String>,
+}
+
+impl RunFile {
+    fn of(job: &Job, setup: &Setup, listed: &Listed) -> Self {
+        let taps = match &setup.arriving {
+            Arriving::TapSet { folder, .. } => Some(folder.clone()),
+            Arriving::Simulated | Arriving::Stations => None,
+        };
+        Self {
+            casings: listed.names.len(),
+            taps,
+            plans: listed.plans.clone(),
+            reference: setup.reference.as_ref().map(|text| hex_of(&digest_of(text.as_bytes()))),
+            made_by: job.made_by().lines().map(str::to_owned).collect(),
+        }
+    }
+
+    /// Writes it into `folder`, where results of the same run may be already, but none of another.
+    fn check_or_write(&self, folder: &Path) -> Result<()> {
+        let path = folder.join(RUN_FILE);
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                let has_files = fs::read_dir(folder).into_iter().flatten().flatten();
+                let is_result = |path: &Path| path.extension().is_some_and(|ending| ending == "h5");
+                if has_files.map(|file| file.path()).any(|path| is_result(&path)) {
+                    bail!("{} has results of something else: give another --out", folder.display());
+                }
+                let text = toml::to_string(self)?;
+                return whole_file(&path, |mut file| file.write_all(text.as_bytes()));
+            }
+            Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
+        };
+        let there: Self = toml::from_str(&text).with_context(|| format!("{} is not readable", path.display()))?;
+        let differs = self.difference(&there);
+        let Some(what) = differs else { return Ok(()) };
+        bail!(
+            "{} has results of another run ({what}): give another --out, or the same taps, stations, configuration and \
+             reference as before",
+            folder.display()
+        )
+    }
+
+    fn difference(&self, there: &Self) -> Option<String> {
+        if self.casings != there.casings {
+            return Some(format!("{} casings there, {} here", there.casings, self.casings));
+        }
+        if self.plans != there.plans {
+            return Some(format!("other recorded taps: {}", first_difference(&there.plans, &self.plans)));
+        }
+        if self.reference != there.reference {
+            return Some("another reference".to_owned());
+        }
+        (self.made_by != there.made_by).then(|| first_difference(&there.made_by, &self.made_by))
+    }
+}
+
+fn first_difference(there: &[String], here: &[String]) -> String {
+    let only = |of: &[String], other: &[String]| {
+        of.iter().find(|line| !other.contains(line)).map_or_else(|| "nothing".to_owned(), |line| line.trim().to_owned())
+    };
+    format!("{} there, {} here", only(there, here), only(here, there))
+}
+
+fn absolute(path: &Path) -> Result<PathBuf> {
+    std::path::absolute(path).with_context(|| format!("{} is no usable path", path.display()))
+}

@@ -1,0 +1,174 @@
+//! What every process of a line is given: a copy of how the line was asked for, in the line's private folder.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use serde::{Deserialize, Serialize};
+use tapline_acquire::{Arrivals, Wake, listed_simulated, listed_tap_set, open_station};
+use tapline_store::{Places, StoreRun};
+use tapline_wire::{Limits, LineAddress, Plan, line_bytes};
+
+use crate::config::Job;
+use crate::line::limits::{self, Needs};
+
+/// Stations that one `acquire` process serves at most.
+const STATIONS_PER_PROCESS: usize = 16;
+
+/// Where the casings of a line come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) enum Arriving {
+    /// The simulated tyres of the configuration, and then no more.
+    Simulated,
+    /// The casings of a tap set, and then no more.
+    TapSet {
+        /// Its folder.
+        folder: PathBuf,
+        /// Stations over which its casings are shared out.
+        stations: u16,
+    },
+    /// From the stations of the configuration, for as long as the line runs.
+    Stations,
+}
+
+/// How a line was asked for. Its stages read this copy, also when they are restarted after the original has been edited.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct Setup {
+    pub(crate) arriving: Arriving,
+    /// Folder in which the line was started.
+    pub(crate) started_in: PathBuf,
+    /// Output folder, absolute.
+    pub(crate) out: PathBuf,
+    pub(crate) limits: Limits,
+    pub(crate) config_toml: String,
+    /// The reference file, verbatim, and where it was.
+    pub(crate) reference: Option<String>,
+}
+
+const SETUP: &str = "setup.json";
+
+impl Setup {
+    /// The setup of `job` on the casings that `arriving` says, with results in `out`.
+    pub(crate) fn of(job: &Job, arriving: Arriving, out: &Path) -> Result<Self> {
+        let limits = limits_of(job, &arriving)?;
+        let reference = job.reference()?.map(|file| file.text);
+        Ok(Self {
+            arriving,
+            started_in: std::env::current_dir().context("cannot find the folder this was started in")?,
+            out: out.to_owned(),
+            limits,
+            config_toml: job.config_toml.clone(),
+            reference,
+        })
+    }
+
+    /// The setup of the line at `address`.
+    pub(crate) fn read(address: &LineAddress) -> Result<Self> {
+        let path = address.root().join(SETUP);
+        let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        serde_json::from_str(&text).with_context(|| format!("{} is no setup of a line", path.display()))
+    }
+
+    /// Writes it down for the stages of the line at `address`.
+    pub(crate) fn write(&self, address: &LineAddress) -> Result<()> {
+        let path = address.root().join(SETUP);
+        fs::write(&path, serde_json::to_string(self)?).with_context(|| format!("cannot write {}", path.display()))
+    }
+
+    /// Checks that the machine has what the line will need.
+    pub(crate) fn check_machine(&self) -> Result<()> {
+        limits::check(&Needs {
+            stations: self.limits.stations.len(),
+            acquire_processes: self.limits.acquire_count.into(),
+            shared_bytes: line_bytes(&self.limits) as u64,
+        })
+    }
+
+    /// Whether the casings are a list that ends.
+    pub(crate) fn is_list(&self) -> bool {
+        self.arriving != Arriving::Stations
+    }
+
+    /// Where the files lie: those of a list together, those of a line that never ends by the day.
+    pub(crate) fn places(&self) -> Places {
+        Places::new(&self.out, !self.is_list())
+    }
+
+    /// What `store` begins each file with.
+    pub(crate) fn store_run(&self, job: &Job) -> StoreRun {
+        StoreRun {
+            places: self.places(),
+            skips_finished: self.is_list(),
+            config_toml: self.config_toml.clone(),
+            reference: self.reference.clone(),
+            made_by: job.made_by().to_owned(),
+            codec: job.config.store.codec,
+        }
+    }
+
+    /// Name, station and plan of every casing of the list, one at a time; none where casings come from stations.
+    pub(crate) fn listed(&self, job: &Job, each: &mut dyn FnMut(String, u16, Plan) -> Result<()>) -> Result<()> {
+        match &self.arriving {
+            Arriving::Simulated => {
+                let list = listed_simulated(&job.config.scan, &job.config.simulation)?;
+                list.listed().try_for_each(|casing| casing.map_err(Into::into).and_then(|(n, s, p)| each(n, s, p)))
+            }
+            Arriving::TapSet { folder, stations } => {
+                let list = listed_tap_set(folder, *stations)?;
+                list.listed().try_for_each(|casing| casing.map_err(Into::into).and_then(|(n, s, p)| each(n, s, p)))
+            }
+            Arriving::Stations => Ok(()),
+        }
+    }
+
+    /// The stations of the `acquire` process with number `acquire`.
+    pub(crate) fn arrivals(&self, job: &Job, acquire: u16, wake: &Wake) -> Result<Vec<Box<dyn Arrivals>>> {
+        let ours = self.limits.stations.iter().copied().filter(|&s| self.limits.acquire_of(s) == Some(acquire));
+        match &self.arriving {
+            Arriving::Simulated => {
+                let list = listed_simulated(&job.config.scan, &job.config.simulation)?;
+                Ok(ours.map(|station| list.arrivals(station)).collect())
+            }
+            Arriving::TapSet { folder, stations } => {
+                let list = listed_tap_set(folder, *stations)?;
+                Ok(ours.map(|station| list.arrivals(station)).collect())
+            }
+            Arriving::Stations => ours
+                .map(|number| {
+                    let station = job.config.station.iter().find(|station| station.number == number);
+                    let Some(station) = station else { bail!("station {number} is not in the configuration") };
+                    let mut station = station.clone();
+                    // As the line was started, and not its stages.
+                    station.folder = station.folder.map(|folder| self.started_in.join(folder));
+                    let config = &job.config;
+                    Ok(open_station(&station, &config.acquire, &config.scan, &config.simulation, wake.clone())?)
+                })
+                .collect(),
+        }
+    }
+}
+
+fn limits_of(job: &Job, arriving: &Arriving) -> Result<Limits> {
+    let (mut stations, largest) = match arriving {
+        Arriving::Simulated => {
+            let list = listed_simulated(&job.config.scan, &job.config.simulation)?;
+            (list.stations(), list.limits())
+        }
+        Arriving::TapSet { folder, stations } => {
+            let list = listed_tap_set(folder, *stations)?;
+            (list.stations(), list.limits()?)
+        }
+        Arriving::Stations => (job.config.station.iter().map(|s| s.number).collect(), job.config.station_limits()?),
+    };
+    stations.sort_unstable();
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
+    let processes = stations.len().min(cores.max(stations.len().div_ceil(STATIONS_PER_PROCESS)));
+    Ok(Limits {
+        acquire_count: u16::try_from(processes).context("too many stations")?,
+        stations,
+        record_bytes_max: largest.record_bytes,
+        taps_max: largest.taps,
+        scans_max: largest.scans,
+        locations_max: largest.locations,
+    })
+}

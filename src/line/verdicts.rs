@@ -1,0 +1,126 @@
+//! What is said of a casing when its file is closed: the verdict on each shoulder, for people and for programs.
+
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use serde::{Deserialize, Serialize};
+use tapline_store::{Reader, regions};
+use tapline_wire::{DamageCell, Judgement, Reasons, Scan, TapState, Verdict};
+
+/// What came of one casing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CasingVerdict {
+    /// Says what this line of JSON is: `verdict`.
+    pub(crate) kind: String,
+    /// The casing's name.
+    pub(crate) casing: String,
+    pub(crate) station: u16,
+    /// The worst of its shoulders.
+    pub(crate) verdict: Verdict,
+    pub(crate) shoulders: Vec<ShoulderVerdict>,
+    pub(crate) archived: usize,
+    pub(crate) refused: usize,
+    pub(crate) missing: usize,
+    /// Its file.
+    pub(crate) file: PathBuf,
+}
+
+/// The verdict on one shoulder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ShoulderVerdict {
+    pub(crate) tyre: String,
+    pub(crate) shoulder: u16,
+    pub(crate) station: u16,
+    pub(crate) verdict: Verdict,
+    pub(crate) reasons: String,
+    pub(crate) regions: usize,
+    pub(crate) peak_damage_index: Option<f64>,
+    pub(crate) peak_location: Option<u32>,
+    pub(crate) limit_reject: Option<f64>,
+}
+
+impl CasingVerdict {
+    /// What the finished file at `path`, of the casing `name`, says.
+    pub(crate) fn read(name: &str, path: &Path) -> Result<Self> {
+        let reader = Reader::open(path)?;
+        let (plan, ledger) = (reader.plan(), reader.ledger());
+        let judgements = reader.judgements()?;
+        let shoulders: Vec<ShoulderVerdict> = plan
+            .scans()
+            .iter()
+            .zip(judgements)
+            .map(|(scan, judged)| ShoulderVerdict::of(&reader, scan, judged))
+            .collect();
+        let worst = shoulders.iter().map(|s| s.verdict).max().unwrap_or(Verdict::ReInspect);
+        Ok(Self {
+            kind: "verdict".to_owned(),
+            casing: name.to_owned(),
+            station: plan.scans().first().map_or(0, |scan| scan.station),
+            verdict: worst,
+            shoulders,
+            archived: ledger.count(TapState::Archived),
+            refused: ledger.count(TapState::Refused),
+            missing: ledger.count(TapState::Missing),
+            file: path.to_owned(),
+        })
+    }
+
+    /// Says it: a line for each shoulder, or one of JSON for all.
+    pub(crate) fn print(&self, as_json: bool) -> Result<()> {
+        let mut out = io::stdout().lock();
+        if as_json {
+            writeln!(out, "{}", serde_json::to_string(self)?).context("cannot say the verdict")?;
+        } else {
+            for shoulder in &self.shoulders {
+                writeln!(out, "{}", self.line(shoulder)).context("cannot say the verdict")?;
+            }
+        }
+        out.flush().context("cannot say the verdict")
+    }
+
+    fn line(&self, shoulder: &ShoulderVerdict) -> String {
+        let ShoulderVerdict { tyre, shoulder: number, verdict, reasons, .. } = shoulder;
+        let mut line = format!("{:<10} {tyre}/{number}", verdict.to_string());
+        if let (Some(peak), Some(at)) = (shoulder.peak_damage_index, shoulder.peak_location) {
+            line.push_str(&format!("  peak {peak:.2} at location {at}"));
+        }
+        if let Some(limit) = shoulder.limit_reject {
+            line.push_str(&format!("  reject at {limit:.2}"));
+        }
+        if !reasons.is_empty() {
+            line.push_str(&format!("  ({reasons})"));
+        }
+        line.push_str(&format!("  station {}  {}", self.station, self.file.display()));
+        line
+    }
+}
+
+impl ShoulderVerdict {
+    pub(crate) fn of(reader: &Reader, scan: &Scan, judged: Option<(Judgement, Vec<DamageCell>)>) -> Self {
+        let mut line = Self {
+            tyre: scan.tyre.to_string(),
+            shoulder: scan.shoulder,
+            station: scan.station,
+            verdict: Verdict::ReInspect,
+            reasons: Reasons::NOT_ENDED.to_string(),
+            regions: 0,
+            peak_damage_index: None,
+            peak_location: None,
+            limit_reject: None,
+        };
+        if let Some((judgement, cells)) = judged {
+            let peak = cells
+                .iter()
+                .filter(|cell| !cell.damage_index.is_nan())
+                .max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
+            line.verdict = Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect);
+            line.reasons = judgement.reasons.to_string();
+            line.regions = regions(reader.plan().geometry, &cells).len();
+            line.peak_damage_index = peak.map(|cell| cell.damage_index);
+            line.peak_location = peak.map(|cell| cell.location);
+            line.limit_reject = Some(judgement.limit_reject).filter(|l| l.is_finite());
+        }
+        line
+    }
+}

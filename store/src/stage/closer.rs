@@ -1,0 +1,128 @@
+//! Finished files are sealed, put on the disk and into their places by a thread of their own: the others need not wait.
+
+use std::path::PathBuf;
+use std::thread::{Builder, JoinHandle};
+use std::time::{Duration, Instant};
+
+use crossbeam::channel::{Receiver, Sender, bounded};
+use tapline_wire::{CasingHeader, Waker};
+
+use super::RunError;
+use super::markers::Marker;
+use super::open_casing::OpenCasing;
+use super::places::Places;
+use crate::{Error, Result, Writer};
+
+/// Files that may wait to be closed; a station has one at most.
+const WAITING_MAX: usize = 64;
+
+/// How often it is tried again to close a file on a disk that is full.
+const TRY_EVERY: Duration = Duration::from_millis(500);
+
+/// For how long it is tried again.
+const TRY_FOR: Duration = Duration::from_secs(3600);
+
+/// A file that is in its place.
+#[derive(Debug)]
+pub(super) struct Closed {
+    pub(super) header: CasingHeader,
+    /// Number of the `acquire` process whose casing it was.
+    pub(super) acquire: Option<u16>,
+    pub(super) path: PathBuf,
+    /// What says that not everyone knows of it yet.
+    pub(super) marker: PathBuf,
+}
+
+struct ToClose {
+    header: CasingHeader,
+    writer: Writer,
+    name: String,
+}
+
+/// The thread that closes files; it ends when this is dropped.
+#[derive(Debug)]
+pub(super) struct Closer {
+    /// `None` once it is to end.
+    to_close: Option<Sender<Box<ToClose>>>,
+    closed: Receiver<Result<Closed>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl std::fmt::Debug for ToClose {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ToClose").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+impl Closer {
+    pub(super) fn start(waker: Waker, places: &Places) -> Result<Self, RunError> {
+        let places = places.clone();
+        let (to_close, waiting) = bounded::<Box<ToClose>>(WAITING_MAX);
+        let (done, closed) = bounded(WAITING_MAX);
+        let work = move || {
+            for file in waiting {
+                if done.send(close(*file, &places)).is_err() {
+                    return;
+                }
+                waker.wake();
+            }
+        };
+        let name = "close".to_owned();
+        let thread =
+            Builder::new().name(name.clone()).spawn(work).map_err(|source| RunError::Thread { name, source })?;
+        Ok(Self { to_close: Some(to_close), closed, thread: Some(thread) })
+    }
+
+    pub(super) fn close(&self, casing: OpenCasing) {
+        let header = casing.header();
+        if let Some(to_close) = &self.to_close
+            && to_close.send(Box::new(ToClose { header, writer: casing.writer, name: casing.name.clone() })).is_err()
+        {
+            tracing::error!(casing = casing.name, "the thread that closes files has ended");
+        }
+    }
+
+    pub(super) fn take_closed(&self) -> Option<Result<Closed>> {
+        self.closed.try_recv().ok()
+    }
+
+    /// Waits until all that was to be closed is; what came of it and was not asked for yet.
+    pub(super) fn finish(&mut self) -> Vec<Result<Closed>> {
+        drop(self.to_close.take());
+        let rest = self.closed.iter().collect();
+        if let Some(thread) = self.thread.take() {
+            drop(thread.join());
+        }
+        rest
+    }
+}
+
+impl Drop for Closer {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
+
+fn close(file: ToClose, places: &Places) -> Result<Closed> {
+    let ToClose { header, writer, name } = file;
+    // One file after the other is given its place: no two of one name get the same.
+    let path = places.finish(&name)?;
+    let open = writer.path().to_owned();
+    let (finishing, since) = (writer.finish_at(&path)?, Instant::now());
+    loop {
+        let named = Marker::of(&header, &path).write(&open).and_then(|marker| finishing.complete().map(|()| marker));
+        match named {
+            Ok(marker) => return Ok(Closed { header, acquire: None, path, marker }),
+            Err(error) if error.is_of_the_file_system() => return Err(error),
+            Err(error) if !error.is_of_the_disk() || since.elapsed() > TRY_FOR => return Err(error),
+            Err(error) => {
+                say(&error);
+                std::thread::sleep(TRY_EVERY);
+            }
+        }
+    }
+}
+
+fn say(error: &Error) {
+    tracing::error!("{error}; a finished file is not in its place yet, and nothing is lost: {}", error.remedy());
+}

@@ -1,0 +1,175 @@
+//! What each of the others is told of the casings that are open: to those that are new, everything.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use tapline_wire::{CasingHeader, CasingTopic, Line, LineError, Publisher, RecordKind, Role};
+
+use super::StageLoop;
+use super::closer::Closed;
+use super::open_casing::{OpenCasing, ToTell};
+use super::{Result, RunError, markers};
+
+/// How often the supervisor is told how far a casing is.
+const SUPERVISOR_EVERY: Duration = Duration::from_millis(500);
+
+/// Something that is said once: a file was closed, a proposal refused.
+#[derive(Debug)]
+struct Once {
+    kind: RecordKind,
+    header: CasingHeader,
+    text: String,
+    /// To be removed when everyone has been told.
+    marker: Option<Rc<PathBuf>>,
+}
+
+/// One receiver.
+#[derive(Debug)]
+struct Receiver<'a> {
+    role: Role,
+    publisher: Publisher<'a, CasingTopic>,
+    generation: u64,
+    /// What is still to be said once.
+    once: VecDeque<Once>,
+}
+
+/// The ways to all receivers.
+#[derive(Debug)]
+pub(super) struct Notices<'a> {
+    receivers: Vec<Receiver<'a>>,
+    /// Whether something could not be sent, as a buffer was full or someone was not there.
+    is_pending: bool,
+}
+
+impl<'a> Notices<'a> {
+    pub(super) fn open(line: &'a Line) -> Result<Self, LineError> {
+        let acquires = (0..line.limits().acquire_count).map(Role::Acquire);
+        let roles = acquires.chain([Role::Fuse, Role::Supervisor]);
+        let receivers = roles.map(|role| {
+            let publisher = Publisher::open_to(line, role)?;
+            Ok(Receiver { role, publisher, generation: 0, once: VecDeque::new() })
+        });
+        Ok(Self { receivers: receivers.collect::<Result<_, LineError>>()?, is_pending: false })
+    }
+
+    pub(super) fn are_pending(&self) -> bool {
+        self.is_pending
+    }
+
+    /// Has everyone whom it concerns be told that a file is closed.
+    pub(super) fn closed(&mut self, closed: Closed) {
+        let to = closed.acquire.map(Role::Acquire);
+        let marker = Rc::new(closed.marker);
+        for receiver in &mut self.receivers {
+            if matches!(receiver.role, Role::Fuse | Role::Supervisor) || Some(receiver.role) == to {
+                let text = closed.path.display().to_string();
+                let marker = Some(Rc::clone(&marker));
+                receiver.once.push_back(Once { kind: RecordKind::Closed, header: closed.header, text, marker });
+            }
+        }
+    }
+
+    /// Has a station, and the supervisor, be told that its proposal is refused; or that it is done already.
+    pub(super) fn answer(&mut self, acquire: u16, kind: RecordKind, header: CasingHeader, text: &str) {
+        for receiver in &mut self.receivers {
+            if receiver.role == Role::Acquire(acquire) || receiver.role == Role::Supervisor {
+                receiver.once.push_back(Once { kind, header, text: text.to_owned(), marker: None });
+            }
+        }
+    }
+}
+
+impl StageLoop<'_> {
+    /// Tells everyone what they have not been told. It must never wait, since whoever it is may be waiting for us.
+    pub(super) fn send_notices(&mut self) -> Result<(), RunError> {
+        let (lost_count, is_held) = (self.lost_count(), self.is_held);
+        if self.heard_at.elapsed() >= SUPERVISOR_EVERY
+            && let Some(casing) = self.open.first_mut()
+        {
+            // Also where nothing gets on, so that the supervisor knows that this process does.
+            self.heard_at = Instant::now();
+            (casing.supervisor.ledger, casing.supervisor_told_at) = (true, None);
+        }
+        let Self { notices, open, line, .. } = self;
+        notices.is_pending = false;
+        for receiver in &mut notices.receivers {
+            let concerns = |casing: &OpenCasing| match receiver.role {
+                Role::Acquire(number) => line.limits().acquire_of(casing.station) == Some(number),
+                _ => true,
+            };
+            if !receiver.publisher.poll_ready()? {
+                let has_news =
+                    |casing: &mut OpenCasing| concerns(casing) && *to_tell(casing, receiver.role) != ToTell::default();
+                notices.is_pending |= !receiver.once.is_empty() || open.iter_mut().any(has_news);
+                continue;
+            }
+            if std::mem::replace(&mut receiver.generation, receiver.publisher.generation())
+                != receiver.publisher.generation()
+            {
+                open.iter_mut().for_each(|casing| *to_tell(casing, receiver.role) = ToTell::ALL);
+            }
+            let mut is_pending = false;
+            for casing in open.iter_mut().filter(|casing| concerns(casing)) {
+                is_pending |= !tell(receiver, casing, lost_count, is_held)?;
+            }
+            // What is said once comes behind what was to be said before.
+            while let Some(once) = receiver.once.front() {
+                if !receiver.publisher.try_send(once.kind, once.header, once.text.as_bytes())? {
+                    is_pending = true;
+                    break;
+                }
+                let marker = receiver.once.pop_front().and_then(|once| once.marker);
+                if let Some(marker) = marker.filter(|marker| Rc::strong_count(marker) == 1) {
+                    markers::remove(&marker);
+                }
+            }
+            notices.is_pending |= is_pending;
+        }
+        Ok(())
+    }
+}
+
+fn to_tell(casing: &mut OpenCasing, role: Role) -> &mut ToTell {
+    match role {
+        Role::Fuse => &mut casing.fuse,
+        Role::Supervisor => &mut casing.supervisor,
+        _ => &mut casing.acquire,
+    }
+}
+
+/// Tells `receiver` of `casing` what it has not been told; whether all of it was sent.
+fn tell(receiver: &Receiver<'_>, casing: &mut OpenCasing, lost_count: u64, is_held: bool) -> Result<bool, LineError> {
+    let due = *to_tell(casing, receiver.role);
+    if due.plan {
+        let header = casing.header();
+        let plan =
+            if receiver.role == Role::Fuse { casing.writer.plan().encode() } else { casing.name.clone().into_bytes() };
+        if !receiver.publisher.try_send(RecordKind::Plan, header, &plan)? {
+            return Ok(false);
+        }
+        to_tell(casing, receiver.role).plan = false;
+    }
+    if due.ledger {
+        if receiver.role == Role::Supervisor {
+            // How far it is: not at every flush.
+            if casing.supervisor_told_at.is_some_and(|at| at.elapsed() < SUPERVISOR_EVERY) {
+                return Ok(true);
+            }
+            casing.supervisor_told_at = Some(Instant::now());
+        }
+        let has_taps = matches!(receiver.role, Role::Acquire(_));
+        let (mut header, ledger) = casing.ledger(lost_count, is_held);
+        let mut loan = receiver.publisher.loan(ledger.encoded_bytes(has_taps, true))?;
+        loan.fill(|to, bytes| {
+            ledger.encode(&mut header, has_taps, true, bytes);
+            *to = header;
+        });
+        if !loan.try_send(RecordKind::Ledger)? {
+            return Ok(false);
+        }
+        to_tell(casing, receiver.role).ledger = false;
+    }
+    Ok(true)
+}

@@ -1,0 +1,139 @@
+//! A casing that is open: its writer, and what is still to be said of it.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::time::Instant;
+
+use tapline_wire::{CasingHeader, Ledger, Plan, ScanState, Stamp, casing_number};
+
+use super::places::{name_of_open, stem_of};
+use crate::Writer;
+
+/// What one receiver is still to be told.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct ToTell {
+    /// That it is open, and its plan.
+    pub(super) plan: bool,
+    /// Its ledger.
+    pub(super) ledger: bool,
+}
+
+impl ToTell {
+    pub(super) const ALL: Self = Self { plan: true, ledger: true };
+}
+
+#[derive(Debug)]
+pub(super) struct OpenCasing {
+    pub(super) number: u64,
+    pub(super) name: String,
+    pub(super) escaped_name: String,
+    pub(super) station: u16,
+    pub(super) writer: Writer,
+    /// The last barrier seen among the taps and among the discriminators.
+    pub(super) barriers: (u8, u8),
+    /// The barrier that had passed as of the last flush.
+    passed: u8,
+    /// The states of the scans as of the last flush.
+    scans: Vec<ScanState>,
+    pub(super) is_dirty: bool,
+    /// Rows of the plan whose discriminators `fuse` is still to get.
+    pub(super) replays: VecDeque<Range<u32>>,
+    pub(super) acquire: ToTell,
+    pub(super) fuse: ToTell,
+    pub(super) supervisor: ToTell,
+    pub(super) supervisor_told_at: Option<Instant>,
+}
+
+impl OpenCasing {
+    pub(super) fn new(writer: Writer) -> Self {
+        let stem = stem_of(writer.path());
+        let name = name_of_open(&stem);
+        let station = writer.plan().scans().first().map_or(0, |scan| scan.station);
+        let scans = writer.ledger().scans().to_vec();
+        let mut casing = Self {
+            number: casing_number(&stem),
+            name,
+            escaped_name: stem.rsplit_once('.').map_or(stem.as_str(), |(name, _)| name).to_owned(),
+            station,
+            writer,
+            barriers: (0, 0),
+            passed: 0,
+            scans,
+            is_dirty: false,
+            replays: VecDeque::new(),
+            acquire: ToTell::ALL,
+            fuse: ToTell::ALL,
+            supervisor: ToTell::ALL,
+            supervisor_told_at: None,
+        };
+        casing.replay_ended();
+        casing
+    }
+
+    /// Takes in that everything put until now is safe.
+    pub(super) fn flushed(&mut self) {
+        self.is_dirty = false;
+        self.supervisor.ledger = true;
+        if self.barriers.0 == self.barriers.1 && self.passed != self.barriers.0 {
+            self.passed = self.barriers.0;
+            self.acquire.ledger = true;
+        }
+        let now = self.writer.ledger().scans().to_vec();
+        if now != self.scans {
+            let is_new =
+                |scan: &usize| self.scans.get(*scan) == Some(&ScanState::Open) && now[*scan] != ScanState::Open;
+            let ended: Vec<usize> = (0..now.len()).filter(is_new).collect();
+            ended.into_iter().for_each(|scan| self.replay_scan(scan));
+            self.scans = now;
+            (self.acquire.ledger, self.fuse.ledger) = (true, true);
+            self.supervisor_told_at = None;
+        }
+    }
+
+    /// Has `fuse` get what is safe of every scan that has ended, as one that has nothing of it needs to.
+    pub(super) fn replay_ended(&mut self) {
+        self.replays.clear();
+        let ended = |scan: &usize| self.scans[*scan] != ScanState::Open;
+        let scans: Vec<usize> = (0..self.scans.len()).filter(ended).collect();
+        scans.into_iter().for_each(|scan| self.replay_scan(scan));
+    }
+
+    fn replay_scan(&mut self, scan: usize) {
+        let taps = &self.writer.plan().scans()[scan].taps;
+        if let (Some(&first), Some(&last)) = (taps.first(), taps.last()) {
+            self.replays.push_back(first..last + 1);
+        }
+    }
+
+    pub(super) fn is_judged(&self) -> bool {
+        self.scans.iter().all(|&state| state == ScanState::Judged)
+    }
+
+    /// Header and ledger, as of the last flush.
+    pub(super) fn ledger(&self, lost_count: u64, is_held: bool) -> (CasingHeader, Ledger) {
+        let mut ledger = self.writer.ledger().clone();
+        (ledger.barrier, ledger.lost_count, ledger.is_held) = (self.passed, lost_count, is_held);
+        (self.header(), ledger)
+    }
+
+    /// The header of whatever is said of the casing.
+    pub(super) fn header(&self) -> CasingHeader {
+        Self::header_of(self.number, self.writer.plan())
+    }
+
+    /// The header of the casing with this number and plan.
+    pub(super) fn header_of(number: u64, plan: &Plan) -> CasingHeader {
+        CasingHeader {
+            stamp: Stamp { casing: number, ..Stamp::default() },
+            plan_digest: plan.digest(),
+            station: plan.scans().first().map_or(0, |scan| scan.station.into()),
+            tap_count: u32::try_from(plan.taps().len()).unwrap_or(u32::MAX),
+            ..CasingHeader::default()
+        }
+    }
+
+    /// The stamp of discriminators that are sent to `fuse`.
+    pub(super) fn settled_stamp(&self) -> Stamp {
+        Stamp { casing: self.number, mark: self.writer.plan().taps().len() as u64, ..Stamp::default() }
+    }
+}

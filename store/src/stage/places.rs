@@ -1,0 +1,211 @@
+//! Where the files of a line lie: those under way in one folder, those finished in their places.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+use tapline_wire::{NAME_BYTES_MAX, now_ns};
+
+use crate::Result;
+use crate::context::Context as _;
+
+/// Folder of the files that are under way, within the output folder.
+pub const OPEN_FOLDER: &str = "open";
+
+/// Folder of the files that a line found under way and cannot go on with, within the output folder.
+pub const LEFT_FOLDER: &str = "left";
+
+/// Ending of a file's name.
+const ENDING: &str = "h5";
+
+/// Where the files of a line lie.
+#[derive(Debug, Clone)]
+pub struct Places {
+    out: PathBuf,
+    is_dated: bool,
+}
+
+impl Places {
+    /// The files in `out`; where `is_dated`, the finished ones of each day in a folder of its own.
+    pub fn new(out: impl Into<PathBuf>, is_dated: bool) -> Self {
+        Self { out: out.into(), is_dated }
+    }
+
+    /// The output folder.
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
+
+    /// Makes the folders.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn create(&self) -> Result<()> {
+        let open = self.out.join(OPEN_FOLDER);
+        fs::create_dir_all(&open).context("create", &open)
+    }
+
+    /// The folder of the files under way.
+    pub(crate) fn open_folder(&self) -> PathBuf {
+        self.out.join(OPEN_FOLDER)
+    }
+
+    /// The files under way, in the order of their names.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn open_files(&self) -> Result<Vec<PathBuf>> {
+        let folder = self.out.join(OPEN_FOLDER);
+        let mut files = Vec::new();
+        for entry in fs::read_dir(&folder).context("read", &folder)? {
+            let path = entry.context("read", &folder)?.path();
+            if path.extension().is_some_and(|ending| ending == ENDING) {
+                files.push(path);
+            }
+        }
+        files.sort();
+        Ok(files)
+    }
+
+    /// Where the file of the casing `name` is begun: a place that no file under way had before.
+    pub(crate) fn begin(&self, name: &str) -> PathBuf {
+        self.out.join(OPEN_FOLDER).join(format!("{}.{:x}.{ENDING}", escaped(name), now_ns()))
+    }
+
+    /// The file of the casing `name` that is finished and would be in the way of another; `None` where there is none.
+    pub fn finished(&self, name: &str) -> Option<PathBuf> {
+        let path = self.folder().join(format!("{}.{ENDING}", escaped(name)));
+        path.exists().then_some(path)
+    }
+
+    /// Every file of the casing `name` that is finished.
+    pub(crate) fn all_finished(&self, name: &str) -> Vec<PathBuf> {
+        let stem = escaped(name);
+        let mut folders = vec![self.out.clone()];
+        if self.is_dated {
+            let days = fs::read_dir(&self.out).into_iter().flatten().flatten();
+            folders.extend(days.map(|day| day.path()).filter(|day| day.is_dir()));
+        }
+        let mut files = Vec::new();
+        for folder in folders {
+            files.extend((1_u32..).map(|k| file_of(&folder, &stem, k)).take_while(|path| path.exists()));
+        }
+        files
+    }
+
+    /// Where the finished file of the casing `name` goes; nothing is there.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(crate) fn finish(&self, name: &str) -> Result<PathBuf> {
+        let (folder, stem) = (self.folder(), escaped(name));
+        fs::create_dir_all(&folder).context("create", &folder)?;
+        let mut free = (1_u32..).map(|k| file_of(&folder, &stem, k)).filter(|path| !path.exists());
+        Ok(free.next().unwrap_or(folder))
+    }
+
+    /// Puts a file that was under way, and cannot be gone on with, aside.
+    pub(crate) fn leave(&self, path: &Path) -> Result<PathBuf> {
+        let folder = self.out.join(LEFT_FOLDER);
+        fs::create_dir_all(&folder).context("create", &folder)?;
+        let left = folder.join(path.file_name().unwrap_or_default());
+        fs::rename(path, &left).context("put aside", path)?;
+        Ok(left)
+    }
+
+    /// The folder of today's finished files.
+    fn folder(&self) -> PathBuf {
+        if !self.is_dated {
+            return self.out.clone();
+        }
+        let now = Timestamp::from_nanosecond(now_ns().into()).unwrap_or_default();
+        self.out.join(now.to_zoned(TimeZone::system()).date().to_string())
+    }
+}
+
+fn file_of(folder: &Path, stem: &str, k: u32) -> PathBuf {
+    match k {
+        1 => folder.join(format!("{stem}.{ENDING}")),
+        _ => folder.join(format!("{stem}.{k}.{ENDING}")),
+    }
+}
+
+/// Name of the casing whose file under way is at `path`, as it stands in file names.
+pub(crate) fn stem_of(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// `name` as a part of file names: bytes other than letters, digits, `-`, `_` and dots within it are `%` and two digits.
+pub(crate) fn escaped(name: &str) -> String {
+    let mut text = String::new();
+    for (k, byte) in name.bytes().enumerate() {
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' => text.push(byte.into()),
+            b'.' if k > 0 => text.push('.'),
+            _ => {
+                let is_written = write!(text, "%{byte:02X}");
+                debug_assert!(is_written.is_ok(), "texts take all that is written to them");
+            }
+        }
+    }
+    text.truncate(NAME_BYTES_MAX);
+    text
+}
+
+/// The name that [`escaped`] was given.
+pub(crate) fn unescaped(text: &str) -> String {
+    let mut bytes = Vec::new();
+    let mut rest = text.as_bytes();
+    while let Some((&byte, after)) = rest.split_first() {
+        let code = after.get(..2).and_then(|code| u8::from_str_radix(std::str::from_utf8(code).ok()?, 16).ok());
+        match code.filter(|_| byte == b'%') {
+            Some(code) => {
+                bytes.push(code);
+                rest = &after[2..];
+            }
+            None => {
+                bytes.push(byte);
+                rest = after;
+            }
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+/// Name of the casing whose file under way has the stem `stem`.
+pub(crate) fn name_of_open(stem: &str) -> String {
+    unescaped(stem.rsplit_once('.').map_or(stem, |(name, _)| name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_comes_back_from_its_file() {
+        let places = Places::new("out", false);
+        for name in ["A-17", "Ä 5", "..", ".hidden", "a/b", "50%41", "x.y.z"] {
+            let path = places.begin(name);
+            assert_eq!(path.parent(), Some(Path::new("out/open")), "{name}");
+            assert_eq!(name_of_open(&stem_of(&path)), name);
+        }
+    }
+
+    #[test]
+    fn a_repeated_name_gets_a_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let places = Places::new(folder.path(), true);
+        let names: Vec<String> = (0..3)
+            .map(|_| {
+                let path = places.finish("A.1").unwrap();
+                fs::write(&path, "").unwrap();
+                path.file_name().unwrap().to_string_lossy().into_owned()
+            })
+            .collect();
+        assert_eq!(names, ["A.1.h5", "A.1.2.h5", "A.1.3.h5"]);
+        assert_eq!(places.all_finished("A.1").len(), 3);
+        assert!(places.finished("A.1").is_some() && places.finished("A.2").is_none());
+    }
+}

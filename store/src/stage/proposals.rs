@@ -1,0 +1,130 @@
+//! What stations propose: a casing to open, or one to give up.
+
+use tapline_wire::{
+    CasingHeader, Plan, ProposalTopic, Received, RecordKind, ScanState, TapState, Topic as _, decode_proposal,
+};
+
+use super::open_casing::{OpenCasing, ToTell};
+use super::places::escaped;
+use super::{RunError, StageLoop, of_the_disk};
+use crate::{Error, Reader, Result, Writer};
+
+impl StageLoop<'_> {
+    /// Takes up the files under way that an earlier life of `store` left; those that cannot be gone on with are put aside.
+    pub(super) fn reopen(&mut self) -> Result<(), RunError> {
+        self.run.places.create()?;
+        self.take_up_finished()?;
+        for path in self.run.places.open_files()? {
+            match Writer::resume(&path, self.run.lineage()) {
+                Ok(writer) => self.open.push(OpenCasing::new(writer)),
+                Err(Error::Finished { .. }) => self.take_up_sealed(&path)?,
+                Err(error) if error.is_of_the_disk() => return Err(of_the_disk(error)),
+                Err(error) => {
+                    let left = self.run.places.leave(&path)?;
+                    tracing::error!("{error}; what there is of this casing is put aside, as {}", left.display());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn take_proposal(&mut self, proposal: &Received<ProposalTopic>) -> Result<(), RunError> {
+        let stamp = *proposal.header();
+        let acquire = u16::try_from(stamp.source).unwrap_or(u16::MAX);
+        match proposal.kind() {
+            Some(RecordKind::Plan) => match decode_proposal(proposal) {
+                Ok((name, plan)) => self.propose(acquire, &name, &plan),
+                Err(error) => {
+                    tracing::error!(%error, topic = ProposalTopic::NAME, "a proposal cannot be read");
+                    Ok(())
+                }
+            },
+            Some(RecordKind::Refusal) => match self.place_of(stamp.casing) {
+                Some(place) => self.give_up(place, &String::from_utf8_lossy(proposal)),
+                None => Ok(()),
+            },
+            _ => Ok(()),
+        }
+    }
+
+    fn propose(&mut self, acquire: u16, name: &str, plan: &Plan) -> Result<(), RunError> {
+        let station = plan.scans().first().map_or(0, |scan| scan.station);
+        let header = CasingHeader {
+            plan_digest: plan.digest(),
+            station: station.into(),
+            tap_count: u32::try_from(plan.taps().len()).unwrap_or(u32::MAX),
+            ..CasingHeader::default()
+        };
+        if let Some(open) = self.open.iter_mut().find(|casing| casing.escaped_name == escaped(name)) {
+            if (open.station, open.writer.plan().digest()) == (station, plan.digest()) {
+                // It was opened before, and the station does not know it.
+                open.acquire = ToTell::ALL;
+                return Ok(());
+            }
+            let reason = format!("casing {name} is open already, at station {}, with another scan", open.station);
+            self.notices.answer(acquire, RecordKind::Refusal, header, &reason);
+            return Ok(());
+        }
+        if let Some(path) = self.finished_before(name, plan)? {
+            tracing::info!(casing = name, "is finished already: {}", path.display());
+            self.notices.answer(acquire, RecordKind::Closed, header, &path.display().to_string());
+            return Ok(());
+        }
+        let (path, run) = (self.run.places.begin(name), self.run);
+        let taps_max = self.line.limits().taps_max;
+        let writer =
+            self.insist_on_new(|| match Writer::create(&path, plan, taps_max.max(plan.taps().len()), run.lineage()) {
+                // It may have been made, and then not opened.
+                Err(Error::Exists { .. }) => Writer::resume(&path, run.lineage()),
+                made => made,
+            });
+        match writer {
+            Ok(writer) => self.open.push(OpenCasing::new(writer)),
+            Err(RunError::Archive(error)) => {
+                self.notices.answer(acquire, RecordKind::Refusal, header, &error.to_string());
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    /// The finished file of a casing that need not be tapped: one of the same run, or one of the very same recordings.
+    fn finished_before(&self, name: &str, plan: &Plan) -> Result<Option<std::path::PathBuf>> {
+        if self.run.skips_finished {
+            return Ok(self.run.places.finished(name));
+        }
+        if plan.source_digest() == 0 {
+            return Ok(None);
+        }
+        let is_same =
+            |path: &std::path::PathBuf| Reader::open(path).is_ok_and(|file| file.plan().digest() == plan.digest());
+        Ok(self.run.places.all_finished(name).into_iter().find(is_same))
+    }
+
+    /// Writes down that what a casing lacks will not come, and that its scans have ended.
+    fn give_up(&mut self, place: usize, reason: &str) -> Result<(), RunError> {
+        let writer = &self.open[place].writer;
+        let missing: Vec<_> = (0..)
+            .zip(writer.plan().taps().iter().zip(writer.ledger().taps()))
+            .filter(|&(_, (_, &state))| state == TapState::Missing)
+            .map(|(row, (tap, _))| {
+                let mut id = tap.id;
+                id.attempt = writer.ledger().attempt(row as usize);
+                (row as u32, id)
+            })
+            .collect();
+        let open: Vec<u32> =
+            (0..).zip(writer.ledger().scans()).filter(|&(_, &s)| s == ScanState::Open).map(|(scan, _)| scan).collect();
+        let casing = &self.open[place].name;
+        tracing::warn!(casing, reason, taps = missing.len(), "taps of a casing will not come");
+        for (row, id) in missing {
+            self.insist(place, |writer| writer.put_refusal(row, &id, reason))?;
+        }
+        for scan in open {
+            self.insist(place, |writer| writer.end_scan(scan))?;
+        }
+        self.open[place].is_dirty = true;
+        self.is_urgent = true;
+        Ok(())
+    }
+}

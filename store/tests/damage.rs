@@ -1,0 +1,86 @@
+//! Damaged files, finished and not: whatever is wrong with one, it is refused or read as far as its checksums go.
+
+use std::path::Path;
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use tapline_store::{Codec, Lineage, Reader, Room, Writer, verify};
+use tapline_wire::SampleFormat;
+
+use crate::common::{CONFIG, plan, put_all};
+
+/// How many files are damaged; 200 when it is not set.
+const FILES: &str = "TAPLINE_STORE_TEST_DAMAGED";
+
+/// Flips, zeroed runs, runs of noise and cuts.
+fn damage(bytes: &mut Vec<u8>, random: &mut ChaCha8Rng) {
+    let at = random.random_range(0..bytes.len());
+    let run = random.random_range(1..2048).min(bytes.len() - at);
+    match random.random_range(0..5) {
+        0 => bytes[at] ^= 1 << random.random_range(0..8),
+        1 => (0..random.random_range(1..20)).for_each(|_| {
+            let at = random.random_range(0..bytes.len());
+            bytes[at] = random.random();
+        }),
+        2 => bytes[at..at + run].fill(0),
+        3 => random.fill(&mut bytes[at..at + run]),
+        _ => bytes.truncate(at),
+    }
+}
+
+fn write(path: &Path, codec: Codec, is_finished: bool) -> Vec<u8> {
+    let mut writer = Writer::create(path, &plan(SampleFormat::I16), 14, Lineage { codec, ..CONFIG.into() }).unwrap();
+    put_all(&mut writer).unwrap();
+    writer.settle().unwrap();
+    if is_finished {
+        writer.finish().unwrap()
+    } else {
+        writer.suspend().unwrap()
+    }
+    std::fs::read(path).unwrap()
+}
+
+/// Catches a damaged file that ends the process, is never done with, or is taken for whole.
+#[test]
+fn a_damaged_file_is_told() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    let mut whole = Vec::new();
+    for codec in [Codec::Lz4, Codec::None] {
+        for is_finished in [true, false] {
+            whole.push((is_finished, write(&path, codec, is_finished)));
+            std::fs::remove_file(&path).unwrap();
+        }
+    }
+    let mut random = ChaCha8Rng::seed_from_u64(16);
+    let count = std::env::var(FILES).map_or(200, |count| count.parse().unwrap());
+    for number in 0..count {
+        let (is_finished, whole) = &whole[number % whole.len()];
+        let mut bytes = whole.clone();
+        damage(&mut bytes, &mut random);
+        if bytes == *whole {
+            continue;
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        let report = verify(&path);
+        assert!(!report.is_ok_and(|report| report.is_complete()), "file {number} is damaged and verified");
+        if let Ok(reader) = Reader::open(&path) {
+            let (taps, mut room) = (reader.taps().unwrap(), Room::default());
+            assert!((0..10).any(|row| taps.read(row, &mut room).is_err()), "file {number} is damaged and read");
+        }
+        if let Ok(reader) = Reader::open_unfinished(&path) {
+            (0..10).for_each(|row| drop(reader.tap(row)));
+            drop((reader.discriminators(), reader.judgements(), reader.refusals(), reader.raw_digest()));
+        }
+        // What a line goes on with becomes whole, or is refused.
+        if let Ok(mut writer) = Writer::resume(&path, CONFIG)
+            && put_all(&mut writer).is_ok()
+            && writer.finish().is_ok()
+        {
+            let report = verify(&path).unwrap();
+            assert!(!is_finished || report.is_finished);
+        }
+        std::fs::remove_file(&path).unwrap();
+    }
+}

@@ -1,0 +1,221 @@
+//! What a line takes of the machine, and what of it others can reach: nothing.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::time::Duration;
+
+use tapline_wire::{
+    CasingTopic, DamageTopic, DiscriminatorTopic, Limits, Line, LineAddress, ProposalTopic, Publisher, Role, Services,
+    SettledTopic, Subscriber, TapTopic, line_bytes, room,
+};
+
+fn limits(acquires: u16) -> Limits {
+    Limits { acquire_count: acquires, stations: (1..=acquires).collect(), ..Limits::default() }
+}
+
+const CHILD: &str = "TAPLINE_TEST_PLACE";
+
+/// Not a test of its own: one participant, which takes its place, says so, and keeps it until its input ends.
+#[test]
+fn participant() {
+    let Ok(given) = std::env::var(CHILD) else { return };
+    let words: Vec<&str> = given.split(' ').collect();
+    let (address, limits) = (LineAddress::at(Path::new(words[0])).unwrap(), limits(words[1].parse().unwrap()));
+    let role = match words[2] {
+        "process" => Role::Process,
+        "fuse" => Role::Fuse,
+        "store" => Role::Store,
+        number => Role::Acquire(number.parse().unwrap()),
+    };
+    let line = Line::join(&address, role, &limits, Arc::default()).unwrap();
+    // What each holds is what the stage of that name holds.
+    let casings =
+        matches!(role, Role::Acquire(_) | Role::Fuse).then(|| Subscriber::<CasingTopic>::open(&line).unwrap());
+    let (mut tap_in, mut found_in, mut damage_in, mut settled_in, mut proposals_in) = (None, None, None, None, None);
+    let (mut taps, mut found, mut damage, mut settled, mut proposals) = (None, None, None, None, None);
+    let mut notices = Vec::new();
+    match role {
+        Role::Acquire(_) => {
+            taps = Some(Publisher::<TapTopic>::open(&line).unwrap());
+            proposals = Some(Publisher::<ProposalTopic>::open(&line).unwrap());
+        }
+        Role::Process => {
+            tap_in = Some(Subscriber::<TapTopic>::open(&line).unwrap());
+            found = Some(Publisher::<DiscriminatorTopic>::open(&line).unwrap());
+        }
+        Role::Fuse => {
+            settled_in = Some(Subscriber::<SettledTopic>::open(&line).unwrap());
+            damage = Some(Publisher::<DamageTopic>::open(&line).unwrap());
+        }
+        Role::Store => {
+            tap_in = Some(Subscriber::<TapTopic>::open(&line).unwrap());
+            found_in = Some(Subscriber::<DiscriminatorTopic>::open(&line).unwrap());
+            damage_in = Some(Subscriber::<DamageTopic>::open(&line).unwrap());
+            proposals_in = Some(Subscriber::<ProposalTopic>::open(&line).unwrap());
+            settled = Some(Publisher::<SettledTopic>::open(&line).unwrap());
+            let acquires = (0..limits.acquire_count).map(Role::Acquire);
+            let receivers = acquires.chain([Role::Fuse, Role::Supervisor]);
+            notices.extend(receivers.map(|to| Publisher::<CasingTopic>::open_to(&line, to).unwrap()));
+        }
+        _ => {}
+    }
+    println!("in place");
+    let (go, end) = std::sync::mpsc::sync_channel::<()>(1);
+    std::thread::Builder::new()
+        .name("input".to_owned())
+        .spawn(move || {
+            let ended = std::io::stdin().lines().next();
+            drop((ended, go));
+        })
+        .unwrap();
+    while end.try_recv() != Err(std::sync::mpsc::TryRecvError::Disconnected) {
+        line.wait(Duration::from_millis(50)).unwrap();
+        // A look at each input connects it to those who send by now.
+        let looks = (
+            tap_in.as_ref().map(|s| s.receive().map(drop)),
+            found_in.as_ref().map(|s| s.receive().map(drop)),
+            damage_in.as_ref().map(|s| s.receive().map(drop)),
+            settled_in.as_ref().map(|s| s.receive().map(drop)),
+            proposals_in.as_ref().map(|s| s.receive().map(drop)),
+            casings.as_ref().map(|s| s.receive().map(drop)),
+        );
+        drop(looks);
+    }
+    drop((taps, found, damage, settled, proposals, notices));
+}
+
+struct Participant {
+    name: String,
+    child: Child,
+}
+
+impl Participant {
+    fn start(address: &LineAddress, stations: u16, role: &str) -> Self {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "participant", "--nocapture"])
+            .env(CHILD, format!("{} {stations} {role}", address.root().display()))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(child.stdout.take().unwrap()).lines();
+        assert!(said.any(|line| line.unwrap().ends_with("in place")), "{role} did not come");
+        std::thread::Builder::new().name("said".to_owned()).spawn(move || said.for_each(drop)).unwrap();
+        Self { name: role.to_owned(), child }
+    }
+
+    fn descriptors(&self) -> usize {
+        std::fs::read_dir(format!("/proc/{}/fd", self.child.id())).unwrap().count()
+    }
+
+    fn address_space_kib(&self) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        let peak = status.lines().find_map(|line| line.strip_prefix("VmPeak:")).unwrap();
+        peak.trim().trim_end_matches(" kB").parse().unwrap()
+    }
+}
+
+impl Drop for Participant {
+    fn drop(&mut self) {
+        if let Some(mut input) = self.child.stdin.take() {
+            drop(writeln!(input));
+        }
+        assert!(self.child.wait().unwrap().success() || std::thread::panicking());
+    }
+}
+
+/// Every file of the line, folders apart.
+fn files(address: &LineAddress) -> Vec<PathBuf> {
+    let shm = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let shm = shm.filter(|file| file.file_name().to_string_lossy().starts_with(address.prefix()));
+    let mut found: Vec<PathBuf> = shm.map(|file| file.path()).collect();
+    let mut folders = vec![address.root().to_owned()];
+    while let Some(folder) = folders.pop() {
+        for path in std::fs::read_dir(folder).unwrap().flatten().map(|entry| entry.path()) {
+            if path.is_dir() { folders.push(path) } else { found.push(path) }
+        }
+    }
+    found
+}
+
+/// Bytes of shared memory that the line has promised, and that it really has.
+fn shared_bytes(address: &LineAddress) -> (u64, u64) {
+    let shm = files(address).into_iter().filter(|path| path.starts_with("/dev/shm"));
+    shm.filter_map(|path| path.metadata().ok())
+        .fold((0, 0), |(promised, there), file| (promised + file.len(), there + file.blocks() * 512))
+}
+
+fn with_line(stations: u16, look: impl FnOnce(&LineAddress, &[Participant])) {
+    let address = LineAddress::fresh().unwrap();
+    {
+        let supervisor = Line::join(&address, Role::Supervisor, &limits(stations), Arc::default()).unwrap();
+        let _services = Services::open(&supervisor).unwrap();
+        let roles = ["store", "fuse", "process"].into_iter().map(ToOwned::to_owned);
+        let roles = roles.chain((0..stations).map(|number| number.to_string()));
+        let participants: Vec<Participant> = roles.map(|role| Participant::start(&address, stations, &role)).collect();
+        std::thread::sleep(Duration::from_millis(300)); // they have seen each other
+        look(&address, &participants);
+    }
+    assert!(address.clear().unwrap());
+    assert!(!address.root().exists());
+}
+
+/// Catches a file of a line that others can read or write, and memory that is promised and not there.
+#[test]
+fn a_line_is_its_users_alone_and_all_its_memory_is_there() {
+    with_line(2, |address, _| {
+        let there = files(address);
+        assert!(there.len() > 20 && there.iter().any(|f| f.metadata().unwrap().file_type().is_socket()), "{there:#?}");
+        for path in &there {
+            let file = path.metadata().unwrap();
+            assert_eq!(file.mode() & 0o077, 0, "{} has mode {:03o}", path.display(), file.mode());
+            // Its folder may have the longest path that is allowed: 41 bytes.
+            let longest = path.as_os_str().len() + 41 - address.root().as_os_str().len();
+            assert!(!file.file_type().is_socket() || longest < 108, "{} is too long for a socket", path.display());
+        }
+        assert_eq!(address.root().metadata().unwrap().mode() & 0o777, 0o700);
+        address.verify().unwrap();
+        room::reserve("the line", address).unwrap();
+        let (promised, there) = shared_bytes(address);
+        assert!(there >= promised, "{there} of {promised}");
+        let most = line_bytes(&limits(2)) as u64;
+        assert!(there < most + (2 << 20), "{there} bytes are reserved where {most} were foreseen");
+    });
+}
+
+/// Not a test: prints what lines of several lengths take. Run it by hand: `--ignored --nocapture`.
+#[test]
+#[ignore = "measures"]
+fn what_a_line_takes() {
+    for stations in [1, 8, 32] {
+        with_line(stations, |address, participants| {
+            let reserved = room::reserve("the line", address).unwrap();
+            let (promised, there) = shared_bytes(address);
+            let sockets = files(address).into_iter().filter(|f| f.metadata().unwrap().file_type().is_socket());
+            let longest = sockets.map(|f| f.as_os_str().len() - address.root().as_os_str().len()).max().unwrap();
+            println!(
+                "{stations} stations: {} files, promised {promised}, reserved {} in {} segments, there {there}, \
+                 foreseen {}, a socket's path is {longest} longer than the folder's",
+                files(address).len(),
+                reserved.bytes,
+                reserved.segments,
+                line_bytes(&limits(stations))
+            );
+            let own = std::fs::read_dir("/proc/self/fd").unwrap().count();
+            println!("  watch: {own} descriptors (its pipes included)");
+            for participant in participants.iter().take(5) {
+                println!(
+                    "  {}: {} descriptors, {} KiB of address space",
+                    participant.name,
+                    participant.descriptors(),
+                    participant.address_space_kib()
+                );
+            }
+        });
+    }
+}
