@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use tapline_wire::{
-    Limits, Line, LineAddress, Publisher, RecordKind, Role, Subscriber, TapHeader, TapTopic, bytes_of, bytes_of_mut,
-    lanes_for, now_ns,
+    CasingLimits, Limits, Line, LineAddress, Publisher, RecordKind, Role, Subscriber, TapHeader, TapTopic, bytes_of,
+    bytes_of_mut, lanes_for, now_ns,
 };
 
 use common::{print_table, quantile};
@@ -208,7 +208,8 @@ fn start(role: &str, stdin: Stdio) -> Result<Child> {
 
 /// A line that has room for these records and little else.
 fn limits() -> Limits {
-    Limits { record_bytes_max: BYTES, taps_max: 1, scans_max: 1, locations_max: 1, ..Limits::default() }
+    let casing = CasingLimits { taps: 1, scans: 1, locations: 1, record_bytes: BYTES };
+    Limits { casing, ..Limits::default() }
 }
 
 // ---- the consumers ---------------------------------------------------------------------------------------------

@@ -62,9 +62,6 @@ pub(crate) enum Verb {
         /// Print the report as JSON; of several archives a line each, and one that sums up.
         #[arg(long)]
         json: bool,
-        /// In this process, not in one of its own.
-        #[arg(long, hide = true)]
-        here: bool,
     },
     /// Judge archives again: with other options, another reference, or by a newer program.
     ///

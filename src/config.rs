@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
-use tapline_acquire::{AcquireConfig, Limits, ScanConfig, StationConfig, StationSource, validate_stations};
+use tapline_acquire::{AcquireConfig, ScanConfig, StationConfig, StationSource, validate_stations};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
 use tapline_store::StoreConfig;
-use tapline_wire::{Plan, Recording};
+use tapline_wire::{CasingLimits, Plan, Recording};
 
 use crate::cli::{LineArgs, SourceArgs};
 use crate::line::setup::{Arriving, Setup};
@@ -76,11 +76,10 @@ impl LineConfig {
 
 impl Config {
     /// What the largest casing of any station needs.
-    pub(crate) fn station_limits(&self) -> Result<Limits> {
-        let tap_sets = Limits {
+    pub(crate) fn station_limits(&self) -> Result<CasingLimits> {
+        let tap_sets = CasingLimits {
             taps: self.line.taps_max,
             scans: self.line.scans_max,
-            cells: self.line.taps_max,
             locations: self.line.taps_max,
             record_bytes: self.line.record_samples_max * SAMPLE_BYTES_MAX,
         };
@@ -88,7 +87,7 @@ impl Config {
             StationSource::Folder => tap_sets,
             StationSource::Rig | StationSource::Simulated => self.scan.limits(&self.simulation),
         };
-        Ok(self.station.iter().map(of).fold(Limits::default(), Limits::and))
+        Ok(self.station.iter().map(of).fold(CasingLimits::default(), CasingLimits::and))
     }
 }
 

@@ -33,7 +33,10 @@ mod whole;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
+use anyhow::Context as _;
 use clap::Parser as _;
 use tracing_subscriber::EnvFilter;
 
@@ -57,7 +60,7 @@ fn main() -> ExitCode {
         // Where the log cannot be written it would panic, in the middle of a scan.
         .log_internal_errors(false)
         .init();
-    match bus::say_what_is_gone().and_then(|()| dispatch(&cli.verb)) {
+    match begin().and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
         Err(error) => {
@@ -70,6 +73,15 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// What comes before every verb.
+fn begin() -> anyhow::Result<()> {
+    // A write beyond the limit of a file's size then fails with a reason, where it would end the process without one.
+    let is_beyond = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(rustix::process::Signal::XFSZ.as_raw(), is_beyond)
+        .context("cannot listen to signals")?;
+    bus::say_what_is_gone()
 }
 
 /// The error with its causes, each said once: many an error names its cause itself.
@@ -91,7 +103,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Stage(args) => line::stage::stage(args),
         Verb::Export(args) => export::export(args),
         Verb::Reference(args) => reference::reference(args),
-        Verb::Verify { archives, json, here } => verify::verify(archives, *json, *here),
+        Verb::Verify { archives, json } => verify::verify(archives, *json),
         Verb::Reprocess(args) => reprocess::reprocess(args),
         Verb::Repack { archives, codec, out } => repack::repack(archives, (*codec).into(), out),
         Verb::Explain { archives, shoulder, location, results } => {

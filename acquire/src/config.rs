@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 use tapline_model::{Crack, SimulationConfig};
-use tapline_wire::{RETAKES_MAX, Serial};
+use tapline_wire::{CasingLimits, RETAKES_MAX, Serial};
 
-use crate::{Error, Limits};
+use crate::Error;
 
 /// Most taps of a simulated scan, some two thousand tyres: the plan is held in memory, 130 bytes or so a tap.
 const TAPS_MAX: u64 = 10_000_000;
@@ -167,13 +167,11 @@ impl ScanConfig {
     }
 
     /// What a tyre that is scanned so needs, when the rig of `simulation` records it.
-    pub fn limits(&self, simulation: &SimulationConfig) -> Limits {
-        let (scans, locations) = (usize::from(self.shoulders), self.locations as usize);
-        Limits {
+    pub fn limits(&self, simulation: &SimulationConfig) -> CasingLimits {
+        CasingLimits {
             taps: usize::try_from(self.taps_of_tyre()).unwrap_or(usize::MAX),
-            scans,
-            cells: scans.saturating_mul(locations),
-            locations,
+            scans: self.shoulders.into(),
+            locations: self.locations as usize,
             record_bytes: 2 * size_of::<i16>() * simulation.sample_count as usize,
         }
     }

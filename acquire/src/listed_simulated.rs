@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tapline_model::SimulationConfig;
-use tapline_wire::Plan;
+use tapline_wire::{CasingLimits, Plan, digest_of_parts};
 
 use crate::simulated::{Tyre, default_tyre, plan_of, rig_of, station_of, tyre_count, tyre_of};
-use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Limits, ScanConfig, SimulatedLine};
+use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, ScanConfig, SimulatedLine};
 
 /// What waits for nothing is asked again this late.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
@@ -73,66 +73,46 @@ impl SimulatedList {
 
     /// The casings of `station`, in order.
     pub fn arrivals(&self, station: u16) -> Box<dyn Arrivals> {
-        Box::new(Listed { world: Arc::clone(&self.world), station, next: 0, taps_before: 0 })
+        let which = Tyres::Listed { next: 0, taps_before: 0 };
+        Box::new(SimulatedTyres { world: Arc::clone(&self.world), station, which })
     }
 
     /// What every casing of the list needs.
-    pub fn limits(&self) -> Limits {
+    pub fn limits(&self) -> CasingLimits {
         self.world.scan.limits(&self.world.simulation)
     }
 }
 
-/// The tyres of one station.
+/// The simulated tyres of one station, one after another.
 #[derive(Debug)]
-struct Listed {
+pub(crate) struct SimulatedTyres {
     world: Arc<World>,
     station: u16,
-    /// Tyre of the whole scan that is looked at next.
-    next: usize,
-    /// Taps of this station's tyres so far: its clock.
-    taps_before: u64,
+    which: Tyres,
 }
 
-impl Arrivals for Listed {
-    fn station(&self) -> u16 {
-        self.station
-    }
-
-    fn next(&mut self) -> Result<Arrival, Error> {
-        let World { scan, simulation } = &*self.world;
-        let ours = (self.next..tyre_count(scan)).find(|&number| station_of(scan, number) == self.station);
-        let Some(number) = ours else { return Ok(Arrival::Ended) };
-        let tyre = tyre_of(scan, number)?;
-        let taps = SimulatedLine::of_tyre(scan, simulation, &tyre, self.taps_before)?;
-        self.next = number + 1;
-        self.taps_before += scan.taps_per_tyre();
-        Ok(Arrival::Casing(Casing { name: tyre.serial.to_string(), taps: Box::new(taps) }))
-    }
-
-    fn ended(&mut self, _name: &str, _end: &CasingEnd) {}
-
-    fn waits_for(&self) -> String {
-        "nothing: simulated tyres are always there".to_owned()
-    }
-
-    fn look_every(&self) -> Duration {
-        LOOK_EVERY
-    }
-}
-
-/// Simulated tyres that no list names, one after another: for lines that run on.
+/// Which tyres come to a station.
 #[derive(Debug)]
-pub(crate) struct EndlessTyres {
-    world: World,
-    station: u16,
-    /// Number of the next tyre, from 1.
-    next: u64,
-    /// Number of the last tyre, where there is a last one.
-    last: Option<u64>,
+enum Tyres {
+    /// Those of the scan's list that are this station's.
+    Listed {
+        /// Tyre of the whole scan that is looked at next.
+        next: usize,
+        /// Taps of this station's tyres so far: its clock.
+        taps_before: u64,
+    },
+    /// Tyres that no list names, for lines that run on.
+    Unlisted {
+        /// Number of the next tyre, from 1.
+        next: u64,
+        /// Number of the last tyre, where there is a last one.
+        last: Option<u64>,
+    },
 }
 
-impl EndlessTyres {
-    pub(crate) fn new(
+impl SimulatedTyres {
+    /// Tyres that no list names, from number `first` on, `count` of them where that is known.
+    pub(crate) fn unlisted(
         scan: &ScanConfig,
         simulation: &SimulationConfig,
         station: u16,
@@ -141,25 +121,44 @@ impl EndlessTyres {
         scan.validate()?;
         rig_of(scan, simulation, &[])?;
         let world = World { scan: scan.clone(), simulation: simulation.clone() };
-        Ok(Self { world, station, next: first, last: count.map(|count| (first - 1).saturating_add(count)) })
+        let last = count.map(|count| (first - 1).saturating_add(count));
+        Ok(Self { world: Arc::new(world), station, which: Tyres::Unlisted { next: first, last } })
     }
 }
 
-impl Arrivals for EndlessTyres {
+impl Arrivals for SimulatedTyres {
     fn station(&self) -> u16 {
         self.station
     }
 
     fn next(&mut self) -> Result<Arrival, Error> {
-        let World { scan, simulation } = &self.world;
-        let number = self.next;
-        if self.last.is_some_and(|last| number > last) {
-            return Ok(Arrival::Ended);
+        let World { scan, simulation } = &*self.world;
+        let (tyre, taps_before) = match &mut self.which {
+            Tyres::Listed { next, taps_before } => {
+                let ours = (*next..tyre_count(scan)).find(|&number| station_of(scan, number) == self.station);
+                let Some(number) = ours else { return Ok(Arrival::Ended) };
+                *next = number + 1;
+                let before = *taps_before;
+                *taps_before += scan.taps_per_tyre();
+                (tyre_of(scan, number)?, before)
+            }
+            Tyres::Unlisted { next, last } => {
+                let number = *next;
+                if last.is_some_and(|last| number > last) {
+                    return Ok(Arrival::Ended);
+                }
+                *next = number.saturating_add(1);
+                let serial = format!("S{}-{number}", self.station);
+                let tyre = default_tyre(scan, &serial, self.station, number % 2 == 1)?;
+                (tyre, (number - 1).saturating_mul(scan.taps_per_tyre()))
+            }
+        };
+        let mut taps = SimulatedLine::of_tyre(scan, simulation, &tyre, taps_before)?;
+        if let Tyres::Unlisted { .. } = self.which {
+            // Numbers begin anew when this process does: a tyre that is finished is known by its source, and not tapped again.
+            let texts = [toml::to_string(scan), toml::to_string(simulation)].map(Result::unwrap_or_default);
+            taps.set_source(digest_of_parts(texts.iter().map(String::as_bytes)));
         }
-        let tyre = default_tyre(scan, &format!("S{}-{number}", self.station), self.station, number % 2 == 1)?;
-        let taps_before = (number - 1).saturating_mul(scan.taps_per_tyre());
-        let taps = SimulatedLine::of_tyre(scan, simulation, &tyre, taps_before)?;
-        self.next = number.saturating_add(1);
         Ok(Arrival::Casing(Casing { name: tyre.serial.to_string(), taps: Box::new(taps) }))
     }
 

@@ -1,6 +1,6 @@
 //! Tests of the list of simulated tyres.
 
-use tapline_wire::{Lane, TapHeader, bytes_of, lanes_for};
+use tapline_wire::{CasingLimits, Lane, TapHeader, bytes_of, lanes_for};
 
 use super::*;
 use crate::{Source, TyreConfig};
@@ -80,7 +80,7 @@ fn what_is_listed_comes() {
             assert_eq!(came.len(), of_station.len());
             for (casing, (name, _, plan)) in came.iter().zip(of_station) {
                 assert_eq!((&casing.name, casing.taps.plan()), (name, plan));
-                assert_eq!(Limits::of(plan), list.limits());
+                assert_eq!(CasingLimits::of(plan), list.limits());
                 truth.extend(plan.truth());
             }
         }
@@ -102,7 +102,7 @@ fn faults_are_told_at_the_start() {
 /// Catches tyres of a line that runs on which repeat, stand still in time, or differ after a new start.
 #[test]
 fn tyres_without_a_list_go_on() {
-    let of = |first, count| Box::new(EndlessTyres::new(&scan(), &simulation(), 3, (first, count)).unwrap());
+    let of = |first, count| Box::new(SimulatedTyres::unlisted(&scan(), &simulation(), 3, (first, count)).unwrap());
     let mut three = casings(of(1, Some(3)));
     assert_eq!(three.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["S3-1", "S3-2", "S3-3"]);
     let is_cracked = |casing: &Casing| casing.taps.plan().truth().values().any(|&is| is);

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tapline_wire::Plan;
+use tapline_wire::{CasingLimits, Plan};
 
 use crate::tapset::{Recordings, Unit, refuse_no_station, units_of};
-use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Limits, Refusal, Source as _, TapSet};
+use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Refusal, Source as _, TapSet};
 
 /// What waits for nothing is asked again this late.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
@@ -83,8 +83,8 @@ impl TapSetList {
     ///
     /// # Errors
     /// [`Error`] when a casing's plan cannot be made.
-    pub fn limits(&self) -> Result<Limits, Error> {
-        self.listed().try_fold(Limits::default(), |most, listed| Ok(most.and(Limits::of(&listed?.2))))
+    pub fn limits(&self) -> Result<CasingLimits, Error> {
+        self.listed().try_fold(CasingLimits::default(), |most, listed| Ok(most.and(CasingLimits::of(&listed?.2))))
     }
 
     pub(crate) fn name(&self, number: usize) -> &str {

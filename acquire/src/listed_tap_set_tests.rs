@@ -74,7 +74,7 @@ fn every_casing_has_the_taps_of_the_whole_set() {
     }
     assert_eq!(seen, whole.plan().taps().len());
     let limits = list.limits().unwrap();
-    assert_eq!((limits.taps, limits.scans, limits.cells, limits.locations), (6, 2, 6, 3));
+    assert_eq!((limits.taps, limits.scans, limits.locations), (6, 2, 3));
     assert_eq!(limits.record_bytes, whole.plan().recording.payload_bytes_max());
 }
 

@@ -58,6 +58,11 @@ impl SimulatedLine {
         Self::of_tyres(scan, simulation, std::slice::from_ref(tyre), start_ns)
     }
 
+    /// Has the plan tell what it simulates from other simulations of the same taps.
+    pub(crate) fn set_source(&mut self, source_digest: u64) {
+        self.plan = self.plan.clone().with_source(source_digest);
+    }
+
     /// The line of `tyres`, of which each station starts at its place in `start_ns`.
     fn of_tyres(
         scan: &ScanConfig,

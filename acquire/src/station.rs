@@ -4,11 +4,14 @@ use std::time::{Duration, Instant};
 
 use tapline_wire::{CasingHeader, Ledger, LineError, RecordKind, ScanState, TapState};
 
-use crate::run::{Outlet, is_of_plan};
-use crate::{Arrival, Arrivals, Casing, CasingEnd, Readiness};
+use crate::outlet::Outlet;
+use crate::{Arrival, Arrivals, Casing, CasingEnd, Readiness, RunError, Source};
 
 /// How long a proposal, a barrier or an end may go unanswered before it is sent again: whoever had it may have died.
 const SEND_AGAIN: Duration = Duration::from_secs(1);
+
+/// How often it is said at most what a station waits for.
+const SAY_EVERY: Duration = Duration::from_millis(500);
 
 /// When a station is to be asked again, when nothing wakes the process.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +33,10 @@ pub(crate) struct Station {
     left_over: Vec<(u64, String)>,
     period: Option<Duration>,
     next_due: Instant,
+    /// Whether the source has said that it is not ready.
+    is_source_awaited: bool,
+    /// What it was last said to wait for, and when.
+    said: Option<(String, Instant)>,
 }
 
 /// What a station is at.
@@ -76,7 +83,9 @@ enum Phase {
 impl Station {
     pub(crate) fn new(arrivals: Box<dyn Arrivals>, period: Option<Duration>) -> Self {
         let (closing, left_over) = (Vec::new(), Vec::new());
-        Self { arrivals, work: Work::Idle, closing, left_over, period, next_due: Instant::now() }
+        let next_due = Instant::now();
+        let (is_source_awaited, said) = (false, None);
+        Self { arrivals, work: Work::Idle, closing, left_over, period, next_due, is_source_awaited, said }
     }
 
     pub(crate) fn number(&self) -> u16 {
@@ -96,7 +105,7 @@ impl Station {
     }
 
     /// Takes in the ledger of a casing.
-    pub(crate) fn told(&mut self, number: u64, ledger: Ledger) {
+    pub(crate) fn note_ledger(&mut self, number: u64, ledger: Ledger) {
         match std::mem::replace(&mut self.work, Work::Idle) {
             Work::Proposed { casing, opened: Some(opened), .. } if opened == number => {
                 self.left_over.retain(|&(left_over, _)| left_over != number);
@@ -140,6 +149,28 @@ impl Station {
         }
     }
 
+    /// Says what it waits for, for people, when that has changed and was not said just now.
+    pub(crate) fn say_what_it_waits_for(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
+        if self.said.as_ref().is_some_and(|(_, at)| at.elapsed() < SAY_EVERY) {
+            return Ok(());
+        }
+        let what = match &self.work {
+            _ if self.is_source_awaited => self.arrivals.waits_for(),
+            Work::Idle => "the verdicts on the casings before".to_owned(),
+            Work::Ended => "nothing: its list is done".to_owned(),
+            Work::Proposed { .. } => "its file to be begun".to_owned(),
+            Work::Open(open) => match open.phase {
+                Phase::Tapping(_) => String::new(),
+                Phase::Barrier(_) | Phase::Ending(_) => "what was tapped to be archived".to_owned(),
+            },
+        };
+        let is_news = self.said.as_ref().is_none_or(|(said, _)| *said != what);
+        if is_news && outlet.say_wait(self.number(), &what)? {
+            self.said = Some((what, Instant::now()));
+        }
+        Ok(())
+    }
+
     fn end(&mut self, end: &CasingEnd) {
         match std::mem::replace(&mut self.work, Work::Idle) {
             Work::Proposed { casing, .. } => self.arrivals.ended(&casing.name, end),
@@ -149,7 +180,8 @@ impl Station {
     }
 
     /// Does what can be done now: a tap at most.
-    pub(crate) fn step(&mut self, outlet: &mut Outlet<'_>) -> Result<Next, crate::RunError> {
+    pub(crate) fn step(&mut self, outlet: &mut Outlet<'_>) -> Result<Next, RunError> {
+        self.is_source_awaited = false;
         if let Work::Idle = self.work {
             // One casing may be tapped while one is closed.
             if self.closing.len() > 1 {
@@ -161,6 +193,7 @@ impl Station {
                     if !self.arrivals.come_once() {
                         self.give_up_left_over(outlet, None)?;
                     }
+                    self.is_source_awaited = true;
                     return Ok(Next::Within(self.arrivals.look_every()));
                 }
                 Arrival::Ended => self.work = Work::Ended,
@@ -185,7 +218,8 @@ impl Station {
                 }
             },
             Work::Open(open) => {
-                open.step(outlet, &mut Pace { period: self.period, next_due: &mut self.next_due }, look_every)?
+                let mut pace = Pace { period: self.period, next_due: &mut self.next_due };
+                open.step(outlet, &mut pace, look_every, &mut self.is_source_awaited)?
             }
         };
         if let Work::Open(open) = &mut self.work
@@ -292,7 +326,13 @@ impl Open {
         !scans.is_empty() && scans.iter().all(|&state| state >= ScanState::Ended)
     }
 
-    fn step(&mut self, outlet: &mut Outlet<'_>, pace: &mut Pace<'_>, look_every: Duration) -> Result<Next, LineError> {
+    fn step(
+        &mut self,
+        outlet: &mut Outlet<'_>,
+        pace: &mut Pace<'_>,
+        look_every: Duration,
+        is_source_awaited: &mut bool,
+    ) -> Result<Next, LineError> {
         match &mut self.phase {
             Phase::Tapping(rows) => {
                 let Some(&row) = rows.last() else { return self.send_barrier(outlet) };
@@ -302,7 +342,10 @@ impl Open {
                 let attempt = self.ledger.attempt(row as usize);
                 let source = self.casing.taps.as_mut();
                 match source.poll(row, attempt) {
-                    Readiness::NotYet => return Ok(Next::Within(look_every)),
+                    Readiness::NotYet => {
+                        *is_source_awaited = true;
+                        return Ok(Next::Within(look_every));
+                    }
                     Readiness::Gone(reason) => {
                         tracing::warn!(casing = self.casing.name, reason, "no more taps of a casing will come");
                         self.gone = Some(reason);
@@ -377,4 +420,9 @@ impl Open {
         self.phase = Phase::Ending(Instant::now());
         Ok(Next::Within(SEND_AGAIN))
     }
+}
+
+/// Whether what `header` tells of has the plan of `source`.
+fn is_of_plan(header: &CasingHeader, source: &dyn Source) -> bool {
+    header.plan_digest == source.plan().digest()
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use tapline_model::SimulationConfig;
 
-use crate::listed_simulated::EndlessTyres;
+use crate::listed_simulated::SimulatedTyres;
 use crate::{AcquireConfig, Arrivals, Error, FolderArrivals, RigArrivals, RigConfig, ScanConfig, Wake};
 
 /// Longest time that a rig may be given, in s: a day.
@@ -173,7 +173,7 @@ pub fn open_station(
             };
             Box::new(RigArrivals::open(&rig, number, scan, simulation, wake)?)
         }
-        _ => Box::new(EndlessTyres::new(scan, simulation, number, (station.first_casing, station.casings))?),
+        _ => Box::new(SimulatedTyres::unlisted(scan, simulation, number, (station.first_casing, station.casings))?),
     })
 }
 

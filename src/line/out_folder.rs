@@ -50,7 +50,12 @@ impl ProcessName {
     fn of(pid: u32) -> Option<Self> {
         let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
         // The name comes second and may hold anything; what follows starts with the third field, and 22 is wanted.
-        let started = stat.rsplit_once(')')?.1.split_whitespace().nth(19)?.parse().ok()?;
+        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+        // One that has ended and was not waited for yet does nothing any more.
+        if matches!(*fields.first()?, "Z" | "X") {
+            return None;
+        }
+        let started = fields.get(19)?.parse().ok()?;
         let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?.trim().to_owned();
         Some(Self { pid, started, boot })
     }
@@ -67,6 +72,9 @@ struct Entry {
     process: ProcessName,
     /// Folder that the line works in; absent while it has none.
     folder: Option<PathBuf>,
+    /// Folder of an earlier line that was killed, until it is cleared: should this process be killed before, the next one
+    /// knows of it still.
+    left: Option<PathBuf>,
 }
 
 /// Which folder it is, whatever its path leads to by now.
@@ -104,12 +112,9 @@ impl OutFolder {
         let folder = open_checked(&path)?;
         let lock = take_lock(&folder, &path)?;
         make_open(&folder, &path)?;
-        let left = read_entry(&lock).and_then(|entry| LineAddress::at(&entry.folder?).ok());
-        let entry = Entry {
-            process: ProcessName::own()?,
-            // Until it is cleared: should this process be killed before, the next one knows of it still.
-            folder: left.as_ref().map(|address| address.root().to_owned()),
-        };
+        let left = read_entry(&lock).and_then(|entry| LineAddress::at(&entry.left.or(entry.folder)?).ok());
+        let left_path = left.as_ref().map(|address| address.root().to_owned());
+        let entry = Entry { process: ProcessName::own()?, folder: None, left: left_path };
         let id = id_of(&folder, &path)?;
         let folder = Self { path, id, entry, left, lock: Some(lock) };
         folder.write()?;
@@ -162,17 +167,18 @@ impl OutFolder {
     /// What the system says.
     pub(crate) fn enter(&mut self, address: &LineAddress) -> Result<()> {
         self.entry.folder = Some(address.root().to_owned());
+        self.entry.left = None;
         self.write()
     }
 
     /// Lets go of everything in the folder, so that its disk can be taken out, mended and put back.
     ///
     /// No other line can have it meanwhile, as the lock names this process, which lives.
-    pub(crate) fn let_go(&mut self) {
+    pub(crate) fn release(&mut self) {
         self.lock = None;
     }
 
-    /// Takes the folder back after [`OutFolder::let_go`]; whether it is there again.
+    /// Takes the folder back after [`OutFolder::release`]; whether it is there again.
     ///
     /// # Errors
     /// That another line has taken it meanwhile.
@@ -438,14 +444,14 @@ mod tests {
         let address = LineAddress::fresh().unwrap();
         out.enter(&address).unwrap();
         // As if it were killed: the lock is let go and stays, and its process is no more.
-        out.let_go();
-        let killed =
-            Entry { process: ProcessName { pid: 1, ..out.entry.process.clone() }, folder: out.entry.folder.clone() };
+        out.release();
+        let killed = Entry { process: ProcessName { pid: 1, ..out.entry.process.clone() }, ..out.entry.clone() };
         fs::write(temp.path().join(LOCK), toml::to_string(&killed).unwrap()).unwrap();
         std::mem::forget(out);
 
         assert!(OutFolder::find_line(temp.path()).unwrap().is_none());
         let mut next = OutFolder::take(temp.path()).unwrap();
+        assert!(OutFolder::find_line(temp.path()).unwrap().is_none(), "who looks on would keep what is to be cleared");
         assert!(address.root().exists());
         next.clear_left(Duration::ZERO).unwrap();
         assert!(!address.root().exists());
@@ -457,7 +463,7 @@ mod tests {
     fn let_go_it_is_held_by_nothing_but_kept_for_the_line() {
         let temp = tempfile::TempDir::new().unwrap();
         let mut out = OutFolder::take(temp.path()).unwrap();
-        out.let_go();
+        out.release();
         let is_inside = |fd: fs::DirEntry| fs::read_link(fd.path()).is_ok_and(|to| to.starts_with(temp.path()));
         assert!(!fs::read_dir("/proc/self/fd").unwrap().flatten().any(is_inside));
         // Its disk is away: an empty folder is in its place.

@@ -163,12 +163,5 @@ fn limits_of(job: &Job, arriving: &Arriving) -> Result<Limits> {
     stations.sort_unstable();
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
     let processes = stations.len().min(cores.max(stations.len().div_ceil(STATIONS_PER_PROCESS)));
-    Ok(Limits {
-        acquire_count: u16::try_from(processes).context("too many stations")?,
-        stations,
-        record_bytes_max: largest.record_bytes,
-        taps_max: largest.taps,
-        scans_max: largest.scans,
-        locations_max: largest.locations,
-    })
+    Ok(Limits { acquire_count: u16::try_from(processes).context("too many stations")?, stations, casing: largest })
 }

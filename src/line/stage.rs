@@ -83,7 +83,9 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
 /// children still start must not leave them behind.
 fn follow_parent(args: &StageArgs) -> Result<()> {
     use rustix::process::{Signal, getppid, set_parent_process_death_signal};
-    set_parent_process_death_signal(Some(Signal::TERM)).context("cannot ask to end with the line")?;
+    // `store` makes safe what it has. Who acquires has nothing to keep: it would wait for a `store` that nobody replaces.
+    let signal = if args.stage.starts_with("acquire-") { Signal::KILL } else { Signal::TERM };
+    set_parent_process_death_signal(Some(signal)).context("cannot ask to end with the line")?;
     if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() != args.child) {
         bail!("the line that started this stage (process {}) has ended", args.child);
     }

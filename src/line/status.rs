@@ -56,7 +56,7 @@ pub(crate) struct StationStatus {
     pub(crate) number: u16,
     /// The casing that it taps.
     pub(crate) casing: Option<CasingStatus>,
-    /// What it waits for.
+    /// What it waits for; empty while it taps.
     pub(crate) waits_for: String,
 }
 
@@ -75,18 +75,6 @@ pub(crate) struct StageStatus {
     pub(crate) name: String,
     pub(crate) pid: Option<u32>,
     pub(crate) restarts: u32,
-}
-
-impl StationStatus {
-    /// What a station with this casing waits for, in words.
-    pub(crate) fn waits_for(casing: Option<&CasingStatus>) -> String {
-        match casing {
-            None => "a casing",
-            Some(casing) if casing.archived + casing.refused < casing.planned => "taps",
-            Some(_) => "the verdict",
-        }
-        .to_owned()
-    }
 }
 
 impl Status {

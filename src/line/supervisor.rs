@@ -1,6 +1,6 @@
 //! The process that starts the others: it tends them, hears from `store` what becomes of the casings, and tells people.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use tapline_wire::{
     CasingHeader, CasingTopic, Line, LineAddress, LineError, Publisher, Received, RecordKind, Role, Signal, Stamp,
-    StatusTopic, Subscriber, now_ns, room,
+    StatusTopic, Subscriber, WaitTopic, now_ns, room,
 };
 
 use crate::line::child::Stage;
@@ -91,6 +91,7 @@ pub(crate) struct Supervisor<'a> {
     address: &'a LineAddress,
     folder: &'a mut OutFolder,
     casings: Subscriber<'a, CasingTopic>,
+    waits: Subscriber<'a, WaitTopic>,
     status_out: Publisher<'a, StatusTopic>,
     // Dropped before the line's folder is cleared: no stage may be left then.
     stages: Vec<Stage>,
@@ -99,6 +100,8 @@ pub(crate) struct Supervisor<'a> {
     is_list: bool,
     stations: Vec<u16>,
     open: Vec<Open>,
+    /// What each station says it waits for; nothing while it taps.
+    awaited: BTreeMap<u16, String>,
     shown: Status,
     shown_at: Instant,
     is_news: bool,
@@ -135,6 +138,7 @@ impl<'a> Supervisor<'a> {
         audience: Audience,
     ) -> Result<Self> {
         let casings = Subscriber::open(line)?;
+        let waits = Subscriber::open(line)?;
         let status_out = Publisher::open(line)?;
         // Downstream first, so that nobody sends to no one.
         let acquires = (0..setup.limits.acquire_count).map(|number| format!("acquire-{number}"));
@@ -153,6 +157,8 @@ impl<'a> Supervisor<'a> {
             secured_at: Instant::now(),
             cleared_at: Instant::now(),
             casings,
+            waits,
+            awaited: BTreeMap::new(),
             status_out,
             stages,
             stop,
@@ -235,6 +241,11 @@ impl<'a> Supervisor<'a> {
                 }
                 _ => continue,
             }
+            self.is_news = true;
+        }
+        while let Some(record) = self.waits.receive()? {
+            let Ok(station) = u16::try_from(record.header().mark) else { continue };
+            self.awaited.insert(station, String::from_utf8_lossy(&record).into_owned());
             self.is_news = true;
         }
         self.note_progress();
@@ -340,7 +351,7 @@ impl<'a> Supervisor<'a> {
     fn look_after_disk(&mut self) -> Result<()> {
         let Some(place) = self.stages.iter().position(|stage| stage.awaits_disk) else { return Ok(()) };
         if self.disk_failed_at.is_none() {
-            self.folder.let_go();
+            self.folder.release();
             self.alarm("the disk of the archive has failed, or may not be written: the log says what to do".to_owned());
         }
         let tried_at = self.disk_failed_at.get_or_insert_with(Instant::now);
@@ -353,7 +364,7 @@ impl<'a> Supervisor<'a> {
         }
         let probe = self.folder.open_path().join(".probe");
         if std::fs::write(&probe, "tapline").and_then(|()| std::fs::remove_file(&probe)).is_err() {
-            self.folder.let_go();
+            self.folder.release();
             return Ok(());
         }
         tracing::warn!("the disk of the archive can be written again; nothing is lost");
@@ -441,7 +452,8 @@ impl<'a> Supervisor<'a> {
                 archived: casing.header.archived_count as usize,
                 refused: casing.header.refused_count as usize,
             });
-            StationStatus { number, waits_for: StationStatus::waits_for(casing.as_ref()), casing }
+            let waits_for = self.awaited.get(&number).cloned().unwrap_or_default();
+            StationStatus { number, waits_for, casing }
         };
         self.shown.stations = self.stations.iter().map(station).collect();
         self.shown.stages = self

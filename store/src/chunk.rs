@@ -79,7 +79,7 @@ pub(crate) fn read_handle(file: &hdf5::File) -> hdf5::Result<File> {
 ///
 /// # Errors
 /// What the library or the system says; the file is then as it was.
-pub(crate) fn let_go(file: &hdf5::File) -> hdf5::Result<()> {
+pub(crate) fn abandon(file: &hdf5::File) -> hdf5::Result<()> {
     with_descriptor(file, |descriptor| {
         let nowhere = memfd_create("let go", MemfdFlags::CLOEXEC)?;
         // SAFETY: the number is the library's own descriptor, which is open, and is not closed when this is dropped.

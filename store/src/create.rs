@@ -12,7 +12,7 @@ use hdf5::{File, FileBuilder};
 use tapline_wire::{Channel, DamageCell, Geometry, Plan, SampleFormat, TapState};
 
 use crate::blosc::RECORD_BYTES_MAX;
-use crate::chunk::{ChunkRows, let_go};
+use crate::chunk::{ChunkRows, abandon};
 use crate::codec::{Codec, placeholder};
 use crate::context::Context;
 use crate::draft::{Draft, folder_of, remove_dead_drafts};
@@ -92,7 +92,7 @@ pub(crate) fn create(path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
     let changing = filled.and_then(|()| structure::changing(&file, lineage.raw.is_some(), draft.path()));
     let changing = changing.inspect_err(|_| {
         // What is half there cannot be closed in order, on a full disk for one.
-        drop(let_go(&file));
+        drop(abandon(&file));
     })?;
     drop(file);
     structure::write(draft.path(), changing).context("lay out the tables", path)?;

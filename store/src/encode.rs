@@ -59,7 +59,7 @@ pub(crate) struct Shape {
 }
 
 /// Memory of records that are not being packed.
-static DESKS: Mutex<Vec<Packed>> = Mutex::new(Vec::new());
+static BUFFERS: Mutex<Vec<Packed>> = Mutex::new(Vec::new());
 
 /// Memory of packed samples: new memory costs as much as the copy into it.
 static ROOMS: Mutex<Vec<Vec<u8>>> = Mutex::new(Vec::new());
@@ -85,9 +85,9 @@ pub(crate) struct Desks(Vec<Packed>);
 
 impl Desks {
     fn take(count: usize) -> Self {
-        let mut desks = lock(&DESKS);
-        let left = desks.len().saturating_sub(count);
-        let mut taken = desks.split_off(left);
+        let mut buffers = lock(&BUFFERS);
+        let left = buffers.len().saturating_sub(count);
+        let mut taken = buffers.split_off(left);
         taken.resize_with(count, Packed::default);
         Self(taken)
     }
@@ -95,7 +95,7 @@ impl Desks {
 
 impl Drop for Desks {
     fn drop(&mut self) {
-        keep(&DESKS, self.0.drain(..));
+        keep(&BUFFERS, self.0.drain(..));
     }
 }
 
@@ -141,11 +141,11 @@ fn pack_on<E>(
     mut take: impl FnMut(usize, &Packed) -> Result<(), E>,
 ) -> Result<Desks, E> {
     let mut all = Desks::take(records.len());
-    let desks = &mut all[..];
+    let buffers = &mut all[..];
     let helper_count = helpers.map_or(0, ThreadPool::current_num_threads).min(records.len().saturating_sub(1));
     {
         let (give, jobs) = bounded(records.len());
-        for job in desks.iter_mut().zip(records).enumerate() {
+        for job in buffers.iter_mut().zip(records).enumerate() {
             drop(give.send(job)); // room for all
         }
         drop(give);
@@ -154,18 +154,18 @@ fn pack_on<E>(
             let mut packed: Vec<Option<&Packed>> = vec![None; records.len()];
             for number in 0..records.len() {
                 let this = loop {
-                    ready.try_iter().for_each(|(number, desk)| packed[number] = Some(desk));
+                    ready.try_iter().for_each(|(number, buffer)| packed[number] = Some(buffer));
                     if let Some(this) = packed[number] {
                         break this;
                     }
                     // Whoever has nothing to take packs too, and waits when there is no more to pack.
-                    if let Ok((number, (desk, (shape, samples)))) = jobs.try_recv() {
-                        shape.pack(samples, desk);
-                        packed[number] = Some(desk);
+                    if let Ok((number, (buffer, (shape, samples)))) = jobs.try_recv() {
+                        shape.pack(samples, buffer);
+                        packed[number] = Some(buffer);
                     } else {
                         // Where a thread has panicked, so does the scope.
-                        let Ok((number, desk)) = ready.recv() else { return Ok(()) };
-                        packed[number] = Some(desk);
+                        let Ok((number, buffer)) = ready.recv() else { return Ok(()) };
+                        packed[number] = Some(buffer);
                     }
                 };
                 if let Err(error) = take(number, this) {
@@ -185,9 +185,9 @@ fn pack_on<E>(
                 for _ in 0..helper_count {
                     let (jobs, done) = (jobs.clone(), done.clone());
                     scope.spawn(move |_| {
-                        for (number, (desk, (shape, samples))) in jobs {
-                            shape.pack(samples, desk);
-                            if done.send((number, &*desk)).is_err() {
+                        for (number, (buffer, (shape, samples))) in jobs {
+                            shape.pack(samples, buffer);
+                            if done.send((number, &*buffer)).is_err() {
                                 return;
                             }
                         }
@@ -210,14 +210,14 @@ fn begin(thread_count: usize) -> Option<ThreadPool> {
 }
 
 impl Shape {
-    fn pack(&self, samples: &[u8], desk: &mut Packed) {
-        desk.samples_digest = digest_of(samples);
-        let padded = padded(samples, self.channel_count, self.row_bytes, &mut desk.padded);
-        desk.is_as_given = self.codec.blosc().is_none() && padded.len() == samples.len();
-        if !desk.is_as_given {
-            pack_by_codec(self.codec, self.element_bytes, padded, &mut desk.planes, &mut desk.bytes);
+    fn pack(&self, samples: &[u8], buffer: &mut Packed) {
+        buffer.samples_digest = digest_of(samples);
+        let padded = padded(samples, self.channel_count, self.row_bytes, &mut buffer.padded);
+        buffer.is_as_given = self.codec.blosc().is_none() && padded.len() == samples.len();
+        if !buffer.is_as_given {
+            pack_by_codec(self.codec, self.element_bytes, padded, &mut buffer.planes, &mut buffer.bytes);
         }
-        desk.stored_checksum = chunk_checksum(self.codec, desk.stored(samples));
+        buffer.stored_checksum = chunk_checksum(self.codec, buffer.stored(samples));
     }
 }
 
@@ -261,21 +261,21 @@ mod tests {
             .collect();
         let records: Vec<(Shape, &[u8])> = samples.iter().map(|samples| (shape, samples.as_slice())).collect();
         let alone = |samples: &[u8]| {
-            let mut desk = Packed::default();
-            shape.pack(samples, &mut desk);
-            (desk.stored(samples).to_vec(), desk.samples_digest, desk.stored_checksum)
+            let mut buffer = Packed::default();
+            shape.pack(samples, &mut buffer);
+            (buffer.stored(samples).to_vec(), buffer.samples_digest, buffer.stored_checksum)
         };
-        let of = |desk: &Packed| (desk.stored(&[]).to_vec(), desk.samples_digest, desk.stored_checksum);
+        let of = |buffer: &Packed| (buffer.stored(&[]).to_vec(), buffer.samples_digest, buffer.stored_checksum);
         for thread_count in [1, 2, 5] {
             let helpers = begin(thread_count - 1);
             for (record_count, bad) in [(40, 40), (40, 11), (1, 1), (0, 0), (7, 0), (40, 39), (40, 40)] {
                 let mut taken = Vec::new();
-                let packed = pack_on(helpers.as_ref(), &records[..record_count], |number, desk| {
+                let packed = pack_on(helpers.as_ref(), &records[..record_count], |number, buffer| {
                     if number == bad {
                         return Err("enough");
                     }
                     assert_eq!(number, taken.len(), "another order");
-                    taken.push(of(desk));
+                    taken.push(of(buffer));
                     Ok(())
                 });
                 assert_eq!(packed.is_err(), bad < record_count);

@@ -51,7 +51,7 @@ impl Writer {
             archive.file.flush()
         })();
         if let Err(error) = written.context("plan more taps", &self.path) {
-            self.let_go();
+            self.abandon();
             return Err(error);
         }
         archive.grow_to(plan.clone());

@@ -1,13 +1,13 @@
 //! A writer whose file cannot be written: it lets go of the file, keeps what it was given, and goes on when that is over.
 //!
 //! What the library has in memory after a failed write is not to be trusted, nor to be written: see
-//! [`crate::chunk::let_go`]. The file is then as a killed writer leaves it, which is whole, and is opened anew; the samples
+//! [`crate::chunk::abandon`]. The file is then as a killed writer leaves it, which is whole, and is opened anew; the samples
 //! and rows since the last flush are still in memory and are written again.
 
 use tapline_wire::TapState;
 
 use crate::archive::{Access, Archive};
-use crate::chunk::let_go;
+use crate::chunk::abandon;
 use crate::place::Place;
 use crate::recall::recall;
 use crate::writer::Writer;
@@ -20,7 +20,7 @@ impl Writer {
     /// [`Error::Removed`], [`Error::Moved`], [`Error::Replaced`], [`Error::Cut`], or what the system says.
     pub fn check_place(&mut self) -> Result<()> {
         let checked = if self.archive.is_some() { self.place.check() } else { Ok(()) };
-        checked.inspect_err(|_| self.let_go())
+        checked.inspect_err(|_| self.abandon())
     }
 
     /// After an error for which [`Error::is_of_the_disk`]: opens the file anew and writes what was put since the last flush.
@@ -41,7 +41,7 @@ impl Writer {
         }
         let Some(archive) = &self.archive else { return Ok(()) };
         let written = self.pending.write_samples(archive);
-        written.inspect_err(|_| self.let_go())?;
+        written.inspect_err(|_| self.abandon())?;
         self.flush()
     }
 
@@ -56,9 +56,9 @@ impl Writer {
     }
 
     /// Closes the file without writing anything more to it.
-    pub(crate) fn let_go(&mut self) {
+    pub(crate) fn abandon(&mut self) {
         if let Some(archive) = self.archive.take()
-            && let Err(error) = let_go(&archive.file)
+            && let Err(error) = abandon(&archive.file)
         {
             tracing::error!(%error, "cannot let go of {}", archive.path.display());
         }

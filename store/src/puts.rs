@@ -76,7 +76,7 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
         Ok::<(), std::convert::Infallible>(())
     })
     .unwrap_or_else(|never| match never {});
-    (0..writers.len()).filter(|&writer| is_failed[writer]).for_each(|writer| writers[writer].let_go());
+    (0..writers.len()).filter(|&writer| is_failed[writer]).for_each(|writer| writers[writer].abandon());
     // All are written: only now they take the place of earlier attempts.
     for ((tap, header), packed) in new.iter().zip(headers).zip(packed.iter_mut()) {
         let writer = &mut writers[tap.writer];

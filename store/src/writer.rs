@@ -275,7 +275,7 @@ impl Writer {
         self.check_place()?;
         let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
         let written = self.pending.flush(archive).and_then(|()| self.place.note());
-        written.inspect_err(|_| self.let_go())?;
+        written.inspect_err(|_| self.abandon())?;
         let pending = self.pending.take();
         for (&row, settled) in &pending.taps {
             self.ledger.set_tap(row as usize, settled.state().unwrap_or(TapState::Missing), settled.attempt);
@@ -296,7 +296,7 @@ impl Writer {
         self.flush()?;
         let archive = self.open()?;
         let written = if self.ledger.is_judged() { archive.write_key() } else { Ok(()) };
-        written.inspect_err(|_| self.let_go())
+        written.inspect_err(|_| self.abandon())
     }
 
     /// Whether every tap is settled and every scan judged, as of the last flush.

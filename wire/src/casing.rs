@@ -73,11 +73,11 @@ pub fn decode_proposal(bytes: &[u8]) -> Result<(String, Plan), PlanError> {
 
 /// Bytes of the longest proposal.
 pub(crate) fn proposal_bytes_max(limits: &Limits) -> usize {
-    4 + NAME_BYTES_MAX + Plan::encoded_bytes_max(limits)
+    4 + NAME_BYTES_MAX + Plan::encoded_bytes_max(&limits.casing)
 }
 
 /// Bytes of the longest record about a casing; to `fuse`, which needs the plan, or to others.
 pub(crate) fn opened_bytes_max(limits: &Limits, has_plan: bool) -> usize {
-    let others = (limits.taps_max + limits.scans_max).max(PATH_BYTES_MAX).max(REASON_BYTES_MAX);
-    if has_plan { others.max(Plan::encoded_bytes_max(limits)) } else { others }
+    let others = (limits.casing.taps + limits.casing.scans).max(PATH_BYTES_MAX).max(REASON_BYTES_MAX);
+    if has_plan { others.max(Plan::encoded_bytes_max(&limits.casing)) } else { others }
 }

@@ -88,7 +88,7 @@ pub use error::LineError;
 pub use event::{Signal, Waker};
 pub use id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
 pub use ledger::{Ledger, RETAKES_MAX, ScanState, TapState};
-pub use limits::Limits;
+pub use limits::{CasingLimits, Limits};
 pub use line::{Line, Services};
 pub use plan::{Plan, PlanError, PlannedTap, Recording, Scan, Truth};
 pub use publisher::{Loan, Publisher};
@@ -100,7 +100,7 @@ pub use tap::{
 };
 pub use topic::{
     CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, REASON_BYTES_MAX, Role, SETTLED_RECORDS_MAX,
-    STATUS_BYTES_MAX, SettledTopic, StatusTopic, TapTopic, Topic, line_bytes,
+    STATUS_BYTES_MAX, SettledTopic, StatusTopic, TapTopic, Topic, WAIT_BYTES_MAX, WaitTopic, line_bytes,
 };
 
 impl Stamped for TapHeader {

@@ -3,7 +3,9 @@
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use crate::{Channel, Geometry, Limits, Plan, PlanError, PlannedTap, Recording, SampleFormat, Serial, TapId, Truth};
+use crate::{
+    CasingLimits, Channel, Geometry, Plan, PlanError, PlannedTap, Recording, SampleFormat, Serial, TapId, Truth,
+};
 
 /// What is not a row: few values, written as JSON.
 #[derive(Serialize, Deserialize)]
@@ -108,11 +110,9 @@ impl Plan {
     }
 
     /// Bytes of the longest plan within `limits`.
-    pub(crate) fn encoded_bytes_max(limits: &Limits) -> usize {
+    pub(crate) fn encoded_bytes_max(limits: &CasingLimits) -> usize {
         // Of no more locations than have taps, or than a scan may have, the truth is known.
-        4 + HEAD_BYTES_MAX
-            + limits.taps_max * size_of::<TapRow>()
-            + limits.scans_max * limits.locations_max * size_of::<TruthRow>()
+        4 + HEAD_BYTES_MAX + limits.taps * size_of::<TapRow>() + limits.scans * limits.locations * size_of::<TruthRow>()
     }
 }
 
@@ -144,7 +144,7 @@ mod tests {
         let bytes = plan.encode();
         let there = Plan::decode(&bytes).unwrap();
         assert_eq!((&there, there.digest()), (&plan, plan.digest()));
-        assert!(bytes.len() <= Plan::encoded_bytes_max(&Limits::of(&plan)));
+        assert!(bytes.len() <= Plan::encoded_bytes_max(&CasingLimits::of(&plan)));
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::line::Svc;
 use crate::topic::{LOANED, port_limits, publisher_bytes, receivers};
 use crate::{
     CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, Line, LineError, ProposalTopic, RecordKind, Role,
-    SettledTopic, Signal, Stamped, StatusTopic, TapTopic, Topic, room,
+    SettledTopic, Signal, Stamped, StatusTopic, TapTopic, Topic, WaitTopic, room,
 };
 
 pub(crate) type Service<T> = Service_<Svc, [<T as Topic>::Element], <T as Topic>::Header>;
@@ -60,6 +60,7 @@ pub(crate) type AllTopics = (
     Service<TapTopic>,
     Service<DiscriminatorTopic>,
     Service<ProposalTopic>,
+    Service<WaitTopic>,
     Service<SettledTopic>,
     Service<DamageTopic>,
     Service<StatusTopic>,
@@ -71,6 +72,7 @@ pub(crate) fn open_all(line: &Line) -> Result<AllTopics, LineError> {
         open::<TapTopic>(line, None)?,
         open::<DiscriminatorTopic>(line, None)?,
         open::<ProposalTopic>(line, None)?,
+        open::<WaitTopic>(line, None)?,
         open::<SettledTopic>(line, None)?,
         open::<DamageTopic>(line, None)?,
         open::<StatusTopic>(line, None)?,

@@ -125,7 +125,7 @@ impl Topic for TapTopic {
         limits.acquire_count.into()
     }
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
-        lanes_for(limits.record_bytes_max).max(lanes_for(REASON_BYTES_MAX))
+        lanes_for(limits.casing.record_bytes).max(lanes_for(REASON_BYTES_MAX))
     }
 }
 
@@ -173,6 +173,34 @@ impl Topic for ProposalTopic {
     }
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
         proposal_bytes_max(limits)
+    }
+}
+
+/// Longest text that says what a station waits for, in bytes.
+pub const WAIT_BYTES_MAX: usize = 256;
+
+/// What stations wait for, as text for people: `acquire` to the supervisor. The mark of a record is its station.
+#[derive(Debug)]
+pub struct WaitTopic;
+
+impl Topic for WaitTopic {
+    type Header = Stamp;
+    type Element = u8;
+    const NAME: &'static str = "tapline/wait";
+    const DELIVERY: Delivery = Delivery::All(&[Role::Supervisor]);
+    const BUFFER: usize = 32;
+    const BORROWED: usize = 1;
+    // The supervisor looks several times a second.
+    const WAKE_EVERY: u64 = 31;
+
+    fn sender(stamp: &Stamp) -> Role {
+        TapTopic::sender(stamp)
+    }
+    fn publishers(limits: &Limits) -> usize {
+        limits.acquire_count.into()
+    }
+    fn elements_max(_: &Limits, _: Option<Role>) -> usize {
+        WAIT_BYTES_MAX
     }
 }
 
@@ -244,7 +272,7 @@ impl Topic for DamageTopic {
         1
     }
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
-        limits.locations_max.max(1)
+        limits.casing.locations.max(1)
     }
 }
 
@@ -318,6 +346,7 @@ pub fn line_bytes(limits: &Limits) -> usize {
     of::<TapTopic>(limits)
         + of::<DiscriminatorTopic>(limits)
         + of::<ProposalTopic>(limits)
+        + of::<WaitTopic>(limits)
         + of::<SettledTopic>(limits)
         + of::<DamageTopic>(limits)
         + of::<StatusTopic>(limits)

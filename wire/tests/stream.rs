@@ -8,15 +8,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use tapline_wire::{
-    CasingHeader, CasingTopic, Limits, Line, LineAddress, LineError, Publisher, RecordKind, Role, Stamp, StatusTopic,
-    Subscriber, TapHeader, TapTopic, bytes_of, i16_of_mut,
+    CasingHeader, CasingLimits, CasingTopic, Limits, Line, LineAddress, LineError, Publisher, RecordKind, Role, Stamp,
+    StatusTopic, Subscriber, TapHeader, TapTopic, bytes_of, i16_of_mut,
 };
 
 const SAMPLES: u32 = 1024;
 
 fn limits() -> Limits {
-    let record_bytes_max = SAMPLES as usize * 2;
-    Limits { record_bytes_max, taps_max: 4, scans_max: 1, locations_max: 4, ..Limits::default() }
+    let casing = CasingLimits { taps: 4, scans: 1, locations: 4, record_bytes: SAMPLES as usize * 2 };
+    Limits { casing, ..Limits::default() }
 }
 
 /// An address of its own for each test, cleared when the test ends.

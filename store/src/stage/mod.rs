@@ -121,7 +121,7 @@ pub fn run(line: &Line, run: &StoreRun) -> Result<Outcome, RunError> {
         Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => stage.close(),
         Err(error) => {
             // As a writer that is killed: nothing more is written, and what was not safe is asked for again.
-            stage.open.iter_mut().for_each(|casing| casing.writer.let_go());
+            stage.open.iter_mut().for_each(|casing| casing.writer.abandon());
             Err(error)
         }
     }
@@ -241,7 +241,8 @@ impl<'a> StageLoop<'a> {
             let header = judged.header();
             let scan = u32::try_from(header.stamp.mark).unwrap_or(u32::MAX);
             if let Some(place) = self.place_of(header.stamp.casing) {
-                let outcome = self.insist(place, |writer| writer.put_judgement(scan, judged.header(), &judged))?;
+                let outcome =
+                    self.retry_until_recovered(place, |writer| writer.put_judgement(scan, judged.header(), &judged))?;
                 self.note(place, outcome, "a verdict", scan);
                 self.is_urgent = true;
             }
@@ -266,8 +267,9 @@ impl<'a> StageLoop<'a> {
                 let text = bytes_of(first).get(..header.text_bytes as usize).unwrap_or_default();
                 let reason = String::from_utf8_lossy(text);
                 tracing::warn!(tap = %header.id, %reason, "a tap was refused");
-                let outcome =
-                    self.insist(place, |writer| writer.put_refusal(header.plan_index, &header.id, &reason))?;
+                let outcome = self.retry_until_recovered(place, |writer| {
+                    writer.put_refusal(header.plan_index, &header.id, &reason)
+                })?;
                 self.note(place, outcome, "a refusal", header.plan_index);
             }
             Some(RecordKind::Barrier) => {
@@ -296,7 +298,7 @@ impl<'a> StageLoop<'a> {
                 // By itself, as often as it takes.
                 Err(error) if error.is_of_the_disk() => {
                     self.wait_for_recovery(place, error)?;
-                    self.insist(place, |writer| writer.put_tap(header, samples))?
+                    self.retry_until_recovered(place, |writer| writer.put_tap(header, samples))?
                 }
                 outcome => outcome?,
             };
@@ -316,9 +318,11 @@ impl<'a> StageLoop<'a> {
                 for record in found.iter().filter(|r| !r.quality.contains(Quality::REFUSED)) {
                     let outcome = if record.quality.contains(Quality::RETAKE) {
                         tracing::info!(tap = %record.id, quality = %record.quality, "a tap is taken again");
-                        self.insist(place, |w| w.put_retake(record.plan_index, &record.id, record.quality))?
+                        self.retry_until_recovered(place, |w| {
+                            w.put_retake(record.plan_index, &record.id, record.quality)
+                        })?
                     } else {
-                        self.insist(place, |writer| writer.put_discriminators(record))?
+                        self.retry_until_recovered(place, |writer| writer.put_discriminators(record))?
                     };
                     self.note(place, outcome, "discriminators", record.plan_index);
                 }
@@ -330,7 +334,7 @@ impl<'a> StageLoop<'a> {
             }
             Some(RecordKind::End) => {
                 let scan = u32::try_from(stamp.mark).unwrap_or(u32::MAX);
-                let outcome = self.insist(place, |writer| writer.end_scan(scan))?;
+                let outcome = self.retry_until_recovered(place, |writer| writer.end_scan(scan))?;
                 self.note(place, outcome, "an end", scan);
                 self.is_urgent = true;
             }
@@ -357,7 +361,7 @@ impl<'a> StageLoop<'a> {
         }
         for place in 0..self.open.len() {
             if self.open[place].is_dirty {
-                self.insist(place, Writer::flush)?;
+                self.retry_until_recovered(place, Writer::flush)?;
                 self.open[place].flushed();
                 self.outcome.flush_count += 1;
             }
@@ -387,7 +391,8 @@ impl<'a> StageLoop<'a> {
                     break; // the plan comes first
                 }
                 let most = tapline_wire::SETTLED_RECORDS_MAX.min(rows.len());
-                let (records, next) = self.insist(place, |writer| writer.settled_from(rows.start, most))?;
+                let (records, next) =
+                    self.retry_until_recovered(place, |writer| writer.settled_from(rows.start, most))?;
                 let stamp = self.open[place].settled_stamp();
                 if !records.is_empty() && !self.settled.try_send(RecordKind::Data, stamp, &records)? {
                     return Ok(());
@@ -410,7 +415,7 @@ impl<'a> StageLoop<'a> {
                 place += 1;
                 continue;
             }
-            self.insist(place, Writer::settle)?;
+            self.retry_until_recovered(place, Writer::settle)?;
             let casing = self.open.swap_remove(place);
             let counts = casing.writer.counts();
             self.outcome.again_count += counts.already_there;

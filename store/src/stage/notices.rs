@@ -9,7 +9,7 @@ use tapline_wire::{CasingHeader, CasingTopic, Line, LineError, Publisher, Record
 
 use super::StageLoop;
 use super::closer::Closed;
-use super::open_casing::{OpenCasing, ToTell};
+use super::open_casing::{Due, OpenCasing};
 use super::{Result, RunError, markers};
 
 /// How often the supervisor is told how far a casing is.
@@ -90,7 +90,7 @@ impl StageLoop<'_> {
         {
             // Also where nothing gets on, so that the supervisor knows that this process does.
             self.heard_at = Instant::now();
-            (casing.supervisor.ledger, casing.supervisor_told_at) = (true, None);
+            (casing.supervisor.ledger, casing.supervisor_sent_at) = (true, None);
         }
         let Self { notices, open, line, .. } = self;
         notices.is_pending = false;
@@ -101,18 +101,18 @@ impl StageLoop<'_> {
             };
             if !receiver.publisher.poll_ready()? {
                 let has_news =
-                    |casing: &mut OpenCasing| concerns(casing) && *to_tell(casing, receiver.role) != ToTell::default();
+                    |casing: &mut OpenCasing| concerns(casing) && *due_of(casing, receiver.role) != Due::default();
                 notices.is_pending |= !receiver.once.is_empty() || open.iter_mut().any(has_news);
                 continue;
             }
             if std::mem::replace(&mut receiver.generation, receiver.publisher.generation())
                 != receiver.publisher.generation()
             {
-                open.iter_mut().for_each(|casing| *to_tell(casing, receiver.role) = ToTell::ALL);
+                open.iter_mut().for_each(|casing| *due_of(casing, receiver.role) = Due::ALL);
             }
             let mut is_pending = false;
             for casing in open.iter_mut().filter(|casing| concerns(casing)) {
-                is_pending |= !tell(receiver, casing, lost_count, is_held)?;
+                is_pending |= !send_due(receiver, casing, lost_count, is_held)?;
             }
             // What is said once comes behind what was to be said before.
             while let Some(once) = receiver.once.front() {
@@ -131,7 +131,7 @@ impl StageLoop<'_> {
     }
 }
 
-fn to_tell(casing: &mut OpenCasing, role: Role) -> &mut ToTell {
+fn due_of(casing: &mut OpenCasing, role: Role) -> &mut Due {
     match role {
         Role::Fuse => &mut casing.fuse,
         Role::Supervisor => &mut casing.supervisor,
@@ -140,8 +140,13 @@ fn to_tell(casing: &mut OpenCasing, role: Role) -> &mut ToTell {
 }
 
 /// Tells `receiver` of `casing` what it has not been told; whether all of it was sent.
-fn tell(receiver: &Receiver<'_>, casing: &mut OpenCasing, lost_count: u64, is_held: bool) -> Result<bool, LineError> {
-    let due = *to_tell(casing, receiver.role);
+fn send_due(
+    receiver: &Receiver<'_>,
+    casing: &mut OpenCasing,
+    lost_count: u64,
+    is_held: bool,
+) -> Result<bool, LineError> {
+    let due = *due_of(casing, receiver.role);
     if due.plan {
         let header = casing.header();
         let plan =
@@ -149,15 +154,15 @@ fn tell(receiver: &Receiver<'_>, casing: &mut OpenCasing, lost_count: u64, is_he
         if !receiver.publisher.try_send(RecordKind::Plan, header, &plan)? {
             return Ok(false);
         }
-        to_tell(casing, receiver.role).plan = false;
+        due_of(casing, receiver.role).plan = false;
     }
     if due.ledger {
         if receiver.role == Role::Supervisor {
             // How far it is: not at every flush.
-            if casing.supervisor_told_at.is_some_and(|at| at.elapsed() < SUPERVISOR_EVERY) {
+            if casing.supervisor_sent_at.is_some_and(|at| at.elapsed() < SUPERVISOR_EVERY) {
                 return Ok(true);
             }
-            casing.supervisor_told_at = Some(Instant::now());
+            casing.supervisor_sent_at = Some(Instant::now());
         }
         let has_taps = matches!(receiver.role, Role::Acquire(_));
         let (mut header, ledger) = casing.ledger(lost_count, is_held);
@@ -169,7 +174,7 @@ fn tell(receiver: &Receiver<'_>, casing: &mut OpenCasing, lost_count: u64, is_he
         if !loan.try_send(RecordKind::Ledger)? {
             return Ok(false);
         }
-        to_tell(casing, receiver.role).ledger = false;
+        due_of(casing, receiver.role).ledger = false;
     }
     Ok(true)
 }

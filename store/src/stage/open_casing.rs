@@ -11,14 +11,14 @@ use crate::Writer;
 
 /// What one receiver is still to be told.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct ToTell {
+pub(super) struct Due {
     /// That it is open, and its plan.
     pub(super) plan: bool,
     /// Its ledger.
     pub(super) ledger: bool,
 }
 
-impl ToTell {
+impl Due {
     pub(super) const ALL: Self = Self { plan: true, ledger: true };
 }
 
@@ -38,10 +38,10 @@ pub(super) struct OpenCasing {
     pub(super) is_dirty: bool,
     /// Rows of the plan whose discriminators `fuse` is still to get.
     pub(super) replays: VecDeque<Range<u32>>,
-    pub(super) acquire: ToTell,
-    pub(super) fuse: ToTell,
-    pub(super) supervisor: ToTell,
-    pub(super) supervisor_told_at: Option<Instant>,
+    pub(super) acquire: Due,
+    pub(super) fuse: Due,
+    pub(super) supervisor: Due,
+    pub(super) supervisor_sent_at: Option<Instant>,
 }
 
 impl OpenCasing {
@@ -61,10 +61,10 @@ impl OpenCasing {
             scans,
             is_dirty: false,
             replays: VecDeque::new(),
-            acquire: ToTell::ALL,
-            fuse: ToTell::ALL,
-            supervisor: ToTell::ALL,
-            supervisor_told_at: None,
+            acquire: Due::ALL,
+            fuse: Due::ALL,
+            supervisor: Due::ALL,
+            supervisor_sent_at: None,
         };
         casing.replay_ended();
         casing
@@ -86,7 +86,7 @@ impl OpenCasing {
             ended.into_iter().for_each(|scan| self.replay_scan(scan));
             self.scans = now;
             (self.acquire.ledger, self.fuse.ledger) = (true, true);
-            self.supervisor_told_at = None;
+            self.supervisor_sent_at = None;
         }
     }
 

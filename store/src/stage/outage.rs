@@ -20,7 +20,7 @@ impl StageLoop<'_> {
     /// Does `act` on the file of the casing at `place`; while that cannot be written, waits, and then does it again.
     ///
     /// What has come is kept meanwhile, and no more is taken: the buffers fill, and the sources wait.
-    pub(super) fn insist<T>(
+    pub(super) fn retry_until_recovered<T>(
         &mut self,
         place: usize,
         mut act: impl FnMut(&mut Writer) -> Result<T>,
@@ -48,7 +48,7 @@ impl StageLoop<'_> {
         }
         self.looked_at = Instant::now();
         for place in 0..self.open.len() {
-            self.insist(place, Writer::check_place)?;
+            self.retry_until_recovered(place, Writer::check_place)?;
         }
         Ok(())
     }
@@ -78,7 +78,7 @@ impl StageLoop<'_> {
     }
 
     /// Does `act`, which makes a new file, until the disk lets it.
-    pub(super) fn insist_on_new<T>(&mut self, act: impl Fn() -> Result<T>) -> Result<T, RunError> {
+    pub(super) fn retry_new_until_recovered<T>(&mut self, act: impl Fn() -> Result<T>) -> Result<T, RunError> {
         let mut logged_at = None;
         loop {
             match act() {
@@ -106,7 +106,7 @@ impl StageLoop<'_> {
         self.is_held = is_held;
         for casing in &mut self.open {
             (casing.acquire.ledger, casing.supervisor.ledger) = (true, true);
-            casing.supervisor_told_at = None;
+            casing.supervisor_sent_at = None;
         }
         self.send_notices()
     }

@@ -4,7 +4,7 @@ use tapline_wire::{
     CasingHeader, Plan, ProposalTopic, Received, RecordKind, ScanState, TapState, Topic as _, decode_proposal,
 };
 
-use super::open_casing::{OpenCasing, ToTell};
+use super::open_casing::{Due, OpenCasing};
 use super::places::escaped;
 use super::{RunError, StageLoop, of_the_disk};
 use crate::{Error, Reader, Result, Writer};
@@ -58,7 +58,7 @@ impl StageLoop<'_> {
         if let Some(open) = self.open.iter_mut().find(|casing| casing.escaped_name == escaped(name)) {
             if (open.station, open.writer.plan().digest()) == (station, plan.digest()) {
                 // It was opened before, and the station does not know it.
-                open.acquire = ToTell::ALL;
+                open.acquire = Due::ALL;
                 return Ok(());
             }
             let reason = format!("casing {name} is open already, at station {}, with another scan", open.station);
@@ -71,13 +71,14 @@ impl StageLoop<'_> {
             return Ok(());
         }
         let (path, run) = (self.run.places.begin(name), self.run);
-        let taps_max = self.line.limits().taps_max;
-        let writer =
-            self.insist_on_new(|| match Writer::create(&path, plan, taps_max.max(plan.taps().len()), run.lineage()) {
+        let taps_max = self.line.limits().casing.taps;
+        let writer = self.retry_new_until_recovered(|| {
+            match Writer::create(&path, plan, taps_max.max(plan.taps().len()), run.lineage()) {
                 // It may have been made, and then not opened.
                 Err(Error::Exists { .. }) => Writer::resume(&path, run.lineage()),
                 made => made,
-            });
+            }
+        });
         match writer {
             Ok(writer) => self.open.push(OpenCasing::new(writer)),
             Err(RunError::Archive(error)) => {
@@ -118,10 +119,10 @@ impl StageLoop<'_> {
         let casing = &self.open[place].name;
         tracing::warn!(casing, reason, taps = missing.len(), "taps of a casing will not come");
         for (row, id) in missing {
-            self.insist(place, |writer| writer.put_refusal(row, &id, reason))?;
+            self.retry_until_recovered(place, |writer| writer.put_refusal(row, &id, reason))?;
         }
         for scan in open {
-            self.insist(place, |writer| writer.end_scan(scan))?;
+            self.retry_until_recovered(place, |writer| writer.end_scan(scan))?;
         }
         self.open[place].is_dirty = true;
         self.is_urgent = true;
