@@ -3,7 +3,7 @@
 PACKAGES = libhdf5-dev pkg-config python3-h5py hdf5-filter-plugin-blosc-serial
 DEMO = demo
 
-.PHONY: setup demo test gates bench
+.PHONY: setup python demo test gates bench
 
 # Rust, gcc and make are taken for granted; all else is asked for here, and only what is missing is installed.
 setup:
@@ -16,15 +16,21 @@ setup:
 	  $$sudo apt-get update -qq && DEBIAN_FRONTEND=noninteractive $$sudo apt-get install -y -qq --no-install-recommends $$missing; \
 	fi
 
+# What tests read files back with, in a folder of its own. With TAPLINE_REQUIRE_ALL=1 no test is skipped.
+PYTHON = target/python/bin/python
+python: setup
+	@test -x $(PYTHON) || python3 -m venv target/python
+	@$(PYTHON) -m pip install -q --disable-pip-version-check -r tests/python.txt
+
 # Two stations: a cracked tyre and a sound one, a file each.
 demo: setup
-	cargo build --release
+	cargo build --release -p tapline --no-default-features
 	@rm -rf $(DEMO)/casings && mkdir -p $(DEMO)
-	cargo run -q --release -- run --stations 2 --config examples/demo.toml --out $(DEMO)/casings
+	target/release/tapline run --stations 2 --config examples/demo.toml --out $(DEMO)/casings
 	@for table in verdicts regions damage discriminators; do \
-	  cargo run -q --release -- export $(DEMO)/casings $$table --out $(DEMO)/$$table.csv || exit 1; \
+	  target/release/tapline export $(DEMO)/casings $$table --out $(DEMO)/$$table.csv || exit 1; \
 	done
-	cargo run -q --release -- report $(DEMO)/casings --out $(DEMO)/report
+	target/release/tapline report $(DEMO)/casings --out $(DEMO)/report
 	@echo "Each casing's archive is in $(DEMO)/casings; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
 
 test: setup

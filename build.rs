@@ -1,26 +1,64 @@
-//! Tells the program what it is built from: a digest of the sources of each stage, and of the versions of all it depends on.
+//! Tells the program what its results are computed by: a digest of the sources of each crate that computes, and one of the
+//! versions of what these crates compute with.
 //!
-//! Results carry these digests, so that numbers made by different sources are never taken for the same.
+//! Results carry these digests, so that numbers made by different sources are never taken for the same. What only shows,
+//! moves or stores numbers is not among them.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
-/// Folders whose sources decide what a stage computes, by the name under which their digest is known.
-const STAGES: [&str; 6] = ["wire", "model", "acquire", "process", "fuse", "store"];
+/// Crates whose sources decide a number.
+const CRATES: [&str; 5] = ["wire", "model", "acquire", "process", "fuse"];
 
 fn main() -> io::Result<()> {
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
-    for stage in STAGES {
-        let folder = root.join(stage);
-        tell(stage, &digest(&[folder.join("src"), folder.join("Cargo.toml")])?);
+    let mut direct = BTreeSet::new();
+    for name in CRATES {
+        let folder = root.join(name);
+        tell(name, &digest(&[folder.join("src"), folder.join("Cargo.toml")])?);
+        direct.extend(dependencies(&fs::read_to_string(folder.join("Cargo.toml"))?));
     }
-    tell("program", &digest(&[root.join("src")])?);
-    tell("dependencies", &digest(&[root.join("Cargo.lock"), root.join("Cargo.toml")])?);
+    let lock = root.join("Cargo.lock");
+    println!("cargo::rerun-if-changed={}", lock.display());
+    let versions = versions(&fs::read_to_string(lock)?, direct);
+    tell("dependencies", &blake3::hash(versions.as_bytes()).to_hex()[..32]);
     Ok(())
 }
 
 fn tell(name: &str, digest: &str) {
     println!("cargo::rustc-env=TAPLINE_SOURCE_{}={digest}", name.to_uppercase());
+}
+
+/// Names of the crates that a manifest's program depends on; what only its tests need is left out.
+fn dependencies(manifest: &str) -> Vec<String> {
+    let lines = manifest.lines().skip_while(|line| *line != "[dependencies]").skip(1);
+    let lines = lines.take_while(|line| !line.starts_with('['));
+    lines.filter_map(|line| line.split(['.', ' ', '=']).next()).filter(|n| !n.is_empty()).map(str::to_owned).collect()
+}
+
+/// Of the lock file `lock` the versions of `direct` and of all that these depend on, a line each.
+fn versions(lock: &str, direct: BTreeSet<String>) -> String {
+    let mut packages: BTreeMap<&str, Vec<(&str, Vec<&str>)>> = BTreeMap::new();
+    for package in lock.split("[[package]]").skip(1) {
+        let value = |key: &str| package.lines().find_map(|l| l.strip_prefix(key)?.strip_prefix(" = ")).unwrap_or("");
+        let needs = package.lines().filter_map(|line| line.strip_prefix(" \"")?.split(['"', ' ']).next());
+        let (name, version) = (value("name").trim_matches('"'), value("version"));
+        packages.entry(name).or_default().push((version, needs.collect()));
+    }
+    let (mut found, mut open) = (BTreeSet::new(), Vec::from_iter(direct));
+    while let Some(name) = open.pop() {
+        // Those of the workspace are told by their sources.
+        if name.starts_with("tapline-") || !found.insert(name.clone()) {
+            continue;
+        }
+        let needs = packages.get(name.as_str()).into_iter().flatten().flat_map(|(_, needs)| needs);
+        open.extend(needs.map(|&need| need.to_owned()));
+    }
+    let of = |name: &String| {
+        packages.get(name.as_str()).into_iter().flatten().map(|(v, _)| format!("{name} {v}\n")).collect::<String>()
+    };
+    found.iter().map(of).collect()
 }
 
 /// BLAKE3 of the names and contents of all files in `places`, in the order of their names.

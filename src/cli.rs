@@ -124,45 +124,6 @@ pub(crate) enum Verb {
     /// The contact models.
     #[command(subcommand)]
     Model(ModelVerb),
-    /// Do the dissertation's experiment (its chapter 5) again on simulated tyres: each figure as SVG and CSV, what is claimed of
-    /// them against what is found as claims.csv, and the same as a page.
-    ///
-    /// The page stands beside the folder: `--out docs/experiment` writes docs/experiment.md.
-    Experiment {
-        /// Folder to write into; made when it is not there.
-        #[arg(long, default_value = "experiment")]
-        out: PathBuf,
-        /// Decides all that is left to chance; the same seed gives the same bytes on processors with the same vector
-        /// instructions.
-        #[arg(long, default_value_t = 1)]
-        seed: u64,
-    },
-    /// Judge many simulated tyres, and say what each index, reference and plan is worth: AUC with intervals, false calls,
-    /// probability of detection, gauge studies, time on the rig.
-    Study(StudyArgs),
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct StudyArgs {
-    /// Tyres of each simulated set, of which a half trains and a half is judged; 16, or 8 with --quick, when left out.
-    #[arg(long)]
-    pub(crate) tyres: Option<usize>,
-    /// Decides all that is left to chance; the same seed gives the same bytes on processors with the same vector
-    /// instructions.
-    #[arg(long, default_value_t = 1)]
-    pub(crate) seed: u64,
-    /// Threads; one for every core when left out. They change no result.
-    #[arg(long, default_value_t = 0)]
-    pub(crate) threads: usize,
-    /// Do little of everything, to see that it works.
-    #[arg(long)]
-    pub(crate) quick: bool,
-    /// Print the tables as JSON.
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// Folder to write tables (CSV) and figures (SVG) into, with a page beside it; made when it is not there.
-    #[arg(long)]
-    pub(crate) out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -382,15 +343,6 @@ pub(crate) enum ModelVerb {
     },
     /// Print what one contact does, on a rung of the ladder of models or on the cheapest that is true enough.
     Contact(ContactArgs),
-    /// Draw the dissertation's figures of its theory, computed: each as SVG and, in SI units, as CSV.
-    Figures {
-        /// Folder to write into; made when it is not there.
-        #[arg(long, default_value = "figures")]
-        out: PathBuf,
-        /// This one only: 11-13, 16-20, 22-27, 31, 32 or 36-38.
-        #[arg(long)]
-        figure: Option<u8>,
-    },
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use clap::ValueEnum as _;
-use tapline_store::{Export, Reader, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder};
+use tapline_export::{Error, Export, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder};
+use tapline_store::Reader;
 
 use crate::archives::{Archives, Outcome};
 use crate::cli::{ExportArgs, Format, What};
@@ -48,18 +49,22 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
 /// Writes the table of all archives, one at a time; whether none was left out.
 fn write(archives: &Archives, table: Export, format: Format, out: impl Write + Send) -> Result<bool> {
     let mut file = match format {
+        #[cfg(feature = "parquet")]
         Format::Parquet => TableFile::parquet(table, out),
+        #[cfg(not(feature = "parquet"))]
+        Format::Parquet => bail!("this program was built without Parquet: build it with `--features parquet`"),
         _ => TableFile::csv(table, out),
     };
     let mut outcome = Outcome::of(archives);
     for archive in &archives.files {
         let name = archive.name.to_string_lossy();
-        let added =
-            Reader::open(&archive.path).and_then(|reader| file.add(&reader, archives.is_many.then_some(&*name)));
-        // Where the table cannot be written there is nothing to go on with.
+        let reader = Reader::open(&archive.path).map_err(Error::from);
+        let added = reader.and_then(|reader| file.add(&reader, archives.is_many.then_some(&*name)));
         match added {
-            Err(error @ (tapline_store::Error::Csv(_) | tapline_store::Error::Parquet(_))) => return Err(error.into()),
-            added => outcome.take(archive, added)?,
+            Ok(()) => Some(()),
+            Err(Error::Archive(error)) => outcome.take(archive, Err(error))?,
+            // Where the table cannot be written there is nothing to go on with.
+            Err(error) => return Err(error.into()),
         };
     }
     let is_whole = outcome.end()?;
@@ -82,14 +87,14 @@ impl TapFolder {
         })
     }
 
-    fn add(&mut self, reader: &Reader) -> tapline_store::Result<()> {
+    fn add(&mut self, reader: &Reader) -> tapline_export::Result<()> {
         match self {
             Self::Wav(folder) => folder.add(reader),
             Self::Uff(folder) => folder.add(reader),
         }
     }
 
-    fn finish(self) -> tapline_store::Result<TapCounts> {
+    fn finish(self) -> tapline_export::Result<TapCounts> {
         match self {
             Self::Wav(folder) => folder.finish(),
             Self::Uff(folder) => folder.finish(),
@@ -140,8 +145,8 @@ fn allowed(args: &ExportArgs, formats: &[Format]) -> Result<Format> {
 
 /// A reader that has seen enough, as `head` has, is no failure.
 fn quiet_pipe(written: Result<bool>) -> Result<bool> {
-    let is_pipe = |error: &anyhow::Error| match error.downcast_ref::<tapline_store::Error>() {
-        Some(tapline_store::Error::Csv(error)) => {
+    let is_pipe = |error: &anyhow::Error| match error.downcast_ref::<Error>() {
+        Some(Error::Csv(error)) => {
             matches!(error.kind(), csv::ErrorKind::Io(error) if error.kind() == io::ErrorKind::BrokenPipe)
         }
         _ => false,

@@ -7,15 +7,13 @@ use serde::Serialize;
 
 use crate::config::Config;
 
-/// Digests of the sources that this program was built from, by name.
-const SOURCES: [(&str, &str); 8] = [
+/// Digests of what this program computes with, by name.
+const SOURCES: [(&str, &str); 6] = [
     ("acquire", env!("TAPLINE_SOURCE_ACQUIRE")),
     ("dependencies", env!("TAPLINE_SOURCE_DEPENDENCIES")),
     ("fuse", env!("TAPLINE_SOURCE_FUSE")),
     ("model", env!("TAPLINE_SOURCE_MODEL")),
     ("process", env!("TAPLINE_SOURCE_PROCESS")),
-    ("program", env!("TAPLINE_SOURCE_PROGRAM")),
-    ("store", env!("TAPLINE_SOURCE_STORE")),
     ("wire", env!("TAPLINE_SOURCE_WIRE")),
 ];
 

@@ -8,23 +8,15 @@ mod bus;
 mod cli;
 mod config;
 mod contact;
-mod experiment;
 mod explain;
 mod export;
-mod figures;
-mod in_memory;
 mod line;
 mod lineage;
-mod palette;
-mod pen;
-mod record;
 mod reference;
 mod repack;
 mod report;
 mod reprocess;
 mod rig;
-mod stats;
-mod study;
 mod summary;
 mod tables;
 mod tell;
@@ -38,7 +30,10 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::Context as _;
 use clap::Parser as _;
-use tracing_subscriber::EnvFilter;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 use crate::archives::Which;
 use crate::cli::{Cli, ModelVerb, Verb};
@@ -50,16 +45,15 @@ const INCOMPLETE: u8 = 3;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let filter = EnvFilter::try_from_env("TAPLINE_LOG").unwrap_or_else(|_| EnvFilter::new("warn"));
-    let has_colours = std::io::stderr().is_terminal();
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let filter = std::env::var("TAPLINE_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
+    let log = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
-        .with_ansi(has_colours)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
         // Where the log cannot be written it would panic, in the middle of a scan.
-        .log_internal_errors(false)
-        .init();
+        .log_internal_errors(false);
+    let filter = filter.unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));
+    tracing_subscriber::registry().with(filter).with(log).init();
     match begin().and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
@@ -111,10 +105,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         }
         Verb::Diff { there, here, results } => explain::diff(there, here, Which::results_if(*results)),
         Verb::Report { archives, out, results } => report::report(archives, results.which(), out.as_deref()),
-        Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
-        Verb::Study(args) => study::study(args),
         Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
-        Verb::Model(ModelVerb::Figures { out, figure }) => figures::figures(out, *figure),
     }
 }

@@ -35,7 +35,7 @@ impl Ground {
     /// `None`, with a notice, where nobody can be another user.
     fn new() -> Option<Self> {
         if !rustix::process::geteuid().is_root() {
-            eprintln!("skipped: nobody can be another user here (it takes root)");
+            tapline_testing::skip("nobody can be another user here (it takes root)");
             return None;
         }
         // Its line's folder is in it, and has a short path for sockets.

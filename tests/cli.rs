@@ -7,7 +7,7 @@ use std::os::unix::fs::{FileTypeExt as _, symlink};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::io::ioctl_fionread;
 
-use crate::rig::{Rig, bend, shared};
+use crate::rig::{Rig, bend};
 
 #[test]
 fn wrong_usage_has_its_own_exit_code() {
@@ -157,7 +157,7 @@ fn a_reader_that_leaves_is_no_failure() {
 /// All cells of Tables 4-6 and 8-10 within 1e-6 relative, of Table 11 within its rounding.
 #[test]
 fn the_dissertations_tables() {
-    let Some(folder) = shared("dissertation-tables") else { return };
+    let Some(folder) = tapline_testing::shared("dissertation-tables") else { return };
     let rig = Rig::new();
     for number in [4, 5, 6, 8, 9, 10, 11] {
         let prefix = format!("table{number:02}");

@@ -8,7 +8,7 @@ use tapline_acquire::{Source as _, TapSet};
 use tapline_store::{OwnedSamples, Reader};
 use tapline_wire::{Discriminator, Lane, SourceKind, TapHeader, TapState, lanes_for};
 
-use crate::rig::{Contents, Rig, assert_same, bend, contents, csv_rows, python_with, table_bytes};
+use crate::rig::{Contents, Rig, assert_same, bend, contents, csv_rows, table_bytes};
 use crate::tapset;
 
 /// Two tyres at two stations, a crack, taps that are taken again, and a closing tap at the end of every turn.
@@ -275,7 +275,7 @@ print(sorted(files), [len(uff.get_set_types()) for uff in files.values()])
 /// Catches a Universal File that others cannot read, or read otherwise: values, units, axes, names, in either encoding.
 #[test]
 fn pyuff_reads_what_was_recorded() {
-    let Some(python) = python_with("hdf5plugin, h5py, pyuff") else { return };
+    let Some(python) = tapline_testing::python_with("hdf5plugin, h5py, pyuff") else { return };
     let rig = run();
     let reader = Reader::open(rig.path("run.h5")).unwrap();
     let (header, _) = reader.tap(0).unwrap().unwrap();

@@ -381,7 +381,7 @@ fn a_folder_that_cannot_be_is_named() {
 #[test]
 fn too_little_shared_memory_is_said_at_the_start() {
     if tapline_wire::room::free_bytes().unwrap() > 40_000_000_000 {
-        eprintln!("skipped: this machine has room for a line of 20000 stations");
+        tapline_testing::skip("this machine has room for a line of 20000 stations");
         return;
     }
     let rig = Rig::new();

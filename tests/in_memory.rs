@@ -1,6 +1,6 @@
 //! A scan within one process against the same scan by the line's processes.
 
-#[path = "../src/in_memory.rs"]
+#[path = "../lab/src/in_memory.rs"]
 mod scanned;
 
 use scanned::InMemoryScan;

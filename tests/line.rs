@@ -14,7 +14,7 @@ use tapline_store::{Reader, verify};
 use tapline_wire::TapState;
 
 use crate::export_taps::as_from_a_tap_set;
-use crate::rig::{Contents, Rig, assert_same, casings, contents, finished, python_with, signal, stage, under_way};
+use crate::rig::{Contents, Rig, assert_same, casings, contents, finished, signal, stage, under_way};
 
 /// How long a line may take to do what it must: none of these tests is to hang where it ought to fail.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -177,8 +177,8 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     assert_made(&first, &made);
     let file = file_of(&first);
     assert!(file.is_absolute() && file.parent().unwrap().parent() == Some(&rig.path("out")), "{file:?}");
-    if let Some(python) = python_with("hdf5plugin, h5py") {
-        let script = "import hdf5plugin, h5py, sys\nprint(h5py.File(sys.argv[1])['taps/samples'].shape[0])";
+    if let Some(python) = tapline_testing::python_with("hdf5plugin, h5py") {
+        let script = "import hdf5plugin, h5py, sys\nprint((h5py.File(sys.argv[1])['plan']['grown_to'] > 0).sum())";
         let done = Command::new(python).args(["-c", script]).arg(&file).output().unwrap();
         assert_eq!(String::from_utf8_lossy(&done.stdout).trim(), "50", "{done:?}");
     }
@@ -286,10 +286,10 @@ fn a_casing_that_is_taken_away_is_inspected_again() {
     assert_eq!(all_finished(&rig.path("out")), names);
 }
 
-/// Two stations that take a second or two for a casing.
-fn slow_plant(rig: &Rig, casings_each: u32, more: &str) {
+/// Two stations that take 50 taps for a casing.
+fn slow_plant(rig: &Rig, casings_each: u32, taps_per_s: f64, more: &str) {
     let station = |n: u32| format!("[[station]]\nnumber = {n}\nsource = \"simulated\"\ncasings = {casings_each}\n");
-    let head = format!("{SCAN}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = 50.0\n{more}\n");
+    let head = format!("{SCAN}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = {taps_per_s}\n{more}\n");
     rig.write("plant.toml", &format!("{head}{}{}", station(1), station(2)));
 }
 
@@ -297,7 +297,7 @@ fn slow_plant(rig: &Rig, casings_each: u32, more: &str) {
 #[test]
 fn who_looks_on_changes_nothing() {
     let rig = Rig::new();
-    slow_plant(&rig, 2, "");
+    slow_plant(&rig, 2, 20.0, "");
     let start = |out: &str| Running::start(&rig, &format!("line --config plant.toml --out {out} --json --casings 4"));
     let alone = start("alone");
     alone.verdicts(4);
@@ -368,7 +368,7 @@ fn a_command_is_run_at_each_verdict() {
         "read -r line; echo \"$TAPLINE_CASING $TAPLINE_VERDICT $TAPLINE_STATION $TAPLINE_FILE $line\" >> {}; exit 1",
         ran.display()
     );
-    slow_plant(&rig, 2, &format!("[line]\non_verdict = '''{command}'''\n"));
+    slow_plant(&rig, 2, 50.0, &format!("[line]\non_verdict = '''{command}'''\n"));
     let line = Running::start(&rig, "line --config plant.toml --out out --json --casings 4");
     let verdicts = line.verdicts(4);
     let (_, log) = line.finish(0);
@@ -430,7 +430,7 @@ fn a_killed_line_goes_on_with_what_was_under_way() {
 #[test]
 fn stages_are_killed_while_casings_come() {
     let rig = Rig::new();
-    slow_plant(&rig, 3, "");
+    slow_plant(&rig, 3, 50.0, "");
     let start = |out: &str| Running::start(&rig, &format!("line --config plant.toml --out {out} --json --casings 6"));
     let line = start("undisturbed");
     line.verdicts(6);

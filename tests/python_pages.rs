@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-use crate::rig::{Rig, docs, python_with, text};
+use crate::rig::{Rig, docs, text};
 
 /// The scan that the picture on the page is of.
 const SCAN: &str = "
@@ -55,7 +55,7 @@ fn run_page(rig: &Rig, python: &std::ffi::OsStr, page: &str) -> String {
 /// Catches code on the page that does not run, or finds other taps, verdicts or regions than the program.
 #[test]
 fn reading_archives_runs_as_it_stands() {
-    let Some(python) = python_with("h5py, hdf5plugin, pandas, matplotlib") else { return };
+    let Some(python) = tapline_testing::python_with("h5py, hdf5plugin, pandas, matplotlib") else { return };
     let rig = scanned();
     let said = run_page(&rig, &python, "reading-archives.md");
     println!("{said}");
@@ -81,7 +81,7 @@ fn reading_archives_runs_as_it_stands() {
 /// Catches a page that tells another way to compute seals than the program's, and one that finds no damage.
 #[test]
 fn seals_are_computed_as_the_page_says() {
-    let Some(python) = python_with("h5py, hdf5plugin, blake3, xxhash") else { return };
+    let Some(python) = tapline_testing::python_with("h5py, hdf5plugin, blake3, xxhash") else { return };
     let rig = scanned();
     assert_eq!(run_page(&rig, &python, "archive-layout.md"), "what does not fit its seal: []\n");
     // Results have other attributes, which are under the seal too.

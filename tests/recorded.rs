@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use crate::rig::{Rig, shared};
+use crate::rig::Rig;
 
 fn auc_of_index(set: &str) -> Option<f64> {
-    let taps = shared(set)?;
+    let taps = tapline_testing::shared(set)?;
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(format!("{set}.toml"));
     let rig = Rig::new();
     let arguments =

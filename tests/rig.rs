@@ -1,7 +1,6 @@
 //! What the tests share: a folder of its own for each, the built program in it, and what it left behind.
 
 use std::collections::BTreeMap;
-use std::ffi::OsString;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -228,32 +227,6 @@ pub(crate) fn assert_same(a: &Contents, b: &Contents) {
     assert_eq!(a.judgements, b.judgements, "judgements");
 }
 
-/// The folder of shared test data, or a notice that there is none.
-pub(crate) fn shared(what: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("TAPLINE_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
-    let path = folder.join("data").join(what);
-    if !path.exists() {
-        eprintln!("skipped: {} is not here (set TAPLINE_SHARED)", path.display());
-        return None;
-    }
-    Some(path)
-}
-
-/// A Python that has `modules`, looked for where `TAPLINE_PYTHON` says and on the usual ways; a printed notice where there is
-/// none.
-pub(crate) fn python_with(modules: &str) -> Option<OsString> {
-    let named = std::env::var_os("TAPLINE_PYTHON").into_iter();
-    let import = format!("import {modules}");
-    let has_them =
-        |python: &OsString| Command::new(python).args(["-c", &import]).output().is_ok_and(|done| done.status.success());
-    let found = named.chain(["python3", "/usr/bin/python3"].map(OsString::from)).find(has_them);
-    if found.is_none() {
-        eprintln!("skipped: no Python with {modules} here (set TAPLINE_PYTHON)");
-    }
-    found
-}
-
 /// Columns of a CSV text by name, one map a row.
 pub(crate) fn csv_rows(text: &str) -> Vec<BTreeMap<String, String>> {
     csv::Reader::from_reader(text.as_bytes()).deserialize().map(|row| row.unwrap()).collect()
@@ -267,11 +240,4 @@ pub(crate) fn docs(name: &str) -> PathBuf {
 /// A file's text.
 pub(crate) fn text(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-}
-
-/// The files in `folder`, and the page beside it, by name.
-pub(crate) fn files(folder: &Path) -> BTreeMap<String, String> {
-    let inside = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let page = folder.with_added_extension("md");
-    inside.chain([page]).map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), text(&path))).collect()
 }

@@ -235,16 +235,10 @@ fn most_recordings_set_the_format() {
 /// Catches a fault in how real recordings are read: counts, truth and finite samples of the sets there are.
 #[test]
 fn recorded_sets_are_read() {
-    let shared = std::env::var_os("TAPLINE_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
     for (name, tap_count, scan_count, cracked_count) in
         [("ntu-slab-06cm", 361, 19, 81), ("ntu-slab-10cm", 361, 19, 81), ("fhwa-slab-bj", 140, 5, 0)]
     {
-        let dir = shared.join("data").join(name);
-        if !dir.is_dir() {
-            println!("skipped: no recorded set {name} (set TAPLINE_SHARED)");
-            continue;
-        }
+        let Some(dir) = tapline_testing::shared(name) else { continue };
         let mut set = TapSet::open(&dir, 4).unwrap();
         assert_eq!((set.plan().taps().len(), set.plan().scans().len()), (tap_count, scan_count), "{name}");
         assert_eq!(set.plan().geometry, Geometry::Line);

@@ -136,7 +136,7 @@ mod tests {
     use tapline_wire::TapId;
 
     use super::*;
-    use crate::stats::upper_tail;
+    use crate::stats::upper_tails;
 
     type Row = Vec<Option<f64>>;
 
@@ -172,7 +172,9 @@ mod tests {
         };
         let largest = of.runs.iter().filter_map(z).max_by(f64::total_cmp)?;
         let count = means.iter().flatten().count() as f64;
-        let by_chance = upper_quantile(-(count * (-upper_tail(largest)).ln_1p()).exp_m1());
+        let mut tail = [largest];
+        upper_tails(&mut tail);
+        let by_chance = upper_quantile(-(count * (-tail[0]).ln_1p()).exp_m1());
         if count > 1.0 {
             return Some(by_chance);
         }

@@ -12,7 +12,7 @@
 //!    makes regions and a verdict (`verdict`), with how rare such an arc is and which offset sees it (`lateral`).
 //!
 //! A reference is the casing itself, a shoulder of the run, or a [`ReferenceSet`] of earlier runs; `standard` is what it
-//! teaches, and how a casing is measured by it. What a study may claim is in [`proof`].
+//! teaches, and how a casing is measured by it.
 //!
 //! ```
 //! use tapline_fuse::{FuseConfig, Fusion, Reference};
@@ -55,7 +55,6 @@
 //! ```
 
 mod arc_null;
-mod bootstrap;
 mod cells;
 mod closing;
 mod columns;
@@ -76,7 +75,6 @@ mod lateral;
 mod level;
 mod limits;
 mod panel;
-pub mod proof;
 mod reference_build;
 mod reference_set;
 mod reference_summary;
@@ -90,7 +88,6 @@ mod score;
 mod shares;
 mod shoulder;
 mod shuffles;
-mod split;
 mod standard;
 mod standing;
 mod stats;
@@ -101,7 +98,6 @@ mod yardstick;
 #[cfg(test)]
 mod testing;
 
-pub use bootstrap::{Bootstrap, auc_interval};
 pub use config::{Centre, Combine, Direction, Directions, Extent, FuseConfig, IndexKind, Reference};
 pub use error::Error;
 pub use fusion::Fusion;
@@ -115,5 +111,4 @@ pub use run::{Outcome, RunError, run};
 pub use scale::{PercentileScale, Scaled};
 pub use scan::{ARC_LENGTHS, Arc, Permutation, arc_null, scan, scan_p_value};
 pub use score::{Score, ScorePool, auc};
-pub use split::{Split, auc_left_out, leave_one_out};
 pub use velocity::PowerLaw;

@@ -1,9 +1,9 @@
-//! Circular blocks: resampling that keeps what neighbours have in common.
+//! Circular blocks: permutations that keep what neighbours have in common.
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-/// Draws permutations and resamples of the places of a ring, block by block, the same ones for the same seed.
+/// Draws permutations of the places of a ring, block by block, the same ones for the same seed.
 #[derive(Debug, Clone)]
 pub(crate) struct Blocks {
     rng: ChaCha8Rng,
@@ -42,17 +42,6 @@ impl Blocks {
             }
         }
     }
-
-    /// Fills `places` with a resample of 0 to their count: blocks that start anywhere on the ring, until it is full.
-    pub(crate) fn resample(&mut self, places: &mut [usize]) {
-        let count = places.len();
-        for block in places.chunks_mut(self.length) {
-            let start = self.rng.random_range(0..count);
-            for (step, to) in block.iter_mut().enumerate() {
-                *to = (start + step) % count;
-            }
-        }
-    }
 }
 
 #[cfg(test)]
@@ -71,16 +60,6 @@ mod tests {
             places.sort_unstable();
             prop_assert_eq!(places, (0..count).collect::<Vec<_>>());
             prop_assert!(breaks <= count.div_ceil(length.clamp(1, 70)), "blocks are kept whole");
-        }
-
-        #[test]
-        fn a_resample_is_made_of_whole_blocks(count in 1_usize..60, length in 1_usize..70, seed in any::<u64>()) {
-            // Catches places outside the ring and blocks that end at the seam.
-            let mut places = vec![usize::MAX; count];
-            Blocks::new(length, seed).resample(&mut places);
-            prop_assert!(places.iter().all(|&p| p < count));
-            let breaks = places.windows(2).filter(|w| w[1] != (w[0] + 1) % count).count();
-            prop_assert!(breaks < count.div_ceil(length));
         }
     }
 

@@ -64,17 +64,10 @@ fn in_order(bits: i64) -> i64 {
     bits ^ ((bits >> 63).cast_unsigned() >> 1).cast_signed()
 }
 
-/// Chance that a standard normal value exceeds `z`.
+/// Probability that a standard normal value exceeds each of `z`, written in its place.
 ///
 /// Below |z| = 3 the series Phi(z) = 1/2 + phi(z) (z + z^3/3 + z^5/15 + ...) (Abramowitz and Stegun
-/// 26.2.11), beyond it the continued fraction 26.2.14, so that small chances keep their digits.
-pub(crate) fn upper_tail(z: f64) -> f64 {
-    let mut tail = [z];
-    upper_tails(&mut tail);
-    tail[0]
-}
-
-/// [`upper_tail`] of each of `z`, in its place.
+/// 26.2.11), beyond it the continued fraction 26.2.14, so that small probabilities keep their digits.
 pub(crate) fn upper_tails(z: &mut [f64]) {
     for z in z.chunks_mut(LANES) {
         // Lanes without a value, and those whose tail is no series, are at no one's expense.
@@ -183,6 +176,12 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    fn upper_tail(z: f64) -> f64 {
+        let mut tail = [z];
+        upper_tails(&mut tail);
+        tail[0]
+    }
 
     fn median_by_sorting(values: &[f64]) -> f64 {
         let mut sorted = values.to_vec();

@@ -158,14 +158,9 @@ mod tests {
     /// side of Hertz's 1.2. Forces up to 5 N are left out: they are whole newtons, and 3 N may be 3.5.
     #[test]
     fn exponents_of_recorded_hammer_tips() {
-        let shared = std::env::var_os("TAPLINE_SHARED")
-            .map_or_else(|| std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"), Into::into);
         for (tip, exponent, residual) in [("bluetip", 1.31, 0.11), ("whitetip", 0.93, 0.17)] {
-            let path = shared.join(format!("data/amh-hammer-calibration/{tip}.csv"));
-            let Ok(text) = std::fs::read_to_string(&path) else {
-                println!("skipped: {} is not here (set TAPLINE_SHARED)", path.display());
-                return;
-            };
+            let Some(path) = tapline_testing::shared(&format!("amh-hammer-calibration/{tip}.csv")) else { return };
+            let text = std::fs::read_to_string(path).unwrap();
             let points = text.lines().skip(1).filter_map(|line| {
                 let (force, speed) = line.split_once(',')?;
                 Some((0, speed.parse().ok()?, force.parse().ok()?))

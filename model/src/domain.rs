@@ -43,7 +43,7 @@ impl Flags {
 
     /// The domain of `rung` with damping `law` in `scene`, for a contact that deformed by `alpha_max_m` and bent the layer
     /// by `deflection_m`.
-    pub(crate) fn of(rung: Rung, law: DampingLaw, scene: &Scene, alpha_max_m: f64, deflection_m: f64) -> Self {
+    pub fn of(rung: Rung, law: DampingLaw, scene: &Scene, alpha_max_m: f64, deflection_m: f64) -> Self {
         let contact_radius_m = (scene.contact_radius_m() * alpha_max_m).sqrt();
         let [h_name, deflection_name, radius_name, restitution_name, l_name] = Self::NAMES;
         let check = |name, value, bounds: RangeInclusive<f64>| DomainCheck {

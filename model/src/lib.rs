@@ -52,7 +52,6 @@ mod error;
 mod fault;
 #[cfg(test)]
 mod features_for_tests;
-mod figures;
 mod identity;
 mod impact;
 mod integral;
@@ -61,8 +60,6 @@ mod pulse;
 mod scene;
 mod simulated;
 mod simulation_config;
-#[cfg(test)]
-mod slips_tests;
 mod sound;
 mod tables;
 
@@ -75,10 +72,9 @@ pub use defect::{DefectContact, defect_contact};
 pub use domain::{DomainCheck, Flags};
 pub use error::Error;
 pub use fault::{FaultKind, PlantedFault};
-pub use figures::{Axis, Curve, Figure, Point, figure};
 pub use impact::{Impact, Outcome, Plate};
 pub use integral::{IntegralContact, integral_contact};
 pub use scene::{EffectiveLength, Scene};
 pub use simulated::{RenderedTap, SimulatedRig, SimulatedTap, SimulatedTyre};
 pub use simulation_config::SimulationConfig;
-pub use tables::{Table, table};
+pub use tables::{FACTORS, Field, Table, table};

@@ -12,7 +12,7 @@ pub struct Table {
 }
 
 /// One quantity of a scene.
-pub(crate) type Field = fn(&mut Scene) -> &mut f64;
+pub type Field = fn(&mut Scene) -> &mut f64;
 
 /// A quantity of the scene that a column varies.
 type Factor = (&'static str, Field);
@@ -21,7 +21,7 @@ type Factor = (&'static str, Field);
 type Listed = fn(&Scene) -> Result<f64, Error>;
 
 /// What the tables vary, by the name of the column.
-pub(crate) const FACTORS: [Factor; 7] = [
+pub const FACTORS: [(&str, Field); 7] = [
     ("v_i", |s| &mut s.velocity_m_per_s),
     ("m_1", |s| &mut s.m_1_kg),
     ("m_2", |s| &mut s.m_2_kg),
@@ -78,7 +78,6 @@ pub fn table(number: u8, rule: EffectiveLength) -> Result<Table, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::PathBuf;
 
     /// Table, row (tenths), column, value as printed, tolerance relative.
     const PRINTED: [(u8, usize, &str, f64, f64); 12] = [
@@ -110,14 +109,9 @@ mod tests {
     /// Catches any cell of the seven tables that is off.
     #[test]
     fn tables_equal_the_files() {
-        let shared = std::env::var_os("TAPLINE_SHARED")
-            .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
-        let Ok(folder) = std::fs::read_dir(shared.join("data/dissertation-tables")) else {
-            println!("notice: no data/dissertation-tables in {}: skipped", shared.display());
-            return;
-        };
+        let Some(folder) = tapline_testing::shared("dissertation-tables") else { return };
         let mut compared = 0;
-        for path in folder.map(|entry| entry.unwrap().path()) {
+        for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
             let number: u8 = name["table".len()..][..2].parse().unwrap();
             let computed = table(number, EffectiveLength::Published).unwrap();

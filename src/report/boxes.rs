@@ -10,8 +10,8 @@ use super::condition::location_means;
 use super::evidence::{Evidence, Shoulder, Tyre};
 use super::small::Small;
 use super::words;
-use crate::pen::{BLUE, INK, Point, VERMILLION, line};
-use crate::stats::{extent, quantile};
+use tapline_draw::canvas::{BLUE, INK, Point, VERMILLION, line};
+use tapline_draw::stats::{extent, quantile};
 
 /// Share of the values beyond either whisker.
 const BEYOND: f64 = 0.05;
@@ -106,7 +106,8 @@ fn boxed(chart: &mut Chart<'_, '_>, x: f64, values: &[f64], color: RGBColor) -> 
     let beyond = values.iter().filter(|value| **value < low || **value > high);
     // Of many only some: they lie on each other.
     let every = values.len() / 400 + 1;
-    let dots = beyond.step_by(every).map(|&value| Circle::new((x, value), crate::pen::units(1.5), color.filled()));
+    let dots =
+        beyond.step_by(every).map(|&value| Circle::new((x, value), tapline_draw::canvas::units(1.5), color.filled()));
     chart.draw_series(dots)?;
     Ok(())
 }

@@ -11,7 +11,7 @@ use super::colour::{ABSENT, heat};
 use super::evidence::Shoulder;
 use super::rounds::{along, spans};
 use super::spectra::{ROWS, Spectra};
-use crate::pen::{INK, Point, VERMILLION, number, units};
+use tapline_draw::canvas::{INK, Point, VERMILLION, number, units};
 
 /// Densities that are told apart: from this far below the loudest to the loudest, dB.
 pub(super) const DEPTH_DB: f64 = 30.0;

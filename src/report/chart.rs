@@ -8,7 +8,7 @@ use plotters::style::text_anchor::HPos;
 use super::colour::heat;
 use super::inline;
 use super::ticked::Ticked;
-use crate::pen::{self, Area, GRID, INK, PALE_INK, Point, at, font, line, units, write};
+use tapline_draw::canvas::{self, Area, GRID, INK, PALE_INK, Point, at, font, line, units, write};
 
 /// Width of a picture: that of a telephone, of half a page and of a third of a screen.
 pub(super) const WIDTH: u32 = 370;
@@ -110,7 +110,7 @@ pub(super) struct Sheet {
 impl Sheet {
     /// The picture as an element of a page, named `title`; `draw` draws within the axes.
     pub(super) fn svg(&self, draw: impl FnOnce(&mut Chart<'_, '_>) -> Result<()>) -> Result<String> {
-        let svg = pen::svg((WIDTH, self.height), |area| {
+        let svg = canvas::svg((WIDTH, self.height), |area| {
             write(area, &self.title, (8.0, 10.0), 12.0, INK, HPos::Left, true)?;
             self.ramp(area)?;
             let rows = self.key(area)?;
@@ -244,7 +244,7 @@ pub(super) fn scaled_unit(exponent: i32, unit: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pen::BLUE;
+    use tapline_draw::canvas::BLUE;
 
     /// Catches ticks that are not round, crowd, or lie outside of their axis.
     #[test]

@@ -7,7 +7,7 @@ use tapline_fuse::FuseConfig;
 use tapline_wire::Discriminator;
 
 use super::evidence::{Shoulder, Tyre};
-use crate::stats::{mean, median, spread};
+use tapline_draw::stats::{mean, median, spread};
 
 /// How a tap was made; exact, so that it can be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

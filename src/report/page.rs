@@ -6,7 +6,7 @@ use tapline_wire::{TapState, Verdict};
 
 use super::evidence::{Evidence, Shoulder, Tap, flags};
 use super::words::{self, counted};
-use crate::pen::number;
+use tapline_draw::canvas::number;
 
 /// A page called `title`. All that it needs is in it.
 pub(super) fn page(title: &str, body: &Markup) -> String {

@@ -10,7 +10,7 @@ use super::colour::{ABSENT, heat};
 use super::evidence::{Cell, Shoulder};
 use super::inline;
 use super::scale::{self, Scale};
-use crate::pen::{self, Area, GRID, INK, PALE_INK, Point, at, line, write};
+use tapline_draw::canvas::{self, Area, GRID, INK, PALE_INK, Point, at, line, write};
 
 const HEIGHT: u32 = 466;
 const CENTER: Point = (185.0, 206.0);
@@ -27,7 +27,7 @@ const GAP: f64 = 2.0;
 
 /// The map of `shoulder`, called `title`.
 pub(super) fn svg(title: &str, shoulder: &Shoulder, scale: &Scale) -> Result<String> {
-    let svg = pen::svg((WIDTH, HEIGHT), |area| {
+    let svg = canvas::svg((WIDTH, HEIGHT), |area| {
         write(area, title, (8.0, 10.0), 12.0, INK, HPos::Left, true)?;
         rings(area, shoulder, scale)?;
         arcs(area, shoulder)?;
@@ -77,7 +77,7 @@ fn offsets(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     if shoulder.offsets.is_empty() {
         return Ok(());
     }
-    let offsets: Vec<String> = shoulder.offsets.iter().map(|map| pen::number(map.offset_mm)).collect();
+    let offsets: Vec<String> = shoulder.offsets.iter().map(|map| canvas::number(map.offset_mm)).collect();
     let words = format!("rings, from outside: all taps; offset {} mm", offsets.join(", "));
     write(area, &words, (CENTER.0, f64::from(HEIGHT) - 14.0), 11.0, INK, HPos::Center, false)
 }
@@ -86,7 +86,7 @@ fn offsets(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
 fn arcs(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     for (cell, sector) in shoulder.cells.iter().zip(sectors(&shoulder.cells)) {
         if cell.region != 0 {
-            area.draw(&PathElement::new(sweep(REGION, joined(sector)), line(pen::VERMILLION, 7.0)))?;
+            area.draw(&PathElement::new(sweep(REGION, joined(sector)), line(canvas::VERMILLION, 7.0)))?;
         }
         if cell.is_cracked == Some(true) {
             area.draw(&PathElement::new(sweep(TRUTH, joined(sector)), line(INK, 3.0)))?;
@@ -95,8 +95,8 @@ fn arcs(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     for region in &shoulder.regions {
         let middle = middle(shoulder, region.first_location, region.last_location);
         let place = polar(NUMBERS, middle);
-        area.draw(&Circle::new(at(place), pen::units(9.0), WHITE.filled()))?;
-        area.draw(&Circle::new(at(place), pen::units(9.0), line(INK, 1.0)))?;
+        area.draw(&Circle::new(at(place), canvas::units(9.0), WHITE.filled()))?;
+        area.draw(&Circle::new(at(place), canvas::units(9.0), line(INK, 1.0)))?;
         write(area, &region.region.to_string(), place, 12.0, INK, HPos::Center, true)?;
     }
     Ok(())
@@ -133,7 +133,7 @@ fn degrees(area: &Area<'_>) -> Result<()> {
 
 /// The verdict, in the middle.
 fn words(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
-    area.draw(&Circle::new(at(CENTER), pen::units(CORE - 1.0), line(GRID, 1.0)))?;
+    area.draw(&Circle::new(at(CENTER), canvas::units(CORE - 1.0), line(GRID, 1.0)))?;
     let word = |dy: f64, text: &str, size: f64, is_bold: bool| {
         write(area, text, (CENTER.0, CENTER.1 + dy), size, INK, HPos::Center, is_bold)
     };

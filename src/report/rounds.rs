@@ -10,8 +10,8 @@ use super::chart::{self, Axis, Chart, Key, Sheet, Stroke, exponent_of, scaled_un
 use super::condition::Condition;
 use super::evidence::{Shoulder, Tyre};
 use super::words;
-use crate::pen::{BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, font};
-use crate::stats::extent;
+use tapline_draw::canvas::{BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, font};
+use tapline_draw::stats::extent;
 
 /// Shoulders that one picture of the index can hold.
 pub(super) const SHOULDERS: usize = 2;

@@ -4,8 +4,8 @@ use anyhow::Result;
 use tapline_store::Reader;
 use tapline_wire::Channel;
 
-use crate::pen::Point;
-use crate::record::channel;
+use tapline_draw::canvas::Point;
+use tapline_draw::record::channel;
 
 /// What a channel recorded.
 pub(super) struct Signal {

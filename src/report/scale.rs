@@ -7,8 +7,8 @@ use plotters::style::text_anchor::HPos;
 use super::chart::WIDTH;
 use super::colour::heat;
 use super::evidence::{Evidence, Limits};
-use crate::pen::{Area, INK, PALE_INK, at, line, write};
-use crate::stats::extent;
+use tapline_draw::canvas::{Area, INK, PALE_INK, at, line, write};
+use tapline_draw::stats::extent;
 
 /// Where the bar begins and ends.
 const LEFT: f64 = 62.0;

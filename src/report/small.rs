@@ -7,7 +7,7 @@ use plotters::style::text_anchor::HPos;
 use super::chart::{Axis, Chart};
 use super::inline;
 use super::ticked::Ticked;
-use crate::pen::{self, GRID, INK, PALE_INK, font, line, units, write};
+use tapline_draw::canvas::{self, GRID, INK, PALE_INK, font, line, units, write};
 
 const SIZE: (u32, u32) = (180, 210);
 
@@ -26,7 +26,7 @@ impl Small {
     pub(super) fn svg(&self, draw: impl FnOnce(&mut Chart<'_, '_>) -> Result<()>) -> Result<String> {
         let count = self.columns.len() as f64;
         let unnumbered = Axis { label: String::new(), range: (0.0, count), ticks: Vec::new() };
-        let svg = pen::svg(SIZE, |area| {
+        let svg = canvas::svg(SIZE, |area| {
             write(area, &self.title, (6.0, 10.0), 12.0, INK, HPos::Left, true)?;
             let mut chart = ChartBuilder::on(area)
                 .margin_top(units(24.0))

@@ -11,8 +11,8 @@ use tapline_wire::Channel;
 use super::condition::Condition;
 use super::evidence::Shoulder;
 use super::samples::signal;
-use crate::record::periodogram;
-use crate::stats::mean;
+use tapline_draw::record::periodogram;
+use tapline_draw::stats::mean;
 
 /// Frequencies of a picture from bottom to top.
 pub(super) const ROWS: usize = 100;

@@ -9,7 +9,7 @@ use super::colour::{ABSENT, heat};
 use super::evidence::Shoulder;
 use super::inline;
 use super::scale::{self, Scale};
-use crate::pen::{self, Area, INK, PALE_INK, Point, at, line, write};
+use tapline_draw::canvas::{self, Area, INK, PALE_INK, Point, at, line, write};
 
 const HEIGHT: u32 = 188;
 const LEFT: f64 = 24.0;
@@ -19,7 +19,7 @@ const BOTTOM: f64 = 92.0;
 
 /// The map of `shoulder`, called `title`.
 pub(super) fn svg(title: &str, shoulder: &Shoulder, scale: &Scale) -> Result<String> {
-    let svg = pen::svg((WIDTH, HEIGHT), |area| {
+    let svg = canvas::svg((WIDTH, HEIGHT), |area| {
         write(area, title, (8.0, 10.0), 12.0, INK, HPos::Left, true)?;
         let peak =
             shoulder.peak().and_then(|cell| cell.index).map_or(String::new(), |index| format!(", max. {index:.2}"));
@@ -58,7 +58,7 @@ fn cells(area: &Area<'_>, shoulder: &Shoulder, scale: &Scale) -> Result<()> {
             area.draw(&PathElement::new(vec![at((left, y)), at((right, y))], line(color, width)))
         };
         if cell.region != 0 {
-            under(TOP - 6.0, pen::VERMILLION, 7.0)?;
+            under(TOP - 6.0, canvas::VERMILLION, 7.0)?;
         }
         if cell.is_cracked == Some(true) {
             under(BOTTOM + 5.0, INK, 3.0)?;
@@ -77,7 +77,7 @@ fn numbers(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     let first = shoulder.cells.first().map_or(0.0, |cell| cell.place);
     let last = shoulder.cells.last().map_or(0.0, |cell| cell.place);
     for tick in chart::ticks((first, last), 8).into_iter().filter(|tick| tick.fract().abs() < 1e-9) {
-        write(area, &pen::number(tick), (middle(tick), BOTTOM + 16.0), 11.0, PALE_INK, HPos::Center, false)?;
+        write(area, &canvas::number(tick), (middle(tick), BOTTOM + 16.0), 11.0, PALE_INK, HPos::Center, false)?;
     }
     write(area, "location", (RIGHT, BOTTOM + 30.0), 11.0, PALE_INK, HPos::Right, false)
 }

@@ -9,8 +9,8 @@ use super::chart::{self, Axis, Key, Sheet, Stroke};
 use super::condition::Condition;
 use super::evidence::{Cell, Shoulder, Tyre};
 use super::samples::{Signal, signal};
-use crate::pen::{BLUE, VERMILLION};
-use crate::stats::extent;
+use tapline_draw::canvas::{BLUE, VERMILLION};
+use tapline_draw::stats::extent;
 
 /// What is drawn of a channel: from before to after the trigger.
 const FORCE_MS: (f64, f64) = (-0.5, 3.0);

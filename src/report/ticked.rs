@@ -6,7 +6,7 @@ use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, Value
 use plotters::coord::types::RangedCoordf64;
 
 use super::chart::Axis;
-use crate::pen::number;
+use tapline_draw::canvas::number;
 
 /// A linear coordinate with its ticks.
 pub(super) struct Ticked {

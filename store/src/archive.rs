@@ -13,7 +13,7 @@ use crate::check::{other_configuration, other_lineage};
 use crate::chunk::{ChunkRows, close_in_children, take_whole_file};
 use crate::codec::Codec;
 use crate::context::Context;
-use crate::create::{Key, files, files_to_read, first_cells, format_name, geometry_name};
+use crate::create::{Key, files, files_to_read, first_cells, format_name};
 use crate::given::Given;
 use crate::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, attribute,
@@ -340,7 +340,7 @@ struct Planned {
 fn read_plan(given: &Given, taps_file: &File, path: &Path) -> Result<Planned> {
     let geometry = [Geometry::Ring, Geometry::Line]
         .into_iter()
-        .find(|&g| geometry_name(g) == given.geometry)
+        .find(|&g| g.name() == given.geometry)
         .ok_or_else(|| damaged(path, format!("its geometry is {:?}", given.geometry)))?;
     let recording = read_recording(taps_file, path)?;
     let taps_in = |rows: Range<usize>| -> Result<Vec<PlannedTap>> {

@@ -9,7 +9,7 @@ use hdf5::plist::file_access::{
 };
 use hdf5::types::FixedAscii;
 use hdf5::{File, FileBuilder};
-use tapline_wire::{Channel, DamageCell, Geometry, Plan, SampleFormat, TapState};
+use tapline_wire::{Channel, DamageCell, Plan, SampleFormat, TapState};
 
 use crate::blosc::RECORD_BYTES_MAX;
 use crate::chunk::{ChunkRows, abandon};
@@ -105,7 +105,7 @@ fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
     write_text(file, attribute::FORMAT, FORMAT)?;
     write_number(file, attribute::FORMAT_VERSION, &FORMAT_VERSION)?;
     write_text(file, attribute::TAPLINE_VERSION, env!("CARGO_PKG_VERSION"))?;
-    write_text(file, attribute::GEOMETRY, geometry_name(plan.geometry))?;
+    write_text(file, attribute::GEOMETRY, plan.geometry.name())?;
     write_number(file, attribute::PLAN_DIGEST, &plan.digest())?;
     write_number(file, attribute::SOURCE_DIGEST, &plan.source_digest())?;
     write_number(file, attribute::BEGUN_TAPS, &(plan.taps().len() as u64))?;
@@ -247,14 +247,6 @@ fn create_samples(file: &File, plan: &Plan, taps_max: usize, codec: Codec) -> hd
     write_text(&dataset, attribute::SAMPLE_FORMAT, format_name(recording.sample_format))?;
     write_number(&dataset, attribute::SAMPLE_RATE_HZ, &recording.sample_rate_hz)?;
     write_number(&dataset, attribute::PRE_TRIGGER_SAMPLES, &recording.pre_trigger_samples)
-}
-
-/// Name of a geometry in archives, as in configurations.
-pub(crate) fn geometry_name(geometry: Geometry) -> &'static str {
-    match geometry {
-        Geometry::Ring => "ring",
-        Geometry::Line => "line",
-    }
 }
 
 /// Name of a sample format in archives, as in configurations.

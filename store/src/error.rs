@@ -8,7 +8,7 @@ use tapline_wire::TapId;
 
 use crate::Codec;
 
-/// Why an archive cannot be made, opened, written, read or exported.
+/// Why an archive cannot be made, opened, written or read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -280,42 +280,6 @@ pub enum Error {
         /// What it must have.
         planned: String,
     },
-    /// A table could not be written.
-    #[error("cannot write the table: {0}")]
-    Csv(#[from] csv::Error),
-    /// A table could not be written as Parquet.
-    #[error("cannot write the Parquet table: {0}")]
-    Parquet(#[from] parquet::errors::ParquetError),
-    /// A recording could not be written.
-    #[error("cannot write {}: {source}", path.display())]
-    Wav {
-        /// The recording.
-        path: PathBuf,
-        /// Why not.
-        source: hound::Error,
-    },
-    /// An export of taps would mix with other files.
-    #[error("{} is a folder with files in it; taps are written into a new or an empty one", path.display())]
-    FolderNotEmpty {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// There are no taps to export, or none that can be read.
-    #[error("{} holds readable samples of none of its {tap_count} planned taps", path.display())]
-    NoSamples {
-        /// The archive.
-        path: PathBuf,
-        /// Taps planned.
-        tap_count: usize,
-    },
-    /// Something that a tap set cannot say.
-    #[error("{} cannot be a tap set: {what}", path.display())]
-    NoTapSet {
-        /// The archive.
-        path: PathBuf,
-        /// What cannot be said, and what can.
-        what: String,
-    },
 }
 
 /// What to do with an archive of layout `got` where `known` is read.
@@ -349,7 +313,7 @@ impl Error {
     }
 
     /// Whether one place of a file cannot be read, as where a sector is bad or a length is, and not the disk.
-    pub(crate) fn is_of_one_place(&self) -> bool {
+    pub fn is_of_one_place(&self) -> bool {
         let Self::Io { source, .. } = self else { return false };
         source.kind() == io::ErrorKind::UnexpectedEof || source.raw_os_error() == Some(Errno::IO.raw_os_error())
     }

@@ -47,7 +47,6 @@ mod create;
 mod draft;
 mod encode;
 mod error;
-mod export;
 mod finish;
 mod given;
 mod grow;
@@ -86,10 +85,6 @@ mod writer;
 pub use codec::Codec;
 pub use config::StoreConfig;
 pub use error::Error;
-pub use export::{
-    Export, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder, export, export_parquet, export_tap_set,
-    export_uff,
-};
 pub use finish::Finishing;
 pub use layout::{FORMAT_VERSION, REASON_BYTES};
 pub use lineage::{Lineage, digest_of, hex_of, lineage_key};

@@ -277,7 +277,10 @@ impl Reader {
     }
 
     /// Why the tap in plan row `row` was refused; empty where it was not.
-    pub(crate) fn reason(&self, row: u32) -> Result<String> {
+    ///
+    /// # Errors
+    /// What reading the archive gives.
+    pub fn reason(&self, row: u32) -> Result<String> {
         Ok(reason(&self.archive, row as usize)?.unwrap_or_else(|| REASON_LOST.to_owned()))
     }
 

@@ -200,18 +200,3 @@ pub(crate) fn beside_others() -> RwLockReadGuard<'static, ()> {
 pub(crate) fn alone() -> RwLockWriteGuard<'static, ()> {
     CHILDREN.write().unwrap_or_else(PoisonError::into_inner)
 }
-
-/// A Python that has `module`, looked for where `TAPLINE_PYTHON` says and on the usual ways; a printed notice where there is
-/// none.
-pub(crate) fn python_with(module: &str) -> Option<std::ffi::OsString> {
-    let named = std::env::var_os("TAPLINE_PYTHON").into_iter();
-    let candidates = named.chain(["python3", "/usr/bin/python3"].map(Into::into));
-    let import = format!("import {module}");
-    let found = candidates.into_iter().find(|python| {
-        std::process::Command::new(python).args(["-c", &import]).output().is_ok_and(|out| out.status.success())
-    });
-    if found.is_none() {
-        eprintln!("skipped: no Python with {module} here (set TAPLINE_PYTHON)");
-    }
-    found
-}

@@ -37,14 +37,7 @@ sys.exit(not h5py.h5z.filter_avail(32001))";
 
 /// A Python that can read packed samples.
 fn python() -> Option<OsString> {
-    let named = std::env::var_os("TAPLINE_PYTHON").into_iter();
-    let has_all =
-        |python: &OsString| Command::new(python).args(["-c", HAS_ALL]).output().is_ok_and(|out| out.status.success());
-    let found = named.chain(["/usr/bin/python3", "python3"].map(OsString::from)).find(has_all);
-    if found.is_none() {
-        eprintln!("skipped: no python3 with h5py and Blosc here (pip install h5py hdf5plugin): not checked");
-    }
-    found
+    tapline_testing::python_that(HAS_ALL)
 }
 
 /// Catches an archive that only this program can read, or reads otherwise.

@@ -25,7 +25,7 @@ impl Disk {
         mount.args(["-t", "tmpfs", "-o", "size=8m", "tmpfs"]).arg(disk.0.path()).stderr(Stdio::null());
         let is_made = mount.status().is_ok_and(|status| status.success());
         if !is_made {
-            eprintln!("skipped: no disk can be mounted here (it takes root)");
+            tapline_testing::skip("no disk can be mounted here (it takes root)");
         }
         is_made.then_some(disk)
     }

@@ -209,6 +209,16 @@ pub enum Geometry {
     Line,
 }
 
+impl Geometry {
+    /// The geometry's name, in archives as in configurations.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ring => "ring",
+            Self::Line => "line",
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

@@ -236,7 +236,7 @@ mod tests {
 
     fn transformed(length: usize, bin_count: usize) -> Option<Vec<Complex<f32>>> {
         if !is_x86_feature_detected!("avx512f") {
-            eprintln!("skipped: this processor has no AVX-512");
+            tapline_testing::skip("this processor has no AVX-512");
             return None;
         }
         let mut lanes = Lanes::try_new(length).expect("a transform of this length");

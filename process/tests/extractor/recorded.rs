@@ -8,13 +8,7 @@ use crate::signal::values;
 
 /// Path of a recording that comes beside the repository, and is not part of it.
 fn shared(file: &str) -> Option<Vec<u8>> {
-    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared");
-    let folder = std::env::var("TAPLINE_SHARED").unwrap_or_else(|_| beside.to_owned());
-    let found = std::fs::read(format!("{folder}/data/{file}")).ok();
-    if found.is_none() {
-        eprintln!("skipped: no {file} in {folder}/data");
-    }
-    found
+    tapline_testing::shared(file).map(|path| std::fs::read(path).unwrap())
 }
 
 fn u32_at(bytes: &[u8], at: usize) -> usize {

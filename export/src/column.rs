@@ -1,0 +1,92 @@
+//! What a column of a table is: the one description from which every format of the table is written.
+
+use crate::Result;
+
+/// What gives the value in a row; `None` where it is absent.
+type Cell<R, T> = Box<dyn Fn(&R) -> Option<T>>;
+
+/// How the cells of a column are had from its rows, and of what type they are.
+pub(crate) enum Cells<R> {
+    /// Small numbers and codes.
+    U16(Cell<R, u16>),
+    /// Counts, places and sets of flags.
+    U32(Cell<R, u32>),
+    /// Measured and computed values, always finite.
+    F64(Cell<R, f64>),
+    /// Names and texts; an empty one is a text without letters, not an absent one.
+    Text(Cell<R, String>),
+}
+
+/// One column of a table whose rows are `R`.
+pub(crate) struct Column<R> {
+    /// Name, with the unit as its suffix where it has one.
+    pub(crate) name: String,
+    /// Unit of the values, "1" where they have none, empty where they are no quantity.
+    #[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "only Parquet has a place for it"))]
+    pub(crate) unit: &'static str,
+    /// Whether the table as CSV has it too: there, a set of flags is its names alone.
+    pub(crate) is_in_csv: bool,
+    /// The values.
+    pub(crate) cells: Cells<R>,
+}
+
+impl<R> Column<R> {
+    fn new(name: impl Into<String>, unit: &'static str, cells: Cells<R>) -> Self {
+        Self { name: name.into(), unit, is_in_csv: true, cells }
+    }
+
+    /// A column of small numbers.
+    pub(crate) fn u16(name: &str, cell: impl Fn(&R) -> u16 + 'static) -> Self {
+        Self::new(name, "", Cells::U16(Box::new(move |row| Some(cell(row)))))
+    }
+
+    /// A column of small numbers some of which are absent.
+    pub(crate) fn maybe_u16(name: &str, cell: impl Fn(&R) -> Option<u16> + 'static) -> Self {
+        Self::new(name, "", Cells::U16(Box::new(cell)))
+    }
+
+    /// A column of whole numbers.
+    pub(crate) fn u32(name: &str, cell: impl Fn(&R) -> u32 + 'static) -> Self {
+        Self::new(name, "", Cells::U32(Box::new(move |row| Some(cell(row)))))
+    }
+
+    /// A column of whole numbers some of which are absent.
+    pub(crate) fn maybe_u32(name: &str, cell: impl Fn(&R) -> Option<u32> + 'static) -> Self {
+        Self::new(name, "", Cells::U32(Box::new(cell)))
+    }
+
+    /// A column of quantities in `unit`; what is not finite is absent.
+    pub(crate) fn f64(name: impl Into<String>, unit: &'static str, cell: impl Fn(&R) -> Option<f64> + 'static) -> Self {
+        Self::new(name, unit, Cells::F64(Box::new(move |row| cell(row).filter(|value| value.is_finite()))))
+    }
+
+    /// A column of texts.
+    pub(crate) fn text(name: &str, cell: impl Fn(&R) -> String + 'static) -> Self {
+        Self::new(name, "", Cells::Text(Box::new(move |row| Some(cell(row)))))
+    }
+
+    /// A column of texts some of which are absent.
+    pub(crate) fn maybe_text(name: &str, cell: impl Fn(&R) -> Option<String> + 'static) -> Self {
+        Self::new(name, "", Cells::Text(Box::new(cell)))
+    }
+
+    /// The bits of a set of flags whose names are a column of their own.
+    pub(crate) fn bits(name: &str, cell: impl Fn(&R) -> u32 + 'static) -> Self {
+        Self { is_in_csv: false, ..Self::u32(name, cell) }
+    }
+}
+
+/// A format in which a table can be written.
+pub(crate) trait Sink {
+    /// Writes `rows` below those that were written before, whose columns are the same.
+    ///
+    /// # Errors
+    /// [`crate::Error`] when they cannot be written.
+    fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()>;
+
+    /// Writes what ends the table.
+    ///
+    /// # Errors
+    /// [`crate::Error`] when it cannot be written.
+    fn finish(self) -> Result<()>;
+}

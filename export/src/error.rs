@@ -1,0 +1,75 @@
+//! Why a table or taps cannot be exported.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why a table or taps cannot be exported.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The archive cannot be read.
+    #[error(transparent)]
+    Archive(#[from] tapline_store::Error),
+    /// The system says no.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// On which file or folder.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// A table could not be written.
+    #[error("cannot write the table: {0}")]
+    Csv(#[from] csv::Error),
+    /// A table could not be written as Parquet.
+    #[cfg(feature = "parquet")]
+    #[error("cannot write the Parquet table: {0}")]
+    Parquet(#[from] parquet::errors::ParquetError),
+    /// A recording could not be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Wav {
+        /// The recording.
+        path: PathBuf,
+        /// Why not.
+        source: hound::Error,
+    },
+    /// An export of taps would mix with other files.
+    #[error("{} is a folder with files in it; taps are written into a new or an empty one", path.display())]
+    FolderNotEmpty {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// There are no taps to export, or none that can be read.
+    #[error("{} holds readable samples of none of its {tap_count} planned taps", path.display())]
+    NoSamples {
+        /// The archive.
+        path: PathBuf,
+        /// Taps planned.
+        tap_count: usize,
+    },
+    /// Something that a tap set cannot say.
+    #[error("{} cannot be a tap set: {what}", path.display())]
+    NoTapSet {
+        /// The archive.
+        path: PathBuf,
+        /// What cannot be said, and what can.
+        what: String,
+    },
+}
+
+/// What a fallible call of this crate returns.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Adds to an error of the system what was tried and on which file.
+pub(crate) trait Context<T> {
+    /// The result, its error naming `action` and `path`.
+    fn context(self, action: &'static str, path: &Path) -> Result<T>;
+}
+
+impl<T> Context<T> for io::Result<T> {
+    fn context(self, action: &'static str, path: &Path) -> Result<T> {
+        self.map_err(|source| Error::Io { action, path: path.to_owned(), source })
+    }
+}

@@ -1,0 +1,144 @@
+//! What an archive holds in the formats of other programs: tables as CSV and, with the feature `parquet`, as Parquet; taps as
+//! WAV and UFF.
+
+mod column;
+mod csv_file;
+mod error;
+mod folder;
+mod fortran;
+#[cfg(feature = "parquet")]
+mod parquet_file;
+mod tables;
+mod tap_set;
+mod taps;
+mod uff;
+
+use std::{fmt, io};
+
+pub use error::{Error, Result};
+pub use tap_set::{TapSetFolder, export_tap_set};
+pub use taps::TapCounts;
+pub use uff::{UffEncoding, UffFolder, export_uff};
+
+use crate::column::Sink as _;
+use crate::csv_file::CsvFile;
+#[cfg(feature = "parquet")]
+use crate::parquet_file::ParquetFile;
+use tapline_store::Reader;
+
+/// A table that can be exported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Export {
+    /// What was found in every archived tap.
+    Discriminators,
+    /// The damage index of every location of the judged scans.
+    Damage,
+    /// The arcs of damage of the judged scans.
+    Regions,
+    /// The verdict on every scan.
+    Verdicts,
+    /// The state of every planned tap.
+    Ledger,
+}
+
+impl Export {
+    /// All five.
+    pub const ALL: [Self; 5] = [Self::Discriminators, Self::Damage, Self::Regions, Self::Verdicts, Self::Ledger];
+
+    /// The table's name on the command line.
+    pub fn name(self) -> &'static str {
+        ["discriminators", "damage", "regions", "verdicts", "ledger"][self as usize]
+    }
+
+    /// The table of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|table| table.name() == name)
+    }
+}
+
+/// Writes `table` of the archive to `out` as CSV with a header line.
+///
+/// # Errors
+/// [`Error::Csv`] when `out` fails, or what reading the archive gives.
+pub fn export(reader: &Reader, table: Export, out: impl io::Write + Send) -> Result<()> {
+    one(reader, TableFile::csv(table, out))
+}
+
+/// Writes `table` of the archive to `out` as Parquet: the columns and rows of the CSV, typed, and sets of flags also as bits.
+///
+/// Units are in the columns' metadata (`unit`). The metadata of the file names the table, the digest of the scan plan, and
+/// the programs that made the archive and the file. One row group is in memory at a time.
+///
+/// # Errors
+/// [`Error`] when `out` fails, or what reading the archive gives.
+#[cfg(feature = "parquet")]
+pub fn export_parquet(reader: &Reader, table: Export, out: impl io::Write + Send) -> Result<()> {
+    one(reader, TableFile::parquet(table, out))
+}
+
+fn one(reader: &Reader, mut file: TableFile<impl io::Write + Send>) -> Result<()> {
+    file.add(reader, None)?;
+    file.finish()
+}
+
+/// A table of one archive or of many, written archive by archive: no more than one is in memory.
+pub struct TableFile<W: io::Write + Send> {
+    table: Export,
+    format: TableFormat<W>,
+}
+
+enum TableFormat<W: io::Write + Send> {
+    Csv(Box<CsvFile<W>>),
+    #[cfg(feature = "parquet")]
+    Parquet(ParquetFile<W>),
+}
+
+impl<W: io::Write + Send> fmt::Debug for TableFile<W> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TableFile").field("table", &self.table).finish_non_exhaustive()
+    }
+}
+
+impl<W: io::Write + Send> TableFile<W> {
+    /// `table` as CSV with one header line, into `out`.
+    pub fn csv(table: Export, out: W) -> Self {
+        Self { table, format: TableFormat::Csv(Box::new(CsvFile::new(out))) }
+    }
+
+    /// `table` as Parquet, into `out`; see [`export_parquet`].
+    #[cfg(feature = "parquet")]
+    pub fn parquet(table: Export, out: W) -> Self {
+        Self { table, format: TableFormat::Parquet(ParquetFile::new(table, out)) }
+    }
+
+    /// Adds the rows of an archive. Where it is one of many it has a `name`, which its rows then say in a first column
+    /// `file`: all of a table have one, or none has.
+    ///
+    /// # Errors
+    /// [`Error`] when the table cannot be written, or what reading the archive
+    /// gives; then no row of it is written.
+    pub fn add(&mut self, reader: &Reader, name: Option<&str>) -> Result<()> {
+        match &mut self.format {
+            TableFormat::Csv(file) => tables::give(reader, name, self.table, file.as_mut()),
+            #[cfg(feature = "parquet")]
+            TableFormat::Parquet(file) => {
+                if name.is_none() {
+                    file.describe(reader);
+                }
+                tables::give(reader, name, self.table, file)
+            }
+        }
+    }
+
+    /// Writes what ends the table.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub fn finish(self) -> Result<()> {
+        match self.format {
+            TableFormat::Csv(file) => file.finish(),
+            #[cfg(feature = "parquet")]
+            TableFormat::Parquet(file) => file.finish(),
+        }
+    }
+}

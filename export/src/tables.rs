@@ -1,0 +1,236 @@
+//! The tables of an archive: their columns and where their rows come from.
+
+use tapline_wire::{
+    DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, ScanState, TapState,
+    Verdict,
+};
+
+use crate::Export;
+use crate::column::{Column, Sink};
+use tapline_store::Lost;
+use tapline_store::Reader;
+use tapline_store::{Region, regions};
+
+use crate::Result;
+
+/// Gives `table` of the archive to `sink`; with a first column `file` that says `name`, where it is one of many.
+pub(crate) fn give(reader: &Reader, name: Option<&str>, table: Export, sink: &mut impl Sink) -> Result<()> {
+    match table {
+        Export::Discriminators => discriminators(reader, name, sink),
+        Export::Damage => damage(reader, name, sink),
+        Export::Regions => arcs(reader, name, sink),
+        Export::Verdicts => verdicts(reader, name, sink),
+        Export::Ledger => ledger(reader, name, sink),
+    }
+}
+
+/// Columns that name a planned tap.
+fn tap_columns<R>(name: Option<&str>, tap: impl Fn(&R) -> &PlannedTap + Copy + 'static) -> Vec<Column<R>> {
+    let of_tap = [
+        Column::u16("station", move |row| tap(row).id.station),
+        Column::text("tyre", move |row| tap(row).id.tyre.to_string()),
+        Column::u16("shoulder", move |row| tap(row).id.shoulder),
+        Column::f64("offset_mm", "mm", move |row| tap(row).id.offset_mm()),
+        Column::f64("velocity_m_per_s", "m/s", move |row| tap(row).id.velocity_m_per_s()),
+        Column::u32("location", move |row| tap(row).id.location),
+        Column::f64("angle_deg", "deg", move |row| tap(row).angle_deg),
+        Column::u16("repetition", move |row| tap(row).id.repetition),
+    ];
+    file_column(name).into_iter().chain(of_tap).collect()
+}
+
+/// Columns that name a scan.
+fn scan_columns<R>(name: Option<&str>, scan: impl Fn(&R) -> &Scan + Copy + 'static) -> Vec<Column<R>> {
+    let of_scan = [
+        Column::text("tyre", move |row| scan(row).tyre.to_string()),
+        Column::u16("shoulder", move |row| scan(row).shoulder),
+    ];
+    file_column(name).into_iter().chain(of_scan).collect()
+}
+
+/// The column that says which archive a row is of.
+fn file_column<R>(name: Option<&str>) -> Option<Column<R>> {
+    let name = name?.to_owned();
+    Some(Column::text("file", move |_| name.clone()))
+}
+
+/// Unit of a discriminator's values.
+fn unit_of(which: Discriminator) -> &'static str {
+    match which {
+        Discriminator::FMax => "N",
+        Discriminator::Tau => "s",
+        Discriminator::A1 | Discriminator::A2 => "V s",
+        Discriminator::Pr => "1",
+        Discriminator::Pf => "V^2/Hz",
+        Discriminator::Ef => "V^2",
+    }
+}
+
+struct FoundRow<'a> {
+    tap: &'a PlannedTap,
+    found: Discriminators,
+}
+
+fn discriminators(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = tap_columns(name, |row: &FoundRow<'_>| row.tap);
+    columns.push(Column::u16("attempt", |row: &FoundRow<'_>| row.found.id.attempt));
+    columns.extend(Discriminator::ALL.map(|which| {
+        Column::f64(which.column(), unit_of(which), move |row: &FoundRow<'_>| row.found.values.get(which))
+    }));
+    columns.push(Column::text("quality", |row: &FoundRow<'_>| row.found.quality.to_string()));
+    columns.push(Column::bits("quality_bits", |row: &FoundRow<'_>| row.found.quality.bits()));
+    let found = reader.plan().taps().iter().zip(reader.discriminators()?);
+    sink.rows(&columns, found.filter_map(|(tap, found)| Some(FoundRow { tap, found: found? })))
+}
+
+struct CellRow<'a> {
+    scan: &'a Scan,
+    cell: DamageCell,
+}
+
+fn damage(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = scan_columns(name, |row: &CellRow<'_>| row.scan);
+    columns.extend([
+        Column::u32("location", |row: &CellRow<'_>| row.cell.location),
+        Column::f64("angle_deg", "deg", |row: &CellRow<'_>| Some(row.cell.angle_deg)),
+        Column::f64("damage_index", "1", |row: &CellRow<'_>| Some(row.cell.damage_index)),
+        Column::f64("p_value", "1", |row: &CellRow<'_>| Some(row.cell.p_value)),
+    ]);
+    let judged = reader.plan().scans().iter().zip(reader.judgements()?);
+    let cells = judged.filter_map(|(scan, judged)| Some((scan, judged?.1)));
+    sink.rows(&columns, cells.flat_map(|(scan, cells)| cells.into_iter().map(move |cell| CellRow { scan, cell })))
+}
+
+struct RegionRow<'a> {
+    scan: &'a Scan,
+    region: Region,
+}
+
+fn arcs(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = scan_columns(name, |row: &RegionRow<'_>| row.scan);
+    columns.extend([
+        Column::u32("region", |row: &RegionRow<'_>| row.region.region),
+        Column::u32("first_location", |row: &RegionRow<'_>| row.region.first_location),
+        Column::u32("last_location", |row: &RegionRow<'_>| row.region.last_location),
+        Column::f64("start_deg", "deg", |row: &RegionRow<'_>| row.region.start_deg),
+        Column::f64("end_deg", "deg", |row: &RegionRow<'_>| row.region.end_deg),
+        Column::u32("peak_location", |row: &RegionRow<'_>| row.region.peak_location),
+        Column::f64("peak_angle_deg", "deg", |row: &RegionRow<'_>| row.region.peak_angle_deg),
+        Column::f64("peak_damage_index", "1", |row: &RegionRow<'_>| row.region.peak_damage_index),
+        Column::u32("extent_locations", |row: &RegionRow<'_>| row.region.extent_locations),
+        Column::f64("extent_deg", "deg", |row: &RegionRow<'_>| row.region.extent_deg),
+        Column::f64("mean_damage_index", "1", |row: &RegionRow<'_>| row.region.mean_damage_index),
+        Column::f64("p_value", "1", |row: &RegionRow<'_>| row.region.p_value),
+        Column::f64("offset_best_mm", "mm", |row: &RegionRow<'_>| row.region.offset_best_mm),
+        Column::f64("offset_low_mm", "mm", |row: &RegionRow<'_>| row.region.offset_low_mm),
+        Column::f64("offset_high_mm", "mm", |row: &RegionRow<'_>| row.region.offset_high_mm),
+    ]);
+    let geometry = reader.plan().geometry;
+    let judged = reader.plan().scans().iter().zip(reader.judgements()?);
+    let arcs = judged.filter_map(|(scan, judged)| Some((scan, regions(geometry, &judged?.1))));
+    sink.rows(&columns, arcs.flat_map(|(scan, arcs)| arcs.into_iter().map(move |region| RegionRow { scan, region })))
+}
+
+struct VerdictRow<'a> {
+    scan: &'a Scan,
+    verdict: Verdict,
+    reasons: Reasons,
+    /// Taps that are archived, refused and missing.
+    counts: [u32; 3],
+    /// What was judged, with its number of regions; `None` where nothing was.
+    judged: Option<(Judgement, u32)>,
+}
+
+impl VerdictRow<'_> {
+    fn value(&self, value: impl Fn(&Judgement) -> f64) -> Option<f64> {
+        self.judged.as_ref().map(|(judgement, _)| value(judgement))
+    }
+}
+
+fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = scan_columns(name, |row: &VerdictRow<'_>| row.scan);
+    columns.extend([
+        Column::u16("station", |row: &VerdictRow<'_>| row.scan.station),
+        Column::text("verdict", |row: &VerdictRow<'_>| row.verdict.to_string()),
+        Column::text("reasons", |row: &VerdictRow<'_>| row.reasons.to_string()),
+        Column::bits("reasons_bits", |row: &VerdictRow<'_>| row.reasons.bits()),
+        Column::u32("planned_count", |row: &VerdictRow<'_>| count(row.scan.taps.len())),
+        Column::u32("archived_count", |row: &VerdictRow<'_>| row.counts[0]),
+        Column::u32("refused_count", |row: &VerdictRow<'_>| row.counts[1]),
+        Column::u32("missing_count", |row: &VerdictRow<'_>| row.counts[2]),
+        Column::maybe_u32("absent_count", |row: &VerdictRow<'_>| {
+            row.judged.as_ref().map(|(judgement, _)| judgement.absent_count)
+        }),
+        Column::maybe_u32("region_count", |row: &VerdictRow<'_>| row.judged.as_ref().map(|&(_, regions)| regions)),
+        Column::f64("limit_re_inspect", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_re_inspect)),
+        Column::f64("limit_reject", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_reject)),
+        Column::f64("false_call_rate", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.false_call_rate)),
+        Column::f64("p_value", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.p_value)),
+    ]);
+    for which in Discriminator::ALL {
+        let name = format!("evidence_{}", which.name());
+        columns.push(Column::f64(name, "1", move |row: &VerdictRow<'_>| {
+            row.value(|judgement| judgement.evidence[which as usize])
+        }));
+    }
+    for which in Discriminator::ALL {
+        let name = format!("drift_{}", which.name());
+        columns.push(Column::f64(name, "1", move |row: &VerdictRow<'_>| {
+            row.value(|judgement| judgement.drift[which as usize])
+        }));
+    }
+    let (geometry, ledger) = (reader.plan().geometry, reader.ledger());
+    let scans = reader.plan().scans().iter().zip(ledger.scans()).zip(reader.judgements()?);
+    let rows = scans.map(|((scan, &state), judged)| {
+        let known = judged.and_then(|(judgement, cells)| {
+            let verdict = Verdict::from_code(judgement.verdict)?;
+            Some((verdict, judgement, count(regions(geometry, &cells).len())))
+        });
+        // No verdict, no PASS: whoever reads the table alone must look.
+        let unjudged = if state == ScanState::Open { Reasons::NOT_ENDED } else { Reasons::NO_INDEX };
+        let (verdict, reasons) =
+            known.as_ref().map_or((Verdict::ReInspect, unjudged), |&(verdict, ref j, _)| (verdict, j.reasons));
+        let taps = || scan.taps.iter().map(|&row| ledger.taps()[row as usize]);
+        let counts = [TapState::Archived, TapState::Refused, TapState::Missing]
+            .map(|state| count(taps().filter(|&of_tap| of_tap == state).count()));
+        VerdictRow { scan, verdict, reasons, counts, judged: known.map(|(_, judgement, regions)| (judgement, regions)) }
+    });
+    sink.rows(&columns, rows)
+}
+
+/// A count of taps or arcs; a plan numbers its taps with a `u32`.
+fn count(number: usize) -> u32 {
+    u32::try_from(number).unwrap_or(u32::MAX)
+}
+
+struct LedgerRow<'a> {
+    tap: &'a PlannedTap,
+    state: TapState,
+    attempt: Option<u16>,
+    reason: Option<String>,
+    retaken: Option<(u32, Quality)>,
+    lost_at: Option<Lost>,
+}
+
+fn ledger(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let mut columns = tap_columns(name, |row: &LedgerRow<'_>| row.tap);
+    columns.extend([
+        Column::text("state", |row: &LedgerRow<'_>| row.state.name().to_owned()),
+        Column::maybe_u16("attempt", |row: &LedgerRow<'_>| row.attempt),
+        Column::maybe_text("reason", |row: &LedgerRow<'_>| row.reason.clone()),
+        Column::u32("retaken_count", |row: &LedgerRow<'_>| row.retaken.map_or(0, |(count, _)| count)),
+        Column::maybe_text("retaken_for", |row: &LedgerRow<'_>| row.retaken.map(|(_, quality)| quality.to_string())),
+        Column::maybe_text("lost_at", |row: &LedgerRow<'_>| row.lost_at.map(|stage| stage.name().to_owned())),
+    ]);
+    let mut refusals = reader.refusals()?.into_iter().peekable();
+    let taps = reader.plan().taps().iter().zip(reader.ledger().taps());
+    let rows = (0..).zip(taps).map(|(row, (tap, &state))| LedgerRow {
+        tap,
+        state,
+        attempt: reader.attempt(row),
+        reason: refusals.next_if(|refusal| refusal.plan_index == row).map(|refusal| refusal.reason),
+        retaken: reader.retaken(row),
+        lost_at: reader.lost_at(row),
+    });
+    sink.rows(&columns, rows)
+}

@@ -1,0 +1,182 @@
+//! What the exports of taps share: the list of all planned taps, and how files are named after tyres.
+
+use std::cell::Cell;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use tapline_wire::{Plan, PlannedTap, Scan, TapHeader, TapState, csv_cell};
+
+use crate::csv_file::number_text;
+use crate::{Error, Result};
+use tapline_store::{OwnedSamples, Reader};
+
+/// How many taps an export has, and how many it had to do without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TapCounts {
+    /// Taps whose samples were written.
+    pub written: usize,
+    /// Taps that were refused when they were taken.
+    pub refused: usize,
+    /// Taps that never came.
+    pub missing: usize,
+    /// Taps that are not what was written.
+    pub damaged: usize,
+}
+
+/// Why a missing tap has no recording, in the list of taps.
+const MISSING: &str = "missing in the archive";
+
+/// The same for a tap that was refused without a word.
+const NO_REASON: &str = "refused without a reason";
+
+/// How the list says that a tap is not what was written, before what is wrong with it.
+const DAMAGED: &str = "damaged in the archive: ";
+
+impl TapCounts {
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            written: self.written + other.written,
+            refused: self.refused + other.refused,
+            missing: self.missing + other.missing,
+            damaged: self.damaged + other.damaged,
+        }
+    }
+
+    /// The counts, if a tap was written.
+    ///
+    /// # Errors
+    /// [`Error::NoSamples`] of what is at `path`.
+    pub(crate) fn if_any(self, path: &Path) -> Result<Self> {
+        let Self { written, refused, missing, damaged } = self;
+        let tap_count = written + refused + missing + damaged;
+        if written == 0 { Err(Error::NoSamples { path: path.to_owned(), tap_count }) } else { Ok(self) }
+    }
+}
+
+/// One planned tap as its archive has it.
+pub(crate) struct ListedTap<'a> {
+    pub(crate) planned: &'a PlannedTap,
+    /// What was recorded, or why nothing was.
+    pub(crate) record: Result<(TapHeader, OwnedSamples), String>,
+    /// The attempt that settled the tap; 0 where none did.
+    pub(crate) attempt: u16,
+}
+
+/// The planned taps of an archive, read one at a time.
+pub(crate) struct Taps<'a> {
+    reader: &'a Reader,
+    damaged_count: Cell<usize>,
+}
+
+impl<'a> Taps<'a> {
+    /// The taps of an archive.
+    pub(crate) fn of(reader: &'a Reader) -> Self {
+        Self { reader, damaged_count: Cell::new(0) }
+    }
+
+    /// How many there are of each state; of those that were found damaged as far as taps were read.
+    pub(crate) fn counts(&self) -> TapCounts {
+        let count = |state| self.reader.ledger().count(state);
+        let written = count(TapState::Archived) - self.damaged_count.get();
+        let (refused, missing) = (count(TapState::Refused), count(TapState::Missing));
+        TapCounts { written, refused, missing, damaged: self.damaged_count.get() }
+    }
+
+    /// The tap in plan row `row`.
+    pub(crate) fn tap(&self, row: u32) -> Result<ListedTap<'a>> {
+        let record = match self.reader.tap(row).map_err(what_is_damaged) {
+            Ok(Some(tap)) => Ok(tap),
+            Ok(None) if self.reader.ledger().taps()[row as usize] == TapState::Missing => Err(MISSING.to_owned()),
+            // A refusal without a word would be read as none.
+            Ok(None) => Err(Some(self.reader.reason(row)?)
+                .filter(|reason| !reason.trim().is_empty())
+                .unwrap_or_else(|| NO_REASON.to_owned())),
+            // It is given up, and the others are not.
+            Err(damage) => {
+                let damage = damage?;
+                self.damaged_count.update(|count| count + 1);
+                Err(format!("{DAMAGED}{damage}"))
+            }
+        };
+        Ok(ListedTap {
+            planned: &self.reader.plan().taps()[row as usize],
+            record,
+            attempt: self.reader.attempt(row).unwrap_or(0),
+        })
+    }
+}
+
+/// What is wrong with one tap; else the error.
+fn what_is_damaged(error: tapline_store::Error) -> Result<String> {
+    match error {
+        tapline_store::Error::Damaged { what, .. } => Ok(what),
+        // A disk that is gone is so for all of them.
+        error if error.is_of_one_place() => Ok(error.to_string()),
+        error => Err(error.into()),
+    }
+}
+
+/// Columns of the list that every export of taps has, in the order of [`cells`].
+pub(crate) const COLUMNS: [&str; 14] = [
+    "file",
+    "tyre",
+    "shoulder",
+    "offset_mm",
+    "velocity_m_per_s",
+    "location",
+    "angle_deg",
+    "repetition",
+    "velocity_measured_m_per_s",
+    "station",
+    "attempt",
+    "is_closing",
+    "tap_time_ns",
+    "refused",
+];
+
+/// The cells of a tap whose samples are in `file`.
+pub(crate) fn cells(tap: &ListedTap<'_>, file: &str) -> [String; 14] {
+    let id = &tap.planned.id;
+    let header = tap.record.as_ref().ok().map(|(header, _)| header);
+    [
+        if header.is_some() { csv_cell(file).into_owned() } else { String::new() },
+        csv_cell(id.tyre.as_str()).into_owned(),
+        id.shoulder.to_string(),
+        known(id.offset_mm()),
+        known(id.velocity_m_per_s()),
+        id.location.to_string(),
+        known(tap.planned.angle_deg),
+        id.repetition.to_string(),
+        known(header.map(|header| header.velocity_measured_m_per_s)),
+        id.station.to_string(),
+        tap.attempt.to_string(),
+        u8::from(tap.planned.is_closing).to_string(),
+        header.map_or_else(String::new, |header| header.tap_time_ns.to_string()),
+        tap.record.as_ref().err().map(|reason| csv_cell(reason).into_owned()).unwrap_or_default(),
+    ]
+}
+
+/// A value as text; nothing where it is absent.
+pub(crate) fn known(value: Option<f64>) -> String {
+    value.filter(|value| value.is_finite()).map_or_else(String::new, number_text)
+}
+
+/// A name of each scan that any file system takes: letters, digits, '-' and '_' whatever the serials are, and none that
+/// `is_taken` or is another's.
+pub(crate) fn scan_names(plan: &Plan, is_taken: impl Fn(&str) -> bool) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+    let name_of = |(number, scan): (usize, &Scan)| {
+        let tyre: String = scan.tyre.as_str().chars().map(plain).collect();
+        let name = format!("{tyre}-{}", scan.shoulder);
+        // No plain name has a dot.
+        let numbered = (number..).map(|number| format!("{name}.{number}"));
+        let free = std::iter::once(name.clone()).chain(numbered).find(|name| !is_taken(name) && !taken.contains(name));
+        let name = free.unwrap_or(name);
+        taken.insert(name.clone());
+        name
+    };
+    plan.scans().iter().enumerate().map(name_of).collect()
+}

@@ -1,0 +1,245 @@
+//! The taps of an archive as Universal Files: dataset 58, functions of time, in SI units.
+//!
+//! One file a shoulder, because that is what programs for modal and noise measurements load as one test, and what has one
+//! verdict; beside the files `taps.csv` lists every planned tap, where it is, and why it is not there. A file begins with
+//! dataset 164 (units: SI); then every channel of every tap is a dataset of its own, force in N and sound in V, with time 0
+//! at the trigger. The abscissa's step has six digits in this format: the exact rate is in ID line 5.
+//!
+//! Source: the records of datasets 58, 58b and 164 as the Structural Dynamics Research Laboratory of the University of
+//! Cincinnati publishes them.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tapline_wire::{Channel, TapHeader};
+
+use crate::error::Context as _;
+use crate::folder::Draft;
+use crate::fortran::{exponent, plain};
+use crate::taps::{COLUMNS, ListedTap, TapCounts, Taps, cells, known, scan_names};
+use crate::{Error, Result};
+use tapline_store::{OwnedSamples, Reader};
+
+/// How the values of a dataset 58 are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum UffEncoding {
+    /// Dataset 58b: single precision, little-endian, which is 4 bytes a sample and finer than 16 bits.
+    Binary,
+    /// Dataset 58: double precision to 12 digits in text, 20 bytes a sample.
+    Ascii,
+}
+
+/// First column after [`COLUMNS`]: number of the first of a tap's datasets 58 in its file, from 1.
+const FIRST_FUNCTION: &str = "first_function";
+
+/// Writes the taps of the archive into the new folder `folder` as Universal Files.
+///
+/// # Errors
+/// [`crate::Error::FolderNotEmpty`], [`crate::Error::NoSamples`], or what reading and writing give; the folder is then not
+/// there.
+pub fn export_uff(reader: &Reader, folder: &Path, encoding: UffEncoding) -> Result<TapCounts> {
+    Taps::of(reader).counts().if_any(reader.path())?;
+    let mut files = UffFolder::begin(folder, encoding)?;
+    files.add(reader)?;
+    files.finish()
+}
+
+/// A folder of Universal Files of the taps of one archive or of many, added archive by archive. It appears when it is
+/// finished.
+#[derive(Debug)]
+pub struct UffFolder {
+    draft: Draft,
+    list: csv::Writer<File>,
+    encoding: UffEncoding,
+    counts: TapCounts,
+    last: PathBuf,
+}
+
+impl UffFolder {
+    /// Begins what will be `folder`.
+    ///
+    /// # Errors
+    /// [`crate::Error::FolderNotEmpty`], or what writing gives.
+    pub fn begin(folder: &Path, encoding: UffEncoding) -> Result<Self> {
+        let draft = Draft::new(folder)?;
+        let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
+        list.write_record(COLUMNS.iter().chain(&[FIRST_FUNCTION]))?;
+        Ok(Self { draft, list, encoding, counts: TapCounts::default(), last: folder.to_owned() })
+    }
+
+    /// Adds the taps of an archive.
+    ///
+    /// # Errors
+    /// What reading and writing give.
+    pub fn add(&mut self, reader: &Reader) -> Result<()> {
+        let (plan, taps, draft) = (reader.plan(), Taps::of(reader), &self.draft);
+        let file_of = |name: &str| draft.path(&format!("{name}.uff"));
+        let names = scan_names(plan, |name| draft.has(&format!("{name}.uff")));
+        for (scan, name) in plan.scans().iter().zip(names) {
+            let path = file_of(&name)?;
+            let mut out = BufWriter::new(File::create(&path).context("create", &path)?);
+            write_units(&mut out).context("write", &path)?;
+            let mut function_count = 0_u32;
+            for &row in &scan.taps {
+                let tap = taps.tap(row)?;
+                let mut first_function = String::new();
+                if let Ok((header, samples)) = &tap.record {
+                    first_function = (function_count + 1).to_string();
+                    for (k, (channel, unit_per_count)) in header.channels().enumerate() {
+                        function_count += 1;
+                        let values = physical(samples, k, header.sample_count as usize, unit_per_count);
+                        let function = Function { reader, tap: &tap, header, channel, number: function_count };
+                        function.write(&mut out, self.encoding, &values).context("write", &path)?;
+                    }
+                }
+                self.list.write_record(cells(&tap, &format!("{name}.uff")).iter().chain(&[first_function]))?;
+            }
+            out.flush().context("write", &path)?;
+        }
+        self.counts = self.counts.and(taps.counts());
+        reader.path().clone_into(&mut self.last);
+        Ok(())
+    }
+
+    /// Puts the folder in its place, and says what is in it.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoSamples`] where no tap is, or what writing gives.
+    pub fn finish(self) -> Result<TapCounts> {
+        let Self { draft, mut list, counts, last, .. } = self;
+        list.flush().map_err(|error| Error::Csv(error.into()))?;
+        drop(list);
+        let counts = counts.if_any(&last)?;
+        draft.finish()?;
+        Ok(counts)
+    }
+}
+
+/// Newtons or volts of channel `channel`.
+fn physical(samples: &OwnedSamples, channel: usize, sample_count: usize, unit_per_count: f64) -> Vec<f64> {
+    let range = channel * sample_count..(channel + 1) * sample_count;
+    match samples {
+        OwnedSamples::I16(planes) => planes[range].iter().map(|&count| f64::from(count) * unit_per_count).collect(),
+        OwnedSamples::F32(planes) => planes[range].iter().map(|&stored| f64::from(stored) * unit_per_count).collect(),
+    }
+}
+
+/// Dataset 164: the units are those of the SI, to which lengths, forces and temperatures have the factor 1.
+fn write_units(out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "{:6}\n{:6}{:74}", -1, 164, "")?;
+    writeln!(out, "{:10}{:<20}{:10}", 1, "SI: metre, newton", 2)?;
+    let one = exponent(1.0, 25, 16, 'D');
+    writeln!(out, "{one}{one}{one}\n{}", exponent(273.15, 25, 16, 'D'))?;
+    writeln!(out, "{:6}", -1)
+}
+
+/// One channel of one tap.
+struct Function<'a> {
+    reader: &'a Reader,
+    tap: &'a ListedTap<'a>,
+    header: &'a TapHeader,
+    channel: Channel,
+    /// Number of the function in its file, from 1.
+    number: u32,
+}
+
+impl Function<'_> {
+    fn write(&self, out: &mut impl Write, encoding: UffEncoding, values: &[f64]) -> io::Result<()> {
+        write!(out, "{:6}\n{:6}", -1, 58)?;
+        match encoding {
+            UffEncoding::Ascii => writeln!(out, "{:74}", "")?,
+            // Little-endian, IEEE 754, 11 lines of text before the values.
+            UffEncoding::Binary => {
+                writeln!(out, "b{:6}{:6}{:12}{:12}{:6}{:6}{:12}{:12}", 1, 2, 11, 4 * values.len(), 0, 0, 0, 0)?;
+            }
+        }
+        for line in self.id_lines() {
+            writeln!(out, "{:<80}", plain(&line, 80))?;
+        }
+        self.write_form(out, encoding, values.len())?;
+        match encoding {
+            UffEncoding::Binary => {
+                for &value in values {
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        reason = "24 bits hold a 16-bit count's value finely enough"
+                    )]
+                    out.write_all(&(value as f32).to_le_bytes())?;
+                }
+            }
+            UffEncoding::Ascii => {
+                for line in values.chunks(4) {
+                    let cells: String = line.iter().map(|&value| exponent(value, 20, 11, 'E')).collect();
+                    writeln!(out, "{cells}")?;
+                }
+            }
+        }
+        writeln!(out, "{:6}", -1)
+    }
+
+    /// What the function is, in the words of this program, `name value` each.
+    fn id_lines(&self) -> [String; 5] {
+        let (id, header) = (&self.header.id, self.header);
+        let words = |pairs: &[(&str, String)]| {
+            let known = pairs.iter().filter(|(_, value)| !value.is_empty());
+            known.map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(" ")
+        };
+        let line_2 = words(&[
+            ("offset_mm", known(id.offset_mm())),
+            ("velocity_m_per_s", known(id.velocity_m_per_s())),
+            ("angle_deg", known(self.tap.planned.angle_deg)),
+            ("repetition", id.repetition.to_string()),
+        ]);
+        let line_4 = words(&[
+            ("station", id.station.to_string()),
+            ("attempt", id.attempt.to_string()),
+            ("velocity_measured_m_per_s", known(Some(header.velocity_measured_m_per_s))),
+        ]);
+        let line_5 = words(&[
+            ("sample_rate_hz", known(Some(header.sample_rate_hz))),
+            ("microphone_distance_m", known(Some(header.microphone_distance_m))),
+            ("plan", format!("{:016x}", self.reader.plan().digest())),
+        ]);
+        [
+            format!("{} tyre {} shoulder {} location {}", self.channel.name(), id.tyre, id.shoulder, id.location),
+            line_2,
+            date_line(header.tap_time_ns),
+            line_4,
+            line_5,
+        ]
+    }
+
+    /// Records 6 to 11: which degree of freedom, how many values how far apart, and what the axes are.
+    fn write_form(&self, out: &mut impl Write, encoding: UffEncoding, value_count: usize) -> io::Result<()> {
+        let (id, header) = (&self.header.id, self.header);
+        // A time response; the node is the location, counted from 0; direction 0 is a scalar.
+        let (version, location) = (id.repetition, id.location);
+        writeln!(
+            out,
+            "{:5}{:10}{:5}{:10} {:10}{location:10}{:4} {:10}{location:10}{:4}",
+            1, self.number, version, 0, "NONE", 0, "NONE", 0
+        )?;
+        let kind = if encoding == UffEncoding::Binary { 2 } else { 4 };
+        let step_s = 1.0 / header.sample_rate_hz;
+        let first_s = -f64::from(header.pre_trigger_samples) * step_s;
+        let numbers: String = [first_s, step_s, 0.0].map(|value| exponent(value, 13, 5, 'E')).concat();
+        writeln!(out, "{kind:10}{value_count:10}{:10}{numbers}", 1)?;
+        // Types: 17 time, 13 excitation force, 0 what the list of types does not have.
+        let (kind, label, unit) = match self.channel {
+            Channel::Force => (13, "Force", "N"),
+            Channel::Sound => (0, "Sound", "V"),
+        };
+        for (kind, label, unit) in [(17, "Time", "s"), (kind, label, unit), (0, "NONE", "NONE"), (0, "NONE", "NONE")] {
+            writeln!(out, "{kind:10}{:5}{:5}{:5} {label:<20} {unit:<20}", 0, 0, 0)?;
+        }
+        Ok(())
+    }
+}
+
+/// When the tap was made, as dataset 58 wants it (DD-MMM-YY HH:MM:SS, UTC); NONE where that is not known.
+fn date_line(tap_time_ns: i64) -> String {
+    let known = Some(tap_time_ns).filter(|&ns| ns != 0);
+    let time = known.and_then(|ns| jiff::Timestamp::from_nanosecond(ns.into()).ok());
+    time.map_or_else(|| "NONE".to_owned(), |time| time.strftime("%d-%b-%y %H:%M:%S").to_string().to_uppercase())
+}

@@ -1,0 +1,10 @@
+//! Exported tables, to the letter, and read back by other programs.
+
+#![expect(clippy::unwrap_used, reason = "a helper that fails fails its test")]
+
+#[path = "../../store/tests/common.rs"]
+#[allow(dead_code, reason = "what the tests of archives share with these")]
+mod common;
+#[cfg(feature = "parquet")]
+mod parquet;
+mod tables;

@@ -1,0 +1,93 @@
+//! Exported tables, to the letter.
+
+use tapline_export::{Export, export};
+use tapline_store::{Reader, Writer};
+use tapline_wire::SampleFormat;
+
+use crate::common::{CONFIG, judgement, plan, put};
+
+fn exported(reader: &Reader, table: Export) -> String {
+    let mut out = Vec::new();
+    export(reader, table, &mut out).unwrap();
+    String::from_utf8(out).unwrap()
+}
+
+/// A run in which row 3 was refused, row 9 never came, and only the first scan was judged.
+pub(crate) fn unfinished(folder: &tempfile::TempDir) -> Reader {
+    let path = folder.path().join("run.h5");
+    let plan = plan(SampleFormat::I16);
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    for row in [0, 1, 2, 4, 5, 6, 7, 8] {
+        put(&mut writer, row).unwrap();
+    }
+    let mut id = plan.taps()[3].id;
+    id.attempt = 1;
+    writer.put_refusal(3, &id, "force, 3 \"bounces\"").unwrap();
+    writer.end_scan(0).unwrap();
+    let (verdict, cells) = judgement(&plan, 0);
+    writer.put_judgement(0, &verdict, &cells).unwrap();
+    writer.finish().unwrap();
+    Reader::open(&path).unwrap()
+}
+
+/// Catches a column that is renamed, moved or formatted otherwise, and an absent value that is not an empty cell.
+#[test]
+fn tables_to_the_letter() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let reader = unfinished(&folder);
+    assert_eq!(
+        exported(&reader, Export::Discriminators),
+        "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,attempt,\
+         f_max_n,tau_s,a_1_v_s,a_2_v_s,pr,p_f_v2_per_hz,e_f_v2,quality\n\
+         1,A\u{e9}-1,1,5,1.85,0,0,0,0,0,0.125,0.25,0.375,0.5,0.625,0.75,\n\
+         1,A\u{e9}-1,1,5,1.85,1,90,0,0,1,1.125,1.25,1.375,1.5,1.625,1.75,\n\
+         1,A\u{e9}-1,1,5,1.85,2,180,0,0,,,,2.375,2.5,2.625,2.75,no_force\n\
+         1,A\u{e9}-1,1,5,1.85,4,0,0,0,4,4.125,4.25,4.375,4.5,4.625,4.75,\n\
+         2,A\u{e9}-1,2,,1.85,0,,0,0,,,,5.375,5.5,5.625,5.75,no_force\n\
+         2,A\u{e9}-1,2,,1.85,1,,0,0,6,6.125,6.25,6.375,6.5,6.625,6.75,\n\
+         2,A\u{e9}-1,2,,1.85,2,,0,0,7,7.125,7.25,7.375,7.5,7.625,7.75,\n\
+         2,A\u{e9}-1,2,,1.85,3,,0,0,,,,8.375,8.5,8.625,8.75,no_force\n"
+    );
+    assert_eq!(
+        exported(&reader, Export::Damage),
+        "tyre,shoulder,location,angle_deg,damage_index,p_value\n\
+         A\u{e9}-1,1,0,0,4.5,\nA\u{e9}-1,1,1,90,,\nA\u{e9}-1,1,2,180,6.5,0.25\nA\u{e9}-1,1,3,270,7.5,\n"
+    );
+    assert_eq!(
+        exported(&reader, Export::Regions),
+        "tyre,shoulder,region,first_location,last_location,start_deg,end_deg,\
+         peak_location,peak_angle_deg,peak_damage_index,extent_locations,extent_deg,\
+         mean_damage_index,p_value,offset_best_mm,offset_low_mm,offset_high_mm\n\
+         A\u{e9}-1,1,1,3,0,270,0,3,270,7.5,2,180,6,,5,0,3\n"
+    );
+    assert_eq!(
+        exported(&reader, Export::Verdicts),
+        "tyre,shoulder,station,verdict,reasons,planned_count,archived_count,refused_count,missing_count,\
+         absent_count,region_count,limit_re_inspect,limit_reject,false_call_rate,p_value,\
+         evidence_f_max,evidence_tau,evidence_a_1,evidence_a_2,evidence_pr,evidence_p_f,evidence_e_f,\
+         drift_f_max,drift_tau,drift_a_1,drift_a_2,drift_pr,drift_p_f,drift_e_f\n\
+         A\u{e9}-1,1,1,REJECT,damage|self_reference,5,4,1,0,5,1,2.5,4,0.001,0.004,\
+         1,2,3,,5,6,7,0.01,-0.02,,0.04,0.05,0.06,0.07\n\
+         A\u{e9}-1,2,2,RE-INSPECT,not_ended,5,4,0,1,,,,,,,,,,,,,,,,,,,,\n"
+    );
+    let ledger = exported(&reader, Export::Ledger);
+    let lines: Vec<&str> = ledger.lines().collect();
+    assert_eq!(lines.len(), 11);
+    assert_eq!(
+        lines[0],
+        "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,state,attempt,reason,\
+         retaken_count,retaken_for,lost_at"
+    );
+    assert_eq!(lines[3], "1,A\u{e9}-1,1,5,1.85,2,180,0,archived,0,,0,,");
+    assert_eq!(lines[4], "1,A\u{e9}-1,1,5,1.85,3,270,0,refused,1,\"force, 3 \"\"bounces\"\"\",0,,");
+    assert_eq!(lines[10], "2,A\u{e9}-1,2,,1.85,4,,0,missing,,,0,,acquire");
+}
+
+/// Catches a table that the command line cannot name.
+#[test]
+fn every_table_has_its_name() {
+    let _guard = crate::common::beside_others();
+    assert!(Export::ALL.into_iter().all(|table| Export::from_name(table.name()) == Some(table)));
+    assert_eq!(Export::from_name("taps"), None);
+}

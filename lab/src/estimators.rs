@@ -1,0 +1,192 @@
+//! Bias and spread of the estimators of `process`, on pulses of every rung and on sounds of the simulated rig.
+
+mod force;
+mod page;
+mod sound;
+
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal, Uniform};
+use serde::{Deserialize, Serialize};
+use tapline_process::{Extractor, ProcessConfig, QualityConfig, Real};
+use tapline_wire::{Channel, ChannelHeader, Discriminator, SampleFormat, Samples, TapHeader};
+
+use page::markdown;
+
+/// Sample rates of the study: the rig's, and one at which a pulse has ten samples.
+const RATES_HZ: [u32; 2] = [40_960, 10_240];
+
+/// What is measured together: taps that differ in noise and trigger only.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub(crate) struct Cell {
+    /// Which table it belongs to.
+    pub(crate) table: String,
+    /// The pulse or the sound.
+    pub(crate) signal: String,
+    /// Sample rate.
+    pub(crate) rate_hz: u32,
+    /// Peak over the standard deviation of white noise, dB; empty without noise.
+    pub(crate) snr_db: Option<u32>,
+    /// What else is wrong with the record.
+    pub(crate) fault: String,
+}
+
+/// The defaults, with every value kept: what is studied is the estimator, not the flag that would hide it.
+fn plain() -> ProcessConfig {
+    ProcessConfig { quality: QualityConfig::keeping(), ..ProcessConfig::default() }
+}
+
+impl Cell {
+    /// Random numbers of this cell alone, so that it can be measured again without the others (FNV-1a of its name).
+    fn generator(&self) -> ChaCha8Rng {
+        let name = format!("{self:?}");
+        ChaCha8Rng::seed_from_u64(
+            name.bytes()
+                .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)),
+        )
+    }
+}
+
+/// What an estimator made of a cell.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Row {
+    pub(crate) table: String,
+    pub(crate) signal: String,
+    pub(crate) rate_hz: u32,
+    pub(crate) snr_db: Option<u32>,
+    pub(crate) fault: String,
+    pub(crate) estimator: String,
+    pub(crate) quantity: String,
+    /// Mean error of the values, % of the truth.
+    pub(crate) bias_percent: f64,
+    /// Standard deviation of the values, % of the truth.
+    pub(crate) spread_percent: f64,
+    /// Taps without a value, %.
+    pub(crate) absent_percent: f64,
+}
+
+/// Measures every cell, and writes table and page into the folder `out`.
+///
+/// # Errors
+/// A computation that fails, or what the system says of a file.
+pub fn write(out: &Path) -> Result<()> {
+    let rows = measure(|_| true)?;
+    let write = |name: &str, text: String| {
+        let path = out.join(name);
+        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+    };
+    write("estimators.csv", csv(&rows)?)?;
+    write("estimators.md", markdown(&rows))
+}
+
+/// Measures the cells that `is_wanted`.
+pub(crate) fn measure(is_wanted: impl Fn(&Cell) -> bool) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for cell in force::cells().into_iter().filter(&is_wanted) {
+        rows.extend(force::measure(&cell)?);
+    }
+    for cell in sound::cells().into_iter().filter(&is_wanted) {
+        rows.extend(sound::measure(&cell)?);
+    }
+    Ok(rows)
+}
+
+/// The rows as CSV.
+pub(crate) fn csv(rows: &[Row]) -> Result<String> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    rows.iter().try_for_each(|row| writer.serialize(row))?;
+    Ok(String::from_utf8(writer.into_inner()?)?)
+}
+
+/// An estimator by its name in the table, and what it is asked for.
+struct Estimator {
+    name: &'static str,
+    config: ProcessConfig,
+    quantities: &'static [Discriminator],
+}
+
+/// Values of one quantity over many taps, beside the truth.
+#[derive(Debug, Default)]
+struct Errors {
+    percent: Vec<f64>,
+    absent: u32,
+}
+
+impl Errors {
+    fn push(&mut self, value: Option<f64>, truth: f64) {
+        match value {
+            Some(value) => self.percent.push(100.0 * (value / truth - 1.0)),
+            None => self.absent += 1,
+        }
+    }
+
+    /// To three decimals, of which noise in the last digits of a transform does not reach the second.
+    fn row(&self, cell: &Cell, estimator: &str, quantity: Discriminator) -> Row {
+        let count = f64::from(u32::try_from(self.percent.len()).unwrap_or(u32::MAX));
+        let mean = self.percent.iter().sum::<f64>() / count;
+        let variance = self.percent.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        let rounded = |x: f64| (x * 1e3).round() / 1e3 + 0.0; // + 0.0: no minus before a zero
+        let Cell { table, signal, rate_hz, snr_db, fault } = cell.clone();
+        Row {
+            table,
+            signal,
+            rate_hz,
+            snr_db,
+            fault,
+            estimator: estimator.to_owned(),
+            quantity: quantity.column().to_owned(),
+            bias_percent: rounded(mean),
+            spread_percent: rounded(variance.sqrt()),
+            absent_percent: rounded(100.0 * f64::from(self.absent) / (count + f64::from(self.absent))),
+        }
+    }
+}
+
+/// One channel in its own unit as a record, and what `extractor` finds in it.
+fn extract<T: Real>(
+    extractor: &mut Extractor<T>,
+    kind: Channel,
+    samples: &[f32],
+    rate_hz: u32,
+    pre_trigger_samples: u32,
+) -> Result<tapline_wire::Values> {
+    let mut header = TapHeader {
+        sample_rate_hz: f64::from(rate_hz),
+        pre_trigger_samples,
+        sample_count: u32::try_from(samples.len())?,
+        sample_format: SampleFormat::F32.code(),
+        channel_count: 1,
+        ..TapHeader::default()
+    };
+    header.channels[0] = ChannelHeader { code: kind.code(), unit_per_count: 1.0, ..ChannelHeader::default() };
+    Ok(extractor.extract(&header, Samples::F32(samples)).values)
+}
+
+/// Adds white noise, `snr_db` below `peak`.
+#[expect(clippy::cast_possible_truncation, reason = "samples are in single precision")]
+fn add_noise(samples: &mut [f32], peak: f64, snr_db: Option<u32>, generator: &mut ChaCha8Rng) {
+    let Some(snr_db) = snr_db else { return };
+    let sigma = peak / 10.0_f64.powf(f64::from(snr_db) / 20.0);
+    for x in samples {
+        let normal: f64 = StandardNormal.sample(generator);
+        *x += (sigma * normal) as f32;
+    }
+}
+
+/// Evenly spread in 0 to 1.
+fn uniform(generator: &mut ChaCha8Rng) -> Result<f64> {
+    Ok(Uniform::new(0.0, 1.0)?.sample(generator))
+}
+
+/// The number after `name` in a fault such as "clipped 80 %".
+fn amount(fault: &str, name: &str) -> Result<Option<f64>> {
+    let Some(rest) = fault.strip_prefix(name) else { return Ok(None) };
+    let Some(number) = rest.split_whitespace().next() else { bail!("{fault}: no number") };
+    Ok(Some(number.parse()?))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,46 @@
+//! `tapline-lab experiment`: chapter 5 of the dissertation done again on three simulated tyres.
+
+mod claims;
+mod draw;
+mod index;
+mod quartiles;
+mod sheets;
+mod spectrum;
+mod taken;
+mod tyres;
+
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+
+use self::taken::Experiment;
+
+/// Writes the figures, their tables and the claims into the folder `out`, and the page beside it.
+///
+/// # Errors
+/// A folder without a name, a computation that fails, or what the system says of a file.
+pub fn experiment(out: &Path, seed: u64) -> Result<()> {
+    let name = out.file_name().and_then(|name| name.to_str());
+    let folder = name.with_context(|| format!("--out is {}; it must end with the name of a folder", out.display()))?;
+    let experiment = Experiment::take(seed)?;
+    let figures = sheets::figures(&experiment)?;
+    let claims = claims::claims(&experiment)?;
+    let mut files = Vec::new();
+    for figure in &figures {
+        files.push((out.join(format!("{}.svg", figure.name)), figure.sheet.svg()?));
+        files.push((out.join(format!("{}.csv", figure.name)), figure.table.csv()?));
+    }
+    files.push((out.join("claims.csv"), claims::csv(&claims)?));
+    let titles: Vec<(&str, &str)> = figures.iter().map(|figure| (figure.name, figure.sheet.title.as_str())).collect();
+    files.push((out.with_added_extension("md"), claims::page(&claims, &titles, folder)));
+
+    fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    let mut told = io::stdout().lock();
+    for (path, text) in files {
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        writeln!(told, "{}", path.display())?;
+    }
+    Ok(())
+}

@@ -1,0 +1,146 @@
+//! The figures of chapter 5, each as a sheet to draw and a table.
+
+mod effects;
+mod groups;
+mod rings;
+
+use anyhow::Result;
+use plotters::style::RGBColor;
+use tapline_wire::Discriminator;
+
+pub(super) use groups::repeats;
+
+use super::draw::{Content, Curve, Panel, Shade, Sheet};
+use super::index::{Indices, PowerRatio, indices};
+use super::taken::{Experiment, Tap};
+use crate::figures::significant;
+use tapline_draw::canvas::Point;
+
+/// The six discriminators of the index: all but A_2 (section 5.4.3).
+pub(super) const SIX: [Discriminator; 6] = {
+    use Discriminator::{A1, Ef, FMax, Pf, Pr, Tau};
+    [FMax, Tau, A1, Pr, Pf, Ef]
+};
+
+/// A figure, or a few that belong together.
+#[derive(Debug, Clone)]
+pub(super) struct Figure {
+    /// Name of its files.
+    pub(super) name: &'static str,
+    pub(super) sheet: Sheet,
+    pub(super) table: Table,
+}
+
+/// Rows of a CSV file, in SI units but for angles and offsets, as everywhere in the program.
+#[derive(Debug, Clone)]
+pub(super) struct Table {
+    columns: Vec<&'static str>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn new(columns: &[&'static str]) -> Self {
+        Self { columns: columns.to_vec(), rows: Vec::new() }
+    }
+
+    fn push(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.rows.push(cells.into_iter().collect());
+    }
+
+    /// As text.
+    pub(super) fn csv(&self) -> Result<String> {
+        let mut out = csv::Writer::from_writer(Vec::new());
+        out.write_record(&self.columns)?;
+        self.rows.iter().try_for_each(|row| out.write_record(row))?;
+        Ok(String::from_utf8(out.into_inner()?)?)
+    }
+}
+
+/// All of them, in the order of their numbers.
+pub(super) fn figures(experiment: &Experiment) -> Result<Vec<Figure>> {
+    let indices: Indices = indices(&experiment.inspection, &SIX, PowerRatio::Rises)?;
+    Ok(vec![
+        effects::of_offset(experiment),
+        effects::of_velocity_at_one_place(experiment),
+        effects::of_velocity(experiment),
+        rings::repetitions(experiment),
+        groups::by_severity(experiment),
+        groups::repeatability(experiment),
+        groups::cracked_and_sound(experiment),
+        rings::shoulders(experiment),
+        rings::damage(experiment, &indices),
+        rings::b_scan(experiment),
+    ])
+}
+
+/// A number as a cell; absent is empty.
+fn cell(value: impl Into<Option<f64>>) -> String {
+    value.into().map_or_else(String::new, significant)
+}
+
+/// How a discriminator is written on a sheet: symbol, unit, and how many of that unit the SI unit is.
+fn shown(which: Discriminator) -> (&'static str, &'static str, f64) {
+    match which {
+        Discriminator::FMax => ("F_max", "N", 1.0),
+        Discriminator::Tau => ("τ", "ms", 1e3),
+        Discriminator::A1 => ("A₁", "mV s", 1e3),
+        Discriminator::A2 => ("A₂", "mV s", 1e3),
+        Discriminator::Pr => ("PR", "", 1.0),
+        Discriminator::Pf => ("P_f", "mV²/Hz", 1e6),
+        Discriminator::Ef => ("E_f", "mV²", 1e6),
+    }
+}
+
+/// Its symbol with its unit.
+fn title_of(which: Discriminator) -> String {
+    let (symbol, unit, _) = shown(which);
+    if unit.is_empty() { symbol.to_owned() } else { format!("{symbol} in {unit}") }
+}
+
+/// Where the taps of a turn are over planted cracks.
+fn shades(turn: &[&Tap]) -> Vec<Shade> {
+    let half_deg = turn.get(1).map_or(0.0, |tap| 0.5 * tap.angle_deg);
+    let arcs = turn.chunk_by(|a, b| a.severity == b.severity).filter(|arc| arc[0].is_cracked());
+    let edge = |deg: f64| deg.clamp(0.0, 360.0);
+    arcs.map(|arc| Shade {
+        from: edge(arc[0].angle_deg - half_deg),
+        to: edge(arc[arc.len() - 1].angle_deg + half_deg),
+        severity: arc[0].severity,
+    })
+    .collect()
+}
+
+/// A curve around the ring of what `value` says of each tap.
+fn around(turn: &[&Tap], color: RGBColor, width: f64, value: impl Fn(&Tap) -> Option<f64>) -> Curve {
+    let points = turn.iter().map(|tap| (tap.angle_deg, value(tap).unwrap_or(f64::NAN))).collect();
+    Curve { points, color, width, has_dots: false }
+}
+
+/// A panel of curves around the ring.
+fn ring_panel(name: String, y_label: &'static str, y: Option<Point>, curves: Vec<Curve>, shades: Vec<Shade>) -> Panel {
+    Panel {
+        name,
+        x_label: "Angle in degrees",
+        x: (0.0, 360.0),
+        y_label,
+        y,
+        content: Content::Curves { curves, shades },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a shade that is half a place too short, joins two severities, or leaves the ring.
+    #[test]
+    fn shades_lie_under_cracks() {
+        let experiment = Experiment::take(1).unwrap();
+        let shades = shades(&experiment.repetitions(1)[0]);
+        let covered_deg: f64 = shades.iter().map(|shade| shade.to - shade.from).sum();
+        assert!((covered_deg - 59.0 * 3.6).abs() < 1e-9, "{shades:?}");
+        assert!(shades.windows(2).all(|pair| pair[0].to <= pair[1].from + 1e-9), "{shades:?}");
+        // 5 to 13: from half a place before 18 degrees to half a place after 46.8.
+        assert!((shades[0].from - 16.2).abs() < 1e-9 && (shades[0].to - 48.6).abs() < 1e-9 && shades[0].severity == 2);
+    }
+}

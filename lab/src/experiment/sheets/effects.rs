@@ -1,0 +1,115 @@
+//! Figs. 60 to 62: what the location and the velocity of impact do.
+
+use tapline_wire::Discriminator;
+
+use super::{Figure, Table, around, cell, ring_panel, shades};
+use crate::experiment::draw::{Content, Curve, Key, Panel, Sheet};
+use crate::experiment::taken::{Experiment, Tap};
+use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT, VELOCITY_M_PER_S};
+use tapline_draw::canvas::number;
+use tapline_draw::palette::COLORS;
+
+/// Fig. 60: the peak of the sound at four offsets.
+pub(super) fn of_offset(experiment: &Experiment) -> Figure {
+    let turns = experiment.offset_turns();
+    let mut table = Table::new(&["offset_mm", "location", "angle_deg", "severity", "peak_sound_v"]);
+    for (offset_mm, turn) in &turns {
+        for tap in turn {
+            let place = [cell(*offset_mm), tap.found.id.location.to_string(), cell(tap.angle_deg)];
+            table.push(place.into_iter().chain([tap.severity.to_string(), cell(tap.peak_v)]));
+        }
+    }
+    let curves =
+        turns.iter().zip(COLORS).map(|((_, turn), color)| around(turn, color, 1.75, |tap| Some(tap.peak_v))).collect();
+    let mut keys: Vec<Key> = turns
+        .iter()
+        .zip(COLORS)
+        .map(|((x_mm, _), color)| Key::Line(format!("x = {} mm", number(*x_mm)), color))
+        .collect();
+    keys.push(Key::Severity);
+    let under = turns.first().map_or_else(Vec::new, |(_, turn)| shades(turn));
+    let sheet = Sheet {
+        title: "Fig. 60: peak of the sound, by location of impact".to_owned(),
+        note: format!("Representative tyre, shoulder 1, {} m/s; shades: severity at x = 0", number(VELOCITY_M_PER_S)),
+        keys,
+        columns: 1,
+        height: 300.0,
+        panels: vec![ring_panel(String::new(), "Peak in V", None, curves, under)],
+    };
+    Figure { name: "fig60", sheet, table }
+}
+
+/// Fig. 61: contact time against velocity at one place.
+pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
+    let taken = &experiment.at_one_place;
+    let mut table = Table::new(&["place", "velocity_m_per_s", "repetition", "tau_s"]);
+    let (mut curves, mut keys) = (Vec::new(), Vec::new());
+    for ((tyre, name), color) in [(SOUND_SPOT, "sound"), (CRACKED_SPOT, "cracked")].into_iter().zip(COLORS) {
+        let here: Vec<&Tap> = taken.taps.iter().filter(|tap| tap.found.id.tyre.as_str() == tyre).collect();
+        let mut points = Vec::new();
+        for tap in &here {
+            let (velocity_m_per_s, tau_s) = (tap.found.id.velocity_m_per_s(), tap.value(Discriminator::Tau));
+            let cells = [name.to_owned(), cell(velocity_m_per_s), tap.found.id.repetition.to_string(), cell(tau_s)];
+            table.push(cells);
+            points.extend(velocity_m_per_s.zip(tau_s).map(|(v, tau_s)| (v, tau_s * 1e3)));
+        }
+        // V^-0.2 (Eq. 20 with the contact of Hertz), through the mean of what was measured.
+        let scales: Vec<f64> = points.iter().map(|(v, tau_ms)| tau_ms * v.powf(0.2)).collect();
+        let scale = tapline_draw::stats::mean(&scales).unwrap_or(f64::NAN);
+        let law = (0..=34).map(|k| 1.0 + 0.05 * f64::from(k)).map(|v| (v, scale * v.powf(-0.2))).collect();
+        curves.push(Curve { points: law, color, width: 1.25, has_dots: false });
+        curves.push(Curve { points, color, width: 2.2, has_dots: true });
+        keys.push(Key::Line(format!("{name} place; line: V to the power −0.2"), color));
+    }
+    let panel = Panel {
+        name: String::new(),
+        x_label: "Impact velocity in m/s",
+        x: (0.95, 2.75),
+        y_label: "Contact time in ms",
+        y: None,
+        content: Content::Curves { curves, shades: Vec::new() },
+    };
+    let sheet = Sheet {
+        title: "Fig. 61: contact time against velocity at one place".to_owned(),
+        note: format!("Lowest velocity V₀ = {} m/s; ten taps at each; crack 6 mm deep", number(SLOWEST_M_PER_S)),
+        keys,
+        columns: 1,
+        height: 300.0,
+        panels: vec![panel],
+    };
+    Figure { name: "fig61", sheet, table }
+}
+
+/// Fig. 62: contact time and peak of the sound at three velocities.
+pub(super) fn of_velocity(experiment: &Experiment) -> Figure {
+    let turns = experiment.velocity_turns();
+    let columns = ["velocity_m_per_s", "location", "angle_deg", "severity", "tau_s", "peak_sound_v"];
+    let mut table = Table::new(&columns);
+    for (velocity_m_per_s, turn) in &turns {
+        for tap in turn {
+            let place = [cell(*velocity_m_per_s), tap.found.id.location.to_string(), cell(tap.angle_deg)];
+            let values = [tap.severity.to_string(), cell(tap.value(Discriminator::Tau)), cell(tap.peak_v)];
+            table.push(place.into_iter().chain(values));
+        }
+    }
+    let curves = |value: &dyn Fn(&Tap) -> Option<f64>| {
+        turns.iter().zip(COLORS).map(|((_, turn), color)| around(turn, color, 1.75, value)).collect()
+    };
+    let tau_ms = |tap: &Tap| tap.value(Discriminator::Tau).map(|tau_s| tau_s * 1e3);
+    let under = turns.first().map_or_else(Vec::new, |(_, turn)| shades(turn));
+    let mut keys: Vec<Key> =
+        turns.iter().zip(COLORS).map(|((v, _), color)| Key::Line(format!("{} m/s", number(*v)), color)).collect();
+    keys.push(Key::Severity);
+    let sheet = Sheet {
+        title: "Fig. 62: contact time and peak of the sound, by velocity of impact".to_owned(),
+        note: "Representative tyre, shoulder 1, x = 0".to_owned(),
+        keys,
+        columns: 1,
+        height: 210.0,
+        panels: vec![
+            ring_panel("Contact time".to_owned(), "τ in ms", None, curves(&tau_ms), under.clone()),
+            ring_panel("Peak of the sound".to_owned(), "Peak in V", None, curves(&|tap| Some(tap.peak_v)), under),
+        ],
+    };
+    Figure { name: "fig62", sheet, table }
+}

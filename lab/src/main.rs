@@ -1,0 +1,81 @@
+//! `tapline-lab`: studies, figures and curves for researchers.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use tapline_lab::study::StudyArgs;
+use tapline_lab::{estimators, experiment, figures, picture, stability, study};
+
+/// What a researcher runs beside tapline: studies, figures and curves.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Judge many simulated tyres, and say what each index, reference and plan is worth: AUC with intervals, false calls,
+    /// probability of detection, gauge studies, time on the rig.
+    Study(StudyArgs),
+    /// Do chapter 5 of the dissertation again on three simulated tyres, and hold its claims against what comes out.
+    Experiment {
+        /// Folder to write figures (SVG), tables (CSV) and claims into, with a page beside it.
+        #[arg(long, default_value = "experiment")]
+        out: PathBuf,
+        /// Decides all that is left to chance.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
+    /// Draw the dissertation's figures of the contact theory, as SVG and CSV.
+    Figures {
+        /// Folder to write into; made when it is not there.
+        #[arg(long, default_value = "figures")]
+        out: PathBuf,
+        /// The one figure to draw; all when left out.
+        #[arg(long)]
+        figure: Option<u8>,
+    },
+    /// Measure bias and spread of every estimator, and write `estimators.csv` and `estimators.md`.
+    Estimators {
+        /// Folder to write into.
+        #[arg(long, default_value = "docs")]
+        out: PathBuf,
+    },
+    /// Draw the breakdown curves: how wrong each discriminator and each contact model gets as a disturbance grows.
+    Stability {
+        /// Folder to write into; made when it is not there.
+        #[arg(long, default_value = "docs/stability")]
+        out: PathBuf,
+    },
+    /// Draw what an archive says of a damaged and of a sound shoulder, and a tap of each.
+    Picture {
+        /// The archive.
+        archive: PathBuf,
+        /// File to write (SVG).
+        #[arg(long, default_value = "picture.svg")]
+        out: PathBuf,
+    },
+}
+
+fn main() -> ExitCode {
+    let done = match &Cli::parse().verb {
+        Verb::Study(args) => study::study(args),
+        Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
+        Verb::Figures { out, figure } => figures::figures(out, *figure),
+        Verb::Estimators { out } => estimators::write(out),
+        Verb::Stability { out } => stability::write(out),
+        Verb::Picture { archive, out } => picture::write(archive, out),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            use std::io::Write as _;
+            // If standard error is closed, nobody can be told.
+            drop(writeln!(std::io::stderr(), "tapline-lab: {error:#}"));
+            ExitCode::FAILURE
+        }
+    }
+}

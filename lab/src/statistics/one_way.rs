@@ -1,0 +1,57 @@
+//! Repeatability without operators.
+
+use super::Refusal;
+use super::anova::{AnovaRow, Shape, Sums, at_least};
+use super::gauge::{Component, above_zero, categories};
+
+/// What repeated readings of several parts find. The components are as in [`Gauge`](super::Gauge).
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct OneWay {
+    /// Analysis of variance: parts.
+    pub parts: AnovaRow,
+    /// Readings within parts.
+    pub repeats: AnovaRow,
+    /// The same part again: all of the gauge that such a study can see.
+    pub repeatability: Component,
+    /// The parts.
+    pub part: Component,
+    /// Both.
+    pub total: Component,
+    /// Distinct categories; `None` where readings repeat exactly.
+    pub ndc: Option<u64>,
+}
+
+/// Judges a gauge from the same number of `readings` of each of `part_count` parts, part by part.
+///
+/// # Errors
+/// [`Refusal::TooFew`] parts or repeats (2 of each); [`Refusal::Lengths`] for readings that the parts do not share
+/// evenly; [`Refusal::Incomplete`]; [`Refusal::NoScatter`].
+pub fn one_way(readings: &[Option<f64>], part_count: usize) -> Result<OneWay, Refusal> {
+    let (parts, repeats, repeat_count) = one_way_rows(readings, part_count)?;
+    let repeatability = repeats.mean_square;
+    let part = above_zero((parts.mean_square - repeats.mean_square) / repeat_count);
+    let of = |variance| Component::of(variance, part + repeatability);
+    Ok(OneWay {
+        parts,
+        repeats,
+        repeatability: of(repeatability),
+        part: of(part),
+        total: of(part + repeatability),
+        ndc: categories(part, repeatability),
+    })
+}
+
+/// Mean squares of parts and of readings within them, and how many readings a part has.
+fn one_way_rows(readings: &[Option<f64>], part_count: usize) -> Result<(AnovaRow, AnovaRow, f64), Refusal> {
+    let repeats = per_part("repeats", readings, part_count)?;
+    let sums = Sums::of(readings, Shape { parts: part_count, operators: 1, repeats })?;
+    Ok((sums.parts, sums.repeats, repeats as f64))
+}
+
+fn per_part(name: &'static str, readings: &[Option<f64>], part_count: usize) -> Result<usize, Refusal> {
+    at_least("parts", part_count, 2)?;
+    let each = readings.len() / part_count;
+    at_least(name, each, 2)?;
+    Ok(each)
+}

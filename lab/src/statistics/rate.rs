@@ -1,0 +1,46 @@
+//! A rate from a count, and how far it may lie from it: of false calls, or of finds at one size.
+
+use super::Refusal;
+use super::beta::beta_quantile;
+
+/// A rate and its two-sided interval, all 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rate {
+    /// Count over all.
+    pub rate: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// `count` of `all`, with the interval that holds the true rate at least as often as `level` (Clopper and Pearson
+/// 1934).
+///
+/// It is never too narrow, and somewhat wide for few. The trials are to be independent: of false calls take one per
+/// casing or per arc of a ring, not one per location, whose neighbours are alike.
+///
+/// # Errors
+/// [`Refusal::TooFew`] of no trials; [`Refusal::OutOfRange`] for a count above all, or a level that is not between 0
+/// and 1.
+pub fn clopper_pearson(count: usize, all: usize, level: f64) -> Result<Rate, Refusal> {
+    let (k, n, tail) = checked(count, all, level)?;
+    let low = if count == 0 { 0.0 } else { beta_quantile(k, n - k + 1.0, tail) };
+    let high = if count == all { 1.0 } else { beta_quantile(k + 1.0, n - k, 1.0 - tail) };
+    Ok(Rate { rate: k / n, low, high })
+}
+
+/// Count, all, and the chance outside on either side.
+fn checked(count: usize, all: usize, level: f64) -> Result<(f64, f64, f64), Refusal> {
+    if all == 0 {
+        return Err(Refusal::TooFew { name: "trials", got: 0, least: 1 });
+    }
+    let (k, n) = (count as f64, all as f64);
+    if count > all {
+        return Err(Refusal::OutOfRange { name: "count", value: k, low: 0.0, high: n });
+    }
+    if !(level > 0.0 && level < 1.0) {
+        return Err(Refusal::OutOfRange { name: "level", value: level, low: 0.0, high: 1.0 });
+    }
+    Ok((k, n, 0.5 * (1.0 - level)))
+}

@@ -1,0 +1,254 @@
+//! What is drawn of the study: ROC, indices with intervals, probability of detection, and plans by time.
+
+use plotters::style::RGBColor;
+use tapline_fuse::{Combine, IndexKind};
+
+use super::detection::Detection;
+use super::draw::{Mark, Panel, Sheet, axis};
+use super::judged::Judged;
+use super::plans::{RIVAL_CASING_S, Tried, cheapest};
+use super::rivals::{Alone, Rival, best_alone};
+use super::summary::find;
+use tapline_draw::canvas::{INK, PALE_INK, Point};
+use tapline_draw::palette::COLORS;
+
+/// All of them.
+pub(super) fn sheets(
+    rivals: &[Rival],
+    alone: &[Alone],
+    detection: &[Detection],
+    plans: &[Tried],
+    sets: &[&'static str],
+    seed: u64,
+) -> Vec<Sheet> {
+    vec![roc(rivals, sets), indices(rivals, alone, sets, seed), pod(detection), by_time(plans)]
+}
+
+/// False and true shares of called locations, from the strictest limit to the loosest.
+pub(super) fn roc_points(judged: &[Judged]) -> Vec<Point> {
+    let places = judged.iter().flat_map(|j| j.index.iter().copied().zip(j.is_cracked.iter().copied()));
+    let mut places: Vec<(f64, bool)> = places.filter(|(x, _)| !x.is_nan()).collect();
+    places.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let cracked_all = places.iter().filter(|&&(_, is_cracked)| is_cracked).count() as f64;
+    let sound_all = places.len() as f64 - cracked_all;
+    let (mut sound, mut cracked) = (0.0, 0.0);
+    let mut points = vec![(0.0, 0.0)];
+    for tied in places.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq()) {
+        let rise = tied.iter().filter(|&&(_, is_cracked)| is_cracked).count() as f64;
+        cracked += rise;
+        sound += tied.len() as f64 - rise;
+        points.push((sound / sound_all, cracked / cracked_all));
+    }
+    // Where the curve goes on straight nothing is to be drawn.
+    let is_corner = |k: usize| {
+        let [a, b, c] = [points[k - 1], points[k], points[k + 1]];
+        ((b.0 - a.0) * (c.1 - a.1) - (b.1 - a.1) * (c.0 - a.0)).abs() > 1e-12
+    };
+    (0..points.len()).filter(|&k| k == 0 || k + 1 == points.len() || is_corner(k)).map(|k| points[k]).collect()
+}
+
+fn roc(rivals: &[Rival], sets: &[&'static str]) -> Sheet {
+    let shown = [
+        ("healthy", IndexKind::default(), "default, healthy reference"),
+        ("healthy", IndexKind::Dissertation, "dissertation, healthy"),
+        ("labelled", IndexKind::LogOdds, "log odds, labelled"),
+        ("self", IndexKind::default(), "default, self"),
+    ];
+    let panel = |&set: &&'static str| {
+        let curve = |(&(reference, index, _), color): (&(&str, IndexKind, &str), RGBColor)| {
+            let rival = find(rivals, set, reference, index, Combine::default())?;
+            Some(Mark::Line(roc_points(&rival.judged), color, 1.75))
+        };
+        Panel {
+            name: set.to_owned(),
+            x: axis("Sound locations called", (0.0, 0.5), 6),
+            y: axis("Cracked locations called", (0.5, 1.0), 6),
+            rows: Vec::new(),
+            marks: shown.iter().zip(COLORS).rev().filter_map(curve).map(cut).collect(),
+        }
+    };
+    Sheet {
+        name: "roc",
+        beside: "ways",
+        title: "Cracked against sound locations, set by set",
+        note: "Each point is a limit on the index; tyres that took no part in the reference. The upper left quarter is shown.".to_owned(),
+        keys: shown.iter().zip(COLORS).map(|(&(_, _, name), color)| (name.to_owned(), color)).collect(),
+        columns: 3,
+        height: 190.0,
+        panels: sets.iter().map(panel).collect(),
+    }
+}
+
+/// A curve with the part that lies in the quarter that is shown: false share to 0.5, true share from 0.5.
+fn cut(mark: Mark) -> Mark {
+    let Mark::Line(points, color, width) = mark else { return mark };
+    let mut kept: Vec<Point> = Vec::new();
+    for pair in points.windows(2) {
+        let (mut a, mut b) = (pair[0], pair[1]);
+        if b.1 < 0.5 || a.0 > 0.5 {
+            continue;
+        }
+        let along = |t: f64| (a.0 + t * (b.0 - a.0), a.1 + t * (b.1 - a.1));
+        let (start, end) = (
+            if a.1 < 0.5 { along((0.5 - a.1) / (b.1 - a.1)) } else { a },
+            if b.0 > 0.5 { along((0.5 - a.0) / (b.0 - a.0)) } else { b },
+        );
+        (a, b) = (start, end);
+        if kept.is_empty() {
+            kept.push(a);
+        }
+        kept.push(b);
+    }
+    Mark::Line(kept, color, width)
+}
+
+fn indices(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) -> Sheet {
+    let references = ["healthy", "labelled", "self"];
+    let panel = |&set: &&'static str| {
+        let mut rows = Vec::new();
+        let mut marks = Vec::new();
+        let mut least = 1.0;
+        for index in IndexKind::ALL {
+            let height = rows.len() as f64 + 0.5;
+            for (k, (reference, color)) in references.into_iter().zip(COLORS).enumerate() {
+                let Some(rival) = find(rivals, set, reference, index, Combine::default()) else { continue };
+                let (Some(auc), Some((low, high))) = (rival.areas.auc(), rival.areas.by_tyres(seed)) else { continue };
+                let y = height + 0.24 * (k as f64 - 1.0);
+                least = if low < least { low } else { least };
+                marks.push(Mark::Bar((low, y), (high, y), color));
+                marks.push(Mark::Dots(vec![(auc, y)], color, 3.5));
+            }
+            rows.push(index.name().to_owned());
+        }
+        let from = ((least - 0.02) * 20.0).floor() / 20.0;
+        if let Some(single) = best_alone(alone, set).and_then(|a| a.areas.auc()) {
+            marks.insert(0, Mark::Line(vec![(single, 0.0), (single, rows.len() as f64)], INK, 1.25));
+        }
+        let best = best_alone(alone, set).map_or_else(String::new, |a| format!("; line: {} alone", a.which.name()));
+        Panel { name: format!("{set}{best}"), x: axis("AUC", (from, 1.0), 5), y: axis("", (0.0, 1.0), 0), rows, marks }
+    };
+    Sheet {
+        name: "indices",
+        beside: "ways",
+        title: "Every index on every set, its conditions combined as by default",
+        note: "AUC of tyres that took no part in the reference, with 95 % intervals by whole tyres.".to_owned(),
+        keys: references.iter().zip(COLORS).map(|(name, color)| (format!("{name} reference"), color)).collect(),
+        columns: 3,
+        height: 210.0,
+        panels: sets.iter().map(panel).collect(),
+    }
+}
+
+fn pod(detection: &[Detection]) -> Sheet {
+    let panel = |d: &Detection| {
+        let (low, high) = (3.0, 31.0);
+        let sizes = || (0..=110_u32).map(|k| low + (high - low) * f64::from(k) / 110.0);
+        let at = |found: bool| -> Vec<Point> {
+            let targets = d.targets.iter().filter(|t| t.is_found == found);
+            targets.map(|t| (t.length_mm, if found { 1.0 } else { 0.0 })).collect()
+        };
+        let mut marks = vec![
+            Mark::Line(vec![(low, 0.9), (high, 0.9)], PALE_INK, 1.0),
+            Mark::Rings(at(true), COLORS[2], 2.5),
+            Mark::Rings(at(false), COLORS[3], 2.5),
+        ];
+        let mut name = d.class.clone();
+        if let Ok(h) = &d.hit_miss {
+            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, h.pod(x)?))).collect(), COLORS[0], 2.25));
+            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, h.pod_lower_95(x)?))).collect(), COLORS[0], 1.0));
+        } else {
+            name.push_str(": no curve by hit and miss");
+        }
+        if let Ok(a) = &d.a_hat {
+            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod(x)?))).collect(), COLORS[1], 2.25));
+            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod_lower_95(x)?))).collect(), COLORS[1], 1.0));
+        }
+        Panel {
+            name,
+            x: axis("Length across the shoulder in mm", (low, high), 8),
+            y: axis("Probability of detection", (-0.05, 1.05), 6),
+            rows: Vec::new(),
+            marks,
+        }
+    };
+    Sheet {
+        name: "pod",
+        beside: "detection",
+        title: "Probability of detection against the length of the crack",
+        note: "Default index, healthy reference. Thin: lower 95 % bound. Grey: 90 %.".to_owned(),
+        keys: ["by hit and miss", "by response", "found", "missed"]
+            .map(str::to_owned)
+            .into_iter()
+            .zip(COLORS)
+            .collect(),
+        columns: 2,
+        height: 240.0,
+        panels: detection.iter().map(panel).collect(),
+    }
+}
+
+fn by_time(plans: &[Tried]) -> Sheet {
+    let point = |t: &Tried| (t.shoulder_s / 60.0, t.auc);
+    let all: Vec<Point> = plans.iter().map(point).collect();
+    let mut front: Vec<Point> = plans.iter().filter(|t| t.is_on_front).map(point).collect();
+    front.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let least = all.iter().map(|p| p.1).min_by(f64::total_cmp).unwrap_or(0.0);
+    let most = all.iter().map(|p| p.1).max_by(f64::total_cmp).unwrap_or(1.0);
+    let room = 0.06 * (most - least) + 1e-3;
+    let longest = all.iter().map(|p| p.0).max_by(f64::total_cmp).unwrap_or(1.0);
+    let mut marks = vec![
+        Mark::Dots(all, COLORS[0], 2.5),
+        Mark::Line(front.clone(), COLORS[1], 1.5),
+        Mark::Rings(front, COLORS[1], 4.5),
+    ];
+    if let Some(full) = plans.last() {
+        let enough = full.auc - 0.01;
+        marks.insert(0, Mark::Line(vec![(0.0, enough), (1.06 * longest, enough)], PALE_INK, 1.0));
+        marks.push(Mark::Rings(vec![point(full)], INK, 7.0));
+    }
+    if let Some(t) = cheapest(plans) {
+        marks.push(Mark::Rings(vec![point(t)], COLORS[2], 7.0));
+    }
+    let keys =
+        [("a plan", COLORS[0]), ("front", COLORS[1]), ("full plan", INK), ("cheapest within 0.01 of it", COLORS[2])];
+    Sheet {
+        name: "plans",
+        beside: "plans_of_note",
+        title: "AUC against time on the rig, plan by plan",
+        note: format!(
+            "1.7 s a tap, 100 locations a turn. Grey: 0.01 below the full plan. The rival machine takes {RIVAL_CASING_S} s for both shoulders, \
+             left of every plan."
+        ),
+        keys: keys.map(|(name, color)| (name.to_owned(), color)).to_vec(),
+        columns: 1,
+        height: 320.0,
+        panels: vec![Panel {
+            name: String::new(),
+            x: axis("Minutes a shoulder", (0.0, 1.06 * longest), 12),
+            y: axis("AUC", (least - room, most + room), 7),
+            rows: Vec::new(),
+            marks,
+        }],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a curve that does not end in the corners, and corners that are lost.
+    #[test]
+    fn a_curve_has_the_area_of_its_index() {
+        let judged = Judged {
+            tyre: "T".to_owned(),
+            shoulder: 1,
+            is_passed: false,
+            has_fallen_back: false,
+            index: vec![3.0, 2.0, 2.0, 1.0, f64::NAN],
+            limit: 1.0,
+            is_called: vec![false; 5],
+            is_cracked: vec![true, false, true, false, true],
+        };
+        assert_eq!(roc_points(&[judged]), [(0.0, 0.0), (0.0, 0.5), (0.5, 1.0), (1.0, 1.0)]);
+    }
+}

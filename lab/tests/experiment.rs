@@ -1,0 +1,122 @@
+//! `tapline experiment`: the committed page, figures and tables are those that the program writes.
+
+use crate::rig::{Rig, csv_rows, docs, files, text};
+
+const FIGURES: [&str; 10] =
+    ["fig60", "fig61", "fig62", "fig63-64", "fig66-67", "fig68", "fig69", "fig70-71", "fig73-75", "fig76"];
+
+/// The first place at which two texts differ by more than `tolerance` in a number, or at all in anything else.
+fn difference(kept: &str, made: &str, tolerance: f64) -> Option<String> {
+    let words = |text: &str| -> Vec<String> {
+        let is_between = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | '|' | ':');
+        text.split(is_between).filter(|word| !word.is_empty()).map(str::to_owned).collect()
+    };
+    let (kept, made) = (words(kept), words(made));
+    if kept.len() != made.len() {
+        return Some(format!("{} words are now {}", kept.len(), made.len()));
+    }
+    let differs = |(kept, made): &(&String, &String)| match (kept.parse::<f64>(), made.parse::<f64>()) {
+        (Ok(kept), Ok(made)) => (kept - made).abs() > tolerance * kept.abs(),
+        _ => kept != made,
+    };
+    kept.iter().zip(&made).find(differs).map(|(kept, made)| format!("{kept} is now {made}"))
+}
+
+/// Catches a committed page, table or list of claims that went stale, and a figure without a file.
+///
+/// Numbers are written to three digits or nine; transforms differ in their last from machine to machine.
+#[test]
+fn what_is_committed_is_what_the_program_finds() {
+    let rig = Rig::new();
+    let told = rig.run("experiment --out experiment").expect(0).out;
+    let (kept, made) = (files(&docs("experiment")), files(&rig.path("experiment")));
+    assert_eq!(kept.keys().collect::<Vec<_>>(), made.keys().collect::<Vec<_>>());
+    assert_eq!((told.lines().count(), made.len()), (2 * FIGURES.len() + 2, 2 * FIGURES.len() + 2));
+    for (name, made) in made.iter().filter(|(name, _)| !name.ends_with(".svg")) {
+        let tolerance = if name.starts_with("fig76") || !name.starts_with("fig") { 0.011 } else { 1e-6 };
+        if let Some(difference) = difference(&kept[name], made, tolerance) {
+            panic!("{name}: {difference}: run `tapline-lab experiment --out docs/experiment`");
+        }
+    }
+}
+
+/// Catches a page and a table of claims that do not say the same, a claim told twice, and a verdict without a number.
+#[test]
+fn the_page_says_what_the_table_says() {
+    let claims = csv_rows(&text(&docs("experiment/claims.csv")));
+    let page = text(&docs("experiment.md"));
+    assert!(claims.len() > 30, "{}", claims.len());
+    let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| `")).collect();
+    assert_eq!(rows.len(), claims.len());
+    for (claim, row) in claims.iter().zip(rows) {
+        let cells: Vec<&str> = row.trim_matches('|').split(" | ").map(str::trim).collect();
+        let [name, place, given, here, agrees, remark] = cells[..] else { panic!("{row}") };
+        assert!(name.starts_with(&format!("`{}`: ", claim["claim"])), "{row}");
+        assert_eq!((place, agrees), (claim["where"].as_str(), claim["agrees"].as_str()), "{row}");
+        assert_eq!(given, if claim["dissertation"].is_empty() { "no number" } else { &claim["dissertation"] }, "{row}");
+        assert_eq!(here, format!("{}: {}", claim["quantity"], claim["ours"]), "{row}");
+        assert!(["yes", "no", "not testable"].contains(&agrees) && !remark.is_empty(), "{row}");
+        assert!(claim["ours"].chars().any(|c| c.is_ascii_digit()) && !claim["ours"].contains("NaN"), "{row}");
+    }
+    let mut names: Vec<&str> = claims.iter().map(|claim| claim["claim"].as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), claims.len());
+}
+
+/// Catches bytes that depend on anything but the seed, and a seed that nothing depends on.
+#[test]
+fn the_seed_decides_every_byte() {
+    let rig = Rig::new();
+    for (seed, out) in [(7, "a"), (7, "b"), (8, "c")] {
+        rig.run(&format!("experiment --seed {seed} --out {out}/it")).expect(0);
+    }
+    let [a, b, c] = ["a", "b", "c"].map(|out| files(&rig.path(out).join("it")));
+    assert!(a == b);
+    let same: Vec<&String> = a.keys().filter(|name| a[*name] == c[*name]).collect();
+    assert!(same.is_empty(), "{same:?}");
+}
+
+/// Catches a verdict that hangs on chance without the page saying so.
+#[test]
+fn verdicts_hang_on_the_seed_only_where_the_page_says_so() {
+    const BY_CHANCE: [&str; 4] =
+        ["e_f-repeats-better-than-p_f", "force-fluctuates", "sound-tells-better", "repeats-small"];
+    let page = text(&docs("experiment.md"));
+    assert!(BY_CHANCE.iter().all(|name| page.matches(&format!("`{name}`")).count() == 2));
+    let rig = Rig::new();
+    let verdicts = |table: &str| -> Vec<(String, String)> {
+        let told = csv_rows(table).into_iter().map(|row| (row["claim"].clone(), row["agrees"].clone()));
+        told.filter(|(name, _)| !BY_CHANCE.contains(&name.as_str())).collect()
+    };
+    let kept = verdicts(&text(&docs("experiment/claims.csv")));
+    for seed in 2..=5 {
+        rig.run(&format!("experiment --seed {seed} --out seed-{seed}")).expect(0);
+        assert_eq!(verdicts(&text(&rig.path(&format!("seed-{seed}/claims.csv")))), kept, "seed {seed}");
+    }
+}
+
+/// Catches a picture that is no XML, does not say what it shows, or is too large to keep; all files together too.
+#[test]
+fn pictures_are_small_and_whole() {
+    let mut bytes = 0;
+    for (name, text) in files(&docs("experiment")) {
+        bytes += text.len();
+        if let Some(name) = name.strip_suffix(".svg") {
+            assert!(FIGURES.contains(&name), "{name}");
+            assert!(text.starts_with("<svg ") && text.ends_with("</svg>\n"), "{name}");
+            let number = name.trim_start_matches("fig").split('-').next().unwrap();
+            assert!(text.contains(&format!("Fig. {number}")) || text.contains(&format!("Figs. {number}")), "{name}");
+            assert!(!text.contains("NaN") && !text.contains("inf"), "{name}");
+        }
+    }
+    assert!(bytes < 1_500_000, "{bytes}");
+}
+
+/// Catches a folder without a name, beside which no page can stand.
+#[test]
+fn a_folder_without_a_name_is_refused() {
+    let rig = Rig::new();
+    let done = rig.run("experiment --out ..").expect(1);
+    assert!(done.err.contains("--out is ..; it must end with the name of a folder"), "{done:?}");
+}

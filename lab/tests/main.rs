@@ -1,0 +1,10 @@
+//! The built `tapline-lab` in a folder of its own, and the catalogue of stability.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod experiment;
+mod figures;
+mod rig;
+mod stability;
+mod statistics;
+mod study;

@@ -1,0 +1,19 @@
+//! The stability catalogue: 44 cases in which a plain reading of the method gives a wrong number without saying so.
+//!
+//! A test a case, named by its number. Each has a **naive** twin, which is computed and asserted to be about as wrong as
+//! the comment says, so that the failure is seen to be real; the limit that our kernels **hold**, which is asserted; and
+//! what is **measured** of them, which shows how far the limit is. Where a case is held by a flag only, the limit says so.
+
+mod archive;
+mod contact;
+mod estimators;
+mod flags;
+mod fuzz;
+mod index;
+mod plate;
+mod ring;
+mod scatter;
+mod sound;
+
+#[path = "../src/stability/tap.rs"]
+mod tap;
