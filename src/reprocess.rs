@@ -141,7 +141,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let plan = task.reader.plan();
     // What cannot be judged leaves no file.
     let mut fusion = task.fusion()?;
-    let mut writer = match Writer::results(&out, &task.reader, lineage) {
+    let mut writer = match Writer::results(&out, (task.reader.path(), raw_digest), plan, lineage) {
         // The same results were made before.
         Err(tapline_store::Error::Finished { .. }) => {
             writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;

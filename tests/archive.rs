@@ -219,5 +219,8 @@ fn the_readme_snippet_reads_an_archive() {
     let rows = csv_rows(&rig.run("export mine/SIM-0001.h5 damage").expect(0).out);
     let index = |row: &BTreeMap<String, String>| row["damage_index"].parse().unwrap_or(f64::NEG_INFINITY);
     let worst = rows.iter().max_by(|a, b| f64::total_cmp(&index(a), &index(b))).unwrap();
-    assert!(said.starts_with("worst: SIM-0001") && said.contains(&worst["damage_index"]), "{worst:?} is not in:\n{said}");
+    assert!(
+        said.starts_with("worst: SIM-0001") && said.contains(&worst["damage_index"]),
+        "{worst:?} is not in:\n{said}"
+    );
 }

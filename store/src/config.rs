@@ -1,8 +1,9 @@
 //! What a run says of its archive.
 
 use serde::{Deserialize, Serialize};
+use tapline_codec::Codec;
 
-use crate::{Codec, Error, Result};
+use crate::error::{Error, Result};
 
 /// How taps are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

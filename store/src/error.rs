@@ -1,12 +1,14 @@
 //! What can go wrong with an archive.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rustix::io::Errno;
+use tapline_codec::Codec;
 use tapline_wire::TapId;
 
-use crate::Codec;
+/// What a fallible call of this crate returns.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Why an archive cannot be made, opened, written or read.
 #[derive(Debug, thiserror::Error)]
@@ -288,6 +290,23 @@ fn way_out(got: u32, known: u32) -> &'static str {
 }
 
 impl Error {
+    /// The archive at `path` contradicts itself in `what`.
+    pub(crate) fn damaged(path: &Path, what: impl Into<String>) -> Self {
+        Self::Damaged { path: path.to_owned(), what: what.into() }
+    }
+
+    /// The error that names the first line in which two configurations differ.
+    pub(crate) fn other_configuration(path: &Path, archived: &str, given: &str) -> Self {
+        let (line, archived, given) = first_difference(archived, given);
+        Self::OtherConfiguration { path: path.to_owned(), line, archived, given }
+    }
+
+    /// The error that names the first line in which two lineages differ.
+    pub(crate) fn other_lineage(path: &Path, archived: &str, given: &str) -> Self {
+        let (_, archived, given) = first_difference(archived, given);
+        Self::OtherLineage { path: path.to_owned(), archived, given }
+    }
+
     /// Whether a writer that met this may go on when its cause is gone, as a full disk: see [`crate::Writer::recover`].
     pub fn is_of_the_disk(&self) -> bool {
         let is_io = matches!(self, Self::Io { .. } | Self::Hdf5 { .. } | Self::LetGo { .. });
@@ -342,4 +361,42 @@ impl Error {
             _ => "see to that disk and file",
         }
     }
+}
+
+/// Number, from 1, and wording of the first line in which two texts differ; a line that is not there is empty.
+fn first_difference(archived: &str, given: &str) -> (usize, String, String) {
+    let line_count = archived.lines().count().max(given.lines().count());
+    let pair = |k: usize| (archived.lines().nth(k).unwrap_or(""), given.lines().nth(k).unwrap_or(""));
+    // Texts that differ only in their line ends differ in no line: the last is then named.
+    let k = (0..line_count).find(|&k| pair(k).0 != pair(k).1).unwrap_or(line_count.saturating_sub(1));
+    let (archived, given) = pair(k);
+    (k + 1, archived.to_owned(), given.to_owned())
+}
+
+/// Adds to an HDF5 error what was tried and on which file.
+pub(crate) trait Context<T> {
+    /// The result, its error naming `action` and `path`.
+    fn context(self, action: &'static str, path: &Path) -> Result<T>;
+}
+
+impl<T> Context<T> for hdf5::Result<T> {
+    fn context(self, action: &'static str, path: &Path) -> Result<T> {
+        self.map_err(|source| match system_error(&source) {
+            Some(source) => Error::Io { action, path: path.to_owned(), source },
+            None => Error::Hdf5 { action, path: path.to_owned(), source },
+        })
+    }
+}
+
+impl<T> Context<T> for io::Result<T> {
+    fn context(self, action: &'static str, path: &Path) -> Result<T> {
+        self.map_err(|source| Error::Io { action, path: path.to_owned(), source })
+    }
+}
+
+/// What the system said to the library, which says it on within a page of its own.
+fn system_error(error: &hdf5::Error) -> Option<io::Error> {
+    let stack = error.stack()?;
+    let number = |text: &str| text.split_once("errno = ")?.1.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok();
+    stack.iter().find_map(|frame| number(frame.desc())).filter(|&errno| errno != 0).map(io::Error::from_raw_os_error)
 }

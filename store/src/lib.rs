@@ -6,6 +6,15 @@
 //! where they stand, which is why a writer that is killed leaves a file that opens plainly. Samples are packed off the
 //! library's lock, every row is sealed, and readers read past the library.
 //!
+//! Folders, each of which takes from those above it in this list alone:
+//!
+//! - `format`: what the bytes of an archive mean, without opening one
+//! - `file`: the archive as a file of the system: its name, its disk, whether it is still there
+//! - `h5`: what is asked of the HDF5 library, and what is read of its structures without it
+//! - `archive`: one archive, created, or opened and checked
+//! - `read`, `write`: taps and results out of it and into it; [`verify`]
+//! - `stage`: the archives of a running line; [`repack()`]
+//!
 //! ```
 //! use tapline_store::{Reader, Writer};
 //! use tapline_wire::{Channel, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, TapId, TapState};
@@ -35,70 +44,31 @@
 //! ```
 
 mod archive;
-mod behind;
-mod blosc;
-mod check;
-mod chunk;
-mod chunk_index;
-mod codec;
 mod config;
-mod context;
-mod create;
-mod draft;
-mod encode;
 mod error;
-mod finish;
-mod given;
-mod grow;
-mod layout;
-mod lineage;
-mod lost;
-mod lz4;
-mod mapped;
-mod outage;
-mod pending;
-mod place;
-mod planes;
-mod puts;
-mod reader;
-mod reason;
-mod recall;
-mod regions;
+mod file;
+mod format;
+mod h5;
+mod read;
 mod repack;
-mod replay;
-mod rows;
-mod samples;
-mod seal;
-mod sealed;
-mod settled;
 mod stage;
-mod structure;
-mod table;
 #[cfg(test)]
 mod testing;
-mod text;
-mod track;
-mod units;
-mod verify;
-mod writer;
+mod write;
 
-pub use codec::Codec;
 pub use config::StoreConfig;
-pub use error::Error;
-pub use finish::Finishing;
-pub use layout::{FORMAT_VERSION, REASON_BYTES};
-pub use lineage::{Lineage, digest_of, hex_of, lineage_key};
-pub use lost::Lost;
-pub use puts::put_taps_of;
-pub use reader::{Judged, OwnedSamples, Reader, Refusal};
-pub use regions::{Region, regions};
+pub use error::{Error, Result};
+pub use format::layout::{FORMAT_VERSION, REASON_BYTES};
+pub use format::lineage::{Lineage, digest_of, hex_of, lineage_key};
+pub use format::lost::Lost;
+pub use read::reader::{Judged, OwnedSamples, Reader, Refusal};
+pub use read::regions::{Region, regions};
+pub use read::samples::{Room, Taps};
+pub use read::verify::{Problem, Report, verify};
 pub use repack::{Repacked, repack};
-
-pub use samples::{Room, Taps};
 pub use stage::{LEFT_FOLDER, OPEN_FOLDER, Outcome, Places, RunError, StoreRun, run};
-pub use track::{PutCounts, PutOutcome};
-pub use verify::{Problem, Report, verify};
-pub use writer::Writer;
-
-/// What a fallible call of this crate returns.
-pub type Result<T, E = Error> = std::result::Result<T, E>;
+pub use tapline_codec::Codec;
+pub use write::Writer;
+pub use write::finish::Finishing;
+pub use write::put_taps::put_taps_of;
+pub use write::tap_state::{PutCounts, PutOutcome};

@@ -4,20 +4,23 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use tapline_codec::Codec;
+use tapline_codec::chunk_checksum;
 use tapline_wire::SampleFormat;
 
+use crate::archive::create::create;
 use crate::archive::{Access, Archive};
-use crate::context::Context;
-use crate::create::create;
-use crate::draft::{Draft, remove_dead_drafts};
-use crate::encode::{Shape, pack};
-use crate::finish::close_and_seal;
-use crate::layout::HeaderRow;
-use crate::reader::Reader;
-use crate::samples::Room;
-use crate::sealed::{SealedRow, chunk_checksum};
-use crate::table::Table;
-use crate::{Codec, Error, Lineage, Result, verify};
+use crate::error::{Context, Error, Result};
+use crate::file::draft::{Draft, remove_dead_drafts};
+use crate::format::checksum::SealedRow;
+use crate::format::layout::HeaderRow;
+use crate::format::lineage::Lineage;
+use crate::h5::table::Table;
+use crate::read::reader::Reader;
+use crate::read::samples::Room;
+use crate::read::verify::verify;
+use crate::write::finish::close_and_seal;
+use crate::write::packer::{Shape, pack};
 
 /// Taps that are packed together, by several threads.
 const BATCH_TAPS: usize = 64;
@@ -71,20 +74,20 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
         raw: None,
     };
     let old = reader.archive();
-    create(draft, &old.begun, old.taps_max, lineage)?;
+    create(draft, old.begun(), old.taps_max(), lineage)?;
     let mut new = Archive::open(draft, Access::Write)?;
-    new.grow_to(old.plan.clone());
-    copy(&old.plan_rows, &new.plan_rows, draft)?;
+    new.grow_to(old.plan().clone());
+    copy(old.plan_rows(), new.plan_rows(), draft)?;
     let sample_bytes = copy_taps(reader, &new)?;
-    copy(&old.discriminators, &new.discriminators, draft)?;
-    copy(&old.refusals, &new.refusals, draft)?;
-    copy(&old.damage, &new.damage, draft)?;
-    copy(&old.scans, &new.scans, draft)?;
-    copy(&old.ledger, &new.ledger, draft)?;
+    copy(old.discriminators(), new.discriminators(), draft)?;
+    copy(old.refusals(), new.refusals(), draft)?;
+    copy(old.damage(), new.damage(), draft)?;
+    copy(old.scans(), new.scans(), draft)?;
+    copy(old.ledger(), new.ledger(), draft)?;
     if !old.stored_key()?.is_empty() {
         new.write_key()?;
     }
-    new.file.flush().context("write", draft)?;
+    new.flush().context("write", draft)?;
     close_and_seal(new, reader.ledger().taps())?;
     fs::File::open(draft).and_then(|file| file.sync_all()).context("sync", draft)?;
     Ok(sample_bytes)
@@ -99,7 +102,7 @@ fn copy<R: SealedRow>(from: &Table<R>, to: &Table<R>, path: &Path) -> Result<()>
 /// Packs the samples of every archived tap anew and writes them with their headers.
 fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
     let recording = &reader.plan().recording;
-    let rows = &new.samples;
+    let rows = new.samples();
     let shape = Shape {
         codec: rows.codec(),
         channel_count: recording.channels.len(),
@@ -107,7 +110,7 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
         row_bytes: rows.row_bytes(),
     };
     let taps = reader.taps()?;
-    let mut headers = reader.archive().headers.read_all().context("read the headers", reader.path())?;
+    let mut headers = reader.archive().headers().read_all().context("read the headers", reader.path())?;
     let numbers: Vec<u32> = (0..).take(headers.len()).collect();
     let mut room = Room::default();
     let mut sample_bytes = 0;
@@ -131,7 +134,7 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
             }
             match rows.codec() {
                 Codec::None | Codec::Lz4 | Codec::Zstd => {
-                    rows.write(row, packed.stored(record)).context("write samples", &new.path)?;
+                    rows.write(row, packed.stored(record)).context("write samples", new.path())?;
                     header.stored_checksum = packed.stored_checksum;
                 }
                 Codec::Gzip => write_by_library(new, row, packed.stored(record), header)?,
@@ -139,23 +142,23 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
             Ok(())
         })?;
     }
-    new.headers.write_all(&headers).context("write the headers", &new.path)?;
+    new.headers().write_all(&headers).context("write the headers", new.path())?;
     Ok(sample_bytes)
 }
 
 /// Writes `row`, unpacked, through the library's own filter, and takes the checksum of what came of it.
 fn write_by_library(new: &Archive, row: u32, samples: &[u8], header: &mut HeaderRow) -> Result<()> {
-    let rows = &new.samples;
-    let written = match new.plan.recording.sample_format {
+    let rows = new.samples();
+    let written = match new.plan().recording.sample_format {
         SampleFormat::I16 => rows.write_unpacked::<i16>(row, samples),
         SampleFormat::F32 => rows.write_unpacked::<f32>(row, samples),
     };
-    written.and_then(|()| new.file.flush()).context("write samples", &new.path)?;
-    let place = rows.place(row).context("find samples", &new.path)?;
+    written.and_then(|()| new.flush()).context("write samples", new.path())?;
+    let place = rows.place(row).context("find samples", new.path())?;
     let place = place.ok_or_else(|| new.damaged(format!("the samples of plan row {row} have no place")))?;
     let mut stored = Vec::new();
-    let file = fs::File::open(&new.path).context("read back", &new.path)?;
-    place.read(&file, &mut stored).context("read back", &new.path)?;
+    let file = fs::File::open(new.path()).context("read back", new.path())?;
+    place.read(&file, &mut stored).context("read back", new.path())?;
     header.stored_checksum = chunk_checksum(rows.codec(), &stored);
     Ok(())
 }

@@ -44,7 +44,9 @@ fn what_is_added_is_as_what_was_planned() {
         repack(&path, &again, Codec::Gzip).unwrap();
         let results = folder.path().join("results.h5");
         let reader = Reader::open(&path).unwrap();
-        Writer::results(&results, &reader, Lineage { made_by: "other", ..CONFIG.into() }).unwrap().finish().unwrap();
+        let raw = (path.as_path(), reader.raw_digest().unwrap());
+        let lineage = Lineage { made_by: "other", ..CONFIG.into() };
+        Writer::results(&results, raw, reader.plan(), lineage).unwrap().finish().unwrap();
         assert_eq!(Reader::open(&results).unwrap().why(10).unwrap(), Some(3));
         for path in [&path, &again] {
             assert!(verify(path).unwrap().is_complete());

@@ -11,7 +11,8 @@ use super::RunError;
 use super::markers::Marker;
 use super::open_casing::OpenCasing;
 use super::places::Places;
-use crate::{Error, Result, Writer};
+use crate::error::{Error, Result};
+use crate::write::Writer;
 
 /// Files that may wait to be closed; a station has one at most.
 const WAITING_MAX: usize = 64;

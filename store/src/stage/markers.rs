@@ -11,9 +11,9 @@ use super::closer::Closed;
 use super::open_casing::OpenCasing;
 use super::places::{name_of_open, stem_of};
 use super::{Result, RunError, StageLoop};
-use crate::context::Context as _;
-use crate::draft::rename_new;
-use crate::{Error, Reader};
+use crate::error::{Context as _, Error};
+use crate::file::draft::rename_new;
+use crate::read::reader::Reader;
 
 /// Ending of a marker's name, which is else that of the file when it was under way.
 const ENDING: &str = "closed";

@@ -19,10 +19,16 @@ use tapline_wire::{
 
 pub use self::places::{LEFT_FOLDER, OPEN_FOLDER, Places};
 
+use tapline_codec::Codec;
+
 use self::closer::Closer;
 use self::notices::Notices;
 use self::open_casing::OpenCasing;
-use crate::{Codec, Error, Lineage, PutOutcome, Result, Writer, put_taps_of};
+use crate::error::{Error, Result};
+use crate::format::lineage::Lineage;
+use crate::write::Writer;
+use crate::write::put_taps::put_taps_of;
+use crate::write::tap_state::PutOutcome;
 
 /// Taps that are taken in together, packed by several threads: as many as may be held at once.
 const BATCH_TAPS: usize = TapTopic::BORROWED;

@@ -7,10 +7,9 @@ use std::time::{Duration, Instant};
 
 use tapline_wire::{CasingHeader, CasingTopic, Line, LineError, Publisher, RecordKind, Role};
 
-use super::StageLoop;
 use super::closer::Closed;
 use super::open_casing::{Due, OpenCasing};
-use super::{Result, RunError, markers};
+use super::{Result, RunError, StageLoop, markers};
 
 /// How often the supervisor is told how far a casing is.
 const SUPERVISOR_EVERY: Duration = Duration::from_millis(500);

@@ -7,7 +7,7 @@ use std::time::Instant;
 use tapline_wire::{CasingHeader, Ledger, Plan, ScanState, Stamp, casing_number};
 
 use super::places::{name_of_open, stem_of};
-use crate::Writer;
+use crate::write::Writer;
 
 /// What one receiver is still to be told.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

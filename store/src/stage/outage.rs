@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 use tapline_wire::{LineError, TapTopic, Topic as _};
 
 use super::{RunError, StageLoop, of_the_disk};
-use crate::{Error, Result, Writer};
+use crate::error::{Error, Result};
+use crate::write::Writer;
 
 /// How often it is tried again.
 const TRY_EVERY: Duration = Duration::from_millis(500);

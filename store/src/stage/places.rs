@@ -8,8 +8,7 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 use tapline_wire::{NAME_BYTES_MAX, now_ns};
 
-use crate::Result;
-use crate::context::Context as _;
+use crate::error::{Context as _, Result};
 
 /// Folder of the files that are under way, within the output folder.
 pub const OPEN_FOLDER: &str = "open";

@@ -7,7 +7,9 @@ use tapline_wire::{
 use super::open_casing::{Due, OpenCasing};
 use super::places::escaped;
 use super::{RunError, StageLoop, of_the_disk};
-use crate::{Error, Reader, Result, Writer};
+use crate::error::{Error, Result};
+use crate::read::reader::Reader;
+use crate::write::Writer;
 
 impl StageLoop<'_> {
     /// Takes up the files under way that an earlier life of `store` left; those that cannot be gone on with are put aside.

@@ -1,0 +1,194 @@
+//! What stands before the blocks of a chunk: where each begins, and a checksum of each.
+//!
+//! Where blocks begin is Blosc's; before the first there may be a gap, at which no decoder looks, and there stand the
+//! checksums. A seal on the head is one on the chunk, and whoever wants a part of it checks no more than that part.
+
+use std::ops::Range;
+
+use twox_hash::XxHash3_64;
+
+use super::{AS_IT_IS, HEADER_BYTES, WORD_BYTES, word};
+
+/// Bytes of a block's checksum, an XXH3 of 64 bits.
+const SUM_BYTES: usize = 8;
+
+/// The head of a chunk whose blocks have checksums.
+#[derive(Debug, Clone, Copy)]
+pub struct Head<'a> {
+    bytes: &'a [u8],
+    block_count: usize,
+    block_bytes: usize,
+    chunk_bytes: usize,
+}
+
+impl<'a> Head<'a> {
+    /// The head of the chunk that begins with `beginning`; `None` where its blocks have no checksums: what gained nothing by
+    /// being packed, and what was packed in another way.
+    pub fn new(beginning: &'a [u8]) -> Option<Self> {
+        let (row_bytes, block_bytes) = (word(beginning, 4)?, word(beginning, 8).filter(|&bytes| bytes > 0)?);
+        let block_count = row_bytes.div_ceil(block_bytes);
+        let head = Self {
+            bytes: beginning.get(..length(block_count))?,
+            block_count,
+            block_bytes,
+            chunk_bytes: word(beginning, 12)?,
+        };
+        let is_packed = beginning.get(2)? & AS_IT_IS == 0 && block_count > 0;
+        (is_packed && head.begin(0) == head.bytes.len()).then_some(head)
+    }
+
+    /// The head's own checksum, which is that of the chunk.
+    pub fn seal(&self) -> u64 {
+        XxHash3_64::oneshot(self.bytes)
+    }
+
+    /// The blocks that hold the bytes in `part` of the unpacked row.
+    pub fn blocks(&self, part: &Range<usize>) -> Range<usize> {
+        let end = part.end.div_ceil(self.block_bytes).min(self.block_count);
+        (part.start / self.block_bytes).min(end)..end
+    }
+
+    /// All blocks.
+    pub fn all(&self) -> Range<usize> {
+        0..self.block_count
+    }
+
+    /// Whether each of `blocks` of `chunk` is what was written.
+    pub fn are_whole(&self, blocks: Range<usize>, chunk: &[u8]) -> bool {
+        let is_whole = |block: usize| {
+            let packed = chunk.get(self.begin(block)..self.begin(block + 1));
+            let said = self.bytes.get(sum_at(self.block_count, block)..).and_then(<[u8]>::first_chunk);
+            packed.map(XxHash3_64::oneshot) == said.map(|bytes| u64::from_le_bytes(*bytes))
+        };
+        chunk.len() == self.chunk_bytes && blocks.into_iter().all(is_whole)
+    }
+
+    /// Where `block` begins in the chunk; behind the last one, where the chunk ends.
+    fn begin(&self, block: usize) -> usize {
+        let place = if block < self.block_count { word(self.bytes, HEADER_BYTES + WORD_BYTES * block) } else { None };
+        place.unwrap_or(self.chunk_bytes)
+    }
+}
+
+/// Bytes of the head of a chunk of `block_count` blocks.
+pub(super) fn length(block_count: usize) -> usize {
+    HEADER_BYTES + (WORD_BYTES + SUM_BYTES) * block_count
+}
+
+/// Where in the head of `block_count` blocks the checksum of `block` stands.
+fn sum_at(block_count: usize, block: usize) -> usize {
+    HEADER_BYTES + WORD_BYTES * block_count + SUM_BYTES * block
+}
+
+/// Writes the checksum of the last of the blocks so far, number `block` of `block_count`, which begins at `begin`.
+pub(super) fn put_sum(chunk: &mut [u8], block_count: usize, block: usize, begin: usize) {
+    let sum = XxHash3_64::oneshot(&chunk[begin..]);
+    chunk[sum_at(block_count, block)..][..SUM_BYTES].copy_from_slice(&sum.to_le_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::checksum::{chunk_checksum, head_of, is_chunk_valid};
+    use crate::codec::Codec;
+
+    /// A chunk of three blocks, the last one short.
+    fn chunk() -> Vec<u8> {
+        let samples: Vec<u8> = (0..20_000_u32).map(|k| (k / 70) as u8).collect();
+        let mut chunk = Vec::new();
+        super::super::pack(2, &samples, &mut Vec::new(), &mut chunk);
+        chunk
+    }
+
+    /// Catches a bit that is under no seal, and a seal that covers another block than its own.
+    #[test]
+    fn every_bit_is_sealed() {
+        let mut chunk = chunk();
+        let said = chunk_checksum(Codec::Lz4, &chunk);
+        assert!(is_chunk_valid(Codec::Lz4, &chunk, said));
+        let head_bytes = length(3);
+        let ends = [0, 1, 2, 3].map(|block| Head::new(&chunk).unwrap().begin(block));
+        assert_eq!((ends[0], ends[3]), (head_bytes, chunk.len()));
+        for bit in 0..8 * chunk.len() {
+            chunk[bit / 8] ^= 1 << (bit % 8);
+            assert!(!is_chunk_valid(Codec::Lz4, &chunk, said), "bit {bit}");
+            if bit / 8 >= head_bytes {
+                let head = Head::new(&chunk).unwrap();
+                assert_eq!(head.seal(), said);
+                for block in 0..3 {
+                    let is_in_it = (ends[block]..ends[block + 1]).contains(&(bit / 8));
+                    assert_eq!(head.are_whole(block..block + 1, &chunk), !is_in_it, "bit {bit}, block {block}");
+                }
+            }
+            chunk[bit / 8] ^= 1 << (bit % 8);
+        }
+        assert!(!is_chunk_valid(Codec::Lz4, &chunk[..chunk.len() - 1], said));
+        chunk.push(0);
+        assert!(!is_chunk_valid(Codec::Lz4, &chunk, said), "what is behind the last block is under no seal");
+    }
+
+    /// Catches a part whose blocks are not all looked at, and blocks that are not there.
+    #[test]
+    fn a_part_has_its_blocks() {
+        let chunk = chunk();
+        let head = Head::new(&chunk).unwrap();
+        assert_eq!(head.all(), 0..3);
+        for (part, blocks) in [
+            (0..1, 0..1),
+            (0..8192, 0..1),
+            (0..8193, 0..2),
+            (8191..8192, 0..1),
+            (8192..16_384, 1..2),
+            (8191..20_000, 0..3),
+            (16_384..20_000, 2..3),
+            (20_000..90_000, 2..3),
+            (90_000..90_001, 3..3),
+        ] {
+            assert_eq!(head.blocks(&part), blocks, "{part:?}");
+        }
+    }
+
+    proptest! {
+        /// Catches a reader that trusts what the head says: whatever stands there is a head or none, and most of these are one.
+        #[test]
+        fn any_bytes_are_a_head_or_none(
+            mut bytes in prop::collection::vec(any::<u8>(), 260..300),
+            row_bytes in 0..40_u32,
+            block_bytes in 0..5_u32,
+            begins in prop::collection::vec(0..320_u32, 20),
+        ) {
+            let count = row_bytes.div_ceil(block_bytes.max(1));
+            let sizes = [row_bytes, block_bytes, 300, 16 + 12 * count];
+            for (place, word) in bytes[4..].chunks_exact_mut(4).zip(sizes.into_iter().chain(begins)) {
+                place.copy_from_slice(&word.to_le_bytes());
+            }
+            let head = Head::new(&bytes);
+            let is_there = count > 0 && length(count as usize) <= bytes.len();
+            prop_assert_eq!(head.is_some(), bytes[2] & AS_IT_IS == 0 && block_bytes > 0 && is_there);
+            if let Some(head) = head {
+                prop_assert!(!head.are_whole(head.all(), &bytes));
+                prop_assert!(head.blocks(&(0..usize::MAX)) == head.all());
+            }
+        }
+    }
+
+    /// Catches a chunk of another kind that is taken to have a head.
+    #[test]
+    fn what_has_no_head_has_none() {
+        let mut packed = Vec::new();
+        let mut state = 1_u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        let noise: Vec<u8> = (0..20_000).map(|_| noise()).collect();
+        super::super::pack(2, &noise, &mut Vec::new(), &mut packed);
+        assert!(Head::new(&packed).is_none(), "it gained nothing");
+        assert!(Head::new(&[]).is_none());
+        let chunk = chunk();
+        assert!(head_of(Codec::Zstd, &chunk).is_none());
+        assert_eq!(chunk_checksum(Codec::None, &chunk), XxHash3_64::oneshot(&chunk));
+    }
+}

@@ -1,0 +1,327 @@
+//! How samples lie in a chunk: as they are, or packed by a filter that other readers of HDF5 know by its number.
+#![expect(unsafe_code, reason = "the codec is a library of C")]
+
+use std::ffi::CStr;
+use std::fmt;
+use std::ops::Range;
+
+use blosc_src::{BLOSC_BITSHUFFLE, BLOSC_MAX_OVERHEAD, blosc_compress_ctx, blosc_decompress_ctx};
+use serde::{Deserialize, Serialize};
+
+use crate::blosc::{self, Chunk};
+
+/// Bytes that Zstandard packs on their own.
+const ZSTD_BLOCK_BYTES: usize = 8192;
+
+/// What packs the samples of an archive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Codec {
+    /// Nothing: every HDF5 reader reads it without a filter.
+    None,
+    /// Blosc (filter 32001), bits shuffled, LZ4: as fast as a disk.
+    #[default]
+    Lz4,
+    /// Blosc (filter 32001), bits shuffled, Zstandard: a little smaller, slower.
+    Zstd,
+    /// Deflate (filter 1), bytes shuffled: what every HDF5 reader reads. Slow; for archives that are packed again.
+    Gzip,
+}
+
+impl Codec {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::None, Self::Lz4, Self::Zstd, Self::Gzip];
+
+    /// Its name in configurations, on the command line and in archives.
+    pub fn name(self) -> &'static str {
+        ["none", "lz4", "zstd", "gzip"][self as usize]
+    }
+
+    /// The codec of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|codec| codec.name() == name)
+    }
+
+    /// Whether a running line can pack by it: the others are packed by the HDF5 library alone, one record after another.
+    pub fn is_for_lines(self) -> bool {
+        matches!(self, Self::None | Self::Lz4 | Self::Zstd)
+    }
+
+    /// How hard the filter packs, where it has levels: what the file says of it. [`pack`] does the same but for LZ4, where
+    /// it has none.
+    pub fn level(self) -> u8 {
+        match self {
+            Self::Lz4 => 5,
+            Self::Zstd => 1,
+            Self::Gzip => 4,
+            Self::None => 0,
+        }
+    }
+
+    /// Compressor within Blosc; `None` where it is not Blosc's.
+    pub fn blosc(self) -> Option<&'static CStr> {
+        match self {
+            Self::Lz4 => Some(c"lz4"),
+            Self::Zstd => Some(c"zstd"),
+            Self::None | Self::Gzip => None,
+        }
+    }
+}
+
+impl fmt::Display for Codec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost, as the filter of `codec` does; the
+/// same input gives the same bytes. Those of a codec that is not Blosc's are left as they are. `planes` is room to work in.
+///
+/// # Panics
+/// If Blosc finds no room in what it says is enough: a bug.
+pub fn pack(codec: Codec, element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, packed: &mut Vec<u8>) {
+    match codec {
+        Codec::Lz4 => blosc::pack(element_bytes, samples, planes, packed),
+        Codec::Zstd => pack_by_library((c"zstd", codec.level()), element_bytes, ZSTD_BLOCK_BYTES, samples, packed),
+        Codec::None | Codec::Gzip => {
+            packed.clear();
+            packed.extend_from_slice(samples);
+        }
+    }
+}
+
+/// A row of `row_bytes` zeros as the filter of `codec` unpacks it, in as few bytes as can be: what stands where no tap is.
+pub fn placeholder(codec: Codec, element_bytes: usize, row_bytes: usize) -> Vec<u8> {
+    let mut packed = Vec::new();
+    match codec.blosc() {
+        // Which compressor packed a chunk stands in the chunk.
+        Some(_) => pack_by_library((c"zstd", 1), element_bytes, row_bytes, &vec![0; row_bytes], &mut packed),
+        None => packed.resize(row_bytes, 0),
+    }
+    packed
+}
+
+fn pack_by_library(
+    (compressor, level): (&CStr, u8),
+    element_bytes: usize,
+    block_bytes: usize,
+    samples: &[u8],
+    packed: &mut Vec<u8>,
+) {
+    // What was in it is written over: only what it lacks is filled.
+    packed.resize(samples.len() + BLOSC_MAX_OVERHEAD as usize, 0);
+    let shuffle = i32::try_from(BLOSC_BITSHUFFLE).unwrap_or(0);
+    // SAFETY: source and destination are valid for the lengths given and do not overlap; the name ends in NUL; the
+    // call with a context of its own keeps no state and no pointer.
+    let length = unsafe {
+        blosc_compress_ctx(
+            level.into(),
+            shuffle,
+            element_bytes,
+            samples.len(),
+            samples.as_ptr().cast(),
+            packed.as_mut_ptr().cast(),
+            packed.len(),
+            compressor.as_ptr(),
+            block_bytes,
+            1,
+        )
+    };
+    let length = usize::try_from(length).unwrap_or(0);
+    assert!(length > 0 || samples.is_empty(), "Blosc packed {} bytes into none", samples.len());
+    packed.truncate(length);
+}
+
+/// Unpacks the bytes in `parts`, in their order, of what [`pack`] or the filter of `codec` packed, and such around them as
+/// are packed with them, into their places in `samples`, which are all samples; whether it was that, and as long as
+/// `samples`. `planes` is room to work in.
+#[must_use]
+pub fn unpack(
+    codec: Codec,
+    packed: &[u8],
+    parts: impl IntoIterator<Item = Range<usize>>,
+    samples: &mut [u8],
+    planes: &mut Vec<u8>,
+) -> bool {
+    if codec.blosc().is_none() {
+        let is_whole = packed.len() == samples.len();
+        if is_whole {
+            parts.into_iter().for_each(|part| samples[part.clone()].copy_from_slice(&packed[part]));
+        }
+        return is_whole;
+    }
+    if let Some(chunk) = Chunk::new(packed) {
+        return chunk.unpack(parts, samples, planes);
+    }
+    if !is_blosc_of(packed, samples.len()) {
+        return false;
+    }
+    unpack_by_library(packed, samples)
+}
+
+/// Unpacks a chunk that [`is_blosc_of`] the length of `samples`.
+fn unpack_by_library(packed: &[u8], samples: &mut [u8]) -> bool {
+    // SAFETY: the source is as long as its own header says (checked before), the destination as long as is given; they do
+    // not overlap; Blosc writes no further than it is told, whatever the packed bytes say.
+    let length = unsafe { blosc_decompress_ctx(packed.as_ptr().cast(), samples.as_mut_ptr().cast(), samples.len(), 1) };
+    usize::try_from(length).is_ok_and(|length| length == samples.len())
+}
+
+/// Whether `packed` has Blosc's header, which says that it unpacks to `length` bytes and is as long as it is.
+fn is_blosc_of(packed: &[u8], length: usize) -> bool {
+    let word = |at: usize| packed.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+    word(4) == Some(length) && word(12) == Some(packed.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Everything unpacked, by what [`unpack`] chooses.
+    fn unpacked(codec: Codec, packed: &[u8], length: usize) -> Option<Vec<u8>> {
+        let mut samples = vec![7; length];
+        unpack(codec, packed, std::iter::once(0..length), &mut samples, &mut Vec::new()).then_some(samples)
+    }
+
+    /// Everything unpacked, by the library.
+    fn unpacked_by_library(packed: &[u8], length: usize) -> Option<Vec<u8>> {
+        let mut samples = vec![7; length];
+        (is_blosc_of(packed, length) && unpack_by_library(packed, &mut samples)).then_some(samples)
+    }
+
+    fn packed(codec: Codec, element_bytes: usize, samples: &[u8]) -> Vec<u8> {
+        let mut packed = vec![3; 5];
+        pack(codec, element_bytes, samples, &mut Vec::new(), &mut packed);
+        packed
+    }
+
+    /// A record in little of its range, nothing after a while, or noise: what packs well, very well, and not at all.
+    fn record(samples: Vec<u8>, kind: u8) -> Vec<u8> {
+        let count = samples.len();
+        let tamed = |(k, byte): (usize, u8)| match kind {
+            0 => byte,
+            1 => byte & 1,
+            // A sound of 16 bits that falls silent: the high byte is the sign.
+            2 if k % 2 == 1 => {
+                if samples_sign(k) {
+                    255
+                } else {
+                    0
+                }
+            }
+            _ if k > count / 3 => 0,
+            _ => byte,
+        };
+        samples.into_iter().enumerate().map(tamed).collect()
+    }
+
+    fn samples_sign(k: usize) -> bool {
+        (k / 2).wrapping_mul(2_654_435_761) >> 7 & 1 == 1
+    }
+
+    proptest! {
+        /// Catches samples that do not come back, bytes that change from call to call, what the library's filter would not
+        /// read, and what it packed and is not read here, of every size of block and whether cut into bytes or not.
+        #[test]
+        fn what_is_packed_comes_back(
+            samples in prop::collection::vec(any::<u8>(), 4..40_000),
+            kind in 0..4_u8,
+            element_bytes in prop::sample::select(vec![2_usize, 4]),
+            block_bytes in 128..20_000_usize,
+        ) {
+            let whole = samples.len() / element_bytes * element_bytes;
+            let samples = record(samples[..whole].to_vec(), kind);
+            for codec in [Codec::None, Codec::Lz4, Codec::Zstd] {
+                let there = packed(codec, element_bytes, &samples);
+                prop_assert!(there == packed(codec, element_bytes, &samples), "{codec}: other bytes");
+                prop_assert!(unpacked(codec, &there, whole).as_ref() == Some(&samples), "{codec}");
+                let by_library = codec.blosc().map(|_| unpacked_by_library(&there, whole));
+                prop_assert!(by_library.is_none_or(|back| back.as_ref() == Some(&samples)), "{codec}, by the library");
+            }
+            for (compressor, level) in [(c"lz4", 5), (c"lz4", 0), (c"lz4hc", 9), (c"blosclz", 5), (c"zstd", 1)] {
+                let mut there = Vec::new();
+                pack_by_library((compressor, level), element_bytes, block_bytes, &samples, &mut there);
+                prop_assert!(unpacked(Codec::Lz4, &there, whole).as_ref() == Some(&samples), "{compressor:?} {level}");
+            }
+        }
+
+        /// Catches a part that is not where it belongs, and more unpacked than the blocks that two parts lie in.
+        #[test]
+        fn parts_come_back_alone(
+            samples in prop::collection::vec(any::<u8>(), 2..40_000),
+            ends in any::<[prop::sample::Index; 4]>(),
+            kind in 0..4_u8,
+        ) {
+            let samples = record(samples[..samples.len() / 2 * 2].to_vec(), kind);
+            let mut ends = ends.map(|end| end.index(samples.len() + 1));
+            ends.sort_unstable();
+            let parts = [ends[0]..ends[1], ends[2]..ends[3]];
+            for codec in [Codec::None, Codec::Lz4] {
+                let there = packed(codec, 2, &samples);
+                let mut back = vec![7; samples.len()];
+                prop_assert!(unpack(codec, &there, parts.clone(), &mut back, &mut Vec::new()));
+                for part in parts.clone() {
+                    prop_assert!(back[part.clone()] == samples[part], "{}", codec);
+                }
+                let is_near = |k: usize| parts.iter().any(|part| k + 8192 > part.start && k < part.end + 8192);
+                prop_assert!((0..back.len()).all(|k| is_near(k) || back[k] == 7), "{}", codec);
+            }
+        }
+
+        /// Catches a reader that trusts damaged bytes: it says no or gives other samples, and never more than asked for.
+        #[test]
+        fn damaged_bytes_do_no_harm(at in 0_usize..100_000, flip in 1_u8.., cut in 0_usize..20_000, head in any::<[u8; 16]>()) {
+            let samples: Vec<u8> = (0..20_000_u32).map(|k| (k / 50) as u8).collect();
+            for codec in [Codec::Lz4, Codec::Zstd] {
+                let mut there = packed(codec, 2, &samples);
+                let length = there.len();
+                there[at % length] ^= flip;
+                let _is_known = unpacked(codec, &there, samples.len());
+                prop_assert!(unpacked(codec, &there[..cut % length], samples.len()).is_none());
+                // Whatever the header says, its lengths but for those that are looked at before the library is asked.
+                let lengths = [4..8, 12..16].map(|place| there[place].to_vec());
+                there[..16].copy_from_slice(&head);
+                there[4..8].copy_from_slice(&lengths[0]);
+                there[12..16].copy_from_slice(&lengths[1]);
+                let _is_known = unpacked(codec, &there, samples.len());
+            }
+        }
+    }
+
+    /// Catches blocks beyond the first that are not found: chunks of 64 KiB and more, as the library packs them, cut into the
+    /// bytes of samples but for a last short block.
+    #[test]
+    fn blocks_of_the_library_come_back() {
+        for (element_bytes, count) in [(2, 65_536), (2, 131_072), (2, 150_000), (4, 65_536), (4, 200_004), (4, 300_000)]
+        {
+            let samples = record((0..count as u32).map(|k| (k.wrapping_mul(k) >> 7) as u8).collect(), 2);
+            for (compressor, level) in [(c"lz4", 5), (c"lz4hc", 1)] {
+                let mut there = Vec::new();
+                pack_by_library((compressor, level), element_bytes, 8192, &samples, &mut there);
+                assert!(Chunk::new(&there).is_some(), "left to the library: {element_bytes} {count}");
+                assert!(unpacked(Codec::Lz4, &there, count).as_ref() == Some(&samples), "{element_bytes} {count}");
+                let (mut back, part) = (vec![7; count], count - 9000..count - 5);
+                assert!(unpack(Codec::Lz4, &there, std::iter::once(part.clone()), &mut back, &mut Vec::new()));
+                assert!(back[part.clone()] == samples[part], "{element_bytes} {count}");
+            }
+        }
+    }
+
+    /// Catches a packing that finds less than LZ4's own search does: records of a tap's kind, in noise of 4 bits.
+    #[test]
+    fn planes_pack_as_well_as_a_search() {
+        let mut state = 1_u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 28) as i16 - 8
+        };
+        let sound = |k: usize| (9000.0 * (-(k as f64) / 900.0).exp() * (k as f64 * 0.3).sin()) as i16;
+        let samples: Vec<u8> = (0..16_384).flat_map(|k| (sound(k) + noise()).to_le_bytes()).collect();
+        let mut searched = Vec::new();
+        pack_by_library((c"lz4", 5), 2, ZSTD_BLOCK_BYTES, &samples, &mut searched);
+        let ours = packed(Codec::Lz4, 2, &samples);
+        assert!(ours.len() < searched.len() && 2 * ours.len() < samples.len(), "{} {}", ours.len(), searched.len());
+    }
+}

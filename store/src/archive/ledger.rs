@@ -1,0 +1,58 @@
+//! What the ledger vouches for: the state of each tap, and the digest of what was recorded.
+
+use std::path::Path;
+
+use tapline_wire::{Plan, TapState};
+
+use crate::error::{Context as _, Error, Result};
+use crate::format::checksum::SealedRow as _;
+use crate::format::layout::{HeaderRow, LedgerRow};
+use crate::format::lineage::Digest;
+use crate::h5::table::Table;
+
+/// State and attempt of the tap in row `k` of a ledger.
+pub(crate) fn tap_state(path: &Path, k: usize, row: &LedgerRow) -> Result<(TapState, u16)> {
+    if !row.is_whole(k) {
+        return Ok((TapState::Missing, 0));
+    }
+    let unknown = || Error::damaged(path, format!("row {k} of its ledger has state {}", row.state));
+    Ok((row.state().ok_or_else(unknown)?, row.attempt))
+}
+
+/// BLAKE3 of all that was recorded in the archived taps that `ledger` names: which taps they are, how they were recorded, and their
+/// samples; how and when they were sent does not enter, nor how they are packed.
+pub(crate) fn raw_digest(
+    path: &Path,
+    plan: &Plan,
+    ledger: &Table<LedgerRow>,
+    headers: &Table<HeaderRow>,
+) -> Result<Digest> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&plan.digest().to_le_bytes());
+    let ledger = ledger.read_all().context("read the ledger", path)?;
+    let headers = headers.read_all().context("read the headers", path)?;
+    for (k, (row, header)) in ledger.iter().zip(headers).enumerate() {
+        let (state, attempt) = tap_state(path, k, row)?;
+        hasher.update(&(k as u64).to_le_bytes()).update(&[state.code()]).update(&attempt.to_le_bytes());
+        if state == TapState::Archived {
+            if !header.is_whole(k) {
+                let what = format!("the header of plan row {k} is not what was written: its checksum differs");
+                return Err(Error::damaged(path, what));
+            }
+            add_header(&mut hasher, &header);
+        }
+    }
+    Ok(*hasher.finalize().as_bytes())
+}
+
+fn add_header(hasher: &mut blake3::Hasher, header: &HeaderRow) {
+    let HeaderRow { source, pre_trigger_samples, sample_count, tap_time_ns, samples_digest, .. } = *header;
+    let floats = [header.sample_rate_hz, header.velocity_measured_m_per_s, header.microphone_distance_m];
+    for value in floats.into_iter().chain(header.unit_per_count) {
+        hasher.update(&value.to_bits().to_le_bytes());
+    }
+    for number in [source, pre_trigger_samples, sample_count] {
+        hasher.update(&number.to_le_bytes());
+    }
+    hasher.update(&tap_time_ns.to_le_bytes()).update(&samples_digest);
+}

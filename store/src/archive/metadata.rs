@@ -1,0 +1,126 @@
+//! What an archive is given when it is made and never changes, with the digest that it is held to.
+
+use hdf5::{File, H5Type};
+
+use crate::format::checksum::PlainRow as _;
+use crate::format::layout::{PlanRow, TruthRow, attribute, table};
+use crate::h5::text::read_text;
+
+/// All that does not change once the archive is there, and the plan, which may grow.
+pub(crate) struct Metadata {
+    /// BLAKE3 of all of it, in hexadecimal digits.
+    pub(crate) digest: String,
+    pub(crate) geometry: String,
+    pub(crate) plan_digest: u64,
+    pub(crate) source_digest: u64,
+    pub(crate) config: Vec<u8>,
+    pub(crate) made_by: Vec<u8>,
+    pub(crate) reference: Option<Vec<u8>>,
+    /// How many of the rows of the plan were there from the beginning.
+    pub(crate) begun_count: usize,
+    pub(crate) plan: Vec<PlanRow>,
+    pub(crate) truth: Vec<TruthRow>,
+}
+
+impl Metadata {
+    /// Reads it from `file`; `None` where a table claims what cannot be.
+    pub(crate) fn read(file: &File) -> hdf5::Result<Option<Self>> {
+        // All in one piece, of which BLAKE3 takes several parts at a time.
+        let mut all = Vec::new();
+        let mut add = |part: &[u8]| {
+            all.extend_from_slice(&(part.len() as u64).to_le_bytes());
+            all.extend_from_slice(part);
+        };
+        let mut text = |name: &str| -> hdf5::Result<String> {
+            let text = read_text(file, name)?;
+            add(text.as_bytes());
+            Ok(text)
+        };
+        text(attribute::FORMAT)?;
+        text(attribute::TAPLINE_VERSION)?;
+        let geometry = text(attribute::GEOMETRY)?;
+        let mut number = |name: &str| -> hdf5::Result<u64> {
+            let number: u64 = file.attr(name)?.read_scalar()?;
+            add(&number.to_le_bytes());
+            Ok(number)
+        };
+        let (plan_digest, source_digest) = (number(attribute::PLAN_DIGEST)?, number(attribute::SOURCE_DIGEST)?);
+        let begun_count = number(attribute::BEGUN_TAPS)?;
+        add(&file.attr(attribute::FORMAT_VERSION)?.read_scalar::<u32>()?.to_le_bytes());
+        let Some(config) = read_bounded::<u8>(file, table::CONFIG)? else { return Ok(None) };
+        let Some(made_by) = read_bounded::<u8>(file, table::MADE_BY)? else { return Ok(None) };
+        add(&config);
+        add(&made_by);
+        let names = file.attr_names()?;
+        let has = |name: &str| names.iter().any(|known| known == name);
+        if has(attribute::RAW) {
+            for name in [attribute::RAW, attribute::RAW_DIGEST] {
+                add(read_text(file, name)?.as_bytes());
+            }
+        }
+        let mut reference = None;
+        if file.link_exists(table::REFERENCE) {
+            let Some(bytes) = read_bounded::<u8>(file, table::REFERENCE)? else { return Ok(None) };
+            add(&bytes);
+            reference = Some(bytes);
+        }
+        let Some(plan) = read_bounded::<PlanRow>(file, table::PLAN)? else { return Ok(None) };
+        let begun = usize::try_from(begun_count).ok().and_then(|count| plan.get(..count));
+        let Some(begun) = begun else { return Ok(None) };
+        begun.iter().for_each(|row| add(row.bytes()));
+        let begun_count = begun.len();
+        add(&(plan.len() as u64).to_le_bytes());
+        let mut truth = Vec::new();
+        if file.link_exists(table::TRUTH) {
+            let Some(rows) = read_bounded::<TruthRow>(file, table::TRUTH)? else { return Ok(None) };
+            rows.iter().for_each(|row| add(row.bytes()));
+            truth = rows;
+        }
+        let digest = blake3::hash(&all).to_hex().to_string();
+        Ok(Some(Self {
+            digest,
+            geometry,
+            plan_digest,
+            source_digest,
+            config,
+            made_by,
+            reference,
+            begun_count,
+            plan,
+            truth,
+        }))
+    }
+}
+
+/// All rows of a table whose length is not known beforehand; `None` where the file cannot hold what it claims, or it has
+/// other columns.
+fn read_bounded<R: H5Type + Clone>(file: &File, name: &str) -> hdf5::Result<Option<Vec<R>>> {
+    let dataset = file.dataset(name)?;
+    let &[row_count] = dataset.shape().as_slice() else { return Ok(None) };
+    // All rows are in the file: a length that only claims to be must not ask for memory.
+    let bytes = row_count.checked_mul(size_of::<R>()).and_then(|bytes| u64::try_from(bytes).ok());
+    let is_so = bytes.is_some_and(|bytes| bytes <= file.size());
+    if !is_so || dataset.dtype()?.to_descriptor()? != R::type_descriptor() {
+        return Ok(None);
+    }
+    dataset.read_raw::<R>().map(Some)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches memory that is asked for because a damaged length claims rows that the file cannot have.
+    #[test]
+    fn rows_that_cannot_be_there_are_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = File::create(folder.path().join("t.h5")).unwrap();
+        let of = |name: &str, row_count: usize| {
+            file.new_dataset::<PlanRow>().chunk([64]).shape(row_count).create(name).unwrap();
+            read_bounded::<PlanRow>(&file, name).unwrap()
+        };
+        assert!(of("too many", 1 << 40).is_none());
+        assert!(of("beyond all bytes", usize::MAX / 2).is_none());
+        assert_eq!(of("none", 0).map(|rows| rows.len()), Some(0));
+    }
+}

@@ -1,0 +1,64 @@
+//! Units of the tables: attributes of their datasets, written once and checked whenever an archive is opened.
+//!
+//! Each table has them twice: as one list, which is read by eye, and field by field under `units_<field>`, which a program
+//! looks up without taking a text apart.
+
+use std::path::Path;
+
+use hdf5::{Dataset, File};
+use tapline_wire::Channel;
+
+use crate::error::{Context, Error, Result};
+use crate::format::layout::{NOTES, attribute, table, unit_of};
+use crate::h5::text::{read_text, write_text};
+
+/// Writes `units`, a list as in [`NOTES`], on `dataset`; nothing where it is empty.
+pub(crate) fn write_units(dataset: &Dataset, units: &'static str) -> hdf5::Result<()> {
+    if units.is_empty() {
+        return Ok(());
+    }
+    write_text(dataset, attribute::UNITS, units)?;
+    by_field(units).try_for_each(|(name, unit)| write_text(dataset, &name, unit))
+}
+
+/// Whether every table's numbers are in the units of this program: a force in mN would pass through every ratio of one
+/// tyre unseen, and be a thousand times another's.
+///
+/// # Errors
+/// [`Error::OtherUnits`] with the table and both units, or what the library says.
+pub(crate) fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<()> {
+    for (name, _, units) in NOTES.into_iter().filter(|(_, _, units)| !units.is_empty()) {
+        let file = if name.starts_with(table::TAPS) { taps_file } else { file };
+        let table = file.dataset(name).context("find a table", path)?;
+        for (attribute, known) in std::iter::once((attribute::UNITS.to_owned(), units)).chain(by_field(units)) {
+            let archived = read_text(&table, &attribute).unwrap_or_default();
+            if archived != known {
+                return Err(Error::OtherUnits { path: path.to_owned(), table: name, archived, known });
+            }
+        }
+    }
+    check_channels(taps_file, path)
+}
+
+/// Whether the channels of `taps_file` are in the units of this program, each in its own.
+fn check_channels(taps_file: &File, path: &Path) -> Result<()> {
+    let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
+    let [names, archived] =
+        [attribute::CHANNELS, attribute::CHANNEL_UNITS].map(|name| read_text(&samples, name).unwrap_or_default());
+    let mut units = archived.split(',');
+    for name in names.split(',') {
+        let channel = [Channel::Force, Channel::Sound].into_iter().find(|channel| channel.name() == name);
+        let known = channel.map_or("", unit_of);
+        let is_known = units.next() == Some(known);
+        if !is_known {
+            return Err(Error::OtherUnits { path: path.to_owned(), table: table::SAMPLES, archived, known });
+        }
+    }
+    Ok(())
+}
+
+/// The attribute of each field of the list `units`, and what it says; none for the unit of a whole dataset.
+fn by_field(units: &'static str) -> impl Iterator<Item = (String, &'static str)> {
+    let fields = units.split(", ").filter_map(|field| field.split_once(' '));
+    fields.map(|(field, unit)| (format!("{}{field}", attribute::UNITS_OF_FIELD), unit))
+}

@@ -1,0 +1,326 @@
+//! Names, rows and units of the tables in an archive.
+//!
+//! Codes and flags are plain integers, never Rust enums or booleans: a damaged file must not be able to form an
+//! invalid value. No row has padding: its bytes go to the file as they lie in memory, without undefined ones among
+//! them and without the library's conversion, which clears a megabyte at every write.
+
+use hdf5::H5Type;
+use hdf5::types::{FixedAscii, FixedUnicode};
+use tapline_wire::{CHANNELS_MAX, Channel, SERIAL_BYTES, SampleFormat};
+
+use crate::format::lineage::Digest;
+
+/// Version of the layout that is written, and the only one that is read.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Longest reason of a refusal in bytes of UTF-8; a longer one ends in an ellipsis.
+pub const REASON_BYTES: usize = 256;
+
+/// Value of the root attribute [`attribute::FORMAT`].
+pub(crate) const FORMAT: &str = "tapline";
+
+/// Plan row in a table row that nothing was written to.
+pub(crate) const UNWRITTEN: u32 = u32::MAX;
+
+/// A lineage key that is not known yet, in the room of one that is.
+pub(crate) type Key = FixedAscii<64>;
+
+/// Paths of the tables.
+pub(crate) mod table {
+    pub(crate) const CONFIG: &str = "config";
+    /// What the results were made by, lines of text.
+    pub(crate) const MADE_BY: &str = "made_by";
+    /// Bytes of the reference file, UTF-8; only where the run had one.
+    pub(crate) const REFERENCE: &str = "reference";
+    pub(crate) const PLAN: &str = "plan";
+    pub(crate) const TAPS: &str = "taps";
+    pub(crate) const HEADER: &str = "taps/header";
+    pub(crate) const SAMPLES: &str = "taps/samples";
+    pub(crate) const DISCRIMINATORS: &str = "discriminators";
+    pub(crate) const LEDGER: &str = "ledger";
+    pub(crate) const REFUSALS: &str = "refusals";
+    pub(crate) const SCANS: &str = "scans";
+    pub(crate) const DAMAGE: &str = "damage";
+    pub(crate) const TRUTH: &str = "truth";
+    /// Key of the results, zeros until they are whole.
+    pub(crate) const LINEAGE_KEY: &str = "lineage_key";
+    /// What must not change while the archive is written: see [`crate::h5::structure`].
+    pub(crate) const STRUCTURE: &str = "structure";
+}
+
+/// Names of the attributes.
+pub(crate) mod attribute {
+    pub(crate) const FORMAT: &str = "format";
+    pub(crate) const FORMAT_VERSION: &str = "format_version";
+    pub(crate) const TAPLINE_VERSION: &str = "tapline_version";
+    pub(crate) const GEOMETRY: &str = "geometry";
+    pub(crate) const PLAN_DIGEST: &str = "plan_digest";
+    pub(crate) const SOURCE_DIGEST: &str = "source_digest";
+    pub(crate) const CHANNELS: &str = "channels";
+    /// Name of what packs the samples.
+    pub(crate) const CODEC: &str = "codec";
+    /// Name of the archive whose taps results are of, in the same folder.
+    pub(crate) const RAW: &str = "raw";
+    /// Digest of the taps that results are of, as hexadecimal digits.
+    pub(crate) const RAW_DIGEST: &str = "raw_digest";
+    /// How many taps were planned when the archive was begun.
+    pub(crate) const BEGUN_TAPS: &str = "begun_taps";
+    /// BLAKE3 of what does not change after creation, as hexadecimal digits.
+    pub(crate) const DIGEST: &str = "digest";
+    pub(crate) const SAMPLE_FORMAT: &str = "sample_format";
+    pub(crate) const SAMPLE_RATE_HZ: &str = "sample_rate_hz";
+    pub(crate) const PRE_TRIGGER_SAMPLES: &str = "pre_trigger_samples";
+    pub(crate) const NOTE: &str = "note";
+    /// Units of a table's fields in one list, or the unit of a dataset of plain numbers.
+    pub(crate) const UNITS: &str = "units";
+    /// Begins the name of the attribute that has the unit of one field alone.
+    pub(crate) const UNITS_OF_FIELD: &str = "units_";
+    /// Units of the channels once they are scaled, in the order of [`CHANNELS`].
+    pub(crate) const CHANNEL_UNITS: &str = "channel_units";
+    /// Class of a group in the words of NeXus: a hint to programs that know them.
+    pub(crate) const NX_CLASS: &str = "NX_class";
+    /// Which group, and in it which dataset, such a program shows first, and along which axes.
+    pub(crate) const NX_DEFAULT: &str = "default";
+    pub(crate) const NX_SIGNAL: &str = "signal";
+    pub(crate) const NX_AXES: &str = "axes";
+}
+
+/// What a reader without this program needs to know of each table: (table, note, units).
+///
+/// Units are a list of fields, or that of the dataset's own numbers; what has no unit is not in it.
+pub(crate) const NOTES: [(&str, &str, &str); 8] = [
+    (
+        table::PLAN,
+        "row k of every table of taps is row k here; NaN is unknown; grown_to 0 is room for a tap that was not asked for; why is 0 for a tap that was planned from the beginning",
+        "offset_mm mm, velocity_m_per_s m/s, angle_deg deg",
+    ),
+    (
+        table::HEADER,
+        "a sample times unit_per_count is N or V; plan_index 4294967295 is a tap that is not there; source 1 simulated, 2 tap set; samples_digest is the BLAKE3 of the samples that are meant",
+        "sample_rate_hz Hz, velocity_measured_m_per_s m/s, microphone_distance_m m, tap_time_ns ns, sent_ns ns, epoch_ns ns",
+    ),
+    (
+        table::DISCRIMINATORS,
+        "NaN is absent; plan_index 4294967295 is a tap that is not there; quality is a set of flags",
+        "velocity_measured_m_per_s m/s, f_max_n N, tau_s s, a_1_v_s V s, a_2_v_s V s, pr 1, p_f_v2_per_hz V^2/Hz, e_f_v2 V^2",
+    ),
+    (
+        table::LEDGER,
+        "state 0 missing, 1 archived, 2 refused; only an archived tap's other rows are meant; a missing tap was lost at 1 acquire, 2 process, 3 store, 0 not said; attempts before this one were retaken for the flags of retaken_quality",
+        "",
+    ),
+    (table::REFUSALS, "reason of a refused tap, UTF-8", ""),
+    (
+        table::SCANS,
+        "state 0 open, 1 ended, 2 judged; verdict 0 none, 1 PASS, 2 RE-INSPECT, 3 REJECT; reasons is a set of flags; its cells are rows first_cell.. of damage; evidence and drift are by discriminator, in the order of that table's columns",
+        "",
+    ),
+    (
+        table::DAMAGE,
+        "meant where the scan is judged; NaN is none; region 0 is none; scan 4294967295 is room that is not used",
+        "angle_deg deg, offset_best_mm mm, offset_low_mm mm, offset_high_mm mm",
+    ),
+    (table::SAMPLES, "[tap, channel, sample]; sample_count of the header are meant, the rest is 0", "counts"),
+];
+
+/// A planned tap.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, H5Type)]
+pub(crate) struct PlanRow {
+    pub(crate) tyre: FixedUnicode<SERIAL_BYTES>,
+    pub(crate) station: u16,
+    pub(crate) shoulder: u16,
+    pub(crate) scan: u32,
+    pub(crate) offset_mm: f64,
+    pub(crate) velocity_m_per_s: f64,
+    pub(crate) angle_deg: f64,
+    pub(crate) location: u32,
+    pub(crate) repetition: u16,
+    pub(crate) is_closing: u16,
+    /// Rows of the plan once this one was added with others; 0 where there is no tap.
+    pub(crate) grown_to: u32,
+    /// Why the tap was added to the plan of an open casing; 0 where it was planned from the beginning.
+    pub(crate) why: u32,
+    /// Digest of the plan with these rows.
+    pub(crate) plan_digest: u64,
+    pub(crate) checksum: u64,
+}
+
+/// What is known of a tap beside its samples, its place in the plan and the shape all records share.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, H5Type)]
+pub(crate) struct HeaderRow {
+    pub(crate) plan_index: u32,
+    pub(crate) attempt: u16,
+    pub(crate) channel_count: u16,
+    pub(crate) sample_rate_hz: f64,
+    pub(crate) sample_count: u32,
+    pub(crate) pre_trigger_samples: u32,
+    pub(crate) unit_per_count: [f64; CHANNELS_MAX],
+    pub(crate) velocity_measured_m_per_s: f64,
+    pub(crate) microphone_distance_m: f64,
+    pub(crate) tap_time_ns: i64,
+    pub(crate) sent_ns: i64,
+    pub(crate) epoch_ns: i64,
+    pub(crate) sequence: u64,
+    pub(crate) mark: u64,
+    pub(crate) sender: u32,
+    pub(crate) source: u32,
+    /// BLAKE3 of the samples that are meant, channel by channel, in the file's byte order.
+    pub(crate) samples_digest: Digest,
+    /// Of the chunk as it lies in the file.
+    pub(crate) stored_checksum: u64,
+    pub(crate) checksum: u64,
+}
+
+/// What was found in a tap; the seven values under [`tapline_wire::Discriminator::column`].
+///
+/// Shoulder and location repeat the plan, so that the table can be plotted by itself.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, H5Type)]
+pub(crate) struct DiscriminatorsRow {
+    pub(crate) plan_index: u32,
+    pub(crate) attempt: u16,
+    pub(crate) shoulder: u16,
+    pub(crate) location: u32,
+    pub(crate) quality: u32,
+    pub(crate) velocity_measured_m_per_s: f64,
+    pub(crate) f_max_n: f64,
+    pub(crate) tau_s: f64,
+    pub(crate) a_1_v_s: f64,
+    pub(crate) a_2_v_s: f64,
+    pub(crate) pr: f64,
+    pub(crate) p_f_v2_per_hz: f64,
+    pub(crate) e_f_v2: f64,
+    pub(crate) checksum: u64,
+}
+
+/// State of a planned tap.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, H5Type)]
+pub(crate) struct LedgerRow {
+    /// Flags of the last attempt that was of no use.
+    pub(crate) retaken_quality: u32,
+    /// How many were.
+    pub(crate) retaken_count: u32,
+    pub(crate) attempt: u16,
+    /// Where a missing tap was lost: a code of [`crate::Lost`].
+    pub(crate) lost_at: u16,
+    pub(crate) state: u32,
+    pub(crate) checksum: u64,
+}
+
+/// Reason of a refusal.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, H5Type)]
+pub(crate) struct ReasonRow {
+    pub(crate) reason: FixedUnicode<REASON_BYTES>,
+    pub(crate) checksum: u64,
+}
+
+/// One scan and its verdict.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, H5Type)]
+pub(crate) struct ScanRow {
+    pub(crate) tyre: FixedUnicode<SERIAL_BYTES>,
+    pub(crate) station: u16,
+    pub(crate) shoulder: u16,
+    pub(crate) first_cell: u32,
+    pub(crate) cell_count: u32,
+    pub(crate) verdict: u32,
+    pub(crate) limit_re_inspect: f64,
+    pub(crate) limit_reject: f64,
+    pub(crate) false_call_rate: f64,
+    pub(crate) p_value: f64,
+    pub(crate) evidence: [f64; 7],
+    pub(crate) drift: [f64; 7],
+    pub(crate) reasons: u32,
+    pub(crate) planned_count: u32,
+    pub(crate) received_count: u32,
+    pub(crate) refused_count: u32,
+    pub(crate) absent_count: u32,
+    pub(crate) state: u32,
+    pub(crate) checksum: u64,
+}
+
+/// Damage at one location.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, H5Type)]
+pub(crate) struct CellRow {
+    pub(crate) tyre: FixedUnicode<SERIAL_BYTES>,
+    pub(crate) station: u16,
+    pub(crate) shoulder: u16,
+    pub(crate) scan: u32,
+    pub(crate) angle_deg: f64,
+    pub(crate) damage_index: f64,
+    pub(crate) p_value: f64,
+    pub(crate) guard: f64,
+    pub(crate) region_p_value: f64,
+    pub(crate) offset_best_mm: f64,
+    pub(crate) offset_low_mm: f64,
+    pub(crate) offset_high_mm: f64,
+    pub(crate) location: u32,
+    pub(crate) region: u32,
+    pub(crate) tap_count: u32,
+    pub(crate) absent_count: u32,
+    pub(crate) checksum: u64,
+}
+
+/// What is known of a crack at one location.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, H5Type)]
+pub(crate) struct TruthRow {
+    pub(crate) tyre: FixedUnicode<SERIAL_BYTES>,
+    pub(crate) location: u32,
+    pub(crate) shoulder: u16,
+    pub(crate) cracked: u16,
+}
+
+/// Name of a sample format in archives, as in configurations.
+pub(crate) fn format_name(format: SampleFormat) -> &'static str {
+    match format {
+        SampleFormat::I16 => "i16",
+        SampleFormat::F32 => "f32",
+    }
+}
+
+/// Unit of a channel's samples once they are scaled.
+pub(crate) fn unit_of(channel: Channel) -> &'static str {
+    match channel {
+        Channel::Force => "N",
+        Channel::Sound => "V",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hdf5::types::TypeDescriptor;
+    use tapline_wire::Discriminator;
+
+    use super::*;
+
+    /// Catches a column that is renamed, dropped or moved away from what every other table calls it.
+    #[test]
+    fn discriminators_have_their_columns() {
+        let TypeDescriptor::Compound(row) = DiscriminatorsRow::type_descriptor() else { panic!("not a compound") };
+        let names: Vec<&str> = row.fields.iter().map(|f| f.name.as_str()).skip(6).take(7).collect();
+        assert_eq!(names, Discriminator::ALL.map(Discriminator::column));
+    }
+
+    /// Catches a field that makes the compiler pad a row.
+    #[test]
+    fn rows_have_no_padding() {
+        for row in [
+            PlanRow::type_descriptor(),
+            HeaderRow::type_descriptor(),
+            DiscriminatorsRow::type_descriptor(),
+            LedgerRow::type_descriptor(),
+            ScanRow::type_descriptor(),
+            ReasonRow::type_descriptor(),
+            CellRow::type_descriptor(),
+            TruthRow::type_descriptor(),
+        ] {
+            assert_eq!(row.size(), row.to_packed_repr().size(), "{row:?}");
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! The index of a dataset's chunks, read from the file itself: the library tells of one chunk by going through all of them.
+//!
+//! Only what archives have is known: object headers of version 1, data layouts of version 3, B-trees of version 1, in addresses
+//! of eight bytes (HDF5 File Format Specification, III.A.1, IV.A.1.a, IV.A.2.i). Where anything else is met nothing is found,
+//! and the library is asked after all.
+
+use std::fs::File;
+use std::os::unix::fs::FileExt as _;
+
+use crate::h5::location::ChunkLocation;
+
+/// The end of a file's signature, the versions of its superblock and their kin, and the sizes of addresses and lengths.
+const SUPERBLOCK: [u8; 16] = *b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08\x08\0";
+
+/// Types of messages in an object header.
+const LAYOUT: u16 = 8;
+const CONTINUATION: u16 = 16;
+
+/// More blocks of messages, or levels of a tree, than any archive has.
+const BLOCKS_MAX: usize = 64;
+const LEVELS_MAX: u8 = 16;
+
+/// A chunk: its place in the file, and which filters it was not put through.
+pub(crate) type Chunk = (ChunkLocation, u32);
+
+/// The chunks of the dataset whose object header is at `header` of `file`, one row each of `row_count`, by row; `rank` is the
+/// number of its dimensions. `None` where they are kept in a way that is not known here, or not one for each row.
+pub(crate) fn chunks(file: &File, header: u64, row_count: usize, rank: usize) -> Option<Vec<Chunk>> {
+    Some(index(file, header, row_count, rank)?.chunks)
+}
+
+/// The index of a dataset's chunks.
+#[derive(Debug)]
+pub(crate) struct Index {
+    pub(crate) chunks: Vec<Chunk>,
+    /// Where its nodes lie.
+    pub(crate) nodes: Vec<u64>,
+}
+
+/// The same, and where it lies itself.
+pub(crate) fn index(file: &File, header: u64, row_count: usize, rank: usize) -> Option<Index> {
+    if read(file, 0, SUPERBLOCK.len())? != SUPERBLOCK || u64_at(&read(file, 24, 8)?, 0)? != 0 {
+        return None;
+    }
+    let nodes_left = 2 * row_count + BLOCKS_MAX;
+    let mut walk = Walk { file, rank, chunks: vec![None; row_count], nodes: Vec::new(), nodes_left };
+    walk.node(tree_of(file, header, rank)?, LEVELS_MAX)?;
+    Some(Index { chunks: walk.chunks.into_iter().collect::<Option<_>>()?, nodes: walk.nodes })
+}
+
+/// What stands in the node at `address`, but for what changes as chunks are written: their lengths, which nodes above repeat,
+/// and their places are zeros.
+pub(crate) fn node_with_changes_left_out(file: &File, address: u64, rank: usize) -> Option<Vec<u8>> {
+    let head = read(file, address, NODE_HEAD_BYTES)?;
+    let (is_leaf, entry_count) = (head[5] == 0, u16_at(&head, 6)? as usize);
+    let (key_bytes, entry_bytes) = (key_bytes(rank), key_bytes(rank) + 8);
+    let mut node = read(file, address, NODE_HEAD_BYTES + entry_count * entry_bytes + key_bytes)?;
+    // The last is a key alone.
+    for entry in node[NODE_HEAD_BYTES..].chunks_mut(entry_bytes) {
+        entry[..4].fill(0);
+        if is_leaf {
+            entry[key_bytes..].fill(0);
+        }
+    }
+    Some(node)
+}
+
+/// Bytes of a node before its entries.
+const NODE_HEAD_BYTES: usize = 24;
+
+/// Bytes of a key: a chunk's length, its filters, and where it begins in every dimension and the element.
+fn key_bytes(rank: usize) -> usize {
+    8 + 8 * (rank + 1)
+}
+
+/// Address of the tree of chunks that the object header at `header` names.
+fn tree_of(file: &File, header: u64, rank: usize) -> Option<u64> {
+    let prefix = read(file, header, 16)?;
+    if prefix[0] != 1 {
+        return None;
+    }
+    let mut blocks = vec![(header + 16, u32_at(&prefix, 8)? as usize)];
+    let mut done = 0;
+    while let Some(&(address, length)) = blocks.get(done).filter(|_| done < BLOCKS_MAX) {
+        let block = read(file, address, length)?;
+        let mut at = 0;
+        while at + 8 <= block.len() {
+            let (kind, size) = (u16_at(&block, at)?, u16_at(&block, at + 2)? as usize);
+            let message = block.get(at + 8..at + 8 + size)?;
+            match kind {
+                // Version 3, chunked, of one dimension more: the size of an element.
+                LAYOUT if message.get(..3)? == [3, 2, u8::try_from(rank + 1).ok()?] => return u64_at(message, 3),
+                LAYOUT => return None,
+                CONTINUATION => blocks.push((u64_at(message, 0)?, usize::try_from(u64_at(message, 8)?).ok()?)),
+                _ => {}
+            }
+            at += 8 + size;
+        }
+        done += 1;
+    }
+    None
+}
+
+struct Walk<'a> {
+    file: &'a File,
+    rank: usize,
+    chunks: Vec<Option<Chunk>>,
+    nodes: Vec<u64>,
+    nodes_left: usize,
+}
+
+impl Walk<'_> {
+    /// Takes in the chunks below the node at `address`, which is on a level below `above`.
+    fn node(&mut self, address: u64, above: u8) -> Option<()> {
+        self.nodes_left = self.nodes_left.checked_sub(1)?;
+        let head = read(self.file, address, NODE_HEAD_BYTES)?;
+        let (level, entry_count) = (head[5], u16_at(&head, 6)? as usize);
+        if head[..5] != *b"TREE\x01" || level >= above {
+            return None;
+        }
+        let key_bytes = key_bytes(self.rank);
+        let entries = read(self.file, address.checked_add(24)?, entry_count * (key_bytes + 8))?;
+        self.nodes.push(address);
+        for entry in entries.chunks_exact(key_bytes + 8) {
+            let child = u64_at(entry, key_bytes)?;
+            if level > 0 {
+                self.node(child, level)?;
+                continue;
+            }
+            let (length, mask, row) = (u32_at(entry, 0)? as usize, u32_at(entry, 4)?, u64_at(entry, 8)?);
+            let chunk = self.chunks.get_mut(usize::try_from(row).ok()?)?;
+            if chunk.replace((ChunkLocation { address: child, length }, mask)).is_some() {
+                return None;
+            }
+        }
+        Some(())
+    }
+}
+
+/// `length` bytes at `address`, unless the file is too short.
+fn read(file: &File, address: u64, length: usize) -> Option<Vec<u8>> {
+    // A length that is damaged must not ask for memory that no file has.
+    if length as u64 > file.metadata().ok()?.len() {
+        return None;
+    }
+    let mut bytes = vec![0; length];
+    file.read_exact_at(&mut bytes, address).ok()?;
+    Some(bytes)
+}
+
+fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
+    Some(u16::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+    Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
+}
+
+fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
+    Some(u64::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::OpenOptions;
+
+    use hdf5::filters::BloscShuffle;
+    use tapline_codec::Codec;
+
+    use super::*;
+    use crate::h5::samples::ChunkRows;
+
+    const ROW: [usize; 2] = [2, 16];
+
+    /// A file with a dataset of `row_count` chunks, written in an order of its own.
+    fn dataset(path: &std::path::Path, codec: Codec, row_count: usize) -> hdf5::Dataset {
+        let file = hdf5::File::create(path).unwrap();
+        let builder = file.new_dataset::<i16>().shape((row_count, ROW[0], ROW[1])).chunk((1, ROW[0], ROW[1]));
+        let dataset = match codec {
+            Codec::Lz4 => builder.blosc_lz4(5, BloscShuffle::Bit).create("rows").unwrap(),
+            Codec::Gzip => builder.shuffle().deflate(4).create("rows").unwrap(),
+            _ => builder.create("rows").unwrap(),
+        };
+        for k in 0..row_count {
+            let row = k * 7919 % row_count;
+            let samples = ndarray::Array2::from_shape_fn(ROW, |(a, b)| (row * 37 + a * 11 + b * b) as i16);
+            dataset.write_slice(&samples, ndarray::s![row, .., ..]).unwrap();
+        }
+        file.flush().unwrap();
+        dataset
+    }
+
+    /// Catches a chunk that is found elsewhere than the library finds it, in trees of one level and of several.
+    #[test]
+    fn chunks_are_where_the_library_says() {
+        let folder = tempfile::tempdir().unwrap();
+        for codec in [Codec::None, Codec::Lz4, Codec::Gzip] {
+            for row_count in [1, 63, 65, 3001] {
+                let path = folder.path().join(format!("{codec}-{row_count}.h5"));
+                let rows = ChunkRows::new(dataset(&path, codec, row_count), codec, 64).unwrap();
+                let places = rows.places(&File::open(&path).unwrap()).unwrap();
+                assert!(rows.index(&File::open(&path).unwrap()).is_some(), "{codec}, {row_count}");
+                for (row, place) in (0..).zip(places) {
+                    assert_eq!(place, rows.place(row).unwrap(), "{codec}, row {row} of {row_count}");
+                    // Blosc gains nothing on so few samples and is left out of some chunks.
+                    assert!(place.is_some() || codec == Codec::Lz4);
+                }
+            }
+        }
+    }
+
+    /// Catches a damaged index that panics, never ends, asks for memory without bound, or is believed though rows lack.
+    #[test]
+    fn a_damaged_index_is_not_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        let rows = ChunkRows::new(dataset(&path, Codec::None, 300), Codec::None, 64).unwrap();
+        let header = rows.header_address().unwrap();
+        drop(rows);
+        let file = OpenOptions::new().read(true).write(true).open(&path).unwrap();
+        let bytes = file.metadata().unwrap().len();
+        let whole = chunks(&file, header, 300, 3).unwrap();
+        let mut damaged = 0;
+        for at in 0..bytes {
+            for byte in [0xff, 0] {
+                let before = read(&file, at, 1).unwrap();
+                file.write_all_at(&[byte], at).unwrap();
+                damaged += usize::from(chunks(&file, header, 300, 3).is_none_or(|found| found != whole));
+                file.write_all_at(&before, at).unwrap();
+            }
+        }
+        assert!(damaged > 1000, "{damaged}");
+        assert_eq!(chunks(&file, header, 301, 3), None, "a row lacks");
+        assert_eq!(chunks(&file, header, 299, 3), None, "a row is beyond");
+        assert_eq!(chunks(&file, header, 300, 2), None);
+        assert_eq!(chunks(&file, bytes, 300, 3), None);
+    }
+}

@@ -1,0 +1,186 @@
+//! Samples of taps as chunks of their dataset, written from where they lie and found without the library's search.
+#![expect(unsafe_code, reason = "the safe crate has no direct access to chunks")]
+
+use std::ffi::{c_uint, c_ulong};
+use std::fs::File;
+
+use hdf5::{Dataset, Error, H5Type, sync::sync};
+use hdf5_sys::h5::{haddr_t, herr_t, hsize_t};
+use hdf5_sys::h5d::{H5Dget_chunk_info_by_coord, H5Dwrite_chunk};
+use hdf5_sys::h5i::hid_t;
+use hdf5_sys::h5p::H5P_DEFAULT;
+use ndarray::{ArrayView2, s};
+use tapline_codec::Codec;
+
+use crate::h5::chunk_index::{Chunk, chunks};
+use crate::h5::location::ChunkLocation;
+
+unsafe extern "C" {
+    // Since 1.10.3; the crate declares it for some versions alone.
+    fn H5Oget_info2(object: hid_t, info: *mut ObjectInfo, fields: c_uint) -> herr_t;
+}
+
+/// What [`H5Oget_info2`] writes: the number of the file, the address of the object's header, and more.
+#[repr(C)]
+struct ObjectInfo {
+    file: c_ulong,
+    address: haddr_t,
+    more: [u64; 64],
+}
+
+/// Asks [`H5Oget_info2`] for the address alone.
+const BASIC: c_uint = 1;
+
+/// Rows of a `[row, channel, sample]` dataset whose chunks are one row each.
+#[derive(Debug, Clone)]
+pub(crate) struct ChunkRows {
+    dataset: Dataset,
+    codec: Codec,
+    row_bytes: usize,
+}
+
+impl ChunkRows {
+    /// The rows of `dataset`, of `row_bytes` bytes each, packed by `codec`; `None` when it has another layout.
+    pub(crate) fn new(dataset: Dataset, codec: Codec, row_bytes: usize) -> Option<Self> {
+        let &[_, channels, samples] = dataset.shape().as_slice() else { return None };
+        let element_bytes = dataset.dtype().ok()?.size();
+        let is_known = dataset.chunk()? == [1, channels, samples]
+            && dataset.filters().is_empty() == (codec == Codec::None)
+            && channels.checked_mul(samples).and_then(|n| n.checked_mul(element_bytes)) == Some(row_bytes);
+        is_known.then_some(Self { dataset, codec, row_bytes })
+    }
+
+    /// The dataset, for what the library must unpack.
+    pub(crate) fn dataset(&self) -> &Dataset {
+        &self.dataset
+    }
+
+    /// What packs the rows.
+    pub(crate) fn codec(&self) -> Codec {
+        self.codec
+    }
+
+    /// Bytes of a row when it is unpacked.
+    pub(crate) fn row_bytes(&self) -> usize {
+        self.row_bytes
+    }
+
+    /// Writes `stored`, packed as the codec does, as row `row`, without a copy.
+    ///
+    /// # Errors
+    /// What the library says, for one when `row` does not exist or the disk is full.
+    pub(crate) fn write(&self, row: u32, stored: &[u8]) -> hdf5::Result<()> {
+        let offset: [hsize_t; 3] = [row.into(), 0, 0];
+        sync(|| {
+            // SAFETY: the lock of the library is held; the dataset's identifier is valid while `self.dataset` lives;
+            // `offset` has one entry for each of the three dimensions checked in `new`; `stored` is readable for its
+            // length during the call, which keeps no pointer.
+            let status = unsafe {
+                H5Dwrite_chunk(self.dataset.id(), H5P_DEFAULT, 0, offset.as_ptr(), stored.len(), stored.as_ptr().cast())
+            };
+            if status < 0 { Err(Error::query()?) } else { Ok(()) }
+        })
+    }
+
+    /// Writes row `row` of samples `T` through the library, which packs it.
+    ///
+    /// # Errors
+    /// What the library says.
+    pub(crate) fn write_unpacked<T: H5Type + bytemuck::Pod>(&self, row: u32, samples: &[u8]) -> hdf5::Result<()> {
+        let samples: Vec<T> = samples.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect();
+        let &[_, channels, count] = self.dataset.shape().as_slice() else { return Err("a row has no shape".into()) };
+        let samples = ArrayView2::from_shape((channels, count), &samples).map_err(|error| error.to_string())?;
+        self.dataset.write_slice(samples, s![row as usize, .., ..])
+    }
+
+    /// Where every row lies, as [`ChunkRows::place`] says of one; `file` is the one that has them, which nobody writes.
+    ///
+    /// # Errors
+    /// What the library says.
+    pub(crate) fn places(&self, file: &File) -> hdf5::Result<Vec<Option<ChunkLocation>>> {
+        match self.index(file) {
+            Some(chunks) => Ok(chunks.into_iter().map(|(span, mask)| self.known(span, mask)).collect()),
+            None => (0..).take(self.row_count()).map(|row| self.place(row)).collect(),
+        }
+    }
+
+    /// How many there are.
+    pub(crate) fn row_count(&self) -> usize {
+        self.dataset.shape().first().copied().unwrap_or(0)
+    }
+
+    /// The index as it lies in `file`, where it is of a known kind.
+    pub(crate) fn index(&self, file: &File) -> Option<Vec<Chunk>> {
+        chunks(file, self.header_address()?, self.row_count(), self.dataset.ndim())
+    }
+
+    /// Where the dataset's object header lies, where the library says so.
+    pub(crate) fn header_address(&self) -> Option<u64> {
+        let mut info = ObjectInfo { file: 0, address: haddr_t::MAX, more: [0; 64] };
+        // SAFETY: the lock of the library is held; the dataset's identifier is valid while `self.dataset` lives; the library
+        // writes no more than its own structure, which begins as this one does and is shorter.
+        let status = sync(|| unsafe { H5Oget_info2(self.dataset.id(), &raw mut info, BASIC) });
+        (status >= 0).then_some(info.address)
+    }
+
+    /// `span`, where the chunk there was put through the filters that are undone here.
+    fn known(&self, span: ChunkLocation, mask: u32) -> Option<ChunkLocation> {
+        // The library leaves out a filter that gains nothing, and undoes what it did when it reads.
+        let is_known = mask == 0 || self.codec == Codec::Gzip;
+        Some(span).filter(|span| span.address != haddr_t::MAX && is_known)
+    }
+
+    /// Where row `row` lies; `None` where it was never written, or was by another filter.
+    ///
+    /// # Errors
+    /// What the library says.
+    pub(crate) fn place(&self, row: u32) -> hdf5::Result<Option<ChunkLocation>> {
+        let offset: [hsize_t; 3] = [row.into(), 0, 0];
+        let (mut mask, mut address, mut length): (u32, haddr_t, hsize_t) = (0, haddr_t::MAX, 0);
+        sync(|| {
+            // SAFETY: as in `write`; the three results are written before the call returns.
+            let status = unsafe {
+                H5Dget_chunk_info_by_coord(
+                    self.dataset.id(),
+                    offset.as_ptr(),
+                    &raw mut mask,
+                    &raw mut address,
+                    &raw mut length,
+                )
+            };
+            if status < 0 { Err(Error::query()?) } else { Ok(()) }
+        })?;
+        let span = usize::try_from(length).ok().map(|length| ChunkLocation { address, length });
+        Ok(span.and_then(|span| self.known(span, mask)))
+    }
+}
+
+/// `samples` of `channel_count` channels as a row of `row_bytes`: themselves if they fill it, else a copy in `scratch`
+/// in which each channel is followed by zeros.
+pub(crate) fn padded<'a>(
+    samples: &'a [u8],
+    channel_count: usize,
+    row_bytes: usize,
+    scratch: &'a mut Vec<u8>,
+) -> &'a [u8] {
+    if samples.len() == row_bytes {
+        return samples;
+    }
+    scratch.clear();
+    scratch.resize(row_bytes, 0);
+    let (from, to) = (samples.len() / channel_count, row_bytes / channel_count);
+    for channel in 0..channel_count {
+        scratch[channel * to..][..from].copy_from_slice(&samples[channel * from..][..from]);
+    }
+    scratch
+}
+
+/// The opposite of [`padded`]: the first `sample_bytes` of each of `channel_count` channels of `row`, moved to its front.
+pub(crate) fn unpadded(row: &mut [u8], channel_count: usize, sample_bytes: usize) {
+    let stride = row.len() / channel_count;
+    if sample_bytes < stride {
+        for channel in 1..channel_count {
+            row.copy_within(channel * stride..channel * stride + sample_bytes, channel * sample_bytes);
+        }
+    }
+}

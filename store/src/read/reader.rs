@@ -1,0 +1,330 @@
+//! Reads an archive back, as the records that were put into it.
+
+use std::path::Path;
+
+use tapline_codec::Codec;
+use tapline_wire::{
+    DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, Samples, ScanState, TapHeader, TapId, TapState, Truth,
+};
+
+use crate::archive::states::States;
+use crate::archive::{Access, Archive};
+use crate::error::{Context, Result};
+use crate::format::checksum::SealedRow;
+use crate::format::convert::{at_attempt, text};
+use crate::format::layout::LedgerRow;
+use crate::format::lineage::{Lineage, lineage_key};
+use crate::format::lost::Lost;
+use crate::read::samples::{Room, SampleFile, Taps, checked_header};
+
+/// Stands where it was said why a tap was refused, and the row is torn.
+pub(crate) const REASON_LOST: &str = "refused, but why is lost: what was written is damaged";
+
+/// The samples of a tap, planar `[channel][sample]`, as the converter gave them.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OwnedSamples {
+    /// Converter counts.
+    I16(Vec<i16>),
+    /// Floating point.
+    F32(Vec<f32>),
+}
+
+impl OwnedSamples {
+    /// The samples, borrowed.
+    pub fn as_samples(&self) -> Samples<'_> {
+        match self {
+            Self::I16(samples) => Samples::I16(samples),
+            Self::F32(samples) => Samples::F32(samples),
+        }
+    }
+}
+
+/// A planned tap that will not come.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refusal {
+    /// Row of the tap in the scan plan.
+    pub plan_index: u32,
+    /// Name of the tap, with the attempt that was refused.
+    pub id: TapId,
+    /// Why.
+    pub reason: String,
+}
+
+/// The verdict on a scan, and its damage map.
+pub type Judged = (Judgement, Vec<DamageCell>);
+
+/// The archive of a casing that is read.
+///
+/// Readers share an archive with one another, not with a writer.
+#[derive(Debug)]
+pub struct Reader {
+    archive: Archive,
+    ledger: Ledger,
+    samples: SampleFile,
+    /// Rows of the ledger, as they count.
+    states: Vec<LedgerRow>,
+}
+
+impl Reader {
+    /// Opens the archive at `path`, which is finished: its seal is checked before anything else.
+    ///
+    /// # Errors
+    /// [`crate::Error::NotFinished`], [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`],
+    /// [`crate::Error::FormatVersion`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::of(Archive::open(path.as_ref(), Access::Read)?)
+    }
+
+    /// Opens the archive at `path`, finished or not: what no line writes now is as its writer left it. What of its structure
+    /// must not change is checked before anything else; a row that is not what was written counts as a missing tap or an
+    /// open scan.
+    ///
+    /// # Errors
+    /// As [`Reader::open`].
+    pub fn open_unfinished(path: impl AsRef<Path>) -> Result<Self> {
+        Self::of(Archive::open(path.as_ref(), Access::ReadUnfinished)?)
+    }
+
+    fn of(archive: Archive) -> Result<Self> {
+        let states = States::load(&archive, |_| false)?;
+        let (ledger, samples) = (states.ledger(&archive), SampleFile::open(&archive)?);
+        Ok(Self { archive, ledger, samples, states: states.taps })
+    }
+
+    /// Whether the archive is finished: it never changes any more.
+    pub fn is_finished(&self) -> bool {
+        self.archive.is_finished()
+    }
+
+    /// Why the tap in plan row `row` was added to the plan, as it was told to [`crate::Writer::grow`]; 0 where it was planned
+    /// from the beginning, `None` where there is no such row.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn why(&self, row: u32) -> Result<Option<u16>> {
+        let k = row as usize;
+        if k >= self.plan().taps().len() {
+            return Ok(None);
+        }
+        let rows = self.archive.plan_of_taps().read(k..k + 1).context("read the plan", self.path())?;
+        Ok(rows.first().and_then(|row| u16::try_from(row.why).ok()))
+    }
+
+    /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
+    ///
+    /// # Errors
+    /// [`crate::Error::OtherPlan`], [`crate::Error::OtherConfiguration`] and [`crate::Error::OtherReference`].
+    pub fn check_same<'a>(&self, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<()> {
+        self.archive.check_same(plan, lineage.into())
+    }
+
+    /// The archive.
+    pub(crate) fn archive(&self) -> &Archive {
+        &self.archive
+    }
+
+    /// Where the archive is.
+    pub fn path(&self) -> &Path {
+        self.archive.path()
+    }
+
+    /// The scan plan, as it was given to the writer.
+    pub fn plan(&self) -> &Plan {
+        self.archive.plan()
+    }
+
+    /// The configuration, verbatim.
+    pub fn config(&self) -> &str {
+        self.archive.config()
+    }
+
+    /// Version of the program that created the archive; `None` where it does not say.
+    pub fn written_by(&self) -> Option<String> {
+        self.archive.written_by()
+    }
+
+    /// The reference file of the run, verbatim; `None` where it had none.
+    pub fn reference(&self) -> Option<&str> {
+        self.archive.reference()
+    }
+
+    /// What the results were made by: digests of the program's sources and every option, a line each.
+    pub fn made_by(&self) -> &str {
+        self.archive.made_by()
+    }
+
+    /// BLAKE3 of all that was recorded in the archived taps.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn raw_digest(&self) -> Result<[u8; 32]> {
+        self.archive.raw_digest()
+    }
+
+    /// The key of the results as they are: [`crate::lineage_key`] of the recorded taps, what made the results, and the reference.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn lineage_key(&self) -> Result<String> {
+        Ok(lineage_key(&self.raw_digest()?, self.made_by(), self.reference()))
+    }
+
+    /// Whether this archive has results alone, of the taps of another.
+    pub fn is_results(&self) -> bool {
+        self.archive.is_results()
+    }
+
+    /// What is known of where cracks are; empty where nothing is.
+    pub fn truth(&self) -> &Truth {
+        self.plan().truth()
+    }
+
+    /// State of every tap and scan; barriers and losses are not archived and zero.
+    pub fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// The attempt that settled the tap in plan row `row`, `None` when it is missing or there is no such row.
+    pub fn attempt(&self, row: u32) -> Option<u16> {
+        let is_settled = self.ledger.taps().get(row as usize)?.is_settled();
+        is_settled.then(|| self.ledger.attempt(row as usize))
+    }
+
+    /// Why and how often the tap in plan row `row` was taken again before the attempt that counts, as the flags of the last
+    /// attempt that was of no use; `None` where it never was.
+    pub fn retaken(&self, row: u32) -> Option<(u32, Quality)> {
+        let row = self.states.get(row as usize).filter(|row| row.retaken_count > 0)?;
+        Some((row.retaken_count, Quality::from_bits(row.retaken_quality)))
+    }
+
+    /// Where the tap in plan row `row` was lost; `None` where it is not missing.
+    pub fn lost_at(&self, row: u32) -> Option<Lost> {
+        let row = self.states.get(row as usize).filter(|row| row.state() == Some(TapState::Missing))?;
+        Some(Lost::from_code(row.lost_at).unwrap_or_default())
+    }
+
+    /// The tap in plan row `row`, bit for bit; `None` when it is not archived or there is no such row.
+    ///
+    /// # Errors
+    /// [`crate::Error::Damaged`] where a checksum differs, or what the system says.
+    pub fn tap(&self, row: u32) -> Result<Option<(TapHeader, OwnedSamples)>> {
+        let k = row as usize;
+        if self.ledger.taps().get(k) != Some(&TapState::Archived) {
+            return Ok(None);
+        }
+        let archive = &self.archive;
+        let rows = archive.headers().read(k..k + 1).context("read a header", archive.path())?;
+        let header = checked_header(archive.path(), archive.plan(), row, rows[0])?;
+        let mut room = Room::default();
+        let place = self.samples.place(row)?;
+        let samples = match self.samples.read(&header, rows[0].stored_checksum, place, false, &mut room)? {
+            Samples::I16(samples) => OwnedSamples::I16(samples.to_vec()),
+            Samples::F32(samples) => OwnedSamples::F32(samples.to_vec()),
+        };
+        Ok(Some((header, samples)))
+    }
+
+    /// All archived taps, for readers that share the work between threads.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn taps(&self) -> Result<Taps> {
+        Taps::of(&self.archive, self.ledger.taps())
+    }
+
+    /// What packs the samples.
+    pub fn codec(&self) -> Codec {
+        self.archive.samples().codec()
+    }
+
+    /// The headers of all planned taps, by plan row; `None` where the tap is not archived.
+    ///
+    /// # Errors
+    /// [`crate::Error::Damaged`] where a checksum differs, or what the system says.
+    pub fn headers(&self) -> Result<Vec<Option<TapHeader>>> {
+        let archive = &self.archive;
+        let rows = archive.headers().read_all().context("read the headers", archive.path())?;
+        let header = |row: u32| checked_header(archive.path(), archive.plan(), row, rows[row as usize]);
+        (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| header(row)).transpose()).collect()
+    }
+
+    /// What was found in every planned tap, by plan row; `None` where the tap is not archived.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn discriminators(&self) -> Result<Vec<Option<Discriminators>>> {
+        let archive = &self.archive;
+        let rows = archive.discriminators().read_all().context("read the discriminators", archive.path())?;
+        let found = |row: u32| {
+            let k = row as usize;
+            let found = whole(archive, k, rows[k])?.to_discriminators(&archive.plan().taps()[k].id);
+            Ok(Discriminators { plan_index: row, ..found })
+        };
+        (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| found(row)).transpose()).collect()
+    }
+
+    /// Why taps were refused, in plan order; where that is damaged, the reason says so.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn refusals(&self) -> Result<Vec<Refusal>> {
+        let mut refusals = Vec::new();
+        for (row, planned) in (0..).zip(self.plan().taps()) {
+            if self.ledger.taps()[row as usize] == TapState::Refused {
+                let id = at_attempt(planned.id, self.ledger.attempt(row as usize));
+                refusals.push(Refusal { plan_index: row, id, reason: self.reason(row)? });
+            }
+        }
+        Ok(refusals)
+    }
+
+    /// Why the tap in plan row `row` was refused; empty where it was not.
+    ///
+    /// # Errors
+    /// What reading the archive gives.
+    pub fn reason(&self, row: u32) -> Result<String> {
+        Ok(reason(&self.archive, row as usize)?.unwrap_or_else(|| REASON_LOST.to_owned()))
+    }
+
+    /// Verdict and damage map of every scan, by scan number; `None` where it is not judged.
+    ///
+    /// Of a judgement's stamp only what does not depend on how it was sent is archived.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn judgements(&self) -> Result<Vec<Option<Judged>>> {
+        let archive = &self.archive;
+        let rows = archive.scans().read_all().context("read the scans", archive.path())?;
+        let judged = |scan: u32| {
+            let k = scan as usize;
+            let cells = archive.damage().read(archive.cells(k)).context("read a damage map", archive.path())?;
+            let judgement = whole(archive, k, rows[k])?.to_judgement(scan);
+            let cells = archive.cells(k).zip(cells).map(|(k, cell)| Ok(whole(archive, k, cell)?.to_cell()));
+            Ok((judgement, cells.collect::<Result<_>>()?))
+        };
+        let is_judged = |state: &ScanState| *state == ScanState::Judged;
+        (0..).zip(self.ledger.scans()).map(|(scan, state)| is_judged(state).then(|| judged(scan)).transpose()).collect()
+    }
+}
+
+fn archived(state: TapState) -> bool {
+    state == TapState::Archived
+}
+
+/// `row` as row `number` of its table, if it is what was written.
+fn whole<R: SealedRow>(archive: &Archive, number: usize, row: R) -> Result<R> {
+    if row.is_whole(number) {
+        return Ok(row);
+    }
+    let what = format!("row {number} of its table {:?} is not what was written: its checksum differs", R::TABLE);
+    Err(archive.damaged(what))
+}
+
+/// Why the tap in row `k` was refused; `None` where that is torn, or cannot be read.
+fn reason(archive: &Archive, k: usize) -> Result<Option<String>> {
+    let rows = match archive.refusals().read(k..k + 1).context("read a reason", archive.path()) {
+        Err(error) if error.is_of_one_place() => return Ok(None),
+        rows => rows?,
+    };
+    Ok(rows.first().filter(|row| row.is_whole(k)).and_then(|row| text(&row.reason)).map(str::to_owned))
+}

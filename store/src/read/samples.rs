@@ -1,0 +1,240 @@
+//! Samples read past the HDF5 library: chunks whose places are known, unpacked by whoever reads from where they lie.
+
+use std::fs::File;
+use std::ops::Range;
+use std::path::PathBuf;
+
+use hdf5::H5Type;
+use ndarray::s;
+use tapline_codec::{Codec, head_of, is_chunk_valid, unpack};
+use tapline_wire::{Lane, Plan, SampleFormat, Samples, TapHeader, TapState, bytes_of_mut, lanes_for};
+
+use crate::archive::Archive;
+use crate::error::{Context, Error, Result};
+use crate::format::checksum::SealedRow as _;
+use crate::format::layout::HeaderRow;
+use crate::h5::location::ChunkLocation;
+use crate::h5::samples::{ChunkRows, unpadded};
+use crate::read::mapped::Mapped;
+
+/// Room for one record, kept by whoever reads many.
+#[derive(Debug, Default)]
+pub struct Room {
+    /// The chunk, where it is not read where it lies.
+    copied: Vec<u8>,
+    /// The samples.
+    lanes: Vec<Lane>,
+    /// What is unpacked, on its way there.
+    planes: Vec<u8>,
+}
+
+/// Where the samples of an archive lie, and how.
+#[derive(Debug)]
+pub(crate) struct SampleFile {
+    path: PathBuf,
+    file: File,
+    /// Its bytes, where they are read where they lie.
+    mapped: Option<Mapped>,
+    rows: ChunkRows,
+}
+
+impl SampleFile {
+    /// The file of the samples of `archive`, which another archive may share, for reading tap by tap: what cannot be read is
+    /// an error that names the tap.
+    pub(crate) fn open(archive: &Archive) -> Result<Self> {
+        let path = PathBuf::from(archive.samples().dataset().filename());
+        let file = File::open(&path).context("open the samples", &path)?;
+        Ok(Self { path, file, mapped: None, rows: archive.samples().clone() })
+    }
+
+    /// The same for reading many taps, where they lie: who reads what cannot be read is ended by the system.
+    pub(crate) fn mapped(archive: &Archive) -> Result<Self> {
+        let file = Self::open(archive)?;
+        // A library that unpacks trusts its bytes to stay as they are.
+        let is_unpacked_here = matches!(file.rows.codec(), Codec::None | Codec::Lz4);
+        let mapped = is_unpacked_here.then(|| Mapped::new(&file.file)).transpose();
+        Ok(Self { mapped: mapped.context("map the samples", &file.path)?, ..file })
+    }
+
+    /// Where the samples of every plan row lie.
+    pub(crate) fn places(&self) -> Result<Vec<Option<ChunkLocation>>> {
+        self.rows.places(&self.file).context("find samples", &self.path)
+    }
+
+    /// Where the samples of plan row `row` lie.
+    pub(crate) fn place(&self, row: u32) -> Result<Option<ChunkLocation>> {
+        self.rows.place(row).context("find samples", &self.path)
+    }
+
+    /// The samples of `header`, which lie at `place`, unpacked into `room`; of a record that the header has shorter than it
+    /// is, as many from its first on. Everything that was packed is checked, or of a beginning (`is_beginning`) no more than
+    /// is unpacked, where the chunk lets one.
+    pub(crate) fn read<'r>(
+        &self,
+        header: &TapHeader,
+        stored_checksum: u64,
+        place: Option<ChunkLocation>,
+        is_beginning: bool,
+        room: &'r mut Room,
+    ) -> Result<Samples<'r>> {
+        let Room { copied, lanes, planes } = room;
+        let stored = self.stored(header, place, copied)?;
+        let codec = self.rows.codec();
+        let is_whole = match head_of(codec, stored).filter(|_| is_beginning) {
+            Some(head) => {
+                let are_whole = |part| head.are_whole(head.blocks(&part), stored);
+                head.seal() == stored_checksum && parts(header, self.rows.row_bytes()).all(are_whole)
+            }
+            None => is_chunk_valid(codec, stored, stored_checksum),
+        };
+        if !is_whole {
+            return Err(self.damaged(header, "are not what was written: their checksum differs"));
+        }
+        self.unpacked(header, stored, lanes, planes)
+    }
+
+    /// What lies at `place`, in `copied` if it is not read there.
+    fn stored<'s>(
+        &'s self,
+        header: &TapHeader,
+        place: Option<ChunkLocation>,
+        copied: &'s mut Vec<u8>,
+    ) -> Result<&'s [u8]> {
+        let place = place.ok_or_else(|| self.damaged(header, "have no place in the file"))?;
+        let stored = match &self.mapped {
+            Some(mapped) => mapped.at(place),
+            None => place.read(&self.file, copied).map(|()| &copied[..]),
+        };
+        stored.context("read samples", &self.path)
+    }
+
+    /// What is packed in `stored`, as far as the header goes.
+    fn unpacked<'r>(
+        &self,
+        header: &TapHeader,
+        stored: &[u8],
+        lanes: &'r mut Vec<Lane>,
+        planes: &mut Vec<u8>,
+    ) -> Result<Samples<'r>> {
+        lanes.resize(lanes_for(self.rows.row_bytes()), Lane::default());
+        let unpacked = &mut bytes_of_mut(lanes)[..self.rows.row_bytes()];
+        match self.rows.codec() {
+            Codec::None | Codec::Lz4 | Codec::Zstd => {
+                let parts = parts(header, unpacked.len());
+                if !unpack(self.rows.codec(), stored, parts, unpacked, planes) {
+                    return Err(self.damaged(header, "cannot be unpacked"));
+                }
+            }
+            Codec::Gzip => self.read_by_library(header, unpacked)?,
+        }
+        unpadded(unpacked, header.channel_count as usize, header.payload_bytes() / header.channel_count as usize);
+        Samples::view(header, lanes).ok_or_else(|| self.damaged(header, "are not as many as their header says"))
+    }
+
+    fn damaged(&self, header: &TapHeader, what: &str) -> Error {
+        let what = format!("the samples of plan row {} {what}", header.plan_index);
+        Error::Damaged { path: self.path.clone(), what }
+    }
+
+    fn read_by_library(&self, header: &TapHeader, unpacked: &mut [u8]) -> Result<()> {
+        let row = header.plan_index;
+        match SampleFormat::from_code(header.sample_format) {
+            Some(SampleFormat::F32) => self.read_as::<f32>(row, unpacked),
+            _ => self.read_as::<i16>(row, unpacked),
+        }
+    }
+
+    fn read_as<T: H5Type + bytemuck::Pod>(&self, row: u32, unpacked: &mut [u8]) -> Result<()> {
+        let samples = self.rows.dataset().read_slice_2d::<T, _>(s![row as usize, .., ..]);
+        let samples = samples.context("unpack samples", &self.path)?;
+        for (to, sample) in unpacked.chunks_exact_mut(size_of::<T>()).zip(&samples) {
+            to.copy_from_slice(bytemuck::bytes_of(sample));
+        }
+        Ok(())
+    }
+}
+
+/// Where in a row of `row_bytes` the samples of `header` are, as few stretches as can be.
+fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usize>> {
+    let channel_count = (header.channel_count as usize).max(1);
+    let stride = row_bytes / channel_count;
+    let used = (header.payload_bytes() / channel_count).clamp(0, stride);
+    let (count, length) = if used == stride { (1, row_bytes) } else { (channel_count, used) };
+    (0..count).map(move |channel| channel * stride..channel * stride + length)
+}
+
+/// The taps of an archive for readers that share the work: where each lies is found once, and then no lock is taken.
+///
+/// What an archive packs by Deflate is unpacked by the HDF5 library after all, one record after another.
+///
+/// What is packed by LZ4 or not at all is read where it lies, as memory. The library's lock keeps other writers off; a file
+/// that is cut short all the same, or a disk that fails, ends the process by `SIGBUS`. [`crate::Reader::tap`] returns an error then.
+#[derive(Debug)]
+pub struct Taps {
+    file: SampleFile,
+    plan: Plan,
+    /// Of the archived taps, by plan row.
+    found: Vec<Option<Found>>,
+}
+
+/// Where a tap is.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    header: HeaderRow,
+    place: Option<ChunkLocation>,
+}
+
+impl Taps {
+    pub(crate) fn of(archive: &Archive, states: &[TapState]) -> Result<Self> {
+        let file = SampleFile::mapped(archive)?;
+        let places = file.places()?;
+        let headers = archive.headers().read_all().context("read the headers", archive.path())?;
+        let taps = states.iter().zip(headers).zip(places);
+        let found =
+            taps.map(|((state, header), place)| Some(Found { header, place }).filter(|_| *state == TapState::Archived));
+        Ok(Self { file, plan: archive.plan().clone(), found: found.collect() })
+    }
+
+    /// The tap in plan row `row`, bit for bit, its samples in `room`; `None` when it is not archived or there is no such row.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where a checksum differs, or what the system says.
+    pub fn read<'r>(&self, row: u32, room: &'r mut Room) -> Result<Option<(TapHeader, Samples<'r>)>> {
+        self.read_beginning(row, |header| header.sample_count, room)
+    }
+
+    /// The same of as many samples of each channel as `used` says, from the first on, and at most all; the header has that
+    /// number. No more is unpacked than these and what is packed with them.
+    ///
+    /// # Errors
+    /// As [`Taps::read`], of what is unpacked; of a tap whose blocks have no checksums of their own, of the whole tap.
+    pub fn read_beginning<'r>(
+        &self,
+        row: u32,
+        used: impl FnOnce(&TapHeader) -> u32,
+        room: &'r mut Room,
+    ) -> Result<Option<(TapHeader, Samples<'r>)>> {
+        let Some(found) = self.found.get(row as usize).copied().flatten() else { return Ok(None) };
+        let header = checked_header(&self.file.path, &self.plan, row, found.header)?;
+        let used = used(&header).clamp(0, header.sample_count);
+        let is_beginning = used < header.sample_count;
+        let header = TapHeader { sample_count: used, ..header };
+        let samples = self.file.read(&header, found.header.stored_checksum, found.place, is_beginning, room)?;
+        Ok(Some((header, samples)))
+    }
+}
+
+/// The header in row `row`, if its seal is whole and it describes that row.
+pub(crate) fn checked_header(path: &std::path::Path, plan: &Plan, row: u32, header: HeaderRow) -> Result<TapHeader> {
+    let damaged = |what: String| Error::Damaged { path: path.to_owned(), what };
+    if !header.is_whole(row as usize) {
+        return Err(damaged(format!("the header of plan row {row} is not what was written: its checksum differs")));
+    }
+    let of_row = header.to_header(row, plan);
+    let most = plan.recording.sample_count_max;
+    if of_row.plan_index != row || of_row.sample_count > most {
+        let (named, count) = (of_row.plan_index, of_row.sample_count);
+        return Err(damaged(format!("the header of plan row {row} names row {named} and {count} samples")));
+    }
+    Ok(of_row)
+}

@@ -1,0 +1,98 @@
+//! A plan that grows while its casing is open: taps that are asked for because of what others showed.
+
+use std::collections::BTreeMap;
+
+use tapline_wire::{Plan, PlannedTap, ScanState, TapState};
+
+use crate::error::{Context as _, Error, Result};
+use crate::format::convert::Growth;
+use crate::format::layout::{DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow};
+use crate::write::Writer;
+use crate::write::tap_state::Track;
+
+impl Writer {
+    /// Adds `taps` behind the plan, for the reason `why`, a number above 0 that means what the caller likes; when this returns no
+    /// crash takes them back. All of them are planned or none. A scan that had ended is open again.
+    ///
+    /// What was put before is flushed. Records made under the plan as it was before are still taken.
+    ///
+    /// # Errors
+    /// [`Error::CannotGrow`] where there is no room for so many, a scan of theirs is judged already, or they do not fit the plan;
+    /// else as [`Writer::flush`]: none is planned then, and after [`Writer::recover`] the same call may be made again.
+    pub fn grow(&mut self, taps: &[PlannedTap], why: u16) -> Result<()> {
+        if taps.is_empty() {
+            return Ok(());
+        }
+        self.flush()?;
+        self.check_place()?;
+        let plan = self.grown(taps)?;
+        let first = self.plan.taps().len();
+        let scan_of_tap = plan.scan_of_tap();
+        let is_touched = |scan: &usize| scan_of_tap[first..].contains(&(*scan as u32));
+        let Some(archive) = &mut self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
+        // A judged scan must not be missing a tap; nor may it be open as long as all others of its rows say otherwise.
+        let mut scans = BTreeMap::new();
+        for scan in (0..plan.scans().len()).filter(is_touched) {
+            let open = ScanRow::open(&plan.scans()[scan], u32::try_from(archive.first_cell(scan)).unwrap_or(u32::MAX));
+            scans.insert(scan as u32, open);
+        }
+        let rows = || first as u32..plan.taps().len() as u32;
+        let growth = Growth { to: plan.taps().len() as u32, plan_digest: plan.digest(), why: why.max(1) };
+        let planned = |row: u32| PlanRow::new(&plan.taps()[row as usize], scan_of_tap[row as usize], growth);
+        let written = (|| -> hdf5::Result<()> {
+            // Where taps were added before and a crash took them back, there may be rows of theirs.
+            archive.headers().write(&rows().map(|row| (row, HeaderRow::unwritten())).collect())?;
+            archive.discriminators().write(&rows().map(|row| (row, DiscriminatorsRow::unwritten())).collect())?;
+            archive.refusals().write(&rows().map(|row| (row, ReasonRow::none())).collect())?;
+            archive.ledger().write(&rows().map(|row| (row, LedgerRow::new(TapState::Missing, 0))).collect())?;
+            archive.scans().write(&scans)?;
+            archive.flush()?;
+            archive.plan_rows().write(&rows().map(|row| (row, planned(row))).collect())?;
+            archive.flush()
+        })();
+        if let Err(error) = written.context("plan more taps", &self.path) {
+            self.abandon();
+            return Err(error);
+        }
+        archive.grow_to(plan.clone());
+        self.tracks.resize(plan.taps().len(), Track::missing(0));
+        self.ledger = self.ledger_of(&plan);
+        for (&scan, row) in &scans {
+            self.scans[scan as usize] = *row;
+            self.ledger.set_scan(scan as usize, ScanState::Open);
+        }
+        self.plan = plan;
+        Ok(())
+    }
+
+    /// The plan with `taps` behind it, if they may be there.
+    fn grown(&self, taps: &[PlannedTap]) -> Result<Plan> {
+        let cannot = |what: String| Error::CannotGrow { path: self.path.clone(), what };
+        let (count, taps_max) = (self.plan.taps().len() + taps.len(), self.taps_max);
+        if self.is_results || count > taps_max {
+            return Err(cannot(format!("it has room for {taps_max} taps, and would have {count}")));
+        }
+        let plan = self.plan.grown(taps).map_err(|error| cannot(error.to_string()))?;
+        let scan_of_tap = plan.scan_of_tap();
+        let judged = scan_of_tap[self.plan.taps().len()..].iter().find(|&&scan| self.is_judged(scan));
+        match judged {
+            Some(&scan) => {
+                let scan = &plan.scans()[scan as usize];
+                Err(cannot(format!("shoulder {} of {} is judged", scan.shoulder, scan.tyre)))
+            }
+            None => Ok(plan),
+        }
+    }
+
+    /// The ledger as it is, with as many taps as `plan` has.
+    fn ledger_of(&self, plan: &Plan) -> tapline_wire::Ledger {
+        let mut ledger = tapline_wire::Ledger::empty(plan.taps().len(), plan.scans().len());
+        for (row, &state) in self.ledger.taps().iter().enumerate() {
+            ledger.set_tap(row, state, self.ledger.attempt(row));
+        }
+        for (scan, &state) in self.ledger.scans().iter().enumerate() {
+            ledger.set_scan(scan, state);
+        }
+        ledger
+    }
+}

@@ -1,0 +1,347 @@
+//! Writes an archive: a state machine that takes records in any order and settles each planned tap exactly once.
+//!
+//! # Why a crash costs nothing but the last batch
+//!
+//! After creation every row of every table has its place, and every chunk of samples its entry in the index. Rows are
+//! written where they lie; a packed chunk takes room at the end, and its entry changes where it stands, with the next flush.
+//! [`Writer::flush`] first writes what the rows hold and hands it to the system, then the states that vouch for them,
+//! and hands over those. A writer that dies in between leaves rows whose state still says "missing": they are put
+//! again, and overwrite themselves. A file that cannot be written is left as such a writer leaves it: see [`Writer::recover`].
+
+mod check;
+pub(crate) mod finish;
+mod grow;
+pub(crate) mod packer;
+mod pending;
+pub(crate) mod put_taps;
+mod recover;
+mod replay;
+mod resume;
+pub(crate) mod tap_state;
+
+use std::path::{Path, PathBuf};
+
+use tapline_wire::{DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, ScanState, TapId, TapState};
+
+use crate::archive::create::create;
+use crate::archive::{Access, Archive};
+use crate::error::{Context, Error, Result};
+use crate::file::background_sync::SyncErrors;
+use crate::file::guard::FileGuard;
+use crate::format::layout::{CellRow, DiscriminatorsRow, ReasonRow, ScanRow};
+use crate::format::lineage::Lineage;
+use crate::write::check::{check_cells, check_id, check_scan};
+use crate::write::packer::Shape;
+use crate::write::pending::Pending;
+use crate::write::resume::recall;
+use crate::write::tap_state::{Half, PutCounts, PutOutcome, Take, Track};
+
+/// What an archive was begun with, to know it again by.
+#[derive(Debug)]
+struct Kept {
+    config: String,
+    reference: Option<String>,
+    made_by: String,
+}
+
+/// Writes the archive of one casing.
+///
+/// Dropping a writer without [`Writer::finish`] is what a crash does: what was put since the last flush is lost.
+#[derive(Debug)]
+pub struct Writer {
+    path: PathBuf,
+    plan: Plan,
+    kept: Kept,
+    place: FileGuard,
+    failures: SyncErrors,
+    /// `None` after it could not be written, or is closed.
+    archive: Option<Archive>,
+    is_results: bool,
+    /// Taps that there is room for.
+    taps_max: usize,
+    /// What is known of each planned tap.
+    tracks: Vec<Track>,
+    scans: Vec<ScanRow>,
+    scan_fingerprints: Vec<Option<u64>>,
+    pending: Pending,
+    ledger: Ledger,
+    counts: PutCounts,
+    shape: Shape,
+}
+
+impl Writer {
+    /// Begins the archive of `plan` at `path`, with room for `taps_max` taps if the plan [grows](Writer::grow); configuration and
+    /// reference go into it verbatim.
+    ///
+    /// The file appears at `path` whole or not at all. All that it will hold but packed samples has its place from the start.
+    ///
+    /// # Errors
+    /// [`crate::Error::Exists`], [`crate::Error::EmptyRecording`], or what the system says.
+    pub fn create<'a>(
+        path: impl AsRef<Path>,
+        plan: &Plan,
+        taps_max: usize,
+        lineage: impl Into<Lineage<'a>>,
+    ) -> Result<Self> {
+        let lineage = lineage.into();
+        create(path.as_ref(), plan, taps_max, lineage)?;
+        Self::resume(path, lineage)
+    }
+
+    /// Goes on with the archive at `path`, which must have been begun with the same configuration, reference and program; its
+    /// plan is what stands in it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Finished`], [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`],
+    /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::OtherLineage`],
+    /// [`crate::Error::OfflineCodec`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
+    pub fn resume<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
+        let archive = Archive::open(path.as_ref(), Access::Write)?;
+        archive.check_lineage(lineage.into())?;
+        Self::of(archive)
+    }
+
+    /// The results of the taps of the archive `raw` (its path, and the digest of its taps) at `path`, begun or gone on with:
+    /// a file beside that archive, or in a folder beside it. `plan` is that archive's.
+    ///
+    /// # Errors
+    /// As [`Writer::create`] and [`Writer::resume`]: [`crate::Error::Finished`] where they are there already.
+    pub fn results(path: impl AsRef<Path>, raw: (&Path, [u8; 32]), plan: &Plan, lineage: Lineage<'_>) -> Result<Self> {
+        let (path, lineage) = (path.as_ref(), Lineage { raw: Some(raw), ..lineage });
+        let create = || Self::create(path, plan, plan.taps().len(), lineage);
+        if !path.try_exists().context("look for", path)? {
+            return create();
+        }
+        let writer = match Self::resume(path, lineage) {
+            // What was begun of results is no loss: they are made again from their taps.
+            Err(error @ Error::Damaged { .. }) => {
+                tracing::warn!("{error}; these results are made anew");
+                std::fs::remove_file(path).context("remove", path)?;
+                return create();
+            }
+            resumed => resumed?,
+        };
+        let (archived, given) = (writer.plan.digest(), plan.digest());
+        match archived == given {
+            true => Ok(writer),
+            false => Err(Error::OtherPlan { path: path.to_owned(), archived, given }),
+        }
+    }
+
+    pub(crate) fn of(archive: Archive) -> Result<Self> {
+        let (recording, codec) = (&archive.plan().recording, archive.samples().codec());
+        if !codec.is_for_lines() && !archive.is_results() {
+            return Err(Error::OfflineCodec { path: archive.path().to_owned(), codec });
+        }
+        let shape = Shape {
+            codec,
+            channel_count: recording.channels.len(),
+            element_bytes: recording.sample_format.bytes(),
+            row_bytes: archive.samples().row_bytes(),
+        };
+        let (recalled, failures) = (recall(&archive)?, SyncErrors::default());
+        Ok(Self {
+            tracks: recalled.tracks,
+            scans: recalled.scans,
+            scan_fingerprints: recalled.scan_fingerprints,
+            ledger: recalled.ledger,
+            pending: Pending::of_changed(recalled.changed_taps, recalled.changed_scans),
+            taps_max: archive.taps_max(),
+            counts: PutCounts::default(),
+            shape,
+            place: FileGuard::of(archive.read_handle()?, archive.path(), &failures)?,
+            failures,
+            path: archive.path().to_owned(),
+            plan: archive.plan().clone(),
+            kept: Kept {
+                config: archive.config().to_owned(),
+                reference: archive.reference().map(str::to_owned),
+                made_by: archive.made_by().to_owned(),
+            },
+            is_results: archive.is_results(),
+            archive: Some(archive),
+        })
+    }
+
+    /// The plan whose archive this is.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// What no crash can take back: the ledger as of the last flush.
+    ///
+    /// A tap is archived in it only when its samples *and* its discriminators, of one attempt, are in the file.
+    /// The writer knows nothing of barriers and losses: these entries stay zero.
+    pub fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// What became of the records given so far.
+    pub fn counts(&self) -> PutCounts {
+        self.counts
+    }
+
+    /// Takes in what was found in a tap; it waits for the next flush.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
+    pub fn put_discriminators(&mut self, discriminators: &Discriminators) -> Result<PutOutcome> {
+        let row = discriminators.plan_index;
+        check_id(self.plan(), row, &discriminators.id)?;
+        let discriminators_row = DiscriminatorsRow::from(discriminators);
+        let take = Take { attempt: discriminators.id.attempt, fingerprint: discriminators_row.fingerprint() };
+        let outcome = self.tracks[row as usize].outcome(Half::Discriminators, take);
+        if outcome == PutOutcome::Stored {
+            self.pending.discriminators.insert(row, discriminators_row);
+            self.take(row, Half::Discriminators, take);
+        }
+        self.count(outcome)
+    }
+
+    /// Takes in that the tap of row `plan_index` will not come, and why; it waits for the next flush.
+    ///
+    /// A reason longer than [`crate::REASON_BYTES`] is cut and ends in an ellipsis.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
+    pub fn put_refusal(&mut self, plan_index: u32, id: &TapId, reason: &str) -> Result<PutOutcome> {
+        check_id(self.plan(), plan_index, id)?;
+        let outcome = self.tracks[plan_index as usize].refusal_outcome(id.attempt);
+        if outcome == PutOutcome::Stored {
+            self.tracks[plan_index as usize].refuse(id.attempt);
+            self.pending.taps.insert(plan_index, self.tracks[plan_index as usize].to_row(false));
+            self.pending.reasons.insert(plan_index, ReasonRow::new(reason));
+        }
+        self.count(outcome)
+    }
+
+    /// Takes in that attempt `id.attempt` at the tap of row `plan_index` was of no use, for the flags `quality`, and another is
+    /// to be made; it waits for the next flush.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
+    pub fn put_retake(&mut self, plan_index: u32, id: &TapId, quality: Quality) -> Result<PutOutcome> {
+        check_id(self.plan(), plan_index, id)?;
+        let track = &mut self.tracks[plan_index as usize];
+        let outcome = track.retake_outcome(id.attempt);
+        if outcome == PutOutcome::Stored {
+            track.retake(id.attempt, quality.bits());
+            self.pending.taps.insert(plan_index, track.to_row(false));
+        }
+        self.count(outcome)
+    }
+
+    /// Takes in that scan `scan` has ended; it waits for the next flush.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoSuchScan`], or what the system says.
+    pub fn end_scan(&mut self, scan: u32) -> Result<PutOutcome> {
+        check_scan(self.plan(), scan)?;
+        let row = &mut self.scans[scan as usize];
+        if row.state() != Some(ScanState::Open) {
+            return self.count(PutOutcome::AlreadyThere);
+        }
+        row.state = ScanState::Ended.code().into();
+        self.pending.scans.insert(scan, *row);
+        self.count(PutOutcome::Stored)
+    }
+
+    /// Takes in the verdict on scan `scan` and its damage map, one cell for each of the scan's locations in their
+    /// order; it waits for the next flush.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoSuchScan`], [`crate::Error::OtherCells`], or what the system says.
+    pub fn put_judgement(&mut self, scan: u32, judgement: &Judgement, cells: &[DamageCell]) -> Result<PutOutcome> {
+        check_scan(self.plan(), scan)?;
+        check_cells(self.plan(), scan, cells)?;
+        let number = scan as usize;
+        let planned = &self.plan.scans()[number];
+        let cells: Vec<CellRow> = cells.iter().map(|cell| CellRow::new(scan, planned, cell)).collect();
+        let row = self.scans[number].judged(judgement);
+        let fingerprint = row.fingerprint(&cells);
+        let outcome = match self.scan_fingerprints[number] {
+            None => PutOutcome::Stored,
+            Some(there) if there == fingerprint => PutOutcome::AlreadyThere,
+            Some(_) => PutOutcome::Conflict,
+        };
+        if outcome == PutOutcome::Stored {
+            self.scan_fingerprints[number] = Some(fingerprint);
+            self.scans[number] = row;
+            self.pending.scans.insert(scan, row);
+            let first = self.scans[number].first_cell;
+            self.pending.cells.extend((first..).zip(cells));
+        }
+        self.count(outcome)
+    }
+
+    /// Writes what waits and hands it to the system: from then on no crash of this program loses it.
+    ///
+    /// # Errors
+    /// What the system says, for one when the disk is full, or as [`Writer::check_place`]. The file is then let go of, and what
+    /// waited still waits, for [`Writer::recover`].
+    pub fn flush(&mut self) -> Result<()> {
+        if self.pending.is_empty() {
+            return Ok(());
+        }
+        self.check_place()?;
+        let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
+        let written = self.pending.flush(archive).and_then(|()| self.place.note());
+        written.inspect_err(|_| self.abandon())?;
+        let pending = self.pending.take();
+        for (&row, settled) in &pending.taps {
+            self.ledger.set_tap(row as usize, settled.state().unwrap_or(TapState::Missing), settled.attempt);
+        }
+        for (&scan, row) in &pending.scans {
+            self.ledger.set_scan(scan as usize, row.state().unwrap_or(ScanState::Open));
+        }
+        Ok(())
+    }
+
+    /// Writes down where missing taps were lost, and, where all is judged, the key of the results; then flushes.
+    ///
+    /// # Errors
+    /// As [`Writer::flush`].
+    pub fn settle(&mut self) -> Result<()> {
+        let missing = (0..).zip(&self.tracks).filter(|(_, track)| track.state().0 == TapState::Missing);
+        self.pending.taps.extend(missing.map(|(row, track)| (row, track.to_row(true))));
+        self.flush()?;
+        let archive = self.open()?;
+        let written = if self.ledger.is_judged() { archive.write_key() } else { Ok(()) };
+        written.inspect_err(|_| self.abandon())
+    }
+
+    /// Whether every tap is settled and every scan judged, as of the last flush.
+    pub fn is_whole(&self) -> bool {
+        self.ledger.is_judged() && self.ledger.count(TapState::Missing) == 0
+    }
+
+    /// Where the archive is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether scan `scan` is judged, flushed or not.
+    pub(crate) fn is_judged(&self, scan: u32) -> bool {
+        self.scan_fingerprints[scan as usize].is_some()
+    }
+
+    pub(crate) fn take(&mut self, row: u32, half: Half, take: Take) {
+        let track = &mut self.tracks[row as usize];
+        track.take(half, take);
+        if track.state().0 == TapState::Archived {
+            self.pending.taps.insert(row, track.to_row(false));
+        }
+    }
+
+    pub(crate) fn count(&mut self, outcome: PutOutcome) -> Result<PutOutcome> {
+        match outcome {
+            PutOutcome::Stored => self.counts.stored += 1,
+            PutOutcome::AlreadyThere => self.counts.already_there += 1,
+            PutOutcome::Conflict => self.counts.conflicts += 1,
+        }
+        if self.pending.is_full() {
+            self.flush()?;
+        }
+        Ok(outcome)
+    }
+}

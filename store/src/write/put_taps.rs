@@ -1,0 +1,151 @@
+//! Taps taken in by one writer or by several at once: what comes together is packed in parallel, whosever it is.
+
+use std::collections::BTreeSet;
+
+use tapline_wire::TapHeader;
+
+use crate::error::{Context as _, Error, Result};
+use crate::format::layout::HeaderRow;
+use crate::write::Writer;
+use crate::write::check::{check_id, check_shape};
+use crate::write::packer::{Shape, pack};
+use crate::write::tap_state::{Half, PutOutcome, Take};
+
+/// A tap, with the number of the writer that takes it in.
+type Tap<'a> = (usize, &'a TapHeader, &'a [u8]);
+
+/// Takes in taps of several archives, each by the writer whose number is given with it, as [`Writer::put_taps`] does; what
+/// became of each is returned in their order.
+///
+/// Where one archive cannot be written it is let go of: none of its taps is taken in, each of them is an error, and after
+/// [`Writer::recover`] they may be put again. Those of the other archives are taken in all the same.
+///
+/// # Panics
+/// If the number of a writer is that of none.
+pub fn put_taps_of(writers: &mut [&mut Writer], taps: &[Tap<'_>]) -> Vec<Result<PutOutcome>> {
+    let mut outcomes = Vec::with_capacity(taps.len());
+    let mut rest = taps;
+    while !rest.is_empty() {
+        // A tap that comes twice is judged by what became of it the first time.
+        let key = |tap: &Tap<'_>| (tap.0, tap.1.plan_index);
+        let mut seen = BTreeSet::new();
+        let first_again = rest.iter().position(|tap| !seen.insert(key(tap)));
+        let (now, later) = rest.split_at(first_again.unwrap_or(rest.len()));
+        put_different(writers, now, &mut outcomes);
+        rest = later;
+    }
+    outcomes
+}
+
+/// A tap that is new to its archive.
+struct New<'a> {
+    /// Its number among those that came with it.
+    number: usize,
+    writer: usize,
+    row: HeaderRow,
+    samples: &'a [u8],
+}
+
+/// Takes in taps of different plan rows.
+fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut Vec<Result<PutOutcome>>) {
+    let (mut new, mut known) = (Vec::with_capacity(taps.len()), Vec::with_capacity(taps.len()));
+    let mut failed: Vec<Option<Error>> = writers.iter().map(|_| None).collect();
+    let mut is_failed = vec![false; writers.len()];
+    for writer in taps.iter().map(|tap| tap.0).collect::<BTreeSet<_>>() {
+        if let Err(error) = writers[writer].check_place() {
+            (failed[writer], is_failed[writer]) = (Some(error), true);
+        }
+    }
+    for (number, &(writer, header, samples)) in taps.iter().enumerate() {
+        known.push(writers[writer].outcome_of(header, samples));
+        if let Some(Ok((row, PutOutcome::Stored))) = known.last().filter(|_| !is_failed[writer]) {
+            new.push(New { number, writer, row: *row, samples: &samples[..header.payload_bytes()] });
+        }
+    }
+    let records: Vec<(Shape, &[u8])> = new.iter().map(|tap| (writers[tap.writer].shape, tap.samples)).collect();
+    let mut headers = Vec::with_capacity(new.len());
+    let mut packed = pack(&records, |number, packed| {
+        let tap = &new[number];
+        let (samples_digest, stored_checksum) = (packed.samples_digest, packed.stored_checksum);
+        headers.push(HeaderRow { samples_digest, stored_checksum, ..tap.row });
+        if !is_failed[tap.writer]
+            && let Err(error) = writers[tap.writer].write_samples(tap.row.plan_index, packed.stored(tap.samples))
+        {
+            (failed[tap.writer], is_failed[tap.writer]) = (Some(error), true);
+        }
+        Ok::<(), std::convert::Infallible>(())
+    })
+    .unwrap_or_else(|never| match never {});
+    (0..writers.len()).filter(|&writer| is_failed[writer]).for_each(|writer| writers[writer].abandon());
+    // All are written: only now they take the place of earlier attempts.
+    for ((tap, header), packed) in new.iter().zip(headers).zip(packed.iter_mut()) {
+        let writer = &mut writers[tap.writer];
+        if !is_failed[tap.writer] {
+            let stored = packed.give(tap.samples);
+            writer.place.note_written(stored.len());
+            writer.pending.keep(header.plan_index, stored);
+            writer.pending.headers.insert(header.plan_index, header);
+            writer.take(header.plan_index, Half::Samples, take_of(&header));
+        }
+        debug_assert!(tap.number < taps.len());
+    }
+    drop(packed);
+    for (&(writer, ..), known) in taps.iter().zip(known) {
+        outcomes.push(match known {
+            Err(error) => Err(error),
+            Ok(_) if is_failed[writer] => {
+                // The first is told why, the others that it was so.
+                Err(failed[writer].take().unwrap_or_else(|| Error::LetGo { path: writers[writer].path.clone() }))
+            }
+            Ok((_, outcome)) => writers[writer].count(outcome),
+        });
+    }
+}
+
+fn take_of(row: &HeaderRow) -> Take {
+    Take { attempt: row.attempt, fingerprint: row.fingerprint() }
+}
+
+impl Writer {
+    /// Takes in a tap, as [`Writer::put_taps`] does.
+    ///
+    /// # Errors
+    /// As [`Writer::put_taps`].
+    pub fn put_tap(&mut self, header: &TapHeader, samples: &[u8]) -> Result<PutOutcome> {
+        Ok(self.put_taps(&[(header, samples)])?[0])
+    }
+
+    /// Takes in taps: their samples are packed by as many threads as there are cores and written at once; their headers wait
+    /// for the next flush.
+    ///
+    /// The samples of a tap are the `[channel][sample]` bytes that its header describes, in the machine's order; what lies
+    /// behind them is ignored. Where nothing packs them they go to the file from where they lie; a record that is shorter
+    /// than the plan allows is copied once, to be padded with zeros.
+    /// Samples are not compared with those that are there: two takes are told apart by their headers.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchRow`], [`Error::OtherTap`], [`Error::RecordShape`], or what the system says:
+    /// the file is then let go of, none of the taps is taken in, and after [`Writer::recover`] the same call may be made again.
+    pub fn put_taps(&mut self, taps: &[(&TapHeader, &[u8])]) -> Result<Vec<PutOutcome>> {
+        for (header, samples) in taps {
+            self.outcome_of(header, samples)?;
+        }
+        let taps: Vec<Tap<'_>> = taps.iter().map(|&(header, samples)| (0, header, samples)).collect();
+        put_taps_of(&mut [self], &taps).into_iter().collect()
+    }
+
+    /// What is to be done with a tap, and its row.
+    fn outcome_of(&self, header: &TapHeader, samples: &[u8]) -> Result<(HeaderRow, PutOutcome)> {
+        if self.is_results {
+            return Err(Error::ResultsAlone { path: self.path.clone() });
+        }
+        check_id(&self.plan, header.plan_index, &header.id)?;
+        check_shape(&self.plan, header, samples)?;
+        let row = HeaderRow::from(header);
+        Ok((row, self.tracks[row.plan_index as usize].outcome(Half::Samples, take_of(&row))))
+    }
+
+    fn write_samples(&self, row: u32, stored: &[u8]) -> Result<()> {
+        self.open()?.samples().write(row, stored).context("write samples", &self.path)
+    }
+}

@@ -1,0 +1,87 @@
+//! A writer whose file cannot be written: it lets go of the file, keeps what it was given, and goes on when that is over.
+//!
+//! What the library has in memory after a failed write is not to be trusted, nor to be written: see
+//! [`crate::h5::file::abandon`]. The file is then as a killed writer leaves it, which is whole, and is opened anew; the samples
+//! and rows since the last flush are still in memory and are written again.
+
+use tapline_wire::TapState;
+
+use crate::archive::{Access, Archive};
+use crate::error::{Error, Result};
+use crate::file::guard::FileGuard;
+use crate::format::lineage::Lineage;
+use crate::write::Writer;
+use crate::write::resume::recall;
+
+impl Writer {
+    /// Checks that the file is still at its path and has not become shorter; if not, it is let go of.
+    ///
+    /// # Errors
+    /// [`Error::Removed`], [`Error::Moved`], [`Error::Replaced`], [`Error::Cut`], or what the system says.
+    pub fn check_place(&mut self) -> Result<()> {
+        let checked = if self.archive.is_some() { self.place.check() } else { Ok(()) };
+        checked.inspect_err(|_| self.abandon())
+    }
+
+    /// After an error for which [`Error::is_of_the_disk`]: opens the file anew and writes what was put since the last flush.
+    ///
+    /// A file that was removed, together with its folder for one, is written to its path again as soon as the folder is there;
+    /// this writer has kept it open. Nothing that was put is lost by the error, and the call that failed may be made again.
+    ///
+    /// # Errors
+    /// Why it still cannot be written; the same call may be made again.
+    pub fn recover(&mut self) -> Result<()> {
+        if self.archive.is_none() {
+            self.place.put_back()?;
+            let bytes = self.pending.sample_bytes() + self.plan.recording.payload_bytes_max();
+            self.place.check_room(bytes as u64)?;
+            let archive = self.reopen()?;
+            self.place = FileGuard::of(archive.read_handle()?, archive.path(), &self.failures)?;
+            self.archive = Some(archive);
+        }
+        let Some(archive) = &self.archive else { return Ok(()) };
+        let written = self.pending.write_samples(archive);
+        written.inspect_err(|_| self.abandon())?;
+        self.flush()
+    }
+
+    /// Whether the file at the archive's path is the one that was written last, and whole.
+    pub fn is_in_place(&self) -> bool {
+        self.place.check().is_ok()
+    }
+
+    /// The archive, if it was not let go of.
+    pub(crate) fn open(&self) -> Result<&Archive> {
+        self.archive.as_ref().ok_or_else(|| Error::LetGo { path: self.path.clone() })
+    }
+
+    /// Closes the file without writing anything more to it.
+    pub(crate) fn abandon(&mut self) {
+        if let Some(archive) = self.archive.take()
+            && let Err(error) = archive.abandon()
+        {
+            tracing::error!(%error, "cannot let go of {}", self.path.display());
+        }
+    }
+
+    fn reopen(&self) -> Result<Archive> {
+        let archive = Archive::open(&self.path, Access::Write)?;
+        let kept = &self.kept;
+        let lineage =
+            Lineage { reference: kept.reference.as_deref(), made_by: &kept.made_by, ..kept.config.as_str().into() };
+        archive.check_same(&self.plan, lineage)?;
+        // More may be there than is known to be: of a flush that failed half-way.
+        let there = recall(&archive)?.ledger;
+        let is_there = |row: usize| {
+            let state = self.ledger.taps()[row];
+            state == TapState::Missing || (there.taps()[row], there.attempt(row)) == (state, self.ledger.attempt(row))
+        };
+        let lost = (0..self.ledger.taps().len()).find(|&row| !is_there(row));
+        let scan = self.ledger.scans().iter().zip(there.scans()).position(|(known, there)| there < known);
+        match (lost, scan) {
+            (None, None) => Ok(archive),
+            (Some(row), _) => Err(archive.damaged(format!("the tap of plan row {row} was in it, and is not now"))),
+            (_, Some(scan)) => Err(archive.damaged(format!("scan {scan} was further than it is now"))),
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! What an archive has, told again to a stage that missed it.
+
+use tapline_wire::{Discriminators, Quality, TapId, TapState};
+
+use crate::error::{Context, Result};
+use crate::format::convert::at_attempt;
+use crate::write::Writer;
+
+/// Rows that one call of [`Writer::settled_from`] looks at.
+pub(crate) const REPLAY_ROWS_MAX: usize = 4096;
+
+impl Writer {
+    /// What was found in the taps from plan row `from` on, as far as this writer has it, for a stage that missed it:
+    /// at most `most` records, and the row to go on from, `None` at the plan's end.
+    ///
+    /// Records that wait for a flush or for their samples are among them; a refused tap is a record of no values under
+    /// [`Quality::REFUSED`]. A call looks at a bounded number of rows, so it may find none before the end.
+    ///
+    /// # Errors
+    /// What the library says.
+    pub fn settled_from(&self, from: u32, most: usize) -> Result<(Vec<Discriminators>, Option<u32>)> {
+        let taps = self.plan.taps();
+        let first = (from as usize).min(taps.len());
+        let last = (first + most.min(REPLAY_ROWS_MAX)).min(taps.len());
+        let rows = self.open()?.discriminators().read(first..last).context("read discriminators", &self.path)?;
+        let mut records = Vec::new();
+        for (plan_index, row) in (from..).zip(rows) {
+            let (track, planned) = (&self.tracks[plan_index as usize], &taps[plan_index as usize].id);
+            let (state, attempt) = track.state();
+            if state == TapState::Refused {
+                records.push(refused(plan_index, at_attempt(*planned, attempt)));
+            } else if track.has_discriminators() {
+                let row = self.pending.discriminators.get(&plan_index).copied().unwrap_or(row);
+                records.push(row.to_discriminators(planned));
+            }
+        }
+        Ok((records, u32::try_from(last).ok().filter(|_| last < taps.len())))
+    }
+}
+
+/// The record that stands for a refused tap.
+fn refused(plan_index: u32, id: TapId) -> Discriminators {
+    let quality = Quality::REFUSED;
+    Discriminators { id, plan_index, quality, velocity_measured_m_per_s: f64::NAN, ..Discriminators::default() }
+}

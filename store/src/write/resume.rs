@@ -1,0 +1,82 @@
+//! What earlier writers of an archive left, as a new one needs to know it.
+
+use std::collections::BTreeMap;
+
+use tapline_wire::{Ledger, ScanState, TapState};
+
+use crate::archive::Archive;
+use crate::archive::ledger::tap_state;
+use crate::archive::states::States;
+use crate::error::{Context, Result};
+use crate::format::checksum::SealedRow as _;
+use crate::format::layout::{LedgerRow, ScanRow};
+use crate::write::tap_state::{Take, Track};
+
+/// What is settled in an archive.
+#[derive(Debug)]
+pub(crate) struct ResumeState {
+    pub(crate) tracks: Vec<Track>,
+    pub(crate) scans: Vec<ScanRow>,
+    /// For each scan, the fingerprint of its verdict and map if it is judged.
+    pub(crate) scan_fingerprints: Vec<Option<u64>>,
+    pub(crate) ledger: Ledger,
+    /// Rows that count otherwise than they stand in the file, to be written as they count.
+    pub(crate) changed_taps: BTreeMap<u32, LedgerRow>,
+    pub(crate) changed_scans: BTreeMap<u32, ScanRow>,
+}
+
+/// Reads what is settled in `archive`; rows whose state says "missing" are as if they were not there.
+pub(crate) fn recall(archive: &Archive) -> Result<ResumeState> {
+    let context = "read what is archived";
+    let tap_count = archive.plan().taps().len();
+    let mut samples = vec![Take { attempt: 0, fingerprint: 0 }; tap_count];
+    let mut discriminators = samples.clone();
+    let mut is_valid = vec![true; tap_count];
+    let headers = archive.headers().for_each(|k, row| {
+        is_valid[k] &= row.is_whole(k);
+        samples[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() };
+    });
+    headers.context(context, archive.path())?;
+    let found = archive.discriminators().for_each(|k, row| {
+        is_valid[k] &= row.is_whole(k);
+        discriminators[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() };
+    });
+    found.context(context, archive.path())?;
+    let states = States::load(archive, |k| !is_valid[k])?;
+    // Of results alone the samples are there already.
+    let are_there = match archive.is_results() {
+        true => archive.ledger_of_taps().read_all().context(context, archive.path())?,
+        false => Vec::new(),
+    };
+    let mut tracks = Vec::with_capacity(tap_count);
+    for (k, row) in states.taps.iter().enumerate() {
+        let raw = are_there.get(k);
+        let of_raw = raw.map(|row| tap_state(archive.path(), k, row)).transpose()?;
+        let track = match row.state().unwrap_or(TapState::Missing) {
+            TapState::Missing if of_raw.is_some_and(|(state, _)| state == TapState::Archived) => {
+                Track::recorded(samples[k])
+            }
+            TapState::Missing => Track::missing(row.attempt),
+            TapState::Archived => Track::archived(samples[k], discriminators[k]),
+            TapState::Refused => Track::refused(row.attempt),
+        };
+        let retaken = raw.filter(|raw| raw.is_whole(k)).unwrap_or(row);
+        tracks.push(track.retaken_before(retaken.retaken_count, retaken.retaken_quality));
+    }
+    let mut scan_fingerprints = Vec::with_capacity(states.scans.len());
+    for (k, row) in states.scans.iter().enumerate() {
+        let is_judged = row.state() == Some(ScanState::Judged);
+        let cells = if is_judged { archive.cells(k) } else { 0..0 };
+        let cells = archive.damage().read(cells).context(context, archive.path())?;
+        scan_fingerprints.push(is_judged.then(|| row.fingerprint(&cells)));
+    }
+    let number = |k: &usize| u32::try_from(*k).unwrap_or(u32::MAX);
+    Ok(ResumeState {
+        tracks,
+        scan_fingerprints,
+        ledger: states.ledger(archive),
+        changed_taps: states.changed_taps.iter().map(|k| (number(k), states.taps[*k])).collect(),
+        changed_scans: states.changed_scans.iter().map(|k| (number(k), states.scans[*k])).collect(),
+        scans: states.scans,
+    })
+}

@@ -1,0 +1,211 @@
+//! What a writer knows of each planned tap, and from it what to do with a record that comes.
+
+use tapline_wire::TapState;
+
+use crate::format::layout::LedgerRow;
+use crate::format::lost::Lost;
+
+/// What became of a record that was put into an archive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum PutOutcome {
+    /// It is taken in.
+    Stored,
+    /// The same record is there already; nothing was changed.
+    AlreadyThere,
+    /// The tap or scan is settled with another record; nothing was changed.
+    Conflict,
+}
+
+/// How many records a writer was given, by what became of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PutCounts {
+    /// Taken in.
+    pub stored: u64,
+    /// Ignored, for they were there.
+    pub already_there: u64,
+    /// Ignored, for their tap or scan was settled with another record.
+    pub conflicts: u64,
+}
+
+/// One take of a tap: which attempt, and a fingerprint of what came with it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Take {
+    pub(crate) attempt: u16,
+    pub(crate) fingerprint: u64,
+}
+
+/// The two halves of a tap, which arrive on different ways.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Half {
+    Samples,
+    Discriminators,
+}
+
+/// What is known of one planned tap.
+///
+/// Until both halves of one attempt are there, the latest take replaces an earlier one: a half whose other half was
+/// lost must give way to the retake, whatever number the source gives it. From then on nothing changes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Track {
+    samples: Option<Take>,
+    discriminators: Option<Take>,
+    state: TapState,
+    attempt: u16,
+    retaken_count: u32,
+    /// Flags of the last attempt that was of no use.
+    retaken_quality: u32,
+}
+
+impl Track {
+    /// A tap that is not there, and of which `attempt` is to be made.
+    pub(crate) fn missing(attempt: u16) -> Self {
+        Self {
+            samples: None,
+            discriminators: None,
+            state: TapState::Missing,
+            attempt,
+            retaken_count: 0,
+            retaken_quality: 0,
+        }
+    }
+
+    /// A tap whose samples are there for good, and whose discriminators are to come.
+    pub(crate) fn recorded(samples: Take) -> Self {
+        Self { samples: Some(samples), ..Self::missing(samples.attempt) }
+    }
+
+    /// A tap that an earlier writer archived.
+    pub(crate) fn archived(samples: Take, discriminators: Take) -> Self {
+        let (state, missing) = (TapState::Archived, Self::missing(samples.attempt));
+        Self { samples: Some(samples), discriminators: Some(discriminators), state, ..missing }
+    }
+
+    /// A tap that an earlier writer was told will not come.
+    pub(crate) fn refused(attempt: u16) -> Self {
+        Self { state: TapState::Refused, ..Self::missing(attempt) }
+    }
+
+    /// The same tap, of which `count` attempts were of no use, the last for the flags `quality`.
+    pub(crate) fn retaken_before(self, count: u32, quality: u32) -> Self {
+        Self { retaken_count: count, retaken_quality: quality, ..self }
+    }
+
+    /// The row of the ledger that tells all this; where a missing tap was lost is told where `is_over`.
+    pub(crate) fn to_row(self, is_over: bool) -> LedgerRow {
+        let lost_at = match (self.samples, self.discriminators) {
+            _ if !is_over || self.state.is_settled() => Lost::Unknown,
+            (Some(_), _) => Lost::Process,
+            (None, Some(_)) => Lost::Store,
+            (None, None) => Lost::Acquire,
+        };
+        LedgerRow {
+            retaken_count: self.retaken_count,
+            retaken_quality: self.retaken_quality,
+            lost_at: lost_at.code(),
+            ..LedgerRow::new(self.state, self.attempt)
+        }
+    }
+
+    /// The tap's state, and the attempt that settled it or, while it is missing, is to be made next.
+    pub(crate) fn state(&self) -> (TapState, u16) {
+        (self.state, self.attempt)
+    }
+
+    /// Whether discriminators of some attempt are there.
+    pub(crate) fn has_discriminators(&self) -> bool {
+        self.discriminators.is_some()
+    }
+
+    fn half(&self, half: Half) -> Option<Take> {
+        match half {
+            Half::Samples => self.samples,
+            Half::Discriminators => self.discriminators,
+        }
+    }
+
+    /// What is to be done with `take` of `half`.
+    pub(crate) fn outcome(&self, half: Half, take: Take) -> PutOutcome {
+        if self.half(half) == Some(take) {
+            PutOutcome::AlreadyThere
+        } else if self.state.is_settled() {
+            PutOutcome::Conflict
+        } else {
+            PutOutcome::Stored
+        }
+    }
+
+    /// Takes `take` of `half` in; the tap is archived once both halves are of one attempt.
+    pub(crate) fn take(&mut self, half: Half, take: Take) {
+        match half {
+            Half::Samples => self.samples = Some(take),
+            Half::Discriminators => self.discriminators = Some(take),
+        }
+        if let (Some(samples), Some(discriminators)) = (self.samples, self.discriminators)
+            && samples.attempt == discriminators.attempt
+        {
+            (self.state, self.attempt) = (TapState::Archived, samples.attempt);
+        }
+    }
+
+    /// What is to be done with a refusal at `attempt`.
+    pub(crate) fn refusal_outcome(&self, attempt: u16) -> PutOutcome {
+        match self.state {
+            TapState::Missing => PutOutcome::Stored,
+            TapState::Refused if self.attempt == attempt => PutOutcome::AlreadyThere,
+            TapState::Refused | TapState::Archived => PutOutcome::Conflict,
+        }
+    }
+
+    /// What is to be done with the word that `attempt` was of no use.
+    pub(crate) fn retake_outcome(&self, attempt: u16) -> PutOutcome {
+        let is_news = self.state == TapState::Missing && attempt >= self.attempt;
+        if is_news { PutOutcome::Stored } else { PutOutcome::AlreadyThere }
+    }
+
+    /// Has the tap taken again after `attempt`, which was of no use for the flags `quality`.
+    pub(crate) fn retake(&mut self, attempt: u16, quality: u32) {
+        *self = Self::missing(attempt.saturating_add(1)).retaken_before(self.retaken_count.saturating_add(1), quality);
+    }
+
+    /// Settles the tap as refused at `attempt`.
+    pub(crate) fn refuse(&mut self, attempt: u16) {
+        *self = Self::refused(attempt).retaken_before(self.retaken_count, self.retaken_quality);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn halves() -> impl Strategy<Value = (Half, Take)> {
+        let half = prop_oneof![Just(Half::Samples), Just(Half::Discriminators)];
+        (half, 0..3u16, 0..2u64).prop_map(|(half, attempt, fingerprint)| (half, Take { attempt, fingerprint }))
+    }
+
+    proptest! {
+        /// Catches a settled tap that changes, halves of two attempts joined, and a tap that cannot settle any more:
+        /// after any history, one more take of both halves settles it.
+        #[test]
+        fn settles_once_and_for_all(history in prop::collection::vec(halves(), 0..12)) {
+            let mut track = Track::missing(0);
+            for (half, take) in history.into_iter().chain([
+                (Half::Samples, Take { attempt: 7, fingerprint: 7 }),
+                (Half::Discriminators, Take { attempt: 7, fingerprint: 8 }),
+            ]) {
+                let before = track;
+                let outcome = track.outcome(half, take);
+                if outcome == PutOutcome::Stored {
+                    prop_assert_eq!(before.state, TapState::Missing);
+                    track.take(half, take);
+                }
+                if track.state == TapState::Archived {
+                    prop_assert_eq!(track.samples.unwrap().attempt, track.discriminators.unwrap().attempt);
+                }
+                prop_assert!(outcome == PutOutcome::Conflict || track.outcome(half, take) == PutOutcome::AlreadyThere);
+            }
+            prop_assert_eq!(track.state, TapState::Archived);
+        }
+    }
+}
