@@ -11,7 +11,7 @@ use std::time::SystemTime;
 use anyhow::{Context as _, Result, bail};
 use tapline_store::{LEFT_FOLDER, OPEN_FOLDER, Reader};
 
-use crate::tell::tell;
+use crate::host::stderr::print_line;
 
 /// Ending of an archive's name.
 const ENDING: &str = "h5";
@@ -246,8 +246,8 @@ impl Outcome {
             return Err(error);
         }
         self.failed += 1;
-        let (path, why) = (file.path.display().to_string(), crate::told(&error));
-        tell(&if why.contains(&path) { format!("tapline: {why}") } else { format!("tapline: {path}: {why}") });
+        let (path, why) = (file.path.display().to_string(), crate::host::stderr::with_causes(&error));
+        print_line(&if why.contains(&path) { format!("tapline: {why}") } else { format!("tapline: {path}: {why}") });
         Ok(None)
     }
 
@@ -266,7 +266,7 @@ impl Outcome {
             bail!("none of {count} archives could be done");
         }
         if failed > 0 {
-            tell(&format!("tapline: {failed} of {count} archives are left out, as said above"));
+            print_line(&format!("tapline: {failed} of {count} archives are left out, as said above"));
         }
         Ok(is_whole && failed == 0)
     }

@@ -4,24 +4,12 @@
 //! heals them, and prints. What is computed is computed in the libraries.
 
 mod archives;
-mod bus;
 mod cli;
 mod config;
-mod contact;
-mod explain;
-mod export;
+mod host;
 mod line;
-mod lineage;
-mod reference;
-mod repack;
 mod report;
-mod reprocess;
-mod rig;
-mod summary;
-mod tables;
-mod tell;
-mod verify;
-mod whole;
+mod verbs;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
@@ -37,8 +25,9 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 
 use crate::archives::Which;
 use crate::cli::{Cli, ModelVerb, Verb};
+use crate::host::stderr::{print_line, with_causes};
 use crate::line::stage::{DISK_FAILED, DiskFailed};
-use crate::tell::tell;
+use crate::verbs::{explain, export, model_contact, model_table, reference, repack, reprocess, rig, verify};
 
 /// Ended, but not whole: taps are missing, refused or damaged, an archive was left out, or contradicts itself.
 const INCOMPLETE: u8 = 3;
@@ -63,7 +52,7 @@ fn main() -> ExitCode {
             if error.is::<DiskFailed>() {
                 return ExitCode::from(DISK_FAILED);
             }
-            tell(&format!("tapline: {}", told(&error)));
+            print_line(&format!("tapline: {}", with_causes(&error)));
             ExitCode::FAILURE
         }
     }
@@ -75,16 +64,7 @@ fn begin() -> anyhow::Result<()> {
     let is_beyond = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(rustix::process::Signal::XFSZ.as_raw(), is_beyond)
         .context("cannot listen to signals")?;
-    bus::say_what_is_gone()
-}
-
-/// The error with its causes, each said once: many an error names its cause itself.
-fn told(error: &anyhow::Error) -> String {
-    error.chain().fold(String::new(), |text, cause| match cause.to_string() {
-        cause if text.is_empty() => cause,
-        cause if text.ends_with(&cause) => text,
-        cause => format!("{text}: {cause}"),
-    })
+    host::sigbus::explain_sigbus()
 }
 
 /// Does what was asked; whether it ended whole.
@@ -105,7 +85,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         }
         Verb::Diff { there, here, results } => explain::diff(there, here, Which::results_if(*results)),
         Verb::Report { archives, out, results } => report::report(archives, results.which(), out.as_deref()),
-        Verb::Model(ModelVerb::Table { number, effective_length }) => tables::model(*number, *effective_length),
-        Verb::Model(ModelVerb::Contact(args)) => contact::contact(args),
+        Verb::Model(ModelVerb::Table { number, effective_length }) => model_table::model(*number, *effective_length),
+        Verb::Model(ModelVerb::Contact(args)) => model_contact::contact(args),
     }
 }

@@ -7,11 +7,11 @@ mod hook;
 pub(crate) mod limits;
 pub(crate) mod name;
 pub(crate) mod out_folder;
-pub(crate) mod progress;
 mod run;
 pub(crate) mod setup;
 pub(crate) mod stage;
 pub(crate) mod status;
+mod summary;
 pub(crate) mod supervisor;
 pub(crate) mod verdicts;
 

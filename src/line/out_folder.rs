@@ -18,7 +18,7 @@ use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 use tapline_wire::LineAddress;
 
-use crate::tell::tell;
+use crate::host::stderr::print_line;
 
 /// The lock of an output folder, and the address of the line that holds it.
 const LOCK: &str = ".line";
@@ -150,7 +150,7 @@ impl OutFolder {
                 }
             }
             if since.elapsed() > TELL_AFTER && !std::mem::replace(&mut is_told, true) {
-                tell(&format!("waiting for stages of an earlier line on {} to end", self.path.display()));
+                print_line(&format!("waiting for stages of an earlier line on {} to end", self.path.display()));
             }
             if since.elapsed() > patience {
                 bail!("stages of an earlier line on {} still run: end them first (ps shows them)", self.path.display());

@@ -12,16 +12,16 @@ use tapline_store::{digest_of, hex_of};
 use tapline_wire::{Line, LineAddress, Role, Services};
 
 use crate::cli::{LineArgs, RunArgs};
-use crate::config::Job;
+use crate::config::job::Job;
+use crate::host::atomic_file::write_atomically;
+use crate::host::progress::Progress;
+use crate::host::stop::stop_flag;
 use crate::line::hook::Hook;
 use crate::line::name::name_process;
 use crate::line::out_folder::OutFolder;
-use crate::line::progress::Progress;
 use crate::line::setup::{Arriving, Setup};
-use crate::line::stage::stop_flag;
+use crate::line::summary::summarise;
 use crate::line::supervisor::{Audience, Pace, Supervisor};
-use crate::summary::summarise;
-use crate::whole::whole_file;
 
 /// How long stages of an earlier line may take to end with it: as long as any, and a little for the news to come.
 const GONE_WITHIN: Duration = Duration::from_secs(25);
@@ -185,7 +185,7 @@ impl RunFile {
                     bail!("{} has results of something else: give another --out", folder.display());
                 }
                 let text = toml::to_string(self)?;
-                return whole_file(&path, |mut file| file.write_all(text.as_bytes()));
+                return write_atomically(&path, |mut file| file.write_all(text.as_bytes()));
             }
             Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
         };

@@ -9,7 +9,7 @@ use tapline_acquire::{Arrivals, Wake, listed_simulated, listed_tap_set, open_sta
 use tapline_store::{Places, StoreRun};
 use tapline_wire::{Limits, LineAddress, Plan, line_bytes};
 
-use crate::config::Job;
+use crate::config::job::Job;
 use crate::line::limits::{self, Needs};
 
 /// Stations that one `acquire` process serves at most.

@@ -3,7 +3,6 @@
 use std::io::Write as _;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
@@ -11,7 +10,8 @@ use tapline_acquire::Wake;
 use tapline_wire::{Line, LineAddress, Role};
 
 use crate::cli::StageArgs;
-use crate::config::Job;
+use crate::config::job::Job;
+use crate::host::stop::stop_flag;
 use crate::line::name::{name_process, stage_name};
 use crate::line::setup::Setup;
 
@@ -49,7 +49,7 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
     let address = LineAddress::at(&args.line)?;
     let _kept = address.keep()?;
     let setup = Setup::read(&address)?;
-    let job = Job::of_setup(&setup)?;
+    let job = Job::of_copy(&setup.config_toml, setup.reference.clone(), setup.out.clone())?;
     let join = |role| -> Result<Line> { Ok(Line::join(&address, role, &setup.limits, stop_flag()?)?) };
     let work = match args.stage.split_once('-') {
         None if args.stage == "process" => {
@@ -90,15 +90,6 @@ fn follow_parent(args: &StageArgs) -> Result<()> {
         bail!("the line that started this stage (process {}) has ended", args.child);
     }
     Ok(())
-}
-
-/// A flag that SIGTERM and SIGINT set.
-pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
-        signal_hook::flag::register(signal, stop.clone()).context("cannot listen to signals")?;
-    }
-    Ok(stop)
 }
 
 fn report(work: Work) -> Result<bool> {

@@ -14,9 +14,9 @@ use serde::{Deserialize, Serialize};
 use tapline_wire::{Line, Role, STATUS_BYTES_MAX, StatusTopic, Subscriber, now_ns};
 
 use crate::cli::StatusArgs;
+use crate::host::stop::stop_flag;
 use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
-use crate::line::stage::stop_flag;
 use crate::line::verdicts::CasingVerdict;
 
 /// Over how long the rate of a line is measured.

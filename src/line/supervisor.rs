@@ -13,10 +13,10 @@ use tapline_wire::{
     StatusTopic, Subscriber, WaitTopic, now_ns, room,
 };
 
+use crate::host::progress::Progress;
 use crate::line::child::Stage;
 use crate::line::hook::Hook;
 use crate::line::out_folder::OutFolder;
-use crate::line::progress::Progress;
 use crate::line::setup::Setup;
 use crate::line::stage::{StageReport, arguments};
 use crate::line::status::{CasingStatus, RATE_OVER, StageStatus, StationStatus, Status};

@@ -1,0 +1,348 @@
+//! The command line: what was written, before anything is opened.
+
+pub(crate) mod model;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::archives::Which;
+use crate::cli::model::{ContactArgs, Length};
+
+/// Finds hidden cracks in truck-tyre casings by tapping them and listening.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 100, after_help = EXIT_CODES)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 ended, but taps are missing or refused, or an archive is not whole or was left out.";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    /// Scan a list of casings, until each has its verdict: simulated tyres, or with --taps recorded taps.
+    ///
+    /// The results go into a folder, one file a casing. The same command again goes on with what is missing. Ctrl-C ends
+    /// the run in good order.
+    Run(RunArgs),
+    /// Judge casings as they come to the stations of a configuration, for as long as it is left on.
+    ///
+    /// Each casing's verdict is said, and its file is in its place, within a second of its last tap. Ctrl-C, or SIGTERM,
+    /// ends the line in good order; the same command again goes on with the casings that were under way.
+    Line(LineArgs),
+    /// Show how a running line is: its stations, casings, verdicts and alarms. The line does not notice.
+    Status(StatusArgs),
+    /// Play a rig for a station of a line: casings that come and go at random, over TCP. See docs/rig-protocol.md.
+    Rig {
+        /// Address to listen at.
+        #[arg(long, default_value = "127.0.0.1:7001")]
+        listen: String,
+        /// What it does (TOML); defaults hold for what is left out.
+        #[arg(long)]
+        config: Option<PathBuf>,
+    },
+    /// One stage of a line, started by it.
+    #[command(hide = true)]
+    Stage(StageArgs),
+    /// Write a table of archives, or their taps, in a format of other programs.
+    ///
+    /// A folder stands for every finished archive in it. Of a folder, and of several files, it is one table, with a first
+    /// column `file`; taps are one tap set.
+    Export(ExportArgs),
+    /// Make a reference of shoulders of archives: stated to be sound, or labelled by what is known of them.
+    Reference(ReferenceArgs),
+    /// Check that archives hold all their plans ask for, that no tap or result in them was altered, and that they do not
+    /// contradict themselves.
+    ///
+    /// Every sample is read and every checksum compared. Prints what is amiss, a line each, and ends with code 3 then, or
+    /// where a folder has archives that are not finished.
+    Verify {
+        /// Archives, or folders of them.
+        #[arg(required = true)]
+        archives: Vec<PathBuf>,
+        /// Print the report as JSON; of several archives a line each, and one that sums up.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Judge archives again: with other options, another reference, or by a newer program.
+    ///
+    /// The archive is not touched. The results stand beside it in a file named after their lineage, which every other verb
+    /// takes as an archive, and of folders with --results. Prints the name of each file.
+    Reprocess(ReprocessArgs),
+    /// Write archives again, their samples packed otherwise; every sample is checked on the way.
+    Repack {
+        /// Archives, or folders of them.
+        #[arg(required = true)]
+        archives: Vec<PathBuf>,
+        /// What packs the samples of the new ones.
+        #[arg(long, value_enum)]
+        codec: PackedBy,
+        /// The new archive; of a folder, or of several files, a folder for them.
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Say what an archive's numbers are made of and by: recorded taps, sources of the program, options, reference.
+    Explain {
+        /// Archives or files of results, or folders of archives.
+        #[arg(required = true)]
+        archives: Vec<PathBuf>,
+        /// Of this shoulder the verdict too; of folders and several files only the archive that has it.
+        #[arg(long, value_name = "TYRE/SHOULDER")]
+        shoulder: Option<String>,
+        /// Of this location of it the index, and what was found in every tap.
+        #[arg(long)]
+        location: Option<u32>,
+        #[command(flatten)]
+        results: ResultsArgs,
+    },
+    /// Say what changed from one archive's numbers to another's of the same taps: options and sources first, then numbers.
+    ///
+    /// Archives in folders are paired by the casing's name; exit code 3 says that one has no partner.
+    Diff {
+        /// The one, before; or a folder of archives.
+        there: PathBuf,
+        /// The other, after; or a folder of archives.
+        here: PathBuf,
+        /// Of the second folder take the newest results of `tapline reprocess`: it may be the same folder.
+        #[arg(long)]
+        results: bool,
+    },
+    /// Write what archives hold as pages to read and print: one a tyre, and one of the whole shift.
+    ///
+    /// Each page is one HTML file that needs nothing else. An archive of which taps are missing is told of as far as
+    /// it goes.
+    Report {
+        /// Archives or files of results, or folders of archives.
+        #[arg(required = true)]
+        archives: Vec<PathBuf>,
+        /// Folder to write into, made when it is not there; the first archive's or folder's name with `-report`, in this
+        /// folder, when left out.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        #[command(flatten)]
+        results: ResultsArgs,
+    },
+    /// The contact models.
+    #[command(subcommand)]
+    Model(ModelVerb),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SourceArgs {
+    /// Configuration file (TOML); defaults hold for what it leaves out.
+    #[arg(long)]
+    pub(crate) config: Option<PathBuf>,
+    /// Folder of recorded taps (a tap set) to scan instead of simulated tyres.
+    #[arg(long)]
+    pub(crate) taps: Option<PathBuf>,
+    /// Folder for the results, one file a casing; `simulated`, or the name of the tap set, in this folder when left out.
+    #[arg(long)]
+    pub(crate) out: Option<PathBuf>,
+    /// What shoulders are compared with, over what the configuration says: the file of a reference (`tapline reference`
+    /// makes one), TYRE/SHOULDER of the casing itself, or `self`: each tyre with itself, where damage all round does not show.
+    #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
+    pub(crate) reference: Option<String>,
+    /// Stations: how many are simulated, or over how many the shoulders of a tap set are shared out.
+    #[arg(long)]
+    pub(crate) stations: Option<u16>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReferenceArgs {
+    /// Archives to take shoulders from, or folders of them.
+    #[arg(required = true)]
+    pub(crate) archives: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) results: ResultsArgs,
+    /// A shoulder to take, several times for several; when left out, all that passed, or with --labelled all.
+    #[arg(long = "shoulder", value_name = "TYRE/SHOULDER")]
+    pub(crate) shoulders: Vec<String>,
+    /// Take what the archives know of each location for its label; without it every shoulder is taken to be sound.
+    #[arg(long)]
+    pub(crate) labelled: bool,
+    /// Learn from the labels which way each discriminator moves with damage, where they tell.
+    #[arg(long, requires = "labelled")]
+    pub(crate) learn_directions: bool,
+    /// Configuration file, for directions and rate of false calls; that of the first archive when left out.
+    #[arg(long)]
+    pub(crate) config: Option<PathBuf>,
+    /// File to write, whose name ends in .json.
+    #[arg(long)]
+    pub(crate) out: PathBuf,
+}
+
+/// What packs samples.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum PackedBy {
+    /// Nothing: read by every HDF5 program.
+    None,
+    /// Blosc with LZ4: fast.
+    Lz4,
+    /// Blosc with Zstandard: smaller.
+    Zstd,
+    /// Deflate: read by every HDF5 program, slow to write.
+    Gzip,
+}
+
+/// Which files of a folder are meant.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct ResultsArgs {
+    /// Of folders take, of each casing, the newest results of `tapline reprocess` instead of its archive.
+    #[arg(long)]
+    results: bool,
+}
+
+impl ResultsArgs {
+    pub(crate) fn which(self) -> Which {
+        Which::results_if(self.results)
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReprocessArgs {
+    /// The archives, or folders of them.
+    #[arg(required = true)]
+    pub(crate) archives: Vec<PathBuf>,
+    /// Configuration file whose tables `process` and `fuse` take the place of the archive's, whole: an option that it does not
+    /// name has its default, but for the reference. Without this file each archive's own are taken.
+    #[arg(long)]
+    pub(crate) config: Option<PathBuf>,
+    /// What shoulders are compared with, over what the configuration says, as for `tapline run`.
+    #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
+    pub(crate) reference: Option<String>,
+    /// Threads; one for every core when left out. They change no result.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) jobs: usize,
+    /// Read the samples even where the archive's own discriminators were made by the same options and sources; taps that
+    /// results of the same lineage have already are not read again.
+    #[arg(long)]
+    pub(crate) from_samples: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    /// Say verdicts, and the summary at the end, as lines of JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct LineArgs {
+    /// Configuration file (TOML) with the stations.
+    #[arg(long)]
+    pub(crate) config: PathBuf,
+    /// Folder for the results: a folder a day, a file a casing; made when it is not there.
+    #[arg(long)]
+    pub(crate) out: PathBuf,
+    /// What shoulders are compared with, over what the configuration says: the file of a reference (`tapline reference`
+    /// makes one), or `self`: each tyre with itself, where damage all round does not show.
+    #[arg(long, value_name = "FILE.json|self")]
+    pub(crate) reference: Option<String>,
+    /// Say verdicts as lines of JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// End after so many casings.
+    #[arg(long)]
+    pub(crate) casings: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct StatusArgs {
+    /// Folder that the line writes its results to.
+    #[arg(long)]
+    pub(crate) out: PathBuf,
+    /// Go on showing it until the line ends.
+    #[arg(long)]
+    pub(crate) follow: bool,
+    /// Print it as a line of JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct StageArgs {
+    /// Which: store, fuse, process, or acquire-NUMBER.
+    pub(crate) stage: String,
+    /// Private folder of the line.
+    #[arg(long)]
+    pub(crate) line: PathBuf,
+    /// Number of the process that started this one, with which it ends.
+    #[arg(long)]
+    pub(crate) child: i32,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = EXPORT_FORMATS)]
+pub(crate) struct ExportArgs {
+    /// Archives or files of results, or folders of archives.
+    #[arg(required = true)]
+    pub(crate) archives: Vec<PathBuf>,
+    /// What to write.
+    #[arg(value_enum, value_name = "WHAT")]
+    pub(crate) what: What,
+    /// Format; csv for a table and wav for the taps when left out.
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<Format>,
+    #[command(flatten)]
+    pub(crate) results: ResultsArgs,
+    /// File to write a table into, standard output when left out; for the taps a folder, which must be new or empty.
+    #[arg(long)]
+    pub(crate) out: Option<PathBuf>,
+}
+
+const EXPORT_FORMATS: &str = "\
+A table as parquet has the columns and rows of the csv, typed, with units; sets of flags also as bits.
+Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again. Archives whose
+recordings or configurations differ are exported one by one.
+Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58), in N and V.
+Taps that were refused, are missing or damaged are counted, and listed in taps.csv (column `refused`); then the exit code
+is 3. It is 3 too where one of several archives cannot be read: it is named, and the others are exported.";
+
+/// What of an archive can be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum What {
+    /// What was found in every tap.
+    Discriminators,
+    /// The damage index of every location.
+    Damage,
+    /// The arcs of damage.
+    Regions,
+    /// The verdict on every shoulder.
+    Verdicts,
+    /// What became of every planned tap.
+    Ledger,
+    /// The samples of every tap.
+    Taps,
+}
+
+/// In what format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// A table as text.
+    Csv,
+    /// A table with types and units, compressed by snappy.
+    Parquet,
+    /// Taps as a tap set, one WAV each.
+    Wav,
+    /// Taps as Universal Files, dataset 58b.
+    Uff,
+    /// Taps as Universal Files, dataset 58.
+    UffAscii,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum ModelVerb {
+    /// Print one of the dissertation's tables, computed, as CSV.
+    Table {
+        /// Number of the table: 4, 5, 6, 8, 9, 10 or 11.
+        number: u8,
+        /// How the effective length of a crack is had: as the printed tables used it, or as the text describes it.
+        #[arg(long, value_enum, default_value_t = Length::Published)]
+        effective_length: Length,
+    },
+    /// Print what one contact does, on a rung of the ladder of models or on the cheapest that is true enough.
+    Contact(ContactArgs),
+}

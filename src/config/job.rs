@@ -1,0 +1,158 @@
+//! A line as it was asked for: configuration, source of casings and results.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context as _, Result, bail};
+use tapline_acquire::validate_stations;
+use tapline_fuse::{Reference, ReferenceSet};
+
+use crate::cli::{LineArgs, SourceArgs};
+use crate::config::Config;
+use crate::config::lineage::made_by;
+use crate::config::reference::{Fusions, ReferenceFile};
+
+/// A run as it was asked for: configuration, source and archive.
+#[derive(Debug)]
+pub(crate) struct Job {
+    pub(crate) config: Config,
+    /// The configuration as it was written, or the defaults spelled out where nothing was.
+    pub(crate) config_toml: String,
+    pub(crate) taps: Option<PathBuf>,
+    pub(crate) out: PathBuf,
+    reference: ReferenceSource,
+    pub(crate) stations: Option<u16>,
+    /// What its results are made by.
+    made_by: String,
+}
+
+/// Where a reference is read from.
+#[derive(Debug)]
+enum ReferenceSource {
+    /// It is in no file.
+    None,
+    File(PathBuf),
+    /// It was read before.
+    Text(String),
+}
+
+impl Job {
+    /// Reads the configuration that `args` name and checks it.
+    pub(crate) fn resolve(args: &SourceArgs) -> Result<Self> {
+        let (mut config, mut config_toml) = read_config(args.config.as_deref())?;
+        if let Some(text) = &args.reference {
+            config.fuse.reference = Some(Reference::try_from(text.clone()).context("--reference")?);
+            config_toml = with_value(&config_toml, "fuse", "reference", text.clone().into())?;
+        }
+        if let (Some(stations), None) = (args.stations, &args.taps) {
+            config.scan.stations = stations;
+            config_toml = with_value(&config_toml, "scan", "stations", i64::from(stations).into())?;
+        }
+        config.acquire.validate()?;
+        config.process.validate()?;
+        config.fuse.validate()?;
+        config.store.validate()?;
+        config.line.validate()?;
+        if args.stations == Some(0) {
+            bail!("--stations is 0; at least one is needed");
+        }
+        let out = match (&args.out, &args.taps) {
+            // A folder's name may end in a slash, and is the same run's.
+            (Some(out), _) => out.components().collect(),
+            (None, None) => PathBuf::from("simulated"),
+            (None, Some(taps)) => {
+                let folder =
+                    taps.canonicalize().with_context(|| format!("cannot find the tap set {}", taps.display()))?;
+                PathBuf::from(folder.file_name().unwrap_or_default())
+            }
+        };
+        let reference = match &config.fuse.reference {
+            Some(Reference::File(path)) => ReferenceSource::File(path.clone()),
+            _ => ReferenceSource::None,
+        };
+        let (taps, stations, made_by) = (args.taps.clone(), args.stations, made_by(&config)?);
+        Ok(Self { config, config_toml, taps, out, reference, stations, made_by })
+    }
+
+    /// The job of `tapline line`.
+    pub(crate) fn of_line(args: &LineArgs) -> Result<Self> {
+        let source = SourceArgs {
+            config: Some(args.config.clone()),
+            taps: None,
+            out: Some(args.out.clone()),
+            reference: args.reference.clone(),
+            stations: None,
+        };
+        let job = Self::resolve(&source)?;
+        validate_stations(&job.config.station)?;
+        if let Some(Reference::Shoulder { tyre, shoulder }) = &job.config.fuse.reference {
+            bail!(
+                "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, which no casing of a \
+                 line is known to have. Make a reference file of casings that are known to be sound (`tapline reference \
+                 FOLDER --out sound.json`) and give `--reference sound.json`; to compare each casing with itself, give \
+                 `--reference self`"
+            );
+        }
+        Ok(job)
+    }
+
+    /// The job of a stage, from the copy that its line made of what it was asked for.
+    pub(crate) fn of_copy(config_toml: &str, reference: Option<String>, out: PathBuf) -> Result<Self> {
+        let config: Config = toml::from_str(config_toml).context("the copy of the configuration is none")?;
+        Ok(Self {
+            made_by: made_by(&config)?,
+            config,
+            config_toml: config_toml.to_owned(),
+            taps: None,
+            out,
+            reference: reference.map_or(ReferenceSource::None, ReferenceSource::Text),
+            stations: None,
+        })
+    }
+
+    /// What its results are made by.
+    pub(crate) fn made_by(&self) -> &str {
+        &self.made_by
+    }
+
+    /// Reads the reference, if it is in a file.
+    pub(crate) fn reference(&self) -> Result<Option<ReferenceFile>> {
+        let (text, name) = match &self.reference {
+            ReferenceSource::None => return Ok(None),
+            ReferenceSource::Text(text) => (text.clone(), "the copy of the reference".to_owned()),
+            ReferenceSource::File(path) => {
+                let name = path.display().to_string();
+                (std::fs::read_to_string(path).with_context(|| format!("cannot read the reference {name}"))?, name)
+            }
+        };
+        let set = ReferenceSet::parse(&text).with_context(|| format!("cannot use {name}"))?;
+        Ok(Some(ReferenceFile { text, set: Arc::new(set) }))
+    }
+
+    /// What makes the fusion of each casing.
+    pub(crate) fn fusions(&self) -> Result<Fusions> {
+        let set = self.reference()?.map(|file| file.set);
+        Ok(Fusions::new(self.config.fuse.clone(), self.config.process, set))
+    }
+}
+
+/// The configuration `config_toml` with another value of `key` in the table `name`.
+fn with_value(config_toml: &str, name: &str, key: &str, value: toml::Value) -> Result<String> {
+    let mut table: toml::Table = toml::from_str(config_toml).context("the configuration is no TOML")?;
+    let part = table.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+    let part = part.as_table_mut().with_context(|| format!("[{name}] is no table"))?;
+    part.insert(key.to_owned(), value);
+    toml::to_string(&table).context("the configuration does not fit TOML")
+}
+
+fn read_config(path: Option<&Path>) -> Result<(Config, String)> {
+    let Some(path) = path else {
+        let config = Config::default();
+        let text = toml::to_string(&config).context("the default configuration does not fit TOML")?;
+        return Ok((config, text));
+    };
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
+    let config = toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
+    Ok((config, text))
+}

@@ -1,0 +1,89 @@
+//! The configuration file: one TOML table per part of the line.
+
+pub(crate) mod job;
+pub(crate) mod lineage;
+pub(crate) mod reference;
+
+use anyhow::{Result, ensure};
+use serde::{Deserialize, Serialize};
+use tapline_acquire::{AcquireConfig, ScanConfig, StationConfig, StationSource};
+use tapline_fuse::FuseConfig;
+use tapline_model::SimulationConfig;
+use tapline_process::ProcessConfig;
+use tapline_store::StoreConfig;
+use tapline_wire::CasingLimits;
+
+/// What a configuration file says; every key has a default, and unknown keys are refused.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Config {
+    /// The simulated scan.
+    pub(crate) scan: ScanConfig,
+    /// The simulated tyre and its sensors.
+    pub(crate) simulation: SimulationConfig,
+    /// How taps are taken.
+    pub(crate) acquire: AcquireConfig,
+    /// The discriminators.
+    pub(crate) process: ProcessConfig,
+    /// Damage maps and verdicts.
+    pub(crate) fuse: FuseConfig,
+    /// The archive.
+    pub(crate) store: StoreConfig,
+    /// A line that never ends.
+    pub(crate) line: LineConfig,
+    /// Its stations.
+    pub(crate) station: Vec<StationConfig>,
+}
+
+/// A line that never ends: the table `[line]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct LineConfig {
+    /// Command that is run, by the shell, at each verdict, which it gets as a line of JSON on its standard input.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) on_verdict: Option<String>,
+    /// Most taps of a casing that comes as a tap set.
+    pub(crate) taps_max: usize,
+    /// Most samples of one of its taps, all channels together.
+    pub(crate) record_samples_max: usize,
+    /// Most shoulders, or lines of a slab, that such a casing has.
+    pub(crate) scans_max: usize,
+}
+
+impl Default for LineConfig {
+    fn default() -> Self {
+        Self { on_verdict: None, taps_max: 8192, record_samples_max: 65_536, scans_max: 64 }
+    }
+}
+
+/// Bytes of a sample in the widest format.
+const SAMPLE_BYTES_MAX: usize = 4;
+
+impl LineConfig {
+    fn validate(&self) -> Result<()> {
+        let check = |key: &str, value: usize, most: usize| {
+            ensure!((1..=most).contains(&value), "line.{key} = {value}: must be from 1 to {most}");
+            Ok(())
+        };
+        check("taps_max", self.taps_max, 1_000_000)?;
+        check("record_samples_max", self.record_samples_max, 8_000_000)?;
+        check("scans_max", self.scans_max, 1000)
+    }
+}
+
+impl Config {
+    /// What the largest casing of any station needs.
+    pub(crate) fn station_limits(&self) -> Result<CasingLimits> {
+        let tap_sets = CasingLimits {
+            taps: self.line.taps_max,
+            scans: self.line.scans_max,
+            locations: self.line.taps_max,
+            record_bytes: self.line.record_samples_max * SAMPLE_BYTES_MAX,
+        };
+        let of = |station: &StationConfig| match station.source {
+            StationSource::Folder => tap_sets,
+            StationSource::Rig | StationSource::Simulated => self.scan.limits(&self.simulation),
+        };
+        Ok(self.station.iter().map(of).fold(CasingLimits::default(), CasingLimits::and))
+    }
+}

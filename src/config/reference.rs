@@ -1,0 +1,149 @@
+//! What a run compares with, and whether that was recorded and analysed as its own taps are.
+
+use std::sync::Arc;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
+use tapline_process::ProcessConfig;
+use tapline_wire::{Plan, Recording};
+
+/// A reference as it was read.
+#[derive(Debug)]
+pub(crate) struct ReferenceFile {
+    pub(crate) text: String,
+    pub(crate) set: Arc<ReferenceSet>,
+}
+
+/// Makes the fusion of each casing, by the reference that the configuration names.
+#[derive(Debug)]
+pub(crate) struct Fusions {
+    fuse: FuseConfig,
+    process: ProcessConfig,
+    set: Option<Arc<ReferenceSet>>,
+}
+
+impl Fusions {
+    /// With the tables `[fuse]` and `[process]`, and the reference file where there is one.
+    pub(crate) fn new(fuse: FuseConfig, process: ProcessConfig, set: Option<Arc<ReferenceSet>>) -> Self {
+        Self { fuse, process, set }
+    }
+
+    /// The fusion of the taps of `plan`.
+    pub(crate) fn of(&self, plan: &Plan) -> Result<Fusion, tapline_fuse::Error> {
+        match &self.set {
+            Some(set) => Fusion::with_reference(&self.fuse, plan, Arc::clone(set)),
+            None => Fusion::new(&self.fuse, plan),
+        }
+    }
+
+    /// The fusion of the taps of `plan`, if they are recorded and looked at as those of the reference are.
+    pub(crate) fn check(&self, plan: &Plan) -> Result<Fusion> {
+        check_record_s(&self.process, &plan.recording)?;
+        if let Some(set) = &self.set {
+            check_reference(set, &self.process, &plan.recording)?;
+        }
+        self.check_shoulder(plan)?;
+        Ok(self.of(plan)?)
+    }
+
+    /// Whether the casing of `plan` has the shoulder that the reference names: one named so is of the same casing.
+    pub(crate) fn check_shoulder(&self, plan: &Plan) -> Result<()> {
+        let Some(Reference::Shoulder { tyre, shoulder }) = &self.fuse.reference else { return Ok(()) };
+        let has_it = plan.scans().iter().any(|scan| scan.tyre == *tyre && scan.shoulder == *shoulder);
+        ensure!(
+            has_it,
+            "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, but {} does not have \
+             it. To compare casings with a sound one, make a reference file of its archive (`tapline reference FOLDER \
+             --shoulder {tyre}/{shoulder} --out sound.json`) and give `--reference sound.json`; to compare each with \
+             itself, give `--reference self`",
+            plan.scans().first().map_or_else(|| "a casing".to_owned(), |scan| format!("casing {}", scan.tyre))
+        );
+        Ok(())
+    }
+}
+
+/// How discriminators come about: rate and channels of the records, and the table `[process]` with every default spelled
+/// out.
+pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
+    let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
+    let rate_hz = recording.sample_rate_hz;
+    let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
+    Ok(format!("sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\n{config}"))
+}
+
+/// Whether what is looked at of each record reaches beyond its trigger.
+pub(crate) fn check_record_s(config: &ProcessConfig, recording: &Recording) -> Result<()> {
+    let (pre_trigger, rate_hz) = (recording.pre_trigger_samples, recording.sample_rate_hz);
+    ensure!(
+        config.samples_looked_at(u32::MAX, rate_hz) > pre_trigger,
+        "process.record_s = {} s: must be 0, or above the {:.4} s of each record before the trigger",
+        config.record_s,
+        f64::from(pre_trigger) / rate_hz
+    );
+    Ok(())
+}
+
+/// Whether the taps of `set` were recorded and analysed as those of a run are.
+pub(crate) fn check_reference(set: &ReferenceSet, config: &ProcessConfig, recording: &Recording) -> Result<()> {
+    check_process(&set.process, &process_of(config, recording)?)
+}
+
+fn check_process(there: &str, here: &str) -> Result<()> {
+    if there != here {
+        bail!(
+            "the taps of the reference were recorded or analysed otherwise than this run's: {}",
+            differences(there, here)
+        );
+    }
+    Ok(())
+}
+
+/// The lines of two texts that differ.
+pub(crate) fn differences(was: &str, is: &str) -> String {
+    let only = |of: &str, other: &str| -> Vec<String> {
+        of.lines().filter(|line| !other.lines().any(|l| l == *line)).map(str::to_owned).collect()
+    };
+    format!("{} there, {} here", only(was, is).join(", "), only(is, was).join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use tapline_wire::{Channel, SampleFormat};
+
+    use super::*;
+
+    #[test]
+    fn what_differs_is_named() {
+        // Catches a difference that is not looked at, as of the rate or the channels, one that is not named, and lines that
+        // are alike and named.
+        let recording = Recording {
+            sample_rate_hz: 40_960.0,
+            pre_trigger_samples: 512,
+            sample_count_max: 16_384,
+            sample_format: SampleFormat::I16,
+            channels: vec![Channel::Force, Channel::Sound],
+        };
+        let config = ProcessConfig::default();
+        let was = process_of(&config, &recording).unwrap();
+        let told =
+            |config: &ProcessConfig, recording: &Recording| differences(&was, &process_of(config, recording).unwrap());
+        let faster = Recording { sample_rate_hz: 48_000.0, ..recording.clone() };
+        assert_eq!(told(&config, &faster), "sample_rate_hz = 40960.0 there, sample_rate_hz = 48000.0 here");
+        let deaf = Recording { channels: vec![Channel::Force], ..recording.clone() };
+        assert_eq!(told(&config, &deaf), "channels = [\"force\", \"sound\"] there, channels = [\"force\"] here");
+        let other = ProcessConfig { f_c_hz: 600.0, f_hi_hz: 1900.0, ..config };
+        assert_eq!(
+            told(&other, &recording),
+            "f_c_hz = 550.0, f_hi_hz = 2000.0 there, f_c_hz = 600.0, f_hi_hz = 1900.0 here"
+        );
+        // How long the records are, and in what numbers, does not count.
+        let longer = Recording { sample_count_max: 32_768, sample_format: SampleFormat::F32, ..recording };
+        assert_eq!(process_of(&ProcessConfig::default(), &longer).unwrap(), was);
+        assert!(check_record_s(&config, &longer).is_ok());
+        let refused = check_record_s(&ProcessConfig { record_s: 0.0125, ..config }, &longer).unwrap_err().to_string();
+        assert_eq!(
+            refused,
+            "process.record_s = 0.0125 s: must be 0, or above the 0.0125 s of each record before the trigger"
+        );
+    }
+}

@@ -1,0 +1,311 @@
+//! What a run ends with: the verdict on every shoulder, how good they are where the truth is known, how fast it went.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{self, Write as _};
+use std::sync::Arc;
+
+use anyhow::Result;
+use comfy_table::Table;
+use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
+use serde::Serialize;
+use tapline_fuse::{Fusion, Reference, ReferenceSet, Score, ScorePool};
+use tapline_store::Reader;
+use tapline_wire::{Discriminator, Quality, Reasons, TapState};
+
+use crate::config::job::Job;
+use crate::line::setup::Setup;
+use crate::line::stage::Work;
+use crate::line::supervisor::Pace;
+use crate::line::verdicts::ShoulderVerdict;
+
+/// Casings over which the index is scored again against the truth: it takes as long as to judge them eight times.
+const SCORED_MAX: usize = 64;
+
+#[derive(Debug, Serialize)]
+struct Summary {
+    kind: &'static str,
+    out: String,
+    is_whole: bool,
+    casings: usize,
+    /// Casings without a finished file.
+    unfinished: usize,
+    archived: usize,
+    refused: usize,
+    missing: usize,
+    verdicts: Vec<ShoulderVerdict>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    auc: Option<Auc>,
+    reference_is_self: bool,
+    /// What was asked for and could not be learned from a reference, and why; each text once.
+    fallbacks: Vec<String>,
+    /// How many archived taps have each flag.
+    flags: Vec<(&'static str, usize)>,
+    pace: PaceLine,
+}
+
+#[derive(Debug, Serialize)]
+struct Auc {
+    index: Option<f64>,
+    discriminators: Vec<(&'static str, Option<f64>)>,
+    cracked: u32,
+    sound: u32,
+    /// Casings that are scored.
+    casings: usize,
+}
+
+#[derive(Debug, Default, Serialize)]
+struct PaceLine {
+    taps: usize,
+    elapsed_s: f64,
+    taps_per_s: f64,
+    gb_per_s: f64,
+    latency_p50_us: u64,
+    latency_p99_us: u64,
+    gaps: u64,
+    conflicts: u64,
+    sent: u64,
+    sent_again: u64,
+    taken_again: u64,
+    restarts: u32,
+    peak_memory_mb: Vec<(String, f64)>,
+}
+
+/// What is summed up over the casings, one file at a time.
+#[derive(Default)]
+struct Sum {
+    verdicts: Vec<ShoulderVerdict>,
+    unfinished: usize,
+    counts: [usize; 3],
+    is_judged: bool,
+    flags: BTreeMap<&'static str, usize>,
+    fallbacks: BTreeSet<String>,
+    scores: ScorePool,
+    has_truth: bool,
+    scored: usize,
+}
+
+/// Prints the summary of the casings `names` of `job`; whether nothing is missing, refused or contradicted.
+pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, as_json: bool) -> Result<bool> {
+    let mut sum = Sum { is_judged: true, ..Sum::default() };
+    let places = setup.places();
+    for name in names {
+        match places.finished(name) {
+            Some(path) => add(&mut sum, job, &Reader::open(path)?)?,
+            None => sum.unfinished += 1,
+        }
+    }
+    let pace = pace_line(&pace);
+    let [archived, refused, missing] = sum.counts;
+    let is_whole = sum.unfinished == 0 && refused == 0 && missing == 0 && sum.is_judged && pace.conflicts == 0;
+    let summary = Summary {
+        kind: "summary",
+        out: job.out.display().to_string(),
+        is_whole,
+        casings: names.len(),
+        unfinished: sum.unfinished,
+        archived,
+        refused,
+        missing,
+        verdicts: sum.verdicts,
+        auc: sum.has_truth.then(|| Auc::of(&sum.scores.score(), sum.scored)),
+        flags: Quality::ALL.iter().filter_map(|&(_, name)| Some((name, *sum.flags.get(name)?))).collect(),
+        fallbacks: sum.fallbacks.into_iter().collect(),
+        reference_is_self: job.config.fuse.reference == Some(Reference::Own),
+        pace,
+    };
+    let mut out = io::stdout().lock();
+    if as_json {
+        writeln!(out, "{}", serde_json::to_string(&summary)?)?;
+    } else {
+        print(&mut out, &summary)?;
+    }
+    Ok(summary.is_whole)
+}
+
+/// Adds the casing of one file.
+fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
+    let ledger = reader.ledger();
+    let states = [TapState::Archived, TapState::Refused, TapState::Missing];
+    for (count, state) in sum.counts.iter_mut().zip(states) {
+        *count += ledger.count(state);
+    }
+    sum.is_judged &= ledger.is_judged();
+    let found = reader.discriminators()?;
+    for &(flag, name) in Quality::ALL {
+        let count = found.iter().flatten().filter(|record| record.quality.contains(flag)).count();
+        if count > 0 {
+            *sum.flags.entry(name).or_default() += count;
+        }
+    }
+    let judgements = reader.judgements()?;
+    let fell_back: Vec<usize> = (0..judgements.len())
+        .filter(|&scan| judgements[scan].as_ref().is_some_and(|(j, _)| j.reasons.contains(Reasons::FELL_BACK)))
+        .collect();
+    let records: Vec<_> = found.into_iter().flatten().collect();
+    let fusion = || -> Result<Fusion> {
+        Ok(match reader.reference() {
+            Some(text) => {
+                Fusion::with_reference(&job.config.fuse, reader.plan(), Arc::new(ReferenceSet::parse(text)?))?
+            }
+            None => Fusion::new(&job.config.fuse, reader.plan())?,
+        })
+    };
+    // Why verdicts fell back is learned from the archive again, so that it is said also when an earlier run reached them.
+    if !fell_back.is_empty() && sum.fallbacks.is_empty() {
+        let mut fusion = fusion()?;
+        records.iter().try_for_each(|record| fusion.push(record))?;
+        for scan in fell_back {
+            sum.fallbacks.extend(fusion.fallbacks(scan)?);
+        }
+    }
+    if !reader.truth().is_empty() && sum.scored < SCORED_MAX {
+        (sum.has_truth, sum.scored) = (true, sum.scored + 1);
+        sum.scores.add(fusion()?, &records)?;
+    }
+    let shoulders = reader.plan().scans().iter().zip(judgements);
+    sum.verdicts.extend(shoulders.map(|(scan, judged)| ShoulderVerdict::of(reader, scan, judged)));
+    Ok(())
+}
+
+impl Auc {
+    fn of(score: &Score, casings: usize) -> Self {
+        Self {
+            index: score.index,
+            discriminators: Discriminator::ALL.iter().map(|d| d.name()).zip(score.discriminators).collect(),
+            cracked: score.cracked_count,
+            sound: score.sound_count,
+            casings,
+        }
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "figures for people to read")]
+fn pace_line(pace: &Pace) -> PaceLine {
+    let taps = pace.settled.unwrap_or(0);
+    let elapsed_s = pace.elapsed_s;
+    let per_s = |count: f64| if elapsed_s > 0.0 { count / elapsed_s } else { 0.0 };
+    let mut line = PaceLine {
+        taps,
+        elapsed_s,
+        taps_per_s: per_s(taps as f64),
+        restarts: pace.restarts.iter().map(|(_, count)| count).sum(),
+        ..PaceLine::default()
+    };
+    for report in &pace.reports {
+        let name = match &report.work {
+            Work::Acquire(work) => {
+                line.gb_per_s += per_s(work.sample_bytes as f64 / 1e9);
+                line.sent += work.sent_count;
+                line.sent_again += work.resent_count;
+                line.taken_again += work.retake_count;
+                format!("acquire {}", stations(&work.stations))
+            }
+            Work::Process(work) => {
+                (line.latency_p50_us, line.latency_p99_us) = (work.latency_p50_us, work.latency_p99_us);
+                line.gaps += work.lost_count;
+                "process".to_owned()
+            }
+            Work::Fuse(work) => {
+                line.gaps += work.lost_count;
+                "fuse".to_owned()
+            }
+            Work::Store(work) => {
+                line.gaps += work.lost_count;
+                line.conflicts += work.conflict_count;
+                "store".to_owned()
+            }
+        };
+        line.peak_memory_mb.push((name, report.peak_memory_bytes as f64 / 1e6));
+    }
+    line
+}
+
+/// A few stations by number, many by how many there are.
+fn stations(numbers: &[u16]) -> String {
+    match numbers {
+        [number] => number.to_string(),
+        [first, .., last] => format!("{first}..{last} ({} stations)", numbers.len()),
+        [] => "(no station)".to_owned(),
+    }
+}
+
+fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
+    let mut table = Table::new();
+    table.load_style(UTF8_HORIZONTAL_ONLY);
+    table.set_header(["tyre", "shoulder", "station", "verdict", "why", "regions", "peak index", "at", "reject at"]);
+    let cell = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:.2}"));
+    for line in &summary.verdicts {
+        table.add_row([
+            line.tyre.clone(),
+            line.shoulder.to_string(),
+            line.station.to_string(),
+            line.verdict.to_string(),
+            line.reasons.clone(),
+            line.regions.to_string(),
+            cell(line.peak_damage_index),
+            line.peak_location.map_or_else(String::new, |l| l.to_string()),
+            cell(line.limit_reject),
+        ]);
+    }
+    writeln!(out, "{table}")?;
+    if let Some(auc) = &summary.auc {
+        let text = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
+        let alone: Vec<String> = auc.discriminators.iter().map(|(name, v)| format!("{name} {}", text(*v))).collect();
+        writeln!(
+            out,
+            "AUC against truth ({} casings, {} cracked, {} sound locations): index {}; alone: {}",
+            auc.casings,
+            auc.cracked,
+            auc.sound,
+            text(auc.index),
+            alone.join(", ")
+        )?;
+    }
+    if summary.reference_is_self {
+        writeln!(out, "Each tyre is compared with itself (reference = \"self\"): damage all around would not show.")?;
+    }
+    for text in &summary.fallbacks {
+        writeln!(out, "{text}")?;
+    }
+    if !summary.flags.is_empty() {
+        let flags: Vec<String> = summary.flags.iter().map(|(name, count)| format!("{name} {count}")).collect();
+        writeln!(out, "Taps with flags (`export discriminators` has them): {}", flags.join(", "))?;
+    }
+    print_pace(out, &summary.pace)?;
+    let Summary { casings, unfinished, archived, refused, missing, .. } = summary;
+    let whole = if summary.is_whole { "whole" } else { "NOT WHOLE" };
+    writeln!(
+        out,
+        "{} is {whole}: {} of {casings} casings finished; {archived} taps archived, {refused} refused, {missing} missing.",
+        summary.out,
+        casings - unfinished
+    )?;
+    if *unfinished > 0 {
+        writeln!(out, "The same command again takes what is missing.")?;
+    }
+    Ok(())
+}
+
+fn print_pace(out: &mut impl io::Write, pace: &PaceLine) -> Result<()> {
+    if pace.taps == 0 {
+        return Ok(());
+    }
+    writeln!(
+        out,
+        "{} taps in {:.1} s: {:.0} taps/s, {:.3} GB/s through shared memory; tap to discriminators p50 {} us, p99 {} us; \
+         {} gaps, {} taps sent again, {} taken again, {} restarts",
+        pace.taps,
+        pace.elapsed_s,
+        pace.taps_per_s,
+        pace.gb_per_s,
+        pace.latency_p50_us,
+        pace.latency_p99_us,
+        pace.gaps,
+        pace.sent_again,
+        pace.taken_again,
+        pace.restarts
+    )?;
+    let memory: Vec<String> = pace.peak_memory_mb.iter().map(|(name, mb)| format!("{name} {mb:.0}")).collect();
+    writeln!(out, "Peak memory, MB: {}", memory.join(", "))?;
+    Ok(())
+}

@@ -1,0 +1,356 @@
+//! The seam between an archive and the pages: what was found, shoulder by shoulder, in the form that pictures need.
+
+pub(super) mod condition;
+pub(super) mod offsets;
+pub(super) mod samples;
+pub(super) mod spectra;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use anyhow::Result;
+use tapline_fuse::{Fusion, OffsetMap, ReferenceSet};
+use tapline_store::{Judged, Reader, Region, regions};
+use tapline_wire::{
+    DamageCell, Discriminator, Discriminators, Geometry, Judgement, Quality, Reasons, Recording, Scan, ScanState,
+    Serial, SourceKind, TapState, Verdict, digest_of_parts,
+};
+
+use crate::config::Config;
+use crate::report::evidence::condition::Condition;
+
+/// All that the pages of one archive tell, apart from samples.
+pub(crate) struct Evidence {
+    /// Name of the archive's file.
+    pub(crate) archive: String,
+    /// Archives whose tyres were added.
+    pub(crate) others: usize,
+    pub(crate) plan_digest: u64,
+    pub(crate) source_digest: u64,
+    /// Version of the program that made the archive.
+    pub(crate) written_by: Option<String>,
+    /// The configuration as it was written.
+    pub(crate) config_toml: String,
+    /// The same, read; the defaults where this program cannot read it.
+    pub(crate) config: Config,
+    /// The reference that the archive keeps, where the run had one in a file and this program can read it.
+    pub(crate) reference: Option<Arc<ReferenceSet>>,
+    /// A number that differs for different references.
+    pub(crate) reference_digest: Option<u64>,
+    /// Why the configuration cannot be read.
+    pub(crate) config_problem: Option<String>,
+    pub(crate) geometry: Geometry,
+    pub(crate) recording: Recording,
+    /// What the taps came from.
+    pub(crate) source: Option<SourceKind>,
+    /// In the order of their first taps.
+    pub(crate) tyres: Vec<Tyre>,
+    /// Whether cracks are known of any location.
+    pub(crate) has_truth: bool,
+}
+
+/// One casing.
+pub(crate) struct Tyre {
+    pub(crate) serial: Serial,
+    pub(crate) shoulders: Vec<Shoulder>,
+    /// The offset and velocity that tell its damage best: what is drawn where all would be too many.
+    pub(crate) condition: Option<Condition>,
+}
+
+/// One shoulder, or one line of a slab.
+pub(crate) struct Shoulder {
+    pub(crate) number: u16,
+    pub(crate) station: u16,
+    /// RE-INSPECT where nothing is judged: no verdict is no PASS.
+    pub(crate) verdict: Verdict,
+    pub(crate) reasons: Reasons,
+    /// What speaks for damage where the index is highest: the mean score of each discriminator that speaks at all, the
+    /// loudest first.
+    pub(crate) evidence: Vec<(Discriminator, f64)>,
+    /// Chance that a sound shoulder is not passed, which the limits were set for.
+    pub(crate) false_call_rate: Option<f64>,
+    /// Index at which a location is suspect, and at which it is damage.
+    pub(crate) limits: Option<Limits>,
+    /// Ascending by location; without index where nothing is judged.
+    pub(crate) cells: Vec<Cell>,
+    pub(crate) regions: Vec<Region>,
+    /// Every planned tap.
+    pub(crate) taps: Vec<Tap>,
+    /// The index of each offset alone, ascending; empty where the plan has one offset only.
+    pub(crate) offsets: Vec<OffsetMap>,
+}
+
+/// The two limits of a verdict.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Limits {
+    pub(crate) re_inspect: f64,
+    pub(crate) reject: f64,
+}
+
+/// One location.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Cell {
+    pub(crate) location: u32,
+    /// Where it is drawn: degrees on a ring, the number of the location on a line.
+    pub(crate) place: f64,
+    pub(crate) index: Option<f64>,
+    /// Number of its region, 0 outside of all.
+    pub(crate) region: u32,
+    /// Whether it is known to be cracked, or to be sound.
+    pub(crate) is_cracked: Option<bool>,
+}
+
+/// One planned tap and what became of it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tap {
+    /// Row in the plan.
+    pub(crate) row: u32,
+    pub(crate) location: u32,
+    /// As [`Cell::place`]; the closing tap of a ring stands at its end.
+    pub(crate) place: f64,
+    pub(crate) condition: Condition,
+    pub(crate) repetition: u16,
+    pub(crate) is_closing: bool,
+    pub(crate) state: TapState,
+    pub(crate) found: Option<Discriminators>,
+    /// When the impact was, ns since the Unix epoch.
+    pub(crate) time_ns: Option<i64>,
+}
+
+impl Evidence {
+    /// What the archive behind `reader` holds.
+    pub(crate) fn of(reader: &Reader) -> Result<Self> {
+        let plan = reader.plan();
+        let (mut config, config_problem): (Config, _) = match toml::from_str(reader.config()) {
+            Ok(config) => (config, None),
+            Err(error) => (Config::default(), Some(error.to_string())),
+        };
+        let reference: Option<Arc<ReferenceSet>> =
+            reader.reference().and_then(|text| ReferenceSet::parse(text).ok()).map(Arc::new);
+        let headers = reader.headers()?;
+        let found = reader.discriminators()?;
+        if let Some(set) = &reference {
+            config.fuse.directions = set.directions;
+        }
+        // A configuration that cannot be read makes no fusion, and then there is no map of an offset.
+        let fusion = match &reference {
+            Some(set) => Fusion::with_reference(&config.fuse, plan, Arc::clone(set)),
+            None => Fusion::new(&config.fuse, plan),
+        };
+        let per_offset = match fusion {
+            Ok(mut fusion) => {
+                for record in found.iter().flatten() {
+                    fusion.push(record)?;
+                }
+                offsets::maps(&mut fusion, plan.scans().len())
+            }
+            Err(_) => Vec::new(),
+        };
+        let tap = |row: u32, places: &Places| {
+            let planned = &plan.taps()[row as usize];
+            let place = if planned.is_closing { places.end() } else { places.of(planned.id.location) };
+            Tap {
+                row,
+                location: planned.id.location,
+                place,
+                condition: Condition::new(planned.id.offset_mm(), plan.velocity_nominal_m_per_s(row)),
+                repetition: planned.id.repetition,
+                is_closing: planned.is_closing,
+                state: reader.ledger().taps()[row as usize],
+                found: found[row as usize],
+                time_ns: headers[row as usize].map(|header| header.tap_time_ns),
+            }
+        };
+        let mut tyres: Vec<Tyre> = Vec::new();
+        for (number, (scan, judged)) in plan.scans().iter().zip(reader.judgements()?).enumerate() {
+            let places = Places::of_scan(plan.geometry, scan);
+            let taps = scan.taps.iter().map(|&row| tap(row, &places)).collect();
+            let state = reader.ledger().scans()[number];
+            let mut shoulder = shoulder(reader, scan, &places, judged, state, taps);
+            shoulder.offsets = per_offset.get(number).cloned().unwrap_or_default();
+            match tyres.iter_mut().find(|tyre| tyre.serial == scan.tyre) {
+                Some(tyre) => tyre.shoulders.push(shoulder),
+                None => tyres.push(Tyre { serial: scan.tyre, shoulders: vec![shoulder], condition: None }),
+            }
+        }
+        for tyre in &mut tyres {
+            tyre.shoulders.sort_by_key(|shoulder| shoulder.number);
+            tyre.condition = condition::strongest(&config.fuse, tyre);
+        }
+        let source = headers.iter().flatten().next().and_then(|header| SourceKind::from_code(header.source));
+        Ok(Self {
+            archive: reader.path().file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            others: 0,
+            plan_digest: plan.digest(),
+            source_digest: plan.source_digest(),
+            written_by: reader.written_by(),
+            config_toml: reader.config().to_owned(),
+            config,
+            config_problem,
+            reference_digest: reader.reference().map(|text| digest_of_parts([text.as_bytes()])),
+            reference,
+            geometry: plan.geometry,
+            recording: plan.recording.clone(),
+            source,
+            tyres,
+            has_truth: !reader.truth().is_empty(),
+        })
+    }
+
+    /// Adds the tyres of another archive; what is said of the archive itself stays that of the first.
+    pub(crate) fn join(&mut self, other: Self) {
+        self.others += 1 + other.others;
+        self.has_truth |= other.has_truth;
+        self.config_problem = self.config_problem.take().or(other.config_problem);
+        self.tyres.extend(other.tyres);
+    }
+
+    /// Every shoulder of every tyre.
+    pub(crate) fn shoulders(&self) -> impl Iterator<Item = &Shoulder> {
+        self.tyres.iter().flat_map(|tyre| &tyre.shoulders)
+    }
+}
+
+fn shoulder(
+    reader: &Reader,
+    scan: &Scan,
+    places: &Places,
+    judged: Option<Judged>,
+    state: ScanState,
+    taps: Vec<Tap>,
+) -> Shoulder {
+    let cracked = |location| reader.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
+    let blank = |&(location, _): &(u32, Option<f64>)| DamageCell { location, ..DamageCell::default() };
+    let (judgement, map) = match judged {
+        Some((judgement, map)) => (Some(judgement), map),
+        None => (None, scan.locations.iter().map(blank).collect()),
+    };
+    let cell = |cell: &DamageCell| Cell {
+        location: cell.location,
+        place: places.of(cell.location),
+        index: Some(cell.damage_index).filter(|index| index.is_finite()),
+        region: cell.region,
+        is_cracked: cracked(cell.location),
+    };
+    let known = judgement.and_then(|j| Verdict::from_code(j.verdict).map(|verdict| (verdict, j.reasons)));
+    // As in the exported table of verdicts.
+    let unknown = if state == ScanState::Open { Reasons::NOT_ENDED } else { Reasons::NO_INDEX };
+    let (verdict, reasons) = known.unwrap_or((Verdict::ReInspect, unknown));
+    let limits = judgement.map(|j| Limits { re_inspect: j.limit_re_inspect, reject: j.limit_reject });
+    Shoulder {
+        number: scan.shoulder,
+        station: scan.station,
+        verdict,
+        reasons,
+        evidence: judgement.map_or_else(Vec::new, |judgement| evidence(&judgement)),
+        false_call_rate: judgement.map(|judgement| judgement.false_call_rate).filter(|rate| rate.is_finite()),
+        limits: limits.filter(|limits| limits.re_inspect.is_finite() && limits.reject.is_finite()),
+        cells: map.iter().map(cell).collect(),
+        regions: regions(reader.plan().geometry, &map),
+        taps,
+        offsets: Vec::new(),
+    }
+}
+
+/// The discriminators that speak for damage at the peak, the loudest first.
+fn evidence(judgement: &Judgement) -> Vec<(Discriminator, f64)> {
+    let all = Discriminator::ALL.into_iter().zip(judgement.evidence);
+    let mut known: Vec<_> = all.filter(|(_, score)| score.is_finite() && *score > 0.0).collect();
+    known.sort_by(|a, b| b.1.total_cmp(&a.1));
+    known
+}
+
+/// Where the locations of one shoulder are drawn.
+struct Places {
+    geometry: Geometry,
+    places: BTreeMap<u32, f64>,
+    end: f64,
+}
+
+impl Places {
+    fn of_scan(geometry: Geometry, scan: &Scan) -> Self {
+        // Where a ring names no angles its locations are equal parts of it.
+        let part_deg = 360.0 / scan.locations.len() as f64;
+        let place = |(order, &(location, angle_deg)): (u32, &(u32, Option<f64>))| match geometry {
+            Geometry::Ring => (location, angle_deg.unwrap_or(f64::from(order) * part_deg)),
+            Geometry::Line => (location, f64::from(location)),
+        };
+        let places: BTreeMap<u32, f64> = (0..).zip(&scan.locations).map(place).collect();
+        let last = scan.locations.last().map_or(0, |&(location, _)| location);
+        let end = if geometry == Geometry::Ring { 360.0 } else { f64::from(last) };
+        Self { geometry, places, end }
+    }
+
+    fn of(&self, location: u32) -> f64 {
+        self.places.get(&location).copied().unwrap_or(match self.geometry {
+            Geometry::Ring => self.end,
+            Geometry::Line => f64::from(location),
+        })
+    }
+
+    fn end(&self) -> f64 {
+        self.end
+    }
+}
+
+impl Tyre {
+    /// The worst verdict of its shoulders: one is enough to take a casing out.
+    pub(crate) fn verdict(&self) -> Verdict {
+        self.shoulders.iter().map(|shoulder| shoulder.verdict).max().unwrap_or(Verdict::ReInspect)
+    }
+
+    /// Every tap of the tyre.
+    pub(crate) fn taps(&self) -> impl Iterator<Item = &Tap> {
+        self.shoulders.iter().flat_map(|shoulder| &shoulder.taps)
+    }
+
+    /// The stations that tapped it, ascending.
+    pub(crate) fn stations(&self) -> Vec<u16> {
+        let mut stations: Vec<u16> = self.shoulders.iter().map(|shoulder| shoulder.station).collect();
+        stations.sort_unstable();
+        stations.dedup();
+        stations
+    }
+
+    /// The greatest index of its shoulders.
+    pub(crate) fn peak(&self) -> Option<f64> {
+        self.shoulders
+            .iter()
+            .filter_map(Shoulder::peak)
+            .map(|cell| cell.index.unwrap_or(f64::NAN))
+            .max_by(f64::total_cmp)
+    }
+}
+
+impl Shoulder {
+    /// The location with the greatest index; of several, as at the index's ceiling, the middle one.
+    pub(crate) fn peak(&self) -> Option<&Cell> {
+        let known = || self.cells.iter().filter_map(|cell| cell.index.map(|index| (index, cell)));
+        let highest = known().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let ceiling: Vec<&Cell> = known()
+            .filter(|(index, cell)| index.total_cmp(&highest.0).is_eq() && cell.region == highest.1.region)
+            .map(|(_, cell)| cell)
+            .collect();
+        ceiling.get(ceiling.len() / 2).copied()
+    }
+
+    /// The most ordinary location: its index is the median of those that nothing is said against.
+    pub(crate) fn ordinary(&self) -> Option<&Cell> {
+        let is_sound = |cell: &&Cell| cell.region == 0 && cell.index.is_some() && cell.is_cracked != Some(true);
+        let mut cells: Vec<&Cell> = self.cells.iter().filter(is_sound).collect();
+        cells.sort_by(|a, b| a.index.unwrap_or(f64::NAN).total_cmp(&b.index.unwrap_or(f64::NAN)));
+        cells.get(cells.len() / 2).copied()
+    }
+
+    /// Taps in `state`.
+    pub(crate) fn count(&self, state: TapState) -> usize {
+        self.taps.iter().filter(|tap| tap.state == state).count()
+    }
+}
+
+/// How many of `taps` carry each flag, flags that none carries left out.
+pub(crate) fn flags<'a>(taps: impl Iterator<Item = &'a Tap>) -> Vec<(&'static str, usize)> {
+    let qualities: Vec<Quality> = taps.filter_map(|tap| tap.found.map(|found| found.quality)).collect();
+    let count = |flag| qualities.iter().filter(|quality| quality.contains(flag)).count();
+    Quality::ALL.iter().map(|&(flag, name)| (name, count(flag))).filter(|&(_, count)| count > 0).collect()
+}

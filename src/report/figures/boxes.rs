@@ -1,0 +1,114 @@
+//! Boxplots of cracked against sound locations, where the truth is known: what each discriminator tells apart.
+
+use anyhow::Result;
+use plotters::prelude::*;
+use tapline_draw::canvas::{BLUE, INK, Point, VERMILLION, line};
+use tapline_draw::stats::{extent, quantile};
+use tapline_fuse::auc;
+use tapline_wire::Discriminator;
+
+use crate::report::evidence::condition::location_means;
+use crate::report::evidence::{Evidence, Shoulder, Tyre};
+use crate::report::figures::axis::Axis;
+use crate::report::figures::chart::{Chart, exponent_of, scaled_unit};
+use crate::report::figures::small::Small;
+use crate::report::pages::words;
+
+/// Share of the values beyond either whisker.
+const BEYOND: f64 = 0.05;
+
+/// What is compared: values of sound and of cracked locations.
+struct Classes {
+    sound: Vec<f64>,
+    cracked: Vec<f64>,
+}
+
+/// A boxplot of each discriminator and of the index over the locations of `tyres` whose truth is known, each with its
+/// AUC in the configured direction; empty where one class is.
+pub(crate) fn pictures(evidence: &Evidence, tyres: &[Tyre]) -> Result<Vec<String>> {
+    let mut pictures = Vec::new();
+    for which in Discriminator::ALL {
+        let (name, per_si, unit) = words::quantity(which);
+        let classes = classes(tyres, |tyre, shoulder| {
+            let means = tyre.condition.map(|condition| location_means(shoulder, condition, which)).unwrap_or_default();
+            shoulder.cells.iter().map(|cell| means.get(&cell.location).map(|value| value * per_si)).collect()
+        });
+        let sign = evidence.config.fuse.directions.of(which).sign();
+        pictures.extend(picture(name, unit, &classes, sign)?);
+    }
+    let index = classes(tyres, |_, shoulder| shoulder.cells.iter().map(|cell| cell.index).collect());
+    pictures.extend(picture("index", "", &index, 1.0)?);
+    Ok(pictures)
+}
+
+fn classes(tyres: &[Tyre], values: impl Fn(&Tyre, &Shoulder) -> Vec<Option<f64>>) -> Classes {
+    let mut classes = Classes { sound: Vec::new(), cracked: Vec::new() };
+    for (tyre, shoulder) in tyres.iter().flat_map(|tyre| tyre.shoulders.iter().map(move |shoulder| (tyre, shoulder))) {
+        for (cell, value) in shoulder.cells.iter().zip(values(tyre, shoulder)) {
+            match cell.is_cracked {
+                Some(true) => classes.cracked.extend(value),
+                Some(false) => classes.sound.extend(value),
+                None => {}
+            }
+        }
+    }
+    classes
+}
+
+fn picture(name: &str, unit: &str, classes: &Classes, sign: f64) -> Result<Option<String>> {
+    let pooled = || classes.sound.iter().map(|v| (v, false)).chain(classes.cracked.iter().map(|v| (v, true)));
+    let (scores, labels): (Vec<f64>, Vec<bool>) =
+        pooled().map(|(value, is_cracked)| (sign * value, is_cracked)).unzip();
+    let (Some(auc), Some(extremes)) = (auc(&scores, &labels), extent(pooled().map(|(value, _)| *value))) else {
+        return Ok(None);
+    };
+    let exponent = exponent_of(unit, extremes);
+    let scale = 10f64.powi(-exponent);
+    let unit = scaled_unit(exponent, unit);
+    let small = Small {
+        title: format!("{name}: AUC {auc:.3}"),
+        label: if unit.is_empty() { name.to_owned() } else { format!("{name}, {unit}") },
+        columns: vec![format!("sound {}", classes.sound.len()), format!("cracked {}", classes.cracked.len())],
+        y: Axis::around("", (extremes.0 * scale, extremes.1 * scale), 5),
+    };
+    let svg = small.svg(|chart| {
+        for (x, values, color) in [(0.5, &classes.sound, BLUE), (1.5, &classes.cracked, VERMILLION)] {
+            let values: Vec<f64> = values.iter().map(|value| value * scale).collect();
+            boxed(chart, x, &values, color)?;
+        }
+        Ok(())
+    })?;
+    Ok(Some(svg))
+}
+
+/// The box of the middle half with its median, whiskers, and a dot for each value beyond them.
+fn boxed(chart: &mut Chart<'_, '_>, x: f64, values: &[f64], color: RGBColor) -> Result<()> {
+    const HALF: f64 = 0.26;
+    let at = |q: f64| quantile(values, q);
+    let (Some(low), Some(first), Some(middle), Some(third), Some(high)) =
+        (at(BEYOND), at(0.25), at(0.5), at(0.75), at(1.0 - BEYOND))
+    else {
+        return Ok(());
+    };
+    let stroke = |points: Vec<Point>, color: RGBColor, width: f64| PathElement::new(points, line(color, width));
+    chart.draw_series([Rectangle::new([(x - HALF, first), (x + HALF, third)], color.mix(0.3).filled())])?;
+    chart.draw_series([
+        stroke(
+            vec![(x - HALF, first), (x + HALF, first), (x + HALF, third), (x - HALF, third), (x - HALF, first)],
+            color,
+            1.5,
+        ),
+        stroke(vec![(x, third), (x, high)], color, 1.5),
+        stroke(vec![(x, first), (x, low)], color, 1.5),
+        stroke(vec![(x - 0.5 * HALF, high), (x + 0.5 * HALF, high)], color, 1.5),
+        stroke(vec![(x - 0.5 * HALF, low), (x + 0.5 * HALF, low)], color, 1.5),
+        stroke(vec![(x - HALF, middle), (x + HALF, middle)], INK, 2.25),
+    ])?;
+    let beyond = values.iter().filter(|value| **value < low || **value > high);
+    // Of many only some: they lie on each other.
+    let every = values.len() / 400 + 1;
+    let dots =
+        beyond.step_by(every).map(|&value| Circle::new((x, value), tapline_draw::canvas::units(1.5), color.filled()));
+    chart.draw_series(dots)?;
+    Ok(())
+}

@@ -1,0 +1,176 @@
+//! Curves around the ring: the damage index with its limits, and each discriminator in both repetitions.
+
+use anyhow::Result;
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
+use tapline_draw::canvas::{BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, font};
+use tapline_draw::stats::extent;
+use tapline_store::Region;
+use tapline_wire::{Discriminator, Discriminators, Geometry};
+
+use crate::report::evidence::condition::Condition;
+use crate::report::evidence::{Shoulder, Tyre};
+use crate::report::figures::axis::Axis;
+use crate::report::figures::chart::{self, Chart, Key, Sheet, Stroke, exponent_of, scaled_unit};
+use crate::report::pages::words;
+
+/// Shoulders that one picture of the index can hold.
+pub(crate) const SHOULDERS: usize = 2;
+
+/// Colours and strokes of the curves in one picture.
+const CURVES: [(RGBColor, Stroke); 2] = [(BLUE, Stroke::Plain), (VERMILLION, Stroke::Dashed)];
+
+/// One repetition: place and value of each planned tap, `None` where the value is absent.
+type Turn = Vec<Option<Point>>;
+
+/// The axis along the ring or line.
+pub(crate) fn along(geometry: Geometry, shoulders: &[Shoulder]) -> Axis {
+    if geometry == Geometry::Ring {
+        return Axis {
+            label: "angle, deg".to_owned(),
+            range: (0.0, 360.0),
+            ticks: vec![0.0, 90.0, 180.0, 270.0, 360.0],
+        };
+    }
+    let places = shoulders.iter().flat_map(|shoulder| shoulder.cells.iter().map(|cell| cell.place));
+    let (first, last) = extent(places).unwrap_or((0.0, 1.0));
+    Axis::from_to("location", (first - 0.5, last + 0.5), 8)
+}
+
+/// The damage index of some shoulders of a tyre, at most [`SHOULDERS`], with the limits on it; indices up to
+/// `greatest` have room.
+pub(crate) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], greatest: f64) -> Result<String> {
+    let keys = CURVES.iter().zip(shoulders).map(|(&(color, stroke), shoulder)| Key {
+        words: format!("{} {}", words::side(geometry), shoulder.number),
+        color,
+        stroke,
+    });
+    let limit = |words: &str, color| Key { words: words.to_owned(), color, stroke: Stroke::Limit };
+    let limits = [limit("reject", INK), limit("re-inspect", ORANGE)];
+    let lowest = shoulders.iter().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
+    let lowest = extent(lowest.chain([0.0])).map_or(0.0, |(lowest, _)| lowest);
+    let sheet = Sheet {
+        height: 214,
+        title,
+        keys: keys.chain(limits).collect(),
+        ramp: None,
+        x: along(geometry, shoulders),
+        y: Axis::around("damage index", (lowest, greatest), 6),
+    };
+    sheet.svg(|chart| {
+        if let [alone] = shoulders {
+            shade(chart, alone)?;
+        }
+        for limits in shoulders.iter().filter_map(|shoulder| shoulder.limits) {
+            chart::level(chart, limits.reject, Stroke::Limit.style(INK))?;
+            chart::level(chart, limits.re_inspect, Stroke::Limit.style(ORANGE))?;
+        }
+        for (shoulder, &(color, stroke)) in shoulders.iter().zip(&CURVES) {
+            let points = shoulder.cells.iter().map(|cell| cell.index.map(|index| (cell.place, index)));
+            chart::curve(chart, &closed(geometry, points.collect()), stroke.style(color))?;
+        }
+        Ok(())
+    })
+}
+
+/// The curve with its first point again at the end of the ring, where it lies at the beginning.
+fn closed(geometry: Geometry, mut points: Vec<Option<Point>>) -> Vec<Option<Point>> {
+    let first = points.first().copied().flatten().filter(|(place, _)| geometry == Geometry::Ring && *place < 1e-9);
+    points.extend(first.map(|(_, y)| Some((360.0, y))));
+    points
+}
+
+/// One discriminator around each shoulder of `tyre`, shoulder by shoulder on one scale; empty where it is absent from
+/// all of their taps.
+pub(crate) fn discriminator(
+    geometry: Geometry,
+    tyre: &Tyre,
+    condition: Condition,
+    which: Discriminator,
+) -> Result<Vec<String>> {
+    let (name, per_si, unit) = words::quantity(which);
+    let turns: Vec<_> = tyre.shoulders.iter().map(|shoulder| turns(shoulder, condition, which, per_si)).collect();
+    let values = turns.iter().flatten().flat_map(|turn| turn.iter().flatten().map(|point| point.1));
+    let Some(extremes) = extent(values) else { return Ok(Vec::new()) };
+    let exponent = exponent_of(unit, extremes);
+    let scale = 10f64.powi(-exponent);
+    let unit = scaled_unit(exponent, unit);
+    let label = if unit.is_empty() { name.to_owned() } else { format!("{name}, {unit}") };
+    let picture = |(shoulder, turns): (&Shoulder, Vec<Turn>)| {
+        let key = |(&(color, stroke), order): (&(RGBColor, Stroke), usize)| Key {
+            words: format!("repetition {order}"),
+            color,
+            stroke,
+        };
+        let sheet = Sheet {
+            height: 142,
+            title: format!("{name}, {} {}", words::side(geometry), shoulder.number),
+            keys: CURVES.iter().zip(1..=turns.len()).map(key).collect(),
+            ramp: None,
+            x: along(geometry, std::slice::from_ref(shoulder)),
+            y: Axis::around(label.clone(), (extremes.0 * scale, extremes.1 * scale), 5),
+        };
+        sheet.svg(|chart| {
+            shade(chart, shoulder)?;
+            for (points, &(color, stroke)) in turns.iter().zip(&CURVES) {
+                let points: Vec<_> = points.iter().map(|point| point.map(|(x, y)| (x, y * scale))).collect();
+                chart::curve(chart, &points, stroke.style(color))?;
+            }
+            Ok(())
+        })
+    };
+    tyre.shoulders.iter().zip(turns).map(picture).collect()
+}
+
+/// The first two repetitions.
+fn turns(shoulder: &Shoulder, condition: Condition, which: Discriminator, per_si: f64) -> Vec<Turn> {
+    let here = || shoulder.taps.iter().filter(|tap| tap.condition == condition);
+    let mut repetitions: Vec<u16> = here().map(|tap| tap.repetition).collect();
+    repetitions.sort_unstable();
+    repetitions.dedup();
+    repetitions.truncate(CURVES.len());
+    let turn = |repetition| {
+        let mut taps: Vec<_> = here().filter(|tap| tap.repetition == repetition).collect();
+        taps.sort_by(|a, b| a.place.total_cmp(&b.place));
+        let value = |found: Discriminators| found.values.get(which);
+        let points = taps.iter().map(|tap| tap.found.and_then(value).map(|value| (tap.place, value * per_si)));
+        points.collect()
+    };
+    repetitions.into_iter().map(turn).collect()
+}
+
+/// Shades the regions of `shoulder` and numbers them.
+fn shade(chart: &mut Chart<'_, '_>, shoulder: &Shoulder) -> Result<()> {
+    let (x, y) = (chart.x_range(), chart.y_range());
+    for (region, spans) in shoulder.regions.iter().zip(spans(shoulder, (x.start, x.end))) {
+        for span in &spans {
+            chart::band(chart, *span, VERMILLION.mix(0.16))?;
+        }
+        if let Some((from, to)) = spans.first() {
+            let style = font(10.0, PALE_INK, HPos::Center, true);
+            let place = (0.5 * (from + to), y.end - 0.075 * (y.end - y.start));
+            chart.draw_series([Text::new(region.region.to_string(), place, style)])?;
+        }
+    }
+    Ok(())
+}
+
+/// From where to where each region of `shoulder` lies within `range`: over the seam of a ring in two parts.
+pub(crate) fn spans(shoulder: &Shoulder, range: Point) -> Vec<Vec<Point>> {
+    let steps = shoulder.cells.windows(2).map(|pair| pair[1].place - pair[0].place);
+    let half = 0.5 * steps.fold(None, |least, step| least.filter(|least| *least < step).or(Some(step))).unwrap_or(1.0);
+    let of = |region: &Region| {
+        let (first, last) = (region.first_location, region.last_location);
+        let is_inside = |location| {
+            if first <= last { (first..=last).contains(&location) } else { location >= first || location <= last }
+        };
+        let places: Vec<f64> =
+            shoulder.cells.iter().filter(|cell| is_inside(cell.location)).map(|cell| cell.place).collect();
+        // The end of a ring is its beginning: a cell there reaches over both.
+        let runs = places.chunk_by(|a, b| b - a < 3.0 * half);
+        let span = |run: &[f64]| Some((run.first()? - half, run.last()? + half));
+        let clamped = |(from, to): Point| (from.clamp(range.0, range.1), to.clamp(range.0, range.1));
+        runs.filter_map(span).map(clamped).collect()
+    };
+    shoulder.regions.iter().map(of).collect()
+}

@@ -1,0 +1,75 @@
+//! The scale of the damage maps: which colour is which index, and where the limits lie.
+
+use anyhow::Result;
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
+use tapline_draw::canvas::{Area, INK, PALE_INK, at, line, write};
+use tapline_draw::stats::extent;
+
+use crate::report::evidence::{Evidence, Limits};
+use crate::report::figures::chart::WIDTH;
+use crate::report::figures::colour::heat;
+
+/// Where the bar begins and ends.
+const LEFT: f64 = 62.0;
+const RIGHT: f64 = 330.0;
+const STEPS: u32 = 64;
+/// Width of a letter of the size that the limits are named in.
+const LETTER: f64 = 5.4;
+
+/// The one scale of all maps of an archive: equal colours are equal indices.
+pub(crate) struct Scale {
+    greatest: f64,
+    limits: Option<Limits>,
+}
+
+impl Scale {
+    /// From 0 to the greatest index of the archive, and beyond the reject limits.
+    pub(crate) fn of(evidence: &Evidence) -> Self {
+        let cells = evidence.shoulders().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
+        let offsets = evidence.shoulders().flat_map(|s| s.offsets.iter().flat_map(|map| map.index.iter().flatten()));
+        let limits = evidence.shoulders().filter_map(|s| s.limits.map(|limits| 1.25 * limits.reject));
+        let greatest = extent(cells.chain(offsets.copied()).chain(limits)).map_or(1.0, |(_, greatest)| greatest);
+        Self { greatest: if greatest > 0.0 { greatest } else { 1.0 }, limits: None }
+    }
+
+    /// The same scale with the limits of one shoulder on it.
+    pub(crate) fn with(&self, limits: Option<Limits>) -> Self {
+        Self { greatest: self.greatest, limits }
+    }
+
+    /// Least and greatest index.
+    pub(crate) fn range(&self) -> (f64, f64) {
+        (0.0, self.greatest)
+    }
+}
+
+/// Draws the bar with its top at `top`: re-inspect limit above, reject limit below, so that their names never meet.
+pub(crate) fn bar(area: &Area<'_>, scale: &Scale, top: f64) -> Result<()> {
+    let bottom = top + 14.0;
+    let x_of = |index: f64| LEFT + (RIGHT - LEFT) * (index / scale.greatest).clamp(0.0, 1.0);
+    for step in 0..STEPS {
+        let at_share = |step: u32| scale.greatest * f64::from(step) / f64::from(STEPS);
+        let (from, to) = (at_share(step), at_share(step + 1));
+        let color = heat(0.5 * (from + to), scale.range());
+        area.draw(&Rectangle::new([at((x_of(from), top)), at((x_of(to), bottom))], color.filled()))?;
+    }
+    write(area, "index 0", (LEFT - 5.0, 0.5 * (top + bottom)), 11.0, PALE_INK, HPos::Right, false)?;
+    let greatest = format!("{:.1}", scale.greatest);
+    write(area, &greatest, (RIGHT + 5.0, 0.5 * (top + bottom)), 11.0, PALE_INK, HPos::Left, false)?;
+    let Some(limits) = scale.limits else { return Ok(()) };
+    for (limit, name, tip, far, words) in [
+        (limits.re_inspect, "re-inspect at", top, top - 5.0, top - 11.0),
+        (limits.reject, "reject at", bottom, bottom + 5.0, bottom + 12.0),
+    ] {
+        let x = x_of(limit);
+        area.draw(&PathElement::new(vec![at((x, top)), at((x, bottom))], line(WHITE, 1.5)))?;
+        let mark = [(x, tip), (x - 4.0, far), (x + 4.0, far)].map(at).to_vec();
+        area.draw(&Polygon::new(mark, INK.filled()))?;
+        let text = format!("{name} {limit:.2}");
+        let half = 0.5 * LETTER * text.chars().count() as f64;
+        let x = (x + 8.0 + half).clamp(half + 8.0, f64::from(WIDTH) - half - 8.0);
+        write(area, &text, (x, words), 11.0, INK, HPos::Center, false)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,115 @@
+//! `tapline report`: one page a tyre and one a shift, from the archive alone, to be read offline and printed.
+
+mod evidence;
+mod figures;
+mod pages;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use tapline_store::Reader;
+
+use crate::archives::{Archives, Outcome, Which};
+use crate::host::atomic_file::write_atomically;
+use crate::report::evidence::{Evidence, Tyre};
+use crate::report::pages::shift::Shift;
+
+/// Name of the page of the shift.
+const SHIFT: &str = "shift.html";
+
+/// Writes the pages of the archives at `paths` into the folder `out`, or into one named after the first of them.
+pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Result<bool> {
+    let archives = Archives::find(paths, which)?;
+    let folder = out.map_or_else(|| default_folder(&paths[0]), Path::to_owned);
+    let mut outcome = Outcome::of(&archives);
+    let (mut shift, mut names) = (Shift::default(), Names::default());
+    for file in &archives.files {
+        let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
+        let Some(evidence) = outcome.take(file, Evidence::of(&reader))? else { continue };
+        // Where a page of it cannot be made, the shift has nothing of it either.
+        let pages =
+            evidence.tyres.iter().map(|tyre| pages::tyre::page(&reader, &evidence, tyre)).collect::<Result<Vec<_>>>();
+        let Some(pages) = outcome.take(file, pages)? else { continue };
+        let Some(()) = outcome.take(file, shift.look_at(&reader, &evidence))? else { continue };
+        for (tyre, page) in evidence.tyres.iter().zip(pages) {
+            let name = names.of(tyre);
+            put(&folder, &name, &page)?;
+            shift.names.push(name);
+        }
+        shift.take(evidence);
+    }
+    let is_whole = outcome.end()?;
+    // Last, as it names the others.
+    let title = if archives.is_many { title_of(paths) } else { String::new() };
+    if let Some(page) = shift.page(title)? {
+        put(&folder, SHIFT, &page)?;
+    }
+    Ok(is_whole)
+}
+
+/// What the page of a shift calls many archives.
+fn title_of(paths: &[PathBuf]) -> String {
+    let name = |path: &PathBuf| {
+        let whole = std::path::absolute(path).unwrap_or_else(|_| path.clone());
+        whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+    };
+    match paths {
+        [path] => name(path),
+        [first, rest @ ..] => format!("{} and {} more", name(first), rest.len()),
+        [] => String::new(),
+    }
+}
+
+/// Writes a page and says where it is.
+fn put(folder: &Path, name: &str, page: &str) -> Result<()> {
+    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let path = folder.join(name);
+    write_atomically(&path, |mut file| file.write_all(page.as_bytes()))?;
+    writeln!(io::stdout().lock(), "{}", path.display())?;
+    Ok(())
+}
+
+fn default_folder(first: &Path) -> PathBuf {
+    let whole = std::path::absolute(first).unwrap_or_else(|_| first.to_owned());
+    let name = if whole.is_dir() { whole.file_name() } else { whole.file_stem() };
+    PathBuf::from(format!("{}-report", name.unwrap_or_default().to_string_lossy()))
+}
+
+/// The files of the tyres' pages: each its serial with what a file name or an address may not hold replaced, and numbered
+/// where two would be the same on some file system.
+#[derive(Default)]
+struct Names {
+    taken: BTreeSet<String>,
+}
+
+impl Names {
+    fn of(&mut self, tyre: &Tyre) -> String {
+        let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+        let stem = format!("tyre-{}", tyre.serial.as_str().chars().map(plain).collect::<String>());
+        let numbered = (2..).map(|number: u32| format!("{stem}-{number}"));
+        let free = std::iter::once(stem.clone()).chain(numbered).find(|name| self.taken.insert(name.to_lowercase()));
+        format!("{}.html", free.unwrap_or(stem))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tapline_wire::Serial;
+
+    use super::*;
+
+    /// Catches a page that overwrites another's, or lies in another folder.
+    #[test]
+    fn every_tyre_has_a_file_of_its_own() {
+        let tyre = |serial: &str| Tyre { serial: Serial::new(serial).unwrap(), shoulders: Vec::new(), condition: None };
+        let tyres = ["A 1", "A_1", "a<1", "..\\x", "A_1-2"].map(tyre);
+        let mut names = Names::default();
+        assert_eq!(
+            tyres.iter().map(|tyre| names.of(tyre)).collect::<Vec<_>>(),
+            ["tyre-A_1.html", "tyre-A_1-2.html", "tyre-a_1-3.html", "tyre-.._x.html", "tyre-A_1-2-2.html"]
+        );
+    }
+}

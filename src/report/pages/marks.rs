@@ -1,0 +1,138 @@
+//! What to mark on a casing: the regions of each shoulder, and why its verdict is what it is.
+
+use maud::{Markup, html};
+use tapline_store::Region;
+use tapline_wire::Geometry;
+
+use crate::report::evidence::{Shoulder, Tyre};
+use crate::report::pages::page::verdict_word;
+use crate::report::pages::words::{self, counted};
+
+/// Verdict and reasons of every shoulder.
+pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
+    html! {
+        div class="scroll" { table class="cards" {
+            thead { tr {
+                th { (words::side(geometry)) } th { "verdict" } th { "why" } th class="n" { "peak index" } th class="n" { "re-inspect at" } th class="n" { "reject at" }
+            } }
+            tbody { @for shoulder in &tyre.shoulders { tr {
+                td data-label=(words::side(geometry)) { (shoulder.number) }
+                td data-label="verdict" { (verdict_word(shoulder.verdict)) }
+                td data-label="why" {
+                    @for sentence in words::reasons(shoulder.reasons) { (sentence) " " }
+                    @if !shoulder.regions.is_empty() && !shoulder.evidence.is_empty() { "Loudest at the peak: " (loudest(shoulder)) "." }
+                }
+                td class="n" data-label="peak index" { (number(shoulder.peak().and_then(|cell| cell.index))) }
+                td class="n" data-label="re-inspect at" { (number(shoulder.limits.map(|limits| limits.re_inspect))) }
+                td class="n" data-label="reject at" { (number(shoulder.limits.map(|limits| limits.reject))) }
+            } } }
+        } }
+    }
+}
+
+/// The regions of every shoulder, as a list to take to the casing.
+pub(crate) fn regions(geometry: Geometry, tyre: &Tyre) -> Markup {
+    let count: usize = tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum();
+    html! {
+        h2 { "What to mark" }
+        @if count == 0 {
+            p { (nothing(tyre)) }
+        } @else {
+            p { (counted(count, "region", "regions")) ", counted along the " (words::side(geometry)) ". " (how(geometry)) }
+            div class="scroll" { table class="cards" {
+                thead { tr {
+                    th { (words::side(geometry)) } th { "region" } th { "from" } th { "to" } th { "length" } th { "worst at" } th { "offset" } th { "severity" }
+                } }
+                tbody { @for shoulder in &tyre.shoulders { @for region in &shoulder.regions { tr {
+                    td data-label=(words::side(geometry)) { (shoulder.number) }
+                    td data-label="region" { (region.region) }
+                    td data-label="from" { (place(region.start_deg, region.first_location)) }
+                    td data-label="to" { (place(region.end_deg, region.last_location)) }
+                    td data-label="length" { (length(region)) }
+                    td data-label="worst at" { (place(region.peak_angle_deg, region.peak_location)) }
+                    td data-label="offset" { (offset(region)) }
+                    td data-label="severity" { (severity(shoulder, region)) }
+                } } } }
+            } }
+        }
+    }
+}
+
+/// Why there is nothing to mark: only what is judged can be sound.
+fn nothing(tyre: &Tyre) -> &'static str {
+    let judged = tyre.shoulders.iter().filter(|shoulder| shoulder.limits.is_some()).count();
+    match judged {
+        0 => "Not known: nothing has been judged yet.",
+        all if all == tyre.shoulders.len() => "Nothing: no region of damage was found.",
+        _ => "No region of damage was found in what has been judged; the rest is not known.",
+    }
+}
+
+fn how(geometry: Geometry) -> &'static str {
+    match geometry {
+        Geometry::Ring => {
+            "Angles are those of the tapped locations, clockwise from the start mark; the damage may reach half a step farther."
+        }
+        Geometry::Line => "Numbers are those of the tapped locations.",
+    }
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or_else(|| "none".to_owned(), |value| format!("{value:.2}"))
+}
+
+/// The angle, and the location under it; where there are no angles the location alone.
+fn place(angle_deg: Option<f64>, location: u32) -> Markup {
+    html! {
+        @match angle_deg {
+            Some(deg) => { (format!("{deg:.1}°")) span class="at" { "location " (location) } }
+            None => { "location " (location) }
+        }
+    }
+}
+
+fn length(region: &Region) -> Markup {
+    let locations = counted(region.extent_locations as usize, "location", "locations");
+    html! {
+        @match region.extent_deg {
+            Some(deg) => { (format!("{deg:.1}°")) span class="at" { (locations) } }
+            None => (locations),
+        }
+    }
+}
+
+/// The three discriminators that speak the loudest.
+fn loudest(shoulder: &Shoulder) -> String {
+    let names =
+        shoulder.evidence.iter().take(3).map(|&(which, score)| format!("{} {score:.1}", words::quantity(which).0));
+    names.collect::<Vec<_>>().join(", ")
+}
+
+/// How far from the belt edge a region lies: where it shows most, and from where to where it shows.
+fn offset(region: &Region) -> Markup {
+    html! {
+        @match region.offset_best_mm {
+            Some(best_mm) => {
+                (best_mm) " mm"
+                @if let (Some(low_mm), Some(high_mm)) = (region.offset_low_mm, region.offset_high_mm) {
+                    span class="at" { (low_mm) " to " (high_mm) " mm" }
+                }
+            }
+            None => "unknown",
+        }
+    }
+}
+
+/// How bad a region is: by how much its index exceeds the limits, and how easily chance would do the same.
+fn severity(shoulder: &Shoulder, region: &Region) -> String {
+    let (Some(peak), Some(limits)) = (region.peak_damage_index, shoulder.limits) else { return "unknown".to_owned() };
+    let word = if peak >= limits.reject { "damage" } else { "suspect" };
+    let times = if limits.reject > 0.0 {
+        format!(", {:.1} times the reject limit", peak / limits.reject)
+    } else {
+        String::new()
+    };
+    let mean = region.mean_damage_index.map_or_else(String::new, |mean| format!(", mean {mean:.2}"));
+    let chance = region.p_value.map_or_else(String::new, |p_value| format!("; chance in a sound ring {p_value:.3}"));
+    format!("{word}: peak index {peak:.2}{times}{mean}{chance}")
+}

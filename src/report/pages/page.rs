@@ -1,0 +1,197 @@
+//! The frame of a page and the parts that all pages have.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use tapline_draw::canvas::number;
+use tapline_fuse::Reference;
+use tapline_wire::{TapState, Verdict};
+
+use crate::report::evidence::{Evidence, Shoulder, Tap, flags};
+use crate::report::pages::words::{self, counted};
+
+/// A page called `title`. All that it needs is in it.
+pub(crate) fn page(title: &str, body: &Markup) -> String {
+    let style = include_str!("style.css").replace('\n', "");
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(style)) }
+            }
+            body { main { (body) } }
+        }
+    }
+    .into_string()
+}
+
+/// A figure of `pictures`: what it shows, and how it is read.
+pub(crate) fn figure(pictures: Vec<String>, what: &Markup) -> Markup {
+    grid("pictures", pictures, what)
+}
+
+/// The same of pictures of half the width.
+pub(crate) fn small_figure(pictures: Vec<String>, what: &Markup) -> Markup {
+    grid("pictures small", pictures, what)
+}
+
+fn grid(class: &str, pictures: Vec<String>, what: &Markup) -> Markup {
+    html! {
+        figure {
+            div class=(class) { @for picture in pictures { (PreEscaped(picture)) } }
+            figcaption { (what) }
+        }
+    }
+}
+
+/// Name of the verdict in the style sheet.
+fn class(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Pass => "pass",
+        Verdict::ReInspect => "re-inspect",
+        Verdict::Reject => "reject",
+    }
+}
+
+/// The verdict as a word in a line; its mark comes from the style sheet.
+pub(crate) fn verdict_word(verdict: Verdict) -> Markup {
+    html! { span class={ "word-" (class(verdict)) } { (verdict) } }
+}
+
+/// The verdict as a traffic light, with words.
+pub(crate) fn verdict_light(verdict: Verdict) -> Markup {
+    html! {
+        div class={ "verdict " (class(verdict)) } {
+            (light(verdict))
+            div { p class="word" { (verdict) } p { (words::verdict(verdict)) } }
+        }
+    }
+}
+
+/// Three lamps, each with a shape and a sign of its own; one is lit.
+fn light(verdict: Verdict) -> Markup {
+    let lit = |lamp: Verdict, color: &'static str| if lamp == verdict { color } else { "#3d3d3d" };
+    let sign = |lamp: Verdict, color: &'static str| if lamp == verdict { color } else { "#6e6e6e" };
+    html! {
+        svg viewBox="0 0 62 158" role="img" aria-label={ "traffic light: " (verdict) } {
+            rect x="1" y="1" width="60" height="156" rx="12" fill="#222" {}
+            polygon points="22,7 40,7 53,20 53,38 40,51 22,51 9,38 9,20" fill=(lit(Verdict::Reject, "#d5001c")) {}
+            path d="M22 20 L40 38 M40 20 L22 38" stroke-width="5" fill="none" stroke=(sign(Verdict::Reject, "#fff")) {}
+            polygon points="31,55 55,100 7,100" fill=(lit(Verdict::ReInspect, "#f0b400")) {}
+            path d="M31 70 L31 86 M31 90 L31 95" stroke-width="5" fill="none" stroke=(sign(Verdict::ReInspect, "#000")) {}
+            circle cx="31" cy="129" r="22" fill=(lit(Verdict::Pass, "#009e73")) {}
+            path d="M20 129 L28 138 L43 120" stroke-width="5" fill="none" stroke=(sign(Verdict::Pass, "#fff")) {}
+        }
+    }
+}
+
+/// What keeps a page from being whole, at its top; nothing where nothing does.
+pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) -> Markup {
+    let planned: usize = shoulders.iter().map(|(_, shoulder)| shoulder.taps.len()).sum();
+    let count = |state| shoulders.iter().map(|(_, shoulder)| shoulder.count(state)).sum::<usize>();
+    let (missing, refused) = (count(TapState::Missing), count(TapState::Refused));
+    let open: Vec<&str> = shoulders.iter().filter(|(_, s)| s.limits.is_none()).map(|(name, _)| name.as_str()).collect();
+    if missing + refused == 0 && open.is_empty() && evidence.config_problem.is_none() {
+        return html! {};
+    }
+    // A list that nobody would read is cut.
+    let shown = &open[..open.len().min(8)];
+    html! {
+        div class="notice" role="note" {
+            p { strong { "Not whole." } " What follows rests on what is there." }
+            @if missing > 0 { p { (missing) " of " (counted(planned, "planned tap is", "planned taps are")) " missing." } }
+            @if refused > 0 { p { (refused) " of " (counted(planned, "planned tap was", "planned taps were")) " refused; the reasons are below." } }
+            @if !open.is_empty() {
+                p {
+                    "Without limits or without verdict, which counts as RE-INSPECT: " (shown.join(", "))
+                    @if open.len() > shown.len() { " and " (open.len() - shown.len()) " more" } "."
+                }
+            }
+            @if let Some(problem) = &evidence.config_problem {
+                p { "The configuration could not be read by this version (" (problem) "); its defaults are used for directions and bands." }
+            }
+        }
+    }
+}
+
+/// What became of every planned tap, and which flags the archived ones carry.
+pub(crate) fn ledger(shoulders: &[(String, &Shoulder)], refusals: &[(String, usize)]) -> Markup {
+    const STATES: [TapState; 3] = [TapState::Archived, TapState::Refused, TapState::Missing];
+    let taps = || shoulders.iter().flat_map(|(_, shoulder)| &shoulder.taps);
+    let flags = flags(taps());
+    let counts = |shoulder: &Shoulder| STATES.map(|state| shoulder.count(state));
+    let total = shoulders.iter().map(|(_, shoulder)| counts(shoulder));
+    let total = total.fold([0; 3], |sum, counts| [0, 1, 2].map(|k| sum[k] + counts[k]));
+    html! {
+        div class="scroll" { table {
+            thead { tr { th { "" } th class="n" { "planned" } @for state in STATES { th class="n" { (state.name()) } } } }
+            tbody {
+                @for (name, shoulder) in shoulders {
+                    tr {
+                        td class="tyre" { (name) } td class="n" { (shoulder.taps.len()) }
+                        @for count in counts(shoulder) { td class="n" { (count) } }
+                    }
+                }
+                @if shoulders.len() > 1 {
+                    tr { th { "all" } th class="n" { (taps().count()) } @for count in total { th class="n" { (count) } } }
+                }
+            }
+        } }
+        @if !refusals.is_empty() {
+            div class="scroll" { table {
+                thead { tr { th { "reason of refusal" } th class="n" { "taps" } } }
+                tbody { @for (reason, count) in refusals { tr { td { (reason) } td class="n" { (count) } } } }
+            } }
+        }
+        @if flags.is_empty() {
+            p { "No archived tap carries a flag of doubt." }
+        } @else {
+            div class="scroll" { table {
+                thead { tr { th { "flag" } th { "what it says of a tap" } th class="n" { "taps" } } }
+                tbody {
+                    @for (name, count) in flags { tr { td { code { (name) } } td { (words::flag(name)) } td class="n" { (count) } } }
+                }
+            } }
+        }
+    }
+}
+
+/// Where the numbers come from.
+pub(crate) fn lineage(evidence: &Evidence) -> Markup {
+    let recording = &evidence.recording;
+    let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
+    html! {
+        dl {
+            dt { "Archive" } dd { (evidence.archive) @if evidence.others > 0 { ", " (evidence.others + 1) " archives; what follows is of the first" } }
+            dt { "Plan digest" } dd { code { (format!("{:016x}", evidence.plan_digest)) } }
+            @if evidence.source_digest != 0 { dt { "Source digest" } dd { code { (format!("{:016x}", evidence.source_digest)) } } }
+            dt { "Taps from" } dd { (evidence.source.map_or("unknown", |source| source.name())) }
+            dt { "Recorded" } dd { (channels.join(" and ")) " at " (recording.sample_rate_hz) " Hz, up to " (recording.sample_count_max) " samples a channel, " (recording.pre_trigger_samples) " before the trigger" }
+            dt { "Program" } dd { "archive by tapline " (evidence.written_by.as_deref().unwrap_or("(unknown)")) ", report by tapline " (env!("CARGO_PKG_VERSION")) }
+            dt { "Compared with" } dd {
+                @match &evidence.config.fuse.reference {
+                    Some(Reference::Own) => "self (each tyre with itself)",
+                    Some(reference) => (reference),
+                    None => "nothing that is named",
+                }
+                @if let Some(digest) = evidence.reference_digest { ", kept in the archive, digest " code { (format!("{digest:016x}")) } }
+            }
+            @if let Some(rate) = evidence.shoulders().find_map(|shoulder| shoulder.false_call_rate) {
+                dt { "False calls" } dd { "the limits are set for " (number(100.0 * rate)) " % of sound shoulders not passed" }
+            }
+        }
+        details { summary { "Configuration, as the archive has it" } pre { (evidence.config_toml) } }
+    }
+}
+
+/// First and last moment of `taps`, in words. Recordings from elsewhere have none: theirs is the epoch.
+pub(crate) fn when<'a>(taps: impl Iterator<Item = &'a Tap>) -> String {
+    let times_ns: Vec<i64> = taps.filter_map(|tap| tap.time_ns).collect();
+    let Some((first, last)) = times_ns.iter().min().zip(times_ns.iter().max()) else { return "not yet".to_owned() };
+    match (*first, *last) {
+        (0, 0) => "at a time that was not recorded".to_owned(),
+        (first, last) if first == last => words::moment(first),
+        (first, last) => format!("{} to {}", words::moment(first), words::moment(last)),
+    }
+}

@@ -1,0 +1,172 @@
+//! The page of a shift: all tyres, the worst first.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use anyhow::Result;
+use maud::{Markup, html};
+use tapline_fuse::{Fusion, Score, ScorePool};
+use tapline_store::Reader;
+use tapline_wire::{Discriminator, Verdict};
+
+use crate::report::evidence::{Evidence, Shoulder, Tyre};
+use crate::report::figures::scale::Scale;
+use crate::report::figures::{boxes, rounds};
+use crate::report::pages::page::{self, figure, small_figure, verdict_word};
+use crate::report::pages::tyre::boxes_words;
+use crate::report::pages::words::{self, body, side};
+
+/// Most tyres whose index is drawn: more would be too much for one page.
+const DRAWN_MOST: usize = 60;
+
+/// What the page of a shift tells, gathered archive by archive.
+#[derive(Default)]
+pub(crate) struct Shift {
+    /// Of the first archive, with the tyres of all.
+    evidence: Option<Evidence>,
+    /// The files of the tyres' pages.
+    pub(crate) names: Vec<String>,
+    refusals: BTreeMap<String, usize>,
+    scores: ScorePool,
+    /// Whether something is scored.
+    is_scored: bool,
+}
+
+impl Shift {
+    /// Gathers what is not in `evidence`, which is of the archive behind `reader`.
+    pub(crate) fn look_at(&mut self, reader: &Reader, evidence: &Evidence) -> Result<()> {
+        let refusals = reader.refusals()?;
+        for refusal in refusals {
+            *self.refusals.entry(refusal.reason).or_default() += 1;
+        }
+        if evidence.has_truth {
+            // What the run says at its end; a configuration that does not fit the plan has no score.
+            let records: Vec<_> = evidence.tyres.iter().flat_map(Tyre::taps).filter_map(|tap| tap.found).collect();
+            let (config, plan) = (&evidence.config.fuse, reader.plan());
+            let fusion = match &evidence.reference {
+                Some(set) => Fusion::with_reference(config, plan, Arc::clone(set)),
+                None => Fusion::new(config, plan),
+            };
+            let added = fusion.and_then(|fusion| self.scores.add(fusion, &records));
+            self.is_scored |= added.is_ok();
+        }
+        Ok(())
+    }
+
+    /// Takes the tyres.
+    pub(crate) fn take(&mut self, evidence: Evidence) {
+        match &mut self.evidence {
+            None => self.evidence = Some(evidence),
+            Some(first) => first.join(evidence),
+        }
+    }
+
+    /// The page, called `title` or, where that is empty, after the archive; `None` where there is nothing to tell.
+    pub(crate) fn page(self, title: String) -> Result<Option<String>> {
+        let Some(mut evidence) = self.evidence else { return Ok(None) };
+        if !title.is_empty() {
+            evidence.archive = title;
+        }
+        let mut refusals: Vec<(String, usize)> = self.refusals.into_iter().collect();
+        refusals.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+        let score = self.is_scored.then(|| self.scores.score());
+        page(&evidence, &self.names, &refusals, score).map(Some)
+    }
+}
+
+/// The page of `evidence`; `names` are the files of its tyres' pages.
+fn page(evidence: &Evidence, names: &[String], refusals: &[(String, usize)], score: Option<Score>) -> Result<String> {
+    let geometry = evidence.geometry;
+    let mut order: Vec<(&Tyre, &String)> = evidence.tyres.iter().zip(names).collect();
+    order.sort_by(|(a, _), (b, _)| {
+        let peak = |tyre: &Tyre| tyre.peak().unwrap_or(f64::INFINITY);
+        b.verdict().cmp(&a.verdict()).then(peak(b).total_cmp(&peak(a)))
+    });
+    let named: Vec<(String, &Shoulder)> = evidence
+        .tyres
+        .iter()
+        .flat_map(|tyre| {
+            tyre.shoulders.iter().map(|s| (format!("{}, {} {}", tyre.serial, side(geometry), s.number), s))
+        })
+        .collect();
+    let taps = || evidence.tyres.iter().flat_map(Tyre::taps);
+    let body = html! {
+        header {
+            p class="kind" { "tapline, report on a shift" }
+            h1 { (evidence.archive) }
+            (page::notices(evidence, &named))
+            dl {
+                dt { "Tapped" } dd { (page::when(taps())) }
+                dt { "Verdicts" } dd {
+                    @for verdict in [Verdict::Reject, Verdict::ReInspect, Verdict::Pass] {
+                        (evidence.tyres.iter().filter(|tyre| tyre.verdict() == verdict).count()) " " (verdict_word(verdict)) " \u{a0} "
+                    }
+                }
+            }
+        }
+        (overview(evidence, &order))
+        (indices(evidence, &order)?)
+        (truth(evidence, score)?)
+        section { h2 { "Taps" } (page::ledger(&named, refusals)) }
+        section { h2 { "Lineage" } (page::lineage(evidence)) }
+    };
+    Ok(page::page(&format!("Shift {}", evidence.archive), &body))
+}
+
+fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
+    let geometry = evidence.geometry;
+    html! {
+        h2 { "Overview" }
+        div class="scroll" { table {
+            thead { tr {
+                th { (body(geometry)) } th { "verdict" } th { "by " (side(geometry)) } th class="n" { "regions" } th class="n" { "peak index" } th class="n" { "station" }
+            } }
+            tbody { @for (tyre, name) in order { tr {
+                td class="tyre" { a href=(name) { (tyre.serial) } }
+                td { (verdict_word(tyre.verdict())) }
+                td { @for shoulder in &tyre.shoulders { (shoulder.number) ": " (shoulder.verdict) " " br; } }
+                td class="n" { (tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum::<usize>()) }
+                td class="n" { (tyre.peak().map_or_else(|| "none".to_owned(), |peak| format!("{peak:.2}"))) }
+                td class="n" { (tyre.stations().iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")) }
+            } } }
+        } }
+    }
+}
+
+fn indices(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Result<Markup> {
+    let geometry = evidence.geometry;
+    let greatest = Scale::of(evidence).range().1;
+    let mut pictures = Vec::new();
+    for (tyre, _) in order.iter().take(DRAWN_MOST) {
+        for shoulders in tyre.shoulders.chunks(rounds::SHOULDERS) {
+            let title = format!("{} {}: {}", body(geometry), tyre.serial, tyre.verdict());
+            pictures.push(rounds::index(geometry, title, shoulders, greatest)?);
+        }
+    }
+    let what = html! {
+        strong { "The damage index along every " (side(geometry)) ", all on one scale, with the limits of the verdicts." }
+        " A location above the dotted black line is damage, one above the orange line is suspect; gaps are locations without value."
+        @if order.len() > DRAWN_MOST { " Drawn are the " (DRAWN_MOST) " worst of " (order.len()) "." }
+    };
+    Ok(html! { section { h2 { "Damage index" } (figure(pictures, &what)) } })
+}
+
+fn truth(evidence: &Evidence, score: Option<Score>) -> Result<Markup> {
+    let pictures = boxes::pictures(evidence, &evidence.tyres)?;
+    if pictures.is_empty() {
+        return Ok(html! {});
+    }
+    let number = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |value| format!("{value:.4}"));
+    Ok(html! {
+        section {
+            h2 { "Against the truth" }
+            (small_figure(pictures, &boxes_words("all that was scanned", "at the offset and velocity that tell most on each tyre's own page")))
+            @if let Some(score) = score {
+                p { "All taps together, every offset and velocity standardised by itself: AUC of the index " (number(score.index)) " over " (score.cracked_count) " cracked and " (score.sound_count) " sound locations; alone "
+                    @for (order, (which, alone)) in Discriminator::ALL.into_iter().zip(score.discriminators).enumerate() {
+                        @if order > 0 { ", " } (words::quantity(which).0) " " (number(alone))
+                    } "." }
+            }
+        }
+    })
+}

@@ -1,0 +1,194 @@
+//! The page of one tyre: verdict, what to mark, and the pictures that the verdict rests on.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use maud::{Markup, html};
+use tapline_fuse::Direction;
+use tapline_store::Reader;
+use tapline_wire::{Discriminator, Geometry};
+
+use crate::report::evidence::{Evidence, Shoulder, Tyre, spectra};
+use crate::report::figures::scale::Scale;
+use crate::report::figures::{boxes, bscan, polar, rounds, strip, taps};
+use crate::report::pages::marks;
+use crate::report::pages::page::{self, figure, small_figure};
+use crate::report::pages::words::{self, body, side};
+
+/// The page of `tyre`.
+pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<String> {
+    let geometry = evidence.geometry;
+    let title = format!("{} {}: {}", body(geometry), tyre.serial, tyre.verdict());
+    let named: Vec<(String, &Shoulder)> =
+        tyre.shoulders.iter().map(|shoulder| (format!("{} {}", side(geometry), shoulder.number), shoulder)).collect();
+    let stations: Vec<String> = tyre.stations().iter().map(ToString::to_string).collect();
+    let archived = tyre.taps().filter(|tap| tap.found.is_some()).count();
+    let body = html! {
+        header {
+            p class="kind" { "tapline, report on a " (body(geometry).to_lowercase()) }
+            h1 { (body(geometry)) " " (tyre.serial) }
+            (page::notices(evidence, &named))
+            (page::verdict_light(tyre.verdict()))
+            dl {
+                dt { "Tapped" } dd { (page::when(tyre.taps())) }
+                dt { "Station" } dd { (stations.join(", ")) }
+                dt { "Taps" } dd { (archived) " of " (tyre.taps().count()) }
+            }
+        }
+        (marks::verdicts(geometry, tyre))
+        (marks::regions(geometry, tyre))
+        (maps(evidence, tyre)?)
+        (discriminators(evidence, tyre)?)
+        (scans(reader, evidence, tyre)?)
+        (pair(reader, evidence, tyre)?)
+        (truth(evidence, tyre)?)
+        section {
+            h2 { "Taps" }
+            (page::ledger(&named, &refusals(reader, tyre)?))
+        }
+        section { h2 { "Lineage" } (page::lineage(evidence)) }
+    };
+    Ok(page::page(&title, &body))
+}
+
+/// How often each reason of refusal is given for taps of `tyre`, the most frequent first.
+fn refusals(reader: &Reader, tyre: &Tyre) -> Result<Vec<(String, usize)>> {
+    let refusals = reader.refusals()?;
+    Ok(counted(refusals.iter().filter(|refusal| refusal.id.tyre == tyre.serial).map(|refusal| refusal.reason.as_str())))
+}
+
+/// How often each text comes, the most frequent first.
+fn counted<'a>(texts: impl Iterator<Item = &'a str>) -> Vec<(String, usize)> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    texts.for_each(|text| *counts.entry(text).or_default() += 1);
+    let mut counts: Vec<(String, usize)> = counts.into_iter().map(|(text, count)| (text.to_owned(), count)).collect();
+    counts.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+    counts
+}
+
+/// The damage maps, and the index around the ring.
+fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
+    let geometry = evidence.geometry;
+    let scale = Scale::of(evidence);
+    let mut maps = Vec::new();
+    for shoulder in &tyre.shoulders {
+        let title = format!("{} {}", capital(side(geometry)), shoulder.number);
+        let scale = scale.with(shoulder.limits);
+        maps.push(match geometry {
+            Geometry::Ring => polar::svg(&title, shoulder, &scale)?,
+            Geometry::Line => strip::svg(&title, shoulder, &scale)?,
+        });
+    }
+    let curve = |shoulder: &Shoulder| {
+        let title = format!("Damage index, {} {}", side(geometry), shoulder.number);
+        rounds::index(geometry, title, std::slice::from_ref(shoulder), scale.range().1)
+    };
+    let curves = tyre.shoulders.iter().map(curve).collect::<Result<Vec<_>>>()?;
+    let offsets: Vec<String> =
+        tyre.shoulders.first().map_or(&[][..], |s| &s.offsets).iter().map(|map| map.offset_mm.to_string()).collect();
+    let what = html! {
+        strong { "Damage index, location by location." }
+        " Dark is damage; grey is a location without value. "
+        @match geometry {
+            Geometry::Ring => "Angles run clockwise from the start mark at the top; ",
+            Geometry::Line => "Locations run from left to right; ",
+        }
+        "the vermilion bar beside the map is a region, with its number"
+        @if evidence.has_truth { "; the black line is a crack that is known to be there" }
+        ". "
+        @if !offsets.is_empty() {
+            @match geometry {
+                Geometry::Ring => "The outer ring takes all taps together; within it, from outside, lie the offsets ",
+                Geometry::Line => "The upper strip takes all taps together; below it lie the offsets ",
+            }
+            (offsets.join(", ")) " mm from the belt edge, each judged by itself: a crack lies where its ring is darkest. "
+        }
+        "The index counts how far a location stands out of the reference; on the scale below, the triangles are the limits."
+    };
+    let how = html! {
+        strong { "The index along the " (side(geometry)) ", with the limits of the verdict." }
+        " A location above the dotted black line is damage, one above the orange line is suspect; gaps are locations without value. Shaded: the regions."
+    };
+    Ok(html! {
+        section { h2 { "Damage map" } (figure(maps, &what)) }
+        section { (figure(curves, &how)) }
+    })
+}
+
+fn discriminators(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
+    let Some(condition) = tyre.condition else { return Ok(html! {}) };
+    let (mut pictures, mut absent, mut shown) = (Vec::new(), Vec::new(), Vec::new());
+    for which in Discriminator::ALL {
+        let drawn = rounds::discriminator(evidence.geometry, tyre, condition, which)?;
+        let words = format!("{} {}", words::quantity(which).0, words::meaning(which));
+        if drawn.is_empty() {
+            absent.push(words)
+        } else {
+            shown.push(words)
+        }
+        pictures.extend(drawn);
+    }
+    let falls = |which: &Discriminator| evidence.config.fuse.directions.of(*which) == Direction::Falls;
+    let falling: Vec<&str> =
+        Discriminator::ALL.iter().filter(|which| falls(which)).map(|&which| words::quantity(which).0).collect();
+    let falling = if falling.is_empty() { "nothing".to_owned() } else { falling.join(", ") };
+    let what = html! {
+        strong { "The discriminators along the " (side(evidence.geometry)) ", repetition by repetition (" (condition.words()) ")." }
+        " " (shown.join(", ")) ". Over a crack " (falling) " falls and the others rise; where the two curves agree and leave their level together, it is the casing and not chance. Shaded: the regions. Gaps are values that a record did not give."
+        @if !absent.is_empty() { " Absent from every record: " (absent.join(", ")) "." }
+    };
+    Ok(html! { section { h2 { "Discriminators" } (figure(pictures, &what)) } })
+}
+
+fn scans(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
+    let Some(condition) = tyre.condition else { return Ok(html! {}) };
+    let band_hz = spectra::band_hz(&evidence.config.process);
+    let of = |shoulder: &Shoulder| spectra::spectra(reader, shoulder, condition, band_hz);
+    let all = tyre.shoulders.iter().map(of).collect::<Result<Vec<_>>>()?;
+    let loudest = tapline_draw::stats::extent(all.iter().flat_map(|s| s.columns.iter().flatten().flatten().copied()));
+    let Some((_, loudest_db)) = loudest else { return Ok(html! {}) };
+    let mut pictures = Vec::new();
+    for (shoulder, spectra) in tyre.shoulders.iter().zip(&all) {
+        let title = format!("Spectra, {} {}", side(evidence.geometry), shoulder.number);
+        pictures.push(bscan::svg(evidence.geometry, title, shoulder, spectra, loudest_db)?);
+    }
+    let what = html! {
+        strong { "B-scan: the sound's power density by location and frequency (" (condition.words()) ", first repetition)." }
+        " Dark is loud, in dB re 1 V²/Hz; pale is " (bscan::DEPTH_DB) " dB or more below the loudest. Cracks show as dark columns; the vermilion bars on top are the regions. Grey: no tap. "
+        "Offset and velocity are those under which the regions stand out the farthest or, without regions, the fastest next to the belt edge."
+    };
+    Ok(html! { section { h2 { "Spectra" } (figure(pictures, &what)) } })
+}
+
+fn pair(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
+    let Some(condition) = tyre.condition else { return Ok(html! {}) };
+    let Some(pair) = taps::pair(reader, evidence.geometry, tyre, condition)? else { return Ok(html! {}) };
+    let what = html! {
+        strong { "Two taps of " (pair.words) " (" (condition.words()) ")." }
+        " Over a crack the impactor is held longer and softer, and the thin layer above the crack rings: compare the width of the force and the size of the sound after it. The ordinary location is the one whose index is the median of those without damage."
+    };
+    Ok(html! { section { h2 { "Force and sound" } (figure(pair.pictures, &what)) } })
+}
+
+fn truth(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
+    let pictures = boxes::pictures(evidence, std::slice::from_ref(tyre))?;
+    if pictures.is_empty() {
+        return Ok(html! {});
+    }
+    Ok(
+        html! { section { h2 { "Against the truth" } (small_figure(pictures, &boxes_words(&format!("this {}", body(evidence.geometry).to_lowercase()), "under the conditions drawn above"))) } },
+    )
+}
+
+/// What the boxplots show of `whom`.
+pub(crate) fn boxes_words(whom: &str, conditions: &str) -> Markup {
+    html! {
+        strong { "Locations of " (whom) " that are known to be cracked, against those known to be sound." }
+        " A box is the middle half of the locations with its median, whiskers reach over nine tenths, dots are the rest. The AUC is the chance that a cracked location stands beyond a sound one in the direction that is configured: 1 tells all apart, 0.5 is chance. Values are means over repetitions " (conditions) "; the index is that of all taps."
+    }
+}
+
+fn capital(word: &str) -> String {
+    let mut letters = word.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}

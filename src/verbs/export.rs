@@ -1,0 +1,158 @@
+//! The verb `export`: what an archive holds, for other programs.
+
+use std::io::{self, BufWriter, IsTerminal as _, Write};
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use clap::ValueEnum as _;
+use tapline_export::{Error, Export, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder};
+use tapline_store::Reader;
+
+use crate::archives::{Archives, Outcome};
+use crate::cli::{ExportArgs, Format, What};
+use crate::host::atomic_file::write_atomically;
+
+/// Formats of a table.
+const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];
+
+/// Formats of the taps.
+const OF_TAPS: [Format; 3] = [Format::Wav, Format::Uff, Format::UffAscii];
+
+/// Does the verb; whether all that was asked for was there.
+pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
+    let table = match args.what {
+        What::Discriminators => Export::Discriminators,
+        What::Damage => Export::Damage,
+        What::Regions => Export::Regions,
+        What::Verdicts => Export::Verdicts,
+        What::Ledger => Export::Ledger,
+        What::Taps => return taps(args),
+    };
+    let format = allowed(args, &OF_TABLES)?;
+    let archives = Archives::find(&args.archives, args.results.which())?;
+    match &args.out {
+        None if format == Format::Parquet && io::stdout().is_terminal() => {
+            bail!("Parquet is no text for a terminal; name a file with --out, or redirect the output");
+        }
+        None => quiet_pipe(write(&archives, table, format, BufWriter::new(io::stdout()))),
+        Some(path) => {
+            let mut is_whole = false;
+            write_atomically(path, |file| {
+                is_whole = write(&archives, table, format, BufWriter::new(file))?;
+                anyhow::Ok(())
+            })?;
+            Ok(is_whole)
+        }
+    }
+}
+
+/// Writes the table of all archives, one at a time; whether none was left out.
+fn write(archives: &Archives, table: Export, format: Format, out: impl Write + Send) -> Result<bool> {
+    let mut file = match format {
+        #[cfg(feature = "parquet")]
+        Format::Parquet => TableFile::parquet(table, out),
+        #[cfg(not(feature = "parquet"))]
+        Format::Parquet => bail!("this program was built without Parquet: build it with `--features parquet`"),
+        _ => TableFile::csv(table, out),
+    };
+    let mut outcome = Outcome::of(archives);
+    for archive in &archives.files {
+        let name = archive.name.to_string_lossy();
+        let reader = Reader::open(&archive.path).map_err(Error::from);
+        let added = reader.and_then(|reader| file.add(&reader, archives.is_many.then_some(&*name)));
+        match added {
+            Ok(()) => Some(()),
+            Err(Error::Archive(error)) => outcome.take(archive, Err(error))?,
+            // Where the table cannot be written there is nothing to go on with.
+            Err(error) => return Err(error.into()),
+        };
+    }
+    let is_whole = outcome.end()?;
+    file.finish()?;
+    Ok(is_whole)
+}
+
+/// A folder that taps are written into.
+enum TapFolder {
+    Wav(Box<TapSetFolder>),
+    Uff(Box<UffFolder>),
+}
+
+impl TapFolder {
+    fn begin(folder: &Path, format: Format) -> Result<Self> {
+        Ok(match format {
+            Format::Uff => Self::Uff(Box::new(UffFolder::begin(folder, UffEncoding::Binary)?)),
+            Format::UffAscii => Self::Uff(Box::new(UffFolder::begin(folder, UffEncoding::Ascii)?)),
+            _ => Self::Wav(Box::new(TapSetFolder::begin(folder)?)),
+        })
+    }
+
+    fn add(&mut self, reader: &Reader) -> tapline_export::Result<()> {
+        match self {
+            Self::Wav(folder) => folder.add(reader),
+            Self::Uff(folder) => folder.add(reader),
+        }
+    }
+
+    fn finish(self) -> tapline_export::Result<TapCounts> {
+        match self {
+            Self::Wav(folder) => folder.finish(),
+            Self::Uff(folder) => folder.finish(),
+        }
+    }
+}
+
+fn taps(args: &ExportArgs) -> Result<bool> {
+    let format = allowed(args, &OF_TAPS)?;
+    let Some(folder) = &args.out else {
+        bail!("taps are many files; name a new or empty folder for them with --out");
+    };
+    let archives = Archives::find(&args.archives, args.results.which())?;
+    let mut outcome = Outcome::of(&archives);
+    // What cannot be read leaves no folder.
+    let mut out = None;
+    for archive in &archives.files {
+        let Some(reader) = outcome.take(archive, Reader::open(&archive.path))? else { continue };
+        let out = match &mut out {
+            Some(out) => out,
+            none => none.insert(TapFolder::begin(folder, format)?),
+        };
+        // A part of an archive's taps may be in the folder already: none of it is left.
+        out.add(&reader)?;
+    }
+    let is_whole = outcome.end()?;
+    let counts = out.map(TapFolder::finish).transpose()?.unwrap_or_default();
+    let TapCounts { written, refused, missing, damaged } = counts;
+    let hurt = if damaged == 0 { String::new() } else { format!(", {damaged} damaged") };
+    let is_listed = refused + missing + damaged > 0;
+    let why = if is_listed { "; taps.csv says which and why" } else { "" };
+    let folder = folder.display();
+    writeln!(io::stdout().lock(), "{folder}: {written} taps written, {refused} refused, {missing} missing{hurt}{why}")?;
+    Ok(is_whole && !is_listed)
+}
+
+/// The format that is asked for, or the first of `formats`, which are those that there are.
+fn allowed(args: &ExportArgs, formats: &[Format]) -> Result<Format> {
+    let format = args.format.unwrap_or(formats[0]);
+    if formats.contains(&format) {
+        return Ok(format);
+    }
+    let name = |format: &Format| format.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+    let what = args.what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
+    let known = formats.iter().map(name).collect::<Vec<_>>().join(" or ");
+    bail!("--format {} does not go with {what}; it must be {known}", name(&format))
+}
+
+/// A reader that has seen enough, as `head` has, is no failure.
+fn quiet_pipe(written: Result<bool>) -> Result<bool> {
+    let is_pipe = |error: &anyhow::Error| match error.downcast_ref::<Error>() {
+        Some(Error::Csv(error)) => {
+            matches!(error.kind(), csv::ErrorKind::Io(error) if error.kind() == io::ErrorKind::BrokenPipe)
+        }
+        _ => false,
+    };
+    match written {
+        Err(error) if is_pipe(&error) => Ok(true),
+        other => other,
+    }
+}

@@ -1,0 +1,11 @@
+//! The verbs that work on archives, models and rigs, one file each.
+
+pub(crate) mod explain;
+pub(crate) mod export;
+pub(crate) mod model_contact;
+pub(crate) mod model_table;
+pub(crate) mod reference;
+pub(crate) mod repack;
+pub(crate) mod reprocess;
+pub(crate) mod rig;
+pub(crate) mod verify;

@@ -1,0 +1,184 @@
+//! `tapline reference`: shoulders of archives become a reference for later runs.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail};
+use comfy_table::Table;
+use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
+use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference};
+use tapline_store::Reader;
+use tapline_wire::{Discriminator, Discriminators, Verdict};
+
+use crate::archives::{Archives, Outcome};
+use crate::cli::ReferenceArgs;
+use crate::config::Config;
+use crate::config::reference::{differences, process_of};
+use crate::host::atomic_file::write_atomically;
+use crate::host::stderr::print_line;
+
+pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
+    if args.out.extension().is_none_or(|extension| extension != "json") {
+        bail!(
+            "--out is {}; the name of a reference ends in .json, by which configurations know it",
+            args.out.display()
+        );
+    }
+    let mut wanted: BTreeSet<&str> = args.shoulders.iter().map(String::as_str).collect();
+    let names_none = wanted.is_empty();
+    let mut built: Option<Built> = None;
+    let (mut shoulders, mut lineage) = (Vec::new(), Vec::new());
+    let archives = Archives::find(&args.archives, args.results.which())?;
+    let mut outcome = Outcome::of(&archives);
+    let mut first = None;
+    for file in &archives.files {
+        let path = &file.path;
+        let Some(reader) = outcome.take(file, Reader::open(path))? else { continue };
+        let Some(records) = outcome.take(file, reader.discriminators())? else { continue };
+        let records: Vec<_> = records.into_iter().flatten().collect();
+        let config: Config =
+            toml::from_str(reader.config()).with_context(|| format!("the configuration in {}", path.display()))?;
+        let process = process_of(&config.process, &reader.plan().recording)?;
+        match &built {
+            None => {
+                built = Some(start(args, &config, process)?);
+                first = Some(path);
+            }
+            Some(built) if built.process != process => bail!(
+                "{}: its taps were recorded or analysed otherwise than those of {}: {}",
+                path.display(),
+                first.unwrap_or(path).display(),
+                differences(&built.process, &process)
+            ),
+            Some(_) => {}
+        }
+        let before = shoulders.len();
+        // What is named is stated to be sound, whatever the verdict was; of the rest only what passed is taken to be.
+        let is_wanted = |name: &str, has_passed: bool| match names_none {
+            true => {
+                if !has_passed && !args.labelled {
+                    print_line(&format!(
+                        "{name} did not pass and is left out; name it by --shoulder if it is known to be sound"
+                    ));
+                }
+                has_passed || args.labelled
+            }
+            false => wanted.remove(name),
+        };
+        take(args, &reader, &records, is_wanted, &mut shoulders)?;
+        if shoulders.len() > before {
+            lineage.push(Origin {
+                archive: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                plan_digest: format!("{:016x}", reader.plan().digest()),
+                config: reader.config().to_owned(),
+            });
+        }
+    }
+    if let Some(missing) = wanted.first() {
+        bail!("--shoulder {missing} is in none of the archives");
+    }
+    let is_whole = outcome.end()?;
+    let mut built = built.context("no archive is named")?;
+    built.lineage = lineage;
+    let set = build_reference(&built, shoulders)?;
+    let text = set.text()?;
+    write_atomically(&args.out, |mut file| file.write_all(text.as_bytes()))?;
+    print(&args.out, &set)?;
+    Ok(is_whole)
+}
+
+fn start(args: &ReferenceArgs, of_archive: &Config, process: String) -> Result<Built> {
+    let mut config = of_archive.fuse.clone();
+    if let Some(path) = &args.config {
+        let text =
+            fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
+        let given: Config =
+            toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
+        config = given.fuse;
+    }
+    Ok(Built { config, lineage: Vec::new(), process, learns_directions: args.learn_directions })
+}
+
+/// Takes the shoulders of an archive that `is_wanted`.
+fn take(
+    args: &ReferenceArgs,
+    reader: &Reader,
+    records: &[Discriminators],
+    mut is_wanted: impl FnMut(&str, bool) -> bool,
+    shoulders: &mut Vec<KnownShoulder>,
+) -> Result<()> {
+    let path = reader.path();
+    let truth = args.labelled.then(|| reader.truth());
+    for (number, (scan, judged)) in reader.plan().scans().iter().zip(reader.judgements()?).enumerate() {
+        let name = format!("{}/{}", scan.tyre, scan.shoulder);
+        let has_passed = judged.is_some_and(|(judgement, _)| judgement.verdict == Verdict::Pass.code());
+        if !is_wanted(&name, has_passed) {
+            continue;
+        }
+        let shoulder = KnownShoulder::of(reader.plan(), records, number, truth);
+        let shoulder = shoulder.with_context(|| format!("{} has no scan {number}", path.display()))?;
+        let is_known_cracked = |&(location, _): &(u32, Option<f64>)| {
+            reader.truth().get(&(scan.tyre, scan.shoulder, location)) == Some(&true)
+        };
+        if !args.labelled && scan.locations.iter().any(is_known_cracked) {
+            bail!("{}: {name} is known to be cracked; --labelled takes what is known of each location", path.display());
+        }
+        if args.labelled && shoulder.is_cracked.is_none() {
+            bail!("{}: it is not known of every location of {name} whether it is cracked", path.display());
+        }
+        if shoulders.iter().any(|s| s.tyre == shoulder.tyre && s.shoulder == shoulder.shoulder) {
+            bail!("{}: shoulder {name} was in an archive before", path.display());
+        }
+        shoulders.push(shoulder);
+    }
+    Ok(())
+}
+
+fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
+    let mut out = io::stdout().lock();
+    let mut table = Table::new();
+    table.load_style(UTF8_HORIZONTAL_ONLY);
+    table.set_header(["discriminator", "moves", "AUC by that", "spread of a tap, %", "between casings, %"]);
+    for which in Discriminator::ALL {
+        let of_it = || set.summary.scales.iter().filter(move |line| line.discriminator == which);
+        let mean = |values: Vec<f64>| {
+            let count = values.len() as f64;
+            if values.is_empty() { String::new() } else { format!("{:.2}", 100.0 * values.iter().sum::<f64>() / count) }
+        };
+        table.add_row([
+            which.name().to_owned(),
+            if set.directions.of(which) == Direction::Rises { "rises" } else { "falls" }.to_owned(),
+            set.auc.get(which.name()).map_or_else(String::new, |&rising| {
+                let falls = set.directions.of(which) == Direction::Falls;
+                format!("{:.4}", if falls { 1.0 - rising } else { rising })
+            }),
+            mean(of_it().map(|line| line.spread).collect()),
+            mean(of_it().filter_map(|line| line.level_spread).collect()),
+        ]);
+    }
+    writeln!(out, "{table}")?;
+    let summary = &set.summary;
+    let names: Vec<String> = set.shoulders.iter().map(|s| format!("{}/{}", s.tyre, s.shoulder)).collect();
+    writeln!(
+        out,
+        "{} shoulders: {}; {} sound and {} cracked locations",
+        names.len(),
+        names.join(", "),
+        summary.sound_count,
+        summary.cracked_count
+    )?;
+    let number = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |v| format!("{v:.3}"));
+    writeln!(
+        out,
+        "Index of sound locations: {} +- {}; re-inspect from {}, reject from {}, for {} false calls a shoulder",
+        number(summary.index_centre),
+        number(summary.index_spread),
+        number(summary.limit_re_inspect),
+        number(summary.limit_reject),
+        summary.false_call_rate
+    )?;
+    writeln!(out, "Written to {} (digest {})", path.display(), &set.digest()[..16])?;
+    Ok(())
+}

@@ -1,0 +1,314 @@
+//! Archives judged again: new discriminators from the recorded taps, or new verdicts from the discriminators that are there.
+//!
+//! The archive itself is never touched. The results stand in a file of their own beside it, named after their lineage, which
+//! every other verb takes as an archive.
+
+use std::io::Write as _;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::{Builder, available_parallelism, scope};
+use std::time::Instant;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use crossbeam::channel::{Sender, bounded};
+use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
+use tapline_process::{ProcessConfig, ProcessExtractor};
+use tapline_store::{Lineage, PutOutcome, Reader, Room, Taps, Writer, lineage_key};
+use tapline_wire::{Discriminators, ScanState, TapHeader, TapState};
+
+use crate::archives::{Archives, KEY_DIGITS, Outcome, Which};
+use crate::cli::ReprocessArgs;
+use crate::config::Config;
+use crate::config::lineage::{made_by, of_discriminators};
+use crate::config::reference::{check_record_s, check_reference};
+use crate::host::progress::Progress;
+
+/// Most threads that may be asked for.
+const JOBS_MAX: usize = 1024;
+
+/// Taps that a thread takes at a time.
+const TAPS_AT_A_TIME: u32 = 16;
+
+/// Batches of discriminators that may wait for the file.
+const WAITING_MAX: usize = 64;
+
+/// Taps after which results are made safe.
+const FLUSH_TAPS: usize = 256;
+
+pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
+    let jobs = match args.jobs {
+        0 => available_parallelism().map_or(1, NonZeroUsize::get),
+        jobs => jobs,
+    };
+    ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
+    let archives = Archives::find(&args.archives, Which::Casings)?;
+    let mut outcome = Outcome::of(&archives);
+    for file in &archives.files {
+        let done = again(&file.path, args, jobs).with_context(|| format!("cannot judge {} again", file.path.display()));
+        if let Some(is_whole) = outcome.take(file, done)? {
+            outcome.note(is_whole);
+        }
+    }
+    outcome.end()
+}
+
+/// What is to be done with one archive.
+struct Task {
+    reader: Reader,
+    config: Config,
+    config_toml: String,
+    made_by: String,
+    reference: Option<String>,
+}
+
+impl Task {
+    fn of(archive: &Path, args: &ReprocessArgs) -> Result<Self> {
+        let reader = Reader::open(archive)?;
+        ensure!(!reader.is_results(), "it has results alone: name the archive that they are of");
+        let old: Config = toml::from_str(reader.config()).context("its configuration is not one of this program")?;
+        let was = old.fuse.reference.clone();
+        let mut config = match &args.config {
+            None => old,
+            Some(path) => {
+                let text = std::fs::read_to_string(path)
+                    .with_context(|| format!("cannot read the configuration {}", path.display()))?;
+                let new: Config =
+                    toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
+                // How taps were taken is past; only how they are read and judged can be new. Where nothing else is said they
+                // are compared with what they were compared with.
+                let reference = new.fuse.reference.or(old.fuse.reference);
+                Config { process: new.process, fuse: FuseConfig { reference, ..new.fuse }, ..old }
+            }
+        };
+        if let Some(text) = &args.reference {
+            config.fuse.reference = Some(Reference::try_from(text.clone()).context("--reference")?);
+        }
+        config.process.validate()?;
+        config.fuse.validate()?;
+        let reference = match (&config.fuse.reference, reader.reference()) {
+            // Its own reference lies in the archive, wherever the file is today.
+            (Some(Reference::File(_)), Some(text)) if config.fuse.reference == was && args.reference.is_none() => {
+                Some(text.to_owned())
+            }
+            (Some(Reference::File(path)), _) => Some(
+                std::fs::read_to_string(path)
+                    .with_context(|| format!("cannot read the reference {}", path.display()))?,
+            ),
+            (Some(_), _) => None,
+            (None, _) => {
+                bail!("no reference is named: give --reference FILE.json, TYRE/SHOULDER, or self, as for tapline run")
+            }
+        };
+        let config_toml = toml::to_string(&config).context("the configuration does not fit TOML")?;
+        Ok(Self { made_by: made_by(&config)?, reader, config, config_toml, reference })
+    }
+
+    /// The fusion of this archive's taps.
+    fn fusion(&self) -> Result<Fusion> {
+        let plan = self.reader.plan();
+        check_record_s(&self.config.process, &plan.recording)?;
+        Ok(match &self.reference {
+            None => Fusion::new(&self.config.fuse, plan)?,
+            Some(text) => {
+                let set = ReferenceSet::parse(text).context("cannot use the reference")?;
+                check_reference(&set, &self.config.process, &plan.recording)?;
+                Fusion::with_reference(&self.config.fuse, plan, Arc::new(set))?
+            }
+        })
+    }
+}
+
+fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
+    let task = Task::of(archive, args)?;
+    let raw_digest = task.reader.raw_digest()?;
+    let key = lineage_key(&raw_digest, &task.made_by, task.reference.as_deref());
+    let out = beside(archive, &key);
+    let lineage = Lineage {
+        config_toml: &task.config_toml,
+        reference: task.reference.as_deref(),
+        made_by: &task.made_by,
+        ..task.config_toml.as_str().into()
+    };
+    // The same results were finished before.
+    if let Ok(there) = Reader::open(&out)
+        && there.is_results()
+        && there.lineage_key()? == key
+    {
+        writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
+        return Ok(is_whole(&there));
+    }
+    let plan = task.reader.plan();
+    // What cannot be judged leaves no file.
+    let mut fusion = task.fusion()?;
+    let mut writer = match Writer::results(&out, (task.reader.path(), raw_digest), plan, lineage) {
+        // The same results were made before.
+        Err(tapline_store::Error::Finished { .. }) => {
+            writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
+            let ledger = Reader::open(&out)?.ledger().clone();
+            return Ok(ledger.is_judged() && ledger.count(TapState::Missing) == 0);
+        }
+        writer => writer?,
+    };
+    let begin = Instant::now();
+    let settled_before = settled(&writer);
+    let is_old = of_discriminators(task.reader.made_by()) == of_discriminators(&task.made_by) && !args.from_samples;
+    let how = if is_old { "from its discriminators" } else { "from its samples" };
+    let mut progress = Progress::begin(
+        Some(plan.taps().len()),
+        &format!("judging {} again {how}, into {}", archive.display(), out.display()),
+    );
+    refuse(&task.reader, &mut writer)?;
+    if is_old {
+        for found in task.reader.discriminators()?.into_iter().flatten() {
+            put(&mut writer, &found)?;
+        }
+    } else {
+        extract(&task.reader.taps()?, &task.config.process, &mut writer, jobs, |writer| {
+            let settled = settled(writer);
+            progress.update(settled, settled - settled_before, begin);
+        })?;
+    }
+    judge(&task.reader, &mut writer, &mut fusion)?;
+    let is_whole = writer.is_whole();
+    let done = settled(&writer) - settled_before;
+    writer.finish()?;
+    progress.finish();
+    let took_s = begin.elapsed().as_secs_f64();
+    #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
+    let rate = done as f64 / took_s;
+    progress.say(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..KEY_DIGITS]));
+    writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
+    Ok(is_whole)
+}
+
+/// The file of the results of lineage `key`, beside `archive`.
+fn beside(archive: &Path, key: &str) -> PathBuf {
+    let stem = archive.file_stem().unwrap_or_default().to_string_lossy();
+    archive.with_file_name(format!("{stem}.{}.h5", &key[..KEY_DIGITS]))
+}
+
+/// Whether every tap of finished results is settled, and every shoulder judged.
+fn is_whole(results: &Reader) -> bool {
+    let ledger = results.ledger();
+    ledger.is_judged() && ledger.count(TapState::Missing) == 0
+}
+
+fn settled(writer: &Writer) -> usize {
+    let ledger = writer.ledger();
+    ledger.taps().len() - ledger.count(TapState::Missing)
+}
+
+/// Carries over the taps that never came, with their reasons.
+fn refuse(reader: &Reader, writer: &mut Writer) -> Result<()> {
+    for refusal in reader.refusals()? {
+        writer.put_refusal(refusal.plan_index, &refusal.id, &refusal.reason)?;
+    }
+    Ok(())
+}
+
+/// Extracts the discriminators of all taps that are not settled, on `jobs` threads, and puts them into `writer`.
+fn extract(
+    taps: &Taps,
+    config: &ProcessConfig,
+    writer: &mut Writer,
+    jobs: usize,
+    mut tell: impl FnMut(&Writer),
+) -> Result<()> {
+    let to_do: Vec<u32> =
+        (0..).zip(writer.ledger().taps()).filter(|(_, s)| **s == TapState::Missing).map(|(k, _)| k).collect();
+    let next = AtomicU32::new(0);
+    let (send, receive) = bounded::<Result<Vec<Discriminators>>>(WAITING_MAX);
+    scope(|threads| -> Result<()> {
+        for number in 0..jobs.clamp(1, to_do.len().div_ceil(TAPS_AT_A_TIME as usize).clamp(1, JOBS_MAX)) {
+            let (send, next, to_do) = (send.clone(), &next, &to_do[..]);
+            let work = move || work(taps, config, to_do, next, &send);
+            Builder::new()
+                .name(format!("reprocess-{number}"))
+                .spawn_scoped(threads, work)
+                .context("cannot start a thread")?;
+        }
+        drop(send);
+        let mut unflushed = 0;
+        // Dropping the receiver on an error ends the threads: nobody waits for them in vain.
+        for batch in receive {
+            for found in batch? {
+                put(writer, &found)?;
+                unflushed += 1;
+            }
+            if unflushed >= FLUSH_TAPS {
+                writer.flush()?;
+                tell(writer);
+                unflushed = 0;
+            }
+        }
+        Ok(writer.flush()?)
+    })
+}
+
+/// One thread: takes rows until none is left or nobody listens.
+fn work(
+    taps: &Taps,
+    config: &ProcessConfig,
+    to_do: &[u32],
+    next: &AtomicU32,
+    send: &Sender<Result<Vec<Discriminators>>>,
+) {
+    // What is not looked at need not be unpacked.
+    let used = |header: &TapHeader| config.samples_looked_at(header.sample_count, header.sample_rate_hz);
+    let batch = |extractor: &mut ProcessExtractor, room: &mut Room, rows: &[u32]| -> Result<Vec<Discriminators>> {
+        let mut found = Vec::with_capacity(rows.len());
+        for &row in rows {
+            if let Some((header, samples)) = taps.read_beginning(row, used, room)? {
+                found.push(extractor.extract(&header, samples));
+            }
+        }
+        Ok(found)
+    };
+    let mut extractor = match ProcessExtractor::new(config) {
+        Ok(extractor) => extractor,
+        Err(error) => return drop(send.send(Err(error.into()))),
+    };
+    let mut room = Room::default();
+    loop {
+        let first = next.fetch_add(TAPS_AT_A_TIME, Ordering::Relaxed) as usize;
+        let Some(rest) = to_do.get(first..).filter(|rest| !rest.is_empty()) else { return };
+        let rows = &rest[..rest.len().clamp(1, TAPS_AT_A_TIME as usize)];
+        if send.send(batch(&mut extractor, &mut room, rows)).is_err() {
+            return;
+        }
+    }
+}
+
+/// Puts what was found in a tap into the results, where nothing else may stand.
+fn put(writer: &mut Writer, found: &Discriminators) -> Result<()> {
+    let outcome = writer.put_discriminators(found)?;
+    ensure!(outcome != PutOutcome::Conflict, "other values of {} stand under the same lineage", found.id);
+    Ok(())
+}
+
+/// Judges the scans that had ended when the taps were taken.
+fn judge(reader: &Reader, writer: &mut Writer, fusion: &mut Fusion) -> Result<()> {
+    writer.flush()?;
+    let mut from = Some(0);
+    while let Some(row) = from {
+        let (records, next) = writer.settled_from(row, usize::MAX)?;
+        for record in &records {
+            fusion.push(record)?;
+        }
+        from = next;
+    }
+    let ended = reader.ledger().scans().iter().map(|&state| state != ScanState::Open);
+    let scans: Vec<u32> = (0..).zip(ended).filter(|(_, has_ended)| *has_ended).map(|(scan, _)| scan).collect();
+    for &scan in &scans {
+        fusion.end(scan as usize)?;
+        writer.end_scan(scan)?;
+    }
+    for &scan in &scans {
+        let (judgement, cells) = fusion.judge(scan as usize)?;
+        let outcome = writer.put_judgement(scan, &judgement, &cells)?;
+        ensure!(outcome != PutOutcome::Conflict, "scan {scan} was judged otherwise before, under the same lineage");
+    }
+    Ok(writer.flush()?)
+}
