@@ -519,3 +519,95 @@ fn two_hundred_casings_leave_no_trace() {
     assert!(shared_before.len() > 4, "{shared_before:?}");
     assert!(rig.left().is_empty());
 }
+
+/// Catches files under way that are put aside because of a comment, a hook or a station that was added since.
+#[test]
+fn a_line_goes_on_after_its_configuration_was_edited() {
+    let rig = Rig::new();
+    slow_plant(&rig, 1, 40.0, "");
+    let line = Running::start(&rig, "line --config plant.toml --out out --json");
+    until("a casing is half tapped", || {
+        let status = rig.run("status --out out --json");
+        let status: Value = serde_json::from_str(status.out.trim()).unwrap_or_default();
+        status["stations"][0]["casing"]["archived"].as_u64().is_some_and(|archived| archived > 10)
+    });
+    line.interrupt(0);
+    assert_eq!(under_way(&rig.path("out")).len(), 2);
+    let text = fs::read_to_string(rig.path("plant.toml")).unwrap();
+    rig.write("plant.toml", &format!("# Monday\n{text}\n[line]\non_verdict = \"true\"\n"));
+    let line = Running::start(&rig, "line --config plant.toml --out out --json --casings 2");
+    for verdict in line.verdicts(2) {
+        assert_eq!((&verdict["archived"], &verdict["missing"]), (&50.into(), &0.into()), "{verdict}");
+    }
+    line.finish(0);
+    assert!(under_way(&rig.path("out")).is_empty() && !rig.path("out/left").exists());
+}
+
+/// Catches a line that ends because nobody hears its verdicts any more.
+#[test]
+fn a_line_whose_reader_has_gone_goes_on() {
+    let rig = Rig::new();
+    slow_plant(&rig, 2, 200.0, "");
+    let mut child = rig.start("line --config plant.toml --out out --json");
+    drop(child.stdout.take());
+    let log = lines_of(child.stderr.take().unwrap());
+    until("all casings have their files", || rig.path("out").is_dir() && all_finished(&rig.path("out")).len() == 4);
+    let status = rig.run("status --out out --json").json(0);
+    assert!(status["alarms"].to_string().contains("could not be printed"), "{status}");
+    signal(i32::try_from(child.id()).unwrap(), Signal::INT);
+    let ended = child.wait().unwrap();
+    assert!(ended.success(), "{:#?}", log.iter().collect::<Vec<_>>());
+}
+
+/// Catches a casing that is given up because its rig was slower to come back than `store`; and one that nobody judges
+/// because its rig came back without it.
+#[test]
+fn a_rig_that_is_late_after_a_restart_goes_on() {
+    for comes_back in [true, false] {
+        let rig = Rig::new();
+        let machine = rig_and_plant(&rig, "casings = 1\n", "[acquire]\ntaps_per_s = 40.0\n");
+        let plant = fs::read_to_string(rig.path("plant.toml")).unwrap();
+        rig.write("plant.toml", &format!("{plant}rig_patience_s = 2.0\n"));
+        let line = Running::start(&rig, "line --config plant.toml --out out --json");
+        until("the casing is half tapped", || {
+            let status = rig.run("status --out out --json");
+            let status: Value = serde_json::from_str(status.out.trim()).unwrap_or_default();
+            status["stations"][0]["casing"]["archived"].as_u64().is_some_and(|archived| archived > 10)
+        });
+        line.signal(Signal::KILL);
+        drop(line);
+        drop(machine);
+        let address = plant.split("rig = \"").nth(1).unwrap().split('"').next().unwrap();
+        let line = Running::start(&rig, "line --config plant.toml --out out --json");
+        until("the station knows what is under way", || {
+            let status = rig.run("status --out out --json");
+            let status: Value = serde_json::from_str(status.out.trim()).unwrap_or_default();
+            !status["stations"][0]["casing"].is_null()
+        });
+        if comes_back {
+            rig.write("rig.toml", "casings = 1\n");
+            let again = Running::start(&rig, &format!("rig --listen {address} --config rig.toml"));
+            let verdict = line.verdict();
+            assert_eq!((&verdict["archived"], &verdict["refused"]), (&50.into(), &0.into()), "{verdict}");
+            line.interrupt(0);
+            drop(again);
+        } else {
+            let verdict = line.verdict();
+            assert_eq!(verdict["verdict"], "RE-INSPECT", "{verdict}");
+            assert!(verdict["refused"] != 0 && verdict["missing"] == 0, "{verdict}");
+            line.interrupt(0);
+        }
+        assert_eq!(all_finished(&rig.path("out")), ["RIG-1"]);
+    }
+}
+
+/// Catches a command that hangs, with what it has started, and keeps the line from ending; and a line that is silent about it.
+#[test]
+fn a_command_that_fails_is_an_alarm() {
+    let rig = Rig::new();
+    slow_plant(&rig, 1, 200.0, "[line]\non_verdict = \"cat > /dev/null; false\"\n");
+    let line = Running::start(&rig, "line --config plant.toml --out out --json");
+    line.verdicts(2);
+    until("the alarm", || rig.run("status --out out --json").out.contains("on_verdict failed"));
+    line.interrupt(0);
+}

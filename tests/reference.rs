@@ -70,6 +70,28 @@ fn tyres_are_judged_by_a_reference_of_others() {
     assert!(done.code == Some(1) && done.err.contains("another reference"), "{done:?}");
 }
 
+/// Catches a shoulder that is not judged because recordings of the other one are missing, at most taps or at a location.
+#[test]
+fn a_shoulder_without_its_recordings_leaves_the_other_alone() {
+    let rig = rig();
+    rig.run(&format!("reference {SOUND} --out sound.json")).expect(0);
+    rig.run("export cracked/C3.h5 taps --out set").expect(0);
+    rig.run("run --taps set --reference sound.json --out whole").expect(0);
+    let of_shoulder = |name: &str, archive: &str| verdicts(&rig, archive).into_iter().find(|v| v.0 == name).unwrap();
+    let (whole, damaged) = (of_shoulder("C3/1", "whole"), of_shoulder("C3/2", "whole"));
+    assert_eq!((whole.1.as_str(), damaged.1.as_str()), ("REJECT", "PASS"));
+    let mut wavs: Vec<_> =
+        std::fs::read_dir(rig.path("set/C3-2")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    wavs.sort();
+    for (count, lost) in [(1, "one"), (150, "most")] {
+        wavs.drain(..count).for_each(|wav| std::fs::remove_file(wav).unwrap());
+        rig.run(&format!("run --taps set --reference sound.json --out {lost}")).expect(3);
+        assert_eq!(of_shoulder("C3/1", lost), whole);
+        let (_, verdict, reasons) = of_shoulder("C3/2", lost);
+        assert!(verdict == "RE-INSPECT" && reasons.contains("taps_refused"), "{reasons}");
+    }
+}
+
 /// Catches labels that do not reach the index, and directions that are not learned.
 #[test]
 fn a_labelled_reference_teaches() {

@@ -63,10 +63,15 @@ pub trait Arrivals: Send + fmt::Debug {
     /// What is waited for while [`Arrivals::next`] says [`Arrival::NotYet`], for people: `the rig at 127.0.0.1:7001`.
     fn waits_for(&self) -> String;
 
-    /// Whether casings come once, as from a rig: one that is followed by another was taken away. From a list or a folder each
-    /// comes until it is done.
-    fn come_once(&self) -> bool {
-        false
+    /// For how long a casing may be away that was half tapped: on a rig it may come back, and is taken away for good when
+    /// another follows it. From a list or a folder each comes until it is done, and what does not come is gone: `None`.
+    fn patience(&self) -> Option<Duration> {
+        None
+    }
+
+    /// What people should know and has not been handed out yet, such as a set that was put aside.
+    fn take_alarms(&mut self) -> Vec<String> {
+        Vec::new()
     }
 
     /// How soon `next` and [`Source::poll`] should be asked again when nothing wakes the loop.

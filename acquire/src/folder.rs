@@ -44,6 +44,8 @@ pub struct FolderArrivals {
     half: Option<OsString>,
     /// Why the folder itself cannot be read.
     fault: Option<String>,
+    /// What people should know.
+    alarms: Vec<String>,
 }
 
 /// A set that was begun.
@@ -77,6 +79,7 @@ impl FolderArrivals {
             stuck: BTreeSet::new(),
             half: None,
             fault: None,
+            alarms: Vec::new(),
         })
     }
 
@@ -131,6 +134,7 @@ impl FolderArrivals {
     }
 
     fn fail(&mut self, name: &OsStr, reason: &str) {
+        self.alarms.push(format!("tap set {} cannot be used: {reason}", name.display()));
         let set = self.folder.join(name);
         match put_into(&set, &self.folder.join(FAILED)) {
             Ok(place) => {
@@ -239,6 +243,10 @@ impl Arrivals for FolderArrivals {
             (None, Some(half)) => format!("scan.toml and taps.csv in {}", self.folder.join(half).display()),
             (None, None) => format!("a tap set in {folder}"),
         }
+    }
+
+    fn take_alarms(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.alarms)
     }
 
     fn look_every(&self) -> Duration {

@@ -30,6 +30,12 @@ impl<'a> Outlet<'a> {
         self.waits.try_send(RecordKind::Data, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
     }
 
+    /// Tells the supervisor what people should know of `station`, without waiting; whether it was sent.
+    pub(crate) fn alarm(&self, station: u16, what: &str) -> Result<bool, LineError> {
+        let stamp = Stamp { mark: station.into(), ..Stamp::default() };
+        self.waits.try_send(RecordKind::Refusal, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
+    }
+
     /// What of `source` this line has no room for.
     pub(crate) fn exceeded_by(&self, source: &dyn Source) -> Option<String> {
         self.line.limits().casing.exceeded_by(source.plan())

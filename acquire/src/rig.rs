@@ -109,7 +109,7 @@ impl Arrivals for RigArrivals {
         let serial = Serial::new(&handed.name).map_err(|error| Error::Setting {
             key: "the serial of a casing on the rig".to_owned(),
             value: handed.name.clone(),
-            bound: format!("such that {error}"),
+            bound: error.bound(),
         })?;
         let listed = self.scan.tyre.iter().find(|tyre| tyre.serial == handed.name);
         let cracks = listed.map_or_else(Vec::new, |tyre| tyre.crack.clone());
@@ -140,8 +140,12 @@ impl Arrivals for RigArrivals {
         self.link.waits_for()
     }
 
-    fn come_once(&self) -> bool {
-        true
+    fn patience(&self) -> Option<Duration> {
+        Some(self.link.config.patience)
+    }
+
+    fn take_alarms(&mut self) -> Vec<String> {
+        self.link.take_alarms()
     }
 
     fn look_every(&self) -> Duration {

@@ -94,7 +94,13 @@ fn serve(
 /// Gives each station what `store` says of its casings.
 fn receive(casings: &Subscriber<'_, CasingTopic>, stations: &mut [Station]) -> Result<(), RunError> {
     while let Some(record) = casings.receive()? {
-        let station = stations.iter_mut().find(|s| u32::from(s.number()) == record.header().station);
+        let header = record.header();
+        if record.kind() == Some(RecordKind::Refusal) && header.station == 0 {
+            // `store` does not know whose casing it was.
+            stations.iter_mut().for_each(|station| station.refused(header, &text_of(&record)));
+            continue;
+        }
+        let station = stations.iter_mut().find(|s| u32::from(s.number()) == header.station);
         let Some(station) = station else { continue };
         match record.kind() {
             Some(RecordKind::Plan) => station.opened(record.header(), &text_of(&record)),

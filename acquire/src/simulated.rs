@@ -181,7 +181,7 @@ fn simulated_serial(text: &str) -> Result<Serial, Error> {
     Serial::new(text).map_err(|e| Error::Setting {
         key: "scan.tyre.serial".to_owned(),
         value: format!("{text:?}"),
-        bound: format!("such that {e}"),
+        bound: e.bound(),
     })
 }
 
@@ -212,7 +212,7 @@ fn id_of(offset_mm: f64, velocity_m_per_s: f64) -> Result<TapId, Error> {
     named.and_then(|id| id.with_velocity_m_per_s(Some(velocity_m_per_s))).map_err(|e| Error::Setting {
         key: "scan.offsets_mm or scan.velocities_m_per_s".to_owned(),
         value: format!("{offset_mm} or {velocity_m_per_s}"),
-        bound: format!("such that {e}"),
+        bound: e.bound(),
     })
 }
 

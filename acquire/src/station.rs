@@ -1,5 +1,6 @@
 //! One station: asks for its next casing, has it opened, takes the taps that its ledger lacks, ends its scans, goes on.
 
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use tapline_wire::{CasingHeader, Ledger, LineError, RecordKind, ScanState, TapState};
@@ -12,6 +13,9 @@ const SEND_AGAIN: Duration = Duration::from_secs(1);
 
 /// How often it is said at most what a station waits for.
 const SAY_EVERY: Duration = Duration::from_millis(500);
+
+/// Most alarms that wait to be sent.
+const ALARMS_MAX: usize = 16;
 
 /// When a station is to be asked again, when nothing wakes the process.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,8 +35,12 @@ pub(crate) struct Station {
     closing: Vec<(u64, String)>,
     /// Casings of this station that are open in the archive, and that it does not have.
     left_over: Vec<(u64, String)>,
+    /// Since when there are some, and no casing.
+    left_over_since: Option<Instant>,
     period: Option<Duration>,
     next_due: Instant,
+    /// What people should know and the supervisor has not been sent yet.
+    alarms: VecDeque<String>,
     /// Whether the source has said that it is not ready.
     is_source_awaited: bool,
     /// What it was last said to wait for, and when.
@@ -84,8 +92,18 @@ impl Station {
     pub(crate) fn new(arrivals: Box<dyn Arrivals>, period: Option<Duration>) -> Self {
         let (closing, left_over) = (Vec::new(), Vec::new());
         let next_due = Instant::now();
-        let (is_source_awaited, said) = (false, None);
-        Self { arrivals, work: Work::Idle, closing, left_over, period, next_due, is_source_awaited, said }
+        Self {
+            arrivals,
+            work: Work::Idle,
+            closing,
+            left_over,
+            left_over_since: None,
+            alarms: VecDeque::new(),
+            period,
+            next_due,
+            is_source_awaited: false,
+            said: None,
+        }
     }
 
     pub(crate) fn number(&self) -> u16 {
@@ -96,9 +114,10 @@ impl Station {
     pub(crate) fn opened(&mut self, header: &CasingHeader, name: &str) {
         let number = header.stamp.casing;
         match &mut self.work {
+            // One of the same name may be proposed while this is judged.
+            _ if self.closing.iter().any(|&(closing, _)| closing == number) => {}
             Work::Proposed { casing, opened, .. } if is_of_plan(header, casing.taps.as_ref()) => *opened = Some(number),
             Work::Open(open) if open.number == number => {}
-            _ if self.closing.iter().any(|&(closing, _)| closing == number) => {}
             _ if self.left_over.iter().any(|&(known, _)| known == number) => {}
             _ => self.left_over.push((number, name.to_owned())),
         }
@@ -139,8 +158,16 @@ impl Station {
         }
     }
 
-    /// Takes in that a proposal is refused.
+    /// Takes in that a proposal is refused; or that a casing which is tapped is not open any more, as what a restarted `store`
+    /// found of it was damaged: it is tapped anew.
     pub(crate) fn refused(&mut self, header: &CasingHeader, reason: &str) {
+        self.work = match std::mem::replace(&mut self.work, Work::Idle) {
+            Work::Open(open) if open.number == header.stamp.casing => {
+                tracing::warn!(station = self.number(), casing = open.casing.name, "{reason}; it is tapped anew");
+                Work::Proposed { casing: open.casing, sent_at: None, opened: None }
+            }
+            work => work,
+        };
         if let Work::Proposed { casing, .. } = &self.work
             && is_of_plan(header, casing.taps.as_ref())
         {
@@ -149,8 +176,22 @@ impl Station {
         }
     }
 
+    /// Raises the alarms that its source has.
+    fn raise_alarms(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
+        self.alarms.extend(self.arrivals.take_alarms());
+        self.alarms.truncate(ALARMS_MAX);
+        while let Some(text) = self.alarms.front() {
+            if !outlet.alarm(self.number(), text)? {
+                return Ok(());
+            }
+            self.alarms.pop_front();
+        }
+        Ok(())
+    }
+
     /// Says what it waits for, for people, when that has changed and was not said just now.
     pub(crate) fn say_what_it_waits_for(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
+        self.raise_alarms(outlet)?;
         if self.said.as_ref().is_some_and(|(_, at)| at.elapsed() < SAY_EVERY) {
             return Ok(());
         }
@@ -190,9 +231,7 @@ impl Station {
             match self.arrivals.next()? {
                 Arrival::Casing(casing) => self.arrived(casing, outlet),
                 Arrival::NotYet => {
-                    if !self.arrivals.come_once() {
-                        self.give_up_left_over(outlet, None)?;
-                    }
+                    self.give_up_what_stays_away(outlet)?;
                     self.is_source_awaited = true;
                     return Ok(Next::Within(self.arrivals.look_every()));
                 }
@@ -203,12 +242,19 @@ impl Station {
         // What was opened under another name while a casing is proposed was left by an earlier life of the line.
         match &self.work {
             Work::Ended => self.give_up_left_over(outlet, None)?,
-            &Work::Proposed { opened, .. } if self.arrivals.come_once() => self.give_up_left_over(outlet, opened)?,
+            Work::Proposed { casing, .. } if self.arrivals.patience().is_some() => {
+                let name = casing.name.clone();
+                self.give_up_left_over(outlet, Some(&name))?;
+            }
             _ => {}
         }
         let look_every = self.arrivals.look_every();
         let next = match &mut self.work {
             Work::Idle | Work::Ended => Next::Within(SEND_AGAIN),
+            // The one before it of the same name must be closed first, to be told from it.
+            Work::Proposed { casing, .. } if self.closing.iter().any(|(_, closing)| *closing == casing.name) => {
+                Next::Within(SEND_AGAIN)
+            }
             Work::Proposed { casing, sent_at, .. } => match sent_at.map(|at| at.elapsed()) {
                 Some(waited) if waited < SEND_AGAIN => Next::Within(SEND_AGAIN - waited),
                 _ => {
@@ -234,9 +280,23 @@ impl Station {
         Ok(next)
     }
 
-    /// Has casings that will not come any more judged by what there is of them, all but the one numbered `but`.
-    fn give_up_left_over(&mut self, outlet: &Outlet<'_>, but: Option<u64>) -> Result<(), LineError> {
-        for (number, name) in self.left_over.drain(..).filter(|&(number, _)| Some(number) != but) {
+    /// Has casings that will not come any more judged by what there is of them, when they have been away for too long.
+    fn give_up_what_stays_away(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
+        if self.left_over.is_empty() {
+            self.left_over_since = None;
+            return Ok(());
+        }
+        let since = *self.left_over_since.get_or_insert_with(Instant::now);
+        match self.arrivals.patience() {
+            Some(patience) if since.elapsed() < patience => Ok(()),
+            _ => self.give_up_left_over(outlet, None),
+        }
+    }
+
+    /// Has casings that will not come any more judged by what there is of them, all but the one that is called `but`.
+    fn give_up_left_over(&mut self, outlet: &Outlet<'_>, but: Option<&str>) -> Result<(), LineError> {
+        let is_gone = |(_, name): &mut (u64, String)| Some(name.as_str()) != but;
+        for (number, name) in self.left_over.extract_if(.., is_gone) {
             tracing::warn!(casing = name, "was left half tapped; it is judged by the taps that came");
             outlet.give_up(number, "the casing was taken away before its scan was complete")?;
         }
@@ -247,6 +307,7 @@ impl Station {
         match outlet.exceeded_by(casing.taps.as_ref()) {
             Some(reason) => {
                 tracing::error!(station = self.number(), casing = casing.name, reason, "a casing is refused");
+                self.alarms.push_back(format!("casing {} is refused: {reason}", casing.name));
                 self.arrivals.ended(&casing.name, &CasingEnd::Refused { reason });
             }
             None => self.work = Work::Proposed { casing, sent_at: None, opened: None },

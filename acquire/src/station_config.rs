@@ -140,7 +140,7 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
         for source in folder.into_iter().chain(station.rig.as_deref().map(|rig| (true, Path::new(rig)))) {
             if let Some(first) = sources.insert(source, station.number) {
                 let (is_rig, of) = source;
-                let bound = format!("another than that of station {first}");
+                let bound = format!("another than that of the station with number {first}");
                 let field = if is_rig { "rig" } else { "folder" };
                 return Err(Error::Setting { key: key(field), value: of.display().to_string(), bound });
             }
@@ -230,7 +230,7 @@ mod tests {
                 one("source = \"simulated\"").repeat(2),
                 "station[1].number is 1; it must be another number than that of station[0]",
             ),
-            (two, "station[1].rig is h:1; it must be another than that of station 1"),
+            (two, "station[1].rig is h:1; it must be another than that of the station with number 1"),
         ] {
             let error = stations(&text).unwrap_err();
             assert!(error.contains(want), "{error:?} lacks {want:?}");

@@ -91,7 +91,7 @@ fn short(number: u32) -> u16 {
 }
 
 fn refuse_id(row: &Row<'_>, column: &'static str, error: &IdError) -> Error {
-    row.refuse(column, format!("such that {error}"))
+    row.refuse(column, error.bound())
 }
 
 /// The recording's path; it may not lead out of the set's folder, which may come from a stranger.

@@ -1,6 +1,7 @@
 //! A tap set: a folder of recordings, one WAV a tap, with two tables that say what they are.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,6 +16,9 @@ use crate::source::{channel_headers, named, no_room, no_such_row};
 use crate::taps_csv::TapRow;
 use crate::wav::{self, WavFault, WavHeader};
 use crate::{Error, Refusal, Source, scan_toml, taps_csv, text, truth_csv};
+
+/// Bytes of a recording's file that tell it from others.
+const BEGINNING_BYTES: u64 = 16_384;
 
 /// Counts of a full-scale 16-bit sample.
 const COUNTS_FULL_SCALE: f64 = 32_768.0;
@@ -98,16 +102,18 @@ impl Recordings {
         Ok(Plan::of_source(self.scan.geometry, recording, taps, truth, self.digest(rows))?)
     }
 
-    /// What tells the source of `rows` from others with the same taps: scales, files and their lengths, which stand for
-    /// the recordings themselves.
+    /// What tells the source of `rows` from others with the same taps: scales, files, their lengths and how they begin, which
+    /// stand for the recordings themselves.
     fn digest(&self, rows: &[u32]) -> u64 {
         let about = rows.iter().map(|&row| {
             let TapRow { file, velocity_measured_m_per_s, extras, .. } = &self.taps[row as usize];
-            let length = file_length(&self.dir.join(file));
-            format!("{file} {length} {velocity_measured_m_per_s:?} {extras:?}")
+            let (length, beginning) = length_and_beginning(&self.dir.join(file));
+            let mut about = format!("{file} {length} {velocity_measured_m_per_s:?} {extras:?}").into_bytes();
+            about.extend_from_slice(&beginning.to_le_bytes());
+            about
         });
-        let about: Vec<String> = about.collect();
-        let parts = std::iter::once(self.scan_text.as_bytes()).chain(about.iter().map(String::as_bytes));
+        let about: Vec<Vec<u8>> = about.collect();
+        let parts = std::iter::once(self.scan_text.as_bytes()).chain(about.iter().map(Vec::as_slice));
         digest_of_parts(parts)
     }
 }
@@ -182,8 +188,17 @@ impl TapSet {
 }
 
 /// Length of a file as text; nothing where there is none.
-fn file_length(path: &Path) -> String {
-    std::fs::metadata(path).map_or_else(|_| String::new(), |data| data.len().to_string())
+/// The length of a recording's file and the digest of its beginning, in which no two recordings are alike: it has the noise
+/// before the impact, and the impact. Of a file that cannot be read both are 0.
+fn length_and_beginning(path: &Path) -> (u64, u64) {
+    let read = || -> std::io::Result<(u64, u64)> {
+        let file = std::fs::File::open(path)?;
+        let length = file.metadata()?.len();
+        let mut beginning = Vec::with_capacity(BEGINNING_BYTES as usize);
+        file.take(BEGINNING_BYTES).read_to_end(&mut beginning)?;
+        Ok((length, digest_of_parts(std::iter::once(beginning.as_slice()))))
+    };
+    read().unwrap_or_default()
 }
 
 impl Source for TapSet {

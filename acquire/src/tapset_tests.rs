@@ -58,6 +58,16 @@ fn refusal(set: &mut TapSet, row: u32) -> String {
     render(set, row).unwrap_err().to_string()
 }
 
+/// Catches a casing that is measured again, under the same names and with records as long, and passes for the same recordings.
+#[test]
+fn other_recordings_are_another_source() {
+    let (dir, same) = (small_set(), small_set());
+    assert_eq!(open(&dir).plan().digest(), open(&same).plan().digest());
+    let samples: Vec<f32> = (0..8).map(|k| 11.0 + k as f32).collect();
+    write_wav(same.path(), "b.wav", 2, 40_960, 16, &samples);
+    assert_ne!(open(&dir).plan().digest(), open(&same).plan().digest());
+}
+
 /// Catches a sample, scale or field of the header that is lost or put in another's place.
 #[test]
 fn a_16_bit_set_is_rendered() {

@@ -20,7 +20,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Truth, Error> {
             row.whole(column, low, high)?
                 .ok_or_else(|| row.refuse(column, format!("a whole number from {low} to {high}")))
         };
-        let tyre = Serial::new(csv_text(row.text("tyre"))).map_err(|e| row.refuse("tyre", format!("such that {e}")))?;
+        let tyre = Serial::new(csv_text(row.text("tyre"))).map_err(|e| row.refuse("tyre", e.bound()))?;
         let shoulder = whole("shoulder", 1, u32::from(u16::MAX))?;
         let location = whole("location", 0, LOCATION_MAX)?;
         let is_cracked = match row.text("cracked") {

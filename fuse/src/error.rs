@@ -41,6 +41,12 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// The taps of a reference file were recorded or analysed otherwise than those that are compared with it.
+    #[error("the taps of the reference were recorded or analysed otherwise than these: {difference}")]
+    ReferenceMadeOtherwise {
+        /// What differs.
+        difference: String,
+    },
     /// A reference has no tap at any offset and velocity of the plan.
     #[error("the reference has taps at {known}, the scan plan at {planned}: they have none in common")]
     NothingInCommon {

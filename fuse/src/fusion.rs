@@ -11,6 +11,7 @@ use tapline_wire::{
 
 use crate::compare::{Cache, Compared};
 use crate::condition::{distinct, name_number};
+use crate::lacking::Lacking;
 use crate::lateral::mark_regions;
 use crate::panel::Panel;
 use crate::ring::Ring;
@@ -47,7 +48,7 @@ pub(crate) struct Progress {
     is_ended: bool,
     is_judged: bool,
     /// What [`Fusion::lacks_features`] found since the last change.
-    lacks_features: Option<bool>,
+    lacks_features: Option<Lacking>,
 }
 
 /// Collects taps and judges shoulders.
@@ -279,7 +280,13 @@ impl Fusion {
         if self.panel.reference(scan).contains(&scan) {
             reasons.insert(Reasons::SELF_REFERENCE);
         }
-        if all_involved.iter().any(|&involved| self.progress[involved].lacks_features == Some(true)) {
+        // The other shoulder lends its level: values that are stuck would bend it, those that are not there do not.
+        let is_spoilt = |&involved: &usize| {
+            let is_asked = involved == scan || self.panel.reference(scan).contains(&involved);
+            let lacking = self.progress[involved].lacks_features;
+            lacking.is_some_and(|lacking| lacking.is_stuck || (is_asked && lacking.is_absent))
+        };
+        if all_involved.iter().any(is_spoilt) {
             reasons.insert(Reasons::FEATURES_ABSENT);
         }
         if self.plan.geometry == Geometry::Ring && !compared.ring.is_whole() {

@@ -4,11 +4,19 @@ use tapline_wire::Discriminator;
 
 use crate::fusion::Fusion;
 
+/// What a scan lacks of what the index asks for, although its channels are recorded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lacking {
+    /// Whether a discriminator is absent at more than half of the planned taps, a sensor that is dead or taps that never
+    /// came; or a location lacks more than half of what its taps should have given.
+    pub(crate) is_absent: bool,
+    /// Whether a discriminator is one and the same at more than half of the taps that have it: a sensor that is stuck.
+    pub(crate) is_stuck: bool,
+}
+
 impl Fusion {
-    /// Whether a discriminator that the index asks for is absent, or one and the same, at more than half of the planned
-    /// taps of a scan although its channels are recorded: a sensor that is dead or stuck, or taps that never came. Or
-    /// whether a location lacks more than half of what its taps should have given.
-    pub(crate) fn lacks_features(&self, scan: usize) -> bool {
+    /// What scan number `scan` lacks.
+    pub(crate) fn lacks_features(&self, scan: usize) -> Lacking {
         let channels = &self.plan.recording.channels;
         let recorded = |which: &Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
         let asked: Vec<Discriminator> = self.config.discriminators.iter().copied().filter(recorded).collect();
@@ -27,8 +35,11 @@ impl Fusion {
             let (given_here, due) = &mut planned[tap.place as usize];
             (*given_here, *due) = (*given_here + given, *due + asked.len());
         }
-        let is_stuck = |values: &Vec<f64>| 2 * values.len() < taps.len() || has_majority(values);
-        values.iter().any(is_stuck) || planned.iter().any(|&(given, due)| 2 * given < due)
+        let is_rare = |values: &Vec<f64>| 2 * values.len() < taps.len();
+        Lacking {
+            is_absent: values.iter().any(is_rare) || planned.iter().any(|&(given, due)| 2 * given < due),
+            is_stuck: values.iter().any(|values| has_majority(values)),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, ensure};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::ProcessConfig;
 use tapline_wire::{Plan, Recording};
@@ -31,7 +31,10 @@ impl Fusions {
     /// The fusion of the taps of `plan`.
     pub(crate) fn of(&self, plan: &Plan) -> Result<Fusion, tapline_fuse::Error> {
         match &self.set {
-            Some(set) => Fusion::with_reference(&self.fuse, plan, Arc::clone(set)),
+            Some(set) => {
+                check_reference(set, &self.process, &plan.recording)?;
+                Fusion::with_reference(&self.fuse, plan, Arc::clone(set))
+            }
             None => Fusion::new(&self.fuse, plan),
         }
     }
@@ -39,9 +42,6 @@ impl Fusions {
     /// The fusion of the taps of `plan`, if they are recorded and looked at as those of the reference are.
     pub(crate) fn check(&self, plan: &Plan) -> Result<Fusion> {
         check_record_s(&self.process, &plan.recording)?;
-        if let Some(set) = &self.set {
-            check_reference(set, &self.process, &plan.recording)?;
-        }
         self.check_shoulder(plan)?;
         Ok(self.of(plan)?)
     }
@@ -84,18 +84,17 @@ pub(crate) fn check_record_s(config: &ProcessConfig, recording: &Recording) -> R
 }
 
 /// Whether the taps of `set` were recorded and analysed as those of a run are.
-pub(crate) fn check_reference(set: &ReferenceSet, config: &ProcessConfig, recording: &Recording) -> Result<()> {
-    check_process(&set.process, &process_of(config, recording)?)
-}
-
-fn check_process(there: &str, here: &str) -> Result<()> {
-    if there != here {
-        bail!(
-            "the taps of the reference were recorded or analysed otherwise than this run's: {}",
-            differences(there, here)
-        );
+pub(crate) fn check_reference(
+    set: &ReferenceSet,
+    config: &ProcessConfig,
+    recording: &Recording,
+) -> Result<(), tapline_fuse::Error> {
+    // A configuration that does not fit TOML is none that any reference was made by.
+    let (there, here) = (&set.process, process_of(config, recording).unwrap_or_default());
+    match *there == here {
+        true => Ok(()),
+        false => Err(tapline_fuse::Error::ReferenceMadeOtherwise { difference: differences(there, &here) }),
     }
-    Ok(())
 }
 
 /// The lines of two texts that differ.

@@ -23,6 +23,7 @@ pub(crate) struct Stage {
     /// How its process ended, until that is taken up.
     ended: Option<ExitStatus>,
     is_asked_to_end: Cell<bool>,
+    is_killed: Cell<bool>,
     /// Whether it ended since the disk of the archive has failed.
     pub(crate) awaits_disk: bool,
     fruitless_restarts: u32,
@@ -39,6 +40,7 @@ impl Stage {
             child: None,
             ended: None,
             is_asked_to_end: Cell::new(false),
+            is_killed: Cell::new(false),
             awaits_disk: false,
             fruitless_restarts: 0,
             restart_count: 0,
@@ -62,6 +64,7 @@ impl Stage {
             .spawn()
             .with_context(|| format!("cannot start {}", self.name))?;
         self.child = Some(child);
+        self.is_killed.set(false);
         Ok(())
     }
 
@@ -139,10 +142,16 @@ impl Stage {
         self.signal(Signal::TERM);
     }
 
+    pub(crate) fn is_asked_to_end(&self) -> bool {
+        self.is_asked_to_end.get()
+    }
+
     /// Ends the stage by force.
     pub(crate) fn kill(&self) {
-        tracing::error!(stage = self.name, "does not end; it is killed");
-        self.signal(Signal::KILL);
+        if !self.is_killed.replace(true) {
+            tracing::error!(stage = self.name, "does not end; it is killed");
+            self.signal(Signal::KILL);
+        }
     }
 
     fn signal(&self, signal: Signal) {

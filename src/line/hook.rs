@@ -3,11 +3,13 @@
 use std::io::Write as _;
 use std::os::unix::process::CommandExt as _;
 use std::process::{Command, Stdio};
+use std::sync::{Arc, OnceLock};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Receiver, Sender, TrySendError, bounded};
+use rustix::process::{Pid, Signal, kill_process_group};
 
 use crate::line::verdicts::CasingVerdict;
 
@@ -17,11 +19,14 @@ const WAITING_MAX: usize = 256;
 /// How long the command may take.
 const TAKES_MOST: Duration = Duration::from_secs(60);
 
-/// Runs the command; when it is dropped, what waits is run first.
+/// Runs the command; when it is dropped, what waits is run first, for as long as one may take.
 #[derive(Debug)]
 pub(crate) struct Hook {
+    /// Until when commands may run, once it is to end.
+    until: Arc<OnceLock<Instant>>,
     /// `None` once it is to end.
     verdicts: Option<Sender<CasingVerdict>>,
+    failures: Receiver<String>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -29,9 +34,17 @@ impl Hook {
     /// One that runs `command`, by the shell, with the verdict as a line of JSON on its standard input.
     pub(crate) fn start(command: &str) -> Result<Self> {
         let (verdicts, waiting) = bounded(WAITING_MAX);
-        let command = command.to_owned();
-        let thread = Builder::new().name("on-verdict".to_owned()).spawn(move || run_all(&command, &waiting));
-        Ok(Self { verdicts: Some(verdicts), thread: Some(thread.context("cannot start the thread on-verdict")?) })
+        let (command, until) = (command.to_owned(), Arc::<OnceLock<Instant>>::default());
+        let (of_thread, (fail, failures)) = (Arc::clone(&until), bounded(WAITING_MAX));
+        let thread = Builder::new().name("on-verdict".to_owned());
+        let thread = thread.spawn(move || run_all(&command, &waiting, &fail, &of_thread));
+        let thread = Some(thread.context("cannot start the thread on-verdict")?);
+        Ok(Self { until, verdicts: Some(verdicts), failures, thread })
+    }
+
+    /// Why a command failed, once.
+    pub(crate) fn take_failure(&self) -> Option<String> {
+        self.failures.try_recv().ok()
     }
 
     pub(crate) fn run(&self, verdict: &CasingVerdict) {
@@ -51,6 +64,7 @@ impl Hook {
 
 impl Drop for Hook {
     fn drop(&mut self) {
+        self.until.get_or_init(|| Instant::now() + TAKES_MOST);
         drop(self.verdicts.take());
         if let Some(thread) = self.thread.take() {
             drop(thread.join());
@@ -58,15 +72,20 @@ impl Drop for Hook {
     }
 }
 
-fn run_all(command: &str, verdicts: &Receiver<CasingVerdict>) {
+fn run_all(command: &str, verdicts: &Receiver<CasingVerdict>, failures: &Sender<String>, until: &OnceLock<Instant>) {
     for verdict in verdicts {
-        if let Err(error) = run_one(command, &verdict) {
-            tracing::error!(casing = verdict.casing, "on_verdict failed: {error:#}");
+        if let Err(error) = run_one(command, &verdict, until) {
+            let file = verdict.file.display();
+            tracing::error!(casing = verdict.casing, "on_verdict failed, the verdict is in {file}: {error:#}");
+            // It is in the log, too.
+            drop(failures.try_send(format!("casing {}: on_verdict failed: {error:#}", verdict.casing)));
         }
     }
 }
 
-fn run_one(command: &str, verdict: &CasingVerdict) -> Result<()> {
+fn run_one(command: &str, verdict: &CasingVerdict, until: &OnceLock<Instant>) -> Result<()> {
+    let is_over = || until.get().is_some_and(|until| *until <= Instant::now());
+    ensure!(!is_over(), "the line ends, and those before it took too long");
     let mut child = Command::new("/bin/sh")
         .args(["-c", command])
         .env("TAPLINE_CASING", &verdict.casing)
@@ -90,13 +109,16 @@ fn run_one(command: &str, verdict: &CasingVerdict) -> Result<()> {
     let since = Instant::now();
     loop {
         if let Some(status) = child.try_wait()? {
-            anyhow::ensure!(status.success(), "it ended with {status}");
+            ensure!(status.success(), "it ended with {status}");
             return Ok(());
         }
-        if since.elapsed() > TAKES_MOST {
-            child.kill()?;
+        if since.elapsed() > TAKES_MOST || is_over() {
+            // With what it has started.
+            if let Some(group) = Pid::from_raw(i32::try_from(child.id()).unwrap_or(0)) {
+                kill_process_group(group, Signal::KILL).context("cannot end it")?;
+            }
             child.wait()?;
-            anyhow::bail!("it took more than {} s and was killed", TAKES_MOST.as_secs());
+            bail!("it took more than {:.0} s and was killed", since.elapsed().as_secs_f64());
         }
         std::thread::sleep(Duration::from_millis(20));
     }

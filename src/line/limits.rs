@@ -109,6 +109,9 @@ struct Item {
     cure: &'static str,
 }
 
+/// Least room in shared memory with which a stage is started again: its connections take so much before it can wait for more.
+pub(crate) const RESTART_BYTES: u64 = 4_000_000;
+
 fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
     let items = [
         limits.descriptors.map(|have| Item {
@@ -128,7 +131,7 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
         Some(Item {
             what: "room in /dev/shm",
             have: limits.shared_free,
-            need: |needs| needs.shared_bytes,
+            need: |needs| needs.shared_bytes + RESTART_BYTES,
             is_bytes: true,
             cure: "enlarge it with mount -o remount,size=... /dev/shm, or --shm-size= of a container",
         }),

@@ -63,8 +63,17 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
         !job.config.station.is_empty(),
         "the configuration has no [[station]]: a line needs at least one, with its number and source"
     );
+    ensure!(
+        job.config.fuse.reference.is_some(),
+        "no reference is named, and nothing is judged without one: make a reference file of casings that are known to be \
+         sound (`tapline reference FOLDER --out sound.json`) and give `--reference sound.json`; to compare each casing with \
+         itself, give `--reference self` (damage all round does not show then)"
+    );
     let setup = Setup::of(&job, Arriving::Stations, &absolute(&job.out)?)?;
-    job.fusions()?;
+    let fusions = job.fusions()?;
+    if let Some(plan) = setup.plan_of_stations(&job)? {
+        drop(fusions.check(&plan)?);
+    }
     let mut folder = OutFolder::take(&job.out)?;
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;

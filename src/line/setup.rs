@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
-use tapline_acquire::{Arrivals, Wake, listed_simulated, listed_tap_set, open_station};
+use tapline_acquire::{Arrivals, StationSource, Wake, listed_simulated, listed_tap_set, open_station};
 use tapline_store::{Places, StoreRun};
 use tapline_wire::{Limits, LineAddress, Plan, line_bytes};
 
@@ -119,6 +119,16 @@ impl Setup {
             }
             Arriving::Stations => Ok(()),
         }
+    }
+
+    /// The plan of a casing of the stations that tap by the table `[scan]`; `None` where all judge tap sets.
+    pub(crate) fn plan_of_stations(&self, job: &Job) -> Result<Option<Plan>> {
+        if job.config.station.iter().all(|station| station.source == StationSource::Folder) {
+            return Ok(None);
+        }
+        let list = listed_simulated(&job.config.scan, &job.config.simulation)?;
+        let mut casings = list.listed();
+        Ok(casings.next().transpose()?.map(|(_name, _station, plan)| plan))
     }
 
     /// The stations of the `acquire` process with number `acquire`.

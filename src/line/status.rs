@@ -120,7 +120,8 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
         if stop.load(Ordering::Relaxed) {
             return Ok(true);
         }
-        if last.is_some() && OutFolder::find_line(&args.out)?.is_none() {
+        // A folder that is away, as its disk is, ends no line.
+        if last.is_some() && matches!(OutFolder::find_line(&args.out), Ok(None)) {
             writeln!(io::stderr(), "the line has ended").context("cannot say so")?;
             return Ok(true);
         }

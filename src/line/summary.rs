@@ -10,7 +10,7 @@ use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde::Serialize;
 use tapline_fuse::{Fusion, Reference, ReferenceSet, Score, ScorePool};
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Quality, Reasons, TapState};
+use tapline_wire::{Discriminator, Ledger, Quality, Reasons, TapState};
 
 use crate::config::job::Job;
 use crate::line::setup::Setup;
@@ -91,7 +91,10 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
     for name in names {
         match places.finished(name) {
             Some(path) => add(&mut sum, job, &Reader::open(path)?)?,
-            None => sum.unfinished += 1,
+            None => {
+                sum.unfinished += 1;
+                add_counts(&mut sum, setup, name);
+            }
         }
     }
     let pace = pace_line(&pace);
@@ -122,13 +125,26 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
     Ok(summary.is_whole)
 }
 
+/// Adds what there is of a casing whose file is under way.
+fn add_counts(sum: &mut Sum, setup: &Setup, name: &str) {
+    let open = setup.places().under_way(name);
+    let Some(reader) = open.and_then(|path| Reader::open_unfinished(path).ok()) else { return };
+    sum.count(reader.ledger());
+}
+
+impl Sum {
+    fn count(&mut self, ledger: &Ledger) {
+        let states = [TapState::Archived, TapState::Refused, TapState::Missing];
+        for (count, state) in self.counts.iter_mut().zip(states) {
+            *count += ledger.count(state);
+        }
+    }
+}
+
 /// Adds the casing of one file.
 fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
     let ledger = reader.ledger();
-    let states = [TapState::Archived, TapState::Refused, TapState::Missing];
-    for (count, state) in sum.counts.iter_mut().zip(states) {
-        *count += ledger.count(state);
-    }
+    sum.count(ledger);
     sum.is_judged &= ledger.is_judged();
     let found = reader.discriminators()?;
     for &(flag, name) in Quality::ALL {

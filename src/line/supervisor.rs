@@ -16,6 +16,7 @@ use tapline_wire::{
 use crate::host::progress::Progress;
 use crate::line::child::Stage;
 use crate::line::hook::Hook;
+use crate::line::limits::RESTART_BYTES;
 use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
 use crate::line::stage::{StageReport, arguments};
@@ -30,9 +31,6 @@ const END_WITHIN: Duration = Duration::from_secs(20);
 
 /// How often the stages are looked at, and the status is shown if it has changed.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
-
-/// Least room in shared memory with which a stage is started again: its connections take so much before it can wait for more.
-const RESTART_BYTES: u64 = 4_000_000;
 
 /// `store` says twice a second how far it is while a casing is open; when it has not for so long, its disk is slow or hangs.
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
@@ -62,7 +60,9 @@ pub(crate) struct Pace {
     pub(crate) reports: Vec<StageReport>,
     /// Casings that were closed.
     pub(crate) closed: usize,
-    /// Why casings were refused.
+    /// Casings that were refused.
+    pub(crate) refused: usize,
+    /// Why; of a line that never ends, of the first of them.
     pub(crate) refusals: Vec<String>,
 }
 
@@ -183,7 +183,7 @@ impl<'a> Supervisor<'a> {
 
     /// Tends the line until `count` casings are closed or refused, or, where it never ends, until it is told to stop.
     pub(crate) fn until_done(mut self, count: Option<usize>) -> Result<Pace> {
-        let is_over = |s: &Self| count.is_some_and(|count| s.pace.closed + s.pace.refusals.len() >= count);
+        let is_over = |s: &Self| count.is_some_and(|count| s.pace.closed + s.pace.refused >= count);
         while !is_over(&self) && !self.stop.load(Ordering::Relaxed) {
             self.line.wait(LOOK_EVERY)?;
             self.hear()?;
@@ -231,12 +231,13 @@ impl<'a> Supervisor<'a> {
                     }
                 }
                 Some(RecordKind::Closed) => self.closed(&header, PathBuf::from(text_of(&record)))?,
+                Some(RecordKind::Refusal) if number != 0 => self.lost_file(number, &text_of(&record)),
                 Some(RecordKind::Refusal) => {
                     let reason = text_of(&record);
                     self.alarm(format!("station {}: {reason}", header.station));
-                    self.pace.refusals.push(reason);
-                    if !self.is_list {
-                        self.pace.refusals.truncate(SHOWN_MAX);
+                    self.pace.refused += 1;
+                    if self.is_list || self.pace.refusals.len() < SHOWN_MAX {
+                        self.pace.refusals.push(reason);
                     }
                 }
                 _ => continue,
@@ -245,8 +246,15 @@ impl<'a> Supervisor<'a> {
         }
         while let Some(record) = self.waits.receive()? {
             let Ok(station) = u16::try_from(record.header().mark) else { continue };
-            self.awaited.insert(station, String::from_utf8_lossy(&record).into_owned());
+            let text = String::from_utf8_lossy(&record).into_owned();
+            match record.kind() {
+                Some(RecordKind::Refusal) => self.alarm(format!("station {station}: {text}")),
+                _ => drop(self.awaited.insert(station, text)),
+            }
             self.is_news = true;
+        }
+        while let Some(failure) = self.audience.hook.as_ref().and_then(Hook::take_failure) {
+            self.alarm(failure);
         }
         self.note_progress();
         if self.silence.is_long(!self.open.is_empty()) {
@@ -271,16 +279,28 @@ impl<'a> Supervisor<'a> {
         if is_again {
             return Ok(());
         }
-        self.pace.closed += 1;
+        // Of a line that never ends, those count that it has judged.
+        self.pace.closed += usize::from(self.is_list || number != 0);
         self.settled_closed += header.tap_count as usize;
         if number == 0 {
             self.settled_before += header.tap_count as usize;
+            if !self.is_list {
+                tracing::warn!(casing = name, "these very recordings were judged before: {}", path.display());
+            }
             return Ok(());
         }
+        let mut is_printed = true;
         match CasingVerdict::read(&name, &path) {
             Ok(verdict) => {
                 let Audience { progress, hook, as_json } = &self.audience;
-                progress.beside(|| verdict.print(*as_json))?;
+                if let Err(error) = progress.beside(|| verdict.print(*as_json)) {
+                    tracing::error!(
+                        casing = name,
+                        "cannot print the verdict, which is in {}: {error:#}",
+                        path.display()
+                    );
+                    is_printed = false;
+                }
                 if let Some(hook) = hook {
                     hook.run(&verdict);
                 }
@@ -292,8 +312,18 @@ impl<'a> Supervisor<'a> {
                 self.alarm(format!("{}: cannot read the verdict", path.display()));
             }
         }
+        if !is_printed {
+            self.alarm(format!("{name}: the verdict could not be printed; it is in its file"));
+        }
         self.shown.closed_count += 1;
         Ok(())
+    }
+
+    /// Takes in that a casing which was open is not any more: its station taps it anew.
+    fn lost_file(&mut self, number: u64, reason: &str) {
+        let Some(place) = self.open.iter().position(|casing| casing.number == number) else { return };
+        let casing = self.open.swap_remove(place);
+        self.alarm(format!("casing {}: {reason}; it is tapped anew", casing.name));
     }
 
     fn alarm(&mut self, text: String) {
@@ -324,13 +354,15 @@ impl<'a> Supervisor<'a> {
 
     /// Looks after the stages: whoever has died is cleared away, so that nobody waits for it, and started again.
     fn tend(&mut self, which: Range<usize>) -> Result<()> {
-        if self.is_short_of_room()? {
-            return Ok(());
+        let is_short = self.is_short_of_room()?;
+        if !is_short {
+            self.look_after_disk()?;
         }
-        self.look_after_disk()?;
         let mut has_died = false;
         for (number, stage) in self.stages.iter_mut().enumerate() {
-            if stage.has_ended()? {
+            // One that must be started again is not taken up before there is room for it.
+            let must_wait = is_short && which.contains(&number) && !stage.is_asked_to_end();
+            if !must_wait && stage.has_ended()? {
                 has_died = true;
                 // What it held in shared memory is given back before another takes its place.
                 self.line.clear_dead();

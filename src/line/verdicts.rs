@@ -110,9 +110,11 @@ impl ShoulderVerdict {
             limit_reject: None,
         };
         if let Some((judgement, cells)) = judged {
+            // Of equals the first, as everywhere.
             let peak = cells
                 .iter()
                 .filter(|cell| !cell.damage_index.is_nan())
+                .rev()
                 .max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
             line.verdict = Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect);
             line.reasons = judgement.reasons.to_string();

@@ -129,7 +129,11 @@ fn take(
             bail!("{}: it is not known of every location of {name} whether it is cracked", path.display());
         }
         if shoulders.iter().any(|s| s.tyre == shoulder.tyre && s.shoulder == shoulder.shoulder) {
-            bail!("{}: shoulder {name} was in an archive before", path.display());
+            print_line(&format!(
+                "{}: {name} is left out, as an earlier file has it too; to take another, name the files in place of the folder",
+                path.display()
+            ));
+            continue;
         }
         shoulders.push(shoulder);
     }

@@ -26,9 +26,14 @@ impl Serial {
     /// holds a slash (a serial is a part of file names and of `TYRE/SHOULDER`), a control character, or one that is not
     /// seen or turns the direction of writing: two serials that look alike are one.
     pub fn new(text: &str) -> Result<Self, IdError> {
-        let is_plain = text.chars().all(|c| !c.is_control() && !is_unseen(c) && c != '/') && text.trim() == text;
-        if text.is_empty() || text.len() > SERIAL_BYTES || !is_plain {
-            return Err(IdError::Serial { text: text.to_owned(), got_bytes: text.len() });
+        let fault = match text {
+            _ if text.is_empty() || text.len() > SERIAL_BYTES => Some(format!("has {} bytes", text.len())),
+            _ if text.contains('/') => Some("holds '/'".to_owned()),
+            _ if text.trim() != text => Some("has white space at an end".to_owned()),
+            _ => text.chars().find(|&c| c.is_control() || is_unseen(c)).map(|c| format!("holds {:?}", c)),
+        };
+        if let Some(fault) = fault {
+            return Err(IdError::Serial { text: text.to_owned(), fault });
         }
         let mut bytes = [0; SERIAL_BYTES];
         bytes[..text.len()].copy_from_slice(text.as_bytes());
@@ -175,14 +180,12 @@ impl fmt::Debug for TapId {
 #[non_exhaustive]
 pub enum IdError {
     /// The serial number does not fit.
-    #[error(
-        "tyre serial {text:?} has {got_bytes} bytes; it needs 1 to {SERIAL_BYTES}, without white space at its ends, '/', control characters or unseen ones"
-    )]
+    #[error("tyre serial {text:?} {fault}; it must be {}", self.bound())]
     Serial {
         /// What was given.
         text: String,
-        /// Its length in bytes.
-        got_bytes: usize,
+        /// What is wrong with it.
+        fault: String,
     },
     /// A number lies outside its bounds.
     #[error("{name} is {value}; it must lie in {low} to {high}")]
@@ -196,6 +199,18 @@ pub enum IdError {
         /// Greatest value allowed.
         high: f64,
     },
+}
+
+impl IdError {
+    /// What was asked for, to stand behind "it must be".
+    pub fn bound(&self) -> String {
+        match self {
+            Self::Serial { .. } => format!(
+                "of 1 to {SERIAL_BYTES} bytes, without '/', white space at its ends, control characters and unseen ones"
+            ),
+            Self::OutOfRange { low, high, .. } => format!("from {low} to {high}"),
+        }
+    }
 }
 
 /// Shape of what is scanned.
@@ -247,7 +262,8 @@ mod tests {
             "\u{61c}",
         ] {
             let error = Serial::new(text).unwrap_err().to_string();
-            assert!(error.contains(&text.len().to_string()) && error.contains("32"), "{error}");
+            let has_length = (1..=SERIAL_BYTES).contains(&text.len()) || error.contains(&text.len().to_string());
+            assert!(has_length && error.contains("1 to 32"), "{error}");
             assert!(!error.chars().any(|c| c.is_control() || is_unseen(c)), "what is refused is shown: {error}");
         }
     }

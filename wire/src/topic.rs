@@ -179,7 +179,8 @@ impl Topic for ProposalTopic {
 /// Longest text that says what a station waits for, in bytes.
 pub const WAIT_BYTES_MAX: usize = 256;
 
-/// What stations wait for, as text for people: `acquire` to the supervisor. The mark of a record is its station.
+/// What stations wait for, as text for people, and, as refusals, alarms: `acquire` to the supervisor. The mark of a record is
+/// its station.
 #[derive(Debug)]
 pub struct WaitTopic;
 

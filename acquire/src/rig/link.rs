@@ -28,6 +28,9 @@ const SILENCE: Duration = Duration::from_secs(10);
 /// Most lines in a second that nobody asked for.
 const UNASKED_MAX: u32 = 20;
 
+/// Most alarms that wait to be handed out.
+const ALARMS_MAX: usize = 16;
+
 /// What a connection to a rig is made of.
 #[derive(Debug, Clone)]
 pub(crate) struct LinkConfig {
@@ -70,8 +73,10 @@ struct State {
     loaded: Option<String>,
     /// The casing that was handed over and is on the rig, as far as is known.
     current: Option<Current>,
-    /// A casing that ended while the rig was away, with what it is to be told.
+    /// A casing that ended, with what the rig is to be told, until it is known to have heard.
     untold: Option<(String, String)>,
+    /// Whether that was told on this connection, which may have broken under it.
+    is_told: bool,
     /// Since when the casing that was handed over is not known to be on the rig.
     away_since: Option<Instant>,
     heard: Option<Instant>,
@@ -79,6 +84,8 @@ struct State {
     unasked: (u32, Option<Instant>),
     last_id: u64,
     last_unknown: String,
+    /// What people should know and was not handed out yet.
+    alarms: Vec<String>,
 }
 
 #[derive(Debug)]
@@ -224,12 +231,17 @@ impl Link {
         let mut state = self.lock();
         let Some(current) = state.current.take_if(|current| current.id == id) else { return };
         let line = format!("{word} {}{why}", current.serial);
-        if state.name.is_some() && state.away_since.is_none() {
+        state.is_told = state.name.is_some() && state.away_since.is_none();
+        if state.is_told {
             state.say(&line);
-        } else {
-            state.untold = Some((current.serial, line));
         }
+        state.untold = Some((current.serial, line));
         state.away_since = None;
+    }
+
+    /// What people should know, once.
+    pub(crate) fn take_alarms(&self) -> Vec<String> {
+        std::mem::take(&mut self.lock().alarms)
     }
 
     /// What the station waits for, for people.
@@ -360,6 +372,10 @@ impl Link {
         if state.name.is_none() {
             return self.greet(state, says, line);
         }
+        // What was told before on this connection was heard.
+        if state.is_told {
+            (state.untold, state.is_told) = (None, false);
+        }
         let may_be_answer = matches!(says, RigSays::Ready | RigSays::Hit(_) | RigSays::Error(_) | RigSays::Pong);
         if !may_be_answer || state.awaited.is_none() {
             state.count_unasked(now)?;
@@ -368,7 +384,7 @@ impl Link {
             RigSays::Hello { .. } => Err("the rig has said hello twice".to_owned()),
             RigSays::Casing(serial) => self.load(state, &serial),
             RigSays::Removed => {
-                state.loaded = None;
+                self.pass_over(state);
                 state.untold = None;
                 self.take_away(state, "it was taken away from the rig before its last tap");
                 Ok(true)
@@ -423,8 +439,9 @@ impl Link {
             && let Err(error) = Serial::new(serial)
         {
             tracing::error!("station {station}: a casing is passed over: {error}");
+            state.alarm(format!("a casing is passed over: {error}"));
             state.say(&format!("error {}", one_line(&error.to_string())));
-            state.loaded = None;
+            self.pass_over(state);
             self.take_away(state, "another casing was put on the rig before its last tap");
             return Ok(true);
         }
@@ -446,15 +463,28 @@ impl Link {
             return Ok(false);
         }
         self.take_away(state, "another casing was put on the rig before its last tap");
+        self.pass_over(state);
         state.loaded = Some(serial.to_owned());
         state.say(&scan);
         Ok(true)
+    }
+
+    /// Notes that the casing on the rig was taken away before its scan began, if there was one.
+    fn pass_over(&self, state: &mut State) {
+        if let Some(serial) = state.loaded.take() {
+            let station = self.config.station;
+            tracing::error!(
+                "station {station}: casing {serial} was taken away before its scan began; it has no verdict"
+            );
+            state.alarm(format!("casing {serial} was taken away before its scan began; it has no verdict"));
+        }
     }
 
     fn take_away(&self, state: &mut State, why: &str) {
         state.away_since = None;
         if let Some(Current { serial, fate, .. }) = state.current.take() {
             tracing::warn!("station {}: casing {serial}: {why}", self.config.station);
+            state.alarm(format!("casing {serial}: {why}"));
             // The first reason is the one that counts.
             fate.get_or_init(|| why.to_owned());
         }
@@ -488,12 +518,19 @@ impl Link {
 }
 
 impl State {
+    fn alarm(&mut self, text: String) {
+        if self.alarms.len() < ALARMS_MAX {
+            self.alarms.push(text);
+        }
+    }
+
     /// The connection has ended.
     fn lost(&mut self) {
         self.wire = None;
         self.name = None;
         self.awaited = None;
         self.loaded = None;
+        self.is_told = false;
         self.unasked = (0, None);
         if let Some(current) = &mut self.current {
             self.away_since.get_or_insert_with(Instant::now);

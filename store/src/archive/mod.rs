@@ -186,6 +186,11 @@ impl Archive {
         if self.config != lineage.config_toml {
             return Err(Error::other_configuration(&self.path, &self.config, lineage.config_toml));
         }
+        self.check_made_alike(lineage)
+    }
+
+    /// Checks that its results are made as those of `lineage` are.
+    pub(crate) fn check_made_alike(&self, lineage: Lineage<'_>) -> Result<()> {
         if self.reference.as_deref() != lineage.reference {
             return Err(Error::OtherReference { path: self.path.clone() });
         }

@@ -3,7 +3,7 @@
 //! The system would begin with it much later, and whoever waits for the end would then wait for all of it.
 
 use std::fs::File;
-use std::io::{self, ErrorKind};
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -29,18 +29,23 @@ pub(crate) struct BackgroundSync {
 /// Why a disk did not keep what it was given, where it did not. The system tells it once: whoever asks for all to be written
 /// at the end would not hear it.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct SyncErrors(Arc<Mutex<Option<(ErrorKind, String)>>>);
+pub(crate) struct SyncErrors(Arc<Mutex<Option<io::Error>>>);
 
 impl SyncErrors {
     /// The last of them.
     pub(crate) fn last(&self) -> io::Result<()> {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        last.as_ref().map_or(Ok(()), |(kind, text)| Err(io::Error::new(*kind, text.clone())))
+        last.as_ref().map_or(Ok(()), |error| Err(copy_of(error)))
     }
 
     fn note(&self, error: &io::Error) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((error.kind(), error.to_string()));
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(copy_of(error));
     }
+}
+
+/// The same error: by its number, from which it is told what failed.
+fn copy_of(error: &io::Error) -> io::Error {
+    error.raw_os_error().map_or_else(|| io::Error::new(error.kind(), error.to_string()), io::Error::from_raw_os_error)
 }
 
 /// What the thread is asked to do.

@@ -89,7 +89,7 @@ impl PlanRow {
     pub(crate) fn to_tap(self) -> Result<PlannedTap, IdError> {
         let tyre = serial(&self.tyre).ok_or_else(|| IdError::Serial {
             text: String::from_utf8_lossy(self.tyre.as_bytes()).into_owned(),
-            got_bytes: self.tyre.as_bytes().len(),
+            fault: "is no text".to_owned(),
         })?;
         let mut id = TapId::default()
             .with_offset_mm(known(self.offset_mm))?

@@ -20,8 +20,8 @@ const WAITING_MAX: usize = 64;
 /// How often it is tried again to close a file on a disk that is full.
 const TRY_EVERY: Duration = Duration::from_millis(500);
 
-/// For how long it is tried again.
-const TRY_FOR: Duration = Duration::from_secs(3600);
+/// For how long it is tried again, before the whole stage waits for its disk: the files of the others wait meanwhile.
+const TRY_FOR: Duration = Duration::from_secs(60);
 
 /// A file that is in its place.
 #[derive(Debug)]

@@ -9,6 +9,7 @@ mod outage;
 mod places;
 mod proposals;
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
@@ -106,6 +107,15 @@ pub struct StoreRun {
 }
 
 impl StoreRun {
+    /// The file under way at `path`, to be gone on with. A line that never ends may have been given other stations, another
+    /// hook or a comment since: what its results are made by must be the same.
+    fn resume(&self, path: &Path) -> Result<Writer> {
+        match self.skips_finished {
+            true => Writer::resume(path, self.lineage()),
+            false => Writer::resume_as_begun(path, self.lineage()),
+        }
+    }
+
     fn lineage(&self) -> Lineage<'_> {
         Lineage {
             config_toml: &self.config_toml,
@@ -279,7 +289,10 @@ impl<'a> StageLoop<'a> {
                 self.note(place, outcome, "a refusal", header.plan_index);
             }
             Some(RecordKind::Barrier) => {
-                let Some(place) = self.place_of(header.stamp.casing) else { return Ok(()) };
+                let Some(place) = self.place_of(header.stamp.casing) else {
+                    self.notices.unknown(&header.stamp);
+                    return Ok(());
+                };
                 self.open[place].barriers.0 = low_byte(header.stamp.mark);
                 self.open[place].is_dirty = true;
             }
@@ -429,7 +442,11 @@ impl<'a> StageLoop<'a> {
             self.closer.close(casing);
         }
         while let Some(closed) = self.closer.take_closed() {
-            self.note_closed(closed.map_err(of_the_disk)?);
+            self.note_closed(closed.map_err(|error| match error.is_of_the_disk() {
+                // What is finished and not in its place yet is taken up by the next life of this stage.
+                true => RunError::FileSystem { error },
+                false => error.into(),
+            })?);
         }
         Ok(())
     }

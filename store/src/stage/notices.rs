@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CasingHeader, CasingTopic, Line, LineError, Publisher, RecordKind, Role};
+use tapline_wire::{CasingHeader, CasingTopic, Line, LineError, Publisher, RecordKind, Role, Stamp};
 
 use super::closer::Closed;
 use super::open_casing::{Due, OpenCasing};
@@ -68,6 +68,14 @@ impl<'a> Notices<'a> {
                 receiver.once.push_back(Once { kind: RecordKind::Closed, header: closed.header, text, marker });
             }
         }
+    }
+
+    /// Has the sender of a barrier, and the supervisor, be told that no casing of that number is open: it would wait for ever.
+    pub(super) fn unknown(&mut self, stamp: &Stamp) {
+        let mut header = CasingHeader::default();
+        header.stamp.casing = stamp.casing;
+        let acquire = u16::try_from(stamp.source).unwrap_or(u16::MAX);
+        self.answer(acquire, RecordKind::Refusal, header, "its file under way is not there any more, or is damaged");
     }
 
     /// Has a station, and the supervisor, be told that its proposal is refused; or that it is done already.

@@ -79,6 +79,12 @@ impl Places {
         path.exists().then_some(path)
     }
 
+    /// The file under way of the casing `name`; `None` where there is none.
+    pub fn under_way(&self, name: &str) -> Option<PathBuf> {
+        let is_of = |path: &PathBuf| path.file_stem().is_some_and(|stem| name_of_open(&stem.to_string_lossy()) == name);
+        self.open_files().ok()?.into_iter().find(is_of)
+    }
+
     /// Every file of the casing `name` that is finished.
     pub(crate) fn all_finished(&self, name: &str) -> Vec<PathBuf> {
         let stem = escaped(name);

@@ -17,7 +17,7 @@ impl StageLoop<'_> {
         self.run.places.create()?;
         self.take_up_finished()?;
         for path in self.run.places.open_files()? {
-            match Writer::resume(&path, self.run.lineage()) {
+            match self.run.resume(&path) {
                 Ok(writer) => self.open.push(OpenCasing::new(writer)),
                 Err(Error::Finished { .. }) => self.take_up_sealed(&path)?,
                 Err(error) if error.is_of_the_disk() => return Err(of_the_disk(error)),
@@ -77,7 +77,7 @@ impl StageLoop<'_> {
         let writer = self.retry_new_until_recovered(|| {
             match Writer::create(&path, plan, taps_max.max(plan.taps().len()), run.lineage()) {
                 // It may have been made, and then not opened.
-                Err(Error::Exists { .. }) => Writer::resume(&path, run.lineage()),
+                Err(Error::Exists { .. }) => run.resume(&path),
                 made => made,
             }
         });

@@ -101,6 +101,17 @@ impl Writer {
         Self::of(archive)
     }
 
+    /// As [`Writer::resume`], whatever configuration the archive was begun with, as long as its results are made by the same
+    /// program and options, and compared with the same reference.
+    ///
+    /// # Errors
+    /// As [`Writer::resume`], but for [`crate::Error::OtherConfiguration`].
+    pub fn resume_as_begun<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
+        let archive = Archive::open(path.as_ref(), Access::Write)?;
+        archive.check_made_alike(lineage.into())?;
+        Self::of(archive)
+    }
+
     /// The results of the taps of the archive `raw` (its path, and the digest of its taps) at `path`, begun or gone on with:
     /// a file beside that archive, or in a folder beside it. `plan` is that archive's.
     ///
