@@ -148,9 +148,14 @@ impl ScanConfig {
         }
     }
 
+    /// How many tyres are scanned.
+    pub(crate) fn tyre_count(&self) -> usize {
+        if self.tyre.is_empty() { usize::from(self.stations) } else { self.tyre.len() }
+    }
+
     /// Taps of the whole scan.
     fn tap_count(&self) -> u128 {
-        (crate::simulated::tyre_count(self) as u128).saturating_mul(self.taps_of_tyre())
+        (self.tyre_count() as u128).saturating_mul(self.taps_of_tyre())
     }
 
     fn taps_of_tyre(&self) -> u128 {

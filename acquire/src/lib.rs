@@ -18,42 +18,25 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod arrivals;
 mod config;
 mod error;
-mod extras;
-mod folder;
-mod listed_simulated;
-mod listed_tap_set;
-mod outlet;
 mod rig;
-mod run;
-mod scan_toml;
 mod simulated;
 mod source;
-mod station;
-mod station_config;
-mod table;
-mod taps_csv;
-mod tapset;
-mod text;
-mod truth_csv;
-mod wav;
+mod stage;
+mod stations;
+mod tap_set;
 
-#[cfg(test)]
-mod fuzz_tests;
-#[cfg(test)]
-mod mutated;
-
-pub use arrivals::{Arrival, Arrivals, Casing, CasingEnd, Wake};
 pub use config::{AcquireConfig, ScanConfig, TyreConfig};
 pub use error::Error;
-pub use folder::FolderArrivals;
-pub use listed_simulated::{SimulatedList, listed_simulated};
-pub use listed_tap_set::{TapSetList, listed_tap_set};
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};
-pub use run::{Outcome, RunError, run};
 pub use simulated::SimulatedLine;
+pub use simulated::listed::{SimulatedList, listed_simulated};
+pub use source::arrivals::{Arrival, Arrivals, Casing, CasingEnd, Wake};
 pub use source::{Readiness, Refusal, Source};
-pub use station_config::{StationConfig, StationSource, open_station, validate_stations};
-pub use tapset::TapSet;
+pub use stage::outcome::{Outcome, RunError};
+pub use stage::run;
+pub use stations::{StationConfig, StationSource, open_station, validate_stations};
+pub use tap_set::TapSet;
+pub use tap_set::listed::{TapSetList, listed_tap_set};
+pub use tap_set::watched_folder::FolderArrivals;

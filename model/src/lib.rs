@@ -36,45 +36,22 @@
 //! with the [`Flags`] of its domain; [`choose`] names the cheapest one that is known to be true enough, and
 //! [`choose_by_trial`] the cheapest one that is.
 
-mod casing;
-mod choice;
-mod compliance;
-mod compliance_map;
 mod contact;
-mod converter;
-mod crack;
-mod damped;
-mod damped_table;
-mod damping;
-mod defect;
-mod domain;
 mod error;
-mod fault;
-#[cfg(test)]
-mod features_for_tests;
-mod identity;
-mod impact;
-mod integral;
-mod ode;
-mod pulse;
-mod scene;
-mod simulated;
-mod simulation_config;
-mod sound;
-mod tables;
+mod tyre;
 
-pub use choice::{Choice, ErrorBounds, choose, choose_by_trial};
-pub use contact::{ClosedForm, Contact, ContactModel, FullMotion, IntegralTable, PlateMotion, Rung};
-pub use crack::{Crack, plant_cracks, truth};
-pub use damped::DampedContact;
-pub use damping::{DampingLaw, chi_for_restitution};
-pub use defect::{DefectContact, defect_contact};
-pub use domain::{DomainCheck, Flags};
+pub use contact::choice::{Choice, ErrorBounds, choose, choose_by_trial};
+pub use contact::damped::DampedContact;
+pub use contact::damping::{DampingLaw, chi_for_restitution};
+pub use contact::defect::{DefectContact, defect_contact};
+pub use contact::domain::{DomainCheck, Flags};
+pub use contact::impact::{Impact, Outcome, Plate};
+pub use contact::integral::{IntegralContact, integral_contact};
+pub use contact::ladder::{ClosedForm, Contact, ContactModel, FullMotion, IntegralTable, PlateMotion};
+pub use contact::rung::Rung;
+pub use contact::scene::{EffectiveLength, Scene};
+pub use contact::tables::{FACTORS, Field, Table, table};
 pub use error::Error;
-pub use fault::{FaultKind, PlantedFault};
-pub use impact::{Impact, Outcome, Plate};
-pub use integral::{IntegralContact, integral_contact};
-pub use scene::{EffectiveLength, Scene};
-pub use simulated::{RenderedTap, SimulatedRig, SimulatedTap, SimulatedTyre};
-pub use simulation_config::SimulationConfig;
-pub use tables::{FACTORS, Field, Table, table};
+pub use tyre::crack::{Crack, plant_cracks, truth};
+pub use tyre::simulated::{RenderedTap, SimulatedRig, SimulatedTap, SimulatedTyre};
+pub use tyre::simulation_config::{FaultKind, PlantedFault, SimulationConfig};

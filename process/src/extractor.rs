@@ -2,13 +2,13 @@
 
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
-use crate::baseline::{Medians, baseline_count};
-use crate::blocks::Blocks;
-use crate::extent::Extent;
 use crate::force::{Pulse, PulseFinder};
-use crate::hum::Hum;
 use crate::quality::{self, Doubts, Force, Sound, of_force, of_sound};
-use crate::record::{Count, Record, Track};
+use crate::signal::baseline::{Medians, baseline_count};
+use crate::signal::blocks::Blocks;
+use crate::signal::extent::Extent;
+use crate::signal::hum::Hum;
+use crate::signal::record::{Count, Record, Track};
 use crate::sound::{SOUND_M_PER_S, area, deviation, magnitude_area, magnitude_of_noise, onset_without_force};
 use crate::spectrum::{Bands, Spectrum, View};
 use crate::{Error, Precision, ProcessConfig, Real, SpectrumEstimator};

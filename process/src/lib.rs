@@ -64,27 +64,21 @@
 //!
 //! [`Quality`]: tapline_wire::Quality
 
-mod baseline;
-mod blocks;
 mod config;
 mod error;
 mod estimator;
-mod extent;
 mod extractor;
 mod force;
-mod hum;
 mod quality;
-mod real;
-mod record;
-mod run;
+mod signal;
 mod sound;
 mod spectrum;
-mod wide;
+mod stage;
 
 pub use config::{Precision, ProcessConfig};
 pub use error::Error;
 pub use estimator::{BandEdges, DurationEstimator, PeakEstimator, SpectrumEstimator, Subtraction};
 pub use extractor::{Extractor, ProcessExtractor};
 pub use quality::{Policy, QualityConfig};
-pub use real::Real;
-pub use run::{Outcome, RunError, run};
+pub use signal::real::Real;
+pub use stage::{Outcome, RunError, run};

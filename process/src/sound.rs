@@ -5,9 +5,9 @@
 //! that end and the next sample, and between samples, magnitudes are joined by straight lines too.
 
 use crate::Real;
-use crate::blocks::Blocks;
-use crate::real::sum_of;
-use crate::record::Count;
+use crate::signal::blocks::Blocks;
+use crate::signal::real::sum_of;
+use crate::signal::record::Count;
 
 /// Speed of sound c in air, m/s.
 pub(crate) const SOUND_M_PER_S: f64 = 343.0;

@@ -1,5 +1,9 @@
 //! The records that cross between stages, and the shared-memory topics that carry them.
 //!
+//! - `record`: the records themselves; `plan`: which taps must exist, and what has become of each. Neither knows of shared
+//!   memory.
+//! - `stream`: a [`Line`] in shared memory, its topics, and what sends and receives on them
+//!
 //! # Laws of the stream
 //!
 //! 1. Every record carries the [`TapId`] it is about, and a sequence number; times are `i64` ns since the Unix epoch,
@@ -7,10 +11,10 @@
 //!    (`tests/laws.rs`: `law_1_...`; a clock elsewhere is refused by `clippy.toml`)
 //! 2. Nothing is dropped to keep up. A slow stage makes the sources wait. A gap in a sequence is loss: counted, logged
 //!    at ERROR, and the taps that are missing are asked for again.
-//!    (`tests/stream.rs`: all; `subscriber.rs`: `a_gap_is_counted_once`; the program's `tests/faults.rs`: all)
+//!    (`tests/stream.rs`: all; `stream/subscriber.rs`: `a_gap_is_counted_once`; the program's `tests/faults.rs`: all)
 //! 3. Samples are planar `[channel][sample]`, as the converter gave them, with the unit scale of each channel in the
 //!    header. No stage copies them but the writer to disk; the archive returns them bit for bit.
-//!    (`tap.rs`: `samples_are_seen_where_they_lie`; the program's `tests/tapset.rs`: `a_clean_set_is_archived_bit_for_bit`)
+//!    (`record/tap.rs`: `samples_are_seen_where_they_lie`; the program's `tests/tapset.rs`: `a_clean_set_is_archived_bit_for_bit`)
 //! 4. Results do not depend on how the stream was cut, nor on the order of stations, nor on how many worker threads there
 //!    are, nor on the casings before. (the program's `tests/archive.rs`: `results_depend_on_nothing_but_their_input`)
 //! 5. A scan ends in band. No end, or a tap missing without a reason, and there is no PASS.
@@ -53,79 +57,39 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod address;
-mod casing;
 mod clock;
 mod csv_text;
-mod damage;
-mod digest;
-mod discriminators;
-mod error;
-mod event;
-mod flags;
-mod id;
-mod ledger;
-mod limits;
-mod line;
-mod nominal;
 mod plan;
-mod plan_codec;
-mod publisher;
-pub mod room;
-mod stamp;
-mod subscriber;
-mod tap;
-mod topic;
+mod record;
+mod stream;
 
-pub use address::{Kept, LineAddress};
-pub use casing::{CasingHeader, NAME_BYTES_MAX, casing_number, decode_proposal, encode_proposal};
 pub use clock::{monotonic_ns, now_ns};
 pub use csv_text::{csv_cell, csv_text};
-pub use damage::{DamageCell, Judgement, Reasons, Verdict};
-pub use digest::digest_of_parts;
-pub use discriminators::{Discriminator, Discriminators, Quality, Values};
-pub use error::LineError;
-pub use event::{Signal, Waker};
-pub use id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
-pub use ledger::{Ledger, RETAKES_MAX, ScanState, TapState};
-pub use limits::{CasingLimits, Limits};
-pub use line::{Line, Services};
-pub use plan::{Plan, PlanError, PlannedTap, Recording, Scan, Truth};
-pub use publisher::{Loan, Publisher};
-pub use stamp::{RecordKind, Stamp, Stamped};
-pub use subscriber::{GapCounter, Received, Subscriber};
-pub use tap::{
+pub use plan::casing::{
+    CasingHeader, NAME_BYTES_MAX, REASON_BYTES_MAX, casing_number, decode_proposal, encode_proposal,
+};
+pub use plan::digest::digest_of_parts;
+pub use plan::ledger::{Ledger, RETAKES_MAX, ScanState, TapState};
+pub use plan::limits::{CasingLimits, Limits};
+pub use plan::parts::{PlannedTap, Recording, Scan, Truth};
+pub use plan::{Plan, PlanError};
+pub use record::damage::{DamageCell, Judgement, Reasons, Verdict};
+pub use record::discriminators::{Discriminator, Discriminators, Quality, Values};
+pub use record::id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
+pub use record::stamp::{RecordKind, Stamp, Stamped};
+pub use record::tap::{
     CHANNELS_MAX, Channel, ChannelHeader, LANE_BYTES, Lane, SampleFormat, Samples, SourceKind, TapHeader, bytes_of,
     bytes_of_mut, f32_of_mut, i16_of_mut, lanes_for,
 };
-pub use topic::{
-    CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, REASON_BYTES_MAX, Role, SETTLED_RECORDS_MAX,
-    STATUS_BYTES_MAX, SettledTopic, StatusTopic, TapTopic, Topic, WAIT_BYTES_MAX, WaitTopic, line_bytes,
+pub use stream::address::{Kept, LineAddress};
+pub use stream::error::LineError;
+pub use stream::event::{Signal, Waker};
+pub use stream::line::Line;
+pub use stream::publisher::{Loan, Publisher};
+pub use stream::room;
+pub use stream::service::Services;
+pub use stream::subscriber::{GapCounter, Received, Subscriber};
+pub use stream::topic::{
+    CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SETTLED_RECORDS_MAX, STATUS_BYTES_MAX,
+    SettledTopic, StatusTopic, TapTopic, Topic, WAIT_BYTES_MAX, WaitTopic, line_bytes,
 };
-
-impl Stamped for TapHeader {
-    fn stamp(&self) -> &Stamp {
-        &self.stamp
-    }
-    fn stamp_mut(&mut self) -> &mut Stamp {
-        &mut self.stamp
-    }
-}
-
-impl Stamped for Judgement {
-    fn stamp(&self) -> &Stamp {
-        &self.stamp
-    }
-    fn stamp_mut(&mut self) -> &mut Stamp {
-        &mut self.stamp
-    }
-}
-
-impl Stamped for CasingHeader {
-    fn stamp(&self) -> &Stamp {
-        &self.stamp
-    }
-    fn stamp_mut(&mut self) -> &mut Stamp {
-        &mut self.stamp
-    }
-}

@@ -9,8 +9,7 @@ use std::time::{Duration, Instant};
 
 use tapline_wire::{Serial, now_ns};
 
-use super::protocol::{Line, Lines, RigSays, UNKNOWN, VERSION, one_line};
-use super::unknown_name;
+use super::protocol::{Line, Lines, RigSays, UNKNOWN, VERSION, one_line, unknown_name};
 use crate::Wake;
 
 /// How long the thread listens before it looks at its clocks.

@@ -13,9 +13,6 @@ use tapline_process::{ProcessConfig, ProcessExtractor};
 
 use crate::stability::scatter::{ring_plan, tyre};
 
-#[path = "../../../acquire/src/mutated.rs"]
-mod mutated;
-
 /// The tables of a configuration file, as the program has them.
 #[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -38,7 +35,7 @@ fn any_configuration() {
     let config = ProptestConfig { cases: CASES, failure_persistence: None, ..ProptestConfig::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha));
     let (plan, accepted) = (ring_plan(&[tyre("T1")], 1, 12), Cell::new(0));
-    let outcome = runner.run(&mutated::mutated(seeds), |bytes| {
+    let outcome = runner.run(&tapline_testing::mutated::mutated(seeds), |bytes| {
         let Ok(text) = String::from_utf8(bytes) else { return Ok(()) };
         let Ok(config) = toml::from_str::<Config>(&text) else { return Ok(()) };
         let is_valid = config.acquire.validate().is_ok() && config.fuse.validate().is_ok();

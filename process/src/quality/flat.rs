@@ -1,7 +1,7 @@
 //! Flat tops: samples that stand still where a signal would turn.
 
-use crate::extent::{Extent, STRETCH, position, stretch_at};
-use crate::record::Count;
+use crate::signal::extent::{Extent, STRETCH, position, stretch_at};
+use crate::signal::record::Count;
 
 /// Samples in a row at an extreme that may make a channel clipped (B1).
 const RUN: usize = 3;

@@ -4,10 +4,10 @@ use tapline_wire::{Discriminator, Quality};
 
 use super::flat::{OF_PULSE, is_flat};
 use super::{Doubts, POWERS, QualityConfig};
-use crate::baseline::Medians;
-use crate::extent::{Extent, position};
 use crate::force::{NOISE_SIGMAS, Pulse};
-use crate::record::{Count, Track};
+use crate::signal::baseline::Medians;
+use crate::signal::extent::{Extent, position};
+use crate::signal::record::{Count, Track};
 
 /// Standard deviations of the noise that a second pulse exceeds: the greatest of a whole record's noise does not.
 const SECOND_SIGMAS: f64 = 6.0;

@@ -8,9 +8,9 @@ use tapline_wire::{Discriminator, Quality};
 use super::flat::is_clipped;
 use super::{Doubts, OF_SOUND, POWERS, Policy, QualityConfig};
 use crate::Real;
-use crate::blocks::{Block, Blocks, folded_blocks, mean_of, samples_per_block};
-use crate::extent::Extent;
-use crate::record::{Count, Track};
+use crate::signal::blocks::{Block, Blocks, folded_blocks, mean_of, samples_per_block};
+use crate::signal::extent::Extent;
+use crate::signal::record::{Count, Track};
 
 /// Blocks after the onset in which a casing falls silent: 100 ms.
 const RINGING_BLOCKS: usize = 100;

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::BandEdges;
-use crate::wide::Kernel;
+use crate::signal::wide::Kernel;
 
 /// Edges of the two bands, Hz, each inside its band.
 #[derive(Debug, Clone, Copy, PartialEq)]

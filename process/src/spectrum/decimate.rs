@@ -8,8 +8,8 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::Real;
-use crate::real::sum_of;
-use crate::wide::Kernel;
+use crate::signal::real::sum_of;
+use crate::signal::wide::Kernel;
 
 /// Samples of which one is kept.
 const FACTOR: usize = 4;

@@ -2,11 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use crate::{BandEdges, Real};
-
 use super::bands::{Bands, Grid};
 use super::plans::Plans;
 use super::{BandPower, cells, end};
+use crate::{BandEdges, Real};
 
 /// Fewest samples that a spectrum of the noise is taken of.
 const SAMPLES_LEAST: usize = 32;

@@ -1,14 +1,17 @@
 //! Powers of a signal's bins, with plans of transforms that are made once a length.
 
+use std::any::Any;
 use std::cmp::Ordering;
 use std::f64::consts::TAU;
 use std::fmt;
 
 use num_complex::Complex;
 
-use super::transform::{self, Transform};
+use super::lanes::Lanes;
+use super::transform::{Rustfft, Transform};
+#[cfg(target_arch = "x86_64")]
 use crate::Real;
-use crate::wide::Kernel;
+use crate::signal::wide::Kernel;
 
 /// Lengths whose plans are kept: more than one line taps with, and a bound on memory.
 const PLANS_MAX: usize = 8;
@@ -76,7 +79,7 @@ impl<T: Real> Plan<T> {
             twiddles: if is_even { twiddles(count) } else { Vec::new() },
             complex: if is_even { Vec::new() } else { zeros(length) },
             transformed: zeros(length + 1),
-            transform: transform::plan(length),
+            transform: plan(length),
             powers: Vec::new(),
         }
     }
@@ -157,6 +160,29 @@ impl<T: Real> Kernel for Untangle<'_, T> {
 fn power_of<T: Real>(re: T, im: T) -> f64 {
     let (re, im) = (re.widened(), im.widened());
     re * re + im * im
+}
+
+/// The fastest transform of `length` numbers that the machine has: our own of powers of two from 1024 on in single precision,
+/// where the processor has AVX-512, and `rustfft`'s everywhere else.
+fn plan<T: Real>(length: usize) -> Box<dyn Transform<T>> {
+    // Ours is of `f32`: for another `T` it is not what is asked for.
+    let own: Option<Box<dyn Any>> = of_single(length).map(|own| Box::new(own) as Box<dyn Any>);
+    match own.and_then(|own| own.downcast::<Box<dyn Transform<T>>>().ok()) {
+        Some(own) => *own,
+        None => Box::new(Rustfft::new(length)),
+    }
+}
+
+/// Our own transform of `length` numbers in single precision; `None` where there is none.
+#[cfg(target_arch = "x86_64")]
+fn of_single(length: usize) -> Option<Box<dyn Transform<f32>>> {
+    Some(Box::new(Lanes::try_new(length)?))
+}
+
+/// No transform of our own: it is for other processors.
+#[cfg(not(target_arch = "x86_64"))]
+fn of_single(_length: usize) -> Option<Box<dyn Transform<f32>>> {
+    None
 }
 
 #[cfg(test)]

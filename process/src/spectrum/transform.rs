@@ -1,37 +1,17 @@
-//! The transform of complex numbers: our own of powers of two from 1024 on in single precision, where the processor has
-//! AVX-512, and `rustfft`'s everywhere else.
+//! What a transform of complex numbers is, and that of `rustfft`.
 
 use std::sync::Arc;
 
 use num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
-#[cfg(target_arch = "x86_64")]
-use super::lanes::Lanes;
 use crate::Real;
 
 /// Transforms as many numbers as it was planned for.
-pub trait Transform<T>: Send + Sync {
+pub(crate) trait Transform<T>: Send + Sync {
     /// Sets of `transformed`, which is as long as `given`, the first `bin_count` bins and the last as many; nothing of use is
     /// left in the others, nor in `given`.
     fn forward(&mut self, given: &mut [Complex<T>], transformed: &mut [Complex<T>], bin_count: usize);
-}
-
-/// The fastest transform of `length` numbers in the arithmetic that the machine has.
-pub(super) fn plan<T: Real>(length: usize) -> Box<dyn Transform<T>> {
-    T::own_transform(length).unwrap_or_else(|| Box::new(Rustfft::new(length)))
-}
-
-/// Our own transform of `length` numbers in single precision; `None` where there is none.
-#[cfg(target_arch = "x86_64")]
-pub(crate) fn of_single(length: usize) -> Option<Box<dyn Transform<f32>>> {
-    Some(Box::new(Lanes::try_new(length)?))
-}
-
-/// No transform of our own: it is for other processors.
-#[cfg(not(target_arch = "x86_64"))]
-pub(crate) fn of_single(_length: usize) -> Option<Box<dyn Transform<f32>>> {
-    None
 }
 
 /// That of `rustfft`, of any length.

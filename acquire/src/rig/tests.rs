@@ -1,0 +1,370 @@
+//! Tests of the rig, over TCP on loopback.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::thread;
+use std::time::Instant;
+
+use tapline_model::Crack;
+use tapline_wire::{lanes_for, now_ns};
+
+use super::protocol::unknown_name;
+use super::*;
+use crate::TyreConfig;
+
+/// Far longer than anything here takes.
+const LONG: Duration = Duration::from_secs(30);
+
+fn scan() -> ScanConfig {
+    ScanConfig {
+        offsets_mm: vec![5.0],
+        velocities_m_per_s: vec![1.85],
+        repetitions: 1,
+        locations: 6,
+        shoulders: 1,
+        tyre: vec![TyreConfig { serial: "A-1".to_owned(), station: 1, crack: vec![Crack::default()] }],
+        ..ScanConfig::default()
+    }
+}
+
+fn simulation() -> SimulationConfig {
+    SimulationConfig { sample_count: 1024, ..SimulationConfig::default() }
+}
+
+/// A station at a rig, and what wakes it.
+struct Bench {
+    arrivals: RigArrivals,
+    woken: Receiver<()>,
+}
+
+/// How a casing went.
+#[derive(Debug, Clone, PartialEq)]
+struct Went {
+    name: String,
+    taps: usize,
+    refused: usize,
+    gone: Option<String>,
+}
+
+impl Bench {
+    fn new(address: String, patience_s: f64, retakes: u16) -> Self {
+        let (wake, woken) = sync_channel(1);
+        let wake: Wake = Arc::new(move || {
+            let _woken_already = wake.try_send(());
+        });
+        let rig = RigConfig { address, patience_s, timeout_s: 5.0, retakes };
+        Self { arrivals: RigArrivals::open(&rig, 1, &scan(), &simulation(), wake).unwrap(), woken }
+    }
+
+    fn pause(&self) {
+        let _woken_or_not = self.woken.recv_timeout(Duration::from_millis(200));
+    }
+
+    fn casing(&mut self) -> Casing {
+        let since = Instant::now();
+        loop {
+            match self.arrivals.next().unwrap() {
+                Arrival::Casing(casing) => return casing,
+                Arrival::NotYet => self.pause(),
+                Arrival::Ended => panic!("a rig never ends"),
+            }
+            assert!(since.elapsed() < LONG, "no casing; {}", self.arrivals.waits_for());
+        }
+    }
+
+    /// Whether the tap comes.
+    fn poll(&self, casing: &mut Casing, row: u32) -> Readiness {
+        let since = Instant::now();
+        loop {
+            match casing.taps.poll(row, 0) {
+                Readiness::NotYet => self.pause(),
+                readiness => return readiness,
+            }
+            assert!(since.elapsed() < LONG, "no tap; {}", self.arrivals.waits_for());
+        }
+    }
+
+    /// Takes all taps of the next casing, checks each against the simulated line, and closes it.
+    fn scan_one(&mut self) -> Went {
+        let mut casing = self.casing();
+        let mut went = Went { name: casing.name.clone(), taps: 0, refused: 0, gone: None };
+        let mut twin = twin(&casing.name);
+        for row in 0..u32::try_from(casing.taps.plan().taps().len()).unwrap() {
+            match self.poll(&mut casing, row) {
+                Readiness::Ready => {
+                    let (header, lanes) = render(&mut *casing.taps, row).unwrap();
+                    let (of_twin, want) = render(&mut twin, row).unwrap();
+                    assert_eq!((header.id, lanes), (of_twin.id, want));
+                    assert!((header.velocity_measured_m_per_s / 1.85 - 1.0).abs() < 0.011);
+                    assert!((now_ns() - header.tap_time_ns).abs() < 60_000_000_000);
+                    went.taps += 1;
+                }
+                Readiness::Refused(_) => went.refused += 1,
+                Readiness::Gone(why) => {
+                    went.gone = Some(why);
+                    break;
+                }
+                Readiness::NotYet => unreachable!(),
+            }
+        }
+        self.arrivals.ended(&casing.name, &CasingEnd::Closed { file: "x.h5".into() });
+        went
+    }
+}
+
+/// The same tyre on a simulated line.
+fn twin(name: &str) -> SimulatedLine {
+    let mut scan = scan();
+    let crack = if name == "A-1" { vec![Crack::default()] } else { Vec::new() };
+    scan.tyre = vec![TyreConfig { serial: name.to_owned(), station: 1, crack }];
+    SimulatedLine::new(&scan, &simulation()).unwrap()
+}
+
+fn render(source: &mut dyn Source, row: u32) -> Result<(TapHeader, Vec<u8>), Refusal> {
+    let mut header = TapHeader::default();
+    let mut lanes = vec![Lane::default(); lanes_for(source.plan().recording.payload_bytes_max())];
+    source.render(row, 0, &mut header, &mut lanes)?;
+    Ok((header, tapline_wire::bytes_of(&lanes)[..header.payload_bytes()].to_vec()))
+}
+
+/// Plays `script` to a station that takes `count` casings.
+fn played(script: &RigScript, patience_s: f64, count: u64) -> (Vec<Went>, RigReport) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let script = RigScript { casings: Some(count), ..script.clone() };
+    thread::scope(|scope| {
+        let stop = Arc::new(AtomicBool::new(false));
+        let of_rig = Arc::clone(&stop);
+        let rig = thread::Builder::new().name("rig".to_owned());
+        let rig = rig.spawn_scoped(scope, move || serve_rig(&listener, &script, &of_rig).unwrap()).unwrap();
+        // A test that fails here must not wait for the rig for ever.
+        struct Stop(Arc<AtomicBool>);
+        impl Drop for Stop {
+            fn drop(&mut self) {
+                self.0.store(true, Ordering::Relaxed);
+            }
+        }
+        let guard = Stop(stop);
+        let mut bench = Bench::new(address, patience_s, 2);
+        let went = (0..count).map(|_| bench.scan_one()).collect();
+        let report = rig.join().unwrap();
+        drop(guard);
+        (went, report)
+    })
+}
+
+/// Catches a tap that differs from that of a simulated line, a casing that is left out, and one that is not closed.
+#[test]
+fn casings_on_a_rig_are_scanned() {
+    let script = RigScript { serials: vec!["A-1".to_owned(), "T 2".to_owned()], ..RigScript::default() };
+    let (went, report) = played(&script, 30.0, 3);
+    let want = |name: &str| Went { name: name.to_owned(), taps: 7, refused: 0, gone: None };
+    assert_eq!(went, [want("A-1"), want("T 2"), want("RIG-3")]);
+    assert_eq!((report.casings, report.closed, report.hits), (3, 3, 21));
+}
+
+/// Catches a serial that stops the station, and unknown casings of one name.
+#[test]
+fn unknown_and_bad_serials_are_passed_over() {
+    let serials = ["?", "a/b", "?", "\u{202e}x"].map(str::to_owned).to_vec();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut bench = Bench::new(listener.local_addr().unwrap().to_string(), 30.0, 0);
+    let script = RigScript { serials, casings: Some(5), ..RigScript::default() };
+    let rig = thread::Builder::new().name("rig".to_owned());
+    let rig = rig.spawn(move || serve_rig(&listener, &script, &AtomicBool::new(false)).unwrap()).unwrap();
+    let names: Vec<String> = (0..3).map(|_| bench.scan_one().name).collect();
+    assert!(names[0].starts_with("unknown-1-20") && names[1].starts_with("unknown-1-20"), "{names:?}");
+    assert_ne!(names[0], names[1]);
+    assert_eq!(names[2], "RIG-5");
+    let report = rig.join().unwrap();
+    assert_eq!((report.casings, report.closed, report.refused), (5, 3, 2));
+}
+
+/// Catches a rig that is switched off and on losing a casing, one taken away that is waited for, and hits that fail.
+#[test]
+fn what_goes_wrong_at_a_rig_ends_no_station() {
+    let script = RigScript { switched_off: 1.0, off_s: [0.0, 0.05], ..RigScript::default() };
+    let (went, report) = played(&script, 30.0, 3);
+    assert!(went.iter().all(|went| went.taps == 7 && went.gone.is_none()), "{went:?}");
+    assert_eq!((report.switched_off, report.closed), (3, 3));
+
+    let script = RigScript { removed: 1.0, repeated: 0.5, gap_s: [0.0, 0.02], ..RigScript::default() };
+    let (went, report) = played(&script, 30.0, 4);
+    assert!(went.iter().all(|w| w.gone.as_ref().is_some_and(|why| why.starts_with("it was taken away"))), "{went:?}");
+    assert_eq!((report.removed, report.closed), (4, 0));
+
+    let script = RigScript { failed_hits: 1.0, ..RigScript::default() };
+    let (went, report) = played(&script, 30.0, 1);
+    assert_eq!((went[0].refused, went[0].taps, report.failed_hits), (7, 0, 21), "a try and two more each");
+}
+
+/// Catches a casing that goes on after another one, and taps of two casings mixed.
+#[test]
+fn a_rig_that_is_back_with_another_casing_has_lost_the_first() {
+    let script = RigScript { switched_off: 1.0, swapped: 1.0, ..RigScript::default() };
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut bench = Bench::new(listener.local_addr().unwrap().to_string(), 30.0, 0);
+    let stop = Arc::new(AtomicBool::new(false));
+    let of_rig = Arc::clone(&stop);
+    let rig = thread::Builder::new().name("rig".to_owned());
+    let rig = rig.spawn(move || serve_rig(&listener, &script, &of_rig).unwrap()).unwrap();
+    for number in 1..4 {
+        let went = bench.scan_one();
+        assert_eq!(went.name, format!("RIG-{number}"));
+        assert!(went.gone.unwrap().starts_with("another casing was put on the rig"));
+    }
+    stop.store(true, Ordering::Relaxed);
+    rig.join().unwrap();
+}
+
+/// A rig whose lines are written by hand.
+struct ByHand {
+    stream: TcpStream,
+    heard: BufReader<TcpStream>,
+}
+
+impl ByHand {
+    fn accept(listener: &TcpListener) -> Self {
+        let stream = listener.accept().unwrap().0;
+        stream.set_read_timeout(Some(LONG)).unwrap();
+        Self { heard: BufReader::new(stream.try_clone().unwrap()), stream }
+    }
+
+    fn say(&mut self, lines: &str) {
+        self.stream.write_all(lines.as_bytes()).unwrap();
+    }
+
+    fn hear(&mut self) -> String {
+        let mut line = String::new();
+        self.heard.read_line(&mut line).unwrap();
+        line.trim_end().to_owned()
+    }
+}
+
+fn by_hand(patience_s: f64) -> (TcpListener, Bench) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let bench = Bench::new(listener.local_addr().unwrap().to_string(), patience_s, 2);
+    (listener, bench)
+}
+
+/// Catches words that are not those of `docs/rig-protocol.md`, and a tap that begins anew although it is there.
+#[test]
+fn the_words_are_those_of_the_protocol() {
+    let (listener, mut bench) = by_hand(30.0);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig-7 1\ncasing T 1\r\n");
+    assert_eq!(rig.hear(), "scan T 1 7");
+    let mut casing = bench.casing();
+    assert_eq!(casing.taps.poll(2, 0), Readiness::NotYet);
+    assert_eq!(rig.hear(), "move 1 2 120 5");
+    assert_eq!(casing.taps.poll(2, 0), Readiness::NotYet);
+    assert!(bench.arrivals.waits_for().ends_with(" to move 1 2 120 5"), "{}", bench.arrivals.waits_for());
+    assert!(render(&mut *casing.taps, 2).unwrap_err().reason.contains("has not made this tap"));
+    rig.say("ready\n");
+    assert_eq!(rig.hear(), "hit 1.85");
+    rig.say("hit 1.84\n");
+    assert_eq!(bench.poll(&mut casing, 2), Readiness::Ready);
+    assert!((render(&mut *casing.taps, 2).unwrap().0.velocity_measured_m_per_s - 1.84).abs() < 1e-12);
+    rig.say("casing T 1\n");
+    assert_eq!(rig.hear(), "error casing T 1 is on the rig already");
+    assert_eq!(bench.poll(&mut casing, 2), Readiness::Ready, "it was made");
+    bench.arrivals.ended("T 1", &CasingEnd::Refused { reason: "no\nroom".to_owned() });
+    assert_eq!(rig.hear(), "refused T 1 no room");
+    // The same serial again is another casing, but not when the rig did not hear that the first is closed.
+    rig.say("removed\ncasing T 1\n");
+    assert_eq!(rig.hear(), "scan T 1 7");
+    let second = bench.casing();
+    drop(rig);
+    let since = Instant::now();
+    while !bench.arrivals.waits_for().contains("went away") {
+        bench.pause();
+        assert!(since.elapsed() < LONG);
+    }
+    bench.arrivals.ended(&second.name, &CasingEnd::Closed { file: "x.h5".into() });
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig-7 1\ncasing T 1\n");
+    assert_eq!(rig.hear(), "closed T 1");
+}
+
+/// Catches a rig that is away for ever being waited for as long.
+#[test]
+fn patience_ends() {
+    let (listener, mut bench) = by_hand(0.05);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    let mut casing = bench.casing();
+    assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet);
+    drop(rig);
+    let Readiness::Gone(why) = bench.poll(&mut casing, 0) else { panic!("not gone") };
+    assert_eq!(why, "the rig was away for more than 0.05 s");
+    // It comes back with nothing, and then with the same casing: that is scanned anew.
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "scan T 7");
+    let mut again = bench.casing();
+    assert_eq!((again.taps.poll(0, 0), rig.hear()), (Readiness::NotYet, "move 1 0 0 5".to_owned()));
+    bench.arrivals.ended("T", &CasingEnd::Closed { file: "x.h5".into() });
+    rig.say("ready\n");
+    assert_eq!(casing.taps.poll(0, 0), Readiness::Gone(why));
+    assert_eq!(rig.hear(), "hit 1.85", "the second is not what ended");
+}
+
+/// Catches a rig that sends anything at all being listened to for ever.
+#[test]
+fn rigs_that_send_garbage_are_cut_off() {
+    let (listener, bench) = by_hand(30.0);
+    let flood = "casing A\nremoved\n".repeat(50);
+    let long = "x".repeat(1000);
+    for (says, want) in [
+        ("good day\n", "the rig has said \"good day\", which means nothing here"),
+        ("ready\n", "the rig has said \"ready\" before hello"),
+        ("hello rig 2\n", "the rig speaks version 2 of the protocol; this station speaks 1"),
+        ("hello rig 1\nready\n", "the rig has said \"ready\" unasked"),
+        ("hello rig 1\nhit 1e9\n", "the rig has said \"hit 1e9\", which means nothing here"),
+        (&*format!("hello rig 1\n{flood}"), "the rig has said more than 20 lines unasked within a second"),
+        (&*long, "the rig has sent a line of more than 256 bytes"),
+    ] {
+        let mut rig = ByHand::accept(&listener);
+        rig.say(says);
+        let mut heard = BTreeMap::new();
+        // A connection that is cut off may end with a reset.
+        let mut line = String::new();
+        while rig.heard.read_line(&mut line).is_ok_and(|count| count > 0) {
+            *heard.entry(std::mem::take(&mut line)).or_insert(0) += 1;
+        }
+        let since = Instant::now();
+        while !bench.arrivals.waits_for().contains(want) {
+            bench.pause();
+            assert!(since.elapsed() < LONG, "{:?} lacks {want:?} after {heard:?}", bench.arrivals.waits_for());
+        }
+    }
+}
+
+/// Catches two casings of one name, and times that are not those of UTC.
+#[test]
+fn unknown_casings_have_names() {
+    let name = unknown_name(3, 1_795_416_388_500_000_000, "");
+    assert_eq!(name, "unknown-3-20261123T064628Z");
+    assert_eq!(unknown_name(3, 1_795_416_388_900_000_000, &name), "unknown-3-20261123T064629Z");
+    assert!(Serial::new(&unknown_name(u16::MAX, i64::MAX, "")).is_ok());
+}
+
+/// Catches a script that is let through although it cannot be played.
+#[test]
+fn scripts_have_bounds() {
+    RigScript::default().validate().unwrap();
+    let of = |text: &str| toml::from_str::<RigScript>(text).unwrap().validate().unwrap_err().to_string();
+    for (text, want) in [
+        ("name = \"\"", "rig.name is \"\""),
+        ("pattern = \"A\"", "rig.pattern is \"A\""),
+        ("serials = [\"a\\nb\"]", "rig.serials is "),
+        ("removed = 1.5", "rig.removed is 1.5; it must be from 0 to 1"),
+        ("gap_s = [2.0, 1.0]", "rig.gap_s is 2 to 1"),
+        ("hit_s = nan", "rig.hit_s is NaN"),
+    ] {
+        assert!(of(text).contains(want), "{} lacks {want}", of(text));
+    }
+}

@@ -1,0 +1,178 @@
+//! The finite list of simulated tyres that a run scans: each is made when its turn comes, and given away.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tapline_model::SimulationConfig;
+use tapline_wire::{CasingLimits, Plan, digest_of_parts};
+
+use crate::simulated::{Tyre, default_tyre, plan_of, rig_of, station_of, tyre_of};
+use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, ScanConfig, SimulatedLine};
+
+/// What waits for nothing is asked again this late.
+const LOOK_EVERY: Duration = Duration::from_secs(60);
+
+/// The casings of a simulated scan.
+#[derive(Debug, Clone)]
+pub struct SimulatedList {
+    world: Arc<World>,
+}
+
+/// What decides every simulated tyre.
+#[derive(Debug)]
+struct World {
+    scan: ScanConfig,
+    simulation: SimulationConfig,
+}
+
+/// The casings of the simulated scan that `scan` and `simulation` describe: one a tyre.
+///
+/// # Errors
+/// [`Error`] for a value out of its bounds.
+pub fn listed_simulated(scan: &ScanConfig, simulation: &SimulationConfig) -> Result<SimulatedList, Error> {
+    scan.validate()?;
+    let world = World { scan: scan.clone(), simulation: simulation.clone() };
+    // The cracks of all tyres are checked now, not when the turn of each comes: one rig a tyre, kept by nobody.
+    if scan.tyre.is_empty() {
+        rig_of(scan, simulation, &[])?;
+    } else {
+        let tyres: Vec<Tyre> = (0..scan.tyre.len()).map(|number| tyre_of(scan, number)).collect::<Result<_, _>>()?;
+        rig_of(scan, simulation, &tyres)?;
+    }
+    Ok(SimulatedList { world: Arc::new(world) })
+}
+
+impl SimulatedList {
+    /// How many casings there are.
+    pub fn len(&self) -> usize {
+        self.world.scan.tyre_count()
+    }
+
+    /// Whether there is no casing.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Name, station and plan of every casing, in order; each plan is made as it is asked for.
+    pub fn listed(&self) -> impl Iterator<Item = Result<(String, u16, Plan), Error>> + '_ {
+        let World { scan, simulation } = &*self.world;
+        (0..self.len()).map(move |number| {
+            let tyre = tyre_of(scan, number)?;
+            let plan = plan_of(scan, simulation, std::slice::from_ref(&tyre))?;
+            Ok((tyre.serial.to_string(), tyre.station, plan))
+        })
+    }
+
+    /// The stations that have casings, ascending.
+    pub fn stations(&self) -> Vec<u16> {
+        let mut stations: Vec<u16> = (0..self.len()).map(|number| station_of(&self.world.scan, number)).collect();
+        stations.sort_unstable();
+        stations.dedup();
+        stations
+    }
+
+    /// The casings of `station`, in order.
+    pub fn arrivals(&self, station: u16) -> Box<dyn Arrivals> {
+        let which = Tyres::Listed { next: 0, taps_before: 0 };
+        Box::new(SimulatedTyres { world: Arc::clone(&self.world), station, which })
+    }
+
+    /// What every casing of the list needs.
+    pub fn limits(&self) -> CasingLimits {
+        self.world.scan.limits(&self.world.simulation)
+    }
+}
+
+/// The simulated tyres of one station, one after another.
+#[derive(Debug)]
+pub(crate) struct SimulatedTyres {
+    world: Arc<World>,
+    station: u16,
+    which: Tyres,
+}
+
+/// Which tyres come to a station.
+#[derive(Debug)]
+enum Tyres {
+    /// Those of the scan's list that are this station's.
+    Listed {
+        /// Tyre of the whole scan that is looked at next.
+        next: usize,
+        /// Taps of this station's tyres so far: its clock.
+        taps_before: u64,
+    },
+    /// Tyres that no list names, for lines that run on.
+    Unlisted {
+        /// Number of the next tyre, from 1.
+        next: u64,
+        /// Number of the last tyre, where there is a last one.
+        last: Option<u64>,
+    },
+}
+
+impl SimulatedTyres {
+    /// Tyres that no list names, from number `first` on, `count` of them where that is known.
+    pub(crate) fn unlisted(
+        scan: &ScanConfig,
+        simulation: &SimulationConfig,
+        station: u16,
+        (first, count): (u64, Option<u64>),
+    ) -> Result<Self, Error> {
+        scan.validate()?;
+        rig_of(scan, simulation, &[])?;
+        let world = World { scan: scan.clone(), simulation: simulation.clone() };
+        let last = count.map(|count| (first - 1).saturating_add(count));
+        Ok(Self { world: Arc::new(world), station, which: Tyres::Unlisted { next: first, last } })
+    }
+}
+
+impl Arrivals for SimulatedTyres {
+    fn station(&self) -> u16 {
+        self.station
+    }
+
+    fn next(&mut self) -> Result<Arrival, Error> {
+        let World { scan, simulation } = &*self.world;
+        let (tyre, taps_before) = match &mut self.which {
+            Tyres::Listed { next, taps_before } => {
+                let ours = (*next..scan.tyre_count()).find(|&number| station_of(scan, number) == self.station);
+                let Some(number) = ours else { return Ok(Arrival::Ended) };
+                *next = number + 1;
+                let before = *taps_before;
+                *taps_before += scan.taps_per_tyre();
+                (tyre_of(scan, number)?, before)
+            }
+            Tyres::Unlisted { next, last } => {
+                let number = *next;
+                if last.is_some_and(|last| number > last) {
+                    return Ok(Arrival::Ended);
+                }
+                *next = number.saturating_add(1);
+                let serial = format!("S{}-{number}", self.station);
+                let tyre = default_tyre(scan, &serial, self.station, number % 2 == 1)?;
+                (tyre, (number - 1).saturating_mul(scan.taps_per_tyre()))
+            }
+        };
+        let mut taps = SimulatedLine::of_tyre(scan, simulation, &tyre, taps_before)?;
+        if let Tyres::Unlisted { .. } = self.which {
+            // Numbers begin anew when this process does: a tyre that is finished is known by its source, and not tapped again.
+            let texts = [toml::to_string(scan), toml::to_string(simulation)].map(Result::unwrap_or_default);
+            taps.set_source(digest_of_parts(texts.iter().map(String::as_bytes)));
+        }
+        Ok(Arrival::Casing(Casing { name: tyre.serial.to_string(), taps: Box::new(taps) }))
+    }
+
+    fn ended(&mut self, _name: &str, _end: &CasingEnd) {}
+
+    fn waits_for(&self) -> String {
+        "nothing: simulated tyres are always there".to_owned()
+    }
+
+    fn look_every(&self) -> Duration {
+        LOOK_EVERY
+    }
+}
+
+#[cfg(test)]
+#[path = "listed_tests.rs"]
+pub(crate) mod tests;

@@ -1,0 +1,267 @@
+//! The simulated line: stations that tap simulated tyres.
+
+pub(crate) mod listed;
+
+use tapline_model::{Crack, SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig, plant_cracks, truth};
+use tapline_wire::{
+    CHANNELS_MAX, Channel, ChannelHeader, Geometry, Lane, Plan, PlannedTap, Recording, SampleFormat, Serial,
+    SourceKind, TapHeader, TapId, Truth, i16_of_mut,
+};
+
+use crate::source::{channel_headers, named, no_room, no_such_row};
+use crate::{Error, Refusal, ScanConfig, Source};
+
+/// Cracks of a tyre that is damaged by default.
+const CRACKS_PLANTED: u32 = 3;
+
+/// Counts of a full-scale sample.
+const COUNTS_FULL_SCALE: f64 = 32_768.0;
+
+/// Stations that tap simulated tyres, with nothing left to chance but what the seed decides.
+#[derive(Debug)]
+pub struct SimulatedLine {
+    plan: Plan,
+    rig: SimulatedRig,
+    locations: u32,
+    channels: [ChannelHeader; CHANNELS_MAX],
+    /// When each tap of the plan happens, ns since the Unix epoch.
+    tap_time_ns: Vec<i64>,
+}
+
+/// A tyre of the line, as it was written or as it is by default.
+#[derive(Debug, Clone)]
+pub(crate) struct Tyre {
+    pub(crate) serial: Serial,
+    pub(crate) station: u16,
+    pub(crate) cracks: Vec<Crack>,
+}
+
+impl SimulatedLine {
+    /// The line that scans what `scan` lists with the rig that `simulation` describes.
+    ///
+    /// # Errors
+    /// [`Error`] for a value out of its bounds.
+    pub fn new(scan: &ScanConfig, simulation: &SimulationConfig) -> Result<Self, Error> {
+        scan.validate()?;
+        let tyres: Vec<Tyre> = (0..scan.tyre_count()).map(|number| tyre_of(scan, number)).collect::<Result<_, _>>()?;
+        let start_ns = vec![scan.start_ns; usize::from(scan.stations) + 1];
+        Self::of_tyres(scan, simulation, &tyres, start_ns)
+    }
+
+    /// One tyre alone, whose station has made `taps_before` taps before it: the same taps as those of the whole scan.
+    pub(crate) fn of_tyre(
+        scan: &ScanConfig,
+        simulation: &SimulationConfig,
+        tyre: &Tyre,
+        taps_before: u64,
+    ) -> Result<Self, Error> {
+        let mut start_ns = vec![0; usize::from(tyre.station) + 1];
+        start_ns[usize::from(tyre.station)] = time_after(scan, taps_before);
+        Self::of_tyres(scan, simulation, std::slice::from_ref(tyre), start_ns)
+    }
+
+    /// Has the plan tell what it simulates from other simulations of the same taps.
+    pub(crate) fn set_source(&mut self, source_digest: u64) {
+        self.plan = self.plan.clone().with_source(source_digest);
+    }
+
+    /// The line of `tyres`, of which each station starts at its place in `start_ns`.
+    fn of_tyres(
+        scan: &ScanConfig,
+        simulation: &SimulationConfig,
+        tyres: &[Tyre],
+        start_ns: Vec<i64>,
+    ) -> Result<Self, Error> {
+        let rig = rig_of(scan, simulation, tyres)?;
+        let plan = plan_of(scan, simulation, tyres)?;
+        let full_scales = [simulation.force_full_scale_n, simulation.sound_full_scale_v];
+        let channels = channel_headers(&plan.recording, &full_scales.map(|full_scale| full_scale / COUNTS_FULL_SCALE));
+        let tap_time_ns = times_of(scan, &plan, start_ns);
+        Ok(Self { plan, rig, locations: scan.locations, channels, tap_time_ns })
+    }
+
+    fn tap<'a>(&self, id: &'a TapId) -> SimulatedTap<'a> {
+        SimulatedTap {
+            tyre_serial: id.tyre.as_str(),
+            shoulder: id.shoulder,
+            offset_mm: id.offset_mm().unwrap_or(0.0),
+            velocity_m_per_s: id.velocity_m_per_s().unwrap_or(f64::NAN),
+            location: id.location,
+            location_count: self.locations,
+            repetition: id.repetition,
+            attempt: id.attempt,
+        }
+    }
+}
+
+impl Source for SimulatedLine {
+    fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    fn kind(&self) -> SourceKind {
+        SourceKind::Simulated
+    }
+
+    fn can_retake(&self) -> bool {
+        true
+    }
+
+    fn render(&mut self, row: u32, attempt: u16, header: &mut TapHeader, lanes: &mut [Lane]) -> Result<(), Refusal> {
+        let kind = self.kind();
+        *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
+        if let Some(reason) = no_room(lanes, self.plan.recording.payload_bytes_max()) {
+            return Err(Refusal { file: "simulation".to_owned(), line: 0, reason });
+        }
+        let config = self.rig.config();
+        header.tap_time_ns = self.tap_time_ns[row as usize];
+        header.microphone_distance_m = config.microphone_distance_m;
+        header.sample_count = config.sample_count;
+        header.channels = self.channels;
+        let tap = self.tap(&header.id);
+        let sample_total = self.rig.sample_total();
+        let rendered = self.rig.render(&tap, &mut i16_of_mut(lanes)[..sample_total]);
+        header.velocity_measured_m_per_s = rendered.velocity_measured_m_per_s;
+        Ok(())
+    }
+}
+
+/// The rig with `tyres` to tap.
+pub(crate) fn rig_of(
+    scan: &ScanConfig,
+    simulation: &SimulationConfig,
+    tyres: &[Tyre],
+) -> Result<SimulatedRig, tapline_model::Error> {
+    let on_rig: Vec<_> = tyres
+        .iter()
+        .map(|tyre| SimulatedTyre { serial: tyre.serial.to_string(), cracks: tyre.cracks.clone() })
+        .collect();
+    SimulatedRig::new(simulation, scan.seed, &on_rig)
+}
+
+/// The plan of the scan of `tyres`.
+pub(crate) fn plan_of(scan: &ScanConfig, simulation: &SimulationConfig, tyres: &[Tyre]) -> Result<Plan, Error> {
+    let recording = Recording {
+        sample_rate_hz: simulation.sample_rate_hz,
+        pre_trigger_samples: simulation.pre_trigger_samples,
+        sample_count_max: simulation.sample_count,
+        sample_format: SampleFormat::I16,
+        channels: vec![Channel::Force, Channel::Sound],
+    };
+    Ok(Plan::new(Geometry::Ring, recording, taps_of(scan, tyres)?, truth_of(scan, tyres))?)
+}
+
+/// Station of tyre `number`, from 0.
+pub(crate) fn station_of(scan: &ScanConfig, number: usize) -> u16 {
+    scan.tyre.get(number).map_or_else(|| u16::try_from(number + 1).unwrap_or(u16::MAX), |tyre| tyre.station)
+}
+
+/// Tyre `number`, from 0, as it is written; where none is, the one of station `number` + 1.
+pub(crate) fn tyre_of(scan: &ScanConfig, number: usize) -> Result<Tyre, Error> {
+    let station = station_of(scan, number);
+    match scan.tyre.get(number) {
+        Some(written) => {
+            Ok(Tyre { serial: simulated_serial(&written.serial)?, station, cracks: written.crack.clone() })
+        }
+        None => default_tyre(scan, &format!("SIM-{station:04}"), station, station % 2 == 1),
+    }
+}
+
+/// A tyre that is written nowhere: with cracks that its serial and the seed decide, or sound.
+pub(crate) fn default_tyre(scan: &ScanConfig, serial: &str, station: u16, is_damaged: bool) -> Result<Tyre, Error> {
+    let crack_count = if is_damaged { CRACKS_PLANTED } else { 0 };
+    let cracks = plant_cracks(scan.seed, serial, scan.locations, crack_count);
+    Ok(Tyre { serial: simulated_serial(serial)?, station, cracks })
+}
+
+fn simulated_serial(text: &str) -> Result<Serial, Error> {
+    Serial::new(text).map_err(|e| Error::Setting {
+        key: "scan.tyre.serial".to_owned(),
+        value: format!("{text:?}"),
+        bound: e.bound(),
+    })
+}
+
+/// Every tap in the order in which it is taken: tyre, shoulder, offset, velocity, repetition, full turn.
+fn taps_of(scan: &ScanConfig, tyres: &[Tyre]) -> Result<Vec<PlannedTap>, Error> {
+    let mut taps = Vec::new();
+    for tyre in tyres {
+        for shoulder in 1..=scan.shoulders {
+            for &offset_mm in &scan.offsets_mm {
+                for &velocity_m_per_s in &scan.velocities_m_per_s {
+                    for repetition in 0..scan.repetitions {
+                        let mut id = id_of(offset_mm, velocity_m_per_s)?;
+                        id.tyre = tyre.serial;
+                        id.station = tyre.station;
+                        id.shoulder = shoulder;
+                        id.repetition = repetition;
+                        taps.extend(turn(scan, id));
+                    }
+                }
+            }
+        }
+    }
+    Ok(taps)
+}
+
+fn id_of(offset_mm: f64, velocity_m_per_s: f64) -> Result<TapId, Error> {
+    let named = TapId::default().with_offset_mm(Some(offset_mm));
+    named.and_then(|id| id.with_velocity_m_per_s(Some(velocity_m_per_s))).map_err(|e| Error::Setting {
+        key: "scan.offsets_mm or scan.velocities_m_per_s".to_owned(),
+        value: format!("{offset_mm} or {velocity_m_per_s}"),
+        bound: e.bound(),
+    })
+}
+
+/// One full turn of `id`, with the first location again at its end.
+fn turn(scan: &ScanConfig, id: TapId) -> impl Iterator<Item = PlannedTap> {
+    let locations = scan.locations;
+    let end = locations + u32::from(scan.closing_tap);
+    (0..end).map(move |location| {
+        let mut id = id;
+        id.location = location;
+        let angle_deg = 360.0 * f64::from(location) / f64::from(locations);
+        PlannedTap { id, angle_deg: Some(angle_deg), is_closing: location == locations }
+    })
+}
+
+/// For every location of every shoulder that is scanned, whether it is cracked.
+fn truth_of(scan: &ScanConfig, tyres: &[Tyre]) -> Truth {
+    let mut known = Truth::new();
+    for tyre in tyres {
+        for shoulder in 1..=scan.shoulders {
+            let cracked = truth(&tyre.cracks, shoulder, scan.locations);
+            known.extend((0..).zip(cracked).map(|(location, is)| ((tyre.serial, shoulder, location), is)));
+        }
+    }
+    known
+}
+
+/// Time of a station's tap after `taps_before` others, ns since the Unix epoch.
+fn time_after(scan: &ScanConfig, taps_before: u64) -> i64 {
+    let taps_before = i64::try_from(taps_before).unwrap_or(i64::MAX);
+    scan.start_ns.saturating_add(period_ns(scan).saturating_mul(taps_before))
+}
+
+fn period_ns(scan: &ScanConfig) -> i64 {
+    #[expect(clippy::cast_possible_truncation, reason = "at most an hour, which is 3.6e12 ns")]
+    let period_ns = (scan.tap_period_s * 1e9).round() as i64;
+    period_ns
+}
+
+/// Times of the taps; stations work side by side, each tapping once a period from its place in `next_ns` on.
+fn times_of(scan: &ScanConfig, plan: &Plan, mut next_ns: Vec<i64>) -> Vec<i64> {
+    let period_ns = period_ns(scan);
+    plan.taps()
+        .iter()
+        .map(|tap| {
+            let next_ns = &mut next_ns[usize::from(tap.id.station)];
+            let now_ns = *next_ns;
+            *next_ns = next_ns.saturating_add(period_ns);
+            now_ns
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,131 @@
+//! What a source of taps is: asked for a tap by its row in the plan, it renders that tap in place.
+
+pub(crate) mod arrivals;
+
+use std::fmt;
+
+use tapline_wire::{CHANNELS_MAX, ChannelHeader, Lane, Plan, Recording, SourceKind, TapHeader};
+
+/// A source of taps: those of one casing at one station.
+///
+/// A tap depends on its plan row and attempt alone, never on what was rendered before it: a run that is resumed,
+/// retaken or split over stations gets the same bytes.
+pub trait Source: Send + fmt::Debug {
+    /// Every tap there is to render.
+    fn plan(&self) -> &Plan;
+
+    /// What kind of source this is.
+    fn kind(&self) -> SourceKind;
+
+    /// Whether a tap that is asked for again is struck again, or is what it was.
+    fn can_retake(&self) -> bool;
+
+    /// Whether the tap in plan row `row` can be rendered now; a rig is told to move and to hit by being asked.
+    ///
+    /// Never blocks. A source whose taps exist already is always ready.
+    fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
+        let _whichever = (row, attempt);
+        Readiness::Ready
+    }
+
+    /// Renders the tap in plan row `row` into `lanes`, and all that is known of it into `header`.
+    ///
+    /// A tap whose earlier takes are known to its source may be of a later attempt than `attempt`. Of `header` all but `stamp`, `sent_ns` and `retakes_left` is filled in, `id` and `plan_index` also when the tap is refused.
+    /// Of `lanes` the first [`TapHeader::payload_bytes`] bytes are written; it must have room for
+    /// [`Recording::payload_bytes_max`].
+    ///
+    /// # Errors
+    /// [`Refusal`] when this tap cannot be had; others still may.
+    fn render(&mut self, row: u32, attempt: u16, header: &mut TapHeader, lanes: &mut [Lane]) -> Result<(), Refusal>;
+}
+
+/// Whether a tap can be rendered now.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Readiness {
+    /// It can.
+    Ready,
+    /// It is on its way: ask again when woken, or after [`crate::Arrivals::look_every`].
+    NotYet,
+    /// This tap alone will not come.
+    Refused(Refusal),
+    /// The casing was taken away, for the reason given: no tap of it will come any more.
+    Gone(String),
+}
+
+/// Why a planned tap will not come.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refusal {
+    /// Recording of the tap as `taps.csv` names it, or what stands for it in a source without files; empty where the reason
+    /// stands for itself.
+    pub file: String,
+    /// Line of `taps.csv`, from 1; 0 where there is no such file.
+    pub line: usize,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { file, line, reason } = self;
+        match line {
+            _ if file.is_empty() => f.write_str(reason),
+            0 => write!(f, "{file}: {reason}"),
+            _ => write!(f, "{file} (taps.csv line {line}): {reason}"),
+        }
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+/// Everything of a header that is the same for all taps of `plan`, plus the tap's name.
+///
+/// `None` when there is no such row.
+pub(crate) fn named(plan: &Plan, row: u32, attempt: u16, kind: SourceKind, old: &TapHeader) -> Option<TapHeader> {
+    let mut id = plan.taps().get(row as usize)?.id;
+    id.attempt = attempt;
+    let recording = &plan.recording;
+    Some(TapHeader {
+        stamp: old.stamp,
+        sent_ns: old.sent_ns,
+        id,
+        plan_index: row,
+        tap_time_ns: 0,
+        sample_rate_hz: recording.sample_rate_hz,
+        velocity_measured_m_per_s: f64::NAN,
+        velocity_nominal_m_per_s: plan.velocity_nominal_m_per_s(row).unwrap_or(f64::NAN),
+        microphone_distance_m: 0.0,
+        pre_trigger_samples: recording.pre_trigger_samples,
+        sample_count: 0,
+        text_bytes: 0,
+        sample_format: recording.sample_format.code(),
+        channel_count: u32::try_from(recording.channels.len()).unwrap_or(0),
+        source: kind.code(),
+        retakes_left: 0,
+        reserved: 0,
+        channels: Default::default(),
+    })
+}
+
+/// The channel headers of `recording`, each with its scale in physical units per count.
+pub(crate) fn channel_headers(recording: &Recording, unit_per_count: &[f64]) -> [ChannelHeader; CHANNELS_MAX] {
+    let mut headers = [ChannelHeader::default(); CHANNELS_MAX];
+    for ((header, channel), &unit_per_count) in headers.iter_mut().zip(&recording.channels).zip(unit_per_count) {
+        *header = ChannelHeader { code: channel.code(), reserved: 0, unit_per_count };
+    }
+    headers
+}
+
+/// The refusal of a row that the plan does not have: a caller's mistake, but no reason to stop a line.
+pub(crate) fn no_such_row(plan: &Plan, row: u32) -> Refusal {
+    Refusal {
+        file: "plan".to_owned(),
+        line: 0,
+        reason: format!("row {row} does not exist; the plan has {} rows", plan.taps().len()),
+    }
+}
+
+/// The refusal of a loan that is too small: as [`no_such_row`].
+pub(crate) fn no_room(lanes: &[Lane], need_bytes: usize) -> Option<String> {
+    let got_bytes = size_of_val(lanes);
+    (got_bytes < need_bytes).then(|| format!("the loan has {got_bytes} bytes; the samples need {need_bytes}"))
+}

@@ -1,0 +1,115 @@
+//! `acquire` on a line: several stations, each of which takes the taps of one casing after the other.
+
+pub(crate) mod outcome;
+mod outlet;
+mod station;
+
+use std::time::{Duration, Instant};
+
+use tapline_wire::{CasingTopic, Ledger, Line, LineError, Received, RecordKind, Subscriber, TapTopic, Topic as _};
+
+use crate::stage::outcome::{Outcome, RunError};
+use crate::stage::outlet::Outlet;
+use crate::stage::station::{Next, Station};
+use crate::{AcquireConfig, Arrivals};
+
+/// How long a process that is asked to end waits for what it has sent to be archived.
+const DRAIN: Duration = Duration::from_secs(10);
+
+/// How far a wait for events may overshoot: shorter ones are slept.
+const COARSE: Duration = Duration::from_millis(12);
+
+/// Takes the casings of `stations` as they arrive, and sends of each the taps that its ledger lacks, until asked to stop.
+///
+/// The work is plan - ledger, asked for again until it is nothing: that one loop is the start of a casing, the resumption of
+/// one that was interrupted, and the healing after a stage has died.
+///
+/// # Errors
+/// [`RunError`] when shared memory fails or a source can give nothing any more. Being asked to stop is no error.
+pub fn run(line: &Line, stations: Vec<Box<dyn Arrivals>>, config: &AcquireConfig) -> Result<Outcome, RunError> {
+    let mut outcome = Outcome { stations: stations.iter().map(|s| s.station()).collect(), ..Outcome::default() };
+    let mut outlet = Outlet::open(line, config.retakes, &mut outcome)?;
+    let casings = Subscriber::<CasingTopic>::open(line)?;
+    let period = config.taps_per_s.and_then(|rate| Duration::try_from_secs_f64(1.0 / rate).ok());
+    let mut stations: Vec<Station> = stations.into_iter().map(|arrivals| Station::new(arrivals, period)).collect();
+    match serve(line, &mut outlet, &casings, &mut stations) {
+        Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => drain(&outlet, &casings, &mut stations)?,
+        Err(error) => return Err(error),
+    }
+    Ok(outcome)
+}
+
+fn serve(
+    line: &Line,
+    outlet: &mut Outlet<'_>,
+    casings: &Subscriber<'_, CasingTopic>,
+    stations: &mut [Station],
+) -> Result<(), RunError> {
+    while !line.is_stopped() {
+        receive(casings, stations)?;
+        let mut earliest = Duration::MAX;
+        for station in stations.iter_mut() {
+            match station.step(outlet)? {
+                Next::Now => earliest = Duration::ZERO,
+                Next::Within(wait) => earliest = earliest.min(wait),
+            }
+            station.say_what_it_waits_for(outlet)?;
+        }
+        match earliest {
+            Duration::ZERO => {}
+            short if short < COARSE => std::thread::sleep(short),
+            long => line.wait(long)?,
+        }
+    }
+    Ok(())
+}
+
+/// Gives each station what `store` says of its casings.
+fn receive(casings: &Subscriber<'_, CasingTopic>, stations: &mut [Station]) -> Result<(), RunError> {
+    while let Some(record) = casings.receive()? {
+        let header = record.header();
+        if record.kind() == Some(RecordKind::Refusal) && header.station == 0 {
+            // `store` does not know whose casing it was.
+            stations.iter_mut().for_each(|station| station.refused(header, &text_of(&record)));
+            continue;
+        }
+        let station = stations.iter_mut().find(|s| u32::from(s.number()) == header.station);
+        let Some(station) = station else { continue };
+        match record.kind() {
+            Some(RecordKind::Plan) => station.opened(record.header(), &text_of(&record)),
+            Some(RecordKind::Ledger) => {
+                if let Some(ledger) = Ledger::decode(record.header(), &record) {
+                    station.note_ledger(record.header().stamp.casing, ledger);
+                }
+            }
+            Some(RecordKind::Closed) => station.closed(record.header(), &text_of(&record)),
+            Some(RecordKind::Refusal) => station.refused(record.header(), &text_of(&record)),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+fn text_of(record: &Received<CasingTopic>) -> String {
+    String::from_utf8_lossy(record).into_owned()
+}
+
+/// After being asked to end: waits a while until what was sent is in the archive, if that can be written at all.
+fn drain(outlet: &Outlet<'_>, casings: &Subscriber<'_, CasingTopic>, stations: &mut [Station]) -> Result<(), RunError> {
+    let since = Instant::now();
+    while since.elapsed() < DRAIN {
+        receive(casings, stations)?;
+        let mut is_drained = true;
+        for station in stations.iter_mut() {
+            is_drained &= station.drain(outlet)?;
+        }
+        if is_drained {
+            return Ok(());
+        }
+        outlet.line.wait(Duration::from_millis(20))?;
+    }
+    tracing::warn!("ends with taps under way that are not archived; they are taken again when the line goes on");
+    Ok(())
+}
+
+const _: () = assert!(TapTopic::BUFFER > TapTopic::WAKE_EVERY as usize, "store would sleep while its buffer is full");

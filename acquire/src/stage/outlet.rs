@@ -1,0 +1,135 @@
+//! What the stations of a process send: proposals, taps, refusals and marks.
+
+use tapline_wire::{
+    Line, LineError, Loan, ProposalTopic, Publisher, REASON_BYTES_MAX, RecordKind, Stamp, TapHeader, TapTopic,
+    WAIT_BYTES_MAX, WaitTopic, bytes_of_mut, encode_proposal, lanes_for, monotonic_ns,
+};
+
+use crate::stage::outcome::Outcome;
+use crate::{Refusal, Source};
+
+/// The way out: what the stations of the process send.
+pub(crate) struct Outlet<'a> {
+    pub(crate) line: &'a Line,
+    taps: Publisher<'a, TapTopic>,
+    proposals: Publisher<'a, ProposalTopic>,
+    waits: Publisher<'a, WaitTopic>,
+    retakes: u16,
+    pub(crate) outcome: &'a mut Outcome,
+}
+
+impl<'a> Outlet<'a> {
+    pub(crate) fn open(line: &'a Line, retakes: u16, outcome: &'a mut Outcome) -> Result<Self, LineError> {
+        let (taps, proposals) = (Publisher::open(line)?, Publisher::open(line)?);
+        Ok(Self { line, taps, proposals, waits: Publisher::open(line)?, retakes, outcome })
+    }
+
+    /// Says what `station` waits for, to whoever looks on; whether it could be said now.
+    pub(crate) fn say_wait(&self, station: u16, what: &str) -> Result<bool, LineError> {
+        let stamp = Stamp { mark: station.into(), ..Stamp::default() };
+        self.waits.try_send(RecordKind::Data, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
+    }
+
+    /// Tells the supervisor what people should know of `station`, without waiting; whether it was sent.
+    pub(crate) fn alarm(&self, station: u16, what: &str) -> Result<bool, LineError> {
+        let stamp = Stamp { mark: station.into(), ..Stamp::default() };
+        self.waits.try_send(RecordKind::Refusal, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
+    }
+
+    /// What of `source` this line has no room for.
+    pub(crate) fn exceeded_by(&self, source: &dyn Source) -> Option<String> {
+        self.line.limits().casing.exceeded_by(source.plan())
+    }
+
+    /// Proposes the casing `name` at `station`.
+    pub(crate) fn propose(&self, station: u16, name: &str, source: &dyn Source) -> Result<(), LineError> {
+        let stamp = Stamp { mark: station.into(), ..Stamp::default() };
+        self.proposals.send(RecordKind::Plan, stamp, &encode_proposal(name, source.plan()))
+    }
+
+    /// Gives up the casing numbered `casing`: what it lacks will not come.
+    pub(crate) fn give_up(&self, casing: u64, reason: &str) -> Result<(), LineError> {
+        let stamp = Stamp { casing, ..Stamp::default() };
+        self.proposals.send(RecordKind::Refusal, stamp, cut(reason, REASON_BYTES_MAX).as_bytes())
+    }
+
+    /// Sends attempt `attempt` at the tap in plan row `row`, rendered by `source`.
+    pub(crate) fn take(
+        &mut self,
+        casing: u64,
+        source: &mut dyn Source,
+        row: u32,
+        attempt: u16,
+    ) -> Result<(), LineError> {
+        let retakes_left = if source.can_retake() { self.retakes.saturating_sub(attempt) } else { 0 };
+        let mut loan = self.taps.loan(lanes_for(source.plan().recording.payload_bytes_max()))?;
+        let rendered = loan.fill(|header, lanes| {
+            let rendered = source.render(row, attempt, header, lanes);
+            header.stamp.casing = casing;
+            header.retakes_left = retakes_left.into();
+            header.sent_ns = monotonic_ns();
+            (rendered, *header)
+        });
+        match rendered {
+            (Ok(()), header) => {
+                loan.send(RecordKind::Data)?;
+                self.outcome.sent_count += 1;
+                self.outcome.sample_bytes += header.payload_bytes() as u64;
+                Ok(())
+            }
+            (Err(refusal), header) => {
+                drop(loan);
+                self.refuse(&refusal, header)
+            }
+        }
+    }
+
+    /// Sends that the tap in plan row `row` will not come.
+    pub(crate) fn refuse_row(
+        &mut self,
+        casing: u64,
+        source: &dyn Source,
+        row: u32,
+        attempt: u16,
+        refusal: &Refusal,
+    ) -> Result<(), LineError> {
+        let Some(planned) = source.plan().taps().get(row as usize) else { return Ok(()) };
+        let mut header = TapHeader { id: planned.id, plan_index: row, ..TapHeader::default() };
+        header.stamp.casing = casing;
+        header.id.attempt = attempt;
+        header.source = source.kind().code();
+        self.refuse(refusal, header)
+    }
+
+    fn refuse(&mut self, refusal: &Refusal, header: TapHeader) -> Result<(), LineError> {
+        let text = refusal.to_string();
+        let text = cut(&text, REASON_BYTES_MAX);
+        let mut loan: Loan<'_, '_, TapTopic> = self.taps.loan(lanes_for(text.len()))?;
+        loan.fill(|to, lanes| {
+            *to = header;
+            to.text_bytes = u32::try_from(text.len()).unwrap_or(0);
+            bytes_of_mut(lanes)[..text.len()].copy_from_slice(text.as_bytes());
+        });
+        loan.send(RecordKind::Refusal)?;
+        self.outcome.refused_count += 1;
+        Ok(())
+    }
+
+    /// Sends a mark of the casing numbered `casing` behind its taps.
+    pub(crate) fn mark(&self, casing: u64, kind: RecordKind, mark: u64) -> Result<(), LineError> {
+        self.taps.send(kind, mark_header(casing, mark), &[])
+    }
+
+    /// As [`Outlet::mark`], without waiting; whether it was sent.
+    pub(crate) fn try_mark(&self, casing: u64, kind: RecordKind, mark: u64) -> Result<bool, LineError> {
+        self.taps.try_send(kind, mark_header(casing, mark), &[])
+    }
+}
+
+fn mark_header(casing: u64, mark: u64) -> TapHeader {
+    TapHeader { stamp: Stamp { casing, mark, ..Stamp::default() }, ..TapHeader::default() }
+}
+
+fn cut(text: &str, bytes: usize) -> &str {
+    &text[..text.floor_char_boundary(bytes)]
+}

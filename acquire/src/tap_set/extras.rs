@@ -1,0 +1,80 @@
+//! Optional columns of `taps.csv`: what an archive knows of a tap beyond what a recorder does.
+//!
+//! Each column may be left out, and each cell may be empty: then the set, or its reader, decides as it does without.
+
+use tapline_wire::{Geometry, RETAKES_MAX, csv_text};
+
+use crate::Error;
+use crate::tap_set::scan_toml::{FULL_SCALE_MAX, MICROPHONE_DISTANCE_M_MAX};
+use crate::tap_set::table::Row;
+
+/// The velocity that was measured, where `velocity_m_per_s` is the one that was asked for.
+pub(crate) const MEASURED: &str = "velocity_measured_m_per_s";
+
+/// The columns.
+pub(crate) const COLUMNS: &[&str] = &[
+    MEASURED,
+    "station",
+    "attempt",
+    "is_closing",
+    "tap_time_ns",
+    "force_full_scale_n",
+    "sound_full_scale_v",
+    "microphone_distance_m",
+    "refused",
+];
+
+/// What the optional columns say of one tap.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Extras {
+    /// Rig that made the tap; without it the reader shares shoulders out over its stations.
+    pub(crate) station: Option<u16>,
+    /// How many takes were of no use before this one.
+    pub(crate) attempt: u16,
+    /// Whether the tap closes its ring; without it angle and location tell.
+    pub(crate) is_closing: Option<bool>,
+    /// When the impact happened, ns since the Unix epoch; 0 where the list does not say.
+    pub(crate) tap_time_ns: i64,
+    /// Newtons of a full-scale sample of this tap, where it is not that of the set.
+    pub(crate) force_full_scale_n: Option<f64>,
+    /// Volts of a full-scale sample of this tap, where it is not that of the set.
+    pub(crate) sound_full_scale_v: Option<f64>,
+    /// Distance from impact to microphone in m, where it is not that of the set.
+    pub(crate) microphone_distance_m: Option<f64>,
+    /// Why the tap has no recording.
+    pub(crate) refused: Option<String>,
+}
+
+impl Extras {
+    /// Reads the optional columns of `row`.
+    pub(crate) fn of(row: &Row<'_>, geometry: Geometry) -> Result<Self, Error> {
+        let short = |column, low, high: u16| -> Result<Option<u16>, Error> {
+            let number = row.whole(column, low, u32::from(high))?;
+            Ok(number.map(|number| u16::try_from(number).unwrap_or(high)))
+        };
+        let full_scale = |column| row.number(column, (0.0, false), FULL_SCALE_MAX);
+        let is_closing = row.whole("is_closing", 0, 1)?.map(|is| is == 1);
+        if geometry == Geometry::Line && is_closing == Some(true) {
+            return Err(row.refuse("is_closing", "0 or empty: a line has no end to close"));
+        }
+        Ok(Self {
+            station: short("station", 1, u16::MAX)?,
+            attempt: short("attempt", 0, RETAKES_MAX)?.unwrap_or(0),
+            is_closing,
+            tap_time_ns: time_ns(row)?,
+            force_full_scale_n: full_scale("force_full_scale_n")?,
+            sound_full_scale_v: full_scale("sound_full_scale_v")?,
+            microphone_distance_m: row.number("microphone_distance_m", (0.0, true), MICROPHONE_DISTANCE_M_MAX)?,
+            refused: Some(csv_text(row.text("refused"))).filter(|reason| !reason.is_empty()).map(str::to_owned),
+        })
+    }
+}
+
+fn time_ns(row: &Row<'_>) -> Result<i64, Error> {
+    let text = row.text("tap_time_ns");
+    if text.is_empty() {
+        return Ok(0);
+    }
+    let bound = "a whole number of ns since the Unix epoch, or empty when unknown";
+    text.parse().map_err(|_no_number| row.refuse("tap_time_ns", bound))
+}

@@ -1,0 +1,141 @@
+//! The finite list of casings that a tap set holds: the folder is read once, and its casings have it in common.
+
+use std::collections::VecDeque;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tapline_wire::{CasingLimits, Plan};
+
+use crate::tap_set::{Recordings, Unit, refuse_no_station, units_of};
+use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Refusal, Source as _, TapSet};
+
+/// What waits for nothing is asked again this late.
+const LOOK_EVERY: Duration = Duration::from_secs(60);
+
+/// The casings of a tap set.
+#[derive(Debug, Clone)]
+pub struct TapSetList {
+    set: Arc<Recordings>,
+    units: Arc<[Unit]>,
+}
+
+/// The casings of the tap set in `dir`, shared out over `station_count` stations in order of first appearance where
+/// `taps.csv` does not name their stations. A set with `geometry = "line"` is one casing with the name of the folder.
+///
+/// # Errors
+/// [`Error`] when a table is missing or wrong, when no recording at all can be used, when a casing is at two stations,
+/// or without a station.
+pub fn listed_tap_set(dir: &Path, station_count: u16) -> Result<TapSetList, Error> {
+    refuse_no_station(station_count)?;
+    let set = Recordings::open(dir)?;
+    let units = units_of(&set, station_count)?.into();
+    Ok(TapSetList { set: Arc::new(set), units })
+}
+
+impl TapSetList {
+    /// How many casings there are.
+    pub fn len(&self) -> usize {
+        self.units.len()
+    }
+
+    /// Whether there is no casing.
+    pub fn is_empty(&self) -> bool {
+        self.units.is_empty()
+    }
+
+    /// Name, station and plan of every casing, in order of first appearance; each plan is made as it is asked for.
+    pub fn listed(&self) -> impl Iterator<Item = Result<(String, u16, Plan), Error>> + '_ {
+        self.units.iter().map(|unit| {
+            let plan = self.set.plan(&unit.rows, |_| unit.station)?;
+            Ok((unit.name.clone(), unit.station, plan))
+        })
+    }
+
+    /// The stations that have casings, ascending.
+    pub fn stations(&self) -> Vec<u16> {
+        let mut stations: Vec<u16> = self.units.iter().map(|unit| unit.station).collect();
+        stations.sort_unstable();
+        stations.dedup();
+        stations
+    }
+
+    /// The casings of `station`, in order.
+    pub fn arrivals(&self, station: u16) -> Box<dyn Arrivals> {
+        let ours = self.units.iter().enumerate().filter(|(_, unit)| unit.station == station);
+        let numbers = ours.map(|(number, _)| number).collect();
+        Box::new(Listed { list: self.clone(), station, numbers })
+    }
+
+    /// The taps that will be refused as far as the headers of their recordings tell.
+    ///
+    /// # Errors
+    /// [`Error`] when a casing's plan cannot be made.
+    pub fn refusals(&self) -> Result<Vec<Refusal>, Error> {
+        let mut refusals = Vec::new();
+        for number in 0..self.len() {
+            refusals.extend(self.taps(number, self.units[number].station)?.refusals());
+        }
+        Ok(refusals)
+    }
+
+    /// What is enough for every casing: each plan is made and given away again.
+    ///
+    /// # Errors
+    /// [`Error`] when a casing's plan cannot be made.
+    pub fn limits(&self) -> Result<CasingLimits, Error> {
+        self.listed().try_fold(CasingLimits::default(), |most, listed| Ok(most.and(CasingLimits::of(&listed?.2))))
+    }
+
+    pub(crate) fn name(&self, number: usize) -> &str {
+        &self.units[number].name
+    }
+
+    /// The taps of casing `number`, at `station`.
+    pub(crate) fn taps(&self, number: usize, station: u16) -> Result<TapSet, Error> {
+        TapSet::of_unit(&self.set, &self.units[number], station)
+    }
+
+    /// Casing `number`, at `station`.
+    pub(crate) fn casing(&self, number: usize, station: u16) -> Result<Casing, Error> {
+        let taps = self.taps(number, station)?;
+        debug_assert_eq!(taps.plan().stations(), [station]);
+        Ok(Casing { name: self.name(number).to_owned(), taps: Box::new(taps) })
+    }
+}
+
+/// The casings of one station.
+#[derive(Debug)]
+struct Listed {
+    list: TapSetList,
+    station: u16,
+    /// Those that are to come, by their number in the list.
+    numbers: VecDeque<usize>,
+}
+
+impl Arrivals for Listed {
+    fn station(&self) -> u16 {
+        self.station
+    }
+
+    fn next(&mut self) -> Result<Arrival, Error> {
+        match self.numbers.pop_front() {
+            Some(number) => Ok(Arrival::Casing(self.list.casing(number, self.station)?)),
+            None => Ok(Arrival::Ended),
+        }
+    }
+
+    fn ended(&mut self, _name: &str, _end: &CasingEnd) {}
+
+    fn waits_for(&self) -> String {
+        "nothing: the tap set is there".to_owned()
+    }
+
+    fn look_every(&self) -> Duration {
+        LOOK_EVERY
+    }
+}
+
+#[cfg(test)]
+#[path = "listed_tests.rs"]
+pub(crate) mod tests;

@@ -1,0 +1,358 @@
+//! `taps.csv`: which file is the recording of which tap.
+
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
+
+use tapline_wire::{Geometry, IdError, PlannedTap, Serial, TapId, csv_text};
+
+use crate::Error;
+use crate::tap_set::extras::{self, Extras, MEASURED};
+use crate::tap_set::table::{Row, read_rows};
+
+const COLUMNS: &[&str] =
+    &["file", "tyre", "shoulder", "offset_mm", "velocity_m_per_s", "location", "angle_deg", "repetition"];
+
+/// Highest index along a ring or line: far above any scan, so that one more is a number still.
+pub(crate) const LOCATION_MAX: u32 = 999_999;
+
+/// Locations of a full turn (section 4 of the method); without angles, location 100 of a ring is the first again.
+const TURN_LOCATIONS: u32 = 100;
+
+/// By how much a full turn may be written short; far below the 3.6 degrees between locations.
+const ANGLE_ROUNDING_DEG: f64 = 0.01;
+
+/// One row of the list.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct TapRow {
+    /// Line of the file, from 1.
+    pub(crate) line: usize,
+    /// Path of the recording below the set's folder; empty where the list says why there is none.
+    pub(crate) file: String,
+    /// The tap; at station 0 where the list names none.
+    pub(crate) tap: PlannedTap,
+    /// Velocity as measured; without a column of its own, the one the list gives.
+    pub(crate) velocity_measured_m_per_s: Option<f64>,
+    /// What the optional columns say.
+    pub(crate) extras: Extras,
+}
+
+/// Reads the `text` of `file`.
+pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRow>, Error> {
+    let mut rows = Vec::new();
+    read_rows(file, text, (COLUMNS, extras::COLUMNS), |row| {
+        rows.push(tap_row(row, geometry)?);
+        Ok(())
+    })?;
+    if rows.is_empty() {
+        return Err(Error::NoRows { file: file.to_owned() });
+    }
+    if geometry == Geometry::Ring {
+        mark_closing_taps(&mut rows);
+    }
+    refuse_duplicates(file, &rows)?;
+    refuse_shared_recordings(file, &rows)?;
+    Ok(rows)
+}
+
+fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
+    let whole = |column, low, high| {
+        row.whole(column, low, high)?.ok_or_else(|| row.refuse(column, format!("a whole number from {low} to {high}")))
+    };
+    // A ring is a shoulder of a casing, and a casing has two; a slab may have any number of lines.
+    let shoulder_max = if geometry == Geometry::Ring { 2 } else { u32::from(u16::MAX) };
+    let velocity_m_per_s = row.number("velocity_m_per_s", (0.0, false), 1000.0)?;
+    let velocity_measured_m_per_s =
+        if row.has(MEASURED) { row.number(MEASURED, (0.0, true), 1000.0)? } else { velocity_m_per_s };
+    let mut id = TapId::default()
+        .with_offset_mm(row.number("offset_mm", (-2000.0, true), 2000.0)?)
+        .map_err(|e| refuse_id(row, "offset_mm", &e))?
+        .with_velocity_m_per_s(velocity_m_per_s)
+        .map_err(|e| refuse_id(row, "velocity_m_per_s", &e))?;
+    id.tyre = Serial::new(csv_text(row.text("tyre"))).map_err(|e| refuse_id(row, "tyre", &e))?;
+    id.shoulder = short(whole("shoulder", 1, shoulder_max)?);
+    id.location = whole("location", 0, LOCATION_MAX)?;
+    id.repetition = short(row.whole("repetition", 0, u32::from(u16::MAX))?.unwrap_or(0));
+    let angle_deg = row.number("angle_deg", (0.0, true), 360.0)?;
+    let extras = Extras::of(row, geometry)?;
+    id.station = extras.station.unwrap_or(0);
+    // A tap that is known to have no recording may do without the name of one.
+    let is_nameless = extras.refused.is_some() && row.text("file").is_empty();
+    Ok(TapRow {
+        line: row.line,
+        file: if is_nameless { String::new() } else { file_name(row)? },
+        tap: PlannedTap { id, angle_deg, is_closing: false },
+        velocity_measured_m_per_s,
+        extras,
+    })
+}
+
+fn short(number: u32) -> u16 {
+    u16::try_from(number).unwrap_or(u16::MAX)
+}
+
+fn refuse_id(row: &Row<'_>, column: &'static str, error: &IdError) -> Error {
+    row.refuse(column, error.bound())
+}
+
+/// The recording's path; it may not lead out of the set's folder, which may come from a stranger.
+fn file_name(row: &Row<'_>) -> Result<String, Error> {
+    let text = csv_text(row.text("file"));
+    let is_inside = Path::new(text).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+    if text.is_empty() || text.contains('\0') || !is_inside {
+        return Err(row.refuse("file", "the path of a WAV below the folder of the set, without '..'"));
+    }
+    Ok(text.to_owned())
+}
+
+/// Finds the taps that close a ring, and gives each the number of the ring's locations.
+fn mark_closing_taps(rows: &mut [TapRow]) {
+    #[derive(Default)]
+    struct Ring {
+        has_first: bool,
+        location_max: u32,
+        open_max: Option<u32>,
+    }
+    let mut rings: HashMap<(Serial, u16), Ring> = HashMap::new();
+    for row in &*rows {
+        let ring = rings.entry((row.tap.id.tyre, row.tap.id.shoulder)).or_default();
+        ring.has_first |= row.tap.id.location == 0;
+        ring.location_max = ring.location_max.max(row.tap.id.location);
+    }
+    for row in &mut *rows {
+        let Some(ring) = rings.get_mut(&(row.tap.id.tyre, row.tap.id.shoulder)) else { continue };
+        let location = row.tap.id.location;
+        row.tap.is_closing = match (row.extras.is_closing, row.tap.angle_deg) {
+            (Some(is_closing), _) => is_closing,
+            // A tool that rounds 360 may fall short of it.
+            (None, Some(angle_deg)) => angle_deg > 360.0 - ANGLE_ROUNDING_DEG,
+            // Locations may be counted from 1, or be more than 100: then location 100 is one like the others.
+            (None, None) => location == TURN_LOCATIONS && ring.location_max == TURN_LOCATIONS && ring.has_first,
+        };
+        if !row.tap.is_closing {
+            ring.open_max = ring.open_max.max(Some(location));
+        }
+    }
+    for row in rows.iter_mut().filter(|r| r.tap.is_closing) {
+        let open_max = rings.get(&(row.tap.id.tyre, row.tap.id.shoulder)).and_then(|r| r.open_max);
+        // The closing tap may be listed as location 0 again, and would then have the name of the first.
+        if let Some(open_max) = open_max
+            && row.tap.id.location <= open_max
+        {
+            row.tap.id.location = open_max + 1;
+        }
+    }
+}
+
+fn refuse_duplicates(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
+    let mut line_of = HashMap::with_capacity(rows.len());
+    for row in rows {
+        if let Some(first) = line_of.insert(row.tap.id, row.line) {
+            return Err(Error::Duplicate { file: file.to_owned(), what: name_of(row), first, second: row.line });
+        }
+    }
+    Ok(())
+}
+
+/// One recording can be that of one tap only, however its path is written.
+fn refuse_shared_recordings(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
+    let mut line_of = HashMap::with_capacity(rows.len());
+    for row in rows.iter().filter(|row| !row.file.is_empty()) {
+        let plain: PathBuf = Path::new(&row.file).components().filter(|c| *c != Component::CurDir).collect();
+        if let Some(first) = line_of.insert(plain, row.line) {
+            let what = format!("the recording {}", row.file);
+            return Err(Error::Duplicate { file: file.to_owned(), what, first, second: row.line });
+        }
+    }
+    Ok(())
+}
+
+/// The tap in the words of the list, which knows neither stations nor attempts.
+fn name_of(row: &TapRow) -> String {
+    let TapId { tyre, shoulder, location, repetition, .. } = row.tap.id;
+    let or_unknown = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |v| v.to_string());
+    format!(
+        "the tap tyre {tyre} shoulder {shoulder} offset_mm {} velocity_m_per_s {} location {location} repetition {repetition}{}",
+        or_unknown(row.tap.id.offset_mm()),
+        or_unknown(row.tap.id.velocity_m_per_s()),
+        if row.tap.is_closing { " (closing)" } else { "" },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const HEADER: &str = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition\n";
+
+    fn of(geometry: Geometry, rows: &str) -> Result<Vec<TapRow>, Error> {
+        parse(Path::new("taps.csv"), &format!("{HEADER}{rows}"), geometry)
+    }
+
+    fn ring(rows: &str) -> Vec<TapRow> {
+        of(Geometry::Ring, rows).unwrap()
+    }
+
+    /// Catches an empty cell read as zero, and a value put into another's place.
+    #[test]
+    fn a_row_is_a_tap() {
+        let rows = ring("a/b.wav,T 1,2,-5.5,1.85,7,25.2,1\nc.wav,T 1,1,,,0,,\n");
+        let id = rows[0].tap.id;
+        assert_eq!((rows[0].line, rows[0].file.as_str(), id.tyre.as_str()), (2, "a/b.wav", "T 1"));
+        assert_eq!((id.shoulder, id.location, id.repetition, rows[0].tap.angle_deg), (2, 7, 1, Some(25.2)));
+        assert_eq!((id.offset_mm(), id.velocity_m_per_s()), (Some(-5.5), Some(1.85)));
+        let id = rows[1].tap.id;
+        assert_eq!((id.offset_mm(), id.velocity_m_per_s(), rows[1].velocity_measured_m_per_s), (None, None, None));
+        assert_eq!((id.repetition, rows[1].tap.angle_deg), (0, None));
+    }
+
+    /// Catches a serial, path or reason that keeps the apostrophe that exports put before formulas.
+    #[test]
+    fn what_an_export_made_a_text_comes_back() {
+        let header = HEADER.replace("repetition", "repetition,refused");
+        let text = format!("{header}'-5-1/a.wav,'=T,1,,,0,,0,\n,'=T,1,,,1,,0,'@lost\n");
+        let rows = parse(Path::new("taps.csv"), &text, Geometry::Ring).unwrap();
+        assert_eq!((rows[0].file.as_str(), rows[0].tap.id.tyre.as_str()), ("-5-1/a.wav", "=T"));
+        assert_eq!(rows[1].extras.refused.as_deref(), Some("@lost"));
+    }
+
+    /// Catches a measured velocity that is taken for the planned one, required, or made up where its cell is empty.
+    #[test]
+    fn a_measured_velocity_has_a_column_of_its_own() {
+        let header = HEADER.replace("repetition", "repetition,velocity_measured_m_per_s");
+        let text = format!("{header}a.wav,T,1,,1.85,0,,0,2.03\nb.wav,T,1,,1.85,1,,0,\n");
+        let rows = parse(Path::new("taps.csv"), &text, Geometry::Ring).unwrap();
+        assert_eq!(rows[0].tap.id.velocity_m_per_s(), Some(1.85));
+        assert_eq!((rows[0].velocity_measured_m_per_s, rows[1].velocity_measured_m_per_s), (Some(2.03), None));
+        assert_eq!(ring("a.wav,T,1,,1.85,0,,0\n")[0].velocity_measured_m_per_s, Some(1.85));
+    }
+
+    /// Catches an optional column that is taken for another, required, or made up where its cell is empty, and a closing tap
+    /// that is found out although the list says otherwise.
+    #[test]
+    fn what_an_archive_knows_is_taken() {
+        let header = HEADER.replace(
+            "repetition",
+            "repetition,station,attempt,is_closing,tap_time_ns,force_full_scale_n,sound_full_scale_v,microphone_distance_m,refused",
+        );
+        let of = |rows: &str| parse(Path::new("taps.csv"), &format!("{header}{rows}"), Geometry::Ring);
+        let rows = of(
+            "a.wav,T,1,,,0,0,0,7,2,1,-5,222,5,0.05,\n,T,1,,,1,360,0,7,,0,,,,,no wire\nc.wav,T,1,,,2,360,1,7,,,,,,,\n",
+        );
+        let rows = rows.unwrap();
+        let first = Extras {
+            station: Some(7),
+            attempt: 2,
+            is_closing: Some(true),
+            tap_time_ns: -5,
+            force_full_scale_n: Some(222.0),
+            sound_full_scale_v: Some(5.0),
+            microphone_distance_m: Some(0.05),
+            refused: None,
+        };
+        assert_eq!((&rows[0].extras, rows[0].tap.id.station), (&first, 7));
+        assert_eq!(rows.iter().map(|row| row.tap.is_closing).collect::<Vec<_>>(), [true, false, true]);
+        let refused =
+            Extras { station: Some(7), is_closing: Some(false), refused: Some("no wire".into()), ..Extras::default() };
+        assert_eq!((&rows[1].extras, rows[1].file.as_str()), (&refused, ""));
+        assert_eq!(rows[2].extras, Extras { station: Some(7), ..Extras::default() });
+        for (row, want) in [
+            (",T,1,,,0,0,0,7,,,,,,,", "line 2: file is \"\""),
+            ("a.wav,T,1,,,0,0,0,0,,,,,,,", "station is \"0\"; it must be a whole number from 1 to 65535"),
+            ("a.wav,T,1,,,0,0,0,,64,,,,,,", "attempt is \"64\"; it must be a whole number from 0 to 63"),
+            ("a.wav,T,1,,,0,0,0,,,2,,,,,", "is_closing is \"2\""),
+            ("a.wav,T,1,,,0,0,0,,,,1.5,,,,", "tap_time_ns is \"1.5\"; it must be a whole number of ns"),
+            ("a.wav,T,1,,,0,0,0,,,,,0,,,", "force_full_scale_n is \"0\"; it must be a number above 0"),
+            ("a.wav,T,1,,,0,0,0,,,,,,nan,,", "sound_full_scale_v is \"nan\""),
+            ("a.wav,T,1,,,0,0,0,,,,,,,-1,", "microphone_distance_m is \"-1\"; it must be a number from 0 to 1000"),
+        ] {
+            let error = of(row).unwrap_err().to_string();
+            assert!(error.contains(want), "{error:?} lacks {want:?}");
+        }
+        let text = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,is_closing\na.wav,T,1,,,0,,0,1\n";
+        let error = parse(Path::new("taps.csv"), text, Geometry::Line).unwrap_err().to_string();
+        assert!(error.contains("a line has no end to close"), "{error}");
+    }
+
+    fn turn(count: u32, with_angles: bool, from: u32) -> String {
+        (0..count)
+            .map(|k| {
+                let angle = if with_angles { format!("{}", f64::from(k) * 3.6) } else { String::new() };
+                format!("{k}.wav,T,1,,,{},{angle},0\n", k + from)
+            })
+            .collect()
+    }
+
+    fn closing(rows: &[TapRow]) -> Vec<u32> {
+        rows.iter().filter(|r| r.tap.is_closing).map(|r| r.tap.id.location).collect()
+    }
+
+    /// Catches a closing tap that is missed, named like the first, or seen where there is none.
+    #[test]
+    fn closing_taps_are_found_and_numbered() {
+        assert_eq!(closing(&ring(&(turn(100, true, 0) + "z.wav,T,1,,,0,360,0\n"))), [100]);
+        assert_eq!(closing(&ring(&(turn(100, true, 0) + "z.wav,T,1,,,100,360.0,0\n"))), [100]);
+        assert_eq!(closing(&ring(&turn(101, true, 0))), [100], "the angle of the last comes out as 360");
+        assert_eq!(closing(&ring(&turn(101, false, 0))), [100], "no angles: location 100");
+        assert_eq!(closing(&ring(&turn(120, false, 0))), [0; 0], "a finer ring");
+        assert_eq!(closing(&ring(&turn(100, false, 1))), [0; 0], "counted from 1");
+        assert_eq!(closing(&ring(&(turn(100, true, 1) + "z.wav,T,1,,,1,360,0\n"))), [101], "counted from 1");
+        assert_eq!(closing(&of(Geometry::Line, &turn(101, false, 0)).unwrap()), [0; 0], "a line has no end to close");
+    }
+
+    /// Catches a fault that is accepted, or told without its line, column, value or bound.
+    #[test]
+    fn every_fault_names_line_column_value_and_bound() {
+        for (row, want) in [
+            (
+                "a.wav,T,1,,fast,0,,0",
+                "taps.csv line 3: velocity_m_per_s is \"fast\"; it must be a number above 0 and at most 1000, or empty",
+            ),
+            ("a.wav,T,1,,0,0,,0", "line 3: velocity_m_per_s is \"0\""),
+            ("a.wav,T,1,,NaN,0,,0", "line 3: velocity_m_per_s is \"NaN\""),
+            ("a.wav,T,1,inf,,0,,0", "line 3: offset_mm is \"inf\"; it must be a number from -2000 to 2000"),
+            ("a.wav,T,1,,,0,360.5,0", "line 3: angle_deg is \"360.5\"; it must be a number from 0 to 360"),
+            ("a.wav,T,1,,,-1,,0", "line 3: location is \"-1\"; it must be a whole number from 0 to 999999"),
+            ("a.wav,T,1,,,1e3,,0", "line 3: location is \"1e3\""),
+            ("a.wav,T,1,,,,,0", "line 3: location is \"\"; it must be a whole number"),
+            ("a.wav,T,3,,,0,,0", "line 3: shoulder is \"3\"; it must be a whole number from 1 to 2"),
+            ("a.wav,T,1,,,0,,70000", "line 3: repetition is \"70000\"; it must be a whole number from 0 to 65535"),
+            ("a.wav,,1,,,0,,0", "line 3: tyre is \"\""),
+            ("a.wav,a/b,1,,,0,,0", "line 3: tyre is \"a/b\""),
+            ("../a.wav,T,1,,,0,,0", "line 3: file is \"../a.wav\"; it must be the path of a WAV below the folder"),
+            ("/etc/a.wav,T,1,,,0,,0", "line 3: file is \"/etc/a.wav\""),
+            ("x/../../a.wav,T,1,,,0,,0", "line 3: file is \"x/../../a.wav\""),
+            (",T,1,,,0,,0", "line 3: file is \"\""),
+            ("ok.wav,T,1,,,0,,0", "taps.csv line 3: names the recording ok.wav again; line 2 has it already"),
+            ("./ok.wav,T,1,,,0,,0", "line 3: names the recording ./ok.wav again; line 2 has it already"),
+            ("a.wav,T,1,,,0,,0,9", "line 3: has 9 cells"),
+            (
+                "a.wav,T,2,,,5,,",
+                "line 3: names the tap tyre T shoulder 2 offset_mm unknown velocity_m_per_s unknown location 5 repetition 0 again; line 2 has it already",
+            ),
+        ] {
+            let error = of(Geometry::Ring, &format!("ok.wav,T,2,,,5,,0\n{row}\n")).unwrap_err().to_string();
+            assert!(error.contains(want), "{error:?} lacks {want:?}");
+        }
+        let error = of(Geometry::Ring, "").unwrap_err().to_string();
+        assert_eq!(error, "taps.csv: has no rows below its header");
+    }
+
+    proptest! {
+        /// Catches a panic on numbers at and beyond every bound.
+        #[test]
+        fn no_row_makes_it_panic(rows in proptest::collection::vec("[a.]{0,3},T,[12],(-?[0-9]{0,9}|nan|inf|1e308)?,[0-9.e-]{0,5},(100|999999|[0-9]{1,11}),(360|3.6)?,[0-9]?", 1..6)) {
+            let _unused = of(Geometry::Ring, &rows.join("\n"));
+        }
+
+        /// Catches a closing tap that takes another tap's name, for any order of rows.
+        #[test]
+        fn names_stay_distinct(count in 1u32..20, closing_at in 0usize..20) {
+            let mut lines: Vec<String> = turn(count, true, 0).lines().map(str::to_owned).collect();
+            lines.insert(closing_at.min(lines.len()), "z.wav,T,1,,,0,360,0".to_owned());
+            let rows = ring(&lines.join("\n"));
+            prop_assert_eq!(closing(&rows), [count]);
+        }
+    }
+}

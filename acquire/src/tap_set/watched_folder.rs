@@ -1,0 +1,331 @@
+//! A watched folder: tap sets that are moved into it are the casings of a station.
+//!
+//! A set is moved in whole, by a rename; its tables may come last. What is under way stays where it is, so that a line
+//! that was stopped finds it again; what is done is moved to `done`, what cannot be read to `failed` with the reason.
+
+use std::collections::{BTreeSet, VecDeque};
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufRead as _, BufReader, Write as _};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rustix::fs::{CWD, OFlags, RenameFlags, renameat_with};
+
+use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, TapSetList, listed_tap_set};
+
+/// Where the sets go that are done, and those that cannot be read.
+const DONE: &str = "done";
+const FAILED: &str = "failed";
+
+/// In a failed set: why it is one.
+const REASON: &str = "reason.txt";
+
+/// In a set under way: the casings of it that are done, a line each.
+const CLOSED: &str = ".closed";
+
+/// Most sets of one name that can be put aside.
+const SAME_NAME_MAX: u32 = 100_000;
+
+/// How often the folder is looked at.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// The tap sets of one folder, in the order of their names.
+#[derive(Debug)]
+pub struct FolderArrivals {
+    folder: PathBuf,
+    station: u16,
+    /// Sets that were begun and are not put aside: the one under way, and one before it whose casings are being closed.
+    sets: Vec<OpenSet>,
+    /// Sets that cannot be put aside: they stay where they are, and are tried no more.
+    stuck: BTreeSet<OsString>,
+    /// The first set whose tables are not all there yet.
+    half: Option<OsString>,
+    /// Why the folder itself cannot be read.
+    fault: Option<String>,
+    /// What people should know.
+    alarms: Vec<String>,
+}
+
+/// A set that was begun.
+#[derive(Debug)]
+struct OpenSet {
+    folder_name: OsString,
+    list: TapSetList,
+    /// Casings that are to come, by their number.
+    todo: VecDeque<usize>,
+    /// Names of those that came and have not ended.
+    open: Vec<String>,
+    /// What was not to be had of the set.
+    faults: Vec<String>,
+}
+
+impl FolderArrivals {
+    /// Watches `folder` for the casings of `station`; it is made if it is not there.
+    ///
+    /// All of a set is at `station`, whatever its list says.
+    ///
+    /// # Errors
+    /// [`Error::Unreadable`] when the folder, or those for what is done, cannot be made.
+    pub fn open(folder: &Path, station: u16) -> Result<Self, Error> {
+        for part in [folder.to_owned(), folder.join(DONE), folder.join(FAILED)] {
+            fs::create_dir_all(&part).map_err(|source| Error::Unreadable { file: part, source })?;
+        }
+        Ok(Self {
+            folder: folder.to_owned(),
+            station,
+            sets: Vec::new(),
+            stuck: BTreeSet::new(),
+            half: None,
+            fault: None,
+            alarms: Vec::new(),
+        })
+    }
+
+    /// The next casing of the sets that were begun.
+    fn of_begun(&mut self) -> Option<Casing> {
+        for at in 0..self.sets.len() {
+            let set = &mut self.sets[at];
+            while let Some(number) = set.todo.pop_front() {
+                match set.list.casing(number, self.station) {
+                    Ok(casing) => {
+                        set.open.push(casing.name.clone());
+                        return Some(casing);
+                    }
+                    Err(error) => set.faults.push(format!("{}: {error}", set.list.name(number))),
+                }
+            }
+        }
+        None
+    }
+
+    /// Puts aside the sets of which nothing is to come and nothing under way.
+    fn put_aside(&mut self) {
+        let mut at = 0;
+        while let Some(set) = self.sets.get(at) {
+            if !set.todo.is_empty() || !set.open.is_empty() {
+                at += 1;
+                continue;
+            }
+            let set = self.sets.remove(at);
+            if set.faults.is_empty() {
+                self.finish(&set.folder_name);
+            } else {
+                self.fail(&set.folder_name, &set.faults.join("\n"));
+            }
+        }
+    }
+
+    fn finish(&mut self, name: &OsStr) {
+        let set = self.folder.join(name);
+        match put_into(&set, &self.folder.join(DONE)) {
+            Ok(place) => {
+                // If the set comes back one day, it comes as a whole.
+                if let Err(error) = fs::remove_file(place.join(CLOSED))
+                    && error.kind() != io::ErrorKind::NotFound
+                {
+                    tracing::warn!("station {}: {}: {error}", self.station, place.join(CLOSED).display());
+                }
+                tracing::info!("station {}: tap set {} is done", self.station, place.display());
+            }
+            Err(error) => self.keep(name, &error),
+        }
+    }
+
+    fn fail(&mut self, name: &OsStr, reason: &str) {
+        self.alarms.push(format!("tap set {} cannot be used: {reason}", name.display()));
+        let set = self.folder.join(name);
+        match put_into(&set, &self.folder.join(FAILED)) {
+            Ok(place) => {
+                tracing::error!("station {}: tap set {} was put aside: {reason}", self.station, place.display());
+                if let Err(error) = write_reason(&place, reason) {
+                    tracing::warn!("station {}: {}: {error}", self.station, place.join(REASON).display());
+                }
+            }
+            Err(error) => {
+                tracing::error!("station {}: tap set {} cannot be used: {reason}", self.station, set.display());
+                self.keep(name, &error);
+            }
+        }
+    }
+
+    fn keep(&mut self, name: &OsStr, error: &io::Error) {
+        let set = self.folder.join(name);
+        tracing::error!(
+            "station {}: tap set {} cannot be moved away, and is left: {error}",
+            self.station,
+            set.display()
+        );
+        self.stuck.insert(name.to_owned());
+    }
+
+    /// Begins the first set that is there and whole; whether one was begun or put aside.
+    fn begin(&mut self) -> bool {
+        let names = match set_names(&self.folder) {
+            Ok(names) => names,
+            Err(error) => {
+                let error = error.to_string();
+                if self.fault.as_ref() != Some(&error) {
+                    tracing::error!("station {}: {}: cannot be read: {error}", self.station, self.folder.display());
+                }
+                self.fault = Some(error);
+                return false;
+            }
+        };
+        self.fault = None;
+        self.stuck.retain(|name| names.contains(name));
+        self.half = None;
+        for name in names {
+            if self.stuck.contains(&name) || self.sets.iter().any(|set| set.folder_name == name) {
+                continue;
+            }
+            let dir = self.folder.join(&name);
+            if !["scan.toml", "taps.csv"].iter().all(|file| dir.join(file).exists()) {
+                self.half.get_or_insert(name);
+                continue;
+            }
+            match listed_tap_set(&dir, 1) {
+                Ok(list) => self.sets.push(OpenSet::new(name, &dir, list)),
+                Err(error) => self.fail(&name, &error.to_string()),
+            }
+            return true;
+        }
+        false
+    }
+}
+
+impl OpenSet {
+    fn new(folder_name: OsString, dir: &Path, list: TapSetList) -> Self {
+        let closed = closed_casings(dir);
+        let todo = (0..list.len()).filter(|&number| !closed.contains(list.name(number))).collect();
+        Self { folder_name, list, todo, open: Vec::new(), faults: Vec::new() }
+    }
+}
+
+impl Arrivals for FolderArrivals {
+    fn station(&self) -> u16 {
+        self.station
+    }
+
+    fn next(&mut self) -> Result<Arrival, Error> {
+        loop {
+            if let Some(casing) = self.of_begun() {
+                return Ok(Arrival::Casing(casing));
+            }
+            self.put_aside();
+            if !self.begin() {
+                return Ok(Arrival::NotYet);
+            }
+        }
+    }
+
+    fn ended(&mut self, name: &str, end: &CasingEnd) {
+        // Sets are begun one after the other: of two casings of one name the first is in the first set.
+        let Some(set) = self.sets.iter_mut().find(|set| set.open.iter().any(|open| open == name)) else { return };
+        set.open.retain(|open| open != name);
+        match end {
+            CasingEnd::Closed { .. } => {
+                let dir = self.folder.join(&set.folder_name);
+                if let Err(error) = note_closed(&dir, name) {
+                    tracing::warn!("station {}: {}: {error}", self.station, dir.join(CLOSED).display());
+                }
+            }
+            CasingEnd::Refused { reason } => set.faults.push(format!("{name}: {reason}")),
+        }
+        self.put_aside();
+    }
+
+    fn waits_for(&self) -> String {
+        let folder = self.folder.display();
+        match (&self.fault, &self.half) {
+            (Some(fault), _) => format!("the folder {folder}: {fault}"),
+            (None, Some(half)) => format!("scan.toml and taps.csv in {}", self.folder.join(half).display()),
+            (None, None) => format!("a tap set in {folder}"),
+        }
+    }
+
+    fn take_alarms(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.alarms)
+    }
+
+    fn look_every(&self) -> Duration {
+        LOOK_EVERY
+    }
+}
+
+/// The folders in `folder` that may be tap sets, in the order of their names. Links are none.
+fn set_names(folder: &Path) -> io::Result<BTreeSet<OsString>> {
+    let mut names = BTreeSet::new();
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        let is_aside = name.as_encoded_bytes().starts_with(b".") || name == DONE || name == FAILED;
+        if !is_aside && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            names.insert(name);
+        }
+    }
+    Ok(names)
+}
+
+/// Moves `set` into `folder`, with a number behind its name when that is taken; returns where it is.
+fn put_into(set: &Path, folder: &Path) -> io::Result<PathBuf> {
+    let name = set.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    let mut place = folder.join(name);
+    for number in 2..SAME_NAME_MAX {
+        match rename_new(set, &place) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            outcome => return outcome.map(|()| place),
+        }
+        let mut numbered = name.to_owned();
+        numbered.push(format!(".{number}"));
+        place = folder.join(numbered);
+    }
+    Err(io::ErrorKind::AlreadyExists.into())
+}
+
+/// Renames without replacing anything.
+fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
+        // Some file systems over a network do not know the flag.
+        Err(rustix::io::Errno::INVAL) if fs::symlink_metadata(to).is_ok() => Err(io::ErrorKind::AlreadyExists.into()),
+        Err(rustix::io::Errno::INVAL) => fs::rename(from, to),
+        outcome => Ok(outcome?),
+    }
+}
+
+fn write_reason(set: &Path, reason: &str) -> io::Result<()> {
+    let path = set.join(REASON);
+    match fs::remove_file(&path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    writeln!(File::create_new(path)?, "{reason}")
+}
+
+/// Notes that the casing `name` of the set in `dir` is done. A folder may come from a stranger: no link is followed.
+fn note_closed(dir: &Path, name: &str) -> io::Result<()> {
+    let no_link = OFlags::NOFOLLOW.bits().cast_signed();
+    let mut file = OpenOptions::new().append(true).create(true).custom_flags(no_link).open(dir.join(CLOSED))?;
+    file.write_all(format!("{name}\n").as_bytes())
+}
+
+/// The casings of the set in `dir` that were done before the line was stopped; none where that cannot be read.
+fn closed_casings(dir: &Path) -> BTreeSet<String> {
+    /// Longest list that is read: a folder may come from a stranger.
+    const LINES_MAX: usize = 1_000_000;
+    let no_link = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed();
+    let file = OpenOptions::new().read(true).custom_flags(no_link).open(dir.join(CLOSED));
+    let Ok(file) =
+        file.and_then(|file| if file.metadata()?.is_file() { Ok(file) } else { Err(io::ErrorKind::Other.into()) })
+    else {
+        return BTreeSet::new();
+    };
+    // The last line may be a part of one.
+    let lines = BufReader::new(io::Read::take(file, 1 << 26)).lines().map_while(Result::ok);
+    lines.take(LINES_MAX).collect()
+}
+
+#[cfg(test)]
+#[path = "watched_folder_tests.rs"]
+mod tests;

@@ -1,0 +1,128 @@
+//! Tests of the watched folder.
+
+use tempfile::TempDir;
+
+use super::*;
+use crate::tap_set::listed::tests::set_of;
+use crate::tap_set::tests::SCAN;
+
+fn watched() -> (TempDir, FolderArrivals) {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = FolderArrivals::open(&dir.path().join("inbox"), 3).unwrap();
+    (dir, folder)
+}
+
+/// Makes a set of `tyres` with one tap each and moves it into the folder.
+fn deliver(dir: &TempDir, name: &str, tyres: &[&str]) {
+    let rows: Vec<String> = tyres.iter().map(|tyre| format!("{tyre}.wav,{tyre},1,0,1.5,0,0,0")).collect();
+    set_of(&dir.path().join("made"), &rows, SCAN);
+    fs::rename(dir.path().join("made"), dir.path().join("inbox").join(name)).unwrap();
+}
+
+fn next(folder: &mut FolderArrivals) -> Option<String> {
+    match folder.next().unwrap() {
+        Arrival::Casing(casing) => {
+            assert_eq!(casing.taps.plan().stations(), [3], "at the station of the folder");
+            Some(casing.name)
+        }
+        Arrival::NotYet => None,
+        Arrival::Ended => panic!("a watched folder never ends"),
+    }
+}
+
+fn close(folder: &mut FolderArrivals, name: &str) {
+    folder.ended(name, &CasingEnd::Closed { file: "x.h5".into() });
+}
+
+fn names_in(dir: &TempDir, folder: &str) -> Vec<String> {
+    let entries = fs::read_dir(dir.path().join("inbox").join(folder)).unwrap();
+    let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// Catches sets out of order, casings left out, and a set that is moved before all of it is done.
+#[test]
+fn sets_come_in_order_and_are_put_aside() {
+    let (dir, mut folder) = watched();
+    assert_eq!(next(&mut folder), None);
+    assert!(folder.waits_for().starts_with("a tap set in ") && folder.waits_for().ends_with("inbox"));
+    deliver(&dir, "b", &["B1"]);
+    deliver(&dir, "a", &["A1", "A2"]);
+    deliver(&dir, ".hidden", &["H"]);
+    assert_eq!(next(&mut folder).as_deref(), Some("A1"));
+    assert_eq!(next(&mut folder).as_deref(), Some("A2"));
+    close(&mut folder, "A2");
+    assert_eq!(names_in(&dir, "done"), [""; 0], "A1 is open still");
+    assert_eq!(next(&mut folder).as_deref(), Some("B1"));
+    close(&mut folder, "A1");
+    assert_eq!(names_in(&dir, "done"), ["a"]);
+    assert_eq!(names_in(&dir, "done/a"), ["A1.wav", "A2.wav", "scan.toml", "taps.csv"]);
+    close(&mut folder, "B1");
+    deliver(&dir, "a", &["A1"]);
+    assert_eq!(next(&mut folder).as_deref(), Some("A1"), "a serial may come again");
+    close(&mut folder, "A1");
+    assert_eq!((names_in(&dir, "done"), next(&mut folder)), (["a", "a.2", "b"].map(str::to_owned).to_vec(), None));
+}
+
+/// Catches a bad set that stops the station, is tried again, or goes without its reason; and one that is half there.
+#[test]
+fn bad_sets_are_put_aside_and_half_ones_waited_for() {
+    let (dir, mut folder) = watched();
+    let inbox = dir.path().join("inbox");
+    deliver(&dir, "a", &["A"]);
+    fs::write(inbox.join("a/scan.toml"), "geometry = 3").unwrap();
+    fs::create_dir(inbox.join("b")).unwrap();
+    fs::write(inbox.join("file"), "").unwrap();
+    std::os::unix::fs::symlink("/", inbox.join("c")).unwrap();
+    deliver(&dir, "d", &["D"]);
+    assert_eq!(next(&mut folder).as_deref(), Some("D"));
+    assert_eq!(names_in(&dir, "failed"), ["a"]);
+    let reason = fs::read_to_string(inbox.join("failed/a").join(REASON)).unwrap();
+    assert!(reason.contains("scan.toml line 1: geometry is 3; it must be"), "{reason}");
+    close(&mut folder, "D");
+    assert_eq!(next(&mut folder), None);
+    assert!(folder.waits_for().starts_with("scan.toml and taps.csv in ") && folder.waits_for().ends_with("inbox/b"));
+    fs::remove_dir(inbox.join("b")).unwrap();
+    deliver(&dir, "b", &["B"]);
+    assert_eq!(next(&mut folder).as_deref(), Some("B"));
+    folder.ended("B", &CasingEnd::Refused { reason: "too large".to_owned() });
+    assert_eq!(names_in(&dir, "failed"), ["a", "b"]);
+    assert_eq!(fs::read_to_string(inbox.join("failed/b").join(REASON)).unwrap(), "B: too large\n");
+}
+
+/// Catches a line that starts anew and leaves a set, or does again what was done.
+#[test]
+fn half_done_sets_are_found_again() {
+    let (dir, mut folder) = watched();
+    deliver(&dir, "a", &["A1", "A2", "A3"]);
+    assert_eq!(next(&mut folder).as_deref(), Some("A1"));
+    assert_eq!(next(&mut folder).as_deref(), Some("A2"));
+    close(&mut folder, "A1");
+    let again = || FolderArrivals::open(&dir.path().join("inbox"), 3).unwrap();
+    let mut folder = again();
+    assert_eq!(next(&mut folder).as_deref(), Some("A2"));
+    assert_eq!(next(&mut folder).as_deref(), Some("A3"));
+    close(&mut folder, "A2");
+    // The line ends between the closing of the last casing and the moving of the set.
+    note_closed(&dir.path().join("inbox/a"), "A3").unwrap();
+    assert_eq!((next(&mut again()), names_in(&dir, "done")), (None, vec!["a".to_owned()]));
+    assert_eq!(names_in(&dir, "done/a").len(), 5, "nothing but the set");
+}
+
+/// Catches a folder that vanishes ending the line, and one in which a stranger's link is written through.
+#[test]
+fn a_folder_that_is_gone_is_waited_for() {
+    let (dir, mut folder) = watched();
+    let (inbox, away) = (dir.path().join("inbox"), dir.path().join("away"));
+    fs::rename(&inbox, &away).unwrap();
+    assert_eq!(next(&mut folder), None);
+    assert!(folder.waits_for().contains("No such file"), "{}", folder.waits_for());
+    fs::rename(&away, &inbox).unwrap();
+    deliver(&dir, "a", &["A", "B"]);
+    let target = dir.path().join("target");
+    std::os::unix::fs::symlink(&target, inbox.join("a").join(CLOSED)).unwrap();
+    assert_eq!(next(&mut folder).as_deref(), Some("A"));
+    close(&mut folder, "A");
+    assert!(!target.exists());
+}

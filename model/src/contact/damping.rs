@@ -1,0 +1,184 @@
+//! The damping of a contact that is to return a given restitution: exactly, and as the literature approximates it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::contact::scene::RESTITUTION_LEAST;
+use crate::error::within;
+
+/// How the damping ratio chi of a contact, in F = K_c a^1.5 (1 + chi a'/V), follows from the restitution e asked for.
+///
+/// All but `Exact` are approximations: what they return differs from e, most of all for a small e.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DampingLaw {
+    /// The chi that returns e, see [`chi_for_restitution`].
+    #[default]
+    Exact,
+    /// 3 (1 - e^2)/4, the dissertation's (Eq. 12; Lankarani and Nikravesh 1990): asked for 0.5 it returns 0.725.
+    LankaraniNikravesh,
+    /// 8 (1 - e)/(5 e) (Flores and others 2011): asked for 0.5 it returns 0.470.
+    Flores,
+    /// (1 - e^2)/e (Gonthier and others 2004): asked for 0.5 it returns 0.488.
+    Gonthier,
+}
+
+impl DampingLaw {
+    /// The chi of this law for `restitution`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] when e is outside 0.1 to 1.
+    pub fn chi(self, restitution: f64) -> Result<f64, Error> {
+        let e = within("restitution", restitution, RESTITUTION_LEAST, 1.0)?;
+        Ok(match self {
+            Self::Exact => chi_for_restitution(e)?,
+            Self::LankaraniNikravesh => 0.75 * (1.0 - e * e),
+            Self::Flores => 1.6 * (1.0 - e) / e,
+            Self::Gonthier => (1.0 - e * e) / e,
+        })
+    }
+
+    /// Least restitution from which on the law returns what it is asked for within 0.05.
+    pub fn restitution_least(self) -> f64 {
+        match self {
+            Self::Exact | Self::Flores | Self::Gonthier => RESTITUTION_LEAST,
+            Self::LankaraniNikravesh => 0.8,
+        }
+    }
+}
+
+/// Damping ratio chi in F = K_c a^1.5 (1 + chi a'/V) for which contact ends with a' = -e V.
+///
+/// In the units of the method the integral model is a'' = -a^1.5 (1 + chi a'); with v = a' that is
+/// v dv/(1 + chi v) = -a^1.5 da, so a falls back to 0 where chi (1 + e) = ln((1 + chi)/(1 - chi e)): no integration is
+/// needed. chi(0.5) = 1.4328; it depends on e alone.
+///
+/// Deviation from Eq. 12, whose 3 (1 - e^2)/4 returns e = 0.725 when asked for 0.5.
+///
+/// # Errors
+/// [`Error::OutOfRange`] when e is outside 0.1 to 1: below, the damped peak exceeds the elastic one.
+///
+/// ```
+/// let chi = tapline_model::chi_for_restitution(0.5)?;
+/// assert!((chi - 1.4328).abs() < 5e-5);
+/// # Ok::<(), tapline_model::Error>(())
+/// ```
+pub fn chi_for_restitution(restitution: f64) -> Result<f64, Error> {
+    const STEPS_MAX: usize = 100;
+    let e = within("restitution", restitution, RESTITUTION_LEAST, 1.0)?;
+    if e > SERIES_FROM {
+        // The first terms of the series: below 1e-7 relative here, where rounding would spoil the difference.
+        return Ok(1.5 * (1.0 - e * e) / (1.0 + e.powi(3)));
+    }
+    // Gonthier's chi is within a fifth of the root: Newton's steps from there, halving the bracket where one leaves it.
+    let (mut low, mut high) = (0.0, 1.0 / e);
+    let mut chi = (1.0 - e * e) / e;
+    for _ in 0..STEPS_MAX {
+        let excess = excess(chi, e);
+        if excess > 0.0 {
+            high = chi
+        } else {
+            low = chi
+        }
+        let slope = (1.0 / (1.0 + chi) + e / (1.0 - chi * e) - (1.0 + e)) / (chi * chi) - 2.0 * excess / chi;
+        let newton = chi - excess / slope;
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        let is_settled = (next - chi).abs() <= 4.0 * f64::EPSILON * chi;
+        chi = next;
+        if is_settled {
+            break;
+        }
+    }
+    Ok(chi)
+}
+
+/// Restitution from which on the series for chi is used.
+const SERIES_FROM: f64 = 0.9999;
+
+/// By how much chi is too large for e; divided by chi^2 the difference loses its double root at 0 and rises through the
+/// one that is wanted.
+fn excess(chi: f64, e: f64) -> f64 {
+    (chi.ln_1p() - (-chi * e).ln_1p() - chi * (1.0 + e)) / (chi * chi)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::damped::DampedContact;
+
+    /// The slow twin: halving of the bracket until it is two neighbouring numbers.
+    fn chi_slow(e: f64) -> f64 {
+        let (mut low, mut high) = (0.0, 1.0 / e);
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            if excess(middle, e) > 0.0 { high = middle } else { low = middle }
+        }
+        0.5 * (low + high)
+    }
+
+    /// Catches a Newton that stops early or runs away; near e = 1 both are as good as rounding leaves the difference.
+    #[test]
+    fn newton_agrees_with_halving() {
+        for i in 0..=899 {
+            let e = 0.1 + f64::from(i) * 1e-3;
+            let (fast, slow) = (chi_for_restitution(e).unwrap(), chi_slow(e));
+            let rounding = 1e-14 / (slow * slow) + 1e-13;
+            assert!((fast / slow - 1.0).abs() < rounding, "e = {e}: {fast} against {slow}");
+        }
+    }
+
+    /// Catches a wrong law, against the values returned for 0.5 and 0.3 by an integration (scipy), and a stated
+    /// domain in which a law is off by more than 0.05, or could be wider.
+    #[test]
+    fn laws_return_what_is_known_of_them() {
+        let returned = |law: DampingLaw, e: f64| DampedContact::of(law.chi(e).unwrap()).unwrap().restitution;
+        for (law, e, known) in [
+            (DampingLaw::LankaraniNikravesh, 0.5, 0.725),
+            (DampingLaw::Flores, 0.5, 0.470),
+            (DampingLaw::Flores, 0.3, 0.256),
+            (DampingLaw::Gonthier, 0.5, 0.488),
+            (DampingLaw::Gonthier, 0.1, 0.101),
+            (DampingLaw::Exact, 0.5, 0.5),
+        ] {
+            assert!((returned(law, e) - known).abs() < 6e-4, "{law:?} returns {} for {e}", returned(law, e));
+        }
+        for law in [DampingLaw::Exact, DampingLaw::LankaraniNikravesh, DampingLaw::Flores, DampingLaw::Gonthier] {
+            let least = law.restitution_least();
+            let off = |e: f64| (returned(law, e) - e).abs();
+            let worst = (0..=100)
+                .map(|i| off(least + (1.0 - least) * f64::from(i) / 100.0))
+                .fold(0.0, |a, b| if b > a { b } else { a });
+            assert!(worst <= 0.05, "{law:?} is off by {worst}");
+            assert!(least <= RESTITUTION_LEAST || off(least - 0.02) > 0.05, "{law:?} is good below {least}");
+        }
+    }
+
+    /// Catches a wrong sign or branch: the values are those of an integration of the ODE (scipy, DOP853).
+    #[test]
+    fn chi_returns_the_restitution_asked_for() {
+        assert!((chi_for_restitution(0.5).unwrap() - 1.432_8).abs() < 5e-5);
+        assert!(chi_for_restitution(1.0).unwrap().abs() < 1e-15);
+    }
+
+    /// Catches a jump where the series takes over, and a chi that does not fall with e.
+    #[test]
+    fn chi_falls_smoothly() {
+        let mut last = f64::INFINITY;
+        for i in 0..=9000 {
+            let e = 0.1 + f64::from(i) * 1e-4;
+            let chi = chi_for_restitution(e.clamp(0.1, 1.0)).unwrap();
+            assert!(chi < last, "chi({e}) = {chi} after {last}");
+            last = chi;
+        }
+        let (series, root) = (chi_for_restitution(0.999_900_01).unwrap(), chi_for_restitution(0.999_899_99).unwrap());
+        assert!((root - series - 1.5 * 2e-8).abs() < 1e-10, "{root} {series}");
+    }
+
+    /// Catches a bound that is not kept.
+    #[test]
+    fn other_restitutions_are_refused() {
+        for e in [0.0, 0.09, 1.01, -0.5, f64::NAN] {
+            assert!(matches!(chi_for_restitution(e), Err(Error::OutOfRange { name: "restitution", .. })));
+        }
+    }
+}

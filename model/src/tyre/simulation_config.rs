@@ -1,0 +1,147 @@
+//! What the simulated rig records and how imperfect it and its tyres are.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::error::within;
+
+/// Recording and imperfections of the simulated rig and its tyres; those without a unit are relative.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimulationConfig {
+    /// Samples per second and channel.
+    pub sample_rate_hz: f64,
+    /// Samples of one channel.
+    pub sample_count: u32,
+    /// Samples before the impact.
+    pub pre_trigger_samples: u32,
+    /// Force at 32768 counts.
+    pub force_full_scale_n: f64,
+    /// Microphone voltage at 32768 counts.
+    pub sound_full_scale_v: f64,
+    /// Distance from impact to microphone.
+    pub microphone_distance_m: f64,
+    /// Standard deviation of the force sensor's noise.
+    pub force_noise_n: f64,
+    /// Standard deviation of the microphone's noise.
+    pub sound_noise_v: f64,
+    /// Amplitude of the mains hum in the sound.
+    pub hum_v: f64,
+    /// Frequency of the mains.
+    pub hum_hz: f64,
+    /// Standard deviation of the impact velocity around the planned one.
+    pub velocity_jitter: f64,
+    /// Standard deviation of the velocity's measurement.
+    pub velocity_error: f64,
+    /// Greatest change of the microphone's gain over a turn.
+    pub gain_drift: f64,
+    /// Standard deviation from tap to tap of the contact's stiffness and of the loudness.
+    pub repeatability: f64,
+    /// Standard deviation of stiffness and loudness from tyre to tyre.
+    pub construction_scatter: f64,
+    /// The same between the shoulders of a tyre.
+    pub shoulder_scatter: f64,
+    /// Smooth variation of both around the ring.
+    pub ring_variation: f64,
+    /// Standard deviation of both from location to location.
+    pub location_scatter: f64,
+    /// What goes wrong with taps, and how often; nothing by default.
+    pub fault: Vec<PlantedFault>,
+}
+
+impl Default for SimulationConfig {
+    fn default() -> Self {
+        Self {
+            sample_rate_hz: 40_960.0,
+            sample_count: 16_384,
+            pre_trigger_samples: 512,
+            force_full_scale_n: 222.0,
+            sound_full_scale_v: 5.0,
+            microphone_distance_m: 0.05,
+            force_noise_n: 0.05,
+            sound_noise_v: 0.004,
+            hum_v: 0.003,
+            hum_hz: 50.0,
+            velocity_jitter: 0.01,
+            velocity_error: 0.002,
+            gain_drift: 0.02,
+            repeatability: 0.01,
+            construction_scatter: 0.03,
+            shoulder_scatter: 0.01,
+            ring_variation: 0.015,
+            location_scatter: 0.004,
+            fault: Vec::new(),
+        }
+    }
+}
+
+impl SimulationConfig {
+    /// Whether every quantity is one the rig can have.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] names the first that is not.
+    pub fn validate(&self) -> Result<(), Error> {
+        for (name, value, low, high) in [
+            ("sample_rate_hz", self.sample_rate_hz, 1e3, 1e7),
+            ("sample_count", f64::from(self.sample_count), 64.0, 16_777_216.0),
+            ("pre_trigger_samples", f64::from(self.pre_trigger_samples), 0.0, f64::from(self.sample_count) - 1.0),
+            ("force_full_scale_n", self.force_full_scale_n, 1e-3, 1e6),
+            ("sound_full_scale_v", self.sound_full_scale_v, 1e-3, 1e6),
+            ("microphone_distance_m", self.microphone_distance_m, 1e-3, 10.0),
+            ("force_noise_n", self.force_noise_n, 0.0, self.force_full_scale_n),
+            ("sound_noise_v", self.sound_noise_v, 0.0, self.sound_full_scale_v),
+            ("hum_v", self.hum_v, 0.0, self.sound_full_scale_v),
+            ("hum_hz", self.hum_hz, 0.0, 0.5 * self.sample_rate_hz),
+            ("velocity_jitter", self.velocity_jitter, 0.0, 0.2),
+            ("velocity_error", self.velocity_error, 0.0, 0.2),
+            ("gain_drift", self.gain_drift, 0.0, 0.5),
+            ("repeatability", self.repeatability, 0.0, 0.2),
+            ("construction_scatter", self.construction_scatter, 0.0, 0.2),
+            ("shoulder_scatter", self.shoulder_scatter, 0.0, 0.2),
+            ("ring_variation", self.ring_variation, 0.0, 0.5),
+            ("location_scatter", self.location_scatter, 0.0, 0.2),
+        ] {
+            within(name, value, low, high)?;
+        }
+        for fault in &self.fault {
+            within("fault.share", fault.share, 0.0, 1.0)?;
+        }
+        Ok(())
+    }
+}
+
+/// What can go wrong with a tap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultKind {
+    /// The force's amplifier ends at 0.7 of the peak.
+    ClippedForce,
+    /// The microphone's amplifier ends at 0.7 of the peak.
+    ClippedSound,
+    /// The impactor comes back after 4 ms and strikes with 0.4 of the force.
+    DoubleHit,
+    /// Another station's tap is heard after 60 ms, half as loud.
+    Neighbour,
+    /// The mains is heard with a tenth of the sound's peak.
+    Hum,
+    /// Force and sound have noise of a twentieth of their peaks.
+    Noise,
+    /// The record begins 0.2 ms after the first touch.
+    LateTrigger,
+    /// The force sensor gives nothing.
+    DeadForce,
+    /// The microphone gives nothing.
+    DeadSound,
+    /// The impactor is a tenth too fast.
+    VelocityOff,
+}
+
+/// A fault and how often it happens: an entry `[[simulation.fault]]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlantedFault {
+    /// What goes wrong.
+    pub kind: FaultKind,
+    /// Share of the taps with which it does, by chance of each tap and attempt.
+    pub share: f64,
+}

@@ -1,0 +1,364 @@
+//! A sound in blocks of a millisecond, which is all that its sums and the slow rules need of it.
+//!
+//! Memory, not arithmetic, binds passes over a record: the blocks are taken while its signal is being written.
+
+use std::f64::consts::TAU;
+
+use crate::Real;
+use crate::signal::record::Count as _;
+use crate::signal::wide::Kernel;
+
+/// Blocks of one second, nearly, by a ninth at most: a block has whole samples, and of many of them whole rows of lanes.
+const BLOCKS_PER_S: f64 = 1000.0;
+/// Samples without which a block does not average anything, and rules have no blocks to look at.
+const BLOCK_SAMPLES: usize = 4;
+
+/// What a block holds, in the unit of the signal.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Block {
+    pub(crate) mean: f64,
+    pub(crate) mean_square: f64,
+    pub(crate) mean_magnitude: f64,
+    /// Greatest magnitude.
+    pub(crate) peak: f64,
+}
+
+/// Mean and mean square of a signal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Moments {
+    pub(crate) mean: f64,
+    pub(crate) mean_square: f64,
+}
+
+/// The blocks of a record, with room for the next record's.
+#[derive(Debug, Default)]
+pub(crate) struct Blocks {
+    all: Vec<Block>,
+    /// Samples of a block.
+    count: usize,
+    are_short: bool,
+    rate_hz: f64,
+    keys: Vec<i32>,
+}
+
+impl Blocks {
+    /// Has the `signal` written by `write`, which is given where in it a stretch begins and the stretch, and fills the blocks
+    /// from it; samples that fill no block at its end are written but in none.
+    pub(crate) fn fill<T: Real>(&mut self, signal: &mut [T], sample_rate_hz: f64, write: impl Fn(usize, &mut [T])) {
+        let asked_for = samples_per_block(sample_rate_hz);
+        self.are_short = asked_for < BLOCK_SAMPLES;
+        self.count = asked_for.max(BLOCK_SAMPLES);
+        self.rate_hz = sample_rate_hz / asked_for as f64;
+        self.all.resize(signal.len() / self.count, Block::default());
+        Fill { signal, write, count: self.count, blocks: &mut self.all }.wide();
+    }
+
+    /// The blocks of the last record that rules look at: none where they are too short.
+    pub(crate) fn all(&self) -> &[Block] {
+        if self.are_short { &[] } else { &self.all }
+    }
+
+    /// Blocks of one second.
+    pub(crate) fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Mean and mean square of the `signal` that the blocks are of.
+    pub(crate) fn moments<T: Real>(&self, signal: &[T]) -> Moments {
+        let count = signal.len() as f64;
+        Moments {
+            mean: self.sum(signal, 0, |block| block.mean, |x| x) / count,
+            mean_square: self.sum(signal, 0, |block| block.mean_square, |x| x * x) / count,
+        }
+    }
+
+    /// Sum of the magnitudes of the `signal` that the blocks are of, from sample `first` on.
+    pub(crate) fn magnitude<T: Real>(&self, signal: &[T], first: usize) -> f64 {
+        self.sum(signal, first, |block| block.mean_magnitude, f64::abs)
+    }
+
+    /// Sum over the `signal` from sample `first` on: of whole blocks from their means, of the others sample by sample.
+    fn sum<T: Real>(&self, signal: &[T], first: usize, mean: impl Fn(&Block) -> f64, term: impl Fn(f64) -> f64) -> f64 {
+        let whole = first.div_ceil(self.count).min(self.all.len());
+        let before = signal.get(first..whole * self.count).unwrap_or_default();
+        let behind = signal.get((self.all.len() * self.count).max(first)..).unwrap_or_default();
+        let beside: f64 = before.iter().chain(behind).map(|x| term(x.widened())).sum();
+        self.count as f64 * folded_blocks(&self.all[whole..], mean, |a, b| a + b) + beside
+    }
+
+    /// Root of the median of the mean squares of blocks `from` to before `to` about their mean: noise, with what events
+    /// there are in less than half of the blocks left out; `None` of none.
+    pub(crate) fn noise(&mut self, from: usize, to: usize) -> Option<f64> {
+        let blocks = self.all().get(from..to)?;
+        let mean = mean_of(blocks);
+        // The mean square about another level, from that about 0.
+        self.root_of_median(from, to, |b| b.mean_square - 2.0 * mean * b.mean + mean * mean)
+    }
+
+    /// The same about the mean of each block, less what a sine of `amplitude` and `turns` a block changes within one:
+    /// noise beside hum.
+    pub(crate) fn noise_beside(&mut self, from: usize, to: usize, amplitude: f64, turns: f64) -> Option<f64> {
+        // A slope s has the variance s^2/12 in a block, and the median of the sine's squared slopes is half the greatest.
+        let of_sine = (TAU * turns * amplitude).powi(2) / 24.0;
+        self.root_of_median(from, to, |b| b.mean_square - b.mean * b.mean - of_sine)
+    }
+
+    fn root_of_median(&mut self, from: usize, to: usize, square: impl Fn(&Block) -> f64) -> Option<f64> {
+        let Self { all, are_short, keys, .. } = self;
+        let blocks = all.get(from..to).filter(|blocks| !*are_short && !blocks.is_empty())?;
+        keys.clear();
+        keys.extend(blocks.iter().map(|block| (square(block) as f32).key()));
+        let middle = keys.len() / 2;
+        let median = f32::of_key(*keys.select_nth_unstable(middle).1);
+        Some(if median > 0.0 { median.sqrt() } else { 0.0 })
+    }
+}
+
+/// Mean of what is in `blocks`.
+pub(crate) fn mean_of(blocks: &[Block]) -> f64 {
+    folded_blocks(blocks, |block| block.mean, |a, b| a + b) / blocks.len() as f64
+}
+
+/// The `value` of all `blocks`, which is not below 0 if it is not summed, folded into one by `of_two`.
+///
+/// Lanes, because a fold in one variable waits for itself.
+pub(crate) fn folded_blocks(blocks: &[Block], value: impl Fn(&Block) -> f64, of_two: impl Fn(f64, f64) -> f64) -> f64 {
+    let mut lanes = [0.0; FOLD_LANES];
+    for blocks in blocks.chunks(FOLD_LANES) {
+        for (lane, block) in lanes.iter_mut().zip(blocks) {
+            *lane = of_two(*lane, value(block));
+        }
+    }
+    lanes.into_iter().fold(0.0, of_two)
+}
+
+/// Samples of a block; one at least, and whole rows of lanes where that changes the block by no more than a ninth.
+pub(crate) fn samples_per_block(sample_rate_hz: f64) -> usize {
+    let count = (sample_rate_hz / BLOCKS_PER_S).round();
+    let count = if count > 1.0 { count as usize } else { 1 };
+    if count < 4 * LANES { count } else { count.saturating_add(LANES / 2) / LANES * LANES }
+}
+
+/// Lanes of folds over blocks.
+const FOLD_LANES: usize = 8;
+/// Lanes of a block's sums.
+const LANES: usize = 8;
+/// Blocks whose lanes are stored before they are added up: it is at stores that the compiler sees vectors.
+const GROUP: usize = 32;
+
+/// Has `signal` written by `write`, and fills `blocks` with those of `count` samples of it.
+///
+/// Lanes, because neither a sum nor a maximum of floats in one variable may be reordered into SIMD; a block is short
+/// enough for `T`: up to 1 MHz a lane has 125 terms, of which an `f32` loses no more than 1e-5.
+struct Fill<'a, T, W> {
+    signal: &'a mut [T],
+    write: W,
+    count: usize,
+    blocks: &'a mut [Block],
+}
+
+impl<T: Real, W: Fn(usize, &mut [T])> Kernel for Fill<'_, T, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { signal, write, count, blocks } = self;
+        let part = 1.0 / count as f64;
+        let mut lanes = [[T::zero(); GROUP * LANES]; 4];
+        let mut from = 0;
+        for group in blocks.chunks_mut(GROUP) {
+            write(from, &mut signal[from..from + count * group.len()]);
+            for number in 0..group.len() {
+                let of_block = Lanes::of(&signal[from..from + count]);
+                let place = number * LANES..(number + 1) * LANES;
+                lanes[0][place.clone()].copy_from_slice(&of_block.sum);
+                lanes[1][place.clone()].copy_from_slice(&of_block.square);
+                lanes[2][place.clone()].copy_from_slice(&of_block.magnitude);
+                lanes[3][place].copy_from_slice(&of_block.peak);
+                from += count;
+            }
+            let sum = |a, b| a + b;
+            let [sums, squares, magnitudes, peaks] = &lanes;
+            let (sums, squares) = (folded(sums, group.len(), sum), folded(squares, group.len(), sum));
+            let (magnitudes, peaks) =
+                (folded(magnitudes, group.len(), sum), folded(peaks, group.len(), |a, b| if b > a { b } else { a }));
+            for ((((block, sum), square), magnitude), peak) in
+                group.iter_mut().zip(sums).zip(squares).zip(magnitudes).zip(peaks)
+            {
+                *block = Block {
+                    mean: sum.widened() * part,
+                    mean_square: square.widened() * part,
+                    mean_magnitude: magnitude.widened() * part,
+                    peak: peak.widened(),
+                };
+            }
+        }
+        write(from, &mut signal[from..]);
+    }
+}
+
+/// The [`LANES`] of each of the first `block_count` blocks folded into one, pair by pair.
+#[inline(always)]
+fn folded<T: Real>(lanes: &[T; GROUP * LANES], block_count: usize, of_two: impl Fn(T, T) -> T + Copy) -> [T; GROUP] {
+    let (mut four, mut two, mut one) = ([T::zero(); GROUP * 4], [T::zero(); GROUP * 2], [T::zero(); GROUP]);
+    halve(lanes, &mut four[..block_count * 4], of_two);
+    halve(&four, &mut two[..block_count * 2], of_two);
+    halve(&two, &mut one[..block_count], of_two);
+    one
+}
+
+#[inline(always)]
+fn halve<T: Real>(from: &[T], to: &mut [T], of_two: impl Fn(T, T) -> T) {
+    for (to, &[a, b]) in to.iter_mut().zip(from.as_chunks::<2>().0) {
+        *to = of_two(a, b);
+    }
+}
+
+/// Sum, sums of squares and of magnitudes, and greatest magnitude of every eighth sample of a block.
+#[derive(Debug, Clone, Copy)]
+struct Lanes<T> {
+    sum: [T; LANES],
+    square: [T; LANES],
+    magnitude: [T; LANES],
+    peak: [T; LANES],
+}
+
+impl<T: Real> Lanes<T> {
+    /// Of a `block` of a signal.
+    #[inline(always)]
+    fn of(block: &[T]) -> Self {
+        let mut lanes = Self::default();
+        let (rows, rest) = block.as_chunks::<LANES>();
+        for row in rows {
+            lanes.add(row);
+        }
+        if !rest.is_empty() {
+            // Zeros change no lane: none of them is -0.
+            let mut last = [T::zero(); LANES];
+            last[..rest.len()].copy_from_slice(rest);
+            lanes.add(&last);
+        }
+        lanes
+    }
+
+    #[inline(always)]
+    fn add(&mut self, row: &[T; LANES]) {
+        for (lane, &x) in row.iter().enumerate() {
+            let magnitude = x.abs();
+            self.sum[lane] += x;
+            self.square[lane] += x * x;
+            self.magnitude[lane] += magnitude;
+            self.peak[lane] = if magnitude > self.peak[lane] { magnitude } else { self.peak[lane] };
+        }
+    }
+}
+
+impl<T: Real> Default for Lanes<T> {
+    fn default() -> Self {
+        let zeros = [T::zero(); LANES];
+        Self { sum: zeros, square: zeros, magnitude: zeros, peak: zeros }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a lost sample, a signed peak and a sum for a mean.
+    #[test]
+    fn blocks_of_a_ramp() {
+        let mut signal = vec![0.0_f64; 99];
+        let mut blocks = Blocks::default();
+        blocks.fill(&mut signal, 10_000.0, |from, to| (from..).zip(to).for_each(|(i, x)| *x = -(i as f64)));
+        assert!((0..99).all(|i| signal[i].to_bits() == (-(i as f64)).to_bits()), "all is written");
+        assert_eq!(blocks.all().len(), 9);
+        assert_eq!(
+            blocks.all()[2],
+            Block {
+                mean: -24.5,
+                mean_square: (20..30).map(|i| f64::from(i * i)).sum::<f64>() / 10.0,
+                mean_magnitude: 24.5,
+                peak: 29.0
+            }
+        );
+        let counts = [0.0, 1.0, 7000.0, 31_400.0, 36_000.0, 40_960.0, 44_100.0, 192_000.0].map(samples_per_block);
+        assert_eq!(counts, [1, 1, 7, 31, 40, 40, 48, 192]);
+        assert!(samples_per_block(f64::MAX) > 1 << 40);
+    }
+
+    /// Catches a mean in place of the median, and a level taken for noise.
+    #[test]
+    fn noise_leaves_events_and_level_out() {
+        let mut signal: Vec<f32> = (0..1000).map(|i| if i % 2 == 0 { 9.5 } else { 8.5 }).collect();
+        let mut blocks = Blocks::default();
+        blocks.fill(&mut signal, 10_000.0, |_, _| ());
+        assert!((blocks.noise(0, 100).unwrap() - 0.5).abs() < 1e-6);
+        signal[33] = 30.0;
+        blocks.fill(&mut signal, 10_000.0, |_, _| ());
+        assert!((blocks.noise(0, 100).unwrap() - 0.5).abs() < 1e-2);
+        assert_eq!((blocks.noise(3, 3), blocks.noise(99, 101)), (None, None));
+        blocks.fill(&mut signal, 2000.0, |_, _| ());
+        assert!(blocks.all().is_empty());
+    }
+
+    /// Catches a sample left out of a sum or counted twice, from any first one on, and sums that depend on how long blocks are:
+    /// the twin adds sample by sample.
+    #[test]
+    fn sums_like_a_loop() {
+        let mut signal: Vec<f64> = (0..203).map(|i| (f64::from(i) * 0.7).sin() - 0.2).collect();
+        let mut blocks = Blocks::default();
+        for rate_hz in [100.0, 4000.0, 7000.0, 41_000.0, 1e6] {
+            blocks.fill(&mut signal, rate_hz, |_, _| ());
+            let mean_of = |term: fn(f64) -> f64| signal.iter().map(|&x| term(x)).sum::<f64>() / 203.0;
+            let Moments { mean, mean_square } = blocks.moments(&signal);
+            assert!((mean - mean_of(|x| x)).abs() < 1e-13, "{rate_hz}: {mean}");
+            assert!((mean_square - mean_of(|x| x * x)).abs() < 1e-13, "{rate_hz}: {mean_square}");
+            for first in 0..210 {
+                let expected: f64 = signal.iter().skip(first).map(|x| x.abs()).sum();
+                let found = blocks.magnitude(&signal, first);
+                assert!((found - expected).abs() < 1e-11, "{rate_hz} from {first}: {found} {expected}");
+            }
+        }
+    }
+
+    /// Catches lanes, or an order of summation, that differ with the machine's vectors or from the definition, and a
+    /// sample behind the block that counts: the twin is sample by sample, and all bits are compared.
+    #[test]
+    fn blocks_have_the_same_bits_on_every_machine() {
+        fn twin<T: Real>(block: &[T]) -> Block {
+            let mut lanes = [[T::zero(); LANES]; 4];
+            for (i, &x) in block.iter().enumerate() {
+                let lane = i % LANES;
+                lanes[0][lane] += x;
+                lanes[1][lane] += x * x;
+                lanes[2][lane] += x.abs();
+                lanes[3][lane] = if x.abs() > lanes[3][lane] { x.abs() } else { lanes[3][lane] };
+            }
+            let sum = |lanes: [T; LANES]| {
+                let pair = |lane: usize| lanes[lane] + lanes[lane + 1];
+                ((pair(0) + pair(2)) + (pair(4) + pair(6))).widened()
+            };
+            let peak = lanes[3].iter().fold(0.0, |a, x| if x.widened() > a { x.widened() } else { a });
+            let part = 1.0 / block.len() as f64;
+            let [mean, mean_square, mean_magnitude] = [0, 1, 2].map(|n| sum(lanes[n]) * part);
+            Block { mean, mean_square, mean_magnitude, peak }
+        }
+        fn check<T: Real>(count: usize) {
+            let signal: Vec<T> = (0..count * 21 + 5).map(|i| T::rounded((i as f64 * 0.7).sin() * 1.9)).collect();
+            let expected: Vec<Block> = signal.chunks_exact(count).map(twin).collect();
+            let mut blocks = vec![Block::default(); expected.len()];
+            let write = |from: usize, to: &mut [T]| to.copy_from_slice(&signal[from..][..to.len()]);
+            let mut written = vec![T::zero(); signal.len()];
+            Fill { signal: &mut written, write, count, blocks: &mut blocks }.run();
+            assert_eq!(written, signal, "{count}");
+            assert_eq!(blocks, expected, "{count}");
+            blocks.fill(Block::default());
+            Fill { signal: &mut written, write: |_: usize, _: &mut [T]| (), count, blocks: &mut blocks }.wide();
+            assert_eq!(blocks, expected, "{count}");
+        }
+        for count in (4..50).chain([192]) {
+            check::<f32>(count);
+            check::<f64>(count);
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! The least and the largest sample of a channel, and where they are.
+
+use crate::signal::record::Count;
+use crate::signal::wide::Kernel;
+
+/// Smallest and largest of the samples of a channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Extent<C> {
+    pub(crate) least: C,
+    pub(crate) largest: C,
+}
+
+impl<C: Count> Extent<C> {
+    /// The extent of `samples`; `None` when there is none or one is not a number.
+    pub(crate) fn of(samples: &[C]) -> Option<Self> {
+        Extremes { samples }.wide()
+    }
+
+    /// Whether all samples are the same.
+    pub(crate) fn is_constant(&self) -> bool {
+        self.least == self.largest
+    }
+
+    /// Power of two that brings every |sample - `base`| below 2 and the largest of them to 1 or more, so that
+    /// no square overflows or vanishes in `f32`; 1 when no sample differs from `base`.
+    pub(crate) fn gain(&self, base: f64) -> f64 {
+        let (below, above) = (base - self.least.into(), self.largest.into() - base);
+        let peak = if below > above { below } else { above };
+        if !peak.is_normal() {
+            return 1.0;
+        }
+        let exponent = (peak.abs().to_bits() >> 52) as i32 - 1023;
+        2.0_f64.powi(-exponent)
+    }
+}
+
+/// Place of the first of `samples` that is `level`.
+pub(crate) fn position<C: Count>(samples: &[C], level: C) -> Option<usize> {
+    let first = stretch_at(samples, level, 0)?;
+    samples[first..].iter().position(|&x| x == level).map(|at| first + at)
+}
+
+/// Where the first stretch of [`STRETCH`] `samples` begins, from the one that begins at `from` on, in which one is
+/// `level`.
+pub(crate) fn stretch_at<C: Count>(samples: &[C], level: C, from: usize) -> Option<usize> {
+    Touching { samples, level, from }.wide()
+}
+
+/// Samples that [`stretch_at`] looks at together.
+pub(crate) const STRETCH: usize = 96;
+
+struct Touching<'a, C> {
+    samples: &'a [C],
+    level: C,
+    from: usize,
+}
+
+impl<C: Count> Kernel for Touching<'_, C> {
+    type Output = Option<usize>;
+
+    #[inline(always)]
+    fn run(self) -> Option<usize> {
+        let Self { samples, level, from } = self;
+        let (stretches, rest) = samples.get(from..)?.as_chunks::<STRETCH>();
+        for (number, stretch) in stretches.iter().enumerate() {
+            let mut touches = false;
+            for &x in stretch {
+                touches |= x == level;
+            }
+            if touches {
+                return Some(from + number * STRETCH);
+            }
+        }
+        rest.contains(&level).then_some(samples.len() - rest.len())
+    }
+}
+
+/// Lanes of [`Extremes`].
+const LANES: usize = 32;
+
+struct Extremes<'a, C> {
+    samples: &'a [C],
+}
+
+impl<C: Count> Kernel for Extremes<'_, C> {
+    type Output = Option<Extent<C>>;
+
+    #[inline(always)]
+    fn run(self) -> Option<Extent<C>> {
+        let first = *self.samples.first()?;
+        let (mut least, mut largest, mut is_number) = ([first; LANES], [first; LANES], [true; LANES]);
+        let (rows, rest) = self.samples.as_chunks::<LANES>();
+        // Lanes, because a minimum of floats in one variable may not be reordered into SIMD.
+        for row in rows {
+            for lane in 0..LANES {
+                let x = row[lane];
+                least[lane] = if x < least[lane] { x } else { least[lane] };
+                largest[lane] = if x > largest[lane] { x } else { largest[lane] };
+                is_number[lane] &= x.is_number();
+            }
+        }
+        let (rest_least, rest_largest) = rest.iter().fold((first, first), |(least, largest), &x| {
+            (if x < least { x } else { least }, if x > largest { x } else { largest })
+        });
+        let is_sound = is_number.into_iter().fold(true, |all, is_one| all & is_one)
+            & rest.iter().fold(true, |all, x| all & x.is_number());
+        let extent = Extent {
+            least: least.into_iter().fold(rest_least, |a, b| if b < a { b } else { a }),
+            largest: largest.into_iter().fold(rest_largest, |a, b| if b > a { b } else { a }),
+        };
+        is_sound.then_some(extent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a lane or a remainder that is not looked at: the extreme at every place of every short length.
+    #[test]
+    fn extent_finds_every_place() {
+        for count in 1..100 {
+            for place in 0..count {
+                let mut samples = vec![0.5_f32; count];
+                let (least, largest) = if count > 1 { (0.5, 0.5) } else { (7.0, -7.0) };
+                samples[place] = 7.0;
+                assert_eq!(Extent::of(&samples), Some(Extent { least, largest: 7.0 }));
+                samples[place] = -7.0;
+                assert_eq!(Extent::of(&samples), Some(Extent { least: -7.0, largest }));
+                samples[place] = f32::NAN;
+                assert!(Extent::of(&samples).is_none());
+                samples[place] = f32::NEG_INFINITY;
+                assert!(Extent::of(&samples).is_none());
+            }
+        }
+        assert!(Extent::<i16>::of(&[]).is_none());
+    }
+
+    /// Catches an exponent off by one, and a gain that overflows for the smallest and largest samples.
+    #[test]
+    fn gain_brings_the_peak_to_one() {
+        for (least, largest, base) in [(-1.0_f32, 3.0, 0.5), (f32::MIN, f32::MAX, 0.0), (0.0, f32::from_bits(1), 0.0)] {
+            let gain = Extent { least, largest }.gain(base);
+            let peak = (f64::from(largest) - base) * gain;
+            assert!((1.0..2.0).contains(&peak), "{largest}: {peak}");
+        }
+        assert!((Extent { least: 4_i16, largest: 4 }.gain(4.0) - 1.0).abs() < 1e-15);
+    }
+
+    /// Catches a stretch stepped over, or one that is looked at twice: the twin looks at every sample.
+    #[test]
+    fn places_like_a_walk() {
+        for count in [1, 5, 191, 192, 193, 400, 1000] {
+            for place in (0..count).step_by(7).chain([count - 1]) {
+                let mut samples = vec![0_i16; count];
+                samples[place] = 9;
+                assert_eq!(position(&samples, 9), Some(place));
+                let floats: Vec<f32> = samples.iter().map(|&x| f32::from(x)).collect();
+                assert_eq!(position(&floats, 9.0), Some(place));
+                let stretch = place / STRETCH * STRETCH;
+                assert_eq!(stretch_at(&samples, 9, 0), Some(stretch));
+                assert_eq!(stretch_at(&samples, 9, stretch + STRETCH), None);
+                assert_eq!(position(&samples, 8), None);
+            }
+        }
+    }
+}

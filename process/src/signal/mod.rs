@@ -1,0 +1,9 @@
+//! The samples of a record, and what every discriminator needs of them first: levels, extents, sums.
+
+pub(crate) mod baseline;
+pub(crate) mod blocks;
+pub(crate) mod extent;
+pub(crate) mod hum;
+pub(crate) mod real;
+pub(crate) mod record;
+pub(crate) mod wide;

@@ -1,0 +1,320 @@
+//! The sound's spectrum in the bands of the configuration: PR, P_f and E_f.
+//!
+//! The power spectral density is the one-sided boxcar periodogram of the whole record with its mean removed,
+//! as `scipy.signal.periodogram(x, fs, window="boxcar", detrend="constant", scaling="density")` defines it.
+//! The bin at 0 Hz, which removing the mean makes 0, counts in no band.
+//!
+//! Of a gate, or of the decimated record, density and energy are those of the whole record all the same, so that values
+//! of different estimators may be compared.
+
+mod bands;
+mod decimate;
+mod gate;
+#[cfg(target_arch = "x86_64")]
+mod lanes;
+mod noise;
+mod plans;
+pub(crate) mod transform;
+
+use std::ops::Range;
+
+use bands::{Cells, Folded, Grid};
+use decimate::Decimator;
+use plans::Plans;
+
+use crate::signal::blocks::Moments;
+use crate::signal::real::sum_of;
+use crate::{BandEdges, Real, SpectrumEstimator};
+
+pub(crate) use bands::Bands;
+
+/// What the two bands hold.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct BandPower {
+    /// Power ratio PR.
+    pub(crate) pr: f64,
+    /// Largest density P_f, signal unit squared per Hz.
+    pub(crate) p_f: f64,
+    /// Energy E_f, signal unit squared.
+    pub(crate) e_f: f64,
+    /// Whether the flexural band holds so little of the record's power that rounding in `T` shows in it.
+    pub(crate) is_faint: bool,
+}
+
+/// Share of the record's power below which a band's power is not the transform's to tell in single precision: rounding
+/// spreads some 1e-14 of the whole over the bins, which is then no longer small beside 1e-4 of the band.
+const FAINT: f64 = 1e-5;
+
+/// How a record's power is taken.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct View {
+    pub(crate) sample_rate_hz: f64,
+    pub(crate) estimator: SpectrumEstimator,
+    pub(crate) edges: BandEdges,
+    /// Samples of the gate; `None` where there is nothing to gate by, or no need.
+    pub(crate) gate: Option<Range<usize>>,
+    /// Samples from the record's first whose power is the noise to subtract; 0 to subtract none.
+    pub(crate) quiet_count: usize,
+}
+
+impl View {
+    /// The whole record at `sample_rate_hz`.
+    #[cfg(test)]
+    fn whole(sample_rate_hz: f64) -> Self {
+        Self { sample_rate_hz, estimator: SpectrumEstimator::Whole, edges: BandEdges::Bins, gate: None, quiet_count: 0 }
+    }
+}
+
+/// The two bands of a spectrum, not yet in the signal's unit.
+#[derive(Debug, Clone, Copy)]
+struct Taken {
+    flexural: Folded,
+    reference: Folded,
+    /// What makes a density of |X|^2, per Hz.
+    density: f64,
+    bin_width_hz: f64,
+    /// Mean square of what was transformed, referred to the whole record.
+    mean_square: f64,
+    /// Part of the record's noise that was transformed.
+    noise_share: f64,
+}
+
+/// Takes the power of records of any length, keeping the plans of the lengths used last.
+#[derive(Debug)]
+pub(crate) struct Spectrum<T> {
+    plans: Plans<T>,
+    decimator: Option<Box<Decimator<T>>>,
+    /// What is transformed, when that is not the signal itself.
+    cut: Vec<T>,
+}
+
+impl<T: Real> Spectrum<T> {
+    pub(crate) fn new() -> Self {
+        Self { plans: Plans::new(), decimator: None, cut: Vec::new() }
+    }
+
+    /// PR, P_f and E_f of `signal`, of which `moments` are, as `view` has it; nothing of use is left in the signal.
+    ///
+    /// `None` when a band holds no bin, or the lower one's reference no power, or the flexural one no more than noise.
+    pub(crate) fn band_power(
+        &mut self,
+        signal: &mut [T],
+        moments: Moments,
+        view: &View,
+        bands: &Bands,
+    ) -> Option<BandPower> {
+        let noise = match view.quiet_count {
+            0 => None,
+            count => noise::of_bands(&mut self.plans, signal.get(..count)?, view.sample_rate_hz, bands),
+        };
+        let taken = match (&view.gate, view.estimator) {
+            (Some(gate), SpectrumEstimator::Gate) => self.gated(signal, gate.clone(), view, bands)?,
+            (_, SpectrumEstimator::Decimated) => match self.decimated(signal, view, bands) {
+                Some(taken) => taken?,
+                None => self.whole(signal, moments, view, bands)?,
+            },
+            _ => self.whole(signal, moments, view, bands)?,
+        };
+        let Taken { flexural, reference, density, bin_width_hz, .. } = taken;
+        let has_power = reference.sum > 0.0;
+        if !has_power {
+            return None;
+        }
+        let power = BandPower {
+            pr: flexural.sum / reference.sum, // Eq. 52
+            p_f: flexural.largest * density,
+            e_f: flexural.sum * density * bin_width_hz,
+            // E_f is the band's part of the mean square (Parseval).
+            is_faint: flexural.sum * density * bin_width_hz < FAINT * taken.mean_square,
+        };
+        match noise {
+            None => Some(power),
+            Some(noise) => noise.subtracted(&power, taken.noise_share, reference.sum * density * bin_width_hz),
+        }
+    }
+
+    fn whole(&mut self, signal: &mut [T], moments: Moments, view: &View, bands: &Bands) -> Option<Taken> {
+        let count = signal.len();
+        let grid = Grid::new(count, view.sample_rate_hz);
+        let (flexural, reference) = cells(&grid, view.edges, bands)?;
+        let mean_square = square_about_mean(signal, moments);
+        let powers = self.plans.powers(signal, end(&flexural, &reference));
+        Some(Taken {
+            flexural: grid.fold(flexural, powers),
+            reference: grid.fold(reference, powers),
+            // |X|^2 / (fs N) is a density, V^2/Hz (Eq. 50).
+            density: 1.0 / (view.sample_rate_hz * count as f64),
+            bin_width_hz: grid.bin_width_hz,
+            mean_square,
+            noise_share: 1.0,
+        })
+    }
+
+    /// Of the samples in `gate` alone. The transform's own length sets its bins, the record's the density: |X|^2 of a
+    /// transient does not depend on how much silence is transformed with it.
+    fn gated(&mut self, signal: &[T], gate: Range<usize>, view: &View, bands: &Bands) -> Option<Taken> {
+        let noise_samples = gate::cut(signal.get(gate)?, &mut self.cut);
+        let (whole, count) = (signal.len() as f64, self.cut.len());
+        let grid = Grid::new(count, view.sample_rate_hz);
+        let (flexural, reference) = cells(&grid, view.edges, bands)?;
+        let mean_square = sum_of(&self.cut, |x| x * x) / whole;
+        let powers = self.plans.powers(&mut self.cut, end(&flexural, &reference));
+        Some(Taken {
+            flexural: grid.fold(flexural, powers),
+            reference: grid.fold(reference, powers),
+            density: 1.0 / (view.sample_rate_hz * whole),
+            bin_width_hz: grid.bin_width_hz,
+            mean_square,
+            noise_share: noise_samples / whole,
+        })
+    }
+
+    /// Of the record decimated by four; `None` where that cannot be done, `Some(None)` when a band holds no bin.
+    fn decimated(&mut self, signal: &[T], view: &View, bands: &Bands) -> Option<Option<Taken>> {
+        let edge = bands.top_hz() / view.sample_rate_hz;
+        let is_planned = self.decimator.as_ref().is_some_and(|decimator| decimator.is_for(signal.len(), edge));
+        if !is_planned {
+            self.decimator = Some(Box::new(Decimator::new(signal.len(), edge)?));
+        }
+        let decimator = self.decimator.as_mut()?;
+        let count = signal.len();
+        let grid = Grid::new(count, view.sample_rate_hz);
+        let Some((flexural, reference)) = cells(&grid, view.edges, bands) else { return Some(None) };
+        let mean_square = decimator.decimate(signal, &mut self.cut);
+        let powers = self.plans.powers(&mut self.cut, end(&flexural, &reference));
+        debug_assert!(powers.len() <= decimator.inverse().len(), "a bin has no inverse");
+        powers.iter_mut().zip(decimator.inverse()).for_each(|(power, inverse)| *power *= inverse);
+        Some(Some(Taken {
+            flexural: grid.fold(flexural, powers),
+            reference: grid.fold(reference, powers),
+            density: 1.0 / (view.sample_rate_hz * count as f64),
+            bin_width_hz: grid.bin_width_hz,
+            mean_square,
+            noise_share: 1.0,
+        }))
+    }
+}
+
+/// Mean square about its mean of a `signal` of `moments`; the mean is taken off where it outweighs the rest.
+///
+/// The mean is in the bin at 0 Hz alone, which counts in no band. Only where there is more of it than of all the rest would
+/// its rounding show in other bins, and only there is the mean square lost in a difference.
+fn square_about_mean<T: Real>(signal: &mut [T], Moments { mean, mean_square }: Moments) -> f64 {
+    let is_small = 2.0 * mean * mean < mean_square;
+    if is_small {
+        return mean_square - mean * mean;
+    }
+    let mean = T::rounded(mean);
+    signal.iter_mut().for_each(|x| *x -= mean);
+    sum_of(signal, |x| x * x) / signal.len() as f64
+}
+
+/// Bins of the flexural and of the reference band; `None` when either has none.
+fn cells(grid: &Grid, edges: BandEdges, bands: &Bands) -> Option<(Cells, Cells)> {
+    Some((grid.cells(edges, bands.f_c_hz, bands.f_hi_hz)?, grid.cells(edges, bands.f_lo_hz, bands.f_top_hz)?))
+}
+
+/// Bins from 0 Hz on that hold both bands.
+fn end(flexural: &Cells, reference: &Cells) -> usize {
+    flexural.end().max(reference.end())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+
+    const BANDS: Bands = Bands { f_c_hz: 550.0, f_hi_hz: 2000.0, f_lo_hz: 70.0, f_top_hz: 3000.0 };
+    const EVERYTHING: Bands = Bands { f_c_hz: 1e-9, f_hi_hz: 1e9, f_lo_hz: 0.0, f_top_hz: 1e9 };
+
+    fn moments<T: Real>(signal: &[T]) -> Moments {
+        let mean_of =
+            |term: fn(f64) -> f64| signal.iter().map(|x| term(x.widened())).sum::<f64>() / signal.len() as f64;
+        Moments { mean: mean_of(|x| x), mean_square: mean_of(|x| x * x) }
+    }
+
+    fn band_power<T: Real>(mut signal: Vec<T>, view: &View, bands: &Bands) -> Option<BandPower> {
+        let moments = moments(&signal);
+        Spectrum::new().band_power(&mut signal, moments, view, bands)
+    }
+
+    fn noise(count: usize) -> Vec<f64> {
+        let mut state = 12_345_u32;
+        std::iter::repeat_with(|| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state) / f64::from(u32::MAX) - 0.5
+        })
+        .take(count)
+        .collect()
+    }
+
+    /// Catches a wrong scale: a sine of amplitude A on a bin has power A^2/2, all of it in that bin.
+    #[test]
+    fn sine_on_a_bin() {
+        for count in [4096_u32, 4095] {
+            let rate = 10.0 * f64::from(count); // bins of 10 Hz
+            let signal: Vec<f64> =
+                (0..count).map(|i| 7.0 + 3.0 * (2.0 * PI * 100.0 * f64::from(i) / f64::from(count)).sin()).collect();
+            let power = band_power(signal, &View::whole(rate), &BANDS).unwrap();
+            assert!((power.pr - 1.0).abs() < 1e-12, "{power:?}");
+            assert!((power.e_f - 4.5).abs() < 1e-9, "{power:?}");
+            assert!((power.p_f - 0.45).abs() < 1e-9, "{power:?}");
+        }
+    }
+
+    /// Catches a bin left out or doubled wrongly, of even and odd lengths: Parseval, over all bins.
+    #[test]
+    fn parseval() {
+        for count in [2, 3, 10, 11, 97, 128, 1000, 1023] {
+            let signal = noise(count);
+            let mean = signal.iter().sum::<f64>() / count as f64;
+            let variance = signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count as f64;
+            let power = band_power(signal, &View::whole(5000.0), &EVERYTHING).unwrap();
+            assert!((power.e_f / variance - 1.0).abs() < 1e-12, "{count}: {} {variance}", power.e_f);
+        }
+    }
+
+    /// Catches an edge that is not inside: bins of 10 Hz, edges on bins, one tone on each edge.
+    #[test]
+    fn edges_are_inside() {
+        let (count, rate) = (2000, 20_000.0);
+        for (tone_hz, expected) in
+            [(550.0, 1.0), (2000.0, 1.0), (540.0, 0.0), (2010.0, 0.0), (70.0, 0.0), (3000.0, 0.0)]
+        {
+            let signal: Vec<f64> = (0..count).map(|i| (2.0 * PI * tone_hz * f64::from(i) / rate).cos()).collect();
+            let power = band_power(signal, &View::whole(rate), &BANDS).unwrap();
+            assert!((power.pr - expected).abs() < 1e-9, "{tone_hz} Hz: {}", power.pr);
+        }
+    }
+
+    /// Catches an offset whose rounding shows in the bands, be it left in the signal or taken off, and a mean square that has
+    /// the offset in it.
+    #[test]
+    fn an_offset_is_in_no_band() {
+        let tone: Vec<f64> = noise(4096).iter().enumerate().map(|(i, x)| x + (0.3 * i as f64).sin()).collect();
+        let mean = tone.iter().sum::<f64>() / 4096.0;
+        let mean_square = tone.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 4096.0;
+        let view = View::whole(40_960.0);
+        let expected = band_power(tone.clone(), &view, &BANDS).unwrap();
+        for offset in [0.0, 0.2, 0.7, 0.8, 30.0, 1000.0] {
+            let single: Vec<f32> = tone.iter().map(|x| (x + offset) as f32).collect();
+            let found = square_about_mean(&mut single.clone(), moments(&single));
+            assert!((found / mean_square - 1.0).abs() < 1e-4, "{offset}: {found} {mean_square}");
+            let found = band_power(single, &view, &BANDS).unwrap();
+            // What is left is the rounding of the samples beside the offset.
+            let most = 1e-5 * (1.0 + offset);
+            assert!((found.pr / expected.pr - 1.0).abs() < most, "{offset}: {found:?} {expected:?}");
+            assert!((found.e_f / expected.e_f - 1.0).abs() < most, "{offset}: {found:?} {expected:?}");
+        }
+    }
+
+    /// Catches a number made up for no bins or no power.
+    #[test]
+    fn empty_bands() {
+        assert_eq!(band_power(noise(16), &View::whole(40_960.0), &BANDS), None);
+        assert_eq!(band_power(noise(1000), &View::whole(100.0), &BANDS), None);
+        assert_eq!(band_power(vec![0.0_f32; 1000], &View::whole(40_960.0), &BANDS), None);
+        assert_eq!(band_power(vec![1.0_f32], &View::whole(40_960.0), &EVERYTHING), None);
+    }
+}

@@ -1,0 +1,95 @@
+//! What `store` says of an open casing, and what a station proposes: headers, and the bytes behind them.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::{Limits, Plan, PlanError, Stamp, Stamped, digest_of_parts};
+
+/// Longest reason a refusal can carry, in bytes.
+pub const REASON_BYTES_MAX: usize = 1024;
+
+/// Longest name of a casing and of its file, in bytes.
+pub const NAME_BYTES_MAX: usize = 192;
+
+/// Longest path of a finished file, in bytes.
+const PATH_BYTES_MAX: usize = 4096;
+
+/// Number by which records name the casing whose file is called `file_name`, without its ending; never 0.
+///
+/// It follows from the name, which is the file's alone in its folder, so that a `store` that restarts gives the same number.
+pub fn casing_number(file_name: &str) -> u64 {
+    digest_of_parts([file_name.as_bytes()]).max(1)
+}
+
+/// Header of what `store` says of one casing; `stamp.casing` names it.
+///
+/// Behind it follow, by [`crate::RecordKind`]: for `Plan` the plan ([`Plan::encode`]) to `fuse`, and the casing's name to
+/// others; for `Ledger` a byte for the state and attempt of every tap and one for the state of every scan, of which the
+/// supervisor gets none and `fuse` only the scans; for `Closed` the path of the file; for `Refusal` why a proposal is refused.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("tapline.CasingHeader.v1")]
+pub struct CasingHeader {
+    /// Which record this is.
+    pub stamp: Stamp,
+    /// [`Plan::digest`] of the casing's plan.
+    pub plan_digest: u64,
+    /// Records lost in transit so far, of all casings.
+    pub lost_count: u64,
+    /// Station that has the casing.
+    pub station: u32,
+    /// Planned taps.
+    pub tap_count: u32,
+    /// Bytes for taps that follow: their number, or 0.
+    pub tap_bytes: u32,
+    /// Bytes for scans that follow: their number, or 0.
+    pub scan_bytes: u32,
+    /// The last barrier of the casing that has passed through every stage.
+    pub barrier: u32,
+    /// Taps in the archive.
+    pub archived_count: u32,
+    /// Taps refused.
+    pub refused_count: u32,
+    /// 1 while the archive cannot be written, else 0.
+    pub is_held: u32,
+}
+
+/// What a station proposes: a casing of this name, with this plan. Bytes behind a `Plan` record of the proposals.
+pub fn encode_proposal(name: &str, plan: &Plan) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    bytes.extend((name.len() as u32).to_le_bytes());
+    bytes.extend(name.as_bytes());
+    bytes.extend(plan.encode());
+    bytes
+}
+
+/// The name and plan that [`encode_proposal`] wrote.
+///
+/// # Errors
+/// [`PlanError::Encoding`] for bytes that it did not write.
+pub fn decode_proposal(bytes: &[u8]) -> Result<(String, Plan), PlanError> {
+    let cut = || PlanError::Encoding { what: "it ends within its name" };
+    let (length, rest) = bytes.split_first_chunk::<4>().ok_or_else(cut)?;
+    let (name, plan) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(cut)?;
+    let name = std::str::from_utf8(name).map_err(|_error| PlanError::Encoding { what: "its name is not UTF-8" })?;
+    Ok((name.to_owned(), Plan::decode(plan)?))
+}
+
+/// Bytes of the longest proposal.
+pub(crate) fn proposal_bytes_max(limits: &Limits) -> usize {
+    4 + NAME_BYTES_MAX + Plan::encoded_bytes_max(&limits.casing)
+}
+
+/// Bytes of the longest record about a casing; to `fuse`, which needs the plan, or to others.
+pub(crate) fn opened_bytes_max(limits: &Limits, has_plan: bool) -> usize {
+    let others = (limits.casing.taps + limits.casing.scans).max(PATH_BYTES_MAX).max(REASON_BYTES_MAX);
+    if has_plan { others.max(Plan::encoded_bytes_max(&limits.casing)) } else { others }
+}
+
+impl Stamped for CasingHeader {
+    fn stamp(&self) -> &Stamp {
+        &self.stamp
+    }
+    fn stamp_mut(&mut self) -> &mut Stamp {
+        &mut self.stamp
+    }
+}

@@ -1,0 +1,335 @@
+//! The scan plan: every tap that must exist, and what its record will look like.
+
+pub(crate) mod casing;
+pub(crate) mod codec;
+pub(crate) mod digest;
+pub(crate) mod ledger;
+pub(crate) mod limits;
+mod nominal;
+pub(crate) mod parts;
+
+use std::collections::BTreeSet;
+
+use rustc_hash::{FxBuildHasher, FxHashMap};
+
+use crate::plan::digest::digest_of;
+use crate::plan::nominal::nominal_velocities;
+use crate::plan::parts::{PlannedTap, Recording, Scan, Truth};
+use crate::record::id::{Geometry, Serial, TapId};
+
+/// Every tap that must exist, in the order in which each station takes its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Shape of what is scanned.
+    pub geometry: Geometry,
+    /// Shape of the records.
+    pub recording: Recording,
+    taps: Vec<PlannedTap>,
+    scans: Vec<Scan>,
+    truth: Truth,
+    /// For every tap the velocity that was meant, NaN where none is named.
+    nominal_m_per_s: Nominal,
+    source_digest: u64,
+    digest: u64,
+}
+
+/// Velocities by plan row; they follow from the taps, so that plans of equal taps are equal whatever is not a number here.
+#[derive(Debug, Clone)]
+struct Nominal(Vec<f64>);
+
+impl PartialEq for Nominal {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.len() == other.0.len()
+    }
+}
+
+/// Why a list of taps is no plan.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// There is nothing to do.
+    #[error("the scan plan has no taps")]
+    Empty,
+    /// Two rows name the same tap.
+    #[error("plan rows {first} and {second} both name {id}")]
+    Duplicate {
+        /// The name.
+        id: TapId,
+        /// Row of the first, from 0.
+        first: usize,
+        /// Row of the second, from 0.
+        second: usize,
+    },
+    /// One shoulder is split over two stations.
+    #[error("shoulder {shoulder} of tyre {tyre} is planned at station {first} and at station {second}")]
+    TwoStations {
+        /// Serial number.
+        tyre: Serial,
+        /// Side.
+        shoulder: u16,
+        /// One station.
+        first: u16,
+        /// The other.
+        second: u16,
+    },
+    /// Bytes that are no plan.
+    #[error("these bytes are no plan: {what}")]
+    Encoding {
+        /// What is wrong with them.
+        what: &'static str,
+    },
+    /// Taps that are added to an open casing are at another station or of a scan that it does not have.
+    #[error("{id} cannot be added to the plan: it is of no scan of it")]
+    OtherScan {
+        /// The tap.
+        id: TapId,
+    },
+    /// More taps than a plan row number can name.
+    #[error("the scan plan has {got} taps; at most {most} can be numbered")]
+    TooMany {
+        /// Taps given.
+        got: usize,
+        /// Most taps allowed.
+        most: usize,
+    },
+}
+
+impl Plan {
+    /// The plan of `taps`; scans are formed by tyre and shoulder, in order of first appearance.
+    ///
+    /// # Errors
+    /// [`PlanError`] when there are no taps, two share a name, or a shoulder has two stations.
+    pub fn new(
+        geometry: Geometry,
+        recording: Recording,
+        taps: Vec<PlannedTap>,
+        truth: Truth,
+    ) -> Result<Self, PlanError> {
+        Self::of_source(geometry, recording, taps, truth, 0)
+    }
+
+    /// The plan of `taps` for a source that `source_digest` tells from others with the same taps: other recordings, other
+    /// scales. It becomes a part of [`Plan::digest`].
+    ///
+    /// # Errors
+    /// As [`Plan::new`].
+    pub fn of_source(
+        geometry: Geometry,
+        recording: Recording,
+        taps: Vec<PlannedTap>,
+        truth: Truth,
+        source_digest: u64,
+    ) -> Result<Self, PlanError> {
+        if taps.is_empty() {
+            return Err(PlanError::Empty);
+        }
+        let most = u32::MAX as usize;
+        if taps.len() > most {
+            return Err(PlanError::TooMany { got: taps.len(), most });
+        }
+        let mut first_row = FxHashMap::with_capacity_and_hasher(taps.len(), FxBuildHasher);
+        for (second, tap) in taps.iter().enumerate() {
+            if let Some(first) = first_row.insert(tap.id, second) {
+                return Err(PlanError::Duplicate { id: tap.id, first, second });
+            }
+        }
+        let scans = scans_of(&taps)?;
+        let digest = digest_of(geometry, &recording, &taps, source_digest);
+        let nominal_m_per_s = Nominal(nominal_velocities(&taps));
+        Ok(Self { geometry, recording, taps, scans, truth, nominal_m_per_s, source_digest, digest })
+    }
+
+    /// This plan with `taps` behind its own: what an open casing is asked for besides. Rows and scans keep their numbers.
+    ///
+    /// # Errors
+    /// [`PlanError::OtherScan`] for a tap of no scan of the plan, and as [`Plan::new`].
+    pub fn grown(&self, taps: &[PlannedTap]) -> Result<Self, PlanError> {
+        let is_ours = |tap: &PlannedTap| {
+            let id = &tap.id;
+            self.scans.iter().any(|s| (s.station, s.tyre, s.shoulder) == (id.station, id.tyre, id.shoulder))
+        };
+        if let Some(other) = taps.iter().find(|tap| !is_ours(tap)) {
+            return Err(PlanError::OtherScan { id: other.id });
+        }
+        let taps = [&self.taps, taps].concat();
+        Self::of_source(self.geometry, self.recording.clone(), taps, self.truth.clone(), self.source_digest)
+    }
+
+    /// The same plan for another source: see [`Plan::of_source`].
+    pub fn with_source(mut self, source_digest: u64) -> Self {
+        self.source_digest = source_digest;
+        self.digest = digest_of(self.geometry, &self.recording, &self.taps, source_digest);
+        self
+    }
+
+    /// The plan of some scans alone, by number: their taps in the same order, with what is known of them.
+    ///
+    /// # Errors
+    /// [`PlanError::Empty`] where none of the numbers is of a scan.
+    pub fn subset(&self, scans: &[u32]) -> Result<Self, PlanError> {
+        let scans: Vec<&Scan> = scans.iter().filter_map(|&scan| self.scans.get(scan as usize)).collect();
+        let mut rows: Vec<u32> = scans.iter().flat_map(|scan| scan.taps.iter().copied()).collect();
+        rows.sort_unstable();
+        let taps = rows.into_iter().map(|row| self.taps[row as usize]).collect();
+        let shoulders: BTreeSet<_> = scans.iter().map(|scan| (scan.tyre, scan.shoulder)).collect();
+        let is_of = |&(tyre, shoulder, _): &(Serial, u16, u32)| shoulders.contains(&(tyre, shoulder));
+        let truth =
+            self.truth.iter().filter(|(place, _)| is_of(place)).map(|(&place, &known)| (place, known)).collect();
+        Self::of_source(self.geometry, self.recording.clone(), taps, truth, self.source_digest)
+    }
+
+    /// What tells the plan's source from others with the same taps; 0 where nothing does.
+    pub fn source_digest(&self) -> u64 {
+        self.source_digest
+    }
+
+    /// The planned taps; a tap's place here is its plan index.
+    pub fn taps(&self) -> &[PlannedTap] {
+        &self.taps
+    }
+
+    /// Velocity that was meant for the tap in plan row `row`, in m/s; `None` when the plan names none.
+    ///
+    /// It is the planned one, unless half a turn and more of the same ring were struck at another: then the list of taps
+    /// says how fast this one was, and not how fast it should have been.
+    pub fn velocity_nominal_m_per_s(&self, row: u32) -> Option<f64> {
+        self.nominal_m_per_s.0.get(row as usize).copied().filter(|v| v.is_finite())
+    }
+
+    /// The scans, in order of their first tap.
+    pub fn scans(&self) -> &[Scan] {
+        &self.scans
+    }
+
+    /// What is known of where cracks are, for scoring; empty where nothing is known.
+    pub fn truth(&self) -> &Truth {
+        &self.truth
+    }
+
+    /// A number that differs for different plans: stages and archives that disagree on it refuse each other.
+    pub fn digest(&self) -> u64 {
+        self.digest
+    }
+
+    /// The stations, ascending.
+    pub fn stations(&self) -> Vec<u16> {
+        let mut stations: Vec<u16> = self.scans.iter().map(|s| s.station).collect();
+        stations.sort_unstable();
+        stations.dedup();
+        stations
+    }
+
+    /// For every plan row, the number of its scan.
+    pub fn scan_of_tap(&self) -> Vec<u32> {
+        let mut scan_of_tap = vec![0; self.taps.len()];
+        for (number, scan) in (0..).zip(&self.scans) {
+            for &row in &scan.taps {
+                scan_of_tap[row as usize] = number;
+            }
+        }
+        scan_of_tap
+    }
+}
+
+fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
+    let mut scans: Vec<Scan> = Vec::new();
+    let mut number_of: FxHashMap<(Serial, u16), usize> = FxHashMap::default();
+    for (row, tap) in (0..).zip(taps) {
+        let TapId { station, tyre, shoulder, .. } = tap.id;
+        let number = *number_of.entry((tyre, shoulder)).or_insert_with(|| {
+            scans.push(Scan { station, tyre, shoulder, taps: Vec::new(), locations: Vec::new() });
+            scans.len() - 1
+        });
+        let scan = &mut scans[number];
+        if scan.station != station {
+            return Err(PlanError::TwoStations { tyre, shoulder, first: scan.station, second: station });
+        }
+        scan.taps.push(row);
+        if !tap.is_closing {
+            scan.locations.push((tap.id.location, tap.angle_deg));
+        }
+    }
+    for scan in &mut scans {
+        scan.locations.sort_by_key(|&(location, _)| location);
+        scan.locations.dedup_by_key(|&mut (location, _)| location);
+    }
+    Ok(scans)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::tap::{Channel, SampleFormat};
+
+    fn recording() -> Recording {
+        Recording {
+            sample_rate_hz: 41e3,
+            pre_trigger_samples: 400,
+            sample_count_max: 4096,
+            sample_format: SampleFormat::I16,
+            channels: vec![Channel::Force, Channel::Sound],
+        }
+    }
+
+    fn tap(station: u16, tyre: &str, shoulder: u16, location: u32) -> PlannedTap {
+        let id = TapId::new(station, Serial::new(tyre).unwrap(), shoulder, location);
+        PlannedTap { id, angle_deg: Some(f64::from(location) * 3.6), is_closing: location == 100 }
+    }
+
+    fn plan(taps: Vec<PlannedTap>) -> Result<Plan, PlanError> {
+        Plan::new(Geometry::Ring, recording(), taps, Truth::new())
+    }
+
+    #[test]
+    fn scans_are_formed_by_tyre_and_shoulder() {
+        let plan = plan(vec![tap(2, "B", 1, 5), tap(1, "A", 2, 0), tap(2, "B", 1, 3), tap(2, "B", 1, 100)]).unwrap();
+        assert_eq!(plan.scans().len(), 2);
+        assert_eq!(plan.scans()[0].taps, [0, 2, 3]);
+        assert_eq!(plan.scans()[0].locations.iter().map(|l| l.0).collect::<Vec<_>>(), [3, 5], "sorted, no closing tap");
+        assert_eq!(plan.scan_of_tap(), [0, 1, 0, 0]);
+        assert_eq!(plan.stations(), [1, 2]);
+    }
+
+    #[test]
+    fn what_is_no_plan_is_refused() {
+        assert_eq!(plan(vec![]), Err(PlanError::Empty));
+        let error = plan(vec![tap(1, "A", 1, 0), tap(1, "A", 1, 1), tap(1, "A", 1, 0)]).unwrap_err();
+        assert!(matches!(error, PlanError::Duplicate { first: 0, second: 2, .. }), "{error}");
+        let error = plan(vec![tap(1, "A", 1, 0), tap(2, "A", 1, 1)]).unwrap_err();
+        assert!(matches!(error, PlanError::TwoStations { first: 1, second: 2, .. }), "{error}");
+    }
+
+    /// Catches a part of a plan that has other taps, another order or another truth than those of its scans.
+    #[test]
+    fn a_part_of_a_plan_is_its_scans() {
+        let truth = |tyres: &[&str]| -> Truth {
+            tyres.iter().map(|&tyre| ((Serial::new(tyre).unwrap(), 1, 5), true)).collect()
+        };
+        let taps = vec![tap(2, "B", 1, 5), tap(1, "A", 1, 0), tap(2, "B", 1, 3), tap(1, "C", 1, 0)];
+        let whole = Plan::new(Geometry::Ring, recording(), taps.clone(), truth(&["A", "B"])).unwrap().with_source(7);
+        let part = whole.subset(&[2, 0]).unwrap();
+        assert_eq!(part.taps(), [taps[0], taps[2], taps[3]]);
+        assert_eq!((part.truth(), part.source_digest()), (&truth(&["B"]), 7));
+        assert_eq!(whole.subset(&[0, 1, 2]).unwrap(), whole);
+        assert_eq!(whole.subset(&[3]), Err(PlanError::Empty));
+    }
+
+    /// Stages that would disagree on a row must notice: any change of what is planned changes the digest.
+    #[test]
+    fn the_digest_tells_plans_apart() {
+        let taps = || vec![tap(1, "A", 1, 0), tap(1, "A", 1, 1)];
+        let digest = plan(taps()).unwrap().digest();
+        assert_eq!(plan(taps()).unwrap().digest(), digest);
+        let mut changed = vec![taps(), taps(), taps()];
+        changed[0].swap(0, 1);
+        changed[1][0].angle_deg = None;
+        changed[2][1].id = changed[2][1].id.with_offset_mm(Some(0.0)).unwrap();
+        for taps in changed {
+            assert_ne!(plan(taps).unwrap().digest(), digest);
+        }
+        let other = Recording { sample_rate_hz: 41_001.0, ..recording() };
+        assert_ne!(Plan::new(Geometry::Ring, other, taps(), Truth::new()).unwrap().digest(), digest);
+        assert_ne!(Plan::new(Geometry::Line, recording(), taps(), Truth::new()).unwrap().digest(), digest);
+        assert_ne!(plan(taps()).unwrap().with_source(1).digest(), digest);
+    }
+}

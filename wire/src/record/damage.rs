@@ -1,0 +1,193 @@
+//! The damage map of one shoulder and the verdict on it.
+
+use std::fmt;
+
+use iceoryx2::prelude::ZeroCopySend;
+use serde::{Deserialize, Serialize};
+
+use crate::record::flags::flags;
+use crate::{Stamp, Stamped};
+
+/// What is to be done with a casing's shoulder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum Verdict {
+    /// No damage was found, and every planned tap was there to find it.
+    #[serde(rename = "PASS")]
+    Pass,
+    /// Something is doubtful or missing: a person must look, or the scan must be repeated.
+    #[serde(rename = "RE-INSPECT")]
+    ReInspect,
+    /// Damage was found.
+    #[serde(rename = "REJECT")]
+    Reject,
+}
+
+impl Verdict {
+    /// All three.
+    pub const ALL: [Self; 3] = [Self::Pass, Self::ReInspect, Self::Reject];
+
+    /// Number that stands for the verdict on the wire and in archives; 0 is none.
+    pub fn code(self) -> u32 {
+        self as u32 + 1
+    }
+
+    /// The verdict that `code` stands for.
+    pub fn from_code(code: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|v| v.code() == code)
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(["PASS", "RE-INSPECT", "REJECT"][*self as usize])
+    }
+}
+
+flags! {
+    /// Why a verdict is not PASS, or how it was reached: a set of flags.
+    Reasons {
+        /// A region's index exceeds the reject limit.
+        DAMAGE = "damage",
+        /// A region's index exceeds the re-inspect limit only.
+        SUSPECT = "suspect",
+        /// The scan did not end.
+        NOT_ENDED = "not_ended",
+        /// A planned tap was refused.
+        TAPS_REFUSED = "taps_refused",
+        /// A planned tap is missing without a reason.
+        TAPS_MISSING = "taps_missing",
+        /// A location has no usable value, or a part of the ring was not tapped.
+        LOCATION_BLIND = "location_blind",
+        /// The index could not be formed: no usable discriminator or no usable reference.
+        NO_INDEX = "no_index",
+        /// The shoulder was compared with itself, not with a known sound one.
+        SELF_REFERENCE = "self_reference",
+        /// A discriminator that the index asks for is absent from most taps although its channels are recorded.
+        FEATURES_ABSENT = "features_absent",
+        /// More than half of the shoulder's locations are suspect: not cracks in a casing, but another casing than the
+        /// reference is of, or one that is damaged all round.
+        NO_SOUND_MAJORITY = "no_sound_majority",
+        /// The shoulder as a whole stands off from the other one or from the reference's casings: another construction, a
+        /// sensor that has changed, or damage all round.
+        LEVEL_OFF = "level_off",
+        /// The reference has no tap at some offset and velocity that was scanned: what was tapped there is not judged.
+        CONDITION_UNKNOWN = "condition_unknown",
+        /// The index that was asked for could not be learned from the reference; the mean of robust z stands in its place.
+        FELL_BACK = "fell_back",
+    }
+}
+
+/// Damage at one location of one shoulder, all its taps taken together.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("tapline.DamageCell.v2")]
+pub struct DamageCell {
+    /// Index along the ring or line.
+    pub location: u32,
+    /// Number of the region the location lies in, from 1; 0 outside every region.
+    pub region: u32,
+    /// Angle in degrees, NaN when unknown.
+    pub angle_deg: f64,
+    /// Damage index, NaN when no value could be formed.
+    pub damage_index: f64,
+    /// Chance of such an index on a sound location, NaN when not computed.
+    pub p_value: f64,
+    /// Half width of the guard band: damage is an index above the re-inspect limit by more; NaN when not computed.
+    pub guard: f64,
+    /// Chance that a sound ring has an arc that stands out as much as the location's region does; NaN outside of regions.
+    pub region_p_value: f64,
+    /// Offset from the belt edge, in mm, at which the location's region shows most; NaN outside of regions and where no
+    /// offset is known.
+    pub offset_best_mm: f64,
+    /// Least offset, in mm, at which the region shows.
+    pub offset_low_mm: f64,
+    /// Greatest offset, in mm, at which the region shows.
+    pub offset_high_mm: f64,
+    /// Taps that entered the index.
+    pub tap_count: u32,
+    /// Discriminators of the location's taps that were absent and left out.
+    pub absent_count: u32,
+}
+
+impl Default for DamageCell {
+    fn default() -> Self {
+        Self {
+            location: 0,
+            region: 0,
+            angle_deg: f64::NAN,
+            damage_index: f64::NAN,
+            p_value: f64::NAN,
+            guard: f64::NAN,
+            region_p_value: f64::NAN,
+            offset_best_mm: f64::NAN,
+            offset_low_mm: f64::NAN,
+            offset_high_mm: f64::NAN,
+            tap_count: 0,
+            absent_count: 0,
+        }
+    }
+}
+
+/// The verdict on one shoulder; the cells of its damage map follow it.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("tapline.Judgement.v2")]
+pub struct Judgement {
+    /// Which record this is; `stamp.mark` is the number of the scan.
+    pub stamp: Stamp,
+    /// [`Verdict::code`].
+    pub verdict: u32,
+    /// Why.
+    pub reasons: Reasons,
+    /// Index at and above which a location is suspect.
+    pub limit_re_inspect: f64,
+    /// Index at and above which a region is damage, where all its taps came.
+    pub limit_reject: f64,
+    /// Chance that a sound shoulder is not passed, which the limits were set for.
+    pub false_call_rate: f64,
+    /// Chance that a sound ring has an arc that stands out as much as the one of this ring that does most.
+    pub p_value: f64,
+    /// Mean score of each discriminator, in the order of [`Discriminator::ALL`](crate::Discriminator::ALL), where the index
+    /// is highest: what speaks for damage there; NaN where it says nothing.
+    pub evidence: [f64; 7],
+    /// Change of each discriminator from the first to the closing tap of a turn, as a share of its level, the median of
+    /// all turns; NaN where there is no closing tap.
+    pub drift: [f64; 7],
+    /// Taps planned for the shoulder, the closing tap among them.
+    pub planned_count: u32,
+    /// Taps that came.
+    pub received_count: u32,
+    /// Taps that were refused with a reason.
+    pub refused_count: u32,
+    /// Discriminators that were absent and left out.
+    pub absent_count: u32,
+}
+
+impl Default for Judgement {
+    fn default() -> Self {
+        Self {
+            stamp: Stamp::default(),
+            verdict: 0,
+            reasons: Reasons::default(),
+            limit_re_inspect: f64::NAN,
+            limit_reject: f64::NAN,
+            false_call_rate: f64::NAN,
+            p_value: f64::NAN,
+            evidence: [f64::NAN; 7],
+            drift: [f64::NAN; 7],
+            planned_count: 0,
+            received_count: 0,
+            refused_count: 0,
+            absent_count: 0,
+        }
+    }
+}
+
+impl Stamped for Judgement {
+    fn stamp(&self) -> &Stamp {
+        &self.stamp
+    }
+    fn stamp_mut(&mut self) -> &mut Stamp {
+        &mut self.stamp
+    }
+}

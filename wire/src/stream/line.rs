@@ -1,0 +1,191 @@
+//! One process's place on a line: its node, and the one wait that everything ends in.
+
+use std::cell::{Cell, RefCell};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use iceoryx2::port::listener::{Listener, ListenerWaitError};
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::prelude::*;
+
+use crate::stream::address::{Svc, reap};
+use crate::stream::event::{Pending, Signal, Waker, event_service};
+use crate::{Limits, LineAddress, LineError, Role};
+
+/// Longest wait without a look whether the process is to end: a request may come in the moment before the wait begins.
+const WAIT_MOST: Duration = Duration::from_secs(1);
+
+/// One process's place on a line. Owned by one thread; what it receives may be used in others.
+#[derive(Debug)]
+pub struct Line {
+    role: Role,
+    limits: Limits,
+    address: LineAddress,
+    config: Config,
+    node: Node<Svc>,
+    events: Listener<Svc>,
+    pending: RefCell<Pending>,
+    notifiers: RefCell<HashMap<Role, Notifier<Svc>>>,
+    stop: Arc<AtomicBool>,
+    next_handshake: Cell<u64>,
+    epoch_ns: i64,
+}
+
+impl Line {
+    /// Joins the line at `address` as `role`; all its processes are given the same `limits`.
+    ///
+    /// `stop` is set by whoever wants the process to end; every wait ends then.
+    ///
+    /// # Errors
+    /// [`LineError`] when the address is not usable or the shared-memory layer refuses.
+    pub fn join(address: &LineAddress, role: Role, limits: &Limits, stop: Arc<AtomicBool>) -> Result<Self, LineError> {
+        set_log_level(LogLevel::Fatal); // what it reports is reported by the errors it returns
+        let mut config = address.config()?;
+        // One process looks for the dead, the one that started the others; see `clear_dead`.
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        let name = role.name();
+        let node_name =
+            NodeName::new(&name).map_err(|e| LineError::shared(format!("naming the participant {name}"), e))?;
+        let node = NodeBuilder::new()
+            .name(&node_name)
+            .config(&config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Svc>()
+            .map_err(|e| LineError::shared(format!("joining the line {} as {name}", address.prefix()), e))?;
+        // The listener comes first: a notification before it exists reaches nobody.
+        let events = event_service(&node, role, limits)?
+            .listener_builder()
+            .create()
+            .map_err(|e| LineError::shared(format!("listening to the events of {name}"), e))?;
+        let epoch_ns = crate::now_ns();
+        Ok(Self {
+            role,
+            limits: limits.clone(),
+            address: address.clone(),
+            config,
+            node,
+            events,
+            pending: RefCell::new(Pending::new(limits)),
+            notifiers: RefCell::default(),
+            stop,
+            // Another life of this process counts from elsewhere.
+            next_handshake: Cell::new(epoch_ns.unsigned_abs() >> 20),
+            epoch_ns,
+        })
+    }
+
+    /// The role joined as.
+    pub fn role(&self) -> Role {
+        self.role
+    }
+
+    /// What the line has room for.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// Whether the process has been asked to end.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn address(&self) -> &LineAddress {
+        &self.address
+    }
+
+    pub(crate) fn node(&self) -> &Node<Svc> {
+        &self.node
+    }
+
+    pub(crate) fn stop(&self) -> &Arc<AtomicBool> {
+        &self.stop
+    }
+
+    pub(crate) fn epoch_ns(&self) -> i64 {
+        self.epoch_ns
+    }
+
+    pub(crate) fn next_handshake(&self) -> u64 {
+        let number = self.next_handshake.get();
+        self.next_handshake.set(number + 1);
+        number
+    }
+
+    /// Waits until something is notified or `timeout` passes, a second at most.
+    ///
+    /// # Errors
+    /// [`LineError::Shared`] when listening fails.
+    pub fn wait(&self, timeout: Duration) -> Result<(), LineError> {
+        // What was notified while we did something else needs no waiting for.
+        if timeout.is_zero() || self.take(Signal::Data) {
+            self.listen()?;
+        } else {
+            let timeout = timeout.clamp(Duration::from_millis(1), WAIT_MOST);
+            let note = |activation: EventActivation| self.pending.borrow_mut().add(activation.id.as_value());
+            self.listened(self.events.timed_wait(note, timeout).map(|_| ()))?;
+        }
+        self.take(Signal::Data);
+        Ok(())
+    }
+
+    /// Notes what has been notified until now, without waiting.
+    pub(crate) fn listen(&self) -> Result<(), LineError> {
+        let note = |activation: EventActivation| self.pending.borrow_mut().add(activation.id.as_value());
+        self.listened(self.events.try_wait(note).map(|_| ()))
+    }
+
+    fn listened(&self, listened: Result<(), ListenerWaitError>) -> Result<(), LineError> {
+        match listened {
+            Ok(()) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
+            Err(error) => Err(LineError::shared(format!("listening to the events of {}", self.role.name()), error)),
+        }
+    }
+
+    /// Whether `signal` has come since it was last asked for.
+    pub fn take(&self, signal: Signal) -> bool {
+        self.pending.borrow_mut().take(signal)
+    }
+
+    /// Notifies `role`; a role that is not there does not hear it, and need not.
+    pub fn notify(&self, role: Role, signal: Signal) {
+        let mut notifiers = self.notifiers.borrow_mut();
+        let notifier = match notifiers.entry(role) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => match self.notifier(role) {
+                Ok(notifier) => entry.insert(notifier),
+                Err(error) => return tracing::warn!(%error, "cannot notify {}", role.name()),
+            },
+        };
+        if let Err(error) = notifier.notify_with_custom_event_id(signal.event()) {
+            tracing::debug!(?error, "{} was not notified", role.name());
+        }
+    }
+
+    /// What wakes this process, for its worker threads.
+    ///
+    /// # Errors
+    /// [`LineError::Shared`] when its own events cannot be reached.
+    pub fn waker(&self) -> Result<Waker, LineError> {
+        self.notifier(self.role).map(|notifier| Waker(Arc::new(notifier)))
+    }
+
+    fn notifier(&self, role: Role) -> Result<Notifier<Svc>, LineError> {
+        event_service(&self.node, role, &self.limits)?
+            .notifier_builder()
+            .create()
+            .map_err(|e| LineError::shared(format!("reaching the events of {}", role.name()), e))
+    }
+
+    /// Clears away what dead participants left, so that nobody waits for them any more.
+    ///
+    /// The one process that knows who has died calls it, when someone has; the others are not to look, since each look costs
+    /// as much as there are participants.
+    pub fn clear_dead(&self) {
+        reap(&self.config);
+    }
+}

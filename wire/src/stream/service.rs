@@ -1,0 +1,95 @@
+//! The services of a line in shared memory: one a topic, and one a process for its events.
+
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::event::PortFactory as EventService;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
+
+use crate::stream::address::Svc;
+use crate::stream::error::LineError;
+use crate::stream::event::event_service;
+use crate::stream::line::Line;
+use crate::stream::topic::{
+    CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SettledTopic, StatusTopic, TapTopic,
+    Topic, WaitTopic, port_limits, receivers,
+};
+
+pub(crate) type Service<T> = TopicService<Svc, [<T as Topic>::Element], <T as Topic>::Header>;
+
+/// Opens the service of a topic, or creates it: its sizes follow from the line's limits, so that all participants agree.
+/// An addressed topic has one for each `receiver`.
+pub(crate) fn open<T: Topic>(line: &Line, receiver: Option<Role>) -> Result<Service<T>, LineError> {
+    let name = match receiver {
+        Some(role) => format!("{}/{}", T::NAME, role.name()),
+        None => T::NAME.to_owned(),
+    };
+    let name = ServiceName::new(&name).map_err(|e| LineError::shared(format!("naming {}", T::NAME), e))?;
+    let (publishers, subscribers, nodes) = port_limits::<T>(line.limits());
+    let is_lossy = T::DELIVERY == Delivery::Newest;
+    line.node()
+        .service_builder(&name)
+        .publish_subscribe::<[T::Element]>()
+        .user_header::<T::Header>()
+        .enable_safe_overflow(is_lossy)
+        .history_size(usize::from(is_lossy))
+        .subscriber_max_buffer_size(T::BUFFER)
+        .subscriber_max_borrowed_samples(T::BORROWED)
+        .max_publishers(publishers)
+        .max_subscribers(subscribers)
+        .max_nodes(nodes)
+        .open_or_create()
+        .map_err(|e| failed::<T>(line, "opening", e))
+}
+
+/// What an operation on `T` that failed is: the end, when the process was told to end, as a signal interrupts it.
+pub(crate) fn failed<T: Topic>(line: &Line, doing: &str, reason: impl std::fmt::Debug) -> LineError {
+    match line.is_stopped() {
+        true => LineError::Stopped { topic: T::NAME },
+        false => LineError::shared(format!("{doing} {}", T::NAME), reason),
+    }
+}
+
+/// The services of all topics, held open.
+pub(crate) type AllTopics = (
+    Service<TapTopic>,
+    Service<DiscriminatorTopic>,
+    Service<ProposalTopic>,
+    Service<WaitTopic>,
+    Service<SettledTopic>,
+    Service<DamageTopic>,
+    Service<StatusTopic>,
+    Vec<Service<CasingTopic>>,
+);
+
+pub(crate) fn open_all(line: &Line) -> Result<AllTopics, LineError> {
+    Ok((
+        open::<TapTopic>(line, None)?,
+        open::<DiscriminatorTopic>(line, None)?,
+        open::<ProposalTopic>(line, None)?,
+        open::<WaitTopic>(line, None)?,
+        open::<SettledTopic>(line, None)?,
+        open::<DamageTopic>(line, None)?,
+        open::<StatusTopic>(line, None)?,
+        receivers(line.limits()).map(|role| open::<CasingTopic>(line, Some(role))).collect::<Result<_, _>>()?,
+    ))
+}
+
+/// Holds every service of a line open, so that no stage ever creates one: a stage that is killed while it creates a
+/// service leaves a half-made one that nobody can open.
+#[derive(Debug)]
+pub struct Services {
+    _events: Vec<EventService<Svc>>,
+    _topics: AllTopics,
+}
+
+impl Services {
+    /// Creates what the line needs, or opens it.
+    ///
+    /// # Errors
+    /// [`LineError::Shared`] when the shared-memory layer refuses.
+    pub fn open(line: &Line) -> Result<Self, LineError> {
+        let roles = [Role::Process, Role::Fuse, Role::Store, Role::Supervisor].into_iter();
+        let roles = roles.chain((0..line.limits().acquire_count).map(Role::Acquire));
+        let events = roles.map(|role| event_service(line.node(), role, line.limits())).collect::<Result<_, _>>()?;
+        Ok(Self { _events: events, _topics: open_all(line)? })
+    }
+}
