@@ -54,18 +54,6 @@ fn file_column<R>(name: Option<&str>) -> Option<Column<R>> {
     Some(Column::text("file", move |_| name.clone()))
 }
 
-/// Unit of a discriminator's values.
-fn unit_of(which: Discriminator) -> &'static str {
-    match which {
-        Discriminator::FMax => "N",
-        Discriminator::Tau => "s",
-        Discriminator::A1 | Discriminator::A2 => "V s",
-        Discriminator::Pr => "1",
-        Discriminator::Pf => "V^2/Hz",
-        Discriminator::Ef => "V^2",
-    }
-}
-
 struct FoundRow<'a> {
     tap: &'a PlannedTap,
     found: Discriminators,
@@ -74,9 +62,11 @@ struct FoundRow<'a> {
 fn discriminators(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
     let mut columns = tap_columns(name, |row: &FoundRow<'_>| row.tap);
     columns.push(Column::u16("attempt", |row: &FoundRow<'_>| row.found.id.attempt));
-    columns.extend(Discriminator::ALL.map(|which| {
-        Column::f64(which.column(), unit_of(which), move |row: &FoundRow<'_>| row.found.values.get(which))
-    }));
+    columns.extend(
+        Discriminator::ALL.map(|which| {
+            Column::f64(which.column(), which.unit(), move |row: &FoundRow<'_>| row.found.values.get(which))
+        }),
+    );
     columns.push(Column::text("quality", |row: &FoundRow<'_>| row.found.quality.to_string()));
     columns.push(Column::bits("quality_bits", |row: &FoundRow<'_>| row.found.quality.bits()));
     let found = reader.plan().taps().iter().zip(reader.discriminators()?);

@@ -11,12 +11,12 @@ impl Fusion {
     /// the casing's level, the median of all closing taps; NaN where there is none.
     ///
     /// Only what the index is formed of has a level to be a share of.
-    pub(crate) fn drift(&self, scan: usize, compared: &Compared) -> [f64; 7] {
+    pub(crate) fn drift(&self, scan: usize, compared: &Compared) -> [f64; Discriminator::COUNT] {
         let planned = &self.plan.scans()[scan];
         let level = &compared.casing.levels[compared.number];
         let discriminators = compared.standard.fit.yardstick().discriminators();
-        let Some(&(first_location, _)) = planned.locations.first() else { return [f64::NAN; 7] };
-        let mut changes: [Vec<f64>; 7] = Default::default();
+        let Some(&(first_location, _)) = planned.locations.first() else { return [f64::NAN; Discriminator::COUNT] };
+        let mut changes: [Vec<f64>; Discriminator::COUNT] = Default::default();
         // Shares of the level at the first location, and at the end, by slot.
         let slot_count = compared.conditions.count() * discriminators.len();
         let mut first = vec![(0.0, 0_u32); slot_count];

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use tapline_wire::Discriminator;
+
 use crate::condition::Conditions;
 use crate::fusion::{Entering, Fusion};
 use crate::level::Level;
@@ -42,14 +44,14 @@ impl Compared {
     }
 
     /// Mean score of each discriminator where the index is highest, NaN where it says nothing.
-    pub(crate) fn evidence(&self) -> [f64; 7] {
+    pub(crate) fn evidence(&self) -> [f64; Discriminator::COUNT] {
         let map = self.map();
         let index = |place: &usize| map.index[*place];
         let peak = (0..map.index.len()).filter(|p| index(p).is_some()).max_by(|a, b| {
             let value = |p| index(p).unwrap_or(f64::NEG_INFINITY);
             value(a).total_cmp(&value(b)).then(b.cmp(a))
         });
-        let mut evidence = [f64::NAN; 7];
+        let mut evidence = [f64::NAN; Discriminator::COUNT];
         let discriminators = self.standard.fit.yardstick().discriminators();
         for (score, &(which, _)) in
             peak.iter().flat_map(|&p| map.locations[p].by_discriminator.iter().zip(discriminators))

@@ -1,10 +1,11 @@
 //! The table `[fuse]` of the configuration.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use tapline_wire::{Discriminator, Serial};
+use tapline_wire::{Direction, Discriminator, Serial};
 
 use crate::Error;
 
@@ -99,81 +100,40 @@ pub enum Centre {
     Reference,
 }
 
-/// Which way a discriminator moves where there is a crack.
+/// The direction of each discriminator: a table of those that move otherwise than [`Discriminator::direction`] says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Direction {
-    /// It rises with damage.
-    Rises,
-    /// It falls with damage.
-    Falls,
-}
-
-impl Direction {
-    /// +1 where damage raises the value, -1 where it lowers it.
-    pub fn sign(self) -> f64 {
-        match self {
-            Self::Rises => 1.0,
-            Self::Falls => -1.0,
-        }
-    }
-}
-
-/// The direction of each discriminator.
-///
-/// Deviation: sections 5.4.3-5.4.4 treat PR as falling; Table 13 and recorded taps say that it rises.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Directions {
-    /// Of the peak force.
-    pub f_max: Direction,
-    /// Of the contact time.
-    pub tau: Direction,
-    /// Of the initial area.
-    pub a_1: Direction,
-    /// Of the ringing area.
-    pub a_2: Direction,
-    /// Of the power ratio.
-    pub pr: Direction,
-    /// Of the largest flexural power density.
-    pub p_f: Direction,
-    /// Of the flexural energy.
-    pub e_f: Direction,
-}
+#[serde(from = "BTreeMap<Discriminator, Direction>", into = "BTreeMap<Discriminator, Direction>")]
+pub struct Directions([Direction; Discriminator::COUNT]);
 
 impl Default for Directions {
     fn default() -> Self {
-        use Direction::{Falls, Rises};
-        Self { f_max: Falls, tau: Rises, a_1: Rises, a_2: Rises, pr: Rises, p_f: Rises, e_f: Rises }
+        Self(Discriminator::ALL.map(Discriminator::direction))
+    }
+}
+
+impl From<BTreeMap<Discriminator, Direction>> for Directions {
+    fn from(others: BTreeMap<Discriminator, Direction>) -> Self {
+        let mut directions = Self::default();
+        others.into_iter().for_each(|(which, direction)| directions.set(which, direction));
+        directions
+    }
+}
+
+impl From<Directions> for BTreeMap<Discriminator, Direction> {
+    fn from(directions: Directions) -> Self {
+        Discriminator::ALL.into_iter().zip(directions.0).collect()
     }
 }
 
 impl Directions {
     /// Sets the direction of `which`.
     pub fn set(&mut self, which: Discriminator, direction: Direction) {
-        let place = match which {
-            Discriminator::FMax => &mut self.f_max,
-            Discriminator::Tau => &mut self.tau,
-            Discriminator::A1 => &mut self.a_1,
-            Discriminator::A2 => &mut self.a_2,
-            Discriminator::Pr => &mut self.pr,
-            Discriminator::Pf => &mut self.p_f,
-            Discriminator::Ef => &mut self.e_f,
-        };
-        *place = direction;
+        self.0[which as usize] = direction;
     }
 
     /// The direction of `which`.
     pub fn of(&self, which: Discriminator) -> Direction {
-        match which {
-            Discriminator::FMax => self.f_max,
-            Discriminator::Tau => self.tau,
-            Discriminator::A1 => self.a_1,
-            Discriminator::A2 => self.a_2,
-            Discriminator::Pr => self.pr,
-            Discriminator::Pf => self.p_f,
-            Discriminator::Ef => self.e_f,
-        }
+        self.0[which as usize]
     }
 }
 

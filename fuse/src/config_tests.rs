@@ -36,7 +36,7 @@ fn one_key_changes_one_thing() {
     let expected = FuseConfig {
         reference: Some(Reference::Shoulder { tyre: Serial::new("T 1").unwrap(), shoulder: 2 }),
         index: IndexKind::Dissertation,
-        directions: Directions { pr: Direction::Falls, ..Directions::default() },
+        directions: Directions::from(BTreeMap::from([(Discriminator::Pr, Direction::Falls)])),
         ..FuseConfig::default()
     };
     assert_eq!(config, expected);

@@ -360,7 +360,7 @@ fn numbered(plan: &Plan, scan: usize, names: &[TapId]) -> Vec<Entering> {
 
 /// Of two records of one tap the one with the higher rank holds. The attempt decides; the rest makes
 /// the choice the same in whichever order two different records of one attempt come.
-fn rank(seen: &Seen) -> (u16, bool, [Option<u64>; 7], u64) {
+fn rank(seen: &Seen) -> (u16, bool, [Option<u64>; Discriminator::COUNT], u64) {
     (
         seen.attempt,
         !seen.is_refused,

@@ -98,7 +98,7 @@ mod yardstick;
 #[cfg(test)]
 mod testing;
 
-pub use config::{Centre, Combine, Direction, Directions, Extent, FuseConfig, IndexKind, Reference};
+pub use config::{Centre, Combine, Directions, Extent, FuseConfig, IndexKind, Reference};
 pub use error::Error;
 pub use fusion::Fusion;
 pub use hidden::{Hidden, HiddenStates, fitted_shift, hidden_states};
@@ -111,4 +111,5 @@ pub use run::{Outcome, RunError, run};
 pub use scale::{PercentileScale, Scaled};
 pub use scan::{ARC_LENGTHS, Arc, Permutation, arc_null, scan, scan_p_value};
 pub use score::{Score, ScorePool, auc};
+pub use tapline_wire::Direction;
 pub use velocity::PowerLaw;

@@ -217,8 +217,9 @@ fn directions_are_learned_where_labels_tell() {
         build_reference(&of, shoulders_of(&casing, 1, true, "A")).unwrap()
     };
     let directions = of(true).directions;
-    assert_eq!((directions.pr, directions.tau, directions.a_1), (Direction::Rises, Direction::Rises, Direction::Falls));
-    assert_eq!(of(false).directions.pr, Direction::Falls);
+    let learned = [Discriminator::Pr, Discriminator::Tau, Discriminator::A1].map(|which| directions.of(which));
+    assert_eq!(learned, [Direction::Rises, Direction::Rises, Direction::Falls]);
+    assert_eq!(of(false).directions.of(Discriminator::Pr), Direction::Falls);
     assert!(of(false).auc["pr"] > 0.9 && (0.3..0.7).contains(&of(false).auc["a_1"]), "{:?}", of(false).auc);
 }
 

@@ -15,7 +15,7 @@ pub struct Score {
     /// Of each discriminator alone, in the order of [`Discriminator::ALL`], configured for the index or
     /// not: location means of robust z, neither clipped nor averaged along the ring, signed by the
     /// configured direction. Below 0.5 the direction is wrong.
-    pub discriminators: [Option<f64>; 7],
+    pub discriminators: [Option<f64>; Discriminator::COUNT],
     /// Cracked locations that have an index.
     pub cracked_count: u32,
     /// Sound locations that have an index.
@@ -55,7 +55,7 @@ impl Score {
 #[derive(Debug, Clone, Default)]
 pub struct ScorePool {
     index: (Vec<f64>, Vec<bool>),
-    alone: [(Vec<f64>, Vec<bool>); 7],
+    alone: [(Vec<f64>, Vec<bool>); Discriminator::COUNT],
 }
 
 impl ScorePool {
@@ -196,7 +196,7 @@ mod tests {
         assert!(score.index.unwrap() > 0.9);
         assert_eq!((score.cracked_count, score.sound_count), (6, 94));
         let mut reversed = FuseConfig::by(Reference::Own);
-        reversed.directions.pr = crate::Direction::Falls;
+        reversed.directions.set(Discriminator::Pr, crate::Direction::Falls);
         let reversed = Score::of(&reversed, &plan, &records).unwrap();
         assert!(reversed.discriminators[Discriminator::Pr as usize].unwrap() < 0.01);
     }
@@ -207,6 +207,6 @@ mod tests {
         let casing = Casing::default();
         let sound = casing.plan();
         let score = Score::of(&FuseConfig::by(Reference::Own), &sound, &records(&casing, &sound, 1)).unwrap();
-        assert_eq!((score.index, score.discriminators, score.cracked_count), (None, [None; 7], 0));
+        assert_eq!((score.index, score.discriminators, score.cracked_count), (None, [None; Discriminator::COUNT], 0));
     }
 }

@@ -37,7 +37,7 @@ impl Shoulder {
     /// The mean of each discriminator over the taps of one place in one condition, by place and condition: "the averaged
     /// results of two repeated test data" (section 5.4.3).
     pub(crate) fn averaged(&self, condition_count: usize) -> Vec<Reading> {
-        let mut sums = vec![[(0.0, 0_u32); Discriminator::ALL.len()]; self.ring.len() * condition_count];
+        let mut sums = vec![[(0.0, 0_u32); Discriminator::COUNT]; self.ring.len() * condition_count];
         for tap in &self.taps {
             let sums = &mut sums[tap.place * condition_count + tap.condition];
             for (which, sum) in Discriminator::ALL.into_iter().zip(sums) {
@@ -46,14 +46,14 @@ impl Shoulder {
                 }
             }
         }
-        let reading = |(number, sums): (usize, [(f64, u32); 7])| {
+        let reading = |(number, sums): (usize, [(f64, u32); Discriminator::COUNT])| {
             let mut values = Values::default();
             for (which, (sum, count)) in Discriminator::ALL.into_iter().zip(sums) {
                 values.set(which, (count > 0).then(|| sum / f64::from(count)));
             }
             Reading { place: number / condition_count, condition: number % condition_count, values }
         };
-        let is_filled = |sums: &[(f64, u32); 7]| sums.iter().any(|&(_, count)| count > 0);
+        let is_filled = |sums: &[(f64, u32); Discriminator::COUNT]| sums.iter().any(|&(_, count)| count > 0);
         sums.into_iter().enumerate().filter(|(_, sums)| is_filled(sums)).map(reading).collect()
     }
 }

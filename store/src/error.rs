@@ -118,7 +118,7 @@ pub enum Error {
         /// Units of the file; empty when it does not say.
         archived: String,
         /// Units of this program.
-        known: &'static str,
+        known: String,
     },
     /// The archive belongs to another scan plan.
     #[error("{} holds scan plan {archived:016x}; this run has scan plan {given:016x}", path.display())]

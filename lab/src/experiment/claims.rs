@@ -113,21 +113,8 @@ fn list(values: &[f64], joint: &str) -> String {
 /// Values by name.
 fn named(values: &[(Discriminator, f64)]) -> String {
     let named: Vec<String> =
-        values.iter().map(|(which, value)| format!("{} {}", symbol(*which), digits(*value))).collect();
+        values.iter().map(|(which, value)| format!("{} {}", which.symbol(), digits(*value))).collect();
     named.join(", ")
-}
-
-/// The symbol of a discriminator, in plain letters.
-fn symbol(which: Discriminator) -> &'static str {
-    match which {
-        Discriminator::FMax => "F_max",
-        Discriminator::Tau => "tau",
-        Discriminator::A1 => "A_1",
-        Discriminator::A2 => "A_2",
-        Discriminator::Pr => "PR",
-        Discriminator::Pf => "P_f",
-        Discriminator::Ef => "E_f",
-    }
 }
 
 /// What `value` says of the taps that `is_in` says, where it says something.

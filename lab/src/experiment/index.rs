@@ -25,12 +25,13 @@ pub(super) enum PowerRatio {
 ///
 /// It is the index that the program calls `dissertation`: the two repetitions are averaged, closing taps left out.
 pub(super) fn indices(taken: &Taken, discriminators: &[Discriminator], pr: PowerRatio) -> Result<Indices> {
-    let pr = if pr == PowerRatio::Rises { Direction::Rises } else { Direction::Falls };
+    let mut directions = Directions::default();
+    directions.set(Discriminator::Pr, if pr == PowerRatio::Rises { Direction::Rises } else { Direction::Falls });
     let config = FuseConfig {
         discriminators: discriminators.to_vec(),
         index: IndexKind::Dissertation,
         reference: Some(Reference::Shoulder { tyre: Serial::new(REPRESENTATIVE)?, shoulder: 1 }),
-        directions: Directions { pr, ..Directions::default() },
+        directions,
         ..FuseConfig::default()
     };
     let mut fusion = Fusion::new(&config, &taken.plan)?;

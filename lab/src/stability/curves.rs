@@ -93,7 +93,7 @@ fn on_both(x: f64, change: impl Fn(&mut [f64], f64)) -> Tap {
 
 fn noise() -> Curve {
     let at = |x: f64| {
-        let (mut squares, mut quality) = ([0.0; 7], Quality::default());
+        let (mut squares, mut quality) = ([0.0; Discriminator::COUNT], Quality::default());
         for seed in 0..NOISE_RECORDS {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut tap = Tap::sound();

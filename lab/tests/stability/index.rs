@@ -241,7 +241,7 @@ fn c27_the_direction_of_the_power_ratio() {
 
     let ours = FuseConfig::by(Reference::Own);
     let mut naive = ours.clone();
-    naive.directions.pr = Direction::Falls;
+    naive.directions.set(Discriminator::Pr, Direction::Falls);
     let (right, wrong) = (Score::of(&ours, &plan, &of).unwrap(), Score::of(&naive, &plan, &of).unwrap());
     let alone = |score: &Score| score.discriminators[Discriminator::Pr as usize].unwrap();
     println!("c27: PR {} / {}, index {:?} / {:?}", alone(&right), alone(&wrong), right.index, wrong.index);

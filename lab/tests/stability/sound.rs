@@ -11,7 +11,7 @@ use tapline_wire::{Discriminator, Discriminators, Lane, Quality, TapHeader, lane
 
 use crate::stability::tap::{PRE_TRIGGER, RATE_HZ, Tap, add_hum, add_offset, peak};
 
-const ALL: [Discriminator; 7] = Discriminator::ALL;
+const ALL: [Discriminator; Discriminator::COUNT] = Discriminator::ALL;
 
 fn value(found: &Discriminators, which: Discriminator) -> f64 {
     found.values.get(which).unwrap_or_else(|| panic!("{which:?} is absent: {found:?}"))

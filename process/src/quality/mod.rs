@@ -194,7 +194,7 @@ pub(crate) struct Doubts {
     pub(crate) flags: Quality,
     /// Why the pulse, and all that rests on it, must not be used.
     pub(crate) pulse_spoilt_by: Option<Quality>,
-    dropped: [bool; 7],
+    dropped: [bool; Discriminator::COUNT],
 }
 
 impl Doubts {

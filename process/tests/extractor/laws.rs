@@ -164,7 +164,7 @@ fn bad_channels_take_only_their_own_values() {
         (values(&found).map(|value| u8::from(value.is_some())), found.quality)
     };
     let both = |a: Quality, b: Quality| Quality::from_bits(a.bits() | b.bits());
-    assert_eq!(present(&|_, _| {}), ([1; 7], Quality::default()));
+    assert_eq!(present(&|_, _| {}), ([1; Discriminator::COUNT], Quality::default()));
     assert_eq!(present(&|_, x| x[..n].fill(0.0)), ([0, 0, 0, 0, 1, 1, 1], both(Quality::NO_FORCE, Quality::NO_PULSE)));
     assert_eq!(present(&|_, x| x[n..].fill(0.25)), ([1, 1, 0, 0, 0, 0, 0], both(Quality::NO_SOUND, Quality::NO_ONSET)));
     assert_eq!(present(&|_, x| x[5000] = f32::NAN), ([0, 0, 0, 0, 1, 1, 1], Quality::NON_FINITE));
@@ -180,8 +180,8 @@ fn bad_channels_take_only_their_own_values() {
     assert_eq!(present(&|h, _| h.microphone_distance_m = f64::NAN), ([1, 1, 0, 0, 1, 1, 1], Quality::NO_ONSET));
     assert_eq!(present(&|h, _| h.microphone_distance_m = -9.0), ([1, 1, 0, 0, 1, 1, 1], Quality::NO_ONSET));
     assert_eq!(present(&|h, _| h.sample_rate_hz = 500.0).1.to_string(), "no_band|undersampled|rate_implausible");
-    assert_eq!(present(&|h, _| h.sample_rate_hz = f64::NAN), ([0; 7], Quality::REFUSED));
-    assert_eq!(present(&|h, _| h.sample_count = 8191), ([0; 7], Quality::REFUSED));
+    assert_eq!(present(&|h, _| h.sample_rate_hz = f64::NAN), ([0; Discriminator::COUNT], Quality::REFUSED));
+    assert_eq!(present(&|h, _| h.sample_count = 8191), ([0; Discriminator::COUNT], Quality::REFUSED));
 }
 
 /// Catches noise on a dead hammer channel taken for an impact, in both formats.

@@ -112,7 +112,7 @@ fn late_trigger() {
     let mut cut = TAPS[0].clone();
     begin_at(&mut cut.force, 520);
     begin_at(&mut cut.sound, 520);
-    assert_eq!(values(&cut.found(&ProcessConfig::default())), [None; 7]);
+    assert_eq!(values(&cut.found(&ProcessConfig::default())), [None; Discriminator::COUNT]);
 }
 
 /// Catches a second hit that is missed because it is close, faint, far or greater than the first.

@@ -57,7 +57,7 @@ fn the_recorded_bad_impact_is_refused_for_the_right_reasons() {
         assert!(found.quality.contains(Quality::UNDERSAMPLED), "{}", found.quality);
         assert!(found.quality.contains(Quality::LATE_TRIGGER), "{}", found.quality);
         assert_eq!(found.quality.contains(Quality::NO_BASELINE), pre_trigger_samples == 0);
-        assert_eq!(values(&found), [None; 7], "{}", found.quality);
+        assert_eq!(values(&found), [None; tapline_wire::Discriminator::COUNT], "{}", found.quality);
     }
 }
 

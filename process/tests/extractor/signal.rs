@@ -137,13 +137,18 @@ impl Case {
 }
 
 /// The seven values in their order.
-pub(crate) fn values(found: &Discriminators) -> [Option<f64>; 7] {
+pub(crate) fn values(found: &Discriminators) -> [Option<f64>; Discriminator::COUNT] {
     Discriminator::ALL.map(|which| found.values.get(which))
 }
 
 /// Fails unless `found` has the values of `expected`, each within `tolerance` of itself.
 #[track_caller]
-pub(crate) fn assert_close(found: &Discriminators, expected: [Option<f64>; 7], tolerance: f64, what: &str) {
+pub(crate) fn assert_close(
+    found: &Discriminators,
+    expected: [Option<f64>; Discriminator::COUNT],
+    tolerance: f64,
+    what: &str,
+) {
     for (which, expected) in Discriminator::ALL.into_iter().zip(expected) {
         match (found.values.get(which), expected) {
             (None, None) => {}

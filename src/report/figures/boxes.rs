@@ -12,7 +12,6 @@ use crate::report::evidence::{Evidence, Shoulder, Tyre};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::chart::{Chart, exponent_of, scaled_unit};
 use crate::report::figures::small::Small;
-use crate::report::pages::words;
 
 /// Share of the values beyond either whisker.
 const BEYOND: f64 = 0.05;
@@ -28,7 +27,7 @@ struct Classes {
 pub(crate) fn pictures(evidence: &Evidence, tyres: &[Tyre]) -> Result<Vec<String>> {
     let mut pictures = Vec::new();
     for which in Discriminator::ALL {
-        let (name, per_si, unit) = words::quantity(which);
+        let (name, per_si, unit) = which.printed();
         let classes = classes(tyres, |tyre, shoulder| {
             let means = tyre.condition.map(|condition| location_means(shoulder, condition, which)).unwrap_or_default();
             shoulder.cells.iter().map(|cell| means.get(&cell.location).map(|value| value * per_si)).collect()

@@ -88,7 +88,7 @@ pub(crate) fn discriminator(
     condition: Condition,
     which: Discriminator,
 ) -> Result<Vec<String>> {
-    let (name, per_si, unit) = words::quantity(which);
+    let (name, per_si, unit) = which.printed();
     let turns: Vec<_> = tyre.shoulders.iter().map(|shoulder| turns(shoulder, condition, which, per_si)).collect();
     let values = turns.iter().flatten().flat_map(|turn| turn.iter().flatten().map(|point| point.1));
     let Some(extremes) = extent(values) else { return Ok(Vec::new()) };

@@ -103,8 +103,7 @@ fn length(region: &Region) -> Markup {
 
 /// The three discriminators that speak the loudest.
 fn loudest(shoulder: &Shoulder) -> String {
-    let names =
-        shoulder.evidence.iter().take(3).map(|&(which, score)| format!("{} {score:.1}", words::quantity(which).0));
+    let names = shoulder.evidence.iter().take(3).map(|&(which, score)| format!("{} {score:.1}", which.printed().0));
     names.collect::<Vec<_>>().join(", ")
 }
 

@@ -14,7 +14,7 @@ use crate::report::figures::scale::Scale;
 use crate::report::figures::{boxes, rounds};
 use crate::report::pages::page::{self, figure, small_figure, verdict_word};
 use crate::report::pages::tyre::boxes_words;
-use crate::report::pages::words::{self, body, side};
+use crate::report::pages::words::{body, side};
 
 /// Most tyres whose index is drawn: more would be too much for one page.
 const DRAWN_MOST: usize = 60;
@@ -164,7 +164,7 @@ fn truth(evidence: &Evidence, score: Option<Score>) -> Result<Markup> {
             @if let Some(score) = score {
                 p { "All taps together, every offset and velocity standardised by itself: AUC of the index " (number(score.index)) " over " (score.cracked_count) " cracked and " (score.sound_count) " sound locations; alone "
                     @for (order, (which, alone)) in Discriminator::ALL.into_iter().zip(score.discriminators).enumerate() {
-                        @if order > 0 { ", " } (words::quantity(which).0) " " (number(alone))
+                        @if order > 0 { ", " } (which.printed().0) " " (number(alone))
                     } "." }
             }
         }

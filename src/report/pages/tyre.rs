@@ -13,7 +13,7 @@ use crate::report::figures::scale::Scale;
 use crate::report::figures::{boxes, bscan, polar, rounds, strip, taps};
 use crate::report::pages::marks;
 use crate::report::pages::page::{self, figure, small_figure};
-use crate::report::pages::words::{self, body, side};
+use crate::report::pages::words::{body, side};
 
 /// The page of `tyre`.
 pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<String> {
@@ -120,7 +120,7 @@ fn discriminators(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let (mut pictures, mut absent, mut shown) = (Vec::new(), Vec::new(), Vec::new());
     for which in Discriminator::ALL {
         let drawn = rounds::discriminator(evidence.geometry, tyre, condition, which)?;
-        let words = format!("{} {}", words::quantity(which).0, words::meaning(which));
+        let words = format!("{} {}", which.printed().0, which.meaning());
         if drawn.is_empty() {
             absent.push(words)
         } else {
@@ -130,7 +130,7 @@ fn discriminators(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     }
     let falls = |which: &Discriminator| evidence.config.fuse.directions.of(*which) == Direction::Falls;
     let falling: Vec<&str> =
-        Discriminator::ALL.iter().filter(|which| falls(which)).map(|&which| words::quantity(which).0).collect();
+        Discriminator::ALL.iter().filter(|which| falls(which)).map(|&which| which.printed().0).collect();
     let falling = if falling.is_empty() { "nothing".to_owned() } else { falling.join(", ") };
     let what = html! {
         strong { "The discriminators along the " (side(evidence.geometry)) ", repetition by repetition (" (condition.words()) ")." }

@@ -1,6 +1,6 @@
 //! The words of the pages: verdicts, reasons, flags and quantities, as one says them on the shop floor.
 
-use tapline_wire::{Discriminator, Geometry, Quality, Reasons, Verdict};
+use tapline_wire::{Geometry, Quality, Reasons, Verdict};
 
 /// What is scanned at once.
 pub(crate) fn side(geometry: Geometry) -> &'static str {
@@ -97,32 +97,6 @@ pub(crate) fn flag(name: &'static str) -> &'static str {
     ];
     let known = Quality::ALL.iter().find(|(_, known)| *known == name).map(|(flag, _)| *flag);
     sentences.into_iter().find(|&(flag, _)| Some(flag) == known).map_or(name, |(_, sentence)| sentence)
-}
-
-/// Name of a discriminator in print, how many of its unit make one SI unit, and the unit.
-pub(crate) fn quantity(which: Discriminator) -> (&'static str, f64, &'static str) {
-    match which {
-        Discriminator::FMax => ("F_max", 1.0, "N"),
-        Discriminator::Tau => ("τ", 1e3, "ms"),
-        Discriminator::A1 => ("A₁", 1.0, "V s"),
-        Discriminator::A2 => ("A₂", 1.0, "V s"),
-        Discriminator::Pr => ("PR", 1.0, ""),
-        Discriminator::Pf => ("P_f", 1.0, "V²/Hz"),
-        Discriminator::Ef => ("E_f", 1.0, "V²"),
-    }
-}
-
-/// What a discriminator is.
-pub(crate) fn meaning(which: Discriminator) -> &'static str {
-    match which {
-        Discriminator::FMax => "peak force",
-        Discriminator::Tau => "contact time",
-        Discriminator::A1 => "initial area of the sound",
-        Discriminator::A2 => "ringing area of the sound",
-        Discriminator::Pr => "power ratio",
-        Discriminator::Pf => "largest flexural density",
-        Discriminator::Ef => "flexural energy",
-    }
 }
 
 /// `count` things called `one`, or `more` of them.

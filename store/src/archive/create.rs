@@ -16,7 +16,7 @@ use crate::file::draft::{Draft, folder_of, remove_dead_drafts};
 use crate::format::convert::{Growth, first_cells, fixed};
 use crate::format::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, Key, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
-    TruthRow, attribute, format_name, table, unit_of,
+    TruthRow, attribute, format_name, table, unit_of, units_of,
 };
 use crate::format::lineage::{Lineage, hex_of};
 use crate::h5::file::{abandon, files};
@@ -111,7 +111,7 @@ fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
     for (name, note, units) in NOTES.into_iter().filter(|(name, ..)| is_own(name)) {
         let dataset = file.dataset(name)?;
         write_text(&dataset, attribute::NOTE, note)?;
-        write_units(&dataset, units)?;
+        write_units(&dataset, &units_of(name, units))?;
     }
     write_text(file, attribute::NX_CLASS, "NXroot")?;
     write_text(file, attribute::NX_DEFAULT, table::TAPS)?;

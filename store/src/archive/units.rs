@@ -9,11 +9,11 @@ use hdf5::{Dataset, File};
 use tapline_wire::Channel;
 
 use crate::error::{Context, Error, Result};
-use crate::format::layout::{NOTES, attribute, table, unit_of};
+use crate::format::layout::{NOTES, attribute, table, unit_of, units_of};
 use crate::h5::text::{read_text, write_text};
 
 /// Writes `units`, a list as in [`NOTES`], on `dataset`; nothing where it is empty.
-pub(crate) fn write_units(dataset: &Dataset, units: &'static str) -> hdf5::Result<()> {
+pub(crate) fn write_units(dataset: &Dataset, units: &str) -> hdf5::Result<()> {
     if units.is_empty() {
         return Ok(());
     }
@@ -30,9 +30,11 @@ pub(crate) fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<
     for (name, _, units) in NOTES.into_iter().filter(|(_, _, units)| !units.is_empty()) {
         let file = if name.starts_with(table::TAPS) { taps_file } else { file };
         let table = file.dataset(name).context("find a table", path)?;
-        for (attribute, known) in std::iter::once((attribute::UNITS.to_owned(), units)).chain(by_field(units)) {
+        let units = units_of(name, units);
+        for (attribute, known) in std::iter::once((attribute::UNITS.to_owned(), &*units)).chain(by_field(&units)) {
             let archived = read_text(&table, &attribute).unwrap_or_default();
             if archived != known {
+                let known = known.to_owned();
                 return Err(Error::OtherUnits { path: path.to_owned(), table: name, archived, known });
             }
         }
@@ -51,6 +53,7 @@ fn check_channels(taps_file: &File, path: &Path) -> Result<()> {
         let known = channel.map_or("", unit_of);
         let is_known = units.next() == Some(known);
         if !is_known {
+            let known = known.to_owned();
             return Err(Error::OtherUnits { path: path.to_owned(), table: table::SAMPLES, archived, known });
         }
     }
@@ -58,7 +61,7 @@ fn check_channels(taps_file: &File, path: &Path) -> Result<()> {
 }
 
 /// The attribute of each field of the list `units`, and what it says; none for the unit of a whole dataset.
-fn by_field(units: &'static str) -> impl Iterator<Item = (String, &'static str)> {
+fn by_field(units: &str) -> impl Iterator<Item = (String, &str)> {
     let fields = units.split(", ").filter_map(|field| field.split_once(' '));
     fields.map(|(field, unit)| (format!("{}{field}", attribute::UNITS_OF_FIELD), unit))
 }

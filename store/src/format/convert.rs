@@ -207,15 +207,10 @@ impl DiscriminatorsRow {
         })
     }
 
-    /// The seven values as stored, in the order of [`Discriminator::ALL`].
-    pub(crate) fn values(&self) -> [f64; 7] {
-        [self.f_max_n, self.tau_s, self.a_1_v_s, self.a_2_v_s, self.pr, self.p_f_v2_per_hz, self.e_f_v2]
-    }
-
     /// The record of this row's tap.
     pub(crate) fn to_discriminators(self, planned: &TapId) -> Discriminators {
         let mut values = Values::default();
-        for (which, value) in Discriminator::ALL.into_iter().zip(self.values()) {
+        for (which, value) in Discriminator::ALL.into_iter().zip(self.values) {
             values.set(which, Some(value));
         }
         Discriminators {
@@ -231,15 +226,13 @@ impl DiscriminatorsRow {
     pub(crate) fn fingerprint(&self) -> u64 {
         let mut hasher = DefaultHasher::new();
         (self.attempt, self.quality, self.velocity_measured_m_per_s.to_bits()).hash(&mut hasher);
-        self.values().map(f64::to_bits).hash(&mut hasher);
+        self.values.map(f64::to_bits).hash(&mut hasher);
         hasher.finish()
     }
 }
 
 impl From<&Discriminators> for DiscriminatorsRow {
     fn from(record: &Discriminators) -> Self {
-        let [f_max_n, tau_s, a_1_v_s, a_2_v_s, pr, p_f_v2_per_hz, e_f_v2] =
-            Discriminator::ALL.map(|which| record.values.get(which).unwrap_or(f64::NAN));
         Self {
             plan_index: record.plan_index,
             attempt: record.id.attempt,
@@ -247,13 +240,7 @@ impl From<&Discriminators> for DiscriminatorsRow {
             location: record.id.location,
             quality: record.quality.bits(),
             velocity_measured_m_per_s: record.velocity_measured_m_per_s,
-            f_max_n,
-            tau_s,
-            a_1_v_s,
-            a_2_v_s,
-            pr,
-            p_f_v2_per_hz,
-            e_f_v2,
+            values: Discriminator::ALL.map(|which| record.values.get(which).unwrap_or(f64::NAN)),
             checksum: 0,
         }
     }
@@ -285,8 +272,8 @@ impl ScanRow {
             limit_reject: f64::NAN,
             false_call_rate: f64::NAN,
             p_value: f64::NAN,
-            evidence: [f64::NAN; 7],
-            drift: [f64::NAN; 7],
+            evidence: [f64::NAN; Discriminator::COUNT],
+            drift: [f64::NAN; Discriminator::COUNT],
             planned_count: u32::try_from(scan.taps.len()).unwrap_or(u32::MAX),
             received_count: 0,
             refused_count: 0,

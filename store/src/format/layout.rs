@@ -4,9 +4,14 @@
 //! invalid value. No row has padding: its bytes go to the file as they lie in memory, without undefined ones among
 //! them and without the library's conversion, which clears a megabyte at every write.
 
+#![expect(unsafe_code, reason = "the derived description cannot name the elements of an array")]
+
+use std::borrow::Cow;
+use std::mem::offset_of;
+
 use hdf5::H5Type;
-use hdf5::types::{FixedAscii, FixedUnicode};
-use tapline_wire::{CHANNELS_MAX, Channel, SERIAL_BYTES, SampleFormat};
+use hdf5::types::{CompoundField, CompoundType, FixedAscii, FixedUnicode, TypeDescriptor};
+use tapline_wire::{CHANNELS_MAX, Channel, Discriminator, SERIAL_BYTES, SampleFormat};
 
 use crate::format::lineage::Digest;
 
@@ -85,9 +90,17 @@ pub(crate) mod attribute {
     pub(crate) const NX_AXES: &str = "axes";
 }
 
-/// What a reader without this program needs to know of each table: (table, note, units).
-///
-/// Units are a list of fields, or that of the dataset's own numbers; what has no unit is not in it.
+/// The units of `table`, which [`NOTES`] lists: those of its fields, or that of the dataset's own numbers; what has no unit is
+/// not among them.
+pub(crate) fn units_of(table: &str, noted: &'static str) -> Cow<'static, str> {
+    if table != table::DISCRIMINATORS {
+        return noted.into();
+    }
+    let each = Discriminator::ALL.map(|which| format!("{} {}", which.column(), which.unit()));
+    format!("{noted}, {}", each.join(", ")).into()
+}
+
+/// What a reader without this program needs to know of each table: (table, note, units but for the discriminators').
 pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     (
         table::PLAN,
@@ -102,7 +115,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     (
         table::DISCRIMINATORS,
         "NaN is absent; plan_index 4294967295 is a tap that is not there; quality is a set of flags",
-        "velocity_measured_m_per_s m/s, f_max_n N, tau_s s, a_1_v_s V s, a_2_v_s V s, pr 1, p_f_v2_per_hz V^2/Hz, e_f_v2 V^2",
+        "velocity_measured_m_per_s m/s",
     ),
     (
         table::LEDGER,
@@ -177,7 +190,7 @@ pub(crate) struct HeaderRow {
 ///
 /// Shoulder and location repeat the plan, so that the table can be plotted by itself.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, H5Type)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct DiscriminatorsRow {
     pub(crate) plan_index: u32,
     pub(crate) attempt: u16,
@@ -185,14 +198,31 @@ pub(crate) struct DiscriminatorsRow {
     pub(crate) location: u32,
     pub(crate) quality: u32,
     pub(crate) velocity_measured_m_per_s: f64,
-    pub(crate) f_max_n: f64,
-    pub(crate) tau_s: f64,
-    pub(crate) a_1_v_s: f64,
-    pub(crate) a_2_v_s: f64,
-    pub(crate) pr: f64,
-    pub(crate) p_f_v2_per_hz: f64,
-    pub(crate) e_f_v2: f64,
+    /// By [`Discriminator::ALL`]; in the file each is a column of its own.
+    pub(crate) values: [f64; Discriminator::COUNT],
     pub(crate) checksum: u64,
+}
+
+// SAFETY: every field, and every element of `values`, is described with its own type, offset and size.
+unsafe impl H5Type for DiscriminatorsRow {
+    fn type_descriptor() -> TypeDescriptor {
+        let values = Discriminator::ALL.map(|which| (which.column(), offset_of!(Self, values) + 8 * which as usize));
+        let columns = [
+            CompoundField::typed::<u32>("plan_index", offset_of!(Self, plan_index), 0),
+            CompoundField::typed::<u16>("attempt", offset_of!(Self, attempt), 1),
+            CompoundField::typed::<u16>("shoulder", offset_of!(Self, shoulder), 2),
+            CompoundField::typed::<u32>("location", offset_of!(Self, location), 3),
+            CompoundField::typed::<u32>("quality", offset_of!(Self, quality), 4),
+            CompoundField::typed::<f64>("velocity_measured_m_per_s", offset_of!(Self, velocity_measured_m_per_s), 5),
+        ];
+        let checksum = ("checksum", offset_of!(Self, checksum));
+        let mut fields = Vec::from(columns);
+        for (name, offset) in values {
+            fields.push(CompoundField::typed::<f64>(name, offset, fields.len()));
+        }
+        fields.push(CompoundField::typed::<u64>(checksum.0, checksum.1, fields.len()));
+        TypeDescriptor::Compound(CompoundType { fields, size: size_of::<Self>() })
+    }
 }
 
 /// State of a planned tap.
@@ -232,8 +262,8 @@ pub(crate) struct ScanRow {
     pub(crate) limit_reject: f64,
     pub(crate) false_call_rate: f64,
     pub(crate) p_value: f64,
-    pub(crate) evidence: [f64; 7],
-    pub(crate) drift: [f64; 7],
+    pub(crate) evidence: [f64; Discriminator::COUNT],
+    pub(crate) drift: [f64; Discriminator::COUNT],
     pub(crate) reasons: u32,
     pub(crate) planned_count: u32,
     pub(crate) received_count: u32,
@@ -294,16 +324,13 @@ pub(crate) fn unit_of(channel: Channel) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use hdf5::types::TypeDescriptor;
-    use tapline_wire::Discriminator;
-
     use super::*;
 
     /// Catches a column that is renamed, dropped or moved away from what every other table calls it.
     #[test]
     fn discriminators_have_their_columns() {
         let TypeDescriptor::Compound(row) = DiscriminatorsRow::type_descriptor() else { panic!("not a compound") };
-        let names: Vec<&str> = row.fields.iter().map(|f| f.name.as_str()).skip(6).take(7).collect();
+        let names: Vec<&str> = row.fields.iter().map(|f| f.name.as_str()).skip(6).take(Discriminator::COUNT).collect();
         assert_eq!(names, Discriminator::ALL.map(Discriminator::column));
     }
 

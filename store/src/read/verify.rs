@@ -244,14 +244,14 @@ fn check_tap(
     if quality.contains(Quality::RETAKE) {
         complain("it is archived, but its discriminators ask for another attempt".to_owned());
     }
-    if quality.is_clean() && discriminators.values().into_iter().any(f64::is_nan) {
+    if quality.is_clean() && discriminators.values.into_iter().any(f64::is_nan) {
         complain("a discriminator is absent, but no flag says why".to_owned());
     }
     let most = recording.sample_count_max;
     if header.sample_count > most {
         complain(format!("its header says {} samples; at most {most} are planned", header.sample_count));
     }
-    if let Some(value) = discriminators.values().into_iter().find(|v| v.is_infinite()) {
+    if let Some(value) = discriminators.values.into_iter().find(|v| v.is_infinite()) {
         complain(format!("a discriminator is {value}, neither a number nor absent"));
     }
 }

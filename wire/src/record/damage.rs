@@ -5,6 +5,7 @@ use std::fmt;
 use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
+use crate::record::discriminators::Discriminator;
 use crate::record::flags::flags;
 use crate::{Stamp, Stamped};
 
@@ -149,10 +150,10 @@ pub struct Judgement {
     pub p_value: f64,
     /// Mean score of each discriminator, in the order of [`Discriminator::ALL`](crate::Discriminator::ALL), where the index
     /// is highest: what speaks for damage there; NaN where it says nothing.
-    pub evidence: [f64; 7],
+    pub evidence: [f64; Discriminator::COUNT],
     /// Change of each discriminator from the first to the closing tap of a turn, as a share of its level, the median of
     /// all turns; NaN where there is no closing tap.
-    pub drift: [f64; 7],
+    pub drift: [f64; Discriminator::COUNT],
     /// Taps planned for the shoulder, the closing tap among them.
     pub planned_count: u32,
     /// Taps that came.
@@ -173,8 +174,8 @@ impl Default for Judgement {
             limit_reject: f64::NAN,
             false_call_rate: f64::NAN,
             p_value: f64::NAN,
-            evidence: [f64::NAN; 7],
-            drift: [f64::NAN; 7],
+            evidence: [f64::NAN; Discriminator::COUNT],
+            drift: [f64::NAN; Discriminator::COUNT],
             planned_count: 0,
             received_count: 0,
             refused_count: 0,

@@ -1,4 +1,4 @@
-//! The seven discriminators of a tap and the record that carries them.
+//! The discriminators of a tap and the record that carries them.
 
 use std::fmt;
 
@@ -8,65 +8,181 @@ use serde::{Deserialize, Serialize};
 use crate::record::flags::flags;
 use crate::{Channel, TapId};
 
-/// One of the seven quantities that tell a cracked casing from a sound one (section 2 of the method).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-pub enum Discriminator {
+/// Which way a discriminator moves where there is a crack.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Direction {
+    /// It rises with damage.
+    Rises,
+    /// It falls with damage.
+    Falls,
+}
+
+impl Direction {
+    /// +1 where damage raises the value, -1 where it lowers it.
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::Rises => 1.0,
+            Self::Falls => -1.0,
+        }
+    }
+}
+
+/// What is to be known of a discriminator beside how it is computed.
+#[derive(Debug)]
+struct Attributes {
+    /// In configurations and summaries.
+    name: &'static str,
+    /// Name with unit: the column in tables and archives.
+    column: &'static str,
+    /// The unit of that column, `1` where it has none.
+    unit: &'static str,
+    /// In plain letters, as the source has it.
+    symbol: &'static str,
+    /// As pages print it: symbol, how many of the printed unit make one SI unit, and that unit.
+    printed: (&'static str, f64, &'static str),
+    /// In words.
+    meaning: &'static str,
+    /// The channels without which it cannot be had.
+    channels: &'static [Channel],
+    /// Which way it moves where there is a crack, unless a configuration says otherwise.
+    direction: Direction,
+}
+
+macro_rules! discriminators {
+    ($($(#[$doc:meta])* $variant:ident { $($field:ident: $value:expr),* $(,)? })*) => {
+        /// One of the quantities that tell a cracked casing from a sound one (section 2 of the method).
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+        #[serde(try_from = "String", into = "String")]
+        pub enum Discriminator {
+            $($(#[$doc])* $variant,)*
+        }
+
+        impl Discriminator {
+            /// All of them, in the order of [`Values`] and of every table.
+            pub const ALL: [Self; Self::COUNT] = [$(Self::$variant),*];
+
+            /// How many there are.
+            pub const COUNT: usize = [$(stringify!($variant)),*].len();
+        }
+
+        /// The attributes of each, in the order of [`Discriminator::ALL`].
+        static ATTRIBUTES: [Attributes; Discriminator::COUNT] = [$(Attributes { $($field: $value),* }),*];
+    };
+}
+
+discriminators! {
     /// Peak force, N.
-    #[serde(rename = "f_max")]
-    FMax,
+    FMax {
+        name: "f_max", column: "f_max_n", unit: "N", symbol: "F_max", printed: ("F_max", 1.0, "N"),
+        meaning: "peak force", channels: &[Channel::Force], direction: Direction::Falls,
+    }
     /// Contact time, s.
-    #[serde(rename = "tau")]
-    Tau,
+    Tau {
+        name: "tau", column: "tau_s", unit: "s", symbol: "tau", printed: ("\u{3c4}", 1e3, "ms"),
+        meaning: "contact time", channels: &[Channel::Force], direction: Direction::Rises,
+    }
     /// Initial area of the sound, V s.
-    #[serde(rename = "a_1")]
-    A1,
+    A1 {
+        name: "a_1", column: "a_1_v_s", unit: "V s", symbol: "A_1", printed: ("A\u{2081}", 1.0, "V s"),
+        meaning: "initial area of the sound", channels: &[Channel::Force, Channel::Sound], direction: Direction::Rises,
+    }
     /// Ringing area of the sound, V s.
-    #[serde(rename = "a_2")]
-    A2,
+    A2 {
+        name: "a_2", column: "a_2_v_s", unit: "V s", symbol: "A_2", printed: ("A\u{2082}", 1.0, "V s"),
+        meaning: "ringing area of the sound", channels: &[Channel::Sound], direction: Direction::Rises,
+    }
     /// Power ratio, dimensionless.
-    #[serde(rename = "pr")]
-    Pr,
+    ///
+    /// Deviation: sections 5.4.3-5.4.4 treat it as falling; Table 13 and recorded taps say that it rises.
+    Pr {
+        name: "pr", column: "pr", unit: "1", symbol: "PR", printed: ("PR", 1.0, ""),
+        meaning: "power ratio", channels: &[Channel::Sound], direction: Direction::Rises,
+    }
     /// Largest flexural power density, V^2/Hz.
-    #[serde(rename = "p_f")]
-    Pf,
+    Pf {
+        name: "p_f", column: "p_f_v2_per_hz", unit: "V^2/Hz", symbol: "P_f", printed: ("P_f", 1.0, "V\u{b2}/Hz"),
+        meaning: "largest flexural density", channels: &[Channel::Sound], direction: Direction::Rises,
+    }
     /// Flexural energy, V^2.
-    #[serde(rename = "e_f")]
-    Ef,
+    Ef {
+        name: "e_f", column: "e_f_v2", unit: "V^2", symbol: "E_f", printed: ("E_f", 1.0, "V\u{b2}"),
+        meaning: "flexural energy", channels: &[Channel::Sound], direction: Direction::Rises,
+    }
 }
 
 impl Discriminator {
-    /// All seven, in the order of [`Values`] and of every table.
-    pub const ALL: [Self; 7] = [Self::FMax, Self::Tau, Self::A1, Self::A2, Self::Pr, Self::Pf, Self::Ef];
+    fn attributes(self) -> &'static Attributes {
+        &ATTRIBUTES[self as usize]
+    }
 
     /// Name in configurations and summaries.
     pub fn name(self) -> &'static str {
-        ["f_max", "tau", "a_1", "a_2", "pr", "p_f", "e_f"][self as usize]
-    }
-
-    /// The channels without which it cannot be had; A_2 and the powers need the sound alone.
-    pub fn channels(self) -> &'static [Channel] {
-        match self {
-            Self::FMax | Self::Tau => &[Channel::Force],
-            Self::A1 => &[Channel::Force, Channel::Sound],
-            Self::A2 | Self::Pr | Self::Pf | Self::Ef => &[Channel::Sound],
-        }
+        self.attributes().name
     }
 
     /// Name with unit: the column in tables and archives.
     pub fn column(self) -> &'static str {
-        ["f_max_n", "tau_s", "a_1_v_s", "a_2_v_s", "pr", "p_f_v2_per_hz", "e_f_v2"][self as usize]
+        self.attributes().column
+    }
+
+    /// Unit of that column, `1` where it has none.
+    pub fn unit(self) -> &'static str {
+        self.attributes().unit
+    }
+
+    /// Its symbol in plain letters.
+    pub fn symbol(self) -> &'static str {
+        self.attributes().symbol
+    }
+
+    /// As pages print it: its symbol, how many of the printed unit make one SI unit, and that unit.
+    pub fn printed(self) -> (&'static str, f64, &'static str) {
+        self.attributes().printed
+    }
+
+    /// What it is, in words.
+    pub fn meaning(self) -> &'static str {
+        self.attributes().meaning
+    }
+
+    /// The channels without which it cannot be had; A_2 and the powers need the sound alone.
+    pub fn channels(self) -> &'static [Channel] {
+        self.attributes().channels
+    }
+
+    /// Which way it moves where there is a crack, unless a configuration says otherwise.
+    pub fn direction(self) -> Direction {
+        self.attributes().direction
     }
 }
 
-/// Values of the seven discriminators of one tap; each is present or absent, never zero for want of a value.
+impl TryFrom<String> for Discriminator {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        Self::ALL
+            .into_iter()
+            .find(|which| which.name() == name)
+            .ok_or_else(|| format!("{name:?} is no discriminator; there are {}", Self::ALL.map(Self::name).join(", ")))
+    }
+}
+
+impl From<Discriminator> for String {
+    fn from(which: Discriminator) -> Self {
+        which.name().to_owned()
+    }
+}
+
+/// Values of the discriminators of one tap; each is present or absent, never zero for want of a value.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, ZeroCopySend)]
-pub struct Values([f64; 7]);
+pub struct Values([f64; Discriminator::COUNT]);
 
 impl Default for Values {
     /// All absent.
     fn default() -> Self {
-        Self([f64::NAN; 7])
+        Self([f64::NAN; Discriminator::COUNT])
     }
 }
 
@@ -144,6 +260,6 @@ pub struct Discriminators {
     pub quality: Quality,
     /// Impact velocity as measured in m/s, NaN where it was not.
     pub velocity_measured_m_per_s: f64,
-    /// The seven values.
+    /// The values.
     pub values: Values,
 }

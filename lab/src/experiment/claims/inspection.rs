@@ -4,7 +4,7 @@ use anyhow::{Context as _, Result};
 use tapline_wire::Discriminator;
 
 use super::contact::power_from;
-use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, of, rises, symbol};
+use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, of, rises};
 use crate::experiment::index::{Indices, PowerRatio, indices};
 use crate::experiment::sheets::SIX;
 use crate::experiment::taken::{Experiment, Tap, Turn, averaged};
@@ -155,7 +155,7 @@ fn damage(experiment: &Experiment) -> Result<Vec<Claim>> {
         [(true, -1.0), (false, 1.0)].map(|(is, sign)| extreme(of_severity(&everywhere, |s| (s > 0) == is), sign));
     let turned = cells(&falling, REPRESENTATIVE, 1)?;
     let (turned_auc, turned_sound) = (auc_in(&turned)?, typical(&turned, false)?);
-    let name_of_best = singles.iter().find(|(_, auc)| *auc >= best).map_or("", |(which, _)| symbol(*which));
+    let name_of_best = singles.iter().find(|(_, auc)| *auc >= best).map_or("", |(which, _)| which.symbol());
     Ok(vec![
         Claim {
             id: "index-follows-damage",
