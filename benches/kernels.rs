@@ -80,13 +80,8 @@ fn main() -> Result<()> {
     kernels.push(extract("extract f64, force and sound i16", &taps, self::extractor(Precision::F64)?, false));
     kernels.push(extract("extract f32, sound alone f32", &taps, self::extractor(Precision::F32)?, true));
     kernels.push(extract("extract f64, sound alone f32", &taps, self::extractor(Precision::F64)?, true));
-    for (name, spectrum) in [
-        ("the same f32, spectrum of a gate", SpectrumEstimator::Gate),
-        ("the same f32, spectrum decimated by 4", SpectrumEstimator::Decimated),
-    ] {
-        let config = ProcessConfig { spectrum, ..ProcessConfig::default() };
-        kernels.push(extract(name, &taps, ProcessExtractor::new(&config)?, true));
-    }
+    let config = ProcessConfig { spectrum: SpectrumEstimator::Gate, ..ProcessConfig::default() };
+    kernels.push(extract("the same f32, spectrum of a gate", &taps, ProcessExtractor::new(&config)?, true));
     kernels.push(judge(fusion, &records));
     kernels.extend(again);
     kernels.extend(ladder());

@@ -16,9 +16,6 @@ pub enum PeakEstimator {
     Parabola,
     /// The maximum of the quartic that fits the samples above 70 % of the peak best; of fewer than nine, the parabola's.
     Polynomial,
-    /// The amplitude of the half-sine that fits the samples above 10 % of the peak best, those at a clipped top left out;
-    /// where there is no such half-sine, the parabola's.
-    HalfSine,
 }
 
 /// How tau is found; all of them return the base of a half-sine.
@@ -47,9 +44,6 @@ pub enum SpectrumEstimator {
     Whole,
     /// `gate_s` from the sound's onset, referred to the whole record; without a baseline or an onset, the whole record.
     Gate,
-    /// The whole record, low-passed and decimated by four, of which each bin is divided by the filter's |H|^2; a record
-    /// whose samples four does not divide, or whose rate leaves the filter no room above the bands, as it is.
-    Decimated,
 }
 
 /// What is taken from the sound, as it was before the trigger; nothing without a baseline.

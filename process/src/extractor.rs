@@ -346,15 +346,7 @@ impl ProcessExtractor {
     /// What [`ProcessConfig::validate`] finds.
     pub fn new(config: &ProcessConfig) -> Result<Self, Error> {
         Ok(match config.precision {
-            Precision::F32 => {
-                // What is folded upon a faint band would show as rounding does.
-                let spectrum = match config.spectrum {
-                    SpectrumEstimator::Decimated => SpectrumEstimator::Whole,
-                    other => other,
-                };
-                let double = Extractor::new(&ProcessConfig { spectrum, ..*config })?;
-                Self::F32(Box::new(Extractor::new(config)?), Box::new(double))
-            }
+            Precision::F32 => Self::F32(Box::new(Extractor::new(config)?), Box::new(Extractor::new(config)?)),
             Precision::F64 => Self::F64(Box::new(Extractor::new(config)?)),
         })
     }

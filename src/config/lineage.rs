@@ -84,7 +84,6 @@ mod tests {
     const WORDS: &[&str] = &[
         "f64",
         "gate",
-        "decimated",
         "robust",
         "mean",
         "hidden",

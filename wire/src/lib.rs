@@ -74,7 +74,7 @@ pub use plan::limits::{CasingLimits, Limits};
 pub use plan::parts::{PlannedTap, Recording, Scan, Truth};
 pub use plan::{Plan, PlanError};
 pub use record::damage::{DamageCell, Judgement, Reasons, Verdict};
-pub use record::discriminators::{Direction, Discriminator, Discriminators, Quality, Values};
+pub use record::discriminators::{Direction, Discriminator, Discriminators, Feature, Quality, Values};
 pub use record::id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
 pub use record::stamp::{RecordKind, Stamp, Stamped};
 pub use record::tap::{

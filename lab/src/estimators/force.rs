@@ -108,20 +108,12 @@ fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
             peak("raw", PeakEstimator::Raw),
             peak("parabola", PeakEstimator::Parabola),
             peak("polynomial", PeakEstimator::Polynomial),
-            peak("half_sine", PeakEstimator::HalfSine),
             of_time("half_sine", DurationEstimator::HalfSine),
             of_time("width_02", DurationEstimator::Width02),
             of_time("width_50", DurationEstimator::Width50),
             of_time("impulse", DurationEstimator::Impulse),
         ],
-        "clip" => vec![
-            Estimator { name: "parabola", config: plain, quantities: BOTH },
-            Estimator {
-                name: "half_sine",
-                config: ProcessConfig { f_max: PeakEstimator::HalfSine, ..plain },
-                quantities: BOTH,
-            },
-        ],
+        "clip" => vec![Estimator { name: "parabola", config: plain, quantities: BOTH }],
         _ => {
             let Some(droop_time_constant_s) = amount(&cell.fault, "time constant ")? else {
                 bail!("{} is no droop", cell.fault)

@@ -51,13 +51,12 @@ fn estimators() -> Vec<Estimator> {
     };
     use BandEdges::{Bins, Fractional};
     use Precision::{F32, F64};
-    use SpectrumEstimator::{Decimated, Gate, Whole};
+    use SpectrumEstimator::{Gate, Whole};
     use Subtraction as S;
     vec![
         of("whole, f64", Whole, Bins, S::None, F64),
         of("whole", Whole, Bins, S::None, F32),
         of("whole, fractional", Whole, Fractional, S::None, F32),
-        of("decimated", Decimated, Bins, S::None, F32),
         of("gate", Gate, Bins, S::None, F32),
         of("gate, fractional", Gate, Fractional, S::None, F32),
         of("whole, less noise", Whole, Bins, S::Noise, F32),

@@ -9,7 +9,6 @@
 
 mod droop;
 mod duration;
-mod half_sine;
 mod peak;
 
 use duration::{crossings, half_sine_base};
@@ -106,14 +105,6 @@ impl PulseFinder {
             PeakEstimator::Raw => force_n(peak_at),
             PeakEstimator::Parabola => parabola(),
             PeakEstimator::Polynomial => peak::polynomial(force_n, count, peak_at).unwrap_or_else(parabola),
-            PeakEstimator::HalfSine => {
-                let of_fit = || {
-                    let (rise, fall) = crossings(force_n, count, peak_at, WIDTH_LEVEL * parabola())?;
-                    let inside = (rise.ceil() as usize, (fall as usize).min(count - 1));
-                    half_sine::amplitude(force_n, inside, half_sine_base(fall - rise, WIDTH_LEVEL))
-                };
-                of_fit().unwrap_or_else(parabola)
-            }
         }
     }
 }

@@ -3,7 +3,7 @@
 use tapline_wire::{Discriminator, Quality};
 
 use super::flat::{OF_PULSE, is_flat};
-use super::{Doubts, POWERS, QualityConfig};
+use super::{Doubts, OF_SPECTRUM, QualityConfig};
 use crate::force::{NOISE_SIGMAS, Pulse};
 use crate::signal::baseline::Medians;
 use crate::signal::extent::{Extent, position};
@@ -55,7 +55,7 @@ pub(crate) fn of_force<C: Count>(force: &Force<'_, C>, config: &QualityConfig) -
     let Some(shape) = Shape::of(force) else {
         if is_lost_in_baseline(force) {
             doubts.spoils_pulse(Quality::LATE_TRIGGER, config.late_trigger);
-            doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, POWERS);
+            doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, &OF_SPECTRUM);
         }
         return doubts;
     };
@@ -71,12 +71,12 @@ pub(crate) fn of_force<C: Count>(force: &Force<'_, C>, config: &QualityConfig) -
         Trigger::AfterBaseline => doubts.spoils_pulse(Quality::LATE_TRIGGER, config.late_trigger),
         Trigger::WithinPulse => {
             doubts.spoils_pulse(Quality::LATE_TRIGGER, config.late_trigger);
-            doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, POWERS);
+            doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, &OF_SPECTRUM);
         }
     }
     if is_double(force, &shape, config) {
         doubts.spoils_pulse(Quality::DOUBLE_HIT, config.double_hit);
-        doubts.spoils(Quality::DOUBLE_HIT, config.double_hit, POWERS);
+        doubts.spoils(Quality::DOUBLE_HIT, config.double_hit, &OF_SPECTRUM);
     }
     // A pulse that is cut, coarse or not alone says nothing about the rate.
     let is_whole = doubts.flags.is_clean();

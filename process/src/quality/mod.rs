@@ -13,8 +13,10 @@ mod sound;
 pub(crate) use force::{Force, of_force};
 pub(crate) use sound::{Sound, of_sound};
 
+use std::sync::LazyLock;
+
 use serde::{Deserialize, Serialize};
-use tapline_wire::{Discriminator, Discriminators, Quality, TapHeader};
+use tapline_wire::{Discriminator, Discriminators, Feature, Quality, TapHeader};
 
 use crate::Error;
 
@@ -182,10 +184,14 @@ impl QualityConfig {
 }
 
 /// The sound's features, as [`Doubts::spoils`] takes them.
-pub(crate) const OF_SOUND: &[Discriminator] =
-    &[Discriminator::A1, Discriminator::A2, Discriminator::Pr, Discriminator::Pf, Discriminator::Ef];
-/// Powers of the sound.
-pub(crate) const POWERS: &[Discriminator] = &[Discriminator::Pr, Discriminator::Pf, Discriminator::Ef];
+pub(crate) static OF_SOUND: LazyLock<Vec<Discriminator>> = LazyLock::new(|| all_of(|of| of != Feature::Pulse));
+/// Those of the sound's spectrum.
+pub(crate) static OF_SPECTRUM: LazyLock<Vec<Discriminator>> =
+    LazyLock::new(|| all_of(|of| of == Feature::SoundSpectrum));
+
+fn all_of(is_wanted: impl Fn(Feature) -> bool) -> Vec<Discriminator> {
+    Discriminator::ALL.into_iter().filter(|which| is_wanted(which.feature())).collect()
+}
 
 /// Flags raised by a record, and the features that are absent because of them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -280,8 +286,8 @@ mod tests {
     #[test]
     fn policies_are_heeded() {
         let mut doubts = Doubts::default();
-        doubts.spoils(Quality::HUM, Policy::Keep, OF_SOUND);
-        doubts.spoils(Quality::NEIGHBOUR, Policy::Drop, POWERS);
+        doubts.spoils(Quality::HUM, Policy::Keep, &OF_SOUND);
+        doubts.spoils(Quality::NEIGHBOUR, Policy::Drop, &OF_SPECTRUM);
         doubts.spoils_pulse(Quality::LATE_TRIGGER, Policy::Keep);
         doubts.spoils_pulse(Quality::CLIPPED, Policy::Drop);
         doubts.spoils_pulse(Quality::DOUBLE_HIT, Policy::Drop);

@@ -6,7 +6,7 @@ use num_complex::Complex;
 use tapline_wire::{Discriminator, Quality};
 
 use super::flat::is_clipped;
-use super::{Doubts, OF_SOUND, POWERS, Policy, QualityConfig};
+use super::{Doubts, OF_SOUND, OF_SPECTRUM, Policy, QualityConfig};
 use crate::Real;
 use crate::signal::blocks::{Block, Blocks, folded_blocks, mean_of, samples_per_block};
 use crate::signal::extent::Extent;
@@ -92,10 +92,10 @@ pub(crate) fn of_sound<C: Count, T: Real>(
 ) -> Doubts {
     let mut doubts = Doubts::default();
     if is_clipped(sound.track.samples, sound.extent, sound.base, sound.noise.unwrap_or(0.0)) {
-        doubts.spoils(Quality::CLIPPED, config.clipped_sound, OF_SOUND);
+        doubts.spoils(Quality::CLIPPED, config.clipped_sound, &OF_SOUND);
     }
     if sound.sample_rate_hz < 2.0 * sound.f_top_hz {
-        doubts.spoils(Quality::UNDERSAMPLED, config.undersampled, POWERS);
+        doubts.spoils(Quality::UNDERSAMPLED, config.undersampled, &OF_SPECTRUM);
     }
     let is_late = sound.is_late(blocks);
     if is_late {
@@ -104,7 +104,7 @@ pub(crate) fn of_sound<C: Count, T: Real>(
     let peak = sound.peak();
     let hum = hum(blocks, config.hum_share_most * peak);
     if hum.is_some() {
-        doubts.spoils(Quality::HUM, config.hum, OF_SOUND);
+        doubts.spoils(Quality::HUM, config.hum, &OF_SOUND);
     }
     let share = config.neighbour_share * peak;
     let can_hear_before = !is_late && sound.onset.is_some();
@@ -119,12 +119,12 @@ pub(crate) fn of_sound<C: Count, T: Real>(
         });
     let noise = if is_ringing_before { quiet } else { noise(sound, after, hum, is_late) };
     if noise.is_some_and(|noise| peak < config.snr_least * noise) {
-        doubts.spoils(Quality::LOW_SNR, config.low_snr, OF_SOUND);
+        doubts.spoils(Quality::LOW_SNR, config.low_snr, &OF_SOUND);
     }
     // Noise alone is no sound, whatever the policy on a faint one; later than the record, it was not to be heard.
     let is_due = sound.onset.is_none_or(|onset| onset < sound.signal.len() as f64);
     if is_due && noise.is_some_and(|noise| peak < TAP_SIGMAS * noise) {
-        doubts.spoils(Quality::NO_ONSET, Policy::Drop, OF_SOUND);
+        doubts.spoils(Quality::NO_ONSET, Policy::Drop, &OF_SOUND);
     }
     // Two hits are heard twice; that is no neighbour.
     if sound.known.contains(Quality::DOUBLE_HIT) {
@@ -133,13 +133,13 @@ pub(crate) fn of_sound<C: Count, T: Real>(
     // A baseline taken from a part of a period is off by up to the hum's amplitude.
     let limit = greater(share, TAP_SIGMAS * noise.unwrap_or(0.0)) + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
     if is_ringing_before || (can_hear_before && is_before(sound, blocks.all(), limit)) {
-        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, OF_SOUND);
+        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, &OF_SOUND);
     }
     let step_blocks = if hum.is_some() { HUM_STEP_BLOCKS } else { STEP_BLOCKS };
     // A baseline that was taken from the ringing hides how the envelope falls.
     if !is_late && is_after(sound, blocks.all(), step_blocks, limit) {
         doubts.spoils(Quality::NEIGHBOUR, config.neighbour, &[Discriminator::A2]);
-        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, POWERS);
+        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, &OF_SPECTRUM);
     }
     doubts
 }

@@ -14,13 +14,6 @@ pub(crate) struct Bands {
     pub(crate) f_top_hz: f64,
 }
 
-impl Bands {
-    /// The highest frequency of either.
-    pub(super) fn top_hz(&self) -> f64 {
-        if self.f_hi_hz > self.f_top_hz { self.f_hi_hz } else { self.f_top_hz }
-    }
-}
-
 /// Frequencies of a spectrum's bins.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
@@ -32,7 +25,7 @@ pub(super) struct Grid {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cells {
     /// Bins that count wholly.
-    whole: Range<usize>,
+    pub(super) whole: Range<usize>,
     /// A bin beside those, and the part of it that counts.
     edges: [(usize, f64); 2],
 }

@@ -8,7 +8,6 @@
 //! of different estimators may be compared.
 
 mod bands;
-mod decimate;
 mod gate;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
@@ -19,7 +18,6 @@ pub(crate) mod transform;
 use std::ops::Range;
 
 use bands::{Cells, Folded, Grid};
-use decimate::Decimator;
 use plans::Plans;
 
 use crate::signal::blocks::Moments;
@@ -83,14 +81,13 @@ struct Taken {
 #[derive(Debug)]
 pub(crate) struct Spectrum<T> {
     plans: Plans<T>,
-    decimator: Option<Box<Decimator<T>>>,
     /// What is transformed, when that is not the signal itself.
     cut: Vec<T>,
 }
 
 impl<T: Real> Spectrum<T> {
     pub(crate) fn new() -> Self {
-        Self { plans: Plans::new(), decimator: None, cut: Vec::new() }
+        Self { plans: Plans::new(), cut: Vec::new() }
     }
 
     /// PR, P_f and E_f of `signal`, of which `moments` are, as `view` has it; nothing of use is left in the signal.
@@ -109,10 +106,6 @@ impl<T: Real> Spectrum<T> {
         };
         let taken = match (&view.gate, view.estimator) {
             (Some(gate), SpectrumEstimator::Gate) => self.gated(signal, gate.clone(), view, bands)?,
-            (_, SpectrumEstimator::Decimated) => match self.decimated(signal, view, bands) {
-                Some(taken) => taken?,
-                None => self.whole(signal, moments, view, bands)?,
-            },
             _ => self.whole(signal, moments, view, bands)?,
         };
         let Taken { flexural, reference, density, bin_width_hz, .. } = taken;
@@ -167,31 +160,6 @@ impl<T: Real> Spectrum<T> {
             mean_square,
             noise_share: noise_samples / whole,
         })
-    }
-
-    /// Of the record decimated by four; `None` where that cannot be done, `Some(None)` when a band holds no bin.
-    fn decimated(&mut self, signal: &[T], view: &View, bands: &Bands) -> Option<Option<Taken>> {
-        let edge = bands.top_hz() / view.sample_rate_hz;
-        let is_planned = self.decimator.as_ref().is_some_and(|decimator| decimator.is_for(signal.len(), edge));
-        if !is_planned {
-            self.decimator = Some(Box::new(Decimator::new(signal.len(), edge)?));
-        }
-        let decimator = self.decimator.as_mut()?;
-        let count = signal.len();
-        let grid = Grid::new(count, view.sample_rate_hz);
-        let Some((flexural, reference)) = cells(&grid, view.edges, bands) else { return Some(None) };
-        let mean_square = decimator.decimate(signal, &mut self.cut);
-        let powers = self.plans.powers(&mut self.cut, end(&flexural, &reference));
-        debug_assert!(powers.len() <= decimator.inverse().len(), "a bin has no inverse");
-        powers.iter_mut().zip(decimator.inverse()).for_each(|(power, inverse)| *power *= inverse);
-        Some(Some(Taken {
-            flexural: grid.fold(flexural, powers),
-            reference: grid.fold(reference, powers),
-            density: 1.0 / (view.sample_rate_hz * count as f64),
-            bin_width_hz: grid.bin_width_hz,
-            mean_square,
-            noise_share: 1.0,
-        }))
     }
 }
 

@@ -57,7 +57,7 @@ impl Noise {
         let reference = reference - share * self.reference;
         let p_f = power.p_f - share * self.density;
         let is_left = flexural > 0.0 && reference > 0.0 && p_f > 0.0;
-        is_left.then_some(BandPower { pr: flexural / reference, p_f, e_f: flexural, is_faint: power.is_faint })
+        is_left.then_some(BandPower { pr: flexural / reference, p_f, e_f: flexural, ..*power })
     }
 }
 

@@ -1,6 +1,6 @@
 //! The estimators beside the default ones, against numpy and scipy.
 
-use tapline_process::{Extractor, Precision, ProcessConfig, ProcessExtractor, QualityConfig, Real, SpectrumEstimator};
+use tapline_process::{Extractor, ProcessConfig, QualityConfig, Real};
 use tapline_wire::Discriminators;
 
 use crate::estimators_reference::CASES;
@@ -20,16 +20,11 @@ fn extract<T: Real>(case: &Case, settings: &str) -> Discriminators {
 #[test]
 fn double_precision_like_scipy() {
     for (case, settings, expected) in CASES {
-        // A decimated spectrum keeps what little is folded into it; a search for the least squares ends near them.
-        let tolerance = match config(case, settings).spectrum {
-            SpectrumEstimator::Decimated => 2e-6,
-            _ => 1e-9,
-        };
-        assert_close(&extract::<f64>(case, settings), *expected, tolerance, case.name);
+        assert_close(&extract::<f64>(case, settings), *expected, 1e-9, case.name);
     }
 }
 
-/// Catches single precision, with or without decimation, that costs more digits than the 1e-4 it may.
+/// Catches single precision that costs more digits than the 1e-4 it may.
 #[test]
 fn single_precision_like_scipy() {
     for (case, settings, expected) in CASES {
@@ -43,39 +38,12 @@ fn single_precision_like_scipy() {
 fn estimators_keep_to_their_part() {
     let case = Case { count: 4096, ..CASES[0].0 };
     let plain = values(&extract::<f32>(&case, ""));
-    for of_force in ["f_max = 'polynomial'", "f_max = 'half_sine'", "tau = 'impulse'", "droop_time_constant_s = 0.02"] {
+    for of_force in ["f_max = 'polynomial'", "tau = 'impulse'", "droop_time_constant_s = 0.02"] {
         assert_eq!(values(&extract::<f32>(&case, of_force))[4..], plain[4..], "{of_force}");
     }
     // Noise is taken off A_2 as well.
     assert_eq!(values(&extract::<f32>(&case, "subtract = 'noise'"))[..3], plain[..3]);
-    for of_sound in ["spectrum = 'gate'", "spectrum = 'decimated'", "band_edges = 'fractional'"] {
+    for of_sound in ["spectrum = 'gate'", "band_edges = 'fractional'"] {
         assert_eq!(values(&extract::<f32>(&case, of_sound))[..4], plain[..4], "{of_sound}");
-    }
-}
-
-/// Catches a decimated spectrum of a faint band, on which what is loud above 7 kHz is folded, that is not done again.
-#[test]
-fn a_faint_band_is_not_decimated() {
-    let case = Case { noise: 0.0, count: 16_384, ..CASES[0].0 };
-    let header = case.header();
-    let crate::signal::Recorded::F32(quiet) = case.recorded() else { unreachable!() };
-    for level_db in [0, 20, 40, 45, 50, 60, 80] {
-        let loud = 10.0_f64.powf(f64::from(level_db) / 20.0);
-        let mut samples = quiet.clone();
-        for (k, x) in samples[case.count as usize..].iter_mut().enumerate().skip(case.p as usize).take(8000) {
-            *x += (loud * (std::f64::consts::TAU * 8_737.0 * k as f64 / case.rate).sin()) as f32;
-        }
-        let of = |precision, spectrum| {
-            let config =
-                ProcessConfig { precision, spectrum, quality: QualityConfig::keeping(), ..ProcessConfig::default() };
-            let mut extractor = ProcessExtractor::new(&config).unwrap();
-            let found = extractor.extract(&header, tapline_wire::Samples::F32(&samples));
-            values(&found).map(|value| value.unwrap_or(f64::NAN))
-        };
-        let (fast, slow) =
-            (of(Precision::F32, SpectrumEstimator::Decimated), of(Precision::F64, SpectrumEstimator::Whole));
-        for (x, y) in fast.iter().zip(slow).skip(4) {
-            assert!((x / y - 1.0).abs() < 1e-4, "{level_db} dB: {x} for {y}");
-        }
     }
 }

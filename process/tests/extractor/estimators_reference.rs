@@ -40,42 +40,6 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(2.5928514810078878e-05), // p_f
         Some(0.002364279665080749), // e_f
     ]),
-    (Case { name: "f_max = 'half_sine'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'half_sine'", [
-        Some(30.358938669164807), // f_max
-        Some(0.001015886718256163), // tau
-        Some(0.0006048107743369239), // a_1
-        Some(0.0028117161417194024), // a_2
-        Some(0.5028569482385514), // pr
-        Some(5.6891486353840354e-05), // p_f
-        Some(0.004888755725512046), // e_f
-    ]),
-    (Case { name: "f_max = 'half_sine'\ntau = 'impulse'", seed: 13, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.01, f_lo: 70.0, follow: false }, "f_max = 'half_sine'\ntau = 'impulse'", [
-        Some(30.316605114361316), // f_max
-        Some(0.000981903160822015), // tau
-        Some(0.000607015795295612), // a_1
-        Some(0.002866133790317779), // a_2
-        Some(0.5023867224717127), // pr
-        Some(5.6906900015089935e-05), // p_f
-        Some(0.004888448105896237), // e_f
-    ]),
-    (Case { name: "f_max = 'half_sine'", seed: 14, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.0007, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "f_max = 'half_sine'", [
-        Some(28.393930002389368), // f_max
-        Some(0.001023458023479361), // tau
-        Some(0.0006066888547349269), // a_1
-        Some(0.002813740515642108), // a_2
-        Some(0.5025859647873457), // pr
-        Some(5.6828923905271026e-05), // p_f
-        Some(0.004886705935668845), // e_f
-    ]),
-    (Case { name: "f_max = 'half_sine'\ntau = 'width_02'", seed: 15, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.0006, offset: 0.0, noise: 0.0, f_lo: 70.0, follow: false }, "f_max = 'half_sine'\ntau = 'width_02'", [
-        Some(27.239868979730765), // f_max
-        Some(0.0010691464846535618), // tau
-        Some(0.0006016172271166829), // a_1
-        Some(0.002804988802094481), // a_2
-        Some(0.5027996020171603), // pr
-        Some(5.6854433456921006e-05), // p_f
-        Some(0.004887788541669126), // e_f
-    ]),
     (Case { name: "tau = 'width_02'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "tau = 'width_02'", [
         Some(30.976362171822498), // f_max
         Some(0.0010653777466976848), // tau
@@ -174,42 +138,6 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; 7])] = &[
         Some(0.5129363603074102), // pr
         Some(0.0001817130022303319), // p_f
         Some(0.019378461911658085), // e_f
-    ]),
-    (Case { name: "spectrum = 'decimated'", seed: 1, rate: 40960.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'decimated'", [
-        Some(30.976362171822498), // f_max
-        Some(0.0010136580384836477), // tau
-        Some(0.0006041437013972598), // a_1
-        Some(0.00296505434694269), // a_2
-        Some(0.5037256790118778), // pr
-        Some(1.421708404279929e-05), // p_f
-        Some(0.0012203252054948438), // e_f
-    ]),
-    (Case { name: "spectrum = 'decimated'\nband_edges = 'fractional'", seed: 19, rate: 48000.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.05, f_lo: 70.0, follow: false }, "spectrum = 'decimated'\nband_edges = 'fractional'", [
-        Some(31.182948145373114), // f_max
-        Some(0.0009998844761251867), // tau
-        Some(0.0006059873287715609), // a_1
-        Some(0.006425612046419458), // a_2
-        Some(0.5043595595921849), // pr
-        Some(1.6768128726909096e-05), // p_f
-        Some(0.0014518370199534524), // e_f
-    ]),
-    (Case { name: "spectrum = 'decimated'", seed: 20, rate: 40960.0, count: 16386, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'decimated'", [
-        Some(31.02213327375056), // f_max
-        Some(0.001013317234720147), // tau
-        Some(0.0006043189394888866), // a_1
-        Some(0.002964989965476134), // a_2
-        Some(0.504393856556438), // pr
-        Some(1.422637311318898e-05), // p_f
-        Some(0.0012191590142753923), // e_f
-    ]),
-    (Case { name: "spectrum = 'decimated'", seed: 21, rate: 10000.0, count: 4096, p: 120, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 121.6, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'decimated'", [
-        Some(31.01752531456362), // f_max
-        Some(0.0010217211284515137), // tau
-        Some(0.0005970934762030467), // a_1
-        Some(0.0029599921593392803), // a_2
-        Some(0.500333143778286), // pr
-        Some(1.3910068903855046e-05), // p_f
-        Some(0.0011829477977298476), // e_f
     ]),
     (Case { name: "band_edges = 'fractional'", seed: 1, rate: 41000.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "band_edges = 'fractional'", [
         Some(30.976251773267098), // f_max

@@ -60,7 +60,7 @@ fn whole(mut header: TapHeader, total: usize) -> TapHeader {
 /// Estimators that are not the default, all of them in one or the other.
 const OTHERS: [&str; 3] = [
     "f_max = 'polynomial'\ntau = 'impulse'\nspectrum = 'gate'\ngate_s = 0.01\nsubtract = 'both'\nband_edges = 'fractional'",
-    "f_max = 'half_sine'\ntau = 'width_02'\nspectrum = 'decimated'\nsubtract = 'noise'\ndroop_time_constant_s = 0.01",
+    "f_max = 'raw'\ntau = 'width_02'\nsubtract = 'noise'\ndroop_time_constant_s = 0.01",
     "f_max = 'raw'\ntau = 'width_50'\nsubtract = 'hum'\nmains_hz = 900.0\ndroop_time_constant_s = 1e-9\nf_lo_hz = 0.0",
 ];
 

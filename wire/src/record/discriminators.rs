@@ -28,6 +28,17 @@ impl Direction {
     }
 }
 
+/// What of a record a discriminator is taken from: a fault of the record spoils what is taken from it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Feature {
+    /// The pulse of the force.
+    Pulse,
+    /// An area of the sound over time.
+    SoundArea,
+    /// The sound's spectrum.
+    SoundSpectrum,
+}
+
 /// What is to be known of a discriminator beside how it is computed.
 #[derive(Debug)]
 struct Attributes {
@@ -43,6 +54,8 @@ struct Attributes {
     printed: (&'static str, f64, &'static str),
     /// In words.
     meaning: &'static str,
+    /// What it is taken from.
+    feature: Feature,
     /// The channels without which it cannot be had.
     channels: &'static [Channel],
     /// Which way it moves where there is a crack, unless a configuration says otherwise.
@@ -75,39 +88,39 @@ discriminators! {
     /// Peak force, N.
     FMax {
         name: "f_max", column: "f_max_n", unit: "N", symbol: "F_max", printed: ("F_max", 1.0, "N"),
-        meaning: "peak force", channels: &[Channel::Force], direction: Direction::Falls,
+        meaning: "peak force", feature: Feature::Pulse, channels: &[Channel::Force], direction: Direction::Falls,
     }
     /// Contact time, s.
     Tau {
         name: "tau", column: "tau_s", unit: "s", symbol: "tau", printed: ("\u{3c4}", 1e3, "ms"),
-        meaning: "contact time", channels: &[Channel::Force], direction: Direction::Rises,
+        meaning: "contact time", feature: Feature::Pulse, channels: &[Channel::Force], direction: Direction::Rises,
     }
     /// Initial area of the sound, V s.
     A1 {
         name: "a_1", column: "a_1_v_s", unit: "V s", symbol: "A_1", printed: ("A\u{2081}", 1.0, "V s"),
-        meaning: "initial area of the sound", channels: &[Channel::Force, Channel::Sound], direction: Direction::Rises,
+        meaning: "initial area of the sound", feature: Feature::SoundArea, channels: &[Channel::Force, Channel::Sound], direction: Direction::Rises,
     }
     /// Ringing area of the sound, V s.
     A2 {
         name: "a_2", column: "a_2_v_s", unit: "V s", symbol: "A_2", printed: ("A\u{2082}", 1.0, "V s"),
-        meaning: "ringing area of the sound", channels: &[Channel::Sound], direction: Direction::Rises,
+        meaning: "ringing area of the sound", feature: Feature::SoundArea, channels: &[Channel::Sound], direction: Direction::Rises,
     }
     /// Power ratio, dimensionless.
     ///
     /// Deviation: sections 5.4.3-5.4.4 treat it as falling; Table 13 and recorded taps say that it rises.
     Pr {
         name: "pr", column: "pr", unit: "1", symbol: "PR", printed: ("PR", 1.0, ""),
-        meaning: "power ratio", channels: &[Channel::Sound], direction: Direction::Rises,
+        meaning: "power ratio", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
     /// Largest flexural power density, V^2/Hz.
     Pf {
         name: "p_f", column: "p_f_v2_per_hz", unit: "V^2/Hz", symbol: "P_f", printed: ("P_f", 1.0, "V\u{b2}/Hz"),
-        meaning: "largest flexural density", channels: &[Channel::Sound], direction: Direction::Rises,
+        meaning: "largest flexural density", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
     /// Flexural energy, V^2.
     Ef {
         name: "e_f", column: "e_f_v2", unit: "V^2", symbol: "E_f", printed: ("E_f", 1.0, "V\u{b2}"),
-        meaning: "flexural energy", channels: &[Channel::Sound], direction: Direction::Rises,
+        meaning: "flexural energy", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
 }
 
@@ -144,6 +157,11 @@ impl Discriminator {
     /// What it is, in words.
     pub fn meaning(self) -> &'static str {
         self.attributes().meaning
+    }
+
+    /// What it is taken from.
+    pub fn feature(self) -> Feature {
+        self.attributes().feature
     }
 
     /// The channels without which it cannot be had; A_2 and the powers need the sound alone.
