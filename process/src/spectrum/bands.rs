@@ -27,7 +27,7 @@ pub(super) struct Cells {
     /// Bins that count wholly.
     pub(super) whole: Range<usize>,
     /// A bin beside those, and the part of it that counts.
-    edges: [(usize, f64); 2],
+    pub(super) edges: [(usize, f64); 2],
 }
 
 /// Sum and largest of the one-sided powers of some bins.
