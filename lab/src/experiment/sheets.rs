@@ -80,14 +80,13 @@ fn cell(value: impl Into<Option<f64>>) -> String {
 
 /// How a discriminator is written on a sheet: symbol, unit, and how many of that unit the SI unit is.
 fn shown(which: Discriminator) -> (&'static str, &'static str, f64) {
-    match which {
-        Discriminator::FMax => ("F_max", "N", 1.0),
-        Discriminator::Tau => ("τ", "ms", 1e3),
-        Discriminator::A1 => ("A₁", "mV s", 1e3),
-        Discriminator::A2 => ("A₂", "mV s", 1e3),
-        Discriminator::Pr => ("PR", "", 1.0),
-        Discriminator::Pf => ("P_f", "mV²/Hz", 1e6),
-        Discriminator::Ef => ("E_f", "mV²", 1e6),
+    let (symbol, per_si, unit) = which.printed();
+    // A simulated sound is some millivolts.
+    match unit {
+        "V s" => (symbol, "mV s", 1e3),
+        "V\u{b2}/Hz" => (symbol, "mV\u{b2}/Hz", 1e6),
+        "V\u{b2}" => (symbol, "mV\u{b2}", 1e6),
+        unit => (symbol, unit, per_si),
     }
 }
 
