@@ -202,6 +202,7 @@ impl<T: Real> Extractor<T> {
         found.set(Discriminator::Pr, power.pr);
         found.set(Discriminator::Pf, power.p_f * unit * unit);
         found.set(Discriminator::Ef, power.e_f * unit * unit);
+        found.set(Discriminator::Centroid, power.centroid_hz);
         Ok(())
     }
 

@@ -4,7 +4,7 @@ import math
 import numpy as np
 from scipy import signal
 
-NAMES = ["f_max", "tau", "a_1", "a_2", "pr", "p_f", "e_f"]
+NAMES = ["f_max", "tau", "a_1", "a_2", "pr", "p_f", "e_f", "centroid"]
 
 
 def between(x, at):
@@ -17,7 +17,7 @@ def trapezoid(x, start, stop, fold=lambda v: v):
     inner = np.arange(math.floor(start) + 1, math.ceil(stop))
     t = np.concatenate([[start], inner, [stop]])
     y = np.concatenate([[between(x, start)], x[inner], [between(x, stop)]])
-    return float(np.trapz(fold(y), t))
+    return float(np.trapezoid(fold(y), t))
 
 
 def pulse(f):
@@ -77,4 +77,5 @@ def discriminators(force, sound, fs, p, distance=0.0, f_c=550.0, f_hi=2000.0, f_
         found["pr"] = float(flexural.sum() / reference.sum())
         found["p_f"] = float(flexural.max())
         found["e_f"] = float(flexural.sum() * (f[1] - f[0]))
+        found["centroid"] = float((f[(f >= f_lo) & (f <= f_top)] * reference).sum() / reference.sum())
     return found

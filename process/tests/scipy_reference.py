@@ -73,8 +73,9 @@ def rust(value):
 
 def main():
     print("//! Cases and what numpy and scipy find in them; written by `scipy_reference.py`, not by hand.\n")
+    print("use tapline_wire::Discriminator;\n")
     print("use crate::signal::Case;\n")
-    print("#[rustfmt::skip]\npub(crate) const CASES: &[(Case, [Option<f64>; 7])] = &[")
+    print("#[rustfmt::skip]\npub(crate) const CASES: &[(Case, [Option<f64>; Discriminator::COUNT])] = &[")
     for name, changes in CASES.items():
         c = BASE | changes
         force, sound = channels(c)
@@ -84,7 +85,7 @@ def main():
         fields = ", ".join(f"{key}: {rust(value)}" for key, value in c.items())
         print(f'    (Case {{ name: "{name}", {fields} }}, [')
         for key in NAMES:
-            print(f"        {f'Some({found[key]!r})' if key in found else 'None'}, // {key}")
+            print(f"        {f'Some({float(found[key])!r})' if key in found else 'None'}, // {key}")
         print("    ]),")
     print("];")
 

@@ -1,5 +1,6 @@
 //! A small run: its plan, and records that depend on nothing but their plan row.
 
+use std::array::from_fn;
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use tapline_store::{Result, Writer};
 use tapline_wire::{
@@ -129,8 +130,8 @@ pub(crate) fn judgement(plan: &Plan, scan: u32) -> (Judgement, Vec<DamageCell>) 
         limit_reject: 4.0,
         false_call_rate: 0.001,
         p_value: 0.004,
-        evidence: [1.0, 2.0, 3.0, f64::NAN, 5.0, 6.0, 7.0],
-        drift: [0.01, -0.02, f64::NAN, 0.04, 0.05, 0.06, 0.07],
+        evidence: from_fn(|k| if k == 3 { f64::NAN } else { k as f64 + 1.0 }),
+        drift: from_fn(|k| if k == 2 { f64::NAN } else { 0.01 * (k as f64 + 1.0) }),
         planned_count: u32::try_from(planned.taps.len()).unwrap(),
         received_count: u32::try_from(planned.taps.len()).unwrap(),
         refused_count: 0,

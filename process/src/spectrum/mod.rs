@@ -35,6 +35,8 @@ pub(crate) struct BandPower {
     pub(crate) p_f: f64,
     /// Energy E_f, signal unit squared.
     pub(crate) e_f: f64,
+    /// Centroid of the reference band, Hz; noise is not taken from it.
+    pub(crate) centroid_hz: f64,
     /// Whether the flexural band holds so little of the record's power that rounding in `T` shows in it.
     pub(crate) is_faint: bool,
 }
@@ -68,6 +70,7 @@ impl View {
 struct Taken {
     flexural: Folded,
     reference: Folded,
+    centroid_hz: f64,
     /// What makes a density of |X|^2, per Hz.
     density: f64,
     bin_width_hz: f64,
@@ -117,6 +120,7 @@ impl<T: Real> Spectrum<T> {
             pr: flexural.sum / reference.sum, // Eq. 52
             p_f: flexural.largest * density,
             e_f: flexural.sum * density * bin_width_hz,
+            centroid_hz: taken.centroid_hz,
             // E_f is the band's part of the mean square (Parseval).
             is_faint: flexural.sum * density * bin_width_hz < FAINT * taken.mean_square,
         };
@@ -133,6 +137,7 @@ impl<T: Real> Spectrum<T> {
         let mean_square = square_about_mean(signal, moments);
         let powers = self.plans.powers(signal, end(&flexural, &reference));
         Some(Taken {
+            centroid_hz: centroid_hz(&grid, &reference, powers, count),
             flexural: grid.fold(flexural, powers),
             reference: grid.fold(reference, powers),
             // |X|^2 / (fs N) is a density, V^2/Hz (Eq. 50).
@@ -153,6 +158,7 @@ impl<T: Real> Spectrum<T> {
         let mean_square = sum_of(&self.cut, |x| x * x) / whole;
         let powers = self.plans.powers(&mut self.cut, end(&flexural, &reference));
         Some(Taken {
+            centroid_hz: centroid_hz(&grid, &reference, powers, count),
             flexural: grid.fold(flexural, powers),
             reference: grid.fold(reference, powers),
             density: 1.0 / (view.sample_rate_hz * whole),
@@ -180,6 +186,34 @@ fn square_about_mean<T: Real>(signal: &mut [T], Moments { mean, mean_square }: M
 /// Bins of the flexural and of the reference band; `None` when either has none.
 fn cells(grid: &Grid, edges: BandEdges, bands: &Bands) -> Option<(Cells, Cells)> {
     Some((grid.cells(edges, bands.f_c_hz, bands.f_hi_hz)?, grid.cells(edges, bands.f_lo_hz, bands.f_top_hz)?))
+}
+
+/// The mean frequency of the bins of `band`, each weighted by its power; 0 Hz is left out, as in [`Grid::fold`].
+fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -> f64 {
+    // Lanes, so that the compiler makes vectors of them; bins count from the band's first.
+    const LANES: usize = 8;
+    let bins = band.whole.start.max(1)..band.whole.end;
+    let (first, of_bins) = (bins.start as f64, powers.get(bins.clone()).unwrap_or_default());
+    let (mut sums, mut moments) = ([0.0; LANES], [0.0; LANES]);
+    let (rows, rest) = of_bins.as_chunks::<LANES>();
+    for (row, at) in rows.iter().zip((0_u32..).step_by(LANES)) {
+        for (lane, &power) in row.iter().enumerate() {
+            sums[lane] += power;
+            moments[lane] += f64::from(at + lane as u32) * power;
+        }
+    }
+    let (mut sum, mut moment): (f64, f64) = (sums.iter().sum(), moments.iter().sum());
+    let mut add = |bin: usize, part: f64| {
+        sum += part * powers[bin];
+        moment += part * (bin as f64 - first) * powers[bin];
+    };
+    (bins.end - rest.len()..bins.end).for_each(|bin| add(bin, 1.0));
+    // The Nyquist frequency stands for itself alone.
+    if !rest.is_empty() && 2 * (bins.end - 1) == sample_count {
+        add(bins.end - 1, -0.5);
+    }
+    band.edges.into_iter().filter(|&(bin, part)| bin > 0 && part > 0.0).for_each(|(bin, part)| add(bin, part));
+    (first + moment / sum) * grid.bin_width_hz
 }
 
 /// Bins from 0 Hz on that hold both bands.
@@ -228,6 +262,7 @@ mod tests {
             assert!((power.pr - 1.0).abs() < 1e-12, "{power:?}");
             assert!((power.e_f - 4.5).abs() < 1e-9, "{power:?}");
             assert!((power.p_f - 0.45).abs() < 1e-9, "{power:?}");
+            assert!((power.centroid_hz - 1000.0).abs() < 1e-6, "{power:?}");
         }
     }
 

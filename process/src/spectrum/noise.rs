@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn no_more_than_noise_is_nothing() {
         let noise = Noise { flexural: 1.0, reference: 2.0, density: 0.1 };
-        let power = BandPower { pr: 0.5, p_f: 1.0, e_f: 3.0, is_faint: false };
+        let power = BandPower { pr: 0.5, p_f: 1.0, e_f: 3.0, centroid_hz: 9.0, is_faint: false };
         let found = noise.subtracted(&power, 0.5, 5.0).unwrap();
         assert_eq!((found.pr, found.p_f, found.e_f), (2.5 / 4.0, 0.95, 2.5));
         assert_eq!(noise.subtracted(&power, 3.0, 9.0), None);

@@ -1,13 +1,18 @@
 //! What must hold of any tap: how values follow the scale, the trigger and the channel's order.
 
 use tapline_process::{Extractor, Precision, ProcessConfig, ProcessExtractor};
-use tapline_wire::{Channel, Discriminator, Quality, Samples, TapId};
+use tapline_wire::{Channel, Discriminator, Feature, Quality, Samples, TapId};
 
 use crate::reference::CASES;
 use crate::signal::{Case, Recorded, assert_close, values};
 
 fn tap() -> Case {
     Case { noise: 0.0, count: 8192, ..CASES[0].0 }
+}
+
+/// 1 where a discriminator is taken from one of `features`.
+fn only(features: &[Feature]) -> [u8; Discriminator::COUNT] {
+    Discriminator::ALL.map(|which| features.contains(&which.feature()).into())
 }
 
 /// Catches a power of the scale forgotten or applied twice: linear in F_max, A_1, A_2, quadratic in P_f, E_f.
@@ -165,20 +170,41 @@ fn bad_channels_take_only_their_own_values() {
     };
     let both = |a: Quality, b: Quality| Quality::from_bits(a.bits() | b.bits());
     assert_eq!(present(&|_, _| {}), ([1; Discriminator::COUNT], Quality::default()));
-    assert_eq!(present(&|_, x| x[..n].fill(0.0)), ([0, 0, 0, 0, 1, 1, 1], both(Quality::NO_FORCE, Quality::NO_PULSE)));
-    assert_eq!(present(&|_, x| x[n..].fill(0.25)), ([1, 1, 0, 0, 0, 0, 0], both(Quality::NO_SOUND, Quality::NO_ONSET)));
-    assert_eq!(present(&|_, x| x[5000] = f32::NAN), ([0, 0, 0, 0, 1, 1, 1], Quality::NON_FINITE));
-    assert_eq!(present(&|_, x| x[n + 5000] = f32::INFINITY), ([1, 1, 0, 0, 0, 0, 0], Quality::NON_FINITE));
-    assert_eq!(present(&|h, _| h.channels[1].unit_per_count = f64::NAN), ([1, 1, 0, 0, 0, 0, 0], Quality::NON_FINITE));
+    assert_eq!(
+        present(&|_, x| x[..n].fill(0.0)),
+        (only(&[Feature::SoundSpectrum]), both(Quality::NO_FORCE, Quality::NO_PULSE))
+    );
+    assert_eq!(
+        present(&|_, x| x[n..].fill(0.25)),
+        (only(&[Feature::Pulse]), both(Quality::NO_SOUND, Quality::NO_ONSET))
+    );
+    assert_eq!(present(&|_, x| x[5000] = f32::NAN), (only(&[Feature::SoundSpectrum]), Quality::NON_FINITE));
+    assert_eq!(present(&|_, x| x[n + 5000] = f32::INFINITY), (only(&[Feature::Pulse]), Quality::NON_FINITE));
+    assert_eq!(
+        present(&|h, _| h.channels[1].unit_per_count = f64::NAN),
+        (only(&[Feature::Pulse]), Quality::NON_FINITE)
+    );
     assert_eq!(present(&|h, _| h.channels[1].unit_per_count = 0.0).1, both(Quality::NO_SOUND, Quality::NO_ONSET));
-    assert_eq!(present(&|h, _| h.channels[0].unit_per_count = 0.0), ([0, 0, 0, 0, 1, 1, 1], Quality::NO_PULSE));
-    assert_eq!(present(&|h, _| h.channels[0].unit_per_count = -1.0), ([0, 0, 0, 0, 1, 1, 1], Quality::NO_PULSE));
-    assert_eq!(present(&|h, _| h.channels[1].code = 0), ([1, 1, 0, 0, 0, 0, 0], Quality::NO_SOUND));
+    assert_eq!(
+        present(&|h, _| h.channels[0].unit_per_count = 0.0),
+        (only(&[Feature::SoundSpectrum]), Quality::NO_PULSE)
+    );
+    assert_eq!(
+        present(&|h, _| h.channels[0].unit_per_count = -1.0),
+        (only(&[Feature::SoundSpectrum]), Quality::NO_PULSE)
+    );
+    assert_eq!(present(&|h, _| h.channels[1].code = 0), (only(&[Feature::Pulse]), Quality::NO_SOUND));
     assert_eq!(present(&|h, _| h.channels[0].code = Channel::Sound.code()).1, Quality::NO_FORCE);
-    assert_eq!(present(&|h, _| h.pre_trigger_samples = 1), ([0, 0, 0, 0, 1, 1, 1], Quality::NO_BASELINE));
-    assert_eq!(present(&|h, _| h.pre_trigger_samples = 9000), ([0, 0, 0, 0, 1, 1, 1], Quality::NO_BASELINE));
-    assert_eq!(present(&|h, _| h.microphone_distance_m = f64::NAN), ([1, 1, 0, 0, 1, 1, 1], Quality::NO_ONSET));
-    assert_eq!(present(&|h, _| h.microphone_distance_m = -9.0), ([1, 1, 0, 0, 1, 1, 1], Quality::NO_ONSET));
+    assert_eq!(present(&|h, _| h.pre_trigger_samples = 1), (only(&[Feature::SoundSpectrum]), Quality::NO_BASELINE));
+    assert_eq!(present(&|h, _| h.pre_trigger_samples = 9000), (only(&[Feature::SoundSpectrum]), Quality::NO_BASELINE));
+    assert_eq!(
+        present(&|h, _| h.microphone_distance_m = f64::NAN),
+        (only(&[Feature::Pulse, Feature::SoundSpectrum]), Quality::NO_ONSET)
+    );
+    assert_eq!(
+        present(&|h, _| h.microphone_distance_m = -9.0),
+        (only(&[Feature::Pulse, Feature::SoundSpectrum]), Quality::NO_ONSET)
+    );
     assert_eq!(present(&|h, _| h.sample_rate_hz = 500.0).1.to_string(), "no_band|undersampled|rate_implausible");
     assert_eq!(present(&|h, _| h.sample_rate_hz = f64::NAN), ([0; Discriminator::COUNT], Quality::REFUSED));
     assert_eq!(present(&|h, _| h.sample_count = 8191), ([0; Discriminator::COUNT], Quality::REFUSED));

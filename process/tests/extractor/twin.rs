@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use proptest::prelude::*;
-use tapline_wire::Discriminators;
+use tapline_wire::{Discriminator, Discriminators};
 
 use crate::reference::CASES;
 use crate::signal::{Case, assert_close};
@@ -48,7 +48,7 @@ fn density(x: &[f64], rate: f64) -> Vec<(f64, f64)> {
 }
 
 /// What the definitions give for a tap with force and sound, whose pulse and areas lie in the record.
-fn discriminators(case: &Case) -> [Option<f64>; 7] {
+fn discriminators(case: &Case) -> [Option<f64>; Discriminator::COUNT] {
     let counts = case.recorded().counts();
     let n = case.count as usize;
     let m = (0.75 * f64::from(case.p)).floor() as usize;
@@ -78,6 +78,7 @@ fn discriminators(case: &Case) -> [Option<f64>; 7] {
         psd.iter().filter(|(f, _)| low <= *f && *f <= high).map(|(_, power)| *power).collect()
     };
     let (flexural, reference) = (band(f_c, 2000.0), band(case.f_lo, 3000.0));
+    let moment: f64 = psd.iter().filter(|(f, _)| case.f_lo <= *f && *f <= 3000.0).map(|(f, power)| f * power).sum();
     let energy: f64 = flexural.iter().sum();
     [
         f_max,
@@ -87,6 +88,7 @@ fn discriminators(case: &Case) -> [Option<f64>; 7] {
         energy / reference.iter().sum::<f64>(),
         flexural.iter().copied().fold(0.0, |a, b| if b > a { b } else { a }),
         energy * case.rate / n as f64,
+        moment / reference.iter().sum::<f64>(),
     ]
     .map(Some)
 }

@@ -122,6 +122,12 @@ discriminators! {
         name: "e_f", column: "e_f_v2", unit: "V^2", symbol: "E_f", printed: ("E_f", 1.0, "V\u{b2}"),
         meaning: "flexural energy", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
+    /// Spectral centroid of the sound, Hz; none of the source's seven.
+    Centroid {
+        name: "centroid", column: "centroid_hz", unit: "Hz", symbol: "f_s", printed: ("f_s", 1.0, "Hz"),
+        meaning: "spectral centroid of the sound", feature: Feature::SoundSpectrum, channels: &[Channel::Sound],
+        direction: Direction::Rises,
+    }
 }
 
 impl Discriminator {
