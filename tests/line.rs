@@ -611,3 +611,31 @@ fn a_command_that_fails_is_an_alarm() {
     until("the alarm", || rig.run("status --out out --json").out.contains("on_verdict failed"));
     line.interrupt(0);
 }
+
+/// Catches taps that a failed disk has lost after they were archived, and that nobody takes again: the file under way is put
+/// back to what it was a while before, as by a power cut of its disk.
+#[test]
+fn taps_that_a_disk_has_lost_are_taken_again() {
+    let rig = Rig::new();
+    rig.write("plant.toml", &format!("{SCAN}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = 20.0\n[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 1\n"));
+    let line = Running::start(&rig, "line --config plant.toml --out out --json --casings 1");
+    let archived = || -> u64 {
+        let status = rig.run("status --out out --json");
+        let status: Value = serde_json::from_str(status.out.trim()).unwrap_or_default();
+        status["stations"][0]["casing"]["archived"].as_u64().unwrap_or(0)
+    };
+    let open = || under_way(&rig.path("out"))[0].clone();
+    until("some taps are archived", || archived() > 5);
+    fs::copy(open(), rig.path("before.h5")).unwrap();
+    // The first shoulder has 25.
+    until("the second shoulder is begun", || archived() > 28);
+    line.signal(Signal::STOP);
+    signal(stage(line.child(), "store"), Signal::KILL);
+    std::thread::sleep(Duration::from_millis(100));
+    fs::copy(rig.path("before.h5"), open()).unwrap();
+    line.signal(Signal::CONT);
+    let verdict = line.verdict();
+    assert_eq!((&verdict["archived"], &verdict["missing"]), (&50.into(), &0.into()), "{verdict}");
+    line.finish(0);
+    assert!(verify(file_of(&verdict)).unwrap().is_complete());
+}

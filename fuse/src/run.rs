@@ -110,12 +110,12 @@ impl StageLoop<'_> {
         let number = record.header().stamp.casing;
         let place = self.open.iter().position(|casing| casing.number == number);
         match record.kind() {
-            // It comes again when `store` was restarted, which may have lost a verdict, or when the plan has grown.
+            // It comes again when `store` was restarted, or when the plan has grown: what is in the archive then follows, and a
+            // verdict rests on that alone. A disk that failed may have lost what was seen before.
             Some(RecordKind::Plan) => match Plan::decode(record) {
                 Ok(plan) => {
-                    let known = place.map(|place| self.open.swap_remove(place)).filter(|casing| casing.plan == plan);
-                    let mut casing = known.unwrap_or_else(|| self.begin(number, plan));
-                    casing.is_judged.fill(false);
+                    drop(place.map(|place| self.open.swap_remove(place)));
+                    let casing = self.begin(number, plan);
                     self.open.push(casing);
                 }
                 Err(error) => tracing::error!(%error, number, "a casing's plan cannot be read; it is not judged"),
@@ -159,11 +159,9 @@ impl StageLoop<'_> {
         let stamp = *record.header();
         let is_known =
             |casing: &OpenCasing| casing.number == stamp.casing && casing.plan.taps().len() as u64 == stamp.mark;
-        if !self.open.iter().any(is_known) {
-            // The plan was sent before: it is there by now.
-            while let Some(record) = self.casings.receive()? {
-                self.note_casing(&record)?;
-            }
+        // The plan was sent before: it is there by now, also one that comes again and begins the casing anew.
+        while let Some(record) = self.casings.receive()? {
+            self.note_casing(&record)?;
         }
         let Some(casing) = self.open.iter_mut().find(|casing| is_known(casing)) else { return Ok(()) };
         let Some(fusion) = &mut casing.fusion else { return Ok(()) };

@@ -206,7 +206,7 @@ mod tests {
         let just = Limits {
             descriptors: Some(descriptors(&NEEDS)),
             address_space: Some(address_space(&NEEDS)),
-            shared_free: NEEDS.shared_bytes,
+            shared_free: NEEDS.shared_bytes + RESTART_BYTES,
             memory_free: Some(memory(&NEEDS)),
         };
         judge(&NEEDS, &just).unwrap();
@@ -216,9 +216,9 @@ mod tests {
 
     #[test]
     fn everything_that_binds_is_told_at_once_with_how_many_stations_would_do() {
-        let text = said(&Limits { descriptors: Some(300), shared_free: 100_000_000, ..PLENTY });
+        let text = said(&Limits { descriptors: Some(300), shared_free: 104_000_000, ..PLENTY });
         assert!(text.contains("open files of a process: 300 of ") && text.contains("ulimit -n"), "{text}");
-        assert!(text.contains("/dev/shm: 100.0 MB of 400.0 MB needed"), "{text}");
+        assert!(text.contains("/dev/shm: 104.0 MB of 404.0 MB needed"), "{text}");
         // By the memory it would be 8.
         assert!(text.contains("8 stations would do"), "{text}");
         let text = said(&Limits { address_space: Some(200_000 << 10), ..PLENTY });

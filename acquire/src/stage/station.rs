@@ -132,6 +132,7 @@ impl Station {
             }
             Work::Open(mut open) if open.number == number => {
                 open.ledger = ledger;
+                open.go_back();
                 self.work = Work::Open(open);
             }
             work => self.work = work,
@@ -380,6 +381,20 @@ impl Open {
         let Some(scan) = self.casing.taps.plan().scans().get(self.scan) else { return Vec::new() };
         let is_missing = |&row: &u32| states.get(row as usize) == Some(&TapState::Missing);
         scan.taps.iter().rev().copied().filter(is_missing).collect()
+    }
+
+    /// Goes back to the first scan that lacks a tap which was archived before: a disk that failed has lost it.
+    fn go_back(&mut self) {
+        let states = self.ledger.taps();
+        let is_missing = |&row: &u32| states.get(row as usize) == Some(&TapState::Missing);
+        let before = &self.casing.taps.plan().scans()[..self.scan];
+        if self.gone.is_none()
+            && let Some(scan) = before.iter().position(|scan| scan.taps.iter().any(is_missing))
+        {
+            tracing::warn!(casing = self.casing.name, "taps that were archived are lost; they are taken again");
+            self.scan = scan;
+            self.phase = Phase::Tapping(self.missing());
+        }
     }
 
     fn is_ended(&self) -> bool {

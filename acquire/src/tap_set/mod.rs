@@ -199,7 +199,6 @@ impl TapSet {
     }
 }
 
-/// Length of a file as text; nothing where there is none.
 /// The length of a recording's file and the digest of its beginning, in which no two recordings are alike: it has the noise
 /// before the impact, and the impact. Of a file that cannot be read both are 0.
 fn length_and_beginning(path: &Path) -> (u64, u64) {
