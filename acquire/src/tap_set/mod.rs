@@ -4,6 +4,7 @@ mod extras;
 #[cfg(test)]
 mod fuzz_tests;
 pub(crate) mod listed;
+mod raw16;
 pub(crate) mod scan_toml;
 mod table;
 mod taps_csv;
@@ -13,7 +14,8 @@ pub(crate) mod watched_folder;
 mod wav;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::io::Read as _;
+use std::ffi::OsStr;
+use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -188,7 +190,7 @@ impl TapSet {
         let recording = &self.plan.recording;
         let (mut file, file_bytes) = wav::open(&self.set.dir.join(&self.set.taps[row as usize].file))?;
         // Read again, because the file may have changed since the set was opened.
-        let wav = wav::read_header(&mut file, file_bytes)?;
+        let wav = header(&mut file, &self.set.taps[row as usize].file, file_bytes, &self.set.scan)?;
         refuse_misfit(&wav, &self.set.scan)?;
         refuse_format(&wav, recording.sample_format)?;
         if wav.sample_count > recording.sample_count_max {
@@ -245,12 +247,20 @@ impl Source for TapSet {
     }
 }
 
+/// The header of the recording `name`: its format goes by the ending of the name.
+fn header(file: impl Read + Seek, name: &str, file_bytes: u64, scan: &ScanToml) -> Result<WavHeader, WavFault> {
+    match Path::new(name).extension().and_then(OsStr::to_str) {
+        Some(raw16::ENDING) => raw16::header(file_bytes, scan),
+        _ => wav::read_header(file, file_bytes),
+    }
+}
+
 fn header_of(dir: &Path, row: &TapRow, scan: &ScanToml) -> Result<WavHeader, WavFault> {
     if let Some(reason) = &row.extras.refused {
         return Err(WavFault::Refused(reason.clone()));
     }
     let (file, file_bytes) = wav::open(&dir.join(&row.file))?;
-    let wav = wav::read_header(file, file_bytes)?;
+    let wav = header(file, &row.file, file_bytes, scan)?;
     refuse_misfit(&wav, scan)?;
     Ok(wav)
 }

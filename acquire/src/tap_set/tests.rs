@@ -58,6 +58,27 @@ fn refusal(set: &mut TapSet, row: u32) -> String {
     render(set, row).unwrap_err().to_string()
 }
 
+/// Catches samples of a file without a header that are shifted, swapped or of another channel, and bytes that make no whole
+/// sample of all channels.
+#[test]
+fn a_recording_without_a_header_is_the_same_taps() {
+    let (of_wav, dir) = (small_set(), small_set());
+    let rows = fs::read_to_string(dir.path().join("taps.csv")).unwrap();
+    fs::write(dir.path().join("taps.csv"), rows.replace(".wav", ".raw")).unwrap();
+    for name in ["a", "b", "c"] {
+        let wav = fs::read(dir.path().join(format!("{name}.wav"))).unwrap();
+        fs::write(dir.path().join(format!("{name}.raw")), &wav[wav.len() - 16..]).unwrap();
+    }
+    for row in 0..3 {
+        let (header, lanes) = render(&mut open(&of_wav), row).unwrap();
+        let (same, same_lanes) = render(&mut open(&dir), row).unwrap();
+        assert_eq!(Samples::view(&header, &lanes), Samples::view(&same, &same_lanes));
+        assert_eq!((header.sample_count, header.channels), (same.sample_count, same.channels));
+    }
+    fs::write(dir.path().join("b.raw"), [0; 18]).unwrap();
+    assert!(refusal(&mut open(&dir), 1).contains("18 bytes of samples are no whole number of 4-byte samples"));
+}
+
 /// Catches a casing that is measured again, under the same names and with records as long, and passes for the same recordings.
 #[test]
 fn other_recordings_are_another_source() {

@@ -10,7 +10,7 @@ use std::path::Path;
 use tapline_wire::{Lane, SampleFormat, bytes_of_mut, f32_of_mut, i16_of_mut};
 
 /// Most samples of one channel: 100 s at 41 kHz. Every record's memory is as large as the longest's.
-const SAMPLE_COUNT_MAX: u64 = 1 << 22;
+pub(super) const SAMPLE_COUNT_MAX: u64 = 1 << 22;
 
 /// Most chunks before the samples.
 const CHUNKS_MAX: usize = 256;
@@ -27,8 +27,8 @@ pub(crate) struct WavHeader {
     /// Samples of one channel.
     pub(crate) sample_count: u32,
     /// Where in the file the samples start.
-    data_at: u64,
-    data_bytes: usize,
+    pub(super) data_at: u64,
+    pub(super) data_bytes: usize,
 }
 
 /// Why a recording cannot be used.
