@@ -1,0 +1,51 @@
+//! `docs/extending.md` says which files name a part: those, and no others.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+/// Catches a part whose name has spread to a file that the page does not name, and a file that is not there any more.
+#[test]
+fn parts_are_where_the_page_says() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let page = fs::read_to_string(root.join("docs/extending.md")).unwrap();
+    let rows = page.lines().filter(|line| line.starts_with("| a"));
+    let mut count = 0;
+    for row in rows {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        let part = cells[2].trim_matches('`');
+        let named: BTreeSet<String> = cells[3].split('`').skip(1).step_by(2).map(str::to_owned).collect();
+        let mut found = BTreeSet::new();
+        for folder in ["wire", "model", "codec", "acquire", "process", "fuse", "store", "export", "draw", "lab"] {
+            find(&root.join(folder).join("src"), root, part, &mut found);
+        }
+        find(&root.join("src"), root, part, &mut found);
+        assert_eq!(found, named, "{part}");
+        count += 1;
+    }
+    assert_eq!(count, 3, "the rows of the page");
+}
+
+/// Adds the sources below `folder` that name `part` outside their tests and comments.
+fn find(folder: &Path, root: &Path, part: &str, found: &mut BTreeSet<String>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap();
+        if path.is_dir() {
+            find(&path, root, part, found);
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap_or_default();
+        let code = text.split("#[cfg(test)]\nmod tests").next().unwrap();
+        let is_named = |line: &str| line.split("//").next().unwrap().to_lowercase().contains(part);
+        let is_test = name.ends_with("tests.rs") || TESTS.contains(&name);
+        if name.ends_with(".rs") && !is_test && code.lines().any(is_named) {
+            found.insert(path.strip_prefix(root).unwrap().to_str().unwrap().to_owned());
+        }
+    }
+}
+
+/// Files that are tests by another name.
+const TESTS: [&str; 3] = ["absence.rs", "sklearn.rs", "laws.rs"];
