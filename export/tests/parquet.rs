@@ -99,7 +99,7 @@ fn units_bits_and_origin_are_in_the_file() {
         let unit = field.metadata().get("unit").map(String::as_str);
         assert_eq!(unit.is_some(), *field.data_type() == DataType::Float64, "{field}");
         // The unit is the end of the name, in other letters.
-        let ends = [("_n", "N"), ("_s", "s"), ("_v_s", "V s"), ("_v2_per_hz", "V^2/Hz"), ("_v2", "V^2")];
+        let ends = [("_n", "N"), ("_s", "s"), ("_v_s", "V s"), ("_v2_per_hz", "V^2/Hz"), ("_v2", "V^2"), ("_hz", "Hz")];
         let ends = ends.into_iter().chain([("_mm", "mm"), ("_m_per_s", "m/s"), ("_deg", "deg"), ("pr", "1")]);
         let longest = ends.filter(|(end, _)| field.name().ends_with(end)).max_by_key(|(end, _)| end.len());
         if let Some(unit) = unit {

@@ -39,15 +39,15 @@ fn tables_to_the_letter() {
     assert_eq!(
         exported(&reader, Export::Discriminators),
         "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,attempt,\
-         f_max_n,tau_s,a_1_v_s,a_2_v_s,pr,p_f_v2_per_hz,e_f_v2,quality\n\
-         1,A\u{e9}-1,1,5,1.85,0,0,0,0,0,0.125,0.25,0.375,0.5,0.625,0.75,\n\
-         1,A\u{e9}-1,1,5,1.85,1,90,0,0,1,1.125,1.25,1.375,1.5,1.625,1.75,\n\
-         1,A\u{e9}-1,1,5,1.85,2,180,0,0,,,,2.375,2.5,2.625,2.75,no_force\n\
-         1,A\u{e9}-1,1,5,1.85,4,0,0,0,4,4.125,4.25,4.375,4.5,4.625,4.75,\n\
-         2,A\u{e9}-1,2,,1.85,0,,0,0,,,,5.375,5.5,5.625,5.75,no_force\n\
-         2,A\u{e9}-1,2,,1.85,1,,0,0,6,6.125,6.25,6.375,6.5,6.625,6.75,\n\
-         2,A\u{e9}-1,2,,1.85,2,,0,0,7,7.125,7.25,7.375,7.5,7.625,7.75,\n\
-         2,A\u{e9}-1,2,,1.85,3,,0,0,,,,8.375,8.5,8.625,8.75,no_force\n"
+         f_max_n,tau_s,a_1_v_s,a_2_v_s,pr,p_f_v2_per_hz,e_f_v2,centroid_hz,quality\n\
+         1,A\u{e9}-1,1,5,1.85,0,0,0,0,0,0.125,0.25,0.375,0.5,0.625,0.75,0.875,\n\
+         1,A\u{e9}-1,1,5,1.85,1,90,0,0,1,1.125,1.25,1.375,1.5,1.625,1.75,1.875,\n\
+         1,A\u{e9}-1,1,5,1.85,2,180,0,0,,,,2.375,2.5,2.625,2.75,2.875,no_force\n\
+         1,A\u{e9}-1,1,5,1.85,4,0,0,0,4,4.125,4.25,4.375,4.5,4.625,4.75,4.875,\n\
+         2,A\u{e9}-1,2,,1.85,0,,0,0,,,,5.375,5.5,5.625,5.75,5.875,no_force\n\
+         2,A\u{e9}-1,2,,1.85,1,,0,0,6,6.125,6.25,6.375,6.5,6.625,6.75,6.875,\n\
+         2,A\u{e9}-1,2,,1.85,2,,0,0,7,7.125,7.25,7.375,7.5,7.625,7.75,7.875,\n\
+         2,A\u{e9}-1,2,,1.85,3,,0,0,,,,8.375,8.5,8.625,8.75,8.875,no_force\n"
     );
     assert_eq!(
         exported(&reader, Export::Damage),
@@ -65,11 +65,11 @@ fn tables_to_the_letter() {
         exported(&reader, Export::Verdicts),
         "tyre,shoulder,station,verdict,reasons,planned_count,archived_count,refused_count,missing_count,\
          absent_count,region_count,limit_re_inspect,limit_reject,false_call_rate,p_value,\
-         evidence_f_max,evidence_tau,evidence_a_1,evidence_a_2,evidence_pr,evidence_p_f,evidence_e_f,\
-         drift_f_max,drift_tau,drift_a_1,drift_a_2,drift_pr,drift_p_f,drift_e_f\n\
+         evidence_f_max,evidence_tau,evidence_a_1,evidence_a_2,evidence_pr,evidence_p_f,evidence_e_f,evidence_centroid,\
+         drift_f_max,drift_tau,drift_a_1,drift_a_2,drift_pr,drift_p_f,drift_e_f,drift_centroid\n\
          A\u{e9}-1,1,1,REJECT,damage|self_reference,5,4,1,0,5,1,2.5,4,0.001,0.004,\
-         1,2,3,,5,6,7,0.01,-0.02,,0.04,0.05,0.06,0.07\n\
-         A\u{e9}-1,2,2,RE-INSPECT,not_ended,5,4,0,1,,,,,,,,,,,,,,,,,,,,\n"
+         1,2,3,,5,6,7,8,0.01,0.02,,0.04,0.05,0.06,0.07,0.08\n\
+         A\u{e9}-1,2,2,RE-INSPECT,not_ended,5,4,0,1,,,,,,,,,,,,,,,,,,,,,,\n"
     );
     let ledger = exported(&reader, Export::Ledger);
     let lines: Vec<&str> = ledger.lines().collect();

@@ -14,8 +14,15 @@ use std::io::{self, Write as _};
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use tapline_wire::Discriminator;
 
 use self::taken::Experiment;
+
+/// The discriminators of the source, which knows no others.
+const SEVEN: [Discriminator; 7] = {
+    use Discriminator::{A1, A2, Ef, FMax, Pf, Pr, Tau};
+    [FMax, Tau, A1, A2, Pr, Pf, Ef]
+};
 
 /// Writes the figures, their tables and the claims into the folder `out`, and the page beside it.
 ///

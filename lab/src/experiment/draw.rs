@@ -12,8 +12,9 @@ pub(super) use boxes::{Bar, Category};
 pub(super) use curves::Curve;
 pub(super) use map::{Map, level_colors};
 
-use crate::figures::axes::{Axis, Frame};
 use tapline_draw::canvas::{self, Area, INK, PALE_INK, Point, at, line, units, write};
+
+use crate::figures::axes::{Axis, Frame};
 
 /// One more of Okabe and Ito's colours.
 const SKY: RGBColor = RGBColor(86, 180, 233);

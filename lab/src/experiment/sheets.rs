@@ -10,11 +10,12 @@ use tapline_wire::Discriminator;
 
 pub(super) use groups::repeats;
 
+use tapline_draw::canvas::Point;
+
 use super::draw::{Content, Curve, Panel, Shade, Sheet};
 use super::index::{Indices, PowerRatio, indices};
 use super::taken::{Experiment, Tap};
 use crate::figures::significant;
-use tapline_draw::canvas::Point;
 
 /// The six discriminators of the index: all but A_2 (section 5.4.3).
 pub(super) const SIX: [Discriminator; 6] = {

@@ -2,7 +2,6 @@
 
 use anyhow::{Result, ensure};
 use realfft::RealFftPlanner;
-
 use tapline_draw::record::periodogram;
 
 /// Band that the B-scan shows (Fig. 76).

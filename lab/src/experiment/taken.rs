@@ -3,6 +3,7 @@
 use anyhow::{Context as _, Result};
 use realfft::RealFftPlanner;
 use tapline_acquire::{AcquireConfig, ScanConfig};
+use tapline_draw::record::channel;
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
 use tapline_wire::{Channel, Discriminator, Discriminators, Plan, PlannedTap, TapId};
@@ -11,7 +12,6 @@ use super::spectrum::{peak_v, steps};
 use super::tyres;
 use super::tyres::{OFFSETS_MM, REPRESENTATIVE, Severity, VELOCITIES_M_PER_S, VELOCITY_M_PER_S};
 use crate::in_memory::InMemoryScan;
-use tapline_draw::record::channel;
 
 /// One tap: what was found in it, and what is known of it.
 #[derive(Debug, Clone)]

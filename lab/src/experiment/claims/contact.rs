@@ -1,12 +1,12 @@
 //! Section 5.4: a tap of a sound place beside one over a crack.
 
 use anyhow::Result;
+use tapline_draw::stats::{mean, median};
 use tapline_wire::Discriminator;
 
 use super::{Agrees, Claim, digits, known, of};
 use crate::experiment::spectrum::{BAND_HZ, STEP_HZ};
 use crate::experiment::taken::{Experiment, Tap};
-use tapline_draw::stats::{mean, median};
 
 pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
     let [turn, _] = experiment.repetitions(1);

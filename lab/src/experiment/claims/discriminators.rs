@@ -1,15 +1,15 @@
 //! Section 5.4.3: the seven discriminators around the representative tyre's shoulder 1.
 
+use Discriminator::{A1, A2, Ef, FMax, Pf, Pr, Tau};
 use anyhow::Result;
+use tapline_draw::stats::{mean, median, range, rmse, sd};
 use tapline_wire::Discriminator;
 
 use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, of, rises};
+use crate::experiment::SEVEN;
 use crate::experiment::quartiles::Quartiles;
 use crate::experiment::sheets::{SIX, repeats};
 use crate::experiment::taken::{Experiment, Tap};
-use tapline_draw::stats::{mean, median, range, rmse, sd};
-
-use Discriminator::{A1, A2, Ef, FMax, Pf, Pr, Tau};
 
 pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
     let turns = experiment.repetitions(1);
@@ -37,8 +37,8 @@ fn numbers(values: &[(Discriminator, f64)]) -> impl Iterator<Item = f64> {
 }
 
 fn repetitions(turns: &[Vec<&Tap>; 2]) -> Result<Vec<Claim>> {
-    let by_range = each(Discriminator::ALL, |which| known(repeats(turns, which).0))?;
-    let by_sd = each(Discriminator::ALL, |which| known(repeats(turns, which).1))?;
+    let by_range = each(SEVEN, |which| known(repeats(turns, which).0))?;
+    let by_sd = each(SEVEN, |which| known(repeats(turns, which).1))?;
     let six = each(SIX, |which| known(repeats(turns, which).0))?;
     let [of_a_2, of_e_f, of_p_f, of_pr] = [A2, Ef, Pf, Pr].map(|which| known(repeats(turns, which).0));
     let (of_a_2, of_e_f, of_p_f, of_pr) = (of_a_2?, of_e_f?, of_p_f?, of_pr?);
@@ -189,7 +189,7 @@ fn cracked_and_sound(turn: &[&Tap]) -> Result<Vec<Claim>> {
     let force = each([FMax, Tau], distance)?;
     let sound = each([A1, Pr], distance)?;
     let greatest = extreme(numbers(&force), 1.0)?;
-    let spread = each(Discriminator::ALL, |which| {
+    let spread = each(SEVEN, |which| {
         let (sound, cracked) = halves(which);
         let (sound, cracked) = (Quartiles::of(&sound), Quartiles::of(&cracked));
         known(sound.zip(cracked).map(|(sound, cracked)| cracked.spread() / sound.spread()))

@@ -1,12 +1,12 @@
 //! Sections 5.4.1 and 5.4.2: the location and the velocity of impact.
 
 use anyhow::{Context as _, Result};
+use tapline_draw::stats::{mean, median, range, sd};
 use tapline_wire::Discriminator;
 
 use super::{Agrees, Claim, auc_of, digits, extreme, known, list, of, rises};
 use crate::experiment::taken::{Experiment, Tap};
 use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT};
-use tapline_draw::stats::{mean, median, range, sd};
 
 /// Locations of the faint crack that shearography did not see: 75 to 110 degrees.
 const UNSEEN: std::ops::Range<u32> = 21..31;

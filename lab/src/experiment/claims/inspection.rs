@@ -1,6 +1,7 @@
 //! Sections 5.4.3, at its end, and 5.4.4: both shoulders, three tyres and one index.
 
 use anyhow::{Context as _, Result};
+use tapline_draw::stats::{mean, median, range, sd};
 use tapline_wire::Discriminator;
 
 use super::contact::power_from;
@@ -9,7 +10,6 @@ use crate::experiment::index::{Indices, PowerRatio, indices};
 use crate::experiment::sheets::SIX;
 use crate::experiment::taken::{Experiment, Tap, Turn, averaged};
 use crate::experiment::tyres::{NEW, REPRESENTATIVE, SLIGHT};
-use tapline_draw::stats::{mean, median, range, sd};
 
 /// End of the part of shoulder 2 in which the dissertation sees variations.
 const BEGINNING_DEG: f64 = 100.0;

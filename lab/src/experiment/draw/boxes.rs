@@ -3,11 +3,11 @@
 use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
+use tapline_draw::canvas::{Area, INK, PALE_INK, line, units, write};
 
 use super::dot;
 use crate::experiment::quartiles::Quartiles;
 use crate::figures::axes::{Axis, Chart, Frame, axes};
-use tapline_draw::canvas::{Area, INK, PALE_INK, line, units, write};
 
 /// Half the width of a box, of the room a group has.
 const HALF: f64 = 0.28;

@@ -2,10 +2,10 @@
 
 use anyhow::Result;
 use plotters::prelude::*;
+use tapline_draw::canvas::{Area, Point, units};
 
 use super::{Shade, dot, shade};
 use crate::figures::axes::{Axis, Frame, axes};
-use tapline_draw::canvas::{Area, Point, units};
 
 /// One curve.
 #[derive(Debug, Clone)]

@@ -2,9 +2,9 @@
 
 use anyhow::Result;
 use plotters::prelude::*;
+use tapline_draw::canvas::{Area, Point};
 
 use crate::figures::axes::{Axis, Frame, axes};
-use tapline_draw::canvas::{Area, Point};
 
 /// From dark to bright, and so readable without colour: steps of the map "viridis".
 const LEVELS: [RGBColor; 10] = [

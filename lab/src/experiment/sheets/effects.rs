@@ -1,13 +1,13 @@
 //! Figs. 60 to 62: what the location and the velocity of impact do.
 
+use tapline_draw::canvas::number;
+use tapline_draw::palette::COLORS;
 use tapline_wire::Discriminator;
 
 use super::{Figure, Table, around, cell, ring_panel, shades};
 use crate::experiment::draw::{Content, Curve, Key, Panel, Sheet};
 use crate::experiment::taken::{Experiment, Tap};
 use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT, VELOCITY_M_PER_S};
-use tapline_draw::canvas::number;
-use tapline_draw::palette::COLORS;
 
 /// Fig. 60: the peak of the sound at four offsets.
 pub(super) fn of_offset(experiment: &Experiment) -> Figure {

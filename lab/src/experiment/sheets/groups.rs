@@ -1,15 +1,16 @@
 //! Figs. 66 to 69: boxplots by severity and by cracked or sound, and how well taps repeat.
 
-use crate::statistics::{nor_rmse, within_over_healthy};
+use tapline_draw::canvas::number;
+use tapline_draw::palette::COLORS;
 use tapline_wire::Discriminator;
 
 use super::{Figure, Table, cell, shown, title_of};
+use crate::experiment::SEVEN;
 use crate::experiment::draw::{Bar, Category, Content, Key, Panel, Sheet};
 use crate::experiment::quartiles::Quartiles;
 use crate::experiment::taken::{Experiment, Tap};
 use crate::experiment::tyres::SEVERE_FROM_M_PER_N;
-use tapline_draw::canvas::number;
-use tapline_draw::palette::COLORS;
+use crate::statistics::{nor_rmse, within_over_healthy};
 
 /// A row of a table of boxes.
 fn row(which: Discriminator, group: &str, of: &Quartiles) -> Vec<String> {
@@ -81,7 +82,7 @@ pub(super) fn repeatability(experiment: &Experiment) -> Figure {
     let turns = experiment.repetitions(1);
     let mut table = Table::new(&["discriminator", "nor_rmse", "within_location_sd_per_healthy_sd"]);
     let (mut by_range, mut by_sd) = (Vec::new(), Vec::new());
-    for which in Discriminator::ALL {
+    for which in SEVEN {
         let both = repeats(&turns, which);
         table.push([which.column().to_owned(), cell(both.0), cell(both.1)]);
         for (bars, value, color) in [(&mut by_range, both.0, COLORS[0]), (&mut by_sd, both.1, COLORS[1])] {
@@ -120,7 +121,7 @@ pub(super) fn cracked_and_sound(experiment: &Experiment) -> Figure {
     let of = |is_cracked: bool| turn.iter().copied().filter(|tap| tap.is_cracked() == is_cracked).collect();
     let groups: Vec<(String, Vec<&Tap>)> = vec![("sound".to_owned(), of(false)), ("cracked".to_owned(), of(true))];
     let mut table = Table::new(&columns("place"));
-    let panels = Discriminator::ALL.map(|which| {
+    let panels = SEVEN.map(|which| {
         let categories = boxes(which, &groups, &mut table);
         panel(title_of(which), "", Content::Boxes { categories, joins_means: false })
     });

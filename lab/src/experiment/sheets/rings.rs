@@ -1,15 +1,16 @@
 //! Figs. 63, 64, 70, 71 and 73 to 76: what is found around the ring.
 
+use tapline_draw::canvas::number;
+use tapline_draw::palette::COLORS;
 use tapline_wire::Discriminator;
 
 use super::{Figure, SIX, Table, around, cell, ring_panel, shades, shown, title_of};
+use crate::experiment::SEVEN;
 use crate::experiment::draw::{Content, Curve, Key, Map, Panel, Sheet};
 use crate::experiment::index::Indices;
 use crate::experiment::spectrum::{BAND_HZ, STEP_HZ};
 use crate::experiment::taken::{Experiment, Tap, Turn, averaged};
 use crate::experiment::tyres::{NEW, REPRESENTATIVE, SLIGHT, VELOCITY_M_PER_S};
-use tapline_draw::canvas::number;
-use tapline_draw::palette::COLORS;
 
 /// Power densities, in dB re 1 V^2/Hz, of the lowest and the highest colour of the B-scan.
 const LEVELS_DB: (f64, f64) = (-90.0, -58.0);
@@ -24,13 +25,13 @@ pub(super) fn repetitions(experiment: &Experiment) -> Figure {
     let turns = experiment.repetitions(1);
     let columns: Vec<&str> = ["repetition", "location", "angle_deg", "severity"]
         .into_iter()
-        .chain(Discriminator::ALL.map(Discriminator::column))
+        .chain(SEVEN.map(Discriminator::column))
         .collect();
     let mut table = Table::new(&columns);
     for tap in turns.iter().flatten() {
         let id = &tap.found.id;
         let place = [id.repetition.to_string(), id.location.to_string(), cell(tap.angle_deg), tap.severity.to_string()];
-        table.push(place.into_iter().chain(Discriminator::ALL.map(|which| cell(tap.value(which)))));
+        table.push(place.into_iter().chain(SEVEN.map(|which| cell(tap.value(which)))));
     }
     let panel = |which: Discriminator| {
         let scaled = |tap: &Tap| tap.value(which).map(|value| value * shown(which).2);
@@ -44,7 +45,7 @@ pub(super) fn repetitions(experiment: &Experiment) -> Figure {
         keys: keys(["first time around", "second"]),
         columns: 2,
         height: 140.0,
-        panels: Discriminator::ALL.map(panel).to_vec(),
+        panels: SEVEN.map(panel).to_vec(),
     };
     Figure { name: "fig63-64", sheet, table }
 }
