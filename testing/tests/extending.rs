@@ -41,7 +41,8 @@ fn find(folder: &Path, root: &Path, part: &str, found: &mut BTreeSet<String>) {
         let code = text.split("#[cfg(test)]\nmod tests").next().unwrap();
         let is_named = |line: &str| line.split("//").next().unwrap().to_lowercase().contains(part);
         let is_test = name.ends_with("tests.rs") || TESTS.contains(&name);
-        if name.ends_with(".rs") && !is_test && code.lines().any(is_named) {
+        let is_its_own = name.strip_suffix(".rs") == Some(part);
+        if name.ends_with(".rs") && !is_test && (is_its_own || code.lines().any(is_named)) {
             found.insert(path.strip_prefix(root).unwrap().to_str().unwrap().to_owned());
         }
     }

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use hdf5::H5Type;
 use ndarray::s;
@@ -36,6 +37,8 @@ pub(crate) struct SampleFile {
     /// Its bytes, where they are read where they lie.
     mapped: Option<Mapped>,
     rows: ChunkRows,
+    /// Where the samples of every plan row lie, once they were looked for; `None` where that failed.
+    places: OnceLock<Option<Vec<Option<ChunkLocation>>>>,
 }
 
 impl SampleFile {
@@ -44,7 +47,7 @@ impl SampleFile {
     pub(crate) fn open(archive: &Archive) -> Result<Self> {
         let path = PathBuf::from(archive.samples().dataset().filename());
         let file = File::open(&path).context("open the samples", &path)?;
-        Ok(Self { path, file, mapped: None, rows: archive.samples().clone() })
+        Ok(Self { path, file, mapped: None, rows: archive.samples().clone(), places: OnceLock::new() })
     }
 
     /// The same for reading many taps, where they lie: who reads what cannot be read is ended by the system.
@@ -61,9 +64,14 @@ impl SampleFile {
         self.rows.places(&self.file).context("find samples", &self.path)
     }
 
-    /// Where the samples of plan row `row` lie.
+    /// Where the samples of plan row `row` lie. All are found the first time: the library's own search goes through the
+    /// index anew for each.
     pub(crate) fn place(&self, row: u32) -> Result<Option<ChunkLocation>> {
-        self.rows.place(row).context("find samples", &self.path)
+        match self.places.get_or_init(|| self.places().ok()) {
+            Some(places) => Ok(places.get(row as usize).copied().flatten()),
+            // Part of the index cannot be read: the library needs no more of it than leads to this row.
+            None => self.rows.place(row).context("find samples", &self.path),
+        }
     }
 
     /// The samples of `header`, which lie at `place`, unpacked into `room`; of a record that the header has shorter than it
