@@ -11,6 +11,9 @@ use crate::{Arrival, Arrivals, Casing, CasingEnd, Readiness, RunError, Source};
 /// How long a proposal, a barrier or an end may go unanswered before it is sent again: whoever had it may have died.
 const SEND_AGAIN: Duration = Duration::from_secs(1);
 
+/// How soon the answer to a proposal is looked for unasked: `store` may have notified this process before it listened.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
+
 /// How often it is said at most what a station waits for.
 const SAY_EVERY: Duration = Duration::from_millis(500);
 
@@ -257,11 +260,11 @@ impl Station {
                 Next::Within(SEND_AGAIN)
             }
             Work::Proposed { casing, sent_at, .. } => match sent_at.map(|at| at.elapsed()) {
-                Some(waited) if waited < SEND_AGAIN => Next::Within(SEND_AGAIN - waited),
+                Some(waited) if waited < SEND_AGAIN => Next::Within(LOOK_AGAIN),
                 _ => {
                     outlet.propose(self.arrivals.station(), &casing.name, casing.taps.as_ref())?;
                     *sent_at = Some(Instant::now());
-                    Next::Within(SEND_AGAIN)
+                    Next::Within(LOOK_AGAIN)
                 }
             },
             Work::Open(open) => {
