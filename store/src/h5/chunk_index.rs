@@ -1,8 +1,12 @@
-//! The index of a dataset's chunks, read from the file itself: the library tells of one chunk by going through all of them.
+//! The index of a dataset's chunks, read from the file itself.
 //!
-//! Only what archives have is known: object headers of version 1, data layouts of version 3, B-trees of version 1, in addresses
-//! of eight bytes (HDF5 File Format Specification, III.A.1, IV.A.1.a, IV.A.2.i). Where anything else is met nothing is found,
-//! and the library is asked after all.
+//! Debian 12 has HDF5 1.10.8, whose only way to a chunk's address searches the whole index for each chunk; `H5Dchunk_iter`,
+//! which would list all of them, came with HDF5 1.14. The index is also read here before the library sees an unfinished file,
+//! because the library trusts what it reads.
+//!
+//! Only what tapline writes is understood: object headers of version 1, data layouts of version 3, B-trees of version 1, and
+//! addresses of eight bytes (HDF5 File Format Specification, III.A.1, IV.A.1.a, IV.A.2.i). For anything else the functions
+//! return `None`, and the caller asks the library.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt as _;

@@ -1,35 +1,18 @@
 //! Samples of taps as chunks of their dataset, written from where they lie and found without the library's search.
 #![expect(unsafe_code, reason = "the safe crate has no direct access to chunks")]
 
-use std::ffi::{c_uint, c_ulong};
 use std::fs::File;
 
 use hdf5::{Dataset, Error, H5Type, sync::sync};
-use hdf5_sys::h5::{haddr_t, herr_t, hsize_t};
+use hdf5_sys::h5::{haddr_t, hsize_t};
 use hdf5_sys::h5d::{H5Dget_chunk_info_by_coord, H5Dwrite_chunk};
-use hdf5_sys::h5i::hid_t;
+use hdf5_sys::h5o::{H5O_INFO_BASIC, H5O_info1_t, H5Oget_info2};
 use hdf5_sys::h5p::H5P_DEFAULT;
 use ndarray::{ArrayView2, s};
 use tapline_codec::Codec;
 
 use crate::h5::chunk_index::{Chunk, chunks};
 use crate::h5::location::ChunkLocation;
-
-unsafe extern "C" {
-    // Since 1.10.3; the crate declares it for some versions alone.
-    fn H5Oget_info2(object: hid_t, info: *mut ObjectInfo, fields: c_uint) -> herr_t;
-}
-
-/// What [`H5Oget_info2`] writes: the number of the file, the address of the object's header, and more.
-#[repr(C)]
-struct ObjectInfo {
-    file: c_ulong,
-    address: haddr_t,
-    more: [u64; 64],
-}
-
-/// Asks [`H5Oget_info2`] for the address alone.
-const BASIC: c_uint = 1;
 
 /// Rows of a `[row, channel, sample]` dataset whose chunks are one row each.
 #[derive(Debug, Clone)]
@@ -116,11 +99,11 @@ impl ChunkRows {
 
     /// Where the dataset's object header lies, where the library says so.
     pub(crate) fn header_address(&self) -> Option<u64> {
-        let mut info = ObjectInfo { file: 0, address: haddr_t::MAX, more: [0; 64] };
+        let mut info = H5O_info1_t::default();
         // SAFETY: the lock of the library is held; the dataset's identifier is valid while `self.dataset` lives; the library
-        // writes no more than its own structure, which begins as this one does and is shorter.
-        let status = sync(|| unsafe { H5Oget_info2(self.dataset.id(), &raw mut info, BASIC) });
-        (status >= 0).then_some(info.address)
+        // fills the structure that it declares.
+        let status = sync(|| unsafe { H5Oget_info2(self.dataset.id(), &raw mut info, H5O_INFO_BASIC) });
+        (status >= 0).then_some(info.addr)
     }
 
     /// `span`, where the chunk there was put through the filters that are undone here.
