@@ -12,7 +12,7 @@ use tapline_wire::{DamageCell, Plan, SampleFormat, TapState};
 use crate::archive::metadata::Metadata;
 use crate::archive::units::write_units;
 use crate::error::{Context, Error, Result};
-use crate::file::draft::{Draft, folder_of, remove_dead_drafts};
+use crate::file::draft::{self, folder_of, remove_dead_drafts};
 use crate::format::convert::{Growth, first_cells, fixed};
 use crate::format::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, Key, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
@@ -47,17 +47,17 @@ pub(crate) fn create(path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
         return Err(Error::Exists { path: path.to_owned() });
     }
     remove_dead_drafts(path);
-    let draft = Draft::begin(path).context("create", path)?;
-    let file = files().create(draft.path()).context("create", path)?;
+    let draft = draft::begin(path).context("create", path)?;
+    let file = files().create(&draft).context("create", path)?;
     let filled = fill(&file, path, plan, taps_max, lineage).context("lay out the tables", path);
-    let changing = filled.and_then(|()| structure::changing(&file, lineage.raw.is_some(), draft.path()));
+    let changing = filled.and_then(|()| structure::changing(&file, lineage.raw.is_some(), &draft));
     let changing = changing.inspect_err(|_| {
         // What is half there cannot be closed in order, on a full disk for one.
         drop(abandon(&file));
     })?;
     drop(file);
-    structure::write(draft.path(), changing).context("lay out the tables", path)?;
-    draft.publish(path)
+    structure::write(&draft, changing).context("lay out the tables", path)?;
+    draft::publish(draft, path)
 }
 
 fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage<'_>) -> hdf5::Result<()> {

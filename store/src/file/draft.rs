@@ -1,73 +1,61 @@
-//! Files under way to a name: whole under it, or not there at all.
+//! A file is written under another name beside its own and then renamed: under its own name it is complete, or not there.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::path::Path;
 
-use rustix::fs::{CWD, RenameFlags, renameat_with};
-use rustix::io::Errno;
+use tempfile::{Builder, TempPath};
 
 use crate::error::{Context, Error, Result};
 
-/// A new file beside the one that it is to become; it is removed when dropped, unless it was renamed.
-#[derive(Debug)]
-pub(crate) struct Draft {
-    path: PathBuf,
-}
-
-impl Draft {
-    /// Begins an empty file beside `path`, under a name that no other draft has.
-    ///
-    /// # Errors
-    /// What the system says; the library's own message for a missing folder is a page of C.
-    pub(crate) fn begin(path: &Path) -> io::Result<Self> {
-        static NUMBER: AtomicU32 = AtomicU32::new(0);
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(format!(".{}-{number}.new", std::process::id()));
-        let draft = Self { path: path.with_file_name(name) };
-        File::create(&draft.path)?;
-        Ok(draft)
-    }
-
-    /// Gives the draft its name, if nothing has it by now, so that no power cut takes it back.
-    ///
-    /// # Errors
-    /// [`Error::Exists`], or what the system says.
-    pub(crate) fn publish(self, path: &Path) -> Result<()> {
-        rename_new(&self.path, path)?;
-        File::open(folder_of(path)).and_then(|folder| folder.sync_all()).context("name", path)
-    }
-
-    /// Where it lies.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-}
-
-impl Drop for Draft {
-    fn drop(&mut self) {
-        // Renamed, it is not there; and one that cannot be removed harms nobody.
-        drop(fs::remove_file(&self.path));
-    }
-}
-
-/// Gives the file at `from` the name `to`, if nothing has it by now.
+/// Creates an empty file beside `path`, which removes itself when the value is dropped before [`publish`].
 ///
 /// # Errors
-/// [`Error::Exists`], or what the system says.
+/// What the system returns; HDF5's own message for a missing folder is a page of C.
+pub(crate) fn begin(path: &Path) -> io::Result<TempPath> {
+    let mut prefix = path.file_name().unwrap_or_default().to_owned();
+    prefix.push(format!(".{}-", std::process::id()));
+    let draft = Builder::new().prefix(&prefix).suffix(SUFFIX).make_in(folder_of(path), |path| File::create_new(path))?;
+    Ok(draft.into_temp_path())
+}
+
+/// End of a draft's name.
+const SUFFIX: &str = ".new";
+
+/// Renames `draft` to `path` and syncs the folder, so that a power cut does not undo it.
+///
+/// # Errors
+/// [`Error::Exists`] if `path` exists, or what the system returns.
+pub(crate) fn publish(draft: TempPath, path: &Path) -> Result<()> {
+    rename_temporary(draft, path)?;
+    sync_folder_of(path)
+}
+
+/// Renames the file at `from` to `to`, unless `to` exists.
+///
+/// # Errors
+/// [`Error::Exists`], or what the system returns.
 pub(crate) fn rename_new(from: &Path, to: &Path) -> Result<()> {
-    let named = match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
-        // A file system that cannot do both at once.
-        Err(Errno::INVAL | Errno::NOSYS) => fs::hard_link(from, to).and_then(|()| fs::remove_file(from)),
-        named => named.map_err(io::Error::from),
-    };
-    match named {
+    let mut from = TempPath::try_from_path(from).context("name", to)?;
+    // It is an archive: where it cannot be renamed it stays under its old name.
+    from.disable_cleanup(true);
+    rename_temporary(from, to)
+}
+
+fn rename_temporary(from: TempPath, to: &Path) -> Result<()> {
+    match from.persist_noclobber(to).map_err(|error| error.error) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Err(Error::Exists { path: to.to_owned() }),
-        named => named.context("name", to),
+        renamed => renamed.context("name", to),
     }
+}
+
+/// Waits until the names in the folder of `path` are on the disk.
+///
+/// # Errors
+/// What the system returns.
+pub(crate) fn sync_folder_of(path: &Path) -> Result<()> {
+    File::open(folder_of(path)).and_then(|folder| folder.sync_all()).context("sync the folder of", path)
 }
 
 /// The folder that `path` is in.
@@ -75,15 +63,14 @@ pub(crate) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Removes the drafts of `path` whose processes have died.
-///
-/// What cannot be looked at or removed stays: it only takes room.
+/// Removes the drafts of `path` whose processes have died. A draft that cannot be examined or removed stays; it only
+/// takes room.
 pub(crate) fn remove_dead_drafts(path: &Path) {
     let Ok(entries) = fs::read_dir(folder_of(path)) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
         let Some(pid) = pid_of_draft(&name, path.file_name().unwrap_or_default()) else { continue };
-        // The process may be one of another machine that shares the folder: it has its draft locked.
+        // A process on another machine that shares the folder keeps its draft locked.
         let is_free = || File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
         if !Path::new(&format!("/proc/{pid}")).exists() && is_free() {
             drop(fs::remove_file(entry.path()));
@@ -91,27 +78,25 @@ pub(crate) fn remove_dead_drafts(path: &Path) {
     }
 }
 
-/// The process that made `name`, if that is a draft of `of`.
+/// The process that created `name`, if `name` is a draft of `of`.
 fn pid_of_draft(name: &OsStr, of: &OsStr) -> Option<u32> {
-    let rest = name.to_str()?.strip_prefix(of.to_str()?)?.strip_prefix('.')?.strip_suffix(".new")?;
-    let (pid, number) = rest.split_once('-')?;
-    number.parse::<u32>().ok()?;
-    pid.parse().ok()
+    let rest = name.to_str()?.strip_prefix(of.to_str()?)?.strip_prefix('.')?.strip_suffix(SUFFIX)?;
+    rest.split_once('-')?.0.parse().ok()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Catches a draft of the living or another's file that is removed, and one of the dead that stays.
+    /// Catches a draft of a living process or another file that is removed, and a draft of a dead process that stays.
     #[test]
-    fn only_drafts_of_the_dead_go() {
+    fn only_drafts_of_dead_processes_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.h5");
-        let own = Draft::begin(&path).unwrap();
+        let own = begin(&path).unwrap();
         // No process has a number that large.
-        let dead = folder.path().join("run.h5.4194999-0.new");
-        let others = ["other.h5.4194999-0.new", "run.h5.4194999-x.new", "run.h5.new", "run.h5.4194999-0.newer"];
+        let dead = folder.path().join("run.h5.4194999-abc.new");
+        let others = ["other.h5.4194999-0.new", "run.h5.x-0.new", "run.h5.4194999.new", "run.h5.new", "run.h5.4194999-0.newer"];
         for name in others.map(|name| folder.path().join(name)).iter().chain([&dead]) {
             fs::write(name, "").unwrap();
         }
@@ -119,10 +104,26 @@ mod tests {
         let lock = File::create(&locked).unwrap();
         lock.lock().unwrap();
         remove_dead_drafts(&path);
-        assert!(!dead.exists() && own.path().exists() && locked.exists());
+        assert!(!dead.exists() && own.exists() && locked.exists());
         assert!(others.iter().all(|name| folder.path().join(name).exists()));
-        let name = own.path().to_owned();
+        let name = own.to_path_buf();
         drop(own);
         assert!(!name.exists());
+    }
+
+    /// Catches a file that is overwritten, or removed because it could not be renamed.
+    #[test]
+    fn a_rename_replaces_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let [from, to] = ["a", "b"].map(|name| folder.path().join(name));
+        fs::write(&from, "a").unwrap();
+        fs::write(&to, "b").unwrap();
+        assert!(matches!(rename_new(&from, &to), Err(Error::Exists { .. })));
+        assert!(matches!(publish(begin(&to).unwrap(), &to), Err(Error::Exists { .. })));
+        assert_eq!([&from, &to].map(|path| fs::read_to_string(path).unwrap()), ["a", "b"]);
+        fs::remove_file(&to).unwrap();
+        rename_new(&from, &to).unwrap();
+        assert!(!from.exists() && fs::read_to_string(&to).unwrap() == "a");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -10,7 +10,7 @@ use rustix::fs::statvfs;
 
 use crate::error::{Context, Error, Result};
 use crate::file::background_sync::{BackgroundSync, SyncErrors};
-use crate::file::draft::{Draft, folder_of, remove_dead_drafts};
+use crate::file::draft::{self, folder_of, remove_dead_drafts};
 
 /// Bytes that are copied at a time when a file is put back: a block of most file systems, so that holes stay holes.
 const BLOCK_BYTES: usize = 4096;
@@ -75,9 +75,9 @@ impl FileGuard {
             checked => return checked,
         }
         remove_dead_drafts(&self.path);
-        let draft = Draft::begin(&self.path).context("write the archive again", &self.path)?;
-        copy_sparse(&self.file, draft.path()).context("write the archive again", &self.path)?;
-        match draft.publish(&self.path) {
+        let draft = draft::begin(&self.path).context("write the archive again", &self.path)?;
+        copy_sparse(&self.file, &draft).context("write the archive again", &self.path)?;
+        match draft::publish(draft, &self.path) {
             // Whoever took the place meanwhile keeps it.
             Err(Error::Exists { .. }) => return self.check(),
             published => published?,

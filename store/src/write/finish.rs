@@ -9,7 +9,7 @@ use tapline_wire::TapState;
 use crate::archive::Archive;
 use crate::error::{Context as _, Result};
 use crate::file::background_sync::SyncErrors;
-use crate::file::draft::{folder_of, rename_new};
+use crate::file::draft::{rename_new, sync_folder_of};
 use crate::h5::seal::{Extent, seal};
 use crate::write::Writer;
 
@@ -39,14 +39,14 @@ impl Finishing {
         self.failures.last().context("sync", &self.from)?;
         self.file.sync_all().context("sync", &self.from)?;
         if self.from == self.path {
-            return sync_folder(&self.from);
+            return sync_folder_of(&self.from);
         }
         // The name may have been given by a call whose folders could not be synced.
         if self.from.try_exists().context("look for", &self.from)? || !self.is_named()? {
             rename_new(&self.from, &self.path)?;
         }
-        sync_folder(&self.path)?;
-        sync_folder(&self.from)
+        sync_folder_of(&self.path)?;
+        sync_folder_of(&self.from)
     }
 
     fn is_named(&self) -> Result<bool> {
@@ -58,10 +58,6 @@ impl Finishing {
             there => Ok(of(there.context("look for", &self.path)?) == held),
         }
     }
-}
-
-fn sync_folder(path: &Path) -> Result<()> {
-    File::open(folder_of(path)).and_then(|folder| folder.sync_all()).context("sync the folder of", path)
 }
 
 /// Closes `archive`, in which everything is flushed and the taps stand as `states` says, and seals it.
