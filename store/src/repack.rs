@@ -6,12 +6,12 @@ use std::path::Path;
 
 use tapline_codec::Codec;
 use tapline_codec::chunk_checksum;
-use tapline_wire::SampleFormat;
+use tapline_wire::{SampleFormat, TapState};
 
 use crate::archive::create::create;
 use crate::archive::{Access, Archive};
 use crate::error::{Context, Error, Result};
-use crate::file::draft::{Draft, remove_dead_drafts};
+use crate::file::draft::{self, remove_dead_drafts};
 use crate::format::checksum::SealedRow;
 use crate::format::layout::HeaderRow;
 use crate::format::lineage::Lineage;
@@ -56,11 +56,11 @@ pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Res
         return Err(reader.archive().damaged(format!("it is not packed again, for {problem}")));
     }
     remove_dead_drafts(to);
-    let draft = Draft::begin(to).context("create", to)?;
+    let draft = draft::begin(to).context("create", to)?;
     // The name is this draft's alone; the archive itself must not be there yet.
-    fs::remove_file(draft.path()).context("create", draft.path())?;
-    let sample_bytes = fill(&reader, draft.path(), codec)?;
-    draft.publish(to)?;
+    fs::remove_file(&draft).context("create", &draft)?;
+    let sample_bytes = fill(&reader, &draft, codec)?;
+    draft::publish(draft, to)?;
     let length = |path: &Path| Ok::<_, Error>(fs::metadata(path).context("measure", path)?.len());
     Ok(Repacked { sample_bytes, before_bytes: length(from)?, after_bytes: length(to)? })
 }
@@ -137,28 +137,40 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
                     rows.write(row, packed.stored(record)).context("write samples", new.path())?;
                     header.stored_checksum = packed.stored_checksum;
                 }
-                Codec::Gzip => write_by_library(new, row, packed.stored(record), header)?,
+                Codec::Gzip => write_by_library(new, row, packed.stored(record))?,
             }
             Ok(())
         })?;
+    }
+    if rows.codec() == Codec::Gzip {
+        checksum_stored(new, reader.ledger().taps(), &mut headers)?;
     }
     new.headers().write_all(&headers).context("write the headers", new.path())?;
     Ok(sample_bytes)
 }
 
-/// Writes `row`, unpacked, through the library's own filter, and takes the checksum of what came of it.
-fn write_by_library(new: &Archive, row: u32, samples: &[u8], header: &mut HeaderRow) -> Result<()> {
+/// Writes `row`, unpacked, through the library, which packs it.
+fn write_by_library(new: &Archive, row: u32, samples: &[u8]) -> Result<()> {
     let rows = new.samples();
     let written = match new.plan().recording.sample_format {
         SampleFormat::I16 => rows.write_unpacked::<i16>(row, samples),
         SampleFormat::F32 => rows.write_unpacked::<f32>(row, samples),
     };
-    written.and_then(|()| new.flush()).context("write samples", new.path())?;
-    let place = rows.place(row).context("find samples", new.path())?;
-    let place = place.ok_or_else(|| new.damaged(format!("the samples of plan row {row} have no place")))?;
-    let mut stored = Vec::new();
+    written.context("write samples", new.path())
+}
+
+/// Sets the checksums of the archived taps' chunks, which the library packed, in `headers`.
+fn checksum_stored(new: &Archive, states: &[TapState], headers: &mut [HeaderRow]) -> Result<()> {
+    new.flush().context("write samples", new.path())?;
     let file = fs::File::open(new.path()).context("read back", new.path())?;
-    place.read(&file, &mut stored).context("read back", new.path())?;
-    header.stored_checksum = chunk_checksum(rows.codec(), &stored);
+    let places = new.samples().places(&file).context("find samples", new.path())?;
+    let mut stored = Vec::new();
+    for (row, ((state, place), header)) in states.iter().zip(places).zip(headers).enumerate() {
+        if *state == TapState::Archived {
+            let place = place.ok_or_else(|| new.damaged(format!("the samples of plan row {row} have no place")))?;
+            place.read(&file, &mut stored).context("read back", new.path())?;
+            header.stored_checksum = chunk_checksum(Codec::Gzip, &stored);
+        }
+    }
     Ok(())
 }
