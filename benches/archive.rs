@@ -18,7 +18,7 @@ use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_store::{Codec, Lineage, Reader, Room, Writer, repack};
+use tapline_store::{Codec, Lineage, ReadBuffer, Reader, Writer, repack};
 use tapline_wire::{Discriminators, Lane, Plan, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of, lanes_for};
 
 use common::{print_table, quantile};
@@ -126,7 +126,7 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
         let repacked = folder.join(format!("{codec}-read.h5"));
         repack(&whole, &repacked, codec)?;
         let taps = Reader::open(&repacked)?.taps()?;
-        let mut room = Room::default();
+        let mut room = ReadBuffer::default();
         for _ in 0..ROUNDS {
             let begin = Instant::now();
             for row in 0..u32::try_from(scan.taps.len())? {
@@ -196,7 +196,7 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
     let us = |begin: Instant| begin.elapsed().as_secs_f64() * 1e6 / scan.taps.len() as f64;
     let (mut open, mut unpack, mut both, mut fuse, mut peer) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let mut room = Room::default();
+    let mut room = ReadBuffer::default();
     for _ in 0..ROUNDS {
         let begin = Instant::now();
         let reader = Reader::open(archive.path())?;

@@ -8,13 +8,13 @@ use crate::codec::Codec;
 /// The checksum of `stored`, the packed bytes of a tap: that of its [`Head`], in which are those of its blocks, or where it
 /// has none, of all of it.
 pub fn chunk_checksum(codec: Codec, stored: &[u8]) -> u64 {
-    head_of(codec, stored).map_or_else(|| XxHash3_64::oneshot(stored), |head| head.seal())
+    head_of(codec, stored).map_or_else(|| XxHash3_64::oneshot(stored), |head| head.checksum())
 }
 
 /// Whether `stored`, which `codec` packed, is what it was when its checksum was `said`.
 pub fn is_chunk_valid(codec: Codec, stored: &[u8], said: u64) -> bool {
-    let are_blocks_whole = || head_of(codec, stored).is_none_or(|head| head.are_whole(head.all(), stored));
-    chunk_checksum(codec, stored) == said && are_blocks_whole()
+    let are_blocks_valid = || head_of(codec, stored).is_none_or(|head| head.are_valid(head.all(), stored));
+    chunk_checksum(codec, stored) == said && are_blocks_valid()
 }
 
 /// The head of the chunk that begins with `stored`, where chunks of `codec` have one.

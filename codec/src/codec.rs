@@ -144,11 +144,11 @@ pub fn unpack(
     planes: &mut Vec<u8>,
 ) -> bool {
     if codec.blosc().is_none() {
-        let is_whole = packed.len() == samples.len();
-        if is_whole {
+        let is_valid = packed.len() == samples.len();
+        if is_valid {
             parts.into_iter().for_each(|part| samples[part.clone()].copy_from_slice(&packed[part]));
         }
-        return is_whole;
+        return is_valid;
     }
     if let Some(chunk) = Chunk::new(packed) {
         return chunk.unpack(parts, samples, planes);

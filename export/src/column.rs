@@ -20,14 +20,14 @@ pub(crate) enum Cells<R> {
 /// One column of a table whose rows are `R`.
 pub(crate) struct Column<R> {
     /// Name, with the unit as its suffix where it has one.
-    pub(crate) name: String,
+    pub name: String,
     /// Unit of the values, "1" where they have none, empty where they are no quantity.
     #[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "only Parquet has a place for it"))]
-    pub(crate) unit: &'static str,
+    pub unit: &'static str,
     /// Whether the table as CSV has it too: there, a set of flags is its names alone.
-    pub(crate) is_in_csv: bool,
+    pub is_in_csv: bool,
     /// The values.
-    pub(crate) cells: Cells<R>,
+    pub cells: Cells<R>,
 }
 
 impl<R> Column<R> {

@@ -41,7 +41,7 @@ struct Common {
 /// [`Error::FolderNotEmpty`], [`Error::NoSamples`], [`Error::NoTapSet`], or what reading and writing give; the folder is
 /// then not there.
 pub fn export_tap_set(reader: &Reader, folder: &Path) -> Result<TapCounts> {
-    Taps::of(reader).counts().if_any(reader.path())?;
+    Taps::new(reader).counts().if_any(reader.path())?;
     let mut set = TapSetFolder::begin(folder)?;
     set.add(reader)?;
     set.finish()
@@ -59,7 +59,7 @@ struct Alike {
 }
 
 impl Alike {
-    fn of(reader: &Reader) -> Self {
+    fn new(reader: &Reader) -> Self {
         let plan = reader.plan();
         Self {
             path: reader.path().to_owned(),
@@ -133,7 +133,7 @@ impl TapSetFolder {
     pub fn add(&mut self, reader: &Reader) -> Result<()> {
         let plan = reader.plan();
         self.check(reader)?;
-        let (taps, draft) = (Taps::of(reader), &self.draft);
+        let (taps, draft) = (Taps::new(reader), &self.draft);
         let names = scan_names(plan, |name| draft.has(name));
         for (row, &scan) in (0..).zip(&plan.scan_of_tap()) {
             let tap = taps.tap(row)?;
@@ -141,7 +141,7 @@ impl TapSetFolder {
             let mut own = [const { String::new() }; 3];
             if let Ok((header, samples)) = &tap.record {
                 write_wav(&draft.path(&file)?, &plan.recording, samples)?;
-                let of_tap = Common::of(reader, &tap, header)?;
+                let of_tap = Common::new(reader, &tap, header)?;
                 own = of_tap.cells(self.common.get_or_insert_with(|| of_tap.clone()));
             }
             self.list.write_record(cells(&tap, &file).iter().chain(&own))?;
@@ -161,7 +161,7 @@ impl TapSetFolder {
                 return Err(no_tap_set(reader, what));
             }
         }
-        let alike = self.alike.get_or_insert_with(|| Alike::of(reader));
+        let alike = self.alike.get_or_insert_with(|| Alike::new(reader));
         if let Some(what) = alike.difference(reader) {
             let what = format!("{what} than that of {}: export them one by one", alike.path.display());
             return Err(no_tap_set(reader, what));
@@ -227,7 +227,7 @@ fn no_tap_set(reader: &Reader, what: String) -> Error {
 }
 
 impl Common {
-    fn of(reader: &Reader, tap: &ListedTap<'_>, header: &TapHeader) -> Result<Self> {
+    fn new(reader: &Reader, tap: &ListedTap<'_>, header: &TapHeader) -> Result<Self> {
         let full_scale_stored = match reader.plan().recording.sample_format {
             SampleFormat::I16 => COUNTS_FULL_SCALE,
             SampleFormat::F32 => 1.0,

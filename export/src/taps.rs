@@ -57,11 +57,11 @@ impl TapCounts {
 
 /// One planned tap as its archive has it.
 pub(crate) struct ListedTap<'a> {
-    pub(crate) planned: &'a PlannedTap,
+    pub planned: &'a PlannedTap,
     /// What was recorded, or why nothing was.
-    pub(crate) record: Result<(TapHeader, OwnedSamples), String>,
+    pub record: Result<(TapHeader, OwnedSamples), String>,
     /// The attempt that settled the tap; 0 where none did.
-    pub(crate) attempt: u16,
+    pub attempt: u16,
 }
 
 /// The planned taps of an archive, read one at a time.
@@ -72,7 +72,7 @@ pub(crate) struct Taps<'a> {
 
 impl<'a> Taps<'a> {
     /// The taps of an archive.
-    pub(crate) fn of(reader: &'a Reader) -> Self {
+    pub(crate) fn new(reader: &'a Reader) -> Self {
         Self { reader, damaged_count: Cell::new(0) }
     }
 
@@ -113,7 +113,7 @@ fn what_is_damaged(error: tapline_store::Error) -> Result<String> {
     match error {
         tapline_store::Error::Damaged { what, .. } => Ok(what),
         // A disk that is gone is so for all of them.
-        error if error.is_of_one_place() => Ok(error.to_string()),
+        error if error.is_unreadable_part() => Ok(error.to_string()),
         error => Err(error.into()),
     }
 }

@@ -39,7 +39,7 @@ const FIRST_FUNCTION: &str = "first_function";
 /// [`crate::Error::FolderNotEmpty`], [`crate::Error::NoSamples`], or what reading and writing give; the folder is then not
 /// there.
 pub fn export_uff(reader: &Reader, folder: &Path, encoding: UffEncoding) -> Result<TapCounts> {
-    Taps::of(reader).counts().if_any(reader.path())?;
+    Taps::new(reader).counts().if_any(reader.path())?;
     let mut files = UffFolder::begin(folder, encoding)?;
     files.add(reader)?;
     files.finish()
@@ -73,7 +73,7 @@ impl UffFolder {
     /// # Errors
     /// What reading and writing give.
     pub fn add(&mut self, reader: &Reader) -> Result<()> {
-        let (plan, taps, draft) = (reader.plan(), Taps::of(reader), &self.draft);
+        let (plan, taps, draft) = (reader.plan(), Taps::new(reader), &self.draft);
         let file_of = |name: &str| draft.path(&format!("{name}.uff"));
         let names = scan_names(plan, |name| draft.has(&format!("{name}.uff")));
         for (scan, name) in plan.scans().iter().zip(names) {

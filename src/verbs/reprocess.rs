@@ -15,7 +15,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_store::{Lineage, PutOutcome, Reader, Room, Taps, Writer, lineage_key};
+use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key};
 use tapline_wire::{Discriminators, ScanState, TapHeader, TapState};
 
 use crate::archives::{Archives, KEY_DIGITS, Outcome, Which};
@@ -171,7 +171,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         })?;
     }
     judge(&task.reader, &mut writer, &mut fusion)?;
-    let is_whole = writer.is_whole();
+    let is_whole = writer.is_complete();
     let done = settled(&writer) - settled_before;
     writer.finish()?;
     progress.finish();
@@ -257,20 +257,21 @@ fn work(
 ) {
     // What is not looked at need not be unpacked.
     let used = |header: &TapHeader| config.samples_looked_at(header.sample_count, header.sample_rate_hz);
-    let batch = |extractor: &mut ProcessExtractor, room: &mut Room, rows: &[u32]| -> Result<Vec<Discriminators>> {
-        let mut found = Vec::with_capacity(rows.len());
-        for &row in rows {
-            if let Some((header, samples)) = taps.read_beginning(row, used, room)? {
-                found.push(extractor.extract(&header, samples));
+    let batch =
+        |extractor: &mut ProcessExtractor, room: &mut ReadBuffer, rows: &[u32]| -> Result<Vec<Discriminators>> {
+            let mut found = Vec::with_capacity(rows.len());
+            for &row in rows {
+                if let Some((header, samples)) = taps.read_beginning(row, used, room)? {
+                    found.push(extractor.extract(&header, samples));
+                }
             }
-        }
-        Ok(found)
-    };
+            Ok(found)
+        };
     let mut extractor = match ProcessExtractor::new(config) {
         Ok(extractor) => extractor,
         Err(error) => return drop(send.send(Err(error.into()))),
     };
-    let mut room = Room::default();
+    let mut room = ReadBuffer::default();
     loop {
         let first = next.fetch_add(TAPS_AT_A_TIME, Ordering::Relaxed) as usize;
         let Some(rest) = to_do.get(first..).filter(|rest| !rest.is_empty()) else { return };

@@ -63,7 +63,7 @@ pub use format::lineage::{Lineage, digest_of, hex_of, lineage_key};
 pub use format::lost::Lost;
 pub use read::reader::{Judged, OwnedSamples, Reader, Refusal};
 pub use read::regions::{Region, regions};
-pub use read::samples::{Room, Taps};
+pub use read::samples::{ReadBuffer, Taps};
 pub use read::verify::{Problem, Report, verify};
 pub use repack::{Repacked, repack};
 pub use stage::{LEFT_FOLDER, OPEN_FOLDER, Outcome, Places, RunError, StoreRun, run};

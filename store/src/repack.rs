@@ -12,12 +12,12 @@ use crate::archive::create::create;
 use crate::archive::{Access, Archive};
 use crate::error::{Context, Error, Result};
 use crate::file::draft::{self, remove_dead_drafts};
-use crate::format::checksum::SealedRow;
+use crate::format::checksum::ChecksummedRow;
 use crate::format::layout::HeaderRow;
 use crate::format::lineage::Lineage;
 use crate::h5::table::Table;
 use crate::read::reader::Reader;
-use crate::read::samples::Room;
+use crate::read::samples::ReadBuffer;
 use crate::read::verify::verify;
 use crate::write::finish::close_and_seal;
 use crate::write::packer::{Shape, pack};
@@ -94,7 +94,7 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
 }
 
 /// Copies a table, whatever is in it: a row that is damaged stays so.
-fn copy<R: SealedRow>(from: &Table<R>, to: &Table<R>, path: &Path) -> Result<()> {
+fn copy<R: ChecksummedRow>(from: &Table<R>, to: &Table<R>, path: &Path) -> Result<()> {
     let rows = from.read_all().context("read a table", path)?;
     to.write_as_they_are(&rows).context("write a table", path)
 }
@@ -112,7 +112,7 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
     let taps = reader.taps()?;
     let mut headers = reader.archive().headers().read_all().context("read the headers", reader.path())?;
     let numbers: Vec<u32> = (0..).take(headers.len()).collect();
-    let mut room = Room::default();
+    let mut room = ReadBuffer::default();
     let mut sample_bytes = 0;
     for batch in numbers.chunks(BATCH_TAPS) {
         let mut samples: BTreeMap<u32, Vec<u8>> = BTreeMap::new();

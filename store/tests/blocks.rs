@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tapline_store::{Error, Reader, Room, Writer, verify};
+use tapline_store::{Error, ReadBuffer, Reader, Writer, verify};
 use tapline_wire::{Discriminators, Geometry, Plan, Recording, SampleFormat, TapHeader, Truth};
 
 use crate::common::{CONFIG, header, plan};
@@ -49,7 +49,7 @@ fn blocks_come_back() {
     let path = folder.path().join("run.h5");
     write_blocks(&path);
     {
-        let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), Room::default());
+        let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), ReadBuffer::default());
         for row in 0..2 {
             let counts = long_counts(row);
             let whole: Vec<u8> = counts.iter().copied().flat_map(i16::to_le_bytes).collect();
@@ -106,7 +106,7 @@ fn a_beginning_is_proved_by_itself() {
         let mut bent = whole.clone();
         bent[at] ^= 0x10;
         std::fs::write(&path, &bent).unwrap();
-        let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), Room::default());
+        let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), ReadBuffer::default());
         let is_damaged = |result: Result<_, Error>| match result {
             Ok(_) => false,
             Err(Error::Damaged { what, .. }) => what.contains("plan row 1"),

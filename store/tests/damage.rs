@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use tapline_store::{Codec, Lineage, Reader, Room, Writer, verify};
+use tapline_store::{Codec, Lineage, ReadBuffer, Reader, Writer, verify};
 use tapline_wire::SampleFormat;
 
 use crate::common::{CONFIG, plan, put_all};
@@ -66,7 +66,7 @@ fn a_damaged_file_is_told() {
         let report = verify(&path);
         assert!(!report.is_ok_and(|report| report.is_complete()), "file {number} is damaged and verified");
         if let Ok(reader) = Reader::open(&path) {
-            let (taps, mut room) = (reader.taps().unwrap(), Room::default());
+            let (taps, mut room) = (reader.taps().unwrap(), ReadBuffer::default());
             assert!((0..10).any(|row| taps.read(row, &mut room).is_err()), "file {number} is damaged and read");
         }
         if let Ok(reader) = Reader::open_unfinished(&path) {

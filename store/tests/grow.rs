@@ -133,7 +133,7 @@ fn several_archives_take_their_own_taps() {
         match k {
             20 => assert!(matches!(outcome, Ok(PutOutcome::AlreadyThere))),
             k if k % 2 == 0 => assert!(matches!(outcome, Ok(PutOutcome::Stored)), "{outcome:?}"),
-            _ => assert!(outcome.as_ref().is_err_and(Error::is_of_the_disk), "{outcome:?}"),
+            _ => assert!(outcome.as_ref().is_err_and(Error::is_recoverable), "{outcome:?}"),
         }
     }
     std::fs::rename(&elsewhere, path(1)).unwrap();

@@ -76,7 +76,7 @@ fn a_disk_that_fills_again_and_again() {
                 if row % flush_every == 0 { writer.flush() } else { Ok(()) }
             };
             while let Err(error) = act(&mut writer) {
-                assert!(error.is_no_room() && error.to_string().contains("run.h5"), "{error}");
+                assert!(error.is_disk_full() && error.to_string().contains("run.h5"), "{error}");
                 failure_count += 1;
                 assert!(writer.recover().is_err(), "the disk is full still");
                 // Let go of, it opens for whoever looks at it, and has no problem but what is missing.
@@ -110,8 +110,8 @@ fn a_file_that_is_not_where_it_was() {
     writer.flush().unwrap();
     put_some(&mut writer);
     fs::remove_dir_all(&place).unwrap();
-    for error in [writer.check_place().unwrap_err(), writer.recover().unwrap_err(), writer.flush().unwrap_err()] {
-        assert!(error.is_of_the_disk() && error.to_string().contains("run.h5"), "{error}");
+    for error in [writer.check_file().unwrap_err(), writer.recover().unwrap_err(), writer.flush().unwrap_err()] {
+        assert!(error.is_recoverable() && error.to_string().contains("run.h5"), "{error}");
     }
     fs::create_dir(&place).unwrap();
     writer.recover().unwrap();
@@ -145,7 +145,7 @@ fn an_older_copy_is_not_gone_on_with() {
     (0..5).for_each(|row| put(&mut writer, row).unwrap());
     writer.flush().unwrap();
     fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(10).unwrap();
-    let error = writer.check_place().unwrap_err();
+    let error = writer.check_file().unwrap_err();
     assert!(error.to_string().contains("was cut from") && !writer.is_in_place(), "{error}");
     fs::write(&path, older).unwrap();
     assert!(writer.recover().is_err());
@@ -164,6 +164,6 @@ fn a_tap_at_the_end_may_become_smaller() {
         let samples = if is_quiet { vec![0; header.payload_bytes()] } else { samples(&header) };
         writer.put_tap(&header, &samples).unwrap();
         writer.flush().unwrap();
-        writer.check_place().unwrap();
+        writer.check_file().unwrap();
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use tapline_store::{Codec, Error, Lineage, Reader, Room, Writer, repack, verify};
+use tapline_store::{Codec, Error, Lineage, ReadBuffer, Reader, Writer, repack, verify};
 use tapline_wire::SampleFormat;
 
 use crate::common::{CONFIG, bytes, discriminators, header, plan, put_all, samples};
@@ -35,7 +35,7 @@ fn every_codec_gives_the_same_archive() {
             assert_eq!((reader.codec(), reader.lineage_key().unwrap()), (codec, first.lineage_key().unwrap()));
             assert!(contents(&reader) == contents(&first), "{codec}");
             for (row, tap) in contents(&reader).into_iter().enumerate() {
-                let (mut room, taps, row) = (Room::default(), reader.taps().unwrap(), row as u32);
+                let (mut room, taps, row) = (ReadBuffer::default(), reader.taps().unwrap(), row as u32);
                 let beginning = taps.read_beginning(row, |_| 7, &mut room).unwrap();
                 let Some((header, whole)) = tap else {
                     assert!(beginning.is_none());

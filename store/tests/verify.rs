@@ -130,7 +130,7 @@ fn what_is_finished_is_told_from_what_is_not() {
     assert!(!Reader::open_unfinished(&path).unwrap().is_finished() && !verify(&path).unwrap().is_complete());
     let named = folder.path().join("done/A.h5");
     let writer = Writer::resume(&path, CONFIG).unwrap();
-    assert!(writer.is_whole());
+    assert!(writer.is_complete());
     let finishing = writer.finish_at(&named).unwrap();
     assert!(finishing.complete().is_err() && path.exists(), "there is no folder");
     std::fs::create_dir(named.parent().unwrap()).unwrap();

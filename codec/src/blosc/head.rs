@@ -38,7 +38,7 @@ impl<'a> Head<'a> {
     }
 
     /// The head's own checksum, which is that of the chunk.
-    pub fn seal(&self) -> u64 {
+    pub fn checksum(&self) -> u64 {
         XxHash3_64::oneshot(self.bytes)
     }
 
@@ -54,13 +54,13 @@ impl<'a> Head<'a> {
     }
 
     /// Whether each of `blocks` of `chunk` is what was written.
-    pub fn are_whole(&self, blocks: Range<usize>, chunk: &[u8]) -> bool {
-        let is_whole = |block: usize| {
+    pub fn are_valid(&self, blocks: Range<usize>, chunk: &[u8]) -> bool {
+        let is_valid = |block: usize| {
             let packed = chunk.get(self.begin(block)..self.begin(block + 1));
             let said = self.bytes.get(sum_at(self.block_count, block)..).and_then(<[u8]>::first_chunk);
             packed.map(XxHash3_64::oneshot) == said.map(|bytes| u64::from_le_bytes(*bytes))
         };
-        chunk.len() == self.chunk_bytes && blocks.into_iter().all(is_whole)
+        chunk.len() == self.chunk_bytes && blocks.into_iter().all(is_valid)
     }
 
     /// Where `block` begins in the chunk; behind the last one, where the chunk ends.
@@ -116,10 +116,10 @@ mod tests {
             assert!(!is_chunk_valid(Codec::Lz4, &chunk, said), "bit {bit}");
             if bit / 8 >= head_bytes {
                 let head = Head::new(&chunk).unwrap();
-                assert_eq!(head.seal(), said);
+                assert_eq!(head.checksum(), said);
                 for block in 0..3 {
                     let is_in_it = (ends[block]..ends[block + 1]).contains(&(bit / 8));
-                    assert_eq!(head.are_whole(block..block + 1, &chunk), !is_in_it, "bit {bit}, block {block}");
+                    assert_eq!(head.are_valid(block..block + 1, &chunk), !is_in_it, "bit {bit}, block {block}");
                 }
             }
             chunk[bit / 8] ^= 1 << (bit % 8);
@@ -168,7 +168,7 @@ mod tests {
             let is_there = count > 0 && length(count as usize) <= bytes.len();
             prop_assert_eq!(head.is_some(), bytes[2] & AS_IT_IS == 0 && block_bytes > 0 && is_there);
             if let Some(head) = head {
-                prop_assert!(!head.are_whole(head.all(), &bytes));
+                prop_assert!(!head.are_valid(head.all(), &bytes));
                 prop_assert!(head.blocks(&(0..usize::MAX)) == head.all());
             }
         }

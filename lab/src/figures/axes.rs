@@ -16,9 +16,9 @@ pub(crate) struct Frame {
     pub(crate) right: f64,
     pub(crate) top: f64,
     pub(crate) bottom: f64,
-    /// Room for the labels on the left.
+    /// ReadBuffer for the labels on the left.
     pub(crate) left_room: f64,
-    /// Room for the labels below.
+    /// ReadBuffer for the labels below.
     pub(crate) bottom_room: f64,
 }
 

@@ -13,12 +13,14 @@ use crate::archive::metadata::Metadata;
 use crate::archive::units::write_units;
 use crate::error::{Context, Error, Result};
 use crate::file::draft::{self, folder_of, remove_dead_drafts};
-use crate::format::convert::{Growth, first_cells, fixed};
+use crate::format::fields::fixed;
 use crate::format::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, Key, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
     TruthRow, attribute, format_name, table, unit_of, units_of,
 };
 use crate::format::lineage::{Lineage, hex_of};
+use crate::format::scan_rows::first_cells;
+use crate::format::tap_rows::Growth;
 use crate::h5::file::{abandon, files};
 use crate::h5::samples::ChunkRows;
 use crate::h5::structure;

@@ -5,14 +5,14 @@ use std::path::Path;
 use tapline_wire::{Plan, TapState};
 
 use crate::error::{Context as _, Error, Result};
-use crate::format::checksum::SealedRow as _;
+use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{HeaderRow, LedgerRow};
 use crate::format::lineage::Digest;
 use crate::h5::table::Table;
 
 /// State and attempt of the tap in row `k` of a ledger.
 pub(crate) fn tap_state(path: &Path, k: usize, row: &LedgerRow) -> Result<(TapState, u16)> {
-    if !row.is_whole(k) {
+    if !row.is_valid(k) {
         return Ok((TapState::Missing, 0));
     }
     let unknown = || Error::damaged(path, format!("row {k} of its ledger has state {}", row.state));
@@ -35,7 +35,7 @@ pub(crate) fn raw_digest(
         let (state, attempt) = tap_state(path, k, row)?;
         hasher.update(&(k as u64).to_le_bytes()).update(&[state.code()]).update(&attempt.to_le_bytes());
         if state == TapState::Archived {
-            if !header.is_whole(k) {
+            if !header.is_valid(k) {
                 let what = format!("the header of plan row {k} is not what was written: its checksum differs");
                 return Err(Error::damaged(path, what));
             }

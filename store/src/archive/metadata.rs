@@ -9,17 +9,17 @@ use crate::h5::text::read_text;
 /// All that does not change once the archive is there, and the plan, which may grow.
 pub(crate) struct Metadata {
     /// BLAKE3 of all of it, in hexadecimal digits.
-    pub(crate) digest: String,
-    pub(crate) geometry: String,
-    pub(crate) plan_digest: u64,
-    pub(crate) source_digest: u64,
-    pub(crate) config: Vec<u8>,
-    pub(crate) made_by: Vec<u8>,
-    pub(crate) reference: Option<Vec<u8>>,
+    pub digest: String,
+    pub geometry: String,
+    pub plan_digest: u64,
+    pub source_digest: u64,
+    pub config: Vec<u8>,
+    pub made_by: Vec<u8>,
+    pub reference: Option<Vec<u8>>,
     /// How many of the rows of the plan were there from the beginning.
-    pub(crate) begun_count: usize,
-    pub(crate) plan: Vec<PlanRow>,
-    pub(crate) truth: Vec<TruthRow>,
+    pub begun_count: usize,
+    pub plan: Vec<PlanRow>,
+    pub truth: Vec<TruthRow>,
 }
 
 impl Metadata {

@@ -6,19 +6,19 @@ use tapline_wire::{Ledger, ScanState, TapState};
 use crate::archive::Archive;
 use crate::archive::ledger::tap_state;
 use crate::error::{Context, Result};
-use crate::format::checksum::SealedRow as _;
+use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{LedgerRow, ScanRow};
 
 /// What an archive says of where its taps and scans stand.
 #[derive(Debug)]
 pub(crate) struct States {
     /// Rows of its ledger, as they count.
-    pub(crate) taps: Vec<LedgerRow>,
+    pub taps: Vec<LedgerRow>,
     /// Rows of its scans, as they count.
-    pub(crate) scans: Vec<ScanRow>,
+    pub scans: Vec<ScanRow>,
     /// Plan rows whose row counts otherwise than it stands in the file, and likewise scans.
-    pub(crate) changed_taps: Vec<usize>,
-    pub(crate) changed_scans: Vec<usize>,
+    pub changed_taps: Vec<usize>,
+    pub changed_scans: Vec<usize>,
 }
 
 impl States {
@@ -28,7 +28,7 @@ impl States {
         let mut changed_taps = Vec::new();
         for (k, row) in taps.iter_mut().enumerate() {
             let (state, _) = tap_state(&archive.path, k, row)?;
-            if !row.is_whole(k) || (state == TapState::Archived && is_corrupt(k)) {
+            if !row.is_valid(k) || (state == TapState::Archived && is_corrupt(k)) {
                 *row = LedgerRow::new(TapState::Missing, 0);
                 changed_taps.push(k);
             }
@@ -38,7 +38,7 @@ impl States {
         for (k, row) in scans.iter_mut().enumerate() {
             let planned = &archive.plan.scans()[k];
             let is_changed = |row: &u32| changed_taps.binary_search(&(*row as usize)).is_ok();
-            let is_valid = row.is_whole(k);
+            let is_valid = row.is_valid(k);
             if is_valid && row.state().is_none() {
                 return Err(archive.damaged(format!("scan {k} has state {}", row.state)));
             }

@@ -20,7 +20,7 @@ const JOBS_MAX: usize = 1024;
 #[derive(Debug)]
 pub(crate) struct BackgroundSync {
     file: Arc<File>,
-    failures: SyncErrors,
+    sync_errors: SyncErrors,
     /// Whether the thread has been asked and has not begun: it then takes along what is written until it does.
     is_asked: Arc<AtomicBool>,
     unasked_bytes: usize,
@@ -51,14 +51,14 @@ fn copy_of(error: &io::Error) -> io::Error {
 /// What the thread is asked to do.
 struct Job {
     file: Arc<File>,
-    failures: SyncErrors,
+    sync_errors: SyncErrors,
     is_asked: Arc<AtomicBool>,
 }
 
 impl BackgroundSync {
     /// That for `file`.
-    pub(crate) fn new(file: Arc<File>, failures: &SyncErrors) -> Self {
-        Self { file, failures: failures.clone(), is_asked: Arc::default(), unasked_bytes: 0 }
+    pub(crate) fn new(file: Arc<File>, sync_errors: &SyncErrors) -> Self {
+        Self { file, sync_errors: sync_errors.clone(), is_asked: Arc::default(), unasked_bytes: 0 }
     }
 
     /// Notes that `bytes` more were handed to the system.
@@ -69,8 +69,8 @@ impl BackgroundSync {
         }
         self.unasked_bytes = 0;
         if !self.is_asked.swap(true, Ordering::AcqRel) {
-            let Self { file, failures, is_asked, .. } = self;
-            let job = Job { file: file.clone(), failures: failures.clone(), is_asked: is_asked.clone() };
+            let Self { file, sync_errors, is_asked, .. } = self;
+            let job = Job { file: file.clone(), sync_errors: sync_errors.clone(), is_asked: is_asked.clone() };
             // Where no thread can be had, or it has more to do than it can, all is written at the end.
             let is_taken = thread().as_ref().is_some_and(|thread| thread.try_send(job).is_ok());
             self.is_asked.fetch_and(is_taken, Ordering::AcqRel);
@@ -88,11 +88,11 @@ fn thread() -> &'static Option<SyncSender<Job>> {
 }
 
 fn run(asked: &Receiver<Job>) {
-    while let Ok(Job { file, failures, is_asked }) = asked.recv() {
+    while let Ok(Job { file, sync_errors, is_asked }) = asked.recv() {
         is_asked.store(false, Ordering::Release);
         if let Err(error) = file.sync_data() {
             tracing::error!(%error, "the disk has not kept what was written to it: check the archive when the run is over");
-            failures.note(&error);
+            sync_errors.note(&error);
         }
     }
 }

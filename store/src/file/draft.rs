@@ -16,7 +16,8 @@ use crate::error::{Context, Error, Result};
 pub(crate) fn begin(path: &Path) -> io::Result<TempPath> {
     let mut prefix = path.file_name().unwrap_or_default().to_owned();
     prefix.push(format!(".{}-", std::process::id()));
-    let draft = Builder::new().prefix(&prefix).suffix(SUFFIX).make_in(folder_of(path), |path| File::create_new(path))?;
+    let draft =
+        Builder::new().prefix(&prefix).suffix(SUFFIX).make_in(folder_of(path), |path| File::create_new(path))?;
     Ok(draft.into_temp_path())
 }
 
@@ -96,7 +97,8 @@ mod tests {
         let own = begin(&path).unwrap();
         // No process has a number that large.
         let dead = folder.path().join("run.h5.4194999-abc.new");
-        let others = ["other.h5.4194999-0.new", "run.h5.x-0.new", "run.h5.4194999.new", "run.h5.new", "run.h5.4194999-0.newer"];
+        let others =
+            ["other.h5.4194999-0.new", "run.h5.x-0.new", "run.h5.4194999.new", "run.h5.new", "run.h5.4194999-0.newer"];
         for name in others.map(|name| folder.path().join(name)).iter().chain([&dead]) {
             fs::write(name, "").unwrap();
         }

@@ -23,19 +23,19 @@ pub(crate) struct FileGuard {
     file: Arc<File>,
     /// Bytes that the file had when it was written last.
     least_bytes: u64,
-    behind: BackgroundSync,
+    background: BackgroundSync,
 }
 
 impl FileGuard {
     /// The place of `file`, a handle to read with of what was opened at `path`.
     ///
-    /// What failed behind the writer is told by `failures`, whatever becomes of the file.
-    pub(crate) fn of(file: File, path: &Path, failures: &SyncErrors) -> Result<Self> {
+    /// What failed behind the writer is told by `sync_errors`, whatever becomes of the file.
+    pub(crate) fn new(file: File, path: &Path, sync_errors: &SyncErrors) -> Result<Self> {
         let file = Arc::new(file);
-        let behind = BackgroundSync::new(file.clone(), failures);
-        let mut place = Self { path: path.to_owned(), file, least_bytes: 0, behind };
-        place.least_bytes = place.held()?.len();
-        Ok(place)
+        let background = BackgroundSync::new(file.clone(), sync_errors);
+        let mut guard = Self { path: path.to_owned(), file, least_bytes: 0, background };
+        guard.least_bytes = guard.held()?.len();
+        Ok(guard)
     }
 
     /// Notes that what the file holds now must not become less.
@@ -100,7 +100,7 @@ impl FileGuard {
 
     /// Has `bytes` that were handed to the system go to the disk meanwhile.
     pub(crate) fn note_written(&mut self, bytes: usize) {
-        self.behind.note(bytes);
+        self.background.note(bytes);
     }
 
     /// Waits until all that was written is on the disk, where a power cut cannot take it back.

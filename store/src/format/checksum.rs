@@ -21,7 +21,7 @@ pub(crate) unsafe trait PlainRow: H5Type + Copy {
 }
 
 /// A row that carries a checksum of itself.
-pub(crate) trait SealedRow: PlainRow {
+pub(crate) trait ChecksummedRow: PlainRow {
     /// Path of its table.
     const TABLE: &'static str;
 
@@ -29,16 +29,16 @@ pub(crate) trait SealedRow: PlainRow {
     fn checksum(&mut self) -> &mut u64;
 
     /// The row with the checksum that it must have as row `number`.
-    fn sealed(mut self, number: usize) -> Self {
+    fn with_checksum(mut self, number: usize) -> Self {
         *self.checksum() = 0;
         *self.checksum() = checksum(&[Self::TABLE.as_bytes(), &(number as u64).to_le_bytes(), self.bytes()]);
         self
     }
 
     /// Whether the row is as it was written as row `number`.
-    fn is_whole(mut self, number: usize) -> bool {
+    fn is_valid(mut self, number: usize) -> bool {
         let said = *self.checksum();
-        *self.sealed(number).checksum() == said
+        *self.with_checksum(number).checksum() == said
     }
 }
 
@@ -51,12 +51,12 @@ pub(crate) fn checksum(parts: &[&[u8]]) -> u64 {
     hasher.finalize().as_bytes().iter().take(8).rev().fold(0, |bits, &byte| (bits << 8) | u64::from(byte))
 }
 
-macro_rules! sealed {
+macro_rules! checksummed {
     ($($row:ident in $table:ident),* $(,)?) => {$(
         // SAFETY: `layout` declares it `repr(C)` of numbers and byte arrays, and its tests hold it to have no padding.
         unsafe impl PlainRow for crate::format::layout::$row {}
 
-        impl SealedRow for crate::format::layout::$row {
+        impl ChecksummedRow for crate::format::layout::$row {
             const TABLE: &'static str = table::$table;
 
             fn checksum(&mut self) -> &mut u64 {
@@ -66,7 +66,7 @@ macro_rules! sealed {
     )*};
 }
 
-sealed! {
+checksummed! {
     PlanRow in PLAN,
     HeaderRow in HEADER,
     DiscriminatorsRow in DISCRIMINATORS,
@@ -89,14 +89,14 @@ mod tests {
     /// Catches a bit that is under no seal, and a row that passes for another.
     #[test]
     fn every_bit_of_a_row_is_sealed() {
-        let row = LedgerRow::new(TapState::Archived, 3).sealed(7);
-        assert!(row.is_whole(7) && !row.is_whole(8));
+        let row = LedgerRow::new(TapState::Archived, 3).with_checksum(7);
+        assert!(row.is_valid(7) && !row.is_valid(8));
         for bit in 0..8 * size_of::<LedgerRow>() {
             let mut bytes: [u8; size_of::<LedgerRow>()] = row.bytes().try_into().unwrap();
             bytes[bit / 8] ^= 1 << (bit % 8);
             // SAFETY: every pattern of bits is a row of integers.
             let bent: LedgerRow = unsafe { std::ptr::read_unaligned(bytes.as_ptr().cast()) };
-            assert!(!bent.is_whole(7), "bit {bit}");
+            assert!(!bent.is_valid(7), "bit {bit}");
         }
     }
 }

@@ -140,50 +140,50 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct PlanRow {
-    pub(crate) tyre: FixedUnicode<SERIAL_BYTES>,
-    pub(crate) station: u16,
-    pub(crate) shoulder: u16,
-    pub(crate) scan: u32,
-    pub(crate) offset_mm: f64,
-    pub(crate) velocity_m_per_s: f64,
-    pub(crate) angle_deg: f64,
-    pub(crate) location: u32,
-    pub(crate) repetition: u16,
-    pub(crate) is_closing: u16,
+    pub tyre: FixedUnicode<SERIAL_BYTES>,
+    pub station: u16,
+    pub shoulder: u16,
+    pub scan: u32,
+    pub offset_mm: f64,
+    pub velocity_m_per_s: f64,
+    pub angle_deg: f64,
+    pub location: u32,
+    pub repetition: u16,
+    pub is_closing: u16,
     /// Rows of the plan once this one was added with others; 0 where there is no tap.
-    pub(crate) grown_to: u32,
+    pub grown_to: u32,
     /// Why the tap was added to the plan of an open casing; 0 where it was planned from the beginning.
-    pub(crate) why: u32,
+    pub why: u32,
     /// Digest of the plan with these rows.
-    pub(crate) plan_digest: u64,
-    pub(crate) checksum: u64,
+    pub plan_digest: u64,
+    pub checksum: u64,
 }
 
 /// What is known of a tap beside its samples, its place in the plan and the shape all records share.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct HeaderRow {
-    pub(crate) plan_index: u32,
-    pub(crate) attempt: u16,
-    pub(crate) channel_count: u16,
-    pub(crate) sample_rate_hz: f64,
-    pub(crate) sample_count: u32,
-    pub(crate) pre_trigger_samples: u32,
-    pub(crate) unit_per_count: [f64; CHANNELS_MAX],
-    pub(crate) velocity_measured_m_per_s: f64,
-    pub(crate) microphone_distance_m: f64,
-    pub(crate) tap_time_ns: i64,
-    pub(crate) sent_ns: i64,
-    pub(crate) epoch_ns: i64,
-    pub(crate) sequence: u64,
-    pub(crate) mark: u64,
-    pub(crate) sender: u32,
-    pub(crate) source: u32,
+    pub plan_index: u32,
+    pub attempt: u16,
+    pub channel_count: u16,
+    pub sample_rate_hz: f64,
+    pub sample_count: u32,
+    pub pre_trigger_samples: u32,
+    pub unit_per_count: [f64; CHANNELS_MAX],
+    pub velocity_measured_m_per_s: f64,
+    pub microphone_distance_m: f64,
+    pub tap_time_ns: i64,
+    pub sent_ns: i64,
+    pub epoch_ns: i64,
+    pub sequence: u64,
+    pub mark: u64,
+    pub sender: u32,
+    pub source: u32,
     /// BLAKE3 of the samples that are meant, channel by channel, in the file's byte order.
-    pub(crate) samples_digest: Digest,
+    pub samples_digest: Digest,
     /// Of the chunk as it lies in the file.
-    pub(crate) stored_checksum: u64,
-    pub(crate) checksum: u64,
+    pub stored_checksum: u64,
+    pub checksum: u64,
 }
 
 /// What was found in a tap; the seven values under [`tapline_wire::Discriminator::column`].
@@ -192,15 +192,15 @@ pub(crate) struct HeaderRow {
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DiscriminatorsRow {
-    pub(crate) plan_index: u32,
-    pub(crate) attempt: u16,
-    pub(crate) shoulder: u16,
-    pub(crate) location: u32,
-    pub(crate) quality: u32,
-    pub(crate) velocity_measured_m_per_s: f64,
+    pub plan_index: u32,
+    pub attempt: u16,
+    pub shoulder: u16,
+    pub location: u32,
+    pub quality: u32,
+    pub velocity_measured_m_per_s: f64,
     /// By [`Discriminator::ALL`]; in the file each is a column of its own.
-    pub(crate) values: [f64; Discriminator::COUNT],
-    pub(crate) checksum: u64,
+    pub values: [f64; Discriminator::COUNT],
+    pub checksum: u64,
 }
 
 // SAFETY: every field, and every element of `values`, is described with its own type, offset and size.
@@ -230,80 +230,80 @@ unsafe impl H5Type for DiscriminatorsRow {
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct LedgerRow {
     /// Flags of the last attempt that was of no use.
-    pub(crate) retaken_quality: u32,
+    pub retaken_quality: u32,
     /// How many were.
-    pub(crate) retaken_count: u32,
-    pub(crate) attempt: u16,
+    pub retaken_count: u32,
+    pub attempt: u16,
     /// Where a missing tap was lost: a code of [`crate::Lost`].
-    pub(crate) lost_at: u16,
-    pub(crate) state: u32,
-    pub(crate) checksum: u64,
+    pub lost_at: u16,
+    pub state: u32,
+    pub checksum: u64,
 }
 
 /// Reason of a refusal.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct ReasonRow {
-    pub(crate) reason: FixedUnicode<REASON_BYTES>,
-    pub(crate) checksum: u64,
+    pub reason: FixedUnicode<REASON_BYTES>,
+    pub checksum: u64,
 }
 
 /// One scan and its verdict.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct ScanRow {
-    pub(crate) tyre: FixedUnicode<SERIAL_BYTES>,
-    pub(crate) station: u16,
-    pub(crate) shoulder: u16,
-    pub(crate) first_cell: u32,
-    pub(crate) cell_count: u32,
-    pub(crate) verdict: u32,
-    pub(crate) limit_re_inspect: f64,
-    pub(crate) limit_reject: f64,
-    pub(crate) false_call_rate: f64,
-    pub(crate) p_value: f64,
-    pub(crate) evidence: [f64; Discriminator::COUNT],
-    pub(crate) drift: [f64; Discriminator::COUNT],
-    pub(crate) reasons: u32,
-    pub(crate) planned_count: u32,
-    pub(crate) received_count: u32,
-    pub(crate) refused_count: u32,
-    pub(crate) absent_count: u32,
-    pub(crate) state: u32,
-    pub(crate) checksum: u64,
+    pub tyre: FixedUnicode<SERIAL_BYTES>,
+    pub station: u16,
+    pub shoulder: u16,
+    pub first_cell: u32,
+    pub cell_count: u32,
+    pub verdict: u32,
+    pub limit_re_inspect: f64,
+    pub limit_reject: f64,
+    pub false_call_rate: f64,
+    pub p_value: f64,
+    pub evidence: [f64; Discriminator::COUNT],
+    pub drift: [f64; Discriminator::COUNT],
+    pub reasons: u32,
+    pub planned_count: u32,
+    pub received_count: u32,
+    pub refused_count: u32,
+    pub absent_count: u32,
+    pub state: u32,
+    pub checksum: u64,
 }
 
 /// Damage at one location.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct CellRow {
-    pub(crate) tyre: FixedUnicode<SERIAL_BYTES>,
-    pub(crate) station: u16,
-    pub(crate) shoulder: u16,
-    pub(crate) scan: u32,
-    pub(crate) angle_deg: f64,
-    pub(crate) damage_index: f64,
-    pub(crate) p_value: f64,
-    pub(crate) guard: f64,
-    pub(crate) region_p_value: f64,
-    pub(crate) offset_best_mm: f64,
-    pub(crate) offset_low_mm: f64,
-    pub(crate) offset_high_mm: f64,
-    pub(crate) location: u32,
-    pub(crate) region: u32,
-    pub(crate) tap_count: u32,
-    pub(crate) absent_count: u32,
-    pub(crate) checksum: u64,
+    pub tyre: FixedUnicode<SERIAL_BYTES>,
+    pub station: u16,
+    pub shoulder: u16,
+    pub scan: u32,
+    pub angle_deg: f64,
+    pub damage_index: f64,
+    pub p_value: f64,
+    pub guard: f64,
+    pub region_p_value: f64,
+    pub offset_best_mm: f64,
+    pub offset_low_mm: f64,
+    pub offset_high_mm: f64,
+    pub location: u32,
+    pub region: u32,
+    pub tap_count: u32,
+    pub absent_count: u32,
+    pub checksum: u64,
 }
 
 /// What is known of a crack at one location.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct TruthRow {
-    pub(crate) tyre: FixedUnicode<SERIAL_BYTES>,
-    pub(crate) location: u32,
-    pub(crate) shoulder: u16,
-    pub(crate) cracked: u16,
+    pub tyre: FixedUnicode<SERIAL_BYTES>,
+    pub location: u32,
+    pub shoulder: u16,
+    pub cracked: u16,
 }
 
 /// Name of a sample format in archives, as in configurations.

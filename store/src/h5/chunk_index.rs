@@ -36,9 +36,9 @@ pub(crate) fn chunks(file: &File, header: u64, row_count: usize, rank: usize) ->
 /// The index of a dataset's chunks.
 #[derive(Debug)]
 pub(crate) struct Index {
-    pub(crate) chunks: Vec<Chunk>,
+    pub chunks: Vec<Chunk>,
     /// Where its nodes lie.
-    pub(crate) nodes: Vec<u64>,
+    pub nodes: Vec<u64>,
 }
 
 /// The same, and where it lies itself.

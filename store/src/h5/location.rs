@@ -7,8 +7,8 @@ use std::os::unix::fs::FileExt as _;
 /// Where a row lies in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ChunkLocation {
-    pub(crate) address: u64,
-    pub(crate) length: usize,
+    pub address: u64,
+    pub length: usize,
 }
 
 impl ChunkLocation {

@@ -28,8 +28,8 @@ const READ_BYTES: usize = 1 << 20;
 /// A stretch of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Extent {
-    pub(crate) begin: u64,
-    pub(crate) bytes: u64,
+    pub begin: u64,
+    pub bytes: u64,
 }
 
 impl Extent {

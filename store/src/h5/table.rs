@@ -9,7 +9,7 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::{Dataset, Group, H5Type};
 use ndarray::ArrayView1;
 
-use crate::format::checksum::SealedRow;
+use crate::format::checksum::ChecksummedRow;
 use crate::h5::rows::{InMemory, write_rows};
 
 /// Rows read or written at a time when a whole table is walked: keeps memory flat.
@@ -47,20 +47,20 @@ pub(crate) fn create<R: H5Type + Clone>(
     Ok(dataset)
 }
 
-impl<R: SealedRow> Table<R> {
+impl<R: ChecksummedRow> Table<R> {
     /// A new table of `row_count` rows, all written and sealed.
     pub(crate) fn create(parent: &Group, row_count: usize, mut row: impl FnMut(usize) -> R) -> hdf5::Result<Dataset> {
-        create(parent, R::TABLE, row_count, |number| row(number).sealed(number))
+        create(parent, R::TABLE, row_count, |number| row(number).with_checksum(number))
     }
 
     /// The first `row_count` rows of the table of `parent`; `None` when it has not `capacity` rows `R`, or fewer than that.
     pub(crate) fn open(parent: &Group, row_count: usize, capacity: usize) -> hdf5::Result<Option<Self>> {
         let dataset = parent.dataset(R::TABLE)?;
         // Columns are found by name: one that is named otherwise would be read as memory that nobody wrote.
-        let is_whole = row_count <= capacity
+        let is_valid = row_count <= capacity
             && dataset.shape() == [capacity]
             && dataset.dtype()?.to_descriptor()? == R::type_descriptor();
-        Ok(is_whole.then_some(Self { dataset, in_memory: OnceLock::new(), row_count, row: PhantomData }))
+        Ok(is_valid.then_some(Self { dataset, in_memory: OnceLock::new(), row_count, row: PhantomData }))
     }
 
     /// The table has `row_count` rows from now on, which must be there.
@@ -102,7 +102,7 @@ impl<R: SealedRow> Table<R> {
                 run.clear();
                 start = number;
             }
-            run.push(row.sealed(number));
+            run.push(row.with_checksum(number));
         }
         self.write_run(start, &run)
     }
@@ -114,7 +114,7 @@ impl<R: SealedRow> Table<R> {
 
     /// Seals and writes every row.
     pub(crate) fn write_all(&self, rows: &[R]) -> hdf5::Result<()> {
-        let sealed: Vec<R> = rows.iter().enumerate().map(|(number, row)| row.sealed(number)).collect();
+        let sealed: Vec<R> = rows.iter().enumerate().map(|(number, row)| row.with_checksum(number)).collect();
         self.write_run(0, &sealed)
     }
 
@@ -166,7 +166,7 @@ mod tests {
         let expected = (0..row_count as u32).map(|k| rows.get(&k).map_or(0, |row| row.attempt));
         let read = table.read_all().unwrap();
         assert_eq!(read.iter().map(|row| row.attempt).collect::<Vec<_>>(), expected.collect::<Vec<_>>());
-        assert!(read.iter().enumerate().all(|(number, row)| row.is_whole(number)));
+        assert!(read.iter().enumerate().all(|(number, row)| row.is_valid(number)));
         let mut walked = 0;
         table.for_each(|number, row| walked += usize::from(row.attempt == read[number].attempt)).unwrap();
         assert_eq!(walked, row_count);

@@ -10,12 +10,12 @@ use tapline_wire::{
 use crate::archive::states::States;
 use crate::archive::{Access, Archive};
 use crate::error::{Context, Result};
-use crate::format::checksum::SealedRow;
-use crate::format::convert::{at_attempt, text};
+use crate::format::checksum::ChecksummedRow;
+use crate::format::fields::{at_attempt, text};
 use crate::format::layout::LedgerRow;
 use crate::format::lineage::{Lineage, lineage_key};
 use crate::format::lost::Lost;
-use crate::read::samples::{Room, SampleFile, Taps, checked_header};
+use crate::read::samples::{ReadBuffer, SampleFile, Taps, checked_header};
 
 /// Stands where it was said why a tap was refused, and the row is torn.
 pub(crate) const REASON_LOST: &str = "refused, but why is lost: what was written is damaged";
@@ -72,7 +72,7 @@ impl Reader {
     /// [`crate::Error::NotFinished`], [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`],
     /// [`crate::Error::FormatVersion`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        Self::of(Archive::open(path.as_ref(), Access::Read)?)
+        Self::new(Archive::open(path.as_ref(), Access::Read)?)
     }
 
     /// Opens the archive at `path`, finished or not: what no line writes now is as its writer left it. What of its structure
@@ -82,10 +82,10 @@ impl Reader {
     /// # Errors
     /// As [`Reader::open`].
     pub fn open_unfinished(path: impl AsRef<Path>) -> Result<Self> {
-        Self::of(Archive::open(path.as_ref(), Access::ReadUnfinished)?)
+        Self::new(Archive::open(path.as_ref(), Access::ReadUnfinished)?)
     }
 
-    fn of(archive: Archive) -> Result<Self> {
+    fn new(archive: Archive) -> Result<Self> {
         let states = States::load(&archive, |_| false)?;
         let (ledger, samples) = (states.ledger(&archive), SampleFile::open(&archive)?);
         Ok(Self { archive, ledger, samples, states: states.taps })
@@ -215,7 +215,7 @@ impl Reader {
         let archive = &self.archive;
         let rows = archive.headers().read(k..k + 1).context("read a header", archive.path())?;
         let header = checked_header(archive.path(), archive.plan(), row, rows[0])?;
-        let mut room = Room::default();
+        let mut room = ReadBuffer::default();
         let place = self.samples.place(row)?;
         let samples = match self.samples.read(&header, rows[0].stored_checksum, place, false, &mut room)? {
             Samples::I16(samples) => OwnedSamples::I16(samples.to_vec()),
@@ -229,7 +229,7 @@ impl Reader {
     /// # Errors
     /// What the system says.
     pub fn taps(&self) -> Result<Taps> {
-        Taps::of(&self.archive, self.ledger.taps())
+        Taps::new(&self.archive, self.ledger.taps())
     }
 
     /// What packs the samples.
@@ -257,7 +257,7 @@ impl Reader {
         let rows = archive.discriminators().read_all().context("read the discriminators", archive.path())?;
         let found = |row: u32| {
             let k = row as usize;
-            let found = whole(archive, k, rows[k])?.to_discriminators(&archive.plan().taps()[k].id);
+            let found = valid(archive, k, rows[k])?.to_discriminators(&archive.plan().taps()[k].id);
             Ok(Discriminators { plan_index: row, ..found })
         };
         (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| found(row)).transpose()).collect()
@@ -298,8 +298,8 @@ impl Reader {
         let judged = |scan: u32| {
             let k = scan as usize;
             let cells = archive.damage().read(archive.cells(k)).context("read a damage map", archive.path())?;
-            let judgement = whole(archive, k, rows[k])?.to_judgement(scan);
-            let cells = archive.cells(k).zip(cells).map(|(k, cell)| Ok(whole(archive, k, cell)?.to_cell()));
+            let judgement = valid(archive, k, rows[k])?.to_judgement(scan);
+            let cells = archive.cells(k).zip(cells).map(|(k, cell)| Ok(valid(archive, k, cell)?.to_cell()));
             Ok((judgement, cells.collect::<Result<_>>()?))
         };
         let is_judged = |state: &ScanState| *state == ScanState::Judged;
@@ -312,8 +312,8 @@ fn archived(state: TapState) -> bool {
 }
 
 /// `row` as row `number` of its table, if it is what was written.
-fn whole<R: SealedRow>(archive: &Archive, number: usize, row: R) -> Result<R> {
-    if row.is_whole(number) {
+fn valid<R: ChecksummedRow>(archive: &Archive, number: usize, row: R) -> Result<R> {
+    if row.is_valid(number) {
         return Ok(row);
     }
     let what = format!("row {number} of its table {:?} is not what was written: its checksum differs", R::TABLE);
@@ -323,8 +323,8 @@ fn whole<R: SealedRow>(archive: &Archive, number: usize, row: R) -> Result<R> {
 /// Why the tap in row `k` was refused; `None` where that is torn, or cannot be read.
 fn reason(archive: &Archive, k: usize) -> Result<Option<String>> {
     let rows = match archive.refusals().read(k..k + 1).context("read a reason", archive.path()) {
-        Err(error) if error.is_of_one_place() => return Ok(None),
+        Err(error) if error.is_unreadable_part() => return Ok(None),
         rows => rows?,
     };
-    Ok(rows.first().filter(|row| row.is_whole(k)).and_then(|row| text(&row.reason)).map(str::to_owned))
+    Ok(rows.first().filter(|row| row.is_valid(k)).and_then(|row| text(&row.reason)).map(str::to_owned))
 }

@@ -12,15 +12,15 @@ use tapline_wire::{Lane, Plan, SampleFormat, Samples, TapHeader, TapState, bytes
 
 use crate::archive::Archive;
 use crate::error::{Context, Error, Result};
-use crate::format::checksum::SealedRow as _;
+use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::HeaderRow;
 use crate::h5::location::ChunkLocation;
 use crate::h5::samples::{ChunkRows, unpadded};
 use crate::read::mapped::Mapped;
 
-/// Room for one record, kept by whoever reads many.
+/// ReadBuffer for one record, kept by whoever reads many.
 #[derive(Debug, Default)]
-pub struct Room {
+pub struct ReadBuffer {
     /// The chunk, where it is not read where it lies.
     copied: Vec<u8>,
     /// The samples.
@@ -83,19 +83,19 @@ impl SampleFile {
         stored_checksum: u64,
         place: Option<ChunkLocation>,
         is_beginning: bool,
-        room: &'r mut Room,
+        room: &'r mut ReadBuffer,
     ) -> Result<Samples<'r>> {
-        let Room { copied, lanes, planes } = room;
+        let ReadBuffer { copied, lanes, planes } = room;
         let stored = self.stored(header, place, copied)?;
         let codec = self.rows.codec();
-        let is_whole = match head_of(codec, stored).filter(|_| is_beginning) {
+        let is_valid = match head_of(codec, stored).filter(|_| is_beginning) {
             Some(head) => {
-                let are_whole = |part| head.are_whole(head.blocks(&part), stored);
-                head.seal() == stored_checksum && parts(header, self.rows.row_bytes()).all(are_whole)
+                let are_valid = |part| head.are_valid(head.blocks(&part), stored);
+                head.checksum() == stored_checksum && parts(header, self.rows.row_bytes()).all(are_valid)
             }
             None => is_chunk_valid(codec, stored, stored_checksum),
         };
-        if !is_whole {
+        if !is_valid {
             return Err(self.damaged(header, "are not what was written: their checksum differs"));
         }
         self.unpacked(header, stored, lanes, planes)
@@ -193,7 +193,7 @@ struct Found {
 }
 
 impl Taps {
-    pub(crate) fn of(archive: &Archive, states: &[TapState]) -> Result<Self> {
+    pub(crate) fn new(archive: &Archive, states: &[TapState]) -> Result<Self> {
         let file = SampleFile::mapped(archive)?;
         let places = file.places()?;
         let headers = archive.headers().read_all().context("read the headers", archive.path())?;
@@ -207,7 +207,7 @@ impl Taps {
     ///
     /// # Errors
     /// [`Error::Damaged`] where a checksum differs, or what the system says.
-    pub fn read<'r>(&self, row: u32, room: &'r mut Room) -> Result<Option<(TapHeader, Samples<'r>)>> {
+    pub fn read<'r>(&self, row: u32, room: &'r mut ReadBuffer) -> Result<Option<(TapHeader, Samples<'r>)>> {
         self.read_beginning(row, |header| header.sample_count, room)
     }
 
@@ -220,7 +220,7 @@ impl Taps {
         &self,
         row: u32,
         used: impl FnOnce(&TapHeader) -> u32,
-        room: &'r mut Room,
+        room: &'r mut ReadBuffer,
     ) -> Result<Option<(TapHeader, Samples<'r>)>> {
         let Some(found) = self.found.get(row as usize).copied().flatten() else { return Ok(None) };
         let header = checked_header(&self.file.path, &self.plan, row, found.header)?;
@@ -235,7 +235,7 @@ impl Taps {
 /// The header in row `row`, if its seal is whole and it describes that row.
 pub(crate) fn checked_header(path: &std::path::Path, plan: &Plan, row: u32, header: HeaderRow) -> Result<TapHeader> {
     let damaged = |what: String| Error::Damaged { path: path.to_owned(), what };
-    if !header.is_whole(row as usize) {
+    if !header.is_valid(row as usize) {
         return Err(damaged(format!("the header of plan row {row} is not what was written: its checksum differs")));
     }
     let of_row = header.to_header(row, plan);

@@ -8,11 +8,11 @@ use tapline_wire::{Ledger, Plan, Quality, Reasons, ScanState, TapId, TapState, V
 use crate::archive::ledger::tap_state;
 use crate::archive::{Access, Archive};
 use crate::error::{Context, Error, Result};
-use crate::format::checksum::SealedRow as _;
+use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
 use crate::format::lineage::digest_of;
 use crate::h5::location::ChunkLocation;
-use crate::read::samples::{Room, SampleFile, checked_header};
+use crate::read::samples::{ReadBuffer, SampleFile, checked_header};
 
 /// Something in an archive that cannot be right.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,7 +93,7 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
 
 impl Report {
     /// Nothing is known yet.
-    fn of(plan: &Plan) -> Self {
+    fn empty(plan: &Plan) -> Self {
         Self {
             plan_digest: plan.digest(),
             ledger: Ledger::empty(plan.taps().len(), plan.scans().len()),
@@ -106,28 +106,28 @@ impl Report {
 
 fn verify_file(archive: &Archive) -> Result<Report> {
     let plan = archive.plan();
-    let mut report = Report::of(plan);
+    let mut report = Report::empty(plan);
     let context = "read a table";
     let ledger = archive.ledger().read_all().context(context, archive.path())?;
     let headers = archive.headers().read_all().context(context, archive.path())?;
     let discriminators = archive.discriminators().read_all().context(context, archive.path())?;
     let reasons = archive.refusals().read_all().context(context, archive.path())?;
     let file = SampleFile::open(archive)?;
-    let (mut room, places) = (Room::default(), file.places()?);
+    let (mut room, places) = (ReadBuffer::default(), file.places()?);
     for (plan_index, tap) in (0..).zip(plan.taps()) {
         let k = plan_index as usize;
         let mut complain = |what: String| report.problems.push(Problem::Tap { plan_index, id: tap.id, what });
-        let are_whole = [
-            ("ledger row", ledger[k].is_whole(k)),
-            ("header", headers[k].is_whole(k)),
-            ("discriminators row", discriminators[k].is_whole(k)),
-            ("reason", reasons[k].is_whole(k)),
+        let are_valid = [
+            ("ledger row", ledger[k].is_valid(k)),
+            ("header", headers[k].is_valid(k)),
+            ("discriminators row", discriminators[k].is_valid(k)),
+            ("reason", reasons[k].is_valid(k)),
         ];
-        for (half, _) in are_whole.into_iter().filter(|(_, is_whole)| !is_whole) {
+        for (half, _) in are_valid.into_iter().filter(|(_, is_valid)| !is_valid) {
             complain(format!("its {half} is not what was written: the checksum differs"));
         }
         // A torn row is told of above; for the rest the tap is what it counts as elsewhere.
-        let row = match ledger[k].is_whole(k) {
+        let row = match ledger[k].is_valid(k) {
             true => ledger[k],
             false => tap_state(archive.path(), k, &ledger[k]).map(|(state, attempt)| LedgerRow::new(state, attempt))?,
         };
@@ -137,7 +137,7 @@ fn verify_file(archive: &Archive) -> Result<Report> {
                 report.ledger.set_tap(k, state, row.attempt);
                 if state == TapState::Archived {
                     check_tap(plan, plan_index, &row, &headers[k], &discriminators[k], &mut complain);
-                    if headers[k].is_whole(k)
+                    if headers[k].is_valid(k)
                         && let Err(error) = check_samples(&file, plan, plan_index, &headers[k], places[k], &mut room)
                     {
                         complain(error);
@@ -153,15 +153,15 @@ fn verify_file(archive: &Archive) -> Result<Report> {
         let k = scan as usize;
         let cells = archive.damage().read(archive.cells(k)).context(context, archive.path())?;
         let mut complain = |what: String| report.problems.push(Problem::Scan { scan, what });
-        if !row.is_whole(k) {
+        if !row.is_valid(k) {
             complain("its row is not what was written: the checksum differs".to_owned());
         }
-        for (number, _) in cells.iter().enumerate().filter(|(n, cell)| !cell.is_whole(archive.first_cell(k) + n)) {
+        for (number, _) in cells.iter().enumerate().filter(|(n, cell)| !cell.is_valid(archive.first_cell(k) + n)) {
             let location = plan.scans()[k].locations[number].0;
             complain(format!("the cell of location {location} is not what was written: the checksum differs"));
         }
-        match row.state().filter(|_| row.is_whole(k)) {
-            None if row.is_whole(k) => complain(format!("its state is {}, which is none", row.state)),
+        match row.state().filter(|_| row.is_valid(k)) {
+            None if row.is_valid(k) => complain(format!("its state is {}, which is none", row.state)),
             None => {}
             Some(state) => {
                 report.ledger.set_scan(k, state);
@@ -190,7 +190,7 @@ fn check_samples(
     row: u32,
     header: &HeaderRow,
     place: Option<ChunkLocation>,
-    room: &mut Room,
+    room: &mut ReadBuffer,
 ) -> std::result::Result<(), String> {
     let checked = checked_header(Path::new(""), plan, row, *header).and_then(|of_row| {
         let samples = file.read(&of_row, header.stored_checksum, place, false, room)?;

@@ -1,7 +1,7 @@
 //! What a scan's row says of the plan.
 
 use super::*;
-use crate::format::convert::fixed;
+use crate::format::fields::fixed;
 use crate::testing::two_scans;
 
 /// Catches a scan that passes for another's, or for one with another map, under a seal that fits.

@@ -26,12 +26,12 @@ const TRY_FOR: Duration = Duration::from_secs(60);
 /// A file that is in its place.
 #[derive(Debug)]
 pub(super) struct Closed {
-    pub(super) header: CasingHeader,
+    pub header: CasingHeader,
     /// Number of the `acquire` process whose casing it was.
-    pub(super) acquire: Option<u16>,
-    pub(super) path: PathBuf,
+    pub acquire: Option<u16>,
+    pub path: PathBuf,
     /// What says that not everyone knows of it yet.
-    pub(super) marker: PathBuf,
+    pub marker: PathBuf,
 }
 
 struct ToClose {
@@ -111,19 +111,19 @@ fn close(file: ToClose, places: &Places) -> Result<Closed> {
     let open = writer.path().to_owned();
     let (finishing, since) = (writer.finish_at(&path)?, Instant::now());
     loop {
-        let named = Marker::of(&header, &path).write(&open).and_then(|marker| finishing.complete().map(|()| marker));
+        let named = Marker::new(&header, &path).write(&open).and_then(|marker| finishing.complete().map(|()| marker));
         match named {
             Ok(marker) => return Ok(Closed { header, acquire: None, path, marker }),
-            Err(error) if error.is_of_the_file_system() => return Err(error),
-            Err(error) if !error.is_of_the_disk() || since.elapsed() > TRY_FOR => return Err(error),
+            Err(error) if error.is_file_system_failure() => return Err(error),
+            Err(error) if !error.is_recoverable() || since.elapsed() > TRY_FOR => return Err(error),
             Err(error) => {
-                say(&error);
+                log(&error);
                 std::thread::sleep(TRY_EVERY);
             }
         }
     }
 }
 
-fn say(error: &Error) {
+fn log(error: &Error) {
     tracing::error!("{error}; a finished file is not in its place yet, and nothing is lost: {}", error.remedy());
 }

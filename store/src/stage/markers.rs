@@ -30,7 +30,7 @@ pub(super) struct Marker {
 }
 
 impl Marker {
-    pub(super) fn of(header: &CasingHeader, path: &Path) -> Self {
+    pub(super) fn new(header: &CasingHeader, path: &Path) -> Self {
         let &CasingHeader { stamp, plan_digest, station, tap_count, .. } = header;
         Self { casing: stamp.casing, plan_digest, station, tap_count, path: path.to_owned() }
     }
@@ -95,7 +95,7 @@ impl StageLoop<'_> {
         let stem = stem_of(open);
         let path = self.run.places.finish(&name_of_open(&stem))?;
         let header = OpenCasing::header_of(casing_number(&stem), Reader::open(open)?.plan());
-        let said = Marker::of(&header, &path);
+        let said = Marker::new(&header, &path);
         let marker = said.write(open)?;
         self.name_finished(open, path)?;
         self.note_closed(said.closed(marker));

@@ -13,9 +13,9 @@ use crate::write::Writer;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Due {
     /// That it is open, and its plan.
-    pub(super) plan: bool,
+    pub plan: bool,
     /// Its ledger.
-    pub(super) ledger: bool,
+    pub ledger: bool,
 }
 
 impl Due {

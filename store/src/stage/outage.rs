@@ -4,7 +4,8 @@ use std::time::{Duration, Instant};
 
 use tapline_wire::{LineError, TapTopic, Topic as _};
 
-use super::{RunError, StageLoop, of_the_disk};
+use super::StageLoop;
+use super::outcome::{RunError, write_failure};
 use crate::error::{Error, Result};
 use crate::write::Writer;
 
@@ -18,24 +19,24 @@ const LOG_EVERY: Duration = Duration::from_secs(10);
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 impl StageLoop<'_> {
-    /// Does `act` on the file of the casing at `place`; while that cannot be written, waits, and then does it again.
+    /// Does `act` on the file of the casing at `index`; while that cannot be written, waits, and then does it again.
     ///
     /// What has come is kept meanwhile, and no more is taken: the buffers fill, and the sources wait.
     pub(super) fn retry_until_recovered<T>(
         &mut self,
-        place: usize,
+        index: usize,
         mut act: impl FnMut(&mut Writer) -> Result<T>,
     ) -> Result<T, RunError> {
         let mut has_failed = false;
         loop {
-            match act(&mut self.open[place].writer) {
-                Err(error) if error.is_of_the_file_system() => return Err(of_the_disk(error)),
-                Err(error) if error.is_of_the_disk() => {
+            match act(&mut self.open[index].writer) {
+                Err(error) if error.is_file_system_failure() => return Err(write_failure(error)),
+                Err(error) if error.is_recoverable() => {
                     // What is not mended by opening the file anew is not tried without a pause.
                     if std::mem::replace(&mut has_failed, true) {
                         self.pause()?;
                     }
-                    self.wait_for_recovery(place, error)?;
+                    self.wait_for_recovery(index, error)?;
                 }
                 outcome => return Ok(outcome?),
             }
@@ -43,29 +44,29 @@ impl StageLoop<'_> {
     }
 
     /// Looks, from time to time, whether the files that are written are still those at their paths.
-    pub(super) fn look_after_places(&mut self) -> Result<(), RunError> {
+    pub(super) fn check_files(&mut self) -> Result<(), RunError> {
         if self.looked_at.elapsed() < LOOK_EVERY {
             return Ok(());
         }
         self.looked_at = Instant::now();
-        for place in 0..self.open.len() {
-            self.retry_until_recovered(place, Writer::check_place)?;
+        for index in 0..self.open.len() {
+            self.retry_until_recovered(index, Writer::check_file)?;
         }
         Ok(())
     }
 
-    /// Waits until the file of the casing at `place` can be written again, after `error`.
-    pub(super) fn wait_for_recovery(&mut self, place: usize, mut error: Error) -> Result<(), RunError> {
+    /// Waits until the file of the casing at `index` can be written again, after `error`.
+    pub(super) fn wait_for_recovery(&mut self, index: usize, mut error: Error) -> Result<(), RunError> {
         let since = Instant::now();
         let mut logged_at = since;
         log(&error);
         self.hold(true)?;
-        if error.is_of_the_file_system() {
-            return Err(of_the_disk(error));
+        if error.is_file_system_failure() {
+            return Err(write_failure(error));
         }
-        while let Err(next) = self.open[place].writer.recover() {
-            if next.is_of_the_file_system() {
-                return Err(of_the_disk(next));
+        while let Err(next) = self.open[index].writer.recover() {
+            if next.is_file_system_failure() {
+                return Err(write_failure(next));
             }
             if next.to_string() != error.to_string() || logged_at.elapsed() >= LOG_EVERY {
                 log(&next);
@@ -83,8 +84,8 @@ impl StageLoop<'_> {
         let mut logged_at = None;
         loop {
             match act() {
-                Err(error) if error.is_of_the_file_system() => return Err(of_the_disk(error)),
-                Err(error) if error.is_of_the_disk() => {
+                Err(error) if error.is_file_system_failure() => return Err(write_failure(error)),
+                Err(error) if error.is_recoverable() => {
                     if logged_at.is_none_or(|at: Instant| at.elapsed() >= LOG_EVERY) {
                         log(&error);
                         logged_at = Some(Instant::now());
@@ -129,20 +130,20 @@ impl StageLoop<'_> {
 /// Makes safe what a writer has, when the line ends before its casing does; what came since the last flush may be left out.
 pub(super) fn settle_at_end(mut writer: Writer) -> Result<(), RunError> {
     let outcome = match writer.settle() {
-        Err(error) if error.is_of_the_disk() => writer.recover().and_then(|()| writer.settle()),
+        Err(error) if error.is_recoverable() => writer.recover().and_then(|()| writer.settle()),
         outcome => outcome,
     };
     match outcome {
         // On the disk too, where a power cut cannot take it back.
         Ok(()) => Ok(writer.suspend()?),
-        Err(error) if error.is_of_the_disk() && writer.is_in_place() => {
+        Err(error) if error.is_recoverable() && writer.is_in_place() => {
             tracing::error!(
                 "{error}; what was archived until then is safe, what came since is not in it: {}, then run again",
                 error.remedy()
             );
             Ok(())
         }
-        Err(error) => Err(of_the_disk(error)),
+        Err(error) => Err(write_failure(error)),
     }
 }
 

@@ -4,9 +4,10 @@ use tapline_wire::{
     CasingHeader, Plan, ProposalTopic, Received, RecordKind, ScanState, TapState, Topic as _, decode_proposal,
 };
 
+use super::StageLoop;
 use super::open_casing::{Due, OpenCasing};
+use super::outcome::{RunError, write_failure};
 use super::places::escaped;
-use super::{RunError, StageLoop, of_the_disk};
 use crate::error::{Error, Result};
 use crate::read::reader::Reader;
 use crate::write::Writer;
@@ -20,7 +21,7 @@ impl StageLoop<'_> {
             match self.run.resume(&path) {
                 Ok(writer) => self.open.push(OpenCasing::new(writer)),
                 Err(Error::Finished { .. }) => self.take_up_sealed(&path)?,
-                Err(error) if error.is_of_the_disk() => return Err(of_the_disk(error)),
+                Err(error) if error.is_recoverable() => return Err(write_failure(error)),
                 Err(error) => {
                     let left = self.run.places.leave(&path)?;
                     tracing::error!("{error}; what there is of this casing is put aside, as {}", left.display());
@@ -41,8 +42,8 @@ impl StageLoop<'_> {
                     Ok(())
                 }
             },
-            Some(RecordKind::Refusal) => match self.place_of(stamp.casing) {
-                Some(place) => self.give_up(place, &String::from_utf8_lossy(proposal)),
+            Some(RecordKind::Refusal) => match self.index_of(stamp.casing) {
+                Some(index) => self.give_up(index, &String::from_utf8_lossy(proposal)),
                 None => Ok(()),
             },
             _ => Ok(()),
@@ -105,8 +106,8 @@ impl StageLoop<'_> {
     }
 
     /// Writes down that what a casing lacks will not come, and that its scans have ended.
-    fn give_up(&mut self, place: usize, reason: &str) -> Result<(), RunError> {
-        let writer = &self.open[place].writer;
+    fn give_up(&mut self, index: usize, reason: &str) -> Result<(), RunError> {
+        let writer = &self.open[index].writer;
         let missing: Vec<_> = (0..)
             .zip(writer.plan().taps().iter().zip(writer.ledger().taps()))
             .filter(|&(_, (_, &state))| state == TapState::Missing)
@@ -118,15 +119,15 @@ impl StageLoop<'_> {
             .collect();
         let open: Vec<u32> =
             (0..).zip(writer.ledger().scans()).filter(|&(_, &s)| s == ScanState::Open).map(|(scan, _)| scan).collect();
-        let casing = &self.open[place].name;
+        let casing = &self.open[index].name;
         tracing::warn!(casing, reason, taps = missing.len(), "taps of a casing will not come");
         for (row, id) in missing {
-            self.retry_until_recovered(place, |writer| writer.put_refusal(row, &id, reason))?;
+            self.retry_until_recovered(index, |writer| writer.put_refusal(row, &id, reason))?;
         }
         for scan in open {
-            self.retry_until_recovered(place, |writer| writer.end_scan(scan))?;
+            self.retry_until_recovered(index, |writer| writer.end_scan(scan))?;
         }
-        self.open[place].is_dirty = true;
+        self.open[index].is_dirty = true;
         self.is_urgent = true;
         Ok(())
     }

@@ -21,7 +21,7 @@ pub struct Finishing {
     /// Where it will be.
     path: PathBuf,
     file: File,
-    failures: SyncErrors,
+    sync_errors: SyncErrors,
 }
 
 impl Finishing {
@@ -36,7 +36,7 @@ impl Finishing {
     /// # Errors
     /// [`crate::Error::Exists`], or what the system says.
     pub fn complete(&self) -> Result<()> {
-        self.failures.last().context("sync", &self.from)?;
+        self.sync_errors.last().context("sync", &self.from)?;
         self.file.sync_all().context("sync", &self.from)?;
         if self.from == self.path {
             return sync_folder_of(&self.from);
@@ -85,13 +85,13 @@ impl Writer {
     /// As [`Writer::flush`].
     pub fn finish_at(mut self, final_path: impl AsRef<Path>) -> Result<Finishing> {
         self.settle()?;
-        let file = self.place.read_handle()?;
+        let file = self.guard.read_handle()?;
         let Some(archive) = self.archive.take() else {
-            return Err(crate::error::Error::LetGo { path: self.path.clone() });
+            return Err(crate::error::Error::Abandoned { path: self.path.clone() });
         };
         close_and_seal(archive, self.ledger.taps())?;
         let (from, path) = (self.path.clone(), final_path.as_ref().to_owned());
-        Ok(Finishing { from, path, file, failures: self.failures.clone() })
+        Ok(Finishing { from, path, file, sync_errors: self.sync_errors.clone() })
     }
 
     /// Ends the archive where it lies: [`Writer::finish_at`] its path, and [`Finishing::complete`].
@@ -110,7 +110,7 @@ impl Writer {
     pub fn suspend(mut self) -> Result<()> {
         self.flush()?;
         drop(self.archive.take());
-        self.failures.last().context("sync", &self.path)?;
-        self.place.sync()
+        self.sync_errors.last().context("sync", &self.path)?;
+        self.guard.sync()
     }
 }

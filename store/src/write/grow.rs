@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use tapline_wire::{Plan, PlannedTap, ScanState, TapState};
 
 use crate::error::{Context as _, Error, Result};
-use crate::format::convert::Growth;
 use crate::format::layout::{DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow};
+use crate::format::tap_rows::Growth;
 use crate::write::Writer;
 use crate::write::tap_state::Track;
 
@@ -24,12 +24,12 @@ impl Writer {
             return Ok(());
         }
         self.flush()?;
-        self.check_place()?;
+        self.check_file()?;
         let plan = self.grown(taps)?;
         let first = self.plan.taps().len();
         let scan_of_tap = plan.scan_of_tap();
         let is_touched = |scan: &usize| scan_of_tap[first..].contains(&(*scan as u32));
-        let Some(archive) = &mut self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
+        let Some(archive) = &mut self.archive else { return Err(Error::Abandoned { path: self.path.clone() }) };
         // A judged scan must not be missing a tap; nor may it be open as long as all others of its rows say otherwise.
         let mut scans = BTreeMap::new();
         for scan in (0..plan.scans().len()).filter(is_touched) {

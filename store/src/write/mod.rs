@@ -33,12 +33,12 @@ use crate::format::lineage::Lineage;
 use crate::write::check::{check_cells, check_id, check_scan};
 use crate::write::packer::Shape;
 use crate::write::pending::Pending;
-use crate::write::resume::recall;
-use crate::write::tap_state::{Half, PutCounts, PutOutcome, Take, Track};
+use crate::write::resume::load_resume_state;
+use crate::write::tap_state::{Half, PutCounts, PutOutcome, Track, Version};
 
 /// What an archive was begun with, to know it again by.
 #[derive(Debug)]
-struct Kept {
+struct Provenance {
     config: String,
     reference: Option<String>,
     made_by: String,
@@ -51,9 +51,9 @@ struct Kept {
 pub struct Writer {
     path: PathBuf,
     plan: Plan,
-    kept: Kept,
-    place: FileGuard,
-    failures: SyncErrors,
+    provenance: Provenance,
+    guard: FileGuard,
+    sync_errors: SyncErrors,
     /// `None` after it could not be written, or is closed.
     archive: Option<Archive>,
     is_results: bool,
@@ -98,7 +98,7 @@ impl Writer {
     pub fn resume<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
         let archive = Archive::open(path.as_ref(), Access::Write)?;
         archive.check_lineage(lineage.into())?;
-        Self::of(archive)
+        Self::new(archive)
     }
 
     /// As [`Writer::resume`], whatever configuration the archive was begun with, as long as its results are made by the same
@@ -109,7 +109,7 @@ impl Writer {
     pub fn resume_as_begun<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
         let archive = Archive::open(path.as_ref(), Access::Write)?;
         archive.check_made_alike(lineage.into())?;
-        Self::of(archive)
+        Self::new(archive)
     }
 
     /// The results of the taps of the archive `raw` (its path, and the digest of its taps) at `path`, begun or gone on with:
@@ -139,7 +139,7 @@ impl Writer {
         }
     }
 
-    pub(crate) fn of(archive: Archive) -> Result<Self> {
+    fn new(archive: Archive) -> Result<Self> {
         let (recording, codec) = (&archive.plan().recording, archive.samples().codec());
         if !codec.is_for_lines() && !archive.is_results() {
             return Err(Error::OfflineCodec { path: archive.path().to_owned(), codec });
@@ -150,21 +150,21 @@ impl Writer {
             element_bytes: recording.sample_format.bytes(),
             row_bytes: archive.samples().row_bytes(),
         };
-        let (recalled, failures) = (recall(&archive)?, SyncErrors::default());
+        let (state, sync_errors) = (load_resume_state(&archive)?, SyncErrors::default());
         Ok(Self {
-            tracks: recalled.tracks,
-            scans: recalled.scans,
-            scan_fingerprints: recalled.scan_fingerprints,
-            ledger: recalled.ledger,
-            pending: Pending::of_changed(recalled.changed_taps, recalled.changed_scans),
+            tracks: state.tracks,
+            scans: state.scans,
+            scan_fingerprints: state.scan_fingerprints,
+            ledger: state.ledger,
+            pending: Pending::of_changed(state.changed_taps, state.changed_scans),
             taps_max: archive.taps_max(),
             counts: PutCounts::default(),
             shape,
-            place: FileGuard::of(archive.read_handle()?, archive.path(), &failures)?,
-            failures,
+            guard: FileGuard::new(archive.read_handle()?, archive.path(), &sync_errors)?,
+            sync_errors,
             path: archive.path().to_owned(),
             plan: archive.plan().clone(),
-            kept: Kept {
+            provenance: Provenance {
                 config: archive.config().to_owned(),
                 reference: archive.reference().map(str::to_owned),
                 made_by: archive.made_by().to_owned(),
@@ -200,11 +200,11 @@ impl Writer {
         let row = discriminators.plan_index;
         check_id(self.plan(), row, &discriminators.id)?;
         let discriminators_row = DiscriminatorsRow::from(discriminators);
-        let take = Take { attempt: discriminators.id.attempt, fingerprint: discriminators_row.fingerprint() };
-        let outcome = self.tracks[row as usize].outcome(Half::Discriminators, take);
+        let version = Version { attempt: discriminators.id.attempt, fingerprint: discriminators_row.fingerprint() };
+        let outcome = self.tracks[row as usize].outcome(Half::Discriminators, version);
         if outcome == PutOutcome::Stored {
             self.pending.discriminators.insert(row, discriminators_row);
-            self.take(row, Half::Discriminators, take);
+            self.accept(row, Half::Discriminators, version);
         }
         self.count(outcome)
     }
@@ -288,15 +288,15 @@ impl Writer {
     /// Writes what waits and hands it to the system: from then on no crash of this program loses it.
     ///
     /// # Errors
-    /// What the system says, for one when the disk is full, or as [`Writer::check_place`]. The file is then let go of, and what
+    /// What the system says, for one when the disk is full, or as [`Writer::check_file`]. The file is then let go of, and what
     /// waited still waits, for [`Writer::recover`].
     pub fn flush(&mut self) -> Result<()> {
         if self.pending.is_empty() {
             return Ok(());
         }
-        self.check_place()?;
-        let Some(archive) = &self.archive else { return Err(Error::LetGo { path: self.path.clone() }) };
-        let written = self.pending.flush(archive).and_then(|()| self.place.note());
+        self.check_file()?;
+        let Some(archive) = &self.archive else { return Err(Error::Abandoned { path: self.path.clone() }) };
+        let written = self.pending.flush(archive).and_then(|()| self.guard.note());
         written.inspect_err(|_| self.abandon())?;
         let pending = self.pending.take();
         for (&row, settled) in &pending.taps {
@@ -322,7 +322,7 @@ impl Writer {
     }
 
     /// Whether every tap is settled and every scan judged, as of the last flush.
-    pub fn is_whole(&self) -> bool {
+    pub fn is_complete(&self) -> bool {
         self.ledger.is_judged() && self.ledger.count(TapState::Missing) == 0
     }
 
@@ -336,9 +336,9 @@ impl Writer {
         self.scan_fingerprints[scan as usize].is_some()
     }
 
-    pub(crate) fn take(&mut self, row: u32, half: Half, take: Take) {
+    pub(crate) fn accept(&mut self, row: u32, half: Half, version: Version) {
         let track = &mut self.tracks[row as usize];
-        track.take(half, take);
+        track.record(half, version);
         if track.state().0 == TapState::Archived {
             self.pending.taps.insert(row, track.to_row(false));
         }

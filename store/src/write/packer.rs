@@ -51,12 +51,12 @@ impl Packed {
 /// The shape of what is packed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shape {
-    pub(crate) codec: Codec,
-    pub(crate) channel_count: usize,
+    pub codec: Codec,
+    pub channel_count: usize,
     /// Bytes of one sample of one channel.
-    pub(crate) element_bytes: usize,
+    pub element_bytes: usize,
     /// Bytes of the longest record there may be, which is a row of the file.
-    pub(crate) row_bytes: usize,
+    pub row_bytes: usize,
 }
 
 /// Memory of records that are not being packed.
@@ -82,9 +82,9 @@ pub(crate) fn give_back(samples: impl IntoIterator<Item = Vec<u8>>) {
 
 /// Packed records; their memory is given back when this is dropped.
 #[derive(Debug, Default)]
-pub(crate) struct Desks(Vec<Packed>);
+pub(crate) struct PackBuffers(Vec<Packed>);
 
-impl Desks {
+impl PackBuffers {
     fn take(count: usize) -> Self {
         let mut buffers = lock(&BUFFERS);
         let left = buffers.len().saturating_sub(count);
@@ -94,13 +94,13 @@ impl Desks {
     }
 }
 
-impl Drop for Desks {
+impl Drop for PackBuffers {
     fn drop(&mut self) {
         keep(&BUFFERS, self.0.drain(..));
     }
 }
 
-impl Deref for Desks {
+impl Deref for PackBuffers {
     type Target = [Packed];
 
     fn deref(&self) -> &[Packed] {
@@ -108,7 +108,7 @@ impl Deref for Desks {
     }
 }
 
-impl DerefMut for Desks {
+impl DerefMut for PackBuffers {
     fn deref_mut(&mut self) -> &mut [Packed] {
         &mut self.0
     }
@@ -132,7 +132,7 @@ fn helpers() -> Option<&'static ThreadPool> {
 pub(crate) fn pack<E>(
     records: &[(Shape, &[u8])],
     take: impl FnMut(usize, &Packed) -> Result<(), E>,
-) -> Result<Desks, E> {
+) -> Result<PackBuffers, E> {
     pack_on(if records.len() > 1 { helpers() } else { None }, records, take)
 }
 
@@ -140,8 +140,8 @@ fn pack_on<E>(
     helpers: Option<&ThreadPool>,
     records: &[(Shape, &[u8])],
     mut take: impl FnMut(usize, &Packed) -> Result<(), E>,
-) -> Result<Desks, E> {
-    let mut all = Desks::take(records.len());
+) -> Result<PackBuffers, E> {
+    let mut all = PackBuffers::take(records.len());
     let buffers = &mut all[..];
     let helper_count = helpers.map_or(0, ThreadPool::current_num_threads).min(records.len().saturating_sub(1));
     {

@@ -9,7 +9,7 @@ use crate::format::layout::HeaderRow;
 use crate::write::Writer;
 use crate::write::check::{check_id, check_shape};
 use crate::write::packer::{Shape, pack};
-use crate::write::tap_state::{Half, PutOutcome, Take};
+use crate::write::tap_state::{Half, PutOutcome, Version};
 
 /// A tap, with the number of the writer that takes it in.
 type Tap<'a> = (usize, &'a TapHeader, &'a [u8]);
@@ -52,7 +52,7 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
     let mut failed: Vec<Option<Error>> = writers.iter().map(|_| None).collect();
     let mut is_failed = vec![false; writers.len()];
     for writer in taps.iter().map(|tap| tap.0).collect::<BTreeSet<_>>() {
-        if let Err(error) = writers[writer].check_place() {
+        if let Err(error) = writers[writer].check_file() {
             (failed[writer], is_failed[writer]) = (Some(error), true);
         }
     }
@@ -82,10 +82,10 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
         let writer = &mut writers[tap.writer];
         if !is_failed[tap.writer] {
             let stored = packed.give(tap.samples);
-            writer.place.note_written(stored.len());
+            writer.guard.note_written(stored.len());
             writer.pending.keep(header.plan_index, stored);
             writer.pending.headers.insert(header.plan_index, header);
-            writer.take(header.plan_index, Half::Samples, take_of(&header));
+            writer.accept(header.plan_index, Half::Samples, version_of(&header));
         }
         debug_assert!(tap.number < taps.len());
     }
@@ -95,15 +95,15 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
             Err(error) => Err(error),
             Ok(_) if is_failed[writer] => {
                 // The first is told why, the others that it was so.
-                Err(failed[writer].take().unwrap_or_else(|| Error::LetGo { path: writers[writer].path.clone() }))
+                Err(failed[writer].take().unwrap_or_else(|| Error::Abandoned { path: writers[writer].path.clone() }))
             }
             Ok((_, outcome)) => writers[writer].count(outcome),
         });
     }
 }
 
-fn take_of(row: &HeaderRow) -> Take {
-    Take { attempt: row.attempt, fingerprint: row.fingerprint() }
+fn version_of(row: &HeaderRow) -> Version {
+    Version { attempt: row.attempt, fingerprint: row.fingerprint() }
 }
 
 impl Writer {
@@ -142,7 +142,7 @@ impl Writer {
         check_id(&self.plan, header.plan_index, &header.id)?;
         check_shape(&self.plan, header, samples)?;
         let row = HeaderRow::from(header);
-        Ok((row, self.tracks[row.plan_index as usize].outcome(Half::Samples, take_of(&row))))
+        Ok((row, self.tracks[row.plan_index as usize].outcome(Half::Samples, version_of(&row))))
     }
 
     fn write_samples(&self, row: u32, stored: &[u8]) -> Result<()> {

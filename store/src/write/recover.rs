@@ -11,19 +11,19 @@ use crate::error::{Error, Result};
 use crate::file::guard::FileGuard;
 use crate::format::lineage::Lineage;
 use crate::write::Writer;
-use crate::write::resume::recall;
+use crate::write::resume::load_resume_state;
 
 impl Writer {
     /// Checks that the file is still at its path and has not become shorter; if not, it is let go of.
     ///
     /// # Errors
     /// [`Error::Removed`], [`Error::Moved`], [`Error::Replaced`], [`Error::Cut`], or what the system says.
-    pub fn check_place(&mut self) -> Result<()> {
-        let checked = if self.archive.is_some() { self.place.check() } else { Ok(()) };
+    pub fn check_file(&mut self) -> Result<()> {
+        let checked = if self.archive.is_some() { self.guard.check() } else { Ok(()) };
         checked.inspect_err(|_| self.abandon())
     }
 
-    /// After an error for which [`Error::is_of_the_disk`]: opens the file anew and writes what was put since the last flush.
+    /// After an error for which [`Error::is_recoverable`]: opens the file anew and writes what was put since the last flush.
     ///
     /// A file that was removed, together with its folder for one, is written to its path again as soon as the folder is there;
     /// this writer has kept it open. Nothing that was put is lost by the error, and the call that failed may be made again.
@@ -32,11 +32,11 @@ impl Writer {
     /// Why it still cannot be written; the same call may be made again.
     pub fn recover(&mut self) -> Result<()> {
         if self.archive.is_none() {
-            self.place.put_back()?;
+            self.guard.put_back()?;
             let bytes = self.pending.sample_bytes() + self.plan.recording.payload_bytes_max();
-            self.place.check_room(bytes as u64)?;
+            self.guard.check_room(bytes as u64)?;
             let archive = self.reopen()?;
-            self.place = FileGuard::of(archive.read_handle()?, archive.path(), &self.failures)?;
+            self.guard = FileGuard::new(archive.read_handle()?, archive.path(), &self.sync_errors)?;
             self.archive = Some(archive);
         }
         let Some(archive) = &self.archive else { return Ok(()) };
@@ -47,12 +47,12 @@ impl Writer {
 
     /// Whether the file at the archive's path is the one that was written last, and whole.
     pub fn is_in_place(&self) -> bool {
-        self.place.check().is_ok()
+        self.guard.check().is_ok()
     }
 
     /// The archive, if it was not let go of.
     pub(crate) fn open(&self) -> Result<&Archive> {
-        self.archive.as_ref().ok_or_else(|| Error::LetGo { path: self.path.clone() })
+        self.archive.as_ref().ok_or_else(|| Error::Abandoned { path: self.path.clone() })
     }
 
     /// Closes the file without writing anything more to it.
@@ -66,12 +66,15 @@ impl Writer {
 
     fn reopen(&self) -> Result<Archive> {
         let archive = Archive::open(&self.path, Access::Write)?;
-        let kept = &self.kept;
-        let lineage =
-            Lineage { reference: kept.reference.as_deref(), made_by: &kept.made_by, ..kept.config.as_str().into() };
+        let provenance = &self.provenance;
+        let lineage = Lineage {
+            reference: provenance.reference.as_deref(),
+            made_by: &provenance.made_by,
+            ..provenance.config.as_str().into()
+        };
         archive.check_same(&self.plan, lineage)?;
         // More may be there than is known to be: of a flush that failed half-way.
-        let there = recall(&archive)?.ledger;
+        let there = load_resume_state(&archive)?.ledger;
         let is_there = |row: usize| {
             let state = self.ledger.taps()[row];
             state == TapState::Missing || (there.taps()[row], there.attempt(row)) == (state, self.ledger.attempt(row))

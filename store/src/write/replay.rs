@@ -3,7 +3,7 @@
 use tapline_wire::{Discriminators, Quality, TapId, TapState};
 
 use crate::error::{Context, Result};
-use crate::format::convert::at_attempt;
+use crate::format::fields::at_attempt;
 use crate::write::Writer;
 
 /// Rows that one call of [`Writer::settled_from`] looks at.

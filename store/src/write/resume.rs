@@ -8,38 +8,38 @@ use crate::archive::Archive;
 use crate::archive::ledger::tap_state;
 use crate::archive::states::States;
 use crate::error::{Context, Result};
-use crate::format::checksum::SealedRow as _;
+use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{LedgerRow, ScanRow};
-use crate::write::tap_state::{Take, Track};
+use crate::write::tap_state::{Track, Version};
 
 /// What is settled in an archive.
 #[derive(Debug)]
 pub(crate) struct ResumeState {
-    pub(crate) tracks: Vec<Track>,
-    pub(crate) scans: Vec<ScanRow>,
+    pub tracks: Vec<Track>,
+    pub scans: Vec<ScanRow>,
     /// For each scan, the fingerprint of its verdict and map if it is judged.
-    pub(crate) scan_fingerprints: Vec<Option<u64>>,
-    pub(crate) ledger: Ledger,
+    pub scan_fingerprints: Vec<Option<u64>>,
+    pub ledger: Ledger,
     /// Rows that count otherwise than they stand in the file, to be written as they count.
-    pub(crate) changed_taps: BTreeMap<u32, LedgerRow>,
-    pub(crate) changed_scans: BTreeMap<u32, ScanRow>,
+    pub changed_taps: BTreeMap<u32, LedgerRow>,
+    pub changed_scans: BTreeMap<u32, ScanRow>,
 }
 
 /// Reads what is settled in `archive`; rows whose state says "missing" are as if they were not there.
-pub(crate) fn recall(archive: &Archive) -> Result<ResumeState> {
+pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
     let context = "read what is archived";
     let tap_count = archive.plan().taps().len();
-    let mut samples = vec![Take { attempt: 0, fingerprint: 0 }; tap_count];
+    let mut samples = vec![Version { attempt: 0, fingerprint: 0 }; tap_count];
     let mut discriminators = samples.clone();
     let mut is_valid = vec![true; tap_count];
     let headers = archive.headers().for_each(|k, row| {
-        is_valid[k] &= row.is_whole(k);
-        samples[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() };
+        is_valid[k] &= row.is_valid(k);
+        samples[k] = Version { attempt: row.attempt, fingerprint: row.fingerprint() };
     });
     headers.context(context, archive.path())?;
     let found = archive.discriminators().for_each(|k, row| {
-        is_valid[k] &= row.is_whole(k);
-        discriminators[k] = Take { attempt: row.attempt, fingerprint: row.fingerprint() };
+        is_valid[k] &= row.is_valid(k);
+        discriminators[k] = Version { attempt: row.attempt, fingerprint: row.fingerprint() };
     });
     found.context(context, archive.path())?;
     let states = States::load(archive, |k| !is_valid[k])?;
@@ -60,7 +60,7 @@ pub(crate) fn recall(archive: &Archive) -> Result<ResumeState> {
             TapState::Archived => Track::archived(samples[k], discriminators[k]),
             TapState::Refused => Track::refused(row.attempt),
         };
-        let retaken = raw.filter(|raw| raw.is_whole(k)).unwrap_or(row);
+        let retaken = raw.filter(|raw| raw.is_valid(k)).unwrap_or(row);
         tracks.push(track.retaken_before(retaken.retaken_count, retaken.retaken_quality));
     }
     let mut scan_fingerprints = Vec::with_capacity(states.scans.len());

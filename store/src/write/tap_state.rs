@@ -29,9 +29,9 @@ pub struct PutCounts {
 
 /// One take of a tap: which attempt, and a fingerprint of what came with it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Take {
-    pub(crate) attempt: u16,
-    pub(crate) fingerprint: u64,
+pub(crate) struct Version {
+    pub attempt: u16,
+    pub fingerprint: u64,
 }
 
 /// The two halves of a tap, which arrive on different ways.
@@ -47,8 +47,8 @@ pub(crate) enum Half {
 /// lost must give way to the retake, whatever number the source gives it. From then on nothing changes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Track {
-    samples: Option<Take>,
-    discriminators: Option<Take>,
+    samples: Option<Version>,
+    discriminators: Option<Version>,
     state: TapState,
     attempt: u16,
     retaken_count: u32,
@@ -70,12 +70,12 @@ impl Track {
     }
 
     /// A tap whose samples are there for good, and whose discriminators are to come.
-    pub(crate) fn recorded(samples: Take) -> Self {
+    pub(crate) fn recorded(samples: Version) -> Self {
         Self { samples: Some(samples), ..Self::missing(samples.attempt) }
     }
 
     /// A tap that an earlier writer archived.
-    pub(crate) fn archived(samples: Take, discriminators: Take) -> Self {
+    pub(crate) fn archived(samples: Version, discriminators: Version) -> Self {
         let (state, missing) = (TapState::Archived, Self::missing(samples.attempt));
         Self { samples: Some(samples), discriminators: Some(discriminators), state, ..missing }
     }
@@ -116,16 +116,16 @@ impl Track {
         self.discriminators.is_some()
     }
 
-    fn half(&self, half: Half) -> Option<Take> {
+    fn half(&self, half: Half) -> Option<Version> {
         match half {
             Half::Samples => self.samples,
             Half::Discriminators => self.discriminators,
         }
     }
 
-    /// What is to be done with `take` of `half`.
-    pub(crate) fn outcome(&self, half: Half, take: Take) -> PutOutcome {
-        if self.half(half) == Some(take) {
+    /// What is to be done with `version` of `half`.
+    pub(crate) fn outcome(&self, half: Half, version: Version) -> PutOutcome {
+        if self.half(half) == Some(version) {
             PutOutcome::AlreadyThere
         } else if self.state.is_settled() {
             PutOutcome::Conflict
@@ -134,11 +134,11 @@ impl Track {
         }
     }
 
-    /// Takes `take` of `half` in; the tap is archived once both halves are of one attempt.
-    pub(crate) fn take(&mut self, half: Half, take: Take) {
+    /// Takes `version` of `half` in; the tap is archived once both halves are of one attempt.
+    pub(crate) fn record(&mut self, half: Half, version: Version) {
         match half {
-            Half::Samples => self.samples = Some(take),
-            Half::Discriminators => self.discriminators = Some(take),
+            Half::Samples => self.samples = Some(version),
+            Half::Discriminators => self.discriminators = Some(version),
         }
         if let (Some(samples), Some(discriminators)) = (self.samples, self.discriminators)
             && samples.attempt == discriminators.attempt
@@ -179,9 +179,9 @@ mod tests {
 
     use super::*;
 
-    fn halves() -> impl Strategy<Value = (Half, Take)> {
+    fn halves() -> impl Strategy<Value = (Half, Version)> {
         let half = prop_oneof![Just(Half::Samples), Just(Half::Discriminators)];
-        (half, 0..3u16, 0..2u64).prop_map(|(half, attempt, fingerprint)| (half, Take { attempt, fingerprint }))
+        (half, 0..3u16, 0..2u64).prop_map(|(half, attempt, fingerprint)| (half, Version { attempt, fingerprint }))
     }
 
     proptest! {
@@ -190,20 +190,20 @@ mod tests {
         #[test]
         fn settles_once_and_for_all(history in prop::collection::vec(halves(), 0..12)) {
             let mut track = Track::missing(0);
-            for (half, take) in history.into_iter().chain([
-                (Half::Samples, Take { attempt: 7, fingerprint: 7 }),
-                (Half::Discriminators, Take { attempt: 7, fingerprint: 8 }),
+            for (half, version) in history.into_iter().chain([
+                (Half::Samples, Version { attempt: 7, fingerprint: 7 }),
+                (Half::Discriminators, Version { attempt: 7, fingerprint: 8 }),
             ]) {
                 let before = track;
-                let outcome = track.outcome(half, take);
+                let outcome = track.outcome(half, version);
                 if outcome == PutOutcome::Stored {
                     prop_assert_eq!(before.state, TapState::Missing);
-                    track.take(half, take);
+                    track.record(half, version);
                 }
                 if track.state == TapState::Archived {
                     prop_assert_eq!(track.samples.unwrap().attempt, track.discriminators.unwrap().attempt);
                 }
-                prop_assert!(outcome == PutOutcome::Conflict || track.outcome(half, take) == PutOutcome::AlreadyThere);
+                prop_assert!(outcome == PutOutcome::Conflict || track.outcome(half, version) == PutOutcome::AlreadyThere);
             }
             prop_assert_eq!(track.state, TapState::Archived);
         }

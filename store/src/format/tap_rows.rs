@@ -1,61 +1,27 @@
-//! Records of the stream as rows of tables and back, and the fingerprints by which two takes are told apart.
+//! The rows of a tap: from the records of the stream and back, and the fingerprints that tell two attempts apart.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use hdf5::types::FixedUnicode;
 use tapline_wire::{
-    CHANNELS_MAX, ChannelHeader, DamageCell, Discriminator, Discriminators, IdError, Judgement, Plan, PlannedTap,
-    Quality, Reasons, RecordKind, Scan, ScanState, Serial, Stamp, TapHeader, TapId, TapState, Values,
+    CHANNELS_MAX, ChannelHeader, Discriminator, Discriminators, IdError, Plan, PlannedTap, Quality, RecordKind, Stamp,
+    TapHeader, TapId, TapState, Values,
 };
 
-use crate::format::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, ReasonRow, ScanRow, UNWRITTEN};
+use crate::format::fields::{at_attempt, fixed, known, serial};
+use crate::format::layout::{DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, ReasonRow, UNWRITTEN};
 use crate::format::lineage::Digest;
 use crate::format::lost::Lost;
-
-/// Stands at the end of a text that was cut.
-const ELLIPSIS: &str = "\u{2026}";
-
-/// `text` in at most `N` bytes, cut at the end of a character and marked when it is longer.
-pub(crate) fn fixed<const N: usize>(text: &str) -> FixedUnicode<N> {
-    if let Ok(whole) = text.parse() {
-        return whole;
-    }
-    let cut = &text[..text.floor_char_boundary(N.saturating_sub(ELLIPSIS.len()))];
-    format!("{cut}{ELLIPSIS}").parse().unwrap_or_default()
-}
-
-/// The text of a fixed field, `None` when it is not UTF-8.
-pub(crate) fn text<const N: usize>(field: &FixedUnicode<N>) -> Option<&str> {
-    std::str::from_utf8(field.as_bytes()).ok()
-}
-
-/// The serial number in a fixed field, empty for an empty field.
-pub(crate) fn serial<const N: usize>(field: &FixedUnicode<N>) -> Option<Serial> {
-    match text(field)? {
-        "" => Some(Serial::default()),
-        text => Serial::new(text).ok(),
-    }
-}
-
-fn known(value: f64) -> Option<f64> {
-    Some(value).filter(|v| !v.is_nan())
-}
-
-/// The tap `id` at `attempt`.
-pub(crate) fn at_attempt(mut id: TapId, attempt: u16) -> TapId {
-    id.attempt = attempt;
-    id
-}
 
 /// The beginning of a plan, or what was added to it at once.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Growth {
     /// Rows of the plan then.
-    pub(crate) to: u32,
+    pub to: u32,
     /// Its digest then.
-    pub(crate) plan_digest: u64,
+    pub plan_digest: u64,
     /// Why it was added, 0 for the beginning.
-    pub(crate) why: u16,
+    pub why: u16,
 }
 
 impl PlanRow {
@@ -259,146 +225,6 @@ impl LedgerRow {
     }
 }
 
-impl ScanRow {
-    /// The row of a scan that is still open.
-    pub(crate) fn open(scan: &Scan, first_cell: u32) -> Self {
-        Self {
-            station: scan.station,
-            tyre: fixed(scan.tyre.as_str()),
-            shoulder: scan.shoulder,
-            verdict: 0,
-            reasons: 0,
-            limit_re_inspect: f64::NAN,
-            limit_reject: f64::NAN,
-            false_call_rate: f64::NAN,
-            p_value: f64::NAN,
-            evidence: [f64::NAN; Discriminator::COUNT],
-            drift: [f64::NAN; Discriminator::COUNT],
-            planned_count: u32::try_from(scan.taps.len()).unwrap_or(u32::MAX),
-            received_count: 0,
-            refused_count: 0,
-            absent_count: 0,
-            first_cell,
-            cell_count: u32::try_from(scan.locations.len()).unwrap_or(u32::MAX),
-            state: ScanState::Open.code().into(),
-            checksum: 0,
-        }
-    }
-
-    /// The state, `None` for a code nobody knows.
-    pub(crate) fn state(&self) -> Option<ScanState> {
-        ScanState::from_code(u8::try_from(self.state).ok()?)
-    }
-
-    /// The same row with `judgement` on it.
-    pub(crate) fn judged(self, judgement: &Judgement) -> Self {
-        Self {
-            verdict: judgement.verdict,
-            reasons: judgement.reasons.bits(),
-            limit_re_inspect: judgement.limit_re_inspect,
-            limit_reject: judgement.limit_reject,
-            false_call_rate: judgement.false_call_rate,
-            p_value: judgement.p_value,
-            evidence: judgement.evidence,
-            drift: judgement.drift,
-            planned_count: judgement.planned_count,
-            received_count: judgement.received_count,
-            refused_count: judgement.refused_count,
-            absent_count: judgement.absent_count,
-            state: ScanState::Judged.code().into(),
-            ..self
-        }
-    }
-
-    /// The judgement of scan `number`; of its stamp, only what does not depend on how it was sent.
-    pub(crate) fn to_judgement(self, number: u32) -> Judgement {
-        Judgement {
-            stamp: Stamp { kind: RecordKind::Data.code(), mark: number.into(), ..Stamp::default() },
-            verdict: self.verdict,
-            reasons: Reasons::from_bits(self.reasons),
-            limit_re_inspect: self.limit_re_inspect,
-            limit_reject: self.limit_reject,
-            false_call_rate: self.false_call_rate,
-            p_value: self.p_value,
-            evidence: self.evidence,
-            drift: self.drift,
-            planned_count: self.planned_count,
-            received_count: self.received_count,
-            refused_count: self.refused_count,
-            absent_count: self.absent_count,
-        }
-    }
-
-    /// A number that differs for different judgements with `cells`.
-    pub(crate) fn fingerprint(&self, cells: &[CellRow]) -> u64 {
-        let mut hasher = DefaultHasher::new();
-        (self.verdict, self.reasons).hash(&mut hasher);
-        [self.limit_re_inspect, self.limit_reject, self.false_call_rate, self.p_value]
-            .map(f64::to_bits)
-            .hash(&mut hasher);
-        [self.evidence, self.drift].map(|of| of.map(f64::to_bits)).hash(&mut hasher);
-        (self.planned_count, self.received_count, self.refused_count, self.absent_count).hash(&mut hasher);
-        for cell in cells {
-            (cell.location, cell.region, cell.tap_count, cell.absent_count).hash(&mut hasher);
-            [cell.angle_deg, cell.damage_index, cell.p_value, cell.guard, cell.region_p_value]
-                .map(f64::to_bits)
-                .hash(&mut hasher);
-            [cell.offset_best_mm, cell.offset_low_mm, cell.offset_high_mm].map(f64::to_bits).hash(&mut hasher);
-        }
-        hasher.finish()
-    }
-}
-
-impl CellRow {
-    /// Room for a location that may be asked for yet.
-    pub(crate) fn unwritten() -> Self {
-        let cell = DamageCell { angle_deg: f64::NAN, ..DamageCell::default() };
-        let scan = Scan { station: 0, tyre: Serial::default(), shoulder: 0, taps: Vec::new(), locations: Vec::new() };
-        Self::new(UNWRITTEN, &scan, &cell)
-    }
-
-    /// The row of `cell` in the damage map of scan `number`.
-    pub(crate) fn new(number: u32, scan: &Scan, cell: &DamageCell) -> Self {
-        Self {
-            scan: number,
-            tyre: fixed(scan.tyre.as_str()),
-            station: scan.station,
-            shoulder: scan.shoulder,
-            location: cell.location,
-            angle_deg: cell.angle_deg,
-            damage_index: cell.damage_index,
-            p_value: cell.p_value,
-            guard: cell.guard,
-            region_p_value: cell.region_p_value,
-            offset_best_mm: cell.offset_best_mm,
-            offset_low_mm: cell.offset_low_mm,
-            offset_high_mm: cell.offset_high_mm,
-            region: cell.region,
-            tap_count: cell.tap_count,
-            absent_count: cell.absent_count,
-            checksum: 0,
-        }
-    }
-
-    /// The damage of this row.
-    pub(crate) fn to_cell(self) -> DamageCell {
-        DamageCell {
-            location: self.location,
-            region: self.region,
-            angle_deg: self.angle_deg,
-            damage_index: self.damage_index,
-            p_value: self.p_value,
-            guard: self.guard,
-            region_p_value: self.region_p_value,
-            offset_best_mm: self.offset_best_mm,
-            offset_low_mm: self.offset_low_mm,
-            offset_high_mm: self.offset_high_mm,
-            tap_count: self.tap_count,
-            absent_count: self.absent_count,
-        }
-    }
-}
-
 impl ReasonRow {
     /// The row of `reason`, which is cut where it is too long.
     pub(crate) fn new(reason: &str) -> Self {
@@ -411,17 +237,23 @@ impl ReasonRow {
     }
 }
 
-/// Row in the damage table of the first cell of every scan of the plan that an archive is begun with, and of the end: each has
-/// room for as many locations as taps may be added.
-pub(crate) fn first_cells(begun: &Plan, taps_max: usize) -> Vec<usize> {
-    let spare = taps_max - begun.taps().len();
-    let mut first_cells = vec![0];
-    for scan in begun.scans() {
-        first_cells.push(first_cells[first_cells.len() - 1] + scan.locations.len() + spare);
-    }
-    first_cells
-}
-
 #[cfg(test)]
-#[path = "convert_tests.rs"]
-mod tests;
+mod tests {
+    use super::*;
+
+    /// Catches a fingerprint that a retransmission would change, or that a field of the tap does not enter.
+    #[test]
+    fn fingerprints_tell_takes_apart_not_sendings() {
+        let row = HeaderRow::unwritten();
+        let resent = HeaderRow { sequence: 9, epoch_ns: 9, sent_ns: 9, ..row };
+        assert_eq!(row.fingerprint(), resent.fingerprint());
+        let retaken = [
+            HeaderRow { attempt: 1, ..row },
+            HeaderRow { tap_time_ns: 1, ..row },
+            HeaderRow { sample_count: 1, ..row },
+            HeaderRow { velocity_measured_m_per_s: 1.0, ..row },
+            HeaderRow { unit_per_count: [0.0, 1.0, 0.0, 0.0], ..row },
+        ];
+        assert!(retaken.iter().all(|other| other.fingerprint() != row.fingerprint()));
+    }
+}

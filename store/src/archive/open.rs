@@ -1,0 +1,214 @@
+//! Opens an archive: first by plain reads, which nothing in a damaged file can mislead, then through the HDF5 library.
+
+use std::fs::TryLockError;
+use std::io::{ErrorKind, Read as _};
+use std::path::Path;
+use std::time::Duration;
+
+use hdf5::File;
+use tapline_codec::Codec;
+
+use crate::archive::Archive;
+use crate::archive::metadata::Metadata;
+use crate::archive::plan::{Planned, read_plan};
+use crate::archive::units::check_units;
+use crate::error::{Context, Error, Result};
+use crate::format::checksum::ChecksummedRow;
+use crate::format::layout::{FORMAT, FORMAT_VERSION, attribute, table};
+use crate::format::lineage::hex_of;
+use crate::format::scan_rows::first_cells;
+use crate::h5::file::{close_in_children, files, files_to_read, take_whole_file};
+use crate::h5::samples::ChunkRows;
+use crate::h5::seal::is_sealed;
+use crate::h5::structure;
+use crate::h5::table::Table;
+use crate::h5::text::{read_number, read_text};
+
+const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
+
+/// Tries before a lock is believed: for a moment, a process that is being started holds the locks of the process that
+/// starts it.
+const LOCK_TRIES: u32 = 20;
+const LOCK_PAUSE: Duration = Duration::from_millis(10);
+
+/// What an archive is opened for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Access {
+    /// To read a finished archive.
+    Read,
+    /// To read any archive; an unfinished one is as its writer left it.
+    ReadUnfinished,
+    /// To write an unfinished archive.
+    Write,
+}
+
+impl Archive {
+    /// Opens the archive at `path` and checks that all its tables are there and fit each other.
+    pub(crate) fn open(path: &Path, access: Access) -> Result<Self> {
+        let is_finished = probe(path, access)?;
+        let file = match access {
+            Access::Read | Access::ReadUnfinished => files_to_read().open(path),
+            Access::Write => files().open_rw(path),
+        }
+        .context("open the archive", path)?;
+        if access == Access::Write {
+            take_whole_file(&file).context("take the whole file", path)?;
+        }
+        close_in_children(&file).context("keep the archive to this process", path)?;
+        check_format(&file, path)?;
+        let metadata = read_metadata(&file, path)?;
+        let raw = open_raw(&file, path)?;
+        let taps_file = raw.as_ref().map_or(&file, |raw| &raw.file);
+        check_units(&file, taps_file, path)?;
+        let Planned { plan, begun } = read_plan(&metadata, taps_file, path)?;
+        if let Some(raw) = raw.as_ref().filter(|raw| raw.plan.digest() != plan.digest()) {
+            let (archived, given) = (raw.plan.digest(), plan.digest());
+            return Err(Error::OtherPlan { path: raw.path.clone(), archived, given });
+        }
+        let (tap_count, taps_max) = (plan.taps().len(), metadata.plan.len());
+        let taps_max_there = raw.as_ref().map_or(taps_max, |raw| raw.taps_max);
+        let first_cells = first_cells(&begun, taps_max);
+        let cells_max = first_cells[plan.scans().len()];
+        let config = text_of(metadata.config, table::CONFIG, path)?;
+        let made_by = text_of(metadata.made_by, table::MADE_BY, path)?;
+        let reference = metadata.reference.map(|text| text_of(text, table::REFERENCE, path)).transpose()?;
+        let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
+        let codec = read_text(&samples, attribute::CODEC).context("read what packs the samples", path)?;
+        let codec = Codec::from_name(&codec).ok_or_else(|| {
+            Error::damaged(path, format!("its samples are packed by {codec:?}, which is none of its codecs"))
+        })?;
+        let samples = (samples.shape().first() == Some(&taps_max_there))
+            .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
+            .flatten()
+            .ok_or_else(|| Error::damaged(path, "the samples have not the shape that the plan asks for"))?;
+        let archive = Self {
+            path: path.to_owned(),
+            config,
+            made_by,
+            reference,
+            samples,
+            headers: open_table(taps_file, path, tap_count, taps_max_there)?,
+            discriminators: open_table(&file, path, tap_count, taps_max)?,
+            ledger: open_table(&file, path, tap_count, taps_max)?,
+            refusals: open_table(&file, path, tap_count, taps_max)?,
+            scans: open_table(&file, path, plan.scans().len(), plan.scans().len())?,
+            damage: open_table(&file, path, cells_max, cells_max)?,
+            plan_rows: open_table(&file, path, tap_count, taps_max)?,
+            begun,
+            taps_max,
+            first_cells,
+            is_finished,
+            plan,
+            raw: raw.map(Box::new),
+            file,
+        };
+        archive.check_raw()?;
+        Ok(archive)
+    }
+
+    /// Whether the taps that results are of are those that they were made of.
+    fn check_raw(&self) -> Result<()> {
+        if !self.is_results() {
+            return Ok(());
+        }
+        let made_of =
+            read_text(&self.file, attribute::RAW_DIGEST).context("read the digest of the taps", &self.path)?;
+        let there = hex_of(&self.raw_digest()?);
+        if made_of == there {
+            return Ok(());
+        }
+        let raw = self.samples.dataset().filename();
+        Err(Error::OtherTaps { path: self.path.clone(), raw: raw.into(), made_of, there })
+    }
+}
+
+/// Opens the archive whose taps the results in `file` are of; `None` where they are its own.
+fn open_raw(file: &File, path: &Path) -> Result<Option<Archive>> {
+    if !file.attr_names().context("read the attributes", path)?.iter().any(|name| name == attribute::RAW) {
+        return Ok(None);
+    }
+    let name = read_text(file, attribute::RAW).context("read the name of the taps' archive", path)?;
+    let raw = Archive::open(&path.with_file_name(&name), Access::Read)?;
+    match raw.is_results() {
+        true => Err(Error::damaged(path, "it names other results as the archive of its taps")),
+        false => Ok(Some(raw)),
+    }
+}
+
+/// Gives the plain reasons why a file cannot be opened, before the library gives its own.
+///
+/// The lock is tried with a descriptor of its own: the library shares one file between all its openings within a
+/// process and would let a second writer in.
+/// Says whether it is finished.
+fn probe(path: &Path, access: Access) -> Result<bool> {
+    let mut file = std::fs::OpenOptions::new()
+        .read(true)
+        .write(access == Access::Write)
+        .open(path)
+        .context("open the archive", path)?;
+    let try_lock = || match access {
+        Access::Read | Access::ReadUnfinished => file.try_lock_shared(),
+        Access::Write => file.try_lock(),
+    };
+    let mut locked = try_lock();
+    for _ in 0..LOCK_TRIES {
+        if !matches!(locked, Err(TryLockError::WouldBlock)) {
+            break;
+        }
+        std::thread::sleep(LOCK_PAUSE);
+        locked = try_lock();
+    }
+    match locked {
+        Err(TryLockError::WouldBlock) => return Err(Error::InUse { path: path.to_owned() }),
+        // A file system without locks cannot say; the library then decides.
+        Err(TryLockError::Error(_)) | Ok(()) => {}
+    }
+    let mut signature = [0; 8];
+    match file.read_exact(&mut signature) {
+        Ok(()) if signature == *SIGNATURE => {}
+        Err(error) if error.kind() != ErrorKind::UnexpectedEof => return Err(error).context("read the archive", path),
+        _ => return Err(Error::NotHdf5 { path: path.to_owned() }),
+    }
+    let is_finished = is_sealed(&file, path)?;
+    match access {
+        Access::Read if !is_finished => Err(Error::NotFinished { path: path.to_owned() }),
+        Access::Write if is_finished => Err(Error::Finished { path: path.to_owned() }),
+        _ if is_finished => Ok(true),
+        _ => structure::check(&file, path).map(|()| false),
+    }
+}
+
+/// Checks that `file` is an archive of the layout that is known.
+fn check_format(file: &File, path: &Path) -> Result<()> {
+    let format = read_text(file, attribute::FORMAT).unwrap_or_default();
+    if format != FORMAT {
+        let what = format!("its attribute {:?} is {format:?}, not {FORMAT:?}", attribute::FORMAT);
+        return Err(Error::NotAnArchive { path: path.to_owned(), what });
+    }
+    let got: u32 = read_number(file, attribute::FORMAT_VERSION).context("read the format version", path)?;
+    if got != FORMAT_VERSION {
+        return Err(Error::FormatVersion { path: path.to_owned(), got, known: FORMAT_VERSION });
+    }
+    Ok(())
+}
+
+/// What was given to the archive, if it is what it was then.
+fn read_metadata(file: &File, path: &Path) -> Result<Metadata> {
+    let said = read_text(file, attribute::DIGEST).context("read the digest", path)?;
+    let given = Metadata::read(file).context("read what does not change", path)?;
+    given.filter(|given| given.digest == said).ok_or_else(|| {
+        let what =
+            "its plan, truth, configuration, reference or attributes are not what was written: their digest differs";
+        Error::damaged(path, what)
+    })
+}
+
+fn open_table<R: ChecksummedRow>(file: &File, path: &Path, row_count: usize, capacity: usize) -> Result<Table<R>> {
+    Table::open(file, row_count, capacity)
+        .context("find a table", path)?
+        .ok_or_else(|| Error::damaged(path, format!("{} has not {capacity} rows of this layout", R::TABLE)))
+}
+
+fn text_of(text: Vec<u8>, name: &str, path: &Path) -> Result<String> {
+    String::from_utf8(text).map_err(|_error| Error::damaged(path, format!("{name:?} is not UTF-8")))
+}

@@ -1,0 +1,98 @@
+//! What kind of failure an error is, and what someone can do about it.
+
+use std::io;
+use std::path::Path;
+
+use rustix::io::Errno;
+
+use super::Error;
+
+/// What to do with an archive of layout `got` where only `known` is read.
+pub(super) fn way_out(got: u32, known: u32) -> &'static str {
+    if got > known { "a newer tapline wrote it, and reads it" } else { "no released tapline wrote it" }
+}
+
+impl Error {
+    /// The archive at `path` is corrupt: `what` says how.
+    pub(crate) fn damaged(path: &Path, what: impl Into<String>) -> Self {
+        Self::Damaged { path: path.to_owned(), what: what.into() }
+    }
+
+    /// The error that names the first line in which two configurations differ.
+    pub(crate) fn other_configuration(path: &Path, archived: &str, given: &str) -> Self {
+        let (line, archived, given) = first_difference(archived, given);
+        Self::OtherConfiguration { path: path.to_owned(), line, archived, given }
+    }
+
+    /// The error that names the first line in which two lineages differ.
+    pub(crate) fn other_lineage(path: &Path, archived: &str, given: &str) -> Self {
+        let (_, archived, given) = first_difference(archived, given);
+        Self::OtherLineage { path: path.to_owned(), archived, given }
+    }
+
+    /// Whether the writer can continue once the cause is gone, for example a full disk: see [`crate::Writer::recover`].
+    pub fn is_recoverable(&self) -> bool {
+        let is_io = matches!(self, Self::Io { .. } | Self::Hdf5 { .. } | Self::Abandoned { .. });
+        let is_of_the_path = matches!(
+            self,
+            Self::Removed { .. } | Self::Moved { .. } | Self::Replaced { .. } | Self::Cut { .. } | Self::InUse { .. }
+        );
+        is_io || is_of_the_path
+    }
+
+    /// Whether the file system has failed or is read-only. It can be repaired only after every process has closed its files
+    /// there.
+    pub fn is_file_system_failure(&self) -> bool {
+        const FAILED: [Errno; 6] = [Errno::IO, Errno::ROFS, Errno::SHUTDOWN, Errno::UCLEAN, Errno::NODEV, Errno::NXIO];
+        match self {
+            Self::Io { source, .. } => FAILED.iter().any(|errno| source.raw_os_error() == Some(errno.raw_os_error())),
+            // HDF5 has the number in its message alone.
+            Self::Hdf5 { source, .. } => {
+                let text = source.to_string();
+                FAILED.iter().any(|errno| text.contains(&format!("errno = {},", errno.raw_os_error())))
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether a part of a file cannot be read, because of a bad sector or a wrong length, while other parts may be.
+    pub fn is_unreadable_part(&self) -> bool {
+        let Self::Io { source, .. } = self else { return false };
+        source.kind() == io::ErrorKind::UnexpectedEof || source.raw_os_error() == Some(Errno::IO.raw_os_error())
+    }
+
+    /// Whether the disk, or this user's quota on it, is full.
+    pub fn is_disk_full(&self) -> bool {
+        let Self::Io { source, .. } = self else { return false };
+        matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
+    }
+
+    /// What someone can do about an error that [is recoverable](Self::is_recoverable).
+    pub fn remedy(&self) -> &'static str {
+        match self {
+            _ if self.is_disk_full() => "make room on that disk",
+            Self::Io { source, .. } => match source.kind() {
+                io::ErrorKind::ReadOnlyFilesystem => "mount that disk to be written again",
+                io::ErrorKind::NotFound => "bring that folder back",
+                io::ErrorKind::PermissionDenied => "give this user the right to write it",
+                _ => "see to that disk",
+            },
+            Self::Removed { .. } => "bring its folder back: the archive is then written there again",
+            Self::Moved { .. } => "move it back",
+            Self::Replaced { .. } => "move the other file away and this one back",
+            Self::InUse { .. } => "end what reads it",
+            Self::Cut { .. } => "put a whole copy in its place",
+            _ => "see to that disk and file",
+        }
+    }
+}
+
+/// Number, from 1, and wording of the first line in which two texts differ; a line that one text lacks is empty.
+fn first_difference(archived: &str, given: &str) -> (usize, String, String) {
+    let line_count = archived.lines().count().max(given.lines().count());
+    let pair = |k: usize| (archived.lines().nth(k).unwrap_or(""), given.lines().nth(k).unwrap_or(""));
+    // Texts may differ in their line ends alone: then the last line is named.
+    let k = (0..line_count).find(|&k| pair(k).0 != pair(k).1).unwrap_or(line_count.saturating_sub(1));
+    let (archived, given) = pair(k);
+    (k + 1, archived.to_owned(), given.to_owned())
+}

@@ -1,0 +1,159 @@
+//! The rows of a scan and of its damage map: from the records of the stream and back.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use tapline_wire::{DamageCell, Discriminator, Judgement, Plan, Reasons, RecordKind, Scan, ScanState, Serial, Stamp};
+
+use crate::format::fields::fixed;
+use crate::format::layout::{CellRow, ScanRow, UNWRITTEN};
+
+impl ScanRow {
+    /// The row of a scan that is still open.
+    pub(crate) fn open(scan: &Scan, first_cell: u32) -> Self {
+        Self {
+            station: scan.station,
+            tyre: fixed(scan.tyre.as_str()),
+            shoulder: scan.shoulder,
+            verdict: 0,
+            reasons: 0,
+            limit_re_inspect: f64::NAN,
+            limit_reject: f64::NAN,
+            false_call_rate: f64::NAN,
+            p_value: f64::NAN,
+            evidence: [f64::NAN; Discriminator::COUNT],
+            drift: [f64::NAN; Discriminator::COUNT],
+            planned_count: u32::try_from(scan.taps.len()).unwrap_or(u32::MAX),
+            received_count: 0,
+            refused_count: 0,
+            absent_count: 0,
+            first_cell,
+            cell_count: u32::try_from(scan.locations.len()).unwrap_or(u32::MAX),
+            state: ScanState::Open.code().into(),
+            checksum: 0,
+        }
+    }
+
+    /// The state, `None` for a code nobody knows.
+    pub(crate) fn state(&self) -> Option<ScanState> {
+        ScanState::from_code(u8::try_from(self.state).ok()?)
+    }
+
+    /// The same row with `judgement` on it.
+    pub(crate) fn judged(self, judgement: &Judgement) -> Self {
+        Self {
+            verdict: judgement.verdict,
+            reasons: judgement.reasons.bits(),
+            limit_re_inspect: judgement.limit_re_inspect,
+            limit_reject: judgement.limit_reject,
+            false_call_rate: judgement.false_call_rate,
+            p_value: judgement.p_value,
+            evidence: judgement.evidence,
+            drift: judgement.drift,
+            planned_count: judgement.planned_count,
+            received_count: judgement.received_count,
+            refused_count: judgement.refused_count,
+            absent_count: judgement.absent_count,
+            state: ScanState::Judged.code().into(),
+            ..self
+        }
+    }
+
+    /// The judgement of scan `number`; of its stamp, only what does not depend on how it was sent.
+    pub(crate) fn to_judgement(self, number: u32) -> Judgement {
+        Judgement {
+            stamp: Stamp { kind: RecordKind::Data.code(), mark: number.into(), ..Stamp::default() },
+            verdict: self.verdict,
+            reasons: Reasons::from_bits(self.reasons),
+            limit_re_inspect: self.limit_re_inspect,
+            limit_reject: self.limit_reject,
+            false_call_rate: self.false_call_rate,
+            p_value: self.p_value,
+            evidence: self.evidence,
+            drift: self.drift,
+            planned_count: self.planned_count,
+            received_count: self.received_count,
+            refused_count: self.refused_count,
+            absent_count: self.absent_count,
+        }
+    }
+
+    /// A number that differs for different judgements with `cells`.
+    pub(crate) fn fingerprint(&self, cells: &[CellRow]) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        (self.verdict, self.reasons).hash(&mut hasher);
+        [self.limit_re_inspect, self.limit_reject, self.false_call_rate, self.p_value]
+            .map(f64::to_bits)
+            .hash(&mut hasher);
+        [self.evidence, self.drift].map(|of| of.map(f64::to_bits)).hash(&mut hasher);
+        (self.planned_count, self.received_count, self.refused_count, self.absent_count).hash(&mut hasher);
+        for cell in cells {
+            (cell.location, cell.region, cell.tap_count, cell.absent_count).hash(&mut hasher);
+            [cell.angle_deg, cell.damage_index, cell.p_value, cell.guard, cell.region_p_value]
+                .map(f64::to_bits)
+                .hash(&mut hasher);
+            [cell.offset_best_mm, cell.offset_low_mm, cell.offset_high_mm].map(f64::to_bits).hash(&mut hasher);
+        }
+        hasher.finish()
+    }
+}
+
+impl CellRow {
+    /// ReadBuffer for a location that may be asked for yet.
+    pub(crate) fn unwritten() -> Self {
+        let cell = DamageCell { angle_deg: f64::NAN, ..DamageCell::default() };
+        let scan = Scan { station: 0, tyre: Serial::default(), shoulder: 0, taps: Vec::new(), locations: Vec::new() };
+        Self::new(UNWRITTEN, &scan, &cell)
+    }
+
+    /// The row of `cell` in the damage map of scan `number`.
+    pub(crate) fn new(number: u32, scan: &Scan, cell: &DamageCell) -> Self {
+        Self {
+            scan: number,
+            tyre: fixed(scan.tyre.as_str()),
+            station: scan.station,
+            shoulder: scan.shoulder,
+            location: cell.location,
+            angle_deg: cell.angle_deg,
+            damage_index: cell.damage_index,
+            p_value: cell.p_value,
+            guard: cell.guard,
+            region_p_value: cell.region_p_value,
+            offset_best_mm: cell.offset_best_mm,
+            offset_low_mm: cell.offset_low_mm,
+            offset_high_mm: cell.offset_high_mm,
+            region: cell.region,
+            tap_count: cell.tap_count,
+            absent_count: cell.absent_count,
+            checksum: 0,
+        }
+    }
+
+    /// The damage of this row.
+    pub(crate) fn to_cell(self) -> DamageCell {
+        DamageCell {
+            location: self.location,
+            region: self.region,
+            angle_deg: self.angle_deg,
+            damage_index: self.damage_index,
+            p_value: self.p_value,
+            guard: self.guard,
+            region_p_value: self.region_p_value,
+            offset_best_mm: self.offset_best_mm,
+            offset_low_mm: self.offset_low_mm,
+            offset_high_mm: self.offset_high_mm,
+            tap_count: self.tap_count,
+            absent_count: self.absent_count,
+        }
+    }
+}
+
+/// Row in the damage table of the first cell of every scan of the plan that an archive is begun with, and of the end: each has
+/// room for as many locations as taps may be added.
+pub(crate) fn first_cells(begun: &Plan, taps_max: usize) -> Vec<usize> {
+    let spare = taps_max - begun.taps().len();
+    let mut first_cells = vec![0];
+    for scan in begun.scans() {
+        first_cells.push(first_cells[first_cells.len() - 1] + scan.locations.len() + spare);
+    }
+    first_cells
+}

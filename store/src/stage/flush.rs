@@ -1,0 +1,89 @@
+//! What the stage makes durable, replays to `fuse` and closes.
+
+use std::time::Instant;
+
+use tapline_wire::RecordKind;
+
+use super::open_casing::OpenCasing;
+use super::outcome::RunError;
+use super::{FLUSH_EVERY, FLUSH_TAPS, StageLoop};
+use crate::write::Writer;
+
+impl StageLoop<'_> {
+    /// Flushes when someone waits for it and nothing more has come, and at the latest after a while.
+    pub(super) fn flush_if_due(&mut self, is_idle: bool) -> Result<(), RunError> {
+        let is_due = (is_idle && self.is_urgent)
+            || self.unflushed_taps >= FLUSH_TAPS
+            || self.flushed_at.elapsed() >= FLUSH_EVERY;
+        if !is_due {
+            return Ok(());
+        }
+        for index in 0..self.open.len() {
+            if self.open[index].is_dirty {
+                self.retry_until_recovered(index, Writer::flush)?;
+                self.open[index].flushed();
+                self.outcome.flush_count += 1;
+            }
+        }
+        self.unflushed_taps = 0;
+        self.is_urgent = false;
+        self.flushed_at = Instant::now();
+        Ok(())
+    }
+
+    /// Sends `fuse` what is safe of scans that have ended. It must never wait, since `fuse` may be waiting for us.
+    pub(super) fn replay(&mut self) -> Result<(), RunError> {
+        if !self.settled.poll_ready()? {
+            return Ok(());
+        }
+        let generation = self.settled.generation();
+        if std::mem::replace(&mut self.fuse_generation, generation) != generation {
+            self.open.iter_mut().for_each(OpenCasing::replay_ended);
+        }
+        for index in 0..self.open.len() {
+            while let Some(rows) = self.open[index].replays.front().cloned() {
+                if self.open[index].fuse.plan {
+                    break; // the plan comes first
+                }
+                let most = tapline_wire::SETTLED_RECORDS_MAX.min(rows.len());
+                let (records, next) =
+                    self.retry_until_recovered(index, |writer| writer.settled_from(rows.start, most))?;
+                let stamp = self.open[index].settled_stamp();
+                if !records.is_empty() && !self.settled.try_send(RecordKind::Data, stamp, &records)? {
+                    return Ok(());
+                }
+                let rest = next.unwrap_or(rows.end)..rows.end;
+                match self.open[index].replays.front_mut() {
+                    Some(front) if !rest.is_empty() => *front = rest,
+                    _ => drop(self.open[index].replays.pop_front()),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Closes the files of which every scan is judged.
+    pub(super) fn close_judged(&mut self) -> Result<(), RunError> {
+        let mut index = 0;
+        while index < self.open.len() {
+            if !self.open[index].is_judged() {
+                index += 1;
+                continue;
+            }
+            self.retry_until_recovered(index, Writer::settle)?;
+            let casing = self.open.swap_remove(index);
+            let counts = casing.writer.counts();
+            self.outcome.again_count += counts.already_there;
+            self.outcome.conflict_count += counts.conflicts;
+            self.closer.close(casing);
+        }
+        while let Some(closed) = self.closer.take_closed() {
+            self.note_closed(closed.map_err(|error| match error.is_recoverable() {
+                // What is finished and not in its place yet is taken up by the next life of this stage.
+                true => RunError::FileSystem { error },
+                false => error.into(),
+            })?);
+        }
+        Ok(())
+    }
+}

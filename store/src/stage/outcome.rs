@@ -1,0 +1,56 @@
+//! How a run of `store` ends.
+
+use serde::{Deserialize, Serialize};
+use tapline_wire::LineError;
+
+use crate::error::Error;
+
+/// Why `store` cannot go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// The archive cannot be written.
+    #[error(transparent)]
+    Archive(#[from] Error),
+    /// Shared memory fails.
+    #[error(transparent)]
+    Line(#[from] LineError),
+    /// The file system of the archive has failed, or may not be written: everything in it is let go, so that it can be mended.
+    #[error("{error}; the line waits and nothing is lost: {}", .error.remedy())]
+    FileSystem {
+        /// What it said.
+        error: Error,
+    },
+    /// The thread that closes files cannot be started.
+    #[error("cannot start the thread {name}")]
+    Thread {
+        /// Its name.
+        name: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+}
+
+/// What `store` did.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Files that were closed.
+    pub closed_count: u64,
+    /// Records that came again and were there already.
+    pub again_count: u64,
+    /// Records that contradict what is archived; the first stands.
+    pub conflict_count: u64,
+    /// Records of casings that are not open.
+    pub stray_count: u64,
+    /// Records lost on the way to any stage that says so to `store`.
+    pub lost_count: u64,
+    /// Bytes of samples written.
+    pub sample_bytes: u64,
+    /// Flushes.
+    pub flush_count: u64,
+}
+
+/// The error of a stage that cannot write a file: of the file system, if that has failed.
+pub(super) fn write_failure(error: Error) -> RunError {
+    if error.is_file_system_failure() { RunError::FileSystem { error } } else { RunError::Archive(error) }
+}
