@@ -1,54 +1,87 @@
-//! Prints the table of `docs/codec.md`: what each codec makes of simulated taps, and in what time, on one thread.
+//! Prints the tables of `docs/codec.md`: what each codec makes of simulated and of recorded taps, on one thread.
 //!
-//! `cargo run --release -p tapline-codec --example table`
+//! `cargo run --release -p tapline-codec --example table -- FOLDERS-OF-TAP-SETS`
+//!
+//! The samples stay in `target/codec`, for `codec/examples/blosc2.py`, which prints the same of c-blosc2.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "an example that cannot go on has failed")]
 #![expect(unsafe_code, reason = "the C library, with settings that the crate does not use")]
 
 use std::ffi::CStr;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use blosc_src::{BLOSC_BITSHUFFLE, BLOSC_MAX_OVERHEAD, blosc_compress_ctx, blosc_decompress_ctx};
-use tapline_acquire::{ScanConfig, SimulatedLine, Source};
+use tapline_acquire::{ScanConfig, SimulatedLine, Source, TapSet};
 use tapline_codec::{Codec, pack, unpack};
 use tapline_wire::{Lane, TapHeader, bytes_of, lanes_for};
 
-/// Bytes of a sample.
-const SAMPLE_BYTES: usize = 2;
+/// Taps of each set.
+const TAPS_MAX: u32 = 200;
 
-/// Times each codec is tried; the shortest counts.
+/// Times that each codec is tried; the shortest counts.
 const ROUNDS: usize = 5;
 
+/// Taps of one source.
+struct TapsOf {
+    name: String,
+    /// Bytes of a sample.
+    sample_bytes: usize,
+    taps: Vec<Vec<u8>>,
+}
+
 fn main() {
-    let taps = taps();
-    println!("| codec | ratio | pack, us a tap | unpack, us a tap |\n|---|---|---|---|");
-    for codec in [Codec::Lz4, Codec::Zstd] {
-        let mut planes = Vec::new();
-        row(
-            &format!("`{codec}`, as this crate packs it"),
-            &taps,
-            |tap, packed| pack(codec, SAMPLE_BYTES, tap, &mut planes, packed),
-            |packed, tap| assert!(unpack(codec, packed, std::iter::once(0..tap.len()), tap, &mut Vec::new())),
-        );
-    }
-    for (name, level, block_bytes) in
-        [(c"lz4", 5, 0), (c"lz4", 9, 0), (c"lz4", 5, 8192), (c"zstd", 1, 0), (c"blosclz", 5, 0)]
-    {
-        let words = format!("c-blosc, {} level {level}, block {block_bytes}", name.to_str().unwrap());
-        row(&words, &taps, |tap, packed| by_library(name, level, block_bytes, tap, packed), from_library);
+    let scan = ScanConfig { offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+    let mut line = SimulatedLine::new(&scan, &tapline_model::SimulationConfig::default()).unwrap();
+    print_table(&taps_of("simulated", &mut line));
+    for folder in std::env::args_os().skip(1).map(PathBuf::from) {
+        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        print_table(&taps_of(&name, &mut TapSet::open(&folder, 1).unwrap()));
     }
 }
 
-/// The samples of two hundred simulated taps.
-fn taps() -> Vec<Vec<u8>> {
-    let scan = ScanConfig { offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
-    let mut line = SimulatedLine::new(&scan, &tapline_model::SimulationConfig::default()).unwrap();
-    let mut lanes = vec![Lane::default(); lanes_for(line.plan().recording.payload_bytes_max())];
-    let mut of_row = |row| {
+fn taps_of(name: &str, source: &mut impl Source) -> TapsOf {
+    let recording = source.plan().recording.clone();
+    let tap_count = u32::try_from(source.plan().taps().len()).unwrap().min(TAPS_MAX);
+    let mut lanes = vec![Lane::default(); lanes_for(recording.payload_bytes_max())];
+    let mut tap = |row| {
         let mut header = TapHeader::default();
-        line.render(row, 0, &mut header, &mut lanes).unwrap();
+        source.render(row, 0, &mut header, &mut lanes).unwrap();
         bytes_of(&lanes)[..header.payload_bytes()].to_vec()
     };
-    (0..200).map(&mut of_row).collect()
+    let taps = (0..tap_count).map(&mut tap).collect();
+    TapsOf { name: name.to_owned(), sample_bytes: recording.sample_format.bytes(), taps }
+}
+
+fn print_table(taps: &TapsOf) {
+    let &TapsOf { ref name, sample_bytes, taps: ref all } = taps;
+    write_samples(taps);
+    println!("\n{name}: {} taps of {} samples of {sample_bytes} bytes\n", all.len(), all[0].len() / sample_bytes);
+    println!("| codec | ratio | pack, us a tap | unpack, us a tap |\n|---|---|---|---|");
+    for codec in [Codec::Lz4, Codec::Zstd] {
+        let (mut planes, mut planes_back) = (Vec::new(), Vec::new());
+        row(
+            &format!("`{codec}`, as this crate packs it"),
+            all,
+            |tap, packed| pack(codec, sample_bytes, tap, &mut planes, packed),
+            |packed, tap| assert!(unpack(codec, packed, std::iter::once(0..tap.len()), tap, &mut planes_back)),
+        );
+    }
+    for (codec, level, block_bytes) in
+        [(c"lz4", 5, 0), (c"lz4", 9, 0), (c"lz4", 5, 8192), (c"zstd", 1, 0), (c"blosclz", 5, 0)]
+    {
+        let words = format!("c-blosc, {} level {level}, block {block_bytes}", codec.to_str().unwrap());
+        let pack = |tap: &[u8], packed: &mut Vec<u8>| by_library(codec, level, sample_bytes, block_bytes, tap, packed);
+        row(&words, all, pack, from_library);
+    }
+}
+
+/// Writes the taps to `target/codec/NAME.SAMPLE_BYTES.TAP_BYTES`, one behind the other.
+fn write_samples(taps: &TapsOf) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/codec");
+    fs::create_dir_all(&folder).unwrap();
+    let name = format!("{}.{}.{}", taps.name, taps.sample_bytes, taps.taps[0].len());
+    fs::write(folder.join(name), taps.taps.concat()).unwrap();
 }
 
 fn row(
@@ -78,7 +111,7 @@ fn shorter(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-fn by_library(name: &CStr, level: i32, block_bytes: usize, samples: &[u8], packed: &mut Vec<u8>) {
+fn by_library(codec: &CStr, level: i32, sample_bytes: usize, block_bytes: usize, samples: &[u8], packed: &mut Vec<u8>) {
     packed.resize(samples.len() + BLOSC_MAX_OVERHEAD as usize, 0);
     // SAFETY: source and destination are valid for the lengths given and do not overlap; the name ends in NUL; the call keeps
     // no pointer.
@@ -86,12 +119,12 @@ fn by_library(name: &CStr, level: i32, block_bytes: usize, samples: &[u8], packe
         blosc_compress_ctx(
             level,
             BLOSC_BITSHUFFLE as i32,
-            SAMPLE_BYTES,
+            sample_bytes,
             samples.len(),
             samples.as_ptr().cast(),
             packed.as_mut_ptr().cast(),
             packed.len(),
-            name.as_ptr(),
+            codec.as_ptr(),
             block_bytes,
             1,
         )
@@ -100,7 +133,7 @@ fn by_library(name: &CStr, level: i32, block_bytes: usize, samples: &[u8], packe
 }
 
 fn from_library(packed: &[u8], samples: &mut [u8]) {
-    // SAFETY: the chunk is whole, as it was just packed; Blosc writes no further than it is told.
+    // SAFETY: the chunk was just packed and is complete; Blosc writes no further than the length given.
     let length = unsafe { blosc_decompress_ctx(packed.as_ptr().cast(), samples.as_mut_ptr().cast(), samples.len(), 1) };
     assert_eq!(usize::try_from(length).unwrap(), samples.len());
 }
