@@ -1,29 +1,46 @@
-//! Planes of bits as a block of LZ4, found where they repeat by construction: the plane before, and the byte before.
+//! Planes of bits as a block of LZ4.
 //!
-//! What LZ4 looks for anywhere, in a table of what it has met, planes have at two distances alone: those of high bits repeat
-//! the sign's, and where nothing sounds all of their bytes are the same. Looking there and nowhere else packs as well, in a
-//! fraction of the time; what comes of it is read by whatever reads LZ4.
-#![expect(unsafe_code, reason = "unpacking is done by a library of C")]
+//! Converter counts of 16 bits repeat at two distances alone: a plane of high bits repeats the plane before it, because both
+//! are the sign, and where there is silence every byte of a plane repeats the byte before. [`pack`] compares there and nowhere
+//! else, which packs as well as LZ4's own search in a fraction of the time. Floating-point samples also repeat elsewhere:
+//! [`pack_by_search`] is LZ4's search. Any LZ4 decoder unpacks either.
+#![expect(unsafe_code, reason = "the search and the decoder are a C library")]
 
 use std::ffi::c_int;
 
-use lz4_sys::LZ4_decompress_safe;
+use lz4_sys::{LZ4_compress_default, LZ4_decompress_safe};
 
-/// Bytes that are compared at a time, and so the shortest match that is looked for.
+/// Bytes compared at a time, which is also the shortest match that is looked for.
 const STEP: usize = 16;
 
-/// Steps without a match after which only every fourth is looked at: what was passed over is taken in backwards.
+/// Steps without a match after which only every fourth is compared; a match is then extended backwards over skipped steps.
 const PATIENCE: usize = 8;
 
-/// The last bytes of a block, which are literals. Nor may a match begin in the last 12, which none of [`STEP`] bytes can.
+/// Last bytes of a block, which must be literals. A match must not begin in the last 12 bytes either; none of at least [`STEP`]
+/// bytes can.
 const LITERALS_LAST: usize = 5;
 const _: () = assert!(STEP + LITERALS_LAST >= 12, "a match may begin too late");
 
-/// The shortest match there is, which is written as length 0.
+/// The shortest match of LZ4, which is encoded as length 0.
 const MATCH_LEAST: usize = 4;
 
-/// What half a byte can say of a length; more is said in bytes behind.
+/// The largest length that half a byte holds; the rest follows in more bytes.
 const HALF_BYTE: usize = 15;
+
+/// Appends `planes` as LZ4's own search packs them to `packed`; appends nothing if they do not become shorter.
+pub(crate) fn pack_by_search(planes: &[u8], packed: &mut Vec<u8>) {
+    let begin = packed.len();
+    packed.resize(begin + planes.len(), 0);
+    let length = match c_int::try_from(planes.len()) {
+        // SAFETY: source and destination are valid for the length given and do not overlap; the call writes no further and keeps
+        // no pointer.
+        Ok(bytes) => unsafe {
+            LZ4_compress_default(planes.as_ptr().cast(), packed[begin..].as_mut_ptr().cast(), bytes, bytes)
+        },
+        Err(_) => 0,
+    };
+    packed.truncate(begin + usize::try_from(length).unwrap_or(0));
+}
 
 /// Appends `planes` of `plane_bytes` each to `packed`.
 pub(crate) fn pack(planes: &[u8], plane_bytes: usize, packed: &mut Vec<u8>) {
@@ -47,19 +64,19 @@ pub(crate) fn pack(planes: &[u8], plane_bytes: usize, packed: &mut Vec<u8>) {
     packed.extend_from_slice(literals);
 }
 
-/// Whether the [`STEP`] bytes from `at` on are those `distance` before.
+/// Whether the [`STEP`] bytes from `at` on equal those `distance` before.
 #[inline]
 fn repeats(planes: &[u8], at: usize, distance: usize) -> bool {
     at >= distance && planes[at..at + STEP] == planes[at - distance..at - distance + STEP]
 }
 
-/// Where the bytes before `at` begin to be those `distance` before, not before `first`.
+/// First of the bytes up to `at` that equal those `distance` before; at least `first`.
 fn repeats_from(planes: &[u8], at: usize, distance: usize, first: usize) -> usize {
     let same = (first.max(distance)..at).rev().take_while(|&k| planes[k] == planes[k - distance]);
     at - same.count()
 }
 
-/// Where the bytes from `at` on cease to be those `distance` before.
+/// First of the bytes from `at` on that differs from that `distance` before.
 fn repeats_to(planes: &[u8], mut at: usize, distance: usize) -> usize {
     let end = planes.len() - LITERALS_LAST;
     while at + STEP <= end && repeats(planes, at, distance) {
@@ -68,13 +85,13 @@ fn repeats_to(planes: &[u8], mut at: usize, distance: usize) -> usize {
     at + (at..end).take_while(|&k| planes[k] == planes[k - distance]).count()
 }
 
-/// Appends `literals` and a match of `match_length` bytes `distance` before.
+/// Appends a sequence: `literals`, and a match of `match_length` bytes at `distance`.
 fn sequence(literals: &[u8], distance: usize, match_length: usize, packed: &mut Vec<u8>) {
     let more = match_length - MATCH_LEAST;
     packed.push(half_byte(literals.len()) << 4 | half_byte(more));
     length(literals.len(), packed);
     packed.extend_from_slice(literals);
-    // A block is shorter than what two bytes count.
+    // A block is short enough for distances of two bytes.
     let [low, high, ..] = distance.to_le_bytes();
     packed.extend_from_slice(&[low, high]);
     length(more, packed);
@@ -84,7 +101,7 @@ fn half_byte(length: usize) -> u8 {
     length.min(HALF_BYTE) as u8
 }
 
-/// Appends what half a byte could not say of `length`.
+/// Appends what half a byte does not hold of `length`.
 fn length(length: usize, packed: &mut Vec<u8>) {
     if let Some(mut rest) = length.checked_sub(HALF_BYTE) {
         while rest >= 255 {
@@ -95,12 +112,12 @@ fn length(length: usize, packed: &mut Vec<u8>) {
     }
 }
 
-/// Unpacks a block of LZ4 into `unpacked`, all of it; whether it was that long.
+/// Unpacks a block of LZ4 into `unpacked`; false unless it fills `unpacked`.
 #[must_use]
 pub(crate) fn unpack(packed: &[u8], unpacked: &mut [u8]) -> bool {
     let (Ok(from), Ok(to)) = (c_int::try_from(packed.len()), c_int::try_from(unpacked.len())) else { return false };
-    // SAFETY: both are valid for the lengths given, and do not overlap; the call reads and writes no further, whatever the
-    // packed bytes say, and keeps no pointer.
+    // SAFETY: both are valid for the lengths given and do not overlap; the call reads and writes no further, whatever the
+    // packed bytes are, and keeps no pointer.
     unsafe { LZ4_decompress_safe(packed.as_ptr().cast(), unpacked.as_mut_ptr().cast(), from, to) == to }
 }
 
@@ -110,8 +127,8 @@ mod tests {
 
     use super::*;
 
-    /// What a block of LZ4 says, by its description and no faster; every rule on how a block ends is held to, such as decoders
-    /// may count on: the last match begins 12 bytes before the end or earlier, and the last 5 are literals.
+    /// A slow decoder written after the description of LZ4. It also checks the rules on the end of a block: the last match begins
+    /// at least 12 bytes before the end, and the last 5 bytes are literals.
     fn slow(packed: &[u8], length: usize) -> Vec<u8> {
         let (mut bytes, mut unpacked) = (packed.iter().copied(), Vec::new());
         loop {
@@ -158,7 +175,7 @@ mod tests {
         assert_eq!(unpacked, planes);
     }
 
-    /// Catches a match that goes on into the last bytes, or begins among them: what repeats to the very end, of any length.
+    /// Catches a match that extends into the last bytes or begins among them: blocks of every length that repeat to the end.
     #[test]
     fn a_block_ends_as_it_must() {
         for length in 0..400 {
@@ -172,7 +189,7 @@ mod tests {
     }
 
     proptest! {
-        /// Catches a length that is written wrongly, a distance mistaken for another, and bytes lost between matches.
+        /// Catches a wrong length or distance, and bytes lost between matches.
         #[test]
         fn what_is_packed_is_what_lz4_says(
             runs in prop::collection::vec((0..3_u8, 1..400_usize, any::<bool>()), 0..40),

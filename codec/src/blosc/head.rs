@@ -1,15 +1,15 @@
-//! What stands before the blocks of a chunk: where each begins, and a checksum of each.
+//! The head of a chunk: its header, the offset of each block, and a checksum of each block.
 //!
-//! Where blocks begin is Blosc's; before the first there may be a gap, at which no decoder looks, and there stand the
-//! checksums. A seal on the head is one on the chunk, and whoever wants a part of it checks no more than that part.
+//! The offsets are Blosc's. Blosc's decoders ignore a gap before the first block, and the checksums are stored there. So the
+//! checksum of the head covers the whole chunk, and a reader of part of a chunk checks only its blocks.
 
 use std::ops::Range;
 
 use twox_hash::XxHash3_64;
 
-use super::{AS_IT_IS, HEADER_BYTES, WORD_BYTES, word};
+use super::{HEADER_BYTES, STORED, WORD_BYTES, word};
 
-/// Bytes of a block's checksum, an XXH3 of 64 bits.
+/// Bytes of the checksum of a block, an XXH3 of 64 bits.
 const SUM_BYTES: usize = 8;
 
 /// The head of a chunk whose blocks have checksums.
@@ -22,8 +22,8 @@ pub struct Head<'a> {
 }
 
 impl<'a> Head<'a> {
-    /// The head of the chunk that begins with `beginning`; `None` where its blocks have no checksums: what gained nothing by
-    /// being packed, and what was packed in another way.
+    /// The head of the chunk that begins with `beginning`; `None` if its blocks have no checksums, because packing gained
+    /// nothing or because another program packed it.
     pub fn new(beginning: &'a [u8]) -> Option<Self> {
         let (row_bytes, block_bytes) = (word(beginning, 4)?, word(beginning, 8).filter(|&bytes| bytes > 0)?);
         let block_count = row_bytes.div_ceil(block_bytes);
@@ -33,16 +33,16 @@ impl<'a> Head<'a> {
             block_bytes,
             chunk_bytes: word(beginning, 12)?,
         };
-        let is_packed = beginning.get(2)? & AS_IT_IS == 0 && block_count > 0;
+        let is_packed = beginning.get(2)? & STORED == 0 && block_count > 0;
         (is_packed && head.begin(0) == head.bytes.len()).then_some(head)
     }
 
-    /// The head's own checksum, which is that of the chunk.
+    /// The checksum of the head, which is that of the chunk.
     pub fn checksum(&self) -> u64 {
         XxHash3_64::oneshot(self.bytes)
     }
 
-    /// The blocks that hold the bytes in `part` of the unpacked row.
+    /// The blocks that hold the bytes `part` of the unpacked row.
     pub fn blocks(&self, part: &Range<usize>) -> Range<usize> {
         let end = part.end.div_ceil(self.block_bytes).min(self.block_count);
         (part.start / self.block_bytes).min(end)..end
@@ -53,20 +53,20 @@ impl<'a> Head<'a> {
         0..self.block_count
     }
 
-    /// Whether each of `blocks` of `chunk` is what was written.
+    /// Whether the checksums of `blocks` of `chunk` are valid.
     pub fn are_valid(&self, blocks: Range<usize>, chunk: &[u8]) -> bool {
         let is_valid = |block: usize| {
             let packed = chunk.get(self.begin(block)..self.begin(block + 1));
-            let said = self.bytes.get(sum_at(self.block_count, block)..).and_then(<[u8]>::first_chunk);
-            packed.map(XxHash3_64::oneshot) == said.map(|bytes| u64::from_le_bytes(*bytes))
+            let stored = self.bytes.get(sum_at(self.block_count, block)..).and_then(<[u8]>::first_chunk);
+            packed.map(XxHash3_64::oneshot) == stored.map(|bytes| u64::from_le_bytes(*bytes))
         };
         chunk.len() == self.chunk_bytes && blocks.into_iter().all(is_valid)
     }
 
-    /// Where `block` begins in the chunk; behind the last one, where the chunk ends.
+    /// Offset of `block` in the chunk; for the number of blocks, the end of the chunk.
     fn begin(&self, block: usize) -> usize {
-        let place = if block < self.block_count { word(self.bytes, HEADER_BYTES + WORD_BYTES * block) } else { None };
-        place.unwrap_or(self.chunk_bytes)
+        let offset = if block < self.block_count { word(self.bytes, HEADER_BYTES + WORD_BYTES * block) } else { None };
+        offset.unwrap_or(self.chunk_bytes)
     }
 }
 
@@ -75,12 +75,12 @@ pub(super) fn length(block_count: usize) -> usize {
     HEADER_BYTES + (WORD_BYTES + SUM_BYTES) * block_count
 }
 
-/// Where in the head of `block_count` blocks the checksum of `block` stands.
+/// Offset of the checksum of `block` in the head of a chunk of `block_count` blocks.
 fn sum_at(block_count: usize, block: usize) -> usize {
     HEADER_BYTES + WORD_BYTES * block_count + SUM_BYTES * block
 }
 
-/// Writes the checksum of the last of the blocks so far, number `block` of `block_count`, which begins at `begin`.
+/// Writes the checksum of block `block` of `block_count`, which goes from `begin` to the end of `chunk`.
 pub(super) fn put_sum(chunk: &mut [u8], block_count: usize, block: usize, begin: usize) {
     let sum = XxHash3_64::oneshot(&chunk[begin..]);
     chunk[sum_at(block_count, block)..][..SUM_BYTES].copy_from_slice(&sum.to_le_bytes());
@@ -102,21 +102,21 @@ mod tests {
         chunk
     }
 
-    /// Catches a bit that is under no seal, and a seal that covers another block than its own.
+    /// Catches a bit that no checksum covers, and a checksum that covers another block than its own.
     #[test]
-    fn every_bit_is_sealed() {
+    fn every_bit_is_covered() {
         let mut chunk = chunk();
-        let said = chunk_checksum(Codec::Lz4, &chunk);
-        assert!(is_chunk_valid(Codec::Lz4, &chunk, said));
+        let checksum = chunk_checksum(Codec::Lz4, &chunk);
+        assert!(is_chunk_valid(Codec::Lz4, &chunk, checksum));
         let head_bytes = length(3);
         let ends = [0, 1, 2, 3].map(|block| Head::new(&chunk).unwrap().begin(block));
         assert_eq!((ends[0], ends[3]), (head_bytes, chunk.len()));
         for bit in 0..8 * chunk.len() {
             chunk[bit / 8] ^= 1 << (bit % 8);
-            assert!(!is_chunk_valid(Codec::Lz4, &chunk, said), "bit {bit}");
+            assert!(!is_chunk_valid(Codec::Lz4, &chunk, checksum), "bit {bit}");
             if bit / 8 >= head_bytes {
                 let head = Head::new(&chunk).unwrap();
-                assert_eq!(head.checksum(), said);
+                assert_eq!(head.checksum(), checksum);
                 for block in 0..3 {
                     let is_in_it = (ends[block]..ends[block + 1]).contains(&(bit / 8));
                     assert_eq!(head.are_valid(block..block + 1, &chunk), !is_in_it, "bit {bit}, block {block}");
@@ -124,12 +124,12 @@ mod tests {
             }
             chunk[bit / 8] ^= 1 << (bit % 8);
         }
-        assert!(!is_chunk_valid(Codec::Lz4, &chunk[..chunk.len() - 1], said));
+        assert!(!is_chunk_valid(Codec::Lz4, &chunk[..chunk.len() - 1], checksum));
         chunk.push(0);
-        assert!(!is_chunk_valid(Codec::Lz4, &chunk, said), "what is behind the last block is under no seal");
+        assert!(!is_chunk_valid(Codec::Lz4, &chunk, checksum), "bytes behind the last block are not covered");
     }
 
-    /// Catches a part whose blocks are not all looked at, and blocks that are not there.
+    /// Catches a part whose blocks are not all found, and blocks that do not exist.
     #[test]
     fn a_part_has_its_blocks() {
         let chunk = chunk();
@@ -151,7 +151,7 @@ mod tests {
     }
 
     proptest! {
-        /// Catches a reader that trusts what the head says: whatever stands there is a head or none, and most of these are one.
+        /// Catches a reader that trusts damaged lengths and offsets: any bytes are a head or none, and most of these are a head.
         #[test]
         fn any_bytes_are_a_head_or_none(
             mut bytes in prop::collection::vec(any::<u8>(), 260..300),
@@ -166,7 +166,7 @@ mod tests {
             }
             let head = Head::new(&bytes);
             let is_there = count > 0 && length(count as usize) <= bytes.len();
-            prop_assert_eq!(head.is_some(), bytes[2] & AS_IT_IS == 0 && block_bytes > 0 && is_there);
+            prop_assert_eq!(head.is_some(), bytes[2] & STORED == 0 && block_bytes > 0 && is_there);
             if let Some(head) = head {
                 prop_assert!(!head.are_valid(head.all(), &bytes));
                 prop_assert!(head.blocks(&(0..usize::MAX)) == head.all());
@@ -174,9 +174,9 @@ mod tests {
         }
     }
 
-    /// Catches a chunk of another kind that is taken to have a head.
+    /// Catches a chunk of another kind that is taken for one with a head.
     #[test]
-    fn what_has_no_head_has_none() {
+    fn other_chunks_have_no_head() {
         let mut packed = Vec::new();
         let mut state = 1_u32;
         let mut noise = || {

@@ -1,8 +1,8 @@
-//! Chunks as Blosc 1 writes them: a header, where each block begins, and blocks of bit planes, each packed by LZ4.
+//! Chunks of Blosc 1: a header, the offsets of the blocks, and blocks of bit planes, each packed by LZ4.
 //!
-//! Blosc's own code has the vectors that it was built for, not those of the machine, and cuts a block into its samples'
-//! bytes, which hides that the planes of the high byte repeat the last one of the low byte. Here a block is short, so that
-//! part of a chunk can be had alone, and whole. What either writes, both read.
+//! The C library uses the vector instructions that it was compiled for, not those of the machine, and packs each byte of the
+//! samples separately, so that planes of the high byte cannot repeat the last plane of the low byte. Here a block is packed as
+//! a whole, and is short, so that part of a chunk can be unpacked. Each unpacks what the other packs.
 
 mod head;
 
@@ -13,48 +13,48 @@ pub use head::Head;
 use crate::lz4;
 use crate::planes::{from_planes, to_planes};
 
-/// Bytes that are packed on their own: 4096 samples of 16 bits, so that the beginning of a record can be had alone.
+/// Bytes of a block: 4096 samples of 16 bits, so that the beginning of a record can be unpacked alone.
 const BLOCK_BYTES: usize = 8192;
 
-/// Bytes of the longest record: chunks count by whole numbers of 32 bits with a sign, also where blocks begin that do not pack.
+/// Bytes of the longest record: lengths and offsets in a chunk are signed numbers of 32 bits, also of blocks that do not pack.
 pub const RECORD_BYTES_MAX: usize = 1 << 30;
 
-/// Bytes before the places of the blocks.
+/// Bytes of the header, before the offsets of the blocks.
 const HEADER_BYTES: usize = 16;
 
-/// Bytes of a place or a length.
+/// Bytes of an offset or a length.
 const WORD_BYTES: usize = 4;
 
-/// Version of the chunk, and of LZ4 in it.
+/// Versions of the chunk format and of its LZ4.
 const VERSIONS: [u8; 2] = [2, 1];
 
-/// Bits of the header's third byte: bytes shuffled, samples as they are, bits shuffled, what no version has yet, blocks not
-/// cut into bytes; LZ4.
+/// Flags in the third byte of the header: bytes shuffled, samples stored as they are, bits shuffled, a flag that no version
+/// defines, blocks not split into the bytes of samples; the compressor.
 const BYTES_SHUFFLED: u8 = 1;
-const AS_IT_IS: u8 = 2;
+const STORED: u8 = 2;
 const BITS_SHUFFLED: u8 = 4;
 const UNKNOWN: u8 = 8;
-const UNCUT: u8 = 16;
+const UNSPLIT: u8 = 16;
 const LZ4: u8 = 1 << 5;
 const COMPRESSOR: u8 = 7 << 5;
 
-/// Fewer samples than this in a block are not cut into their bytes.
-const CUT_LEAST: usize = 128;
+/// Blocks of fewer samples are not split.
+const SPLIT_SAMPLES_MIN: usize = 128;
 
-/// Most bytes of a sample whose blocks are cut.
-const CUT_BYTES_MOST: usize = 16;
+/// Blocks of wider samples, in bytes, are not split.
+const SPLIT_SAMPLE_BYTES_MAX: usize = 16;
 
-/// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost; `planes` is room to work in.
+/// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost; `planes` is a buffer for reuse.
 ///
-/// With a [`Head`], unless nothing is gained by packing.
+/// The chunk has a [`Head`], unless packing gains nothing.
 ///
 /// # Panics
 /// If there are 2 GiB of samples or more.
 pub(crate) fn pack(element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, packed: &mut Vec<u8>) {
     let block_count = samples.len().div_ceil(BLOCK_BYTES);
     let head_bytes = head::length(block_count);
-    header(element_bytes, samples.len(), BITS_SHUFFLED | UNCUT | LZ4, packed);
-    // Room for all at once: growing would copy what is there.
+    header(element_bytes, samples.len(), BITS_SHUFFLED | UNSPLIT | LZ4, packed);
+    // Reserved at once: growing would copy.
     packed.reserve(head_bytes + samples.len() + WORD_BYTES * block_count);
     packed.resize(head_bytes, 0);
     planes.resize(BLOCK_BYTES, 0);
@@ -64,9 +64,13 @@ pub(crate) fn pack(element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, p
         let begin = packed.len();
         put(packed, HEADER_BYTES + WORD_BYTES * number, begin);
         packed.extend_from_slice(&[0; WORD_BYTES]);
-        lz4::pack(planes, (planes.len() / (8 * element_bytes)).max(1), packed);
-        // As in the library, what gains nothing stands as it is.
-        if packed.len() - begin - WORD_BYTES >= planes.len() {
+        match element_bytes {
+            2 => lz4::pack(planes, (planes.len() / (8 * element_bytes)).max(1), packed),
+            _ => lz4::pack_by_search(planes, packed),
+        }
+        // As in the library, a block that does not become shorter is stored as it is.
+        let length = packed.len() - begin - WORD_BYTES;
+        if length == 0 || length >= planes.len() {
             packed.truncate(begin + WORD_BYTES);
             packed.extend_from_slice(planes);
         }
@@ -75,14 +79,14 @@ pub(crate) fn pack(element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, p
         head::put_sum(packed, block_count, number, begin);
     }
     if packed.len() >= samples.len() + HEADER_BYTES {
-        header(element_bytes, samples.len(), BITS_SHUFFLED | UNCUT | LZ4 | AS_IT_IS, packed);
+        header(element_bytes, samples.len(), BITS_SHUFFLED | UNSPLIT | LZ4 | STORED, packed);
         packed.extend_from_slice(samples);
     }
     let length = packed.len();
     put(packed, HEADER_BYTES - WORD_BYTES, length);
 }
 
-/// Begins `packed` anew with a header that does not yet have the chunk's length.
+/// Replaces `packed` by a header, in which the length of the chunk is still 0.
 fn header(element_bytes: usize, length: usize, flags: u8, packed: &mut Vec<u8>) {
     packed.clear();
     packed.extend_from_slice(&VERSIONS);
@@ -97,20 +101,19 @@ fn put(packed: &mut [u8], at: usize, value: usize) {
     packed[at..at + WORD_BYTES].copy_from_slice(&value.to_le_bytes());
 }
 
-/// What a chunk says of itself.
+/// A chunk whose header is read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Chunk<'a> {
     packed: &'a [u8],
     element_bytes: usize,
     length: usize,
     block_bytes: usize,
-    is_as_it_is: bool,
-    is_cut: bool,
+    is_stored: bool,
+    is_split: bool,
 }
 
 impl<'a> Chunk<'a> {
-    /// The chunk that `packed` is; `None` where it is no chunk of Blosc's, is not as long as it says, or was packed in
-    /// another way than here: not by LZ4, or without planes of bits.
+    /// The chunk `packed`; `None` if it is not a Blosc chunk of its own length, or was not packed by LZ4 with shuffled bits.
     pub(crate) fn new(packed: &'a [u8]) -> Option<Self> {
         let &[version, of_lz4, flags, element_bytes, ..] = packed else { return None };
         let (length, block_bytes) = (word(packed, 4)?, word(packed, 8)?);
@@ -125,13 +128,13 @@ impl<'a> Chunk<'a> {
             element_bytes: element_bytes.into(),
             length,
             block_bytes,
-            is_as_it_is: flags & AS_IT_IS != 0,
-            is_cut: flags & UNCUT == 0,
+            is_stored: flags & STORED != 0,
+            is_split: flags & UNSPLIT == 0,
         })
     }
 
-    /// Unpacks the bytes in `parts` of the samples, in their order, and such around them as are packed with them, into their
-    /// places in `samples`, which are all samples; whether that could be done. `planes` is room to work in.
+    /// Unpacks the blocks that hold `parts` of the samples, which are ascending, to their offsets in `samples`, which are all
+    /// samples; false if the chunk is corrupt. `planes` is a buffer for reuse.
     #[must_use]
     pub(crate) fn unpack(
         &self,
@@ -142,16 +145,16 @@ impl<'a> Chunk<'a> {
         if samples.len() != self.length {
             return false;
         }
-        let given = self.packed.get(HEADER_BYTES..).filter(|given| given.len() == self.length);
-        if self.is_as_it_is && given.is_none() {
+        let stored = self.packed.get(HEADER_BYTES..).filter(|stored| stored.len() == self.length);
+        if self.is_stored && stored.is_none() {
             return false;
         }
         planes.resize(self.block_bytes, 0);
-        // Blocks before this one are unpacked: two parts may lie in one.
+        // Blocks before this one are unpacked already: two parts may lie in one block.
         let mut next = 0;
-        parts.into_iter().all(|part| match given.filter(|_| self.is_as_it_is) {
-            Some(given) => {
-                samples[part.clone()].copy_from_slice(&given[part]);
+        parts.into_iter().all(|part| match stored.filter(|_| self.is_stored) {
+            Some(stored) => {
+                samples[part.clone()].copy_from_slice(&stored[part]);
                 true
             }
             None => {
@@ -163,23 +166,23 @@ impl<'a> Chunk<'a> {
         })
     }
 
-    /// Unpacks block `number`; `None` where it is damaged.
+    /// Unpacks block `number`; `None` if it is corrupt.
     fn block(&self, number: usize, block: &mut [u8], planes: &mut [u8]) -> Option<()> {
         let planes = &mut planes[..block.len()];
         let is_last = block.len() < self.block_bytes;
-        let is_cut = self.is_cut
+        let is_split = self.is_split
             && !is_last
-            && self.element_bytes <= CUT_BYTES_MOST
-            && self.block_bytes / self.element_bytes >= CUT_LEAST;
-        let parts = if is_cut { self.element_bytes } else { 1 };
+            && self.element_bytes <= SPLIT_SAMPLE_BYTES_MAX
+            && self.block_bytes / self.element_bytes >= SPLIT_SAMPLES_MIN;
+        let parts = if is_split { self.element_bytes } else { 1 };
         let mut at = word(self.packed, HEADER_BYTES + WORD_BYTES * number)?;
         for part in planes.chunks_exact_mut(block.len() / parts) {
             let length = word(self.packed, at)?;
             let begin = at + WORD_BYTES;
-            let given = self.packed.get(begin..begin.checked_add(length)?)?;
-            if given.len() == part.len() {
-                part.copy_from_slice(given);
-            } else if !lz4::unpack(given, part) {
+            let packed = self.packed.get(begin..begin.checked_add(length)?)?;
+            if packed.len() == part.len() {
+                part.copy_from_slice(packed);
+            } else if !lz4::unpack(packed, part) {
                 return None;
             }
             at = begin + length;
