@@ -1,5 +1,5 @@
-//! How samples lie in a chunk: as they are, or packed by a filter that other readers of HDF5 know by its number.
-#![expect(unsafe_code, reason = "the codec is a library of C")]
+//! The codecs: samples as they are, or packed by a registered filter of HDF5.
+#![expect(unsafe_code, reason = "Blosc is a C library")]
 
 use std::ffi::CStr;
 use std::fmt;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::blosc::{self, Chunk};
 
-/// Bytes that Zstandard packs on their own.
+/// Bytes of a block that Zstandard packs.
 const ZSTD_BLOCK_BYTES: usize = 8192;
 
 /// What packs the samples of an archive.
@@ -22,9 +22,9 @@ pub enum Codec {
     /// Blosc (filter 32001), bits shuffled, LZ4: as fast as a disk.
     #[default]
     Lz4,
-    /// Blosc (filter 32001), bits shuffled, Zstandard: a little smaller, slower.
+    /// Blosc (filter 32001), bits shuffled, Zstandard: smaller and slower.
     Zstd,
-    /// Deflate (filter 1), bytes shuffled: what every HDF5 reader reads. Slow; for archives that are packed again.
+    /// Deflate (filter 1), bytes shuffled: every HDF5 reader reads it. Slow; for archives that are repacked.
     Gzip,
 }
 
@@ -42,13 +42,12 @@ impl Codec {
         Self::ALL.into_iter().find(|codec| codec.name() == name)
     }
 
-    /// Whether a running line can pack by it: the others are packed by the HDF5 library alone, one record after another.
+    /// Whether a running line can use it: the HDF5 library alone packs by the others, one record after another.
     pub fn is_for_lines(self) -> bool {
         matches!(self, Self::None | Self::Lz4 | Self::Zstd)
     }
 
-    /// How hard the filter packs, where it has levels: what the file says of it. [`pack`] does the same but for LZ4, where
-    /// it has none.
+    /// The level of the filter as noted in the file. [`pack`] uses it except for LZ4, for which it has no levels.
     pub fn level(self) -> u8 {
         match self {
             Self::Lz4 => 5,
@@ -58,7 +57,7 @@ impl Codec {
         }
     }
 
-    /// Compressor within Blosc; `None` where it is not Blosc's.
+    /// Name of the compressor within Blosc; `None` if the codec is not Blosc.
     pub fn blosc(self) -> Option<&'static CStr> {
         match self {
             Self::Lz4 => Some(c"lz4"),
@@ -74,11 +73,11 @@ impl fmt::Display for Codec {
     }
 }
 
-/// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost, as the filter of `codec` does; the
-/// same input gives the same bytes. Those of a codec that is not Blosc's are left as they are. `planes` is room to work in.
+/// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost, in the format of the filter of `codec`;
+/// the same input gives the same bytes. If the codec is not Blosc, the samples are copied. `planes` is a buffer for reuse.
 ///
 /// # Panics
-/// If Blosc finds no room in what it says is enough: a bug.
+/// If Blosc needs more than its documented maximum of bytes, which is a bug.
 pub fn pack(codec: Codec, element_bytes: usize, samples: &[u8], planes: &mut Vec<u8>, packed: &mut Vec<u8>) {
     match codec {
         Codec::Lz4 => blosc::pack(element_bytes, samples, planes, packed),
@@ -90,11 +89,11 @@ pub fn pack(codec: Codec, element_bytes: usize, samples: &[u8], planes: &mut Vec
     }
 }
 
-/// A row of `row_bytes` zeros as the filter of `codec` unpacks it, in as few bytes as can be: what stands where no tap is.
+/// A row of `row_bytes` zeros, packed for `codec` in as few bytes as possible: the chunk of a row without a tap.
 pub fn placeholder(codec: Codec, element_bytes: usize, row_bytes: usize) -> Vec<u8> {
     let mut packed = Vec::new();
     match codec.blosc() {
-        // Which compressor packed a chunk stands in the chunk.
+        // A chunk names its compressor, so that it need not be that of the codec.
         Some(_) => pack_by_library((c"zstd", 1), element_bytes, row_bytes, &vec![0; row_bytes], &mut packed),
         None => packed.resize(row_bytes, 0),
     }
@@ -108,7 +107,7 @@ fn pack_by_library(
     samples: &[u8],
     packed: &mut Vec<u8>,
 ) {
-    // What was in it is written over: only what it lacks is filled.
+    // Old contents are overwritten, so that only new bytes are filled.
     packed.resize(samples.len() + BLOSC_MAX_OVERHEAD as usize, 0);
     let shuffle = i32::try_from(BLOSC_BITSHUFFLE).unwrap_or(0);
     // SAFETY: source and destination are valid for the lengths given and do not overlap; the name ends in NUL; the
@@ -132,9 +131,9 @@ fn pack_by_library(
     packed.truncate(length);
 }
 
-/// Unpacks the bytes in `parts`, in their order, of what [`pack`] or the filter of `codec` packed, and such around them as
-/// are packed with them, into their places in `samples`, which are all samples; whether it was that, and as long as
-/// `samples`. `planes` is room to work in.
+/// Unpacks `parts` of the samples, which must be ascending and may come with bytes around them, from `packed`, which [`pack`] or
+/// the filter of `codec` packed. They are written to their offsets in `samples`, which are all samples. Returns false if
+/// `packed` is corrupt or its samples are not as long as `samples`. `planes` is a buffer for reuse.
 #[must_use]
 pub fn unpack(
     codec: Codec,
@@ -159,15 +158,15 @@ pub fn unpack(
     unpack_by_library(packed, samples)
 }
 
-/// Unpacks a chunk that [`is_blosc_of`] the length of `samples`.
+/// Unpacks a chunk that [is Blosc](is_blosc_of) of the length of `samples`.
 fn unpack_by_library(packed: &[u8], samples: &mut [u8]) -> bool {
-    // SAFETY: the source is as long as its own header says (checked before), the destination as long as is given; they do
-    // not overlap; Blosc writes no further than it is told, whatever the packed bytes say.
+    // SAFETY: the source is as long as its header says, which was checked, and the destination as long as is given; they do not
+    // overlap; Blosc writes no further than that length, whatever the packed bytes are.
     let length = unsafe { blosc_decompress_ctx(packed.as_ptr().cast(), samples.as_mut_ptr().cast(), samples.len(), 1) };
     usize::try_from(length).is_ok_and(|length| length == samples.len())
 }
 
-/// Whether `packed` has Blosc's header, which says that it unpacks to `length` bytes and is as long as it is.
+/// Whether `packed` has a Blosc header with its own length and with `length` unpacked bytes.
 fn is_blosc_of(packed: &[u8], length: usize) -> bool {
     let word = |at: usize| packed.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
     word(4) == Some(length) && word(12) == Some(packed.len())
@@ -179,13 +178,13 @@ mod tests {
 
     use super::*;
 
-    /// Everything unpacked, by what [`unpack`] chooses.
+    /// All samples, unpacked by [`unpack`].
     fn unpacked(codec: Codec, packed: &[u8], length: usize) -> Option<Vec<u8>> {
         let mut samples = vec![7; length];
         unpack(codec, packed, std::iter::once(0..length), &mut samples, &mut Vec::new()).then_some(samples)
     }
 
-    /// Everything unpacked, by the library.
+    /// All samples, unpacked by the C library.
     fn unpacked_by_library(packed: &[u8], length: usize) -> Option<Vec<u8>> {
         let mut samples = vec![7; length];
         (is_blosc_of(packed, length) && unpack_by_library(packed, &mut samples)).then_some(samples)
@@ -197,7 +196,7 @@ mod tests {
         packed
     }
 
-    /// A record in little of its range, nothing after a while, or noise: what packs well, very well, and not at all.
+    /// Records that pack well, very well and not at all: in a small part of their range, silent after a while, and noise.
     fn record(samples: Vec<u8>, kind: u8) -> Vec<u8> {
         let count = samples.len();
         let tamed = |(k, byte): (usize, u8)| match kind {
@@ -222,8 +221,8 @@ mod tests {
     }
 
     proptest! {
-        /// Catches samples that do not come back, bytes that change from call to call, what the library's filter would not
-        /// read, and what it packed and is not read here, of every size of block and whether cut into bytes or not.
+        /// Catches samples that change, chunks that differ from call to call, chunks that the library's filter does not read, and
+        /// its chunks that are not read here: of every size of block, split into bytes or not.
         #[test]
         fn what_is_packed_comes_back(
             samples in prop::collection::vec(any::<u8>(), 4..40_000),
@@ -247,7 +246,7 @@ mod tests {
             }
         }
 
-        /// Catches a part that is not where it belongs, and more unpacked than the blocks that two parts lie in.
+        /// Catches a part at a wrong offset, and blocks that are unpacked though no part lies in them.
         #[test]
         fn parts_come_back_alone(
             samples in prop::collection::vec(any::<u8>(), 2..40_000),
@@ -270,7 +269,7 @@ mod tests {
             }
         }
 
-        /// Catches a reader that trusts damaged bytes: it says no or gives other samples, and never more than asked for.
+        /// Catches a reader that trusts damaged bytes: it refuses them or returns other samples, and never panics.
         #[test]
         fn damaged_bytes_do_no_harm(at in 0_usize..100_000, flip in 1_u8.., cut in 0_usize..20_000, head in any::<[u8; 16]>()) {
             let samples: Vec<u8> = (0..20_000_u32).map(|k| (k / 50) as u8).collect();
@@ -280,7 +279,7 @@ mod tests {
                 there[at % length] ^= flip;
                 let _is_known = unpacked(codec, &there, samples.len());
                 prop_assert!(unpacked(codec, &there[..cut % length], samples.len()).is_none());
-                // Whatever the header says, its lengths but for those that are looked at before the library is asked.
+                // Any header, except for the lengths that are checked before the library is called.
                 let lengths = [4..8, 12..16].map(|place| there[place].to_vec());
                 there[..16].copy_from_slice(&head);
                 there[4..8].copy_from_slice(&lengths[0]);
@@ -290,8 +289,8 @@ mod tests {
         }
     }
 
-    /// Catches blocks beyond the first that are not found: chunks of 64 KiB and more, as the library packs them, cut into the
-    /// bytes of samples but for a last short block.
+    /// Catches blocks beyond the first that are not found: chunks of the library of 64 KiB and more, split into the bytes of
+    /// samples except for a short last block.
     #[test]
     fn blocks_of_the_library_come_back() {
         for (element_bytes, count) in [(2, 65_536), (2, 131_072), (2, 150_000), (4, 65_536), (4, 200_004), (4, 300_000)]
@@ -309,7 +308,7 @@ mod tests {
         }
     }
 
-    /// Catches a packing that finds less than LZ4's own search does: records of a tap's kind, in noise of 4 bits.
+    /// Catches a packing that is worse than LZ4's own search: a record like a tap's, in noise of 4 bits.
     #[test]
     fn planes_pack_as_well_as_a_search() {
         let mut state = 1_u32;

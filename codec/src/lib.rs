@@ -1,12 +1,12 @@
 //! Packs the samples of a tap, and unpacks all or part of them.
 //!
-//! What [`pack`] writes is a chunk of Blosc 1 with its bits shuffled, so every reader of HDF5 that has filter 32001 unpacks
-//! it. LZ4 is packed by code of this crate, which is faster than the C library on the records of a tap (`docs/codec.md` has
-//! the figures); the C library packs Zstandard, and is the oracle of the tests.
+//! [`pack`] writes chunks of Blosc 1 with shuffled bits, so every reader of HDF5 that has filter 32001 unpacks them. LZ4 of
+//! 16-bit samples is packed by this crate, which is faster than the C library (`docs/codec.md` has the figures); the C library
+//! packs Zstandard, and is the oracle of the tests.
 //!
 //! - `codec`: which codecs there are, and [`pack`] and [`unpack`] for each
-//! - `blosc`: the container: a header, a [`Head`] with a checksum a block, and blocks
-//! - `planes`: samples as planes of bits, so that the equal high bits of neighbours lie together
+//! - `blosc`: the container: a [`Head`] with a checksum of each block, and the blocks
+//! - `planes`: samples as planes of bits, so that equal high bits of neighbours lie together
 //! - `lz4`: a block of planes, packed
 //! - `checksum`: the checksum of a packed chunk
 //!

@@ -1,11 +1,11 @@
-//! What a run says of its archive.
+//! The section `[store]` of the configuration.
 
 use serde::{Deserialize, Serialize};
 use tapline_codec::Codec;
 
 use crate::error::{Error, Result};
 
-/// How taps are kept.
+/// How taps are archived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StoreConfig {
@@ -14,7 +14,7 @@ pub struct StoreConfig {
 }
 
 impl StoreConfig {
-    /// Whether a line can keep to it.
+    /// Checks that a line can use it.
     ///
     /// # Errors
     /// [`Error::SlowCodec`].

@@ -1,18 +1,18 @@
 //! One HDF5 archive a casing: written once, read back bit for bit.
 //!
-//! Row `k` of every table belongs to row `k` of the scan plan, so what an archive holds does not depend on the order in
-//! which taps arrived, and no tap can be there twice. All tables have their final size from the start, and
-//! the index of the samples' chunks has all of its entries: once created, a file's structure changes no more than entries
-//! where they stand, which is why a writer that is killed leaves a file that opens plainly. Samples are packed off the
-//! library's lock, every row is sealed, and readers read past the library.
+//! Row `k` of every table belongs to row `k` of the scan plan, so the contents of an archive do not depend on the order in
+//! which taps arrived, and no tap can be stored twice. All tables have their final size from the start, and the index of the
+//! samples' chunks has all of its entries: after creation only contents and entries change in place, so a writer that is
+//! killed leaves a file that opens. Samples are packed outside of the lock of the HDF5 library, every row has a checksum, and
+//! samples are read past the library.
 //!
-//! Folders, each of which takes from those above it in this list alone:
+//! Folders, each of which uses only those above it in this list:
 //!
 //! - `format`: what the bytes of an archive mean, without opening one
-//! - `file`: the archive as a file of the system: its name, its disk, whether it is still there
-//! - `h5`: what is asked of the HDF5 library, and what is read of its structures without it
+//! - `file`: the archive as a file of the system: its name, its disk, and whether it is still there
+//! - `h5`: calls of the HDF5 library, and its structures read without it
 //! - `archive`: one archive, created, or opened and checked
-//! - `read`, `write`: taps and results out of it and into it; [`verify`]
+//! - `read`, `write`: reading and writing taps and results; [`verify`]
 //! - `stage`: the archives of a running line; [`repack()`]
 //!
 //! ```

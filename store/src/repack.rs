@@ -1,4 +1,4 @@
-//! An archive packed otherwise: the same taps, results and checksums of what was recorded, in another file.
+//! Repacks an archive with another codec: the same taps, results and digests, in another file.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -25,10 +25,10 @@ use crate::write::packer::{Shape, pack};
 /// Taps that are packed together, by several threads.
 const BATCH_TAPS: usize = 64;
 
-/// Bytes before and after.
+/// Bytes before and after repacking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Repacked {
-    /// Of the samples themselves.
+    /// Of the samples.
     pub sample_bytes: u64,
     /// Of the file that was read.
     pub before_bytes: u64,
@@ -36,13 +36,13 @@ pub struct Repacked {
     pub after_bytes: u64,
 }
 
-/// Writes the archive at `from` to `to`, its samples packed by `codec`; every sample is checked on the way.
+/// Writes the archive at `from` to `to`, its samples packed by `codec`; every sample is checked.
 ///
-/// The new file appears whole or not at all, and its results have the same lineage.
+/// The new file appears complete or not at all, and its results have the same lineage.
 ///
 /// # Errors
-/// [`Error::Exists`] where `to` is there, [`Error::ResultsAlone`] where `from` has no samples of its own,
-/// [`Error::Damaged`] where [`verify()`] finds a problem in it, or what the system says.
+/// [`Error::Exists`] if `to` exists, [`Error::ResultsAlone`] if `from` has no samples of its own, [`Error::Damaged`] if [`verify()`]
+/// finds a problem in it, or what the system returns.
 pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Result<Repacked> {
     let (from, to) = (from.as_ref(), to.as_ref());
     let reader = Reader::open(from)?;
@@ -53,11 +53,11 @@ pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Res
         return Err(Error::Exists { path: to.to_owned() });
     }
     if let Some(problem) = verify(from)?.problems.first() {
-        return Err(reader.archive().damaged(format!("it is not packed again, for {problem}")));
+        return Err(reader.archive().damaged(format!("it is not repacked: {problem}")));
     }
     remove_dead_drafts(to);
     let draft = draft::begin(to).context("create", to)?;
-    // The name is this draft's alone; the archive itself must not be there yet.
+    // The name is reserved for this draft, but an archive is created where no file is.
     fs::remove_file(&draft).context("create", &draft)?;
     let sample_bytes = fill(&reader, &draft, codec)?;
     draft::publish(draft, to)?;
@@ -93,13 +93,13 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
     Ok(sample_bytes)
 }
 
-/// Copies a table, whatever is in it: a row that is damaged stays so.
+/// Copies a table as it is: a corrupt row stays corrupt.
 fn copy<R: ChecksummedRow>(from: &Table<R>, to: &Table<R>, path: &Path) -> Result<()> {
     let rows = from.read_all().context("read a table", path)?;
-    to.write_as_they_are(&rows).context("write a table", path)
+    to.write_unchanged(&rows).context("write a table", path)
 }
 
-/// Packs the samples of every archived tap anew and writes them with their headers.
+/// Packs the samples of every archived tap and writes them with their headers.
 fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
     let recording = &reader.plan().recording;
     let rows = new.samples();
@@ -112,12 +112,12 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
     let taps = reader.taps()?;
     let mut headers = reader.archive().headers().read_all().context("read the headers", reader.path())?;
     let numbers: Vec<u32> = (0..).take(headers.len()).collect();
-    let mut room = ReadBuffer::default();
+    let mut buffer = ReadBuffer::default();
     let mut sample_bytes = 0;
     for batch in numbers.chunks(BATCH_TAPS) {
         let mut samples: BTreeMap<u32, Vec<u8>> = BTreeMap::new();
         for &row in batch {
-            if let Some((_, of_tap)) = taps.read(row, &mut room)? {
+            if let Some((_, of_tap)) = taps.read(row, &mut buffer)? {
                 samples.insert(row, of_tap.as_bytes().to_vec());
             }
         }
@@ -163,12 +163,13 @@ fn write_by_library(new: &Archive, row: u32, samples: &[u8]) -> Result<()> {
 fn checksum_stored(new: &Archive, states: &[TapState], headers: &mut [HeaderRow]) -> Result<()> {
     new.flush().context("write samples", new.path())?;
     let file = fs::File::open(new.path()).context("read back", new.path())?;
-    let places = new.samples().places(&file).context("find samples", new.path())?;
+    let locations = new.samples().locations(&file).context("find samples", new.path())?;
     let mut stored = Vec::new();
-    for (row, ((state, place), header)) in states.iter().zip(places).zip(headers).enumerate() {
+    for (row, ((state, location), header)) in states.iter().zip(locations).zip(headers).enumerate() {
         if *state == TapState::Archived {
-            let place = place.ok_or_else(|| new.damaged(format!("the samples of plan row {row} have no place")))?;
-            place.read(&file, &mut stored).context("read back", new.path())?;
+            let location =
+                location.ok_or_else(|| new.damaged(format!("the samples of plan row {row} have no location")))?;
+            location.read(&file, &mut stored).context("read back", new.path())?;
             header.stored_checksum = chunk_checksum(Codec::Gzip, &stored);
         }
     }

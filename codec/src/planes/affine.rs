@@ -1,5 +1,5 @@
-//! The same of samples of 16 bits where the processor multiplies matrices of bits (GFNI): eight bytes are transposed at once.
-#![expect(unsafe_code, reason = "a function for processors that have an instruction may be called on them alone")]
+//! Planes of bits of 16-bit samples on processors that multiply matrices of bits (GFNI): eight bytes are transposed at once.
+#![expect(unsafe_code, reason = "functions that need GFNI may be called on processors with GFNI alone")]
 
 use std::arch::is_x86_feature_detected;
 use std::arch::x86_64::{
@@ -16,17 +16,17 @@ use super::wide::{GROUPS, HALF, dealt};
 /// Bytes of a group: eight samples of two bytes.
 const N: usize = 16;
 
-/// Rows k of which bit k alone is set: multiplied with it, a matrix whose last row comes first is transposed.
+/// The identity matrix: a product with it transposes a matrix whose rows are in reverse order.
 const IDENTITY: i64 = 0x8040_2010_0804_0201_u64.cast_signed();
 
-/// Lays out as many groups as come in whole vectors; how many those were, or `None` on a processor without the instruction.
+/// Converts as many groups as fill whole vectors, and returns their number; `None` on a processor without GFNI.
 pub(super) fn to_planes(samples: &[u8], planes: &mut [u8]) -> Option<usize> {
     let simd = V3::try_new().filter(|_| is_x86_feature_detected!("gfni"))?;
     // SAFETY: the processor has AVX2, or there would be no `simd`, and GFNI.
     Some(unsafe { lay_out(simd, samples, planes) })
 }
 
-/// The opposite of [`to_planes`].
+/// The inverse of [`to_planes`].
 pub(super) fn from_planes(planes: &[u8], samples: &mut [u8]) -> Option<usize> {
     let simd = V3::try_new().filter(|_| is_x86_feature_detected!("gfni"))?;
     // SAFETY: as above.
@@ -43,7 +43,7 @@ fn lay_out(simd: V3, samples: &[u8], planes: &mut [u8]) -> usize {
         let (halves, _) = groups.as_chunks::<HALF>();
         let mut rows: [__m256i; N] = [cast([0_u8; GROUPS]); N];
         for (k, row) in rows.iter_mut().enumerate() {
-            // The samples' low bytes and then their high ones, the last sample first, each eight of them transposed.
+            // Low bytes of the samples, then high bytes, the last sample first; each eight of them are transposed.
             *row = transposed(_mm256_shuffle_epi8(cast([halves[k], halves[k + N]]), apart));
         }
         for _ in 0..N.ilog2() {
@@ -62,7 +62,7 @@ fn take_back(simd: V3, planes: &[u8], samples: &mut [u8]) -> usize {
     let plane_bytes = planes.len() / N;
     let done = samples.len() / (GROUPS * N) * GROUPS;
     for (number, groups) in samples.chunks_exact_mut(GROUPS * N).enumerate() {
-        // The low bytes of the samples of two groups in each half of a row, and the high ones.
+        // Low bytes, and high bytes, of the samples of two groups in each half of a row.
         let mut bytes = [[cast([0_u8; GROUPS]); BITS]; 2];
         for (byte, rows) in bytes.iter_mut().enumerate() {
             for (k, row) in rows.iter_mut().enumerate() {
@@ -86,7 +86,7 @@ fn take_back(simd: V3, planes: &[u8], samples: &mut [u8]) -> usize {
     done
 }
 
-/// Each eight bytes transposed as a matrix of bits, whose last row comes first; that of what is returned comes last.
+/// Transposes each eight bytes as a matrix of bits. The rows of the argument are in reverse order, those of the result are not.
 #[target_feature(enable = "avx2,gfni")]
 fn transposed(matrices: __m256i) -> __m256i {
     _mm256_gf2p8affine_epi64_epi8::<0>(_mm256_set1_epi64x(IDENTITY), matrices)

@@ -1,6 +1,6 @@
-//! Samples as planes of bits, as Blosc and `bitshuffle` lay them: every sample's lowest bit, then every sample's next, ...
+//! Samples as planes of bits, in the order of Blosc and `bitshuffle`: the lowest bit of every sample, then the next, ...
 //!
-//! The low planes of a record are noise that nothing packs; the high ones repeat the sign, each the plane before it.
+//! The low planes of a record are noise, which does not pack; each of the high planes is the sign and repeats the plane before.
 
 #[cfg(target_arch = "x86_64")]
 mod affine;
@@ -13,8 +13,8 @@ const GROUP: usize = 8;
 /// Bits of a byte.
 const BITS: usize = 8;
 
-/// Lays the bits of `samples`, of `element_bytes` each, out as planes. Samples of which eight do not divide the number stay
-/// as they are, as in the library.
+/// Writes the bits of `samples`, of `element_bytes` each, to `planes`. If the number of samples is not a multiple of eight they
+/// are copied, as in the library.
 ///
 /// # Panics
 /// If `planes` is not as long as `samples`.
@@ -36,7 +36,7 @@ pub(crate) fn to_planes(element_bytes: usize, samples: &[u8], planes: &mut [u8])
     }
 }
 
-/// The opposite of [`to_planes`].
+/// The inverse of [`to_planes`].
 ///
 /// # Panics
 /// If `samples` is not as long as `planes`.
@@ -66,9 +66,9 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Catches a bit in the wrong place, of any number of samples: the twin takes them one by one.
+        /// Catches a bit at a wrong offset, for any number of samples: the test places them one by one.
         #[test]
-        fn every_bit_has_its_place(
+        fn every_bit_is_where_it_belongs(
             bytes in prop::collection::vec(any::<u8>(), 8..6000),
             element_bytes in prop::sample::select(vec![2_usize, 3, 4, 8]),
         ) {
@@ -86,9 +86,9 @@ mod tests {
         }
     }
 
-    /// Catches samples that the library leaves alone and that are moved here.
+    /// Catches samples that are moved though the library copies them.
     #[test]
-    fn what_does_not_fill_planes_stays() {
+    fn samples_that_do_not_fill_planes_are_copied() {
         let samples: Vec<u8> = (0..18).collect();
         let (mut planes, mut back) = (vec![9; 18], vec![9; 18]);
         to_planes(2, &samples, &mut planes);

@@ -1,4 +1,4 @@
-//! The same in the 32-byte vectors of AVX2, where the processor has them.
+//! Planes of bits in the 32-byte vectors of AVX2, if the processor has them.
 
 use std::arch::x86_64::__m256i;
 
@@ -7,13 +7,13 @@ use pulp::{NullaryFnOnce, cast};
 
 use super::{BITS, GROUP, affine};
 
-/// Bytes of half a vector, within which bytes are moved.
+/// Bytes of half a vector; AVX2 moves bytes within halves.
 pub(super) const HALF: usize = 16;
 
-/// Groups taken together: those whose bits fill a vector of each plane.
+/// Groups processed together: their bits fill one vector of each plane.
 pub(super) const GROUPS: usize = 2 * HALF;
 
-/// Lays out as many groups as come in whole vectors; how many those were.
+/// Converts as many groups as fill whole vectors, and returns their number.
 pub(super) fn to_planes(element_bytes: usize, samples: &[u8], planes: &mut [u8]) -> usize {
     if element_bytes == 2
         && let Some(done) = affine::to_planes(samples, planes)
@@ -23,7 +23,7 @@ pub(super) fn to_planes(element_bytes: usize, samples: &[u8], planes: &mut [u8])
     lay_out(element_bytes, samples, planes)
 }
 
-/// The same by exchanging bits.
+/// The same without GFNI.
 fn lay_out(element_bytes: usize, samples: &[u8], planes: &mut [u8]) -> usize {
     match (V3::try_new(), element_bytes) {
         (Some(simd), 2) => simd.vectorize(ToPlanes::<16> { simd, samples, planes }),
@@ -32,7 +32,7 @@ fn lay_out(element_bytes: usize, samples: &[u8], planes: &mut [u8]) -> usize {
     }
 }
 
-/// The opposite of [`to_planes`].
+/// The inverse of [`to_planes`].
 pub(super) fn from_planes(element_bytes: usize, planes: &[u8], samples: &mut [u8]) -> usize {
     if element_bytes == 2
         && let Some(done) = affine::from_planes(planes, samples)
@@ -42,7 +42,7 @@ pub(super) fn from_planes(element_bytes: usize, planes: &[u8], samples: &mut [u8
     take_back(element_bytes, planes, samples)
 }
 
-/// The same by exchanging bits.
+/// The same without GFNI.
 fn take_back(element_bytes: usize, planes: &[u8], samples: &mut [u8]) -> usize {
     match (V3::try_new(), element_bytes) {
         (Some(simd), 2) => simd.vectorize(FromPlanes::<16> { simd, planes, samples }),
@@ -51,7 +51,7 @@ fn take_back(element_bytes: usize, planes: &[u8], samples: &mut [u8]) -> usize {
     }
 }
 
-/// Of groups of `N` bytes.
+/// For groups of `N` bytes.
 struct ToPlanes<'a, const N: usize> {
     simd: V3,
     samples: &'a [u8],
@@ -73,7 +73,7 @@ impl<const N: usize> NullaryFnOnce for ToPlanes<'_, N> {
             for (k, row) in rows.iter_mut().enumerate() {
                 *row = cast([halves[k], halves[k + N]]);
             }
-            // N rows of groups become N rows of one byte of every group.
+            // Turns rows of groups into rows of the same byte of every group.
             for _ in 0..HALF.ilog2() {
                 rows = dealt(simd, rows);
             }
@@ -89,7 +89,7 @@ impl<const N: usize> NullaryFnOnce for ToPlanes<'_, N> {
     }
 }
 
-/// Of groups of `N` bytes.
+/// For groups of `N` bytes.
 struct FromPlanes<'a, const N: usize> {
     simd: V3,
     planes: &'a [u8],
@@ -130,8 +130,8 @@ impl<const N: usize> NullaryFnOnce for FromPlanes<'_, N> {
     }
 }
 
-/// The rows of the lower and of the upper half of `rows` dealt together, byte by byte: the number of a byte, its row's number
-/// before its place in the half vector, is turned left by one bit.
+/// Interleaves the bytes of the rows of the lower and of the upper half of `rows`. Written as its row's number followed by its
+/// offset in the half vector, the number of each byte is rotated left by one bit.
 #[inline(always)]
 pub(super) fn dealt<const N: usize>(simd: V3, rows: [__m256i; N]) -> [__m256i; N] {
     let mut all = rows;
@@ -142,7 +142,7 @@ pub(super) fn dealt<const N: usize>(simd: V3, rows: [__m256i; N]) -> [__m256i; N
     all
 }
 
-/// Bit k of row i and bit i of row k exchanged, of every byte: samples become planes, and planes samples.
+/// Exchanges bit k of row i with bit i of row k, in every byte: samples become planes, and planes samples.
 #[inline(always)]
 fn exchanged(simd: V3, mut rows: [__m256i; BITS]) -> [__m256i; BITS] {
     let V3 { avx, avx2, .. } = simd;
@@ -175,10 +175,10 @@ fn exchanged(simd: V3, mut rows: [__m256i; BITS]) -> [__m256i; BITS] {
 mod tests {
     use super::*;
 
-    /// Catches a way that only machines of another kind take: both give the same planes, which the way of this machine is held
-    /// to elsewhere.
+    /// Catches an error in the code for machines without GFNI: both give the same planes, and other tests check those of this
+    /// machine.
     #[test]
-    fn both_ways_give_the_same() {
+    fn planes_do_not_depend_on_the_machine() {
         for count in [0, GROUPS, 3 * GROUPS + 5] {
             let samples: Vec<u8> = (0..16 * count as u32).map(|k| (k.wrapping_mul(k) >> 3) as u8).collect();
             let mut planes = [vec![9; samples.len()], vec![9; samples.len()]];

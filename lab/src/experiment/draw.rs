@@ -23,7 +23,7 @@ const WIDTH: f64 = 900.0;
 /// Where the first row of panels begins.
 const HEAD: f64 = 92.0;
 const EDGE: f64 = 14.0;
-/// ReadBuffer for the labels of a panel.
+/// Room for the labels of a panel.
 const LEFT_ROOM: f64 = 58.0;
 const BOTTOM_ROOM: f64 = 42.0;
 /// Space right of a panel.

@@ -16,9 +16,9 @@ pub(crate) struct Frame {
     pub(crate) right: f64,
     pub(crate) top: f64,
     pub(crate) bottom: f64,
-    /// ReadBuffer for the labels on the left.
+    /// Room for the labels on the left.
     pub(crate) left_room: f64,
-    /// ReadBuffer for the labels below.
+    /// Room for the labels below.
     pub(crate) bottom_room: f64,
 }
 

@@ -13,10 +13,10 @@ use crate::report::figures::inline;
 /// Width of a picture: that of a telephone, of half a page and of a third of a screen.
 pub(crate) const WIDTH: u32 = 370;
 
-/// ReadBuffer for the numbers and the name of each axis.
+/// Room for the numbers and the name of each axis.
 const LEFT: f64 = 52.0;
 const BOTTOM: f64 = 32.0;
-/// ReadBuffer beside the axes, for the half of a number.
+/// Room beside the axes, for the half of a number.
 const RIGHT: f64 = 14.0;
 /// Height of a line of writing above the axes.
 const ROW: f64 = 16.0;

@@ -1,4 +1,4 @@
-//! A new archive: every table at its final size, so that nothing but table contents changes afterwards.
+//! A new archive: every table has its final size, so that only contents change afterwards.
 
 use std::path::Path;
 
@@ -30,10 +30,10 @@ use crate::h5::text::{create_text, write_number, write_text, write_texts};
 /// Name of the samples within their group.
 const SIGNAL: &str = "samples";
 
-/// Stands for an axis of plain indices: no dataset has positions of taps or channels in one dimension, or times.
+/// The axis of plain indices, as NeXus writes it.
 const NO_AXIS: &str = ".";
 
-/// Creates the archive of `plan`, with room for `taps_max` taps, at `path`; it appears there whole or not at all.
+/// Creates the archive of `plan`, with room for `taps_max` taps, at `path`, where it appears complete or not at all.
 pub(crate) fn create(path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage<'_>) -> Result<()> {
     let taps_max = taps_max.max(plan.taps().len());
     let recording = &plan.recording;
@@ -54,7 +54,7 @@ pub(crate) fn create(path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
     let filled = fill(&file, path, plan, taps_max, lineage).context("lay out the tables", path);
     let changing = filled.and_then(|()| structure::changing(&file, lineage.raw.is_some(), &draft));
     let changing = changing.inspect_err(|_| {
-        // What is half there cannot be closed in order, on a full disk for one.
+        // A file that is half written, for example on a full disk, cannot be closed properly.
         drop(abandon(&file));
     })?;
     drop(file);
@@ -63,7 +63,7 @@ pub(crate) fn create(path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
 }
 
 fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage<'_>) -> hdf5::Result<()> {
-    // The first of all, so that it is found without the library.
+    // First, so that it is found without the library.
     structure::create(file, taps_max)?;
     write_text(file, attribute::FORMAT, FORMAT)?;
     write_number(file, attribute::FORMAT_VERSION, &FORMAT_VERSION)?;
@@ -90,7 +90,7 @@ fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
             let raw = from_beside(path, raw);
             write_text(file, attribute::RAW_DIGEST, &hex_of(&digest))?;
             write_text(file, attribute::RAW, &raw)?;
-            // For other readers of HDF5; this program opens the other archive itself, to read only.
+            // For other programs; this one opens the other archive itself, for reading.
             file.link_external(&raw, table::TAPS, table::TAPS)?;
         }
         None => {
@@ -117,13 +117,13 @@ fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
     }
     write_text(file, attribute::NX_CLASS, "NXroot")?;
     write_text(file, attribute::NX_DEFAULT, table::TAPS)?;
-    write_text(file, attribute::DIGEST, &Metadata::read(file)?.map(|given| given.digest).unwrap_or_default())?;
+    write_text(file, attribute::DIGEST, &Metadata::read(file)?.map(|metadata| metadata.digest).unwrap_or_default())?;
     let key = file.new_dataset_builder().empty::<Key>().alloc_time(Some(AllocTime::Early)).obj_track_times(false);
     key.create(table::LINEAGE_KEY)?.write_scalar(&Key::new())?;
     file.flush()
 }
 
-/// The name of `raw` as seen from the folder of `path`: it lies there, or in the folder of that folder.
+/// The name of `raw` as seen from the folder of `path`: `raw` lies there, or in its parent.
 fn from_beside(path: &Path, raw: &Path) -> String {
     let name = raw.file_name().unwrap_or_default().to_string_lossy();
     if folder_of(path) == folder_of(raw) { name.into_owned() } else { format!("../{name}") }
@@ -162,10 +162,10 @@ fn create_truth(file: &File, plan: &Plan) -> hdf5::Result<()> {
     Ok(())
 }
 
-/// Samples lie one tap a chunk, and the index of their chunks is final from the start.
+/// Creates the samples: one chunk a tap, with an index that has its final size from the start.
 ///
-/// Without a codec every chunk's place is allotted, and stays a hole in the file until a tap fills it. Packed chunks have no
-/// size beforehand: the index is filled with the shortest chunks there are, so that a tap changes one entry where it stands.
+/// Without a codec every chunk is allocated, and is a hole in the file until a tap fills it. The size of a packed chunk is not
+/// known beforehand: the index is filled with the shortest possible chunks, so that a tap later changes one entry in place.
 fn create_samples(file: &File, plan: &Plan, taps_max: usize, codec: Codec) -> hdf5::Result<()> {
     let recording = &plan.recording;
     let (channel_count, sample_count) = (recording.channels.len(), recording.sample_count_max as usize);
@@ -186,10 +186,10 @@ fn create_samples(file: &File, plan: &Plan, taps_max: usize, codec: Codec) -> hd
     let dataset = builder.create(table::SAMPLES)?;
     if codec.blosc().is_some() {
         let row_bytes = recording.payload_bytes_max();
-        let nothing = placeholder(codec, row_bytes / (channel_count * sample_count), row_bytes);
+        let empty = placeholder(codec, row_bytes / (channel_count * sample_count), row_bytes);
         let rows = ChunkRows::new(dataset.clone(), codec, row_bytes);
         let rows = rows.ok_or_else(|| hdf5::Error::from("the samples have not the shape they were given"))?;
-        (0..).take(taps_max).try_for_each(|row| rows.write(row, &nothing))?;
+        (0..).take(taps_max).try_for_each(|row| rows.write(row, &empty))?;
     }
     write_text(&dataset, attribute::CODEC, codec.name())?;
     let channels: Vec<&str> = recording.channels.iter().map(|c| c.name()).collect();

@@ -1,4 +1,4 @@
-//! What the ledger vouches for: the state of each tap, and the digest of what was recorded.
+//! The state of each tap, and the digest of what was recorded.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::format::layout::{HeaderRow, LedgerRow};
 use crate::format::lineage::Digest;
 use crate::h5::table::Table;
 
-/// State and attempt of the tap in row `k` of a ledger.
+/// State and attempt of the tap in row `k` of a ledger; missing if the row is corrupt.
 pub(crate) fn tap_state(path: &Path, k: usize, row: &LedgerRow) -> Result<(TapState, u16)> {
     if !row.is_valid(k) {
         return Ok((TapState::Missing, 0));
@@ -19,8 +19,8 @@ pub(crate) fn tap_state(path: &Path, k: usize, row: &LedgerRow) -> Result<(TapSt
     Ok((row.state().ok_or_else(unknown)?, row.attempt))
 }
 
-/// BLAKE3 of all that was recorded in the archived taps that `ledger` names: which taps they are, how they were recorded, and their
-/// samples; how and when they were sent does not enter, nor how they are packed.
+/// BLAKE3 of what was recorded in the taps that `ledger` has as archived: which taps they are, how they were recorded, and their
+/// samples. How and when they were sent, and how they are packed, does not enter.
 pub(crate) fn raw_digest(
     path: &Path,
     plan: &Plan,

@@ -1,4 +1,4 @@
-//! What an archive is given when it is made and never changes, with the digest that it is held to.
+//! What an archive is given at creation and what never changes afterwards, with its digest.
 
 use hdf5::{File, H5Type};
 
@@ -6,9 +6,9 @@ use crate::format::checksum::PlainRow as _;
 use crate::format::layout::{PlanRow, TruthRow, attribute, table};
 use crate::h5::text::read_text;
 
-/// All that does not change once the archive is there, and the plan, which may grow.
+/// Everything that never changes after creation, and the rows of the plan, which may grow.
 pub(crate) struct Metadata {
-    /// BLAKE3 of all of it, in hexadecimal digits.
+    /// BLAKE3 of all of it except added rows of the plan, as hexadecimal digits.
     pub digest: String,
     pub geometry: String,
     pub plan_digest: u64,
@@ -16,16 +16,16 @@ pub(crate) struct Metadata {
     pub config: Vec<u8>,
     pub made_by: Vec<u8>,
     pub reference: Option<Vec<u8>>,
-    /// How many of the rows of the plan were there from the beginning.
+    /// Rows of the plan as it was begun.
     pub begun_count: usize,
     pub plan: Vec<PlanRow>,
     pub truth: Vec<TruthRow>,
 }
 
 impl Metadata {
-    /// Reads it from `file`; `None` where a table claims what cannot be.
+    /// Reads it from `file`; `None` if a table has an impossible length or other columns.
     pub(crate) fn read(file: &File) -> hdf5::Result<Option<Self>> {
-        // All in one piece, of which BLAKE3 takes several parts at a time.
+        // In one piece: BLAKE3 hashes several parts of it at a time.
         let mut all = Vec::new();
         let mut add = |part: &[u8]| {
             all.extend_from_slice(&(part.len() as u64).to_le_bytes());
@@ -92,15 +92,15 @@ impl Metadata {
     }
 }
 
-/// All rows of a table whose length is not known beforehand; `None` where the file cannot hold what it claims, or it has
+/// All rows of a table whose length is not known beforehand; `None` if the file is too short for that length, or the table has
 /// other columns.
 fn read_bounded<R: H5Type + Clone>(file: &File, name: &str) -> hdf5::Result<Option<Vec<R>>> {
     let dataset = file.dataset(name)?;
     let &[row_count] = dataset.shape().as_slice() else { return Ok(None) };
-    // All rows are in the file: a length that only claims to be must not ask for memory.
+    // A damaged length must not allocate more memory than the file has bytes.
     let bytes = row_count.checked_mul(size_of::<R>()).and_then(|bytes| u64::try_from(bytes).ok());
-    let is_so = bytes.is_some_and(|bytes| bytes <= file.size());
-    if !is_so || dataset.dtype()?.to_descriptor()? != R::type_descriptor() {
+    let fits = bytes.is_some_and(|bytes| bytes <= file.size());
+    if !fits || dataset.dtype()?.to_descriptor()? != R::type_descriptor() {
         return Ok(None);
     }
     dataset.read_raw::<R>().map(Some)
@@ -110,9 +110,9 @@ fn read_bounded<R: H5Type + Clone>(file: &File, name: &str) -> hdf5::Result<Opti
 mod tests {
     use super::*;
 
-    /// Catches memory that is asked for because a damaged length claims rows that the file cannot have.
+    /// Catches memory that is allocated for rows that the file cannot have.
     #[test]
-    fn rows_that_cannot_be_there_are_not_read() {
+    fn more_rows_than_the_file_has_are_not_read() {
         let folder = tempfile::tempdir().unwrap();
         let file = File::create(folder.path().join("t.h5")).unwrap();
         let of = |name: &str, row_count: usize| {

@@ -40,7 +40,7 @@ pub(crate) struct Archive {
     path: PathBuf,
     plan: Plan,
     config: String,
-    /// The reference file of the run, as it was read.
+    /// The reference file of the run, verbatim.
     reference: Option<String>,
     samples: ChunkRows,
     headers: Table<HeaderRow>,
@@ -49,55 +49,55 @@ pub(crate) struct Archive {
     refusals: Table<ReasonRow>,
     scans: Table<ScanRow>,
     damage: Table<CellRow>,
-    /// The plan as rows, and room for more of them.
+    /// The plan as rows, with spare rows.
     plan_rows: Table<PlanRow>,
     /// The plan as it was begun.
     begun: Plan,
-    /// Taps that there is room for.
+    /// Most taps that it has room for.
     taps_max: usize,
-    /// Row in the damage table of the first cell of every scan, and of the end of its room.
+    /// Row in the damage table of the first cell of every scan, and last the number of rows.
     first_cells: Vec<usize>,
-    /// Whether it is finished, and sealed.
+    /// Whether it is finished and sealed.
     is_finished: bool,
-    /// What the results were made by.
+    /// What the results were computed by.
     made_by: String,
     file: File,
-    /// The archive of the taps, where this one has results alone.
+    /// The archive of the taps, if this one has results alone.
     raw: Option<Box<Archive>>,
 }
 
 impl Archive {
-    /// Where it is.
+    /// Its path.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Its plan, with what was added.
+    /// Its plan, with the taps that were added.
     pub(crate) fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// The configuration it was begun with, word for word.
+    /// The configuration that it was begun with, verbatim.
     pub(crate) fn config(&self) -> &str {
         &self.config
     }
 
-    /// The reference file it was begun with, word for word.
+    /// The reference file that it was begun with, verbatim.
     pub(crate) fn reference(&self) -> Option<&str> {
         self.reference.as_deref()
     }
 
-    /// What its results were made by.
+    /// What its results were computed by.
     pub(crate) fn made_by(&self) -> &str {
         &self.made_by
     }
 
-    /// Taps that there is room for.
+    /// Most taps that it has room for.
     pub(crate) fn taps_max(&self) -> usize {
         self.taps_max
     }
 
-    /// Whether it is finished, and sealed.
+    /// Whether it is finished and sealed.
     pub(crate) fn is_finished(&self) -> bool {
         self.is_finished
     }
@@ -135,7 +135,7 @@ impl Archive {
         &self.begun
     }
 
-    /// Version of the program that created it; `None` where it does not say.
+    /// Version of the program that created it; `None` if it gives none.
     pub(crate) fn written_by(&self) -> Option<String> {
         read_text(&self.file, attribute::TAPLINE_VERSION).ok()
     }
@@ -144,12 +144,12 @@ impl Archive {
         &self.plan_rows
     }
 
-    /// Closes it without writing anything more to it: see [`crate::h5::file::abandon`].
+    /// Closes the file without writing to it: see [`crate::h5::file::abandon`].
     pub(crate) fn abandon(self) -> hdf5::Result<()> {
         abandon(&self.file)
     }
 
-    /// Hands all that was written to the system.
+    /// Passes all that was written to the system.
     pub(crate) fn flush(&self) -> hdf5::Result<()> {
         self.file.flush()
     }
@@ -163,16 +163,16 @@ impl Archive {
         self.check_lineage(lineage)
     }
 
-    /// Checks that it was begun with the configuration and the reference of `lineage`, for results made by the same.
+    /// Checks that it was begun with the configuration, the reference and the program of `lineage`.
     pub(crate) fn check_lineage(&self, lineage: Lineage<'_>) -> Result<()> {
         if self.config != lineage.config_toml {
             return Err(Error::other_configuration(&self.path, &self.config, lineage.config_toml));
         }
-        self.check_made_alike(lineage)
+        self.check_results_lineage(lineage)
     }
 
-    /// Checks that its results are made as those of `lineage` are.
-    pub(crate) fn check_made_alike(&self, lineage: Lineage<'_>) -> Result<()> {
+    /// Checks that its results are computed by the same program and options as those of `lineage`, and with the same reference.
+    pub(crate) fn check_results_lineage(&self, lineage: Lineage<'_>) -> Result<()> {
         if self.reference.as_deref() != lineage.reference {
             return Err(Error::OtherReference { path: self.path.clone() });
         }
@@ -182,10 +182,10 @@ impl Archive {
         Ok(())
     }
 
-    /// The key that was written down; empty where none was.
+    /// The key that is stored; empty if none is.
     pub(crate) fn stored_key(&self) -> Result<String> {
         let key: hdf5::Result<Key> = self.file.dataset(table::LINEAGE_KEY).and_then(|key| key.read_scalar());
-        // Of a damaged file the text may be none.
+        // In a damaged file it may not be UTF-8.
         Ok(String::from_utf8_lossy(key.context("read the key of the results", &self.path)?.as_bytes()).into_owned())
     }
 
@@ -194,17 +194,17 @@ impl Archive {
         self.raw.is_some()
     }
 
-    /// The ledger that vouches for the samples, which may be another archive's.
+    /// The ledger of the samples, which may be another archive's.
     pub(crate) fn ledger_of_taps(&self) -> &Table<LedgerRow> {
         self.raw.as_ref().map_or(&self.ledger, |raw| &raw.ledger)
     }
 
-    /// The plan with why taps were asked for, which may be another archive's.
+    /// The plan with the reasons of added taps, which may be another archive's.
     pub(crate) fn plan_of_taps(&self) -> &Table<PlanRow> {
         self.raw.as_ref().map_or(&self.plan_rows, |raw| &raw.plan_rows)
     }
 
-    /// The error that this archive contradicts itself in `what`.
+    /// The error that this archive is corrupt: `what` says how.
     pub(crate) fn damaged(&self, what: impl Into<String>) -> Error {
         Error::damaged(&self.path, what)
     }
@@ -214,12 +214,12 @@ impl Archive {
         raw_digest(&self.path, &self.plan, self.ledger_of_taps(), &self.headers)
     }
 
-    /// The key of the results as they are.
+    /// The key of the present results.
     pub(crate) fn key(&self) -> Result<String> {
         Ok(lineage_key(&self.raw_digest()?, &self.made_by, self.reference.as_deref()))
     }
 
-    /// Writes down the key of the results, which are whole, and hands it to the system.
+    /// Stores the key of the results, which must be complete, and flushes.
     pub(crate) fn write_key(&self) -> Result<()> {
         let key = Key::from_ascii(self.key()?.as_bytes()).map_err(|error| hdf5::Error::from(error.to_string()));
         key.and_then(|key| self.file.dataset(table::LINEAGE_KEY)?.write_scalar(&key))
@@ -238,12 +238,12 @@ impl Archive {
         first..first + self.plan.scans()[scan].locations.len()
     }
 
-    /// The open file once more, to read only: see [`crate::h5::file::read_handle`].
+    /// Another handle of the open file, for reading: see [`crate::h5::file::read_handle`].
     pub(crate) fn read_handle(&self) -> Result<std::fs::File> {
         read_handle(&self.file).context("open the archive", &self.path)
     }
 
-    /// The plan is `plan` from now on, which has more taps.
+    /// Replaces the plan by `plan`, which has more taps.
     pub(crate) fn grow_to(&mut self, plan: Plan) {
         let tap_count = plan.taps().len();
         self.plan_rows.grow_to(tap_count);

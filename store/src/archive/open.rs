@@ -66,18 +66,18 @@ impl Archive {
             return Err(Error::OtherPlan { path: raw.path.clone(), archived, given });
         }
         let (tap_count, taps_max) = (plan.taps().len(), metadata.plan.len());
-        let taps_max_there = raw.as_ref().map_or(taps_max, |raw| raw.taps_max);
+        let taps_max_of_taps = raw.as_ref().map_or(taps_max, |raw| raw.taps_max);
         let first_cells = first_cells(&begun, taps_max);
         let cells_max = first_cells[plan.scans().len()];
         let config = text_of(metadata.config, table::CONFIG, path)?;
         let made_by = text_of(metadata.made_by, table::MADE_BY, path)?;
         let reference = metadata.reference.map(|text| text_of(text, table::REFERENCE, path)).transpose()?;
         let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
-        let codec = read_text(&samples, attribute::CODEC).context("read what packs the samples", path)?;
+        let codec = read_text(&samples, attribute::CODEC).context("read the codec", path)?;
         let codec = Codec::from_name(&codec).ok_or_else(|| {
-            Error::damaged(path, format!("its samples are packed by {codec:?}, which is none of its codecs"))
+            Error::damaged(path, format!("its samples are packed by {codec:?}, which is not a codec of archives"))
         })?;
-        let samples = (samples.shape().first() == Some(&taps_max_there))
+        let samples = (samples.shape().first() == Some(&taps_max_of_taps))
             .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
             .flatten()
             .ok_or_else(|| Error::damaged(path, "the samples have not the shape that the plan asks for"))?;
@@ -87,7 +87,7 @@ impl Archive {
             made_by,
             reference,
             samples,
-            headers: open_table(taps_file, path, tap_count, taps_max_there)?,
+            headers: open_table(taps_file, path, tap_count, taps_max_of_taps)?,
             discriminators: open_table(&file, path, tap_count, taps_max)?,
             ledger: open_table(&file, path, tap_count, taps_max)?,
             refusals: open_table(&file, path, tap_count, taps_max)?,
@@ -106,23 +106,23 @@ impl Archive {
         Ok(archive)
     }
 
-    /// Whether the taps that results are of are those that they were made of.
+    /// Checks that the taps have not changed since results were computed from them.
     fn check_raw(&self) -> Result<()> {
         if !self.is_results() {
             return Ok(());
         }
         let made_of =
             read_text(&self.file, attribute::RAW_DIGEST).context("read the digest of the taps", &self.path)?;
-        let there = hex_of(&self.raw_digest()?);
-        if made_of == there {
+        let current = hex_of(&self.raw_digest()?);
+        if made_of == current {
             return Ok(());
         }
         let raw = self.samples.dataset().filename();
-        Err(Error::OtherTaps { path: self.path.clone(), raw: raw.into(), made_of, there })
+        Err(Error::OtherTaps { path: self.path.clone(), raw: raw.into(), made_of, there: current })
     }
 }
 
-/// Opens the archive whose taps the results in `file` are of; `None` where they are its own.
+/// Opens the archive of the taps, if `file` has results alone; else `None`.
 fn open_raw(file: &File, path: &Path) -> Result<Option<Archive>> {
     if !file.attr_names().context("read the attributes", path)?.iter().any(|name| name == attribute::RAW) {
         return Ok(None);
@@ -135,11 +135,10 @@ fn open_raw(file: &File, path: &Path) -> Result<Option<Archive>> {
     }
 }
 
-/// Gives the plain reasons why a file cannot be opened, before the library gives its own.
+/// Checks by plain reads whether the file can be opened, so that errors are plain too; returns whether the archive is finished.
 ///
-/// The lock is tried with a descriptor of its own: the library shares one file between all its openings within a
-/// process and would let a second writer in.
-/// Says whether it is finished.
+/// The lock is tried with a separate descriptor: within a process the library opens a file once and shares it, so it would let
+/// a second writer in.
 fn probe(path: &Path, access: Access) -> Result<bool> {
     let mut file = std::fs::OpenOptions::new()
         .read(true)
@@ -160,7 +159,7 @@ fn probe(path: &Path, access: Access) -> Result<bool> {
     }
     match locked {
         Err(TryLockError::WouldBlock) => return Err(Error::InUse { path: path.to_owned() }),
-        // A file system without locks cannot say; the library then decides.
+        // Without locks in the file system, the library decides.
         Err(TryLockError::Error(_)) | Ok(()) => {}
     }
     let mut signature = [0; 8];
@@ -178,7 +177,7 @@ fn probe(path: &Path, access: Access) -> Result<bool> {
     }
 }
 
-/// Checks that `file` is an archive of the layout that is known.
+/// Checks that `file` is an archive of the known layout.
 fn check_format(file: &File, path: &Path) -> Result<()> {
     let format = read_text(file, attribute::FORMAT).unwrap_or_default();
     if format != FORMAT {
@@ -192,11 +191,11 @@ fn check_format(file: &File, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What was given to the archive, if it is what it was then.
+/// The metadata, if its digest is valid.
 fn read_metadata(file: &File, path: &Path) -> Result<Metadata> {
-    let said = read_text(file, attribute::DIGEST).context("read the digest", path)?;
-    let given = Metadata::read(file).context("read what does not change", path)?;
-    given.filter(|given| given.digest == said).ok_or_else(|| {
+    let digest = read_text(file, attribute::DIGEST).context("read the digest", path)?;
+    let metadata = Metadata::read(file).context("read the metadata", path)?;
+    metadata.filter(|metadata| metadata.digest == digest).ok_or_else(|| {
         let what =
             "its plan, truth, configuration, reference or attributes are not what was written: their digest differs";
         Error::damaged(path, what)

@@ -50,12 +50,12 @@ pub(super) fn read_plan(metadata: &Metadata, taps_file: &File, path: &Path) -> R
     let mut plan = begun.clone();
     while let Some(rows) = growth(&metadata.plan, plan.taps().len()) {
         let (first, digest) = (rows.start, metadata.plan[rows.start].plan_digest);
-        // Of a writer that died while it added them some may be there, or such that were added before and are not meant.
+        // A writer that was killed while it added taps may have left some of their rows, or rows of an earlier attempt.
         match taps_in(rows).ok().and_then(|taps| plan.grown(&taps).ok()).filter(|grown| grown.digest() == digest) {
             Some(grown) => plan = grown,
             None => {
                 tracing::warn!(
-                    "{}: taps from plan row {first} on are not all there: they do not count",
+                    "{}: the taps that were added from plan row {first} on are incomplete and are ignored",
                     path.display()
                 );
                 break;
@@ -65,7 +65,7 @@ pub(super) fn read_plan(metadata: &Metadata, taps_file: &File, path: &Path) -> R
     Ok(Planned { plan, begun })
 }
 
-/// The rows that were added together to a plan of `tap_count` taps; `None` where none were, or one is not what was written.
+/// The rows that were added together to a plan of `tap_count` taps; `None` if there are none, or one is corrupt.
 fn growth(rows: &[PlanRow], tap_count: usize) -> Option<Range<usize>> {
     let first = rows.get(tap_count)?;
     let added = tap_count..(first.grown_to as usize).min(rows.len());

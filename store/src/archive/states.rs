@@ -1,5 +1,5 @@
-//! What state taps and scans are in. A row that is not what was written says nothing: its tap counts as missing, and is taken
-//! again; its scan counts as open.
+//! The states of taps and scans. A tap whose row is corrupt counts as missing and is taken again; a scan whose row is corrupt
+//! counts as open.
 
 use tapline_wire::{Ledger, ScanState, TapState};
 
@@ -9,20 +9,20 @@ use crate::error::{Context, Result};
 use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{LedgerRow, ScanRow};
 
-/// What an archive says of where its taps and scans stand.
+/// The states of the taps and scans of an archive.
 #[derive(Debug)]
 pub(crate) struct States {
-    /// Rows of its ledger, as they count.
+    /// Rows of its ledger; a corrupt row is replaced by that of a missing tap.
     pub taps: Vec<LedgerRow>,
-    /// Rows of its scans, as they count.
+    /// Rows of its scans; a corrupt row is replaced by that of an open scan.
     pub scans: Vec<ScanRow>,
-    /// Plan rows whose row counts otherwise than it stands in the file, and likewise scans.
+    /// Plan rows, and scans, whose row was replaced.
     pub changed_taps: Vec<usize>,
     pub changed_scans: Vec<usize>,
 }
 
 impl States {
-    /// Those of `archive`. A tap that is archived counts as missing, too, where `is_corrupt` of its plan row.
+    /// Loads the states of `archive`. An archived tap also counts as missing if `is_corrupt` of its plan row.
     pub(crate) fn load(archive: &Archive, is_corrupt: impl Fn(usize) -> bool) -> Result<Self> {
         let mut taps = archive.ledger.read_all().context("read the ledger", &archive.path)?;
         let mut changed_taps = Vec::new();
@@ -43,25 +43,23 @@ impl States {
                 return Err(archive.damaged(format!("scan {k} has state {}", row.state)));
             }
             let open = ScanRow::open(planned, u32::try_from(archive.first_cell(k)).unwrap_or(u32::MAX));
-            // What was judged from a tap that is lost is judged again.
+            // A scan that was judged with a tap that is lost is judged again.
             if !is_valid || (row.state() != Some(ScanState::Open) && planned.taps.iter().any(is_changed)) {
                 *row = open;
                 changed_scans.push(k);
             } else if row.state() != Some(ScanState::Judged) {
-                // It may tell of taps that a writer was adding when it died.
+                // Its counts may include taps that a writer was adding when it was killed.
                 *row = ScanRow { state: row.state, ..open };
             }
         }
         if !changed_taps.is_empty() || !changed_scans.is_empty() {
             let (taps, scans, path) = (changed_taps.len(), changed_scans.len(), archive.path.display());
-            tracing::warn!(
-                "{path}: rows are not what was written: {taps} taps count as missing, {scans} scans as open"
-            );
+            tracing::warn!("{path}: corrupt rows: {taps} taps count as missing, {scans} scans as open");
         }
         Ok(Self { taps, scans, changed_taps, changed_scans })
     }
 
-    /// The same as a ledger.
+    /// The states as a ledger.
     pub(crate) fn ledger(&self, archive: &Archive) -> Ledger {
         let plan = &archive.plan;
         let mut ledger = Ledger::empty(plan.taps().len(), plan.scans().len());

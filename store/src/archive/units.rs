@@ -1,7 +1,6 @@
 //! Units of the tables: attributes of their datasets, written once and checked whenever an archive is opened.
 //!
-//! Each table has them twice: as one list, which is read by eye, and field by field under `units_<field>`, which a program
-//! looks up without taking a text apart.
+//! Each table has them twice: as one list for people, and field by field under `units_<field>` for programs.
 
 use std::path::Path;
 
@@ -12,7 +11,7 @@ use crate::error::{Context, Error, Result};
 use crate::format::layout::{NOTES, attribute, table, unit_of, units_of};
 use crate::h5::text::{read_text, write_text};
 
-/// Writes `units`, a list as in [`NOTES`], on `dataset`; nothing where it is empty.
+/// Writes `units`, a list as in [`NOTES`], as attributes of `dataset`; nothing if it is empty.
 pub(crate) fn write_units(dataset: &Dataset, units: &str) -> hdf5::Result<()> {
     if units.is_empty() {
         return Ok(());
@@ -21,11 +20,11 @@ pub(crate) fn write_units(dataset: &Dataset, units: &str) -> hdf5::Result<()> {
     by_field(units).try_for_each(|(name, unit)| write_text(dataset, &name, unit))
 }
 
-/// Whether every table's numbers are in the units of this program: a force in mN would pass through every ratio of one
-/// tyre unseen, and be a thousand times another's.
+/// Checks that every table's numbers are in the units of this program: a force in mN would go unseen in every ratio within a
+/// tyre, and be a thousand times that of another tyre.
 ///
 /// # Errors
-/// [`Error::OtherUnits`] with the table and both units, or what the library says.
+/// [`Error::OtherUnits`] with the table and both units, or what the library returns.
 pub(crate) fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<()> {
     for (name, _, units) in NOTES.into_iter().filter(|(_, _, units)| !units.is_empty()) {
         let file = if name.starts_with(table::TAPS) { taps_file } else { file };
@@ -42,7 +41,7 @@ pub(crate) fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<
     check_channels(taps_file, path)
 }
 
-/// Whether the channels of `taps_file` are in the units of this program, each in its own.
+/// Checks that each channel of `taps_file` is in its unit.
 fn check_channels(taps_file: &File, path: &Path) -> Result<()> {
     let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
     let [names, archived] =
@@ -60,7 +59,7 @@ fn check_channels(taps_file: &File, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The attribute of each field of the list `units`, and what it says; none for the unit of a whole dataset.
+/// Attribute and unit of each field of the list `units`; none for the unit of a dataset of plain numbers.
 fn by_field(units: &str) -> impl Iterator<Item = (String, &str)> {
     let fields = units.split(", ").filter_map(|field| field.split_once(' '));
     fields.map(|(field, unit)| (format!("{}{field}", attribute::UNITS_OF_FIELD), unit))

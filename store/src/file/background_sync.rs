@@ -1,6 +1,6 @@
-//! What writers have handed to the system goes to the disk while they go on, by one thread for all writers of the process.
+//! Syncs written data to the disk while the writers go on, by one thread for all writers of the process.
 //!
-//! The system would begin with it much later, and whoever waits for the end would then wait for all of it.
+//! The system itself would begin much later, and the sync at the end of a casing would then take long.
 
 use std::fs::File;
 use std::io;
@@ -9,30 +9,33 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::Builder;
 
-/// Bytes after which the thread is asked: enough for a disk to be busy, and so few that whoever waits for the end waits for
-/// little. A disk that is slower is not asked more often than it answers.
+/// Bytes after which the thread is asked to sync: enough to keep a disk busy, and few enough that the last sync is short. A
+/// slow disk is not asked again before it has answered.
 const EVERY_BYTES: usize = 2 << 20;
 
-/// Writers that may wait for the thread.
+/// Requests that may wait for the thread.
 const JOBS_MAX: usize = 1024;
 
-/// What the thread does for one writer.
+/// Requests to the thread, for the file of one writer.
 #[derive(Debug)]
 pub(crate) struct BackgroundSync {
     file: Arc<File>,
     sync_errors: SyncErrors,
-    /// Whether the thread has been asked and has not begun: it then takes along what is written until it does.
+    /// Whether a request waits: it covers what is written before the thread begins with it.
     is_asked: Arc<AtomicBool>,
     unasked_bytes: usize,
 }
 
-/// Why a disk did not keep what it was given, where it did not. The system tells it once: whoever asks for all to be written
-/// at the end would not hear it.
+/// The last error of a background sync. The system reports such an error once, so the sync at the end would succeed in spite
+/// of it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SyncErrors(Arc<Mutex<Option<io::Error>>>);
 
 impl SyncErrors {
-    /// The last of them.
+    /// The last error, if there was one.
+    ///
+    /// # Errors
+    /// That error.
     pub(crate) fn last(&self) -> io::Result<()> {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         last.as_ref().map_or(Ok(()), |error| Err(copy_of(error)))
@@ -43,12 +46,12 @@ impl SyncErrors {
     }
 }
 
-/// The same error: by its number, from which it is told what failed.
+/// A copy of an error that keeps its number, by which callers classify it.
 fn copy_of(error: &io::Error) -> io::Error {
     error.raw_os_error().map_or_else(|| io::Error::new(error.kind(), error.to_string()), io::Error::from_raw_os_error)
 }
 
-/// What the thread is asked to do.
+/// A request.
 struct Job {
     file: Arc<File>,
     sync_errors: SyncErrors,
@@ -56,12 +59,12 @@ struct Job {
 }
 
 impl BackgroundSync {
-    /// That for `file`.
+    /// For `file`; errors go to `sync_errors`.
     pub(crate) fn new(file: Arc<File>, sync_errors: &SyncErrors) -> Self {
         Self { file, sync_errors: sync_errors.clone(), is_asked: Arc::default(), unasked_bytes: 0 }
     }
 
-    /// Notes that `bytes` more were handed to the system.
+    /// Counts `bytes` that were written, and requests a sync when there are enough.
     pub(crate) fn note(&mut self, bytes: usize) {
         self.unasked_bytes += bytes;
         if self.unasked_bytes < EVERY_BYTES {
@@ -71,14 +74,14 @@ impl BackgroundSync {
         if !self.is_asked.swap(true, Ordering::AcqRel) {
             let Self { file, sync_errors, is_asked, .. } = self;
             let job = Job { file: file.clone(), sync_errors: sync_errors.clone(), is_asked: is_asked.clone() };
-            // Where no thread can be had, or it has more to do than it can, all is written at the end.
+            // Without a thread, or when its queue is full, everything is synced at the end.
             let is_taken = thread().as_ref().is_some_and(|thread| thread.try_send(job).is_ok());
             self.is_asked.fetch_and(is_taken, Ordering::AcqRel);
         }
     }
 }
 
-/// The thread; `None` where none can be had.
+/// The thread; `None` if it cannot be started.
 fn thread() -> &'static Option<SyncSender<Job>> {
     static THREAD: OnceLock<Option<SyncSender<Job>>> = OnceLock::new();
     THREAD.get_or_init(|| {

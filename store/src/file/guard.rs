@@ -1,4 +1,4 @@
-//! Where an archive lies: whether the file that is being written is still there, and how it is put back when it is not.
+//! Watches the file that is being written: whether it is still at its path, and how it is restored if it was removed.
 
 use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind};
@@ -12,24 +12,25 @@ use crate::error::{Context, Error, Result};
 use crate::file::background_sync::{BackgroundSync, SyncErrors};
 use crate::file::draft::{self, folder_of, remove_dead_drafts};
 
-/// Bytes that are copied at a time when a file is put back: a block of most file systems, so that holes stay holes.
+/// Bytes copied at a time when a file is restored: a block of most file systems, so that holes stay holes.
 const BLOCK_BYTES: usize = 4096;
 
-/// The place of an archive that is being written.
+/// The file of an archive that is being written.
 #[derive(Debug)]
 pub(crate) struct FileGuard {
     path: PathBuf,
-    /// To read only, and without a lock: it stands in nobody's way, and keeps a file that is removed from being lost.
+    /// Open for reading, without a lock; a file that is removed stays readable through it.
     file: Arc<File>,
-    /// Bytes that the file had when it was written last.
+    /// Bytes that the file had after the last write.
     least_bytes: u64,
     background: BackgroundSync,
 }
 
 impl FileGuard {
-    /// The place of `file`, a handle to read with of what was opened at `path`.
+    /// Guards the file at `path`, open for reading as `file`; errors of background syncs go to `sync_errors`.
     ///
-    /// What failed behind the writer is told by `sync_errors`, whatever becomes of the file.
+    /// # Errors
+    /// What the system returns.
     pub(crate) fn new(file: File, path: &Path, sync_errors: &SyncErrors) -> Result<Self> {
         let file = Arc::new(file);
         let background = BackgroundSync::new(file.clone(), sync_errors);
@@ -38,19 +39,19 @@ impl FileGuard {
         Ok(guard)
     }
 
-    /// Notes that what the file holds now must not become less.
+    /// Notes the length of the file, which must not become less.
     pub(crate) fn note(&mut self) -> Result<()> {
-        // The library itself makes the file shorter where the samples at its end give way to smaller ones.
+        // HDF5 itself shortens the file when smaller samples replace those at its end.
         self.least_bytes = self.held()?.len();
         Ok(())
     }
 
-    /// The open file once more.
+    /// Another handle of the open file.
     pub(crate) fn read_handle(&self) -> Result<File> {
         self.file.try_clone().context("open the archive", &self.path)
     }
 
-    /// Checks that the file is still where it was opened, and as long.
+    /// Checks that the file is still at its path and has not become shorter.
     pub(crate) fn check(&self) -> Result<()> {
         let held = self.held()?;
         match fs::metadata(&self.path) {
@@ -59,16 +60,16 @@ impl FileGuard {
             Err(error) if error.kind() == ErrorKind::NotFound => return Err(self.gone(&held)),
             Err(error) => return Err(error).context("look for", &self.path),
         }
-        self.check_whole(&held)
+        self.check_length(&held)
     }
 
-    /// Checks that the file has what was in it.
-    fn check_whole(&self, held: &Metadata) -> Result<()> {
+    /// Checks that the file has not become shorter.
+    fn check_length(&self, held: &Metadata) -> Result<()> {
         let (was, is) = (self.least_bytes, held.len());
         if is < was { Err(Error::Cut { path: self.path.clone(), was, is }) } else { Ok(()) }
     }
 
-    /// Writes the file that was held to its path again, where it was removed and nothing else is there.
+    /// Writes the file to its path again, if it was removed and nothing else has taken its path.
     pub(crate) fn put_back(&mut self) -> Result<()> {
         match self.check() {
             Err(Error::Removed { .. }) => {}
@@ -78,7 +79,7 @@ impl FileGuard {
         let draft = draft::begin(&self.path).context("write the archive again", &self.path)?;
         copy_sparse(&self.file, &draft).context("write the archive again", &self.path)?;
         match draft::publish(draft, &self.path) {
-            // Whoever took the place meanwhile keeps it.
+            // Another file was created at the path meanwhile: it stays.
             Err(Error::Exists { .. }) => return self.check(),
             published => published?,
         }
@@ -86,10 +87,10 @@ impl FileGuard {
         Ok(())
     }
 
-    /// Checks that the disk has room for `bytes` more, so that no attempt fills what little there is.
+    /// Checks that the disk has room for `bytes` more: an attempt would otherwise fill what is left of it.
     pub(crate) fn check_room(&self, bytes: u64) -> Result<()> {
         let disk = statvfs(folder_of(&self.path)).map_err(io::Error::from).context("look for", &self.path)?;
-        // A file system that does not count its blocks says that it has none.
+        // A file system that does not count its blocks reports none.
         match disk.f_blocks > 0 && disk.f_bavail.saturating_mul(disk.f_frsize) < bytes {
             true => {
                 Err(io::Error::from_raw_os_error(rustix::io::Errno::NOSPC.raw_os_error())).context("write", &self.path)
@@ -98,12 +99,12 @@ impl FileGuard {
         }
     }
 
-    /// Has `bytes` that were handed to the system go to the disk meanwhile.
+    /// Counts `bytes` that were written, for background syncs.
     pub(crate) fn note_written(&mut self, bytes: usize) {
         self.background.note(bytes);
     }
 
-    /// Waits until all that was written is on the disk, where a power cut cannot take it back.
+    /// Waits until all that was written is on the disk and survives a power cut.
     pub(crate) fn sync(&self) -> Result<()> {
         self.file.sync_all().context("sync", &self.path)
     }
@@ -112,13 +113,13 @@ impl FileGuard {
         self.file.metadata().context("look for", &self.path)
     }
 
-    /// The error that nothing is at the path.
+    /// The error for a path where nothing is: the file was removed, or renamed.
     fn gone(&self, held: &Metadata) -> Error {
         let path = self.path.clone();
         if held.nlink() == 0 { Error::Removed { path } } else { Error::Moved { path, now: self.now() } }
     }
 
-    /// Where the file that was opened lies now, as the system says.
+    /// The present path of the open file, as the system reports it.
     fn now(&self) -> String {
         use std::os::fd::AsRawFd as _;
         let link = format!("/proc/self/fd/{}", self.file.as_raw_fd());

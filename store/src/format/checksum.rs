@@ -1,14 +1,14 @@
-//! Rows and samples under seal: a checksum with each, by which a single changed bit is found and located.
+//! The checksum of each row, by which a single changed bit is found and located.
 //!
-//! Rows have part of a BLAKE3, samples as they are meant a whole one, which results are traced to. Packed bytes are checked
-//! at every reading, and have a checksum that costs a tenth of that.
+//! A row has the first eight bytes of a BLAKE3. Samples have a whole BLAKE3, which results are traced to; packed chunks, which
+//! are checked at every reading, have an XXH3, which costs a tenth.
 #![expect(unsafe_code, reason = "a row is checked as the bytes that go to the file")]
 
 use hdf5::H5Type;
 
 use crate::format::layout::table;
 
-/// A row as the bytes that lie in the file.
+/// A row that is stored as its bytes in memory.
 ///
 /// # Safety
 /// The type is `repr(C)`, without padding and without pointers: all of its bytes are defined.
@@ -25,20 +25,20 @@ pub(crate) trait ChecksummedRow: PlainRow {
     /// Path of its table.
     const TABLE: &'static str;
 
-    /// Where the checksum stands.
+    /// The field of the checksum.
     fn checksum(&mut self) -> &mut u64;
 
-    /// The row with the checksum that it must have as row `number`.
+    /// The row with the checksum of row `number` of its table.
     fn with_checksum(mut self, number: usize) -> Self {
         *self.checksum() = 0;
         *self.checksum() = checksum(&[Self::TABLE.as_bytes(), &(number as u64).to_le_bytes(), self.bytes()]);
         self
     }
 
-    /// Whether the row is as it was written as row `number`.
+    /// Whether the checksum is that of row `number` of the table, as it was written.
     fn is_valid(mut self, number: usize) -> bool {
-        let said = *self.checksum();
-        *self.with_checksum(number).checksum() == said
+        let stored = *self.checksum();
+        *self.with_checksum(number).checksum() == stored
     }
 }
 
@@ -86,9 +86,9 @@ mod tests {
     use super::*;
     use crate::format::layout::LedgerRow;
 
-    /// Catches a bit that is under no seal, and a row that passes for another.
+    /// Catches a bit that the checksum does not cover, and a row that passes for another row.
     #[test]
-    fn every_bit_of_a_row_is_sealed() {
+    fn every_bit_of_a_row_is_covered() {
         let row = LedgerRow::new(TapState::Archived, 3).with_checksum(7);
         assert!(row.is_valid(7) && !row.is_valid(8));
         for bit in 0..8 * size_of::<LedgerRow>() {

@@ -3,24 +3,24 @@
 use hdf5::types::FixedUnicode;
 use tapline_wire::{Serial, TapId};
 
-/// Stands at the end of a text that was cut.
+/// Ends a text that was cut.
 const ELLIPSIS: &str = "\u{2026}";
 
-/// `text` in at most `N` bytes, cut at the end of a character and marked when it is longer.
+/// `text` in at most `N` bytes; a longer text is cut at the end of a character and ends in an ellipsis.
 pub(crate) fn fixed<const N: usize>(text: &str) -> FixedUnicode<N> {
-    if let Ok(whole) = text.parse() {
-        return whole;
+    if let Ok(field) = text.parse() {
+        return field;
     }
     let cut = &text[..text.floor_char_boundary(N.saturating_sub(ELLIPSIS.len()))];
     format!("{cut}{ELLIPSIS}").parse().unwrap_or_default()
 }
 
-/// The text of a fixed field, `None` when it is not UTF-8.
+/// The text of a fixed field; `None` if it is not UTF-8.
 pub(crate) fn text<const N: usize>(field: &FixedUnicode<N>) -> Option<&str> {
     std::str::from_utf8(field.as_bytes()).ok()
 }
 
-/// The serial number in a fixed field, empty for an empty field.
+/// The serial number in a fixed field, empty if the field is; `None` if it is not a serial number.
 pub(crate) fn serial<const N: usize>(field: &FixedUnicode<N>) -> Option<Serial> {
     match text(field)? {
         "" => Some(Serial::default()),

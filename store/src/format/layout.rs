@@ -1,8 +1,8 @@
 //! Names, rows and units of the tables in an archive.
 //!
-//! Codes and flags are plain integers, never Rust enums or booleans: a damaged file must not be able to form an
-//! invalid value. No row has padding: its bytes go to the file as they lie in memory, without undefined ones among
-//! them and without the library's conversion, which clears a megabyte at every write.
+//! Codes and flags are plain integers, never Rust enums or booleans, of which a damaged file could form invalid values. No
+//! row has padding: its bytes in memory, all of them defined, are written as they are. The library's conversion of padded
+//! rows would clear a megabyte at every write.
 
 #![expect(unsafe_code, reason = "the derived description cannot name the elements of an array")]
 
@@ -15,7 +15,7 @@ use tapline_wire::{CHANNELS_MAX, Channel, Discriminator, SERIAL_BYTES, SampleFor
 
 use crate::format::lineage::Digest;
 
-/// Version of the layout that is written, and the only one that is read.
+/// Version of the layout that is written, and the only version that is read.
 pub const FORMAT_VERSION: u32 = 1;
 
 /// Longest reason of a refusal in bytes of UTF-8; a longer one ends in an ellipsis.
@@ -24,18 +24,18 @@ pub const REASON_BYTES: usize = 256;
 /// Value of the root attribute [`attribute::FORMAT`].
 pub(crate) const FORMAT: &str = "tapline";
 
-/// Plan row in a table row that nothing was written to.
+/// The plan row in a table row that was never written.
 pub(crate) const UNWRITTEN: u32 = u32::MAX;
 
-/// A lineage key that is not known yet, in the room of one that is.
+/// A lineage key, empty until it is known.
 pub(crate) type Key = FixedAscii<64>;
 
 /// Paths of the tables.
 pub(crate) mod table {
     pub(crate) const CONFIG: &str = "config";
-    /// What the results were made by, lines of text.
+    /// What the results were computed by, as lines of text.
     pub(crate) const MADE_BY: &str = "made_by";
-    /// Bytes of the reference file, UTF-8; only where the run had one.
+    /// Bytes of the reference file, UTF-8; only if the run had one.
     pub(crate) const REFERENCE: &str = "reference";
     pub(crate) const PLAN: &str = "plan";
     pub(crate) const TAPS: &str = "taps";
@@ -47,9 +47,9 @@ pub(crate) mod table {
     pub(crate) const SCANS: &str = "scans";
     pub(crate) const DAMAGE: &str = "damage";
     pub(crate) const TRUTH: &str = "truth";
-    /// Key of the results, zeros until they are whole.
+    /// Key of the results, zeros until all scans are judged.
     pub(crate) const LINEAGE_KEY: &str = "lineage_key";
-    /// What must not change while the archive is written: see [`crate::h5::structure`].
+    /// The record of what must not change while the archive is written: see [`crate::h5::structure`].
     pub(crate) const STRUCTURE: &str = "structure";
 }
 
@@ -62,36 +62,36 @@ pub(crate) mod attribute {
     pub(crate) const PLAN_DIGEST: &str = "plan_digest";
     pub(crate) const SOURCE_DIGEST: &str = "source_digest";
     pub(crate) const CHANNELS: &str = "channels";
-    /// Name of what packs the samples.
+    /// Name of the codec.
     pub(crate) const CODEC: &str = "codec";
-    /// Name of the archive whose taps results are of, in the same folder.
+    /// Of results alone: name of the archive of their taps, as seen from their folder.
     pub(crate) const RAW: &str = "raw";
-    /// Digest of the taps that results are of, as hexadecimal digits.
+    /// Of results alone: digest of their taps, as hexadecimal digits.
     pub(crate) const RAW_DIGEST: &str = "raw_digest";
-    /// How many taps were planned when the archive was begun.
+    /// Taps planned when the archive was begun.
     pub(crate) const BEGUN_TAPS: &str = "begun_taps";
-    /// BLAKE3 of what does not change after creation, as hexadecimal digits.
+    /// BLAKE3 of what never changes after creation, as hexadecimal digits.
     pub(crate) const DIGEST: &str = "digest";
     pub(crate) const SAMPLE_FORMAT: &str = "sample_format";
     pub(crate) const SAMPLE_RATE_HZ: &str = "sample_rate_hz";
     pub(crate) const PRE_TRIGGER_SAMPLES: &str = "pre_trigger_samples";
     pub(crate) const NOTE: &str = "note";
-    /// Units of a table's fields in one list, or the unit of a dataset of plain numbers.
+    /// Units of a table's fields as one list, or the unit of a dataset of plain numbers.
     pub(crate) const UNITS: &str = "units";
-    /// Begins the name of the attribute that has the unit of one field alone.
+    /// Prefix of the attribute that has the unit of one field.
     pub(crate) const UNITS_OF_FIELD: &str = "units_";
     /// Units of the channels once they are scaled, in the order of [`CHANNELS`].
     pub(crate) const CHANNEL_UNITS: &str = "channel_units";
-    /// Class of a group in the words of NeXus: a hint to programs that know them.
+    /// Class of a group in NeXus: a hint for programs that know NeXus.
     pub(crate) const NX_CLASS: &str = "NX_class";
-    /// Which group, and in it which dataset, such a program shows first, and along which axes.
+    /// The group, and in it the dataset, that such a program shows first, and its axes.
     pub(crate) const NX_DEFAULT: &str = "default";
     pub(crate) const NX_SIGNAL: &str = "signal";
     pub(crate) const NX_AXES: &str = "axes";
 }
 
-/// The units of `table`, which [`NOTES`] lists: those of its fields, or that of the dataset's own numbers; what has no unit is
-/// not among them.
+/// The units of `table` as a list: of its fields, or of the dataset's own numbers. `noted` is its list in [`NOTES`], to which
+/// those of the discriminators are added.
 pub(crate) fn units_of(table: &str, noted: &'static str) -> Cow<'static, str> {
     if table != table::DISCRIMINATORS {
         return noted.into();
@@ -100,7 +100,7 @@ pub(crate) fn units_of(table: &str, noted: &'static str) -> Cow<'static, str> {
     format!("{noted}, {}", each.join(", ")).into()
 }
 
-/// What a reader without this program needs to know of each table: (table, note, units but for the discriminators').
+/// What a reader without this program must know of each table: (table, note, units except those of the discriminators).
 pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     (
         table::PLAN,
@@ -150,16 +150,16 @@ pub(crate) struct PlanRow {
     pub location: u32,
     pub repetition: u16,
     pub is_closing: u16,
-    /// Rows of the plan once this one was added with others; 0 where there is no tap.
+    /// Rows of the plan after this row and those with it were added; 0 in a row without a tap.
     pub grown_to: u32,
-    /// Why the tap was added to the plan of an open casing; 0 where it was planned from the beginning.
+    /// Why the tap was added to the plan of an open casing; 0 if it was planned from the beginning.
     pub why: u32,
     /// Digest of the plan with these rows.
     pub plan_digest: u64,
     pub checksum: u64,
 }
 
-/// What is known of a tap beside its samples, its place in the plan and the shape all records share.
+/// What is known of a tap beside its samples, its plan row and the shape that all records share.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct HeaderRow {
@@ -179,14 +179,14 @@ pub(crate) struct HeaderRow {
     pub mark: u64,
     pub sender: u32,
     pub source: u32,
-    /// BLAKE3 of the samples that are meant, channel by channel, in the file's byte order.
+    /// BLAKE3 of the samples without padding, channel by channel, in the file's byte order.
     pub samples_digest: Digest,
-    /// Of the chunk as it lies in the file.
+    /// Checksum of the packed chunk.
     pub stored_checksum: u64,
     pub checksum: u64,
 }
 
-/// What was found in a tap; the seven values under [`tapline_wire::Discriminator::column`].
+/// The discriminators of a tap; the columns of the values are named by [`tapline_wire::Discriminator::column`].
 ///
 /// Shoulder and location repeat the plan, so that the table can be plotted by itself.
 #[repr(C)]
@@ -198,7 +198,7 @@ pub(crate) struct DiscriminatorsRow {
     pub location: u32,
     pub quality: u32,
     pub velocity_measured_m_per_s: f64,
-    /// By [`Discriminator::ALL`]; in the file each is a column of its own.
+    /// In the order of [`Discriminator::ALL`]; in the file each is a column.
     pub values: [f64; Discriminator::COUNT],
     pub checksum: u64,
 }
@@ -229,9 +229,9 @@ unsafe impl H5Type for DiscriminatorsRow {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, H5Type)]
 pub(crate) struct LedgerRow {
-    /// Flags of the last attempt that was of no use.
+    /// Flags of the last unusable attempt.
     pub retaken_quality: u32,
-    /// How many were.
+    /// Unusable attempts.
     pub retaken_count: u32,
     pub attempt: u16,
     /// Where a missing tap was lost: a code of [`crate::Lost`].

@@ -1,4 +1,4 @@
-//! What results are made of and by: kept in the archive word for word, and drawn together into one key.
+//! What results are computed from and by: stored in the archive verbatim, and hashed into one key.
 
 use std::path::Path;
 
@@ -7,28 +7,28 @@ use tapline_codec::Codec;
 /// Bytes of a digest of samples.
 pub(crate) const DIGEST_BYTES: usize = 32;
 
-/// BLAKE3 of what something holds.
+/// A BLAKE3.
 pub(crate) type Digest = [u8; DIGEST_BYTES];
 
-/// What a run was told, beside its plan.
+/// What a run is given beside its plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lineage<'a> {
-    /// Its configuration, as it was written.
+    /// Its configuration, verbatim.
     pub config_toml: &'a str,
-    /// The reference file it compared with, where it had one.
+    /// The reference file that it compares with, verbatim.
     pub reference: Option<&'a str>,
-    /// What packs its samples; an archive that is gone on with keeps what it was begun with.
+    /// What packs its samples; a resumed archive keeps its codec.
     pub codec: Codec,
-    /// What its results are made by, as lines of text: digests of the program's sources, and every option with its value,
-    /// defaults among them.
+    /// What its results are computed by, a line each: digests of the program's sources, and every option with its value,
+    /// defaults included.
     pub made_by: &'a str,
-    /// The archive whose taps the results are of, where these are results alone, and the digest of its taps; it must lie in
-    /// the same folder, or in the folder of that folder.
+    /// For results alone: the archive of their taps, which must lie in the same folder or in its parent, and the digest of
+    /// those taps.
     pub raw: Option<(&'a Path, [u8; 32])>,
 }
 
 impl<'a> From<&'a str> for Lineage<'a> {
-    /// A run with that configuration and no reference file, packed as usual, of which nothing else is known.
+    /// A run with that configuration, no reference file and the default codec.
     fn from(config_toml: &'a str) -> Self {
         Self { config_toml, reference: None, codec: Codec::default(), made_by: "", raw: None }
     }
@@ -40,9 +40,9 @@ impl<'a> From<&'a String> for Lineage<'a> {
     }
 }
 
-/// The key of results: 256 bits over the recorded taps, what the results were made by, and the reference.
+/// The key of results: 256 bits over the recorded taps, what the results were computed by, and the reference.
 ///
-/// On one machine and build, results with the same key are the same numbers; results with different keys never enter one normalisation.
+/// On one machine and build, results with the same key are the same numbers. Results with different keys are never mixed.
 pub fn lineage_key(raw_digest: &[u8; 32], made_by: &str, reference: Option<&str>) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(raw_digest);
@@ -53,12 +53,12 @@ pub fn lineage_key(raw_digest: &[u8; 32], made_by: &str, reference: Option<&str>
     hasher.finalize().to_hex().to_string()
 }
 
-/// BLAKE3 of `bytes`: what this crate calls a digest.
+/// BLAKE3 of `bytes`, which this crate calls a digest.
 pub fn digest_of(bytes: &[u8]) -> [u8; 32] {
     *blake3::hash(bytes).as_bytes()
 }
 
-/// A digest in hexadecimal digits.
+/// A digest as hexadecimal digits.
 pub fn hex_of(digest: &[u8; 32]) -> String {
     blake3::Hash::from_bytes(*digest).to_hex().to_string()
 }

@@ -1,13 +1,13 @@
-//! Where a planned tap that is not in the archive was seen last.
+//! Where a missing tap was lost.
 
 /// Where a missing tap was lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[non_exhaustive]
 pub enum Lost {
-    /// Nobody could say: the archive's writer was cut off.
+    /// Unknown: the archive's writer was killed.
     #[default]
     Unknown,
-    /// Nothing of it ever came: it was not taken, or lost on its way from the station.
+    /// Neither samples nor discriminators came: it was not taken, or was lost on its way from the station.
     Acquire,
     /// Its samples came, its discriminators did not.
     Process,
@@ -23,7 +23,7 @@ impl Lost {
         self as u16
     }
 
-    /// What has that code.
+    /// The stage with that code.
     pub fn from_code(code: u16) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }

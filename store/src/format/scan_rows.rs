@@ -8,7 +8,7 @@ use crate::format::fields::fixed;
 use crate::format::layout::{CellRow, ScanRow, UNWRITTEN};
 
 impl ScanRow {
-    /// The row of a scan that is still open.
+    /// The row of an open scan.
     pub(crate) fn open(scan: &Scan, first_cell: u32) -> Self {
         Self {
             station: scan.station,
@@ -33,12 +33,12 @@ impl ScanRow {
         }
     }
 
-    /// The state, `None` for a code nobody knows.
+    /// The state; `None` for an unknown code.
     pub(crate) fn state(&self) -> Option<ScanState> {
         ScanState::from_code(u8::try_from(self.state).ok()?)
     }
 
-    /// The same row with `judgement` on it.
+    /// The same row with `judgement`.
     pub(crate) fn judged(self, judgement: &Judgement) -> Self {
         Self {
             verdict: judgement.verdict,
@@ -58,7 +58,7 @@ impl ScanRow {
         }
     }
 
-    /// The judgement of scan `number`; of its stamp, only what does not depend on how it was sent.
+    /// The judgement of scan `number`. Its stamp has only what does not depend on how it was sent.
     pub(crate) fn to_judgement(self, number: u32) -> Judgement {
         Judgement {
             stamp: Stamp { kind: RecordKind::Data.code(), mark: number.into(), ..Stamp::default() },
@@ -77,7 +77,7 @@ impl ScanRow {
         }
     }
 
-    /// A number that differs for different judgements with `cells`.
+    /// A hash that differs for different judgements and maps.
     pub(crate) fn fingerprint(&self, cells: &[CellRow]) -> u64 {
         let mut hasher = DefaultHasher::new();
         (self.verdict, self.reasons).hash(&mut hasher);
@@ -98,7 +98,7 @@ impl ScanRow {
 }
 
 impl CellRow {
-    /// ReadBuffer for a location that may be asked for yet.
+    /// A spare row, for a location that may be added.
     pub(crate) fn unwritten() -> Self {
         let cell = DamageCell { angle_deg: f64::NAN, ..DamageCell::default() };
         let scan = Scan { station: 0, tyre: Serial::default(), shoulder: 0, taps: Vec::new(), locations: Vec::new() };
@@ -128,7 +128,7 @@ impl CellRow {
         }
     }
 
-    /// The damage of this row.
+    /// The cell of this row.
     pub(crate) fn to_cell(self) -> DamageCell {
         DamageCell {
             location: self.location,
@@ -147,8 +147,8 @@ impl CellRow {
     }
 }
 
-/// Row in the damage table of the first cell of every scan of the plan that an archive is begun with, and of the end: each has
-/// room for as many locations as taps may be added.
+/// Row in the damage table of the first cell of every scan of `begun`, and last the number of rows. Each scan has spare rows:
+/// as many as taps may be added.
 pub(crate) fn first_cells(begun: &Plan, taps_max: usize) -> Vec<usize> {
     let spare = taps_max - begun.taps().len();
     let mut first_cells = vec![0];

@@ -13,25 +13,25 @@ use crate::format::layout::{DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, Re
 use crate::format::lineage::Digest;
 use crate::format::lost::Lost;
 
-/// The beginning of a plan, or what was added to it at once.
+/// A state of the plan: as it was begun, or after taps were added.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Growth {
-    /// Rows of the plan then.
+    /// Rows of the plan in that state.
     pub to: u32,
-    /// Its digest then.
+    /// Its digest in that state.
     pub plan_digest: u64,
-    /// Why it was added, 0 for the beginning.
+    /// Why taps were added; 0 for the plan as it was begun.
     pub why: u16,
 }
 
 impl PlanRow {
-    /// A row that no tap was planned in.
+    /// A row without a tap.
     pub(crate) fn unwritten() -> Self {
         let tap = PlannedTap { id: TapId::default(), angle_deg: None, is_closing: false };
         Self::new(&tap, UNWRITTEN, Growth { to: 0, plan_digest: 0, why: 0 })
     }
 
-    /// The row of `tap`, which belongs to scan `scan` and was planned with others by `growth`.
+    /// The row of `tap` of scan `scan`, which was planned with `growth`.
     pub(crate) fn new(tap: &PlannedTap, scan: u32, growth: Growth) -> Self {
         Self {
             tyre: fixed(tap.id.tyre.as_str()),
@@ -51,7 +51,10 @@ impl PlanRow {
         }
     }
 
-    /// The planned tap of this row; an error names what cannot be.
+    /// The planned tap of this row.
+    ///
+    /// # Errors
+    /// [`IdError`] for a value that no tap has.
     pub(crate) fn to_tap(self) -> Result<PlannedTap, IdError> {
         let tyre = serial(&self.tyre).ok_or_else(|| IdError::Serial {
             text: String::from_utf8_lossy(self.tyre.as_bytes()).into_owned(),
@@ -67,7 +70,7 @@ impl PlanRow {
 }
 
 impl HeaderRow {
-    /// A row that no tap was written to.
+    /// A row that was never written.
     pub(crate) fn unwritten() -> Self {
         Self {
             plan_index: UNWRITTEN,
@@ -92,7 +95,7 @@ impl HeaderRow {
         }
     }
 
-    /// The header of this row's tap, all that the plan and the recording say of it filled in.
+    /// The header of this row's tap, completed from the plan and its recording.
     pub(crate) fn to_header(self, row: u32, plan: &Plan) -> TapHeader {
         let recording = &plan.recording;
         let mut channels = [ChannelHeader::default(); CHANNELS_MAX];
@@ -122,13 +125,13 @@ impl HeaderRow {
             sample_format: recording.sample_format.code(),
             channel_count: u32::try_from(recording.channels.len()).unwrap_or(u32::MAX),
             source: self.source,
-            retakes_left: 0, // what is archived stands
+            retakes_left: 0, // an archived tap is final
             reserved: 0,
             channels,
         }
     }
 
-    /// A number that differs for different taps; how and when a tap was sent does not enter it.
+    /// A hash that differs for different taps; how and when a tap was sent does not enter it.
     pub(crate) fn fingerprint(&self) -> u64 {
         let floats = [self.sample_rate_hz, self.velocity_measured_m_per_s, self.microphone_distance_m];
         let mut hasher = DefaultHasher::new();
@@ -164,7 +167,7 @@ impl From<&TapHeader> for HeaderRow {
 }
 
 impl DiscriminatorsRow {
-    /// A row that nothing was written to.
+    /// A row that was never written.
     pub(crate) fn unwritten() -> Self {
         Self::from(&Discriminators {
             plan_index: UNWRITTEN,
@@ -173,7 +176,7 @@ impl DiscriminatorsRow {
         })
     }
 
-    /// The record of this row's tap.
+    /// The record of this row, of the tap `planned`.
     pub(crate) fn to_discriminators(self, planned: &TapId) -> Discriminators {
         let mut values = Values::default();
         for (which, value) in Discriminator::ALL.into_iter().zip(self.values) {
@@ -188,7 +191,7 @@ impl DiscriminatorsRow {
         }
     }
 
-    /// A number that differs for different records.
+    /// A hash that differs for different records.
     pub(crate) fn fingerprint(&self) -> u64 {
         let mut hasher = DefaultHasher::new();
         (self.attempt, self.quality, self.velocity_measured_m_per_s.to_bits()).hash(&mut hasher);
@@ -219,19 +222,19 @@ impl LedgerRow {
         Self { retaken_quality, retaken_count, attempt, lost_at, state: state.code().into(), checksum: 0 }
     }
 
-    /// The state, `None` for a code nobody knows.
+    /// The state; `None` for an unknown code.
     pub(crate) fn state(&self) -> Option<TapState> {
         TapState::from_code(u8::try_from(self.state).ok()?)
     }
 }
 
 impl ReasonRow {
-    /// The row of `reason`, which is cut where it is too long.
+    /// The row of `reason`, which is cut if it is too long.
     pub(crate) fn new(reason: &str) -> Self {
         Self { reason: fixed(reason), checksum: 0 }
     }
 
-    /// The reason of no refusal.
+    /// The row of a tap that was not refused.
     pub(crate) fn none() -> Self {
         Self { reason: FixedUnicode::new(), checksum: 0 }
     }
@@ -241,9 +244,9 @@ impl ReasonRow {
 mod tests {
     use super::*;
 
-    /// Catches a fingerprint that a retransmission would change, or that a field of the tap does not enter.
+    /// Catches a fingerprint that changes when a tap is sent again, and one that a field of the tap does not enter.
     #[test]
-    fn fingerprints_tell_takes_apart_not_sendings() {
+    fn fingerprints_differ_by_attempt_and_not_by_sending() {
         let row = HeaderRow::unwritten();
         let resent = HeaderRow { sequence: 9, epoch_ns: 9, sent_ns: 9, ..row };
         assert_eq!(row.fingerprint(), resent.fingerprint());

@@ -13,22 +13,22 @@ use std::os::unix::fs::FileExt as _;
 
 use crate::h5::location::ChunkLocation;
 
-/// The end of a file's signature, the versions of its superblock and their kin, and the sizes of addresses and lengths.
+/// A file's signature, the versions of its superblock, and the sizes of addresses and lengths.
 const SUPERBLOCK: [u8; 16] = *b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08\x08\0";
 
 /// Types of messages in an object header.
 const LAYOUT: u16 = 8;
 const CONTINUATION: u16 = 16;
 
-/// More blocks of messages, or levels of a tree, than any archive has.
+/// Limits that no archive reaches: blocks of messages in an object header, and levels of a tree.
 const BLOCKS_MAX: usize = 64;
 const LEVELS_MAX: u8 = 16;
 
-/// A chunk: its place in the file, and which filters it was not put through.
+/// A chunk: its location, and a mask of the filters that it did not go through.
 pub(crate) type Chunk = (ChunkLocation, u32);
 
-/// The chunks of the dataset whose object header is at `header` of `file`, one row each of `row_count`, by row; `rank` is the
-/// number of its dimensions. `None` where they are kept in a way that is not known here, or not one for each row.
+/// The chunks of a dataset, by row: its object header is at `header` of `file`, and it has `rank` dimensions and one chunk for
+/// each of `row_count` rows. `None` if the index is of an unknown kind, or lacks a row.
 pub(crate) fn chunks(file: &File, header: u64, row_count: usize, rank: usize) -> Option<Vec<Chunk>> {
     Some(index(file, header, row_count, rank)?.chunks)
 }
@@ -37,11 +37,11 @@ pub(crate) fn chunks(file: &File, header: u64, row_count: usize, rank: usize) ->
 #[derive(Debug)]
 pub(crate) struct Index {
     pub chunks: Vec<Chunk>,
-    /// Where its nodes lie.
+    /// Addresses of its nodes.
     pub nodes: Vec<u64>,
 }
 
-/// The same, and where it lies itself.
+/// As [`chunks`], with the addresses of the nodes.
 pub(crate) fn index(file: &File, header: u64, row_count: usize, rank: usize) -> Option<Index> {
     if read(file, 0, SUPERBLOCK.len())? != SUPERBLOCK || u64_at(&read(file, 24, 8)?, 0)? != 0 {
         return None;
@@ -52,14 +52,14 @@ pub(crate) fn index(file: &File, header: u64, row_count: usize, rank: usize) -> 
     Some(Index { chunks: walk.chunks.into_iter().collect::<Option<_>>()?, nodes: walk.nodes })
 }
 
-/// What stands in the node at `address`, but for what changes as chunks are written: their lengths, which nodes above repeat,
-/// and their places are zeros.
+/// The bytes of the node at `address`, with zeros for what changes as chunks are written: the lengths of chunks, which nodes
+/// above repeat, and their addresses.
 pub(crate) fn node_with_changes_left_out(file: &File, address: u64, rank: usize) -> Option<Vec<u8>> {
     let head = read(file, address, NODE_HEAD_BYTES)?;
     let (is_leaf, entry_count) = (head[5] == 0, u16_at(&head, 6)? as usize);
     let (key_bytes, entry_bytes) = (key_bytes(rank), key_bytes(rank) + 8);
     let mut node = read(file, address, NODE_HEAD_BYTES + entry_count * entry_bytes + key_bytes)?;
-    // The last is a key alone.
+    // The last entry is a key alone.
     for entry in node[NODE_HEAD_BYTES..].chunks_mut(entry_bytes) {
         entry[..4].fill(0);
         if is_leaf {
@@ -72,12 +72,12 @@ pub(crate) fn node_with_changes_left_out(file: &File, address: u64, rank: usize)
 /// Bytes of a node before its entries.
 const NODE_HEAD_BYTES: usize = 24;
 
-/// Bytes of a key: a chunk's length, its filters, and where it begins in every dimension and the element.
+/// Bytes of a key: a chunk's length, its filter mask, and its offset in every dimension and in the element.
 fn key_bytes(rank: usize) -> usize {
     8 + 8 * (rank + 1)
 }
 
-/// Address of the tree of chunks that the object header at `header` names.
+/// Address of the tree of chunks, from the object header at `header`.
 fn tree_of(file: &File, header: u64, rank: usize) -> Option<u64> {
     let prefix = read(file, header, 16)?;
     if prefix[0] != 1 {
@@ -92,7 +92,7 @@ fn tree_of(file: &File, header: u64, rank: usize) -> Option<u64> {
             let (kind, size) = (u16_at(&block, at)?, u16_at(&block, at + 2)? as usize);
             let message = block.get(at + 8..at + 8 + size)?;
             match kind {
-                // Version 3, chunked, of one dimension more: the size of an element.
+                // Version 3, chunked; one more dimension stands for the size of an element.
                 LAYOUT if message.get(..3)? == [3, 2, u8::try_from(rank + 1).ok()?] => return u64_at(message, 3),
                 LAYOUT => return None,
                 CONTINUATION => blocks.push((u64_at(message, 0)?, usize::try_from(u64_at(message, 8)?).ok()?)),
@@ -114,7 +114,7 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Takes in the chunks below the node at `address`, which is on a level below `above`.
+    /// Collects the chunks below the node at `address`, whose level must be below `above`.
     fn node(&mut self, address: u64, above: u8) -> Option<()> {
         self.nodes_left = self.nodes_left.checked_sub(1)?;
         let head = read(self.file, address, NODE_HEAD_BYTES)?;
@@ -141,9 +141,9 @@ impl Walk<'_> {
     }
 }
 
-/// `length` bytes at `address`, unless the file is too short.
+/// `length` bytes at `address`; `None` if the file is too short.
 fn read(file: &File, address: u64, length: usize) -> Option<Vec<u8>> {
-    // A length that is damaged must not ask for memory that no file has.
+    // A damaged length must not allocate more memory than the file has bytes.
     if length as u64 > file.metadata().ok()?.len() {
         return None;
     }
@@ -176,7 +176,7 @@ mod tests {
 
     const ROW: [usize; 2] = [2, 16];
 
-    /// A file with a dataset of `row_count` chunks, written in an order of its own.
+    /// A file with a dataset of `row_count` chunks, written in a mixed order.
     fn dataset(path: &std::path::Path, codec: Codec, row_count: usize) -> hdf5::Dataset {
         let file = hdf5::File::create(path).unwrap();
         let builder = file.new_dataset::<i16>().shape((row_count, ROW[0], ROW[1])).chunk((1, ROW[0], ROW[1]));
@@ -194,7 +194,7 @@ mod tests {
         dataset
     }
 
-    /// Catches a chunk that is found elsewhere than the library finds it, in trees of one level and of several.
+    /// Catches a chunk that is not where the library finds it, in trees of one level and of several.
     #[test]
     fn chunks_are_where_the_library_says() {
         let folder = tempfile::tempdir().unwrap();
@@ -202,18 +202,19 @@ mod tests {
             for row_count in [1, 63, 65, 3001] {
                 let path = folder.path().join(format!("{codec}-{row_count}.h5"));
                 let rows = ChunkRows::new(dataset(&path, codec, row_count), codec, 64).unwrap();
-                let places = rows.places(&File::open(&path).unwrap()).unwrap();
+                let locations = rows.locations(&File::open(&path).unwrap()).unwrap();
                 assert!(rows.index(&File::open(&path).unwrap()).is_some(), "{codec}, {row_count}");
-                for (row, place) in (0..).zip(places) {
-                    assert_eq!(place, rows.place(row).unwrap(), "{codec}, row {row} of {row_count}");
-                    // Blosc gains nothing on so few samples and is left out of some chunks.
-                    assert!(place.is_some() || codec == Codec::Lz4);
+                for (row, location) in (0..).zip(locations) {
+                    assert_eq!(location, rows.location(row).unwrap(), "{codec}, row {row} of {row_count}");
+                    // Blosc gains nothing on so few samples, so the library skips it for some chunks.
+                    assert!(location.is_some() || codec == Codec::Lz4);
                 }
             }
         }
     }
 
-    /// Catches a damaged index that panics, never ends, asks for memory without bound, or is believed though rows lack.
+    /// Catches a damaged index that ends in a panic, an endless loop or unbounded memory, and one that lacks a row and is
+    /// accepted.
     #[test]
     fn a_damaged_index_is_not_known() {
         let folder = tempfile::tempdir().unwrap();
@@ -223,13 +224,13 @@ mod tests {
         drop(rows);
         let file = OpenOptions::new().read(true).write(true).open(&path).unwrap();
         let bytes = file.metadata().unwrap().len();
-        let whole = chunks(&file, header, 300, 3).unwrap();
+        let intact = chunks(&file, header, 300, 3).unwrap();
         let mut damaged = 0;
         for at in 0..bytes {
             for byte in [0xff, 0] {
                 let before = read(&file, at, 1).unwrap();
                 file.write_all_at(&[byte], at).unwrap();
-                damaged += usize::from(chunks(&file, header, 300, 3).is_none_or(|found| found != whole));
+                damaged += usize::from(chunks(&file, header, 300, 3).is_none_or(|found| found != intact));
                 file.write_all_at(&before, at).unwrap();
             }
         }

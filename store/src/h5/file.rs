@@ -1,4 +1,4 @@
-//! How the library opens a file, and what this program does with an open one behind the library's back.
+//! How files are opened through the library, and what is done with their descriptors past it.
 #![expect(unsafe_code, reason = "the safe crate gives no access to the descriptor and the size of an open file")]
 
 use std::ffi::{c_int, c_void};
@@ -19,16 +19,16 @@ use hdf5_sys::h5p::H5P_DEFAULT;
 use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::io::{DupFlags, FdFlags, dup3};
 
-/// Page of memory and block of most file systems: samples that begin on one are written without touching a neighbour's.
+/// A page of memory, and a block of most file systems: writing samples that begin on one touches no other samples.
 const PAGE_BYTES: u64 = 4096;
 
-/// Least size of what is put on a page boundary: rounding up smaller things would waste more than it gains.
+/// Least size of what is aligned to a page: for smaller objects alignment wastes more than it gains.
 const ALIGN_FROM_BYTES: u64 = 8 * PAGE_BYTES;
 
 /// How archives are opened for writing, so that a writer may be killed at any time.
 ///
-/// Nothing that tells where things lie reaches the file but by a flush: the library evicts none of it on its own. Nothing is
-/// allotted ahead, so that the file is never shorter than it says.
+/// Metadata reaches the file at a flush alone: the library's cache evicts nothing on its own. Nothing is allocated ahead, so
+/// the file is never shorter than its superblock says.
 pub(crate) fn files() -> FileBuilder {
     let cache = MetadataCacheConfig {
         evictions_enabled: false,
@@ -44,7 +44,7 @@ pub(crate) fn files() -> FileBuilder {
     files
 }
 
-/// How archives are opened for reading: by a descriptor, whatever driver the environment asks the library for.
+/// How archives are opened for reading: by a descriptor, whatever driver the environment names.
 pub(crate) fn files_to_read() -> FileBuilder {
     let mut files = FileBuilder::new();
     files.with_fapl(FileAccessBuilder::sec2);
@@ -52,55 +52,54 @@ pub(crate) fn files_to_read() -> FileBuilder {
 }
 
 unsafe extern "C" {
-    // Declared by HDF5 since 1.10, not by the crate of its declarations.
+    // In HDF5 since 1.10; hdf5-sys does not declare it.
     fn H5Fincrement_filesize(file: hid_t, increment: hsize_t) -> herr_t;
 }
 
-/// Has the library take all of a file that a killed writer left for used: chunks of that writer which lie behind the end
-/// that it last wrote down must not be given away again.
+/// Makes the library treat the file to its end as used: a killed writer may have left chunks behind the end that the superblock
+/// has, and their space must not be allocated again.
 ///
 /// # Errors
-/// What the library says.
+/// What the library returns.
 pub(crate) fn take_whole_file(file: &hdf5::File) -> hdf5::Result<()> {
     // SAFETY: the lock of the library is held and the file's identifier is valid while `file` lives.
     sync(|| if unsafe { H5Fincrement_filesize(file.id(), 0) } < 0 { Err(Error::query()?) } else { Ok(()) })
 }
 
-/// Has processes that this one starts not inherit the open file, and with it the lock on it.
+/// Keeps processes that this one starts from inheriting the open file, and with it the lock.
 ///
 /// # Errors
-/// What the library or the system says.
+/// What the library or the system returns.
 pub(crate) fn close_in_children(file: &hdf5::File) -> hdf5::Result<()> {
     with_descriptor(file, |descriptor| Ok(rustix::io::fcntl_setfd(descriptor, FdFlags::CLOEXEC)?))
 }
 
-/// The open file once more, to read only, without the lock on it, and whatever has become of its name.
+/// Another handle of the open file, for reading, without the lock; it works even if the file was renamed.
 ///
 /// # Errors
-/// What the library or the system says.
+/// What the library or the system returns.
 pub(crate) fn read_handle(file: &hdf5::File) -> hdf5::Result<File> {
     with_descriptor(file, |descriptor| File::open(format!("/proc/self/fd/{}", descriptor.as_raw_fd())))
 }
 
-/// Lets go of a file that could not be written, its lock with it: nothing more is written to it, neither by the library when
-/// the file is closed nor when the program ends.
+/// Abandons a file after a failed write, and releases its lock: nothing more is written to it, not even when the library closes
+/// the file or the program ends.
 ///
-/// After a failed write the library has parts of the index in memory that tell of what is not in the file. It cannot forget
-/// them: closing writes them, and closing fails where writing does, with the file left open. So what it still has to write
-/// goes into memory that nobody reads.
+/// After a failed write the library holds metadata of data that is not in the file, and cannot discard it: closing the file
+/// writes it, or fails and leaves the file open. So the library's descriptor is redirected to memory that nobody reads.
 ///
 /// # Errors
-/// What the library or the system says; the file is then as it was.
+/// What the library or the system returns; the file is then as it was.
 pub(crate) fn abandon(file: &hdf5::File) -> hdf5::Result<()> {
     with_descriptor(file, |descriptor| {
-        let nowhere = memfd_create("let go", MemfdFlags::CLOEXEC)?;
+        let nowhere = memfd_create("abandoned", MemfdFlags::CLOEXEC)?;
         // SAFETY: the number is the library's own descriptor, which is open, and is not closed when this is dropped.
         let mut descriptor = ManuallyDrop::new(unsafe { OwnedFd::from_raw_fd(descriptor.as_raw_fd()) });
         Ok(dup3(&nowhere, &mut descriptor, DupFlags::CLOEXEC)?)
     })
 }
 
-/// What `act` says of the descriptor of `file`, under the library's lock.
+/// Calls `act` with the descriptor of `file`, under the library's lock.
 fn with_descriptor<T>(file: &hdf5::File, act: impl FnOnce(BorrowedFd<'_>) -> io::Result<T>) -> hdf5::Result<T> {
     let mut handle: *mut c_void = std::ptr::null_mut();
     sync(|| {

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt as _;
 
-/// Where a row lies in the file.
+/// Address and length of a chunk, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ChunkLocation {
     pub address: u64,
@@ -12,12 +12,12 @@ pub(crate) struct ChunkLocation {
 }
 
 impl ChunkLocation {
-    /// Reads the row's bytes from `file` into `stored`, whose old contents are lost.
+    /// Reads the chunk from `file` into `stored`, whose old contents are lost.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub(crate) fn read(self, file: &File, stored: &mut Vec<u8>) -> io::Result<()> {
-        // A length that is damaged must not ask for memory that no file has.
+        // A damaged length must not allocate more memory than the file has bytes.
         if self.length as u64 > file.metadata()?.len() {
             return Err(io::ErrorKind::UnexpectedEof.into());
         }

@@ -1,4 +1,9 @@
-//! What is asked of the HDF5 library, and what is read of its structures without it.
+//! Calls of the HDF5 library, and its structures read without it.
+//!
+//! - `file`, `table`, `rows`, `text`: files, tables, their rows and texts, through the library
+//! - `samples`, `location`: one chunk a tap, written and found past the library's search
+//! - `chunk_index`: the index of chunks, read from the file
+//! - `structure`, `seal`: digests of what must not change in an unfinished and in a finished file
 
 pub(crate) mod chunk_index;
 pub(crate) mod file;

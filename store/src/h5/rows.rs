@@ -1,5 +1,5 @@
-//! Rows written to a table as they lie in memory.
-#![expect(unsafe_code, reason = "the safe crate describes a row to the library each time it writes one")]
+//! Writes rows to a table as they are in memory.
+#![expect(unsafe_code, reason = "the safe crate describes the row type to the library at every write")]
 
 use std::marker::PhantomData;
 
@@ -10,24 +10,24 @@ use hdf5_sys::h5p::H5P_DEFAULT;
 
 use crate::format::checksum::PlainRow;
 
-/// The type of rows `R` in memory, as the library knows it.
+/// The library's description of rows `R` in memory.
 #[derive(Debug)]
 pub(crate) struct InMemory<R>(Datatype, PhantomData<R>);
 
 impl<R: PlainRow> InMemory<R> {
-    /// Describes it to the library, which takes as long as to write some dozens of rows.
+    /// Describes `R` to the library, which takes as long as writing dozens of rows.
     ///
     /// # Errors
-    /// What the library says.
+    /// What the library returns.
     pub(crate) fn describe() -> hdf5::Result<Self> {
         Ok(Self(Datatype::from_type::<R>()?, PhantomData))
     }
 }
 
-/// Writes `rows` to a one-dimensional `dataset`, from row `first` on. The safe crate would describe them anew each time.
+/// Writes `rows` to the one-dimensional `dataset`, from row `first` on.
 ///
 /// # Errors
-/// What the library says.
+/// What the library returns.
 pub(crate) fn write_rows<R: PlainRow>(
     dataset: &Dataset,
     in_memory: &InMemory<R>,
@@ -37,8 +37,8 @@ pub(crate) fn write_rows<R: PlainRow>(
     let to = dataset.space()?.select(first..first + rows.len())?;
     let from = Dataspace::try_new(rows.len())?;
     sync(|| {
-        // SAFETY: the lock of the library is held and all identifiers are valid while what they are of lives. The type is that
-        // of `R`, so that the library reads as many of them as `from` and `to` have, which is all of `rows`.
+        // SAFETY: the lock of the library is held and the owners of all identifiers live. The type describes `R`, and `from`
+        // and `to` have `rows.len()` rows, so the library reads `rows` and nothing beyond.
         let status =
             unsafe { H5Dwrite(dataset.id(), in_memory.0.id(), from.id(), to.id(), H5P_DEFAULT, rows.as_ptr().cast()) };
         if status < 0 { Err(Error::query()?) } else { Ok(()) }

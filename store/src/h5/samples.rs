@@ -1,4 +1,4 @@
-//! Samples of taps as chunks of their dataset, written from where they lie and found without the library's search.
+//! Samples of taps as chunks of their dataset, written without a copy and found without the library's search.
 #![expect(unsafe_code, reason = "the safe crate has no direct access to chunks")]
 
 use std::fs::File;
@@ -23,7 +23,7 @@ pub(crate) struct ChunkRows {
 }
 
 impl ChunkRows {
-    /// The rows of `dataset`, of `row_bytes` bytes each, packed by `codec`; `None` when it has another layout.
+    /// The rows of `dataset`, of `row_bytes` bytes each, packed by `codec`; `None` if it has another layout.
     pub(crate) fn new(dataset: Dataset, codec: Codec, row_bytes: usize) -> Option<Self> {
         let &[_, channels, samples] = dataset.shape().as_slice() else { return None };
         let element_bytes = dataset.dtype().ok()?.size();
@@ -33,25 +33,25 @@ impl ChunkRows {
         is_known.then_some(Self { dataset, codec, row_bytes })
     }
 
-    /// The dataset, for what the library must unpack.
+    /// The dataset.
     pub(crate) fn dataset(&self) -> &Dataset {
         &self.dataset
     }
 
-    /// What packs the rows.
+    /// The codec.
     pub(crate) fn codec(&self) -> Codec {
         self.codec
     }
 
-    /// Bytes of a row when it is unpacked.
+    /// Bytes of an unpacked row.
     pub(crate) fn row_bytes(&self) -> usize {
         self.row_bytes
     }
 
-    /// Writes `stored`, packed as the codec does, as row `row`, without a copy.
+    /// Writes `stored`, packed by the codec, as row `row`, without a copy.
     ///
     /// # Errors
-    /// What the library says, for one when `row` does not exist or the disk is full.
+    /// What the library returns, for example if `row` does not exist or the disk is full.
     pub(crate) fn write(&self, row: u32, stored: &[u8]) -> hdf5::Result<()> {
         let offset: [hsize_t; 3] = [row.into(), 0, 0];
         sync(|| {
@@ -68,7 +68,7 @@ impl ChunkRows {
     /// Writes row `row` of samples `T` through the library, which packs it.
     ///
     /// # Errors
-    /// What the library says.
+    /// What the library returns.
     pub(crate) fn write_unpacked<T: H5Type + bytemuck::Pod>(&self, row: u32, samples: &[u8]) -> hdf5::Result<()> {
         let samples: Vec<T> = samples.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect();
         let &[_, channels, count] = self.dataset.shape().as_slice() else { return Err("a row has no shape".into()) };
@@ -76,28 +76,28 @@ impl ChunkRows {
         self.dataset.write_slice(samples, s![row as usize, .., ..])
     }
 
-    /// Where every row lies, as [`ChunkRows::place`] says of one; `file` is the one that has them, which nobody writes.
+    /// The location of every row, as [`ChunkRows::location`] finds one, in `file`, which nobody may write meanwhile.
     ///
     /// # Errors
-    /// What the library says.
-    pub(crate) fn places(&self, file: &File) -> hdf5::Result<Vec<Option<ChunkLocation>>> {
+    /// What the library returns.
+    pub(crate) fn locations(&self, file: &File) -> hdf5::Result<Vec<Option<ChunkLocation>>> {
         match self.index(file) {
-            Some(chunks) => Ok(chunks.into_iter().map(|(span, mask)| self.known(span, mask)).collect()),
-            None => (0..).take(self.row_count()).map(|row| self.place(row)).collect(),
+            Some(chunks) => Ok(chunks.into_iter().map(|(location, mask)| self.known(location, mask)).collect()),
+            None => (0..).take(self.row_count()).map(|row| self.location(row)).collect(),
         }
     }
 
-    /// How many there are.
+    /// Number of rows.
     pub(crate) fn row_count(&self) -> usize {
         self.dataset.shape().first().copied().unwrap_or(0)
     }
 
-    /// The index as it lies in `file`, where it is of a known kind.
+    /// The index as read from `file`; `None` if it is of an unknown kind.
     pub(crate) fn index(&self, file: &File) -> Option<Vec<Chunk>> {
         chunks(file, self.header_address()?, self.row_count(), self.dataset.ndim())
     }
 
-    /// Where the dataset's object header lies, where the library says so.
+    /// Address of the dataset's object header; `None` if the library does not find it.
     pub(crate) fn header_address(&self) -> Option<u64> {
         let mut info = H5O_info1_t::default();
         // SAFETY: the lock of the library is held; the dataset's identifier is valid while `self.dataset` lives; the library
@@ -106,18 +106,18 @@ impl ChunkRows {
         (status >= 0).then_some(info.addr)
     }
 
-    /// `span`, where the chunk there was put through the filters that are undone here.
-    fn known(&self, span: ChunkLocation, mask: u32) -> Option<ChunkLocation> {
-        // The library leaves out a filter that gains nothing, and undoes what it did when it reads.
+    /// `location`, if its chunk went through the filters that this crate undoes.
+    fn known(&self, location: ChunkLocation, mask: u32) -> Option<ChunkLocation> {
+        // The library skips a filter that gains nothing, notes that in `mask`, and heeds it when it reads.
         let is_known = mask == 0 || self.codec == Codec::Gzip;
-        Some(span).filter(|span| span.address != haddr_t::MAX && is_known)
+        Some(location).filter(|location| location.address != haddr_t::MAX && is_known)
     }
 
-    /// Where row `row` lies; `None` where it was never written, or was by another filter.
+    /// The location of row `row`; `None` if it was never written, or by another filter.
     ///
     /// # Errors
-    /// What the library says.
-    pub(crate) fn place(&self, row: u32) -> hdf5::Result<Option<ChunkLocation>> {
+    /// What the library returns.
+    pub(crate) fn location(&self, row: u32) -> hdf5::Result<Option<ChunkLocation>> {
         let offset: [hsize_t; 3] = [row.into(), 0, 0];
         let (mut mask, mut address, mut length): (u32, haddr_t, hsize_t) = (0, haddr_t::MAX, 0);
         sync(|| {
@@ -133,13 +133,13 @@ impl ChunkRows {
             };
             if status < 0 { Err(Error::query()?) } else { Ok(()) }
         })?;
-        let span = usize::try_from(length).ok().map(|length| ChunkLocation { address, length });
-        Ok(span.and_then(|span| self.known(span, mask)))
+        let location = usize::try_from(length).ok().map(|length| ChunkLocation { address, length });
+        Ok(location.and_then(|location| self.known(location, mask)))
     }
 }
 
-/// `samples` of `channel_count` channels as a row of `row_bytes`: themselves if they fill it, else a copy in `scratch`
-/// in which each channel is followed by zeros.
+/// `samples` of `channel_count` channels as a row of `row_bytes`: the samples themselves if they fill it, else a copy in
+/// `scratch` in which zeros follow each channel.
 pub(crate) fn padded<'a>(
     samples: &'a [u8],
     channel_count: usize,
@@ -158,7 +158,7 @@ pub(crate) fn padded<'a>(
     scratch
 }
 
-/// The opposite of [`padded`]: the first `sample_bytes` of each of `channel_count` channels of `row`, moved to its front.
+/// The inverse of [`padded`]: moves the first `sample_bytes` of each of `channel_count` channels to the front of `row`.
 pub(crate) fn unpadded(row: &mut [u8], channel_count: usize, sample_bytes: usize) {
     let stride = row.len() / channel_count;
     if sample_bytes < stride {

@@ -1,5 +1,5 @@
-//! The seal of a finished archive: behind the data of the HDF5 library, which ignores what lies there, a digest of every byte
-//! that no tap's own checksum covers. It is checked by plain reads before the library, which trusts what it reads, sees the file.
+//! The seal of a finished archive: a digest of every byte that the checksums of taps do not cover. It lies behind the end of
+//! what HDF5 reads, and is checked by plain reads before the library, which trusts what it reads, sees the file.
 
 use std::fs::File;
 use std::io;
@@ -11,14 +11,14 @@ use twox_hash::XxHash3_64;
 use crate::error::{Context as _, Error, Result};
 use crate::h5::location::ChunkLocation;
 
-/// Begins the seal; its last byte is the version.
+/// First bytes of the seal; the last of them is its version.
 const BEGIN: [u8; 8] = *b"TAPSEAL\x01";
-/// Ends the file.
+/// Last bytes of the file.
 const END: [u8; 8] = *b"\x01tapline";
 
-/// Of the seal but for its extents: its beginning, bytes of the data, their digest, number of extents.
+/// Bytes of the seal before its extents: [`BEGIN`], length of the data, their digest, number of extents.
 const HEAD_BYTES: usize = 8 + 8 + 32 + 8;
-/// At the end of the file: where the seal begins, its checksum, [`END`].
+/// Bytes behind the seal: its address, its checksum, [`END`].
 const FOOT_BYTES: usize = 8 + 8 + 8;
 const EXTENT_BYTES: usize = 16;
 
@@ -33,19 +33,19 @@ pub(crate) struct Extent {
 }
 
 impl Extent {
-    /// BackgroundSync its last byte.
+    /// The address behind its last byte.
     pub(crate) fn end(self) -> u64 {
         self.begin.saturating_add(self.bytes)
     }
 }
 
 impl From<ChunkLocation> for Extent {
-    fn from(span: ChunkLocation) -> Self {
-        Self { begin: span.address, bytes: span.length as u64 }
+    fn from(location: ChunkLocation) -> Self {
+        Self { begin: location.address, bytes: location.length as u64 }
     }
 }
 
-/// `extents` in their order, those that touch as one.
+/// `extents` in ascending order, without empty ones; those that touch or overlap are joined.
 pub(crate) fn merged(mut extents: Vec<Extent>) -> Vec<Extent> {
     extents.sort_unstable();
     let mut merged: Vec<Extent> = Vec::with_capacity(extents.len());
@@ -58,16 +58,16 @@ pub(crate) fn merged(mut extents: Vec<Extent>) -> Vec<Extent> {
     merged
 }
 
-/// Adds the first `bytes` of `file` to `hasher`, but for `without`, which are [`merged`].
+/// Adds the first `bytes` of `file` to `hasher`, except the extents `without`, which must be [`merged`].
 pub(crate) fn add_bytes(hasher: &mut blake3::Hasher, file: &File, bytes: u64, without: &[Extent]) -> io::Result<()> {
-    let mut room = vec![0; READ_BYTES];
+    let mut buffer = vec![0; READ_BYTES];
     let mut at = 0;
     for gap in without.iter().copied().chain([Extent { begin: bytes, bytes: 0 }]) {
         let end = gap.begin.min(bytes);
         while at < end {
             let count = usize::try_from(end - at).unwrap_or(usize::MAX).min(READ_BYTES);
-            file.read_exact_at(&mut room[..count], at)?;
-            hasher.update(&room[..count]);
+            file.read_exact_at(&mut buffer[..count], at)?;
+            hasher.update(&buffer[..count]);
             at += count as u64;
         }
         at = at.max(gap.end());
@@ -75,7 +75,7 @@ pub(crate) fn add_bytes(hasher: &mut blake3::Hasher, file: &File, bytes: u64, wi
     Ok(())
 }
 
-/// The word in `bytes` at `at`, 0 where there is none.
+/// The little-endian word in `bytes` at `at`; 0 if they are too short.
 pub(crate) fn word(bytes: &[u8], at: usize) -> u64 {
     bytes.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |word| u64::from_le_bytes(*word))
 }
@@ -86,11 +86,11 @@ fn digest(file: &File, bytes: u64, samples: &[Extent]) -> io::Result<[u8; 32]> {
     Ok(*hasher.finalize().as_bytes())
 }
 
-/// Seals the archive at `path`, which the library has closed; the samples of its taps, which have checksums of their own, lie
-/// in `samples`.
+/// Seals the archive at `path`, which the library has closed. `samples` are the extents of its taps' chunks, which have
+/// checksums of their own.
 ///
 /// # Errors
-/// What the system says; the file is then as it was.
+/// What the system returns; the file is then as it was.
 pub(crate) fn seal(path: &Path, samples: Vec<Extent>) -> Result<()> {
     let file = File::options().read(true).write(true).open(path).context("seal", path)?;
     let bytes = file.metadata().context("seal", path)?.len();
@@ -112,16 +112,16 @@ pub(crate) fn seal(path: &Path, samples: Vec<Extent>) -> Result<()> {
     let written = file.write_all_at(&seal, bytes);
     written
         .inspect_err(|_| {
-            // What is half there seals nothing.
+            // Part of a seal is removed.
             drop(file.set_len(bytes));
         })
         .context("seal", path)
 }
 
-/// Whether the archive in `file`, which is at `path`, is sealed, and by a seal that fits.
+/// Whether the archive in `file`, at `path`, is sealed; checks the seal if it is.
 ///
 /// # Errors
-/// [`Error::Damaged`] where a seal does not fit, or what the system says.
+/// [`Error::Damaged`] if the file has a seal that is not valid, or what the system returns.
 pub(crate) fn is_sealed(file: &File, path: &Path) -> Result<bool> {
     let length = file.metadata().context("read the seal", path)?.len();
     let mut foot = [0; FOOT_BYTES];
@@ -160,8 +160,8 @@ pub(crate) fn is_sealed(file: &File, path: &Path) -> Result<bool> {
 mod tests {
     use super::*;
 
-    /// Catches a byte that the seal does not cover though no sample lies there, one of the seal itself, and a file that is
-    /// cut or goes on.
+    /// Catches a changed byte that is neither a sample nor noticed, also in the seal itself, and a file that was cut or
+    /// extended.
     #[test]
     fn every_byte_but_samples_is_sealed() {
         let folder = tempfile::tempdir().unwrap();

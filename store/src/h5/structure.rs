@@ -1,8 +1,8 @@
-//! What must not change in an archive while it is written, with a digest of it: who opens one that is not finished checks it by
-//! plain reads, before the HDF5 library, which trusts what it reads, sees the file.
+//! The record of an archive's structure: a digest of what must not change while the archive is written. It is checked by plain
+//! reads before the HDF5 library, which trusts what it reads, sees an unfinished file.
 //!
-//! Once created, a file changes in the rows of its tables, which have checksums of their own, and in where its chunks lie: the
-//! entries of the index, the chunks themselves, which have checksums too, and the end of the file. The rest stays.
+//! After creation these parts of a file change: rows of tables and chunks of samples, which have checksums of their own, the
+//! entries of the index of chunks, and the end of the file. Nothing else does.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt as _;
@@ -19,29 +19,29 @@ use crate::h5::location::ChunkLocation;
 use crate::h5::samples::ChunkRows;
 use crate::h5::seal::{Extent, add_bytes, merged, word};
 
-/// Begins the record of the structure, and is nowhere else in a file's first bytes.
+/// First bytes of the record, which are nowhere else in the first bytes of a file.
 const MAGIC: [u8; 16] = *b"tapline struct\r\x01";
 
-/// The record begins within so many bytes: it is the first that is created.
+/// The record, which is created first, begins within so many bytes.
 const WITHIN_BYTES: usize = 1 << 16;
 
-/// Where the library keeps the end of the file.
+/// The field of the superblock with the end of the file.
 const END_OF_FILE: Extent = Extent { begin: 40, bytes: 8 };
 
-/// Where the library keeps, in the superblock, where the root group lies: of a file without groups it does so at a later flush.
+/// The cached address of the root group in the superblock: in a file without groups, the library writes it at a later flush.
 const ROOT_CACHE: Extent = Extent { begin: 72, bytes: 24 };
 
-/// Where the library notes, in the first byte, that it has the file open to write.
+/// The field of the superblock whose first byte says that the file is open for writing.
 const STATUS: Extent = Extent { begin: 20, bytes: 4 };
 
 /// Dimensions of the samples.
 const RANK: usize = 3;
 
-/// Words before the lists: magic (2), checksum, words in use, bytes at creation, digest (4), header of the samples, taps,
-/// extents, nodes.
+/// Words of the record before its lists: magic (2), checksum, words of the record, bytes at creation, digest (4), object header
+/// of the samples, rows, number of extents, number of nodes.
 const HEAD_WORDS: usize = 13;
 
-/// The tables whose rows change.
+/// The tables whose rows may change.
 const TABLES: [&str; 9] = [
     table::STRUCTURE,
     table::LINEAGE_KEY,
@@ -54,29 +54,29 @@ const TABLES: [&str; 9] = [
     table::DAMAGE,
 ];
 
-/// Bytes that the record of an archive with room for `taps_max` taps takes at most.
+/// Most bytes of the record of an archive with room for `taps_max` taps.
 fn record_bytes(taps_max: usize) -> usize {
     8 * (128 + taps_max / 4)
 }
 
-/// Makes room for the record.
+/// Creates the dataset of the record.
 pub(crate) fn create(file: &hdf5::File, taps_max: usize) -> hdf5::Result<()> {
     let builder = file.new_dataset::<u8>().shape(record_bytes(taps_max)).obj_track_times(false);
     let dataset = builder.alloc_time(Some(AllocTime::Early)).fill_time(FillTime::Alloc).create(table::STRUCTURE)?;
-    // The library must have no copy of it that it would write later.
+    // Written now, so that the library has no copy that it writes later.
     dataset.write_raw(&vec![0_u8; record_bytes(taps_max)])
 }
 
-/// Where an archive changes, as the library knows it.
+/// The parts of an archive that may change, as the library reports them.
 #[derive(Debug)]
 pub(crate) struct Changing {
     tables: Vec<Extent>,
-    /// Object header of the samples, and taps that there is room for, where their index is final.
+    /// Object header and rows of the samples, if their index is final.
     samples: Option<(u64, usize)>,
     has_codec: bool,
 }
 
-/// Where the archive in `file`, at `path`, which was filled just now, changes.
+/// The parts of the new archive in `file`, at `path`, that may change.
 pub(crate) fn changing(file: &hdf5::File, is_results: bool, path: &Path) -> Result<Changing> {
     let extents = || -> hdf5::Result<(Vec<Extent>, Option<ChunkRows>)> {
         let mut tables = Vec::new();
@@ -109,7 +109,7 @@ pub(crate) fn write(path: &Path, changing: Changing) -> std::io::Result<()> {
     let mut nodes = Vec::new();
     if let Some((header, row_count)) = changing.samples {
         let index = index(&file, header, row_count, RANK).ok_or(std::io::ErrorKind::InvalidData)?;
-        extents.extend(index.chunks.iter().map(|(span, _)| Extent::from(*span)));
+        extents.extend(index.chunks.iter().map(|(location, _)| Extent::from(*location)));
         nodes = if changing.has_codec { index.nodes } else { nodes };
     }
     let (header, row_count) = changing.samples.unwrap_or((u64::MAX, 0));
@@ -122,10 +122,11 @@ pub(crate) fn write(path: &Path, changing: Changing) -> std::io::Result<()> {
     file.write_all_at(&encoded, own.begin)
 }
 
-/// Checks that nothing has changed in the archive in `file`, at `path`, that must not, and that its chunks lie where they may.
+/// Checks the structure of the archive in `file`, at `path`: nothing else than what may has changed, and every chunk lies where
+/// it may.
 ///
 /// # Errors
-/// [`Error::Damaged`], [`Error::NotAnArchive`], or what the system says.
+/// [`Error::Damaged`], [`Error::NotAnArchive`], or what the system returns.
 pub(crate) fn check(file: &File, path: &Path) -> Result<()> {
     let context = "check the structure";
     let length = file.metadata().context(context, path)?.len();
@@ -148,8 +149,8 @@ pub(crate) fn check(file: &File, path: &Path) -> Result<()> {
     if record.bytes > length {
         return Err(damaged("it is shorter than it was when it was begun"));
     }
-    let there = record.digest(file).context(context, path)?;
-    if there != digest {
+    let current = record.digest(file).context(context, path)?;
+    if current != digest {
         return Err(damaged("its structure is not what it was when it was begun"));
     }
     let mut status = [0; 4];
@@ -165,7 +166,7 @@ pub(crate) fn check(file: &File, path: &Path) -> Result<()> {
     if record.row_count > 0 {
         let index = index(file, record.header, record.row_count, RANK);
         let is_valid = |Index { chunks, .. }: &Index| {
-            chunks.iter().all(|(span, mask)| *mask == 0 && record.may_have(*span, length))
+            chunks.iter().all(|(location, mask)| *mask == 0 && record.may_have(*location, length))
         };
         if !index.as_ref().is_some_and(is_valid) {
             return Err(damaged("the index of its samples is not what was written"));
@@ -174,18 +175,18 @@ pub(crate) fn check(file: &File, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What stands in the record.
+/// The record.
 #[derive(Debug, PartialEq)]
 struct Record {
-    /// Bytes of the file when it was created.
+    /// Bytes of the file at creation.
     bytes: u64,
     /// Object header of the samples.
     header: u64,
-    /// Taps that there is room for; 0 where the samples are not in this file.
+    /// Rows of the samples; 0 if they are in another file.
     row_count: usize,
-    /// What may change of those bytes.
+    /// Extents that may change.
     extents: Vec<Extent>,
-    /// Nodes of the index whose entries may change.
+    /// Nodes of the index, whose entries may change.
     nodes: Vec<u64>,
 }
 
@@ -202,15 +203,15 @@ impl Record {
         Ok(*hasher.finalize().as_bytes())
     }
 
-    /// Whether a chunk may lie at `span` of a file of `length` bytes: behind what was created, or where chunks lay then.
-    fn may_have(&self, span: ChunkLocation, length: u64) -> bool {
-        let extent = Extent::from(span);
-        let is_there = extent.bytes > 0 && extent.begin.checked_add(extent.bytes).is_some_and(|end| end <= length);
+    /// Whether a chunk may lie at `location` in a file of `length` bytes: behind what was created, or where chunks lay then.
+    fn may_have(&self, location: ChunkLocation, length: u64) -> bool {
+        let extent = Extent::from(location);
+        let is_in_file = extent.bytes > 0 && extent.begin.checked_add(extent.bytes).is_some_and(|end| end <= length);
         let is_in = |may: &Extent| {
             let end = if may.end() == self.bytes { u64::MAX } else { may.end() };
             may.begin <= extent.begin && extent.end() <= end
         };
-        is_there && (extent.begin >= self.bytes || self.extents.iter().any(is_in))
+        is_in_file && (extent.begin >= self.bytes || self.extents.iter().any(is_in))
     }
 
     fn encode(&self, digest: &[u8; 32]) -> Vec<u8> {
@@ -233,7 +234,7 @@ impl Record {
         encoded
     }
 
-    /// The record and the digest in `encoded`, which begins with [`MAGIC`]; `None` where they are not what was written.
+    /// The record and the digest in `encoded`, which begins with [`MAGIC`]; `None` if the checksum or a length is wrong.
     fn decode(encoded: &[u8]) -> Option<(Self, [u8; 32])> {
         let mut without_checksum = encoded.to_vec();
         without_checksum.get_mut(16..24)?.fill(0);

@@ -12,20 +12,20 @@ use ndarray::ArrayView1;
 use crate::format::checksum::ChecksummedRow;
 use crate::h5::rows::{InMemory, write_rows};
 
-/// Rows read or written at a time when a whole table is walked: keeps memory flat.
+/// Rows read or written at a time when a whole table is processed: keeps memory constant.
 const BLOCK_ROWS: usize = 4096;
 
 /// A one-dimensional dataset of rows `R`.
 #[derive(Debug)]
 pub(crate) struct Table<R> {
     dataset: Dataset,
-    /// What a row is in memory, once one is written.
+    /// Description of a row in memory, made at the first write.
     in_memory: OnceLock<InMemory<R>>,
     row_count: usize,
     row: PhantomData<R>,
 }
 
-/// A new dataset of `row_count` rows, all written, so that no row is ever undefined.
+/// Creates a dataset of `row_count` rows and writes all of them, so that no row is ever undefined.
 pub(crate) fn create<R: H5Type + Clone>(
     parent: &Group,
     name: &str,
@@ -48,22 +48,23 @@ pub(crate) fn create<R: H5Type + Clone>(
 }
 
 impl<R: ChecksummedRow> Table<R> {
-    /// A new table of `row_count` rows, all written and sealed.
+    /// Creates a table of `row_count` rows and writes all of them, with their checksums.
     pub(crate) fn create(parent: &Group, row_count: usize, mut row: impl FnMut(usize) -> R) -> hdf5::Result<Dataset> {
         create(parent, R::TABLE, row_count, |number| row(number).with_checksum(number))
     }
 
-    /// The first `row_count` rows of the table of `parent`; `None` when it has not `capacity` rows `R`, or fewer than that.
+    /// Opens the first `row_count` rows of the table in `parent`; `None` unless the table has `capacity` rows `R`, and at least
+    /// `row_count`.
     pub(crate) fn open(parent: &Group, row_count: usize, capacity: usize) -> hdf5::Result<Option<Self>> {
         let dataset = parent.dataset(R::TABLE)?;
-        // Columns are found by name: one that is named otherwise would be read as memory that nobody wrote.
-        let is_valid = row_count <= capacity
+        // The library matches columns by name: the memory of one under another name would stay undefined.
+        let has_layout = row_count <= capacity
             && dataset.shape() == [capacity]
             && dataset.dtype()?.to_descriptor()? == R::type_descriptor();
-        Ok(is_valid.then_some(Self { dataset, in_memory: OnceLock::new(), row_count, row: PhantomData }))
+        Ok(has_layout.then_some(Self { dataset, in_memory: OnceLock::new(), row_count, row: PhantomData }))
     }
 
-    /// The table has `row_count` rows from now on, which must be there.
+    /// Sets the number of rows, which the table must have room for.
     pub(crate) fn grow_to(&mut self, row_count: usize) {
         self.row_count = row_count;
     }
@@ -91,7 +92,7 @@ impl<R: ChecksummedRow> Table<R> {
         self.read(0..self.row_count)
     }
 
-    /// Seals and writes `rows`, each run of neighbours at once: a write costs the same for one row as for many.
+    /// Writes `rows` with their checksums, each run of neighbours at once: a write of many rows costs as much as one of one row.
     pub(crate) fn write(&self, rows: &BTreeMap<u32, R>) -> hdf5::Result<()> {
         let mut run: Vec<R> = Vec::new();
         let mut start = 0;
@@ -107,15 +108,15 @@ impl<R: ChecksummedRow> Table<R> {
         self.write_run(start, &run)
     }
 
-    /// Writes every row as it is, seal and all.
-    pub(crate) fn write_as_they_are(&self, rows: &[R]) -> hdf5::Result<()> {
+    /// Writes every row as it is, with the checksum that it has.
+    pub(crate) fn write_unchanged(&self, rows: &[R]) -> hdf5::Result<()> {
         self.write_run(0, rows)
     }
 
-    /// Seals and writes every row.
+    /// Writes every row with its checksum.
     pub(crate) fn write_all(&self, rows: &[R]) -> hdf5::Result<()> {
-        let sealed: Vec<R> = rows.iter().enumerate().map(|(number, row)| row.with_checksum(number)).collect();
-        self.write_run(0, &sealed)
+        let rows: Vec<R> = rows.iter().enumerate().map(|(number, row)| row.with_checksum(number)).collect();
+        self.write_run(0, &rows)
     }
 
     fn write_run(&self, start: usize, rows: &[R]) -> hdf5::Result<()> {
@@ -148,8 +149,8 @@ mod tests {
         LedgerRow::new(TapState::Missing, attempt as u16)
     }
 
-    /// Catches a run that is cut or joined at the wrong row, and a row that is read twice or not where blocks meet, or under
-    /// another's seal.
+    /// Catches a run that is cut or joined at the wrong row, a row at the end of a block that is read twice or not at all, and a
+    /// row with another's checksum.
     #[test]
     fn scattered_rows_land_where_they_belong() {
         let folder = tempfile::tempdir().unwrap();
@@ -172,7 +173,7 @@ mod tests {
         assert_eq!(walked, row_count);
     }
 
-    /// Catches a reader that threads may no longer share: it would not compile.
+    /// Catches a reader that threads cannot share: it would not compile.
     #[test]
     fn readers_are_shared() {
         fn shared<T: Send + Sync>() {}

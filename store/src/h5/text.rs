@@ -1,18 +1,18 @@
 //! Texts in archives: attributes of a fixed length, and datasets of bytes.
 //!
-//! None is of variable length: such texts lie in the library's global heap, in which one changed byte ends the program.
+//! None is of variable length: such texts lie in the library's global heap, in which one changed byte makes it crash.
 
 use hdf5::types::{FixedUnicode, TypeDescriptor};
 use hdf5::{Dataset, Group, H5Type, Location};
 
 use crate::format::layout::attribute;
 
-/// Says of a dataset of bytes what they are.
+/// Note of a dataset whose bytes are a text.
 pub(crate) const TEXT_NOTE: &str = "a text, UTF-8";
 
 macro_rules! by_length {
     ($($bytes:literal)*) => {
-        /// Writes `text` as attribute `name`, padded with zeros to the next length that there is.
+        /// Writes `text` as attribute `name`, padded with zeros to the next of the known lengths.
         pub(crate) fn write_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
             match text.len() {
                 $(..=$bytes => write_number(place, name, &fixed::<$bytes>(text)?),)*
@@ -20,7 +20,7 @@ macro_rules! by_length {
             }
         }
 
-        /// The text of attribute `name`; an error where it is no text of a fixed length, or not UTF-8.
+        /// The text of attribute `name`; an error if it is not UTF-8 of a known length.
         pub(crate) fn read_text(place: &Location, name: &str) -> hdf5::Result<String> {
             let attribute = place.attr(name)?;
             match attribute.dtype()?.to_descriptor()? {

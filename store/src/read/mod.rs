@@ -1,4 +1,9 @@
 //! Archives read back, and checked.
+//!
+//! - `reader`: tables and single taps
+//! - `samples`: chunks of samples, read past the HDF5 library
+//! - `regions`: regions of a damage map
+//! - `verify`: whether an archive is complete and consistent
 
 pub(crate) mod mapped;
 pub(crate) mod reader;

@@ -17,10 +17,10 @@ use crate::format::lineage::{Lineage, lineage_key};
 use crate::format::lost::Lost;
 use crate::read::samples::{ReadBuffer, SampleFile, Taps, checked_header};
 
-/// Stands where it was said why a tap was refused, and the row is torn.
+/// The reason of a refused tap whose row is corrupt.
 pub(crate) const REASON_LOST: &str = "refused, but why is lost: what was written is damaged";
 
-/// The samples of a tap, planar `[channel][sample]`, as the converter gave them.
+/// The samples of a tap, planar `[channel][sample]`, as recorded.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OwnedSamples {
     /// Converter counts.
@@ -39,45 +39,44 @@ impl OwnedSamples {
     }
 }
 
-/// A planned tap that will not come.
+/// A refused tap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refusal {
     /// Row of the tap in the scan plan.
     pub plan_index: u32,
     /// Name of the tap, with the attempt that was refused.
     pub id: TapId,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
 /// The verdict on a scan, and its damage map.
 pub type Judged = (Judgement, Vec<DamageCell>);
 
-/// The archive of a casing that is read.
+/// Reads the archive of a casing.
 ///
-/// Readers share an archive with one another, not with a writer.
+/// Several readers may have an archive open, but not while a writer has.
 #[derive(Debug)]
 pub struct Reader {
     archive: Archive,
     ledger: Ledger,
     samples: SampleFile,
-    /// Rows of the ledger, as they count.
+    /// Rows of the ledger; a corrupt row is replaced by that of a missing tap.
     states: Vec<LedgerRow>,
 }
 
 impl Reader {
-    /// Opens the archive at `path`, which is finished: its seal is checked before anything else.
+    /// Opens the finished archive at `path`; its seal is checked before anything else.
     ///
     /// # Errors
     /// [`crate::Error::NotFinished`], [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`],
-    /// [`crate::Error::FormatVersion`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
+    /// [`crate::Error::FormatVersion`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system returns.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         Self::new(Archive::open(path.as_ref(), Access::Read)?)
     }
 
-    /// Opens the archive at `path`, finished or not: what no line writes now is as its writer left it. What of its structure
-    /// must not change is checked before anything else; a row that is not what was written counts as a missing tap or an
-    /// open scan.
+    /// Opens the archive at `path`, finished or not, unless a writer has it open. The structure of an unfinished archive is checked
+    /// before anything else; a corrupt row counts as a missing tap or an open scan.
     ///
     /// # Errors
     /// As [`Reader::open`].
@@ -91,16 +90,16 @@ impl Reader {
         Ok(Self { archive, ledger, samples, states: states.taps })
     }
 
-    /// Whether the archive is finished: it never changes any more.
+    /// Whether the archive is finished, so that it never changes.
     pub fn is_finished(&self) -> bool {
         self.archive.is_finished()
     }
 
-    /// Why the tap in plan row `row` was added to the plan, as it was told to [`crate::Writer::grow`]; 0 where it was planned
-    /// from the beginning, `None` where there is no such row.
+    /// Why the tap in plan row `row` was added to the plan: the number given to [`crate::Writer::grow`], 0 if it was planned from
+    /// the beginning, `None` if there is no such row.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub fn why(&self, row: u32) -> Result<Option<u16>> {
         let k = row as usize;
         if k >= self.plan().taps().len() {
@@ -123,12 +122,12 @@ impl Reader {
         &self.archive
     }
 
-    /// Where the archive is.
+    /// Path of the archive.
     pub fn path(&self) -> &Path {
         self.archive.path()
     }
 
-    /// The scan plan, as it was given to the writer.
+    /// The scan plan.
     pub fn plan(&self) -> &Plan {
         self.archive.plan()
     }
@@ -138,33 +137,34 @@ impl Reader {
         self.archive.config()
     }
 
-    /// Version of the program that created the archive; `None` where it does not say.
+    /// Version of the program that created the archive; `None` if it gives none.
     pub fn written_by(&self) -> Option<String> {
         self.archive.written_by()
     }
 
-    /// The reference file of the run, verbatim; `None` where it had none.
+    /// The reference file of the run, verbatim; `None` if it had none.
     pub fn reference(&self) -> Option<&str> {
         self.archive.reference()
     }
 
-    /// What the results were made by: digests of the program's sources and every option, a line each.
+    /// What the results were computed by: digests of the program's sources and every option, a line each.
     pub fn made_by(&self) -> &str {
         self.archive.made_by()
     }
 
-    /// BLAKE3 of all that was recorded in the archived taps.
+    /// BLAKE3 of what was recorded in the archived taps.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub fn raw_digest(&self) -> Result<[u8; 32]> {
         self.archive.raw_digest()
     }
 
-    /// The key of the results as they are: [`crate::lineage_key`] of the recorded taps, what made the results, and the reference.
+    /// The key of the present results: [`crate::lineage_key`] of the recorded taps, of what computed the results, and of the
+    /// reference.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub fn lineage_key(&self) -> Result<String> {
         Ok(lineage_key(&self.raw_digest()?, self.made_by(), self.reference()))
     }
@@ -174,39 +174,38 @@ impl Reader {
         self.archive.is_results()
     }
 
-    /// What is known of where cracks are; empty where nothing is.
+    /// Where cracks are; empty if that is unknown.
     pub fn truth(&self) -> &Truth {
         self.plan().truth()
     }
 
-    /// State of every tap and scan; barriers and losses are not archived and zero.
+    /// State of every tap and scan; barriers and losses, which are not archived, are zero.
     pub fn ledger(&self) -> &Ledger {
         &self.ledger
     }
 
-    /// The attempt that settled the tap in plan row `row`, `None` when it is missing or there is no such row.
+    /// The attempt that settled the tap in plan row `row`; `None` if it is missing or there is no such row.
     pub fn attempt(&self, row: u32) -> Option<u16> {
         let is_settled = self.ledger.taps().get(row as usize)?.is_settled();
         is_settled.then(|| self.ledger.attempt(row as usize))
     }
 
-    /// Why and how often the tap in plan row `row` was taken again before the attempt that counts, as the flags of the last
-    /// attempt that was of no use; `None` where it never was.
+    /// Number of unusable attempts at the tap in plan row `row`, and the flags of the last of them; `None` if there were none.
     pub fn retaken(&self, row: u32) -> Option<(u32, Quality)> {
         let row = self.states.get(row as usize).filter(|row| row.retaken_count > 0)?;
         Some((row.retaken_count, Quality::from_bits(row.retaken_quality)))
     }
 
-    /// Where the tap in plan row `row` was lost; `None` where it is not missing.
+    /// Where the tap in plan row `row` was lost; `None` if it is not missing.
     pub fn lost_at(&self, row: u32) -> Option<Lost> {
         let row = self.states.get(row as usize).filter(|row| row.state() == Some(TapState::Missing))?;
         Some(Lost::from_code(row.lost_at).unwrap_or_default())
     }
 
-    /// The tap in plan row `row`, bit for bit; `None` when it is not archived or there is no such row.
+    /// The tap in plan row `row`, bit for bit; `None` if it is not archived or there is no such row.
     ///
     /// # Errors
-    /// [`crate::Error::Damaged`] where a checksum differs, or what the system says.
+    /// [`crate::Error::Damaged`] if a checksum differs, or what the system returns.
     pub fn tap(&self, row: u32) -> Result<Option<(TapHeader, OwnedSamples)>> {
         let k = row as usize;
         if self.ledger.taps().get(k) != Some(&TapState::Archived) {
@@ -215,32 +214,32 @@ impl Reader {
         let archive = &self.archive;
         let rows = archive.headers().read(k..k + 1).context("read a header", archive.path())?;
         let header = checked_header(archive.path(), archive.plan(), row, rows[0])?;
-        let mut room = ReadBuffer::default();
-        let place = self.samples.place(row)?;
-        let samples = match self.samples.read(&header, rows[0].stored_checksum, place, false, &mut room)? {
+        let mut buffer = ReadBuffer::default();
+        let location = self.samples.location(row)?;
+        let samples = match self.samples.read(&header, rows[0].stored_checksum, location, false, &mut buffer)? {
             Samples::I16(samples) => OwnedSamples::I16(samples.to_vec()),
             Samples::F32(samples) => OwnedSamples::F32(samples.to_vec()),
         };
         Ok(Some((header, samples)))
     }
 
-    /// All archived taps, for readers that share the work between threads.
+    /// All archived taps, for several threads.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub fn taps(&self) -> Result<Taps> {
         Taps::new(&self.archive, self.ledger.taps())
     }
 
-    /// What packs the samples.
+    /// The codec of the samples.
     pub fn codec(&self) -> Codec {
         self.archive.samples().codec()
     }
 
-    /// The headers of all planned taps, by plan row; `None` where the tap is not archived.
+    /// The headers of all planned taps, by plan row; `None` for a tap that is not archived.
     ///
     /// # Errors
-    /// [`crate::Error::Damaged`] where a checksum differs, or what the system says.
+    /// [`crate::Error::Damaged`] if a checksum differs, or what the system returns.
     pub fn headers(&self) -> Result<Vec<Option<TapHeader>>> {
         let archive = &self.archive;
         let rows = archive.headers().read_all().context("read the headers", archive.path())?;
@@ -248,10 +247,10 @@ impl Reader {
         (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| header(row)).transpose()).collect()
     }
 
-    /// What was found in every planned tap, by plan row; `None` where the tap is not archived.
+    /// The discriminators of all planned taps, by plan row; `None` for a tap that is not archived.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub fn discriminators(&self) -> Result<Vec<Option<Discriminators>>> {
         let archive = &self.archive;
         let rows = archive.discriminators().read_all().context("read the discriminators", archive.path())?;
@@ -263,10 +262,10 @@ impl Reader {
         (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| found(row)).transpose()).collect()
     }
 
-    /// Why taps were refused, in plan order; where that is damaged, the reason says so.
+    /// The refused taps, in plan order; the reason of a corrupt row says so.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub fn refusals(&self) -> Result<Vec<Refusal>> {
         let mut refusals = Vec::new();
         for (row, planned) in (0..).zip(self.plan().taps()) {
@@ -278,20 +277,19 @@ impl Reader {
         Ok(refusals)
     }
 
-    /// Why the tap in plan row `row` was refused; empty where it was not.
+    /// Why the tap in plan row `row` was refused; empty if it was not.
     ///
     /// # Errors
-    /// What reading the archive gives.
+    /// What the system returns.
     pub fn reason(&self, row: u32) -> Result<String> {
         Ok(reason(&self.archive, row as usize)?.unwrap_or_else(|| REASON_LOST.to_owned()))
     }
 
-    /// Verdict and damage map of every scan, by scan number; `None` where it is not judged.
-    ///
-    /// Of a judgement's stamp only what does not depend on how it was sent is archived.
+    /// Verdict and damage map of every scan, by scan number; `None` for a scan that is not judged. The stamp of a judgement has
+    /// only what does not depend on how it was sent.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub fn judgements(&self) -> Result<Vec<Option<Judged>>> {
         let archive = &self.archive;
         let rows = archive.scans().read_all().context("read the scans", archive.path())?;
@@ -311,7 +309,7 @@ fn archived(state: TapState) -> bool {
     state == TapState::Archived
 }
 
-/// `row` as row `number` of its table, if it is what was written.
+/// `row`, if its checksum is valid for row `number` of its table.
 fn valid<R: ChecksummedRow>(archive: &Archive, number: usize, row: R) -> Result<R> {
     if row.is_valid(number) {
         return Ok(row);
@@ -320,7 +318,7 @@ fn valid<R: ChecksummedRow>(archive: &Archive, number: usize, row: R) -> Result<
     Err(archive.damaged(what))
 }
 
-/// Why the tap in row `k` was refused; `None` where that is torn, or cannot be read.
+/// Why the tap in row `k` was refused; `None` if the row is corrupt or cannot be read.
 fn reason(archive: &Archive, k: usize) -> Result<Option<String>> {
     let rows = match archive.refusals().read(k..k + 1).context("read a reason", archive.path()) {
         Err(error) if error.is_unreadable_part() => return Ok(None),

@@ -5,35 +5,35 @@ use tapline_wire::{DamageCell, Geometry};
 /// An arc of damage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Region {
-    /// Number that its cells carry, from 1.
+    /// Its number, from 1.
     pub region: u32,
-    /// Where it begins, in the direction of rising locations; on a ring this may be beyond where it ends.
+    /// Its first location, in ascending direction; on a ring it may be greater than the last.
     pub first_location: u32,
-    /// Where it ends.
+    /// Its last location.
     pub last_location: u32,
-    /// Angle of its beginning in degrees.
+    /// Angle of the first location in degrees.
     pub start_deg: Option<f64>,
-    /// Angle of its end in degrees.
+    /// Angle of the last location in degrees.
     pub end_deg: Option<f64>,
-    /// Location of its greatest damage index; the first of several.
+    /// Location of its greatest damage index; the first if there are several.
     pub peak_location: u32,
     /// Angle of that location in degrees.
     pub peak_angle_deg: Option<f64>,
-    /// The greatest damage index, `None` when no cell has one.
+    /// Its greatest damage index; `None` if no cell has one.
     pub peak_damage_index: Option<f64>,
-    /// Mean damage index of its locations: how severe it is, `None` when no cell has one.
+    /// Mean damage index of its locations, a measure of severity; `None` if no cell has one.
     pub mean_damage_index: Option<f64>,
-    /// Chance that a sound ring has an arc that stands out as much.
+    /// Probability of such an arc on a sound ring.
     pub p_value: Option<f64>,
-    /// Offset from the belt edge at which it shows most.
+    /// Offset from the belt edge, in mm, at which it shows most.
     pub offset_best_mm: Option<f64>,
-    /// Least offset at which it shows.
+    /// Least offset, in mm, at which it shows.
     pub offset_low_mm: Option<f64>,
-    /// Greatest offset at which it shows.
+    /// Greatest offset, in mm, at which it shows.
     pub offset_high_mm: Option<f64>,
-    /// How many locations it has.
+    /// Number of its locations.
     pub extent_locations: u32,
-    /// Its share of the ring in degrees, each location standing for an equal part; `None` on a line.
+    /// Its extent on the ring in degrees, in which each location counts as one step; `None` on a line.
     pub extent_deg: Option<f64>,
 }
 
@@ -48,7 +48,7 @@ pub fn regions(geometry: Geometry, cells: &[DamageCell]) -> Vec<Region> {
         .map(|run| run.iter().collect())
         .collect();
     if geometry == Geometry::Ring && runs.len() > 1 && runs_join(cells) {
-        // The run at the end goes on at the beginning.
+        // The last run continues at the beginning.
         let head = runs.remove(0);
         if let Some(tail) = runs.last_mut() {
             tail.extend(head);
@@ -63,7 +63,7 @@ fn runs_join(cells: &[DamageCell]) -> bool {
     matches!((cells.first(), cells.last()), (Some(first), Some(last)) if first.region != 0 && first.region == last.region)
 }
 
-/// Part of the ring that one location stands for: the usual step of the angles, or an equal share where there are none.
+/// Degrees of the ring that one location counts as: the median step of the angles, or an equal part if there are no angles.
 fn part_deg(geometry: Geometry, cells: &[DamageCell]) -> Option<f64> {
     if geometry == Geometry::Line {
         return None;
@@ -79,7 +79,7 @@ fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
     let (first, last) = (run[0], run[run.len() - 1]);
     let mut peak = first;
     for &cell in run {
-        // A comparison with NaN is false, so the first number replaces an absent one explicitly.
+        // Comparisons with NaN are false, so a number must replace an absent index explicitly.
         if cell.damage_index > peak.damage_index || (peak.damage_index.is_nan() && !cell.damage_index.is_nan()) {
             peak = cell;
         }
@@ -163,7 +163,7 @@ mod tests {
     }
 
     proptest! {
-        /// Catches cells lost or counted twice, whatever the map: turning a ring moves its regions, nothing else.
+        /// Catches cells that are lost or counted twice: turning a ring moves its regions and changes nothing else.
         #[test]
         fn turning_a_ring_keeps_its_regions(labels in prop::collection::vec(0..3u32, 1..12), turn in 0..12usize) {
             let extents = |labels: &[u32]| {
@@ -181,7 +181,7 @@ mod tests {
         }
     }
 
-    /// Half a ring scanned: a location still stands for its step, not for twice as much.
+    /// Half a ring is scanned: a location still counts as its step, not as twice as much.
     #[test]
     fn the_extent_follows_the_angles() {
         let mut cells = cells(&[0, 0, 1, 1, 1, 0, 0, 0]);

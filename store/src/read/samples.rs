@@ -1,4 +1,4 @@
-//! Samples read past the HDF5 library: chunks whose places are known, unpacked by whoever reads from where they lie.
+//! Samples read past the HDF5 library: chunks are read from their locations in the file and unpacked here.
 
 use std::fs::File;
 use std::ops::Range;
@@ -18,18 +18,18 @@ use crate::h5::location::ChunkLocation;
 use crate::h5::samples::{ChunkRows, unpadded};
 use crate::read::mapped::Mapped;
 
-/// ReadBuffer for one record, kept by whoever reads many.
+/// Buffers of one record, which a caller reuses for many.
 #[derive(Debug, Default)]
 pub struct ReadBuffer {
-    /// The chunk, where it is not read where it lies.
+    /// The packed chunk.
     copied: Vec<u8>,
     /// The samples.
     lanes: Vec<Lane>,
-    /// What is unpacked, on its way there.
+    /// The unpacked planes of bits.
     planes: Vec<u8>,
 }
 
-/// Where the samples of an archive lie, and how.
+/// The samples of an archive in their file.
 #[derive(Debug)]
 pub(crate) struct SampleFile {
     path: PathBuf,
@@ -37,8 +37,8 @@ pub(crate) struct SampleFile {
     /// Its bytes, where they are read where they lie.
     mapped: Option<Mapped>,
     rows: ChunkRows,
-    /// Where the samples of every plan row lie, once they were looked for; `None` where that failed.
-    places: OnceLock<Option<Vec<Option<ChunkLocation>>>>,
+    /// The location of every row, once it was looked for; `None` if that failed.
+    locations: OnceLock<Option<Vec<Option<ChunkLocation>>>>,
 }
 
 impl SampleFile {
@@ -47,7 +47,7 @@ impl SampleFile {
     pub(crate) fn open(archive: &Archive) -> Result<Self> {
         let path = PathBuf::from(archive.samples().dataset().filename());
         let file = File::open(&path).context("open the samples", &path)?;
-        Ok(Self { path, file, mapped: None, rows: archive.samples().clone(), places: OnceLock::new() })
+        Ok(Self { path, file, mapped: None, rows: archive.samples().clone(), locations: OnceLock::new() })
     }
 
     /// The same for reading many taps, where they lie: who reads what cannot be read is ended by the system.
@@ -60,33 +60,32 @@ impl SampleFile {
     }
 
     /// Where the samples of every plan row lie.
-    pub(crate) fn places(&self) -> Result<Vec<Option<ChunkLocation>>> {
-        self.rows.places(&self.file).context("find samples", &self.path)
+    pub(crate) fn locations(&self) -> Result<Vec<Option<ChunkLocation>>> {
+        self.rows.locations(&self.file).context("find samples", &self.path)
     }
 
     /// Where the samples of plan row `row` lie. All are found the first time: the library's own search goes through the
     /// index anew for each.
-    pub(crate) fn place(&self, row: u32) -> Result<Option<ChunkLocation>> {
-        match self.places.get_or_init(|| self.places().ok()) {
-            Some(places) => Ok(places.get(row as usize).copied().flatten()),
+    pub(crate) fn location(&self, row: u32) -> Result<Option<ChunkLocation>> {
+        match self.locations.get_or_init(|| self.locations().ok()) {
+            Some(locations) => Ok(locations.get(row as usize).copied().flatten()),
             // Part of the index cannot be read: the library needs no more of it than leads to this row.
-            None => self.rows.place(row).context("find samples", &self.path),
+            None => self.rows.location(row).context("find samples", &self.path),
         }
     }
 
-    /// The samples of `header`, which lie at `place`, unpacked into `room`; of a record that the header has shorter than it
-    /// is, as many from its first on. Everything that was packed is checked, or of a beginning (`is_beginning`) no more than
-    /// is unpacked, where the chunk lets one.
+    /// The samples of `header`, whose chunk is at `location`, unpacked into `buffer`: the first `sample_count` of each channel. The
+    /// checksum of the whole chunk is checked or, if `is_beginning` and the chunk has a head, of the blocks that are unpacked.
     pub(crate) fn read<'r>(
         &self,
         header: &TapHeader,
         stored_checksum: u64,
-        place: Option<ChunkLocation>,
+        location: Option<ChunkLocation>,
         is_beginning: bool,
-        room: &'r mut ReadBuffer,
+        buffer: &'r mut ReadBuffer,
     ) -> Result<Samples<'r>> {
-        let ReadBuffer { copied, lanes, planes } = room;
-        let stored = self.stored(header, place, copied)?;
+        let ReadBuffer { copied, lanes, planes } = buffer;
+        let stored = self.stored(header, location, copied)?;
         let codec = self.rows.codec();
         let is_valid = match head_of(codec, stored).filter(|_| is_beginning) {
             Some(head) => {
@@ -101,22 +100,22 @@ impl SampleFile {
         self.unpacked(header, stored, lanes, planes)
     }
 
-    /// What lies at `place`, in `copied` if it is not read there.
+    /// What lies at `location`, in `copied` if it is not read there.
     fn stored<'s>(
         &'s self,
         header: &TapHeader,
-        place: Option<ChunkLocation>,
+        location: Option<ChunkLocation>,
         copied: &'s mut Vec<u8>,
     ) -> Result<&'s [u8]> {
-        let place = place.ok_or_else(|| self.damaged(header, "have no place in the file"))?;
+        let location = location.ok_or_else(|| self.damaged(header, "have no location in the file"))?;
         let stored = match &self.mapped {
-            Some(mapped) => mapped.at(place),
-            None => place.read(&self.file, copied).map(|()| &copied[..]),
+            Some(mapped) => mapped.at(location),
+            None => location.read(&self.file, copied).map(|()| &copied[..]),
         };
         stored.context("read samples", &self.path)
     }
 
-    /// What is packed in `stored`, as far as the header goes.
+    /// The samples in the chunk `stored`: as many as the header has.
     fn unpacked<'r>(
         &self,
         header: &TapHeader,
@@ -162,7 +161,7 @@ impl SampleFile {
     }
 }
 
-/// Where in a row of `row_bytes` the samples of `header` are, as few stretches as can be.
+/// The bytes of a row of `row_bytes` that the samples of `header` take, as few ranges as possible.
 fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usize>> {
     let channel_count = (header.channel_count as usize).max(1);
     let stride = row_bytes / channel_count;
@@ -181,58 +180,59 @@ fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usi
 pub struct Taps {
     file: SampleFile,
     plan: Plan,
-    /// Of the archived taps, by plan row.
+    /// By plan row; `None` for taps that are not archived.
     found: Vec<Option<Found>>,
 }
 
-/// Where a tap is.
+/// Header and location of a tap.
 #[derive(Debug, Clone, Copy)]
 struct Found {
     header: HeaderRow,
-    place: Option<ChunkLocation>,
+    location: Option<ChunkLocation>,
 }
 
 impl Taps {
     pub(crate) fn new(archive: &Archive, states: &[TapState]) -> Result<Self> {
         let file = SampleFile::mapped(archive)?;
-        let places = file.places()?;
+        let locations = file.locations()?;
         let headers = archive.headers().read_all().context("read the headers", archive.path())?;
-        let taps = states.iter().zip(headers).zip(places);
-        let found =
-            taps.map(|((state, header), place)| Some(Found { header, place }).filter(|_| *state == TapState::Archived));
+        let taps = states.iter().zip(headers).zip(locations);
+        let found = taps.map(|((state, header), location)| {
+            Some(Found { header, location }).filter(|_| *state == TapState::Archived)
+        });
         Ok(Self { file, plan: archive.plan().clone(), found: found.collect() })
     }
 
-    /// The tap in plan row `row`, bit for bit, its samples in `room`; `None` when it is not archived or there is no such row.
+    /// The tap in plan row `row`, bit for bit, its samples in `buffer`; `None` if it is not archived or there is no such row.
     ///
     /// # Errors
-    /// [`Error::Damaged`] where a checksum differs, or what the system says.
-    pub fn read<'r>(&self, row: u32, room: &'r mut ReadBuffer) -> Result<Option<(TapHeader, Samples<'r>)>> {
-        self.read_beginning(row, |header| header.sample_count, room)
+    /// [`Error::Damaged`] if a checksum differs, or what the system returns.
+    pub fn read<'r>(&self, row: u32, buffer: &'r mut ReadBuffer) -> Result<Option<(TapHeader, Samples<'r>)>> {
+        self.read_beginning(row, |header| header.sample_count, buffer)
     }
 
-    /// The same of as many samples of each channel as `used` says, from the first on, and at most all; the header has that
-    /// number. No more is unpacked than these and what is packed with them.
+    /// As [`Taps::read`], but for the first samples of each channel alone: as many as `used` returns, which are then the
+    /// `sample_count` of the header. Only the blocks that hold them are unpacked.
     ///
     /// # Errors
-    /// As [`Taps::read`], of what is unpacked; of a tap whose blocks have no checksums of their own, of the whole tap.
+    /// As [`Taps::read`]; if the chunk has a head, only damage in the blocks that are unpacked is an error.
     pub fn read_beginning<'r>(
         &self,
         row: u32,
         used: impl FnOnce(&TapHeader) -> u32,
-        room: &'r mut ReadBuffer,
+        buffer: &'r mut ReadBuffer,
     ) -> Result<Option<(TapHeader, Samples<'r>)>> {
         let Some(found) = self.found.get(row as usize).copied().flatten() else { return Ok(None) };
         let header = checked_header(&self.file.path, &self.plan, row, found.header)?;
         let used = used(&header).clamp(0, header.sample_count);
         let is_beginning = used < header.sample_count;
         let header = TapHeader { sample_count: used, ..header };
-        let samples = self.file.read(&header, found.header.stored_checksum, found.place, is_beginning, room)?;
+        let samples = self.file.read(&header, found.header.stored_checksum, found.location, is_beginning, buffer)?;
         Ok(Some((header, samples)))
     }
 }
 
-/// The header in row `row`, if its seal is whole and it describes that row.
+/// The header in row `row`, if its checksum is valid and it names that row.
 pub(crate) fn checked_header(path: &std::path::Path, plan: &Plan, row: u32, header: HeaderRow) -> Result<TapHeader> {
     let damaged = |what: String| Error::Damaged { path: path.to_owned(), what };
     if !header.is_valid(row as usize) {

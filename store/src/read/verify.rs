@@ -1,4 +1,4 @@
-//! Whether an archive holds what its plan asks for, and does not contradict itself.
+//! Checks whether an archive is complete and consistent.
 
 use std::fmt;
 use std::path::Path;
@@ -14,31 +14,31 @@ use crate::format::lineage::digest_of;
 use crate::h5::location::ChunkLocation;
 use crate::read::samples::{ReadBuffer, SampleFile, checked_header};
 
-/// Something in an archive that cannot be right.
+/// Something in an archive that is wrong.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Problem {
-    /// A tap's rows contradict each other.
+    /// A tap's rows are corrupt or contradict each other.
     Tap {
         /// Row of the tap in the scan plan.
         plan_index: u32,
         /// Name of the tap.
         id: TapId,
-        /// What is amiss.
+        /// What is wrong.
         what: String,
     },
-    /// The key that stands in the archive is not that of its results.
+    /// The stored key is not that of the results.
     Key {
-        /// What stands there.
+        /// The stored key.
         stored: String,
-        /// What it must be.
+        /// The key of the results.
         computed: String,
     },
-    /// A scan's rows contradict each other or its taps.
+    /// A scan's rows are corrupt or contradict each other or its taps.
     Scan {
         /// Number of the scan.
         scan: u32,
-        /// What is amiss.
+        /// What is wrong.
         what: String,
     },
 }
@@ -60,18 +60,18 @@ impl fmt::Display for Problem {
 pub struct Report {
     /// Digest of the scan plan.
     pub plan_digest: u64,
-    /// State of every tap and scan; a state that cannot be counts as missing or open.
+    /// State of every tap and scan; a corrupt one counts as missing or open.
     pub ledger: Ledger,
-    /// Contradictions, those of taps first, in plan order.
+    /// Problems, those of taps first, in plan order.
     pub problems: Vec<Problem>,
-    /// Planned taps that are not there.
+    /// Planned taps that are missing.
     pub missing_count: usize,
-    /// Whether the archive is finished, and its seal fits.
+    /// Whether the archive is finished and its seal valid.
     pub is_finished: bool,
 }
 
 impl Report {
-    /// Whether the archive is finished, every planned tap is settled, every scan judged, and nothing contradicts itself.
+    /// Whether the archive is finished and without problems, every planned tap settled and every scan judged.
     pub fn is_complete(&self) -> bool {
         self.is_finished && self.problems.is_empty() && self.missing_count == 0 && self.is_judged()
     }
@@ -82,17 +82,16 @@ impl Report {
     }
 }
 
-/// Checks the archive at `path`, finished or not; taps that are missing and scans that are open are no problems, but not
-/// complete.
+/// Checks the archive at `path`, finished or not. Missing taps and open scans are no problems, but the archive is not complete.
 ///
 /// # Errors
-/// As [`crate::Reader::open_unfinished`]: a file whose seal, plan or tables are damaged is not checked further.
+/// As [`crate::Reader::open_unfinished`]: a file whose seal, plan or structure is damaged is not checked further.
 pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
     verify_file(&Archive::open(path.as_ref(), Access::ReadUnfinished)?)
 }
 
 impl Report {
-    /// Nothing is known yet.
+    /// A report without problems, before anything is checked.
     fn empty(plan: &Plan) -> Self {
         Self {
             plan_digest: plan.digest(),
@@ -113,20 +112,20 @@ fn verify_file(archive: &Archive) -> Result<Report> {
     let discriminators = archive.discriminators().read_all().context(context, archive.path())?;
     let reasons = archive.refusals().read_all().context(context, archive.path())?;
     let file = SampleFile::open(archive)?;
-    let (mut room, places) = (ReadBuffer::default(), file.places()?);
+    let (mut buffer, locations) = (ReadBuffer::default(), file.locations()?);
     for (plan_index, tap) in (0..).zip(plan.taps()) {
         let k = plan_index as usize;
         let mut complain = |what: String| report.problems.push(Problem::Tap { plan_index, id: tap.id, what });
-        let are_valid = [
+        let rows = [
             ("ledger row", ledger[k].is_valid(k)),
             ("header", headers[k].is_valid(k)),
             ("discriminators row", discriminators[k].is_valid(k)),
             ("reason", reasons[k].is_valid(k)),
         ];
-        for (half, _) in are_valid.into_iter().filter(|(_, is_valid)| !is_valid) {
+        for (half, _) in rows.into_iter().filter(|(_, is_valid)| !is_valid) {
             complain(format!("its {half} is not what was written: the checksum differs"));
         }
-        // A torn row is told of above; for the rest the tap is what it counts as elsewhere.
+        // A corrupt row is reported above; for the other checks its tap is missing.
         let row = match ledger[k].is_valid(k) {
             true => ledger[k],
             false => tap_state(archive.path(), k, &ledger[k]).map(|(state, attempt)| LedgerRow::new(state, attempt))?,
@@ -138,7 +137,8 @@ fn verify_file(archive: &Archive) -> Result<Report> {
                 if state == TapState::Archived {
                     check_tap(plan, plan_index, &row, &headers[k], &discriminators[k], &mut complain);
                     if headers[k].is_valid(k)
-                        && let Err(error) = check_samples(&file, plan, plan_index, &headers[k], places[k], &mut room)
+                        && let Err(error) =
+                            check_samples(&file, plan, plan_index, &headers[k], locations[k], &mut buffer)
                     {
                         complain(error);
                     }
@@ -173,7 +173,7 @@ fn verify_file(archive: &Archive) -> Result<Report> {
         }
     }
     let stored = archive.stored_key()?;
-    // One whose scans are open again has the key of what it was.
+    // An archive whose scans were opened again has the key of its earlier results.
     if !stored.is_empty() && report.problems.is_empty() && report.is_judged() {
         let computed = archive.key()?;
         if stored != computed {
@@ -183,17 +183,17 @@ fn verify_file(archive: &Archive) -> Result<Report> {
     Ok(report)
 }
 
-/// What is amiss with the samples of `header`; every one of them is read.
+/// Reads all samples of `header` and checks them.
 fn check_samples(
     file: &SampleFile,
     plan: &Plan,
     row: u32,
     header: &HeaderRow,
-    place: Option<ChunkLocation>,
-    room: &mut ReadBuffer,
+    location: Option<ChunkLocation>,
+    buffer: &mut ReadBuffer,
 ) -> std::result::Result<(), String> {
     let checked = checked_header(Path::new(""), plan, row, *header).and_then(|of_row| {
-        let samples = file.read(&of_row, header.stored_checksum, place, false, room)?;
+        let samples = file.read(&of_row, header.stored_checksum, location, false, buffer)?;
         Ok(digest_of(samples.as_bytes()) == header.samples_digest)
     });
     match checked {
@@ -224,13 +224,13 @@ fn check_tap(
     }
     let recording = &plan.recording;
     let channel_count = u32::try_from(recording.channels.len()).unwrap_or(u32::MAX);
-    for (what, said, planned) in [
+    for (what, stored, planned) in [
         ("sample rate", header.sample_rate_hz, recording.sample_rate_hz),
         ("pre-trigger", f64::from(header.pre_trigger_samples), f64::from(recording.pre_trigger_samples)),
         ("channel count", f64::from(header.channel_count), f64::from(channel_count)),
     ] {
-        if said.to_bits() != planned.to_bits() {
-            complain(format!("its header has {what} {said}; {planned} is planned"));
+        if stored.to_bits() != planned.to_bits() {
+            complain(format!("its header has {what} {stored}; {planned} is planned"));
         }
     }
     let scales = header.unit_per_count.iter().take(recording.channels.len());
@@ -256,20 +256,20 @@ fn check_tap(
     }
 }
 
-/// What a scan's row says of the plan, whatever state it is in.
+/// Checks a scan's row against the plan, in any state.
 fn check_planned(plan: &Plan, number: usize, row: &ScanRow, first_cell: usize, complain: &mut impl FnMut(String)) {
     let scan = &plan.scans()[number];
     if row.tyre.as_bytes() != scan.tyre.as_str().as_bytes() {
         let named = String::from_utf8_lossy(row.tyre.as_bytes());
         complain(format!("its row is of tyre {named:?}; {:?} is planned", scan.tyre.as_str()));
     }
-    for (what, said, planned) in [
+    for (what, stored, planned) in [
         ("station", row.station.into(), scan.station.into()),
         ("shoulder", row.shoulder.into(), scan.shoulder.into()),
         ("first cell", row.first_cell as usize, first_cell),
     ] {
-        if said != planned {
-            complain(format!("its row has {what} {said}; {planned} is planned"));
+        if stored != planned {
+            complain(format!("its row has {what} {stored}; {planned} is planned"));
         }
     }
 }
@@ -309,13 +309,13 @@ fn check_scan(
         }
     }
     let count = |state| scan.taps.iter().filter(|&&tap| ledger.taps()[tap as usize] == state).count();
-    for (what, said, counted) in [
+    for (what, stored, counted) in [
         ("planned", row.planned_count, scan.taps.len()),
         ("received", row.received_count, count(TapState::Archived)),
         ("refused", row.refused_count, count(TapState::Refused)),
     ] {
-        if said as usize != counted {
-            complain(format!("its judgement counts {said} taps {what}; there are {counted}"));
+        if stored as usize != counted {
+            complain(format!("its judgement counts {stored} taps {what}; there are {counted}"));
         }
     }
 }

@@ -1,10 +1,10 @@
-//! What a scan's row says of the plan.
+//! A scan's row against the plan.
 
 use super::*;
 use crate::format::fields::fixed;
 use crate::testing::two_scans;
 
-/// Catches a scan that passes for another's, or for one with another map, under a seal that fits.
+/// Catches a scan row that names another scan or another map, under a valid checksum.
 #[test]
 fn a_scan_is_the_planned_one() {
     let plan = two_scans();
@@ -17,6 +17,6 @@ fn a_scan_is_the_planned_one() {
     assert_eq!(complaints(row), "");
     assert_eq!(complaints(ScanRow { tyre: fixed("B"), ..row }), "its row is of tyre \"B\"; \"A\" is planned");
     let other = ScanRow { station: 1, shoulder: 1, first_cell: 0, ..row };
-    let said = "its row has station 1; 3 is planned; its row has shoulder 1; 2 is planned; its row has first cell 0; 1 is planned";
-    assert_eq!(complaints(other), said);
+    let expected = "its row has station 1; 3 is planned; its row has shoulder 1; 2 is planned; its row has first cell 0; 1 is planned";
+    assert_eq!(complaints(other), expected);
 }

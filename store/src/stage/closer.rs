@@ -1,4 +1,4 @@
-//! Finished files are sealed, put on the disk and into their places by a thread of their own: the others need not wait.
+//! A thread that seals, syncs and renames finished files, so that the other casings need not wait.
 
 use std::path::PathBuf;
 use std::thread::{Builder, JoinHandle};
@@ -14,23 +14,23 @@ use super::places::Places;
 use crate::error::{Error, Result};
 use crate::write::Writer;
 
-/// Files that may wait to be closed; a station has one at most.
+/// Most files that may wait to be closed; a station has one at most.
 const WAITING_MAX: usize = 64;
 
-/// How often it is tried again to close a file on a disk that is full.
+/// Time between two attempts to close a file on a full disk.
 const TRY_EVERY: Duration = Duration::from_millis(500);
 
-/// For how long it is tried again, before the whole stage waits for its disk: the files of the others wait meanwhile.
+/// Time after which the attempts end and the whole stage waits for its disk; meanwhile other files wait to be closed.
 const TRY_FOR: Duration = Duration::from_secs(60);
 
-/// A file that is in its place.
+/// A file that has its final name.
 #[derive(Debug)]
 pub(super) struct Closed {
     pub header: CasingHeader,
     /// Number of the `acquire` process whose casing it was.
     pub acquire: Option<u16>,
     pub path: PathBuf,
-    /// What says that not everyone knows of it yet.
+    /// Its marker: see [`super::markers`].
     pub marker: PathBuf,
 }
 
@@ -43,7 +43,7 @@ struct ToClose {
 /// The thread that closes files; it ends when this is dropped.
 #[derive(Debug)]
 pub(super) struct Closer {
-    /// `None` once it is to end.
+    /// `None` when the thread is to end.
     to_close: Option<Sender<Box<ToClose>>>,
     closed: Receiver<Result<Closed>>,
     thread: Option<JoinHandle<()>>,
@@ -87,14 +87,14 @@ impl Closer {
         self.closed.try_recv().ok()
     }
 
-    /// Waits until all that was to be closed is; what came of it and was not asked for yet.
+    /// Waits until every file is closed; returns the outcomes that were not taken yet.
     pub(super) fn finish(&mut self) -> Vec<Result<Closed>> {
         drop(self.to_close.take());
-        let rest = self.closed.iter().collect();
+        let outcomes = self.closed.iter().collect();
         if let Some(thread) = self.thread.take() {
             drop(thread.join());
         }
-        rest
+        outcomes
     }
 }
 
@@ -106,13 +106,13 @@ impl Drop for Closer {
 
 fn close(file: ToClose, places: &Places) -> Result<Closed> {
     let ToClose { header, writer, name } = file;
-    // One file after the other is given its place: no two of one name get the same.
+    // Names are chosen by this thread alone: two files never get the same.
     let path = places.finish(&name)?;
     let open = writer.path().to_owned();
     let (finishing, since) = (writer.finish_at(&path)?, Instant::now());
     loop {
-        let named = Marker::new(&header, &path).write(&open).and_then(|marker| finishing.complete().map(|()| marker));
-        match named {
+        let renamed = Marker::new(&header, &path).write(&open).and_then(|marker| finishing.complete().map(|()| marker));
+        match renamed {
             Ok(marker) => return Ok(Closed { header, acquire: None, path, marker }),
             Err(error) if error.is_file_system_failure() => return Err(error),
             Err(error) if !error.is_recoverable() || since.elapsed() > TRY_FOR => return Err(error),
@@ -125,5 +125,5 @@ fn close(file: ToClose, places: &Places) -> Result<Closed> {
 }
 
 fn log(error: &Error) {
-    tracing::error!("{error}; a finished file is not in its place yet, and nothing is lost: {}", error.remedy());
+    tracing::error!("{error}; a finished file does not have its name yet, and nothing is lost: {}", error.remedy());
 }

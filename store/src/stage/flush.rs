@@ -10,7 +10,7 @@ use super::{FLUSH_EVERY, FLUSH_TAPS, StageLoop};
 use crate::write::Writer;
 
 impl StageLoop<'_> {
-    /// Flushes when someone waits for it and nothing more has come, and at the latest after a while.
+    /// Flushes if another stage waits and no more records have come, after [`FLUSH_TAPS`] taps, and after [`FLUSH_EVERY`].
     pub(super) fn flush_if_due(&mut self, is_idle: bool) -> Result<(), RunError> {
         let is_due = (is_idle && self.is_urgent)
             || self.unflushed_taps >= FLUSH_TAPS
@@ -31,7 +31,7 @@ impl StageLoop<'_> {
         Ok(())
     }
 
-    /// Sends `fuse` what is safe of scans that have ended. It must never wait, since `fuse` may be waiting for us.
+    /// Sends `fuse` the flushed records of ended scans. It must never wait, because `fuse` may be waiting for this stage.
     pub(super) fn replay(&mut self) -> Result<(), RunError> {
         if !self.settled.poll_ready()? {
             return Ok(());
@@ -52,9 +52,9 @@ impl StageLoop<'_> {
                 if !records.is_empty() && !self.settled.try_send(RecordKind::Data, stamp, &records)? {
                     return Ok(());
                 }
-                let rest = next.unwrap_or(rows.end)..rows.end;
+                let remaining = next.unwrap_or(rows.end)..rows.end;
                 match self.open[index].replays.front_mut() {
-                    Some(front) if !rest.is_empty() => *front = rest,
+                    Some(front) if !remaining.is_empty() => *front = remaining,
                     _ => drop(self.open[index].replays.pop_front()),
                 }
             }
@@ -62,7 +62,7 @@ impl StageLoop<'_> {
         Ok(())
     }
 
-    /// Closes the files of which every scan is judged.
+    /// Closes the archives whose every scan is judged.
     pub(super) fn close_judged(&mut self) -> Result<(), RunError> {
         let mut index = 0;
         while index < self.open.len() {

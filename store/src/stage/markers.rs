@@ -1,5 +1,5 @@
-//! What says of a file that it is finished and that not everyone knows: it is written before the file gets its place, and
-//! removed when everyone has been told, so that a `store` that is killed in between leaves no one waiting.
+//! Markers of finished files: a marker is written before the file is renamed, and removed when every other stage has been
+//! notified. After a `store` that was killed in between, the next one notifies them, so that no stage waits for ever.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,17 +15,17 @@ use crate::error::{Context as _, Error};
 use crate::file::draft::rename_new;
 use crate::read::reader::Reader;
 
-/// Ending of a marker's name, which is else that of the file when it was under way.
+/// Extension of a marker, which otherwise has the name of the unfinished file.
 const ENDING: &str = "closed";
 
-/// What a marker says.
+/// The contents of a marker.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Marker {
     casing: u64,
     plan_digest: u64,
     station: u32,
     tap_count: u32,
-    /// Where the file goes.
+    /// Final path of the file.
     path: PathBuf,
 }
 
@@ -35,7 +35,7 @@ impl Marker {
         Self { casing: stamp.casing, plan_digest, station, tap_count, path: path.to_owned() }
     }
 
-    /// Writes it beside the file under way, at `open`; where it lies then.
+    /// Writes it beside the unfinished file `open`; returns its path.
     pub(super) fn write(&self, open: &Path) -> Result<PathBuf> {
         let path = open.with_extension(ENDING);
         let text = serde_json::to_string(self).map_err(|error| Error::Io {
@@ -59,15 +59,15 @@ impl Marker {
     }
 }
 
-/// Removes a marker of which everyone knows.
+/// Removes a marker after every stage was notified.
 pub(super) fn remove(marker: &Path) {
     if let Err(error) = fs::remove_file(marker) {
-        tracing::warn!(%error, "cannot remove {}; it is told again", marker.display());
+        tracing::warn!(%error, "cannot remove {}; its file will be reported again", marker.display());
     }
 }
 
 impl StageLoop<'_> {
-    /// Has everyone be told of files that an earlier life of `store` has finished, and gives them their places.
+    /// Renames the files that an earlier `store` finished, and notifies the other stages of them.
     pub(super) fn take_up_finished(&mut self) -> Result<(), RunError> {
         let folder = self.run.places.open_folder();
         for entry in fs::read_dir(&folder).context("read", &folder)? {
@@ -76,40 +76,40 @@ impl StageLoop<'_> {
                 continue;
             }
             let text = fs::read_to_string(&marker).context("read", &marker)?;
-            let Ok(said) = serde_json::from_str::<Marker>(&text) else {
-                // It was being written: the file has no place yet, and gets one with a new marker.
+            let Ok(contents) = serde_json::from_str::<Marker>(&text) else {
+                // Its writing was interrupted, so the file is not renamed yet; it gets a new marker.
                 remove(&marker);
                 continue;
             };
             let open = marker.with_extension("h5");
             if open.exists() {
-                self.name_finished(&open, said.path.clone())?;
+                self.rename_finished(&open, contents.path.clone())?;
             }
-            self.note_closed(said.closed(marker));
+            self.note_closed(contents.closed(marker));
         }
         Ok(())
     }
 
-    /// Gives a file that is sealed, and has no marker, its place.
+    /// Renames a sealed file without a marker.
     pub(super) fn take_up_sealed(&mut self, open: &Path) -> Result<(), RunError> {
         let stem = stem_of(open);
         let path = self.run.places.finish(&name_of_open(&stem))?;
         let header = OpenCasing::header_of(casing_number(&stem), Reader::open(open)?.plan());
-        let said = Marker::new(&header, &path);
-        let marker = said.write(open)?;
-        self.name_finished(open, path)?;
-        self.note_closed(said.closed(marker));
+        let contents = Marker::new(&header, &path);
+        let marker = contents.write(open)?;
+        self.rename_finished(open, path)?;
+        self.note_closed(contents.closed(marker));
         Ok(())
     }
 
-    fn name_finished(&self, open: &Path, path: PathBuf) -> Result<(), RunError> {
+    fn rename_finished(&self, open: &Path, path: PathBuf) -> Result<(), RunError> {
         match rename_new(open, &path) {
-            // A file system that names it twice may have been stopped in between.
+            // Without an atomic rename, a crash may have left both names.
             Err(Error::Exists { .. }) => {
                 tracing::error!("{} is there already; {} stays where it is", path.display(), open.display());
                 Ok(())
             }
-            named => Ok(named?),
+            renamed => Ok(renamed?),
         }
     }
 

@@ -46,27 +46,27 @@ const FLUSH_EVERY: Duration = Duration::from_millis(50);
 /// How often the stage looks for taps, which do not wake it, while a casing is open.
 const LOOK_EVERY: Duration = Duration::from_millis(40);
 
-/// What every file of a line is begun with, and where the files lie.
+/// What every archive of a line is begun with, and the paths of its files.
 #[derive(Debug, Clone)]
 pub struct StoreRun {
-    /// Where the files lie.
+    /// Paths of the files.
     pub places: Places,
-    /// Whether a casing whose file is finished already is done, as where the same run is gone on with; else it is another
-    /// casing with the same serial, or the same one again.
+    /// Whether a casing with a finished file is skipped, because the same run is continued; else it is another casing with the
+    /// same serial, or is to be judged again.
     pub skips_finished: bool,
     /// The configuration, verbatim.
     pub config_toml: String,
     /// The reference file, verbatim.
     pub reference: Option<String>,
-    /// What the results are made by.
+    /// What the results are computed by.
     pub made_by: String,
-    /// What packs the samples.
+    /// The codec of the samples.
     pub codec: Codec,
 }
 
 impl StoreRun {
-    /// The file under way at `path`, to be gone on with. A line that never ends may have been given other stations, another
-    /// hook or a comment since: what its results are made by must be the same.
+    /// Resumes the unfinished file at `path`. The configuration of a line may have changed since, for example its stations, its
+    /// hook or a comment; the program and options that compute results must be the same.
     fn resume(&self, path: &Path) -> Result<Writer> {
         match self.skips_finished {
             true => Writer::resume(path, self.lineage()),
@@ -85,16 +85,16 @@ impl StoreRun {
     }
 }
 
-/// Writes the casings of `line` until told to stop.
+/// Writes the casings of `line` until the line stops.
 ///
 /// # Errors
-/// [`RunError`] when the archive cannot be written or shared memory fails. Being asked to stop is no error.
+/// [`RunError`] if an archive cannot be written or shared memory fails. A stop is no error.
 pub fn run(line: &Line, run: &StoreRun) -> Result<Outcome, RunError> {
     let mut stage = StageLoop::open(line, run)?;
     match stage.reopen().and_then(|()| stage.serve()) {
         Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => stage.close(),
         Err(error) => {
-            // As a writer that is killed: nothing more is written, and what was not safe is asked for again.
+            // As if killed: nothing more is written, and records that were not flushed are requested again.
             stage.open.iter_mut().for_each(|casing| casing.writer.abandon());
             Err(error)
         }
@@ -112,17 +112,17 @@ struct StageLoop<'a> {
     notices: Notices<'a>,
     closer: Closer,
     open: Vec<OpenCasing>,
-    /// Whether an archive cannot be written.
+    /// Whether the line waits for an archive that cannot be written.
     is_held: bool,
-    /// When the files were last looked for.
+    /// When the files were last checked.
     looked_at: Instant,
     unflushed_taps: usize,
-    /// Whether someone waits for what is flushed next.
+    /// Whether another stage waits for the next flush.
     is_urgent: bool,
     flushed_at: Instant,
-    /// When the supervisor was last told something of its own accord.
+    /// When the supervisor was last sent a regular report.
     heard_at: Instant,
-    /// How often `fuse` has been replaced.
+    /// Number of times that `fuse` was restarted.
     fuse_generation: u64,
     outcome: Outcome,
 }
@@ -169,12 +169,12 @@ impl<'a> StageLoop<'a> {
         }
     }
 
-    /// How long there is nothing to do unless someone wakes us.
+    /// How long the stage may sleep unless it is woken.
     fn patience(&self) -> Duration {
         let is_flush_due = self.open.iter().any(|casing| casing.is_dirty);
-        let to_be_told = self.notices.are_pending() || self.open.iter().any(|casing| !casing.replays.is_empty());
+        let is_notice_due = self.notices.are_pending() || self.open.iter().any(|casing| !casing.replays.is_empty());
         match () {
-            () if to_be_told => Duration::from_millis(5),
+            () if is_notice_due => Duration::from_millis(5),
             () if is_flush_due => FLUSH_EVERY.saturating_sub(self.flushed_at.elapsed()).max(Duration::from_millis(1)),
             () if !self.open.is_empty() => LOOK_EVERY,
             () => Duration::MAX,
@@ -185,7 +185,7 @@ impl<'a> StageLoop<'a> {
         self.taps.lost() + self.found.lost() + self.verdicts.lost() + self.proposals.lost()
     }
 
-    /// After being asked to end: makes safe what has come, and lets the files go as they are.
+    /// Ends the stage: settles and suspends every open archive.
     fn close(mut self) -> Result<Outcome, RunError> {
         self.outcome.lost_count = self.lost_count();
         for casing in std::mem::take(&mut self.open) {
@@ -197,7 +197,7 @@ impl<'a> StageLoop<'a> {
         for closed in self.closer.finish() {
             self.note_closed(closed?);
         }
-        // Whoever does not hear it now is told by the next life of the line.
+        // A stage that does not get a notice now gets it when the line is started again.
         self.send_notices()?;
         Ok(self.outcome)
     }

@@ -1,4 +1,4 @@
-//! What each of the others is told of the casings that are open: to those that are new, everything.
+//! Notices to the other stages about the open casings; a stage that has just started gets everything.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -11,16 +11,16 @@ use super::closer::Closed;
 use super::open_casing::{Due, OpenCasing};
 use super::{Result, RunError, StageLoop, markers};
 
-/// How often the supervisor is told how far a casing is.
+/// Time between two reports to the supervisor of how far a casing is.
 const SUPERVISOR_EVERY: Duration = Duration::from_millis(500);
 
-/// Something that is said once: a file was closed, a proposal refused.
+/// A notice that is sent once: a file was closed, a proposal refused.
 #[derive(Debug)]
 struct Once {
     kind: RecordKind,
     header: CasingHeader,
     text: String,
-    /// To be removed when everyone has been told.
+    /// Marker that is removed when every receiver has the notice.
     marker: Option<Rc<PathBuf>>,
 }
 
@@ -30,15 +30,15 @@ struct Receiver<'a> {
     role: Role,
     publisher: Publisher<'a, CasingTopic>,
     generation: u64,
-    /// What is still to be said once.
+    /// Notices that are to be sent once.
     once: VecDeque<Once>,
 }
 
-/// The ways to all receivers.
+/// All receivers.
 #[derive(Debug)]
 pub(super) struct Notices<'a> {
     receivers: Vec<Receiver<'a>>,
-    /// Whether something could not be sent, as a buffer was full or someone was not there.
+    /// Whether a notice could not be sent, because a buffer was full or a receiver not there.
     is_pending: bool,
 }
 
@@ -57,7 +57,7 @@ impl<'a> Notices<'a> {
         self.is_pending
     }
 
-    /// Has everyone whom it concerns be told that a file is closed.
+    /// Queues the notice that a file is closed for every stage that it concerns.
     pub(super) fn closed(&mut self, closed: Closed) {
         let to = closed.acquire.map(Role::Acquire);
         let marker = Rc::new(closed.marker);
@@ -70,7 +70,8 @@ impl<'a> Notices<'a> {
         }
     }
 
-    /// Has the sender of a barrier, and the supervisor, be told that no casing of that number is open: it would wait for ever.
+    /// Queues the notice that no casing of that number is open, for the sender of a barrier, which would wait for ever, and for
+    /// the supervisor.
     pub(super) fn unknown(&mut self, stamp: &Stamp) {
         let mut header = CasingHeader::default();
         header.stamp.casing = stamp.casing;
@@ -78,7 +79,7 @@ impl<'a> Notices<'a> {
         self.answer(acquire, RecordKind::Refusal, header, "its file under way is not there any more, or is damaged");
     }
 
-    /// Has a station, and the supervisor, be told that its proposal is refused; or that it is done already.
+    /// Queues the notice that a proposal is refused, or its casing finished already, for the station and the supervisor.
     pub(super) fn answer(&mut self, acquire: u16, kind: RecordKind, header: CasingHeader, text: &str) {
         for receiver in &mut self.receivers {
             if receiver.role == Role::Acquire(acquire) || receiver.role == Role::Supervisor {
@@ -89,13 +90,13 @@ impl<'a> Notices<'a> {
 }
 
 impl StageLoop<'_> {
-    /// Tells everyone what they have not been told. It must never wait, since whoever it is may be waiting for us.
+    /// Sends what is due. It must never wait, because a receiver may be waiting for this stage.
     pub(super) fn send_notices(&mut self) -> Result<(), RunError> {
         let (lost_count, is_held) = (self.lost_count(), self.is_held);
         if self.heard_at.elapsed() >= SUPERVISOR_EVERY
             && let Some(casing) = self.open.first_mut()
         {
-            // Also where nothing gets on, so that the supervisor knows that this process does.
+            // Also without progress, so that the supervisor knows that this process is alive.
             self.heard_at = Instant::now();
             (casing.supervisor.ledger, casing.supervisor_sent_at) = (true, None);
         }
@@ -121,7 +122,7 @@ impl StageLoop<'_> {
             for casing in open.iter_mut().filter(|casing| concerns(casing)) {
                 is_pending |= !send_due(receiver, casing, lost_count, is_held)?;
             }
-            // What is said once comes behind what was to be said before.
+            // Queued notices come after plans and ledgers.
             while let Some(once) = receiver.once.front() {
                 if !receiver.publisher.try_send(once.kind, once.header, once.text.as_bytes())? {
                     is_pending = true;
@@ -146,7 +147,7 @@ fn due_of(casing: &mut OpenCasing, role: Role) -> &mut Due {
     }
 }
 
-/// Tells `receiver` of `casing` what it has not been told; whether all of it was sent.
+/// Sends `receiver` what is due of `casing`; returns whether all of it was sent.
 fn send_due(
     receiver: &Receiver<'_>,
     casing: &mut OpenCasing,
@@ -165,7 +166,7 @@ fn send_due(
     }
     if due.ledger {
         if receiver.role == Role::Supervisor {
-            // How far it is: not at every flush.
+            // Reports to the supervisor are not sent at every flush.
             if casing.supervisor_sent_at.is_some_and(|at| at.elapsed() < SUPERVISOR_EVERY) {
                 return Ok(true);
             }

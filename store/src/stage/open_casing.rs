@@ -1,4 +1,4 @@
-//! A casing that is open: its writer, and what is still to be said of it.
+//! An open casing: its writer, and the notices that are due.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -9,10 +9,10 @@ use tapline_wire::{CasingHeader, Ledger, Plan, ScanState, Stamp, casing_number};
 use super::places::{name_of_open, stem_of};
 use crate::write::Writer;
 
-/// What one receiver is still to be told.
+/// The notices that are due to one receiver.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Due {
-    /// That it is open, and its plan.
+    /// That the casing is open, with its plan.
     pub plan: bool,
     /// Its ledger.
     pub ledger: bool,
@@ -29,14 +29,14 @@ pub(super) struct OpenCasing {
     pub(super) escaped_name: String,
     pub(super) station: u16,
     pub(super) writer: Writer,
-    /// The last barrier seen among the taps and among the discriminators.
+    /// The last barrier among the taps, and among the discriminators.
     pub(super) barriers: (u8, u8),
-    /// The barrier that had passed as of the last flush.
+    /// The last barrier before the last flush.
     passed: u8,
     /// The states of the scans as of the last flush.
     scans: Vec<ScanState>,
     pub(super) is_dirty: bool,
-    /// Rows of the plan whose discriminators `fuse` is still to get.
+    /// Rows of the plan whose discriminators are to be sent to `fuse`.
     pub(super) replays: VecDeque<Range<u32>>,
     pub(super) acquire: Due,
     pub(super) fuse: Due,
@@ -70,7 +70,7 @@ impl OpenCasing {
         casing
     }
 
-    /// Takes in that everything put until now is safe.
+    /// Notes that all records put until now are flushed.
     pub(super) fn flushed(&mut self) {
         self.is_dirty = false;
         self.supervisor.ledger = true;
@@ -90,7 +90,7 @@ impl OpenCasing {
         }
     }
 
-    /// Has `fuse` get what is safe of every scan that has ended, as one that has nothing of it needs to.
+    /// Queues the flushed records of every ended scan for a `fuse` that has none of them.
     pub(super) fn replay_ended(&mut self) {
         self.replays.clear();
         let ended = |scan: &usize| self.scans[*scan] != ScanState::Open;
@@ -116,12 +116,12 @@ impl OpenCasing {
         (self.header(), ledger)
     }
 
-    /// The header of whatever is said of the casing.
+    /// The header of notices about the casing.
     pub(super) fn header(&self) -> CasingHeader {
         Self::header_of(self.number, self.writer.plan())
     }
 
-    /// The header of the casing with this number and plan.
+    /// The header of notices about a casing with this number and plan.
     pub(super) fn header_of(number: u64, plan: &Plan) -> CasingHeader {
         CasingHeader {
             stamp: Stamp { casing: number, ..Stamp::default() },
@@ -132,7 +132,7 @@ impl OpenCasing {
         }
     }
 
-    /// The stamp of discriminators that are sent to `fuse`.
+    /// The stamp of records that are sent to `fuse`.
     pub(super) fn settled_stamp(&self) -> Stamp {
         Stamp { casing: self.number, mark: self.writer.plan().taps().len() as u64, ..Stamp::default() }
     }

@@ -1,4 +1,4 @@
-//! `store` while an archive cannot be written: it says so, makes everyone wait, and goes on when the cause is gone.
+//! `store` while an archive cannot be written: it notifies the other stages, which wait, and continues when the cause is gone.
 
 use std::time::{Duration, Instant};
 
@@ -9,19 +9,19 @@ use super::outcome::{RunError, write_failure};
 use crate::error::{Error, Result};
 use crate::write::Writer;
 
-/// How often it is tried again.
+/// Time between two attempts.
 const TRY_EVERY: Duration = Duration::from_millis(500);
 
-/// How often an unchanged cause is logged again.
+/// Time after which an unchanged cause is logged again.
 const LOG_EVERY: Duration = Duration::from_secs(10);
 
-/// How often it is looked whether the files are still there.
+/// Time between two checks of the files.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 impl StageLoop<'_> {
-    /// Does `act` on the file of the casing at `index`; while that cannot be written, waits, and then does it again.
+    /// Calls `act` with the writer of the casing at `index`; as long as its file cannot be written, waits and calls it again.
     ///
-    /// What has come is kept meanwhile, and no more is taken: the buffers fill, and the sources wait.
+    /// Meanwhile records that have come are kept and no more are received: the buffers fill, and the sources wait.
     pub(super) fn retry_until_recovered<T>(
         &mut self,
         index: usize,
@@ -32,7 +32,7 @@ impl StageLoop<'_> {
             match act(&mut self.open[index].writer) {
                 Err(error) if error.is_file_system_failure() => return Err(write_failure(error)),
                 Err(error) if error.is_recoverable() => {
-                    // What is not mended by opening the file anew is not tried without a pause.
+                    // If opening the file anew did not help, pause before the next attempt.
                     if std::mem::replace(&mut has_failed, true) {
                         self.pause()?;
                     }
@@ -43,7 +43,7 @@ impl StageLoop<'_> {
         }
     }
 
-    /// Looks, from time to time, whether the files that are written are still those at their paths.
+    /// Checks from time to time that the open files are still at their paths.
     pub(super) fn check_files(&mut self) -> Result<(), RunError> {
         if self.looked_at.elapsed() < LOOK_EVERY {
             return Ok(());
@@ -55,7 +55,7 @@ impl StageLoop<'_> {
         Ok(())
     }
 
-    /// Waits until the file of the casing at `index` can be written again, after `error`.
+    /// After `error`, waits until the file of the casing at `index` can be written again.
     pub(super) fn wait_for_recovery(&mut self, index: usize, mut error: Error) -> Result<(), RunError> {
         let since = Instant::now();
         let mut logged_at = since;
@@ -79,7 +79,7 @@ impl StageLoop<'_> {
         self.hold(false)
     }
 
-    /// Does `act`, which makes a new file, until the disk lets it.
+    /// Calls `act`, which creates a file, until the disk permits it.
     pub(super) fn retry_new_until_recovered<T>(&mut self, act: impl Fn() -> Result<T>) -> Result<T, RunError> {
         let mut logged_at = None;
         loop {
@@ -103,7 +103,7 @@ impl StageLoop<'_> {
         }
     }
 
-    /// Tells everyone whether the archive can be written.
+    /// Notifies the other stages whether the archive can be written.
     fn hold(&mut self, is_held: bool) -> Result<(), RunError> {
         self.is_held = is_held;
         for casing in &mut self.open {
@@ -127,14 +127,15 @@ impl StageLoop<'_> {
     }
 }
 
-/// Makes safe what a writer has, when the line ends before its casing does; what came since the last flush may be left out.
+/// Settles and suspends an archive when the line ends before its casing does. If its disk fails, records since the last flush are
+/// left out.
 pub(super) fn settle_at_end(mut writer: Writer) -> Result<(), RunError> {
     let outcome = match writer.settle() {
         Err(error) if error.is_recoverable() => writer.recover().and_then(|()| writer.settle()),
         outcome => outcome,
     };
     match outcome {
-        // On the disk too, where a power cut cannot take it back.
+        // Synced too, so that it survives a power cut.
         Ok(()) => Ok(writer.suspend()?),
         Err(error) if error.is_recoverable() && writer.is_in_place() => {
             tracing::error!(

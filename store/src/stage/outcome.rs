@@ -15,10 +15,10 @@ pub enum RunError {
     /// Shared memory fails.
     #[error(transparent)]
     Line(#[from] LineError),
-    /// The file system of the archive has failed, or may not be written: everything in it is let go, so that it can be mended.
+    /// The file system of the archive has failed or is read-only: every file in it is closed, so that it can be repaired.
     #[error("{error}; the line waits and nothing is lost: {}", .error.remedy())]
     FileSystem {
-        /// What it said.
+        /// Its error.
         error: Error,
     },
     /// The thread that closes files cannot be started.
@@ -26,7 +26,7 @@ pub enum RunError {
     Thread {
         /// Its name.
         name: String,
-        /// The system's reason.
+        /// The reason.
         source: std::io::Error,
     },
 }
@@ -36,17 +36,17 @@ pub enum RunError {
 pub struct Outcome {
     /// Files that were closed.
     pub closed_count: u64,
-    /// Records that came again and were there already.
+    /// Records that came again and were archived already.
     pub again_count: u64,
     /// Records that contradict what is archived; the first stands.
     pub conflict_count: u64,
     /// Records of casings that are not open.
     pub stray_count: u64,
-    /// Records lost on the way to any stage that says so to `store`.
+    /// Records that were lost on their way to this stage.
     pub lost_count: u64,
     /// Bytes of samples written.
     pub sample_bytes: u64,
-    /// Flushes.
+    /// Number of flushes.
     pub flush_count: u64,
 }
 

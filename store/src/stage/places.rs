@@ -1,4 +1,4 @@
-//! Where the files of a line lie: those under way in one folder, those finished in their places.
+//! Paths of the archives of a line: unfinished ones in one folder, finished ones under their names.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -10,16 +10,16 @@ use tapline_wire::{NAME_BYTES_MAX, now_ns};
 
 use crate::error::{Context as _, Result};
 
-/// Folder of the files that are under way, within the output folder.
+/// Folder of the unfinished files, within the output folder.
 pub const OPEN_FOLDER: &str = "open";
 
-/// Folder of the files that a line found under way and cannot go on with, within the output folder.
+/// Folder of unfinished files that a line cannot resume, within the output folder.
 pub const LEFT_FOLDER: &str = "left";
 
-/// Ending of a file's name.
+/// Extension of an archive.
 const ENDING: &str = "h5";
 
-/// Where the files of a line lie.
+/// Paths of the archives of a line.
 #[derive(Debug, Clone)]
 pub struct Places {
     out: PathBuf,
@@ -27,7 +27,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// The files in `out`; where `is_dated`, the finished ones of each day in a folder of its own.
+    /// Archives in `out`; if `is_dated`, finished ones are in a folder for each day.
     pub fn new(out: impl Into<PathBuf>, is_dated: bool) -> Self {
         Self { out: out.into(), is_dated }
     }
@@ -37,24 +37,24 @@ impl Places {
         &self.out
     }
 
-    /// Makes the folders.
+    /// Creates the folders.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub fn create(&self) -> Result<()> {
         let open = self.out.join(OPEN_FOLDER);
         fs::create_dir_all(&open).context("create", &open)
     }
 
-    /// The folder of the files under way.
+    /// The folder of the unfinished files.
     pub(crate) fn open_folder(&self) -> PathBuf {
         self.out.join(OPEN_FOLDER)
     }
 
-    /// The files under way, in the order of their names.
+    /// The unfinished files, in the order of their names.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub fn open_files(&self) -> Result<Vec<PathBuf>> {
         let folder = self.out.join(OPEN_FOLDER);
         let mut files = Vec::new();
@@ -68,24 +68,24 @@ impl Places {
         Ok(files)
     }
 
-    /// Where the file of the casing `name` is begun: a place that no file under way had before.
+    /// A new path for the unfinished file of the casing `name`.
     pub(crate) fn begin(&self, name: &str) -> PathBuf {
         self.out.join(OPEN_FOLDER).join(format!("{}.{:x}.{ENDING}", escaped(name), now_ns()))
     }
 
-    /// The file of the casing `name` that is finished and would be in the way of another; `None` where there is none.
+    /// The finished file of the casing `name` in the present folder; `None` if there is none.
     pub fn finished(&self, name: &str) -> Option<PathBuf> {
         let path = self.folder().join(format!("{}.{ENDING}", escaped(name)));
         path.exists().then_some(path)
     }
 
-    /// The file under way of the casing `name`; `None` where there is none.
+    /// The unfinished file of the casing `name`; `None` if there is none.
     pub fn under_way(&self, name: &str) -> Option<PathBuf> {
         let is_of = |path: &PathBuf| path.file_stem().is_some_and(|stem| name_of_open(&stem.to_string_lossy()) == name);
         self.open_files().ok()?.into_iter().find(is_of)
     }
 
-    /// Every file of the casing `name` that is finished.
+    /// All finished files of the casing `name`.
     pub(crate) fn all_finished(&self, name: &str) -> Vec<PathBuf> {
         let stem = escaped(name);
         let mut folders = vec![self.out.clone()];
@@ -100,10 +100,10 @@ impl Places {
         files
     }
 
-    /// Where the finished file of the casing `name` goes; nothing is there.
+    /// The path for the finished file of the casing `name`, which no file has.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system returns.
     pub(crate) fn finish(&self, name: &str) -> Result<PathBuf> {
         let (folder, stem) = (self.folder(), escaped(name));
         fs::create_dir_all(&folder).context("create", &folder)?;
@@ -111,7 +111,7 @@ impl Places {
         Ok(free.next().unwrap_or(folder))
     }
 
-    /// Puts a file that was under way, and cannot be gone on with, aside.
+    /// Moves an unfinished file that cannot be resumed to [`LEFT_FOLDER`]; returns its path there.
     pub(crate) fn leave(&self, path: &Path) -> Result<PathBuf> {
         let folder = self.out.join(LEFT_FOLDER);
         fs::create_dir_all(&folder).context("create", &folder)?;
@@ -120,7 +120,7 @@ impl Places {
         Ok(left)
     }
 
-    /// The folder of today's finished files.
+    /// The folder of the files that are finished today.
     fn folder(&self) -> PathBuf {
         if !self.is_dated {
             return self.out.clone();
@@ -137,12 +137,12 @@ fn file_of(folder: &Path, stem: &str, k: u32) -> PathBuf {
     }
 }
 
-/// Name of the casing whose file under way is at `path`, as it stands in file names.
+/// Stem of the unfinished file at `path`: the escaped name of its casing, and when it was begun.
 pub(crate) fn stem_of(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// `name` as a part of file names: bytes other than letters, digits, `-`, `_` and dots within it are `%` and two digits.
+/// `name` for file names: bytes other than letters, digits, `-`, `_` and dots within it become `%` and two digits.
 pub(crate) fn escaped(name: &str) -> String {
     let mut text = String::new();
     for (k, byte) in name.bytes().enumerate() {
@@ -159,7 +159,7 @@ pub(crate) fn escaped(name: &str) -> String {
     text
 }
 
-/// The name that [`escaped`] was given.
+/// The inverse of [`escaped`].
 pub(crate) fn unescaped(text: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = text.as_bytes();
@@ -179,7 +179,7 @@ pub(crate) fn unescaped(text: &str) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// Name of the casing whose file under way has the stem `stem`.
+/// Name of the casing whose unfinished file has the stem `stem`.
 pub(crate) fn name_of_open(stem: &str) -> String {
     unescaped(stem.rsplit_once('.').map_or(stem, |(name, _)| name))
 }

@@ -13,7 +13,7 @@ use crate::read::reader::Reader;
 use crate::write::Writer;
 
 impl StageLoop<'_> {
-    /// Takes up the files under way that an earlier life of `store` left; those that cannot be gone on with are put aside.
+    /// Resumes the unfinished files that an earlier `store` left; those that cannot be resumed are put aside.
     pub(super) fn reopen(&mut self) -> Result<(), RunError> {
         self.run.places.create()?;
         self.take_up_finished()?;
@@ -60,7 +60,7 @@ impl StageLoop<'_> {
         };
         if let Some(open) = self.open.iter_mut().find(|casing| casing.escaped_name == escaped(name)) {
             if (open.station, open.writer.plan().digest()) == (station, plan.digest()) {
-                // It was opened before, and the station does not know it.
+                // It is open already: an earlier notice did not reach the station.
                 open.acquire = Due::ALL;
                 return Ok(());
             }
@@ -77,7 +77,7 @@ impl StageLoop<'_> {
         let taps_max = self.line.limits().casing.taps;
         let writer = self.retry_new_until_recovered(|| {
             match Writer::create(&path, plan, taps_max.max(plan.taps().len()), run.lineage()) {
-                // It may have been made, and then not opened.
+                // An earlier attempt may have created it and failed to open it.
                 Err(Error::Exists { .. }) => run.resume(&path),
                 made => made,
             }
@@ -92,7 +92,7 @@ impl StageLoop<'_> {
         Ok(())
     }
 
-    /// The finished file of a casing that need not be tapped: one of the same run, or one of the very same recordings.
+    /// The finished file of a casing that need not be tapped: of the same run, or of the same recordings.
     fn finished_before(&self, name: &str, plan: &Plan) -> Result<Option<std::path::PathBuf>> {
         if self.run.skips_finished {
             return Ok(self.run.places.finished(name));
@@ -105,7 +105,7 @@ impl StageLoop<'_> {
         Ok(self.run.places.all_finished(name).into_iter().find(is_same))
     }
 
-    /// Writes down that what a casing lacks will not come, and that its scans have ended.
+    /// Refuses every missing tap of a casing, and ends its scans.
     fn give_up(&mut self, index: usize, reason: &str) -> Result<(), RunError> {
         let writer = &self.open[index].writer;
         let missing: Vec<_> = (0..)

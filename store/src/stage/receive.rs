@@ -12,7 +12,7 @@ use crate::write::tap_state::PutOutcome;
 const BATCH_TAPS: usize = TapTopic::BORROWED;
 
 impl StageLoop<'_> {
-    /// Takes in what has come, a buffer's worth at most; whether anything had.
+    /// Puts the records that have come, at most as many as the buffers hold; returns whether any had.
     pub(super) fn receive(&mut self) -> Result<bool, RunError> {
         let mut has_come = false;
         while let Some(proposal) = self.proposals.receive()? {
@@ -27,7 +27,7 @@ impl StageLoop<'_> {
                 batch.push(tap);
             }
             has_come |= !batch.is_empty();
-            // What is no data keeps its place among the taps.
+            // Other records keep their order among the taps.
             for part in batch.chunk_by(|a, b| a.kind() == Some(RecordKind::Data) && b.kind() == a.kind()) {
                 self.take_taps(part)?;
             }
@@ -56,7 +56,7 @@ impl StageLoop<'_> {
         index
     }
 
-    /// Takes in taps, or one record of another kind.
+    /// Puts taps, or one record of another kind.
     fn take_taps(&mut self, part: &[Received<TapTopic>]) -> Result<(), RunError> {
         let Some(first) = part.first() else { return Ok(()) };
         let header = first.header();
@@ -80,13 +80,13 @@ impl StageLoop<'_> {
                 self.open[index].barriers.0 = low_byte(header.stamp.mark);
                 self.open[index].is_dirty = true;
             }
-            // The end counts when it has passed through `process` too, and comes with the discriminators.
+            // The end that counts comes with the discriminators, after it has passed through `process`.
             _ => {}
         }
         Ok(())
     }
 
-    /// Takes in taps of any casings, packed together.
+    /// Puts taps of any casings, packed together.
     fn put_taps(&mut self, part: &[Received<TapTopic>]) -> Result<(), RunError> {
         let mut taps: Vec<(usize, &TapHeader, &[u8])> = Vec::with_capacity(part.len());
         for tap in part {
@@ -98,7 +98,7 @@ impl StageLoop<'_> {
         let outcomes = put_taps_of(&mut writers, &taps);
         for ((index, header, samples), outcome) in taps.into_iter().zip(outcomes) {
             let outcome = match outcome {
-                // By itself, as often as it takes.
+                // Put alone, as often as necessary.
                 Err(error) if error.is_recoverable() => {
                     self.wait_for_recovery(index, error)?;
                     self.retry_until_recovered(index, |writer| writer.put_tap(header, samples))?
@@ -117,7 +117,7 @@ impl StageLoop<'_> {
         let Some(index) = self.index_of(stamp.casing) else { return Ok(()) };
         match found.kind() {
             Some(RecordKind::Data) => {
-                // Of a refused tap the refusal itself comes with the taps.
+                // The refusal of a refused tap comes with the taps.
                 for record in found.iter().filter(|r| !r.quality.contains(Quality::REFUSED)) {
                     let outcome = if record.quality.contains(Quality::RETAKE) {
                         tracing::info!(tap = %record.id, quality = %record.quality, "a tap is taken again");

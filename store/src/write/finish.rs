@@ -1,4 +1,4 @@
-//! The end of an archive: closed, sealed, on the disk, and under its name.
+//! Finishes an archive: closes it, seals it, syncs it and gives it its name.
 
 use std::fs::{self, File};
 use std::io;
@@ -13,73 +13,73 @@ use crate::file::draft::{rename_new, sync_folder_of};
 use crate::h5::seal::{Extent, seal};
 use crate::write::Writer;
 
-/// An archive that is sealed, and is to be put on the disk and under its name: slow on a slow disk, and for any thread.
+/// A sealed archive that is to be synced and renamed, which may take long on a slow disk; any thread may do it.
 #[derive(Debug)]
 pub struct Finishing {
-    /// Where it is.
+    /// Its present path.
     from: PathBuf,
-    /// Where it will be.
+    /// Its final path.
     path: PathBuf,
     file: File,
     sync_errors: SyncErrors,
 }
 
 impl Finishing {
-    /// Where the archive will be.
+    /// The final path of the archive.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Waits until the archive is on the disk, where a power cut cannot take it back, and gives it its name. It never replaces
-    /// a file. Where it has failed it may be called again.
+    /// Waits until the archive is on the disk and survives a power cut, and renames it; it never replaces a file. After an error
+    /// it may be called again.
     ///
     /// # Errors
-    /// [`crate::Error::Exists`], or what the system says.
+    /// [`crate::Error::Exists`], or what the system returns.
     pub fn complete(&self) -> Result<()> {
         self.sync_errors.last().context("sync", &self.from)?;
         self.file.sync_all().context("sync", &self.from)?;
         if self.from == self.path {
             return sync_folder_of(&self.from);
         }
-        // The name may have been given by a call whose folders could not be synced.
-        if self.from.try_exists().context("look for", &self.from)? || !self.is_named()? {
+        // An earlier call may have renamed it and then failed to sync the folders.
+        if self.from.try_exists().context("look for", &self.from)? || !self.is_renamed()? {
             rename_new(&self.from, &self.path)?;
         }
         sync_folder_of(&self.path)?;
         sync_folder_of(&self.from)
     }
 
-    fn is_named(&self) -> Result<bool> {
+    fn is_renamed(&self) -> Result<bool> {
         use std::os::unix::fs::MetadataExt as _;
-        let of = |held: fs::Metadata| (held.dev(), held.ino());
-        let held = of(self.file.metadata().context("look for", &self.from)?);
+        let identity = |metadata: fs::Metadata| (metadata.dev(), metadata.ino());
+        let held = identity(self.file.metadata().context("look for", &self.from)?);
         match fs::metadata(&self.path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
-            there => Ok(of(there.context("look for", &self.path)?) == held),
+            found => Ok(identity(found.context("look for", &self.path)?) == held),
         }
     }
 }
 
-/// Closes `archive`, in which everything is flushed and the taps stand as `states` says, and seals it.
+/// Closes and seals `archive`, which must be flushed; `states` are those of its taps.
 pub(crate) fn close_and_seal(archive: Archive, states: &[TapState]) -> Result<()> {
     let path = archive.path().to_owned();
     let mut samples = Vec::new();
     if !archive.is_results() {
         let file = File::open(&path).context("find samples", &path)?;
-        let places = archive.samples().places(&file).context("find samples", &path)?;
-        let archived = states.iter().zip(places).filter(|(state, _)| **state == TapState::Archived);
-        samples.extend(archived.filter_map(|(_, place)| place.map(Extent::from)));
+        let locations = archive.samples().locations(&file).context("find samples", &path)?;
+        let archived = states.iter().zip(locations).filter(|(state, _)| **state == TapState::Archived);
+        samples.extend(archived.filter_map(|(_, location)| location.map(Extent::from)));
     }
     drop(archive);
     seal(&path, samples)
 }
 
 impl Writer {
-    /// Ends the archive: does what [`Writer::settle`] does, closes it and seals it; [`Finishing::complete`] then puts it on the
-    /// disk and names it `final_path`. It is never written again.
+    /// Finishes the archive: settles it as [`Writer::settle`] does, closes it and seals it. [`Finishing::complete`] then syncs it
+    /// and renames it to `final_path`. It is never written again.
     ///
-    /// What waits for a flush is lost where this fails: [`Writer::settle`] beforehand leaves nothing waiting. The archive is
-    /// then as it was, and [`Writer::resume`] goes on with it.
+    /// On an error, records that wait for a flush are lost; after [`Writer::settle`] none do. The archive is then as it was, and
+    /// [`Writer::resume`] continues it.
     ///
     /// # Errors
     /// As [`Writer::flush`].
@@ -94,7 +94,7 @@ impl Writer {
         Ok(Finishing { from, path, file, sync_errors: self.sync_errors.clone() })
     }
 
-    /// Ends the archive where it lies: [`Writer::finish_at`] its path, and [`Finishing::complete`].
+    /// Finishes the archive under its present path: [`Writer::finish_at`] and [`Finishing::complete`].
     ///
     /// # Errors
     /// As [`Writer::flush`].
@@ -103,7 +103,7 @@ impl Writer {
         self.finish_at(path)?.complete()
     }
 
-    /// Closes the archive unfinished, to be gone on with by [`Writer::resume`], and waits until what it has is on the disk.
+    /// Closes the unfinished archive and waits until it is on the disk; [`Writer::resume`] continues it.
     ///
     /// # Errors
     /// As [`Writer::flush`].

@@ -1,4 +1,4 @@
-//! A plan that grows while its casing is open: taps that are asked for because of what others showed.
+//! A plan that grows while its casing is open: taps are added because of what other taps showed.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +11,14 @@ use crate::write::Writer;
 use crate::write::tap_state::Track;
 
 impl Writer {
-    /// Adds `taps` behind the plan, for the reason `why`, a number above 0 that means what the caller likes; when this returns no
-    /// crash takes them back. All of them are planned or none. A scan that had ended is open again.
+    /// Adds `taps` to the end of the plan, for the reason `why`: a number above 0 whose meaning the caller defines. All of them
+    /// are added or none; a crash does not undo it. A scan that had ended is open again.
     ///
-    /// What was put before is flushed. Records made under the plan as it was before are still taken.
+    /// Waiting records are flushed first. Records made under the plan as it was before are still accepted.
     ///
     /// # Errors
-    /// [`Error::CannotGrow`] where there is no room for so many, a scan of theirs is judged already, or they do not fit the plan;
-    /// else as [`Writer::flush`]: none is planned then, and after [`Writer::recover`] the same call may be made again.
+    /// [`Error::CannotGrow`] if there is no room for so many, one of their scans is judged already, or they do not fit the plan;
+    /// else as [`Writer::flush`]: then none is added, and after [`Writer::recover`] the call may be repeated.
     pub fn grow(&mut self, taps: &[PlannedTap], why: u16) -> Result<()> {
         if taps.is_empty() {
             return Ok(());
@@ -30,7 +30,7 @@ impl Writer {
         let scan_of_tap = plan.scan_of_tap();
         let is_touched = |scan: &usize| scan_of_tap[first..].contains(&(*scan as u32));
         let Some(archive) = &mut self.archive else { return Err(Error::Abandoned { path: self.path.clone() }) };
-        // A judged scan must not be missing a tap; nor may it be open as long as all others of its rows say otherwise.
+        // Taps of an ended scan are added: its row must say open before the new taps are in the plan.
         let mut scans = BTreeMap::new();
         for scan in (0..plan.scans().len()).filter(is_touched) {
             let open = ScanRow::open(&plan.scans()[scan], u32::try_from(archive.first_cell(scan)).unwrap_or(u32::MAX));
@@ -40,7 +40,7 @@ impl Writer {
         let growth = Growth { to: plan.taps().len() as u32, plan_digest: plan.digest(), why: why.max(1) };
         let planned = |row: u32| PlanRow::new(&plan.taps()[row as usize], scan_of_tap[row as usize], growth);
         let written = (|| -> hdf5::Result<()> {
-            // Where taps were added before and a crash took them back, there may be rows of theirs.
+            // An earlier attempt that a crash undid may have left rows.
             archive.headers().write(&rows().map(|row| (row, HeaderRow::unwritten())).collect())?;
             archive.discriminators().write(&rows().map(|row| (row, DiscriminatorsRow::unwritten())).collect())?;
             archive.refusals().write(&rows().map(|row| (row, ReasonRow::none())).collect())?;
@@ -65,7 +65,7 @@ impl Writer {
         Ok(())
     }
 
-    /// The plan with `taps` behind it, if they may be there.
+    /// The plan with `taps` added, if that is allowed.
     fn grown(&self, taps: &[PlannedTap]) -> Result<Plan> {
         let cannot = |what: String| Error::CannotGrow { path: self.path.clone(), what };
         let (count, taps_max) = (self.plan.taps().len() + taps.len(), self.taps_max);
@@ -84,7 +84,7 @@ impl Writer {
         }
     }
 
-    /// The ledger as it is, with as many taps as `plan` has.
+    /// The present ledger, extended to the taps of `plan`.
     fn ledger_of(&self, plan: &Plan) -> tapline_wire::Ledger {
         let mut ledger = tapline_wire::Ledger::empty(plan.taps().len(), plan.scans().len());
         for (row, &state) in self.ledger.taps().iter().enumerate() {

@@ -1,12 +1,19 @@
-//! Writes an archive: a state machine that takes records in any order and settles each planned tap exactly once.
+//! Writes an archive: a state machine that accepts records in any order and settles each planned tap exactly once.
 //!
-//! # Why a crash costs nothing but the last batch
+//! # Why a crash loses no more than the last batch
 //!
-//! After creation every row of every table has its place, and every chunk of samples its entry in the index. Rows are
-//! written where they lie; a packed chunk takes room at the end, and its entry changes where it stands, with the next flush.
-//! [`Writer::flush`] first writes what the rows hold and hands it to the system, then the states that vouch for them,
-//! and hands over those. A writer that dies in between leaves rows whose state still says "missing": they are put
-//! again, and overwrite themselves. A file that cannot be written is left as such a writer leaves it: see [`Writer::recover`].
+//! After creation every table has all of its rows, and every chunk of samples its entry in the index. Rows are written in
+//! place; a packed chunk is written to the end of the file, and the next flush changes its entry in place. [`Writer::flush`]
+//! first writes the rows of records and passes them to the system, and then the states that refer to them. A writer that is
+//! killed in between leaves rows whose state is still "missing": they are put again and overwritten. A file that cannot be
+//! written is left in the same state: see [`Writer::recover`].
+//!
+//! - here: [`Writer`], and the records that it accepts but for taps
+//! - `put_taps`, `packer`: taps, packed by several threads
+//! - `tap_state`, `check`: whether a record is accepted
+//! - `pending`: what waits for a flush
+//! - `grow`, `finish`, `recover`, `replay`, `resume`: the plan grows, the archive is finished, a failed disk is back, `fuse` is
+//!   sent records again, an archive is resumed
 
 mod check;
 pub(crate) mod finish;
@@ -36,7 +43,7 @@ use crate::write::pending::Pending;
 use crate::write::resume::load_resume_state;
 use crate::write::tap_state::{Half, PutCounts, PutOutcome, Track, Version};
 
-/// What an archive was begun with, to know it again by.
+/// What an archive was begun with, by which it is recognised when it is opened again.
 #[derive(Debug)]
 struct Provenance {
     config: String,
@@ -46,7 +53,7 @@ struct Provenance {
 
 /// Writes the archive of one casing.
 ///
-/// Dropping a writer without [`Writer::finish`] is what a crash does: what was put since the last flush is lost.
+/// Dropping a writer has the effect of a crash: records put since the last flush are lost.
 #[derive(Debug)]
 pub struct Writer {
     path: PathBuf,
@@ -54,12 +61,12 @@ pub struct Writer {
     provenance: Provenance,
     guard: FileGuard,
     sync_errors: SyncErrors,
-    /// `None` after it could not be written, or is closed.
+    /// `None` after a write failed, or when it is closed.
     archive: Option<Archive>,
     is_results: bool,
-    /// Taps that there is room for.
+    /// Most taps that the archive has room for.
     taps_max: usize,
-    /// What is known of each planned tap.
+    /// The state of each planned tap.
     tracks: Vec<Track>,
     scans: Vec<ScanRow>,
     scan_fingerprints: Vec<Option<u64>>,
@@ -70,13 +77,13 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Begins the archive of `plan` at `path`, with room for `taps_max` taps if the plan [grows](Writer::grow); configuration and
-    /// reference go into it verbatim.
+    /// Creates the archive of `plan` at `path`, with room for `taps_max` taps if the plan [grows](Writer::grow); configuration and
+    /// reference are stored verbatim.
     ///
-    /// The file appears at `path` whole or not at all. All that it will hold but packed samples has its place from the start.
+    /// The file appears at `path` complete or not at all. Except for packed samples, all of its space is allocated.
     ///
     /// # Errors
-    /// [`crate::Error::Exists`], [`crate::Error::EmptyRecording`], or what the system says.
+    /// [`crate::Error::Exists`], [`crate::Error::EmptyRecording`], [`crate::Error::LongRecording`], or what the system returns.
     pub fn create<'a>(
         path: impl AsRef<Path>,
         plan: &Plan,
@@ -88,35 +95,35 @@ impl Writer {
         Self::resume(path, lineage)
     }
 
-    /// Goes on with the archive at `path`, which must have been begun with the same configuration, reference and program; its
-    /// plan is what stands in it.
+    /// Continues the archive at `path`, which must have been begun with the same configuration, reference and program. Its plan
+    /// is the archived one.
     ///
     /// # Errors
     /// [`crate::Error::Finished`], [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`],
     /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::OtherLineage`],
-    /// [`crate::Error::OfflineCodec`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system says.
+    /// [`crate::Error::OfflineCodec`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system returns.
     pub fn resume<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
         let archive = Archive::open(path.as_ref(), Access::Write)?;
         archive.check_lineage(lineage.into())?;
         Self::new(archive)
     }
 
-    /// As [`Writer::resume`], whatever configuration the archive was begun with, as long as its results are made by the same
-    /// program and options, and compared with the same reference.
+    /// As [`Writer::resume`], with any configuration, as long as results are computed by the same program and options and with
+    /// the same reference.
     ///
     /// # Errors
-    /// As [`Writer::resume`], but for [`crate::Error::OtherConfiguration`].
+    /// As [`Writer::resume`], except [`crate::Error::OtherConfiguration`].
     pub fn resume_as_begun<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
         let archive = Archive::open(path.as_ref(), Access::Write)?;
-        archive.check_made_alike(lineage.into())?;
+        archive.check_results_lineage(lineage.into())?;
         Self::new(archive)
     }
 
-    /// The results of the taps of the archive `raw` (its path, and the digest of its taps) at `path`, begun or gone on with:
-    /// a file beside that archive, or in a folder beside it. `plan` is that archive's.
+    /// Creates or continues, at `path`, results of the taps of the archive `raw` (its path, and the digest of its taps). `path` is
+    /// in the folder of that archive, or in a folder within it; `plan` is that of the archive.
     ///
     /// # Errors
-    /// As [`Writer::create`] and [`Writer::resume`]: [`crate::Error::Finished`] where they are there already.
+    /// As [`Writer::create`] and [`Writer::resume`]: [`crate::Error::Finished`] if the results exist already.
     pub fn results(path: impl AsRef<Path>, raw: (&Path, [u8; 32]), plan: &Plan, lineage: Lineage<'_>) -> Result<Self> {
         let (path, lineage) = (path.as_ref(), Lineage { raw: Some(raw), ..lineage });
         let create = || Self::create(path, plan, plan.taps().len(), lineage);
@@ -124,9 +131,9 @@ impl Writer {
             return create();
         }
         let writer = match Self::resume(path, lineage) {
-            // What was begun of results is no loss: they are made again from their taps.
+            // Results are computed again from their taps, so nothing is lost.
             Err(error @ Error::Damaged { .. }) => {
-                tracing::warn!("{error}; these results are made anew");
+                tracing::warn!("{error}; these results are computed again");
                 std::fs::remove_file(path).context("remove", path)?;
                 return create();
             }
@@ -179,23 +186,23 @@ impl Writer {
         &self.plan
     }
 
-    /// What no crash can take back: the ledger as of the last flush.
+    /// The ledger as of the last flush, which no crash undoes.
     ///
-    /// A tap is archived in it only when its samples *and* its discriminators, of one attempt, are in the file.
-    /// The writer knows nothing of barriers and losses: these entries stay zero.
+    /// A tap is archived in it only when its samples *and* its discriminators, of one attempt, are in the file. Barriers and
+    /// losses stay zero: the writer does not know them.
     pub fn ledger(&self) -> &Ledger {
         &self.ledger
     }
 
-    /// What became of the records given so far.
+    /// Counts of the records put so far.
     pub fn counts(&self) -> PutCounts {
         self.counts
     }
 
-    /// Takes in what was found in a tap; it waits for the next flush.
+    /// Puts the discriminators of a tap; they wait for the next flush.
     ///
     /// # Errors
-    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system returns.
     pub fn put_discriminators(&mut self, discriminators: &Discriminators) -> Result<PutOutcome> {
         let row = discriminators.plan_index;
         check_id(self.plan(), row, &discriminators.id)?;
@@ -209,12 +216,12 @@ impl Writer {
         self.count(outcome)
     }
 
-    /// Takes in that the tap of row `plan_index` will not come, and why; it waits for the next flush.
+    /// Puts the refusal of the tap of row `plan_index`, which will not come; it waits for the next flush.
     ///
     /// A reason longer than [`crate::REASON_BYTES`] is cut and ends in an ellipsis.
     ///
     /// # Errors
-    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system returns.
     pub fn put_refusal(&mut self, plan_index: u32, id: &TapId, reason: &str) -> Result<PutOutcome> {
         check_id(self.plan(), plan_index, id)?;
         let outcome = self.tracks[plan_index as usize].refusal_outcome(id.attempt);
@@ -226,11 +233,11 @@ impl Writer {
         self.count(outcome)
     }
 
-    /// Takes in that attempt `id.attempt` at the tap of row `plan_index` was of no use, for the flags `quality`, and another is
-    /// to be made; it waits for the next flush.
+    /// Notes that attempt `id.attempt` at the tap of row `plan_index` was unusable, because of the flags `quality`, and that
+    /// another is to be made; this waits for the next flush.
     ///
     /// # Errors
-    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system says.
+    /// [`crate::Error::NoSuchRow`], [`crate::Error::OtherTap`], or what the system returns.
     pub fn put_retake(&mut self, plan_index: u32, id: &TapId, quality: Quality) -> Result<PutOutcome> {
         check_id(self.plan(), plan_index, id)?;
         let track = &mut self.tracks[plan_index as usize];
@@ -242,10 +249,10 @@ impl Writer {
         self.count(outcome)
     }
 
-    /// Takes in that scan `scan` has ended; it waits for the next flush.
+    /// Notes that scan `scan` has ended; this waits for the next flush.
     ///
     /// # Errors
-    /// [`crate::Error::NoSuchScan`], or what the system says.
+    /// [`crate::Error::NoSuchScan`], or what the system returns.
     pub fn end_scan(&mut self, scan: u32) -> Result<PutOutcome> {
         check_scan(self.plan(), scan)?;
         let row = &mut self.scans[scan as usize];
@@ -257,11 +264,11 @@ impl Writer {
         self.count(PutOutcome::Stored)
     }
 
-    /// Takes in the verdict on scan `scan` and its damage map, one cell for each of the scan's locations in their
-    /// order; it waits for the next flush.
+    /// Puts the verdict on scan `scan` and its damage map, one cell for each of the scan's locations in their order; they wait for
+    /// the next flush.
     ///
     /// # Errors
-    /// [`crate::Error::NoSuchScan`], [`crate::Error::OtherCells`], or what the system says.
+    /// [`crate::Error::NoSuchScan`], [`crate::Error::OtherCells`], or what the system returns.
     pub fn put_judgement(&mut self, scan: u32, judgement: &Judgement, cells: &[DamageCell]) -> Result<PutOutcome> {
         check_scan(self.plan(), scan)?;
         check_cells(self.plan(), scan, cells)?;
@@ -272,7 +279,7 @@ impl Writer {
         let fingerprint = row.fingerprint(&cells);
         let outcome = match self.scan_fingerprints[number] {
             None => PutOutcome::Stored,
-            Some(there) if there == fingerprint => PutOutcome::AlreadyThere,
+            Some(archived) if archived == fingerprint => PutOutcome::AlreadyThere,
             Some(_) => PutOutcome::Conflict,
         };
         if outcome == PutOutcome::Stored {
@@ -285,11 +292,11 @@ impl Writer {
         self.count(outcome)
     }
 
-    /// Writes what waits and hands it to the system: from then on no crash of this program loses it.
+    /// Writes the waiting records and passes them to the system: from then on no crash of this program loses them.
     ///
     /// # Errors
-    /// What the system says, for one when the disk is full, or as [`Writer::check_file`]. The file is then let go of, and what
-    /// waited still waits, for [`Writer::recover`].
+    /// What the system returns, for example if the disk is full, or as [`Writer::check_file`]. The file is then abandoned, and the
+    /// records still wait, for [`Writer::recover`].
     pub fn flush(&mut self) -> Result<()> {
         if self.pending.is_empty() {
             return Ok(());
@@ -308,7 +315,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes down where missing taps were lost, and, where all is judged, the key of the results; then flushes.
+    /// Notes where missing taps were lost and, if every scan is judged, the key of the results; flushes.
     ///
     /// # Errors
     /// As [`Writer::flush`].
@@ -326,7 +333,7 @@ impl Writer {
         self.ledger.is_judged() && self.ledger.count(TapState::Missing) == 0
     }
 
-    /// Where the archive is.
+    /// Path of the archive.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -1,6 +1,6 @@
-//! Records made ready for the file, several at a time: digested, padded, packed, all outside the lock of the HDF5 library.
+//! Prepares records for the file: digests, pads and packs them by several threads, outside of the lock of the HDF5 library.
 //!
-//! The threads that do it, and the memory, are those of the process: there may be many writers, and one packs at a time.
+//! All writers of the process share the threads and the buffers.
 
 use std::num::NonZeroUsize;
 use std::ops::{Deref, DerefMut};
@@ -15,55 +15,55 @@ use tapline_codec::{Codec, pack as pack_by_codec};
 use crate::format::lineage::{Digest, digest_of};
 use crate::h5::samples::padded;
 
-/// Records, and packed samples, for which memory is kept from call to call.
+/// Most buffers that are kept from call to call.
 const KEPT_MAX: usize = 128;
 
-/// One record, ready to be written.
+/// One record, packed.
 #[derive(Debug, Default)]
 pub(crate) struct Packed {
     bytes: Vec<u8>,
     padded: Vec<u8>,
     planes: Vec<u8>,
-    /// Whether the record goes to the file from where it lies.
+    /// Whether the record is written as it was given.
     is_as_given: bool,
     pub(crate) samples_digest: Digest,
     pub(crate) stored_checksum: u64,
 }
 
 impl Packed {
-    /// What goes to the file; `samples` are those that were packed.
+    /// The bytes to be written; `samples` are those that were packed.
     pub(crate) fn stored<'a>(&'a self, samples: &'a [u8]) -> &'a [u8] {
         if self.is_as_given { samples } else { &self.bytes }
     }
 
-    /// The same, to be kept; [`give_back`] takes it when it is no longer needed.
-    pub(crate) fn give(&mut self, samples: &[u8]) -> Vec<u8> {
-        let mut room = lock(&ROOMS).pop().unwrap_or_default();
+    /// The bytes to be written, for the caller to keep; [`recycle`] takes the buffer back.
+    pub(crate) fn take_bytes(&mut self, samples: &[u8]) -> Vec<u8> {
+        let mut buffer = lock(&CHUNK_BUFFERS).pop().unwrap_or_default();
         if self.is_as_given {
-            room.clear();
-            room.extend_from_slice(samples);
-            return room;
+            buffer.clear();
+            buffer.extend_from_slice(samples);
+            return buffer;
         }
-        std::mem::replace(&mut self.bytes, room)
+        std::mem::replace(&mut self.bytes, buffer)
     }
 }
 
-/// The shape of what is packed.
+/// The shape of the records of an archive, and its codec.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shape {
     pub codec: Codec,
     pub channel_count: usize,
     /// Bytes of one sample of one channel.
     pub element_bytes: usize,
-    /// Bytes of the longest record there may be, which is a row of the file.
+    /// Bytes of a row, which is the longest record.
     pub row_bytes: usize,
 }
 
-/// Memory of records that are not being packed.
+/// Buffers of records that are not in use.
 static BUFFERS: Mutex<Vec<Packed>> = Mutex::new(Vec::new());
 
-/// Memory of packed samples: new memory costs as much as the copy into it.
-static ROOMS: Mutex<Vec<Vec<u8>>> = Mutex::new(Vec::new());
+/// Buffers of packed chunks that are not in use: allocating one costs as much as the copy into it.
+static CHUNK_BUFFERS: Mutex<Vec<Vec<u8>>> = Mutex::new(Vec::new());
 
 fn lock<T>(kept: &Mutex<Vec<T>>) -> MutexGuard<'_, Vec<T>> {
     kept.lock().unwrap_or_else(PoisonError::into_inner)
@@ -75,12 +75,12 @@ fn keep<T>(kept: &Mutex<Vec<T>>, more: impl IntoIterator<Item = T>) {
     kept.extend(more.into_iter().take(left));
 }
 
-/// Takes back the memory of packed samples that were [given](Packed::give).
-pub(crate) fn give_back(samples: impl IntoIterator<Item = Vec<u8>>) {
-    keep(&ROOMS, samples);
+/// Takes back buffers of [`Packed::take_bytes`].
+pub(crate) fn recycle(samples: impl IntoIterator<Item = Vec<u8>>) {
+    keep(&CHUNK_BUFFERS, samples);
 }
 
-/// Packed records; their memory is given back when this is dropped.
+/// Packed records; their buffers are kept for later calls when this is dropped.
 #[derive(Debug, Default)]
 pub(crate) struct PackBuffers(Vec<Packed>);
 
@@ -114,21 +114,21 @@ impl DerefMut for PackBuffers {
     }
 }
 
-/// The threads beside whoever calls, once there is more than one record to pack; `None` where there are none, which is slower.
+/// The threads that pack beside the caller; `None` if there are none.
 fn helpers() -> Option<&'static ThreadPool> {
     static HELPERS: OnceLock<Option<ThreadPool>> = OnceLock::new();
     HELPERS.get_or_init(|| begin(thread::available_parallelism().map_or(1, NonZeroUsize::get) - 1)).as_ref()
 }
 
-/// Packs `records`, the samples of one tap each, on as many threads as there are cores, and has each, in their order, taken by
-/// `take`, which gets its number, while later ones are being packed; returns all of them. What comes of a record does not
-/// depend on how many there are.
+/// Packs `records`, the samples of one tap each, on as many threads as there are cores. Calls `take` with the number of each
+/// and the packed record, in their order, while later ones are being packed; returns all of them. The bytes of a record do not
+/// depend on the number of threads or of records.
 ///
 /// # Errors
-/// The first that `take` returns; no more are taken then.
+/// The first error of `take`, which is then not called again.
 ///
 /// # Panics
-/// If packing does: a bug.
+/// If packing panics, which is a bug.
 pub(crate) fn pack<E>(
     records: &[(Shape, &[u8])],
     take: impl FnMut(usize, &Packed) -> Result<(), E>,
@@ -159,18 +159,18 @@ fn pack_on<E>(
                     if let Some(this) = packed[number] {
                         break this;
                     }
-                    // Whoever has nothing to take packs too, and waits when there is no more to pack.
+                    // Until the next record is ready this thread packs too, and waits when none is left.
                     if let Ok((number, (buffer, (shape, samples)))) = jobs.try_recv() {
                         shape.pack(samples, buffer);
                         packed[number] = Some(buffer);
                     } else {
-                        // Where a thread has panicked, so does the scope.
+                        // A thread has panicked; the scope passes that on.
                         let Ok((number, buffer)) = ready.recv() else { return Ok(()) };
                         packed[number] = Some(buffer);
                     }
                 };
                 if let Err(error) = take(number, this) {
-                    // Nobody waits for the others.
+                    // The other records are not needed.
                     jobs.try_iter().for_each(drop);
                     return Err(error);
                 }
@@ -226,8 +226,8 @@ impl Shape {
 mod tests {
     use super::*;
 
-    /// Catches records taken in another order, packed otherwise than one by one, left out or taken after an error, and a
-    /// call that goes wrong because the one before did; with helpers and without.
+    /// Catches records in another order, packed to other bytes than alone, left out or taken after an error, and a call that
+    /// fails because the one before did; with helpers and without.
     #[test]
     fn records_are_taken_in_their_order() {
         let shape = Shape { codec: Codec::Lz4, channel_count: 2, element_bytes: 2, row_bytes: 4000 };

@@ -1,4 +1,4 @@
-//! Taps taken in by one writer or by several at once: what comes together is packed in parallel, whosever it is.
+//! Puts taps of one writer or of several at once, packed in parallel.
 
 use std::collections::BTreeSet;
 
@@ -11,42 +11,42 @@ use crate::write::check::{check_id, check_shape};
 use crate::write::packer::{Shape, pack};
 use crate::write::tap_state::{Half, PutOutcome, Version};
 
-/// A tap, with the number of the writer that takes it in.
+/// Number of the writer, header and samples of a tap.
 type Tap<'a> = (usize, &'a TapHeader, &'a [u8]);
 
-/// Takes in taps of several archives, each by the writer whose number is given with it, as [`Writer::put_taps`] does; what
-/// became of each is returned in their order.
+/// Puts taps of several archives as [`Writer::put_taps`] does, each by the writer whose number is given with it; returns the
+/// outcome of each in their order.
 ///
-/// Where one archive cannot be written it is let go of: none of its taps is taken in, each of them is an error, and after
-/// [`Writer::recover`] they may be put again. Those of the other archives are taken in all the same.
+/// An archive that cannot be written is abandoned: none of its taps is put, the outcome of each is an error, and after
+/// [`Writer::recover`] they may be put again. The taps of the other archives are not affected.
 ///
 /// # Panics
-/// If the number of a writer is that of none.
+/// If there is no writer with a given number.
 pub fn put_taps_of(writers: &mut [&mut Writer], taps: &[Tap<'_>]) -> Vec<Result<PutOutcome>> {
     let mut outcomes = Vec::with_capacity(taps.len());
-    let mut rest = taps;
-    while !rest.is_empty() {
-        // A tap that comes twice is judged by what became of it the first time.
+    let mut remaining = taps;
+    while !remaining.is_empty() {
+        // The outcome of a tap that comes twice depends on its first time.
         let key = |tap: &Tap<'_>| (tap.0, tap.1.plan_index);
         let mut seen = BTreeSet::new();
-        let first_again = rest.iter().position(|tap| !seen.insert(key(tap)));
-        let (now, later) = rest.split_at(first_again.unwrap_or(rest.len()));
+        let first_again = remaining.iter().position(|tap| !seen.insert(key(tap)));
+        let (now, later) = remaining.split_at(first_again.unwrap_or(remaining.len()));
         put_different(writers, now, &mut outcomes);
-        rest = later;
+        remaining = later;
     }
     outcomes
 }
 
 /// A tap that is new to its archive.
 struct New<'a> {
-    /// Its number among those that came with it.
+    /// Its number in the call.
     number: usize,
     writer: usize,
     row: HeaderRow,
     samples: &'a [u8],
 }
 
-/// Takes in taps of different plan rows.
+/// Puts taps of different plan rows.
 fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut Vec<Result<PutOutcome>>) {
     let (mut new, mut known) = (Vec::with_capacity(taps.len()), Vec::with_capacity(taps.len()));
     let mut failed: Vec<Option<Error>> = writers.iter().map(|_| None).collect();
@@ -77,11 +77,11 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
     })
     .unwrap_or_else(|never| match never {});
     (0..writers.len()).filter(|&writer| is_failed[writer]).for_each(|writer| writers[writer].abandon());
-    // All are written: only now they take the place of earlier attempts.
+    // All are written: only now they replace earlier attempts.
     for ((tap, header), packed) in new.iter().zip(headers).zip(packed.iter_mut()) {
         let writer = &mut writers[tap.writer];
         if !is_failed[tap.writer] {
-            let stored = packed.give(tap.samples);
+            let stored = packed.take_bytes(tap.samples);
             writer.guard.note_written(stored.len());
             writer.pending.keep(header.plan_index, stored);
             writer.pending.headers.insert(header.plan_index, header);
@@ -94,7 +94,7 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
         outcomes.push(match known {
             Err(error) => Err(error),
             Ok(_) if is_failed[writer] => {
-                // The first is told why, the others that it was so.
+                // The first outcome has the cause.
                 Err(failed[writer].take().unwrap_or_else(|| Error::Abandoned { path: writers[writer].path.clone() }))
             }
             Ok((_, outcome)) => writers[writer].count(outcome),
@@ -107,7 +107,7 @@ fn version_of(row: &HeaderRow) -> Version {
 }
 
 impl Writer {
-    /// Takes in a tap, as [`Writer::put_taps`] does.
+    /// Puts a tap, as [`Writer::put_taps`] does.
     ///
     /// # Errors
     /// As [`Writer::put_taps`].
@@ -115,17 +115,16 @@ impl Writer {
         Ok(self.put_taps(&[(header, samples)])?[0])
     }
 
-    /// Takes in taps: their samples are packed by as many threads as there are cores and written at once; their headers wait
-    /// for the next flush.
+    /// Puts taps: their samples are packed by as many threads as there are cores and written at once; their headers wait for the
+    /// next flush.
     ///
-    /// The samples of a tap are the `[channel][sample]` bytes that its header describes, in the machine's order; what lies
-    /// behind them is ignored. Where nothing packs them they go to the file from where they lie; a record that is shorter
-    /// than the plan allows is copied once, to be padded with zeros.
-    /// Samples are not compared with those that are there: two takes are told apart by their headers.
+    /// The samples of a tap are the `[channel][sample]` bytes that its header describes, in the machine's byte order; bytes
+    /// behind them are ignored. A record that is shorter than the plan allows is padded with zeros. Samples are not compared
+    /// with archived ones: headers tell two attempts apart.
     ///
     /// # Errors
-    /// [`Error::NoSuchRow`], [`Error::OtherTap`], [`Error::RecordShape`], or what the system says:
-    /// the file is then let go of, none of the taps is taken in, and after [`Writer::recover`] the same call may be made again.
+    /// [`Error::NoSuchRow`], [`Error::OtherTap`], [`Error::RecordShape`], or what the system returns: the file is then abandoned,
+    /// none of the taps is put, and after [`Writer::recover`] the call may be repeated.
     pub fn put_taps(&mut self, taps: &[(&TapHeader, &[u8])]) -> Result<Vec<PutOutcome>> {
         for (header, samples) in taps {
             self.outcome_of(header, samples)?;
@@ -134,7 +133,7 @@ impl Writer {
         put_taps_of(&mut [self], &taps).into_iter().collect()
     }
 
-    /// What is to be done with a tap, and its row.
+    /// The outcome that putting a tap will have, and its row.
     fn outcome_of(&self, header: &TapHeader, samples: &[u8]) -> Result<(HeaderRow, PutOutcome)> {
         if self.is_results {
             return Err(Error::ResultsAlone { path: self.path.clone() });

@@ -1,8 +1,8 @@
-//! A writer whose file cannot be written: it lets go of the file, keeps what it was given, and goes on when that is over.
+//! A writer whose file cannot be written abandons the file, keeps the waiting records, and recovers when the cause is gone.
 //!
-//! What the library has in memory after a failed write is not to be trusted, nor to be written: see
-//! [`crate::h5::file::abandon`]. The file is then as a killed writer leaves it, which is whole, and is opened anew; the samples
-//! and rows since the last flush are still in memory and are written again.
+//! After a failed write the library's memory must be neither used nor written: see [`crate::h5::file::abandon`]. The file is then
+//! valid, as a killed writer leaves it, and is opened anew; samples and rows since the last flush are still in memory and are
+//! written again.
 
 use tapline_wire::TapState;
 
@@ -14,22 +14,23 @@ use crate::write::Writer;
 use crate::write::resume::load_resume_state;
 
 impl Writer {
-    /// Checks that the file is still at its path and has not become shorter; if not, it is let go of.
+    /// Checks that the file is still at its path and has not become shorter; if not, abandons it.
     ///
     /// # Errors
-    /// [`Error::Removed`], [`Error::Moved`], [`Error::Replaced`], [`Error::Cut`], or what the system says.
+    /// [`Error::Removed`], [`Error::Moved`], [`Error::Replaced`], [`Error::Cut`], or what the system returns.
     pub fn check_file(&mut self) -> Result<()> {
         let checked = if self.archive.is_some() { self.guard.check() } else { Ok(()) };
         checked.inspect_err(|_| self.abandon())
     }
 
-    /// After an error for which [`Error::is_recoverable`]: opens the file anew and writes what was put since the last flush.
+    /// After an error that [is recoverable](Error::is_recoverable): opens the file anew and writes what was put since the last
+    /// flush.
     ///
-    /// A file that was removed, together with its folder for one, is written to its path again as soon as the folder is there;
-    /// this writer has kept it open. Nothing that was put is lost by the error, and the call that failed may be made again.
+    /// A file that was removed is written to its path again as soon as its folder exists; this writer has kept it open. Nothing
+    /// that was put is lost by the error, and the failed call may be repeated.
     ///
     /// # Errors
-    /// Why it still cannot be written; the same call may be made again.
+    /// Why it still cannot be written; the call may be repeated.
     pub fn recover(&mut self) -> Result<()> {
         if self.archive.is_none() {
             self.guard.put_back()?;
@@ -45,12 +46,12 @@ impl Writer {
         self.flush()
     }
 
-    /// Whether the file at the archive's path is the one that was written last, and whole.
+    /// Whether the file is still at its path and has not become shorter.
     pub fn is_in_place(&self) -> bool {
         self.guard.check().is_ok()
     }
 
-    /// The archive, if it was not let go of.
+    /// The archive, if it was not abandoned.
     pub(crate) fn open(&self) -> Result<&Archive> {
         self.archive.as_ref().ok_or_else(|| Error::Abandoned { path: self.path.clone() })
     }
@@ -60,7 +61,7 @@ impl Writer {
         if let Some(archive) = self.archive.take()
             && let Err(error) = archive.abandon()
         {
-            tracing::error!(%error, "cannot let go of {}", self.path.display());
+            tracing::error!(%error, "cannot abandon {}", self.path.display());
         }
     }
 
@@ -73,14 +74,14 @@ impl Writer {
             ..provenance.config.as_str().into()
         };
         archive.check_same(&self.plan, lineage)?;
-        // More may be there than is known to be: of a flush that failed half-way.
-        let there = load_resume_state(&archive)?.ledger;
-        let is_there = |row: usize| {
+        // It may have more than is known, if a flush failed half-way.
+        let found = load_resume_state(&archive)?.ledger;
+        let is_known = |row: usize| {
             let state = self.ledger.taps()[row];
-            state == TapState::Missing || (there.taps()[row], there.attempt(row)) == (state, self.ledger.attempt(row))
+            state == TapState::Missing || (found.taps()[row], found.attempt(row)) == (state, self.ledger.attempt(row))
         };
-        let lost = (0..self.ledger.taps().len()).find(|&row| !is_there(row));
-        let scan = self.ledger.scans().iter().zip(there.scans()).position(|(known, there)| there < known);
+        let lost = (0..self.ledger.taps().len()).find(|&row| !is_known(row));
+        let scan = self.ledger.scans().iter().zip(found.scans()).position(|(known, found)| found < known);
         match (lost, scan) {
             (None, None) => Ok(archive),
             (Some(row), _) => Err(archive.damaged(format!("the tap of plan row {row} was in it, and is not now"))),

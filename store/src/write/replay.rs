@@ -1,4 +1,4 @@
-//! What an archive has, told again to a stage that missed it.
+//! The discriminators of an archive, sent again to a stage that missed them.
 
 use tapline_wire::{Discriminators, Quality, TapId, TapState};
 
@@ -10,14 +10,14 @@ use crate::write::Writer;
 pub(crate) const REPLAY_ROWS_MAX: usize = 4096;
 
 impl Writer {
-    /// What was found in the taps from plan row `from` on, as far as this writer has it, for a stage that missed it:
-    /// at most `most` records, and the row to go on from, `None` at the plan's end.
+    /// The discriminators of taps from plan row `from` on, for a stage that missed them: at most `most` records, and the row to
+    /// continue from, `None` at the end of the plan.
     ///
-    /// Records that wait for a flush or for their samples are among them; a refused tap is a record of no values under
-    /// [`Quality::REFUSED`]. A call looks at a bounded number of rows, so it may find none before the end.
+    /// Records that wait for a flush or for their samples are included; a refused tap is a record without values and with
+    /// [`Quality::REFUSED`]. A call covers a bounded number of rows, so it may return no record before the end.
     ///
     /// # Errors
-    /// What the library says.
+    /// What the library returns.
     pub fn settled_from(&self, from: u32, most: usize) -> Result<(Vec<Discriminators>, Option<u32>)> {
         let taps = self.plan.taps();
         let first = (from as usize).min(taps.len());

@@ -1,4 +1,4 @@
-//! What earlier writers of an archive left, as a new one needs to know it.
+//! The state in which earlier writers left an archive, for a new writer.
 
 use std::collections::BTreeMap;
 
@@ -12,20 +12,20 @@ use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{LedgerRow, ScanRow};
 use crate::write::tap_state::{Track, Version};
 
-/// What is settled in an archive.
+/// The state of an archive that is resumed.
 #[derive(Debug)]
 pub(crate) struct ResumeState {
     pub tracks: Vec<Track>,
     pub scans: Vec<ScanRow>,
-    /// For each scan, the fingerprint of its verdict and map if it is judged.
+    /// For each judged scan, the fingerprint of its verdict and map.
     pub scan_fingerprints: Vec<Option<u64>>,
     pub ledger: Ledger,
-    /// Rows that count otherwise than they stand in the file, to be written as they count.
+    /// Rows that replace corrupt ones and are to be written.
     pub changed_taps: BTreeMap<u32, LedgerRow>,
     pub changed_scans: BTreeMap<u32, ScanRow>,
 }
 
-/// Reads what is settled in `archive`; rows whose state says "missing" are as if they were not there.
+/// Loads the state of `archive`; the rows of a missing tap are ignored.
 pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
     let context = "read what is archived";
     let tap_count = archive.plan().taps().len();
@@ -43,14 +43,14 @@ pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
     });
     found.context(context, archive.path())?;
     let states = States::load(archive, |k| !is_valid[k])?;
-    // Of results alone the samples are there already.
-    let are_there = match archive.is_results() {
+    // For results alone, the samples are in another archive.
+    let ledger_of_taps = match archive.is_results() {
         true => archive.ledger_of_taps().read_all().context(context, archive.path())?,
         false => Vec::new(),
     };
     let mut tracks = Vec::with_capacity(tap_count);
     for (k, row) in states.taps.iter().enumerate() {
-        let raw = are_there.get(k);
+        let raw = ledger_of_taps.get(k);
         let of_raw = raw.map(|row| tap_state(archive.path(), k, row)).transpose()?;
         let track = match row.state().unwrap_or(TapState::Missing) {
             TapState::Missing if of_raw.is_some_and(|(state, _)| state == TapState::Archived) => {

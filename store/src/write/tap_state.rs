@@ -1,50 +1,50 @@
-//! What a writer knows of each planned tap, and from it what to do with a record that comes.
+//! The state of each planned tap in a writer, which decides the outcome of every record.
 
 use tapline_wire::TapState;
 
 use crate::format::layout::LedgerRow;
 use crate::format::lost::Lost;
 
-/// What became of a record that was put into an archive.
+/// The outcome of putting a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PutOutcome {
-    /// It is taken in.
+    /// It is accepted.
     Stored,
-    /// The same record is there already; nothing was changed.
+    /// The same record was put before; nothing is changed.
     AlreadyThere,
-    /// The tap or scan is settled with another record; nothing was changed.
+    /// The tap or scan is settled with another record; nothing is changed.
     Conflict,
 }
 
-/// How many records a writer was given, by what became of them.
+/// Counts of the records put, by outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PutCounts {
-    /// Taken in.
+    /// Accepted.
     pub stored: u64,
-    /// Ignored, for they were there.
+    /// Ignored, because they were put before.
     pub already_there: u64,
-    /// Ignored, for their tap or scan was settled with another record.
+    /// Ignored, because their tap or scan is settled with another record.
     pub conflicts: u64,
 }
 
-/// One take of a tap: which attempt, and a fingerprint of what came with it.
+/// One version of a record of a tap: its attempt, and a fingerprint of its contents.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Version {
     pub attempt: u16,
     pub fingerprint: u64,
 }
 
-/// The two halves of a tap, which arrive on different ways.
+/// The two halves of a tap, which arrive separately.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Half {
     Samples,
     Discriminators,
 }
 
-/// What is known of one planned tap.
+/// The state of one planned tap.
 ///
-/// Until both halves of one attempt are there, the latest take replaces an earlier one: a half whose other half was
-/// lost must give way to the retake, whatever number the source gives it. From then on nothing changes.
+/// Until both halves of one attempt are there, a later version replaces an earlier one: a half whose other half was lost must
+/// give way to the next attempt, whatever number that has. Then the tap is settled and nothing changes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Track {
     samples: Option<Version>,
@@ -52,12 +52,12 @@ pub(crate) struct Track {
     state: TapState,
     attempt: u16,
     retaken_count: u32,
-    /// Flags of the last attempt that was of no use.
+    /// Flags of the last unusable attempt.
     retaken_quality: u32,
 }
 
 impl Track {
-    /// A tap that is not there, and of which `attempt` is to be made.
+    /// A missing tap whose next attempt is `attempt`.
     pub(crate) fn missing(attempt: u16) -> Self {
         Self {
             samples: None,
@@ -69,7 +69,7 @@ impl Track {
         }
     }
 
-    /// A tap whose samples are there for good, and whose discriminators are to come.
+    /// A tap whose samples are archived, and whose discriminators are to come.
     pub(crate) fn recorded(samples: Version) -> Self {
         Self { samples: Some(samples), ..Self::missing(samples.attempt) }
     }
@@ -80,17 +80,17 @@ impl Track {
         Self { samples: Some(samples), discriminators: Some(discriminators), state, ..missing }
     }
 
-    /// A tap that an earlier writer was told will not come.
+    /// A tap that an earlier writer refused.
     pub(crate) fn refused(attempt: u16) -> Self {
         Self { state: TapState::Refused, ..Self::missing(attempt) }
     }
 
-    /// The same tap, of which `count` attempts were of no use, the last for the flags `quality`.
+    /// The same tap after `count` unusable attempts, the last because of the flags `quality`.
     pub(crate) fn retaken_before(self, count: u32, quality: u32) -> Self {
         Self { retaken_count: count, retaken_quality: quality, ..self }
     }
 
-    /// The row of the ledger that tells all this; where a missing tap was lost is told where `is_over`.
+    /// The row of the ledger; if `is_over`, with where a missing tap was lost.
     pub(crate) fn to_row(self, is_over: bool) -> LedgerRow {
         let lost_at = match (self.samples, self.discriminators) {
             _ if !is_over || self.state.is_settled() => Lost::Unknown,
@@ -106,12 +106,12 @@ impl Track {
         }
     }
 
-    /// The tap's state, and the attempt that settled it or, while it is missing, is to be made next.
+    /// The tap's state, and the attempt that settled it or, of a missing tap, the next.
     pub(crate) fn state(&self) -> (TapState, u16) {
         (self.state, self.attempt)
     }
 
-    /// Whether discriminators of some attempt are there.
+    /// Whether discriminators of any attempt are there.
     pub(crate) fn has_discriminators(&self) -> bool {
         self.discriminators.is_some()
     }
@@ -123,7 +123,7 @@ impl Track {
         }
     }
 
-    /// What is to be done with `version` of `half`.
+    /// The outcome of putting `version` of `half`.
     pub(crate) fn outcome(&self, half: Half, version: Version) -> PutOutcome {
         if self.half(half) == Some(version) {
             PutOutcome::AlreadyThere
@@ -134,7 +134,7 @@ impl Track {
         }
     }
 
-    /// Takes `version` of `half` in; the tap is archived once both halves are of one attempt.
+    /// Records `version` of `half`; the tap is archived once both halves are of one attempt.
     pub(crate) fn record(&mut self, half: Half, version: Version) {
         match half {
             Half::Samples => self.samples = Some(version),
@@ -147,7 +147,7 @@ impl Track {
         }
     }
 
-    /// What is to be done with a refusal at `attempt`.
+    /// The outcome of putting a refusal at `attempt`.
     pub(crate) fn refusal_outcome(&self, attempt: u16) -> PutOutcome {
         match self.state {
             TapState::Missing => PutOutcome::Stored,
@@ -156,13 +156,13 @@ impl Track {
         }
     }
 
-    /// What is to be done with the word that `attempt` was of no use.
+    /// The outcome of noting that `attempt` was unusable.
     pub(crate) fn retake_outcome(&self, attempt: u16) -> PutOutcome {
         let is_news = self.state == TapState::Missing && attempt >= self.attempt;
         if is_news { PutOutcome::Stored } else { PutOutcome::AlreadyThere }
     }
 
-    /// Has the tap taken again after `attempt`, which was of no use for the flags `quality`.
+    /// Notes that `attempt` was unusable because of the flags `quality`, and that the next is to be made.
     pub(crate) fn retake(&mut self, attempt: u16, quality: u32) {
         *self = Self::missing(attempt.saturating_add(1)).retaken_before(self.retaken_count.saturating_add(1), quality);
     }
@@ -185,8 +185,8 @@ mod tests {
     }
 
     proptest! {
-        /// Catches a settled tap that changes, halves of two attempts joined, and a tap that cannot settle any more:
-        /// after any history, one more take of both halves settles it.
+        /// Catches a settled tap that changes, halves of two attempts that are joined, and a tap that can no longer settle:
+        /// after any history, one more version of both halves settles it.
         #[test]
         fn settles_once_and_for_all(history in prop::collection::vec(halves(), 0..12)) {
             let mut track = Track::missing(0);
