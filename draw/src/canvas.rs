@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 /// The library draws at whole units only: with this many a pixel, curves are smooth.
 const UNITS_PER_PIXEL: f64 = 4.0;
 
-// Okabe and Ito's colours, which colour-blind people tell apart.
+// Okabe and Ito's colours, which colour-blind people distinguish.
 /// Blue.
 pub const BLUE: RGBColor = RGBColor(0, 114, 178);
 /// Orange.
@@ -22,12 +22,12 @@ pub const PALE_INK: RGBColor = RGBColor(95, 95, 95);
 /// Pale grey, for grids.
 pub const GRID: RGBColor = RGBColor(222, 222, 222);
 
-/// A part of a sheet.
+/// A part of a picture.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-/// A place on a sheet, in pixels.
+/// A place on a picture, in pixels.
 pub type Point = (f64, f64);
 
-/// What `draw` draws on a sheet of `size` pixels, as SVG.
+/// What `draw` draws on a canvas of `size` pixels, as SVG.
 ///
 /// # Errors
 /// Those of `draw`, and of the library.
@@ -51,12 +51,12 @@ pub fn number(value: f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6 + 0.0).replace('-', "\u{2212}")
 }
 
-/// Units of the sheet.
+/// Units of the canvas.
 pub fn units(pixels: f64) -> i32 {
     (pixels * UNITS_PER_PIXEL).round() as i32
 }
 
-/// The point `(x, y)` in units of the sheet.
+/// The point `(x, y)` in units of the canvas.
 pub fn at((x, y): Point) -> (i32, i32) {
     (units(x), units(y))
 }

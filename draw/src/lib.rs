@@ -1,10 +1,14 @@
 //! What the figures of reports, studies and pages are made of.
 //!
-//! - [`canvas`]: sheets, lines and letters, as SVG.
-//! - [`palette`]: colours of curves, which colour-blind people tell apart.
-//! - [`stats`]: the few numbers that a figure says of a list of values.
+//! - [`axes`]: a pair of axes with a grid.
+//! - [`boxplot`]: boxes with whiskers, by Tukey's rule.
+//! - [`canvas`]: lines and letters, as SVG.
+//! - [`palette`]: colours of curves, which colour-blind people distinguish.
+//! - [`stats`]: summary statistics of a list of values.
 //! - [`record`]: one channel of a record in its unit, and the density of its power.
 
+pub mod axes;
+pub mod boxplot;
 pub mod canvas;
 pub mod palette;
 pub mod record;

@@ -1,4 +1,4 @@
-//! The colours of curves that share a panel.
+//! The colours of curves that share a pair of axes.
 
 use plotters::style::RGBColor;
 

@@ -1,4 +1,4 @@
-//! The few numbers that figures, claims and pages say of a list of values.
+//! Summary statistics of a list of values.
 
 /// Makes the median of magnitudes a standard deviation, where values are normal.
 const MAD_TO_SIGMA: f64 = 1.4826;
@@ -8,7 +8,7 @@ pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// The value below which the share `q` (0 to 1) of `values` lies, linear between two of them; `None` of nothing.
+/// The value below which the fraction `q` (0 to 1) of `values` lies, linear between two of them; `None` of nothing.
 pub fn quantile(values: &[f64], q: f64) -> Option<f64> {
     let mut ascending = values.to_vec();
     ascending.sort_by(f64::total_cmp);

@@ -23,15 +23,15 @@ const RATES_HZ: [u32; 2] = [40_960, 10_240];
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct Cell {
     /// Which table it belongs to.
-    pub(crate) table: String,
+    pub table: String,
     /// The pulse or the sound.
-    pub(crate) signal: String,
+    pub signal: String,
     /// Sample rate.
-    pub(crate) rate_hz: u32,
+    pub rate_hz: u32,
     /// Peak over the standard deviation of white noise, dB; empty without noise.
-    pub(crate) snr_db: Option<u32>,
+    pub snr_db: Option<u32>,
     /// What else is wrong with the record.
-    pub(crate) fault: String,
+    pub fault: String,
 }
 
 /// The defaults, with every value kept: what is studied is the estimator, not the flag that would hide it.
@@ -53,25 +53,25 @@ impl Cell {
 /// What an estimator made of a cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Row {
-    pub(crate) table: String,
-    pub(crate) signal: String,
-    pub(crate) rate_hz: u32,
-    pub(crate) snr_db: Option<u32>,
-    pub(crate) fault: String,
-    pub(crate) estimator: String,
-    pub(crate) quantity: String,
+    pub table: String,
+    pub signal: String,
+    pub rate_hz: u32,
+    pub snr_db: Option<u32>,
+    pub fault: String,
+    pub estimator: String,
+    pub quantity: String,
     /// Mean error of the values, % of the truth.
-    pub(crate) bias_percent: f64,
+    pub bias_percent: f64,
     /// Standard deviation of the values, % of the truth.
-    pub(crate) spread_percent: f64,
+    pub spread_percent: f64,
     /// Taps without a value, %.
-    pub(crate) absent_percent: f64,
+    pub absent_percent: f64,
 }
 
 /// Measures every cell, and writes table and page into the folder `out`.
 ///
 /// # Errors
-/// A computation that fails, or what the system says of a file.
+/// A computation that fails, or an error of the file system.
 pub fn write(out: &Path) -> Result<()> {
     let rows = measure(|_| true)?;
     let write = |name: &str, text: String| {

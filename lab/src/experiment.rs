@@ -1,12 +1,11 @@
 //! `tapline-lab experiment`: chapter 5 of the dissertation done again on three simulated tyres.
 
 mod claims;
+mod dataset;
 mod draw;
+mod figures;
 mod index;
-mod quartiles;
-mod sheets;
 mod spectrum;
-mod taken;
 mod tyres;
 
 use std::fs;
@@ -16,7 +15,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use tapline_wire::Discriminator;
 
-use self::taken::Experiment;
+use self::dataset::Experiment;
 
 /// The discriminators of the source, which knows no others.
 const SEVEN: [Discriminator; 7] = {
@@ -27,27 +26,27 @@ const SEVEN: [Discriminator; 7] = {
 /// Writes the figures, their tables and the claims into the folder `out`, and the page beside it.
 ///
 /// # Errors
-/// A folder without a name, a computation that fails, or what the system says of a file.
+/// A folder without a name, a computation that fails, or an error of the file system.
 pub fn experiment(out: &Path, seed: u64) -> Result<()> {
     let name = out.file_name().and_then(|name| name.to_str());
     let folder = name.with_context(|| format!("--out is {}; it must end with the name of a folder", out.display()))?;
     let experiment = Experiment::take(seed)?;
-    let figures = sheets::figures(&experiment)?;
+    let figures = figures::figures(&experiment)?;
     let claims = claims::claims(&experiment)?;
     let mut files = Vec::new();
     for figure in &figures {
-        files.push((out.join(format!("{}.svg", figure.name)), figure.sheet.svg()?));
+        files.push((out.join(format!("{}.svg", figure.name)), figure.picture.svg()?));
         files.push((out.join(format!("{}.csv", figure.name)), figure.table.csv()?));
     }
     files.push((out.join("claims.csv"), claims::csv(&claims)?));
-    let titles: Vec<(&str, &str)> = figures.iter().map(|figure| (figure.name, figure.sheet.title.as_str())).collect();
+    let titles: Vec<(&str, &str)> = figures.iter().map(|figure| (figure.name, figure.picture.title.as_str())).collect();
     files.push((out.with_added_extension("md"), claims::page(&claims, &titles, folder)));
 
     fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
-    let mut told = io::stdout().lock();
+    let mut out_text = io::stdout().lock();
     for (path, text) in files {
         fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        writeln!(told, "{}", path.display())?;
+        writeln!(out_text, "{}", path.display())?;
     }
     Ok(())
 }

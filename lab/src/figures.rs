@@ -1,9 +1,8 @@
 //! `tapline-lab figures`: the dissertation's figures of its theory, as SVG and CSV.
 
-pub(crate) mod axes;
 mod curves;
+mod draw;
 mod labels;
-mod sheet;
 #[cfg(test)]
 mod slips;
 
@@ -17,17 +16,17 @@ use anyhow::{Context as _, Result};
 /// Writes figure `only`, or all of them, into the folder `out`.
 ///
 /// # Errors
-/// A number of no figure, a model outside of its domain, or what the system says of a file.
+/// A number of no figure, a model outside of its domain, or an error of the file system.
 pub fn figures(out: &Path, only: Option<u8>) -> Result<()> {
     let numbers = only.map_or_else(|| Figure::NUMBERS.to_vec(), |number| vec![number]);
     let figures = numbers.into_iter().map(figure).collect::<Result<Vec<_>, _>>()?;
     fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
-    let mut told = io::stdout().lock();
+    let mut out_text = io::stdout().lock();
     for figure in &figures {
-        for (extension, text) in [("svg", sheet::svg(figure)?), ("csv", csv(figure)?)] {
+        for (extension, text) in [("svg", draw::svg(figure)?), ("csv", csv(figure)?)] {
             let path = out.join(format!("fig{}.{extension}", figure.number));
             fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-            writeln!(told, "{}", path.display())?;
+            writeln!(out_text, "{}", path.display())?;
         }
     }
     Ok(())

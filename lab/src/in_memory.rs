@@ -20,15 +20,15 @@ const TAPS_AT_A_TIME: usize = 16;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct InMemoryScan<'a> {
     /// The tyres and their taps.
-    pub(crate) scan: &'a ScanConfig,
+    pub scan: &'a ScanConfig,
     /// The rig and its imperfections.
-    pub(crate) simulation: &'a SimulationConfig,
+    pub simulation: &'a SimulationConfig,
     /// The discriminators; its `workers` count nothing here.
-    pub(crate) process: &'a ProcessConfig,
-    /// How often a tap of no use is taken again, as in [`tapline_acquire::AcquireConfig::retakes`].
-    pub(crate) retakes: u16,
+    pub process: &'a ProcessConfig,
+    /// How often an unusable tap is taken again, as in [`tapline_acquire::AcquireConfig::retakes`].
+    pub retakes: u16,
     /// Threads; 0 is one for every core.
-    pub(crate) thread_count: usize,
+    pub thread_count: usize,
 }
 
 impl InMemoryScan<'_> {
@@ -50,21 +50,21 @@ impl InMemoryScan<'_> {
         look: impl Fn(&TapHeader, Samples<'_>) -> T + Sync,
     ) -> Result<(Plan, Vec<(Discriminators, T)>)> {
         let plan = SimulatedLine::new(self.scan, self.simulation)?.plan().clone();
-        let mut taken: Vec<Option<(Discriminators, T)>> = plan.taps().iter().map(|_| None).collect();
+        let mut results: Vec<Option<(Discriminators, T)>> = plan.taps().iter().map(|_| None).collect();
         let thread_count = match self.thread_count {
             0 => available_parallelism().map_or(1, NonZeroUsize::get),
             count => count,
         };
-        let to_do = Mutex::new((0_u32..).step_by(TAPS_AT_A_TIME).zip(taken.chunks_mut(TAPS_AT_A_TIME)));
+        let to_do = Mutex::new((0_u32..).step_by(TAPS_AT_A_TIME).zip(results.chunks_mut(TAPS_AT_A_TIME)));
         scope(|threads| {
             let work = || -> Result<()> {
-                let mut bench = Bench::new(self)?;
+                let mut maker = TapMaker::new(self)?;
                 loop {
-                    // Taken alone, so that the lock is given back before the work is done.
-                    let taken = to_do.lock().unwrap_or_else(PoisonError::into_inner).next();
-                    let Some((first_row, places)) = taken else { return Ok(()) };
+                    // In a statement of its own, so that the lock is released before the work is done.
+                    let next = to_do.lock().unwrap_or_else(PoisonError::into_inner).next();
+                    let Some((first_row, places)) = next else { return Ok(()) };
                     for (row, place) in (first_row..).zip(places) {
-                        *place = Some(bench.take(row, &look)?);
+                        *place = Some(maker.take(row, &look)?);
                     }
                 }
             };
@@ -75,13 +75,13 @@ impl InMemoryScan<'_> {
                 ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             })
         })?;
-        let taken: Option<Vec<_>> = taken.into_iter().collect();
-        Ok((plan, taken.context("a tap of the scan was not taken")?))
+        let results: Option<Vec<_>> = results.into_iter().collect();
+        Ok((plan, results.context("a tap of the scan was not taken")?))
     }
 }
 
 /// One thread's rig and extractor.
-struct Bench {
+struct TapMaker {
     line: SimulatedLine,
     extractor: ProcessExtractor,
     header: TapHeader,
@@ -89,7 +89,7 @@ struct Bench {
     retakes: u16,
 }
 
-impl Bench {
+impl TapMaker {
     fn new(scan: &InMemoryScan<'_>) -> Result<Self> {
         let line = SimulatedLine::new(scan.scan, scan.simulation)?;
         let lanes = vec![Lane::default(); lanes_for(line.plan().recording.payload_bytes_max())];
@@ -97,7 +97,7 @@ impl Bench {
         Ok(Self { line, extractor, header: TapHeader::default(), lanes, retakes: scan.retakes })
     }
 
-    /// Takes the tap in plan row `row`, and again while its record is of no use and a retake is left.
+    /// Takes the tap in plan row `row`, and again while its record is unusable and a retake is left.
     fn take<T>(&mut self, row: u32, look: impl Fn(&TapHeader, Samples<'_>) -> T) -> Result<(Discriminators, T)> {
         let mut attempt = 0;
         loop {

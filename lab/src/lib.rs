@@ -1,11 +1,11 @@
 //! What a researcher runs beside the everyday program: `tapline-lab`.
 //!
-//! - [`study`]: simulated tyres by the hundred, and what each index, reference and plan is worth.
+//! - [`study`]: simulated tyres by the hundred, and how good each index, reference and plan is.
 //! - [`experiment`]: chapter 5 of the dissertation done again on three simulated tyres.
 //! - [`figures`]: the figures of the dissertation's contact theory.
 //! - [`estimators`]: bias and spread of every estimator on taps whose truth is known.
 //! - [`stability`]: breakdown curves, how wrong a number gets as a disturbance grows.
-//! - [`picture`]: the README's picture, of what an archive says of two shoulders.
+//! - [`picture`]: the README's picture, two shoulders of an archive.
 //! - [`statistics`]: probability of detection, rates, gauge studies, resampling, held-out areas.
 
 pub mod estimators;

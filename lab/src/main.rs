@@ -17,15 +17,15 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Judge many simulated tyres, and say what each index, reference and plan is worth: AUC with intervals, false calls,
+    /// Judge many simulated tyres, and compare indices, references and plans: AUC with intervals, false calls,
     /// probability of detection, gauge studies, time on the rig.
     Study(StudyArgs),
-    /// Do chapter 5 of the dissertation again on three simulated tyres, and hold its claims against what comes out.
+    /// Repeat chapter 5 of the dissertation on three simulated tyres, and compare its claims with the results.
     Experiment {
         /// Folder to write figures (SVG), tables (CSV) and claims into, with a page beside it.
         #[arg(long, default_value = "experiment")]
         out: PathBuf,
-        /// Decides all that is left to chance.
+        /// Seed of all random numbers.
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
@@ -50,7 +50,7 @@ enum Verb {
         #[arg(long, default_value = "docs/stability")]
         out: PathBuf,
     },
-    /// Draw what an archive says of a damaged and of a sound shoulder, and a tap of each.
+    /// Draw a damaged and a sound shoulder of an archive, and a tap of each.
     Picture {
         /// The archive.
         archive: PathBuf,
@@ -73,7 +73,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             use std::io::Write as _;
-            // If standard error is closed, nobody can be told.
+            // If standard error is closed, ignore it.
             drop(writeln!(std::io::stderr(), "tapline-lab: {error:#}"));
             ExitCode::FAILURE
         }

@@ -1,9 +1,8 @@
-//! Draws what an archive says of a damaged and of a sound shoulder: the two damage maps, and what one tap of a crack
-//! and one of sound rubber look like.
+//! Draws a damaged and a sound shoulder of an archive: the two damage maps, a tap over a crack and one on sound rubber.
 //!
 //! `tapline-lab picture demo/casings/SIM-0001.h5 --out docs/picture.svg`
 
-mod panels;
+mod plots;
 mod ring;
 mod tap;
 
@@ -47,7 +46,7 @@ impl Shoulder<'_> {
 /// Draws the archive at `archive`, which must be of rings of which one is damaged, into the file `out`.
 ///
 /// # Errors
-/// An archive that cannot be read or drawn, or what the system says of the file.
+/// An archive that cannot be read or drawn, or an error of the file system.
 pub fn write(archive: &Path, out: &Path) -> Result<()> {
     let reader = Reader::open(archive)?;
     ensure!(reader.plan().geometry == Geometry::Ring, "{} holds no ring, and this draws rings", archive.display());
@@ -75,7 +74,7 @@ fn draw(reader: &Reader) -> Result<String> {
         rings[1].draw(area, sound)?;
         taps.iter().try_for_each(|tap| rings[0].mark(area, tap))?;
         ring::legend(area)?;
-        panels::draw(area, reader, &taps)
+        plots::draw(area, reader, &taps)
     })
 }
 

@@ -14,7 +14,7 @@ use anyhow::{Context as _, Result};
 /// Draws every curve, and writes pictures, tables and their index into the folder `out`.
 ///
 /// # Errors
-/// What the system says of a file, or the library of a picture.
+/// An error of the file system, or the library of a picture.
 pub fn write(out: &Path) -> Result<()> {
     let folder = out;
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
@@ -23,11 +23,7 @@ pub fn write(out: &Path) -> Result<()> {
         fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
     };
     let mut index = String::from(
-        "# Breakdown curves\n\nHow wrong a number gets as a disturbance grows: relative errors against the undisturbed tap, or \
-         against the full rung of the contact models. Written by `tapline-lab stability`; errors below 1e-9 \
-         are drawn at 1e-9, absent values end a line. The default configuration and \
-         estimators are shown, with every policy set to `keep`: by default a flag takes the values away that it spoils. Grey squares \
-         along the floor stand where a flag is raised; the tables name it.\n",
+        "# Breakdown curves\n\nHow wrong a number gets as a disturbance grows: relative errors against the undisturbed tap, or against the full rung of the contact models. `tapline-lab stability` writes this page. Errors below 1e-9 are drawn at 1e-9; a line ends where the value is absent. The configuration is the default, except that every policy is `keep`: by default a flag would make doubtful values absent. Grey squares at the bottom mark where a flag is raised; the tables name it.\n",
     );
     for curve in curves::curves() {
         write(format!("{}.csv", curve.name), &curve.csv())?;

@@ -1,15 +1,15 @@
-//! What a study may claim: how likely a crack of a size is found, how often none is called one, how far a rig repeats.
+//! Statistics of a study: probability of detection, false-call rate, repeatability of a rig.
 //!
 //! - [`hit_miss()`] and [`a_hat()`]: probability of detection over size, after MIL-HDBK-1823A (2009), with a90 and a90/95.
-//! - [`clopper_pearson`]: the interval of a rate. **Probability of detection is of finds above the
-//!   false-call rate.** The curves fitted here fall to 0 with the size; a rig that calls sound places cracked at a rate
-//!   f finds even the least crack at that rate, by chance, and one that calls everything cracked finds everything. So
-//!   give f with its interval, from places known to be sound, beside every a90, and believe no curve below f.
+//! - [`clopper_pearson`]: the interval of a rate. **A probability of detection means something only above the false-call
+//!   rate.** The curves fitted here fall to 0 with the size. But a rig that calls sound places cracked at a rate f finds
+//!   even the smallest crack at that rate, by chance. So state f with its interval, from places known to be sound, beside
+//!   every a90, and do not use a curve below f.
 //! - [`crossed`] and [`one_way()`]: gauge repeatability and reproducibility by analysis of variance.
-//! - [`auc_interval`] and [`auc_left_out`]: how far the area under a curve may lie from what one ring, or one set, shows.
+//! - [`auc_interval`] and [`auc_left_out`]: intervals of the area under the ROC curve, by blocks of a ring and by tyres left out.
 //! - [`nor_rmse`] and [`within_over_healthy`]: repeatability of two turns around a ring.
 //!
-//! What the data cannot say is a [`Refusal`] that names it, never a number.
+//! Where the data give no answer, a [`Refusal`] names the reason in place of a number.
 
 mod a_hat;
 mod anova;

@@ -52,7 +52,7 @@ struct Pulse {
 }
 
 impl Pulse {
-    fn of(name: &str) -> Result<Self> {
+    fn named(name: &str) -> Result<Self> {
         let sound = Scene::default();
         let cracked = Scene { h_m: CRACK_M, ..sound };
         let impact = match name {
@@ -89,9 +89,9 @@ impl Pulse {
     )]
     fn force_n(&self, t_s: f64) -> f64 {
         let at = t_s / self.step_s;
-        let share = at - at.floor();
+        let fraction = at - at.floor();
         let pair = if at >= 0.0 { self.history_n.get(at as usize..at as usize + 2) } else { None };
-        pair.map_or(0.0, |pair| pair[0] + share * (pair[1] - pair[0]))
+        pair.map_or(0.0, |pair| pair[0] + fraction * (pair[1] - pair[0]))
     }
 }
 
@@ -128,7 +128,7 @@ fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
 }
 
 pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
-    let pulse = Pulse::of(&cell.signal)?;
+    let pulse = Pulse::named(&cell.signal)?;
     let estimators = estimators(cell)?;
     let mut extractors = Vec::new();
     for estimator in &estimators {

@@ -2,7 +2,7 @@
 
 use super::Row;
 
-/// What the page says before its tables, and what follows from them.
+/// The page above its tables, and what follows from them.
 const HEAD: &str = include_str!("head.md");
 
 /// A table of the page: rows of which table and quantity it shows, and what stands above it.

@@ -74,7 +74,7 @@ pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
     let peak = clean.iter().map(|x| f64::from(x.abs())).max_by(f64::total_cmp).unwrap_or(f64::NAN);
     let mut generator = cell.generator();
     let mut taps = Vec::new();
-    // Without chance in it, one tap is all there is.
+    // Without random numbers all taps are the same one.
     for _ in 0..if cell.snr_db.is_none() && cell.fault.is_empty() { 1 } else { TAPS } {
         let mut samples = clean.clone();
         spoil(&mut samples, &clean, peak, pre_trigger, cell, uniform(&mut generator)?)?;

@@ -35,6 +35,38 @@ fn the_table_of_estimators_is_not_stale() {
     }
 }
 
+/// Catches a regression that was written into the table: the default estimators have limits of their own.
+#[test]
+fn default_estimators_keep_their_limits() {
+    // Greatest bias and spread in % of the truth over all signals at 41 kHz without a fault, by noise in dB.
+    const LIMITS: [(&str, &str, Option<u32>, f64, f64); 9] = [
+        ("f_max_n", "parabola", None, 0.05, 0.1),
+        ("f_max_n", "parabola", Some(60), 0.05, 0.2),
+        ("f_max_n", "parabola", Some(40), 0.7, 1.0),
+        // Of a skewed pulse, alike at all noises: a fifth to a quarter short.
+        ("tau_s", "half_sine", None, 25.0, 0.05),
+        ("tau_s", "half_sine", Some(40), 25.0, 1.3),
+        ("pr", "whole", None, 0.001, 0.001),
+        ("pr", "whole", Some(60), 0.1, 0.2),
+        ("e_f_v2", "whole", Some(60), 0.1, 0.2),
+        ("p_f_v2_per_hz", "whole", Some(60), 0.8, 1.2),
+    ];
+    let is_wanted = |cell: &Cell| {
+        let is_plain = cell.rate_hz == 40_960 && cell.fault.is_empty();
+        is_plain && LIMITS.iter().any(|limit| limit.2 == cell.snr_db)
+    };
+    let measured = measure(is_wanted).unwrap();
+    for (quantity, estimator, snr_db, bias_max, spread_max) in LIMITS {
+        let is_it = |row: &&Row| row.quantity == quantity && row.estimator == estimator && row.snr_db == snr_db;
+        let rows: Vec<&Row> = measured.iter().filter(is_it).collect();
+        assert!(rows.len() >= 2, "{quantity} {estimator} {snr_db:?}");
+        for row in rows {
+            assert!(row.bias_percent.abs() <= bias_max && row.spread_percent <= spread_max, "{row:?}");
+            assert!(row.absent_percent <= 0.0, "{row:?}");
+        }
+    }
+}
+
 /// Catches a page that does not show the table beside it.
 #[test]
 fn the_page_shows_the_table() {

@@ -11,14 +11,14 @@ use anyhow::{Context as _, Result};
 use tapline_fuse::auc;
 use tapline_wire::Discriminator;
 
-use super::taken::{Experiment, Tap};
+use super::dataset::{Experiment, Tap};
 
 /// Whether what is found is what is claimed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Agrees {
     Yes,
     No,
-    /// The simulation cannot say.
+    /// The simulation does not decide it.
     NotTestable,
 }
 
@@ -37,19 +37,19 @@ impl fmt::Display for Agrees {
 /// A claim and what became of it.
 #[derive(Debug, Clone)]
 pub(super) struct Claim {
-    pub(super) id: &'static str,
+    pub id: &'static str,
     /// Section and figure.
-    pub(super) place: &'static str,
+    pub place: &'static str,
     /// The claim in our words.
-    pub(super) claim: &'static str,
+    pub claim: &'static str,
     /// What is measured of it.
-    pub(super) quantity: &'static str,
+    pub quantity: &'static str,
     /// What the dissertation gives for that, empty where it gives nothing.
-    pub(super) dissertation: &'static str,
-    pub(super) ours: String,
-    pub(super) agrees: Agrees,
+    pub dissertation: &'static str,
+    pub ours: String,
+    pub agrees: Agrees,
     /// What agreement needs, and what of it the simulation was built to show; true whatever is found.
-    pub(super) remark: &'static str,
+    pub remark: &'static str,
 }
 
 /// All claims, in the order of the chapter.
@@ -72,7 +72,7 @@ pub(super) fn csv(claims: &[Claim]) -> Result<String> {
     Ok(String::from_utf8(out.into_inner()?)?)
 }
 
-/// What the page says above its table.
+/// The page above its table.
 const HEAD: &str = include_str!("claims/head.md");
 
 /// The page: the head, what was drawn, and the table of claims; `folder` is that of the figures.
@@ -117,8 +117,8 @@ fn named(values: &[(Discriminator, f64)]) -> String {
     named.join(", ")
 }
 
-/// What `value` says of the taps that `is_in` says, where it says something.
-fn of(turn: &[&Tap], is_in: impl Fn(&Tap) -> bool, value: impl Fn(&Tap) -> Option<f64>) -> Vec<f64> {
+/// The values that `value` has for the taps that `is_in` selects.
+fn values(turn: &[&Tap], is_in: impl Fn(&Tap) -> bool, value: impl Fn(&Tap) -> Option<f64>) -> Vec<f64> {
     turn.iter().filter(|tap| is_in(tap)).filter_map(|tap| value(tap)).collect()
 }
 
@@ -127,7 +127,7 @@ fn known(value: Option<f64>) -> Result<f64> {
     value.context("too few values for a claim")
 }
 
-/// Chance that a cracked place has the greater value: area under the ROC curve.
+/// Probability that a cracked place has the greater value: area under the ROC curve.
 fn auc_of(sound: &[f64], cracked: &[f64]) -> Result<f64> {
     let scores: Vec<f64> = sound.iter().chain(cracked).copied().collect();
     let labels: Vec<bool> = sound.iter().map(|_| false).chain(cracked.iter().map(|_| true)).collect();

@@ -1,4 +1,4 @@
-//! The sheets of the experiment: a title, what the colours mean, and panels in rows.
+//! The pictures of the experiment: a title, what the colours mean, and plots in rows.
 
 mod boxes;
 mod curves;
@@ -14,19 +14,19 @@ pub(super) use map::{Map, level_colors};
 
 use tapline_draw::canvas::{self, Area, INK, PALE_INK, Point, at, line, units, write};
 
-use crate::figures::axes::{Axis, Frame};
+use tapline_draw::axes::{Axis, Frame};
 
 /// One more of Okabe and Ito's colours.
 const SKY: RGBColor = RGBColor(86, 180, 233);
 
 const WIDTH: f64 = 900.0;
-/// Where the first row of panels begins.
+/// Where the first row of plots begins.
 const HEAD: f64 = 92.0;
 const EDGE: f64 = 14.0;
-/// Room for the labels of a panel.
+/// Room for the labels of a plot.
 const LEFT_ROOM: f64 = 58.0;
 const BOTTOM_ROOM: f64 = 42.0;
-/// Space right of a panel.
+/// Space right of a plot.
 const RIGHT_ROOM: f64 = 18.0;
 
 /// What a colour means.
@@ -39,7 +39,7 @@ pub(super) enum Key {
     Scale(String, String),
 }
 
-/// What is in a panel.
+/// What is in a plot.
 #[derive(Debug, Clone)]
 pub(super) enum Content {
     /// Curves, over shades where a crack is planted.
@@ -60,53 +60,53 @@ pub(super) enum Content {
 /// A stretch of the abscissa over a planted crack.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Shade {
-    pub(super) from: f64,
-    pub(super) to: f64,
-    pub(super) severity: u8,
+    pub from: f64,
+    pub to: f64,
+    pub severity: u8,
 }
 
 /// One pair of axes.
 #[derive(Debug, Clone)]
-pub(super) struct Panel {
-    pub(super) name: String,
-    pub(super) x_label: &'static str,
+pub(super) struct Plot {
+    pub name: String,
+    pub x_label: &'static str,
     /// Range of the abscissa; groups and bars have their own.
-    pub(super) x: Point,
-    pub(super) y_label: &'static str,
+    pub x: Point,
+    pub y_label: &'static str,
     /// Range of the ordinate; that of the content when left out.
-    pub(super) y: Option<Point>,
-    pub(super) content: Content,
+    pub y: Option<Point>,
+    pub content: Content,
 }
 
 /// One picture.
 #[derive(Debug, Clone)]
-pub(super) struct Sheet {
-    pub(super) title: String,
-    pub(super) note: String,
-    pub(super) keys: Vec<Key>,
+pub(super) struct Picture {
+    pub title: String,
+    pub note: String,
+    pub keys: Vec<Key>,
     /// Panels in a row.
-    pub(super) columns: usize,
+    pub columns: usize,
     /// Height of the axes of one.
-    pub(super) height: f64,
-    pub(super) panels: Vec<Panel>,
+    pub height: f64,
+    pub plots: Vec<Plot>,
 }
 
-impl Sheet {
+impl Picture {
     /// The picture as SVG.
     pub(super) fn svg(&self) -> Result<String> {
-        let rows = self.panels.len().div_ceil(self.columns);
+        let rows = self.plots.len().div_ceil(self.columns);
         let height = HEAD + rows as f64 * self.row_height() + EDGE;
         let svg = canvas::svg((WIDTH as u32, height.ceil() as u32), |area| self.draw(area))?;
         // Neighbours in a map would be parted by a line of half-covered pixels.
-        let has_map = self.panels.iter().any(|panel| matches!(panel.content, Content::Map(_)));
+        let has_map = self.plots.iter().any(|plot| matches!(plot.content, Content::Map(_)));
         let svg = if has_map { svg.replacen("<svg ", "<svg shape-rendering=\"crispEdges\" ", 1) } else { svg };
         // Written out by the library, and so by default.
         Ok(svg.replace(" opacity=\"1\"", "").replace(" stroke=\"none\"", ""))
     }
 
-    /// Space above a panel: for its name, if one of them has a name.
+    /// Space above a plot: for its name, if one of them has a name.
     fn top_room(&self) -> f64 {
-        if self.panels.iter().all(|panel| panel.name.is_empty()) { 4.0 } else { 24.0 }
+        if self.plots.iter().all(|plot| plot.name.is_empty()) { 4.0 } else { 24.0 }
     }
 
     fn row_height(&self) -> f64 {
@@ -118,7 +118,7 @@ impl Sheet {
         write(area, &self.note, (EDGE, 45.0), 12.0, PALE_INK, HPos::Left, false)?;
         self.write_keys(area)?;
         let width = (WIDTH - 2.0 * EDGE) / self.columns as f64;
-        for (number, panel) in self.panels.iter().enumerate() {
+        for (number, plot) in self.plots.iter().enumerate() {
             let (row, column) = (number / self.columns, number % self.columns);
             let left = EDGE + column as f64 * width;
             let top = HEAD + row as f64 * self.row_height() + self.top_room();
@@ -130,8 +130,8 @@ impl Sheet {
                 left_room: LEFT_ROOM,
                 bottom_room: BOTTOM_ROOM,
             };
-            write(area, &panel.name, (frame.left, top - 12.0), 13.0, INK, HPos::Left, true)?;
-            panel.draw(area, &frame)?;
+            write(area, &plot.name, (frame.left, top - 12.0), 13.0, INK, HPos::Left, true)?;
+            plot.draw(area, &frame)?;
         }
         Ok(())
     }
@@ -181,7 +181,7 @@ fn shade(severity: u8) -> RGBAColor {
     SKY.mix(0.16 * f64::from(severity))
 }
 
-impl Panel {
+impl Plot {
     fn draw(&self, area: &Area<'_>, frame: &Frame) -> Result<()> {
         let y = self.y.unwrap_or_else(|| self.content.range());
         let axis = |label: &str, range, label_count| Axis { label: label.to_owned(), range, label_count };

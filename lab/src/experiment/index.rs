@@ -6,13 +6,13 @@ use anyhow::{Context as _, Result};
 use tapline_fuse::{Direction, Directions, FuseConfig, Fusion, IndexKind, Reference};
 use tapline_wire::{Discriminator, Serial};
 
-use super::taken::Taken;
+use super::dataset::Dataset;
 use super::tyres::REPRESENTATIVE;
 
 /// Damage indices by tyre and shoulder, location by location.
 pub(super) type Indices = BTreeMap<(String, u16), Vec<Option<f64>>>;
 
-/// How PR is taken to move over a crack.
+/// How PR is dataset to move over a crack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PowerRatio {
     /// As Table 13 has it, and as it does.
@@ -24,7 +24,7 @@ pub(super) enum PowerRatio {
 /// The indices of the shoulders in `taken`, from `discriminators`, by the extremes of the representative tyre's shoulder 1.
 ///
 /// It is the index that the program calls `dissertation`: the two repetitions are averaged, closing taps left out.
-pub(super) fn indices(taken: &Taken, discriminators: &[Discriminator], pr: PowerRatio) -> Result<Indices> {
+pub(super) fn indices(dataset: &Dataset, discriminators: &[Discriminator], pr: PowerRatio) -> Result<Indices> {
     let mut directions = Directions::default();
     directions.set(Discriminator::Pr, if pr == PowerRatio::Rises { Direction::Rises } else { Direction::Falls });
     let config = FuseConfig {
@@ -34,12 +34,12 @@ pub(super) fn indices(taken: &Taken, discriminators: &[Discriminator], pr: Power
         directions,
         ..FuseConfig::default()
     };
-    let mut fusion = Fusion::new(&config, &taken.plan)?;
-    for tap in &taken.taps {
+    let mut fusion = Fusion::new(&config, &dataset.plan)?;
+    for tap in &dataset.taps {
         fusion.push(&tap.found)?;
     }
     let mut indices = Indices::new();
-    for (number, scan) in taken.plan.scans().iter().enumerate() {
+    for (number, scan) in dataset.plan.scans().iter().enumerate() {
         fusion.end(number)?;
         let (_, cells) = fusion.judge(number).context("a planned shoulder is not judged")?;
         let values = cells.iter().map(|cell| Some(cell.damage_index).filter(|index| index.is_finite()));
@@ -51,8 +51,8 @@ pub(super) fn indices(taken: &Taken, discriminators: &[Discriminator], pr: Power
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::sheets::SIX;
-    use crate::experiment::taken::{Experiment, Turn, averaged};
+    use crate::experiment::dataset::{Experiment, Turn, averaged};
+    use crate::experiment::figures::SIX;
     use crate::experiment::tyres::NEW;
 
     /// Eqs. 55 and 56, term by term, for one location of the new tyre.
@@ -72,7 +72,7 @@ mod tests {
         scores.iter().sum::<f64>() / 6.0
     }
 
-    /// Catches extremes of another shoulder than the representative tyre's first, a direction that is not taken, A_2 in
+    /// Catches extremes of another shoulder than the representative tyre's first, a direction that is not dataset, A_2 in
     /// the index, and a closing tap among the extremes.
     #[test]
     fn one_shoulder_normalises_all() {

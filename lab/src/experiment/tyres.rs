@@ -117,7 +117,7 @@ pub(super) struct Severity {
 
 impl Severity {
     /// For the tyres of `scan`.
-    pub(super) fn of(scan: &ScanConfig) -> Result<Self> {
+    pub(super) fn new(scan: &ScanConfig) -> Result<Self> {
         let on_rig = |tyre: &TyreConfig| SimulatedTyre { serial: tyre.serial.clone(), cracks: tyre.crack.clone() };
         let tyres: Vec<_> = scan.tyre.iter().map(on_rig).collect();
         let rig = SimulatedRig::new(&SimulationConfig::default(), scan.seed, &tyres)?;
@@ -150,7 +150,7 @@ mod tests {
     /// Catches limits or planted cracks that leave a severity empty, and a closing tap that is not location 0 again.
     #[test]
     fn every_severity_is_planted() {
-        let severity = Severity::of(&inspection(1)).unwrap();
+        let severity = Severity::new(&inspection(1)).unwrap();
         let at = |tyre: &str, shoulder, location| {
             let id = TapId::new(1, Serial::new(tyre).unwrap(), shoulder, location);
             let id = id.with_offset_mm(Some(0.0)).unwrap().with_velocity_m_per_s(Some(VELOCITY_M_PER_S)).unwrap();

@@ -36,9 +36,9 @@ pub(super) struct Axis {
 /// One quantity on one rung, over what the figure varies.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Curve {
-    /// What tells it from the others of the figure: the factor that is varied, or the crack.
+    /// What it differs by from the others of the figure: the factor that is varied, or the crack.
     pub name: &'static str,
-    /// The rung that says so; `Closed` is what the dissertation drew.
+    /// The rung that it is computed by; `Closed` is what the dissertation drew.
     pub rung: Rung,
     /// Its points, from left to right.
     pub points: Vec<Point>,

@@ -18,13 +18,13 @@ const FOUND: f64 = 122.0;
 const TRUTH: f64 = 127.5;
 const MARKS: f64 = 134.5;
 const WRITING: f64 = 141.0;
-/// Share of a location's sector that its bar fills.
-const BAR_SHARE: f64 = 0.84;
+/// Fraction of a location's sector that its bar fills.
+const BAR_FRACTION: f64 = 0.84;
 
 /// Where a damage map is drawn, and to which index its outermost circle belongs.
 pub(crate) struct Ring {
-    pub(crate) center: Point,
-    pub(crate) greatest: f64,
+    pub center: Point,
+    pub greatest: f64,
 }
 
 impl Ring {
@@ -72,7 +72,7 @@ impl Ring {
 
     fn bars(&self, area: &Area<'_>, shoulder: &Shoulder<'_>) -> Result<()> {
         let Judgement { limit_re_inspect, limit_reject, .. } = shoulder.judgement;
-        let half_deg = BAR_SHARE * 180.0 / shoulder.cells.len() as f64;
+        let half_deg = BAR_FRACTION * 180.0 / shoulder.cells.len() as f64;
         for cell in shoulder.cells.iter().filter(|cell| cell.damage_index.is_finite()) {
             let color = match cell.damage_index {
                 index if index >= limit_reject => VERMILLION,

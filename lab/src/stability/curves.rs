@@ -13,24 +13,24 @@ use super::tap::{Tap, add_hum, add_noise, add_offset, clip};
 #[derive(Debug, Clone)]
 pub(crate) struct Curve {
     /// Name of its files.
-    pub(crate) name: &'static str,
-    pub(crate) title: &'static str,
-    pub(crate) x_label: &'static str,
-    pub(crate) is_x_log: bool,
+    pub name: &'static str,
+    pub title: &'static str,
+    pub x_label: &'static str,
+    pub is_x_log: bool,
     /// What is to be seen, in a sentence.
-    pub(crate) sentence: &'static str,
-    pub(crate) columns: Vec<&'static str>,
-    pub(crate) rows: Vec<Row>,
+    pub sentence: &'static str,
+    pub columns: Vec<&'static str>,
+    pub rows: Vec<Row>,
 }
 
 /// One place of a curve.
 #[derive(Debug, Clone)]
 pub(crate) struct Row {
-    pub(crate) x: f64,
+    pub x: f64,
     /// The error of each column; NaN where the number is absent.
-    pub(crate) errors: Vec<f64>,
-    /// What is said of it: names of flags, joined by `|`.
-    pub(crate) flags: String,
+    pub errors: Vec<f64>,
+    /// Names of the flags raised, joined by `|`.
+    pub flags: String,
 }
 
 /// Records a point of the noise curve is the mean square of.
@@ -112,7 +112,7 @@ fn noise() -> Curve {
         title: "White noise on both channels",
         x_label: "Noise sd / peak (1 / SNR)",
         is_x_log: true,
-        sentence: "Root mean square error over 8 records. A_2 integrates the magnitude of noise to the record's end and is 60 % off at a noise of 1 %, where P_f is 4 % off and all others less than 1.5 %; from 3 % on the powers rise with the square of the noise, and at 30 % no pulse is found any more.",
+        sentence: "Root mean square error over 8 records. At a noise of 1 % A_2, which integrates the magnitude of the noise to the end of the record, is 60 % off, P_f 4 %, all others less than 1.5 %. From 3 % on the powers rise with the square of the noise; at 30 % no pulse is found.",
         columns: names(),
         rows: decades(1e-4, 0.3, 15).into_iter().map(at).collect(),
     }
@@ -124,7 +124,7 @@ pub(crate) fn clipping() -> Curve {
         title: "Both channels cut off below their peak",
         x_label: "Clipping level / peak",
         is_x_log: false,
-        sentence: "F_max loses what is cut off and A_1 and the powers with it; tau and PR stay within 5 %. No value shows it by itself; the flag does, at any level, as here without noise.",
+        sentence: "F_max loses the part that is cut off, and A_1 and the powers fall with it; tau and PR stay within 5 %. No value shows the clipping, but the flag does, here without noise at any level.",
         columns: names(),
         rows: disturbed(steps(0.4, 1.0, 25), |x| on_both(x, clip)),
     }
@@ -136,7 +136,7 @@ pub(crate) fn offset() -> Curve {
         title: "Offset on both channels",
         x_label: "Offset / peak",
         is_x_log: true,
-        sentence: "The median of the pre-trigger part takes an offset out: what is left is the rounding of samples.",
+        sentence: "Subtracting the median of the pre-trigger samples removes an offset, except for the rounding of samples.",
         columns: names(),
         rows: disturbed(decades(1e-3, 1.0, 13), |x| on_both(x, add_offset)),
     }
@@ -148,7 +148,7 @@ fn hum() -> Curve {
         title: "Hum of 50 Hz on both channels",
         x_label: "Hum amplitude / peak",
         is_x_log: true,
-        sentence: "The bands begin at 70 Hz, and whole periods of 50 Hz do not leak into them; force and areas do hear it, A_2 first.",
+        sentence: "The bands begin at 70 Hz, and an integer number of periods of 50 Hz does not leak into them. Force and areas change, A_2 first.",
         columns: names(),
         rows: disturbed(decades(1e-4, 0.3, 15), |x| on_both(x, |samples, x| add_hum(samples, x, 50.0, 1.0))),
     }
@@ -160,7 +160,7 @@ fn trigger_shift() -> Curve {
         title: "Tap later or earlier in its record",
         x_label: "Contact after the trigger sample, ms",
         is_x_log: false,
-        sentence: "No discriminator moves by more than 1e-3 while the ringing, which is down to 1e-5 of its peak after 100 ms, ends within the record; towards its end the powers and A_2 go, which no flag tells, and at -12 ms, where the contact lies within the baseline, the areas do.",
+        sentence: "No discriminator changes by more than 1e-3 while the ringing, which is down to 1e-5 of its peak after 100 ms, ends within the record. Near the end of the record the powers and A_2 are wrong, and no flag is raised. At -12 ms, where the contact lies in the baseline, the areas are wrong.",
         columns: names(),
         rows: disturbed(steps(-12.0, 390.0, 68), |x| Tap::clean(1e-3, 1e-3 * x)),
     }
@@ -173,11 +173,12 @@ fn contact(rung: Rung, scene: &Scene) -> [f64; 3] {
 
 pub(crate) fn velocity_drift() -> Curve {
     let at = |x: f64| {
-        let of = |rung, share: f64| {
+        let drifted = |rung, drift: f64| {
             let v = Scene::default().velocity_m_per_s;
-            contact(rung, &Scene { velocity_m_per_s: v * (1.0 + share), ..Scene::default() })
+            contact(rung, &Scene { velocity_m_per_s: v * (1.0 + drift), ..Scene::default() })
         };
-        let error = |rung| std::array::from_fn::<f64, 3, _>(|k| (of(rung, x)[k] / of(rung, 0.0)[k] - 1.0).abs());
+        let error =
+            |rung| std::array::from_fn::<f64, 3, _>(|k| (drifted(rung, x)[k] / drifted(rung, 0.0)[k] - 1.0).abs());
         modelled(100.0 * x, [error(Rung::Closed), error(Rung::Full)].concat())
     };
     Curve {
@@ -185,8 +186,7 @@ pub(crate) fn velocity_drift() -> Curve {
         title: "Impact velocity off its plan",
         x_label: "Velocity error, %",
         is_x_log: false,
-        sentence: "5 % of velocity are 6 % of force and 4 % of deflection on either rung, more than a crack 19 mm deep; tau \
-                   moves by 1 %.",
+        sentence: "An error of 5 % in velocity changes force by 6 % and deflection by 4 % on either rung, more than a crack 19 mm deep; tau changes by 1 %.",
         columns: vec!["f_max_closed", "tau_closed", "d_max_closed", "f_max_full", "contact_time_full", "d_max_full"],
         rows: steps(-0.2, 0.2, 41).into_iter().map(at).collect(),
     }
@@ -204,7 +204,7 @@ pub(crate) fn restitution() -> Curve {
         title: "Restitution that a damping law returns, e to 0",
         x_label: "Restitution asked for",
         is_x_log: true,
-        sentence: "The exact ratio returns what is asked for down to 0.1, where all laws end; Eq. 12's returns 0.66 for it.",
+        sentence: "The exact law returns the restitution that is asked for, down to 0.1, where all laws end. Eq. 12 returns 0.66 for 0.1.",
         columns: vec!["exact", "gonthier", "flores", "lankarani_nikravesh"],
         rows: decades(0.1, 0.999, 25).into_iter().map(at).collect(),
     }
@@ -222,7 +222,7 @@ fn depth() -> Curve {
         title: "Peak force over a shallow crack, h to 0",
         x_label: "Depth h, mm (l = 25.4 mm)",
         is_x_log: true,
-        sentence: "Against the full rung: the closed form lacks half of the force below 2 mm and all of it at 0.1 mm, the integral model, which has no crack, has up to seven times too much; the plate is within 12 % down to 0.8 mm, where the membrane begins to carry.",
+        sentence: "Compared with the full rung, the closed form lacks half of the force below 2 mm and all of it at 0.1 mm. The integral model, which has no crack, gives up to seven times too much. The plate is within 12 % down to 0.8 mm, where the membrane begins to carry.",
         columns: vec!["closed", "integral", "plate"],
         rows: decades(0.1, 25.4, 25)
             .into_iter()
@@ -238,7 +238,7 @@ fn length() -> Curve {
         title: "Peak force over a short crack, l to 0",
         x_label: "Length l, mm (h = 2.54 mm)",
         is_x_log: true,
-        sentence: "Against the full rung: all three meet it as l goes to 0, but slowly, since shear softens a layer that is shorter than it is thick (the flag of h/l is raised there); the closed form is never closer than a tenth but by chance.",
+        sentence: "As l goes to 0 all three approach the full rung, but slowly, since shear softens a layer that is shorter than it is thick (the flag of h/l is raised there). The closed form is within a tenth only where the curves cross.",
         columns: vec!["closed", "integral", "plate"],
         rows: decades(0.1, 50.8, 25).into_iter().map(at).collect(),
     }

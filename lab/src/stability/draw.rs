@@ -11,7 +11,7 @@ const SIZE: (u32, u32) = (820, 460);
 const FLOOR: f64 = -9.0;
 /// Highest error drawn, as a power of ten.
 const TOP: f64 = 2.0;
-/// Okabe and Ito's colours, which are told apart by colour-blind eyes too, and which end in black.
+/// Okabe and Ito's colours, which colour-blind people distinguish, with black as the last.
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),

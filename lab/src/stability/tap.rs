@@ -21,13 +21,13 @@ const DECAY_PER_S: f64 = 120.0;
 /// The record of one tap.
 #[derive(Debug, Clone)]
 pub(crate) struct Tap {
-    pub(crate) force_n: Vec<f64>,
-    pub(crate) sound_v: Vec<f64>,
-    pub(crate) rate_hz: f64,
-    /// Samples before the trigger, as the record says.
-    pub(crate) pre_trigger_samples: u32,
+    pub force_n: Vec<f64>,
+    pub sound_v: Vec<f64>,
+    pub rate_hz: f64,
+    /// Samples before the trigger, by the header.
+    pub pre_trigger_samples: u32,
     /// Velocity planned and measured, m/s, where both are known.
-    pub(crate) velocity_m_per_s: Option<(f64, f64)>,
+    pub velocity_m_per_s: Option<(f64, f64)>,
 }
 
 impl Tap {

@@ -19,7 +19,7 @@ use crate::statistics::normal::upper_tail;
 /// Targets below which MIL-HDBK-1823A does not trust responses.
 pub const A_HAT_TARGETS: usize = 40;
 
-/// Fewest responses between noise and saturation that tell a line and a scatter.
+/// Fewest responses between noise and saturation from which a line and a scatter are estimated.
 const SEEN_MIN: usize = 3;
 
 /// Residuals at or below this part of the responses' own spread are rounding.
@@ -123,15 +123,15 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], signal: Signal) -> Result<AHat, R
         let (first, second) = (sizes.len(), responses.len());
         return Err(Refusal::Lengths { first_name: "sizes", first, second_name: "responses", second });
     }
-    let log = LogSizes::of(sizes)?;
+    let log = LogSizes::new(sizes)?;
     let threshold = signal.checked()?;
     let seen: Vec<Seen> =
         responses.iter().enumerate().map(|(index, &value)| signal.seen(index, value)).collect::<Result<_, _>>()?;
-    let line = Line::of(sizes, &log, &seen)?;
+    let line = Line::fit(sizes, &log, &seen)?;
     let likelihood = |point: &[f64; 3]| likelihood(&log, &seen, &line, point);
     let [level, per_u, residual] = line.start;
     let fit = peak([level / residual, per_u / residual, 1.0 / residual], likelihood)?;
-    let Fitted { intercept, slope, scatter, covariance } = Fitted::of(&fit, &log, &line);
+    let Fitted { intercept, slope, scatter, covariance } = Fitted::new(&fit, &log, &line);
     if slope <= 0.0 {
         return Err(Refusal::NotRising { slope });
     }
@@ -152,7 +152,7 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], signal: Signal) -> Result<AHat, R
     let bound = || upper_bound(ln_a90, sd, fit.value, through);
     let count = |is_one: fn(&Seen) -> bool| seen.iter().filter(|seen| is_one(seen)).count();
     let exact_count = count(|seen| matches!(seen, Seen::Exactly(_)));
-    let whole = range(sizes.iter().copied()).ok_or(Refusal::TooFew { name: "targets", got: 0, least: SEEN_MIN })?;
+    let all_sizes = range(sizes.iter().copied()).ok_or(Refusal::TooFew { name: "targets", got: 0, least: SEEN_MIN })?;
     Ok(AHat {
         intercept,
         slope,
@@ -161,11 +161,11 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], signal: Signal) -> Result<AHat, R
         log_likelihood: fit.value - exact_count as f64 * line.spread.ln(),
         mu,
         sigma,
-        a50: size_near(mu, whole),
-        a90: size_near(ln_a90, whole),
+        a50: size_near(mu, all_sizes),
+        a90: size_near(ln_a90, all_sizes),
         a90_95_wald: size_of(ln_a90 + Z_95 * sd).filter(|_| is_rising),
         a90_95_likelihood: if is_rising { bound().and_then(size_of) } else { None },
-        sizes: whole,
+        sizes: all_sizes,
         noise_count: count(|seen| matches!(seen, Seen::AtMost(_))),
         saturated_count: count(|seen| matches!(seen, Seen::AtLeast(_))),
         targets: AtLeast { count: sizes.len(), wanted: A_HAT_TARGETS },
@@ -218,7 +218,7 @@ impl Line {
         (y - self.centre) / self.spread
     }
 
-    fn of(sizes: &[f64], log: &LogSizes, seen: &[Seen]) -> Result<Self, Refusal> {
+    fn fit(sizes: &[f64], log: &LogSizes, seen: &[Seen]) -> Result<Self, Refusal> {
         let exact = || {
             seen.iter().enumerate().filter_map(|(i, seen)| match *seen {
                 Seen::Exactly(y) => Some((i, y)),
@@ -304,7 +304,7 @@ struct Fitted {
 }
 
 impl Fitted {
-    fn of(fit: &Peak<3>, log: &LogSizes, line: &Line) -> Self {
+    fn new(fit: &Peak<3>, log: &LogSizes, line: &Line) -> Self {
         let [over_intercept, over_slope, theta] = fit.point;
         // Of the response at the mean ln(size) and per standardised ln(size).
         let (level, per_u) = (over_intercept / theta, over_slope / theta);

@@ -25,7 +25,7 @@ impl AnovaRow {
         Self::new(self.degrees + other.degrees, self.sum_of_squares + other.sum_of_squares)
     }
 
-    /// Ratio of this mean square to that of `error`, and the chance of a greater one if neither had an effect of its
+    /// Ratio of this mean square to that of `error`, and the probability of a greater one if neither had an effect of its
     /// own.
     ///
     /// `None` where `error` is 0 or either has no degrees of freedom.
@@ -39,17 +39,17 @@ impl AnovaRow {
 /// How many there are of each; a reading's place is (part x operators + operator) x repeats + repeat.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shape {
-    pub(super) parts: usize,
-    pub(super) operators: usize,
-    pub(super) repeats: usize,
+    pub parts: usize,
+    pub operators: usize,
+    pub repeats: usize,
 }
 
 /// Sums of squares of a complete design.
 pub(super) struct Sums {
-    pub(super) parts: AnovaRow,
-    pub(super) operators: AnovaRow,
-    pub(super) interaction: AnovaRow,
-    pub(super) repeats: AnovaRow,
+    pub parts: AnovaRow,
+    pub operators: AnovaRow,
+    pub interaction: AnovaRow,
+    pub repeats: AnovaRow,
 }
 
 /// Sums of squares at or below this part of that of the readings themselves are rounding.
@@ -57,7 +57,7 @@ const ROUNDING: f64 = 1e-28;
 
 impl Sums {
     /// Of `readings` with this shape.
-    pub(super) fn of(readings: &[Option<f64>], shape: Shape) -> Result<Self, Refusal> {
+    pub(super) fn new(readings: &[Option<f64>], shape: Shape) -> Result<Self, Refusal> {
         let values = complete(readings, shape)?;
         let Shape { parts, operators, repeats } = shape;
         let mean = |of: &dyn Fn(usize, usize) -> bool| {

@@ -1,22 +1,22 @@
-//! How far an AUC would have come out elsewhere, had other arcs of the ring been drawn.
+//! Bootstrap interval of an AUC, by resampling arcs of the ring.
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tapline_draw::stats::quantile;
 use tapline_fuse::auc;
 
-/// Fewest resamples that had both classes, for their percentiles to mean anything.
+/// Fewest resamples with both classes from which percentiles are taken.
 const RESAMPLES_MIN: usize = 100;
 
 /// How an interval is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bootstrap {
-    /// Places that are drawn together: as many as neighbours are known to be alike over. 1 is the naive bootstrap, whose
-    /// intervals are too narrow where they are.
+    /// Places that are drawn together: over as many, neighbours are alike. 1 is the naive bootstrap, whose intervals are too
+    /// narrow if neighbours are alike.
     pub block_length: usize,
     /// How many rings are drawn.
     pub count: usize,
-    /// Chance that the interval is to hold the value.
+    /// Confidence level, such as 0.95.
     pub level: f64,
     /// Seed of the draws.
     pub seed: u64,

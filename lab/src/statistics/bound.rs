@@ -1,4 +1,4 @@
-//! The end of what a likelihood admits of a size.
+//! The upper confidence bound of a size, from its likelihood.
 
 use super::tail::Z_95;
 
@@ -15,13 +15,12 @@ pub(super) fn is_admitted(best: f64, value: f64) -> bool {
     2.0 * (best - value) <= DEVIANCE_95
 }
 
-/// Greatest ln(size) at or above `from` that is admitted, where `through` is the best log likelihood of the fits that
-/// put the quantity sought there, and `sd` about how far the bound may lie.
+/// Greatest ln(size) at or above `from` that the likelihood does not exclude. `through` is the best log likelihood of the
+/// fits that give the quantity this size, and `sd` the expected distance of the bound.
 ///
-/// Log likelihoods here are concave and the size is monotone along every line through their parameters, as long as the
-/// slope is above 0: what is admitted is one interval about the best, so that doubling and halving find its end. With
-/// the flat fit admitted it has none, and is not to be asked for. `None` where the end is too far off, or a fit does
-/// not settle.
+/// Log likelihoods here are concave, and the size is monotone along every line through their parameters while the slope is
+/// above 0: the sizes not excluded are one interval about the best, whose end doubling and halving find. Do not call it if
+/// the flat fit is not excluded: then there is no end. `None` if the end is too far off, or a fit does not converge.
 pub(super) fn upper_bound(from: f64, sd: f64, best: f64, through: impl Fn(f64) -> Option<f64>) -> Option<f64> {
     let is_within = |ln_size| through(ln_size).map(|value| is_admitted(best, value));
     let (mut low, mut step) = (from, sd);

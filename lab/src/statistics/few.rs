@@ -1,6 +1,6 @@
 //! How many there are against how many are wanted.
 
-/// A count and what it should be at least. Fewer give a number all the same, which then says less than its bounds
+/// A count and what it should be at least. Fewer give a number all the same, which then means less than its bounds
 /// claim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AtLeast {
@@ -11,7 +11,7 @@ pub struct AtLeast {
 }
 
 impl AtLeast {
-    /// Whether there are fewer than wanted; a report has to say so.
+    /// Whether there are fewer than wanted; a report has to show it.
     pub fn is_few(&self) -> bool {
         self.count < self.wanted
     }

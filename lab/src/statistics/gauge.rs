@@ -7,11 +7,11 @@
 use super::Refusal;
 use super::anova::{AnovaRow, Shape, Sums, at_least};
 
-/// The interaction is pooled with the repeats if the chance of one as large, without any, is above this: the level
+/// The interaction is pooled with the repeats if the probability of one as large, without any, is above this: the level
 /// usual with AIAG's method, so that an interaction stays unless it is clearly none.
 pub const POOLED_ABOVE: f64 = 0.25;
 
-/// Categories a gauge tells apart per part variation over gauge variation: the root of 2, as AIAG rounds it.
+/// Categories a gauge distinguishes per part variation over gauge variation: the root of 2, as AIAG rounds it.
 const CATEGORIES: f64 = 1.41;
 
 /// Shape of a crossed study. The reading of (part, operator, repeat) stands at (part x operators + operator) x repeats
@@ -53,9 +53,9 @@ pub struct Gauge {
     pub repeats: AnovaRow,
     /// Chance of an interaction as large without any; `None` where readings repeat exactly.
     pub interaction_p: Option<f64>,
-    /// Whether the interaction was pooled with the repeats, its chance being above [`POOLED_ABOVE`].
+    /// Whether the interaction was pooled with the repeats, its probability being above [`POOLED_ABOVE`].
     pub is_pooled: bool,
-    /// What the components are told against: the repeats, with the interaction if that is pooled.
+    /// What the components are tested against: the repeats, with the interaction if that is pooled.
     pub error: AnovaRow,
     /// Equipment: the same operator and the same part again.
     pub repeatability: Component,
@@ -87,7 +87,7 @@ pub fn crossed(readings: &[Option<f64>], study: Crossed) -> Result<Gauge, Refusa
     at_least("operators", operator_count, 2)?;
     at_least("repeats", repeat_count, 2)?;
     let shape = Shape { parts: part_count, operators: operator_count, repeats: repeat_count };
-    let Sums { parts, operators, interaction, repeats } = Sums::of(readings, shape)?;
+    let Sums { parts, operators, interaction, repeats } = Sums::new(readings, shape)?;
     let interaction_p = interaction.f_test(&repeats).map(|(_, p)| p);
     // Without repeats' scatter there is nothing to pool with, but for an interaction that is none either.
     let is_pooled = interaction_p.map_or(interaction.sum_of_squares <= 0.0, |p| p > POOLED_ABOVE);
@@ -100,7 +100,7 @@ pub fn crossed(readings: &[Option<f64>], study: Crossed) -> Result<Gauge, Refusa
     let part = above_zero((parts.mean_square - against.mean_square) / (o * r));
     let gauge = repeatability + operator + by_part;
     let total = gauge + part;
-    let of = |variance| Component::of(variance, total);
+    let of = |variance| Component::new(variance, total);
     Ok(Gauge {
         parts,
         operators,
@@ -122,14 +122,14 @@ pub fn crossed(readings: &[Option<f64>], study: Crossed) -> Result<Gauge, Refusa
 
 impl Component {
     /// Of a total above 0; where that is 0 (each mean square is cancelled by another) nothing has a part in it.
-    pub(super) fn of(variance: f64, total: f64) -> Self {
-        let share = if total > 0.0 { variance / total } else { 0.0 };
-        let (contribution_percent, study_percent) = (100.0 * share, 100.0 * share.sqrt());
+    pub(super) fn new(variance: f64, total: f64) -> Self {
+        let fraction = if total > 0.0 { variance / total } else { 0.0 };
+        let (contribution_percent, study_percent) = (100.0 * fraction, 100.0 * fraction.sqrt());
         Self { variance, sd: variance.sqrt(), contribution_percent, study_percent }
     }
 }
 
-/// Distinct categories of parts that a gauge with these variances tells apart.
+/// Categories of parts that a gauge with these variances distinguishes.
 pub(super) fn categories(part: f64, gauge: f64) -> Option<u64> {
     let categories = CATEGORIES * (part / gauge).sqrt();
     // Truncation towards zero is what AIAG asks for; `as` also keeps what is too large for any integer at the largest.

@@ -77,9 +77,9 @@ pub fn hit_miss(sizes: &[f64], is_hit: &[bool]) -> Result<HitMiss, Refusal> {
         let (first, second) = (sizes.len(), is_hit.len());
         return Err(Refusal::Lengths { first_name: "sizes", first, second_name: "is_hit", second });
     }
-    let log = LogSizes::of(sizes)?;
-    let whole = range(sizes.iter().copied()).ok_or(Refusal::TooFew { name: "targets", got: 0, least: 1 })?;
-    overlapping(sizes, is_hit, whole)?;
+    let log = LogSizes::new(sizes)?;
+    let all_sizes = range(sizes.iter().copied()).ok_or(Refusal::TooFew { name: "targets", got: 0, least: 1 })?;
+    overlapping(sizes, is_hit, all_sizes)?;
     let fit = fitted(&log, is_hit)?;
     let slope = fit.point[1] / log.sd;
     if slope <= 0.0 {
@@ -96,26 +96,26 @@ pub fn hit_miss(sizes: &[f64], is_hit: &[bool]) -> Result<HitMiss, Refusal> {
         slope,
         covariance,
         log_likelihood: fit.value,
-        a50: size_near(-intercept / slope, whole),
-        a90: size_near(ln_a90, whole),
+        a50: size_near(-intercept / slope, all_sizes),
+        a90: size_near(ln_a90, all_sizes),
         a90_95_wald: size_of(ln_a90 + Z_95 * sd).filter(|_| is_rising),
         a90_95_likelihood: if is_rising { bound().and_then(size_of) } else { None },
-        sizes: whole,
+        sizes: all_sizes,
         hit_count: is_hit.iter().filter(|&&is_hit| is_hit).count(),
         targets: AtLeast { count: sizes.len(), wanted: HIT_MISS_TARGETS },
     })
 }
 
 /// Whether there is a best curve: one that is not infinitely steep.
-fn overlapping(sizes: &[f64], is_hit: &[bool], whole: (f64, f64)) -> Result<(), Refusal> {
+fn overlapping(sizes: &[f64], is_hit: &[bool], all_sizes: (f64, f64)) -> Result<(), Refusal> {
     let of = |wanted: bool| {
         range(sizes.iter().zip(is_hit).filter(move |&(_, &is_hit)| is_hit == wanted).map(|(&size, _)| size))
     };
     let target_count = sizes.len();
     let (smallest_hit, largest_hit) = of(true).ok_or(Refusal::NoHits { target_count })?;
     let (smallest_miss, largest_miss) = of(false).ok_or(Refusal::AllHits { target_count })?;
-    if whole.0 >= whole.1 {
-        return Err(Refusal::OneSize { size: whole.0 });
+    if all_sizes.0 >= all_sizes.1 {
+        return Err(Refusal::OneSize { size: all_sizes.0 });
     }
     if largest_miss <= smallest_hit {
         return Err(Refusal::Separable { largest_miss, smallest_hit });

@@ -17,9 +17,9 @@ const GAIN_OF_ROUNDING: f64 = 1e-10;
 
 /// A function at a point: its value, gradient, and the negative of its second derivatives.
 pub(super) struct At<const N: usize> {
-    pub(super) value: f64,
-    pub(super) gradient: [f64; N],
-    pub(super) information: [[f64; N]; N],
+    pub value: f64,
+    pub gradient: [f64; N],
+    pub information: [[f64; N]; N],
 }
 
 impl<const N: usize> At<N> {
@@ -55,10 +55,10 @@ impl<const N: usize> At<N> {
 
 /// Where a function is greatest.
 pub(super) struct Peak<const N: usize> {
-    pub(super) point: [f64; N],
-    pub(super) value: f64,
+    pub point: [f64; N],
+    pub value: f64,
     /// Inverse of the information there.
-    pub(super) covariance: [[f64; N]; N],
+    pub covariance: [[f64; N]; N],
 }
 
 /// The peak of a concave function by Newton steps, halved until they do not lead down; `at` is `None` outside its
@@ -77,10 +77,10 @@ pub(super) fn peak<const N: usize>(
         let gain = dot(&step, &here.gradient);
         // Sums of many logarithms are good to about this much; a step that changes less cannot be judged by them.
         let rounding = 1e-13 * (1.0 + here.value.abs());
-        let mut share = 1.0;
+        let mut fraction = 1.0;
         let next = (0..HALVINGS).find_map(|_| {
-            let moved: [f64; N] = std::array::from_fn(|i| point[i] + share * step[i]);
-            share *= 0.5;
+            let moved: [f64; N] = std::array::from_fn(|i| point[i] + fraction * step[i]);
+            fraction *= 0.5;
             at(&moved).filter(|next| next.value >= here.value - rounding).map(|next| (moved, next))
         });
         (point, here) = next.ok_or(not_settled(steps))?;

@@ -31,7 +31,7 @@ pub fn one_way(readings: &[Option<f64>], part_count: usize) -> Result<OneWay, Re
     let (parts, repeats, repeat_count) = one_way_rows(readings, part_count)?;
     let repeatability = repeats.mean_square;
     let part = above_zero((parts.mean_square - repeats.mean_square) / repeat_count);
-    let of = |variance| Component::of(variance, part + repeatability);
+    let of = |variance| Component::new(variance, part + repeatability);
     Ok(OneWay {
         parts,
         repeats,
@@ -45,7 +45,7 @@ pub fn one_way(readings: &[Option<f64>], part_count: usize) -> Result<OneWay, Re
 /// Mean squares of parts and of readings within them, and how many readings a part has.
 fn one_way_rows(readings: &[Option<f64>], part_count: usize) -> Result<(AnovaRow, AnovaRow, f64), Refusal> {
     let repeats = per_part("repeats", readings, part_count)?;
-    let sums = Sums::of(readings, Shape { parts: part_count, operators: 1, repeats })?;
+    let sums = Sums::new(readings, Shape { parts: part_count, operators: 1, repeats })?;
     Ok((sums.parts, sums.repeats, repeats as f64))
 }
 

@@ -30,7 +30,7 @@ pub fn clopper_pearson(count: usize, all: usize, level: f64) -> Result<Rate, Ref
     Ok(Rate { rate: k / n, low, high })
 }
 
-/// Count, all, and the chance outside on either side.
+/// Count, all, and the probability outside on either side.
 fn checked(count: usize, all: usize, level: f64) -> Result<(f64, f64, f64), Refusal> {
     if all == 0 {
         return Err(Refusal::TooFew { name: "trials", got: 0, least: 1 });

@@ -1,6 +1,6 @@
 //! Why a study gives no number.
 
-/// What the data of a study cannot say, or what is wrong with them.
+/// Why data give no answer: too few or too alike, or wrong.
 ///
 /// Most of these are outcomes rather than faults: a study in which every crack was found is a good one, but it has no
 /// a90.
@@ -82,8 +82,8 @@ pub enum Refusal {
         /// Least size found, in the unit of the sizes.
         smallest_hit: f64,
     },
-    /// All that could tell a slope is of one size.
-    #[error("every target that tells of a slope has the size {size}; at least two sizes are needed")]
+    /// All targets that determine a slope have one size.
+    #[error("every target that determines the slope has the size {size}; at least two sizes are needed")]
     OneSize {
         /// That size, in its unit.
         size: f64,
@@ -95,7 +95,7 @@ pub enum Refusal {
         slope: f64,
     },
     /// The data lie on one line or are all the same.
-    #[error("the {name} have no scatter; nothing can be said of chance")]
+    #[error("the {name} have no scatter, so that no probability can be computed")]
     NoScatter {
         /// What has none.
         name: &'static str,

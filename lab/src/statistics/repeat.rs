@@ -1,4 +1,4 @@
-//! How far two turns around a ring agree.
+//! How well two turns around a ring agree.
 
 /// Nor_RMSE of the dissertation's Eq. 54: root mean square difference of two turns over the range of both.
 ///

@@ -5,17 +5,17 @@ use super::Refusal;
 /// ln(size) of the targets, and the same less its mean over its standard deviation.
 pub(super) struct LogSizes {
     /// ln(size).
-    pub(super) ln: Vec<f64>,
+    pub ln: Vec<f64>,
     /// Standardised ln(size); all 0 where all sizes are the same.
-    pub(super) standard: Vec<f64>,
+    pub standard: Vec<f64>,
     /// Mean of ln(size).
-    pub(super) mean: f64,
+    pub mean: f64,
     /// Standard deviation of ln(size), by the count; 1 where it would be 0.
-    pub(super) sd: f64,
+    pub sd: f64,
 }
 
 impl LogSizes {
-    pub(super) fn of(sizes: &[f64]) -> Result<Self, Refusal> {
+    pub(super) fn new(sizes: &[f64]) -> Result<Self, Refusal> {
         for (index, &value) in sizes.iter().enumerate() {
             if !(value.is_finite() && value > 0.0) {
                 return Err(Refusal::Size { index, value });

@@ -1,4 +1,4 @@
-//! Scores of tyres that took no part in what scores them.
+//! Leave-one-out: each tyre is scored by a model of the others.
 
 use std::collections::BTreeMap;
 
@@ -15,8 +15,7 @@ pub struct Split<G> {
     pub test: Vec<usize>,
 }
 
-/// Every group left out once, in the order of the groups; `None` for fewer than two of them, of which none can be left
-/// out.
+/// Every group left out once, in the order of the groups; `None` for fewer than two groups.
 pub fn leave_one_out<G: Ord + Clone>(groups: &[G]) -> Option<Vec<Split<G>>> {
     let mut places: BTreeMap<&G, Vec<usize>> = BTreeMap::new();
     for (place, group) in groups.iter().enumerate() {

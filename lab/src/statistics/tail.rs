@@ -10,9 +10,9 @@ pub(super) const Z_90: f64 = 1.281_551_565_544_600_4;
 /// The standard normal value below which 95 % lie (scipy.stats.norm.ppf): of one-sided bounds.
 pub(super) const Z_95: f64 = 1.644_853_626_951_472_2;
 
-/// Logarithm of the chance Q(z) that a standard normal value exceeds `z`, and the hazard phi(z)/Q(z).
+/// Logarithm of the probability Q(z) that a standard normal value exceeds `z`, and the hazard phi(z)/Q(z).
 ///
-/// The chance itself underflows at z = 38; these do not.
+/// The probability itself underflows at z = 38; these do not.
 pub(super) fn log_tail_and_hazard(z: f64) -> (f64, f64) {
     let log_density = -0.5 * z * z - 0.5 * (2.0 * PI).ln();
     if z < 5.0 {

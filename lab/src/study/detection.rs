@@ -8,11 +8,11 @@ use crate::statistics::{AHat, HitMiss, Refusal, Scale, Signal, a_hat, hit_miss};
 use anyhow::Result;
 use tapline_fuse::FuseConfig;
 
-use super::judged::{By, judge};
+use super::dataset::Dataset;
+use super::judge::{ComparedWith, judge};
 use super::sets::{Cracks, Set, cracked, sound};
 use super::size::Size;
-use super::table::{Table, cell};
-use super::taken::Taken;
+use super::table::{Table, cell, yes_or_no};
 
 /// Depths in mm at which classes part.
 const DEPTHS_MM: [f64; 4] = [6.0, 12.0, 18.0, 24.0];
@@ -23,21 +23,21 @@ const CRACKS: Cracks =
 /// One planted crack and what became of it.
 #[derive(Debug, Clone)]
 pub(super) struct Target {
-    pub(super) length_mm: f64,
-    pub(super) depth_mm: f64,
-    pub(super) location_count: u32,
-    pub(super) is_found: bool,
+    pub length_mm: f64,
+    pub depth_mm: f64,
+    pub location_count: u32,
+    pub is_found: bool,
     /// Greatest index along its arc.
-    pub(super) response: f64,
+    pub response: f64,
 }
 
 /// The targets of a class, with both curves or why there is none.
 #[derive(Debug)]
 pub(super) struct Detection {
-    pub(super) class: String,
-    pub(super) targets: Vec<Target>,
-    pub(super) hit_miss: Result<HitMiss, Refusal>,
-    pub(super) a_hat: Result<AHat, Refusal>,
+    pub class: String,
+    pub targets: Vec<Target>,
+    pub hit_miss: Result<HitMiss, Refusal>,
+    pub a_hat: Result<AHat, Refusal>,
 }
 
 /// Looks for the cracks of many tyres of `set`, by the default index and sound tyres of another serial.
@@ -46,9 +46,9 @@ pub(super) fn detection(set: &Set, size: &Size, seed: u64, threads: usize) -> Re
     let targets = (0_u64..).take(size.target_tyres);
     let targets = targets.map(|k| cracked(format!("target-{k:03}"), &CRACKS, size.location_count, seed, 500_000 + k));
     let tyres: Vec<_> = references.chain(targets).collect();
-    let taken = Taken::of(&set.simulation, tyres.clone(), &size.turns, (seed, size.location_count, threads))?;
-    let by = By::File(taken.reference(false, |tyre| tyre.starts_with("reference"))?);
-    let judged = judge(&FuseConfig::default(), &taken.of_tyres(|tyre| tyre.starts_with("target"))?, &by)?;
+    let dataset = Dataset::scan(&set.simulation, tyres.clone(), &size.turns, (seed, size.location_count, threads))?;
+    let by = ComparedWith::File(dataset.reference(false, |tyre| tyre.starts_with("reference"))?);
+    let judged = judge(&FuseConfig::default(), &dataset.of_tyres(|tyre| tyre.starts_with("target"))?, &by)?;
     let mut found = Vec::new();
     let mut limit = f64::NAN;
     for shoulder in &judged {
@@ -68,16 +68,16 @@ pub(super) fn detection(set: &Set, size: &Size, seed: u64, threads: usize) -> Re
             });
         }
     }
-    let mut classes = vec![Detection::of("all depths".to_owned(), found.clone(), limit)];
+    let mut classes = vec![Detection::new("all depths".to_owned(), found.clone(), limit)];
     for depths in DEPTHS_MM.windows(2) {
         let within = found.iter().filter(|t| (depths[0]..depths[1]).contains(&t.depth_mm)).cloned().collect();
-        classes.push(Detection::of(format!("{} to {} mm deep", depths[0], depths[1]), within, limit));
+        classes.push(Detection::new(format!("{} to {} mm deep", depths[0], depths[1]), within, limit));
     }
     Ok(classes)
 }
 
 impl Detection {
-    fn of(class: String, targets: Vec<Target>, limit: f64) -> Self {
+    fn new(class: String, targets: Vec<Target>, limit: f64) -> Self {
         let sizes: Vec<f64> = targets.iter().map(|t| t.length_mm).collect();
         let is_found: Vec<bool> = targets.iter().map(|t| t.is_found).collect();
         let responses: Vec<f64> = targets.iter().map(|t| t.response).collect();
@@ -100,8 +100,8 @@ pub(super) fn table(detections: &[Detection]) -> Table {
                 Ok(sizes) => (sizes, String::new()),
                 Err(why) => ([None; 3], why),
             };
-            let head = [d.class.clone(), method.to_owned(), d.targets.len().to_string(), found.to_string()];
-            table.push(head.into_iter().chain(sizes.map(cell)).chain([remark]));
+            let head = [d.class.clone().into(), method.into(), d.targets.len().into(), found.into()];
+            table.push(head.into_iter().chain(sizes.map(cell)).chain([remark.into()]));
         };
         let of_hits = d.hit_miss.as_ref().map(|h| [h.a50, h.a90, h.a90_95_likelihood]);
         push("hit or miss", of_hits.map_err(ToString::to_string));
@@ -116,12 +116,11 @@ pub(super) fn targets_table(detections: &[Detection]) -> Table {
     let columns = ["length_mm", "depth_mm", "location_count", "found", "index"];
     let mut table = Table::long("targets", "Every crack looked for, with its greatest index", &columns);
     for t in detections.first().iter().flat_map(|d| &d.targets) {
-        let found = if t.is_found { "yes" } else { "no" };
         table.push([
             cell(t.length_mm),
             cell(t.depth_mm),
-            t.location_count.to_string(),
-            found.to_owned(),
+            (t.location_count as usize).into(),
+            yes_or_no(t.is_found),
             cell(t.response),
         ]);
     }

@@ -4,17 +4,17 @@ use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use crate::figures::axes::{Axis, Chart, Frame, axes};
+use tapline_draw::axes::{Axis, Chart, Frame, axes};
 use tapline_draw::canvas::{self, Area, INK, PALE_INK, Point, at, line, units, write};
 
 const WIDTH: f64 = 900.0;
 const EDGE: f64 = 14.0;
-/// Where the first panel begins.
+/// Where the first plot begins.
 const HEAD: f64 = 96.0;
 const LEFT_ROOM: f64 = 58.0;
 const BOTTOM_ROOM: f64 = 46.0;
 const RIGHT_ROOM: f64 = 20.0;
-/// Space above a panel, for its name.
+/// Space above a plot, for its name.
 const NAME_ROOM: f64 = 26.0;
 
 /// What is drawn on a pair of axes.
@@ -32,38 +32,38 @@ pub(super) enum Mark {
 
 /// A pair of axes with what is on it.
 #[derive(Debug, Clone)]
-pub(super) struct Panel {
-    pub(super) name: String,
-    pub(super) x: Axis,
-    pub(super) y: Axis,
+pub(super) struct Plot {
+    pub name: String,
+    pub x: Axis,
+    pub y: Axis,
     /// Names of the rows, from the top, in place of the labels of the ordinate; then y is the row, from 0.
-    pub(super) rows: Vec<String>,
-    pub(super) marks: Vec<Mark>,
+    pub rows: Vec<String>,
+    pub marks: Vec<Mark>,
 }
 
 /// One picture.
 #[derive(Debug, Clone)]
-pub(super) struct Sheet {
-    pub(super) name: &'static str,
+pub(super) struct Picture {
+    pub name: &'static str,
     /// Name of the table it stands beside.
-    pub(super) beside: &'static str,
-    pub(super) title: &'static str,
-    pub(super) note: String,
-    pub(super) keys: Vec<(String, RGBColor)>,
-    pub(super) columns: usize,
-    /// Height of the axes of a panel.
-    pub(super) height: f64,
-    pub(super) panels: Vec<Panel>,
+    pub beside: &'static str,
+    pub title: &'static str,
+    pub note: String,
+    pub keys: Vec<(String, RGBColor)>,
+    pub columns: usize,
+    /// Height of the axes of a plot.
+    pub height: f64,
+    pub plots: Vec<Plot>,
 }
 
 pub(super) fn axis(label: &str, range: Point, label_count: usize) -> Axis {
     Axis { label: label.to_owned(), range, label_count }
 }
 
-impl Sheet {
+impl Picture {
     /// The picture as SVG.
     pub(super) fn svg(&self) -> Result<String> {
-        let rows = self.panels.len().div_ceil(self.columns);
+        let rows = self.plots.len().div_ceil(self.columns);
         let height = HEAD + rows as f64 * self.row_height() + EDGE;
         let svg = canvas::svg((WIDTH as u32, height.ceil() as u32), |area| self.draw(area))?;
         Ok(svg.replace(" opacity=\"1\"", "").replace(" stroke=\"none\"", ""))
@@ -83,9 +83,9 @@ impl Sheet {
             x += 48.0 + 6.6 * name.chars().count() as f64;
         }
         let width = (WIDTH - 2.0 * EDGE) / self.columns as f64;
-        for (number, panel) in self.panels.iter().enumerate() {
+        for (number, plot) in self.plots.iter().enumerate() {
             let (row, column) = (number / self.columns, number % self.columns);
-            let left_room = LEFT_ROOM + if panel.rows.is_empty() { 0.0 } else { 40.0 };
+            let left_room = LEFT_ROOM + if plot.rows.is_empty() { 0.0 } else { 40.0 };
             let left = EDGE + column as f64 * width;
             let top = HEAD + row as f64 * self.row_height() + NAME_ROOM;
             let frame = Frame {
@@ -96,14 +96,14 @@ impl Sheet {
                 left_room,
                 bottom_room: BOTTOM_ROOM,
             };
-            write(area, &panel.name, (frame.left, top - 13.0), 13.0, INK, HPos::Left, true)?;
-            panel.draw(area, &frame)?;
+            write(area, &plot.name, (frame.left, top - 13.0), 13.0, INK, HPos::Left, true)?;
+            plot.draw(area, &frame)?;
         }
         Ok(())
     }
 }
 
-impl Panel {
+impl Plot {
     fn draw(&self, area: &Area<'_>, frame: &Frame) -> Result<()> {
         let row_count = self.rows.len() as f64;
         let by_rows = axis("", (row_count, 0.0), 0);

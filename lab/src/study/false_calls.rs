@@ -1,7 +1,7 @@
 //! How often a sound shoulder is not passed, against the rate that was stated.
 //!
 //! References of n casings are drawn from many sound tyres, and every other tyre is judged by each. A shoulder that
-//! several references judge is not as good as several shoulders, so the interval takes each for one trial.
+//! several references judge counts as one trial in the interval, since its results are not independent.
 
 use crate::statistics::{Rate, clopper_pearson};
 use anyhow::{Context as _, Result};
@@ -9,13 +9,13 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tapline_fuse::{FuseConfig, IndexKind};
 
-use super::judged::{By, judge};
-use super::rivals::needs_labels;
+use super::candidates::needs_labels;
+use super::dataset::Dataset;
+use super::judge::{ComparedWith, judge};
+use super::parallel::each;
 use super::sets::{Set, sound};
 use super::size::Size;
-use super::table::{Table, cell, ends};
-use super::taken::Taken;
-use super::work::each;
+use super::table::{Table, cell, ends, yes_or_no};
 
 /// Rates that are stated.
 const STATED: [f64; 3] = [0.05, 0.01, 0.001];
@@ -24,23 +24,23 @@ const COMPARED_AT: f64 = 0.05;
 
 /// False calls at one stated rate by references of one size.
 #[derive(Debug, Clone)]
-pub(super) struct Calls {
-    pub(super) index: IndexKind,
+pub(super) struct FalseCalls {
+    pub index: IndexKind,
     /// Casings in the reference; 0 is each tyre by itself.
-    pub(super) casings: usize,
-    pub(super) stated: f64,
+    pub casings: usize,
+    pub stated: f64,
     /// Shoulders judged, over all draws, and how many of them were not passed.
-    pub(super) judged: usize,
-    pub(super) calls: usize,
+    pub judged: usize,
+    pub calls: usize,
     /// The rate with its interval, each shoulder counted once.
-    pub(super) rate: Rate,
+    pub rate: Rate,
 }
 
 /// Counts the false calls on the sound tyres of `set`.
-pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> Result<Vec<Calls>> {
+pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> Result<Vec<FalseCalls>> {
     let serial = |k: usize| format!("sound-{k:03}");
     let tyres = (0..size.sound_tyres).map(|k| sound(serial(k))).collect();
-    let taken = Taken::of(&set.simulation, tyres, &size.short, (seed, size.location_count, threads))?;
+    let dataset = Dataset::scan(&set.simulation, tyres, &size.short, (seed, size.location_count, threads))?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut jobs: Vec<(IndexKind, f64, Vec<String>)> = Vec::new();
     for stated in STATED {
@@ -63,22 +63,22 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> 
         let config = FuseConfig { index: *index, false_call_rate: *stated, ..FuseConfig::default() };
         let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
         let by = match drawn.is_empty() {
-            true => By::Own,
-            false => By::File(taken.reference(false, is_reference)?),
+            true => ComparedWith::Itself,
+            false => ComparedWith::File(dataset.reference(false, is_reference)?),
         };
-        let judged = judge(&config, &taken.of_tyres(|tyre| !is_reference(tyre))?, &by)?;
+        let judged = judge(&config, &dataset.of_tyres(|tyre| !is_reference(tyre))?, &by)?;
         Ok((judged.len(), judged.iter().filter(|j| !j.is_passed).count()))
     })?;
-    let mut calls: Vec<Calls> = Vec::new();
+    let mut calls: Vec<FalseCalls> = Vec::new();
     for ((index, stated, drawn), (judged, called)) in jobs.iter().zip(counted) {
         let is_it =
-            |c: &&mut Calls| c.index == *index && c.casings == drawn.len() && c.stated.total_cmp(stated).is_eq();
+            |c: &&mut FalseCalls| c.index == *index && c.casings == drawn.len() && c.stated.total_cmp(stated).is_eq();
         match calls.iter_mut().find(is_it) {
             Some(of_it) => {
                 of_it.judged += judged;
                 of_it.calls += called;
             }
-            None => calls.push(Calls {
+            None => calls.push(FalseCalls {
                 index: *index,
                 casings: drawn.len(),
                 stated: *stated,
@@ -90,9 +90,9 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> 
     }
     for of_it in &mut calls {
         let shoulders = 2 * size.sound_tyres - 2 * if of_it.casings == size.sound_tyres { 0 } else { of_it.casings };
-        let share = of_it.calls as f64 / of_it.judged as f64;
-        let once = clopper_pearson((share * shoulders as f64).round() as usize, shoulders, 0.95)?;
-        of_it.rate = Rate { rate: share, ..once };
+        let rate = of_it.calls as f64 / of_it.judged as f64;
+        let once = clopper_pearson((rate * shoulders as f64).round() as usize, shoulders, 0.95)?;
+        of_it.rate = Rate { rate, ..once };
     }
     Ok(calls)
 }
@@ -109,17 +109,16 @@ fn drawn(rng: &mut ChaCha8Rng, all: usize, count: usize) -> Vec<usize> {
 }
 
 /// The table of them.
-pub(super) fn table(calls: &[Calls]) -> Result<Table> {
+pub(super) fn table(calls: &[FalseCalls]) -> Result<Table> {
     let mut table = Table::new(
         "false_calls",
         "Sound shoulders that are not passed, against the rate stated; 0 casings are a tyre by itself",
         &["index", "casings", "stated", "rate", "rate_low", "rate_high", "calls", "judged", "consistent"],
     );
     for c in calls {
-        let mut row = vec![c.index.name().to_owned(), c.casings.to_string(), cell(c.stated), cell(c.rate.rate)];
+        let mut row = vec![c.index.name().into(), c.casings.into(), cell(c.stated), cell(c.rate.rate)];
         row.extend(ends(Some((c.rate.low, c.rate.high))));
-        row.extend([c.calls.to_string(), c.judged.to_string()]);
-        row.push(if c.rate.low <= c.stated { "yes" } else { "no" }.to_owned());
+        row.extend([c.calls.into(), c.judged.into(), yes_or_no(c.rate.low <= c.stated)]);
         table.push(row);
     }
     (!calls.is_empty()).then_some(table).context("no false calls were counted")

@@ -8,29 +8,29 @@ use anyhow::Result;
 use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_model::SimulationConfig;
 
-use super::judged::{By, Judged, judge};
-use super::rivals::needs_labels;
+use super::candidates::needs_labels;
+use super::dataset::{Dataset, Turns};
+use super::judge::{ComparedWith, ShoulderResult, judge};
+use super::parallel::each;
 use super::sets::{Set, cracked, sound};
 use super::size::Size;
-use super::table::{Table, cell};
-use super::taken::{Taken, Turns};
-use super::work::each;
+use super::table::{Cell, Table, cell};
 
-/// Sound tyres that are the reference; on the first rig.
+/// Sound tyres of the reference, scanned on the first rig.
 const REFERENCE: usize = 4;
 const RIGS: usize = 2;
 
 /// What the study of one index found.
 #[derive(Debug)]
-pub(super) struct Repeated {
-    pub(super) index: IndexKind,
-    pub(super) of_both: Result<Gauge, crate::statistics::Refusal>,
+pub(super) struct GaugeResult {
+    pub index: IndexKind,
+    pub of_both: Result<Gauge, crate::statistics::Refusal>,
     /// Of the first rig alone.
-    pub(super) of_one: Result<OneWay, crate::statistics::Refusal>,
+    pub of_one: Result<OneWay, crate::statistics::Refusal>,
 }
 
 /// Scans the same tyres again and again on two rigs.
-pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result<Vec<Repeated>> {
+pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result<Vec<GaugeResult>> {
     let first = &set.simulation;
     let second = SimulationConfig {
         microphone_distance_m: 1.1 * first.microphone_distance_m,
@@ -42,31 +42,31 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
     let parts = (0_u64..).take(size.gauge_tyres);
     let parts = parts.map(|k| cracked(format!("part-{k}"), &set.cracks, size.location_count, seed, 600_000 + k));
     let tyres: Vec<_> = parts.chain((0..REFERENCE).map(|k| sound(format!("reference-{k}")))).collect();
-    // A rig takes other repetitions than the other: a tap of a name is the same by chance on both.
+    // Each rig takes repetitions of its own: taps of the same name would have the same random numbers on both.
     let of_a_scan = size.short.repetitions;
     let of_a_rig = of_a_scan * size.gauge_scans;
     let turns = Turns { repetitions: of_a_rig * RIGS as u16, ..size.short.clone() };
     let mut scans = Vec::new();
     let mut reference = None;
     for (rig, simulation) in (0..).zip([first, &second]) {
-        let taken = Taken::of(simulation, tyres.clone(), &turns, (seed, size.location_count, threads))?;
+        let dataset = Dataset::scan(simulation, tyres.clone(), &turns, (seed, size.location_count, threads))?;
         if rig == 0 {
-            let first_scan = taken.only(|tap| tap.id.repetition < of_a_scan)?;
+            let first_scan = dataset.only(|tap| tap.id.repetition < of_a_scan)?;
             reference = Some(first_scan.reference(false, |tyre| tyre.starts_with("reference"))?);
         }
         for scan in 0..size.gauge_scans {
             let from = rig * of_a_rig + scan * of_a_scan;
-            scans.push(taken.only(|tap| {
+            scans.push(dataset.only(|tap| {
                 (from..from + of_a_scan).contains(&tap.id.repetition) && tap.id.tyre.as_str().starts_with("part")
             })?);
         }
     }
-    let by = reference.map_or(By::Own, By::File);
+    let by = reference.map_or(ComparedWith::Itself, ComparedWith::File);
     let kinds: Vec<IndexKind> = IndexKind::ALL.into_iter().filter(|&index| !needs_labels(index)).collect();
     each(&kinds, threads, |&index| {
         let config = FuseConfig { index, ..FuseConfig::default() };
-        let read = |scan: &Taken| judge(&config, scan, &by);
-        let scans: Vec<Vec<Judged>> = scans.iter().map(read).collect::<Result<_>>()?;
+        let read = |scan: &Dataset| judge(&config, scan, &by);
+        let scans: Vec<Vec<ShoulderResult>> = scans.iter().map(read).collect::<Result<_>>()?;
         let maps: Vec<Vec<f64>> =
             scans.iter().map(|s| s.iter().flat_map(|j| j.index.iter().copied()).collect()).collect();
         let part_count = maps.first().map_or(0, Vec::len);
@@ -76,7 +76,7 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
             (0..part_count).flat_map(|part| (0..scan_count).map(move |scan| reading(part, scan))).collect()
         };
         let study = Crossed { part_count, operator_count: RIGS, repeat_count };
-        Ok(Repeated {
+        Ok(GaugeResult {
             index,
             of_both: crossed(&of(RIGS * repeat_count), study),
             of_one: one_way(&of(repeat_count), part_count),
@@ -85,7 +85,7 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
 }
 
 /// The table of them.
-pub(super) fn table(repeated: &[Repeated]) -> Table {
+pub(super) fn table(repeated: &[GaugeResult]) -> Table {
     let mut table = Table::new(
         "gauge",
         "Gauge study of the index: parts are locations, operators two rigs, repeats whole scans; parts of the total \
@@ -103,28 +103,19 @@ pub(super) fn table(repeated: &[Repeated]) -> Table {
     );
     for r in repeated {
         let name = r.index.name();
-        let ndc = |ndc: Option<u64>| ndc.map_or_else(String::new, |n| n.to_string());
+        let ndc = |ndc: Option<u64>| ndc.map_or(Cell::Empty, Cell::Count);
         match &r.of_both {
             Ok(g) => {
                 let parts = [g.repeatability, g.reproducibility, g.gauge, g.part].map(|c| cell(c.study_percent));
                 let remark = if g.is_pooled { "interaction pooled" } else { "" };
-                table.push([name.into(), RIGS.to_string()].into_iter().chain(parts).chain([ndc(g.ndc), remark.into()]));
+                table.push([name.into(), RIGS.into()].into_iter().chain(parts).chain([ndc(g.ndc), remark.into()]));
             }
             Err(why) => table.push(refused(name, RIGS, &why.to_string())),
         }
         match &r.of_one {
             Ok(g) => {
                 let [repeat, part] = [g.repeatability, g.part].map(|c| cell(c.study_percent));
-                table.push([
-                    name.into(),
-                    "1".into(),
-                    repeat.clone(),
-                    String::new(),
-                    repeat,
-                    part,
-                    ndc(g.ndc),
-                    String::new(),
-                ]);
+                table.push([name.into(), 1.into(), repeat.clone(), Cell::Empty, repeat, part, ndc(g.ndc), Cell::Empty]);
             }
             Err(why) => table.push(refused(name, 1, &why.to_string())),
         }
@@ -132,7 +123,7 @@ pub(super) fn table(repeated: &[Repeated]) -> Table {
     table
 }
 
-fn refused(name: &str, rigs: usize, why: &str) -> Vec<String> {
-    let empty = (0..5).map(|_| String::new());
-    [name.to_owned(), rigs.to_string()].into_iter().chain(empty).chain([why.to_owned()]).collect()
+fn refused(name: &str, rigs: usize, why: &str) -> Vec<Cell> {
+    let empty = (0..5).map(|_| Cell::Empty);
+    [name.into(), rigs.into()].into_iter().chain(empty).chain([why.into()]).collect()
 }

@@ -6,11 +6,11 @@ use crate::statistics::auc_left_out;
 use anyhow::{Context as _, Result};
 use tapline_fuse::{FuseConfig, IndexKind};
 
-use super::judged::By;
-use super::judged::judge;
-use super::rivals::Halves;
+use super::candidates::TrainTest;
+use super::judge::ComparedWith;
+use super::judge::judge;
+use super::parallel::each;
 use super::table::{Table, cell};
-use super::work::each;
 
 /// The default index, and those that learn more from labels than which locations are sound.
 pub(super) const LEARNED: [IndexKind; 5] =
@@ -19,22 +19,22 @@ pub(super) const LEARNED: [IndexKind; 5] =
 /// One index on one set.
 #[derive(Debug, Clone)]
 pub(super) struct LeftOut {
-    pub(super) set: &'static str,
-    pub(super) index: IndexKind,
+    pub set: &'static str,
+    pub index: IndexKind,
     /// AUC of each cracked tyre, in the order of their serials.
-    pub(super) by_tyre: Vec<f64>,
+    pub by_tyre: Vec<f64>,
 }
 
-/// Each cracked tyre of `halves` left out once, by every index.
-pub(super) fn left_out(halves: &Halves, threads: usize) -> Result<Vec<LeftOut>> {
-    let cracked = halves.cracked();
+/// Each cracked tyre of `split` left out once, by every index.
+pub(super) fn left_out(split: &TrainTest, threads: usize) -> Result<Vec<LeftOut>> {
+    let cracked = split.cracked();
     each(&LEARNED, threads, |&index| {
         let config = FuseConfig { index, ..FuseConfig::default() };
         // Places are locations of cracked tyres; sound tyres teach always.
         let mut groups = Vec::new();
         let mut places = Vec::new();
         let mut labels = Vec::new();
-        for (&(serial, shoulder, location), &label) in halves.taken.plan.truth() {
+        for (&(serial, shoulder, location), &label) in split.dataset.plan.truth() {
             if cracked.iter().any(|tyre| tyre == serial.as_str()) {
                 groups.push(serial.to_string());
                 places.push((shoulder, location));
@@ -44,10 +44,9 @@ pub(super) fn left_out(halves: &Halves, threads: usize) -> Result<Vec<LeftOut>> 
         let mut failed = None;
         let fit = |train: &[usize]| {
             let teaches = |tyre: &str| !cracked.iter().any(|t| t == tyre) || train.iter().any(|&p| groups[p] == tyre);
-            let judged = halves
-                .taken
-                .reference(true, teaches)
-                .and_then(|set| judge(&config, &halves.taken.of_tyres(|tyre| !teaches(tyre))?, &By::File(set)));
+            let judged = split.dataset.reference(true, teaches).and_then(|set| {
+                judge(&config, &split.dataset.of_tyres(|tyre| !teaches(tyre))?, &ComparedWith::File(set))
+            });
             let map = judged.map(|judged| -> BTreeMap<(u16, u32), f64> {
                 judged.iter().flat_map(|j| (0..).zip(&j.index).map(|(l, &x)| ((j.shoulder, l), x))).collect()
             });
@@ -62,7 +61,7 @@ pub(super) fn left_out(halves: &Halves, threads: usize) -> Result<Vec<LeftOut>> 
         if let Some(error) = failed {
             return Err(error);
         }
-        Ok(LeftOut { set: halves.name, index, by_tyre: by_tyre.into_iter().filter_map(|(_, auc)| auc).collect() })
+        Ok(LeftOut { set: split.name, index, by_tyre: by_tyre.into_iter().filter_map(|(_, auc)| auc).collect() })
     })
 }
 
@@ -75,7 +74,7 @@ pub(super) fn table(all: &[LeftOut]) -> Table {
     );
     for l in all {
         let ends = [l.by_tyre.iter().copied().min_by(f64::total_cmp), l.by_tyre.iter().copied().max_by(f64::total_cmp)];
-        let row = [l.set.to_owned(), l.index.name().to_owned(), l.by_tyre.len().to_string(), cell(mean(&l.by_tyre))];
+        let row = [l.set.into(), l.index.name().into(), l.by_tyre.len().into(), cell(mean(&l.by_tyre))];
         table.push(row.into_iter().chain(ends.map(cell)));
     }
     table

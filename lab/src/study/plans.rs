@@ -3,35 +3,35 @@
 use anyhow::{Context as _, Result};
 use tapline_fuse::FuseConfig;
 
-use super::areas::Areas;
-use super::judged::judge;
-use super::rivals::Halves;
-use super::table::{Table, cell, ends};
-use super::taken::Turns;
-use super::work::each;
+use super::auc::Areas;
+use super::candidates::TrainTest;
+use super::dataset::Turns;
+use super::judge::judge;
+use super::parallel::each;
+use super::table::{Table, cell, ends, yes_or_no};
 
 /// Of a tap on the dissertation's rig: 170 s for a turn of 100 locations.
 const TAP_S: f64 = 1.7;
 /// Taps of a turn there, whatever is simulated.
 const TURN_TAPS: f64 = 100.0;
-/// Of a casing on the rival machine.
-pub(super) const RIVAL_CASING_S: f64 = 60.0;
+/// Of a casing on the competing machine.
+pub(super) const COMPETITOR_CASING_S: f64 = 60.0;
 /// By how much a plan may fall short of the full one.
 const SHORTFALL: f64 = 0.01;
 
 /// One plan.
 #[derive(Debug, Clone)]
-pub(super) struct Tried {
-    pub(super) turns: Turns,
-    pub(super) areas: Areas,
-    pub(super) auc: f64,
-    pub(super) shoulder_s: f64,
+pub(super) struct PlanResult {
+    pub turns: Turns,
+    pub areas: Areas,
+    pub auc: f64,
+    pub shoulder_s: f64,
     /// Whether no plan that takes no more time is better.
-    pub(super) is_on_front: bool,
+    pub is_on_front: bool,
 }
 
 /// Every part of the `full` plan, by the default index and the healthy reference; the full plan last.
-pub(super) fn plans(halves: &Halves, full: &Turns, threads: usize) -> Result<Vec<Tried>> {
+pub(super) fn plans(split: &TrainTest, full: &Turns, threads: usize) -> Result<Vec<PlanResult>> {
     let mut turns = Vec::new();
     for offsets_mm in subsets(&full.offsets_mm) {
         for velocities_m_per_s in subsets(&full.velocities_m_per_s) {
@@ -42,14 +42,14 @@ pub(super) fn plans(halves: &Halves, full: &Turns, threads: usize) -> Result<Vec
         }
     }
     let mut tried = each(&turns, threads, |turns| {
-        let part = halves.with(turns)?;
-        let areas = Areas::of(&judge(&FuseConfig::default(), &part.test()?, &part.healthy()?)?);
+        let part = split.with(turns)?;
+        let areas = Areas::new(&judge(&FuseConfig::default(), &part.test()?, &part.healthy()?)?);
         let auc = areas.auc().context("a plan has no area: no crack was planted, or nothing is sound")?;
         let shoulder_s = turns.count() as f64 * TURN_TAPS * TAP_S;
-        Ok(Tried { turns: turns.clone(), areas, auc, shoulder_s, is_on_front: false })
+        Ok(PlanResult { turns: turns.clone(), areas, auc, shoulder_s, is_on_front: false })
     })?;
     for k in 0..tried.len() {
-        let beats = |other: &Tried| {
+        let beats = |other: &PlanResult| {
             other.shoulder_s <= tried[k].shoulder_s && other.auc > tried[k].auc
                 || other.shoulder_s < tried[k].shoulder_s && other.auc >= tried[k].auc
         };
@@ -65,9 +65,9 @@ fn subsets(values: &[f64]) -> Vec<Vec<f64>> {
 }
 
 /// The cheapest plan that falls short of the full one by no more than allowed; of equally cheap ones the best.
-pub(super) fn cheapest(tried: &[Tried]) -> Option<&Tried> {
+pub(super) fn cheapest(tried: &[PlanResult]) -> Option<&PlanResult> {
     let full = tried.last()?;
-    let is_enough = |t: &&Tried| t.auc >= full.auc - SHORTFALL;
+    let is_enough = |t: &&PlanResult| t.auc >= full.auc - SHORTFALL;
     tried.iter().filter(is_enough).min_by(|a, b| a.shoulder_s.total_cmp(&b.shoulder_s).then(b.auc.total_cmp(&a.auc)))
 }
 
@@ -79,8 +79,8 @@ fn list(values: &[f64]) -> String {
 pub(super) fn table(
     name: &'static str,
     title: &'static str,
-    all: &[Tried],
-    is_told: impl Fn(&Tried) -> bool,
+    all: &[PlanResult],
+    is_shown: impl Fn(&PlanResult) -> bool,
     seed: u64,
 ) -> Table {
     let columns = [
@@ -97,12 +97,16 @@ pub(super) fn table(
     ];
     let mut table = Table::new(name, title, &columns);
     let Some(full) = all.last() else { return table };
-    for t in all.iter().filter(|t| is_told(t)) {
+    for t in all.iter().filter(|t| is_shown(t)) {
         let turns = &t.turns;
-        let mut row = vec![list(&turns.offsets_mm), list(&turns.velocities_m_per_s), turns.repetitions.to_string()];
+        let mut row = vec![
+            list(&turns.offsets_mm).into(),
+            list(&turns.velocities_m_per_s).into(),
+            usize::from(turns.repetitions).into(),
+        ];
         row.extend([t.shoulder_s, 2.0 * t.shoulder_s, t.auc, full.auc - t.auc].map(cell));
         row.extend(ends(full.areas.above_by_tyres(&t.areas, seed)));
-        row.push(if t.is_on_front { "yes" } else { "no" }.to_owned());
+        row.push(yes_or_no(t.is_on_front));
         table.push(row);
     }
     table

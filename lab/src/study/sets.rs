@@ -8,32 +8,32 @@ use tapline_model::{Crack, SimulationConfig};
 /// Cracks of a cracked tyre, one each in equal sectors of shoulder 1; its shoulder 2 is sound.
 pub(super) const CRACKS_PER_TYRE: u32 = 4;
 
-/// From the least to the greatest of what is drawn evenly.
+/// Range of a uniform random number.
 type Span = (f64, f64);
 
 /// What cracks of a set are like.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cracks {
-    pub(super) depth_mm: Span,
-    pub(super) length_mm: Span,
+    pub depth_mm: Span,
+    pub length_mm: Span,
     /// Where across the shoulder they begin.
-    pub(super) offset_mm: Span,
+    pub offset_mm: Span,
     /// Least and greatest number of locations.
-    pub(super) location_count: (u32, u32),
+    pub location_count: (u32, u32),
 }
 
-/// Of every set that says nothing else: down to where hardly anything is felt, or nothing would tell one index from another.
+/// Of every set that names no others: down to cracks that are hardly felt, since all indices find the others.
 const CRACKS: Cracks =
     Cracks { depth_mm: (10.0, 28.0), length_mm: (4.0, 20.0), offset_mm: (0.0, 0.0), location_count: (1, 8) };
 
 /// One simulated set.
 #[derive(Debug, Clone)]
 pub(super) struct Set {
-    pub(super) name: &'static str,
+    pub name: &'static str,
     /// In what it differs from the first.
-    pub(super) about: &'static str,
-    pub(super) simulation: SimulationConfig,
-    pub(super) cracks: Cracks,
+    pub about: &'static str,
+    pub simulation: SimulationConfig,
+    pub cracks: Cracks,
 }
 
 /// All of them; the first is the simulation as it is by default.

@@ -1,6 +1,6 @@
 //! How much is simulated: the default, what `--quick` does, and `--tyres`.
 
-use super::taken::Turns;
+use super::dataset::Turns;
 
 /// Offsets of the full plan, in mm, as in section 5.2.
 pub(super) const OFFSETS_MM: [f64; 4] = [0.0, 5.0, 10.0, 15.0];
@@ -15,30 +15,30 @@ pub(super) const VELOCITY_M_PER_S: f64 = 1.5;
 #[derive(Debug, Clone)]
 pub(super) struct Size {
     /// Tyres of a set: a half trains and a half is judged, of each half one in two is sound.
-    pub(super) tyres: usize,
+    pub tyres: usize,
     /// Locations of a ring.
-    pub(super) location_count: u32,
+    pub location_count: u32,
     /// Sound tyres of which false calls are counted.
-    pub(super) sound_tyres: usize,
+    pub sound_tyres: usize,
     /// How many references of each size are drawn of them.
-    pub(super) draws: usize,
+    pub draws: usize,
     /// Casings in those references.
-    pub(super) reference_sizes: Vec<usize>,
+    pub reference_sizes: Vec<usize>,
     /// Cracked tyres of which finds are counted.
-    pub(super) target_tyres: usize,
+    pub target_tyres: usize,
     /// Sound tyres that are the reference of those.
-    pub(super) target_reference: usize,
+    pub target_reference: usize,
     /// How many tyres a rig reads again, and how often.
-    pub(super) gauge_tyres: usize,
-    pub(super) gauge_scans: u16,
+    pub gauge_tyres: usize,
+    pub gauge_scans: u16,
     /// How many of the sets are simulated.
-    pub(super) set_count: usize,
+    pub set_count: usize,
     /// The turns of every set, and of the targets.
-    pub(super) turns: Turns,
+    pub turns: Turns,
     /// The full plan.
-    pub(super) full: Turns,
+    pub full: Turns,
     /// The turns of what counts false calls and of the gauge.
-    pub(super) short: Turns,
+    pub short: Turns,
 }
 
 fn turns(offsets_mm: &[f64], velocities_m_per_s: &[f64]) -> Turns {
@@ -47,7 +47,7 @@ fn turns(offsets_mm: &[f64], velocities_m_per_s: &[f64]) -> Turns {
 
 impl Size {
     /// The default: minutes on two cores.
-    pub(super) fn whole(tyres: usize) -> Self {
+    pub(super) fn full_study(tyres: usize) -> Self {
         Self {
             tyres,
             location_count: 100,
@@ -80,7 +80,7 @@ impl Size {
             set_count: 2,
             turns: turns(&OFFSETS_MM[..2], &[VELOCITY_M_PER_S]),
             full: turns(&OFFSETS_MM[..2], &VELOCITIES_M_PER_S[..2]),
-            ..Self::whole(tyres)
+            ..Self::full_study(tyres)
         }
     }
 }

@@ -1,5 +1,7 @@
 //! What the study finds, as tables: the same cells go to the terminal, to JSON, to CSV and onto the page.
 
+use std::fmt::{self, Display, Formatter};
+
 use anyhow::Result;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde_json::{Map, Value};
@@ -7,17 +9,74 @@ use serde_json::{Map, Value};
 /// Digits of a number: more than any of its intervals knows.
 const DIGITS: usize = 4;
 
+/// One cell of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Cell {
+    Text(String),
+    /// A finite number; shown to a few digits.
+    Number(f64),
+    Count(u64),
+    Empty,
+}
+
+impl Cell {
+    /// Its number, to all digits; `None` where it has none.
+    pub(super) fn number(&self) -> Option<f64> {
+        match *self {
+            Self::Number(value) => Some(value),
+            Self::Count(count) => Some(count as f64),
+            Self::Text(_) | Self::Empty => None,
+        }
+    }
+
+    pub(super) fn is_text(&self, text: &str) -> bool {
+        matches!(self, Self::Text(own) if own == text)
+    }
+}
+
+impl Display for Cell {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Text(text) => f.pad(text),
+            Self::Number(value) => {
+                let text = format!("{value:.*e}", DIGITS - 1);
+                f.pad(&text.parse::<f64>().map_or(text, |rounded| (rounded + 0.0).to_string()))
+            }
+            Self::Count(count) => f.pad(&count.to_string()),
+            Self::Empty => Ok(()),
+        }
+    }
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Self {
+        if text.is_empty() { Self::Empty } else { Self::Text(text) }
+    }
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Self {
+        text.to_owned().into()
+    }
+}
+
+impl From<usize> for Cell {
+    fn from(count: usize) -> Self {
+        Self::Count(count as u64)
+    }
+}
+
 /// One table.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Table {
     /// Name of its file, and its key in JSON.
-    pub(super) name: &'static str,
+    pub name: &'static str,
     /// What it shows.
-    pub(super) title: &'static str,
-    pub(super) columns: Vec<&'static str>,
-    pub(super) rows: Vec<Vec<String>>,
+    pub title: &'static str,
+    pub columns: Vec<&'static str>,
+    pub rows: Vec<Vec<Cell>>,
     /// Whether it is too long to be read at a terminal or on a page.
-    pub(super) is_long: bool,
+    pub is_long: bool,
 }
 
 impl Table {
@@ -34,32 +93,37 @@ impl Table {
         Self { is_long: true, ..self }
     }
 
-    pub(super) fn push(&mut self, cells: impl IntoIterator<Item = String>) {
+    pub(super) fn push(&mut self, cells: impl IntoIterator<Item = Cell>) {
         self.rows.push(cells.into_iter().collect());
     }
 
     /// The cell of `row` in the column of that name; empty where there is none.
-    pub(super) fn cell<'a>(&self, row: &'a [String], column: &str) -> &'a str {
+    pub(super) fn cell<'a>(&self, row: &'a [Cell], column: &str) -> &'a Cell {
         let place = self.columns.iter().position(|&name| name == column);
-        place.and_then(|place| row.get(place)).map_or("", String::as_str)
+        place.and_then(|place| row.get(place)).unwrap_or(&Cell::Empty)
+    }
+
+    /// The number of `row` in the column of that name, to all digits.
+    pub(super) fn number(&self, row: &[Cell], column: &str) -> Option<f64> {
+        self.cell(row, column).number()
     }
 
     pub(super) fn csv(&self) -> Result<String> {
         let mut out = csv::Writer::from_writer(Vec::new());
         out.write_record(&self.columns)?;
-        self.rows.iter().try_for_each(|row| out.write_record(row))?;
+        self.rows.iter().try_for_each(|row| out.write_record(row.iter().map(ToString::to_string)))?;
         Ok(String::from_utf8(out.into_inner()?)?)
     }
 
     /// Its rows as objects; a cell that is a number is one, an empty one is null.
     pub(super) fn json(&self) -> Value {
-        let cell = |text: &String| match (text.is_empty(), text.parse::<f64>()) {
-            (true, _) => Value::Null,
-            (false, Ok(number)) => Value::from(number),
-            (false, Err(_)) => Value::from(text.as_str()),
+        let value = |cell: &Cell| match cell {
+            Cell::Empty => Value::Null,
+            Cell::Text(text) => Value::from(text.as_str()),
+            Cell::Number(_) | Cell::Count(_) => cell.to_string().parse::<f64>().map_or(Value::Null, Value::from),
         };
-        let row = |row: &Vec<String>| {
-            let cells = self.columns.iter().zip(row).map(|(&column, text)| (column.to_owned(), cell(text)));
+        let row = |row: &Vec<Cell>| {
+            let cells = self.columns.iter().zip(row).map(|(&column, cell)| (column.to_owned(), value(cell)));
             Value::Object(cells.collect::<Map<_, _>>())
         };
         Value::Array(self.rows.iter().map(row).collect())
@@ -78,23 +142,26 @@ impl Table {
 
     /// As it stands on the page.
     pub(super) fn markdown(&self) -> String {
-        let line = |cells: &mut dyn Iterator<Item = &str>| format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "));
+        let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let head: Vec<String> = self.columns.iter().map(|column| column.replace('_', " ")).collect();
         let rule = format!("|{}\n", "---|".repeat(head.len()));
-        let rows: String = self.rows.iter().map(|row| line(&mut row.iter().map(String::as_str))).collect();
-        format!("{}{rule}{rows}", line(&mut head.iter().map(String::as_str)))
+        let rows: String = self.rows.iter().map(|row| line(row.iter().map(ToString::to_string).collect())).collect();
+        format!("{}{rule}{rows}", line(head))
     }
 }
 
-/// A number as a cell; absent is empty.
-pub(super) fn cell(value: impl Into<Option<f64>>) -> String {
-    let Some(value) = value.into().filter(|v| v.is_finite()) else { return String::new() };
-    let text = format!("{value:.*e}", DIGITS - 1);
-    text.parse::<f64>().map_or(text, |rounded| (rounded + 0.0).to_string())
+/// A number as a cell; absent is empty, and so is one that is not finite.
+pub(super) fn cell(value: impl Into<Option<f64>>) -> Cell {
+    value.into().filter(|value| value.is_finite()).map_or(Cell::Empty, Cell::Number)
+}
+
+/// Whether something is so, as a cell.
+pub(super) fn yes_or_no(is_so: bool) -> Cell {
+    if is_so { "yes" } else { "no" }.into()
 }
 
 /// Both ends of an interval as cells.
-pub(super) fn ends(interval: Option<(f64, f64)>) -> [String; 2] {
+pub(super) fn ends(interval: Option<(f64, f64)>) -> [Cell; 2] {
     [cell(interval.map(|i| i.0)), cell(interval.map(|i| i.1))]
 }
 
@@ -105,10 +172,11 @@ mod tests {
     /// Catches digits that are made up, an absent value that becomes a number, and a minus before nothing.
     #[test]
     fn cells_are_short() {
-        let cells = [Some(0.987_654_32), Some(123_456.0), Some(-0.0), Some(1e-7), Some(f64::NAN), None].map(cell);
+        let cells = [Some(0.987_654_32), Some(123_456.0), Some(-0.0), Some(1e-7), Some(f64::NAN), None]
+            .map(|value| cell(value).to_string());
         assert_eq!(cells, ["0.9877", "123500", "0", "0.0000001", "", ""]);
         let mut table = Table::new("t", "T", &["name", "auc", "low"]);
-        table.push(["x".to_owned(), cell(0.5), String::new()]);
+        table.push(["x".into(), cell(0.5), Cell::Empty]);
         assert_eq!(table.json().to_string(), r#"[{"auc":0.5,"low":null,"name":"x"}]"#);
         assert_eq!(table.csv().unwrap(), "name,auc,low\nx,0.5,\n");
         assert_eq!(table.markdown(), "| name | auc | low |\n|---|---|---|\n| x | 0.5 |  |\n");

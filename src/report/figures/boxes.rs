@@ -1,20 +1,20 @@
-//! Boxplots of cracked against sound locations, where the truth is known: what each discriminator tells apart.
+//! Boxplots of cracked against sound locations, where the truth is known: how well each discriminator separates them.
 
 use anyhow::Result;
-use plotters::prelude::*;
-use tapline_draw::canvas::{BLUE, INK, Point, VERMILLION, line};
-use tapline_draw::stats::{extent, quantile};
+use tapline_draw::boxplot::BoxStats;
+use tapline_draw::canvas::{BLUE, VERMILLION};
+use tapline_draw::stats::extent;
 use tapline_fuse::auc;
 use tapline_wire::Discriminator;
 
 use crate::report::evidence::condition::location_means;
 use crate::report::evidence::{Evidence, Shoulder, Tyre};
 use crate::report::figures::axis::Axis;
-use crate::report::figures::chart::{Chart, exponent_of, scaled_unit};
+use crate::report::figures::chart::{exponent_of, scaled_unit};
 use crate::report::figures::small::Small;
 
-/// Share of the values beyond either whisker.
-const BEYOND: f64 = 0.05;
+/// Half the width of a box, of the room a class has.
+const HALF: f64 = 0.26;
 
 /// What is compared: values of sound and of cracked locations.
 struct Classes {
@@ -73,41 +73,11 @@ fn picture(name: &str, unit: &str, classes: &Classes, sign: f64) -> Result<Optio
     let svg = small.svg(|chart| {
         for (x, values, color) in [(0.5, &classes.sound, BLUE), (1.5, &classes.cracked, VERMILLION)] {
             let values: Vec<f64> = values.iter().map(|value| value * scale).collect();
-            boxed(chart, x, &values, color)?;
+            if let Some(stats) = BoxStats::new(&values) {
+                stats.draw(chart, (x, HALF), color)?;
+            }
         }
         Ok(())
     })?;
     Ok(Some(svg))
-}
-
-/// The box of the middle half with its median, whiskers, and a dot for each value beyond them.
-fn boxed(chart: &mut Chart<'_, '_>, x: f64, values: &[f64], color: RGBColor) -> Result<()> {
-    const HALF: f64 = 0.26;
-    let at = |q: f64| quantile(values, q);
-    let (Some(low), Some(first), Some(middle), Some(third), Some(high)) =
-        (at(BEYOND), at(0.25), at(0.5), at(0.75), at(1.0 - BEYOND))
-    else {
-        return Ok(());
-    };
-    let stroke = |points: Vec<Point>, color: RGBColor, width: f64| PathElement::new(points, line(color, width));
-    chart.draw_series([Rectangle::new([(x - HALF, first), (x + HALF, third)], color.mix(0.3).filled())])?;
-    chart.draw_series([
-        stroke(
-            vec![(x - HALF, first), (x + HALF, first), (x + HALF, third), (x - HALF, third), (x - HALF, first)],
-            color,
-            1.5,
-        ),
-        stroke(vec![(x, third), (x, high)], color, 1.5),
-        stroke(vec![(x, first), (x, low)], color, 1.5),
-        stroke(vec![(x - 0.5 * HALF, high), (x + 0.5 * HALF, high)], color, 1.5),
-        stroke(vec![(x - 0.5 * HALF, low), (x + 0.5 * HALF, low)], color, 1.5),
-        stroke(vec![(x - HALF, middle), (x + HALF, middle)], INK, 2.25),
-    ])?;
-    let beyond = values.iter().filter(|value| **value < low || **value > high);
-    // Of many only some: they lie on each other.
-    let every = values.len() / 400 + 1;
-    let dots =
-        beyond.step_by(every).map(|&value| Circle::new((x, value), tapline_draw::canvas::units(1.5), color.filled()));
-    chart.draw_series(dots)?;
-    Ok(())
 }

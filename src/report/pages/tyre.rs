@@ -69,7 +69,7 @@ fn counted<'a>(texts: impl Iterator<Item = &'a str>) -> Vec<(String, usize)> {
 /// The damage maps, and the index around the ring.
 fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let geometry = evidence.geometry;
-    let scale = Scale::of(evidence);
+    let scale = Scale::new(evidence);
     let mut maps = Vec::new();
     for shoulder in &tyre.shoulders {
         let title = format!("{} {}", capital(side(geometry)), shoulder.number);
@@ -184,7 +184,7 @@ fn truth(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
 pub(crate) fn boxes_words(whom: &str, conditions: &str) -> Markup {
     html! {
         strong { "Locations of " (whom) " that are known to be cracked, against those known to be sound." }
-        " A box is the middle half of the locations with its median, whiskers reach over nine tenths, dots are the rest. The AUC is the chance that a cracked location stands beyond a sound one in the direction that is configured: 1 tells all apart, 0.5 is chance. Values are means over repetitions " (conditions) "; the index is that of all taps."
+        " A box holds the middle half of the locations, with their median; whiskers reach the farthest values within 1.5 heights of the box, and rings are values beyond. The AUC is the probability that a cracked location lies beyond a sound one in the configured direction: 1 separates them fully, 0.5 not at all. Values are means over repetitions " (conditions) "; the index is that of all taps."
     }
 }
 

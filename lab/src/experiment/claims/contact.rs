@@ -4,20 +4,21 @@ use anyhow::Result;
 use tapline_draw::stats::{mean, median};
 use tapline_wire::Discriminator;
 
-use super::{Agrees, Claim, digits, known, of};
+use super::{Agrees, Claim, digits, known, values};
+use crate::experiment::dataset::{Experiment, Tap};
 use crate::experiment::spectrum::{BAND_HZ, STEP_HZ};
-use crate::experiment::taken::{Experiment, Tap};
 
 pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
     let [turn, _] = experiment.repetitions(1);
     let typical = |which: Discriminator, severity: u8| {
-        known(median(&of(&turn, |tap| tap.severity == severity, |tap| tap.value(which))))
+        known(median(&values(&turn, |tap| tap.severity == severity, |tap| tap.value(which))))
     };
     let both = |which| -> Result<(f64, f64)> { Ok((typical(which, 0)?, typical(which, 3)?)) };
     let (f_max, tau, a_1) = (both(Discriminator::FMax)?, both(Discriminator::Tau)?, both(Discriminator::A1)?);
     let f_c_hz = 0.5 / tau.0;
-    let above_550 =
-        |severity: u8| known(mean(&of(&turn, |tap| tap.severity == severity, |tap| power_from(tap, 550.0, 2000.0))));
+    let above_550 = |severity: u8| {
+        known(mean(&values(&turn, |tap| tap.severity == severity, |tap| power_from(tap, 550.0, 2000.0))))
+    };
     let gain_db = 10.0 * (above_550(3)? / above_550(0)?).log10();
     let pair =
         |(sound, cracked): (f64, f64), scale: f64| format!("{} and {}", digits(sound * scale), digits(cracked * scale));

@@ -5,11 +5,11 @@ use anyhow::Result;
 use tapline_draw::stats::{mean, median, range, rmse, sd};
 use tapline_wire::Discriminator;
 
-use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, of, rises};
+use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, rises, values};
 use crate::experiment::SEVEN;
-use crate::experiment::quartiles::Quartiles;
-use crate::experiment::sheets::{SIX, repeats};
-use crate::experiment::taken::{Experiment, Tap};
+use crate::experiment::dataset::{Experiment, Tap};
+use crate::experiment::figures::{SIX, repeats};
+use tapline_draw::boxplot::BoxStats;
 
 pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
     let turns = experiment.repetitions(1);
@@ -24,7 +24,7 @@ fn is_sound(tap: &Tap) -> bool {
     !tap.is_cracked()
 }
 
-/// What `value` says of each of `which`.
+/// The value of each of `which`.
 fn each<const N: usize>(
     which: [Discriminator; N],
     value: impl Fn(Discriminator) -> Result<f64>,
@@ -110,7 +110,7 @@ fn repetitions(turns: &[Vec<&Tap>; 2]) -> Result<Vec<Claim>> {
 fn fluctuation(turn: &[&Tap], which: Discriminator) -> Result<f64> {
     let steps = turn.windows(2).filter(|pair| pair.iter().all(|tap| is_sound(tap)));
     let pairs: Vec<(f64, f64)> = steps.filter_map(|pair| pair[0].value(which).zip(pair[1].value(which))).collect();
-    let range = known(range(&of(turn, |_| true, |tap| tap.value(which))))?;
+    let range = known(range(&values(turn, |_| true, |tap| tap.value(which))))?;
     Ok(known(rmse(&pairs))? / range)
 }
 
@@ -132,13 +132,13 @@ fn fluctuations(turn: &[&Tap]) -> Result<Claim> {
 
 fn severity(turn: &[&Tap]) -> Result<Vec<Claim>> {
     let means = |which: Discriminator| -> Result<Vec<f64>> {
-        (0..=3_u8).map(|step| known(mean(&of(turn, |tap| tap.severity == step, |tap| tap.value(which))))).collect()
+        (0..=3_u8).map(|step| known(mean(&values(turn, |tap| tap.severity == step, |tap| tap.value(which))))).collect()
     };
     let [f_max, tau, a_1, pr] = [FMax, Tau, A1, Pr].map(means);
     let (f_max, tau, a_1, pr) = (f_max?, tau?, a_1?, pr?);
     let scaled = |values: &[f64], scale: f64| list(&values.iter().map(|value| value * scale).collect::<Vec<_>>(), ", ");
     let falling: Vec<f64> = f_max.iter().map(|value| -value).collect();
-    // Share of the whole change that comes after severity 1.
+    // Fraction of the whole change that comes after severity 1.
     let late = |means: &[f64]| (means[3] - means[1]) / (means[3] - means[0]);
     let (of_force, of_sound) = ([late(&f_max), late(&tau)], [late(&a_1), late(&pr)]);
     Ok(vec![
@@ -170,7 +170,7 @@ fn severity(turn: &[&Tap]) -> Result<Vec<Claim>> {
             quantity: "share of the change that comes after severity 1: F_max, tau; A_1, PR",
             dissertation: "",
             ours: format!("{}; {}", list(&of_force, ", "), list(&of_sound, ", ")),
-            agrees: Agrees::from(of_sound.iter().all(|share| of_force.iter().all(|force| share < force))),
+            agrees: Agrees::from(of_sound.iter().all(|sound| of_force.iter().all(|force| sound < force))),
             remark: "Both of the sound below both of the force. The scale decides the slope: ours is a compliance, the \
                      dissertation's the height of a speckle.",
         },
@@ -178,27 +178,27 @@ fn severity(turn: &[&Tap]) -> Result<Vec<Claim>> {
 }
 
 fn cracked_and_sound(turn: &[&Tap]) -> Result<Vec<Claim>> {
-    let halves = |which: Discriminator| {
+    let by_class = |which: Discriminator| {
         let value = |tap: &Tap| tap.value(which);
-        (of(turn, is_sound, value), of(turn, Tap::is_cracked, value))
+        (values(turn, is_sound, value), values(turn, Tap::is_cracked, value))
     };
     let distance = |which: Discriminator| {
-        let (sound, cracked) = halves(which);
+        let (sound, cracked) = by_class(which);
         Ok((known(median(&cracked))? - known(median(&sound))?).abs() / known(sd(&sound))?)
     };
     let force = each([FMax, Tau], distance)?;
     let sound = each([A1, Pr], distance)?;
     let greatest = extreme(numbers(&force), 1.0)?;
     let spread = each(SEVEN, |which| {
-        let (sound, cracked) = halves(which);
-        let (sound, cracked) = (Quartiles::of(&sound), Quartiles::of(&cracked));
-        known(sound.zip(cracked).map(|(sound, cracked)| cracked.spread() / sound.spread()))
+        let (sound, cracked) = by_class(which);
+        let (sound, cracked) = (BoxStats::new(&sound), BoxStats::new(&cracked));
+        known(sound.zip(cracked).map(|(sound, cracked)| cracked.height() / sound.height()))
     })?;
     let value = |which| known(spread.iter().find(|(other, _)| *other == which).map(|(_, value)| *value));
     let (of_pr, of_e_f) = (value(Pr)?, value(Ef)?);
     let others = [value(FMax)?, value(Tau)?, value(A1)?, value(Pf)?];
     let single = each(SIX, |which| {
-        let (sound, cracked) = halves(which);
+        let (sound, cracked) = by_class(which);
         let auc = auc_of(&sound, &cracked)?;
         Ok(if which == FMax { 1.0 - auc } else { auc })
     })?;

@@ -4,15 +4,15 @@ use anyhow::{Context as _, Result};
 use tapline_draw::stats::{mean, median, range, sd};
 use tapline_wire::Discriminator;
 
-use super::{Agrees, Claim, auc_of, digits, extreme, known, list, of, rises};
-use crate::experiment::taken::{Experiment, Tap};
+use super::{Agrees, Claim, auc_of, digits, extreme, known, list, rises, values};
+use crate::experiment::dataset::{Experiment, Tap};
 use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT};
 
 /// Locations of the faint crack that shearography did not see: 75 to 110 degrees.
 const UNSEEN: std::ops::Range<u32> = 21..31;
-/// Velocity, in V_0, from which the contact time is said not to change.
+/// Velocity, in V_0, from which the contact time is claimed not to change.
 const FLAT_FROM: f64 = 1.4;
-/// Velocity below which the contact time is said to tell cracks.
+/// Velocity below which the contact time is claimed to show cracks.
 const USABLE_BELOW_M_PER_S: f64 = 2.0;
 
 pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
@@ -30,7 +30,7 @@ fn peak(tap: &Tap) -> Option<f64> {
 /// at x = 0: an offset does not change where the planted cracks are.
 fn peaks(turn: &[&Tap], at_edge: &[&Tap]) -> Result<(f64, f64, f64)> {
     let sound = turn.iter().zip(at_edge).filter(|(_, edge)| !edge.is_cracked()).map(|(tap, _)| tap.peak_v);
-    let all = of(turn, |_| true, peak);
+    let all = values(turn, |_| true, peak);
     Ok((known(median(&sound.collect::<Vec<_>>()))?, extreme(all.iter().copied(), 1.0)?, known(range(&all))?))
 }
 
@@ -43,8 +43,8 @@ fn offsets(experiment: &Experiment) -> Result<Vec<Claim>> {
             .map(|part| peaks.iter().map(part).collect::<Vec<f64>>());
     let falling: Vec<f64> = spans.iter().map(|span| -span).collect();
     let flat = spans.last().zip(spans.first()).map(|(last, first)| last / first);
-    let unseen = of(at_edge, |tap| UNSEEN.contains(&tap.found.id.location), peak);
-    let sound = of(at_edge, |tap| !tap.is_cracked(), peak);
+    let unseen = values(at_edge, |tap| UNSEEN.contains(&tap.found.id.location), peak);
+    let sound = values(at_edge, |tap| !tap.is_cracked(), peak);
     let above = (known(mean(&unseen))? - known(mean(&sound))?) / known(sd(&sound))?;
     Ok(vec![
         Claim {
@@ -105,11 +105,11 @@ fn offsets(experiment: &Experiment) -> Result<Vec<Claim>> {
 
 /// Mean contact time and its standard deviation at each velocity at one place.
 fn contact_times(experiment: &Experiment, tyre: &str) -> Result<Vec<(f64, f64, f64)>> {
-    let taken = &experiment.at_one_place.taps;
-    let here: Vec<&Tap> = taken.iter().filter(|tap| tap.found.id.tyre.as_str() == tyre).collect();
+    let dataset = &experiment.at_one_place.taps;
+    let here: Vec<&Tap> = dataset.iter().filter(|tap| tap.found.id.tyre.as_str() == tyre).collect();
     let same = |a: &&Tap, b: &&Tap| a.found.id.velocity_m_per_s() == b.found.id.velocity_m_per_s();
     let at = |taps: &[&Tap]| {
-        let tau_s = of(taps, |_| true, |tap| tap.value(Discriminator::Tau));
+        let tau_s = values(taps, |_| true, |tap| tap.value(Discriminator::Tau));
         Ok((known(taps[0].found.id.velocity_m_per_s())?, known(mean(&tau_s))?, known(sd(&tau_s))?))
     };
     here.chunk_by(same).map(at).collect()
@@ -194,13 +194,13 @@ fn one_place(experiment: &Experiment) -> Result<Vec<Claim>> {
 fn velocities(experiment: &Experiment) -> Result<Vec<Claim>> {
     let turns = experiment.velocity_turns();
     let tau = |tap: &Tap| tap.value(Discriminator::Tau);
-    let told = |value: &dyn Fn(&Tap) -> Option<f64>| {
+    let aucs = |value: &dyn Fn(&Tap) -> Option<f64>| {
         let auc = |(_, turn): &(f64, Vec<&Tap>)| {
-            auc_of(&of(turn, |tap| !tap.is_cracked(), value), &of(turn, Tap::is_cracked, value))
+            auc_of(&values(turn, |tap| !tap.is_cracked(), value), &values(turn, Tap::is_cracked, value))
         };
         turns.iter().map(auc).collect::<Result<Vec<f64>>>()
     };
-    let span = |value: &dyn Fn(&Tap) -> Option<f64>, turn: &[&Tap]| known(range(&of(turn, |_| true, value)));
+    let span = |value: &dyn Fn(&Tap) -> Option<f64>, turn: &[&Tap]| known(range(&values(turn, |_| true, value)));
     let spans = |value: &dyn Fn(&Tap) -> Option<f64>| -> Result<Vec<f64>> {
         turns.iter().map(|(_, turn)| span(value, turn)).collect()
     };
@@ -208,7 +208,7 @@ fn velocities(experiment: &Experiment) -> Result<Vec<Claim>> {
         Ok(extreme(spans.iter().copied(), 1.0)? / extreme(spans.iter().copied(), -1.0)?)
     };
     let (tau_spans, peak_spans) = (spans(&tau)?, spans(&peak)?);
-    let (tau_auc, peak_auc) = (told(&tau)?, told(&peak)?);
+    let (tau_auc, peak_auc) = (aucs(&tau)?, aucs(&peak)?);
     let over_offsets: Vec<f64> =
         experiment.offset_turns().iter().map(|(_, turn)| span(&peak, turn)).collect::<Result<_>>()?;
     let (by_velocity, by_offset) = (widest(&peak_spans)?, widest(&over_offsets)?);

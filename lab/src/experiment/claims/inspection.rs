@@ -5,10 +5,10 @@ use tapline_draw::stats::{mean, median, range, sd};
 use tapline_wire::Discriminator;
 
 use super::contact::power_from;
-use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, of, rises};
+use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, rises, values};
+use crate::experiment::dataset::{Experiment, Tap, Turn, averaged};
+use crate::experiment::figures::SIX;
 use crate::experiment::index::{Indices, PowerRatio, indices};
-use crate::experiment::sheets::SIX;
-use crate::experiment::taken::{Experiment, Tap, Turn, averaged};
 use crate::experiment::tyres::{NEW, REPRESENTATIVE, SLIGHT};
 
 /// End of the part of shoulder 2 in which the dissertation sees variations.
@@ -49,7 +49,7 @@ fn both_shoulders(experiment: &Experiment) -> Result<Vec<Claim>> {
         shifts.into_iter().filter(|(which, _)| !matches!(which, Discriminator::FMax | Discriminator::Pr)).collect();
     let beginning = |is: bool| {
         let turn = &turns[1][0];
-        known(sd(&of(turn, |tap| (tap.angle_deg < BEGINNING_DEG) == is, |tap| tap.value(Discriminator::Tau))))
+        known(sd(&values(turn, |tap| (tap.angle_deg < BEGINNING_DEG) == is, |tap| tap.value(Discriminator::Tau))))
     };
     let ratio = beginning(true)? / beginning(false)?;
     Ok(vec![
@@ -251,7 +251,7 @@ fn damage(experiment: &Experiment) -> Result<Vec<Claim>> {
 fn b_scan(experiment: &Experiment) -> Result<Claim> {
     let [[first, _], [second, _]] = [1, 2].map(|shoulder| experiment.repetitions(shoulder));
     let level = |turn: &[&Tap], is_in: &dyn Fn(&Tap) -> bool| {
-        known(mean(&of(turn, is_in, |tap| power_from(tap, 500.0, 1000.0))))
+        known(mean(&values(turn, is_in, |tap| power_from(tap, 500.0, 1000.0))))
     };
     let sound = level(&first, &|tap| !tap.is_cracked())?;
     let db = |power: f64| 10.0 * (power / sound).log10();

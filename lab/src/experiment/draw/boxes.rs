@@ -3,11 +3,11 @@
 use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
-use tapline_draw::canvas::{Area, INK, PALE_INK, line, units, write};
+use tapline_draw::canvas::{Area, INK, PALE_INK, line, write};
 
 use super::dot;
-use crate::experiment::quartiles::Quartiles;
-use crate::figures::axes::{Axis, Chart, Frame, axes};
+use tapline_draw::axes::{Axis, Chart, Frame, axes};
+use tapline_draw::boxplot::BoxStats;
 
 /// Half the width of a box, of the room a group has.
 const HALF: f64 = 0.28;
@@ -15,24 +15,24 @@ const HALF: f64 = 0.28;
 /// A group of values.
 #[derive(Debug, Clone)]
 pub(in crate::experiment) struct Category {
-    pub(in crate::experiment) label: String,
-    pub(in crate::experiment) color: RGBColor,
-    pub(in crate::experiment) of: Quartiles,
+    pub label: String,
+    pub color: RGBColor,
+    pub stats: BoxStats,
 }
 
 impl Category {
     pub(super) fn extremes(&self) -> impl Iterator<Item = f64> {
-        let (low, high) = self.of.whiskers;
-        [low, high].into_iter().chain(self.of.outliers.iter().copied())
+        let (low, high) = self.stats.whiskers;
+        [low, high].into_iter().chain(self.stats.outliers.iter().copied())
     }
 }
 
 /// A bar.
 #[derive(Debug, Clone)]
 pub(in crate::experiment) struct Bar {
-    pub(in crate::experiment) label: String,
-    pub(in crate::experiment) color: RGBColor,
-    pub(in crate::experiment) value: f64,
+    pub label: String,
+    pub color: RGBColor,
+    pub value: f64,
 }
 
 /// Axes with a place for each of `labels`, which stand below them.
@@ -56,21 +56,11 @@ pub(super) fn draw(
 ) -> Result<()> {
     let labels: Vec<&str> = categories.iter().map(|c| c.label.as_str()).collect();
     let mut chart = grouped(area, frame, axes, &labels)?;
-    for (k, Category { color, of, .. }) in categories.iter().enumerate() {
-        let x = k as f64 + 0.5;
-        let stroke = line(*color, 1.5);
-        let body = [(x - HALF, of.low), (x + HALF, of.high)];
-        chart.draw_series([Rectangle::new(body, color.mix(0.25).filled()), Rectangle::new(body, stroke)])?;
-        let across = |y: f64, half: f64| vec![(x - half, y), (x + half, y)];
-        let (low, high) = of.whiskers;
-        let strokes =
-            [vec![(x, of.low), (x, low)], vec![(x, of.high), (x, high)], across(low, 0.12), across(high, 0.12)];
-        chart.draw_series(strokes.map(|points| PathElement::new(points, stroke)))?;
-        chart.draw_series([PathElement::new(across(of.median, HALF), line(INK, 2.0))])?;
-        chart.draw_series(of.outliers.iter().map(|&y| Circle::new((x, y), units(2.0), line(*color, 1.0))))?;
+    for (k, Category { color, stats, .. }) in categories.iter().enumerate() {
+        stats.draw(&mut chart, (k as f64 + 0.5, HALF), *color)?;
     }
     if joins_means {
-        let means: Vec<_> = categories.iter().enumerate().map(|(k, c)| (k as f64 + 0.5, c.of.mean)).collect();
+        let means: Vec<_> = categories.iter().enumerate().map(|(k, c)| (k as f64 + 0.5, c.stats.mean)).collect();
         chart.draw_series([PathElement::new(means.clone(), line(INK, 1.5))])?;
         chart.draw_series(means.into_iter().map(|p| dot(p, 3.0, INK)))?;
     }

@@ -5,18 +5,18 @@ use plotters::prelude::*;
 use tapline_draw::canvas::{Area, Point, units};
 
 use super::{Shade, dot, shade};
-use crate::figures::axes::{Axis, Frame, axes};
+use tapline_draw::axes::{Axis, Frame, axes};
 
 /// One curve.
 #[derive(Debug, Clone)]
 pub(in crate::experiment) struct Curve {
     /// A point that is no number parts it.
-    pub(in crate::experiment) points: Vec<Point>,
-    pub(in crate::experiment) color: RGBColor,
+    pub points: Vec<Point>,
+    pub color: RGBColor,
     /// Of the line, or radius of the dots, in pixels.
-    pub(in crate::experiment) width: f64,
+    pub width: f64,
     /// Dots in place of a line.
-    pub(in crate::experiment) has_dots: bool,
+    pub has_dots: bool,
 }
 
 pub(super) fn draw(

@@ -4,7 +4,7 @@ use anyhow::Result;
 use plotters::prelude::*;
 use tapline_draw::canvas::{Area, Point};
 
-use crate::figures::axes::{Axis, Frame, axes};
+use tapline_draw::axes::{Axis, Frame, axes};
 
 /// From dark to bright, and so readable without colour: steps of the map "viridis".
 const LEVELS: [RGBColor; 10] = [
@@ -29,13 +29,13 @@ pub(in crate::experiment) fn level_colors() -> impl Iterator<Item = RGBColor> {
 #[derive(Debug, Clone)]
 pub(in crate::experiment) struct Map {
     /// Abscissa of the left edge of each column, and of the right edge of the last.
-    pub(in crate::experiment) x_edges: Vec<f64>,
+    pub x_edges: Vec<f64>,
     /// Range of the ordinate, cut into as many steps as a column has values.
-    pub(in crate::experiment) y: Point,
+    pub y: Point,
     /// Column by column, from below.
-    pub(in crate::experiment) columns: Vec<Vec<f64>>,
+    pub columns: Vec<Vec<f64>>,
     /// Values of the lowest and of the highest colour.
-    pub(in crate::experiment) levels: Point,
+    pub levels: Point,
 }
 
 impl Map {

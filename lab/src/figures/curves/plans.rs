@@ -8,10 +8,10 @@ use tapline_model::{FACTORS, Field};
 
 /// A figure before it is computed.
 pub(super) struct Plan {
-    pub(super) title: &'static str,
-    pub(super) x: Abscissa,
-    pub(super) y: Axis,
-    pub(super) families: Vec<Family>,
+    pub title: &'static str,
+    pub x: Abscissa,
+    pub y: Axis,
+    pub families: Vec<Family>,
 }
 
 /// Curves that differ in their rung only.

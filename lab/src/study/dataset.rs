@@ -11,19 +11,19 @@ use tapline_wire::{Discriminators, Plan, PlannedTap, Truth};
 
 use crate::in_memory::InMemoryScan;
 
-/// A plan and what came of each of its taps.
+/// A plan and the discriminators of each of its taps.
 #[derive(Debug, Clone)]
-pub(super) struct Taken {
-    pub(super) plan: Plan,
-    pub(super) records: Vec<Discriminators>,
+pub(super) struct Dataset {
+    pub plan: Plan,
+    pub records: Vec<Discriminators>,
 }
 
 /// Which turns are made around a shoulder.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Turns {
-    pub(super) offsets_mm: Vec<f64>,
-    pub(super) velocities_m_per_s: Vec<f64>,
-    pub(super) repetitions: u16,
+    pub offsets_mm: Vec<f64>,
+    pub velocities_m_per_s: Vec<f64>,
+    pub repetitions: u16,
 }
 
 impl Turns {
@@ -42,9 +42,9 @@ impl Turns {
     }
 }
 
-impl Taken {
-    /// Scans `tyres`; all that is left to chance is decided by `seed`.
-    pub(super) fn of(
+impl Dataset {
+    /// Scans `tyres`; `seed` decides every random number.
+    pub(super) fn scan(
         simulation: &SimulationConfig,
         tyres: Vec<TyreConfig>,
         turns: &Turns,

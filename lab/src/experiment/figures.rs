@@ -1,4 +1,4 @@
-//! The figures of chapter 5, each as a sheet to draw and a table.
+//! The figures of chapter 5, each as a picture to draw and a table.
 
 mod effects;
 mod groups;
@@ -12,9 +12,9 @@ pub(super) use groups::repeats;
 
 use tapline_draw::canvas::Point;
 
-use super::draw::{Content, Curve, Panel, Shade, Sheet};
+use super::dataset::{Experiment, Tap};
+use super::draw::{Content, Curve, Picture, Plot, Shade};
 use super::index::{Indices, PowerRatio, indices};
-use super::taken::{Experiment, Tap};
 use crate::figures::significant;
 
 /// The six discriminators of the index: all but A_2 (section 5.4.3).
@@ -27,9 +27,9 @@ pub(super) const SIX: [Discriminator; 6] = {
 #[derive(Debug, Clone)]
 pub(super) struct Figure {
     /// Name of its files.
-    pub(super) name: &'static str,
-    pub(super) sheet: Sheet,
-    pub(super) table: Table,
+    pub name: &'static str,
+    pub picture: Picture,
+    pub table: Table,
 }
 
 /// Rows of a CSV file, in SI units but for angles and offsets, as everywhere in the program.
@@ -79,7 +79,7 @@ fn cell(value: impl Into<Option<f64>>) -> String {
     value.into().map_or_else(String::new, significant)
 }
 
-/// How a discriminator is written on a sheet: symbol, unit, and how many of that unit the SI unit is.
+/// How a discriminator is written on a picture: symbol, unit, and how many of that unit the SI unit is.
 fn shown(which: Discriminator) -> (&'static str, &'static str, f64) {
     let (symbol, per_si, unit) = which.printed();
     // A simulated sound is some millivolts.
@@ -110,22 +110,15 @@ fn shades(turn: &[&Tap]) -> Vec<Shade> {
     .collect()
 }
 
-/// A curve around the ring of what `value` says of each tap.
+/// A curve of `value` around the ring.
 fn around(turn: &[&Tap], color: RGBColor, width: f64, value: impl Fn(&Tap) -> Option<f64>) -> Curve {
     let points = turn.iter().map(|tap| (tap.angle_deg, value(tap).unwrap_or(f64::NAN))).collect();
     Curve { points, color, width, has_dots: false }
 }
 
-/// A panel of curves around the ring.
-fn ring_panel(name: String, y_label: &'static str, y: Option<Point>, curves: Vec<Curve>, shades: Vec<Shade>) -> Panel {
-    Panel {
-        name,
-        x_label: "Angle in degrees",
-        x: (0.0, 360.0),
-        y_label,
-        y,
-        content: Content::Curves { curves, shades },
-    }
+/// A plot of curves around the ring.
+fn ring_plot(name: String, y_label: &'static str, y: Option<Point>, curves: Vec<Curve>, shades: Vec<Shade>) -> Plot {
+    Plot { name, x_label: "Angle in degrees", x: (0.0, 360.0), y_label, y, content: Content::Curves { curves, shades } }
 }
 
 #[cfg(test)]

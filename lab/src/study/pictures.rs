@@ -3,29 +3,29 @@
 use plotters::style::RGBColor;
 use tapline_fuse::{Combine, IndexKind};
 
+use super::candidates::{Candidate, SingleDiscriminator, best_alone};
 use super::detection::Detection;
-use super::draw::{Mark, Panel, Sheet, axis};
-use super::judged::Judged;
-use super::plans::{RIVAL_CASING_S, Tried, cheapest};
-use super::rivals::{Alone, Rival, best_alone};
+use super::draw::{Mark, Picture, Plot, axis};
+use super::judge::ShoulderResult;
+use super::plans::{COMPETITOR_CASING_S, PlanResult, cheapest};
 use super::summary::find;
 use tapline_draw::canvas::{INK, PALE_INK, Point};
 use tapline_draw::palette::COLORS;
 
 /// All of them.
-pub(super) fn sheets(
-    rivals: &[Rival],
-    alone: &[Alone],
+pub(super) fn pictures(
+    candidates: &[Candidate],
+    alone: &[SingleDiscriminator],
     detection: &[Detection],
-    plans: &[Tried],
+    plans: &[PlanResult],
     sets: &[&'static str],
     seed: u64,
-) -> Vec<Sheet> {
-    vec![roc(rivals, sets), indices(rivals, alone, sets, seed), pod(detection), by_time(plans)]
+) -> Vec<Picture> {
+    vec![roc(candidates, sets), indices(candidates, alone, sets, seed), pod(detection), by_time(plans)]
 }
 
-/// False and true shares of called locations, from the strictest limit to the loosest.
-pub(super) fn roc_points(judged: &[Judged]) -> Vec<Point> {
+/// False and true positive rates of called locations, from the strictest limit to the loosest.
+pub(super) fn roc_points(judged: &[ShoulderResult]) -> Vec<Point> {
     let places = judged.iter().flat_map(|j| j.index.iter().copied().zip(j.is_cracked.iter().copied()));
     let mut places: Vec<(f64, bool)> = places.filter(|(x, _)| !x.is_nan()).collect();
     places.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -47,19 +47,19 @@ pub(super) fn roc_points(judged: &[Judged]) -> Vec<Point> {
     (0..points.len()).filter(|&k| k == 0 || k + 1 == points.len() || is_corner(k)).map(|k| points[k]).collect()
 }
 
-fn roc(rivals: &[Rival], sets: &[&'static str]) -> Sheet {
+fn roc(candidates: &[Candidate], sets: &[&'static str]) -> Picture {
     let shown = [
         ("healthy", IndexKind::default(), "default, healthy reference"),
         ("healthy", IndexKind::Dissertation, "dissertation, healthy"),
         ("labelled", IndexKind::LogOdds, "log odds, labelled"),
         ("self", IndexKind::default(), "default, self"),
     ];
-    let panel = |&set: &&'static str| {
+    let plot = |&set: &&'static str| {
         let curve = |(&(reference, index, _), color): (&(&str, IndexKind, &str), RGBColor)| {
-            let rival = find(rivals, set, reference, index, Combine::default())?;
-            Some(Mark::Line(roc_points(&rival.judged), color, 1.75))
+            let candidate = find(candidates, set, reference, index, Combine::default())?;
+            Some(Mark::Line(roc_points(&candidate.judged), color, 1.75))
         };
-        Panel {
+        Plot {
             name: set.to_owned(),
             x: axis("Sound locations called", (0.0, 0.5), 6),
             y: axis("Cracked locations called", (0.5, 1.0), 6),
@@ -67,7 +67,7 @@ fn roc(rivals: &[Rival], sets: &[&'static str]) -> Sheet {
             marks: shown.iter().zip(COLORS).rev().filter_map(curve).map(cut).collect(),
         }
     };
-    Sheet {
+    Picture {
         name: "roc",
         beside: "ways",
         title: "Cracked against sound locations, set by set",
@@ -75,11 +75,11 @@ fn roc(rivals: &[Rival], sets: &[&'static str]) -> Sheet {
         keys: shown.iter().zip(COLORS).map(|(&(_, _, name), color)| (name.to_owned(), color)).collect(),
         columns: 3,
         height: 190.0,
-        panels: sets.iter().map(panel).collect(),
+        plots: sets.iter().map(plot).collect(),
     }
 }
 
-/// A curve with the part that lies in the quarter that is shown: false share to 0.5, true share from 0.5.
+/// A curve with the part that lies in the quarter that is shown: false positive rate to 0.5, true positive rate from 0.5.
 fn cut(mark: Mark) -> Mark {
     let Mark::Line(points, color, width) = mark else { return mark };
     let mut kept: Vec<Point> = Vec::new();
@@ -102,17 +102,19 @@ fn cut(mark: Mark) -> Mark {
     Mark::Line(kept, color, width)
 }
 
-fn indices(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) -> Sheet {
+fn indices(candidates: &[Candidate], alone: &[SingleDiscriminator], sets: &[&'static str], seed: u64) -> Picture {
     let references = ["healthy", "labelled", "self"];
-    let panel = |&set: &&'static str| {
+    let plot = |&set: &&'static str| {
         let mut rows = Vec::new();
         let mut marks = Vec::new();
         let mut least = 1.0;
         for index in IndexKind::ALL {
             let height = rows.len() as f64 + 0.5;
             for (k, (reference, color)) in references.into_iter().zip(COLORS).enumerate() {
-                let Some(rival) = find(rivals, set, reference, index, Combine::default()) else { continue };
-                let (Some(auc), Some((low, high))) = (rival.areas.auc(), rival.areas.by_tyres(seed)) else { continue };
+                let Some(candidate) = find(candidates, set, reference, index, Combine::default()) else { continue };
+                let (Some(auc), Some((low, high))) = (candidate.areas.auc(), candidate.areas.by_tyres(seed)) else {
+                    continue;
+                };
                 let y = height + 0.24 * (k as f64 - 1.0);
                 least = if low < least { low } else { least };
                 marks.push(Mark::Bar((low, y), (high, y), color));
@@ -125,9 +127,9 @@ fn indices(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) 
             marks.insert(0, Mark::Line(vec![(single, 0.0), (single, rows.len() as f64)], INK, 1.25));
         }
         let best = best_alone(alone, set).map_or_else(String::new, |a| format!("; line: {} alone", a.which.name()));
-        Panel { name: format!("{set}{best}"), x: axis("AUC", (from, 1.0), 5), y: axis("", (0.0, 1.0), 0), rows, marks }
+        Plot { name: format!("{set}{best}"), x: axis("AUC", (from, 1.0), 5), y: axis("", (0.0, 1.0), 0), rows, marks }
     };
-    Sheet {
+    Picture {
         name: "indices",
         beside: "ways",
         title: "Every index on every set, its conditions combined as by default",
@@ -135,12 +137,12 @@ fn indices(rivals: &[Rival], alone: &[Alone], sets: &[&'static str], seed: u64) 
         keys: references.iter().zip(COLORS).map(|(name, color)| (format!("{name} reference"), color)).collect(),
         columns: 3,
         height: 210.0,
-        panels: sets.iter().map(panel).collect(),
+        plots: sets.iter().map(plot).collect(),
     }
 }
 
-fn pod(detection: &[Detection]) -> Sheet {
-    let panel = |d: &Detection| {
+fn pod(detection: &[Detection]) -> Picture {
+    let plot = |d: &Detection| {
         let (low, high) = (3.0, 31.0);
         let sizes = || (0..=110_u32).map(|k| low + (high - low) * f64::from(k) / 110.0);
         let at = |found: bool| -> Vec<Point> {
@@ -163,7 +165,7 @@ fn pod(detection: &[Detection]) -> Sheet {
             marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod(x)?))).collect(), COLORS[1], 2.25));
             marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod_lower_95(x)?))).collect(), COLORS[1], 1.0));
         }
-        Panel {
+        Plot {
             name,
             x: axis("Length across the shoulder in mm", (low, high), 8),
             y: axis("Probability of detection", (-0.05, 1.05), 6),
@@ -171,7 +173,7 @@ fn pod(detection: &[Detection]) -> Sheet {
             marks,
         }
     };
-    Sheet {
+    Picture {
         name: "pod",
         beside: "detection",
         title: "Probability of detection against the length of the crack",
@@ -183,12 +185,12 @@ fn pod(detection: &[Detection]) -> Sheet {
             .collect(),
         columns: 2,
         height: 240.0,
-        panels: detection.iter().map(panel).collect(),
+        plots: detection.iter().map(plot).collect(),
     }
 }
 
-fn by_time(plans: &[Tried]) -> Sheet {
-    let point = |t: &Tried| (t.shoulder_s / 60.0, t.auc);
+fn by_time(plans: &[PlanResult]) -> Picture {
+    let point = |t: &PlanResult| (t.shoulder_s / 60.0, t.auc);
     let all: Vec<Point> = plans.iter().map(point).collect();
     let mut front: Vec<Point> = plans.iter().filter(|t| t.is_on_front).map(point).collect();
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -211,18 +213,18 @@ fn by_time(plans: &[Tried]) -> Sheet {
     }
     let keys =
         [("a plan", COLORS[0]), ("front", COLORS[1]), ("full plan", INK), ("cheapest within 0.01 of it", COLORS[2])];
-    Sheet {
+    Picture {
         name: "plans",
         beside: "plans_of_note",
         title: "AUC against time on the rig, plan by plan",
         note: format!(
-            "1.7 s a tap, 100 locations a turn. Grey: 0.01 below the full plan. The rival machine takes {RIVAL_CASING_S} s for both shoulders, \
+            "1.7 s a tap, 100 locations a turn. Grey: 0.01 below the full plan. The competing machine takes {COMPETITOR_CASING_S} s for both shoulders, \
              left of every plan."
         ),
         keys: keys.map(|(name, color)| (name.to_owned(), color)).to_vec(),
         columns: 1,
         height: 320.0,
-        panels: vec![Panel {
+        plots: vec![Plot {
             name: String::new(),
             x: axis("Minutes a shoulder", (0.0, 1.06 * longest), 12),
             y: axis("AUC", (least - room, most + room), 7),
@@ -239,7 +241,7 @@ mod tests {
     /// Catches a curve that does not end in the corners, and corners that are lost.
     #[test]
     fn a_curve_has_the_area_of_its_index() {
-        let judged = Judged {
+        let judged = ShoulderResult {
             tyre: "T".to_owned(),
             shoulder: 1,
             is_passed: false,

@@ -5,7 +5,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tapline_fuse::auc;
 
-use super::judged::Judged;
+use super::judge::ShoulderResult;
 
 /// Resamples of an interval.
 const RESAMPLES: u32 = 1000;
@@ -26,9 +26,9 @@ pub(super) struct Areas {
 
 impl Areas {
     /// Of the damage indices of `judged`.
-    pub(super) fn of(judged: &[Judged]) -> Self {
-        let tyres: Vec<&[Judged]> = judged.chunk_by(|a, b| a.tyre == b.tyre).collect();
-        let of_class = |tyre: &[Judged], class: bool| -> Vec<f64> {
+    pub(super) fn new(judged: &[ShoulderResult]) -> Self {
+        let tyres: Vec<&[ShoulderResult]> = judged.chunk_by(|a, b| a.tyre == b.tyre).collect();
+        let of_class = |tyre: &[ShoulderResult], class: bool| -> Vec<f64> {
             let places = tyre.iter().flat_map(|j| j.index.iter().zip(&j.is_cracked));
             places.filter(|&(x, &label)| label == class && !x.is_nan()).map(|(&x, _)| x).collect()
         };
@@ -84,7 +84,7 @@ impl Areas {
     }
 }
 
-/// The middle 95 % of `value` over resamples of `count` things, told how often each is drawn.
+/// The middle 95 % of `value` over resamples of `count` things, from how often each is drawn.
 pub(super) fn interval(seed: u64, count: usize, value: impl Fn(&[f64]) -> Option<f64>) -> Option<(f64, f64)> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut drawn = vec![0.0; count];
@@ -105,8 +105,8 @@ pub(super) fn interval(seed: u64, count: usize, value: impl Fn(&[f64]) -> Option
 mod tests {
     use super::*;
 
-    fn judged(tyre: &str, index: &[f64], is_cracked: &[bool]) -> Judged {
-        Judged {
+    fn judged(tyre: &str, index: &[f64], is_cracked: &[bool]) -> ShoulderResult {
+        ShoulderResult {
             tyre: tyre.to_owned(),
             shoulder: 1,
             is_passed: false,
@@ -126,7 +126,7 @@ mod tests {
             judged("B", &[0.5, 2.5, 2.0], &[false, false, true]),
             judged("C", &[0.0, 4.0, 1.0], &[false, false, false]),
         ];
-        let areas = Areas::of(&tyres);
+        let areas = Areas::new(&tyres);
         let (auc, all) = (areas.auc().unwrap(), areas.drawn(&[1.0; 3]).unwrap());
         assert!((auc - all).abs() < 1e-12, "{auc} {all}");
         // Only the first: 3 is above 1 and 2.

@@ -9,7 +9,8 @@ use tapline_wire::Discriminator;
 
 use super::SKY;
 use super::tap::Tap;
-use tapline_draw::canvas::{Area, GRID, INK, PALE_INK, Point, at, font, line, number, units, write};
+use tapline_draw::axes::{Axis, Frame, coordinates, draw_mesh};
+use tapline_draw::canvas::{Area, PALE_INK, Point, at, font, line, number, units, write};
 
 /// Highest frequency drawn.
 const SPECTRUM_TOP_HZ: f64 = 2500.0;
@@ -24,9 +25,9 @@ pub(crate) fn draw(area: &Area<'_>, reader: &Reader, taps: &[Tap; 2]) -> Result<
     let bands: ProcessConfig =
         config.get("process").map_or_else(|| Ok(ProcessConfig::default()), |table| table.clone().try_into())?;
     let (time, frequency) = ("Time in ms", "Frequency in Hz");
-    let mut force = Panel::new(104.0, (time, -0.5, 3.0), "Force in N", 22.0);
-    let mut sound = Panel::new(314.0, (time, -1.0, 15.0), "Sound in V", 128.0);
-    let mut spectrum = Panel::new(524.0, (frequency, 0.0, SPECTRUM_TOP_HZ), "Sound in dB re 1 V²/Hz", 22.0);
+    let mut force = Plot::new(104.0, (time, -0.5, 3.0), "Force in N", 22.0);
+    let mut sound = Plot::new(314.0, (time, -1.0, 15.0), "Sound in V", 128.0);
+    let mut spectrum = Plot::new(524.0, (frequency, 0.0, SPECTRUM_TOP_HZ), "Sound in dB re 1 V²/Hz", 22.0);
     spectrum.band = Some((bands.f_c_hz, bands.f_hi_hz));
     for tap in taps {
         let (f_max_n, tau_ms) = (tap.value(Discriminator::FMax, 1.0), tap.value(Discriminator::Tau, 1e-3));
@@ -36,7 +37,7 @@ pub(crate) fn draw(area: &Area<'_>, reader: &Reader, taps: &[Tap; 2]) -> Result<
         let pr = tap.value(Discriminator::Pr, 1.0);
         spectrum.add(tap, tap.spectrum_db()?, format!("power ratio {pr:.3}"));
     }
-    [force, sound, spectrum].iter().try_for_each(|panel| panel.draw(area))
+    [force, sound, spectrum].iter().try_for_each(|plot| plot.draw(area))
 }
 
 fn legend(area: &Area<'_>, taps: &[Tap; 2]) -> Result<()> {
@@ -52,7 +53,7 @@ fn legend(area: &Area<'_>, taps: &[Tap; 2]) -> Result<()> {
 }
 
 /// Curves over one pair of axes.
-struct Panel {
+struct Plot {
     top: f64,
     /// Name and range of the abscissa.
     x: (&'static str, f64, f64),
@@ -64,7 +65,7 @@ struct Panel {
     curves: Vec<(RGBColor, Vec<Point>, String)>,
 }
 
-impl Panel {
+impl Plot {
     fn new(top: f64, x: (&'static str, f64, f64), y: &'static str, notes: f64) -> Self {
         Self { top, x, y, band: None, notes, curves: Vec::new() }
     }
@@ -94,32 +95,18 @@ impl Panel {
     fn draw(&self, area: &Area<'_>) -> Result<()> {
         let (x_label, left, right) = self.x;
         let (low, high) = self.range();
-        let place = area.clone().shrink(at((410.0, self.top)), (units(RIGHT - 410.0), units(206.0)));
-        let mut chart = ChartBuilder::on(&place)
-            .set_label_area_size(LabelAreaPosition::Left, units(LEFT - 410.0))
-            .set_label_area_size(LabelAreaPosition::Bottom, units(38.0))
-            .margin_top(units(6.0))
-            .build_cartesian_2d(left..right, low..high)?;
+        let (top, bottom) = (self.top + 6.0, self.top + 168.0);
+        let frame = Frame { left: LEFT, right: RIGHT, top, bottom, left_room: 58.0, bottom_room: 38.0 };
+        let x = Axis { label: x_label.to_owned(), range: (left, right), label_count: 8 };
+        let y = Axis { label: self.y.to_owned(), range: (low, high), label_count: 6 };
+        let mut chart = coordinates(area, &frame, &x, &y)?;
         if let Some((from, to)) = self.band {
             chart.draw_series([Rectangle::new([(from, low), (to, high)], SKY.mix(0.14).filled())])?;
             let corner = chart.plotting_area().map_coordinate(&(from, low));
             let style = font(12.0, PALE_INK, HPos::Left, false);
             area.draw_text("flexural band", &style, (corner.0 + units(8.0), corner.1 - units(12.0)))?;
         }
-        chart
-            .configure_mesh()
-            .x_desc(x_label)
-            .y_desc(self.y)
-            .x_labels(8)
-            .y_labels(6)
-            .x_label_formatter(&|x| number(*x))
-            .y_label_formatter(&|y| number(*y))
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(line(GRID, 1.0))
-            .axis_style(line(PALE_INK, 1.0))
-            .label_style(font(12.0, PALE_INK, HPos::Center, false))
-            .axis_desc_style(font(13.0, INK, HPos::Center, false))
-            .draw()?;
+        draw_mesh(&mut chart, &x, &y)?;
         for (color, points, _) in &self.curves {
             chart.draw_series([PathElement::new(points.clone(), line(*color, 1.5))])?;
         }

@@ -4,12 +4,12 @@ use tapline_draw::canvas::number;
 use tapline_draw::palette::COLORS;
 use tapline_wire::Discriminator;
 
-use super::{Figure, SIX, Table, around, cell, ring_panel, shades, shown, title_of};
+use super::{Figure, SIX, Table, around, cell, ring_plot, shades, shown, title_of};
 use crate::experiment::SEVEN;
-use crate::experiment::draw::{Content, Curve, Key, Map, Panel, Sheet};
+use crate::experiment::dataset::{Experiment, Tap, Turn, averaged};
+use crate::experiment::draw::{Content, Curve, Key, Map, Picture, Plot};
 use crate::experiment::index::Indices;
 use crate::experiment::spectrum::{BAND_HZ, STEP_HZ};
-use crate::experiment::taken::{Experiment, Tap, Turn, averaged};
 use crate::experiment::tyres::{NEW, REPRESENTATIVE, SLIGHT, VELOCITY_M_PER_S};
 
 /// Power densities, in dB re 1 V^2/Hz, of the lowest and the highest colour of the B-scan.
@@ -33,21 +33,21 @@ pub(super) fn repetitions(experiment: &Experiment) -> Figure {
         let place = [id.repetition.to_string(), id.location.to_string(), cell(tap.angle_deg), tap.severity.to_string()];
         table.push(place.into_iter().chain(SEVEN.map(|which| cell(tap.value(which)))));
     }
-    let panel = |which: Discriminator| {
+    let plot = |which: Discriminator| {
         let scaled = |tap: &Tap| tap.value(which).map(|value| value * shown(which).2);
         let curves =
             turns.iter().zip(COLORS).zip([2.0, 1.1]).map(|((t, color), width)| around(t, color, width, scaled));
-        ring_panel(title_of(which), "", None, curves.collect(), shades(&turns[0]))
+        ring_plot(title_of(which), "", None, curves.collect(), shades(&turns[0]))
     };
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Figs. 63 and 64: the discriminators, twice around".to_owned(),
         note: format!("Representative tyre, shoulder 1, 101 taps each, x = 0, {} m/s", number(VELOCITY_M_PER_S)),
         keys: keys(["first time around", "second"]),
         columns: 2,
         height: 140.0,
-        panels: SEVEN.map(panel).to_vec(),
+        plots: SEVEN.map(plot).to_vec(),
     };
-    Figure { name: "fig63-64", sheet, table }
+    Figure { name: "fig63-64", picture, table }
 }
 
 /// Figs. 70 and 71: six discriminators of both shoulders, the mean of two turns.
@@ -64,7 +64,7 @@ pub(super) fn shoulders(experiment: &Experiment) -> Figure {
             table.push(at.into_iter().chain(values.iter().map(|values| cell(values[place]))));
         }
     }
-    let panel = |which: Discriminator| {
+    let plot = |which: Discriminator| {
         let curve = |turns: &[Vec<&Tap>; 2], color| {
             let scale = shown(which).2;
             let values = averaged(turns, which).into_iter().map(|value| value.map_or(f64::NAN, |value| value * scale));
@@ -72,24 +72,24 @@ pub(super) fn shoulders(experiment: &Experiment) -> Figure {
             Curve { points, color, width: 1.75, has_dots: false }
         };
         let curves = vec![curve(&both[0], COLORS[1]), curve(&both[1], COLORS[0])];
-        ring_panel(title_of(which), "", None, curves, shades(&both[0][0]))
+        ring_plot(title_of(which), "", None, curves, shades(&both[0][0]))
     };
     let [blue, red, ..] = COLORS;
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Figs. 70 and 71: both shoulders of the representative tyre".to_owned(),
         note: "Means of two turns; shades: severity of the cracks in shoulder 1, shoulder 2 has none".to_owned(),
         keys: vec![Key::Line("shoulder 1".to_owned(), red), Key::Line("shoulder 2".to_owned(), blue), Key::Severity],
         columns: 2,
         height: 140.0,
-        panels: SIX.map(panel).to_vec(),
+        plots: SIX.map(plot).to_vec(),
     };
-    Figure { name: "fig70-71", sheet, table }
+    Figure { name: "fig70-71", picture, table }
 }
 
 /// Figs. 73 to 75: the damage index of the three tyres.
 pub(super) fn damage(experiment: &Experiment, indices: &Indices) -> Figure {
     let mut table = Table::new(&["tyre", "shoulder", "location", "angle_deg", "severity", "damage_index"]);
-    let mut panels = Vec::new();
+    let mut plots = Vec::new();
     let tyres = [
         (REPRESENTATIVE, "Fig. 73: representative tyre"),
         (NEW, "Fig. 74: brand-new tyre"),
@@ -111,25 +111,25 @@ pub(super) fn damage(experiment: &Experiment, indices: &Indices) -> Figure {
             curves.push(Curve { points: points.collect(), color, width: 1.75, has_dots: false });
         }
         let under = shades(&experiment.inspection.turn(Turn { tyre, ..Turn::default() }));
-        panels.push(ring_panel(title.to_owned(), "Damage index", Some((0.0, 1.0)), curves, under));
+        plots.push(ring_plot(title.to_owned(), "Damage index", Some((0.0, 1.0)), curves, under));
     }
     let [blue, red, ..] = COLORS;
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Figs. 73 to 75: damage index by Eqs. 55 and 56".to_owned(),
         note: "All six shoulders by the extremes of the representative tyre's shoulder 1; A₂ left out, PR rises"
             .to_owned(),
         keys: vec![Key::Line("shoulder 1".to_owned(), red), Key::Line("shoulder 2".to_owned(), blue), Key::Severity],
         columns: 1,
         height: 150.0,
-        panels,
+        plots,
     };
-    Figure { name: "fig73-75", sheet, table }
+    Figure { name: "fig73-75", picture, table }
 }
 
 /// Fig. 76: the spectra of both shoulders, location by location.
 pub(super) fn b_scan(experiment: &Experiment) -> Figure {
     let mut table = Table::new(&["shoulder", "location", "frequency_hz", "density_v2_per_hz"]);
-    let mut panels = Vec::new();
+    let mut plots = Vec::new();
     for shoulder in [1, 2] {
         let [turn, _] = experiment.repetitions(shoulder);
         let mut columns = Vec::new();
@@ -145,7 +145,7 @@ pub(super) fn b_scan(experiment: &Experiment) -> Figure {
         let half_deg = turn.get(1).map_or(0.0, |tap| 0.5 * tap.angle_deg);
         let edges = turn.iter().map(|tap| tap.angle_deg - half_deg).chain([360.0 + half_deg]);
         let map = Map { x_edges: edges.map(|x| x.clamp(0.0, 360.0)).collect(), y: BAND_HZ, columns, levels: LEVELS_DB };
-        panels.push(Panel {
+        plots.push(Plot {
             name: format!("Shoulder {shoulder}"),
             x_label: "Angle in degrees",
             x: (0.0, 360.0),
@@ -154,13 +154,13 @@ pub(super) fn b_scan(experiment: &Experiment) -> Figure {
             content: Content::Map(map),
         });
     }
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Fig. 76: power spectra of the sound around the representative tyre".to_owned(),
         note: format!("Power density in steps of {} Hz, first time around", number(STEP_HZ)),
         keys: vec![Key::Scale(format!("{} dB", number(LEVELS_DB.0)), format!("{} dB re 1 V²/Hz", number(LEVELS_DB.1)))],
         columns: 1,
         height: 210.0,
-        panels,
+        plots,
     };
-    Figure { name: "fig76", sheet, table }
+    Figure { name: "fig76", picture, table }
 }

@@ -7,7 +7,7 @@ use std::thread::{available_parallelism, scope};
 
 use anyhow::{Context as _, Result};
 
-/// What `work` makes of each of `things`, in their order; 0 threads are one for every core.
+/// The results of `work` on each of `things`, in their order; 0 threads means one for every core.
 ///
 /// # Errors
 /// The first error in the order of things.
@@ -32,10 +32,10 @@ pub(super) fn each<T: Sync, R: Send>(
             });
         }
     });
-    let taken = |place: Mutex<Option<Result<R>>>| {
+    let result = |place: Mutex<Option<Result<R>>>| {
         place.into_inner().unwrap_or_else(PoisonError::into_inner).context("a part of the study was not done")?
     };
-    done.into_iter().map(taken).collect()
+    done.into_iter().map(result).collect()
 }
 
 #[cfg(test)]

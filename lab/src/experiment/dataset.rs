@@ -13,7 +13,7 @@ use super::tyres;
 use super::tyres::{OFFSETS_MM, REPRESENTATIVE, Severity, VELOCITIES_M_PER_S, VELOCITY_M_PER_S};
 use crate::in_memory::InMemoryScan;
 
-/// One tap: what was found in it, and what is known of it.
+/// One tap: its discriminators, and the truth about it.
 #[derive(Debug, Clone)]
 pub(super) struct Tap {
     pub(super) found: Discriminators,
@@ -43,19 +43,19 @@ impl Tap {
 
 /// A scan and its taps, by plan row.
 #[derive(Debug)]
-pub(super) struct Taken {
-    pub(super) plan: Plan,
-    pub(super) taps: Vec<Tap>,
+pub(super) struct Dataset {
+    pub plan: Plan,
+    pub taps: Vec<Tap>,
 }
 
 /// Names a turn around one shoulder.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Turn {
-    pub(super) tyre: &'static str,
-    pub(super) shoulder: u16,
-    pub(super) offset_mm: f64,
-    pub(super) velocity_m_per_s: f64,
-    pub(super) repetition: u16,
+    pub tyre: &'static str,
+    pub shoulder: u16,
+    pub offset_mm: f64,
+    pub velocity_m_per_s: f64,
+    pub repetition: u16,
 }
 
 impl Default for Turn {
@@ -64,14 +64,14 @@ impl Default for Turn {
     }
 }
 
-impl Taken {
-    /// Takes the taps of `scan`; spectra of those that `has_spectrum` says.
-    fn of(scan: &ScanConfig, has_spectrum: impl Fn(&TapId) -> bool + Sync) -> Result<Self> {
+impl Dataset {
+    /// Takes the taps of `scan`; spectra of those that `has_spectrum` selects.
+    fn scan(scan: &ScanConfig, has_spectrum: impl Fn(&TapId) -> bool + Sync) -> Result<Self> {
         let simulation = SimulationConfig::default();
         let process = ProcessConfig::default();
         let retakes = AcquireConfig::default().retakes;
         let in_memory = InMemoryScan { scan, simulation: &simulation, process: &process, retakes, thread_count: 0 };
-        let severity = Severity::of(scan)?;
+        let severity = Severity::new(scan)?;
         let (plan, seen) = in_memory.taps(|header, samples| -> Result<(f64, Option<Vec<f64>>)> {
             let sound_v = channel(header, samples, Channel::Sound).context("a simulated record has no sound")?;
             let peak_v = peak_v(&sound_v);
@@ -107,22 +107,22 @@ impl Taken {
 #[derive(Debug)]
 pub(super) struct Experiment {
     /// Three tyres, twice around.
-    pub(super) inspection: Taken,
-    pub(super) over_offsets: Taken,
-    pub(super) over_velocities: Taken,
-    pub(super) at_one_place: Taken,
+    pub inspection: Dataset,
+    pub over_offsets: Dataset,
+    pub over_velocities: Dataset,
+    pub at_one_place: Dataset,
 }
 
 impl Experiment {
-    /// Takes them all, with what `seed` leaves to chance.
+    /// Takes them all, by the random numbers of `seed`.
     pub(super) fn take(seed: u64) -> Result<Self> {
         let is_in_b_scan = |id: &TapId| id.tyre.as_str() == REPRESENTATIVE && id.repetition == 0;
         let none = |_: &TapId| false;
         Ok(Self {
-            inspection: Taken::of(&tyres::inspection(seed), is_in_b_scan)?,
-            over_offsets: Taken::of(&tyres::over_offsets(seed), none)?,
-            over_velocities: Taken::of(&tyres::over_velocities(seed), none)?,
-            at_one_place: Taken::of(&tyres::at_one_place(seed), none)?,
+            inspection: Dataset::scan(&tyres::inspection(seed), is_in_b_scan)?,
+            over_offsets: Dataset::scan(&tyres::over_offsets(seed), none)?,
+            over_velocities: Dataset::scan(&tyres::over_velocities(seed), none)?,
+            at_one_place: Dataset::scan(&tyres::at_one_place(seed), none)?,
         })
     }
 

@@ -1,4 +1,4 @@
-//! One figure on one sheet: the only style that the figures have.
+//! One figure on one picture: the only style that the figures have.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -7,8 +7,8 @@ use tapline_model::Rung;
 
 use super::curves::{Axis, Curve, Figure};
 
-use super::axes::{self, Chart, Frame, axes};
 use super::labels::{printed, spread};
+use tapline_draw::axes::{self, Chart, Frame, axes};
 use tapline_draw::canvas::{self, Area, BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, at, line, units, write};
 use tapline_draw::palette::GREEN;
 
@@ -38,14 +38,14 @@ fn color(name: &str, place: usize) -> RGBColor {
     }
 }
 
-/// How a rung is drawn: width in pixels, and dashes in units of the sheet.
+/// How a rung is drawn: width in pixels, and dashes in units of the picture.
 struct Stroke {
     width: f64,
     dashes: Option<&'static str>,
 }
 
-/// Widths tell the strokes apart once they are written: the library draws dashes as one element each, at ten times the
-/// size, so they are put into its lines afterwards.
+/// The library would write every dash as an element, at ten times the size: dashes are put into the lines afterwards, which
+/// are known by their widths.
 const fn stroke(rung: Rung) -> Stroke {
     match rung {
         Rung::Closed => Stroke { width: 2.25, dashes: None },
@@ -56,8 +56,8 @@ const fn stroke(rung: Rung) -> Stroke {
 
 /// `figure` as SVG.
 pub(super) fn svg(figure: &Figure) -> Result<String> {
-    let sheet = Sheet::of(figure);
-    let mut svg = canvas::svg(SIZE, |area| sheet.draw(area))?;
+    let picture = Picture::new(figure);
+    let mut svg = canvas::svg(SIZE, |area| picture.draw(area))?;
     // The integral rung has the stroke of the full one.
     for rung in [Rung::Plate, Rung::Full] {
         let Stroke { width, dashes } = stroke(rung);
@@ -69,18 +69,18 @@ pub(super) fn svg(figure: &Figure) -> Result<String> {
     Ok(svg)
 }
 
-struct Sheet<'a> {
+struct Picture<'a> {
     figure: &'a Figure,
-    /// Curves that can be told from those before them, with their colours.
+    /// Curves that are seen beside those before them, with their colours.
     curves: Vec<(&'a Curve, RGBColor)>,
     x: Point,
     y: Point,
 }
 
-impl<'a> Sheet<'a> {
-    fn of(figure: &'a Figure) -> Self {
+impl<'a> Picture<'a> {
+    fn new(figure: &'a Figure) -> Self {
         let (x, y) = (range(figure, |p| p.x * figure.x.per_si), range(figure, |p| p.y * figure.y.per_si));
-        let mut sheet = Self { figure, curves: Vec::new(), x, y: (0.0, y.1 * 1.04) };
+        let mut picture = Self { figure, curves: Vec::new(), x, y: (0.0, y.1 * 1.04) };
         let mut names: Vec<&str> = Vec::new();
         for curve in &figure.curves {
             if names.last() != Some(&curve.name) {
@@ -88,15 +88,16 @@ impl<'a> Sheet<'a> {
             }
             let color = color(curve.name, names.len() - 1);
             let like_it = |drawn: &&Curve| drawn.name == curve.name;
-            let is_seen = sheet.curves.iter().map(|(drawn, _)| *drawn).filter(like_it).all(|c| sheet.differ(c, curve));
+            let is_seen =
+                picture.curves.iter().map(|(drawn, _)| *drawn).filter(like_it).all(|c| picture.differ(c, curve));
             if is_seen {
-                sheet.curves.push((curve, color));
+                picture.curves.push((curve, color));
             }
         }
-        sheet
+        picture
     }
 
-    /// Height of `y` on the sheet, in pixels.
+    /// Height of `y` on the picture, in pixels.
     fn height(&self, y: f64) -> f64 {
         BOTTOM - (y * self.figure.y.per_si - self.y.0) / (self.y.1 - self.y.0) * (BOTTOM - TOP)
     }

@@ -4,9 +4,9 @@ use tapline_draw::canvas::number;
 use tapline_draw::palette::COLORS;
 use tapline_wire::Discriminator;
 
-use super::{Figure, Table, around, cell, ring_panel, shades};
-use crate::experiment::draw::{Content, Curve, Key, Panel, Sheet};
-use crate::experiment::taken::{Experiment, Tap};
+use super::{Figure, Table, around, cell, ring_plot, shades};
+use crate::experiment::dataset::{Experiment, Tap};
+use crate::experiment::draw::{Content, Curve, Key, Picture, Plot};
 use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT, VELOCITY_M_PER_S};
 
 /// Fig. 60: the peak of the sound at four offsets.
@@ -28,24 +28,24 @@ pub(super) fn of_offset(experiment: &Experiment) -> Figure {
         .collect();
     keys.push(Key::Severity);
     let under = turns.first().map_or_else(Vec::new, |(_, turn)| shades(turn));
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Fig. 60: peak of the sound, by location of impact".to_owned(),
         note: format!("Representative tyre, shoulder 1, {} m/s; shades: severity at x = 0", number(VELOCITY_M_PER_S)),
         keys,
         columns: 1,
         height: 300.0,
-        panels: vec![ring_panel(String::new(), "Peak in V", None, curves, under)],
+        plots: vec![ring_plot(String::new(), "Peak in V", None, curves, under)],
     };
-    Figure { name: "fig60", sheet, table }
+    Figure { name: "fig60", picture, table }
 }
 
 /// Fig. 61: contact time against velocity at one place.
 pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
-    let taken = &experiment.at_one_place;
+    let dataset = &experiment.at_one_place;
     let mut table = Table::new(&["place", "velocity_m_per_s", "repetition", "tau_s"]);
     let (mut curves, mut keys) = (Vec::new(), Vec::new());
     for ((tyre, name), color) in [(SOUND_SPOT, "sound"), (CRACKED_SPOT, "cracked")].into_iter().zip(COLORS) {
-        let here: Vec<&Tap> = taken.taps.iter().filter(|tap| tap.found.id.tyre.as_str() == tyre).collect();
+        let here: Vec<&Tap> = dataset.taps.iter().filter(|tap| tap.found.id.tyre.as_str() == tyre).collect();
         let mut points = Vec::new();
         for tap in &here {
             let (velocity_m_per_s, tau_s) = (tap.found.id.velocity_m_per_s(), tap.value(Discriminator::Tau));
@@ -61,7 +61,7 @@ pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
         curves.push(Curve { points, color, width: 2.2, has_dots: true });
         keys.push(Key::Line(format!("{name} place; line: V to the power −0.2"), color));
     }
-    let panel = Panel {
+    let plot = Plot {
         name: String::new(),
         x_label: "Impact velocity in m/s",
         x: (0.95, 2.75),
@@ -69,15 +69,15 @@ pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
         y: None,
         content: Content::Curves { curves, shades: Vec::new() },
     };
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Fig. 61: contact time against velocity at one place".to_owned(),
         note: format!("Lowest velocity V₀ = {} m/s; ten taps at each; crack 6 mm deep", number(SLOWEST_M_PER_S)),
         keys,
         columns: 1,
         height: 300.0,
-        panels: vec![panel],
+        plots: vec![plot],
     };
-    Figure { name: "fig61", sheet, table }
+    Figure { name: "fig61", picture, table }
 }
 
 /// Fig. 62: contact time and peak of the sound at three velocities.
@@ -100,16 +100,16 @@ pub(super) fn of_velocity(experiment: &Experiment) -> Figure {
     let mut keys: Vec<Key> =
         turns.iter().zip(COLORS).map(|((v, _), color)| Key::Line(format!("{} m/s", number(*v)), color)).collect();
     keys.push(Key::Severity);
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Fig. 62: contact time and peak of the sound, by velocity of impact".to_owned(),
         note: "Representative tyre, shoulder 1, x = 0".to_owned(),
         keys,
         columns: 1,
         height: 210.0,
-        panels: vec![
-            ring_panel("Contact time".to_owned(), "τ in ms", None, curves(&tau_ms), under.clone()),
-            ring_panel("Peak of the sound".to_owned(), "Peak in V", None, curves(&|tap| Some(tap.peak_v)), under),
+        plots: vec![
+            ring_plot("Contact time".to_owned(), "τ in ms", None, curves(&tau_ms), under.clone()),
+            ring_plot("Peak of the sound".to_owned(), "Peak in V", None, curves(&|tap| Some(tap.peak_v)), under),
         ],
     };
-    Figure { name: "fig62", sheet, table }
+    Figure { name: "fig62", picture, table }
 }

@@ -5,13 +5,13 @@ use anyhow::{Context as _, Result};
 use tapline_fuse::{Combine, Extent, FuseConfig, IndexKind, Score};
 use tapline_wire::Discriminator;
 
-use super::areas::Areas;
-use super::judged::{By, Judged, judge, overlap};
+use super::auc::Areas;
+use super::dataset::{Dataset, Turns};
+use super::judge::{ComparedWith, ShoulderResult, judge, overlap};
+use super::parallel::each;
 use super::sets::{Set, cracked, sound};
 use super::size::Size;
-use super::table::{Table, cell, ends};
-use super::taken::{Taken, Turns};
-use super::work::each;
+use super::table::{Table, cell, ends, yes_or_no};
 
 /// Largest magnitude of a robust z of a discriminator alone: none is clipped that matters to a rank.
 const UNCLIPPED: f64 = 1e3;
@@ -20,11 +20,11 @@ const UNCLIPPED: f64 = 1e3;
 const COMBINED: [IndexKind; 4] =
     [IndexKind::Repeatability, IndexKind::Robust, IndexKind::Mahalanobis, IndexKind::LogOdds];
 
-/// One set with its tyres in two halves, of which no tyre is in both.
+/// One set with its tyres in two split, of which no tyre is in both.
 #[derive(Debug)]
-pub(super) struct Halves {
+pub(super) struct TrainTest {
     pub(super) name: &'static str,
-    pub(super) taken: Taken,
+    pub(super) dataset: Dataset,
     /// Sound tyres that train, cracked ones that train.
     train_sound: Vec<String>,
     train_cracked: Vec<String>,
@@ -33,29 +33,29 @@ pub(super) struct Halves {
 
 /// One way of judging the second half.
 #[derive(Debug, Clone)]
-pub(super) struct Rival {
-    pub(super) set: &'static str,
-    pub(super) reference: &'static str,
-    pub(super) index: IndexKind,
-    pub(super) combine: Combine,
-    pub(super) judged: Vec<Judged>,
-    pub(super) areas: Areas,
+pub(super) struct Candidate {
+    pub set: &'static str,
+    pub reference: &'static str,
+    pub index: IndexKind,
+    pub combine: Combine,
+    pub judged: Vec<ShoulderResult>,
+    pub areas: Areas,
 }
 
 /// What a discriminator does alone.
 #[derive(Debug, Clone)]
-pub(super) struct Alone {
-    pub(super) set: &'static str,
-    pub(super) which: Discriminator,
+pub(super) struct SingleDiscriminator {
+    pub set: &'static str,
+    pub which: Discriminator,
     /// AUC of its location means.
-    pub(super) auc: Option<f64>,
+    pub auc: Option<f64>,
     /// The same averaged along the ring, as an index is.
-    pub(super) areas: Areas,
+    pub areas: Areas,
 }
 
-impl Halves {
+impl TrainTest {
     /// Scans the tyres of `set`, which is number `number`.
-    pub(super) fn of(set: &Set, number: u64, size: &Size, turns: &Turns, seed: u64, threads: usize) -> Result<Self> {
+    pub(super) fn scan(set: &Set, number: u64, size: &Size, turns: &Turns, seed: u64, threads: usize) -> Result<Self> {
         let name = |half: &str, k: usize| format!("{}-{half}-{k:03}", set.name);
         let (half, quarter) = (size.tyres / 2, size.tyres / 4);
         let names = |half_name: &str, from: usize, to: usize| -> Vec<String> {
@@ -66,15 +66,15 @@ impl Halves {
         let with_cracks = train_cracked.iter().chain(&test_cracked).zip(1000 * number..);
         let with_cracks = with_cracks.map(|(s, k)| cracked(s.clone(), &set.cracks, size.location_count, seed, k));
         let tyres = train_sound.iter().chain(&test_sound).cloned().map(sound).chain(with_cracks).collect();
-        let taken = Taken::of(&set.simulation, tyres, turns, (seed, size.location_count, threads))?;
-        Ok(Self { name: set.name, taken, train_sound, train_cracked, test: [test_sound, test_cracked].concat() })
+        let dataset = Dataset::scan(&set.simulation, tyres, turns, (seed, size.location_count, threads))?;
+        Ok(Self { name: set.name, dataset, train_sound, train_cracked, test: [test_sound, test_cracked].concat() })
     }
 
     /// The same tyres, of which only `turns` were made.
     pub(super) fn with(&self, turns: &Turns) -> Result<Self> {
         Ok(Self {
             name: self.name,
-            taken: self.taken.only(|tap| turns.has(tap))?,
+            dataset: self.dataset.only(|tap| turns.has(tap))?,
             train_sound: self.train_sound.clone(),
             train_cracked: self.train_cracked.clone(),
             test: self.test.clone(),
@@ -82,25 +82,25 @@ impl Halves {
     }
 
     /// The half that is judged.
-    pub(super) fn test(&self) -> Result<Taken> {
-        self.taken.of_tyres(|tyre| self.test.iter().any(|t| t == tyre))
+    pub(super) fn test(&self) -> Result<Dataset> {
+        self.dataset.of_tyres(|tyre| self.test.iter().any(|t| t == tyre))
     }
 
     /// The sound tyres that train, stated to be so.
-    pub(super) fn healthy(&self) -> Result<By> {
-        Ok(By::File(self.taken.reference(false, |tyre| self.train_sound.iter().any(|t| t == tyre))?))
+    pub(super) fn healthy(&self) -> Result<ComparedWith> {
+        Ok(ComparedWith::File(self.dataset.reference(false, |tyre| self.train_sound.iter().any(|t| t == tyre))?))
     }
 
     /// All tyres that train, labelled.
-    pub(super) fn labelled(&self) -> Result<By> {
+    pub(super) fn labelled(&self) -> Result<ComparedWith> {
         let trains = |tyre: &str| self.train_sound.iter().chain(&self.train_cracked).any(|t| t == tyre);
-        Ok(By::File(self.taken.reference(true, trains)?))
+        Ok(ComparedWith::File(self.dataset.reference(true, trains)?))
     }
 
-    /// The tyres that are cracked, of both halves.
+    /// The tyres that are cracked, of both split.
     pub(super) fn cracked(&self) -> Vec<String> {
         let is_cracked = |tyre: &&String| {
-            let truth = self.taken.plan.truth().iter();
+            let truth = self.dataset.plan.truth().iter();
             truth.into_iter().any(|((serial, _, _), &cracked)| cracked && serial.as_str() == tyre.as_str())
         };
         self.train_cracked.iter().chain(&self.test).filter(is_cracked).cloned().collect()
@@ -110,19 +110,19 @@ impl Halves {
 /// How well regions lie over cracks, by how far they reach: intersection over union.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Overlaps {
-    pub(super) set: &'static str,
+    pub set: &'static str,
     /// As long as the index stays above half of its limit.
-    pub(super) half: Option<f64>,
+    pub half: Option<f64>,
     /// By hidden states.
-    pub(super) hidden: Option<f64>,
+    pub hidden: Option<f64>,
 }
 
 /// The overlaps of the default index by the healthy reference.
-pub(super) fn overlaps(halves: &Halves) -> Result<Overlaps> {
-    let (test, by) = (halves.test()?, halves.healthy()?);
+pub(super) fn overlaps(split: &TrainTest) -> Result<Overlaps> {
+    let (test, by) = (split.test()?, split.healthy()?);
     let of =
         |extent| Ok::<_, anyhow::Error>(overlap(&judge(&FuseConfig { extent, ..FuseConfig::default() }, &test, &by)?));
-    Ok(Overlaps { set: halves.name, half: of(Extent::Half)?, hidden: of(Extent::Hidden)? })
+    Ok(Overlaps { set: split.name, half: of(Extent::Half)?, hidden: of(Extent::Hidden)? })
 }
 
 /// The table of them.
@@ -131,7 +131,7 @@ pub(super) fn overlaps_table(overlaps: &[Overlaps]) -> Table {
         "Regions of the default index over planted cracks, intersection over union, by how far a region reaches";
     let mut table = Table::new("overlap", title, &["set", "half", "hidden"]);
     for o in overlaps {
-        table.push([o.set.to_owned(), cell(o.half), cell(o.hidden)]);
+        table.push([o.set.into(), cell(o.half), cell(o.hidden)]);
     }
     table
 }
@@ -141,10 +141,10 @@ pub(super) fn needs_labels(index: IndexKind) -> bool {
     matches!(index, IndexKind::Auc | IndexKind::Lda | IndexKind::LogOdds)
 }
 
-/// Every rival on one set, and every discriminator alone by the healthy reference.
-pub(super) fn rivals(halves: &Halves, threads: usize) -> Result<(Vec<Rival>, Vec<Alone>)> {
-    let test = halves.test()?;
-    let references = [("self", By::Own), ("healthy", halves.healthy()?), ("labelled", halves.labelled()?)];
+/// Every candidate on one set, and every discriminator alone by the healthy reference.
+pub(super) fn candidates(split: &TrainTest, threads: usize) -> Result<(Vec<Candidate>, Vec<SingleDiscriminator>)> {
+    let test = split.test()?;
+    let references = [("self", ComparedWith::Itself), ("healthy", split.healthy()?), ("labelled", split.labelled()?)];
     let mut jobs = Vec::new();
     for (name, by) in &references {
         for index in IndexKind::ALL {
@@ -157,41 +157,41 @@ pub(super) fn rivals(halves: &Halves, threads: usize) -> Result<(Vec<Rival>, Vec
             }
         }
     }
-    let rivals = each(&jobs, threads, |&(reference, by, index, combine)| {
+    let candidates = each(&jobs, threads, |&(reference, by, index, combine)| {
         let config = FuseConfig { index, combine, ..FuseConfig::default() };
         let judged = judge(&config, &test, by).with_context(|| format!("{} by {reference}", index.name()))?;
-        let areas = Areas::of(&judged);
-        Ok(Rival { set: halves.name, reference, index, combine, judged, areas })
+        let areas = Areas::new(&judged);
+        Ok(Candidate { set: split.name, reference, index, combine, judged, areas })
     })?;
-    let By::File(healthy) = &references[1].1 else { return Ok((rivals, Vec::new())) };
+    let ComparedWith::File(healthy) = &references[1].1 else { return Ok((candidates, Vec::new())) };
     let config = FuseConfig::by(tapline_fuse::Reference::File("study.json".into()));
     let score = Score::by_reference(&config, &test.plan, healthy.clone(), &test.records)?;
     let alone = each(&Discriminator::ALL, threads, |&which| {
         let config = FuseConfig { discriminators: vec![which], z_clip: UNCLIPPED, ..FuseConfig::default() };
-        let areas = Areas::of(&judge(&config, &test, &references[1].1)?);
-        Ok(Alone { set: halves.name, which, auc: score.discriminators[which as usize], areas })
+        let areas = Areas::new(&judge(&config, &test, &references[1].1)?);
+        Ok(SingleDiscriminator { set: split.name, which, auc: score.discriminators[which as usize], areas })
     })?;
-    Ok((rivals, alone))
+    Ok((candidates, alone))
 }
 
 /// The discriminator that alone does best on `set`, averaged along the ring.
-pub(super) fn best_alone<'a>(alone: &'a [Alone], set: &str) -> Option<&'a Alone> {
-    let area = |a: &Alone| a.areas.auc().unwrap_or(0.0);
+pub(super) fn best_alone<'a>(alone: &'a [SingleDiscriminator], set: &str) -> Option<&'a SingleDiscriminator> {
+    let area = |a: &SingleDiscriminator| a.areas.auc().unwrap_or(0.0);
     alone.iter().filter(|a| a.set == set).max_by(|a, b| area(a).total_cmp(&area(b)))
 }
 
 /// The table of discriminators alone.
-pub(super) fn alone_table(alone: &[Alone]) -> Table {
+pub(super) fn alone_table(alone: &[SingleDiscriminator]) -> Table {
     let title = "Discriminators alone, by the healthy reference: AUC of location means, and averaged along the ring";
     let mut table = Table::long("alone", title, &["set", "discriminator", "auc", "auc_ring"]);
     for a in alone {
-        table.push([a.set.to_owned(), a.which.name().to_owned(), cell(a.auc), cell(a.areas.auc())]);
+        table.push([a.set.into(), a.which.name().into(), cell(a.auc), cell(a.areas.auc())]);
     }
     table
 }
 
-/// The table of all rivals.
-pub(super) fn table(rivals: &[Rival], alone: &[Alone], seed: u64) -> Result<Table> {
+/// The table of all candidates.
+pub(super) fn table(candidates: &[Candidate], alone: &[SingleDiscriminator], seed: u64) -> Result<Table> {
     let mut table = Table::long(
         "indices",
         "Every index on every set: AUC with intervals by blocks of locations and by tyres, and what it gains over the best \
@@ -218,27 +218,27 @@ pub(super) fn table(rivals: &[Rival], alone: &[Alone], seed: u64) -> Result<Tabl
             "fell_back",
         ],
     );
-    for rival in rivals {
-        let best = best_alone(alone, rival.set).context("no discriminator alone")?;
-        let auc = rival.areas.auc();
+    for candidate in candidates {
+        let best = best_alone(alone, candidate.set).context("no discriminator alone")?;
+        let auc = candidate.areas.auc();
         let gain = auc.zip(best.areas.auc()).map(|(a, b)| a - b);
-        let sound: Vec<&Judged> = rival.judged.iter().filter(|j| j.is_sound()).collect();
+        let sound: Vec<&ShoulderResult> = candidate.judged.iter().filter(|j| j.is_sound()).collect();
         let calls = sound.iter().filter(|j| !j.is_passed).count();
         let rate = clopper_pearson(calls, sound.len(), 0.95)?;
         let mut row = vec![
-            rival.set.to_owned(),
-            rival.reference.to_owned(),
-            rival.index.name().to_owned(),
-            rival.combine.name().to_owned(),
+            candidate.set.into(),
+            candidate.reference.into(),
+            candidate.index.name().into(),
+            candidate.combine.name().into(),
             cell(auc),
         ];
-        row.extend(ends(rival.areas.by_blocks(seed)));
-        row.extend(ends(rival.areas.by_tyres(seed)));
-        row.extend([best.which.name().to_owned(), cell(gain)]);
-        row.extend(ends(rival.areas.above_by_tyres(&best.areas, seed)));
-        row.extend([cell(overlap(&rival.judged)), calls.to_string(), sound.len().to_string()]);
+        row.extend(ends(candidate.areas.by_blocks(seed)));
+        row.extend(ends(candidate.areas.by_tyres(seed)));
+        row.extend([best.which.name().into(), cell(gain)]);
+        row.extend(ends(candidate.areas.above_by_tyres(&best.areas, seed)));
+        row.extend([cell(overlap(&candidate.judged)), calls.into(), sound.len().into()]);
         row.extend(ends(Some((rate.low, rate.high))));
-        row.push(if rival.judged.iter().any(|j| j.has_fallen_back) { "yes" } else { "no" }.to_owned());
+        row.push(yes_or_no(candidate.judged.iter().any(|j| j.has_fallen_back)));
         table.push(row);
     }
     Ok(table)

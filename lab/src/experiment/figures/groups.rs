@@ -6,16 +6,17 @@ use tapline_wire::Discriminator;
 
 use super::{Figure, Table, cell, shown, title_of};
 use crate::experiment::SEVEN;
-use crate::experiment::draw::{Bar, Category, Content, Key, Panel, Sheet};
-use crate::experiment::quartiles::Quartiles;
-use crate::experiment::taken::{Experiment, Tap};
+use crate::experiment::dataset::{Experiment, Tap};
+use crate::experiment::draw::{Bar, Category, Content, Key, Picture, Plot};
 use crate::experiment::tyres::SEVERE_FROM_M_PER_N;
 use crate::statistics::{nor_rmse, within_over_healthy};
+use tapline_draw::boxplot::BoxStats;
 
 /// A row of a table of boxes.
-fn row(which: Discriminator, group: &str, of: &Quartiles) -> Vec<String> {
-    let numbers = [of.whiskers.0, of.low, of.median, of.high, of.whiskers.1, of.mean].map(cell);
-    [which.column().to_owned(), group.to_owned(), of.count.to_string()].into_iter().chain(numbers).collect()
+fn row(which: Discriminator, group: &str, stats: &BoxStats) -> Vec<String> {
+    let (low, high) = stats.whiskers;
+    let numbers = [low, stats.low, stats.median, stats.high, high, stats.mean].map(cell);
+    [which.column().to_owned(), group.to_owned(), stats.count.to_string()].into_iter().chain(numbers).collect()
 }
 
 fn columns(group: &'static str) -> [&'static str; 9] {
@@ -38,17 +39,17 @@ fn boxes(which: Discriminator, groups: &[(String, Vec<&Tap>)], table: &mut Table
     let mut categories = Vec::new();
     for ((label, taps), color) in groups.iter().zip([COLORS[0], COLORS[1], COLORS[1], COLORS[1]]) {
         let values: Vec<f64> = taps.iter().filter_map(|tap| tap.value(which)).collect();
-        if let Some(of) = Quartiles::of(&values) {
-            table.push(row(which, label, &of));
+        if let Some(stats) = BoxStats::new(&values) {
+            table.push(row(which, label, &stats));
         }
         let scaled: Vec<f64> = values.iter().map(|value| value * scale).collect();
-        categories.extend(Quartiles::of(&scaled).map(|of| Category { label: label.clone(), color, of }));
+        categories.extend(BoxStats::new(&scaled).map(|stats| Category { label: label.clone(), color, stats }));
     }
     categories
 }
 
-fn panel(name: String, x_label: &'static str, content: Content) -> Panel {
-    Panel { name, x_label, x: (0.0, 1.0), y_label: "", y: None, content }
+fn plot(name: String, x_label: &'static str, content: Content) -> Plot {
+    Plot { name, x_label, x: (0.0, 1.0), y_label: "", y: None, content }
 }
 
 /// Figs. 66 and 67: force and sound by severity.
@@ -58,12 +59,12 @@ pub(super) fn by_severity(experiment: &Experiment) -> Figure {
     let groups: Vec<(String, Vec<&Tap>)> = (0..=3_u8).map(|severity| (severity.to_string(), of(severity))).collect();
     let mut table = Table::new(&columns("severity"));
     let which = [Discriminator::FMax, Discriminator::Tau, Discriminator::A1, Discriminator::Pr];
-    let panels = which.map(|which| {
+    let plots = which.map(|which| {
         let categories = boxes(which, &groups, &mut table);
-        panel(title_of(which), "Severity", Content::Boxes { categories, joins_means: true })
+        plot(title_of(which), "Severity", Content::Boxes { categories, joins_means: true })
     });
     let [two, three] = SEVERE_FROM_M_PER_N.map(|compliance| number(compliance * 1e6));
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Figs. 66 and 67: discriminators by severity of the planted crack".to_owned(),
         note: format!(
             "Representative tyre, shoulder 1, 101 taps. Severity by the compliance of the layer under the tap: 2 from {two}, \
@@ -72,9 +73,9 @@ pub(super) fn by_severity(experiment: &Experiment) -> Figure {
         keys: vec![Key::Line("sound".to_owned(), COLORS[0]), Key::Line("cracked".to_owned(), COLORS[1])],
         columns: 2,
         height: 190.0,
-        panels: panels.to_vec(),
+        plots: plots.to_vec(),
     };
-    Figure { name: "fig66-67", sheet, table }
+    Figure { name: "fig66-67", picture, table }
 }
 
 /// Fig. 68: the normalised difference of two repetitions (Eq. 54), and the scatter of a tap over that of sound locations.
@@ -90,18 +91,18 @@ pub(super) fn repeatability(experiment: &Experiment) -> Figure {
             bars.extend(value.map(|value| Bar { label, color, value }));
         }
     }
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Fig. 68: difference of two repetitions".to_owned(),
         note: "Representative tyre, shoulder 1. Left: 101 pairs. Right: locations without a crack; at 1 they differ by no more than a tap scatters".to_owned(),
         keys: Vec::new(),
         columns: 2,
         height: 230.0,
-        panels: vec![
-            panel("Difference over the range of the data (Eq. 54)".to_owned(), "", Content::Bars(by_range)),
-            panel("Scatter of a tap over that of sound locations".to_owned(), "", Content::Bars(by_sd)),
+        plots: vec![
+            plot("Difference over the range of the data (Eq. 54)".to_owned(), "", Content::Bars(by_range)),
+            plot("Scatter of a tap over that of sound locations".to_owned(), "", Content::Bars(by_sd)),
         ],
     };
-    Figure { name: "fig68", sheet, table }
+    Figure { name: "fig68", picture, table }
 }
 
 /// Nor_RMSE of two turns (Eq. 54); and, of the sound locations, the part of their standard deviation that is not the
@@ -111,8 +112,8 @@ pub(in crate::experiment) fn repeats(turns: &[Vec<&Tap>; 2], which: Discriminato
     let is_sound = |pair: &(&&Tap, &&Tap)| !pair.0.is_cracked();
     let (a, b): (Vec<&Tap>, Vec<&Tap>) = first.iter().zip(second).filter(is_sound).map(|(a, b)| (*a, *b)).unzip();
     let values = |turn: &[&Tap]| -> Vec<Option<f64>> { turn.iter().map(|tap| tap.value(which)).collect() };
-    let share = within_over_healthy(&values(&a), &values(&b), &vec![true; a.len()]);
-    (nor_rmse(&values(first), &values(second)), share)
+    let within = within_over_healthy(&values(&a), &values(&b), &vec![true; a.len()]);
+    (nor_rmse(&values(first), &values(second)), within)
 }
 
 /// Fig. 69: the seven discriminators over cracks and beside them.
@@ -121,17 +122,17 @@ pub(super) fn cracked_and_sound(experiment: &Experiment) -> Figure {
     let of = |is_cracked: bool| turn.iter().copied().filter(|tap| tap.is_cracked() == is_cracked).collect();
     let groups: Vec<(String, Vec<&Tap>)> = vec![("sound".to_owned(), of(false)), ("cracked".to_owned(), of(true))];
     let mut table = Table::new(&columns("place"));
-    let panels = SEVEN.map(|which| {
+    let plots = SEVEN.map(|which| {
         let categories = boxes(which, &groups, &mut table);
-        panel(title_of(which), "", Content::Boxes { categories, joins_means: false })
+        plot(title_of(which), "", Content::Boxes { categories, joins_means: false })
     });
-    let sheet = Sheet {
+    let picture = Picture {
         title: "Fig. 69: discriminators over cracks and beside them".to_owned(),
         note: "Representative tyre, shoulder 1, 101 taps; cracked: severity 1 and above".to_owned(),
         keys: vec![Key::Line("sound".to_owned(), COLORS[0]), Key::Line("cracked".to_owned(), COLORS[1])],
         columns: 4,
         height: 190.0,
-        panels: panels.to_vec(),
+        plots: plots.to_vec(),
     };
-    Figure { name: "fig69", sheet, table }
+    Figure { name: "fig69", picture, table }
 }
