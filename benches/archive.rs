@@ -34,7 +34,7 @@ struct Scan {
 }
 
 impl Scan {
-    fn of() -> Result<Self> {
+    fn simulate() -> Result<Self> {
         let scan = ScanConfig { velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
         let mut line = SimulatedLine::new(&scan, &SimulationConfig::default())?;
         let plan = line.plan().clone();
@@ -75,7 +75,7 @@ impl Scan {
 
 fn main() -> Result<()> {
     let folder = tempfile::Builder::new().prefix("bench-").tempdir_in(".")?;
-    let scan = Scan::of()?;
+    let scan = Scan::simulate()?;
     codecs(&scan, folder.path())?;
     let archive = judged(&scan, &folder.path().join("judged.h5"))?;
     reprocessing(&scan, &archive, 0.0)?;
@@ -120,11 +120,11 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
             ours.push(scan.write(&path, codec)?);
             theirs.push(plain_write(&plain, &chunks)?);
         }
-        // The discriminators are not there, so no tap is archived; an archive that is whole is read below.
-        let whole = folder.join(format!("{codec}-whole.h5"));
-        judged(scan, &whole)?;
+        // The discriminators are not there, so no tap is archived; a finished archive is read below.
+        let finished = folder.join(format!("{codec}-finished.h5"));
+        judged(scan, &finished)?;
         let repacked = folder.join(format!("{codec}-read.h5"));
-        repack(&whole, &repacked, codec)?;
+        repack(&finished, &repacked, codec)?;
         let taps = Reader::open(&repacked)?.taps()?;
         let mut room = ReadBuffer::default();
         for _ in 0..ROUNDS {
@@ -134,7 +134,7 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
             }
             reads.push(begin.elapsed().as_secs_f64());
         }
-        fs::remove_file(&whole)?;
+        fs::remove_file(&finished)?;
         fs::remove_file(&repacked)?;
         let us = |s: f64| s * 1e6 / scan.taps.len() as f64;
         let (ours, theirs, reads) =
@@ -160,7 +160,7 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// An archive that is whole.
+/// A finished archive, with its verdicts.
 fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     drop(fs::remove_file(path));
     let mut writer = Writer::create(path, &scan.plan, 0, "[store]\n")?;

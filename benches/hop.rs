@@ -87,14 +87,14 @@ struct Run {
 
 /// Sends `count` records over `way`, one a `period` or as fast as they are taken.
 fn run(way: Way, count: u64, period: Option<Duration>) -> Result<Run> {
-    let (cpu_ns, begin_ns, said) = match way {
+    let (cpu_ns, begin_ns, reports) = match way {
         Way::Topic => over_topic(count, period)?,
         Way::Socket | Way::Pipe => over_stream(way, count, period)?,
     };
-    for said in &said {
-        ensure!(said.count == count && said.bad == 0, "{}: {said:?} of {count} records", way.name());
+    for report in &reports {
+        ensure!(report.count == count && report.bad == 0, "{}: {report:?} of {count} records", way.name());
     }
-    let [a, b] = said;
+    let [a, b] = reports;
     let last_ns = if a.last_ns > b.last_ns { a.last_ns } else { b.last_ns };
     #[expect(clippy::cast_precision_loss, reason = "figures for people to read")]
     let us_per_record = |ns: u64| ns as f64 / 1e3 / count as f64;
@@ -150,7 +150,7 @@ fn produce(count: u64, period: Option<Duration>, mut send: impl FnMut(u64) -> Re
     Ok((cpu_ns() - cpu_before, begin_ns))
 }
 
-fn over_topic(count: u64, period: Option<Duration>) -> Result<(u64, i64, [Said; 2])> {
+fn over_topic(count: u64, period: Option<Duration>) -> Result<(u64, i64, [ConsumerReport; 2])> {
     let address = LineAddress::fresh()?;
     let name = address.root().display();
     let outcome = {
@@ -176,7 +176,7 @@ fn over_topic(count: u64, period: Option<Duration>) -> Result<(u64, i64, [Said; 
     Ok(outcome)
 }
 
-fn over_stream(way: Way, count: u64, period: Option<Duration>) -> Result<(u64, i64, [Said; 2])> {
+fn over_stream(way: Way, count: u64, period: Option<Duration>) -> Result<(u64, i64, [ConsumerReport; 2])> {
     let (mut ends, mut consumers) = (Vec::new(), Vec::new());
     for _ in 0..2 {
         let (ours, theirs): (OwnedFd, OwnedFd) = match way {
@@ -239,7 +239,7 @@ impl Seen {
         self.last_ns = now_ns();
     }
 
-    fn say(mut self) {
+    fn report(mut self) {
         let cpu_ns = cpu_ns() - self.first_cpu_ns;
         let (p50_us, p99_us) = (quantile(&mut self.latency_us, 0.5), quantile(&mut self.latency_us, 0.99));
         println!("{} {} {cpu_ns} {} {p50_us} {p99_us}", self.count, self.bad, self.last_ns);
@@ -253,7 +253,7 @@ fn consume(role: &str) -> Result<()> {
         None if role == "stream" => from_stream()?,
         _ => bail!("{ROLE} is {role:?}; it is set by this program alone"),
     };
-    seen.say();
+    seen.report();
     Ok(())
 }
 
@@ -283,7 +283,7 @@ fn from_stream() -> Result<Seen> {
 
 /// What a consumer reports.
 #[derive(Debug)]
-struct Said {
+struct ConsumerReport {
     count: u64,
     bad: u64,
     cpu_ns: u64,
@@ -292,17 +292,17 @@ struct Said {
     p99_us: f64,
 }
 
-fn said_by(consumers: Vec<Child>) -> Result<[Said; 2]> {
-    let mut said = Vec::new();
+fn said_by(consumers: Vec<Child>) -> Result<[ConsumerReport; 2]> {
+    let mut reports = Vec::new();
     for consumer in consumers {
         let output = consumer.wait_with_output()?;
         ensure!(output.status.success(), "a consumer failed ({})", output.status);
         let text = String::from_utf8(output.stdout)?;
         let words: Vec<&str> = text.split_whitespace().collect();
         let &[count, bad, cpu_ns, last_ns, p50_us, p99_us] = words.as_slice() else {
-            bail!("a consumer says {text:?}")
+            bail!("a consumer reports {text:?}")
         };
-        said.push(Said {
+        reports.push(ConsumerReport {
             count: count.parse()?,
             bad: bad.parse()?,
             cpu_ns: cpu_ns.parse()?,
@@ -311,7 +311,7 @@ fn said_by(consumers: Vec<Child>) -> Result<[Said; 2]> {
             p99_us: p99_us.parse()?,
         });
     }
-    said.try_into().ok().context("there are two consumers")
+    reports.try_into().ok().context("there are two consumers")
 }
 
 // ---- the report ------------------------------------------------------------------------------------------------

@@ -254,10 +254,10 @@ fn ladder() -> Vec<Kernel<'static>> {
     #[expect(clippy::cast_precision_loss, reason = "a small index")]
     let scenes: Vec<Scene> = (0..TAPS)
         .map(|i| i as f64 / TAPS as f64)
-        .map(|share| Scene {
-            h_m: 4e-3 * 62.0_f64.powf(share.sqrt()),
-            l_m: 0.018 + 0.008 * (share * 37.0).fract(),
-            velocity_m_per_s: 1.0 + (share * 23.0).fract(),
+        .map(|fraction| Scene {
+            h_m: 4e-3 * 62.0_f64.powf(fraction.sqrt()),
+            l_m: 0.018 + 0.008 * (fraction * 37.0).fract(),
+            velocity_m_per_s: 1.0 + (fraction * 23.0).fract(),
             ..Scene::default()
         })
         .collect();

@@ -76,11 +76,11 @@ fn run_line(folder: &Path, stations: u16) -> Result<Pace> {
     let cpu_s = children_cpu_s()? - before_s;
     ensure!(output.status.success(), "a line of {stations} stations ended with {}", output.status);
     std::fs::remove_dir_all(&out)?;
-    let said = String::from_utf8(output.stdout)?;
-    let summary: Value = serde_json::from_str(said.lines().last().unwrap_or_default())?;
+    let printed = String::from_utf8(output.stdout)?;
+    let summary: Value = serde_json::from_str(printed.lines().last().unwrap_or_default())?;
     let pace = |key: &str| summary["pace"][key].as_f64().with_context(|| format!("no {key} in {summary}"));
     let taps = SimulatedLine::new(&scan(stations), &SimulationConfig::default())?.plan().taps().len();
-    ensure!(summary["is_whole"] == true && summary["archived"] == taps, "not all of {taps} taps: {summary}");
+    ensure!(summary["is_complete"] == true && summary["archived"] == taps, "not all of {taps} taps: {summary}");
     ensure!(summary["pace"]["gaps"] == 0, "records were lost: {summary}");
     let memory = summary["pace"]["peak_memory_mb"].as_array().into_iter().flatten();
     Ok(Pace {

@@ -1,8 +1,8 @@
 //! Which archives a verb works on: the files that are named, and those in the folders that are.
 //!
-//! A folder stands for every finished archive in it and in its sub-folders, as the days of a line are; those under way
-//! (`open`) and those that a line could not go on with (`left`) are none of them, nor is what is hidden. Results that
-//! `tapline reprocess` put beside an archive are told from archives, so that no casing counts twice.
+//! A folder stands for every finished archive in it and in its sub-folders, such as the days of a line; not those under way
+//! (`open`), those that a line could not continue (`left`), and hidden files. Results that
+//! `tapline reprocess` put beside an archive are kept apart from archives, so that no casing counts twice.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -19,10 +19,10 @@ const ENDING: &str = "h5";
 /// Hexadecimal digits of the lineage in the name of a file of results.
 pub(crate) const KEY_DIGITS: usize = 12;
 
-/// Folders that are looked into, one within the other.
+/// Depth of nested folders that are searched.
 const DEPTH_MAX: usize = 16;
 
-/// Which files of a folder are meant.
+/// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Which {
     /// The archives of casings.
@@ -44,9 +44,9 @@ impl Which {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ArchiveFile {
     /// Where it is.
-    pub(crate) path: PathBuf,
+    pub path: PathBuf,
     /// Its path within the folder that was named; its own name where it was named itself.
-    pub(crate) name: PathBuf,
+    pub name: PathBuf,
 }
 
 impl ArchiveFile {
@@ -59,18 +59,18 @@ impl ArchiveFile {
 /// The files to work on.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Archives {
-    pub(crate) files: Vec<ArchiveFile>,
+    pub files: Vec<ArchiveFile>,
     /// Files of the folders that are not finished.
-    pub(crate) unfinished: Vec<PathBuf>,
+    pub unfinished: Vec<PathBuf>,
     /// Whether a folder was named, or several files: whatever is made is made of many then.
-    pub(crate) is_many: bool,
+    pub is_many: bool,
 }
 
 impl Archives {
     /// The files at `paths`, in the order in which they are named, and of a folder in the order of their names; each once.
     ///
     /// # Errors
-    /// A path at which nothing is, a folder without such a file, or what the system says.
+    /// A path at which nothing is, a folder without such a file, or an error of the system.
     pub(crate) fn find<P: AsRef<Path>>(paths: &[P], which: Which) -> Result<Self> {
         let mut found = Self { is_many: paths.len() > 1, ..Self::default() };
         let mut known = BTreeSet::new();
@@ -100,7 +100,7 @@ impl Archives {
         here.look_into(folder, DEPTH_MAX)?;
         here.finished.sort();
         here.unfinished.sort();
-        let (casings, results) = told_apart(here.finished);
+        let (casings, results) = archives_and_results(here.finished);
         let chosen = match which {
             Which::Casings => casings,
             Which::Results => newest(results.clone()),
@@ -178,7 +178,7 @@ fn is_archive(path: &Path) -> bool {
 }
 
 /// The archives, and the files of results, each with the archive that it is of.
-fn told_apart(files: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<(PathBuf, PathBuf)>) {
+fn archives_and_results(files: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<(PathBuf, PathBuf)>) {
     let all: BTreeSet<PathBuf> = files.iter().cloned().collect();
     let (mut casings, mut results) = (Vec::new(), Vec::new());
     for path in files {
@@ -215,22 +215,22 @@ fn newest(results: Vec<(PathBuf, PathBuf)>) -> Vec<PathBuf> {
     newest.into_values().map(|(_, path)| path).collect()
 }
 
-/// What becomes of many files: one that fails is named, and the others are done all the same.
+/// The outcome over many files: one that fails is named, and the others are done.
 #[derive(Debug)]
 pub(crate) struct Outcome {
     is_many: bool,
     /// Files that there are.
     count: usize,
     failed: usize,
-    is_whole: bool,
+    is_complete: bool,
 }
 
 impl Outcome {
-    pub(crate) fn of(archives: &Archives) -> Self {
-        Self { is_many: archives.is_many, count: archives.files.len(), failed: 0, is_whole: true }
+    pub(crate) fn new(archives: &Archives) -> Self {
+        Self { is_many: archives.is_many, count: archives.files.len(), failed: 0, is_complete: true }
     }
 
-    /// What was had of `file`; `None` where it failed, as is said then.
+    /// What was had of `file`; `None` where it failed, which is printed.
     ///
     /// # Errors
     /// The error, where that file alone was named.
@@ -252,8 +252,8 @@ impl Outcome {
     }
 
     /// Notes whether what was had of a file was all of it.
-    pub(crate) fn note(&mut self, is_whole: bool) {
-        self.is_whole &= is_whole;
+    pub(crate) fn note(&mut self, is_complete: bool) {
+        self.is_complete &= is_complete;
     }
 
     /// Whether all files were done, and each was whole.
@@ -261,14 +261,14 @@ impl Outcome {
     /// # Errors
     /// That none was done.
     pub(crate) fn end(self) -> Result<bool> {
-        let Self { count, failed, is_whole, .. } = self;
+        let Self { count, failed, is_complete, .. } = self;
         if failed > 0 && failed == count {
             bail!("none of {count} archives could be done");
         }
         if failed > 0 {
-            print_line(&format!("tapline: {failed} of {count} archives are left out, as said above"));
+            print_line(&format!("tapline: {failed} of {count} archives are left out, for the reasons above"));
         }
-        Ok(is_whole && failed == 0)
+        Ok(is_complete && failed == 0)
     }
 }
 
@@ -327,12 +327,12 @@ mod tests {
     #[test]
     fn a_folder_of_nothing_is_an_error_that_says_what_is_there() {
         let folder = tempfile::tempdir().unwrap();
-        let said = |which| Archives::find(&[folder.path()], which).unwrap_err().to_string();
-        assert!(said(Which::Casings).ends_with("has no finished archive (NAME.h5)"), "{}", said(Which::Casings));
+        let refusal = |which| Archives::find(&[folder.path()], which).unwrap_err().to_string();
+        assert!(refusal(Which::Casings).ends_with("has no finished archive (NAME.h5)"), "{}", refusal(Which::Casings));
         make(folder.path(), &["open/D.17.h5"]);
-        assert!(said(Which::Casings).ends_with("; 1 is not finished: open has it"), "{}", said(Which::Casings));
-        assert!(said(Which::Results).contains("no results"), "{}", said(Which::Results));
-        // A check tells of what is not finished.
+        assert!(refusal(Which::Casings).ends_with("; 1 is not finished: open has it"), "{}", refusal(Which::Casings));
+        assert!(refusal(Which::Results).contains("no results"), "{}", refusal(Which::Results));
+        // A check reports what is not finished.
         assert_eq!(Archives::find(&[folder.path()], Which::All).unwrap().unfinished.len(), 1);
     }
 }

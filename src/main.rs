@@ -29,7 +29,7 @@ use crate::host::stderr::{print_line, with_causes};
 use crate::line::stage::{DISK_FAILED, DiskFailed};
 use crate::verbs::{explain, export, model_contact, model_table, reference, repack, reprocess, rig, verify};
 
-/// Ended, but not whole: taps are missing, refused or damaged, an archive was left out, or contradicts itself.
+/// Ended, but incomplete: taps are missing, refused or damaged, an archive was left out, or contradicts itself.
 const INCOMPLETE: u8 = 3;
 
 fn main() -> ExitCode {
@@ -67,7 +67,7 @@ fn begin() -> anyhow::Result<()> {
     host::sigbus::explain_sigbus()
 }
 
-/// Does what was asked; whether it ended whole.
+/// Does what was asked; whether the outcome is complete.
 fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
     match verb {
         Verb::Run(args) => line::run(args),
@@ -83,7 +83,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Explain { archives, shoulder, location, results } => {
             explain::explain(archives, results.which(), shoulder.as_deref(), *location)
         }
-        Verb::Diff { there, here, results } => explain::diff(there, here, Which::results_if(*results)),
+        Verb::Diff { before, after, results } => explain::diff(before, after, Which::results_if(*results)),
         Verb::Report { archives, out, results } => report::report(archives, results.which(), out.as_deref()),
         Verb::Model(ModelVerb::Table { number, effective_length }) => model_table::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => model_contact::contact(args),

@@ -1,6 +1,6 @@
 //! What the benches share: order statistics and a plain table.
 
-/// Value below which the share `q` of `values` lies, NaN where there are none; sorts them.
+/// Value below which the fraction `q` of `values` lies, NaN where there are none; sorts them.
 pub(crate) fn quantile(values: &mut [f64], q: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);

@@ -1,6 +1,7 @@
 //! `tapline experiment`: the committed page, figures and tables are those that the program writes.
 
-use crate::rig::{Rig, csv_rows, docs, files, text};
+use crate::sandbox::{Sandbox, files};
+use tapline_testing::documents::{csv_rows, docs, text};
 
 const FIGURES: [&str; 10] =
     ["fig60", "fig61", "fig62", "fig63-64", "fig66-67", "fig68", "fig69", "fig70-71", "fig73-75", "fig76"];
@@ -27,11 +28,11 @@ fn difference(kept: &str, made: &str, tolerance: f64) -> Option<String> {
 /// Numbers are written to three digits or nine; transforms differ in their last from machine to machine.
 #[test]
 fn what_is_committed_is_what_the_program_finds() {
-    let rig = Rig::new();
-    let told = rig.run("experiment --out experiment").expect(0).out;
-    let (kept, made) = (files(&docs("experiment")), files(&rig.path("experiment")));
+    let sandbox = Sandbox::new();
+    let printed = sandbox.run("experiment --out experiment").expect(0).out;
+    let (kept, made) = (files(&docs("experiment")), files(&sandbox.path("experiment")));
     assert_eq!(kept.keys().collect::<Vec<_>>(), made.keys().collect::<Vec<_>>());
-    assert_eq!((told.lines().count(), made.len()), (2 * FIGURES.len() + 2, 2 * FIGURES.len() + 2));
+    assert_eq!((printed.lines().count(), made.len()), (2 * FIGURES.len() + 2, 2 * FIGURES.len() + 2));
     for (name, made) in made.iter().filter(|(name, _)| !name.ends_with(".svg")) {
         let tolerance = if name.starts_with("fig76") || !name.starts_with("fig") { 0.011 } else { 1e-6 };
         if let Some(difference) = difference(&kept[name], made, tolerance) {
@@ -40,7 +41,37 @@ fn what_is_committed_is_what_the_program_finds() {
     }
 }
 
-/// Catches a page and a table of claims that do not say the same, a claim told twice, and a verdict without a number.
+/// Catches a regression that was written onto the page: what the index must find on the simulated tyres, and how well.
+#[test]
+fn the_index_finds_the_planted_cracks() {
+    const AUC_MIN: [(&str, f64); 3] =
+        [("index-follows-damage", 0.99), ("slight-tyre-found", 0.97), ("one-normalisation", 0.97)];
+    const MUST_AGREE: [&str; 9] = [
+        "force",
+        "contact-time",
+        "severity-force",
+        "severity-sound",
+        "boxes-apart",
+        "new-tyre-zero",
+        "slight-tyre-other-shoulder",
+        "second-shoulder-calm",
+        "b-scan",
+    ];
+    let sandbox = Sandbox::new();
+    sandbox.run("experiment --seed 11 --out experiment").expect(0);
+    let claims = csv_rows(&text(&sandbox.path("experiment/claims.csv")));
+    let claim = |id: &str| claims.iter().find(|claim| claim["claim"] == id).unwrap_or_else(|| panic!("no {id}"));
+    for (id, auc_min) in AUC_MIN {
+        let ours = &claim(id)["ours"];
+        let auc: f64 = ours.split(';').next().unwrap().parse().unwrap();
+        assert!(auc >= auc_min && claim(id)["agrees"] == "yes", "{id}: {ours}");
+    }
+    for id in MUST_AGREE {
+        assert_eq!(claim(id)["agrees"], "yes", "{id}: {}", claim(id)["ours"]);
+    }
+}
+
+/// Catches a page and a table of claims that do not say the same, a claim printed twice, and a verdict without a number.
 #[test]
 fn the_page_says_what_the_table_says() {
     let claims = csv_rows(&text(&docs("experiment/claims.csv")));
@@ -67,11 +98,11 @@ fn the_page_says_what_the_table_says() {
 /// Catches bytes that depend on anything but the seed, and a seed that nothing depends on.
 #[test]
 fn the_seed_decides_every_byte() {
-    let rig = Rig::new();
+    let sandbox = Sandbox::new();
     for (seed, out) in [(7, "a"), (7, "b"), (8, "c")] {
-        rig.run(&format!("experiment --seed {seed} --out {out}/it")).expect(0);
+        sandbox.run(&format!("experiment --seed {seed} --out {out}/it")).expect(0);
     }
-    let [a, b, c] = ["a", "b", "c"].map(|out| files(&rig.path(out).join("it")));
+    let [a, b, c] = ["a", "b", "c"].map(|out| files(&sandbox.path(out).join("it")));
     assert!(a == b);
     let same: Vec<&String> = a.keys().filter(|name| a[*name] == c[*name]).collect();
     assert!(same.is_empty(), "{same:?}");
@@ -84,15 +115,15 @@ fn verdicts_hang_on_the_seed_only_where_the_page_says_so() {
         ["e_f-repeats-better-than-p_f", "force-fluctuates", "sound-tells-better", "repeats-small"];
     let page = text(&docs("experiment.md"));
     assert!(BY_CHANCE.iter().all(|name| page.matches(&format!("`{name}`")).count() == 2));
-    let rig = Rig::new();
+    let sandbox = Sandbox::new();
     let verdicts = |table: &str| -> Vec<(String, String)> {
-        let told = csv_rows(table).into_iter().map(|row| (row["claim"].clone(), row["agrees"].clone()));
-        told.filter(|(name, _)| !BY_CHANCE.contains(&name.as_str())).collect()
+        let printed = csv_rows(table).into_iter().map(|row| (row["claim"].clone(), row["agrees"].clone()));
+        printed.filter(|(name, _)| !BY_CHANCE.contains(&name.as_str())).collect()
     };
     let kept = verdicts(&text(&docs("experiment/claims.csv")));
     for seed in 2..=5 {
-        rig.run(&format!("experiment --seed {seed} --out seed-{seed}")).expect(0);
-        assert_eq!(verdicts(&text(&rig.path(&format!("seed-{seed}/claims.csv")))), kept, "seed {seed}");
+        sandbox.run(&format!("experiment --seed {seed} --out seed-{seed}")).expect(0);
+        assert_eq!(verdicts(&text(&sandbox.path(&format!("seed-{seed}/claims.csv")))), kept, "seed {seed}");
     }
 }
 
@@ -116,7 +147,7 @@ fn pictures_are_small_and_whole() {
 /// Catches a folder without a name, beside which no page can stand.
 #[test]
 fn a_folder_without_a_name_is_refused() {
-    let rig = Rig::new();
-    let done = rig.run("experiment --out ..").expect(1);
+    let sandbox = Sandbox::new();
+    let done = sandbox.run("experiment --out ..").expect(1);
     assert!(done.err.contains("--out is ..; it must end with the name of a folder"), "{done:?}");
 }

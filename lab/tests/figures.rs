@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::rig::Rig;
+use crate::sandbox::Sandbox;
 
 const NUMBERS: [u8; 19] = [11, 12, 13, 16, 17, 18, 19, 20, 22, 23, 24, 25, 26, 27, 31, 32, 36, 37, 38];
 
@@ -20,13 +20,13 @@ fn cells(path: &Path) -> Vec<Vec<String>> {
 /// Catches committed figures that went stale, one that is not written, and one without a file: numbers to 1e-6.
 #[test]
 fn committed_figures_are_up_to_date() {
-    let rig = Rig::new();
-    let told = rig.run("figures --out drawn").expect(0).out;
-    assert_eq!(told.lines().count(), 2 * NUMBERS.len(), "{told}");
+    let sandbox = Sandbox::new();
+    let printed = sandbox.run("figures --out drawn").expect(0).out;
+    assert_eq!(printed.lines().count(), 2 * NUMBERS.len(), "{printed}");
     assert_eq!(fs::read_dir(committed()).unwrap().count(), 2 * NUMBERS.len());
     for number in NUMBERS {
         let name = format!("fig{number}.csv");
-        let (drawn, kept) = (cells(&rig.path("drawn").join(&name)), cells(&committed().join(&name)));
+        let (drawn, kept) = (cells(&sandbox.path("drawn").join(&name)), cells(&committed().join(&name)));
         assert_eq!((drawn.len(), &drawn[0]), (kept.len(), &kept[0]), "{name}");
         for (drawn, kept) in drawn.iter().zip(&kept).skip(1) {
             let number = |cell: &str| cell.parse::<f64>().unwrap();
@@ -43,9 +43,9 @@ fn committed_figures_are_up_to_date() {
 #[test]
 fn pictures_are_small_and_whole() {
     const BYTES_MOST: u64 = 60_000;
-    let rig = Rig::new();
-    rig.run("figures --out drawn").expect(0);
-    for folder in [rig.path("drawn"), committed()] {
+    let sandbox = Sandbox::new();
+    sandbox.run("figures --out drawn").expect(0);
+    for folder in [sandbox.path("drawn"), committed()] {
         for number in NUMBERS {
             let path = folder.join(format!("fig{number}.svg"));
             assert!(fs::metadata(&path).unwrap().len() < BYTES_MOST, "{}", path.display());
@@ -63,23 +63,23 @@ fn pictures_are_small_and_whole() {
 /// Catches one figure asked for that draws others, and a number that is let through.
 #[test]
 fn one_figure_can_be_asked_for() {
-    let rig = Rig::new();
-    let told = rig.run("figures --figure 26").expect(0).out;
-    assert_eq!(told, "figures/fig26.svg\nfigures/fig26.csv\n");
-    assert_eq!(fs::read_dir(rig.path("figures")).unwrap().count(), 2);
-    let done = rig.run("figures --figure 28 --out none").expect(1);
-    assert!(done.err.contains("28") && done.err.contains("36-38") && !rig.path("none").exists(), "{done:?}");
+    let sandbox = Sandbox::new();
+    let printed = sandbox.run("figures --figure 26").expect(0).out;
+    assert_eq!(printed, "figures/fig26.svg\nfigures/fig26.csv\n");
+    assert_eq!(fs::read_dir(sandbox.path("figures")).unwrap().count(), 2);
+    let done = sandbox.run("figures --figure 28 --out none").expect(1);
+    assert!(done.err.contains("28") && done.err.contains("36-38") && !sandbox.path("none").exists(), "{done:?}");
 }
 
 /// Catches a command of `docs/dissertation.md` that fails.
 #[test]
 fn the_pages_commands_run() {
-    let rig = Rig::new();
+    let sandbox = Sandbox::new();
     let page = fs::read_to_string(committed().join("../dissertation.md")).unwrap();
     let quoted = page.lines().flat_map(|line| line.split('`').skip(1).step_by(2));
     let commands: BTreeSet<&str> = quoted.filter_map(|text| text.strip_prefix("tapline-lab ")).collect();
     assert!(commands.len() > 6, "{commands:?}");
     for command in commands {
-        assert!(!rig.run(command).expect(0).out.is_empty(), "{command}");
+        assert!(!sandbox.run(command).expect(0).out.is_empty(), "{command}");
     }
 }

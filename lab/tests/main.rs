@@ -4,7 +4,7 @@
 
 mod experiment;
 mod figures;
-mod rig;
+mod sandbox;
 mod stability;
 mod statistics;
 mod study;

@@ -1,4 +1,4 @@
-//! The command line: what was written, before anything is opened.
+//! The command line, parsed before anything is opened.
 
 pub(crate) mod model;
 
@@ -14,10 +14,10 @@ use crate::cli::model::{ContactArgs, Length};
 #[command(version, max_term_width = 100, after_help = EXIT_CODES)]
 pub(crate) struct Cli {
     #[command(subcommand)]
-    pub(crate) verb: Verb,
+    pub verb: Verb,
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 ended, but taps are missing or refused, or an archive is not whole or was left out.";
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 ended, but taps are missing or refused, or an archive is incomplete or was left out.";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
@@ -28,7 +28,7 @@ pub(crate) enum Verb {
     Run(RunArgs),
     /// Judge casings as they come to the stations of a configuration, for as long as it is left on.
     ///
-    /// Each casing's verdict is said, and its file is in its place, within a second of its last tap. Ctrl-C, or SIGTERM,
+    /// Each casing's verdict is printed, and its file is in its place, within a second of its last tap. Ctrl-C, or SIGTERM,
     /// ends the line in good order; the same command again goes on with the casings that were under way.
     Line(LineArgs),
     /// Show how a running line is: its stations, casings, verdicts and alarms. The line does not notice.
@@ -82,7 +82,7 @@ pub(crate) enum Verb {
         #[arg(long)]
         out: PathBuf,
     },
-    /// Say what an archive's numbers are made of and by: recorded taps, sources of the program, options, reference.
+    /// Show what an archive's numbers are made of and by: recorded taps, sources of the program, options, reference.
     Explain {
         /// Archives or files of results, or folders of archives.
         #[arg(required = true)]
@@ -96,22 +96,22 @@ pub(crate) enum Verb {
         #[command(flatten)]
         results: ResultsArgs,
     },
-    /// Say what changed from one archive's numbers to another's of the same taps: options and sources first, then numbers.
+    /// Show what changed from one archive's numbers to another's of the same taps: options and sources first, then numbers.
     ///
-    /// Archives in folders are paired by the casing's name; exit code 3 says that one has no partner.
+    /// Archives in folders are paired by the casing's name; exit code 3 means that one has no partner.
     Diff {
-        /// The one, before; or a folder of archives.
-        there: PathBuf,
-        /// The other, after; or a folder of archives.
-        here: PathBuf,
+        /// The archive before; or a folder of archives.
+        before: PathBuf,
+        /// The archive after; or a folder of archives.
+        after: PathBuf,
         /// Of the second folder take the newest results of `tapline reprocess`: it may be the same folder.
         #[arg(long)]
         results: bool,
     },
     /// Write what archives hold as pages to read and print: one a tyre, and one of the whole shift.
     ///
-    /// Each page is one HTML file that needs nothing else. An archive of which taps are missing is told of as far as
-    /// it goes.
+    /// Each page is one HTML file that needs nothing else. Of an archive with missing taps the pages
+    /// show what is there.
     Report {
         /// Archives or files of results, or folders of archives.
         #[arg(required = true)]
@@ -132,44 +132,44 @@ pub(crate) enum Verb {
 pub(crate) struct SourceArgs {
     /// Configuration file (TOML); defaults hold for what it leaves out.
     #[arg(long)]
-    pub(crate) config: Option<PathBuf>,
+    pub config: Option<PathBuf>,
     /// Folder of recorded taps (a tap set) to scan instead of simulated tyres.
     #[arg(long)]
-    pub(crate) taps: Option<PathBuf>,
+    pub taps: Option<PathBuf>,
     /// Folder for the results, one file a casing; `simulated`, or the name of the tap set, in this folder when left out.
     #[arg(long)]
-    pub(crate) out: Option<PathBuf>,
-    /// What shoulders are compared with, over what the configuration says: the file of a reference (`tapline reference`
+    pub out: Option<PathBuf>,
+    /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
     /// makes one), TYRE/SHOULDER of the casing itself, or `self`: each tyre with itself, where damage all round does not show.
     #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
-    pub(crate) reference: Option<String>,
+    pub reference: Option<String>,
     /// Stations: how many are simulated, or over how many the shoulders of a tap set are shared out.
     #[arg(long)]
-    pub(crate) stations: Option<u16>,
+    pub stations: Option<u16>,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct ReferenceArgs {
     /// Archives to take shoulders from, or folders of them.
     #[arg(required = true)]
-    pub(crate) archives: Vec<PathBuf>,
+    pub archives: Vec<PathBuf>,
     #[command(flatten)]
-    pub(crate) results: ResultsArgs,
+    pub results: ResultsArgs,
     /// A shoulder to take, several times for several; when left out, all that passed, or with --labelled all.
     #[arg(long = "shoulder", value_name = "TYRE/SHOULDER")]
-    pub(crate) shoulders: Vec<String>,
+    pub shoulders: Vec<String>,
     /// Take what the archives know of each location for its label; without it every shoulder is taken to be sound.
     #[arg(long)]
-    pub(crate) labelled: bool,
-    /// Learn from the labels which way each discriminator moves with damage, where they tell.
+    pub labelled: bool,
+    /// Learn from the labels which way each discriminator moves with damage, where they show it.
     #[arg(long, requires = "labelled")]
-    pub(crate) learn_directions: bool,
+    pub learn_directions: bool,
     /// Configuration file, for directions and rate of false calls; that of the first archive when left out.
     #[arg(long)]
-    pub(crate) config: Option<PathBuf>,
+    pub config: Option<PathBuf>,
     /// File to write, whose name ends in .json.
     #[arg(long)]
-    pub(crate) out: PathBuf,
+    pub out: PathBuf,
 }
 
 /// What packs samples.
@@ -185,7 +185,7 @@ pub(crate) enum PackedBy {
     Gzip,
 }
 
-/// Which files of a folder are meant.
+/// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct ResultsArgs {
     /// Of folders take, of each casing, the newest results of `tapline reprocess` instead of its archive.
@@ -203,75 +203,75 @@ impl ResultsArgs {
 pub(crate) struct ReprocessArgs {
     /// The archives, or folders of them.
     #[arg(required = true)]
-    pub(crate) archives: Vec<PathBuf>,
+    pub archives: Vec<PathBuf>,
     /// Configuration file whose tables `process` and `fuse` take the place of the archive's, whole: an option that it does not
     /// name has its default, but for the reference. Without this file each archive's own are taken.
     #[arg(long)]
-    pub(crate) config: Option<PathBuf>,
-    /// What shoulders are compared with, over what the configuration says, as for `tapline run`.
+    pub config: Option<PathBuf>,
+    /// What shoulders are compared with, in place of the configuration's reference, as for `tapline run`.
     #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
-    pub(crate) reference: Option<String>,
+    pub reference: Option<String>,
     /// Threads; one for every core when left out. They change no result.
     #[arg(long, default_value_t = 0)]
-    pub(crate) jobs: usize,
+    pub jobs: usize,
     /// Read the samples even where the archive's own discriminators were made by the same options and sources; taps that
     /// results of the same lineage have already are not read again.
     #[arg(long)]
-    pub(crate) from_samples: bool,
+    pub from_samples: bool,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct RunArgs {
     #[command(flatten)]
-    pub(crate) source: SourceArgs,
-    /// Say verdicts, and the summary at the end, as lines of JSON.
+    pub source: SourceArgs,
+    /// Print verdicts, and the summary at the end, as lines of JSON.
     #[arg(long)]
-    pub(crate) json: bool,
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct LineArgs {
     /// Configuration file (TOML) with the stations.
     #[arg(long)]
-    pub(crate) config: PathBuf,
+    pub config: PathBuf,
     /// Folder for the results: a folder a day, a file a casing; made when it is not there.
     #[arg(long)]
-    pub(crate) out: PathBuf,
-    /// What shoulders are compared with, over what the configuration says: the file of a reference (`tapline reference`
+    pub out: PathBuf,
+    /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
     /// makes one), or `self`: each tyre with itself, where damage all round does not show.
     #[arg(long, value_name = "FILE.json|self")]
-    pub(crate) reference: Option<String>,
-    /// Say verdicts as lines of JSON.
+    pub reference: Option<String>,
+    /// Print verdicts as lines of JSON.
     #[arg(long)]
-    pub(crate) json: bool,
+    pub json: bool,
     /// End after so many casings.
     #[arg(long)]
-    pub(crate) casings: Option<usize>,
+    pub casings: Option<usize>,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct StatusArgs {
     /// Folder that the line writes its results to.
     #[arg(long)]
-    pub(crate) out: PathBuf,
+    pub out: PathBuf,
     /// Go on showing it until the line ends.
     #[arg(long)]
-    pub(crate) follow: bool,
+    pub follow: bool,
     /// Print it as a line of JSON.
     #[arg(long)]
-    pub(crate) json: bool,
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct StageArgs {
     /// Which: store, fuse, process, or acquire-NUMBER.
-    pub(crate) stage: String,
+    pub stage: String,
     /// Private folder of the line.
     #[arg(long)]
-    pub(crate) line: PathBuf,
+    pub line: PathBuf,
     /// Number of the process that started this one, with which it ends.
     #[arg(long)]
-    pub(crate) child: i32,
+    pub child: i32,
 }
 
 #[derive(Debug, Args)]
@@ -279,18 +279,18 @@ pub(crate) struct StageArgs {
 pub(crate) struct ExportArgs {
     /// Archives or files of results, or folders of archives.
     #[arg(required = true)]
-    pub(crate) archives: Vec<PathBuf>,
+    pub archives: Vec<PathBuf>,
     /// What to write.
     #[arg(value_enum, value_name = "WHAT")]
-    pub(crate) what: What,
+    pub what: What,
     /// Format; csv for a table and wav for the taps when left out.
     #[arg(long, value_enum)]
-    pub(crate) format: Option<Format>,
+    pub format: Option<Format>,
     #[command(flatten)]
-    pub(crate) results: ResultsArgs,
+    pub results: ResultsArgs,
     /// File to write a table into, standard output when left out; for the taps a folder, which must be new or empty.
     #[arg(long)]
-    pub(crate) out: Option<PathBuf>,
+    pub out: Option<PathBuf>,
 }
 
 const EXPORT_FORMATS: &str = "\

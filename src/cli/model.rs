@@ -1,4 +1,4 @@
-//! What `tapline model` is asked.
+//! The options of `tapline model`.
 
 use clap::{Args, ValueEnum};
 use tapline_model::Scene;
@@ -15,46 +15,46 @@ pub(crate) enum Length {
 pub(crate) struct ContactArgs {
     /// Impact velocity.
     #[arg(long, default_value_t = Scene::default().velocity_m_per_s)]
-    pub(crate) velocity_m_per_s: f64,
+    pub velocity_m_per_s: f64,
     /// Depth of the crack.
     #[arg(long, default_value_t = 25.4)]
-    pub(crate) depth_mm: f64,
+    pub depth_mm: f64,
     /// Length of the crack.
     #[arg(long, default_value_t = 25.4)]
-    pub(crate) length_mm: f64,
+    pub length_mm: f64,
     /// Width of the block.
     #[arg(long, default_value_t = 50.8)]
-    pub(crate) width_mm: f64,
+    pub width_mm: f64,
     /// Restitution asked of the contact, 0.1 to 1.
     #[arg(long, default_value_t = Scene::default().restitution)]
-    pub(crate) restitution: f64,
+    pub restitution: f64,
     /// Mass of the impactor.
     #[arg(long, default_value_t = 4.5)]
-    pub(crate) mass_g: f64,
+    pub mass_g: f64,
     /// Mass of the target.
     #[arg(long, default_value_t = Scene::default().m_2_kg)]
-    pub(crate) target_mass_kg: f64,
+    pub target_mass_kg: f64,
     /// Young's modulus of the target.
     #[arg(long, default_value_t = 17.9)]
-    pub(crate) e2_mpa: f64,
+    pub e2_mpa: f64,
     /// Rebound resilience of the target, for its loss tangent.
     #[arg(long, default_value_t = Scene::default().resilience)]
-    pub(crate) resilience: f64,
+    pub resilience: f64,
     /// How the effective length of a crack is had: as the printed tables used it, or as the text describes it.
     #[arg(long, value_enum, default_value_t = Length::Published)]
-    pub(crate) effective_length: Length,
+    pub effective_length: Length,
     /// How damping follows from the restitution.
     #[arg(long, value_enum, default_value_t = Damping::Exact)]
-    pub(crate) damping: Damping,
+    pub damping: Damping,
     /// The model: closed form, damped contact without a crack, plate in time, or the same with shear and membrane.
     #[arg(long, value_enum, required_unless_present = "tolerance", conflicts_with = "tolerance")]
-    pub(crate) rung: Option<RungName>,
-    /// Take the cheapest rung whose quantities are all within this relative difference from the full rung's, and say why.
+    pub rung: Option<RungName>,
+    /// Take the cheapest rung whose quantities are all within this relative difference from the full rung's, and print why.
     #[arg(long)]
-    pub(crate) tolerance: Option<f64>,
+    pub tolerance: Option<f64>,
     /// Print JSON.
     #[arg(long)]
-    pub(crate) json: bool,
+    pub json: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

@@ -1,4 +1,4 @@
-//! A line as it was asked for: configuration, source of casings and results.
+//! The options of a line: configuration, source of casings, output folder.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,11 +12,11 @@ use crate::config::Config;
 use crate::config::lineage::made_by;
 use crate::config::reference::{Fusions, ReferenceFile};
 
-/// A run as it was asked for: configuration, source and archive.
+/// The options of a line or a run.
 #[derive(Debug)]
 pub(crate) struct Job {
     pub(crate) config: Config,
-    /// The configuration as it was written, or the defaults spelled out where nothing was.
+    /// The configuration as written, or all defaults if none was given.
     pub(crate) config_toml: String,
     pub(crate) taps: Option<PathBuf>,
     pub(crate) out: PathBuf,
@@ -96,7 +96,7 @@ impl Job {
         Ok(job)
     }
 
-    /// The job of a stage, from the copy that its line made of what it was asked for.
+    /// The job of a stage, from the copy of its line.
     pub(crate) fn of_copy(config_toml: &str, reference: Option<String>, out: PathBuf) -> Result<Self> {
         let config: Config = toml::from_str(config_toml).context("the copy of the configuration is none")?;
         Ok(Self {

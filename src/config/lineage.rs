@@ -17,7 +17,7 @@ const SOURCES: [(&str, &str); 6] = [
     ("wire", env!("TAPLINE_SOURCE_WIRE")),
 ];
 
-/// Sources that decide what is found in a tap.
+/// Sources that affect the discriminators of a tap.
 const OF_DISCRIMINATORS: [&str; 3] = ["dependencies", "process", "wire"];
 
 #[derive(Debug, Serialize)]
@@ -32,7 +32,7 @@ struct MadeBy<'a> {
 pub(crate) fn made_by(config: &Config) -> Result<String> {
     let made_by = MadeBy { program: env!("CARGO_PKG_VERSION"), sources: SOURCES.into_iter().collect(), config };
     let mut table = toml::Table::try_from(made_by).context("the options do not fit TOML")?;
-    // How casings come, and who is told, decides no result.
+    // How casings come, and where verdicts are published, affects no result.
     for part in ["line", "station"] {
         table.remove(part);
     }
@@ -54,8 +54,7 @@ fn flatten(path: &str, value: &toml::Value, lines: &mut Vec<String>) {
     }
 }
 
-/// Of the lines `made_by` those that decide what is found in a tap: two archives that agree in them have the same
-/// discriminators.
+/// Those lines of `made_by` that affect discriminators: two archives that agree in them have the same discriminators.
 pub(crate) fn of_discriminators(made_by: &str) -> Vec<&str> {
     let is_of = |line: &&str| {
         line.starts_with("process.")
@@ -64,7 +63,7 @@ pub(crate) fn of_discriminators(made_by: &str) -> Vec<&str> {
     made_by.lines().filter(is_of).collect()
 }
 
-/// The lines of two lineages that differ, as (key, there, here); an option that is not there is empty.
+/// The lines of two lineages that differ, as (key, before, after); an option that is missing is empty.
 pub(crate) fn changes(there: &str, here: &str) -> Vec<(String, String, String)> {
     let lines = |text: &str| -> BTreeMap<String, String> {
         text.lines().filter_map(|line| line.split_once(" = ")).map(|(k, v)| (k.to_owned(), v.to_owned())).collect()
@@ -166,7 +165,7 @@ mod tests {
         config.acquire.taps_per_s = Some(50.0);
         assert_ne!(key(&config), without);
         let mut usual = toml::Table::try_from(&config).unwrap();
-        // How casings come, and who is told, decides no result.
+        // How casings come, and where verdicts are published, affects no result.
         for part in ["line", "station"] {
             usual.remove(part);
         }

@@ -13,26 +13,26 @@ use tapline_process::ProcessConfig;
 use tapline_store::StoreConfig;
 use tapline_wire::CasingLimits;
 
-/// What a configuration file says; every key has a default, and unknown keys are refused.
+/// A configuration file: every key has a default, and unknown keys are refused.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Config {
     /// The simulated scan.
-    pub(crate) scan: ScanConfig,
+    pub scan: ScanConfig,
     /// The simulated tyre and its sensors.
-    pub(crate) simulation: SimulationConfig,
+    pub simulation: SimulationConfig,
     /// How taps are taken.
-    pub(crate) acquire: AcquireConfig,
+    pub acquire: AcquireConfig,
     /// The discriminators.
-    pub(crate) process: ProcessConfig,
+    pub process: ProcessConfig,
     /// Damage maps and verdicts.
-    pub(crate) fuse: FuseConfig,
+    pub fuse: FuseConfig,
     /// The archive.
-    pub(crate) store: StoreConfig,
+    pub store: StoreConfig,
     /// A line that never ends.
-    pub(crate) line: LineConfig,
+    pub line: LineConfig,
     /// Its stations.
-    pub(crate) station: Vec<StationConfig>,
+    pub station: Vec<StationConfig>,
 }
 
 /// A line that never ends: the table `[line]`.
@@ -41,13 +41,13 @@ pub(crate) struct Config {
 pub(crate) struct LineConfig {
     /// Command that is run, by the shell, at each verdict, which it gets as a line of JSON on its standard input.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) on_verdict: Option<String>,
+    pub on_verdict: Option<String>,
     /// Most taps of a casing that comes as a tap set.
-    pub(crate) taps_max: usize,
+    pub taps_max: usize,
     /// Most samples of one of its taps, all channels together.
-    pub(crate) record_samples_max: usize,
+    pub record_samples_max: usize,
     /// Most shoulders, or lines of a slab, that such a casing has.
-    pub(crate) scans_max: usize,
+    pub scans_max: usize,
 }
 
 impl Default for LineConfig {

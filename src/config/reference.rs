@@ -1,4 +1,4 @@
-//! What a run compares with, and whether that was recorded and analysed as its own taps are.
+//! The reference of a run, and whether it was recorded and analysed like the taps of the run.
 
 use std::sync::Arc;
 
@@ -10,8 +10,8 @@ use tapline_wire::{Plan, Recording};
 /// A reference as it was read.
 #[derive(Debug)]
 pub(crate) struct ReferenceFile {
-    pub(crate) text: String,
-    pub(crate) set: Arc<ReferenceSet>,
+    pub text: String,
+    pub set: Arc<ReferenceSet>,
 }
 
 /// Makes the fusion of each casing, by the reference that the configuration names.
@@ -29,7 +29,7 @@ impl Fusions {
     }
 
     /// The fusion of the taps of `plan`.
-    pub(crate) fn of(&self, plan: &Plan) -> Result<Fusion, tapline_fuse::Error> {
+    pub(crate) fn for_plan(&self, plan: &Plan) -> Result<Fusion, tapline_fuse::Error> {
         match &self.set {
             Some(set) => {
                 check_reference(set, &self.process, &plan.recording)?;
@@ -39,11 +39,11 @@ impl Fusions {
         }
     }
 
-    /// The fusion of the taps of `plan`, if they are recorded and looked at as those of the reference are.
+    /// The fusion of the taps of `plan`, if they are recorded and analysed like those of the reference.
     pub(crate) fn check(&self, plan: &Plan) -> Result<Fusion> {
         check_record_s(&self.process, &plan.recording)?;
         self.check_shoulder(plan)?;
-        Ok(self.of(plan)?)
+        Ok(self.for_plan(plan)?)
     }
 
     /// Whether the casing of `plan` has the shoulder that the reference names: one named so is of the same casing.
@@ -62,8 +62,7 @@ impl Fusions {
     }
 }
 
-/// How discriminators come about: rate and channels of the records, and the table `[process]` with every default spelled
-/// out.
+/// All that discriminators depend on: rate and channels of the records, and the table `[process]` with every default.
 pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
     let rate_hz = recording.sample_rate_hz;
@@ -71,7 +70,7 @@ pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Resul
     Ok(format!("sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\n{config}"))
 }
 
-/// Whether what is looked at of each record reaches beyond its trigger.
+/// Checks that the analysed beginning of each record reaches beyond its trigger.
 pub(crate) fn check_record_s(config: &ProcessConfig, recording: &Recording) -> Result<()> {
     let (pre_trigger, rate_hz) = (recording.pre_trigger_samples, recording.sample_rate_hz);
     ensure!(
@@ -83,13 +82,13 @@ pub(crate) fn check_record_s(config: &ProcessConfig, recording: &Recording) -> R
     Ok(())
 }
 
-/// Whether the taps of `set` were recorded and analysed as those of a run are.
+/// Checks that the taps of `set` were recorded and analysed like those of a run.
 pub(crate) fn check_reference(
     set: &ReferenceSet,
     config: &ProcessConfig,
     recording: &Recording,
 ) -> Result<(), tapline_fuse::Error> {
-    // A configuration that does not fit TOML is none that any reference was made by.
+    // No reference was made by a configuration that cannot be written as TOML.
     let (there, here) = (&set.process, process_of(config, recording).unwrap_or_default());
     match *there == here {
         true => Ok(()),
@@ -124,18 +123,18 @@ mod tests {
         };
         let config = ProcessConfig::default();
         let was = process_of(&config, &recording).unwrap();
-        let told =
+        let difference =
             |config: &ProcessConfig, recording: &Recording| differences(&was, &process_of(config, recording).unwrap());
         let faster = Recording { sample_rate_hz: 48_000.0, ..recording.clone() };
-        assert_eq!(told(&config, &faster), "sample_rate_hz = 40960.0 there, sample_rate_hz = 48000.0 here");
+        assert_eq!(difference(&config, &faster), "sample_rate_hz = 40960.0 there, sample_rate_hz = 48000.0 here");
         let deaf = Recording { channels: vec![Channel::Force], ..recording.clone() };
-        assert_eq!(told(&config, &deaf), "channels = [\"force\", \"sound\"] there, channels = [\"force\"] here");
+        assert_eq!(difference(&config, &deaf), "channels = [\"force\", \"sound\"] there, channels = [\"force\"] here");
         let other = ProcessConfig { f_c_hz: 600.0, f_hi_hz: 1900.0, ..config };
         assert_eq!(
-            told(&other, &recording),
+            difference(&other, &recording),
             "f_c_hz = 550.0, f_hi_hz = 2000.0 there, f_c_hz = 600.0, f_hi_hz = 1900.0 here"
         );
-        // How long the records are, and in what numbers, does not count.
+        // The length of records and the type of their samples do not count.
         let longer = Recording { sample_count_max: 32_768, sample_format: SampleFormat::F32, ..recording };
         assert_eq!(process_of(&ProcessConfig::default(), &longer).unwrap(), was);
         assert!(check_record_s(&config, &longer).is_ok());

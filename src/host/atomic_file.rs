@@ -1,4 +1,4 @@
-//! Files that are there whole or not at all.
+//! Files that are written completely or not at all.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read as _};
@@ -35,7 +35,7 @@ where
     let draft = place.with_added_extension("new");
     let file = File::create(&draft).with_context(context)?;
     let written = write(file).with_context(context).and_then(|()| fs::rename(&draft, &place).with_context(context));
-    // What is half there is nothing; where it cannot be removed the error above says more.
+    // A half-written draft is of no use; where it cannot be removed, the error above is the one that counts.
     written.inspect_err(|_| drop(fs::remove_file(&draft)))
 }
 

@@ -17,7 +17,7 @@ pub(crate) struct Progress {
     total: Option<usize>,
     last: Option<usize>,
     bar: Option<ProgressBar>,
-    told_at: Instant,
+    printed_at: Instant,
 }
 
 impl Progress {
@@ -29,16 +29,16 @@ impl Progress {
         Self::begin(total, &what)
     }
 
-    /// Of `total` taps, after saying what begins.
+    /// Of `total` taps, after printing what begins.
     pub(crate) fn begin(total: Option<usize>, what: &str) -> Self {
         let bar = total.filter(|_| std::io::stderr().is_terminal()).map(bar);
-        let progress = Self { total, last: None, bar, told_at: Instant::now() };
-        progress.say(what);
+        let progress = Self { total, last: None, bar, printed_at: Instant::now() };
+        progress.print(what);
         progress
     }
 
-    /// Says something beside the progress.
-    pub(crate) fn say(&self, text: &str) {
+    /// Prints something beside the progress.
+    pub(crate) fn print(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.suspend(|| print_line(text)),
             None => print_line(text),
@@ -64,8 +64,8 @@ impl Progress {
         if let Some(bar) = &self.bar {
             bar.set_position(settled as u64);
             bar.set_message(format!("{rate:.0} taps/s{}", left(left_s)));
-        } else if self.told_at.elapsed() >= LINE_EVERY {
-            self.told_at = Instant::now();
+        } else if self.printed_at.elapsed() >= LINE_EVERY {
+            self.printed_at = Instant::now();
             print_line(&format!("{settled} of {total} taps, {rate:.0} taps/s{}", left(left_s)));
         }
         is_news

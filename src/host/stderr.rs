@@ -1,4 +1,4 @@
-//! What people are told on standard error, which may be a full disk or a pipe whose reader has gone: that ends nothing.
+//! Messages to people on standard error, which may be a full disk or a pipe whose reader has gone: that ends nothing.
 
 use std::io::Write as _;
 
@@ -8,7 +8,7 @@ pub(crate) fn print_line(text: &str) {
     drop(writeln!(std::io::stderr(), "{text}"));
 }
 
-/// The error with its causes, each said once: many an error names its cause itself.
+/// The error with its causes, each once: many errors name their cause themselves.
 pub(crate) fn with_causes(error: &anyhow::Error) -> String {
     error.chain().fold(String::new(), |text, cause| match cause.to_string() {
         cause if text.is_empty() => cause,

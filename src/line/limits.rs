@@ -1,5 +1,5 @@
-//! What a line will need of the machine against what there is, told before anything starts: short of it, libraries below
-//! try again for ever, and the line would stand still without a word.
+//! What a line needs of the machine against what there is, checked before anything starts: short of it, libraries would try
+//! again for ever, and the line would stand still without a word.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -12,14 +12,14 @@ use tapline_wire::room;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Needs {
     /// Stations of the line.
-    pub(crate) stations: usize,
+    pub stations: usize,
     /// Processes that serve them.
-    pub(crate) acquire_processes: usize,
+    pub acquire_processes: usize,
     /// Shared memory that the line reserves, in bytes.
-    pub(crate) shared_bytes: u64,
+    pub shared_bytes: u64,
 }
 
-/// Descriptors of the busiest process, whatever the line: `tests/limits.rs` holds the three to a running line.
+/// Descriptors of the busiest process, whatever the line: `tests/faults/limits.rs` compares the three with a running line.
 const DESCRIPTORS_FIXED: u64 = 112;
 /// Descriptors that it has more for each process that serves stations.
 const DESCRIPTORS_PER_PROCESS: u64 = 18;
@@ -44,8 +44,8 @@ struct Limits {
     memory_free: Option<u64>,
 }
 
-/// Raises what may be raised, and checks that the line finds what it needs. To be called before any process starts: the
-/// limits are handed down.
+/// Raises the limits that may be raised, and checks that the machine has what the line needs. To be called before any
+/// process starts, since processes inherit limits.
 ///
 /// # Errors
 /// Everything that is too little, in one error: what there is, what is needed, and how many stations would do.
@@ -75,14 +75,14 @@ impl Limits {
     }
 }
 
-/// Memory that the system can still give, in bytes, where it tells.
+/// Memory that the system can still give, in bytes, where it reports it.
 fn memory_available() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let value = |name: &str| -> Option<u64> {
         let line = text.lines().find_map(|line| line.strip_prefix(name))?;
         Some(line.trim().trim_end_matches(" kB").parse::<u64>().ok()? * 1024)
     };
-    // Shared memory can be put out to swap as any other.
+    // Shared memory can be swapped out.
     Some(value("MemAvailable:")? + value("SwapFree:").unwrap_or(0))
 }
 
@@ -99,7 +99,7 @@ fn memory_of_group() -> Option<u64> {
     own.ancestors().take_while(|folder| folder.starts_with(root)).filter_map(free).min()
 }
 
-/// One thing that a line needs so much of.
+/// A resource, and how much of it a line needs.
 struct Item {
     what: &'static str,
     have: u64,
@@ -109,7 +109,7 @@ struct Item {
     cure: &'static str,
 }
 
-/// Least room in shared memory with which a stage is started again: its connections take so much before it can wait for more.
+/// Least room in shared memory with which a stage is started again: its connections take as much before it can wait for more.
 pub(crate) const RESTART_BYTES: u64 = 4_000_000;
 
 fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
@@ -152,11 +152,11 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
         format!("a line of {stations} station{} finds too little here", if stations == 1 { "" } else { "s" });
     for Item { what, have, need, is_bytes, cure } in &short {
         let need = need(needs);
-        let said = match is_bytes {
+        let written = match is_bytes {
             true => write!(text, "; {what}: {:.1} MB of {:.1} MB needed", *have as f64 / 1e6, need as f64 / 1e6),
             false => write!(text, "; {what}: {have} of {need} needed"),
         };
-        said.and_then(|()| write!(text, " ({cure})"))?;
+        written.and_then(|()| write!(text, " ({cure})"))?;
     }
     let enough = (1..stations).rev().find(|&fewer| short.iter().all(|i| i.have >= (i.need)(&needs.scaled(fewer))));
     match enough {
@@ -167,9 +167,9 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
 }
 
 impl Needs {
-    /// What a line of `stations` would need that is otherwise the same.
+    /// What the same line with another number of `stations` would need.
     fn scaled(&self, stations: usize) -> Self {
-        let of = |whole: usize| (whole * stations).div_ceil(self.stations.max(1));
+        let of = |total: usize| (total * stations).div_ceil(self.stations.max(1));
         let shared = u128::from(self.shared_bytes) * stations as u128 / self.stations.max(1) as u128;
         Self { stations, acquire_processes: of(self.acquire_processes), shared_bytes: shared as u64 }
     }
@@ -196,7 +196,7 @@ mod tests {
     const NEEDS: Needs = Needs { stations: 32, acquire_processes: 32, shared_bytes: 400_000_000 };
     const PLENTY: Limits = Limits { descriptors: None, address_space: None, shared_free: u64::MAX, memory_free: None };
 
-    fn said(limits: &Limits) -> String {
+    fn refusal(limits: &Limits) -> String {
         judge(&NEEDS, limits).unwrap_err().to_string()
     }
 
@@ -210,18 +210,18 @@ mod tests {
             memory_free: Some(memory(&NEEDS)),
         };
         judge(&NEEDS, &just).unwrap();
-        let text = said(&Limits { descriptors: Some(descriptors(&NEEDS) - 1), ..just });
+        let text = refusal(&Limits { descriptors: Some(descriptors(&NEEDS) - 1), ..just });
         assert!(text.contains("31 stations would do"), "{text}");
     }
 
     #[test]
-    fn everything_that_binds_is_told_at_once_with_how_many_stations_would_do() {
-        let text = said(&Limits { descriptors: Some(300), shared_free: 104_000_000, ..PLENTY });
+    fn everything_that_is_too_little_is_reported_at_once_with_how_many_stations_would_do() {
+        let text = refusal(&Limits { descriptors: Some(300), shared_free: 104_000_000, ..PLENTY });
         assert!(text.contains("open files of a process: 300 of ") && text.contains("ulimit -n"), "{text}");
         assert!(text.contains("/dev/shm: 104.0 MB of 404.0 MB needed"), "{text}");
         // By the memory it would be 8.
         assert!(text.contains("8 stations would do"), "{text}");
-        let text = said(&Limits { address_space: Some(200_000 << 10), ..PLENTY });
+        let text = refusal(&Limits { address_space: Some(200_000 << 10), ..PLENTY });
         assert!(text.contains("ulimit -v") && text.contains("too little for any line"), "{text}");
     }
 

@@ -1,16 +1,19 @@
-//! A line: starts the stages as processes, heals them, says each verdict as it falls, and shows how it is.
+//! A line: starts the stages as processes, restarts them, publishes each verdict as it falls, and shows how it is.
 //!
 //! `tapline run` ends when its list of casings does; `tapline line` goes on for ever. They are the same but for that.
 
-mod child;
-mod hook;
 pub(crate) mod limits;
-pub(crate) mod name;
+mod on_verdict;
 pub(crate) mod out_folder;
+pub(crate) mod process_name;
+mod progress_rate;
 mod run;
 pub(crate) mod setup;
 pub(crate) mod stage;
+mod stage_process;
+mod stages;
 pub(crate) mod status;
+mod store_silence;
 mod summary;
 pub(crate) mod supervisor;
 pub(crate) mod verdicts;

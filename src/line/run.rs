@@ -15,18 +15,18 @@ use crate::cli::{LineArgs, RunArgs};
 use crate::config::job::Job;
 use crate::host::atomic_file::write_atomically;
 use crate::host::progress::Progress;
-use crate::host::stop::stop_flag;
-use crate::line::hook::Hook;
-use crate::line::name::name_process;
+use crate::host::signals::stop_flag;
+use crate::line::on_verdict::VerdictCommand;
 use crate::line::out_folder::OutFolder;
+use crate::line::process_name::name_process;
 use crate::line::setup::{Arriving, Setup};
 use crate::line::summary::summarise;
 use crate::line::supervisor::{Audience, Pace, Supervisor};
 
-/// How long stages of an earlier line may take to end with it: as long as any, and a little for the news to come.
+/// How long stages of an earlier line may take to end with it: as any stage, and a little more.
 const GONE_WITHIN: Duration = Duration::from_secs(25);
 
-/// What says of a folder which run it is of.
+/// The file that identifies the run whose results a folder has.
 const RUN_FILE: &str = "run.toml";
 
 /// `tapline run`: the casings of a list, until each has its verdict.
@@ -36,11 +36,11 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         Some(folder) => Arriving::TapSet { folder: absolute(folder)?, stations: job.stations.unwrap_or(1) },
         None => Arriving::Simulated,
     };
-    let setup = Setup::of(&job, arriving, &absolute(&job.out)?)?;
-    // What cannot be judged, or not at once, is said before anything is scanned.
+    let setup = Setup::new(&job, arriving, &absolute(&job.out)?)?;
+    // What cannot be judged, or not at once, is reported before anything is scanned.
     let listed = Listed::check(&job, &setup)?;
     let mut folder = OutFolder::take(&job.out)?;
-    RunFile::of(&job, &setup, &listed).check_or_write(folder.path())?;
+    RunFile::new(&job, &setup, &listed).check_or_write(folder.path())?;
     folder.clear_left(GONE_WITHIN)?;
     let places = setup.places();
     let finished = listed.names.iter().filter(|name| places.finished(name).is_some()).count();
@@ -49,14 +49,14 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     } else {
         setup.check_machine()?;
         let progress = Progress::new(Some(listed.tap_count), &job.out);
-        let audience = Audience { progress, hook: None, as_json: args.json };
+        let audience = Audience { progress, on_verdict: None, as_json: args.json };
         operate(&setup, &mut folder, audience, Some(listed.names.len()))?
     };
     drop(folder);
     summarise(&job, &setup, &listed.names, pace, args.json)
 }
 
-/// `tapline line`: casings as they come, until it is told to stop.
+/// `tapline line`: casings as they come, until it is asked to stop.
 pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let job = Job::of_line(args)?;
     ensure!(
@@ -69,7 +69,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
          sound (`tapline reference FOLDER --out sound.json`) and give `--reference sound.json`; to compare each casing with \
          itself, give `--reference self` (damage all round does not show then)"
     );
-    let setup = Setup::of(&job, Arriving::Stations, &absolute(&job.out)?)?;
+    let setup = Setup::new(&job, Arriving::Stations, &absolute(&job.out)?)?;
     let fusions = job.fusions()?;
     if let Some(plan) = setup.plan_of_stations(&job)? {
         drop(fusions.check(&plan)?);
@@ -78,8 +78,8 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
     let progress = Progress::new(None, &job.out);
-    let hook = job.config.line.on_verdict.as_deref().map(Hook::start).transpose()?;
-    let audience = Audience { progress, hook, as_json: args.json };
+    let on_verdict = job.config.line.on_verdict.as_deref().map(VerdictCommand::start).transpose()?;
+    let audience = Audience { progress, on_verdict, as_json: args.json };
     let pace = operate(&setup, &mut folder, audience, args.casings)?;
     Ok(pace.refusals.is_empty())
 }
@@ -93,7 +93,7 @@ fn operate(setup: &Setup, folder: &mut OutFolder, audience: Audience, count: Opt
     folder.enter(address)?;
     let _kept = address.keep()?;
     setup.write(address)?;
-    // It stays to the end, also when the stages are told to stop.
+    // It stays to the end, also when the stages are asked to stop.
     let line = Line::join(address, Role::Supervisor, &setup.limits, Default::default())?;
     let _services = Services::open(&line)?;
     address.verify()?;
@@ -132,7 +132,7 @@ impl Listed {
         let mut known = BTreeSet::new();
         let mut listed = Self { names: Vec::new(), tap_count: 0, plans: Vec::new() };
         setup.listed(job, &mut |name, _station, plan| {
-            // One simulated tyre is as good as all, but for its name; each recorded one has taps of its own.
+            // Simulated tyres differ only in their names; each recorded one has taps of its own.
             match !is_simulated || listed.names.is_empty() {
                 true => drop(fusions.check(&plan)?),
                 false => fusions.check_shoulder(&plan)?,
@@ -149,7 +149,7 @@ impl Listed {
     }
 }
 
-/// What a folder of results says of the run that they are of, so that no other goes on with them.
+/// The run whose results a folder has, so that no other run continues them.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct RunFile {
     /// How many casings.
@@ -168,7 +168,7 @@ struct RunFile {
 }
 
 impl RunFile {
-    fn of(job: &Job, setup: &Setup, listed: &Listed) -> Self {
+    fn new(job: &Job, setup: &Setup, listed: &Listed) -> Self {
         let taps = match &setup.arriving {
             Arriving::TapSet { folder, .. } => Some(folder.clone()),
             Arriving::Simulated | Arriving::Stations => None,
@@ -182,7 +182,7 @@ impl RunFile {
         }
     }
 
-    /// Writes it into `folder`, where results of the same run may be already, but none of another.
+    /// Writes it into `folder`, unless that has results of another run.
     fn check_or_write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(RUN_FILE);
         let text = match fs::read_to_string(&path) {

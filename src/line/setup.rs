@@ -1,4 +1,4 @@
-//! What every process of a line is given: a copy of how the line was asked for, in the line's private folder.
+//! The setup of a line: a copy of its options for every process, in the line's private folder.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,38 +18,38 @@ const STATIONS_PER_PROCESS: usize = 16;
 /// Where the casings of a line come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Arriving {
-    /// The simulated tyres of the configuration, and then no more.
+    /// The simulated tyres of the configuration.
     Simulated,
-    /// The casings of a tap set, and then no more.
+    /// The casings of a tap set.
     TapSet {
         /// Its folder.
         folder: PathBuf,
-        /// Stations over which its casings are shared out.
+        /// Stations among which its casings are divided.
         stations: u16,
     },
     /// From the stations of the configuration, for as long as the line runs.
     Stations,
 }
 
-/// How a line was asked for. Its stages read this copy, also when they are restarted after the original has been edited.
+/// The options of a line. Its stages read this copy, even if they are restarted after the original was edited.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Setup {
-    pub(crate) arriving: Arriving,
+    pub arriving: Arriving,
     /// Folder in which the line was started.
-    pub(crate) started_in: PathBuf,
+    pub started_in: PathBuf,
     /// Output folder, absolute.
-    pub(crate) out: PathBuf,
-    pub(crate) limits: Limits,
-    pub(crate) config_toml: String,
+    pub out: PathBuf,
+    pub limits: Limits,
+    pub config_toml: String,
     /// The reference file, verbatim, and where it was.
-    pub(crate) reference: Option<String>,
+    pub reference: Option<String>,
 }
 
 const SETUP: &str = "setup.json";
 
 impl Setup {
-    /// The setup of `job` on the casings that `arriving` says, with results in `out`.
-    pub(crate) fn of(job: &Job, arriving: Arriving, out: &Path) -> Result<Self> {
+    /// The setup of `job` on the casings of `arriving`, with results in `out`.
+    pub(crate) fn new(job: &Job, arriving: Arriving, out: &Path) -> Result<Self> {
         let limits = limits_of(job, &arriving)?;
         let reference = job.reference()?.map(|file| file.text);
         Ok(Self {
@@ -89,7 +89,7 @@ impl Setup {
         self.arriving != Arriving::Stations
     }
 
-    /// Where the files lie: those of a list together, those of a line that never ends by the day.
+    /// Where the files are: those of a list in one folder, those of a line that never ends in one for each day.
     pub(crate) fn places(&self) -> Places {
         Places::new(&self.out, !self.is_list())
     }
@@ -148,7 +148,7 @@ impl Setup {
                     let station = job.config.station.iter().find(|station| station.number == number);
                     let Some(station) = station else { bail!("station {number} is not in the configuration") };
                     let mut station = station.clone();
-                    // As the line was started, and not its stages.
+                    // Relative to where the line was started; its stages run elsewhere.
                     station.folder = station.folder.map(|folder| self.started_in.join(folder));
                     let config = &job.config;
                     Ok(open_station(&station, &config.acquire, &config.scan, &config.simulation, wake.clone())?)

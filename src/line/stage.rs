@@ -1,4 +1,4 @@
-//! One stage in one process: joins its line, works until it is told to stop, reports.
+//! One stage in one process: joins its line, works until it is asked to stop, reports.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -11,11 +11,12 @@ use tapline_wire::{Line, LineAddress, Role};
 
 use crate::cli::StageArgs;
 use crate::config::job::Job;
-use crate::host::stop::stop_flag;
-use crate::line::name::{name_process, stage_name};
+use crate::host::signals::stop_flag;
+use crate::line::process_name::{name_process, stage_name};
 use crate::line::setup::Setup;
 
-/// Exit code of a stage that has let go of a disk that has failed: the supervisor starts it again when the disk is mended.
+/// Exit code of a stage that has closed its files on a disk that has failed: the supervisor starts it again when the disk is
+/// back.
 pub(crate) const DISK_FAILED: u8 = 75;
 
 /// The disk of the archive has failed.
@@ -23,14 +24,14 @@ pub(crate) const DISK_FAILED: u8 = 75;
 #[error("{0}")]
 pub(crate) struct DiskFailed(String);
 
-/// What a stage says of itself when it ends: one line of JSON on standard output.
+/// What a stage reports when it ends: one line of JSON on standard output.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct StageReport {
     /// What it did.
     #[serde(flatten)]
-    pub(crate) work: Work,
+    pub work: Work,
     /// Most memory it had, shared memory it touched included.
-    pub(crate) peak_memory_bytes: u64,
+    pub peak_memory_bytes: u64,
 }
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -42,7 +43,7 @@ pub(crate) enum Work {
     Store(tapline_store::Outcome),
 }
 
-/// Runs the stage that `args` name until it is told to stop.
+/// Runs the stage that `args` name until it is asked to stop.
 pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
     follow_parent(args)?;
     name_process(&stage_name(&args.stage));
@@ -57,7 +58,7 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
         }
         None if args.stage == "fuse" => {
             let fusions = job.fusions()?;
-            Work::Fuse(tapline_fuse::run(&join(Role::Fuse)?, &|plan| fusions.of(plan))?)
+            Work::Fuse(tapline_fuse::run(&join(Role::Fuse)?, &|plan| fusions.for_plan(plan))?)
         }
         None if args.stage == "store" => match tapline_store::run(&join(Role::Store)?, &setup.store_run(&job)) {
             Err(error @ tapline_store::RunError::FileSystem { .. }) => {
@@ -99,7 +100,7 @@ fn report(work: Work) -> Result<bool> {
     Ok(true)
 }
 
-/// Most memory this process had, 0 where the system does not tell.
+/// Most memory this process had, 0 where the system does not report it.
 fn peak_memory_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

@@ -1,4 +1,4 @@
-//! How a line is, for whoever looks on: `tapline status`.
+//! `tapline status`: the state of a running line.
 
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
@@ -14,67 +14,64 @@ use serde::{Deserialize, Serialize};
 use tapline_wire::{Line, Role, STATUS_BYTES_MAX, StatusTopic, Subscriber, now_ns};
 
 use crate::cli::StatusArgs;
-use crate::host::stop::stop_flag;
+use crate::host::signals::stop_flag;
 use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
 use crate::line::verdicts::CasingVerdict;
 
-/// Over how long the rate of a line is measured.
-pub(crate) const RATE_OVER: Duration = Duration::from_secs(10);
-
-/// How long a line that runs may take to show how it is.
+/// How long a running line may take to show its status.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(15);
 
-/// A line that has shown nothing for so long stands still.
+/// A line that has shown nothing for this long is stuck.
 const STANDS_AFTER_NS: i64 = 30_000_000_000;
 
-/// How a line is.
+/// The state of a line.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Status {
-    pub(crate) out: PathBuf,
-    pub(crate) pid: u32,
-    /// When this was so, in ns since the Unix epoch.
-    pub(crate) at_ns: i64,
-    pub(crate) is_ending: bool,
+    pub out: PathBuf,
+    pub pid: u32,
+    /// When it was taken, in ns since the Unix epoch.
+    pub at_ns: i64,
+    pub is_ending: bool,
     /// Whether the archive cannot be written, so that the line waits.
-    pub(crate) is_held: bool,
-    pub(crate) taps_per_s: f64,
-    pub(crate) settled_count: u64,
-    pub(crate) closed_count: u64,
-    pub(crate) lost_count: u64,
-    pub(crate) stations: Vec<StationStatus>,
-    pub(crate) stages: Vec<StageStatus>,
+    pub is_held: bool,
+    pub taps_per_s: f64,
+    pub settled_count: u64,
+    pub closed_count: u64,
+    pub lost_count: u64,
+    pub stations: Vec<StationStatus>,
+    pub stages: Vec<StageStatus>,
     /// The last verdicts, the newest first.
-    pub(crate) verdicts: Vec<CasingVerdict>,
+    pub verdicts: Vec<CasingVerdict>,
     /// What someone should look at, the newest first.
-    pub(crate) alarms: Vec<String>,
+    pub alarms: Vec<String>,
 }
 
-/// How a station is.
+/// The state of a station.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StationStatus {
-    pub(crate) number: u16,
+    pub number: u16,
     /// The casing that it taps.
-    pub(crate) casing: Option<CasingStatus>,
+    pub casing: Option<CasingStatus>,
     /// What it waits for; empty while it taps.
-    pub(crate) waits_for: String,
+    pub waits_for: String,
 }
 
-/// How far a casing is.
+/// The progress of a casing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CasingStatus {
-    pub(crate) name: String,
-    pub(crate) planned: usize,
-    pub(crate) archived: usize,
-    pub(crate) refused: usize,
+    pub name: String,
+    pub planned: usize,
+    pub archived: usize,
+    pub refused: usize,
 }
 
-/// How a stage is.
+/// The state of a stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StageStatus {
-    pub(crate) name: String,
-    pub(crate) pid: Option<u32>,
-    pub(crate) restarts: u32,
+    pub name: String,
+    pub pid: Option<u32>,
+    pub restarts: u32,
 }
 
 impl Status {
@@ -120,9 +117,9 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
         if stop.load(Ordering::Relaxed) {
             return Ok(true);
         }
-        // A folder that is away, as its disk is, ends no line.
+        // A folder that cannot be read, since its disk is away, does not mean that the line has ended.
         if last.is_some() && matches!(OutFolder::find_line(&args.out), Ok(None)) {
-            writeln!(io::stderr(), "the line has ended").context("cannot say so")?;
+            writeln!(io::stderr(), "the line has ended").context("cannot write to standard output")?;
             return Ok(true);
         }
         std::thread::sleep(Duration::from_millis(100));
@@ -150,19 +147,19 @@ fn text(status: &Status) -> String {
         status.taps_per_s,
         status.closed_count
     );
-    let mut say = |line: &str| text.push_str(line);
+    let mut add = |line: &str| text.push_str(line);
     if status.is_ending {
-        say("\nIt is ending.");
+        add("\nIt is ending.");
     }
     if status.is_held {
-        say("\nThe archive cannot be written: the line waits. Its log says why.");
+        add("\nThe archive cannot be written: the line waits. Its log has the reason.");
     }
     if status.lost_count > 0 {
-        say(&format!("\n{} records were lost in transit; their taps are taken again.", status.lost_count));
+        add(&format!("\n{} records were lost in transit; their taps are taken again.", status.lost_count));
     }
     let age_ns = now_ns().saturating_sub(status.at_ns);
     if status.stations.iter().any(|s| s.casing.is_some()) && age_ns > STANDS_AFTER_NS {
-        say(&format!("\nIt has shown nothing for {} s.", age_ns / 1_000_000_000));
+        add(&format!("\nIt has shown nothing for {} s.", age_ns / 1_000_000_000));
     }
     let mut table = Table::new();
     table.load_style(UTF8_HORIZONTAL_ONLY);

@@ -25,7 +25,7 @@ const SCORED_MAX: usize = 64;
 struct Summary {
     kind: &'static str,
     out: String,
-    is_whole: bool,
+    is_complete: bool,
     casings: usize,
     /// Casings without a finished file.
     unfinished: usize,
@@ -99,18 +99,18 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
     }
     let pace = pace_line(&pace);
     let [archived, refused, missing] = sum.counts;
-    let is_whole = sum.unfinished == 0 && refused == 0 && missing == 0 && sum.is_judged && pace.conflicts == 0;
+    let is_complete = sum.unfinished == 0 && refused == 0 && missing == 0 && sum.is_judged && pace.conflicts == 0;
     let summary = Summary {
         kind: "summary",
         out: job.out.display().to_string(),
-        is_whole,
+        is_complete,
         casings: names.len(),
         unfinished: sum.unfinished,
         archived,
         refused,
         missing,
         verdicts: sum.verdicts,
-        auc: sum.has_truth.then(|| Auc::of(&sum.scores.score(), sum.scored)),
+        auc: sum.has_truth.then(|| Auc::new(&sum.scores.score(), sum.scored)),
         flags: Quality::ALL.iter().filter_map(|&(_, name)| Some((name, *sum.flags.get(name)?))).collect(),
         fallbacks: sum.fallbacks.into_iter().collect(),
         reference_is_self: job.config.fuse.reference == Some(Reference::Own),
@@ -122,7 +122,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
     } else {
         print(&mut out, &summary)?;
     }
-    Ok(summary.is_whole)
+    Ok(summary.is_complete)
 }
 
 /// Adds what there is of a casing whose file is under way.
@@ -166,7 +166,7 @@ fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
             None => Fusion::new(&job.config.fuse, reader.plan())?,
         })
     };
-    // Why verdicts fell back is learned from the archive again, so that it is said also when an earlier run reached them.
+    // Why verdicts fell back is learned from the archive again, so that it is reported also when an earlier run reached them.
     if !fell_back.is_empty() && sum.fallbacks.is_empty() {
         let mut fusion = fusion()?;
         records.iter().try_for_each(|record| fusion.push(record))?;
@@ -179,12 +179,12 @@ fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
         sum.scores.add(fusion()?, &records)?;
     }
     let shoulders = reader.plan().scans().iter().zip(judgements);
-    sum.verdicts.extend(shoulders.map(|(scan, judged)| ShoulderVerdict::of(reader, scan, judged)));
+    sum.verdicts.extend(shoulders.map(|(scan, judged)| ShoulderVerdict::new(reader, scan, judged)));
     Ok(())
 }
 
 impl Auc {
-    fn of(score: &Score, casings: usize) -> Self {
+    fn new(score: &Score, casings: usize) -> Self {
         Self {
             index: score.index,
             discriminators: Discriminator::ALL.iter().map(|d| d.name()).zip(score.discriminators).collect(),
@@ -289,10 +289,10 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     }
     print_pace(out, &summary.pace)?;
     let Summary { casings, unfinished, archived, refused, missing, .. } = summary;
-    let whole = if summary.is_whole { "whole" } else { "NOT WHOLE" };
+    let state = if summary.is_complete { "complete" } else { "INCOMPLETE" };
     writeln!(
         out,
-        "{} is {whole}: {} of {casings} casings finished; {archived} taps archived, {refused} refused, {missing} missing.",
+        "{} is {state}: {} of {casings} casings finished; {archived} taps archived, {refused} refused, {missing} missing.",
         summary.out,
         casings - unfinished
     )?;

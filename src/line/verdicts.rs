@@ -1,4 +1,4 @@
-//! What is said of a casing when its file is closed: the verdict on each shoulder, for people and for programs.
+//! The verdict on a casing when its file is closed: that on each shoulder, for people and for programs.
 
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -8,40 +8,40 @@ use serde::{Deserialize, Serialize};
 use tapline_store::{Reader, regions};
 use tapline_wire::{DamageCell, Judgement, Reasons, Scan, TapState, Verdict};
 
-/// What came of one casing.
+/// The result of one casing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CasingVerdict {
-    /// Says what this line of JSON is: `verdict`.
-    pub(crate) kind: String,
+    /// The kind of this line of JSON: `verdict`.
+    pub kind: String,
     /// The casing's name.
-    pub(crate) casing: String,
-    pub(crate) station: u16,
+    pub casing: String,
+    pub station: u16,
     /// The worst of its shoulders.
-    pub(crate) verdict: Verdict,
-    pub(crate) shoulders: Vec<ShoulderVerdict>,
-    pub(crate) archived: usize,
-    pub(crate) refused: usize,
-    pub(crate) missing: usize,
+    pub verdict: Verdict,
+    pub shoulders: Vec<ShoulderVerdict>,
+    pub archived: usize,
+    pub refused: usize,
+    pub missing: usize,
     /// Its file.
-    pub(crate) file: PathBuf,
+    pub file: PathBuf,
 }
 
 /// The verdict on one shoulder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ShoulderVerdict {
-    pub(crate) tyre: String,
-    pub(crate) shoulder: u16,
-    pub(crate) station: u16,
-    pub(crate) verdict: Verdict,
-    pub(crate) reasons: String,
-    pub(crate) regions: usize,
-    pub(crate) peak_damage_index: Option<f64>,
-    pub(crate) peak_location: Option<u32>,
-    pub(crate) limit_reject: Option<f64>,
+    pub tyre: String,
+    pub shoulder: u16,
+    pub station: u16,
+    pub verdict: Verdict,
+    pub reasons: String,
+    pub regions: usize,
+    pub peak_damage_index: Option<f64>,
+    pub peak_location: Option<u32>,
+    pub limit_reject: Option<f64>,
 }
 
 impl CasingVerdict {
-    /// What the finished file at `path`, of the casing `name`, says.
+    /// The verdict in the finished file at `path`, of the casing `name`.
     pub(crate) fn read(name: &str, path: &Path) -> Result<Self> {
         let reader = Reader::open(path)?;
         let (plan, ledger) = (reader.plan(), reader.ledger());
@@ -50,7 +50,7 @@ impl CasingVerdict {
             .scans()
             .iter()
             .zip(judgements)
-            .map(|(scan, judged)| ShoulderVerdict::of(&reader, scan, judged))
+            .map(|(scan, judged)| ShoulderVerdict::new(&reader, scan, judged))
             .collect();
         let worst = shoulders.iter().map(|s| s.verdict).max().unwrap_or(Verdict::ReInspect);
         Ok(Self {
@@ -66,17 +66,17 @@ impl CasingVerdict {
         })
     }
 
-    /// Says it: a line for each shoulder, or one of JSON for all.
+    /// Prints it: a line for each shoulder, or one of JSON for all.
     pub(crate) fn print(&self, as_json: bool) -> Result<()> {
         let mut out = io::stdout().lock();
         if as_json {
-            writeln!(out, "{}", serde_json::to_string(self)?).context("cannot say the verdict")?;
+            writeln!(out, "{}", serde_json::to_string(self)?).context("cannot print the verdict")?;
         } else {
             for shoulder in &self.shoulders {
-                writeln!(out, "{}", self.line(shoulder)).context("cannot say the verdict")?;
+                writeln!(out, "{}", self.line(shoulder)).context("cannot print the verdict")?;
             }
         }
-        out.flush().context("cannot say the verdict")
+        out.flush().context("cannot print the verdict")
     }
 
     fn line(&self, shoulder: &ShoulderVerdict) -> String {
@@ -97,7 +97,7 @@ impl CasingVerdict {
 }
 
 impl ShoulderVerdict {
-    pub(crate) fn of(reader: &Reader, scan: &Scan, judged: Option<(Judgement, Vec<DamageCell>)>) -> Self {
+    pub(crate) fn new(reader: &Reader, scan: &Scan, judged: Option<(Judgement, Vec<DamageCell>)>) -> Self {
         let mut line = Self {
             tyre: scan.tyre.to_string(),
             shoulder: scan.shoulder,

@@ -24,30 +24,30 @@ const SHIFT: &str = "shift.html";
 pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Result<bool> {
     let archives = Archives::find(paths, which)?;
     let folder = out.map_or_else(|| default_folder(&paths[0]), Path::to_owned);
-    let mut outcome = Outcome::of(&archives);
+    let mut outcome = Outcome::new(&archives);
     let (mut shift, mut names) = (Shift::default(), Names::default());
     for file in &archives.files {
         let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
-        let Some(evidence) = outcome.take(file, Evidence::of(&reader))? else { continue };
+        let Some(evidence) = outcome.take(file, Evidence::read(&reader))? else { continue };
         // Where a page of it cannot be made, the shift has nothing of it either.
         let pages =
             evidence.tyres.iter().map(|tyre| pages::tyre::page(&reader, &evidence, tyre)).collect::<Result<Vec<_>>>();
         let Some(pages) = outcome.take(file, pages)? else { continue };
         let Some(()) = outcome.take(file, shift.look_at(&reader, &evidence))? else { continue };
         for (tyre, page) in evidence.tyres.iter().zip(pages) {
-            let name = names.of(tyre);
+            let name = names.name_for(tyre);
             put(&folder, &name, &page)?;
             shift.names.push(name);
         }
         shift.take(evidence);
     }
-    let is_whole = outcome.end()?;
+    let is_complete = outcome.end()?;
     // Last, as it names the others.
     let title = if archives.is_many { title_of(paths) } else { String::new() };
     if let Some(page) = shift.page(title)? {
         put(&folder, SHIFT, &page)?;
     }
-    Ok(is_whole)
+    Ok(is_complete)
 }
 
 /// What the page of a shift calls many archives.
@@ -63,7 +63,7 @@ fn title_of(paths: &[PathBuf]) -> String {
     }
 }
 
-/// Writes a page and says where it is.
+/// Writes a page and prints where it is.
 fn put(folder: &Path, name: &str, page: &str) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let path = folder.join(name);
@@ -86,7 +86,7 @@ struct Names {
 }
 
 impl Names {
-    fn of(&mut self, tyre: &Tyre) -> String {
+    fn name_for(&mut self, tyre: &Tyre) -> String {
         let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
         let stem = format!("tyre-{}", tyre.serial.as_str().chars().map(plain).collect::<String>());
         let numbered = (2..).map(|number: u32| format!("{stem}-{number}"));
@@ -108,7 +108,7 @@ mod tests {
         let tyres = ["A 1", "A_1", "a<1", "..\\x", "A_1-2"].map(tyre);
         let mut names = Names::default();
         assert_eq!(
-            tyres.iter().map(|tyre| names.of(tyre)).collect::<Vec<_>>(),
+            tyres.iter().map(|tyre| names.name_for(tyre)).collect::<Vec<_>>(),
             ["tyre-A_1.html", "tyre-A_1-2.html", "tyre-a_1-3.html", "tyre-.._x.html", "tyre-A_1-2-2.html"]
         );
     }

@@ -1,4 +1,4 @@
-//! What made a number, and what changed between two archives' numbers.
+//! `tapline explain` and `diff`: where numbers come from, and what changed between two archives.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -15,32 +15,31 @@ use crate::archives::{ArchiveFile, Archives, Outcome, Which, of_archive};
 use crate::config::Config;
 use crate::config::lineage::{changes, made_by};
 
-/// Says what the results of the archives at `paths` are made of and by; of one shoulder, and one location of it, the numbers
-/// too. Of many archives only those that have that shoulder are told of.
+/// Prints where the results of the archives at `paths` come from; for one shoulder, and one location of it, also the numbers. Of many archives only those that have that shoulder are explained.
 pub(crate) fn explain(paths: &[PathBuf], which: Which, shoulder: Option<&str>, location: Option<u32>) -> Result<bool> {
     if shoulder.is_none() && location.is_some() {
         bail!("--location needs --shoulder TYRE/SHOULDER");
     }
     let archives = Archives::find(paths, which)?;
-    let mut outcome = Outcome::of(&archives);
-    let mut told = 0;
+    let mut outcome = Outcome::new(&archives);
+    let mut explained_count = 0;
     for file in &archives.files {
         let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
         if archives.is_many && shoulder.is_some_and(|name| number_of(&reader, name).is_none()) {
             continue;
         }
         let Some(text) = outcome.take(file, explained(&reader, shoulder, location))? else { continue };
-        say(&if told > 0 { format!("\n{text}") } else { text })?;
-        told += 1;
+        print(&if explained_count > 0 { format!("\n{text}") } else { text })?;
+        explained_count += 1;
     }
-    let is_whole = outcome.end()?;
-    match shoulder.filter(|_| told == 0 && is_whole) {
+    let is_complete = outcome.end()?;
+    match shoulder.filter(|_| explained_count == 0 && is_complete) {
         Some(name) => bail!("none of the {} archives has a shoulder {name:?}", archives.files.len()),
-        None => Ok(is_whole),
+        None => Ok(is_complete),
     }
 }
 
-/// What is said of one archive.
+/// The explanation of one archive.
 fn explained(reader: &Reader, shoulder: Option<&str>, location: Option<u32>) -> Result<String> {
     let mut text = String::new();
     let count = |state| reader.ledger().count(state);
@@ -54,7 +53,7 @@ fn explained(reader: &Reader, shoulder: Option<&str>, location: Option<u32>) -> 
     )?;
     writeln!(text, "raw data   {}", hex_of(&reader.raw_digest()?))?;
     writeln!(text, "plan       {:016x}", reader.plan().digest())?;
-    let reference = reader.reference().map_or("no file; fuse.reference says which".to_owned(), |text| {
+    let reference = reader.reference().map_or("no file; fuse.reference names it".to_owned(), |text| {
         format!("a file, BLAKE3 {}", hex_of(&digest_of(text.as_bytes())))
     });
     writeln!(text, "reference  {reference}")?;
@@ -145,28 +144,29 @@ fn shoulder_of(reader: &Reader, name: &str, location: Option<u32>, text: &mut St
     Ok(())
 }
 
-/// Says what changed from the results at `there` to those at `here`: lineage first, then numbers. Where one is a folder, the
-/// casings are paired by name; `which` files of the folder `here` are meant.
-pub(crate) fn diff(there: &Path, here: &Path, which: Which) -> Result<bool> {
-    if !there.is_dir() && !here.is_dir() {
-        return say(&difference(there, here)?);
+/// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. Where one is a folder,
+/// the casings are paired by name; `which` files of the folder `after` are meant.
+pub(crate) fn diff(before: &Path, after: &Path, which: Which) -> Result<bool> {
+    if !before.is_dir() && !after.is_dir() {
+        return print(&difference(before, after)?);
     }
-    let (before, after) = (Archives::find(&[there], Which::Casings)?, Archives::find(&[here], which)?);
-    let mut partners: BTreeMap<String, &ArchiveFile> = after.files.iter().map(|file| (casing_of(file), file)).collect();
-    let mut outcome = Outcome::of(&Archives { is_many: true, ..before.clone() });
-    let alone = |file: &ArchiveFile| say(&format!("{}: without a partner\n", file.path.display()));
-    for file in &before.files {
+    let (befores, afters) = (Archives::find(&[before], Which::Casings)?, Archives::find(&[after], which)?);
+    let mut partners: BTreeMap<String, &ArchiveFile> =
+        afters.files.iter().map(|file| (casing_of(file), file)).collect();
+    let mut outcome = Outcome::new(&Archives { is_many: true, ..befores.clone() });
+    let alone = |file: &ArchiveFile| print(&format!("{}: without a partner\n", file.path.display()));
+    for file in &befores.files {
         match partners.remove(&casing_of(file)) {
-            // A casing that was named alone has what it is to be compared with in the folder, and the rest there counts not.
             None => outcome.note(!alone(file)?),
             Some(other) => {
                 let text = outcome.take(file, difference(&file.path, &other.path))?;
                 let named = |text| format!("{} -> {}\n{text}", file.path.display(), other.path.display());
-                say(&text.map(named).unwrap_or_default())?;
+                print(&text.map(named).unwrap_or_default())?;
             }
         }
     }
-    if there.is_dir() && here.is_dir() {
+    // Beside a single file, the other casings of the folder do not count.
+    if before.is_dir() && after.is_dir() {
         for file in partners.values() {
             outcome.note(!alone(file)?);
         }
@@ -174,7 +174,7 @@ pub(crate) fn diff(there: &Path, here: &Path, which: Which) -> Result<bool> {
     outcome.end()
 }
 
-/// Name of the casing whose archive, or whose results, `file` has.
+/// Name of the casing of an archive, or of a file of results.
 fn casing_of(file: &ArchiveFile) -> String {
     let name = file.casing();
     match of_archive(&file.path) {
@@ -184,21 +184,21 @@ fn casing_of(file: &ArchiveFile) -> String {
 }
 
 /// What changed from one file to another.
-fn difference(there: &Path, here: &Path) -> Result<String> {
-    let (a, b) = (Reader::open(there)?, Reader::open(here)?);
+fn difference(before: &Path, after: &Path) -> Result<String> {
+    let (a, b) = (Reader::open(before)?, Reader::open(after)?);
     if a.plan().digest() != b.plan().digest() {
         bail!(
             "{} holds scan plan {:016x} and {} {:016x}: their taps cannot be compared one by one",
-            there.display(),
+            before.display(),
             a.plan().digest(),
-            here.display(),
+            after.display(),
             b.plan().digest()
         );
     }
     let mut text = String::new();
     writeln!(text, "lineage    {}", if a.lineage_key()? == b.lineage_key()? { "the same" } else { "another:" })?;
-    for (key, there, here) in changes(a.made_by(), b.made_by()) {
-        writeln!(text, "           {key}: {there} -> {here}")?;
+    for (key, before, after) in changes(a.made_by(), b.made_by()) {
+        writeln!(text, "           {key}: {before} -> {after}")?;
     }
     if a.raw_digest()? != b.raw_digest()? {
         writeln!(text, "           what was recorded differs, samples or headers")?;
@@ -231,12 +231,12 @@ fn discriminators(a: &[Option<Discriminators>], b: &[Option<Discriminators>], te
                 }
             }
         }
-        let said = if count == 0 {
+        let change = if count == 0 {
             "the same".to_owned()
         } else {
             format!("{count} differ, by {most:.1e} of their value at most")
         };
-        writeln!(text, "{:<10} {said}", which.name())?;
+        writeln!(text, "{:<10} {change}", which.name())?;
     }
     let flags = both().filter(|(a, b)| a.quality != b.quality).count();
     if flags > 0 {
@@ -245,7 +245,7 @@ fn discriminators(a: &[Option<Discriminators>], b: &[Option<Discriminators>], te
     Ok(())
 }
 
-/// What became of a verdict.
+/// How a verdict changed.
 fn judged(a: Option<&Judged>, b: Option<&Judged>) -> String {
     let (Some((a, map_a)), Some((b, map_b))) = (a, b) else {
         return match (a.is_some(), b.is_some()) {
@@ -255,21 +255,21 @@ fn judged(a: Option<&Judged>, b: Option<&Judged>) -> String {
     };
     let verdict = |code| Verdict::from_code(code).map_or("unknown".to_owned(), |verdict| verdict.to_string());
     let (was, is) = (verdict(a.verdict), verdict(b.verdict));
-    let mut said = if was == is { was } else { format!("{was} -> {is}") };
+    let mut change = if was == is { was } else { format!("{was} -> {is}") };
     if a.reasons != b.reasons {
-        let _infallible = write!(said, ", reasons {} -> {}", a.reasons, b.reasons);
+        let _infallible = write!(change, ", reasons {} -> {}", a.reasons, b.reasons);
     }
     let differences = map_a.iter().zip(map_b).filter(|(a, b)| a.damage_index.to_bits() != b.damage_index.to_bits());
     let count = differences.clone().count();
     let largest = differences.map(|(a, b)| (b.damage_index - a.damage_index).abs()).max_by(f64::total_cmp);
     let _infallible = match largest {
-        None => write!(said, ", index the same"),
-        Some(largest) => write!(said, ", index differs at {count} locations, by {largest:.2e} at most"),
+        None => write!(change, ", index the same"),
+        Some(largest) => write!(change, ", index differs at {count} locations, by {largest:.2e} at most"),
     };
-    said
+    change
 }
 
-fn say(text: &str) -> Result<bool> {
+fn print(text: &str) -> Result<bool> {
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(true),

@@ -1,4 +1,4 @@
-//! The verb `export`: what an archive holds, for other programs.
+//! `tapline export`: tables and taps for other programs.
 
 use std::io::{self, BufWriter, IsTerminal as _, Write};
 use std::path::Path;
@@ -18,7 +18,7 @@ const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];
 /// Formats of the taps.
 const OF_TAPS: [Format; 3] = [Format::Wav, Format::Uff, Format::UffAscii];
 
-/// Does the verb; whether all that was asked for was there.
+/// Exports; whether nothing was missing.
 pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
     let table = match args.what {
         What::Discriminators => Export::Discriminators,
@@ -36,12 +36,12 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
         }
         None => quiet_pipe(write(&archives, table, format, BufWriter::new(io::stdout()))),
         Some(path) => {
-            let mut is_whole = false;
+            let mut is_complete = false;
             write_atomically(path, |file| {
-                is_whole = write(&archives, table, format, BufWriter::new(file))?;
+                is_complete = write(&archives, table, format, BufWriter::new(file))?;
                 anyhow::Ok(())
             })?;
-            Ok(is_whole)
+            Ok(is_complete)
         }
     }
 }
@@ -55,7 +55,7 @@ fn write(archives: &Archives, table: Export, format: Format, out: impl Write + S
         Format::Parquet => bail!("this program was built without Parquet: build it with `--features parquet`"),
         _ => TableFile::csv(table, out),
     };
-    let mut outcome = Outcome::of(archives);
+    let mut outcome = Outcome::new(archives);
     for archive in &archives.files {
         let name = archive.name.to_string_lossy();
         let reader = Reader::open(&archive.path).map_err(Error::from);
@@ -63,13 +63,13 @@ fn write(archives: &Archives, table: Export, format: Format, out: impl Write + S
         match added {
             Ok(()) => Some(()),
             Err(Error::Archive(error)) => outcome.take(archive, Err(error))?,
-            // Where the table cannot be written there is nothing to go on with.
+            // If the table cannot be written, the others need not be tried.
             Err(error) => return Err(error.into()),
         };
     }
-    let is_whole = outcome.end()?;
+    let is_complete = outcome.end()?;
     file.finish()?;
-    Ok(is_whole)
+    Ok(is_complete)
 }
 
 /// A folder that taps are written into.
@@ -108,8 +108,8 @@ fn taps(args: &ExportArgs) -> Result<bool> {
         bail!("taps are many files; name a new or empty folder for them with --out");
     };
     let archives = Archives::find(&args.archives, args.results.which())?;
-    let mut outcome = Outcome::of(&archives);
-    // What cannot be read leaves no folder.
+    let mut outcome = Outcome::new(&archives);
+    // If nothing can be read, no folder is left.
     let mut out = None;
     for archive in &archives.files {
         let Some(reader) = outcome.take(archive, Reader::open(&archive.path))? else { continue };
@@ -117,21 +117,21 @@ fn taps(args: &ExportArgs) -> Result<bool> {
             Some(out) => out,
             none => none.insert(TapFolder::begin(folder, format)?),
         };
-        // A part of an archive's taps may be in the folder already: none of it is left.
+        // Some taps of the archive may be in the folder already: they are removed.
         out.add(&reader)?;
     }
-    let is_whole = outcome.end()?;
+    let is_complete = outcome.end()?;
     let counts = out.map(TapFolder::finish).transpose()?.unwrap_or_default();
     let TapCounts { written, refused, missing, damaged } = counts;
     let hurt = if damaged == 0 { String::new() } else { format!(", {damaged} damaged") };
     let is_listed = refused + missing + damaged > 0;
-    let why = if is_listed { "; taps.csv says which and why" } else { "" };
+    let why = if is_listed { "; taps.csv lists them with the reason" } else { "" };
     let folder = folder.display();
     writeln!(io::stdout().lock(), "{folder}: {written} taps written, {refused} refused, {missing} missing{hurt}{why}")?;
-    Ok(is_whole && !is_listed)
+    Ok(is_complete && !is_listed)
 }
 
-/// The format that is asked for, or the first of `formats`, which are those that there are.
+/// The format that is asked for, or the first of the possible `formats`.
 fn allowed(args: &ExportArgs, formats: &[Format]) -> Result<Format> {
     let format = args.format.unwrap_or(formats[0]);
     if formats.contains(&format) {
@@ -143,7 +143,7 @@ fn allowed(args: &ExportArgs, formats: &[Format]) -> Result<Format> {
     bail!("--format {} does not go with {what}; it must be {known}", name(&format))
 }
 
-/// A reader that has seen enough, as `head` has, is no failure.
+/// A reader that ends early, like `head`, is no failure.
 fn quiet_pipe(written: Result<bool>) -> Result<bool> {
     let is_pipe = |error: &anyhow::Error| match error.downcast_ref::<Error>() {
         Some(Error::Csv(error)) => {

@@ -31,7 +31,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     let mut built: Option<Built> = None;
     let (mut shoulders, mut lineage) = (Vec::new(), Vec::new());
     let archives = Archives::find(&args.archives, args.results.which())?;
-    let mut outcome = Outcome::of(&archives);
+    let mut outcome = Outcome::new(&archives);
     let mut first = None;
     for file in &archives.files {
         let path = &file.path;
@@ -55,7 +55,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
             Some(_) => {}
         }
         let before = shoulders.len();
-        // What is named is stated to be sound, whatever the verdict was; of the rest only what passed is taken to be.
+        // A named shoulder counts as sound whatever its verdict was; others only if they passed.
         let is_wanted = |name: &str, has_passed: bool| match names_none {
             true => {
                 if !has_passed && !args.labelled {
@@ -79,14 +79,14 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if let Some(missing) = wanted.first() {
         bail!("--shoulder {missing} is in none of the archives");
     }
-    let is_whole = outcome.end()?;
+    let is_complete = outcome.end()?;
     let mut built = built.context("no archive is named")?;
     built.lineage = lineage;
     let set = build_reference(&built, shoulders)?;
     let text = set.text()?;
     write_atomically(&args.out, |mut file| file.write_all(text.as_bytes()))?;
     print(&args.out, &set)?;
-    Ok(is_whole)
+    Ok(is_complete)
 }
 
 fn start(args: &ReferenceArgs, of_archive: &Config, process: String) -> Result<Built> {

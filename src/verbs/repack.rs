@@ -1,4 +1,4 @@
-//! `tapline repack`: archives whose samples are packed otherwise.
+//! `tapline repack`: copies of archives with another codec.
 
 use std::fs;
 use std::io::{self, Write as _};
@@ -10,10 +10,10 @@ use tapline_store::{Codec, Repacked};
 use crate::archives::{Archives, Outcome, Which};
 use crate::cli::PackedBy;
 
-/// Packs the archives at `paths` into the file `out`, or, where they are many, into that folder, under their names.
+/// Packs the archive at `paths` into the file `out`; several into the folder `out`, under their names.
 pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path) -> Result<bool> {
     let archives = Archives::find(paths, Which::Casings)?;
-    let mut outcome = Outcome::of(&archives);
+    let mut outcome = Outcome::new(&archives);
     for file in &archives.files {
         let to = if archives.is_many { out.join(&file.name) } else { out.to_owned() };
         if archives.is_many

@@ -1,7 +1,7 @@
-//! Archives judged again: new discriminators from the recorded taps, or new verdicts from the discriminators that are there.
+//! `tapline reprocess`: new discriminators from the recorded taps, or new verdicts from the archived discriminators.
 //!
-//! The archive itself is never touched. The results stand in a file of their own beside it, named after their lineage, which
-//! every other verb takes as an archive.
+//! The archive is never changed. The results go to a file beside it, named after their lineage, which every other verb reads
+//! like an archive.
 
 use std::io::Write as _;
 use std::num::NonZeroUsize;
@@ -34,7 +34,7 @@ const TAPS_AT_A_TIME: u32 = 16;
 /// Batches of discriminators that may wait for the file.
 const WAITING_MAX: usize = 64;
 
-/// Taps after which results are made safe.
+/// Taps after which results are flushed to the disk.
 const FLUSH_TAPS: usize = 256;
 
 pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
@@ -44,11 +44,11 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
     };
     ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
     let archives = Archives::find(&args.archives, Which::Casings)?;
-    let mut outcome = Outcome::of(&archives);
+    let mut outcome = Outcome::new(&archives);
     for file in &archives.files {
         let done = again(&file.path, args, jobs).with_context(|| format!("cannot judge {} again", file.path.display()));
-        if let Some(is_whole) = outcome.take(file, done)? {
-            outcome.note(is_whole);
+        if let Some(is_complete) = outcome.take(file, done)? {
+            outcome.note(is_complete);
         }
     }
     outcome.end()
@@ -64,7 +64,7 @@ struct Task {
 }
 
 impl Task {
-    fn of(archive: &Path, args: &ReprocessArgs) -> Result<Self> {
+    fn new(archive: &Path, args: &ReprocessArgs) -> Result<Self> {
         let reader = Reader::open(archive)?;
         ensure!(!reader.is_results(), "it has results alone: name the archive that they are of");
         let old: Config = toml::from_str(reader.config()).context("its configuration is not one of this program")?;
@@ -76,7 +76,7 @@ impl Task {
                     .with_context(|| format!("cannot read the configuration {}", path.display()))?;
                 let new: Config =
                     toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
-                // How taps were taken is past; only how they are read and judged can be new. Where nothing else is said they
+                // How taps were taken is past; only how they are read and judged can be new. Where nothing else is given they
                 // are compared with what they were compared with.
                 let reference = new.fuse.reference.or(old.fuse.reference);
                 Config { process: new.process, fuse: FuseConfig { reference, ..new.fuse }, ..old }
@@ -121,7 +121,7 @@ impl Task {
 }
 
 fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
-    let task = Task::of(archive, args)?;
+    let task = Task::new(archive, args)?;
     let raw_digest = task.reader.raw_digest()?;
     let key = lineage_key(&raw_digest, &task.made_by, task.reference.as_deref());
     let out = beside(archive, &key);
@@ -136,16 +136,16 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         && there.is_results()
         && there.lineage_key()? == key
     {
-        writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
-        return Ok(is_whole(&there));
+        writeln!(std::io::stdout(), "{}", out.display()).context("cannot print where the results are")?;
+        return Ok(is_complete(&there));
     }
     let plan = task.reader.plan();
-    // What cannot be judged leaves no file.
+    // Before the file is made: a plan that cannot be judged leaves none.
     let mut fusion = task.fusion()?;
     let mut writer = match Writer::results(&out, (task.reader.path(), raw_digest), plan, lineage) {
         // The same results were made before.
         Err(tapline_store::Error::Finished { .. }) => {
-            writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
+            writeln!(std::io::stdout(), "{}", out.display()).context("cannot print where the results are")?;
             let ledger = Reader::open(&out)?.ledger().clone();
             return Ok(ledger.is_judged() && ledger.count(TapState::Missing) == 0);
         }
@@ -171,16 +171,16 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         })?;
     }
     judge(&task.reader, &mut writer, &mut fusion)?;
-    let is_whole = writer.is_complete();
+    let is_complete = writer.is_complete();
     let done = settled(&writer) - settled_before;
     writer.finish()?;
     progress.finish();
     let took_s = begin.elapsed().as_secs_f64();
     #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
     let rate = done as f64 / took_s;
-    progress.say(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..KEY_DIGITS]));
-    writeln!(std::io::stdout(), "{}", out.display()).context("cannot say where the results are")?;
-    Ok(is_whole)
+    progress.print(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..KEY_DIGITS]));
+    writeln!(std::io::stdout(), "{}", out.display()).context("cannot print where the results are")?;
+    Ok(is_complete)
 }
 
 /// The file of the results of lineage `key`, beside `archive`.
@@ -190,7 +190,7 @@ fn beside(archive: &Path, key: &str) -> PathBuf {
 }
 
 /// Whether every tap of finished results is settled, and every shoulder judged.
-fn is_whole(results: &Reader) -> bool {
+fn is_complete(results: &Reader) -> bool {
     let ledger = results.ledger();
     ledger.is_judged() && ledger.count(TapState::Missing) == 0
 }
@@ -200,7 +200,7 @@ fn settled(writer: &Writer) -> usize {
     ledger.taps().len() - ledger.count(TapState::Missing)
 }
 
-/// Carries over the taps that never came, with their reasons.
+/// Copies the taps without a recording, with their reasons.
 fn refuse(reader: &Reader, writer: &mut Writer) -> Result<()> {
     for refusal in reader.refusals()? {
         writer.put_refusal(refusal.plan_index, &refusal.id, &refusal.reason)?;
@@ -214,7 +214,7 @@ fn extract(
     config: &ProcessConfig,
     writer: &mut Writer,
     jobs: usize,
-    mut tell: impl FnMut(&Writer),
+    mut report: impl FnMut(&Writer),
 ) -> Result<()> {
     let to_do: Vec<u32> =
         (0..).zip(writer.ledger().taps()).filter(|(_, s)| **s == TapState::Missing).map(|(k, _)| k).collect();
@@ -231,7 +231,7 @@ fn extract(
         }
         drop(send);
         let mut unflushed = 0;
-        // Dropping the receiver on an error ends the threads: nobody waits for them in vain.
+        // On an error the receiver is dropped, which ends the threads.
         for batch in receive {
             for found in batch? {
                 put(writer, &found)?;
@@ -239,7 +239,7 @@ fn extract(
             }
             if unflushed >= FLUSH_TAPS {
                 writer.flush()?;
-                tell(writer);
+                report(writer);
                 unflushed = 0;
             }
         }
@@ -247,7 +247,7 @@ fn extract(
     })
 }
 
-/// One thread: takes rows until none is left or nobody listens.
+/// One thread: takes rows until none is left or the receiver is gone.
 fn work(
     taps: &Taps,
     config: &ProcessConfig,
@@ -255,7 +255,7 @@ fn work(
     next: &AtomicU32,
     send: &Sender<Result<Vec<Discriminators>>>,
 ) {
-    // What is not looked at need not be unpacked.
+    // Samples that are not analysed need not be unpacked.
     let used = |header: &TapHeader| config.samples_looked_at(header.sample_count, header.sample_rate_hz);
     let batch =
         |extractor: &mut ProcessExtractor, room: &mut ReadBuffer, rows: &[u32]| -> Result<Vec<Discriminators>> {
@@ -282,7 +282,7 @@ fn work(
     }
 }
 
-/// Puts what was found in a tap into the results, where nothing else may stand.
+/// Puts the discriminators of a tap into the results, where no others may be.
 fn put(writer: &mut Writer, found: &Discriminators) -> Result<()> {
     let outcome = writer.put_discriminators(found)?;
     ensure!(outcome != PutOutcome::Conflict, "other values of {} stand under the same lineage", found.id);

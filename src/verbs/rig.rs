@@ -7,9 +7,9 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use tapline_acquire::{RigScript, serve_rig};
 
-use crate::host::stop::stop_flag;
+use crate::host::signals::stop_flag;
 
-/// Serves stations that connect to `listen`, as the script in `config` says, until it is told to stop or the script ends.
+/// Serves stations that connect to `listen`, by the script in `config`, until it is asked to stop or the script ends.
 pub(crate) fn rig(listen: &str, config: Option<&Path>) -> Result<bool> {
     let script: RigScript = match config {
         Some(path) => {
@@ -21,9 +21,9 @@ pub(crate) fn rig(listen: &str, config: Option<&Path>) -> Result<bool> {
     script.validate()?;
     let listener = TcpListener::bind(listen).with_context(|| format!("cannot listen at {listen}"))?;
     let address = listener.local_addr().context("cannot find the address that is listened at")?;
-    writeln!(std::io::stdout(), "listening at {address}").context("cannot say so")?;
+    writeln!(std::io::stdout(), "listening at {address}").context("cannot write to standard output")?;
     let stop = stop_flag()?;
     let report = serve_rig(&listener, &script, &stop)?;
-    writeln!(std::io::stdout(), "{report:?}").context("cannot say so")?;
+    writeln!(std::io::stdout(), "{report:?}").context("cannot write to standard output")?;
     Ok(true)
 }

@@ -1,4 +1,4 @@
-//! `tapline verify`: whether archives are what was written, and whole.
+//! `tapline verify`: checks that archives are complete and unaltered.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -16,15 +16,15 @@ pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
         let Some(file) = archives.files.first() else { return Ok(false) };
         return check(&file.path, as_json, false);
     }
-    let mut outcome = Outcome::of(&archives);
+    let mut outcome = Outcome::new(&archives);
     let mut hurt = 0;
     for file in &archives.files {
-        let is_whole = outcome.take(file, check(&file.path, as_json, true))?;
-        hurt += usize::from(is_whole != Some(true));
+        let is_complete = outcome.take(file, check(&file.path, as_json, true))?;
+        hurt += usize::from(is_complete != Some(true));
     }
     outcome.note(hurt == 0 && archives.unfinished.is_empty());
     sum_up(&archives, hurt, as_json)?;
-    // What cannot be read at all is not whole, also where that is so of every file.
+    // An archive that cannot be read is incomplete, also if none can be read.
     Ok(outcome.end().unwrap_or(false))
 }
 
@@ -35,9 +35,9 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
         let text = json!({
             "kind": "summary",
             "archives": count,
-            "whole": count - hurt,
+            "complete": count - hurt,
             "unfinished": unfinished.iter().map(|path| path.display().to_string()).collect::<Vec<_>>(),
-            "is_whole": hurt == 0 && unfinished.is_empty(),
+            "is_complete": hurt == 0 && unfinished.is_empty(),
         });
         writeln!(out, "{text}")?;
         return Ok(());
@@ -45,29 +45,29 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
     for path in unfinished {
         writeln!(out, "{}: NOT FINISHED", path.display())?;
     }
-    writeln!(out, "{count} archives: {} whole, {hurt} NOT WHOLE; {} not finished", count - hurt, unfinished.len())?;
+    writeln!(out, "{count} archives: {} complete, {hurt} INCOMPLETE; {} not finished", count - hurt, unfinished.len())?;
     Ok(())
 }
 
-/// Tells of an archive that is damaged so that it cannot be checked row by row.
-fn tell_unreadable(archive: &Path, why: &str, as_json: bool, is_of_many: bool) -> Result<bool> {
+/// Reports an archive that is too damaged to be checked row by row.
+fn report_unreadable(archive: &Path, why: &str, as_json: bool, is_of_many: bool) -> Result<bool> {
     let mut out = io::stdout().lock();
     match as_json {
         true => {
-            let text = json!({ "archive": archive.display().to_string(), "problems": [why], "is_whole": false });
-            tell_json(&mut out, &text, is_of_many)?;
+            let text = json!({ "archive": archive.display().to_string(), "problems": [why], "is_complete": false });
+            print_json(&mut out, &text, is_of_many)?;
         }
-        false => writeln!(out, "{why}\n{}: NOT WHOLE", archive.display())?,
+        false => writeln!(out, "{why}\n{}: INCOMPLETE", archive.display())?,
     }
     Ok(false)
 }
 
-/// Writes a report: one of many in a line of its own, so that they can be told apart.
-fn tell_json(out: &mut impl Write, report: &Value, is_of_many: bool) -> io::Result<()> {
+/// Writes a report: one of many in a line of its own, so that they can be separated.
+fn print_json(out: &mut impl Write, report: &Value, is_of_many: bool) -> io::Result<()> {
     if is_of_many { writeln!(out, "{report}") } else { writeln!(out, "{report:#}") }
 }
 
-/// Checks an archive, and tells of it.
+/// Checks an archive, and prints the report.
 fn check(archive: &Path, as_json: bool, is_of_many: bool) -> Result<bool> {
     use tapline_store::Error;
     let report = match tapline_store::verify(archive) {
@@ -75,13 +75,13 @@ fn check(archive: &Path, as_json: bool, is_of_many: bool) -> Result<bool> {
             error
             @ (Error::Damaged { .. } | Error::Hdf5 { .. } | Error::NotAnArchive { .. } | Error::OtherUnits { .. }),
         ) => {
-            return tell_unreadable(archive, &error.to_string(), as_json, is_of_many);
+            return report_unreadable(archive, &error.to_string(), as_json, is_of_many);
         }
         report => report?,
     };
     let count = |state| report.ledger.count(state);
     let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), report.missing_count);
-    let is_whole = report.is_complete() && refused == 0;
+    let is_complete = report.is_complete() && refused == 0;
     let mut out = io::stdout().lock();
     if as_json {
         let problems: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
@@ -95,21 +95,21 @@ fn check(archive: &Path, as_json: bool, is_of_many: bool) -> Result<bool> {
             "is_judged": report.is_judged(),
             "problems": problems,
             "is_finished": report.is_finished,
-            "is_whole": is_whole,
+            "is_complete": is_complete,
         });
-        tell_json(&mut out, &text, is_of_many)?;
-        return Ok(is_whole);
+        print_json(&mut out, &text, is_of_many)?;
+        return Ok(is_complete);
     }
     for problem in &report.problems {
         writeln!(out, "{problem}")?;
     }
     let judged = if report.is_judged() { "all scans judged" } else { "scans without verdict" };
-    let whole = if is_whole { "whole" } else { "NOT WHOLE" };
+    let state = if is_complete { "complete" } else { "INCOMPLETE" };
     writeln!(
         out,
-        "{}: {whole}: {archived} archived, {refused} refused, {missing} missing; {judged}; {} problems",
+        "{}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {} problems",
         archive.display(),
         report.problems.len()
     )?;
-    Ok(is_whole)
+    Ok(is_complete)
 }

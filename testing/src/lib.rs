@@ -1,15 +1,17 @@
-//! What tests need beside the repository, and what to do where it is not there.
+//! What the tests of several crates share, and what to do where a machine lacks something that a test needs.
 //!
-//! A test that cannot be run on this machine says so and passes; with `TAPLINE_REQUIRE_ALL=1`, as in `.ci/run`, it fails.
+//! A test that cannot be run on this machine prints why and passes; with `TAPLINE_REQUIRE_ALL=1`, as in `.ci/run`, it fails.
 
+pub mod documents;
 pub mod mutated;
+pub mod program;
 
 use std::env;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Says that a test, or a part of it, cannot be run here, and why.
+/// Prints that a test, or a part of it, cannot be run here, and why.
 ///
 /// # Panics
 /// If `TAPLINE_REQUIRE_ALL` is 1.
@@ -20,8 +22,8 @@ pub fn skip(why: &str) {
 
 /// The file or folder `name` of the shared test data; `None`, and a skip, where it is not there.
 ///
-/// The data lie in `../shared/data`, or where `TAPLINE_SHARED` says. `TAPLINE_SHARED=none` states that this machine has none:
-/// that is no failure.
+/// The data lie in `../shared/data`, or in the folder that `TAPLINE_SHARED` names. With `TAPLINE_SHARED=none` this machine is known to have
+/// none: that is no failure.
 pub fn shared(name: &str) -> Option<PathBuf> {
     let folder = env::var_os("TAPLINE_SHARED")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
@@ -30,7 +32,7 @@ pub fn shared(name: &str) -> Option<PathBuf> {
         return Some(path);
     }
     match folder.as_os_str() == "none" {
-        true => eprintln!("skipped: no shared data here, as TAPLINE_SHARED says"),
+        true => eprintln!("skipped: no shared data here, by TAPLINE_SHARED"),
         false => skip(&format!("{} is not here (set TAPLINE_SHARED)", path.display())),
     }
     None
@@ -38,12 +40,12 @@ pub fn shared(name: &str) -> Option<PathBuf> {
 
 /// A Python that has `modules`; `None`, and a skip, where there is none.
 ///
-/// It is looked for where `TAPLINE_PYTHON` says and on the usual ways.
+/// It is the program that `TAPLINE_PYTHON` names, or else `python3`.
 pub fn python_with(modules: &str) -> Option<OsString> {
     python_that(&format!("import {modules}"))
 }
 
-/// A Python in which the lines `does` end without an error; otherwise as [`python_with`].
+/// A Python in which the lines of `does` end without an error; otherwise as [`python_with`].
 pub fn python_that(does: &str) -> Option<OsString> {
     let named = env::var_os("TAPLINE_PYTHON").into_iter();
     let can =

@@ -1,8 +1,8 @@
-//! Files as tests of readers want them: noise, and valid ones with a few things changed, which get further.
+//! Damaged files for tests of readers: noise, and valid files with a few changes, which get further.
 
 use proptest::prelude::*;
 
-/// One change to a file. Places are parts of its length in 1/65536, so that they fit any length.
+/// One change to a file. Positions are fractions of its length in 1/65536, so that they fit any length.
 #[derive(Debug, Clone)]
 enum Edit {
     Replace(u16, u8),

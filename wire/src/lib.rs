@@ -11,18 +11,18 @@
 //!    (`tests/laws.rs`: `law_1_...`; a clock elsewhere is refused by `clippy.toml`)
 //! 2. Nothing is dropped to keep up. A slow stage makes the sources wait. A gap in a sequence is loss: counted, logged
 //!    at ERROR, and the taps that are missing are asked for again.
-//!    (`tests/stream.rs`: all; `stream/subscriber.rs`: `a_gap_is_counted_once`; the program's `tests/faults.rs`: all)
+//!    (`tests/stream.rs`: all; `stream/subscriber.rs`: `a_gap_is_counted_once`; the program's `tests/faults/killed.rs`: all)
 //! 3. Samples are planar `[channel][sample]`, as the converter gave them, with the unit scale of each channel in the
 //!    header. No stage copies them but the writer to disk; the archive returns them bit for bit.
-//!    (`record/tap.rs`: `samples_are_seen_where_they_lie`; the program's `tests/tapset.rs`: `a_clean_set_is_archived_bit_for_bit`)
+//!    (`record/tap.rs`: `samples_are_seen_where_they_lie`; the program's `tests/run/tap_sets.rs`: `a_clean_set_is_archived_bit_for_bit`)
 //! 4. Results do not depend on how the stream was cut, nor on the order of stations, nor on how many worker threads there
-//!    are, nor on the casings before. (the program's `tests/archive.rs`: `results_depend_on_nothing_but_their_input`)
+//!    are, nor on the casings before. (the program's `tests/run/results.rs`: `results_depend_on_nothing_but_their_input`)
 //! 5. A scan ends in band. No end, or a tap missing without a reason, and there is no PASS.
-//!    (`fuse`: `never_pass_...`; the program's `tests/faults.rs`: `an_interrupted_run_is_resumed`)
+//!    (`fuse`: `never_pass_...`; the program's `tests/faults/killed.rs`: `an_interrupted_run_is_resumed`)
 //! 6. Same input, configuration and seed give the same results, byte for byte.
-//!    (the program's `tests/archive.rs`: `results_depend_on_nothing_but_their_input`)
+//!    (the program's `tests/run/results.rs`: `results_depend_on_nothing_but_their_input`)
 //! 7. What a stage holds, and what a tap costs, does not grow with the casings that went before.
-//!    (the program's `tests/line.rs`: `two_hundred_casings_leave_no_trace`)
+//!    (the program's `tests/line/endurance.rs`: `two_hundred_casings_leave_no_trace`)
 //!
 //! # How a record travels
 //!

@@ -1,4 +1,4 @@
-//! Offset and velocity of a tap, and which of them tell a tyre's damage best.
+//! Offset and velocity of a tap, and which of them show a tyre's damage best.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;

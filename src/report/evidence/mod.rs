@@ -19,107 +19,107 @@ use tapline_wire::{
 use crate::config::Config;
 use crate::report::evidence::condition::Condition;
 
-/// All that the pages of one archive tell, apart from samples.
+/// All that the pages of one archive show, apart from samples.
 pub(crate) struct Evidence {
     /// Name of the archive's file.
-    pub(crate) archive: String,
+    pub archive: String,
     /// Archives whose tyres were added.
-    pub(crate) others: usize,
-    pub(crate) plan_digest: u64,
-    pub(crate) source_digest: u64,
+    pub others: usize,
+    pub plan_digest: u64,
+    pub source_digest: u64,
     /// Version of the program that made the archive.
-    pub(crate) written_by: Option<String>,
+    pub written_by: Option<String>,
     /// The configuration as it was written.
-    pub(crate) config_toml: String,
+    pub config_toml: String,
     /// The same, read; the defaults where this program cannot read it.
-    pub(crate) config: Config,
+    pub config: Config,
     /// The reference that the archive keeps, where the run had one in a file and this program can read it.
-    pub(crate) reference: Option<Arc<ReferenceSet>>,
+    pub reference: Option<Arc<ReferenceSet>>,
     /// A number that differs for different references.
-    pub(crate) reference_digest: Option<u64>,
+    pub reference_digest: Option<u64>,
     /// Why the configuration cannot be read.
-    pub(crate) config_problem: Option<String>,
-    pub(crate) geometry: Geometry,
-    pub(crate) recording: Recording,
+    pub config_problem: Option<String>,
+    pub geometry: Geometry,
+    pub recording: Recording,
     /// What the taps came from.
-    pub(crate) source: Option<SourceKind>,
+    pub source: Option<SourceKind>,
     /// In the order of their first taps.
-    pub(crate) tyres: Vec<Tyre>,
+    pub tyres: Vec<Tyre>,
     /// Whether cracks are known of any location.
-    pub(crate) has_truth: bool,
+    pub has_truth: bool,
 }
 
 /// One casing.
 pub(crate) struct Tyre {
-    pub(crate) serial: Serial,
-    pub(crate) shoulders: Vec<Shoulder>,
-    /// The offset and velocity that tell its damage best: what is drawn where all would be too many.
-    pub(crate) condition: Option<Condition>,
+    pub serial: Serial,
+    pub shoulders: Vec<Shoulder>,
+    /// The offset and velocity that show its damage best: what is drawn where all would be too many.
+    pub condition: Option<Condition>,
 }
 
 /// One shoulder, or one line of a slab.
 pub(crate) struct Shoulder {
-    pub(crate) number: u16,
-    pub(crate) station: u16,
+    pub number: u16,
+    pub station: u16,
     /// RE-INSPECT where nothing is judged: no verdict is no PASS.
-    pub(crate) verdict: Verdict,
-    pub(crate) reasons: Reasons,
+    pub verdict: Verdict,
+    pub reasons: Reasons,
     /// What speaks for damage where the index is highest: the mean score of each discriminator that speaks at all, the
     /// loudest first.
-    pub(crate) evidence: Vec<(Discriminator, f64)>,
+    pub evidence: Vec<(Discriminator, f64)>,
     /// Chance that a sound shoulder is not passed, which the limits were set for.
-    pub(crate) false_call_rate: Option<f64>,
+    pub false_call_rate: Option<f64>,
     /// Index at which a location is suspect, and at which it is damage.
-    pub(crate) limits: Option<Limits>,
+    pub limits: Option<Limits>,
     /// Ascending by location; without index where nothing is judged.
-    pub(crate) cells: Vec<Cell>,
-    pub(crate) regions: Vec<Region>,
+    pub cells: Vec<Cell>,
+    pub regions: Vec<Region>,
     /// Every planned tap.
-    pub(crate) taps: Vec<Tap>,
+    pub taps: Vec<Tap>,
     /// The index of each offset alone, ascending; empty where the plan has one offset only.
-    pub(crate) offsets: Vec<OffsetMap>,
+    pub offsets: Vec<OffsetMap>,
 }
 
 /// The two limits of a verdict.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limits {
-    pub(crate) re_inspect: f64,
-    pub(crate) reject: f64,
+    pub re_inspect: f64,
+    pub reject: f64,
 }
 
 /// One location.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cell {
-    pub(crate) location: u32,
+    pub location: u32,
     /// Where it is drawn: degrees on a ring, the number of the location on a line.
-    pub(crate) place: f64,
-    pub(crate) index: Option<f64>,
+    pub place: f64,
+    pub index: Option<f64>,
     /// Number of its region, 0 outside of all.
-    pub(crate) region: u32,
+    pub region: u32,
     /// Whether it is known to be cracked, or to be sound.
-    pub(crate) is_cracked: Option<bool>,
+    pub is_cracked: Option<bool>,
 }
 
 /// One planned tap and what became of it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tap {
     /// Row in the plan.
-    pub(crate) row: u32,
-    pub(crate) location: u32,
+    pub row: u32,
+    pub location: u32,
     /// As [`Cell::place`]; the closing tap of a ring stands at its end.
-    pub(crate) place: f64,
-    pub(crate) condition: Condition,
-    pub(crate) repetition: u16,
-    pub(crate) is_closing: bool,
-    pub(crate) state: TapState,
-    pub(crate) found: Option<Discriminators>,
+    pub place: f64,
+    pub condition: Condition,
+    pub repetition: u16,
+    pub is_closing: bool,
+    pub state: TapState,
+    pub found: Option<Discriminators>,
     /// When the impact was, ns since the Unix epoch.
-    pub(crate) time_ns: Option<i64>,
+    pub time_ns: Option<i64>,
 }
 
 impl Evidence {
     /// What the archive behind `reader` holds.
-    pub(crate) fn of(reader: &Reader) -> Result<Self> {
+    pub(crate) fn read(reader: &Reader) -> Result<Self> {
         let plan = reader.plan();
         let (mut config, config_problem): (Config, _) = match toml::from_str(reader.config()) {
             Ok(config) => (config, None),
@@ -148,7 +148,7 @@ impl Evidence {
         };
         let tap = |row: u32, places: &Places| {
             let planned = &plan.taps()[row as usize];
-            let place = if planned.is_closing { places.end() } else { places.of(planned.id.location) };
+            let place = if planned.is_closing { places.end() } else { places.at(planned.id.location) };
             Tap {
                 row,
                 location: planned.id.location,
@@ -197,7 +197,7 @@ impl Evidence {
         })
     }
 
-    /// Adds the tyres of another archive; what is said of the archive itself stays that of the first.
+    /// Adds the tyres of another archive; what describes the archive itself stays that of the first.
     pub(crate) fn join(&mut self, other: Self) {
         self.others += 1 + other.others;
         self.has_truth |= other.has_truth;
@@ -227,7 +227,7 @@ fn shoulder(
     };
     let cell = |cell: &DamageCell| Cell {
         location: cell.location,
-        place: places.of(cell.location),
+        place: places.at(cell.location),
         index: Some(cell.damage_index).filter(|index| index.is_finite()),
         region: cell.region,
         is_cracked: cracked(cell.location),
@@ -281,7 +281,7 @@ impl Places {
         Self { geometry, places, end }
     }
 
-    fn of(&self, location: u32) -> f64 {
+    fn at(&self, location: u32) -> f64 {
         self.places.get(&location).copied().unwrap_or(match self.geometry {
             Geometry::Ring => self.end,
             Geometry::Line => f64::from(location),
@@ -334,7 +334,7 @@ impl Shoulder {
         ceiling.get(ceiling.len() / 2).copied()
     }
 
-    /// The most ordinary location: its index is the median of those that nothing is said against.
+    /// The most ordinary location: its index is the median of those without a finding.
     pub(crate) fn ordinary(&self) -> Option<&Cell> {
         let is_sound = |cell: &&Cell| cell.region == 0 && cell.index.is_some() && cell.is_cracked != Some(true);
         let mut cells: Vec<&Cell> = self.cells.iter().filter(is_sound).collect();

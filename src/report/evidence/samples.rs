@@ -9,9 +9,9 @@ use tapline_wire::Channel;
 /// What a channel recorded.
 pub(crate) struct Signal {
     /// In N or V.
-    pub(crate) values: Vec<f64>,
-    pub(crate) sample_rate_hz: f64,
-    pub(crate) pre_trigger_samples: u32,
+    pub values: Vec<f64>,
+    pub sample_rate_hz: f64,
+    pub pre_trigger_samples: u32,
 }
 
 /// The channel `kind` of the tap in plan row `row`; `None` where the tap or the channel is not there, or holds a sample

@@ -22,10 +22,10 @@ const ROUND_HZ: f64 = 500.0;
 /// Density of the sound over location and frequency.
 pub(crate) struct Spectra {
     /// Lower and upper edge, Hz.
-    pub(crate) band_hz: (f64, f64),
+    pub band_hz: (f64, f64),
     /// By location, as the shoulder's cells: `ROWS` densities in dB re 1 V²/Hz from the lower edge up, `None` where
     /// there is no tap.
-    pub(crate) columns: Vec<Option<Vec<f64>>>,
+    pub columns: Vec<Option<Vec<f64>>>,
 }
 
 /// The band that `config` looks for damage in, to round numbers.

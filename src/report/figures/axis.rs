@@ -1,4 +1,4 @@
-//! A coordinate whose numbers stand where they are told to, and nowhere else.
+//! A coordinate whose numbers stand at chosen places, and nowhere else.
 
 use std::ops::Range;
 
@@ -9,9 +9,9 @@ use tapline_draw::canvas::{Point, number};
 /// What one axis shows.
 pub(crate) struct Axis {
     /// Name and unit.
-    pub(crate) label: String,
-    pub(crate) range: Point,
-    pub(crate) ticks: Vec<f64>,
+    pub label: String,
+    pub range: Point,
+    pub ticks: Vec<f64>,
 }
 
 impl Axis {
@@ -35,7 +35,7 @@ pub(crate) struct Ticked {
 
 impl Ticked {
     /// The coordinate of `axis`.
-    pub(crate) fn of(axis: &Axis) -> Self {
+    pub(crate) fn new(axis: &Axis) -> Self {
         Self { linear: RangedCoordf64::from(axis.range.0..axis.range.1), ticks: axis.ticks.clone() }
     }
 }

@@ -14,7 +14,7 @@ use crate::report::figures::chart::Sheet;
 use crate::report::figures::colour::{ABSENT, heat};
 use crate::report::figures::rounds::{along, spans};
 
-/// Densities that are told apart: from this far below the loudest to the loudest, dB.
+/// Densities with colours of their own: from this far below the loudest to the loudest, dB.
 pub(crate) const DEPTH_DB: f64 = 30.0;
 
 /// Colours of the picture; one more stands for a location without tap.
@@ -48,7 +48,7 @@ pub(crate) fn svg(
         let (from, to) = sheet.x.range;
         chart.draw_series([Rectangle::new([(from, band_hz.0), (to, band_hz.1)], PLACE.filled())])?;
         for (from, to) in spans(shoulder, sheet.x.range).into_iter().flatten() {
-            // Over the upper edge, on a ground that tells it from any colour.
+            // Over the upper edge, on a ground that contrasts with any colour.
             for (color, width) in [(WHITE, 9.0), (VERMILLION, 6.0)] {
                 let style = color.stroke_width(units(width).unsigned_abs());
                 chart.draw_series([PathElement::new(vec![(from, band_hz.1), (to, band_hz.1)], style)])?;
@@ -101,8 +101,8 @@ fn pixels(geometry: Geometry, shoulder: &Shoulder, spectra: &Spectra, range: Poi
     };
     let columns: Vec<Option<&[f64]>> = (0..width).map(column).collect();
     let shade = |density_db: f64| {
-        let share = ((density_db - loudest_db) / DEPTH_DB + 1.0).clamp(0.0, 1.0);
-        (share * f64::from(COLOURS - 1)).round() as u8
+        let fraction = ((density_db - loudest_db) / DEPTH_DB + 1.0).clamp(0.0, 1.0);
+        (fraction * f64::from(COLOURS - 1)).round() as u8
     };
     let row =
         |row: usize| columns.iter().map(move |column| column.map_or(COLOURS, |column| shade(column[ROWS - 1 - row])));

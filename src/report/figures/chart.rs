@@ -55,20 +55,20 @@ impl Stroke {
 
 /// One entry of the key above the axes.
 pub(crate) struct Key {
-    pub(crate) words: String,
-    pub(crate) color: RGBColor,
-    pub(crate) stroke: Stroke,
+    pub words: String,
+    pub color: RGBColor,
+    pub stroke: Stroke,
 }
 
 /// A picture with axes, titles and a key above them.
 pub(crate) struct Sheet {
-    pub(crate) height: u32,
-    pub(crate) title: String,
-    pub(crate) keys: Vec<Key>,
+    pub height: u32,
+    pub title: String,
+    pub keys: Vec<Key>,
     /// Words at the pale and at the dark end of a bar of colours beside the title.
-    pub(crate) ramp: Option<[String; 2]>,
-    pub(crate) x: Axis,
-    pub(crate) y: Axis,
+    pub ramp: Option<[String; 2]>,
+    pub x: Axis,
+    pub y: Axis,
 }
 
 impl Sheet {
@@ -121,7 +121,7 @@ impl Sheet {
             .margin_right(units(RIGHT))
             .set_label_area_size(LabelAreaPosition::Left, units(LEFT))
             .set_label_area_size(LabelAreaPosition::Bottom, units(BOTTOM))
-            .build_cartesian_2d(Ticked::of(&self.x), Ticked::of(&self.y))?;
+            .build_cartesian_2d(Ticked::new(&self.x), Ticked::new(&self.y))?;
         chart
             .configure_mesh()
             .x_desc(&self.x.label)

@@ -1,4 +1,4 @@
-//! Colours for what is much or little, told apart by lightness alone.
+//! Colours for small and great values, distinguished by lightness alone.
 
 use plotters::prelude::*;
 
@@ -20,6 +20,6 @@ const STEPS: [RGBColor; 9] = [
 
 /// The colour of `value` between `low` and `high`: pale where it is little, so that a sound casing costs no ink.
 pub(crate) fn heat(value: f64, (low, high): (f64, f64)) -> RGBColor {
-    let share = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 0.0 };
-    DerivedColorMap::new(&STEPS).get_color(share)
+    let fraction = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 0.0 };
+    DerivedColorMap::new(&STEPS).get_color(fraction)
 }

@@ -8,7 +8,7 @@ pub(crate) fn svg(svg: &str, label: &str) -> String {
     let name = html! { (label) }.into_string();
     // The view box has the size that counts: those of the element would keep it from fitting its place.
     let body = svg.find("viewBox").map_or(svg.as_str(), |start| &svg[start..]);
-    // The library writes line ends that say nothing.
+    // The library writes line ends that mean nothing.
     let body: String = body.lines().map(str::trim_end).collect();
     format!("<svg role=\"img\" aria-label=\"{name}\" {body}")
 }

@@ -25,7 +25,7 @@ pub(crate) struct Scale {
 
 impl Scale {
     /// From 0 to the greatest index of the archive, and beyond the reject limits.
-    pub(crate) fn of(evidence: &Evidence) -> Self {
+    pub(crate) fn new(evidence: &Evidence) -> Self {
         let cells = evidence.shoulders().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
         let offsets = evidence.shoulders().flat_map(|s| s.offsets.iter().flat_map(|map| map.index.iter().flatten()));
         let limits = evidence.shoulders().filter_map(|s| s.limits.map(|limits| 1.25 * limits.reject));
@@ -49,8 +49,8 @@ pub(crate) fn bar(area: &Area<'_>, scale: &Scale, top: f64) -> Result<()> {
     let bottom = top + 14.0;
     let x_of = |index: f64| LEFT + (RIGHT - LEFT) * (index / scale.greatest).clamp(0.0, 1.0);
     for step in 0..STEPS {
-        let at_share = |step: u32| scale.greatest * f64::from(step) / f64::from(STEPS);
-        let (from, to) = (at_share(step), at_share(step + 1));
+        let at_step = |step: u32| scale.greatest * f64::from(step) / f64::from(STEPS);
+        let (from, to) = (at_step(step), at_step(step + 1));
         let color = heat(0.5 * (from + to), scale.range());
         area.draw(&Rectangle::new([at((x_of(from), top)), at((x_of(to), bottom))], color.filled()))?;
     }

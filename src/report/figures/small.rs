@@ -13,12 +13,12 @@ const SIZE: (u32, u32) = (180, 210);
 
 /// Columns beside each other over one scale.
 pub(crate) struct Small {
-    pub(crate) title: String,
+    pub title: String,
     /// Name and unit of the values.
-    pub(crate) label: String,
+    pub label: String,
     /// Words below the columns, of which number k lies about x = k + 0.5.
-    pub(crate) columns: Vec<String>,
-    pub(crate) y: Axis,
+    pub columns: Vec<String>,
+    pub y: Axis,
 }
 
 impl Small {
@@ -33,7 +33,7 @@ impl Small {
                 .margin_right(units(6.0))
                 .margin_bottom(units(20.0))
                 .set_label_area_size(LabelAreaPosition::Left, units(50.0))
-                .build_cartesian_2d(Ticked::of(&unnumbered), Ticked::of(&self.y))?;
+                .build_cartesian_2d(Ticked::new(&unnumbered), Ticked::new(&self.y))?;
             chart
                 .configure_mesh()
                 .y_desc(&self.label)

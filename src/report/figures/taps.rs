@@ -22,9 +22,9 @@ const POINTS: usize = 700;
 /// The two taps as pictures, and how they were chosen.
 pub(crate) struct Pair {
     /// Force, then sound; what was not recorded is left out.
-    pub(crate) pictures: Vec<String>,
+    pub pictures: Vec<String>,
     /// Names of the two taps.
-    pub(crate) words: String,
+    pub words: String,
 }
 
 /// The tap at the greatest index of `tyre` and one at the most ordinary location of the same shoulder, in the first

@@ -122,7 +122,7 @@ fn offset(region: &Region) -> Markup {
     }
 }
 
-/// How bad a region is: by how much its index exceeds the limits, and how easily chance would do the same.
+/// How bad a region is: by how much its index exceeds the limits, and how probable it is in a sound ring.
 fn severity(shoulder: &Shoulder, region: &Region) -> String {
     let (Some(peak), Some(limits)) = (region.peak_damage_index, shoulder.limits) else { return "unknown".to_owned() };
     let word = if peak >= limits.reject { "damage" } else { "suspect" };
@@ -132,6 +132,7 @@ fn severity(shoulder: &Shoulder, region: &Region) -> String {
         String::new()
     };
     let mean = region.mean_damage_index.map_or_else(String::new, |mean| format!(", mean {mean:.2}"));
-    let chance = region.p_value.map_or_else(String::new, |p_value| format!("; chance in a sound ring {p_value:.3}"));
-    format!("{word}: peak index {peak:.2}{times}{mean}{chance}")
+    let probability =
+        region.p_value.map_or_else(String::new, |p_value| format!("; probability in a sound ring {p_value:.3}"));
+    format!("{word}: peak index {peak:.2}{times}{mean}{probability}")
 }

@@ -86,7 +86,7 @@ fn light(verdict: Verdict) -> Markup {
     }
 }
 
-/// What keeps a page from being whole, at its top; nothing where nothing does.
+/// What a page lacks, at its top; nothing where it lacks nothing.
 pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) -> Markup {
     let planned: usize = shoulders.iter().map(|(_, shoulder)| shoulder.taps.len()).sum();
     let count = |state| shoulders.iter().map(|(_, shoulder)| shoulder.count(state)).sum::<usize>();
@@ -99,7 +99,7 @@ pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) ->
     let shown = &open[..open.len().min(8)];
     html! {
         div class="notice" role="note" {
-            p { strong { "Not whole." } " What follows rests on what is there." }
+            p { strong { "Incomplete." } " What follows rests on what is there." }
             @if missing > 0 { p { (missing) " of " (counted(planned, "planned tap is", "planned taps are")) " missing." } }
             @if refused > 0 { p { (refused) " of " (counted(planned, "planned tap was", "planned taps were")) " refused; the reasons are below." } }
             @if !open.is_empty() {
@@ -148,7 +148,7 @@ pub(crate) fn ledger(shoulders: &[(String, &Shoulder)], refusals: &[(String, usi
             p { "No archived tap carries a flag of doubt." }
         } @else {
             div class="scroll" { table {
-                thead { tr { th { "flag" } th { "what it says of a tap" } th class="n" { "taps" } } }
+                thead { tr { th { "flag" } th { "what it means for a tap" } th class="n" { "taps" } } }
                 tbody {
                     @for (name, count) in flags { tr { td { code { (name) } } td { (words::flag(name)) } td class="n" { (count) } } }
                 }

@@ -19,7 +19,7 @@ use crate::report::pages::words::{body, side};
 /// Most tyres whose index is drawn: more would be too much for one page.
 const DRAWN_MOST: usize = 60;
 
-/// What the page of a shift tells, gathered archive by archive.
+/// What the page of a shift shows, gathered archive by archive.
 #[derive(Default)]
 pub(crate) struct Shift {
     /// Of the first archive, with the tyres of all.
@@ -40,7 +40,7 @@ impl Shift {
             *self.refusals.entry(refusal.reason).or_default() += 1;
         }
         if evidence.has_truth {
-            // What the run says at its end; a configuration that does not fit the plan has no score.
+            // What the run prints at its end; a configuration that does not fit the plan has no score.
             let records: Vec<_> = evidence.tyres.iter().flat_map(Tyre::taps).filter_map(|tap| tap.found).collect();
             let (config, plan) = (&evidence.config.fuse, reader.plan());
             let fusion = match &evidence.reference {
@@ -61,7 +61,7 @@ impl Shift {
         }
     }
 
-    /// The page, called `title` or, where that is empty, after the archive; `None` where there is nothing to tell.
+    /// The page, called `title` or, where that is empty, after the archive; `None` where there is nothing to show.
     pub(crate) fn page(self, title: String) -> Result<Option<String>> {
         let Some(mut evidence) = self.evidence else { return Ok(None) };
         if !title.is_empty() {
@@ -135,7 +135,7 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
 
 fn indices(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Result<Markup> {
     let geometry = evidence.geometry;
-    let greatest = Scale::of(evidence).range().1;
+    let greatest = Scale::new(evidence).range().1;
     let mut pictures = Vec::new();
     for (tyre, _) in order.iter().take(DRAWN_MOST) {
         for shoulders in tyre.shoulders.chunks(rounds::SHOULDERS) {
@@ -160,7 +160,7 @@ fn truth(evidence: &Evidence, score: Option<Score>) -> Result<Markup> {
     Ok(html! {
         section {
             h2 { "Against the truth" }
-            (small_figure(pictures, &boxes_words("all that was scanned", "at the offset and velocity that tell most on each tyre's own page")))
+            (small_figure(pictures, &boxes_words("all that was scanned", "at the offset and velocity that show most on each tyre's own page")))
             @if let Some(score) = score {
                 p { "All taps together, every offset and velocity standardised by itself: AUC of the index " (number(score.index)) " over " (score.cracked_count) " cracked and " (score.sound_count) " sound locations; alone "
                     @for (order, (which, alone)) in Discriminator::ALL.into_iter().zip(score.discriminators).enumerate() {

@@ -1,4 +1,4 @@
-//! The words of the pages: verdicts, reasons, flags and quantities, as one says them on the shop floor.
+//! The words of the pages: verdicts, reasons, flags and quantities, in the words of the shop floor.
 
 use tapline_wire::{Geometry, Quality, Reasons, Verdict};
 
@@ -18,7 +18,7 @@ pub(crate) fn body(geometry: Geometry) -> &'static str {
     }
 }
 
-/// What a verdict says, in a sentence.
+/// What a verdict means, in a sentence.
 pub(crate) fn verdict(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Pass => "No damage was found, and every planned tap was there to find it.",
@@ -63,7 +63,7 @@ fn reason(flag: Reasons) -> Option<&'static str> {
         ),
         (
             Reasons::LEVEL_OFF,
-            "The whole stands off from the other side or from the reference: another construction, a changed sensor, or damage all around.",
+            "The whole shoulder differs from the other side or from the reference: another construction, a changed sensor, or damage all around.",
         ),
         (
             Reasons::FELL_BACK,
@@ -73,7 +73,7 @@ fn reason(flag: Reasons) -> Option<&'static str> {
     sentences.into_iter().find(|&(known, _)| known == flag).map(|(_, sentence)| sentence)
 }
 
-/// What the flag called `name` says of a tap; the name itself where nothing is known of it.
+/// What the flag called `name` means for a tap; the name itself where nothing is known of it.
 pub(crate) fn flag(name: &'static str) -> &'static str {
     let sentences = [
         (Quality::REFUSED, "refused before it was looked at"),

@@ -1,0 +1,38 @@
+//! What the tests share: a folder of its own for each, the built program in it, and what it left behind.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use tapline_testing::documents::text;
+use tapline_testing::program::Done;
+use tempfile::TempDir;
+
+/// A fresh folder in which the built program is run.
+pub(crate) struct Sandbox {
+    folder: TempDir,
+}
+
+impl Sandbox {
+    pub(crate) fn new() -> Self {
+        Self { folder: TempDir::new().unwrap() }
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Runs the program with `arguments`, split at spaces, to its end.
+    pub(crate) fn run(&self, arguments: &str) -> Done {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tapline-lab"));
+        Done::from(command.args(arguments.split_whitespace()).current_dir(self.folder.path()).output().unwrap())
+    }
+}
+
+/// The files in `folder`, and the page beside it, by name.
+pub(crate) fn files(folder: &Path) -> BTreeMap<String, String> {
+    let inside = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let page = folder.with_added_extension("md");
+    inside.chain([page]).map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), text(&path))).collect()
+}

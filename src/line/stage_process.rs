@@ -1,0 +1,177 @@
+//! The stage processes of a line: started, restarted when something kills them, ended in order.
+
+use std::cell::Cell;
+use std::io::Read as _;
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::process::{Child, Command, ExitStatus, Stdio};
+
+use anyhow::{Context as _, Result, bail};
+use rustix::process::{Pid, Signal, kill_process};
+
+use crate::line::process_name::stage_name;
+use crate::line::stage::{DISK_FAILED, StageReport};
+
+/// A stage that is restarted this often without a single settled tap in between has failed.
+const RESTARTS_MAX: u32 = 10;
+
+/// A stage of the line, across restarts.
+#[derive(Debug)]
+pub(crate) struct StageProcess {
+    name: String,
+    arguments: Vec<String>,
+    child: Option<Child>,
+    /// How its process ended, until [`StageProcess::take_up`].
+    ended: Option<ExitStatus>,
+    is_asked_to_end: Cell<bool>,
+    is_killed: Cell<bool>,
+    /// Whether it ended since the disk of the archive has failed.
+    pub(crate) awaits_disk: bool,
+    fruitless_restarts: u32,
+    pub(crate) restart_count: u32,
+    pub(crate) report: Option<StageReport>,
+}
+
+impl StageProcess {
+    /// Starts `tapline` with `arguments` as the stage called `name`.
+    pub(crate) fn start(name: String, arguments: Vec<String>) -> Result<Self> {
+        let mut stage = Self {
+            name,
+            arguments,
+            child: None,
+            ended: None,
+            is_asked_to_end: Cell::new(false),
+            is_killed: Cell::new(false),
+            awaits_disk: false,
+            fruitless_restarts: 0,
+            restart_count: 0,
+            report: None,
+        };
+        stage.spawn()?;
+        Ok(stage)
+    }
+
+    fn spawn(&mut self) -> Result<()> {
+        // This very program, also when its file has been replaced meanwhile.
+        let child = Command::new("/proc/self/exe")
+            .arg0(stage_name(&self.name))
+            .args(&self.arguments)
+            // Its working folder must not keep a disk busy; all paths that it gets are absolute.
+            .current_dir("/")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            // A Ctrl-C is for the line, which ends its stages in order.
+            .process_group(0)
+            .spawn()
+            .with_context(|| format!("cannot start {}", self.name))?;
+        self.child = Some(child);
+        self.is_killed.set(false);
+        Ok(())
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(crate) fn is_running(&self) -> bool {
+        self.child.is_some()
+    }
+
+    /// Number of its process, while it runs.
+    pub(crate) fn pid(&self) -> Option<u32> {
+        self.child.as_ref().map(Child::id)
+    }
+
+    /// Whether its process has ended; then [`StageProcess::take_up`] must be called.
+    pub(crate) fn has_ended(&mut self) -> Result<bool> {
+        let Some(child) = &mut self.child else { return Ok(false) };
+        self.ended = child.try_wait().with_context(|| format!("cannot watch {}", self.name))?;
+        Ok(self.ended.is_some())
+    }
+
+    /// Handles the end of the process: starts it again, if it `may_restart`, unless it was asked to end.
+    ///
+    /// Fails when the stage failed by itself, or ends again and again.
+    pub(crate) fn take_up(&mut self, may_restart: bool) -> Result<()> {
+        let (Some(mut child), Some(status)) = (self.child.take(), self.ended.take()) else { return Ok(()) };
+        let mut printed = String::new();
+        if let Some(mut stdout) = child.stdout.take() {
+            stdout.read_to_string(&mut printed).with_context(|| format!("cannot read what {} reports", self.name))?;
+        }
+        self.report = printed.lines().last().and_then(|line| serde_json::from_str(line).ok());
+        match (&self.report, status.signal()) {
+            (Some(_), _) if self.is_asked_to_end.get() || !may_restart => Ok(()),
+            (Some(_), _) => self.restart("was asked to end by another process"),
+            (None, Some(signal)) if may_restart => self.restart(&format!("was killed by signal {signal}")),
+            (None, Some(signal)) => {
+                tracing::warn!(stage = self.name, signal, "was killed");
+                Ok(())
+            }
+            (None, None) if status.code() == Some(DISK_FAILED.into()) => {
+                self.awaits_disk = true;
+                Ok(())
+            }
+            (None, None) => bail!("{} failed ({status})", self.name),
+        }
+    }
+
+    fn restart(&mut self, why: &str) -> Result<()> {
+        if self.fruitless_restarts >= RESTARTS_MAX {
+            bail!("{} {why}, {RESTARTS_MAX} times without a tap being archived in between", self.name);
+        }
+        tracing::error!(stage = self.name, "{why}; it is started again");
+        self.fruitless_restarts += 1;
+        self.restart_count += 1;
+        self.spawn()
+    }
+
+    /// Starts it again after its disk was repaired.
+    pub(crate) fn disk_is_back(&mut self) -> Result<()> {
+        self.awaits_disk = false;
+        self.restart_count += 1;
+        self.spawn()
+    }
+
+    /// Notes progress: restarts until now were not fruitless.
+    pub(crate) fn note_progress(&mut self) {
+        self.fruitless_restarts = 0;
+    }
+
+    /// Asks the stage to end.
+    pub(crate) fn ask_to_end(&self) {
+        self.is_asked_to_end.set(true);
+        self.signal(Signal::TERM);
+    }
+
+    pub(crate) fn is_asked_to_end(&self) -> bool {
+        self.is_asked_to_end.get()
+    }
+
+    /// Ends the stage by force.
+    pub(crate) fn kill(&self) {
+        if !self.is_killed.replace(true) {
+            tracing::error!(stage = self.name, "does not end; it is killed");
+            self.signal(Signal::KILL);
+        }
+    }
+
+    fn signal(&self, signal: Signal) {
+        let pid = self.child.as_ref().and_then(|child| Pid::from_raw(i32::try_from(child.id()).unwrap_or(0)));
+        if let Some(pid) = pid
+            && let Err(error) = kill_process(pid, signal)
+        {
+            tracing::debug!(stage = self.name, %error, "cannot be signalled");
+        }
+    }
+}
+
+impl Drop for StageProcess {
+    /// No stage outlives its line, however that ends.
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            let ended = child.kill().and_then(|()| child.wait());
+            if let Err(error) = ended {
+                tracing::debug!(stage = self.name, %error, "cannot be ended");
+            }
+        }
+    }
+}

@@ -1,0 +1,362 @@
+//! Taps that leave an archive for other programs: as a tap set they come back, as Universal Files they are read by pyuff.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use tapline_acquire::{Source as _, TapSet};
+use tapline_store::{OwnedSamples, Reader};
+use tapline_wire::{Discriminator, Lane, SourceKind, TapHeader, TapState, lanes_for};
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{Contents, assert_same, bend, contents, table_bytes};
+use crate::sandbox::recordings;
+use tapline_testing::documents::csv_rows;
+
+/// Two tyres at two stations, a crack, taps that are taken again, and a closing tap at the end of every turn.
+const SCAN: &str = "
+[scan]
+offsets_mm = [0.0, 5.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+locations = 30
+
+[[scan.tyre]]
+serial = \"CRACKED\"
+station = 1
+crack = [{ shoulder = 2, first_location = 10, location_count = 4, depth_mm = 6.0, length_mm = 22.0 }]
+
+[[scan.tyre]]
+serial = \"SOUND \u{e9}\"
+station = 2
+
+[simulation]
+sample_count = 4096
+
+[[simulation.fault]]
+kind = \"double_hit\"
+share = 0.1
+";
+
+/// The archive's content, but for the kind of source, which an export cannot keep.
+pub(crate) fn as_from_a_tap_set(mut contents: Contents) -> Contents {
+    for (header, _) in contents.taps.iter_mut().flatten() {
+        header.source = SourceKind::TapSet.code();
+    }
+    contents
+}
+
+/// A run of the simulated line: `run.h5` is the cracked tyre, `sound.h5` the other.
+fn run() -> Sandbox {
+    let sandbox = Sandbox::new();
+    sandbox.write("scan.toml", SCAN);
+    sandbox.run("run --config scan.toml --stations 2 --out run").expect(0);
+    fs::rename(sandbox.path("run/CRACKED.h5"), sandbox.path("run.h5")).unwrap();
+    fs::rename(sandbox.path("run/SOUND%20%C3%A9.h5"), sandbox.path("sound.h5")).unwrap();
+    sandbox
+}
+
+/// Catches anything that is lost, rounded, reordered or made up between an archive and its tap set: samples, scales,
+/// velocities, distances, angles, closing taps, stations, attempts, times, truth, and with them results and verdicts.
+#[test]
+fn an_exported_tap_set_gives_the_same_archive() {
+    let sandbox = run();
+    for (archive, file) in [("run.h5", "CRACKED.h5"), ("sound.h5", "SOUND%20%C3%A9.h5")] {
+        comes_back(&sandbox, archive, &format!("again/{file}"));
+        for made in ["set", "set-again", "again"] {
+            fs::remove_dir_all(sandbox.path(made)).unwrap();
+        }
+    }
+}
+
+fn comes_back(sandbox: &Sandbox, archive: &str, again: &str) {
+    let done = sandbox.run(&format!("export {archive} taps --out set")).expect(0);
+    assert_eq!(done.out, "set: 124 taps written, 0 refused, 0 missing\n");
+    sandbox.run("run --taps set --config set/config.toml --out again").expect(0);
+    let (before, after) = (contents(&sandbox.path(archive)), contents(&sandbox.path(again)));
+    assert!(before.taps.iter().flatten().any(|(header, _)| header.id.attempt > 0), "a tap was taken again");
+    assert!(before.taps.iter().flatten().all(|(header, _)| header.tap_time_ns != 0));
+    assert_same(&as_from_a_tap_set(before), &after);
+    let [before, after] = [archive, again].map(|name| Reader::open(sandbox.path(name)).unwrap());
+    assert_eq!(before.plan().taps(), after.plan().taps());
+    assert_eq!(before.plan().scans(), after.plan().scans());
+    assert_eq!(before.plan().recording, after.plan().recording);
+    assert_eq!(before.plan().geometry, after.plan().geometry);
+    assert!(before.truth() == after.truth() && !before.truth().is_empty());
+    assert_eq!(before.truth().values().any(|&is_cracked| is_cracked), archive == "run.h5");
+    for table in ["discriminators", "damage", "regions", "verdicts", "ledger"] {
+        // A tap set does not tell of the attempts before the one that counts.
+        let kept = |line: &str| match table {
+            "ledger" => line.rsplitn(4, ',').last().unwrap().to_owned(),
+            _ => line.to_owned(),
+        };
+        let table_of = |archive: &str| -> Vec<String> {
+            sandbox.run(&format!("export {archive} {table}")).expect(0).out.lines().map(kept).collect()
+        };
+        assert_eq!(table_of(archive), table_of(again), "{table}");
+    }
+    // And once more: what came from a tap set is nothing else.
+    sandbox.run(&format!("export {again} taps --format wav --out set-again")).expect(0);
+    let files = |folder: &str| {
+        ["taps.csv", "truth.csv", "config.toml"].map(|f| fs::read(sandbox.path(folder).join(f)).unwrap())
+    };
+    assert!(files("set") == files("set-again"));
+}
+
+/// Catches a refused tap that an export leaves out in silence, or that comes back with another reason; and 32-bit floats
+/// that are not what they were.
+#[test]
+fn refused_taps_and_floats_are_exported() {
+    let sandbox = recordings::tap_set();
+    for location in 0..24 {
+        recordings::write_float_wav(&sandbox.path(&format!("taps/{location:03}.wav")), location);
+    }
+    fs::remove_file(sandbox.path("taps/003.wav")).unwrap();
+    sandbox.run("run --taps taps --out run").expect(3);
+    fs::copy(sandbox.path("run/A-17.h5"), sandbox.path("run.h5")).unwrap();
+    let done = sandbox.run("export run.h5 taps --out set").expect(3);
+    assert_eq!(done.out, "set: 23 taps written, 1 refused, 0 missing; taps.csv lists them with the reason\n");
+    let rows = csv_rows(&fs::read_to_string(sandbox.path("set/taps.csv")).unwrap());
+    assert!(rows[3]["file"].is_empty() && rows[3]["refused"].contains("003.wav"), "{:?}", rows[3]);
+    assert!(rows.iter().enumerate().all(|(k, row)| (k == 3) != row["refused"].is_empty()));
+    sandbox.run("run --taps set --config set/config.toml --out again").expect(3);
+    let (before, after) = (contents(&sandbox.path("run.h5")), contents(&sandbox.path("again/A-17.h5")));
+    assert!(matches!(before.taps[0], Some((_, OwnedSamples::F32(_)))));
+    assert_same(&before, &after);
+    let reasons = ["run.h5", "again/A-17.h5"].map(|name| Reader::open(sandbox.path(name)).unwrap().refusals().unwrap());
+    assert!(reasons[0].len() == 1 && reasons[0] == reasons[1], "{reasons:?}");
+    // A reason that is not what was written is not given out as if it were.
+    let reason_bytes = table_bytes(&sandbox.path("run.h5"), "refusals").len() / 24;
+    bend(&sandbox.path("run.h5"), "refusals", 3 * reason_bytes);
+    assert!(matches!(sandbox.run("verify run.h5").code, Some(1 | 3)));
+    for arguments in ["export run.h5 taps --out bent", "export run.h5 ledger", "report run.h5", "reprocess run.h5"] {
+        let done = sandbox.run(arguments);
+        assert!(matches!(done.code, Some(1 | 3)), "{arguments}: {done:?}");
+    }
+}
+
+/// Catches a missing tap that is exported as if it were there or had never been planned.
+#[test]
+fn missing_taps_are_said_to_be_missing() {
+    let sandbox = run();
+    // Half a casing: the plan of two shoulders, the taps of the first.
+    let whole = Reader::open(sandbox.path("run.h5")).unwrap();
+    let mut writer =
+        tapline_store::Writer::create(sandbox.path("half.h5"), whole.plan(), whole.plan().taps().len(), whole.config())
+            .unwrap();
+    for (row, found) in (0..62).zip(whole.discriminators().unwrap()) {
+        let (header, samples) = whole.tap(row).unwrap().unwrap();
+        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+        writer.put_discriminators(&found.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    let done = sandbox.run("export half.h5 taps --out set").expect(3);
+    assert_eq!(done.out, "set: 62 taps written, 0 refused, 62 missing; taps.csv lists them with the reason\n");
+    sandbox.run("run --taps set --config set/config.toml --out again").expect(3);
+    let again = Reader::open(sandbox.path("again/CRACKED.h5")).unwrap();
+    assert_eq!(again.plan().taps(), whole.plan().taps());
+    assert_eq!(again.ledger().count(TapState::Refused), 62);
+    assert!(again.refusals().unwrap().iter().all(|refusal| refusal.reason == "missing in the archive"));
+}
+
+/// Catches one damaged tap that keeps all others in their archive, and one that leaves it as if it were whole.
+#[test]
+fn damaged_taps_are_left_behind() {
+    let sandbox = run();
+    fs::copy(sandbox.path("run.h5"), sandbox.path("bent.h5")).unwrap();
+    bend_samples(&sandbox.path("bent.h5"), 7);
+    for format in ["wav", "uff"] {
+        let done = sandbox.run(&format!("export bent.h5 taps --format {format} --out {format}")).expect(3);
+        let said = format!(
+            "{format}: 123 taps written, 0 refused, 0 missing, 1 damaged; taps.csv lists them with the reason\n"
+        );
+        assert_eq!(done.out, said);
+        let rows = csv_rows(&fs::read_to_string(sandbox.path(&format!("{format}/taps.csv"))).unwrap());
+        let is_damaged =
+            |k: &usize| rows[*k]["refused"].starts_with("damaged in the archive: ") && rows[*k]["file"].is_empty();
+        let damaged: Vec<usize> = (0..rows.len()).filter(is_damaged).collect();
+        assert_eq!(damaged, [7]);
+    }
+    sandbox.run("run --taps wav --config wav/config.toml --out again").expect(3);
+    let again = Reader::open(sandbox.path("again/CRACKED.h5")).unwrap();
+    assert_eq!((again.ledger().count(TapState::Archived), again.ledger().count(TapState::Refused)), (123, 1));
+    // Rows of tables are under the seal: where one is not what was written, none is believed.
+    bend(&sandbox.path("bent.h5"), "taps/header", 9 * 8);
+    let done = sandbox.run("export bent.h5 taps --out sealed").expect(1);
+    assert!(done.err.contains("seal") && !sandbox.path("sealed").exists(), "{done:?}");
+}
+
+/// Turns a bit in the middle of the packed samples of a tap.
+fn bend_samples(archive: &Path, row: usize) {
+    let file = hdf5::File::open(archive).unwrap();
+    let chunk = file.dataset("taps/samples").unwrap().chunk_info(row).unwrap();
+    drop(file);
+    let mut bytes = fs::read(archive).unwrap();
+    bytes[usize::try_from(chunk.addr + chunk.size / 2).unwrap()] ^= 16;
+    fs::write(archive, bytes).unwrap();
+}
+
+/// Catches an export of nothing that ends as if it were one.
+#[test]
+fn nothing_that_can_be_read_is_no_export() {
+    let sandbox = run();
+    let whole = Reader::open(sandbox.path("run.h5")).unwrap();
+    let mut writer =
+        tapline_store::Writer::create(sandbox.path("one.h5"), whole.plan(), whole.plan().taps().len(), "").unwrap();
+    let (header, samples) = whole.tap(0).unwrap().unwrap();
+    writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+    writer.put_discriminators(&whole.discriminators().unwrap()[0].unwrap()).unwrap();
+    writer.finish().unwrap();
+    bend_samples(&sandbox.path("one.h5"), 0);
+    for format in ["wav", "uff"] {
+        let done = sandbox.run(&format!("export one.h5 taps --format {format} --out {format}")).expect(1);
+        assert!(done.err.contains("readable samples of none of its 124 planned taps"), "{done:?}");
+        assert!(!sandbox.path(format).exists());
+    }
+}
+
+/// Catches taps of other scales than the first, or another distance, that come back with the first one's.
+#[test]
+fn scales_are_kept_tap_by_tap() {
+    let sandbox = run();
+    let whole = Reader::open(sandbox.path("run.h5")).unwrap();
+    let mut writer =
+        tapline_store::Writer::create(sandbox.path("mixed.h5"), whole.plan(), whole.plan().taps().len(), "").unwrap();
+    let mut headers = Vec::new();
+    for (row, found) in (0..4).zip(whole.discriminators().unwrap()) {
+        let (mut header, samples) = whole.tap(row).unwrap().unwrap();
+        header.channels[0].unit_per_count /= f64::from(row % 3 + 1);
+        header.channels[1].unit_per_count *= if row == 3 { 0.7 } else { 1.0 };
+        header.microphone_distance_m += f64::from(row) / 30.0;
+        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+        writer.put_discriminators(&found.unwrap()).unwrap();
+        headers.push(header);
+    }
+    writer.finish().unwrap();
+    sandbox.run("export mixed.h5 taps --out set").expect(3);
+    let mut set = TapSet::open(&sandbox.path("set"), 1).unwrap();
+    let mut lanes = vec![Lane::default(); lanes_for(set.plan().recording.payload_bytes_max())];
+    for (row, want) in (0..).zip(headers) {
+        let mut got = TapHeader::default();
+        set.render(row, 0, &mut got, &mut lanes).unwrap();
+        assert_eq!(got.channels, want.channels, "row {row}");
+        assert_eq!(got.microphone_distance_m.to_bits(), want.microphone_distance_m.to_bits(), "row {row}");
+    }
+}
+
+/// Prints of each Universal File its types and units, and of its functions what names them; checks every sample against what
+/// h5py reads.
+const PYUFF: &str = r#"
+import csv, sys, hdf5plugin, h5py, numpy as np, pyuff
+archive, folder, is_binary = h5py.File(sys.argv[1]), sys.argv[2], sys.argv[3] == "uff"
+samples, header = archive["taps/samples"], archive["taps/header"]
+files, largest = {}, 0.0
+rows = list(csv.DictReader(open(folder + "/taps.csv", encoding="utf-8")))
+for row in rows:
+    if row["file"] not in files:
+        files[row["file"]] = pyuff.UFF(folder + "/" + row["file"])
+for k, row in enumerate(rows):
+    uff = files[row["file"]]
+    for channel, (unit, kind) in enumerate([("N", 13), ("V", 0)]):
+        function = uff.read_sets(int(row["first_function"]) + channel)
+        want = samples[k, channel] * header[k]["unit_per_count"][channel]
+        assert len(function["data"]) == len(want) == function["num_pts"]
+        largest = max(largest, np.abs(function["data"] - want).max() / np.abs(want).max())
+        assert function["ordinate_axis_units_lab"] == unit and function["ordinate_spec_data_type"] == kind
+        assert function["func_type"] == 1 and function["abscissa_spacing"] == 1 and function["binary"] == is_binary
+        rate_hz = header[k]["sample_rate_hz"]
+        assert abs(function["abscissa_inc"] * rate_hz - 1) < 1e-5
+        assert abs(function["x"][header[k]["pre_trigger_samples"]]) < 1e-6
+        assert function["rsp_node"] == int(row["location"]) and function["ver_num"] == int(row["repetition"])
+units = files[rows[0]["file"]].read_sets(0)
+print(units["type"], units["units_code"], units["length"], units["force"], units["temp_offset"])
+print(largest < (6e-8 if is_binary else 1e-11))
+first = files[rows[0]["file"]].read_sets(2)
+print(first["id1"]); print(first["id2"]); print(first["id3"]); print(first["id4"]); print(first["id5"])
+print(sorted(files), [len(uff.get_set_types()) for uff in files.values()])
+"#;
+
+/// Catches a Universal File that others cannot read, or read otherwise: values, units, axes, names, in either encoding.
+#[test]
+fn pyuff_reads_what_was_recorded() {
+    let Some(python) = tapline_testing::python_with("hdf5plugin, h5py, pyuff") else { return };
+    let sandbox = run();
+    let reader = Reader::open(sandbox.path("run.h5")).unwrap();
+    let (header, _) = reader.tap(0).unwrap().unwrap();
+    let plan = format!("{:016x}", reader.plan().digest());
+    drop(reader);
+    for format in ["uff", "uff-ascii"] {
+        let done = sandbox.run(&format!("export run.h5 taps --format {format} --out {format}")).expect(0);
+        assert_eq!(done.out, format!("{format}: 124 taps written, 0 refused, 0 missing\n"));
+        let out = Command::new(&python)
+            .args(["-c", PYUFF, "run.h5", format, format])
+            .current_dir(sandbox.path(""))
+            .output()
+            .unwrap();
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        let said = String::from_utf8(out.stdout).unwrap();
+        let said: Vec<&str> = said.lines().collect();
+        assert_eq!(said[..2], ["164 1 1.0 1.0 273.15", "True"]);
+        assert_eq!(said[2], "sound tyre CRACKED shoulder 1 location 0");
+        assert_eq!(said[3], "offset_mm 0 velocity_m_per_s 1.85 angle_deg 0 repetition 0");
+        assert_eq!(said[4], "01-JAN-26 00:00:00");
+        let measured = header.velocity_measured_m_per_s;
+        assert_eq!(said[5], format!("station 1 attempt {} velocity_measured_m_per_s {measured}", header.id.attempt));
+        let (rate, distance) = (header.sample_rate_hz, header.microphone_distance_m);
+        assert_eq!(said[6], format!("sample_rate_hz {rate} microphone_distance_m {distance} plan {plan}"));
+        let names = ["CRACKED-1", "CRACKED-2"].map(|name| format!("'{name}.uff'"));
+        assert_eq!(said[7], format!("[{}] [125, 125]", names.join(", ")));
+    }
+}
+
+/// Catches an export into files of others, of nothing, or in a format that it has not, that is not said to be one.
+#[test]
+fn what_cannot_be_exported_is_said() {
+    let sandbox = run();
+    let fails = |arguments: &str, parts: &[&str]| {
+        let done = sandbox.run(arguments).expect(1);
+        for part in parts {
+            assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
+        }
+    };
+    fails("export run.h5 taps --format csv --out x", &["--format csv", "taps", "wav or uff or uff-ascii"]);
+    fails("export run.h5 damage --format uff --out x", &["--format uff", "damage", "csv or parquet"]);
+    fails("export run.h5 taps", &["--out"]);
+    fs::create_dir(sandbox.path("full")).unwrap();
+    sandbox.write("full/mine.txt", "mine");
+    fails("export run.h5 taps --out full", &["full", "empty"]);
+    fails("export run.h5 taps --out run.h5", &["run.h5"]);
+    fails("export run.h5 taps --out nowhere/set", &["nowhere"]);
+    assert_eq!(fs::read_to_string(sandbox.path("full/mine.txt")).unwrap(), "mine");
+
+    let reader = Reader::open(sandbox.path("run.h5")).unwrap();
+    tapline_store::Writer::create(sandbox.path("none.h5"), reader.plan(), reader.plan().taps().len(), "")
+        .unwrap()
+        .finish()
+        .unwrap();
+    fails("export none.h5 taps --out x", &["none.h5", "none of its 124"]);
+    assert!(!sandbox.path("x").exists());
+    fs::create_dir(sandbox.path("empty")).unwrap();
+    sandbox.run("export run.h5 taps --out empty/").expect(0);
+    assert!(sandbox.path("empty/scan.toml").exists());
+    assert!(left_over(&sandbox.path("")).is_empty(), "{:?}", left_over(&sandbox.path("")));
+}
+
+/// Drafts that an export has left behind.
+fn left_over(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    names.filter(|name| name.ends_with(".new")).collect()
+}
+
+/// Catches Parquet from the command line that is not the table: to a file, and to standard output.
+#[test]
+fn a_table_is_written_as_parquet() {
+    let sandbox = run();
+    sandbox.run("export run.h5 discriminators --format parquet --out found.parquet").expect(0);
+    let to_file = fs::read(sandbox.path("found.parquet")).unwrap();
+    let to_stdout = sandbox.command("export run.h5 discriminators --format parquet").output().unwrap().stdout;
+    assert!(to_file.starts_with(b"PAR1") && to_file.ends_with(b"PAR1"));
+    assert!(to_file == to_stdout);
+    let has = |text: &str| to_file.windows(text.len()).any(|window| window == text.as_bytes());
+    assert!(Discriminator::ALL.into_iter().all(|which| has(which.column())) && has("quality_bits"));
+}

@@ -1,0 +1,182 @@
+//! Verbs on folders: what stands for a folder, one damaged file among many, and what many become.
+
+use std::fs;
+use std::path::Path;
+
+use crate::sandbox::Sandbox;
+use tapline_testing::documents::{csv_rows, text};
+
+const SCAN: &str = "\
+[scan]
+locations = 12
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 2
+[fuse]
+reference = \"self\"
+";
+
+/// Three casings in `out`, and the results of another judgement of one of them.
+fn scanned() -> Sandbox {
+    let sandbox = Sandbox::new();
+    sandbox.write("scan.toml", SCAN);
+    sandbox.run("run --config scan.toml --stations 3 --out out").expect(0);
+    sandbox
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// Turns a bit in the middle of the file's tables.
+fn damage(path: &Path) {
+    let mut bytes = fs::read(path).unwrap();
+    bytes[3000] ^= 1;
+    fs::write(path, bytes).unwrap();
+}
+
+/// Catches a table that is several, has a header in its middle, or leaves a casing out.
+#[test]
+fn a_table_of_a_folder_is_one() {
+    let sandbox = scanned();
+    for table in ["discriminators", "damage", "regions", "verdicts", "ledger"] {
+        let whole = sandbox.run(&format!("export out {table}")).expect(0).out;
+        let rows = csv_rows(&whole);
+        let mut count = 0;
+        for casing in ["SIM-0001", "SIM-0002", "SIM-0003"] {
+            let alone = csv_rows(&sandbox.run(&format!("export out/{casing}.h5 {table}")).expect(0).out);
+            let file = format!("{casing}.h5");
+            let of_it = rows.iter().filter(|row| row["file"] == file).cloned();
+            let without_file: Vec<_> = of_it.map(|mut row| (row.remove("file"), row).1).collect();
+            assert_eq!(without_file, alone, "{table} of {casing}");
+            count += alone.len();
+        }
+        assert_eq!(rows.len(), count, "{table}");
+        let named =
+            sandbox.run(&format!("export out/SIM-0001.h5 out/SIM-0002.h5 out/SIM-0003.h5 {table}")).expect(0).out;
+        assert_eq!(named, whole, "{table}");
+        sandbox.run(&format!("export out {table} --format parquet --out {table}.parquet")).expect(0);
+        assert!(fs::read(sandbox.path(&format!("{table}.parquet"))).unwrap().starts_with(b"PAR1"));
+    }
+}
+
+/// Catches taps of several casings that do not come back, and sets that cannot be one made one.
+#[test]
+fn taps_of_a_folder_are_one_tap_set() {
+    let sandbox = scanned();
+    sandbox.run("export out taps --out set").expect(0);
+    sandbox.run("run --taps set --config set/config.toml --stations 3 --out again").expect(0);
+    for table in ["discriminators", "damage", "verdicts"] {
+        let of = |folder: &str| sandbox.run(&format!("export {folder} {table}")).expect(0).out;
+        assert_eq!(of("again"), of("out"), "{table}");
+    }
+    sandbox.run("export out taps --format uff --out uff").expect(0);
+    assert_eq!(names(&sandbox.path("uff")).len(), 7);
+    // The same casing twice, and another configuration.
+    fs::create_dir(sandbox.path("twice")).unwrap();
+    fs::copy(sandbox.path("out/SIM-0001.h5"), sandbox.path("twice/SIM-0001.h5")).unwrap();
+    fs::copy(sandbox.path("out/SIM-0001.h5"), sandbox.path("twice/SIM-0001.2.h5")).unwrap();
+    let done = sandbox.run("export twice taps --out no").expect(1);
+    assert!(done.err.contains("a tap set has each casing once") && !sandbox.path("no").exists(), "{done:?}");
+    sandbox.write("other.toml", &SCAN.replace("repetitions = 2", "repetitions = 1"));
+    sandbox.run("run --config other.toml --out other").expect(0);
+    let done = sandbox.run("export out other taps --out no").expect(1);
+    assert!(done.err.contains("its configuration is another") && !sandbox.path("no").exists(), "{done:?}");
+}
+
+/// Catches one damaged file that ends a verb for all others, or goes without a word.
+#[test]
+fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
+    let sandbox = scanned();
+    damage(&sandbox.path("out/SIM-0002.h5"));
+    let with_one_damaged = |arguments: &str| {
+        let done = sandbox.run(arguments).expect(3);
+        assert!(format!("{}{}", done.out, done.err).contains("out/SIM-0002.h5"), "{arguments}: {done:?}");
+        done
+    };
+    assert_eq!(csv_rows(&with_one_damaged("export out verdicts").out).len(), 4);
+    assert!(with_one_damaged("verify out").out.ends_with("3 archives: 2 complete, 1 INCOMPLETE; 0 not finished\n"));
+    let last = with_one_damaged("verify out --json").out.lines().last().unwrap().to_owned();
+    assert!(last.contains("\"complete\":2") && last.contains("\"is_complete\":false"), "{last}");
+    with_one_damaged("report out --out pages");
+    assert_eq!(names(&sandbox.path("pages")), ["shift.html", "tyre-SIM-0001.html", "tyre-SIM-0003.html"]);
+    with_one_damaged("explain out");
+    with_one_damaged("repack out --codec none --out packed");
+    assert_eq!(names(&sandbox.path("packed")), ["SIM-0001.h5", "SIM-0003.h5"]);
+    with_one_damaged("reference out --shoulder SIM-0003/2 --out sound.json");
+    with_one_damaged("export out taps --out set");
+    let results = with_one_damaged("reprocess out --from-samples").out;
+    assert_eq!(results.lines().count(), 2, "{results}");
+    with_one_damaged("diff out packed");
+    // Alone it ends the verb.
+    sandbox.run("export out/SIM-0002.h5 verdicts").expect(1);
+}
+
+/// Catches results that count beside their archives, and newest results that are not found.
+#[test]
+fn results_are_taken_when_they_are_asked_for() {
+    let sandbox = scanned();
+    let before = sandbox.run("export out verdicts").expect(0).out;
+    sandbox.run("reference out --shoulder SIM-0002/1 --shoulder SIM-0002/2 --out sound.json").expect(0);
+    let made = sandbox.run("reprocess out --reference sound.json").expect(0).out;
+    assert_eq!(made.lines().count(), 3);
+    assert_eq!(sandbox.run("export out verdicts").expect(0).out, before);
+    let after = csv_rows(&sandbox.run("export out verdicts --results").expect(0).out);
+    assert_eq!(after.len(), 6);
+    assert!(after.iter().all(|row| made.contains(&row["file"])), "{after:?}");
+    assert!(sandbox.run("verify out").expect(0).out.contains("6 archives: 6 complete"));
+    let changed = sandbox.run("diff out out --results").expect(0).out;
+    assert!(
+        changed.contains("fuse.reference: \"self\" -> \"sound.json\"") && !changed.contains("partner"),
+        "{changed}"
+    );
+    let said = sandbox.run("explain out --shoulder SIM-0003/1 --results").expect(0).out;
+    assert!(said.starts_with("out/SIM-0003.") && said.matches("lineage").count() == 1, "{said}");
+    sandbox.run("reprocess out --reference sound.json").expect(0);
+    assert!(sandbox.run("explain out --shoulder SIM-0009/1").expect(1).err.contains("none of the 3 archives"));
+    assert!(sandbox.run("diff out sound.json").expect(3).out.contains("without a partner"));
+}
+
+#[test]
+fn a_page_of_a_shift_is_of_all_days() {
+    let sandbox = scanned();
+    // As a line lays them, and one that is under way.
+    for (name, place) in [("SIM-0001", "day/2026-11-23"), ("SIM-0002", "day/2026-11-24"), ("SIM-0003", "day/open")] {
+        fs::create_dir_all(sandbox.path(place)).unwrap();
+        fs::copy(sandbox.path(&format!("out/{name}.h5")), sandbox.path(&format!("{place}/{name}.h5"))).unwrap();
+    }
+    sandbox.run("report day --out pages").expect(0);
+    let shift = text(&sandbox.path("pages/shift.html"));
+    assert!(shift.contains("SIM-0001") && shift.contains("SIM-0002") && !shift.contains("SIM-0003"));
+    let checked = sandbox.run("verify day").expect(3);
+    assert!(checked.out.contains("day/open/SIM-0003.h5: NOT FINISHED"), "{checked:?}");
+    let rows = csv_rows(&sandbox.run("export day verdicts").expect(0).out);
+    assert_eq!(rows[3]["file"], "2026-11-24/SIM-0002.h5");
+}
+
+/// Catches a reference that some casing of a list does not have, reported when the line is under way, or not how to go on.
+#[test]
+fn a_shoulder_of_another_casing_is_no_reference() {
+    let sandbox = scanned();
+    sandbox.run("run --config scan.toml --out one --reference SIM-0001/2").expect(0);
+    let many = sandbox.run("run --config scan.toml --stations 2 --out two --reference SIM-0001/2").expect(1);
+    sandbox.write("plant.toml", &format!("{SCAN}[[station]]\nnumber = 1\nsource = \"simulated\"\n"));
+    let line = sandbox.run("line --config plant.toml --out three --reference SIM-0001/2").expect(1);
+    for done in [many, line] {
+        assert!(done.err.contains("tapline reference FOLDER") && done.err.contains("--reference self"), "{done:?}");
+    }
+    assert!(!sandbox.path("two").exists() && !sandbox.path("three").exists());
+}
+
+#[test]
+fn a_folder_with_nothing_is_an_error() {
+    let sandbox = Sandbox::new();
+    fs::create_dir(sandbox.path("empty")).unwrap();
+    for arguments in ["export empty verdicts", "verify empty", "report empty", "explain empty", "reprocess empty"] {
+        let done = sandbox.run(arguments).expect(1);
+        assert!(done.err.contains("empty has no finished archive"), "{done:?}");
+    }
+}

@@ -1,0 +1,7 @@
+//! What is done with finished archives: exports, pages, results with other options.
+
+pub(crate) mod export_taps;
+mod folders;
+mod python_pages;
+mod report;
+mod reprocess;

@@ -1,0 +1,129 @@
+//! The pages for people with Python: their code runs as it stands, in order, on an archive of the program.
+
+use std::fs;
+use std::process::Command;
+
+use crate::sandbox::Sandbox;
+use tapline_testing::documents::{docs, text};
+
+/// The scan that the picture on the page is of.
+const SCAN: &str = "
+[scan]
+locations = 100
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+[[scan.tyre]]
+serial = \"A-17\"
+crack = [{ shoulder = 2, first_location = 40, location_count = 9, depth_mm = 6.0, length_mm = 22.0 }]
+[fuse]
+reference = \"self\"
+";
+
+/// The Python in a page, with each of its lines where it stands there, so that an error names the page's line.
+fn python_of(page: &str) -> String {
+    let mut is_code = false;
+    let lines = page.lines().map(|line| {
+        let begins = line == "```python";
+        let was_code = is_code;
+        is_code = begins || (is_code && line != "```");
+        if was_code && is_code { format!("{line}\n") } else { "\n".to_owned() }
+    });
+    lines.collect()
+}
+
+/// A folder with an archive, and the results of judging it again beside it.
+fn scanned() -> Sandbox {
+    let sandbox = Sandbox::new();
+    sandbox.write("line.toml", SCAN);
+    sandbox.write("again.toml", "[process]\nf_c_hz = 600.0\n[fuse]\nreference = \"self\"\n");
+    sandbox.run("run --config line.toml --out scanned").expect(0);
+    // A finished file stands for itself, wherever it is and whatever it is called.
+    fs::copy(sandbox.path("scanned/A-17.h5"), sandbox.path("run.h5")).unwrap();
+    sandbox.run("reprocess run.h5 --config again.toml").expect(0);
+    sandbox
+}
+
+/// What the page prints, run by `python` in the folder of `rig`.
+fn run_page(sandbox: &Sandbox, python: &std::ffi::OsStr, page: &str) -> String {
+    let name = page.replace(".md", ".py");
+    sandbox.write(&name, &python_of(&text(&docs(page))));
+    let mut command = Command::new(python);
+    command
+        .arg(&name)
+        .current_dir(sandbox.path(""))
+        .env("PYTHONIOENCODING", "utf-8")
+        .env("MPLCONFIGDIR", sandbox.path("mpl"));
+    tapline_testing::program::Done::from(command.output().unwrap()).expect(0).out
+}
+
+/// Catches code on the page that does not run, or finds other taps, verdicts or regions than the program.
+#[test]
+fn reading_archives_runs_as_it_stands() {
+    let Some(python) = tapline_testing::python_with("h5py, hdf5plugin, pandas, matplotlib") else { return };
+    let sandbox = scanned();
+    let said = run_page(&sandbox, &python, "reading-archives.md");
+    println!("{said}");
+    let rows = tapline_testing::documents::csv_rows(&sandbox.run("export run.h5 discriminators").expect(0).out);
+    assert!(said.contains(&format!("clipped: 0 of {}", rows.len())), "{said}");
+    for verdict in tapline_testing::documents::csv_rows(&sandbox.run("export run.h5 verdicts").expect(0).out) {
+        let line = said.lines().find(|line| line.starts_with("A-17 ") && line.contains(&verdict["verdict"]));
+        let line = line.unwrap_or_else(|| panic!("no {verdict:?} in {said}"));
+        assert!(line.contains(&verdict["reasons"]), "{line} {verdict:?}");
+    }
+    let regions = tapline_testing::documents::csv_rows(&sandbox.run("export run.h5 regions").expect(0).out);
+    assert_eq!(regions.len(), 1);
+    assert!(said.contains(&format!("[{}, ", regions[0]["first_location"])), "{said} {regions:?}");
+    assert!(said.contains("of the taps of run.h5 (202, 2, 16384)"), "{said}");
+    let differs = said.lines().find_map(|line| line.strip_prefix("PR differs by at most ")).unwrap();
+    assert!(differs.parse::<f64>().unwrap() > 1e-3, "{differs}");
+    let picture = fs::read(sandbox.path("reading-archives.png")).unwrap();
+    assert!(picture.starts_with(b"\x89PNG") && picture.len() > 10_000, "{} bytes", picture.len());
+    let kept = docs("reading-archives.png").metadata().unwrap().len();
+    assert!((10_000..150_000).contains(&kept), "{kept} bytes are committed");
+}
+
+/// Catches a page that tells another way to compute seals than the program's, and one that finds no damage.
+#[test]
+fn seals_are_computed_as_the_page_says() {
+    let Some(python) = tapline_testing::python_with("h5py, hdf5plugin, blake3, xxhash") else { return };
+    let sandbox = scanned();
+    assert_eq!(run_page(&sandbox, &python, "archive-layout.md"), "what does not fit its seal: []\n");
+    // Results have other attributes, which are under the seal too.
+    let results = fs::read_dir(sandbox.path("")).unwrap().flatten().map(|file| file.file_name().into_string().unwrap());
+    let results = results.filter(|name| name.starts_with("run.") && name.ends_with(".h5") && name != "run.h5");
+    let results: Vec<String> = results.collect();
+    let page = python_of(&text(&docs("archive-layout.md"))).replace("run.h5", &results[0]);
+    sandbox.write("of-results.py", &page);
+    let mut command = Command::new(&python);
+    let done = tapline_testing::program::Done::from(
+        command.arg("of-results.py").current_dir(sandbox.path("")).output().unwrap(),
+    );
+    assert_eq!(done.expect(0).out, "what does not fit its seal: []\n", "{results:?}");
+    let bend = "import h5py\nwith h5py.File('run.h5', 'r+') as f:\n    row = f['discriminators'][7]\n    row['pr'] += 1e-9\n    \
+                f['discriminators'][7] = row\n    f.attrs['geometry'] = 'line'\n";
+    let bent = Command::new(&python).args(["-c", bend]).current_dir(sandbox.path("")).output().unwrap();
+    assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
+    let said = run_page(&sandbox, &python, "archive-layout.md");
+    assert_eq!(said, "what does not fit its seal: [('discriminators', 7), ('root', 0)]\n");
+    // A byte of the last block of a tap, whose checksum stands in the head alone.
+    let block = "import h5py\nwith h5py.File('run.h5', 'r') as f:\n    chunk = f['taps/samples'].id.get_chunk_info(5)\n\
+                 with open('run.h5', 'r+b') as f:\n    f.seek(chunk.byte_offset + chunk.size - 9)\n    \
+                 byte = f.read(1)[0]\n    f.seek(-1, 1)\n    f.write(bytes([byte ^ 4]))\n";
+    let bent = Command::new(&python).args(["-c", block]).current_dir(sandbox.path("")).output().unwrap();
+    assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
+    let said = run_page(&sandbox, &python, "archive-layout.md");
+    assert_eq!(said, "what does not fit its seal: [('discriminators', 7), ('stored', 5), ('root', 0)]\n");
+}
+
+/// Catches a table of flags in the page's code that has fallen behind the program's.
+#[test]
+fn words_on_the_page_are_the_program_s() {
+    let page = text(&docs("reading-archives.md"));
+    let reasons: Vec<String> = tapline_wire::Reasons::ALL.iter().map(|(_, name)| format!("\"{name}\"")).collect();
+    let list = page.split("REASONS = [").nth(1).unwrap().split(']').next().unwrap();
+    let listed: Vec<&str> = list.split(',').map(str::trim).collect();
+    assert_eq!(listed, reasons);
+    let verdicts: Vec<String> = tapline_wire::Verdict::ALL.iter().map(|verdict| format!("\"{verdict}\"")).collect();
+    assert!(page.contains(&format!("VERDICTS = [\"none\", {}]", verdicts.join(", "))));
+}

@@ -1,0 +1,241 @@
+//! `report`: pages that stand alone, say what the tables say, and are the same each time.
+
+use std::collections::BTreeMap;
+use std::fs;
+
+use tapline_store::{Reader, Writer};
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::recordings::write_wav;
+use tapline_testing::documents::csv_rows;
+
+/// A cracked tyre with a name that would be markup, and a sound one with a file name that another folder would have.
+const SCAN: &str = r#"
+[scan]
+stations = 2
+offsets_mm = [0.0, 5.0]
+velocities_m_per_s = [1.85]
+repetitions = 2
+locations = 60
+
+[[scan.tyre]]
+serial = "<script>&\"x'"
+station = 1
+crack = [{ shoulder = 2, first_location = 57, location_count = 5, depth_mm = 6.0, length_mm = 22.0 }]
+
+[[scan.tyre]]
+serial = "..\\B 2"
+station = 2
+
+[fuse]
+reference = "self"
+"#;
+
+const CRACKED: &str = "tyre-_script___x_.html";
+const SOUND: &str = "tyre-.._B_2.html";
+
+/// The two as a run leaves them, in the folder `run`, and once more under names that are easier to write.
+fn scanned() -> Sandbox {
+    let sandbox = Sandbox::new();
+    sandbox.write("scan.toml", SCAN);
+    sandbox.run("run --config scan.toml --out run").expect(0);
+    for (file, name) in [("%3Cscript%3E%26%22x%27.h5", "cracked.h5"), ("%2E.%5CB%202.h5", "sound.h5")] {
+        fs::copy(sandbox.path("run").join(file), sandbox.path(name)).unwrap();
+    }
+    sandbox
+}
+
+fn page(sandbox: &Sandbox, name: &str) -> String {
+    fs::read_to_string(sandbox.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// The pages in `folder` by name.
+fn pages(sandbox: &Sandbox, folder: &str) -> BTreeMap<String, String> {
+    let files =
+        fs::read_dir(sandbox.path(folder)).unwrap().map(|file| file.unwrap().file_name().into_string().unwrap());
+    files.map(|name| (name.clone(), page(sandbox, &format!("{folder}/{name}")))).collect()
+}
+
+/// Checks that every element is closed in its order, every attribute in its quotes, and every `&` is an entity.
+fn assert_well_formed(name: &str, text: &str) {
+    let mut open: Vec<&str> = Vec::new();
+    let mut rest = text.strip_prefix("<!DOCTYPE html>").unwrap();
+    while let Some(start) = rest.find('<') {
+        let entities = rest[..start].split('&').skip(1);
+        let is_entity = |text: &str| text.find(';').is_some_and(|end| (2..9).contains(&end));
+        assert!(entities.into_iter().all(is_entity) && !rest[..start].contains('>'), "{name}: {}", &rest[..start]);
+        let mut is_quoted = false;
+        let end = rest[start..].find(|c| {
+            is_quoted ^= c == '"';
+            c == '>' && !is_quoted
+        });
+        let tag = &rest[start + 1..start + end.unwrap_or_else(|| panic!("{name}: a tag does not end"))];
+        let word = tag.trim_start_matches('/').split([' ', '/']).next().unwrap();
+        if tag.starts_with('/') {
+            assert_eq!(open.pop(), Some(word), "{name}");
+        } else if !tag.ends_with('/') && !["meta", "br"].contains(&word) {
+            open.push(word);
+        }
+        rest = &rest[start + tag.len() + 2..];
+    }
+    assert_eq!(open, Vec::<&str>::new(), "{name}");
+}
+
+/// Catches a page that is no page, asks for something from elsewhere, runs anything, or is too large to be sent.
+#[test]
+fn pages_stand_alone() {
+    let sandbox = scanned();
+    for (archive, tyre) in [("cracked", CRACKED), ("sound", SOUND)] {
+        let printed = sandbox.run(&format!("report {archive}.h5")).expect(0).out;
+        let folder = format!("{archive}-report");
+        assert_eq!(printed.lines().collect::<Vec<_>>(), [tyre, "shift.html"].map(|n| format!("{folder}/{n}")));
+        let pages = pages(&sandbox, &folder);
+        assert_eq!(pages.keys().map(String::as_str).collect::<Vec<_>>(), ["shift.html", tyre]);
+        assert_stand_alone(&pages);
+    }
+    assert!(page(&sandbox, &format!("cracked-report/{CRACKED}")).contains("<h1>Tyre &lt;script&gt;&amp;&quot;x"));
+}
+
+/// A whole folder is a shift: a page for each of its tyres, and one for all, the worst first.
+#[test]
+fn a_folder_is_a_shift() {
+    let sandbox = scanned();
+    let printed = sandbox.run("report run").expect(0).out;
+    assert_eq!(printed.lines().count(), 3, "{printed}");
+    let pages = pages(&sandbox, "run-report");
+    assert_eq!(pages.keys().map(String::as_str).collect::<Vec<_>>(), ["shift.html", SOUND, CRACKED]);
+    assert_stand_alone(&pages);
+    let shift = &pages["shift.html"];
+    assert!(shift.find(CRACKED).unwrap() < shift.find(SOUND).unwrap(), "the worst is not first");
+}
+
+fn assert_stand_alone(pages: &BTreeMap<String, String>) {
+    for (name, text) in pages {
+        assert_well_formed(name, text);
+        assert!(text.len() < 1_000_000, "{name} has {} bytes", text.len());
+        for outside in ["http:", "https:", "src=", "<script", "<link", "@import", "url(", "NaN", "xmlns"] {
+            assert!(!text.contains(outside), "{name} has {outside}");
+        }
+        assert!(text.contains("<meta name=\"viewport\"") && text.contains("@page"), "{name}");
+        // Whatever a page refers to is beside it, or in it.
+        for target in text.split("href=\"").skip(1).map(|rest| rest.split('"').next().unwrap()) {
+            assert!(target.starts_with("data:image/png;base64,") || pages.contains_key(target), "{name}: {target}");
+        }
+    }
+}
+
+/// Catches a page whose verdict, regions or limits are others than those of the tables.
+#[test]
+fn pages_say_what_the_tables_say() {
+    let sandbox = scanned();
+    sandbox.run("report cracked.h5 --out cracked").expect(0);
+    sandbox.run("report sound.h5 --out sound").expect(0);
+    let (cracked, sound) = (page(&sandbox, &format!("cracked/{CRACKED}")), page(&sandbox, &format!("sound/{SOUND}")));
+    let table =
+        |table: &str| ["cracked.h5", "sound.h5"].map(|f| sandbox.run(&format!("export {f} {table}")).expect(0).out);
+    let regions = table("regions").map(|text| csv_rows(&text)).concat();
+    assert_eq!(regions.len(), 1);
+    for column in ["start_deg", "end_deg", "peak_angle_deg"] {
+        let deg: f64 = regions[0][column].parse().unwrap();
+        assert!(cracked.contains(&format!(">{deg:.1}°<span class=\"at\">location ")), "{column} {deg}");
+    }
+    for row in table("verdicts").map(|text| csv_rows(&text)).concat() {
+        let text = if row["tyre"].starts_with('<') { &cracked } else { &sound };
+        for column in ["limit_re_inspect", "limit_reject"] {
+            let limit: f64 = row[column].parse().unwrap();
+            assert!(text.contains(&format!("{limit:.2}</td>")), "{column} {limit}");
+        }
+        let class = row["verdict"].to_lowercase();
+        let line = format!(
+            "<tr><td data-label=\"shoulder\">{}</td><td data-label=\"verdict\"><span class=\"word-{class}\">{}</span>",
+            row["shoulder"], row["verdict"]
+        );
+        assert!(text.contains(&line), "{line}");
+    }
+    assert!(cracked.contains("<p class=\"word\">REJECT</p>") && sound.contains("<p class=\"word\">PASS</p>"));
+    assert!(sound.contains("no region of damage was found"));
+    // Of one tyre alone, that it is scored by itself: the run's own score is of both.
+    sandbox.write("alone.toml", &SCAN.replace("[[scan.tyre]]\nserial = \"..\\\\B 2\"\nstation = 2\n", ""));
+    let auc = sandbox.run("run --config alone.toml --out alone --json").json(0)["auc"]["index"].as_f64().unwrap();
+    let shift = page(&sandbox, "cracked/shift.html");
+    assert!(shift.contains(&format!("AUC of the index {auc:.4}")), "{auc}");
+    // Lineage, to the letter.
+    let digest = sandbox.run("verify cracked.h5 --json").json(0)["plan_digest"].as_str().unwrap().to_owned();
+    assert!(cracked.contains(&digest) && cracked.contains("locations = 60"));
+}
+
+/// Catches a page that depends on the moment or the place it is written, and a draft left behind.
+#[test]
+fn the_same_archive_gives_the_same_bytes() {
+    let sandbox = scanned();
+    sandbox.run("report cracked.h5 --out a").expect(0);
+    sandbox.run("report cracked.h5 --out a").expect(0);
+    sandbox.run(&format!("report {} --out deep/b", sandbox.path("cracked.h5").display())).expect(0);
+    assert_eq!(pages(&sandbox, "a"), pages(&sandbox, "deep/b"));
+}
+
+/// Catches an archive that is not whole being refused, passed, or shown without saying what is missing.
+#[test]
+fn what_is_incomplete_is_shown() {
+    let sandbox = scanned();
+    // Half a casing: the plan of two shoulders, the taps of the first.
+    let whole = Reader::open(sandbox.path("cracked.h5")).unwrap();
+    let mut writer =
+        Writer::create(sandbox.path("part.h5"), whole.plan(), whole.plan().taps().len(), whole.config()).unwrap();
+    for (row, found) in (0..244).zip(whole.discriminators().unwrap()) {
+        let (header, samples) = whole.tap(row).unwrap().unwrap();
+        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+        writer.put_discriminators(&found.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    sandbox.run("report part.h5").expect(0);
+    let pages = pages(&sandbox, "part-report");
+    for (name, text) in &pages {
+        assert_well_formed(name, text);
+        let (notice, head) = (text.find("Incomplete.").unwrap(), text.find("<dl>").unwrap());
+        assert!(notice < head && text.contains("which counts as RE-INSPECT"), "{name}");
+        assert!(!text.contains("<p class=\"word\">PASS"), "{name}");
+    }
+    assert!(pages["shift.html"].contains("244 of 488 planned taps are missing."), "{}", pages["shift.html"]);
+}
+
+/// Catches a line drawn as a ring, degrees on what has none, a refusal without its reason, and an absent value that is
+/// drawn as 0 or bridged.
+#[test]
+fn a_line_is_a_strip() {
+    const ABSENT: u32 = 5;
+    let sandbox = Sandbox::new();
+    fs::create_dir(sandbox.path("taps")).unwrap();
+    let scan =
+        "geometry = \"line\"\nchannels = [\"force\", \"sound\"]\nsample_rate_hz = 41000\npre_trigger_samples = 400\n";
+    sandbox.write("taps/scan.toml", scan);
+    let mut table = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition".to_owned();
+    for location in 0..24 {
+        if location != ABSENT {
+            write_wav(&sandbox.path(&format!("taps/{location:03}.wav")), 2, 41_000, 4096, location);
+        }
+        table += &format!("\n{location:03}.wav,slab,7,,,{location},,0");
+    }
+    sandbox.write("taps/taps.csv", &table);
+    sandbox.run("run --taps taps --reference self --out slab").expect(3);
+    sandbox.run("report slab/taps.h5").expect(0);
+    let text = page(&sandbox, "taps-report/tyre-slab.html");
+    assert_well_formed("slab", &text);
+    assert!(text.contains("<h1>Piece slab</h1>") && text.contains("1 of 24 planned taps were refused"));
+    let ledger = csv_rows(&sandbox.run("export slab/taps.h5 ledger").expect(0).out);
+    let reason = &ledger[ABSENT as usize]["reason"];
+    assert!(!reason.is_empty() && text.contains(&format!("<td>{reason}</td>")), "{reason}");
+    assert!(!text.contains('°') && !text.contains("start mark"));
+    // The curve of a discriminator is broken there: two pieces, beside its sign in the key.
+    let f_max = text.split("aria-label=\"F_max, line 7\"").nth(1).unwrap().split("</svg>").next().unwrap();
+    assert_eq!(f_max.matches("stroke=\"#0072B2\" stroke-width=\"6\"").count(), 3);
+}
+
+/// Catches a file that is no archive taken for one, and a folder made for nothing.
+#[test]
+fn what_is_no_archive_leaves_nothing() {
+    let sandbox = Sandbox::new();
+    sandbox.write("none.h5", "nothing");
+    let done = sandbox.run("report none.h5").expect(1);
+    assert!(done.err.contains("none.h5") && !sandbox.path("none-report").exists(), "{done:?}");
+}

@@ -1,0 +1,259 @@
+//! `tapline reprocess`, `explain` and `diff`: new results beside archives, and where numbers come from.
+
+use std::fs::{self, OpenOptions};
+use std::os::unix::fs::FileExt as _;
+use std::os::unix::process::ExitStatusExt as _;
+use std::path::PathBuf;
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::Duration;
+
+use rustix::process::Signal;
+use tapline_store::{Reader, verify};
+use tapline_wire::TapState;
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{assert_same, contents};
+
+/// A cracked tyre.
+const CONFIG: &str = "
+[scan]
+locations = 40
+offsets_mm = [0.0, 5.0]
+velocities_m_per_s = [1.5]
+repetitions = 2
+[[scan.tyre]]
+serial = \"CRACKED\"
+crack = [{ shoulder = 1, first_location = 10, location_count = 8, depth_mm = 5.0 }]
+[fuse]
+reference = \"self\"
+";
+
+fn scanned(sandbox: &Sandbox) -> PathBuf {
+    scan(sandbox, CONFIG)
+}
+
+/// The file of a run's one casing, put aside: what is made of it stands beside it.
+fn scan(sandbox: &Sandbox, config: &str) -> PathBuf {
+    sandbox.write("line.toml", config);
+    sandbox.run("run --config line.toml --out run").expect(0);
+    fs::rename(sandbox.path("run/CRACKED.h5"), sandbox.path("run.h5")).unwrap();
+    fs::remove_dir_all(sandbox.path("run")).unwrap();
+    sandbox.path("run.h5")
+}
+
+/// The file that `reprocess` with `arguments` prints.
+fn again(sandbox: &Sandbox, arguments: &str) -> PathBuf {
+    let done = sandbox.run(&format!("reprocess {arguments}")).expect(0);
+    sandbox.path(done.out.trim())
+}
+
+/// Catches results that differ from the line's by a bit, or by the number of threads, and an archive that is changed by it.
+#[test]
+fn the_same_lineage_gives_the_same_bits() {
+    let sandbox = Sandbox::new();
+    let archive = scanned(&sandbox);
+    let before = fs::read(&archive).unwrap();
+    let one = again(&sandbox, "run.h5 --from-samples --jobs 1");
+    let (live, redone) = (Reader::open(&archive).unwrap(), Reader::open(&one).unwrap());
+    assert_eq!(live.lineage_key().unwrap(), redone.lineage_key().unwrap());
+    assert!(redone.is_results() && one.to_string_lossy().contains(&live.lineage_key().unwrap()[..12]));
+    assert_same(&contents(&archive), &contents(&one));
+    assert!(verify(&one).unwrap().is_complete());
+    let bytes = fs::read(&one).unwrap();
+    for arguments in ["run.h5 --from-samples --jobs 3", "run.h5"] {
+        fs::remove_file(&one).unwrap();
+        assert_eq!(again(&sandbox, arguments), one);
+        assert!(fs::read(&one).unwrap() == bytes, "{arguments} gives other bytes");
+    }
+    assert!(fs::read(&archive).unwrap() == before, "the archive has changed");
+    // Every other verb takes results for an archive.
+    for verb in ["verdicts", "damage", "discriminators"] {
+        let of = |path: &PathBuf| sandbox.run(&format!("export {} {verb}", path.display())).expect(0).out;
+        assert_eq!(of(&archive), of(&one), "{verb}");
+    }
+    sandbox.run(&format!("report {} --out pages", one.display())).expect(0);
+    let refused = sandbox.run(&format!("reprocess {}", one.display()));
+    assert!(refused.code == Some(1) && refused.err.contains("results alone"), "{}", refused.err);
+}
+
+/// Catches a beginning of records that is another where only that is unpacked than on the line, which had all of them.
+#[test]
+fn beginnings_give_the_same_bits() {
+    let sandbox = Sandbox::new();
+    let config = format!("{CONFIG}[process]\nrecord_s = 0.1\n");
+    scan(&sandbox, &config);
+    let redone = again(&sandbox, "run.h5 --from-samples --jobs 2");
+    assert_same(&contents(&sandbox.path("run.h5")), &contents(&redone));
+    sandbox.write("whole.toml", "[process]\nrecord_s = 0.0\n");
+    let whole = again(&sandbox, "run.h5 --config whole.toml");
+    let printed = sandbox.run(&format!("diff run.h5 {}", whole.display())).expect(0).out;
+    assert!(printed.contains("process.record_s: 0.1 -> 0.0"), "{printed}");
+    // The pulse lies in the beginning; the power is referred to the record's length.
+    assert!(printed.contains("f_max      the same") && printed.contains("e_f        328 differ"), "{printed}");
+}
+
+/// Catches options that change numbers and not the lineage, new weights that need the samples, and a difference that is not printed.
+#[test]
+fn other_options_stand_beside() {
+    let sandbox = Sandbox::new();
+    let archive = scanned(&sandbox);
+    sandbox.write("weights.toml", "[fuse]\nindex = \"robust\"\nreference = \"self\"\n");
+    // Where no reference is named, it is the archive's own.
+    sandbox.write("bands.toml", "[process]\nf_c_hz = 600.0\n");
+    let weights = again(&sandbox, "run.h5 --config weights.toml");
+    let bands = again(&sandbox, "run.h5 --config bands.toml");
+    let key = |path: &PathBuf| Reader::open(path).unwrap().lineage_key().unwrap();
+    assert!(key(&archive) != key(&weights) && key(&weights) != key(&bands) && key(&archive) != key(&bands));
+
+    let printed = |here: &PathBuf| sandbox.run(&format!("diff run.h5 {}", here.display())).expect(0).out;
+    let of_weights = printed(&weights);
+    assert!(of_weights.contains("fuse.index: \"repeatability\" -> \"robust\""), "{of_weights}");
+    assert!(of_weights.contains("pr         the same") && of_weights.contains("index differs"), "{of_weights}");
+    let of_bands = printed(&bands);
+    assert!(of_bands.contains("process.f_c_hz: 550.0 -> 600.0"), "{of_bands}");
+    assert!(of_bands.contains("f_max      the same") && of_bands.contains("pr         328 differ"), "{of_bands}");
+    let of_itself = printed(&archive);
+    assert!(of_itself.contains("lineage    the same") && !of_itself.contains("differ"), "{of_itself}");
+
+    let said = sandbox.run(&format!("explain {} --shoulder CRACKED/1 --location 12", bands.display())).expect(0).out;
+    for words in
+        [&key(&bands)[..], "process.f_c_hz = 600.0 (default 550.0)", "this program's own sources", "REJECT", "tau_s"]
+    {
+        assert!(said.contains(words), "{words} is not in {said}");
+    }
+    assert_eq!(said.lines().filter(|line| line.contains(" 1.5 ")).count(), 4, "four taps: {said}");
+}
+
+/// Catches new weights or limits for which samples are read: none is left.
+#[test]
+fn new_weights_need_no_samples() {
+    let sandbox = Sandbox::new();
+    let archive = scanned(&sandbox);
+    sandbox.write("weights.toml", "[fuse]\nindex = \"robust\"\nfalse_call_rate = 0.01\nreference = \"self\"\n");
+    let judged = || {
+        let results = again(&sandbox, "run.h5 --config weights.toml");
+        let of = |verb: &str| sandbox.run(&format!("export {} {verb}", results.display())).expect(0).out;
+        let found = (of("verdicts"), of("damage"));
+        fs::remove_file(results).unwrap();
+        found
+    };
+    let whole = judged();
+    let samples = hdf5::File::open(&archive).unwrap().dataset("taps/samples").unwrap();
+    let chunks = (0..samples.num_chunks().unwrap()).map(|k| samples.chunk_info(k).unwrap());
+    let spans: Vec<_> = chunks.map(|chunk| (chunk.addr, chunk.size)).collect();
+    drop(samples);
+    let file = OpenOptions::new().write(true).open(&archive).unwrap();
+    for (start, size) in spans {
+        file.write_all_at(&vec![0; usize::try_from(size).unwrap()], start).unwrap();
+    }
+    assert!(whole.0.contains("REJECT") && judged() == whole);
+    let refused = sandbox.run("reprocess run.h5 --from-samples");
+    assert!(refused.code == Some(1) && refused.err.contains("the samples of plan row"), "{}", refused.err);
+}
+
+/// Catches work that is lost or done again when reprocessing is killed, and a half-made file that passes for whole.
+#[test]
+fn what_was_killed_goes_on() {
+    let sandbox = Sandbox::new();
+    scan(&sandbox, &CONFIG.replace("repetitions = 2", "repetitions = 8"));
+    let whole = again(&sandbox, "run.h5 --from-samples --jobs 1");
+    let bytes = contents(&whole);
+    fs::remove_file(&whole).unwrap();
+    // Killed later and later, until one has some of the taps and not all.
+    let mut pause = Duration::from_millis(2);
+    let was_cut = (0..60).any(|_| {
+        drop(fs::remove_file(&whole));
+        let mut child =
+            sandbox.command("reprocess run.h5 --from-samples --jobs 1").stdout(Stdio::null()).spawn().unwrap();
+        sleep(pause);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        pause = pause.mul_f64(1.1);
+        let Ok(reader) = Reader::open_unfinished(&whole) else { return false };
+        assert!(reader.is_finished() || Reader::open(&whole).is_err(), "half-made, it passes for whole");
+        assert_eq!(verify(&whole).unwrap().problems, []);
+        let missing = reader.ledger().count(TapState::Missing);
+        missing > 0 && missing < reader.plan().taps().len()
+    });
+    assert!(was_cut, "none was cut in the middle");
+    assert_eq!(again(&sandbox, "run.h5 --from-samples"), whole);
+    assert_same(&contents(&whole), &bytes);
+}
+
+/// Catches a program that ends without a word when the archive that it reads is cut short under it.
+#[test]
+fn an_archive_that_is_cut_meanwhile_is_reported() {
+    let sandbox = Sandbox::new();
+    let archive = scanned(&sandbox);
+    // Later and later, until the taps are being read.
+    let mut pause = Duration::from_millis(2);
+    let was_reported = (0..60).any(|round| {
+        let cut = sandbox.path(&format!("cut-{round}.h5"));
+        fs::copy(&archive, &cut).unwrap();
+        let mut command = sandbox.command(&format!("reprocess cut-{round}.h5 --from-samples --jobs 2"));
+        let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        sleep(pause);
+        pause = pause.mul_f64(1.1);
+        OpenOptions::new().write(true).open(&cut).unwrap().set_len(20_000).unwrap();
+        let done = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&done.stderr);
+        let is_gone = said.contains("cut short");
+        assert_eq!(done.status.signal(), is_gone.then_some(Signal::BUS.as_raw()), "{:?} {said}", done.status);
+        is_gone
+    });
+    assert!(was_reported, "it was never cut while it was read");
+}
+
+/// Catches a reference that is missing, archives that cannot be compared, and places that are not there, reported without names.
+#[test]
+fn what_cannot_be_done_is_an_error_with_names() {
+    let sandbox = Sandbox::new();
+    scanned(&sandbox);
+    sandbox.write("wrong.toml", "[process]\nf_c_hz = -1.0\n[fuse]\nreference = \"self\"\n");
+    for (arguments, words) in [
+        ("reprocess run.h5 --jobs 5000", "5000"),
+        ("reprocess run.h5 --config wrong.toml", "f_c_hz"),
+        ("reprocess run.h5 --reference NONE/1", "NONE/1"),
+        ("reprocess gone.h5", "gone.h5"),
+        ("explain run.h5 --shoulder NONE/1", "no shoulder \"NONE/1\""),
+        ("explain run.h5 --location 3", "--shoulder"),
+        ("explain run.h5 --shoulder CRACKED/2 --location 99", "no location 99"),
+    ] {
+        let done = sandbox.run(arguments);
+        assert!(done.code == Some(1) && done.err.contains(words), "{arguments}: {:?} {}", done.code, done.err);
+    }
+    let archives = fs::read_dir(sandbox.path("")).unwrap().flatten();
+    let names = archives.map(|file| file.file_name()).filter(|name| name.to_string_lossy().ends_with(".h5"));
+    assert_eq!(names.collect::<Vec<_>>(), ["run.h5"], "what is refused leaves no file");
+}
+
+/// Catches results that pass for those of taps they were not made of.
+#[test]
+fn results_hold_to_their_taps() {
+    let sandbox = Sandbox::new();
+    let archive = scanned(&sandbox);
+    let results = again(&sandbox, "run.h5");
+    fs::remove_file(&archive).unwrap();
+    scan(&sandbox, &CONFIG.replace("locations = 40", "locations = 40\nseed = 9"));
+    let done = sandbox.run(&format!("explain {}", results.display()));
+    assert!(done.code == Some(1), "{done:?}");
+    assert!(done.err.contains("results of the taps") || done.err.contains("scan plan"), "{}", done.err);
+    fs::remove_file(&archive).unwrap();
+    let done = sandbox.run(&format!("verify {}", results.display()));
+    assert!(done.code == Some(1) && done.err.contains("run.h5"), "{done:?}");
+}
+
+/// Catches two that write one name, of which one ends up with half an archive and says it is done.
+#[test]
+fn two_that_pack_under_one_name_do_no_harm() {
+    let sandbox = Sandbox::new();
+    scanned(&sandbox);
+    let start = |codec: &str| sandbox.start(&format!("repack run.h5 --codec {codec} --out small.h5"));
+    let both = [start("zstd"), start("gzip")].map(|child| child.wait_with_output().unwrap());
+    let done = both.iter().filter(|out| out.status.success()).count();
+    assert_eq!(done, 1, "{both:?}");
+    sandbox.run("verify small.h5").expect(0);
+    let ledger = sandbox.run("export small.h5 ledger").expect(0).out;
+    assert_eq!(ledger.lines().filter(|line| line.contains(",archived,")).count(), 328);
+}

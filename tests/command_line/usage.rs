@@ -1,0 +1,200 @@
+//! The command line: usage, configuration, and the dissertation's tables.
+
+use std::fs;
+use std::io::{Read as _, Write as _};
+use std::os::unix::fs::{FileTypeExt as _, symlink};
+
+use rustix::fs::{CWD, FileType, Mode, mknodat};
+use rustix::io::ioctl_fionread;
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::bend;
+
+#[test]
+fn wrong_usage_has_its_own_exit_code() {
+    let sandbox = Sandbox::new();
+    sandbox.run("").expect(2);
+    sandbox.run("rum").expect(2);
+    sandbox.run("export archive.h5 verdict").expect(2);
+    sandbox.run("--help").expect(0);
+    for verb in ["run", "line", "status", "rig", "export", "reference", "verify", "report", "model table"] {
+        assert!(sandbox.run(&format!("{verb} --help")).expect(0).out.contains("Usage"));
+    }
+}
+
+#[test]
+fn a_configuration_is_refused_by_name_of_what_is_wrong() {
+    let sandbox = Sandbox::new();
+    for (text, parts) in [
+        ("[process]\nf_hi = 2000.0\n", &["f_hi", "c.toml"][..]),
+        ("[fuse]\nindex = \"robst\"\n", &["robst", "robust"]),
+        ("[process]\nf_c_hz = -1.0\n", &["f_c_hz", "-1"]),
+        ("[fuse]\nreference = \"X/1\"\n", &["X/1"]),
+        ("[scan]\nrepetitions = 0\n", &["scan.repetitions", "0"]),
+        ("[acquire]\ntaps_per_s = 0.0\n", &["acquire.taps_per_s", "0"]),
+        ("[scam]\n", &["scam"]),
+        ("[scan\n", &["c.toml"]),
+    ] {
+        sandbox.write("c.toml", text);
+        let done = sandbox.run("run --config c.toml --out x").expect(1);
+        for part in parts {
+            assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
+        }
+        assert!(!sandbox.path("x").exists(), "{text}");
+    }
+    let done = sandbox.run("run --config none.toml").expect(1);
+    assert!(done.err.contains("none.toml"), "{done:?}");
+}
+
+#[test]
+fn an_archive_that_is_none_is_refused_by_name() {
+    let sandbox = Sandbox::new();
+    sandbox.write("text.h5", "not an archive");
+    for arguments in ["verify text.h5", "export text.h5 ledger", "verify absent.h5", "export absent.h5 ledger"] {
+        let name = arguments.split(' ').nth(1).unwrap();
+        let done = sandbox.run(arguments).expect(1);
+        assert!(done.err.contains(name), "{done:?}");
+    }
+}
+
+/// A table must not be written over the archive it comes from.
+#[test]
+fn an_export_does_not_destroy_its_archive() {
+    let sandbox = Sandbox::new();
+    sandbox.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 9\n");
+    sandbox.run("run --config c.toml --out x").expect(0);
+    let done = sandbox.run("export x/SIM-0001.h5 ledger --out ./x/SIM-0001.h5").expect(1);
+    assert!(done.err.contains("SIM-0001.h5"), "{done:?}");
+    sandbox.run("verify x/SIM-0001.h5").expect(0);
+    sandbox.run("export x/SIM-0001.h5 ledger --out ledger.csv").expect(0);
+    assert_eq!(
+        fs::read_to_string(sandbox.path("ledger.csv")).unwrap(),
+        sandbox.run("export x/SIM-0001.h5 ledger").expect(0).out
+    );
+    assert!(!sandbox.path("ledger.csv.new").exists());
+}
+
+/// Catches an archive that a reference takes the place of, under its own name or by a link.
+#[test]
+fn a_reference_does_not_take_an_archives_place() {
+    let sandbox = Sandbox::new();
+    sandbox.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 20\n[fuse]\nreference = \"self\"\n");
+    sandbox.run("run --config c.toml --stations 2 --out x").expect(0);
+    fs::copy(sandbox.path("x/SIM-0002.h5"), sandbox.path("x.json")).unwrap();
+    symlink("x/SIM-0002.h5", sandbox.path("link.json")).unwrap();
+    let shoulder = "--shoulder SIM-0002/1 --shoulder SIM-0002/2";
+    for out in ["x.json", "link.json"] {
+        let done = sandbox.run(&format!("reference x/SIM-0002.h5 {shoulder} --out {out}")).expect(1);
+        assert!(done.err.contains("is an HDF5 file"), "{done:?}");
+    }
+    sandbox.run("verify x/SIM-0002.h5").expect(0);
+    sandbox.run("verify x.json").expect(0);
+    sandbox.run(&format!("reference x/SIM-0002.h5 {shoulder} --out r.json")).expect(0);
+}
+
+/// Catches a file put in the place of a device, which takes that from the whole machine, or of a link.
+#[test]
+fn an_export_writes_to_pipes_and_where_links_lead() {
+    let sandbox = Sandbox::new();
+    sandbox.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 9\n");
+    sandbox.run("run --config c.toml --out x").expect(0);
+    let ledger = sandbox.run("export x/SIM-0001.h5 ledger").expect(0).out;
+
+    // Opened to read and write it is there before the program is, and no one waits for anyone.
+    mknodat(CWD, sandbox.path("pipe"), FileType::Fifo, Mode::RWXU, 0).unwrap();
+    let mut pipe = fs::OpenOptions::new().read(true).write(true).open(sandbox.path("pipe")).unwrap();
+    sandbox.run("export x/SIM-0001.h5 ledger --out pipe").expect(0);
+    assert!(fs::metadata(sandbox.path("pipe")).unwrap().file_type().is_fifo());
+    assert_eq!(ioctl_fionread(&pipe).unwrap(), ledger.len() as u64);
+    let mut read = vec![0; ledger.len()];
+    pipe.read_exact(&mut read).unwrap();
+    assert_eq!(read, ledger.as_bytes());
+
+    sandbox.write("elsewhere.csv", &"longer than what is new\n".repeat(1000));
+    symlink("elsewhere.csv", sandbox.path("link.csv")).unwrap();
+    // What fails leaves what was there.
+    fs::copy(sandbox.path("x/SIM-0001.h5"), sandbox.path("bent.h5")).unwrap();
+    bend(&sandbox.path("bent.h5"), "discriminators", 0);
+    sandbox.run("export bent.h5 discriminators --out link.csv").expect(1);
+    assert!(fs::read_to_string(sandbox.path("elsewhere.csv")).unwrap().starts_with("longer than"));
+    sandbox.run("export x/SIM-0001.h5 ledger --out link.csv").expect(0);
+    assert!(fs::symlink_metadata(sandbox.path("link.csv")).unwrap().is_symlink());
+    assert_eq!(fs::read_to_string(sandbox.path("elsewhere.csv")).unwrap(), ledger);
+    // To a link, and to nothing yet.
+    symlink("link.csv", sandbox.path("links.csv")).unwrap();
+    symlink("later.csv", sandbox.path("early.csv")).unwrap();
+    for (link, file) in [("links.csv", "elsewhere.csv"), ("early.csv", "later.csv")] {
+        fs::write(sandbox.path("elsewhere.csv"), "").unwrap();
+        sandbox.run(&format!("export x/SIM-0001.h5 ledger --out {link}")).expect(0);
+        assert!(fs::symlink_metadata(sandbox.path(link)).unwrap().is_symlink());
+        assert_eq!(fs::read_to_string(sandbox.path(file)).unwrap(), ledger, "{link}");
+    }
+    // Whoever shares the output goes on behind it.
+    symlink("/dev/stdout", sandbox.path("out.csv")).unwrap();
+    for out in ["/dev/stdout", "/dev/fd/1", "out.csv"] {
+        let mut shared = fs::File::create(sandbox.path("shared.txt")).unwrap();
+        shared.write_all(b"before\n").unwrap();
+        let mut export = sandbox.command(&format!("export x/SIM-0001.h5 ledger --out {out}"));
+        assert!(export.stdout(shared.try_clone().unwrap()).status().unwrap().success());
+        shared.write_all(b"after\n").unwrap();
+        assert_eq!(
+            fs::read_to_string(sandbox.path("shared.txt")).unwrap(),
+            format!("before\n{ledger}after\n"),
+            "{out}"
+        );
+    }
+}
+
+/// `export | head` is no failure.
+#[test]
+fn a_reader_that_leaves_is_no_failure() {
+    let sandbox = Sandbox::new();
+    sandbox.write(
+        "c.toml",
+        "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 9\n[simulation]\nsample_count = 1024\n",
+    );
+    sandbox.run("run --config c.toml --out x").expect(0);
+    let mut export = sandbox.start("export x/SIM-0001.h5 discriminators");
+    drop(export.stdout.take());
+    assert_eq!(export.wait().unwrap().code(), Some(0));
+}
+
+/// All cells of Tables 4-6 and 8-10 within 1e-6 relative, of Table 11 within its rounding.
+#[test]
+fn the_dissertations_tables() {
+    let Some(folder) = tapline_testing::shared("dissertation-tables") else { return };
+    let sandbox = Sandbox::new();
+    for number in [4, 5, 6, 8, 9, 10, 11] {
+        let prefix = format!("table{number:02}");
+        let printed = fs::read_dir(&folder).unwrap().flatten().map(|f| f.path());
+        let printed = printed.into_iter().find(|p| p.file_name().unwrap().to_str().unwrap().starts_with(&prefix));
+        let printed = fs::read_to_string(printed.unwrap()).unwrap();
+        let computed = sandbox.run(&format!("model table {number}")).expect(0).out;
+        let rows = |text: &str| -> Vec<Vec<String>> {
+            text.lines().map(|line| line.split(',').map(|cell| cell.trim().to_owned()).collect()).collect()
+        };
+        let (printed, computed) = (rows(&printed), rows(&computed));
+        assert_eq!(printed[0], computed[0], "columns of table {number}");
+        assert_eq!(printed.len(), computed.len(), "rows of table {number}");
+        for (line, (printed, computed)) in printed.iter().zip(&computed).enumerate().skip(1) {
+            for (p, c) in printed.iter().zip(computed) {
+                let (p, c): (f64, f64) = (p.parse().unwrap(), c.parse().unwrap());
+                let bound = if number == 11 { 5.1e-4 } else { 1e-6 * p.abs() };
+                assert!((p - c).abs() <= bound, "table {number}, line {line}: printed {p}, computed {c}");
+            }
+        }
+        assert_ne!(sandbox.run(&format!("model table {number} --effective-length table1")).expect(0).out, "");
+    }
+    sandbox.run("model table 7").expect(1);
+}
+
+/// Catches an error that says its cause twice, or not at all.
+#[test]
+fn a_cause_is_printed_once() {
+    let sandbox = Sandbox::new();
+    for arguments in ["export nothere.h5 verdicts", "verify nothere.h5"] {
+        let done = sandbox.run(arguments).expect(1);
+        assert_eq!(done.err.matches("No such file or directory").count(), 1, "{done:?}");
+        assert!(done.err.contains("nothere.h5"), "{done:?}");
+    }
+}

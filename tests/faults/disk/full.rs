@@ -1,0 +1,183 @@
+//! A disk that is full or read only is waited for.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use rustix::process::Signal;
+use tapline_store::Reader;
+use tapline_wire::TapState;
+
+use crate::faults::disk::{SCAN, assert_whole, start_on_disk, undisturbed};
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{casings, finished};
+use crate::sandbox::running::Running;
+use crate::sandbox::stages::{signal, stage};
+
+/// A small disk of its own, taken away when dropped.
+struct Disk(PathBuf);
+
+impl Disk {
+    /// A disk of `size` in the folder `disk` of `sandbox`; `None`, with a notice, where none can be mounted.
+    fn new(sandbox: &Sandbox, size: &str) -> Option<Self> {
+        let disk = Self(sandbox.path("disk"));
+        fs::create_dir(&disk.0).unwrap();
+        let made = disk.mount(&format!("size={size}"), "tmpfs");
+        if !made {
+            tapline_testing::skip("no disk can be mounted here (it takes root)");
+        }
+        made.then_some(disk)
+    }
+
+    fn mount(&self, options: &str, what: &str) -> bool {
+        let mut mount = Command::new("mount");
+        mount.args(["-t", "tmpfs", "-o", options, what]).arg(&self.0).stderr(Stdio::null());
+        mount.status().is_ok_and(|status| status.success())
+    }
+
+    fn remount(&self, options: &str) {
+        assert!(self.mount(&format!("remount,{options}"), "tmpfs"), "{options}");
+    }
+
+    /// Fills the disk but for `free_bytes`, with a file that can be removed.
+    fn fill(&self, free_bytes: u64) -> PathBuf {
+        let path = self.0.join("ballast");
+        let disk = rustix::fs::statvfs(&self.0).unwrap();
+        let bytes = disk.f_bavail * disk.f_frsize - free_bytes;
+        match fs::write(&path, vec![1; usize::try_from(bytes).unwrap()]) {
+            // The line has been quicker.
+            Err(error) if error.kind() == ErrorKind::StorageFull => {}
+            written => written.unwrap(),
+        }
+        path
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        // What is still open there goes when it is closed.
+        if let Err(error) = Command::new("umount").arg("-l").arg(&self.0).stderr(Stdio::null()).status() {
+            eprintln!("{}: {error}", self.0.display());
+        }
+    }
+}
+
+/// Starts it and fills the disk; returns when that is logged.
+fn start_and_fill(sandbox: &Sandbox, disk: &Disk) -> (Running, PathBuf, PathBuf) {
+    let (mut line, file) = start_on_disk(sandbox);
+    let ballast = disk.fill(200_000);
+    line.wait_for_log(&["ERROR", "disk/run/open/SIM-0001.", "No space left", "make room"]);
+    (line, ballast, file)
+}
+
+/// Catches a tap that is lost, an archive that is left damaged, or a line that gives up when the disk is full for a while.
+#[test]
+fn a_line_waits_for_room_on_a_full_disk() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let (mut line, ballast, file) = start_and_fill(&sandbox, &disk);
+    // It is closed meanwhile, so that others can read it; code 3 is for the missing taps.
+    sandbox.run(&format!("verify {}", file.display())).expect(3);
+    fs::remove_file(ballast).unwrap();
+    line.wait_for_log(&["WARN", "written again"]);
+    let summary = line.finish().json(0);
+    assert!(summary["pace"]["restarts"] == 0 && summary["is_complete"] == true, "{summary}");
+    assert_whole(&sandbox, &expected);
+}
+
+/// Catches a changed cause that is not logged, and a read-only disk that ends the line or is written to.
+#[test]
+fn a_line_waits_for_a_read_only_disk() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let (mut line, _, _) = start_and_fill(&sandbox, &disk);
+    // No file is open there to be written, or the system would refuse; and with room the archive would be written at once.
+    disk.remount("ro");
+    disk.remount("ro,size=128m");
+    line.wait_for_log(&["ERROR", "disk/run/open/SIM-0001.", "Read-only", "mount that disk"]);
+    disk.remount("rw");
+    line.wait_for_log(&["WARN", "written again"]);
+    line.finish().expect(0);
+    assert_whole(&sandbox, &expected);
+}
+
+/// Catches a line on a full disk that cannot be ended, loses what was safe, or ends as if all were well.
+#[test]
+fn a_line_on_a_full_disk_ends_in_order() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let (line, ballast, file) = start_and_fill(&sandbox, &disk);
+    let done = line.interrupt();
+    let summary = done.json(3);
+    assert!(summary["unfinished"] == 1 && summary["is_complete"] == false, "{summary}");
+    assert!(!done.err.contains("is killed"), "{done:#?}");
+    sandbox.run(&format!("verify {}", file.display())).expect(3);
+    let safe = Reader::open_unfinished(&file).unwrap().ledger().count(TapState::Archived);
+    fs::remove_file(ballast).unwrap();
+    let summary = sandbox.run("run --config paced.toml --out disk/run --json").json(0);
+    assert_eq!(summary["pace"]["taps"], 82 - safe, "what was safe is gone on with: {summary}");
+    assert_whole(&sandbox, &expected);
+}
+
+/// Catches a line that gives up, or never tries again, when a full disk has no room for the next of its files.
+#[test]
+fn a_full_disk_holds_up_the_next_file() {
+    let sandbox = Sandbox::new();
+    let tyres: String = (1..=3).map(|k| format!("[[scan.tyre]]\nserial = \"T{k}\"\n")).collect();
+    sandbox.write("quick.toml", &format!("{SCAN}{tyres}"));
+    sandbox.write("paced.toml", &format!("{SCAN}{tyres}[acquire]\ntaps_per_s = 60.0\n"));
+    sandbox.run("run --config quick.toml --out quick").expect(0);
+    let expected = casings(&sandbox.path("quick"));
+    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let mut line = Running::start(&sandbox, "run --config paced.toml --out disk/run --json");
+    while !sandbox.path("disk/run/T1.h5").is_file() {
+        line.assert_runs();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let ballast = disk.fill(300_000);
+    line.wait_for_log(&["ERROR", "disk/run/open/T2.", "No space left", "make room"]);
+    fs::remove_file(ballast).unwrap();
+    line.wait_for_log(&["WARN", "written again"]);
+    assert_eq!(line.finish().json(0)["is_complete"], true);
+    assert_eq!(expected.len(), 3);
+    assert_whole(&sandbox, &expected);
+}
+
+/// Catches a `store` killed on a full disk that does not take up the wait where it was.
+#[test]
+fn store_is_killed_on_a_full_disk() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let (mut line, ballast, _) = start_and_fill(&sandbox, &disk);
+    signal(stage(line.child(), "store"), Signal::KILL);
+    line.wait_for_log(&["store", "was killed"]);
+    line.wait_for_log(&["ERROR", "No space left"]);
+    fs::remove_file(ballast).unwrap();
+    line.finish().expect(0);
+    assert_whole(&sandbox, &expected);
+}
+
+/// Catches a casing that is begun where it cannot be without a clear word, or half begun and left there.
+#[test]
+fn places_where_no_archive_can_begin() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let Some(disk) = Disk::new(&sandbox, "16m") else { return };
+    let ballast = disk.fill(60_000);
+    let mut line = Running::start(&sandbox, "run --config paced.toml --out disk/run --json");
+    line.wait_for_log(&["ERROR", "disk/run/open/SIM-0001.", "No space left", "make room"]);
+    assert!(finished(&sandbox.path("disk/run")).is_empty());
+    fs::remove_file(ballast).unwrap();
+    assert_eq!(line.finish().json(0)["pace"]["restarts"], 0);
+    assert_whole(&sandbox, &expected);
+    fs::remove_dir_all(sandbox.path("disk/run")).unwrap();
+    disk.remount("ro");
+    let done = sandbox.run("run --config paced.toml --out disk/run").expect(1);
+    assert!(done.err.contains("disk/run") && done.err.contains("Read-only"), "{done:#?}");
+}

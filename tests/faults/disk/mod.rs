@@ -1,0 +1,67 @@
+//! Nothing is lost to a disk: it is full, read only, gone, slow, or the file on it is cut, moved or taken by another.
+
+mod files;
+mod full;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{Contents, assert_same_casings, casings, finished};
+use crate::sandbox::running::Running;
+
+/// One station, 2 shoulders of 40 locations each: 82 taps, which unpacked take some 5 MB.
+const SCAN: &str = "
+[scan]
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+locations = 40
+";
+
+/// At a pace at which it takes a second or more, so that the disk is changed while it is under way.
+fn paced() -> String {
+    format!("{SCAN}\n[acquire]\ntaps_per_s = 60.0\n")
+}
+
+fn undisturbed(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
+    sandbox.write("quick.toml", SCAN);
+    sandbox.write("paced.toml", &paced());
+    sandbox.run("run --config quick.toml --out quick").expect(0);
+    casings(&sandbox.path("quick"))
+}
+
+/// Every file is complete and in its place, nothing else is left, and they have the contents of an undisturbed run.
+fn assert_whole(sandbox: &Sandbox, expected: &BTreeMap<String, Contents>) {
+    let out = sandbox.path("disk/run");
+    for file in finished(&out).values() {
+        sandbox.run(&format!("verify {}", file.display())).expect(0);
+    }
+    assert_same_casings(&casings(&out), expected);
+    let open: Vec<_> = fs::read_dir(out.join("open")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(open.is_empty(), "{open:?}");
+    let ours = |name: &str| name.ends_with(".h5") || ["open", "run.toml", "left"].contains(&name);
+    let beside = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let beside: Vec<String> = beside.filter(|name| !ours(name)).collect();
+    assert!(beside.is_empty(), "{beside:?}");
+}
+
+/// Starts a run into `disk/run` and waits until the first taps of its first casing are on the disk; the file under way.
+fn start_on_disk(sandbox: &Sandbox) -> (Running, PathBuf) {
+    let mut line = Running::start(sandbox, "run --config paced.toml --out disk/run --json");
+    let open = sandbox.path("disk/run/open");
+    let mut first_bytes = None;
+    loop {
+        line.assert_runs();
+        if open.is_dir()
+            && let Some(file) = finished(&open).into_values().next()
+            && let Ok(there) = fs::metadata(&file)
+            && there.len() > *first_bytes.get_or_insert(there.len()) + 100_000
+        {
+            return (line, file);
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}

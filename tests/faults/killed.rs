@@ -1,0 +1,399 @@
+//! Nothing is lost: stages, stations and the line itself are killed in the middle of a scan.
+
+use std::collections::BTreeMap;
+use std::process::Child;
+use std::time::{Duration, Instant};
+
+use rustix::process::Signal;
+use tapline_store::Reader;
+use tapline_wire::TapState;
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{Contents, assert_same_casings, casings, finished, under_way};
+use crate::sandbox::stages::{signal, stage, stage_now};
+use tapline_testing::program::Done;
+
+/// Two stations, 2 shoulders of 40 locations each, twice: 164 taps a station.
+const SCAN: &str = "
+[scan]
+stations = 2
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 2
+locations = 40
+";
+const TAPS_A_STATION: f32 = 164.0;
+
+/// A pace at which a run lasts some seconds: there is time to kill, also on a busy machine.
+const TAPS_PER_S: f32 = 60.0;
+
+fn paced() -> String {
+    format!("{SCAN}\n[acquire]\ntaps_per_s = {TAPS_PER_S:.1}\n")
+}
+
+fn undisturbed(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
+    sandbox.write("quick.toml", SCAN);
+    sandbox.run("run --config quick.toml --out quick").expect(0);
+    casings(&sandbox.path("quick"))
+}
+
+/// The finished files are complete, with the contents of an undisturbed run, and nothing else is left.
+fn assert_whole(sandbox: &Sandbox, out: &str, expected: &BTreeMap<String, Contents>) {
+    for file in finished(&sandbox.path(out)).values() {
+        sandbox.run(&format!("verify {}", file.display())).expect(0);
+    }
+    assert_same_casings(&casings(&sandbox.path(out)), expected);
+    assert_eq!(under_way(&sandbox.path(out)), Vec::<std::path::PathBuf>::new());
+    assert!(!sandbox.path(out).join("left").exists(), "a file was put aside");
+    assert_eq!(sandbox.left(), Vec::<String>::new());
+}
+
+/// The process that serves the second station; on one core, one serves both.
+fn second_acquire() -> &'static str {
+    if std::thread::available_parallelism().unwrap().get() > 1 { "acquire-1" } else { "acquire-0" }
+}
+
+/// Starts a paced run and waits until it is well under way.
+fn start(sandbox: &Sandbox) -> Child {
+    sandbox.write("paced.toml", &paced());
+    let line = sandbox.start("run --config paced.toml --out paced --json");
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while Instant::now() < deadline {
+        let status = sandbox.run("status --out paced --json");
+        if serde_json::from_str::<serde_json::Value>(&status.out).is_ok_and(|s| s["settled_count"].as_u64() > Some(20))
+        {
+            return line;
+        }
+    }
+    panic!(
+        "no taps have come: {:?}",
+        finish({
+            signal(i32::try_from(line.id()).unwrap(), Signal::KILL);
+            line
+        })
+    )
+}
+
+fn finish(line: Child) -> Done {
+    Done::from(line.wait_with_output().unwrap())
+}
+
+fn kill_and_compare(victims: &[&str]) {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let line = start(&sandbox);
+    let pids: Vec<i32> = victims.iter().map(|words| stage(&line, words)).collect();
+    for pid in pids {
+        signal(pid, Signal::KILL);
+    }
+    let summary = finish(line).json(0);
+    assert_eq!(summary["is_complete"], true);
+    assert_eq!(summary["pace"]["restarts"], victims.len());
+    assert_whole(&sandbox, "paced", &expected);
+}
+
+#[test]
+fn process_is_killed() {
+    kill_and_compare(&["process"]);
+}
+
+#[test]
+fn fuse_is_killed() {
+    kill_and_compare(&["fuse"]);
+}
+
+#[test]
+fn store_is_killed() {
+    kill_and_compare(&["store"]);
+}
+
+#[test]
+fn a_station_is_killed() {
+    kill_and_compare(&["acquire-0"]);
+}
+
+#[test]
+fn store_and_process_are_killed_at_once() {
+    kill_and_compare(&["store", "process"]);
+}
+
+#[test]
+fn fuse_and_a_station_are_killed_at_once() {
+    kill_and_compare(&["fuse", second_acquire()]);
+}
+
+/// Each stage again and again, at moments that differ from run to run.
+#[test]
+fn every_stage_is_killed_in_one_run() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let line = start(&sandbox);
+    for words in ["process", "store", "fuse", "acquire-0", "store", "process"] {
+        signal(stage(&line, words), Signal::KILL);
+        std::thread::sleep(Duration::from_millis(u64::from(std::process::id() % 7) * 30));
+    }
+    finish(line).expect(0);
+    assert_whole(&sandbox, "paced", &expected);
+}
+
+/// A stage that is killed when nearly everything is sent must not delay the end.
+#[test]
+fn stages_are_killed_at_the_end() {
+    for (words, when) in [("process", 0.9), ("fuse", 0.97), ("store", 0.99), ("acquire-0", 1.0), ("fuse", 1.0)] {
+        let sandbox = Sandbox::new();
+        let expected = undisturbed(&sandbox);
+        sandbox.write("paced.toml", &paced());
+        let line = sandbox.start("run --config paced.toml --out paced --json");
+        let pid = stage(&line, words);
+        std::thread::sleep(Duration::from_secs_f32(when * TAPS_A_STATION / TAPS_PER_S));
+        if let Err(error) = rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), Signal::KILL) {
+            eprintln!("{words} was gone already: {error}");
+        }
+        finish(line).expect(0);
+        assert_whole(&sandbox, "paced", &expected);
+    }
+}
+
+/// A stage that another process ends, such as a service manager, is started again like one that was killed.
+#[test]
+fn stages_that_another_process_ends_are_started_again() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let line = start(&sandbox);
+    for words in ["process", "store", "fuse", second_acquire()] {
+        signal(stage(&line, words), Signal::TERM);
+        std::thread::sleep(Duration::from_millis(150));
+    }
+    finish(line).expect(0);
+    assert_whole(&sandbox, "paced", &expected);
+}
+
+/// Killed while the line starts, before anything is connected.
+#[test]
+fn stages_are_killed_at_the_start() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    for delay_ms in [0, 10, 25, 50, 100] {
+        sandbox.write("paced.toml", &paced());
+        let line = sandbox.start("run --config paced.toml --out paced");
+        for words in ["store", "process"] {
+            let pid = stage(&line, words);
+            std::thread::sleep(Duration::from_millis(delay_ms));
+            signal(pid, Signal::KILL);
+        }
+        finish(line).expect(0);
+        assert_whole(&sandbox, "paced", &expected);
+        std::fs::remove_dir_all(sandbox.path("paced")).unwrap();
+    }
+}
+
+/// A line that is killed while it starts leaves no stage behind that would hold its archive.
+#[test]
+fn a_line_killed_at_its_start_leaves_no_one() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    for delay_ms in [5, 15, 30, 60, 120, 250] {
+        sandbox.write("paced.toml", &paced());
+        let mut line = sandbox.start("run --config paced.toml --out paced");
+        std::thread::sleep(Duration::from_millis(delay_ms));
+        line.kill().unwrap();
+        line.wait().unwrap();
+    }
+    sandbox.run("run --config paced.toml --out paced").expect(0);
+    assert_whole(&sandbox, "paced", &expected);
+}
+
+/// A stage that dies again and again without getting anywhere ends the line, with its name and the reason.
+#[test]
+fn a_stage_that_dies_again_and_again_ends_the_line() {
+    let sandbox = Sandbox::new();
+    sandbox.write("paced.toml", &paced());
+    let mut line = sandbox.start("run --config paced.toml --out paced");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while line.try_wait().unwrap().is_none() && Instant::now() < deadline {
+        if let Some(pid) = stage_now(&line, "store").and_then(rustix::process::Pid::from_raw)
+            && let Err(error) = rustix::process::kill_process(pid, Signal::KILL)
+        {
+            eprintln!("store was gone already: {error}");
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(line.try_wait().unwrap().is_some(), "it goes on for ever");
+    let done = finish(line).expect(1);
+    assert!(done.err.contains("store was killed by signal 9, 10 times"), "{done:?}");
+    assert_eq!(sandbox.left(), Vec::<String>::new());
+}
+
+/// Four tyres at each of two stations, one after the other: stages and the line itself are killed over and over, while
+/// casings are opened, tapped, judged and closed.
+#[test]
+fn everyone_is_killed_while_casings_come_and_go() {
+    let sandbox = Sandbox::new();
+    let tyres: String =
+        (0..8).map(|k| format!("[[scan.tyre]]\nserial = \"T{k}\"\nstation = {}\n", k % 2 + 1)).collect();
+    let scan = format!(
+        "[scan]\nstations = 2\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = 14\n{tyres}\
+         [simulation]\nsample_count = 4096\n[[simulation.fault]]\nkind = \"double_hit\"\nshare = 0.1\n"
+    );
+    sandbox.write("quick.toml", &scan);
+    sandbox.run("run --config quick.toml --out quick").expect(0);
+    let expected = casings(&sandbox.path("quick"));
+    assert_eq!(expected.len(), 8);
+    sandbox.write("paced.toml", &format!("{scan}\n[acquire]\ntaps_per_s = 40.0\n"));
+    // Other moments in every run of the tests, which are printed.
+    let mut state = u64::from(std::process::id()) << 20 ^ tapline_wire::now_ns() as u64;
+    let mut dice = |end: u64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) % end
+    };
+    let mut is_ended = false;
+    for round in 0..4 {
+        let mut line = sandbox.start("run --config paced.toml --out paced --json");
+        for _ in 0..4 {
+            std::thread::sleep(Duration::from_millis(50 + dice(350)));
+            if line.try_wait().unwrap().is_some() {
+                is_ended = true;
+                break;
+            }
+            let victim = ["process", "fuse", "store", "acquire-0"][dice(4) as usize];
+            let Some(pid) = stage_now(&line, victim) else { continue };
+            eprintln!("round {round}: {victim} is killed");
+            if let Err(error) =
+                rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), Signal::KILL)
+            {
+                eprintln!("{victim} was gone already: {error}");
+            }
+        }
+        if is_ended {
+            break;
+        }
+        line.kill().unwrap();
+        line.wait().unwrap();
+    }
+    sandbox.run("run --config paced.toml --out paced").expect(0);
+    assert_whole(&sandbox, "paced", &expected);
+}
+
+/// Catches news that is lost with the one that had it: `store` is killed just as a finished file comes into its place.
+#[test]
+fn store_is_killed_as_files_are_finished() {
+    let sandbox = Sandbox::new();
+    let tyres: String = (0..6).map(|k| format!("[[scan.tyre]]\nserial = \"T{k}\"\n")).collect();
+    let scan = format!(
+        "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = 10\n{tyres}\
+         [simulation]\nsample_count = 4096\n"
+    );
+    sandbox.write("quick.toml", &scan);
+    sandbox.run("run --config quick.toml --out quick").expect(0);
+    let expected = casings(&sandbox.path("quick"));
+    let mut line = sandbox.start("run --config quick.toml --out killed --json");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let mut killed = 0;
+    while line.try_wait().unwrap().is_none() {
+        if Instant::now() > deadline {
+            line.kill().unwrap();
+            panic!("it hangs: {:?}", Done::from(line.wait_with_output().unwrap()));
+        }
+        let there = if sandbox.path("killed").is_dir() { finished(&sandbox.path("killed")).len() } else { 0 };
+        if there > killed {
+            killed = there;
+            if let Some(pid) = stage_now(&line, "store") {
+                let pid = rustix::process::Pid::from_raw(pid).unwrap();
+                if let Err(error) = rustix::process::kill_process(pid, Signal::KILL) {
+                    eprintln!("store was gone already: {error}");
+                }
+            }
+        }
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    assert_eq!(finish(line).json(0)["is_complete"], true);
+    assert_whole(&sandbox, "killed", &expected);
+}
+
+/// Ctrl-C drains: everything sent is archived, the exit code is that of missing taps, and the same command goes on.
+#[test]
+fn an_interrupted_run_is_resumed() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let line = start(&sandbox);
+    signal(line.id() as i32, Signal::INT);
+    let summary = finish(line).json(3);
+    assert_eq!((&summary["casings"], &summary["unfinished"]), (&2.into(), &2.into()), "{summary}");
+    let open = under_way(&sandbox.path("paced"));
+    let archived = open.iter().map(|file| Reader::open_unfinished(file).unwrap().ledger().count(TapState::Archived));
+    let archived = archived.sum::<usize>() as u64;
+    assert!(open.len() == 2 && (1..328).contains(&archived), "{archived} taps in {open:?}");
+    assert_eq!(summary["pace"]["sent"].as_u64().unwrap(), archived, "everything sent is archived");
+    for shoulder in summary["verdicts"].as_array().unwrap() {
+        assert_ne!(shoulder["verdict"], "PASS", "no end, no PASS");
+    }
+    assert_eq!(sandbox.left(), Vec::<String>::new());
+
+    let summary = sandbox.run("run --config paced.toml --out paced --json").json(0);
+    assert_eq!(summary["pace"]["taps"].as_u64().unwrap(), 328 - archived, "only what was missing is taken");
+    assert_whole(&sandbox, "paced", &expected);
+
+    let again = sandbox.run("run --config paced.toml --out paced --json").json(0);
+    assert_eq!(again["pace"]["taps"], 0, "nothing is left to do");
+}
+
+/// The line itself is killed: its stages end with it, and the next run clears what is left and goes on.
+#[test]
+fn a_killed_line_is_resumed() {
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let mut line = start(&sandbox);
+    let stages: Vec<i32> = ["store", "fuse", "process", "acquire-0"].map(|words| stage(&line, words)).into();
+    line.kill().unwrap();
+    line.wait().unwrap();
+    let deadline = Instant::now() + Duration::from_secs(20);
+    let is_alive = |pid: &i32| std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|s| !s.contains(") Z "));
+    while stages.iter().any(is_alive) {
+        assert!(Instant::now() < deadline, "a stage outlives its line");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    sandbox.run("run --config paced.toml --out paced").expect(0);
+    assert_whole(&sandbox, "paced", &expected);
+}
+
+/// Two lines must not write one folder.
+#[test]
+fn a_second_line_on_the_same_folder_is_refused() {
+    let sandbox = Sandbox::new();
+    let line = start(&sandbox);
+    let second = sandbox.run("run --config paced.toml --out paced").expect(1);
+    assert!(second.err.contains("another line (process ") && second.err.contains("paced"), "{second:?}");
+    finish(line).expect(0);
+}
+
+/// Where results cannot be written, the line ends at once with an error and leaves nothing.
+#[test]
+fn a_folder_that_cannot_be_is_named() {
+    let sandbox = Sandbox::new();
+    sandbox.write("quick.toml", SCAN);
+    sandbox.write("file", "mine");
+    for out in ["file", "file/folder", "/proc/no/such/folder"] {
+        let done = sandbox.run(&format!("run --config quick.toml --out {out}")).expect(1);
+        assert!(done.err.contains(out), "{done:?}");
+    }
+    assert_eq!(std::fs::read_to_string(sandbox.path("file")).unwrap(), "mine");
+    assert_eq!(sandbox.left(), Vec::<String>::new());
+}
+
+/// Too little shared memory is an error before the first tap, not a SIGBUS after it.
+#[test]
+fn too_little_shared_memory_is_an_error_at_the_start() {
+    if tapline_wire::room::free_bytes().unwrap() > 40_000_000_000 {
+        tapline_testing::skip("this machine has room for a line of 20000 stations");
+        return;
+    }
+    let sandbox = Sandbox::new();
+    sandbox.write(
+        "wide.toml",
+        "[scan]\nstations = 20000\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 1\n\
+         [simulation]\nsample_count = 65536\n",
+    );
+    let done = sandbox.run("run --config wide.toml --out wide").expect(1);
+    assert!(done.err.contains("/dev/shm") && done.err.contains("MB"), "{done:?}");
+    assert!(finished(&sandbox.path("wide")).is_empty() && under_way(&sandbox.path("wide")).is_empty());
+}

@@ -1,0 +1,81 @@
+//! `tapline line`: casings come to its stations one by one, from a watched folder, a rig, or made up.
+
+mod endurance;
+mod restarts;
+mod stations;
+mod status;
+mod verdicts;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use tapline_store::verify;
+
+use crate::archives::export_taps::as_from_a_tap_set;
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{Contents, assert_same, casings, contents, finished};
+
+/// Casings that take 50 taps: 2 shoulders of 24 locations.
+const SCAN: &str = "
+[scan]
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+locations = 24
+";
+
+/// What a line has room for, where tap sets come.
+const ROOM: &str = "[line]\ntaps_max = 200\nrecord_samples_max = 40000\nscans_max = 4\n";
+
+fn file_of(verdict: &Value) -> PathBuf {
+    PathBuf::from(verdict["file"].as_str().unwrap())
+}
+
+/// What the status of the line on `out` says of the casing at its first station; null where none is there.
+fn casing_under_way(sandbox: &Sandbox) -> Value {
+    let status = sandbox.run("status --out out --json");
+    let status: Value = serde_json::from_str(status.out.trim()).unwrap_or_default();
+    status["stations"][0]["casing"].clone()
+}
+
+/// How many taps of that casing are archived.
+fn archived(sandbox: &Sandbox) -> u64 {
+    casing_under_way(sandbox)["archived"].as_u64().unwrap_or(0)
+}
+
+/// The finished files in all folders of days.
+fn all_finished(out: &Path) -> Vec<String> {
+    let days = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path());
+    let is_day = |path: &PathBuf| path.is_dir() && path.file_name().unwrap().as_encoded_bytes()[0].is_ascii_digit();
+    let mut names: Vec<String> = days.filter(is_day).flat_map(|day| finished(&day).into_keys()).collect();
+    names.sort();
+    names
+}
+
+/// Tap sets in the folder `sets`, and what a line must make of them: `A` is cracked, `B` sound.
+fn tap_sets(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
+    let crack = "crack = [{ shoulder = 2, first_location = 10, location_count = 4, depth_mm = 6.0 }]";
+    let tyres = format!("[[scan.tyre]]\nserial = \"A\"\n{crack}\n[[scan.tyre]]\nserial = \"B\"\n");
+    sandbox.write("scan.toml", &format!("{SCAN}{tyres}"));
+    sandbox.run("run --config scan.toml --out made").expect(0);
+    fs::create_dir(sandbox.path("sets")).unwrap();
+    for casing in ["A", "B"] {
+        sandbox.run(&format!("export made/{casing}.h5 taps --out sets/{casing}")).expect(0);
+    }
+    casings(&sandbox.path("made")).into_iter().map(|(name, contents)| (name, as_from_a_tap_set(contents))).collect()
+}
+
+fn assert_made(verdict: &Value, made: &BTreeMap<String, Contents>) {
+    let file = file_of(verdict);
+    assert_same(&contents(&file), &made[verdict["casing"].as_str().unwrap()]);
+    assert!(verify(&file).unwrap().is_complete());
+}
+
+/// Two stations that take 50 taps for a casing.
+fn slow_plant(sandbox: &Sandbox, casings_each: u32, taps_per_s: f64, more: &str) {
+    let station = |n: u32| format!("[[station]]\nnumber = {n}\nsource = \"simulated\"\ncasings = {casings_each}\n");
+    let head = format!("{SCAN}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = {taps_per_s}\n{more}\n");
+    sandbox.write("plant.toml", &format!("{head}{}{}", station(1), station(2)));
+}

@@ -1,0 +1,121 @@
+//! A line, or a stage of it, is killed, and what was under way goes on.
+
+use std::fs;
+use std::time::Duration;
+
+use rustix::process::Signal;
+use serde_json::Value;
+use tapline_store::verify;
+
+use crate::line::{ROOM, SCAN, all_finished, archived, assert_made, casing_under_way, file_of, slow_plant, tap_sets};
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{assert_same, contents, under_way};
+use crate::sandbox::running::{Running, until};
+use crate::sandbox::stages::{signal, stage};
+
+/// Catches a casing that is lost, judged twice or begun anew after the line was killed in the middle of it.
+#[test]
+fn a_killed_line_goes_on_with_what_was_under_way() {
+    let sandbox = Sandbox::new();
+    let made = tap_sets(&sandbox);
+    let station = "[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n";
+    sandbox.write("plant.toml", &format!("{ROOM}[acquire]\ntaps_per_s = 20.0\n{station}"));
+    for casing in ["A", "B"] {
+        fs::create_dir_all(sandbox.path("inbox")).unwrap();
+        fs::rename(sandbox.path("sets").join(casing), sandbox.path("inbox").join(casing)).unwrap();
+    }
+    let mut verdicts = Vec::new();
+    // In the middle of the first, and of the second.
+    for casing in ["A", "B"] {
+        let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+        until("the casing is half tapped", || {
+            verdicts.extend(line.lines_so_far());
+            let under_way = casing_under_way(&sandbox);
+            under_way["name"] == casing && under_way["archived"].as_u64().is_some_and(|count| count > 10 && count < 40)
+        });
+        verdicts.extend(line.kill());
+        let open = under_way(&sandbox.path("out"));
+        assert!(open.len() == 1 && open[0].file_name().unwrap().to_str().unwrap().starts_with(casing), "{open:?}");
+    }
+    let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    until("the sets are done", || sandbox.path("inbox/done/A").is_dir() && sandbox.path("inbox/done/B").is_dir());
+    let done = line.interrupt().expect(0);
+    verdicts.extend(done.out.lines().map(str::to_owned));
+    let verdicts: Vec<Value> = verdicts.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let names: Vec<&str> = verdicts.iter().map(|verdict| verdict["casing"].as_str().unwrap()).collect();
+    assert_eq!(names, ["A", "B"], "{}", done.err);
+    verdicts.iter().for_each(|verdict| assert_made(verdict, &made));
+    assert_eq!(all_finished(&sandbox.path("out")), ["A", "B"]);
+    assert!(
+        under_way(&sandbox.path("out")).is_empty() && !sandbox.path("out/left").exists() && sandbox.left().is_empty()
+    );
+}
+
+/// Catches a stage whose death a line does not outlive, or that costs a tap of the casings under way.
+#[test]
+fn stages_are_killed_while_casings_come() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 3, 50.0, "");
+    let start =
+        |out: &str| Running::start(&sandbox, &format!("line --config plant.toml --out {out} --json --casings 6"));
+    let mut line = start("undisturbed");
+    line.verdicts(6);
+    line.finish().expect(0);
+    let mut line = start("killed");
+    for victim in ["process", "store", "fuse", "acquire-0", "store"] {
+        std::thread::sleep(Duration::from_millis(400));
+        signal(stage(line.child(), victim), Signal::KILL);
+    }
+    let verdicts = line.verdicts(6);
+    let done = line.finish().expect(0);
+    assert!(done.out.is_empty(), "{done:?}");
+    for verdict in &verdicts {
+        let file = file_of(verdict);
+        let there = sandbox.path("undisturbed").join(file.strip_prefix(sandbox.path("killed")).unwrap());
+        assert_same(&contents(&file), &contents(&there));
+    }
+    assert_eq!(all_finished(&sandbox.path("killed")), all_finished(&sandbox.path("undisturbed")));
+    assert!(under_way(&sandbox.path("killed")).is_empty() && sandbox.left().is_empty());
+}
+
+/// Catches files under way that are put aside because of a comment, a hook or a station that was added since.
+#[test]
+fn a_line_goes_on_after_its_configuration_was_edited() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 1, 40.0, "");
+    let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    until("a casing is half tapped", || archived(&sandbox) > 10);
+    line.interrupt().expect(0);
+    assert_eq!(under_way(&sandbox.path("out")).len(), 2);
+    let text = fs::read_to_string(sandbox.path("plant.toml")).unwrap();
+    sandbox.write("plant.toml", &format!("# Monday\n{text}\n[line]\non_verdict = \"true\"\n"));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 2");
+    for verdict in line.verdicts(2) {
+        assert_eq!((&verdict["archived"], &verdict["missing"]), (&50.into(), &0.into()), "{verdict}");
+    }
+    line.finish().expect(0);
+    assert!(under_way(&sandbox.path("out")).is_empty() && !sandbox.path("out/left").exists());
+}
+
+/// Catches taps that a failed disk has lost after they were archived, and that nobody takes again: the file under way is put
+/// back to what it was a while before, as by a power cut of its disk.
+#[test]
+fn taps_that_a_disk_has_lost_are_taken_again() {
+    let sandbox = Sandbox::new();
+    sandbox.write("plant.toml", &format!("{SCAN}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = 20.0\n[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 1\n"));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 1");
+    let open = || under_way(&sandbox.path("out"))[0].clone();
+    until("some taps are archived", || archived(&sandbox) > 5);
+    fs::copy(open(), sandbox.path("before.h5")).unwrap();
+    // The first shoulder has 25.
+    until("the second shoulder is begun", || archived(&sandbox) > 28);
+    line.signal(Signal::STOP);
+    signal(stage(line.child(), "store"), Signal::KILL);
+    std::thread::sleep(Duration::from_millis(100));
+    fs::copy(sandbox.path("before.h5"), open()).unwrap();
+    line.signal(Signal::CONT);
+    let verdict = line.verdict();
+    assert_eq!((&verdict["archived"], &verdict["missing"]), (&50.into(), &0.into()), "{verdict}");
+    line.finish().expect(0);
+    assert!(verify(file_of(&verdict)).unwrap().is_complete());
+}

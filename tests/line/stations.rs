@@ -1,0 +1,175 @@
+//! Where casings come from: a watched folder, and a rig.
+
+use std::fs;
+use std::process::Command;
+use std::time::Instant;
+
+use tapline_store::{Reader, verify};
+use tapline_wire::TapState;
+
+use crate::line::{ROOM, SCAN, all_finished, archived, assert_made, casing_under_way, file_of, tap_sets};
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::under_way;
+use crate::sandbox::running::{Running, until};
+
+/// Catches a verdict that waits for another casing, a file that cannot be opened while the line runs, a set that is left
+/// where it was, and one that cannot be read and ends the line.
+#[test]
+fn tap_sets_that_are_moved_into_a_folder_are_judged() {
+    let sandbox = Sandbox::new();
+    let made = tap_sets(&sandbox);
+    sandbox.write("plant.toml", &format!("{ROOM}[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n"));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    until("the inbox is made", || sandbox.path("inbox/failed").is_dir());
+
+    fs::rename(sandbox.path("sets/A"), sandbox.path("inbox/A")).unwrap();
+    let moved = Instant::now();
+    let first = line.verdict();
+    eprintln!("the verdict came {:.2} s after the set", moved.elapsed().as_secs_f64());
+    assert_eq!((&first["casing"], &first["verdict"], &first["station"]), (&"A".into(), &"REJECT".into(), &1.into()));
+    assert_eq!((&first["archived"], &first["refused"], &first["missing"]), (&50.into(), &0.into(), &0.into()));
+    assert_eq!(first["shoulders"][1]["verdict"], "REJECT", "{first}");
+    assert_made(&first, &made);
+    let file = file_of(&first);
+    assert!(file.is_absolute() && file.parent().unwrap().parent() == Some(&sandbox.path("out")), "{file:?}");
+    if let Some(python) = tapline_testing::python_with("hdf5plugin, h5py") {
+        let script = "import hdf5plugin, h5py, sys\nprint((h5py.File(sys.argv[1])['plan']['grown_to'] > 0).sum())";
+        let done = Command::new(python).args(["-c", script]).arg(&file).output().unwrap();
+        assert_eq!(String::from_utf8_lossy(&done.stdout).trim(), "50", "{done:?}");
+    }
+    sandbox.run(&format!("export {} verdicts", file.display())).expect(0);
+    until("the set is done", || sandbox.path("inbox/done/A/taps.csv").is_file() && !sandbox.path("inbox/A").exists());
+
+    // What cannot be read is put aside with the reason, and another set comes all the same.
+    fs::create_dir_all(sandbox.path("sets/bad")).unwrap();
+    sandbox.write("sets/bad/scan.toml", "geometry = \"ring\"\n");
+    sandbox.write("sets/bad/taps.csv", "file\n");
+    fs::rename(sandbox.path("sets/bad"), sandbox.path("inbox/bad")).unwrap();
+    until("the bad set is put aside", || sandbox.path("inbox/failed/bad/reason.txt").is_file());
+    assert!(fs::read_to_string(sandbox.path("inbox/failed/bad/reason.txt")).unwrap().contains("scan.toml"));
+    fs::rename(sandbox.path("sets/B"), sandbox.path("inbox/B")).unwrap();
+    let second = line.verdict();
+    assert_eq!((&second["casing"], &second["verdict"]), (&"B".into(), &"PASS".into()));
+    assert_made(&second, &made);
+    until("the set is done", || sandbox.path("inbox/done/B").is_dir());
+
+    // The very same set once more is done already: its recordings were judged.
+    let done = line.interrupt().expect(0);
+    assert!(done.out.is_empty() && done.err.contains("bad"), "{done:?}");
+    assert_eq!(all_finished(&sandbox.path("out")), ["A", "B"]);
+    assert!(under_way(&sandbox.path("out")).is_empty() && sandbox.left().is_empty());
+}
+
+/// Starts a rig; the configuration of a line with its station.
+fn rig_and_plant(sandbox: &Sandbox, script: &str, more: &str) -> Running {
+    sandbox.write("rig.toml", script);
+    let mut machine = Running::start(sandbox, "rig --listen 127.0.0.1:0 --config rig.toml");
+    let address = machine.line().strip_prefix("listening at ").unwrap().to_owned();
+    let station = format!("[[station]]\nnumber = 1\nsource = \"rig\"\nrig = \"{address}\"\n");
+    sandbox.write("plant.toml", &format!("{SCAN}[simulation]\nsample_count = 4096\n{more}\n{station}"));
+    machine
+}
+
+/// Of the rig's report a number.
+fn reported(report: &str, what: &str) -> usize {
+    let (_, rest) = report.split_once(&format!("{what}: ")).unwrap();
+    rest.split([',', ' ']).next().unwrap().parse().unwrap()
+}
+
+/// Catches a serial that cannot be read or came before and holds up the line or replaces a file, and taps that are lost or
+/// made twice where the rig was switched off in the middle of each casing.
+#[test]
+fn a_rig_that_is_switched_off_and_on_loses_nothing() {
+    let sandbox = Sandbox::new();
+    let script = "casings = 4\nserials = [\"R-1\", \"?\", \"R-1\", \"R 2\"]\nswitched_off = 1.0\noff_s = [0.05, 0.2]\n";
+    let machine = rig_and_plant(&sandbox, script, "");
+    // Nobody knows whether a casing without a serial is the same as before: it counts as two.
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 5");
+    let verdicts = line.verdicts(5);
+    line.finish().expect(0);
+    let report = machine.interrupt().expect(0).out;
+    assert_eq!(reported(&report, "switched_off"), 4, "{report:?}");
+    let names: Vec<&str> = verdicts.iter().map(|verdict| verdict["casing"].as_str().unwrap()).collect();
+    assert!(names[1..3].iter().all(|name| name.starts_with("unknown-1-")) && names[1] != names[2], "{names:?}");
+    assert_eq!([names[0], names[3], names[4]], ["R-1", "R-1", "R 2"]);
+    for (k, verdict) in verdicts.iter().enumerate() {
+        if k == 1 {
+            assert!(verdict["refused"] != 0 && verdict["verdict"] == "RE-INSPECT", "{verdict}");
+            continue;
+        }
+        assert_eq!(
+            (&verdict["archived"], &verdict["refused"], &verdict["missing"]),
+            (&50.into(), &0.into(), &0.into())
+        );
+        assert!(verify(file_of(verdict)).unwrap().is_complete(), "{verdict}");
+    }
+    let mut expected = vec!["R%202", "R-1", "R-1.2", names[1], names[2]];
+    expected.sort_unstable();
+    assert_eq!(all_finished(&sandbox.path("out")), expected);
+    assert_ne!(file_of(&verdicts[0]), file_of(&verdicts[3]));
+    // Every casing is known at the rig to be done, or the next line would tap it again.
+    assert_eq!(reported(&report, "closed"), 4, "{report:?}");
+}
+
+/// Catches a casing that was taken away half done and is passed, waited for, or in the way of the next.
+#[test]
+fn a_casing_that_is_taken_away_is_inspected_again() {
+    let sandbox = Sandbox::new();
+    let machine = rig_and_plant(&sandbox, "casings = 6\nremoved = 0.5\nseed = 4\n", "");
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 6");
+    let verdicts = line.verdicts(6);
+    line.finish().expect(0);
+    let report = machine.interrupt().expect(0).out;
+    let removed = reported(&report, "removed");
+    assert!((1..6).contains(&removed), "{report:?}");
+    let (cut, whole): (Vec<_>, Vec<_>) = verdicts.iter().partition(|verdict| verdict["refused"] != 0);
+    assert_eq!(cut.len(), removed, "{report:?}");
+    for verdict in cut {
+        assert_eq!(verdict["verdict"], "RE-INSPECT", "{verdict}");
+        assert_eq!(verdict["archived"].as_u64().unwrap() + verdict["refused"].as_u64().unwrap(), 50, "{verdict}");
+        let shoulders = verdict["shoulders"].as_array().unwrap();
+        assert!(shoulders.iter().any(|s| s["reasons"].as_str().unwrap().contains("taps_refused")), "{verdict}");
+        let reader = Reader::open(file_of(verdict)).unwrap();
+        let refusals = reader.refusals().unwrap();
+        assert_eq!(refusals.len(), reader.ledger().count(TapState::Refused));
+        assert!(refusals.iter().all(|refusal| !refusal.reason.is_empty()), "{refusals:?}");
+    }
+    for verdict in whole {
+        assert_eq!(verdict["archived"], 50, "{verdict}");
+    }
+    let names: Vec<String> = (1..=6).map(|k| format!("RIG-{k}")).collect();
+    assert_eq!(all_finished(&sandbox.path("out")), names);
+}
+
+/// Catches a casing that is given up because its rig was slower to come back than `store`; and one that nobody judges
+/// because its rig came back without it.
+#[test]
+fn a_rig_that_is_late_after_a_restart_goes_on() {
+    for comes_back in [true, false] {
+        let sandbox = Sandbox::new();
+        let machine = rig_and_plant(&sandbox, "casings = 1\n", "[acquire]\ntaps_per_s = 40.0\n");
+        let plant = fs::read_to_string(sandbox.path("plant.toml")).unwrap();
+        sandbox.write("plant.toml", &format!("{plant}rig_patience_s = 2.0\n"));
+        let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+        until("the casing is half tapped", || archived(&sandbox) > 10);
+        line.kill();
+        drop(machine);
+        let address = plant.split("rig = \"").nth(1).unwrap().split('"').next().unwrap();
+        let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+        until("the station knows what is under way", || !casing_under_way(&sandbox).is_null());
+        if comes_back {
+            sandbox.write("rig.toml", "casings = 1\n");
+            let again = Running::start(&sandbox, &format!("rig --listen {address} --config rig.toml"));
+            let verdict = line.verdict();
+            assert_eq!((&verdict["archived"], &verdict["refused"]), (&50.into(), &0.into()), "{verdict}");
+            line.interrupt().expect(0);
+            drop(again);
+        } else {
+            let verdict = line.verdict();
+            assert_eq!(verdict["verdict"], "RE-INSPECT", "{verdict}");
+            assert!(verdict["refused"] != 0 && verdict["missing"] == 0, "{verdict}");
+            line.interrupt().expect(0);
+        }
+        assert_eq!(all_finished(&sandbox.path("out")), ["RIG-1"]);
+    }
+}

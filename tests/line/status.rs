@@ -1,0 +1,79 @@
+//! Looking on at a line that runs.
+
+use std::io::{BufRead as _, BufReader};
+use std::time::Duration;
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::line::{all_finished, file_of, slow_plant};
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{assert_same, contents};
+use crate::sandbox::running::Running;
+use crate::sandbox::stages::{signal, stage};
+
+/// Catches a status that is none, or of another line; and one who looks on, or is frozen looking on, and is waited for.
+#[test]
+fn who_looks_on_changes_nothing() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 2, 20.0, "");
+    let start =
+        |out: &str| Running::start(&sandbox, &format!("line --config plant.toml --out {out} --json --casings 4"));
+    let mut alone = start("alone");
+    alone.verdicts(4);
+    alone.finish().expect(0);
+    let refused = sandbox.run("status --out alone --json").expect(1);
+    assert!(refused.err.contains("no line runs on alone"), "{refused:?}");
+
+    let line = start("watched");
+    stage(line.child(), "acquire-0");
+    let mut frozen = sandbox.start("status --out watched --follow --json");
+    let mut shown = BufReader::new(frozen.stdout.take().unwrap()).lines();
+    let first: Value = serde_json::from_str(&shown.next().unwrap().unwrap()).unwrap();
+    assert_eq!(first["pid"], line.child().id());
+    signal(i32::try_from(frozen.id()).unwrap(), Signal::STOP);
+    let mut statuses: Vec<Value> = Vec::new();
+    let mut verdicts = Vec::new();
+    while verdicts.len() < 4 {
+        if let Some(said) = line.line_within(Duration::from_millis(150)) {
+            verdicts.push(serde_json::from_str::<Value>(&said).unwrap());
+        } else if verdicts.len() < 3 {
+            statuses.push(sandbox.run("status --out watched --json").json(0));
+        }
+    }
+    line.finish().expect(0);
+    signal(i32::try_from(frozen.id()).unwrap(), Signal::CONT);
+    let done = frozen.wait_with_output().unwrap();
+    assert!(done.status.success(), "{done:?}");
+
+    assert!(statuses.len() >= 4, "{}", statuses.len());
+    let counts = |status: &Value| -> Vec<(String, u64, u64)> {
+        let stations = status["stations"].as_array().unwrap().iter().filter(|station| !station["casing"].is_null());
+        let of = |casing: &Value| {
+            let number = |key: &str| casing[key].as_u64().unwrap();
+            (casing["name"].as_str().unwrap().to_owned(), number("planned"), number("archived"))
+        };
+        stations.map(|station| of(&station["casing"])).collect()
+    };
+    let seen: Vec<_> = statuses.iter().flat_map(counts).collect();
+    assert!(
+        seen.iter().all(|(name, planned, archived)| name.starts_with('S') && *planned == 50 && archived <= planned)
+    );
+    assert!(seen.iter().any(|&(_, _, archived)| archived > 0 && archived < 50), "{seen:?}");
+    let last = statuses.last().unwrap();
+    assert_eq!(last["stations"].as_array().unwrap().len(), 2, "{last}");
+    assert!(last["taps_per_s"].as_f64().unwrap() > 0.0 && last["alarms"].as_array().unwrap().is_empty(), "{last}");
+    assert!(statuses.iter().any(|status| !status["verdicts"].as_array().unwrap().is_empty()));
+    for status in &statuses {
+        let stages = status["stages"].as_array().unwrap();
+        assert!(stages.len() >= 4 && stages.iter().all(|stage| stage["restarts"] == 0), "{status}");
+        assert_eq!((&status["lost_count"], &status["is_held"]), (&0.into(), &false.into()));
+    }
+    let alone = sandbox.path("alone");
+    for verdict in &verdicts {
+        let file = file_of(verdict);
+        let there = alone.join(file.strip_prefix(sandbox.path("watched")).unwrap());
+        assert_same(&contents(&file), &contents(&there));
+    }
+    assert_eq!(all_finished(&sandbox.path("watched")), all_finished(&alone));
+}

@@ -1,0 +1,66 @@
+//! What becomes of a verdict: it is printed, and a command of the plant is run.
+
+use std::fs;
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::line::{all_finished, slow_plant};
+use crate::sandbox::Sandbox;
+use crate::sandbox::running::{Running, lines_of, until};
+use crate::sandbox::stages::signal;
+
+/// Catches a command that is run twice for a casing, or not, or without what it is to know; and one that fails and ends
+/// something.
+#[test]
+fn a_command_is_run_at_each_verdict() {
+    let sandbox = Sandbox::new();
+    let ran = sandbox.path("ran.txt");
+    let command = format!(
+        "read -r line; echo \"$TAPLINE_CASING $TAPLINE_VERDICT $TAPLINE_STATION $TAPLINE_FILE $line\" >> {}; exit 1",
+        ran.display()
+    );
+    slow_plant(&sandbox, 2, 50.0, &format!("[line]\non_verdict = '''{command}'''\n"));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 4");
+    let verdicts = line.verdicts(4);
+    let done = line.finish().expect(0);
+    assert!(done.err.contains("on_verdict failed"), "{done:?}");
+    let passed = fs::read_to_string(ran).unwrap();
+    assert_eq!(passed.lines().count(), 4, "{passed}");
+    for (passed, verdict) in passed.lines().zip(&verdicts) {
+        let mut words = passed.splitn(5, ' ');
+        for key in ["casing", "verdict", "station", "file"] {
+            assert_eq!(words.next().unwrap(), verdict[key].to_string().trim_matches('"'), "{passed}");
+        }
+        assert_eq!(serde_json::from_str::<Value>(words.next().unwrap()).unwrap(), *verdict);
+    }
+}
+
+/// Catches a command that hangs, with what it has started, and keeps the line from ending; and a line that is silent about it.
+#[test]
+fn a_command_that_fails_is_an_alarm() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 1, 200.0, "[line]\non_verdict = \"cat > /dev/null; false\"\n");
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    line.verdicts(2);
+    until("the alarm", || sandbox.run("status --out out --json").out.contains("on_verdict failed"));
+    line.interrupt().expect(0);
+}
+
+/// Catches a line that ends because nobody hears its verdicts any more.
+#[test]
+fn a_line_whose_reader_has_gone_goes_on() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 2, 200.0, "");
+    let mut child = sandbox.start("line --config plant.toml --out out --json");
+    drop(child.stdout.take());
+    let log = lines_of(child.stderr.take().unwrap());
+    until("all casings have their files", || {
+        sandbox.path("out").is_dir() && all_finished(&sandbox.path("out")).len() == 4
+    });
+    let status = sandbox.run("status --out out --json").json(0);
+    assert!(status["alarms"].to_string().contains("could not be printed"), "{status}");
+    signal(i32::try_from(child.id()).unwrap(), Signal::INT);
+    let ended = child.wait().unwrap();
+    assert!(ended.success(), "{:#?}", log.iter().collect::<Vec<_>>());
+}

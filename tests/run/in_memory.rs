@@ -1,0 +1,103 @@
+//! A scan within one process against the same scan by the line's processes.
+
+#[path = "../../lab/src/in_memory.rs"]
+mod scanned;
+
+use scanned::InMemoryScan;
+use serde::Deserialize;
+use tapline_acquire::{AcquireConfig, ScanConfig};
+use tapline_model::SimulationConfig;
+use tapline_process::ProcessConfig;
+use tapline_store::Reader;
+use tapline_wire::{Discriminator, Discriminators};
+
+use crate::sandbox::Sandbox;
+
+/// Two stations, a tyre of each kind, and a rig whose faults have taps taken again: one retake is not always enough.
+const SCAN: &str = "
+[acquire]
+retakes = 1
+
+[scan]
+stations = 2
+offsets_mm = [0.0, 10.0]
+velocities_m_per_s = [1.5]
+repetitions = 2
+locations = 20
+
+[[simulation.fault]]
+kind = \"double_hit\"
+share = 0.3
+";
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Config {
+    acquire: AcquireConfig,
+    scan: ScanConfig,
+    simulation: SimulationConfig,
+    process: ProcessConfig,
+}
+
+impl Config {
+    fn on(&self, thread_count: usize) -> InMemoryScan<'_> {
+        let Self { acquire, scan, simulation, process } = self;
+        InMemoryScan { scan, simulation, process, retakes: acquire.retakes, thread_count }
+    }
+}
+
+/// The record with its values as bits, in which an absent value equals an absent value.
+fn bits(record: &Discriminators) -> String {
+    let values = Discriminator::ALL.map(|which| record.values.get(which).map(f64::to_bits));
+    let velocity = record.velocity_measured_m_per_s.to_bits();
+    format!("{:?} {} {:?} {velocity} {values:?}", record.id, record.plan_index, record.quality)
+}
+
+/// Catches a value, flag, attempt or order that is not that of the line's processes, and a result that depends on the
+/// number of threads.
+#[test]
+fn a_scan_in_memory_finds_what_the_line_finds() {
+    let sandbox = Sandbox::new();
+    sandbox.write("scan.toml", SCAN);
+    sandbox.run("run --config scan.toml --out run").expect(0);
+    let casings =
+        ["SIM-0001", "SIM-0002"].map(|casing| Reader::open(sandbox.path(&format!("run/{casing}.h5"))).unwrap());
+    let records = casings.iter().flat_map(|casing| casing.discriminators().unwrap()).map(Option::unwrap);
+    let records: Vec<Discriminators> = records.collect();
+    let archived: Vec<String> = records.iter().map(bits).collect();
+    let config: Config = toml::from_str(SCAN).unwrap();
+    for thread_count in [1, 2, 5] {
+        let (plan, mut found) = config.on(thread_count).discriminators().unwrap();
+        assert!(plan.taps().iter().eq(casings.iter().flat_map(|casing| casing.plan().taps())));
+        // Each casing of the line has a plan of its own.
+        found.iter_mut().for_each(|record| record.plan_index %= 2 * 2 * 2 * 21);
+        let found: Vec<String> = found.iter().map(bits).collect();
+        assert_eq!(found.len(), 2 * 2 * 2 * 2 * 21);
+        assert!(found == archived, "on {thread_count} threads");
+    }
+    // The faults must have done their work, or retakes were not compared.
+    let attempts = records.iter().filter(|record| record.id.attempt == 1).count();
+    assert!((50..200).contains(&attempts), "{attempts} taps were taken again");
+}
+
+/// Catches a look at another record than the one whose discriminators stand beside it.
+#[test]
+fn what_is_looked_at_is_the_record_that_counts() {
+    let config: Config = toml::from_str(SCAN).unwrap();
+    let (_, taps) = config.on(2).taps(|header, _| header.id).unwrap();
+    assert!(taps.iter().any(|(found, _)| found.id.attempt == 1));
+    assert!(taps.iter().all(|(found, id)| found.id == *id));
+}
+
+/// Catches a configuration that is not checked, and an error that does not say what is wrong.
+#[test]
+fn what_cannot_be_scanned_is_refused() {
+    let mut config = Config::default();
+    config.scan.repetitions = 0;
+    let error = config.on(2).discriminators().unwrap_err();
+    assert!(format!("{error:#}").contains("scan.repetitions is 0"), "{error:#}");
+    let mut config = Config::default();
+    config.process.f_c_hz = -1.0;
+    let error = config.on(2).discriminators().unwrap_err();
+    assert!(format!("{error:#}").contains("f_c_hz"), "{error:#}");
+}

@@ -1,0 +1,174 @@
+//! A reference: made from archives, named by a run, kept in its archive; and what is refused on the way.
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::finished;
+
+const SCAN: &str = "[scan]\noffsets_mm = [0.0, 10.0]\nvelocities_m_per_s = [1.5]\nshoulders = 2\n";
+
+/// Two sound tyres and one with a crack, in a run of their own.
+fn tyres(prefix: &str, cracked: bool) -> String {
+    let crack = "crack = [{ shoulder = 1, first_location = 30, location_count = 6, depth_mm = 5.0 }]\n";
+    let tyre = |k: u32, crack: &str| format!("[[scan.tyre]]\nserial = \"{prefix}{k}\"\n{crack}");
+    let third = if cracked { tyre(3, crack) } else { String::new() };
+    format!("{}{}{third}", tyre(1, ""), tyre(2, ""))
+}
+
+const SOUND: &str = "sound/S1.h5 sound/S2.h5";
+const CRACKED: &str = "cracked/C1.h5 cracked/C2.h5 cracked/C3.h5";
+
+/// A rig with `sound`, in which every tyre was its own reference, and `cracked`, likewise.
+fn scanned() -> Sandbox {
+    let sandbox = Sandbox::new();
+    sandbox.write("sound.toml", &format!("{SCAN}seed = 5\n{}", tyres("S", false)));
+    sandbox.write("cracked.toml", &format!("{SCAN}seed = 6\n{}", tyres("C", true)));
+    for name in ["sound", "cracked"] {
+        let done = sandbox.run(&format!("run --config {name}.toml --out {name} --reference self --json"));
+        assert_eq!(done.code, Some(0), "{done:?}");
+    }
+    sandbox
+}
+
+fn verdicts(sandbox: &Sandbox, archive: &str) -> Vec<(String, String, String)> {
+    let files = finished(&sandbox.path(archive)).into_values();
+    let texts = files.map(|file| sandbox.run(&format!("export {} verdicts", file.display())).expect(0).out);
+    let lines: Vec<String> =
+        texts.flat_map(|text| text.lines().skip(1).map(str::to_owned).collect::<Vec<_>>()).collect();
+    let rows = lines.iter().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    rows.map(|row| (format!("{}/{}", row[0], row[1]), row[3].clone(), row[4].clone())).collect()
+}
+
+/// Catches a reference that is not used or not marked, a sound tyre of another construction that is damaged for it, a
+/// crack that is missed, and an archive without the reference that its verdicts rest on.
+#[test]
+fn tyres_are_judged_by_a_reference_of_others() {
+    let sandbox = scanned();
+    let done = sandbox.run(&format!("reference {SOUND} --out sound.json"));
+    assert_eq!(done.code, Some(0), "{done:?}");
+    assert!(done.out.contains("4 shoulders: S1/1, S1/2, S2/1, S2/2; 400 sound and 0 cracked locations"), "{done:?}");
+    let done = sandbox.run("run --config cracked.toml --out by --reference sound.json --json");
+    assert_eq!(done.code, Some(0), "{done:?}");
+    for (name, verdict, reasons) in verdicts(&sandbox, "by") {
+        let expected = if name == "C3/1" { "REJECT" } else { "PASS" };
+        assert_eq!(verdict, expected, "{name} {reasons}");
+        assert!(!reasons.contains("self_reference"), "{name} {reasons}");
+    }
+    assert!(verdicts(&sandbox, "cracked").iter().all(|(_, _, reasons)| reasons.contains("self_reference")));
+    let regions = sandbox.run("export by/C3.h5 regions").out;
+    let region: Vec<&str> = regions.lines().nth(1).unwrap().split(',').collect();
+    let (first, last): (u32, u32) = (region[3].parse().unwrap(), region[4].parse().unwrap());
+    assert!((28..=31).contains(&first) && (34..=37).contains(&last), "{regions}");
+    let p_value: f64 = region[13].parse().unwrap();
+    assert!(p_value <= 0.01 && region[14] == "0", "the belt edge sees it best: {regions}");
+
+    let reader = tapline_store::Reader::open(sandbox.path("by/C3.h5")).unwrap();
+    assert_eq!(reader.reference(), Some(std::fs::read_to_string(sandbox.path("sound.json")).unwrap().as_str()));
+    drop(reader);
+    // The same run again has nothing to do; by another reference it is another run.
+    let again = "run --config cracked.toml --out by --reference sound.json --json";
+    assert_eq!(sandbox.run(again).code, Some(0));
+    assert_eq!(sandbox.run("reference sound/S1.h5 --shoulder S1/1 --shoulder S1/2 --out sound.json").code, Some(0));
+    let done = sandbox.run(again);
+    assert!(done.code == Some(1) && done.err.contains("another reference"), "{done:?}");
+}
+
+/// Catches a shoulder that is not judged because recordings of the other one are missing, at most taps or at a location.
+#[test]
+fn a_shoulder_without_its_recordings_leaves_the_other_alone() {
+    let sandbox = scanned();
+    sandbox.run(&format!("reference {SOUND} --out sound.json")).expect(0);
+    sandbox.run("export cracked/C3.h5 taps --out set").expect(0);
+    sandbox.run("run --taps set --reference sound.json --out whole").expect(0);
+    let of_shoulder =
+        |name: &str, archive: &str| verdicts(&sandbox, archive).into_iter().find(|v| v.0 == name).unwrap();
+    let (whole, damaged) = (of_shoulder("C3/1", "whole"), of_shoulder("C3/2", "whole"));
+    assert_eq!((whole.1.as_str(), damaged.1.as_str()), ("REJECT", "PASS"));
+    let mut wavs: Vec<_> =
+        std::fs::read_dir(sandbox.path("set/C3-2")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    wavs.sort();
+    for (count, lost) in [(1, "one"), (150, "most")] {
+        wavs.drain(..count).for_each(|wav| std::fs::remove_file(wav).unwrap());
+        sandbox.run(&format!("run --taps set --reference sound.json --out {lost}")).expect(3);
+        assert_eq!(of_shoulder("C3/1", lost), whole);
+        let (_, verdict, reasons) = of_shoulder("C3/2", lost);
+        assert!(verdict == "RE-INSPECT" && reasons.contains("taps_refused"), "{reasons}");
+    }
+}
+
+/// Catches labels that do not reach the index, and directions that are not learned.
+#[test]
+fn a_labelled_reference_teaches() {
+    let sandbox = scanned();
+    let done = sandbox.run(&format!("reference {CRACKED} {SOUND} --labelled --learn-directions --out known.json"));
+    assert_eq!(done.code, Some(0), "{done:?}");
+    assert!(done.out.contains("994 sound and 6 cracked"), "{done:?}");
+    sandbox.write(
+        "lda.toml",
+        &format!("{SCAN}seed = 7\n{}[fuse]\nindex = \"lda\"\nreference = \"known.json\"\n", tyres("L", true)),
+    );
+    let done = sandbox.run("run --config lda.toml --out lda --json");
+    assert_eq!(done.code, Some(0), "{done:?}");
+    // Six cracked locations are too few for a discriminant: it says so and falls back.
+    assert!(verdicts(&sandbox, "lda").iter().all(|(_, _, reasons)| reasons.contains("fell_back")));
+    let why = "index = \"lda\" falls back to \"robust\": ";
+    let warnings = |text: &str| text.lines().filter(|line| line.contains(why) && line.contains(" and 6 (")).count();
+    assert_eq!(warnings(&done.err), 1, "a warning, once for all six shoulders: {done:?}");
+    let summary = done.json(0);
+    let texts = summary["fallbacks"].as_array().unwrap();
+    assert!(texts.len() == 1 && warnings(texts[0].as_str().unwrap()) == 1, "{texts:?}");
+    let again = sandbox.run("run --config lda.toml --out lda");
+    assert_eq!((again.code, warnings(&again.out)), (Some(0), 1), "also when nothing is left to do: {again:?}");
+}
+
+/// Catches a run that is compared with nothing in particular, and errors that do not say what to do.
+#[test]
+fn what_cannot_be_a_reference_is_refused() {
+    let sandbox = scanned();
+    let refused = |arguments: &str, words: &[&str]| {
+        let done = Sandbox::run(&sandbox, arguments);
+        assert_eq!(done.code, Some(1), "{arguments}: {done:?}");
+        for word in words {
+            assert!(done.err.contains(word), "{arguments}: {word} is not in {}", done.err);
+        }
+    };
+    let done =
+        tapline_testing::program::Done::from(sandbox.plain("run --config sound.toml --out none").output().unwrap());
+    assert!(done.code == Some(1) && done.err.contains("no reference is named"), "{done:?}");
+    assert!(!sandbox.path("none").exists());
+    refused("run --config sound.toml --out a --reference missing.json", &["missing.json"]);
+    refused("run --config sound.toml --out a --reference nonsense", &["--reference", "nonsense", "self"]);
+    refused(
+        "run --config sound.toml --out a --reference X/1",
+        &["X/1", "does not have it", "tapline reference FOLDER"],
+    );
+    sandbox.write("bad.json", "{}");
+    refused("run --config sound.toml --out a --reference bad.json", &["bad.json", "no reference"]);
+    refused(&format!("reference {SOUND} --out sound.txt"), &["sound.txt", ".json"]);
+    refused(&format!("reference {SOUND} --shoulder S9/1 --out s.json"), &["S9/1"]);
+    // One that is named twice counts once.
+    let once = sandbox.run("reference sound/S1.h5 sound/S1.h5 --out once.json");
+    assert!(once.code == Some(0) && once.out.contains("2 shoulders: S1/1, S1/2"), "{once:?}");
+    refused("reference missing.h5 --out s.json", &["missing.h5"]);
+    // A shoulder that did not pass is not sound unless it is named.
+    let done = sandbox.run(&format!("reference {CRACKED} --out c.json"));
+    assert!(done.code == Some(0) && done.err.contains("C3/1 did not pass"), "{done:?}");
+    assert!(done.out.contains("5 shoulders: C1/1, C1/2, C2/1, C2/2, C3/2; 500 sound"), "{done:?}");
+    // One that is known to be cracked is not sound for being named; the truth of each location is asked for.
+    refused("reference cracked/C3.h5 --shoulder C3/1 --out named.json", &["C3/1 is known to be cracked", "--labelled"]);
+    assert!(!sandbox.path("named.json").exists());
+    assert_eq!(sandbox.run(&format!("reference {SOUND} --out sound.json")).code, Some(0));
+    sandbox.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
+    refused("run --config other.toml --out a --reference sound.json", &["f_c_hz = 550.0 there", "f_c_hz = 600.0 here"]);
+    // Nor do archives go together that were analysed otherwise.
+    let done = sandbox.run("run --config other.toml --out other --reference self");
+    assert_eq!(done.code, Some(0), "{done:?}");
+    refused(
+        "reference sound/S1.h5 other/S2.h5 --out both.json",
+        &["other/S2.h5", "sound/S1.h5", "f_c_hz = 550.0 there, f_c_hz = 600.0 here"],
+    );
+    assert!(!sandbox.path("both.json").exists());
+    sandbox.write("elsewhere.toml", "[scan]\noffsets_mm = [7.0]\nvelocities_m_per_s = [1.5]\n");
+    refused("run --config elsewhere.toml --out a --reference sound.json", &["7 mm", "10 mm", "in common"]);
+    let edited = std::fs::read_to_string(sandbox.path("sound.json")).unwrap().replace("\"S1\"", "\"S8\"");
+    sandbox.write("edited.json", &edited);
+    refused("run --config sound.toml --out a --reference edited.json", &["edited.json", "changed"]);
+}

@@ -1,0 +1,228 @@
+//! What a whole simulated run leaves: an archive, its tables, and results that depend on nothing but their input.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::process::{Command, Stdio};
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{Contents, assert_same_casings, bend, casings, finished, table_bytes};
+use tapline_testing::documents::csv_rows;
+
+const SCAN: &str = "
+[scan]
+offsets_mm = [0.0]
+velocities_m_per_s = [1.85]
+repetitions = 1
+locations = 60
+
+[[scan.tyre]]
+serial = \"CRACKED\"
+station = 1
+crack = [{ shoulder = 2, first_location = 20, location_count = 5, depth_mm = 6.0, length_mm = 22.0 }]
+
+[[scan.tyre]]
+serial = \"SOUND\"
+station = 2
+";
+
+fn scanned() -> Sandbox {
+    let sandbox = Sandbox::new();
+    sandbox.write("scan.toml", SCAN);
+    sandbox
+}
+
+#[test]
+fn a_run_finds_the_crack_and_passes_the_sound_tyre() {
+    let sandbox = scanned();
+    let summary = sandbox.run("run --config scan.toml --stations 2 --out run --json").json(0);
+    assert_eq!(summary["archived"], 2 * 2 * 61);
+    assert_eq!(summary["pace"]["gaps"], 0);
+    let verdict = |tyre: &str, shoulder: u64| {
+        let lines = summary["verdicts"].as_array().unwrap();
+        let is_it = |line: &&serde_json::Value| line["tyre"] == tyre && line["shoulder"] == shoulder;
+        lines.iter().find(is_it).unwrap()["verdict"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(verdict("CRACKED", 2), "REJECT");
+    for (tyre, shoulder) in [("CRACKED", 1), ("SOUND", 1), ("SOUND", 2)] {
+        assert_eq!(verdict(tyre, shoulder), "PASS", "{tyre}/{shoulder}");
+    }
+    assert!(summary["auc"]["index"].as_f64().unwrap() > 0.99, "{summary}");
+
+    assert_eq!(finished(&sandbox.path("run")).into_keys().collect::<Vec<_>>(), ["CRACKED", "SOUND"]);
+    let table = |casing: &str, table: &str| sandbox.run(&format!("export run/{casing}.h5 {table}")).expect(0).out;
+
+    let regions = csv_rows(&table("CRACKED", "regions"));
+    assert_eq!(regions.len(), 1);
+    let location = |column: &str| regions[0][column].parse::<u32>().unwrap();
+    assert!(location("first_location") <= 20 && location("last_location") >= 24, "{regions:?}");
+    assert_eq!((regions[0]["tyre"].as_str(), regions[0]["shoulder"].as_str()), ("CRACKED", "2"));
+    assert!(csv_rows(&table("SOUND", "regions")).is_empty());
+
+    for casing in ["CRACKED", "SOUND"] {
+        let rows = csv_rows(&table(casing, "discriminators --format csv"));
+        assert_eq!(rows.len(), 122);
+        assert!(rows.iter().all(|row| row["quality"].is_empty() && row["tau_s"].parse::<f64>().unwrap() > 5e-4));
+        assert!(rows.iter().all(|row| row["tyre"] == casing));
+        let ledger = csv_rows(&table(casing, "ledger"));
+        assert!(ledger.len() == 122 && ledger.iter().all(|row| row["state"] == "archived"));
+        let header = |what: &str| table(casing, what).lines().next().unwrap().to_owned();
+        assert_eq!(
+            header("discriminators"),
+            "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,attempt,\
+             f_max_n,tau_s,a_1_v_s,a_2_v_s,pr,p_f_v2_per_hz,e_f_v2,centroid_hz,quality"
+        );
+        assert_eq!(header("damage"), "tyre,shoulder,location,angle_deg,damage_index,p_value");
+        let report = sandbox.run(&format!("verify run/{casing}.h5 --json")).json(0);
+        assert_eq!(report["is_complete"], true);
+    }
+}
+
+/// Law 6: the same input gives the same archive. Law 4: whatever the number of workers.
+#[test]
+fn results_depend_on_nothing_but_their_input() {
+    let sandbox = scanned();
+    sandbox.run("run --config scan.toml --stations 2 --out a").expect(0);
+    sandbox.run("run --config scan.toml --stations 2 --out b").expect(0);
+    sandbox.write("workers.toml", &format!("{SCAN}\n[process]\nworkers = 5\n"));
+    sandbox.run("run --config workers.toml --stations 2 --out c").expect(0);
+    let a = casings(&sandbox.path("a"));
+    assert!(a.len() == 2 && a.values().all(|casing| casing.taps.iter().all(Option::is_some)));
+    assert_same_casings(&a, &casings(&sandbox.path("b")));
+    assert_same_casings(&a, &casings(&sandbox.path("c")));
+}
+
+/// But for where and when the taps were made.
+fn anywhere(mut casings: BTreeMap<String, Contents>) -> BTreeMap<String, Contents> {
+    for casing in casings.values_mut() {
+        for (header, _) in casing.taps.iter_mut().flatten() {
+            (header.id.station, header.tap_time_ns) = (0, 0);
+        }
+        for found in casing.discriminators.iter_mut().flatten() {
+            *found = found.replace("TapId(station 2 ", "TapId(station 1 ");
+        }
+    }
+    casings
+}
+
+/// Catches a casing that is another's in part: its file is the same whichever came before it, wherever it was tapped, and
+/// with however many others.
+#[test]
+fn a_casing_does_not_depend_on_the_others() {
+    let sandbox = Sandbox::new();
+    let tyre = |serial: &str, station: u16, crack: &str| {
+        format!("[[scan.tyre]]\nserial = \"{serial}\"\nstation = {station}\n{crack}\n")
+    };
+    let crack = "crack = [{ shoulder = 1, first_location = 3, location_count = 4, depth_mm = 6.0 }]";
+    let scan = |name: &str, tyres: &[String]| {
+        let head =
+            "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = 20\nstations = 2\n";
+        sandbox.write("scan.toml", &format!("{head}{}[simulation]\nsample_count = 4096\n", tyres.concat()));
+        sandbox.run(&format!("run --config scan.toml --out {name}")).expect(0);
+        anywhere(casings(&sandbox.path(name)))
+    };
+    let apart = scan("apart", &[tyre("A", 1, crack), tyre("B", 2, ""), tyre("C", 1, "")]);
+    let after = scan("after", &[tyre("C", 2, ""), tyre("B", 2, ""), tyre("A", 2, crack)]);
+    let alone = scan("alone", &[tyre("A", 2, crack)]);
+    assert_same_casings(&apart, &after);
+    assert_same_casings(&alone, &apart.into_iter().filter(|(name, _)| name == "A").collect());
+}
+
+/// Catches an altered row of any table that passes for what was written.
+#[test]
+fn altered_rows_are_reported() {
+    let sandbox = scanned();
+    sandbox.run("run --config scan.toml --stations 2 --out run").expect(0);
+    let of = |file: &str, table: &str| sandbox.run(&format!("export {file} {table}"));
+    let tables = ["verdicts", "ledger", "damage", "discriminators"];
+    let whole = tables.map(|table| of("run/CRACKED.h5", table).expect(0).out);
+    let tables_there = ["plan", "ledger", "scans", "taps/header", "discriminators", "damage"];
+    for table in tables_there {
+        let bytes = table_bytes(&sandbox.path("run/CRACKED.h5"), table).len();
+        for at in [0, bytes / 2, bytes - 1] {
+            fs::copy(sandbox.path("run/CRACKED.h5"), sandbox.path("bent.h5")).unwrap();
+            bend(&sandbox.path("bent.h5"), table, at);
+            let done = sandbox.run("verify bent.h5");
+            assert!(matches!(done.code, Some(1 | 3)), "byte {at} of {table}: {done:?}");
+            for (table, whole) in tables.iter().zip(&whole) {
+                let done = of("bent.h5", table);
+                assert!(
+                    done.code.is_some_and(|code| code != 0) || done.out == *whole,
+                    "byte {at} of {table}: {done:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Catches a scan that a log which cannot be written ends: a pipe whose reader has gone, or a full disk.
+#[test]
+fn a_log_that_is_full_ends_nothing() {
+    let sandbox = scanned();
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let (_, broken) = std::io::pipe().unwrap();
+    for (name, log) in [("full", Stdio::from(full)), ("broken", Stdio::from(broken))] {
+        // Errors are logged too, with their causes, where all is.
+        let mut run = sandbox.command(&format!("run --config scan.toml --stations 2 --out {name}"));
+        let done = run.env("TAPLINE_LOG", "trace").stderr(log).output().unwrap();
+        assert_eq!(done.status.code(), Some(0), "{name}");
+        assert_eq!(finished(&sandbox.path(name)).len(), 2);
+        for file in finished(&sandbox.path(name)).values() {
+            sandbox.run(&format!("verify {}", file.display())).expect(0);
+        }
+    }
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    assert_eq!(sandbox.command("verify gone.h5").stderr(full).output().unwrap().status.code(), Some(1));
+}
+
+/// A folder of results is not taken for another scan's.
+#[test]
+fn another_plan_or_configuration_is_refused() {
+    let sandbox = scanned();
+    sandbox.run("run --config scan.toml --stations 2 --out run").expect(0);
+    let before = fs::read(sandbox.path("run/SOUND.h5")).unwrap();
+    for (text, what) in [
+        (SCAN.replace("locations = 60", "locations = 61"), "locations"),
+        // Same taps, but what is judged would not be what was asked for.
+        (format!("{SCAN}\n[fuse]\nz_clip = 9.0\n"), "z_clip"),
+        (SCAN.replace("depth_mm = 6.0", "depth_mm = 7.0"), "depth_mm"),
+        (SCAN.replace("\"SOUND\"", "\"OTHER\""), "OTHER"),
+    ] {
+        sandbox.write("other.toml", &text);
+        let done = sandbox.run("run --config other.toml --stations 2 --out run").expect(1);
+        assert!(done.err.contains("run has results of another run"), "{done:?}");
+        assert!(done.err.contains(what) && done.err.contains("--out"), "{what}: {done:?}");
+    }
+    assert!(fs::read(sandbox.path("run/SOUND.h5")).unwrap() == before);
+    // Nor is one in which files of elsewhere lie.
+    fs::create_dir(sandbox.path("mine")).unwrap();
+    fs::write(sandbox.path("mine/mine.h5"), "mine").unwrap();
+    let done = sandbox.run("run --config scan.toml --stations 2 --out mine").expect(1);
+    assert!(done.err.contains("results of something else"), "{done:?}");
+    assert_eq!(fs::read_to_string(sandbox.path("mine/mine.h5")).unwrap(), "mine");
+    sandbox.run("run --config scan.toml --stations 2 --out run").expect(0);
+}
+
+/// The README's snippet, run as it stands there, by a Python that has h5py.
+#[test]
+fn the_readme_snippet_reads_an_archive() {
+    let Some(python) = tapline_testing::python_with("hdf5plugin, h5py") else { return };
+    let readme = include_str!("../../README.md");
+    let snippet = readme.split("```python\n").nth(1).unwrap().split("```").next().unwrap();
+    let sandbox = scanned();
+    sandbox.write(
+        "scan.toml",
+        "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = 30\n",
+    );
+    sandbox.run("run --config scan.toml --out mine").expect(0);
+    sandbox.write("snippet.py", snippet);
+    let done = Command::new(python).arg("snippet.py").current_dir(sandbox.path("")).output().unwrap();
+    let said = String::from_utf8(done.stdout).unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let rows = csv_rows(&sandbox.run("export mine/SIM-0001.h5 damage").expect(0).out);
+    let index = |row: &BTreeMap<String, String>| row["damage_index"].parse().unwrap_or(f64::NEG_INFINITY);
+    let worst = rows.iter().max_by(|a, b| f64::total_cmp(&index(a), &index(b))).unwrap();
+    assert!(
+        said.starts_with("worst: SIM-0001") && said.contains(&worst["damage_index"]),
+        "{worst:?} is not in:\n{said}"
+    );
+}

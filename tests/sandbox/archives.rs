@@ -1,0 +1,94 @@
+//! The files of a run, and their contents.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use tapline_store::{OwnedSamples, Reader};
+use tapline_wire::{DamageCell, Discriminators, Judgement, Stamp, TapHeader, TapState};
+
+/// Everything in an archive that must not depend on when and how it was written.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Contents {
+    pub(crate) states: Vec<TapState>,
+    pub(crate) taps: Vec<Option<(TapHeader, OwnedSamples)>>,
+    pub(crate) discriminators: Vec<Option<String>>,
+    pub(crate) judgements: Vec<Option<String>>,
+}
+
+/// Bytes of the archive's file that a table takes.
+pub(crate) fn table_bytes(archive: &Path, table: &str) -> Range<usize> {
+    let file = hdf5::File::open(archive).unwrap();
+    let table = file.dataset(table).unwrap();
+    let start = table.offset().unwrap() as usize;
+    start..start + table.storage_size() as usize
+}
+
+/// Flips the lowest bit of byte `at` of a table.
+pub(crate) fn bend(archive: &Path, table: &str, at: usize) {
+    let start = table_bytes(archive, table).start;
+    let mut bytes = fs::read(archive).unwrap();
+    bytes[start + at] ^= 1;
+    fs::write(archive, bytes).unwrap();
+}
+
+/// Reads an archive, without what depends on the sending: sequence, epoch and time of sending.
+pub(crate) fn contents(archive: &Path) -> Contents {
+    let reader = Reader::open(archive).unwrap();
+    let rows = 0..reader.plan().taps().len() as u32;
+    let tap = |row| {
+        let (header, samples) = reader.tap(row).unwrap()?;
+        Some((TapHeader { stamp: Stamp::default(), sent_ns: 0, ..header }, samples))
+    };
+    // As text, because absent values, which are NaN, are then equal.
+    let found = |record: Discriminators| format!("{record:?}");
+    let judged = |(judgement, cells): (Judgement, Vec<DamageCell>)| {
+        format!("{:?} {cells:?}", Judgement { stamp: Stamp::default(), ..judgement })
+    };
+    Contents {
+        states: reader.ledger().taps().to_vec(),
+        taps: rows.map(tap).collect(),
+        discriminators: reader.discriminators().unwrap().into_iter().map(|r| r.map(found)).collect(),
+        judgements: reader.judgements().unwrap().into_iter().map(|j| j.map(judged)).collect(),
+    }
+}
+
+/// The finished files of a run, by the names of their casings as the files have them.
+pub(crate) fn finished(out: &Path) -> BTreeMap<String, PathBuf> {
+    let files = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path());
+    let files = files.filter(|path| path.extension().is_some_and(|ending| ending == "h5"));
+    files.map(|path| (path.file_stem().unwrap().to_str().unwrap().to_owned(), path)).collect()
+}
+
+/// The files of a run that are under way.
+pub(crate) fn under_way(out: &Path) -> Vec<PathBuf> {
+    finished(&out.join("open")).into_values().collect()
+}
+
+/// The contents of the finished files of a run, by casing.
+pub(crate) fn casings(out: &Path) -> BTreeMap<String, Contents> {
+    finished(out).into_iter().map(|(name, path)| (name, contents(&path))).collect()
+}
+
+/// Panics with the first difference of two runs, and its casing.
+pub(crate) fn assert_same_casings(a: &BTreeMap<String, Contents>, b: &BTreeMap<String, Contents>) {
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (name, contents) in a {
+        eprintln!("comparing {name}");
+        assert_same(contents, &b[name]);
+    }
+}
+
+/// Panics with the first difference of two archives, without printing them.
+pub(crate) fn assert_same(a: &Contents, b: &Contents) {
+    assert_eq!(a.states, b.states, "states");
+    for (row, (a, b)) in a.taps.iter().zip(&b.taps).enumerate() {
+        let header = |tap: &Option<(TapHeader, OwnedSamples)>| format!("{:?}", tap.as_ref().map(|(header, _)| *header));
+        assert_eq!(header(a), header(b), "header of row {row}");
+        let samples = |tap: &Option<(TapHeader, OwnedSamples)>| tap.as_ref().map(|(_, samples)| samples.clone());
+        assert!(samples(a) == samples(b), "samples of row {row}");
+    }
+    assert_eq!(a.discriminators, b.discriminators, "discriminators");
+    assert_eq!(a.judgements, b.judgements, "judgements");
+}

@@ -1,0 +1,82 @@
+//! What the tests share: each runs the built program in a folder of its own, and looks at the files that it left.
+
+pub(crate) mod archives;
+pub(crate) mod recordings;
+pub(crate) mod running;
+pub(crate) mod stages;
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+use tapline_testing::program::Done;
+use tempfile::TempDir;
+
+/// A fresh folder in which the built program is run.
+pub(crate) struct Sandbox {
+    folder: TempDir,
+}
+
+impl Sandbox {
+    pub(crate) fn new() -> Self {
+        Self { folder: TempDir::new().unwrap() }
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file into the folder.
+    pub(crate) fn write(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).unwrap();
+    }
+
+    /// The program with `arguments`, split at spaces.
+    ///
+    /// A run must name its reference; if a test names none, each tyre is its own.
+    pub(crate) fn command(&self, arguments: &str) -> Command {
+        let mut command = self.plain(arguments);
+        let is_judged = ["run ", "line "].iter().any(|verb| arguments.starts_with(verb));
+        if is_judged && !self.names_reference(arguments) {
+            command.args(["--reference", "self"]);
+        }
+        command
+    }
+
+    /// The program with `arguments` and nothing else.
+    pub(crate) fn plain(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tapline"));
+        command.args(arguments.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
+        // A private folder with a short path, in which its lines work.
+        command.env("XDG_RUNTIME_DIR", self.folder.path());
+        command
+    }
+
+    /// Whether the arguments, or the configuration that they name, have a reference.
+    fn names_reference(&self, arguments: &str) -> bool {
+        let config = arguments.split_whitespace().skip_while(|&word| word != "--config").nth(1);
+        let text = config.map(|name| fs::read_to_string(self.path(name)).unwrap_or_default());
+        arguments.contains("--reference")
+            || arguments.contains("--help")
+            || text.is_some_and(|t| t.contains("reference ="))
+    }
+
+    /// Runs the program to its end.
+    pub(crate) fn run(&self, arguments: &str) -> Done {
+        Done::from(self.command(arguments).output().unwrap())
+    }
+
+    /// Starts the program and goes on.
+    pub(crate) fn start(&self, arguments: &str) -> Child {
+        self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    /// Folders that lines have left; while one is there, shared memory may be too.
+    pub(crate) fn left(&self) -> Vec<String> {
+        let files = fs::read_dir(self.folder.path()).unwrap().flatten();
+        files
+            .map(|f| f.file_name().to_string_lossy().into_owned())
+            .filter(|name| name.starts_with("tapline-"))
+            .collect()
+    }
+}

@@ -1,0 +1,158 @@
+//! A program that is running, with what it prints and logs.
+
+use std::io::{BufRead as _, BufReader, Read};
+use std::process::Child;
+use std::time::{Duration, Instant};
+
+use crossbeam::channel::{Receiver, RecvTimeoutError, bounded};
+use rustix::process::Signal;
+use serde_json::Value;
+use tapline_testing::program::Done;
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::stages::signal;
+
+/// How long a line may take for anything: a test must fail and not hang.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A line, or a rig, that is running.
+pub(crate) struct Running {
+    /// `None` once its end has been waited for.
+    child: Option<Child>,
+    printed: Receiver<String>,
+    log: Receiver<String>,
+    /// What of the log was read so far.
+    log_text: String,
+}
+
+impl Drop for Running {
+    /// A test that fails leaves no line running, and shows its log.
+    fn drop(&mut self) {
+        if let Some(mut child) = self.child.take() {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            eprintln!("{}", self.log_so_far());
+        }
+    }
+}
+
+impl Running {
+    pub(crate) fn start(sandbox: &Sandbox, arguments: &str) -> Self {
+        let mut child = sandbox.start(arguments);
+        let printed = lines_of(child.stdout.take().unwrap());
+        let log = lines_of(child.stderr.take().unwrap());
+        Self { child: Some(child), printed, log, log_text: String::new() }
+    }
+
+    pub(crate) fn child(&self) -> &Child {
+        self.child.as_ref().unwrap()
+    }
+
+    pub(crate) fn assert_runs(&mut self) {
+        let ended = self.child.as_mut().unwrap().try_wait().unwrap();
+        assert_eq!(ended, None, "it has ended: {}", self.log_so_far());
+    }
+
+    fn log_so_far(&mut self) -> &str {
+        for line in self.log.try_iter() {
+            self.log_text.push_str(&line);
+            self.log_text.push('\n');
+        }
+        &self.log_text
+    }
+
+    /// Waits for the next line that it prints.
+    pub(crate) fn line(&mut self) -> String {
+        match self.printed.recv_timeout(PATIENCE) {
+            Ok(line) => line,
+            Err(error) => panic!("it prints nothing ({error}), but logs: {}", self.log_so_far()),
+        }
+    }
+
+    /// Waits for the next line that it prints, up to `patience`.
+    pub(crate) fn line_within(&self, patience: Duration) -> Option<String> {
+        self.printed.recv_timeout(patience).ok()
+    }
+
+    /// The lines that it has printed and nobody has read.
+    pub(crate) fn lines_so_far(&self) -> Vec<String> {
+        self.printed.try_iter().collect()
+    }
+
+    /// Waits for the verdict on a casing.
+    pub(crate) fn verdict(&mut self) -> Value {
+        let verdict: Value = serde_json::from_str(&self.line()).unwrap();
+        assert_eq!(verdict["kind"], "verdict", "{verdict}");
+        verdict
+    }
+
+    /// Waits for as many verdicts.
+    pub(crate) fn verdicts(&mut self, count: usize) -> Vec<Value> {
+        (0..count).map(|_| self.verdict()).collect()
+    }
+
+    /// Waits until one line of the log has all of `words`.
+    pub(crate) fn wait_for_log(&mut self, words: &[&str]) {
+        let since = Instant::now();
+        loop {
+            let Ok(line) = self.log.recv_timeout(PATIENCE.saturating_sub(since.elapsed())) else {
+                panic!("{words:?} was never logged, but:\n{}", self.log_text)
+            };
+            self.log_text.push_str(&line);
+            self.log_text.push('\n');
+            if words.iter().all(|word| line.contains(word)) {
+                eprintln!("{words:?} was logged after {:.2} s", since.elapsed().as_secs_f64());
+                return;
+            }
+        }
+    }
+
+    pub(crate) fn signal(&self, which: Signal) {
+        signal(i32::try_from(self.child().id()).unwrap(), which);
+    }
+
+    /// Kills it; what it had printed and nobody has read.
+    pub(crate) fn kill(self) -> Vec<String> {
+        self.signal(Signal::KILL);
+        self.printed.iter().collect()
+    }
+
+    /// Waits for the end: the whole log, and what it printed that nobody has read.
+    pub(crate) fn finish(mut self) -> Done {
+        let (mut out, since) = (String::new(), Instant::now());
+        loop {
+            match self.printed.recv_timeout(PATIENCE.saturating_sub(since.elapsed())) {
+                Ok(line) => out = format!("{out}{line}\n"),
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => panic!("it does not end; it logs:\n{}", self.log_so_far()),
+            }
+        }
+        let status = self.child.take().unwrap().wait().unwrap();
+        let log = self.log.iter().fold(std::mem::take(&mut self.log_text), |log, line| format!("{log}{line}\n"));
+        assert!(!log.contains("panicked"), "{log}");
+        Done { code: status.code(), out, err: log }
+    }
+
+    /// Ends it as Ctrl-C does.
+    pub(crate) fn interrupt(self) -> Done {
+        self.signal(Signal::INT);
+        self.finish()
+    }
+}
+
+/// The lines that come from a pipe.
+pub(crate) fn lines_of(pipe: impl Read + Send + 'static) -> Receiver<String> {
+    let (send, lines) = bounded(10_000);
+    let read = move || BufReader::new(pipe).lines().map_while(Result::ok).try_for_each(|line| send.send(line));
+    std::thread::Builder::new().name("pipe".to_owned()).spawn(read).unwrap();
+    lines
+}
+
+/// Waits until it is so.
+pub(crate) fn until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let since = Instant::now();
+    while !is_so() {
+        assert!(since.elapsed() < PATIENCE, "never: {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}

@@ -1,0 +1,34 @@
+//! The stages of a line that runs: their processes, and signals to them.
+
+use std::fs;
+use std::process::Child;
+use std::time::{Duration, Instant};
+
+/// The process that is the stage `name` (`store`, `acquire-0`) of the line `parent`, once it is there.
+pub(crate) fn stage(parent: &Child, name: &str) -> i32 {
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while Instant::now() < deadline {
+        if let Some(pid) = stage_now(parent, name) {
+            return pid;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("no stage {name:?}");
+}
+
+/// The process that is the stage `name` of the line `parent`, if it is there now.
+pub(crate) fn stage_now(parent: &Child, name: &str) -> Option<i32> {
+    fs::read_dir("/proc").unwrap().flatten().find_map(|entry| {
+        let pid: i32 = entry.file_name().to_str()?.parse().ok()?;
+        let stat = fs::read_to_string(entry.path().join("stat")).ok()?;
+        let parent_pid: u32 = stat.rsplit_once(')')?.1.split_whitespace().nth(1)?.parse().ok()?;
+        let line = fs::read_to_string(entry.path().join("cmdline")).ok()?.replace('\0', " ");
+        let arguments = line.split_once(' ')?.1;
+        (parent_pid == parent.id() && arguments.starts_with(&format!("stage {name} "))).then_some(pid)
+    })
+}
+
+/// Sends `signal` to a process, which must be there.
+pub(crate) fn signal(pid: i32, signal: rustix::process::Signal) {
+    rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), signal).unwrap();
+}
