@@ -1,0 +1,71 @@
+//! A second simulator of tapped casings, for tests alone.
+//!
+//! What holds on one simulator may be a habit of that simulator. This one shares no code and no physics with
+//! `tapline-model`, so that a method that was tuned on the one can be tried on the other.
+//!
+//! | | here | `tapline-model` |
+//! |---|---|---|
+//! | contact | Hertz with the damping of Hunt and Crossley, b a constant: restitution falls with velocity | damping by a restitution that is given, from a table |
+//! | target | an infinite plate, which takes energy by its impedance 8 sqrt(D m) | a mass that stands still |
+//! | crack | a round clamped plate that bends and shears, on the plate's impedance; less felt, it is stiffer at the same mass | a beam over a block, with cords beside it; less felt, it is stiffer and heavier |
+//! | sound | eight modes of the casing and three of the layer, heard by their deflection | five modes heard by their velocity and one of the layer |
+//! | what stays with a place | stiffness correlated along the ring, level of each mode by itself, in part shared by the offsets | a wave around the ring, and one spot a location |
+//! | gain | of each casing and turn, drifting within a turn, of microphone and force sensor | drifting within a turn, of the microphone |
+//! | what goes wrong | bounces and taps that land beside their place | faults of the rig |
+//!
+//! # What is taken from where
+//!
+//! - Contact: H. Hertz, *Ueber die Beruehrung fester elastischer Koerper* (1881): F = K d^1.5, contact time 2.9432 d/V. K. H. Hunt and
+//!   F. R. E. Crossley, *Coefficient of restitution interpreted as damping in vibroimpact* (J. Appl. Mech. 42, 1975):
+//!   F = K d^1.5 (1 + 1.5 a d'), with restitution 1 - a V for small a V.
+//! - Plate: C. Zener, *The intrinsic inelasticity of large plates* (Phys. Rev. 59, 1941): an infinite plate gives way to a
+//!   force with the velocity F/(8 sqrt(D m)).
+//! - Layer: S. Timoshenko and S. Woinowsky-Krieger, *Theory of Plates and Shells* (1959): deflection P a^2/(16 pi D) of a round
+//!   clamped plate.
+//! - Impactor of 4.5 g, bands, offsets and velocities: Shen's dissertation, as elsewhere in tapline.
+//!
+//! # What is assumed
+//!
+//! Stiffness and density of the layer beyond that of rubber, what swings with it, all modes, all of [`Population`], how a
+//! crack fades towards the ends of its arc and of its reach, and how loud it is. The layer's modes are driven by the force
+//! as the casing's are, and do not act back on the contact; only the first one is in the contact at all. An infinite plate
+//! returns nothing to the impactor, so that no reflection from bead or rim comes while it is touched. The sound has no
+//! direct part, no room and no hum. Noise is white. All of it says what a method does with such casings, not what a plant
+//! will see.
+//!
+//! # Example
+//!
+//! ```
+//! use tapline_plate::{Crack, Population, ScanShape, Tyre, discriminators};
+//! use tapline_process::ProcessConfig;
+//! use tapline_wire::{Discriminator, Serial};
+//!
+//! let shape = ScanShape { offsets_mm: vec![0.0], repetitions: 1, ..ScanShape::default() };
+//! let crack = Crack { depth_mm: 6.0, ..Crack::default() }.over(40, 5, 100);
+//! let tyres = [Tyre { serial: Serial::new("T1")?, cracks: vec![crack] }];
+//! let plan = shape.plan(&tyres)?;
+//! let taps = discriminators(&Population::smooth(), 1, &tyres, &plan, &ProcessConfig::default(), 2)?;
+//! let f_max = |location: usize| taps[location].values.get(Discriminator::FMax);
+//! assert!(f_max(42) < f_max(20));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod casing;
+mod contact;
+mod crack;
+mod error;
+mod modes;
+mod population;
+mod random;
+mod rig;
+mod scan;
+mod tap_set;
+
+pub use casing::Casing;
+pub use contact::{Contact, Layer};
+pub use crack::Crack;
+pub use error::Error;
+pub use population::Population;
+pub use rig::{Rig, Tap};
+pub use scan::{ScanShape, Tyre, discriminators};
+pub use tap_set::write_tap_set;

@@ -1,0 +1,141 @@
+//! How imperfect casings, places, turns and taps are.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, within};
+
+/// Scatter of a population of casings and of the rig that taps them; what has no unit is relative, a standard deviation.
+///
+/// Every value is an assumption: nobody has published one for tyres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Population {
+    /// Contact stiffness from casing to casing.
+    pub casing_stiffness: f64,
+    /// Mass per area from casing to casing: of the impedance, and against the modes' level.
+    pub casing_mass: f64,
+    /// Frequency and decay of each mode from casing to casing.
+    pub casing_mode_frequency: f64,
+    /// Level of each mode from casing to casing.
+    pub casing_mode_level: f64,
+    /// Gain of the microphone from casing to casing.
+    pub casing_gain: f64,
+    /// Stiffness, frequencies and levels between the shoulders of a casing.
+    pub shoulder: f64,
+    /// Stiffness that stays with a place, correlated along the ring.
+    pub place_stiffness: f64,
+    /// Angle over which that stiffness keeps exp(-1/2) of its correlation.
+    pub place_correlation_deg: f64,
+    /// Level of each mode that stays with a place, from one place to the next unrelated.
+    pub place_modes: f64,
+    /// Part of the variance of a place that all offsets at one angle share.
+    pub place_shared: f64,
+    /// Gain of the microphone from turn to turn.
+    pub turn_gain: f64,
+    /// Change of that gain over a turn, from its first tap to its last.
+    pub turn_drift: f64,
+    /// Gain of the force sensor from turn to turn.
+    pub turn_sensor: f64,
+    /// Change of that gain over a turn.
+    pub turn_sensor_drift: f64,
+    /// Contact stiffness from tap to tap.
+    pub tap_stiffness: f64,
+    /// Velocity from tap to tap.
+    pub tap_velocity: f64,
+    /// Level of each mode from tap to tap.
+    pub tap_modes: f64,
+    /// Error of the measured velocity.
+    pub velocity_error: f64,
+    /// Part of the taps that go wrong: half bounce, half land beside their place or too slow.
+    pub rogue: f64,
+    /// Noise of the force sensor, N.
+    pub force_noise_n: f64,
+    /// Noise of the microphone, V.
+    pub sound_noise_v: f64,
+}
+
+impl Population {
+    /// A quiet rig and even casings.
+    pub fn smooth() -> Self {
+        Self {
+            casing_stiffness: 0.03,
+            casing_mass: 0.03,
+            casing_mode_frequency: 0.01,
+            casing_mode_level: 0.05,
+            casing_gain: 0.03,
+            shoulder: 0.01,
+            place_stiffness: 0.01,
+            place_correlation_deg: 10.0,
+            place_modes: 0.02,
+            place_shared: 0.5,
+            turn_gain: 0.02,
+            turn_drift: 0.003,
+            turn_sensor: 0.005,
+            turn_sensor_drift: 0.001,
+            tap_stiffness: 0.01,
+            tap_velocity: 0.008,
+            tap_modes: 0.02,
+            velocity_error: 0.002,
+            rogue: 0.0,
+            force_noise_n: 0.05,
+            sound_noise_v: 0.002,
+        }
+    }
+
+    /// What a method must bear: 1 % rogue taps, a gain that drifts by 2 % within a turn, and 4 % of stiffness and 8 % of
+    /// the modes' level that stay with a place and come back at every repetition.
+    pub fn rough() -> Self {
+        Self {
+            place_stiffness: 0.04,
+            place_modes: 0.08,
+            turn_gain: 0.04,
+            turn_drift: 0.02,
+            turn_sensor_drift: 0.005,
+            rogue: 0.01,
+            ..Self::smooth()
+        }
+    }
+
+    /// The same with `times` the noise of force and sound.
+    pub fn with_noise(self, times: f64) -> Self {
+        Self { force_noise_n: times * self.force_noise_n, sound_noise_v: times * self.sound_noise_v, ..self }
+    }
+
+    /// Whether every quantity is within its bounds.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] names the first that is not.
+    pub fn validate(&self) -> Result<(), Error> {
+        for (name, value) in [
+            ("casing_stiffness", self.casing_stiffness),
+            ("casing_mass", self.casing_mass),
+            ("casing_mode_frequency", self.casing_mode_frequency),
+            ("casing_mode_level", self.casing_mode_level),
+            ("casing_gain", self.casing_gain),
+            ("shoulder", self.shoulder),
+            ("place_stiffness", self.place_stiffness),
+            ("place_modes", self.place_modes),
+            ("turn_gain", self.turn_gain),
+            ("turn_drift", self.turn_drift),
+            ("turn_sensor", self.turn_sensor),
+            ("turn_sensor_drift", self.turn_sensor_drift),
+            ("tap_stiffness", self.tap_stiffness),
+            ("tap_velocity", self.tap_velocity),
+            ("tap_modes", self.tap_modes),
+            ("velocity_error", self.velocity_error),
+        ] {
+            within(name, value, 0.0, 0.3)?;
+        }
+        within("place_correlation_deg", self.place_correlation_deg, 0.1, 90.0)?;
+        within("place_shared", self.place_shared, 0.0, 1.0)?;
+        within("rogue", self.rogue, 0.0, 1.0)?;
+        within("force_noise_n", self.force_noise_n, 0.0, 10.0)?;
+        within("sound_noise_v", self.sound_noise_v, 0.0, 1.0)
+    }
+}
+
+impl Default for Population {
+    fn default() -> Self {
+        Self::smooth()
+    }
+}
