@@ -1,0 +1,152 @@
+//! How often verdicts are right: sets of simulated casings, judged by references of sound ones.
+//!
+//! `cargo run --release -p tapline-lab --example rates -- --simulator plate --cache /tmp/rates` prints, for every scene,
+//! reference and number of repetitions, how many shoulders got which verdict with a 95 % interval, and how well the index
+//! and each discriminator alone rank the locations. Casings come in groups with a reference of their own each; a shoulder
+//! is judged once in a cell.
+//!
+//! What was simulated stays in the cache folder, one file a set: little-endian `f64`, and beside it a JSON head with the
+//! shape `[casing][shoulder][offset][velocity][repetition][location][column]`, the columns' names and the truth:
+//!
+//! ```python
+//! head = json.load(open("plate-smooth-sound-1-0123456789abcdef.json"))
+//! values = numpy.fromfile("plate-smooth-sound-1-0123456789abcdef.f64", "<f8").reshape(head["shape"])
+//! ```
+
+mod cells;
+mod scenes;
+mod sets;
+
+use std::io::{self, Write as _};
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Context as _, Result, ensure};
+use clap::Parser;
+use tapline_plate::{ScanShape, write_tap_set};
+
+use cells::{By, Cell, judge_cell};
+use scenes::{Scene, Simulator};
+use sets::Cache;
+
+/// Judges simulated casings and counts the verdicts.
+#[derive(Debug, Parser)]
+struct Args {
+    /// What simulates the casings.
+    #[arg(long, value_enum, default_value = "plate")]
+    simulator: Simulator,
+    /// Folder of what was simulated, kept from run to run.
+    #[arg(long, default_value = "target/rates")]
+    cache: PathBuf,
+    /// What shoulders are compared with: `self`, or numbers of sound casings.
+    #[arg(long, value_delimiter = ',', default_value = "8,12,self")]
+    reference: Vec<By>,
+    /// Repetitions that are judged, of the reference and of the scan alike.
+    #[arg(long, value_delimiter = ',', default_value = "1,2")]
+    repetitions: Vec<u16>,
+    /// Scenes; all when left out.
+    #[arg(long, value_delimiter = ',', value_enum)]
+    scene: Vec<Scene>,
+    /// Groups of casings, each with a seed and a reference of its own.
+    #[arg(long, default_value_t = 5)]
+    groups: u64,
+    /// Sound casings that are judged in a group; both shoulders count.
+    #[arg(long, default_value_t = 50)]
+    sound: usize,
+    /// Casings with a crack that are judged in a group; shoulder 1 counts, shoulder 2 is sound.
+    #[arg(long, default_value_t = 20)]
+    cracked: usize,
+    /// Offsets, mm.
+    #[arg(long, value_delimiter = ',', default_value = "0,5,10,15")]
+    offsets: Vec<f64>,
+    /// Velocities, m/s.
+    #[arg(long, value_delimiter = ',', default_value = "1.85")]
+    velocities: Vec<f64>,
+    /// Locations of a ring.
+    #[arg(long, default_value_t = 100)]
+    locations: u32,
+    /// Length of a record, s.
+    #[arg(long, default_value_t = 0.05)]
+    record_s: f64,
+    /// Seed of the first group.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Stated rate of false calls; the default configuration's when left out.
+    #[arg(long)]
+    false_call_rate: Option<f64>,
+    /// One group of few casings: under a minute.
+    #[arg(long)]
+    quick: bool,
+    /// Writes the scene's first two casings as a tap set into this folder instead of judging (plate alone).
+    #[arg(long)]
+    write_taps: Option<PathBuf>,
+}
+
+fn main() -> Result<()> {
+    let mut args = Args::parse();
+    if args.quick {
+        (args.groups, args.sound, args.cracked) = (1, 12, 8);
+        args.reference = vec![By::File(8)];
+        args.repetitions = vec![1];
+    }
+    ensure!(args.groups > 0 && args.sound > 0 && args.cracked > 0, "there must be a casing in each group");
+    if args.scene.is_empty() {
+        args.scene = Scene::ALL.to_vec();
+    }
+    let turns = args.repetitions.iter().copied().max().context("--repetitions is empty")?;
+    let shape = ScanShape {
+        offsets_mm: args.offsets.clone(),
+        velocities_m_per_s: args.velocities.clone(),
+        repetitions: turns,
+        location_count: args.locations,
+        record_s: args.record_s,
+        ..ScanShape::default()
+    };
+    if let Some(folder) = &args.write_taps {
+        return write_taps(&args, &shape, folder);
+    }
+    let cache = Cache::new(&args.cache, args.simulator, shape, args.reference.iter().map(By::casings).max())?;
+    let begun = Instant::now();
+    let mut out = io::stdout().lock();
+    writeln!(
+        out,
+        "{:?}, {} groups, {} sound and {} cracked casings judged in each, {} taps a casing",
+        args.simulator,
+        args.groups,
+        args.sound,
+        args.cracked,
+        cache.shape().tap_count()
+    )?;
+    Cell::write_head(&mut out)?;
+    for &scene in &args.scene {
+        let judged_count = if scene.is_sound() { args.sound } else { args.cracked };
+        for &by in &args.reference {
+            for &repetitions in &args.repetitions {
+                let cell = judge_cell(
+                    &cache,
+                    scene,
+                    by,
+                    repetitions,
+                    judged_count,
+                    (args.seed, args.groups),
+                    args.false_call_rate,
+                )
+                .with_context(|| format!("{scene:?}, reference {by}, {repetitions} repetitions"))?;
+                cell.write(&mut out)?;
+                out.flush()?;
+            }
+        }
+    }
+    let (taps, seconds) = cache.simulated();
+    writeln!(out, "simulated {taps} taps in {seconds:.1} s; all took {:.1} s", begun.elapsed().as_secs_f64())?;
+    Ok(())
+}
+
+fn write_taps(args: &Args, shape: &ScanShape, folder: &std::path::Path) -> Result<()> {
+    ensure!(args.simulator == Simulator::Plate, "--write-taps is of the simulator plate");
+    let scene = args.scene.first().copied().context("--scene is empty")?;
+    let tyres = scene.tyres(shape.location_count, 2, args.seed)?;
+    let tyres: Vec<_> = tyres.iter().map(scenes::Tyre::of_plate).collect();
+    let shape = ScanShape { record_s: scene.record_s(shape.record_s), ..shape.clone() };
+    Ok(write_tap_set(folder, &scene.population(), args.seed, &tyres, &shape.plan(&tyres)?)?)
+}
