@@ -2,6 +2,5 @@
 
 pub(crate) mod atomic_file;
 pub(crate) mod progress;
-pub(crate) mod sigbus;
 pub(crate) mod signals;
 pub(crate) mod stderr;

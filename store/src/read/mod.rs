@@ -5,7 +5,6 @@
 //! - `regions`: regions of a damage map
 //! - `verify`: whether an archive is complete and consistent
 
-pub(crate) mod mapped;
 pub(crate) mod reader;
 pub(crate) mod regions;
 pub(crate) mod samples;

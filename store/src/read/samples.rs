@@ -16,13 +16,12 @@ use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::HeaderRow;
 use crate::h5::location::ChunkLocation;
 use crate::h5::samples::{ChunkRows, unpadded};
-use crate::read::mapped::Mapped;
 
 /// Buffers of one record, which a caller reuses for many.
 #[derive(Debug, Default)]
 pub struct ReadBuffer {
     /// The packed chunk.
-    copied: Vec<u8>,
+    chunk: Vec<u8>,
     /// The samples.
     lanes: Vec<Lane>,
     /// The unpacked planes of bits.
@@ -34,38 +33,25 @@ pub struct ReadBuffer {
 pub(crate) struct SampleFile {
     path: PathBuf,
     file: File,
-    /// Its bytes, where they are read where they lie.
-    mapped: Option<Mapped>,
     rows: ChunkRows,
     /// The location of every row, once it was looked for; `None` if that failed.
     locations: OnceLock<Option<Vec<Option<ChunkLocation>>>>,
 }
 
 impl SampleFile {
-    /// The file of the samples of `archive`, which another archive may share, for reading tap by tap: what cannot be read is
-    /// an error that names the tap.
+    /// The file of the samples of `archive`, which may be that of another archive.
     pub(crate) fn open(archive: &Archive) -> Result<Self> {
         let path = PathBuf::from(archive.samples().dataset().filename());
         let file = File::open(&path).context("open the samples", &path)?;
-        Ok(Self { path, file, mapped: None, rows: archive.samples().clone(), locations: OnceLock::new() })
+        Ok(Self { path, file, rows: archive.samples().clone(), locations: OnceLock::new() })
     }
 
-    /// The same for reading many taps, where they lie: who reads what cannot be read is ended by the system.
-    pub(crate) fn mapped(archive: &Archive) -> Result<Self> {
-        let file = Self::open(archive)?;
-        // A library that unpacks trusts its bytes to stay as they are.
-        let is_unpacked_here = matches!(file.rows.codec(), Codec::None | Codec::Lz4);
-        let mapped = is_unpacked_here.then(|| Mapped::new(&file.file)).transpose();
-        Ok(Self { mapped: mapped.context("map the samples", &file.path)?, ..file })
-    }
-
-    /// Where the samples of every plan row lie.
+    /// The location of every row.
     pub(crate) fn locations(&self) -> Result<Vec<Option<ChunkLocation>>> {
         self.rows.locations(&self.file).context("find samples", &self.path)
     }
 
-    /// Where the samples of plan row `row` lie. All are found the first time: the library's own search goes through the
-    /// index anew for each.
+    /// The location of row `row`. All are looked up at the first call: the library would search the whole index for each.
     pub(crate) fn location(&self, row: u32) -> Result<Option<ChunkLocation>> {
         match self.locations.get_or_init(|| self.locations().ok()) {
             Some(locations) => Ok(locations.get(row as usize).copied().flatten()),
@@ -84,8 +70,10 @@ impl SampleFile {
         is_beginning: bool,
         buffer: &'r mut ReadBuffer,
     ) -> Result<Samples<'r>> {
-        let ReadBuffer { copied, lanes, planes } = buffer;
-        let stored = self.stored(header, location, copied)?;
+        let ReadBuffer { chunk, lanes, planes } = buffer;
+        let location = location.ok_or_else(|| self.damaged(header, "have no location in the file"))?;
+        location.read(&self.file, chunk).context("read samples", &self.path)?;
+        let stored = &chunk[..];
         let codec = self.rows.codec();
         let is_valid = match head_of(codec, stored).filter(|_| is_beginning) {
             Some(head) => {
@@ -98,21 +86,6 @@ impl SampleFile {
             return Err(self.damaged(header, "are not what was written: their checksum differs"));
         }
         self.unpacked(header, stored, lanes, planes)
-    }
-
-    /// What lies at `location`, in `copied` if it is not read there.
-    fn stored<'s>(
-        &'s self,
-        header: &TapHeader,
-        location: Option<ChunkLocation>,
-        copied: &'s mut Vec<u8>,
-    ) -> Result<&'s [u8]> {
-        let location = location.ok_or_else(|| self.damaged(header, "have no location in the file"))?;
-        let stored = match &self.mapped {
-            Some(mapped) => mapped.at(location),
-            None => location.read(&self.file, copied).map(|()| &copied[..]),
-        };
-        stored.context("read samples", &self.path)
     }
 
     /// The samples in the chunk `stored`: as many as the header has.
@@ -170,12 +143,8 @@ fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usi
     (0..count).map(move |channel| channel * stride..channel * stride + length)
 }
 
-/// The taps of an archive for readers that share the work: where each lies is found once, and then no lock is taken.
-///
-/// What an archive packs by Deflate is unpacked by the HDF5 library after all, one record after another.
-///
-/// What is packed by LZ4 or not at all is read where it lies, as memory. The library's lock keeps other writers off; a file
-/// that is cut short all the same, or a disk that fails, ends the process by `SIGBUS`. [`crate::Reader::tap`] returns an error then.
+/// The taps of an archive, for several threads: their locations are looked up once, and reading takes no lock. Only samples that
+/// are packed by Deflate are unpacked by the HDF5 library, one record after another.
 #[derive(Debug)]
 pub struct Taps {
     file: SampleFile,
@@ -193,7 +162,7 @@ struct Found {
 
 impl Taps {
     pub(crate) fn new(archive: &Archive, states: &[TapState]) -> Result<Self> {
-        let file = SampleFile::mapped(archive)?;
+        let file = SampleFile::open(archive)?;
         let locations = file.locations()?;
         let headers = archive.headers().read_all().context("read the headers", archive.path())?;
         let taps = states.iter().zip(headers).zip(locations);
