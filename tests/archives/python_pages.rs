@@ -83,13 +83,13 @@ fn reading_archives_runs_as_it_stands() {
     assert!((10_000..150_000).contains(&kept), "{kept} bytes are committed");
 }
 
-/// Catches a page that tells another way to compute seals than the program's, and one that finds no damage.
+/// Catches a page that computes checksums otherwise than the program, or finds no damage.
 #[test]
-fn seals_are_computed_as_the_page_says() {
+fn checksums_are_computed_as_the_page_says() {
     let Some(python) = tapline_testing::python_with("h5py, hdf5plugin, blake3, xxhash") else { return };
     let sandbox = scanned();
-    assert_eq!(run_page(&sandbox, &python, "archive-layout.md"), "what does not fit its seal: []\n");
-    // Results have other attributes, which are under the seal too.
+    assert_eq!(run_page(&sandbox, &python, "archive-layout.md"), "corrupt: []\n");
+    // Results have other attributes, which the digest covers too.
     let results = fs::read_dir(sandbox.path("")).unwrap().flatten().map(|file| file.file_name().into_string().unwrap());
     let results = results.filter(|name| name.starts_with("run.") && name.ends_with(".h5") && name != "run.h5");
     let results: Vec<String> = results.collect();
@@ -99,13 +99,13 @@ fn seals_are_computed_as_the_page_says() {
     let done = tapline_testing::program::Done::from(
         command.arg("of-results.py").current_dir(sandbox.path("")).output().unwrap(),
     );
-    assert_eq!(done.expect(0).out, "what does not fit its seal: []\n", "{results:?}");
+    assert_eq!(done.expect(0).out, "corrupt: []\n", "{results:?}");
     let bend = "import h5py\nwith h5py.File('run.h5', 'r+') as f:\n    row = f['discriminators'][7]\n    row['pr'] += 1e-9\n    \
                 f['discriminators'][7] = row\n    f.attrs['geometry'] = 'line'\n";
     let bent = Command::new(&python).args(["-c", bend]).current_dir(sandbox.path("")).output().unwrap();
     assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
     let said = run_page(&sandbox, &python, "archive-layout.md");
-    assert_eq!(said, "what does not fit its seal: [('discriminators', 7), ('root', 0)]\n");
+    assert_eq!(said, "corrupt: [('discriminators', 7), ('root', 0)]\n");
     // A byte of the last block of a tap, whose checksum stands in the head alone.
     let block = "import h5py\nwith h5py.File('run.h5', 'r') as f:\n    chunk = f['taps/samples'].id.get_chunk_info(5)\n\
                  with open('run.h5', 'r+b') as f:\n    f.seek(chunk.byte_offset + chunk.size - 9)\n    \
@@ -113,7 +113,7 @@ fn seals_are_computed_as_the_page_says() {
     let bent = Command::new(&python).args(["-c", block]).current_dir(sandbox.path("")).output().unwrap();
     assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
     let said = run_page(&sandbox, &python, "archive-layout.md");
-    assert_eq!(said, "what does not fit its seal: [('discriminators', 7), ('stored', 5), ('root', 0)]\n");
+    assert_eq!(said, "corrupt: [('discriminators', 7), ('stored', 5), ('root', 0)]\n");
 }
 
 /// Catches a table of flags in the page's code that has fallen behind the program's.
