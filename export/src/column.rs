@@ -1,19 +1,19 @@
-//! What a column of a table is: the one description from which every format of the table is written.
+//! A column of a table: the one description from which every format is written.
 
 use crate::Result;
 
-/// What gives the value in a row; `None` where it is absent.
+/// Returns the value in a row; `None` if it is absent.
 type Cell<R, T> = Box<dyn Fn(&R) -> Option<T>>;
 
-/// How the cells of a column are had from its rows, and of what type they are.
+/// The cells of a column, by type.
 pub(crate) enum Cells<R> {
     /// Small numbers and codes.
     U16(Cell<R, u16>),
-    /// Counts, places and sets of flags.
+    /// Counts, indices and sets of flags.
     U32(Cell<R, u32>),
     /// Measured and computed values, always finite.
     F64(Cell<R, f64>),
-    /// Names and texts; an empty one is a text without letters, not an absent one.
+    /// Names and texts; an empty text is not an absent one.
     Text(Cell<R, String>),
 }
 
@@ -21,10 +21,10 @@ pub(crate) enum Cells<R> {
 pub(crate) struct Column<R> {
     /// Name, with the unit as its suffix where it has one.
     pub name: String,
-    /// Unit of the values, "1" where they have none, empty where they are no quantity.
-    #[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "only Parquet has a place for it"))]
+    /// Unit of the values; "1" for a number without dimension, empty if they are not a quantity.
+    #[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "only Parquet stores it"))]
     pub unit: &'static str,
-    /// Whether the table as CSV has it too: there, a set of flags is its names alone.
+    /// Whether the table as CSV has it too; there a set of flags has its names alone.
     pub is_in_csv: bool,
     /// The values.
     pub cells: Cells<R>,
@@ -78,15 +78,15 @@ impl<R> Column<R> {
 
 /// A format in which a table can be written.
 pub(crate) trait Sink {
-    /// Writes `rows` below those that were written before, whose columns are the same.
+    /// Appends `rows`, with the same columns as rows before.
     ///
     /// # Errors
-    /// [`crate::Error`] when they cannot be written.
+    /// [`crate::Error`] if they cannot be written.
     fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()>;
 
-    /// Writes what ends the table.
+    /// Ends the table.
     ///
     /// # Errors
-    /// [`crate::Error`] when it cannot be written.
+    /// [`crate::Error`] if it cannot be written.
     fn finish(self) -> Result<()>;
 }

@@ -1,5 +1,5 @@
-//! A table as CSV: absent is an empty cell, numbers are the shortest text that reads back the same, and texts are nothing
-//! that a spreadsheet computes.
+//! A table as CSV: an absent value is an empty cell, a number is the shortest text that reads back the same, and no text is a
+//! formula of a spreadsheet.
 
 use std::io;
 
@@ -48,7 +48,7 @@ fn cell_text<R>(cells: &Cells<R>, row: &R) -> String {
     }
 }
 
-/// The shortest text that reads back as `value`, without a row of zeros before small ones.
+/// The shortest text that reads back as `value`; small values have an exponent.
 pub(crate) fn number_text(value: f64) -> String {
     if value != 0.0 && value.abs() < 1e-5 { format!("{value:e}") } else { value.to_string() }
 }
@@ -57,7 +57,7 @@ pub(crate) fn number_text(value: f64) -> String {
 mod tests {
     use super::*;
 
-    /// Catches a text that a spreadsheet would compute, and a number that is made a text.
+    /// Catches a text that a spreadsheet would compute, and a number that becomes a text.
     #[test]
     fn texts_are_no_formulas() {
         let columns = [

@@ -10,14 +10,14 @@ pub enum Error {
     /// The archive cannot be read.
     #[error(transparent)]
     Archive(#[from] tapline_store::Error),
-    /// The system says no.
+    /// The operating system refused.
     #[error("cannot {action} {}: {source}", path.display())]
     Io {
-        /// What was tried.
+        /// The action that failed.
         action: &'static str,
-        /// On which file or folder.
+        /// The file or folder.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         source: io::Error,
     },
     /// A table could not be written.
@@ -32,7 +32,7 @@ pub enum Error {
     Wav {
         /// The recording.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         source: hound::Error,
     },
     /// An export of taps would mix with other files.
@@ -49,12 +49,12 @@ pub enum Error {
         /// Taps planned.
         tap_count: usize,
     },
-    /// Something that a tap set cannot say.
+    /// A tap set cannot represent something of the archive.
     #[error("{} cannot be a tap set: {what}", path.display())]
     NoTapSet {
         /// The archive.
         path: PathBuf,
-        /// What cannot be said, and what can.
+        /// What cannot be represented, and what can.
         what: String,
     },
 }
@@ -62,7 +62,7 @@ pub enum Error {
 /// What a fallible call of this crate returns.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Adds to an error of the system what was tried and on which file.
+/// Adds the action and the file to an error of the system.
 pub(crate) trait Context<T> {
     /// The result, its error naming `action` and `path`.
     fn context(self, action: &'static str, path: &Path) -> Result<T>;

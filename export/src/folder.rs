@@ -1,4 +1,4 @@
-//! A folder that appears whole or not at all.
+//! A folder that appears complete or not at all.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::error::Context as _;
 use crate::{Error, Result};
 
-/// A folder that is being filled beside the place where it will stand; it is taken away again unless it is finished.
+/// A folder that is filled under another name and then renamed; it is removed unless it is finished.
 #[derive(Debug)]
 pub(crate) struct Draft {
     draft: PathBuf,
@@ -14,15 +14,15 @@ pub(crate) struct Draft {
 }
 
 impl Draft {
-    /// Begins what will be `folder`, which may stand there already if it is empty.
+    /// Begins the folder that will be `folder`, which may exist already if it is empty.
     pub(crate) fn new(folder: &Path) -> Result<Self> {
-        // A name that ends in a slash, or is none, as "." is: the parent is wanted, and something to add to.
-        // One that is there may be so by way of a link, which stays.
+        // The path may end in a slash or be ".": canonical, it has a parent and a name to which a suffix can be added. If it is a
+        // link to a folder, the link stays.
         let folder = match (folder.canonicalize(), folder.file_name()) {
-            (Ok(there), _) => there,
+            (Ok(existing), _) => existing,
             (Err(_), Some(name)) if !folder.is_symlink() => folder.with_file_name(name),
-            // Also a link to nothing, in whose place no folder can be put.
-            (there, _) => there.context("find the folder", folder)?,
+            // For example a link to nothing, which a folder cannot replace.
+            (missing, _) => missing.context("find the folder", folder)?,
         };
         match fs::read_dir(&folder).map(|mut entries| entries.next().is_none()) {
             Ok(true) => {}
@@ -35,7 +35,7 @@ impl Draft {
         Ok(Self { draft, folder })
     }
 
-    /// The path of a file in the folder while it is a draft, its own folder made.
+    /// The present path of the file `name`, whose own folder is created.
     pub(crate) fn path(&self, name: &str) -> Result<PathBuf> {
         let path = self.draft.join(name);
         if let Some(parent) = path.parent() {
@@ -44,7 +44,7 @@ impl Draft {
         Ok(path)
     }
 
-    /// Whether something called `name` is in the folder.
+    /// Whether the folder has a file or folder `name`.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.draft.join(name).exists()
     }
@@ -55,16 +55,16 @@ impl Draft {
         fs::write(&path, text).context("write", &path)
     }
 
-    /// Puts the folder in its place.
+    /// Renames the folder to its final name.
     pub(crate) fn finish(self) -> Result<()> {
-        // An empty folder in that place is replaced; one that has been filled meanwhile is not.
+        // This replaces an empty folder, but not one that was filled meanwhile.
         fs::rename(&self.draft, &self.folder).context("put in place the folder", &self.folder)
     }
 }
 
 impl Drop for Draft {
     fn drop(&mut self) {
-        // Gone when it is finished; and whoever asked has been told of an error already.
+        // After it is finished nothing is there; other errors are less important than the one that led here.
         drop(fs::remove_dir_all(&self.draft));
     }
 }

@@ -1,5 +1,5 @@
-//! What an archive holds in the formats of other programs: tables as CSV and, with the feature `parquet`, as Parquet; taps as
-//! WAV and UFF.
+//! Exports archives in the formats of other programs: tables as CSV and, with the feature `parquet`, as Parquet; taps as tap sets
+//! of WAV files and as Universal Files (UFF).
 
 mod column;
 mod csv_file;
@@ -29,7 +29,7 @@ use tapline_store::Reader;
 /// A table that can be exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Export {
-    /// What was found in every archived tap.
+    /// The discriminators of every archived tap.
     Discriminators,
     /// The damage index of every location of the judged scans.
     Damage,
@@ -59,7 +59,7 @@ impl Export {
 /// Writes `table` of the archive to `out` as CSV with a header line.
 ///
 /// # Errors
-/// [`Error::Csv`] when `out` fails, or what reading the archive gives.
+/// [`Error::Csv`] if `out` fails, or an error of reading the archive.
 pub fn export(reader: &Reader, table: Export, out: impl io::Write + Send) -> Result<()> {
     one(reader, TableFile::csv(table, out))
 }
@@ -70,7 +70,7 @@ pub fn export(reader: &Reader, table: Export, out: impl io::Write + Send) -> Res
 /// the programs that made the archive and the file. One row group is in memory at a time.
 ///
 /// # Errors
-/// [`Error`] when `out` fails, or what reading the archive gives.
+/// [`Error`] if `out` fails, or an error of reading the archive.
 #[cfg(feature = "parquet")]
 pub fn export_parquet(reader: &Reader, table: Export, out: impl io::Write + Send) -> Result<()> {
     one(reader, TableFile::parquet(table, out))
@@ -111,29 +111,28 @@ impl<W: io::Write + Send> TableFile<W> {
         Self { table, format: TableFormat::Parquet(ParquetFile::new(table, out)) }
     }
 
-    /// Adds the rows of an archive. Where it is one of many it has a `name`, which its rows then say in a first column
-    /// `file`: all of a table have one, or none has.
+    /// Adds the rows of an archive. An archive that is one of many has a `name`, which is the first column, `file`, of its rows:
+    /// either all archives of a table have a name, or none has.
     ///
     /// # Errors
-    /// [`Error`] when the table cannot be written, or what reading the archive
-    /// gives; then no row of it is written.
+    /// [`Error`] if the table cannot be written, or an error of reading the archive; then none of its rows is written.
     pub fn add(&mut self, reader: &Reader, name: Option<&str>) -> Result<()> {
         match &mut self.format {
-            TableFormat::Csv(file) => tables::give(reader, name, self.table, file.as_mut()),
+            TableFormat::Csv(file) => tables::write(reader, name, self.table, file.as_mut()),
             #[cfg(feature = "parquet")]
             TableFormat::Parquet(file) => {
                 if name.is_none() {
                     file.describe(reader);
                 }
-                tables::give(reader, name, self.table, file)
+                tables::write(reader, name, self.table, file)
             }
         }
     }
 
-    /// Writes what ends the table.
+    /// Ends the table.
     ///
     /// # Errors
-    /// [`Error`].
+    /// [`Error`] if it cannot be written.
     pub fn finish(self) -> Result<()> {
         match self.format {
             TableFormat::Csv(file) => file.finish(),

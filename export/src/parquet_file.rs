@@ -1,4 +1,4 @@
-//! A table as Parquet: typed columns, absent is null, written a row group at a time.
+//! A table as Parquet: typed columns, null for absent values, written one row group at a time.
 
 use std::collections::HashMap;
 use std::io;
@@ -20,24 +20,24 @@ use tapline_store::Reader;
 /// Rows that are turned into columns at once.
 const BATCH_ROWS: usize = 8192;
 
-/// Rows of a group: what is held in memory until it is written, some tens of megabytes of the widest table.
+/// Rows of a group, which is in memory until it is written: tens of megabytes of the widest table.
 const GROUP_ROWS: usize = 8 * BATCH_ROWS;
 
 /// Metadata key of a column's unit.
 const UNIT: &str = "unit";
 
-/// Parquet with metadata about where the table comes from.
+/// Parquet with metadata about the origin of the table.
 pub(crate) struct ParquetFile<W: io::Write + Send> {
     state: State<W>,
     metadata: Vec<KeyValue>,
 }
 
-/// How far it is.
+/// The state of a file.
 enum State<W: io::Write + Send> {
-    /// Nothing is written yet, as the columns are not known.
+    /// Nothing is written yet, because the columns are not known.
     Begun(W),
     Writing(Box<ArrowWriter<W>>, Arc<Schema>),
-    /// What was to be written could not be.
+    /// A write failed.
     Failed,
 }
 
@@ -51,7 +51,7 @@ impl<W: io::Write + Send> ParquetFile<W> {
         Self { state: State::Begun(out), metadata }
     }
 
-    /// Says of the table, before any row, that it is of one archive: which.
+    /// Adds the one archive of the table to the metadata; before any row.
     pub(crate) fn describe(&mut self, reader: &Reader) {
         self.metadata.push(entry("tapline.plan_digest", format!("{:016x}", reader.plan().digest())));
         self.metadata.extend(reader.written_by().map(|version| entry("tapline.written_by", version)));
@@ -98,12 +98,12 @@ impl<W: io::Write + Send> Sink for ParquetFile<W> {
 
     fn finish(mut self) -> Result<()> {
         let State::Writing(out, _) = std::mem::replace(&mut self.state, State::Failed) else { return Ok(()) };
-        // What a buffer below still holds must be out, or said not to be.
+        // Flushes buffers below, so that their errors are reported.
         Ok(out.into_inner()?.flush().map_err(ParquetError::from)?)
     }
 }
 
-/// Name, type and unit of a column. Any value may be absent: what is not today may be tomorrow, and readers see one schema.
+/// Name, type and unit of a column. Every column may have null, so that the schema never changes.
 fn field<R>(column: &Column<R>) -> Field {
     let kind = match column.cells {
         Cells::U16(_) => DataType::UInt16,

@@ -1,4 +1,4 @@
-//! The tables of an archive: their columns and where their rows come from.
+//! The tables of an archive: their columns and rows.
 
 use tapline_wire::{
     DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, ScanState, TapState,
@@ -13,8 +13,8 @@ use tapline_store::{Region, regions};
 
 use crate::Result;
 
-/// Gives `table` of the archive to `sink`; with a first column `file` that says `name`, where it is one of many.
-pub(crate) fn give(reader: &Reader, name: Option<&str>, table: Export, sink: &mut impl Sink) -> Result<()> {
+/// Writes `table` of the archive to `sink`; if it is one of many, with a first column `file` with its `name`.
+pub(crate) fn write(reader: &Reader, name: Option<&str>, table: Export, sink: &mut impl Sink) -> Result<()> {
     match table {
         Export::Discriminators => discriminators(reader, name, sink),
         Export::Damage => damage(reader, name, sink),
@@ -48,7 +48,7 @@ fn scan_columns<R>(name: Option<&str>, scan: impl Fn(&R) -> &Scan + Copy + 'stat
     file_column(name).into_iter().chain(of_scan).collect()
 }
 
-/// The column that says which archive a row is of.
+/// The column with the name of the archive.
 fn file_column<R>(name: Option<&str>) -> Option<Column<R>> {
     let name = name?.to_owned();
     Some(Column::text("file", move |_| name.clone()))
@@ -127,7 +127,7 @@ struct VerdictRow<'a> {
     reasons: Reasons,
     /// Taps that are archived, refused and missing.
     counts: [u32; 3],
-    /// What was judged, with its number of regions; `None` where nothing was.
+    /// The judgement and its number of regions; `None` if the scan is not judged.
     judged: Option<(Judgement, u32)>,
 }
 
@@ -176,7 +176,7 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
             let verdict = Verdict::from_code(judgement.verdict)?;
             Some((verdict, judgement, count(regions(geometry, &cells).len())))
         });
-        // No verdict, no PASS: whoever reads the table alone must look.
+        // A scan without a verdict is never PASS: someone must look at it.
         let unjudged = if state == ScanState::Open { Reasons::NOT_ENDED } else { Reasons::NO_INDEX };
         let (verdict, reasons) =
             known.as_ref().map_or((Verdict::ReInspect, unjudged), |&(verdict, ref j, _)| (verdict, j.reasons));
@@ -188,7 +188,7 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
     sink.rows(&columns, rows)
 }
 
-/// A count of taps or arcs; a plan numbers its taps with a `u32`.
+/// A count of taps or arcs, of which a plan has at most `u32::MAX`.
 fn count(number: usize) -> u32 {
     u32::try_from(number).unwrap_or(u32::MAX)
 }

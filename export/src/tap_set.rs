@@ -1,10 +1,10 @@
-//! The taps of an archive as a tap set: a folder that can be scanned again, and gives the same archive content.
+//! The taps of an archive as a tap set: a folder that can be scanned again and gives the same contents.
 //!
-//! Samples, scales, velocities, distances, angles, closing taps, stations, attempts, times and truth come back bit for bit,
-//! and a tap that was refused is refused again in the same words. What cannot come back as it was: the kind of the source,
-//! which is a tap set from then on; with it the digest of the plan; when and as which record a tap was sent; a missing tap
-//! and a damaged one, which are refused; room for samples that no archived tap has; and a recording with a sample that is no number, which no
-//! tap set may have.
+//! Samples, scales, velocities, distances, angles, closing taps, stations, attempts, times and truth come back bit for bit, and a
+//! refused tap is refused again for the same reason. These come back otherwise or not at all: the kind of the source, which is
+//! then a tap set, and so the digest of the plan; when and as which record a tap was sent; missing and corrupt taps, which are
+//! refused; the maximum of samples, if no archived tap has as many; and recordings with a sample that is not a number, which
+//! tap sets do not permit.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -21,13 +21,13 @@ use tapline_store::{OwnedSamples, Reader};
 /// Counts of a full-scale 16-bit sample.
 const COUNTS_FULL_SCALE: f64 = 32_768.0;
 
-/// Most newtons or volts of a full-scale sample that a tap set can state.
+/// Largest full scale, in newtons or volts, that a tap set may have.
 const FULL_SCALE_MAX: f64 = 1e12;
 
-/// Columns of what may differ from tap to tap, but is stated once for the set where it does not.
+/// Columns of values that are in `scan.toml`, and in the list for taps that differ from it.
 const OWN_COLUMNS: [&str; 3] = ["force_full_scale_n", "sound_full_scale_v", "microphone_distance_m"];
 
-/// What a tap set states once for all of its taps.
+/// The values of [`OWN_COLUMNS`] of one tap, or of the set.
 #[derive(Debug, Clone)]
 struct Common {
     full_scales: Vec<(Channel, f64)>,
@@ -38,8 +38,8 @@ struct Common {
 /// reference that it had.
 ///
 /// # Errors
-/// [`Error::FolderNotEmpty`], [`Error::NoSamples`], [`Error::NoTapSet`], or what reading and writing give; the folder is
-/// then not there.
+/// [`Error::FolderNotEmpty`], [`Error::NoSamples`], [`Error::NoTapSet`], or an error of reading or writing; the folder is then not
+/// created.
 pub fn export_tap_set(reader: &Reader, folder: &Path) -> Result<TapCounts> {
     Taps::new(reader).counts().if_any(reader.path())?;
     let mut set = TapSetFolder::begin(folder)?;
@@ -47,7 +47,7 @@ pub fn export_tap_set(reader: &Reader, folder: &Path) -> Result<TapCounts> {
     set.finish()
 }
 
-/// What all archives of a tap set have alike.
+/// What must be the same in all archives of a tap set.
 #[derive(Debug)]
 struct Alike {
     path: PathBuf,
@@ -71,11 +71,11 @@ impl Alike {
         }
     }
 
-    /// What of `reader` is otherwise.
+    /// What differs in `reader`.
     fn difference(&self, reader: &Reader) -> Option<&'static str> {
         let (plan, ours) = (reader.plan(), &self.recording);
         let theirs = &plan.recording;
-        // As much as the longest needs is made room for.
+        // The maximum of samples may differ: the set has the largest.
         let is_alike = ours.sample_rate_hz.to_bits() == theirs.sample_rate_hz.to_bits()
             && ours.pre_trigger_samples == theirs.pre_trigger_samples
             && ours.sample_format == theirs.sample_format
@@ -106,10 +106,10 @@ pub struct TapSetFolder {
 }
 
 impl TapSetFolder {
-    /// Begins what will be `folder`.
+    /// Begins the tap set `folder`.
     ///
     /// # Errors
-    /// [`Error::FolderNotEmpty`], or what writing gives.
+    /// [`Error::FolderNotEmpty`], or an error of writing.
     pub fn begin(folder: &Path) -> Result<Self> {
         let draft = Draft::new(folder)?;
         let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
@@ -129,7 +129,7 @@ impl TapSetFolder {
     /// Adds the taps of an archive.
     ///
     /// # Errors
-    /// [`Error::NoTapSet`], also where the archive cannot be in one set with those before, or what reading and writing give.
+    /// [`Error::NoTapSet`], also if the archive does not fit those before, or an error of reading or writing.
     pub fn add(&mut self, reader: &Reader) -> Result<()> {
         let plan = reader.plan();
         self.check(reader)?;
@@ -152,7 +152,7 @@ impl TapSetFolder {
         Ok(())
     }
 
-    /// Whether the archive can be in the set.
+    /// Checks that the archive fits the set.
     fn check(&mut self, reader: &Reader) -> Result<()> {
         for scan in reader.plan().scans() {
             let serial = scan.tyre.as_str();
@@ -199,10 +199,10 @@ impl TapSetFolder {
         Ok(())
     }
 
-    /// Puts the folder in its place, and says what is in it.
+    /// Finishes the folder, and returns the counts of its taps.
     ///
     /// # Errors
-    /// [`Error::NoSamples`] where no tap is, or what writing gives.
+    /// [`Error::NoSamples`] if it has no tap, or an error of writing.
     pub fn finish(self) -> Result<TapCounts> {
         let Self { draft, list, truth, common, alike, archive_count, counts, .. } = self;
         for mut file in [Some(list), truth].into_iter().flatten() {
@@ -256,7 +256,7 @@ impl Common {
         [self.full_scale(Channel::Force), self.full_scale(Channel::Sound), Some(self.microphone_distance_m)]
     }
 
-    /// The cells of [`OWN_COLUMNS`]: empty where a tap has what all have.
+    /// The cells of [`OWN_COLUMNS`]: empty where a tap has the values of the set.
     fn cells(&self, common: &Self) -> [String; 3] {
         let [force, sound, distance] = self.values();
         let [of_force, of_sound, of_distance] = common.values();
@@ -268,7 +268,7 @@ impl Common {
     }
 }
 
-/// Writes `[channel][sample]` samples as a WAV of the whole hertz nearest to the rate; the set states the rate itself.
+/// Writes `[channel][sample]` samples as a WAV, whose rate is rounded to whole hertz; `scan.toml` has the exact rate.
 fn write_wav(path: &Path, recording: &Recording, samples: &OwnedSamples) -> Result<()> {
     let outcome = match samples {
         OwnedSamples::I16(planes) => wav(path, recording, Kind::Int, planes),

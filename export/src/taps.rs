@@ -1,4 +1,4 @@
-//! What the exports of taps share: the list of all planned taps, and how files are named after tyres.
+//! What exports of taps share: the list of all planned taps, and the names of files.
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -10,30 +10,30 @@ use crate::csv_file::number_text;
 use crate::{Error, Result};
 use tapline_store::{OwnedSamples, Reader};
 
-/// How many taps an export has, and how many it had to do without.
+/// Counts of the taps of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TapCounts {
     /// Taps whose samples were written.
     pub written: usize,
-    /// Taps that were refused when they were taken.
+    /// Taps that were refused.
     pub refused: usize,
-    /// Taps that never came.
+    /// Taps that are missing.
     pub missing: usize,
-    /// Taps that are not what was written.
+    /// Taps that are corrupt.
     pub damaged: usize,
 }
 
-/// Why a missing tap has no recording, in the list of taps.
+/// Reason in the list of taps for a missing tap.
 const MISSING: &str = "missing in the archive";
 
-/// The same for a tap that was refused without a word.
+/// Reason for a tap that was refused without a reason.
 const NO_REASON: &str = "refused without a reason";
 
-/// How the list says that a tap is not what was written, before what is wrong with it.
+/// Reason for a corrupt tap, before what is wrong with it.
 const DAMAGED: &str = "damaged in the archive: ";
 
 impl TapCounts {
-    /// Both together.
+    /// The sum of both.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -44,10 +44,10 @@ impl TapCounts {
         }
     }
 
-    /// The counts, if a tap was written.
+    /// The counts, if at least one tap was written.
     ///
     /// # Errors
-    /// [`Error::NoSamples`] of what is at `path`.
+    /// [`Error::NoSamples`] for the archive at `path`.
     pub(crate) fn if_any(self, path: &Path) -> Result<Self> {
         let Self { written, refused, missing, damaged } = self;
         let tap_count = written + refused + missing + damaged;
@@ -55,10 +55,10 @@ impl TapCounts {
     }
 }
 
-/// One planned tap as its archive has it.
+/// A planned tap and its record in the archive.
 pub(crate) struct ListedTap<'a> {
     pub planned: &'a PlannedTap,
-    /// What was recorded, or why nothing was.
+    /// The record, or why there is none.
     pub record: Result<(TapHeader, OwnedSamples), String>,
     /// The attempt that settled the tap; 0 where none did.
     pub attempt: u16,
@@ -76,7 +76,7 @@ impl<'a> Taps<'a> {
         Self { reader, damaged_count: Cell::new(0) }
     }
 
-    /// How many there are of each state; of those that were found damaged as far as taps were read.
+    /// Counts of the taps by state; of corrupt taps, those read so far.
     pub(crate) fn counts(&self) -> TapCounts {
         let count = |state| self.reader.ledger().count(state);
         let written = count(TapState::Archived) - self.damaged_count.get();
@@ -89,11 +89,11 @@ impl<'a> Taps<'a> {
         let record = match self.reader.tap(row).map_err(what_is_damaged) {
             Ok(Some(tap)) => Ok(tap),
             Ok(None) if self.reader.ledger().taps()[row as usize] == TapState::Missing => Err(MISSING.to_owned()),
-            // A refusal without a word would be read as none.
+            // An empty reason would read as no refusal.
             Ok(None) => Err(Some(self.reader.reason(row)?)
                 .filter(|reason| !reason.trim().is_empty())
                 .unwrap_or_else(|| NO_REASON.to_owned())),
-            // It is given up, and the others are not.
+            // This tap is left out; the others are exported.
             Err(damage) => {
                 let damage = damage?;
                 self.damaged_count.update(|count| count + 1);
@@ -108,11 +108,11 @@ impl<'a> Taps<'a> {
     }
 }
 
-/// What is wrong with one tap; else the error.
+/// What is wrong with one tap, if the others may be readable; else the error.
 fn what_is_damaged(error: tapline_store::Error) -> Result<String> {
     match error {
         tapline_store::Error::Damaged { what, .. } => Ok(what),
-        // A disk that is gone is so for all of them.
+        // Other errors of a disk concern all taps.
         error if error.is_unreadable_part() => Ok(error.to_string()),
         error => Err(error.into()),
     }
@@ -158,20 +158,20 @@ pub(crate) fn cells(tap: &ListedTap<'_>, file: &str) -> [String; 14] {
     ]
 }
 
-/// A value as text; nothing where it is absent.
+/// A value as text; empty if it is absent.
 pub(crate) fn known(value: Option<f64>) -> String {
     value.filter(|value| value.is_finite()).map_or_else(String::new, number_text)
 }
 
-/// A name of each scan that any file system takes: letters, digits, '-' and '_' whatever the serials are, and none that
-/// `is_taken` or is another's.
+/// A name for each scan that every file system permits: of letters, digits, '-' and '_', different for each scan, and none that
+/// `is_taken`.
 pub(crate) fn scan_names(plan: &Plan, is_taken: impl Fn(&str) -> bool) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
     let name_of = |(number, scan): (usize, &Scan)| {
         let tyre: String = scan.tyre.as_str().chars().map(plain).collect();
         let name = format!("{tyre}-{}", scan.shoulder);
-        // No plain name has a dot.
+        // A name without a number has no dot.
         let numbered = (number..).map(|number| format!("{name}.{number}"));
         let free = std::iter::once(name.clone()).chain(numbered).find(|name| !is_taken(name) && !taken.contains(name));
         let name = free.unwrap_or(name);

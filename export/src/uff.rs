@@ -1,9 +1,9 @@
 //! The taps of an archive as Universal Files: dataset 58, functions of time, in SI units.
 //!
-//! One file a shoulder, because that is what programs for modal and noise measurements load as one test, and what has one
-//! verdict; beside the files `taps.csv` lists every planned tap, where it is, and why it is not there. A file begins with
-//! dataset 164 (units: SI); then every channel of every tap is a dataset of its own, force in N and sound in V, with time 0
-//! at the trigger. The abscissa's step has six digits in this format: the exact rate is in ID line 5.
+//! There is one file for each shoulder, which has one verdict and is one test for programs that analyse vibration. Beside the files,
+//! `taps.csv` lists every planned tap, and its file or why it has none. A file begins with dataset 164 (SI units); then every
+//! channel of every tap is a dataset, force in N and sound in V, with time 0 at the trigger. This format has six digits for the
+//! time step: the exact rate is in ID line 5.
 //!
 //! Source: the records of datasets 58, 58b and 164 as the Structural Dynamics Research Laboratory of the University of
 //! Cincinnati publishes them.
@@ -21,23 +21,23 @@ use crate::taps::{COLUMNS, ListedTap, TapCounts, Taps, cells, known, scan_names}
 use crate::{Error, Result};
 use tapline_store::{OwnedSamples, Reader};
 
-/// How the values of a dataset 58 are written.
+/// The encoding of values in dataset 58.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum UffEncoding {
-    /// Dataset 58b: single precision, little-endian, which is 4 bytes a sample and finer than 16 bits.
+    /// Dataset 58b: single precision, little-endian: 4 bytes for each sample, with more digits than 16 bits have.
     Binary,
-    /// Dataset 58: double precision to 12 digits in text, 20 bytes a sample.
+    /// Dataset 58: text of 12 digits, 20 bytes for each sample.
     Ascii,
 }
 
-/// First column after [`COLUMNS`]: number of the first of a tap's datasets 58 in its file, from 1.
+/// The column after [`COLUMNS`]: number, in its file and from 1, of a tap's first dataset 58.
 const FIRST_FUNCTION: &str = "first_function";
 
 /// Writes the taps of the archive into the new folder `folder` as Universal Files.
 ///
 /// # Errors
-/// [`crate::Error::FolderNotEmpty`], [`crate::Error::NoSamples`], or what reading and writing give; the folder is then not
-/// there.
+/// [`crate::Error::FolderNotEmpty`], [`crate::Error::NoSamples`], or an error of reading or writing; the folder is then not
+/// created.
 pub fn export_uff(reader: &Reader, folder: &Path, encoding: UffEncoding) -> Result<TapCounts> {
     Taps::new(reader).counts().if_any(reader.path())?;
     let mut files = UffFolder::begin(folder, encoding)?;
@@ -57,10 +57,10 @@ pub struct UffFolder {
 }
 
 impl UffFolder {
-    /// Begins what will be `folder`.
+    /// Begins the folder `folder`.
     ///
     /// # Errors
-    /// [`crate::Error::FolderNotEmpty`], or what writing gives.
+    /// [`crate::Error::FolderNotEmpty`], or an error of writing.
     pub fn begin(folder: &Path, encoding: UffEncoding) -> Result<Self> {
         let draft = Draft::new(folder)?;
         let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
@@ -71,7 +71,7 @@ impl UffFolder {
     /// Adds the taps of an archive.
     ///
     /// # Errors
-    /// What reading and writing give.
+    /// An error of reading or writing.
     pub fn add(&mut self, reader: &Reader) -> Result<()> {
         let (plan, taps, draft) = (reader.plan(), Taps::new(reader), &self.draft);
         let file_of = |name: &str| draft.path(&format!("{name}.uff"));
@@ -102,10 +102,10 @@ impl UffFolder {
         Ok(())
     }
 
-    /// Puts the folder in its place, and says what is in it.
+    /// Finishes the folder, and returns the counts of its taps.
     ///
     /// # Errors
-    /// [`crate::Error::NoSamples`] where no tap is, or what writing gives.
+    /// [`crate::Error::NoSamples`] if it has no tap, or an error of writing.
     pub fn finish(self) -> Result<TapCounts> {
         let Self { draft, mut list, counts, last, .. } = self;
         list.flush().map_err(|error| Error::Csv(error.into()))?;
@@ -116,7 +116,7 @@ impl UffFolder {
     }
 }
 
-/// Newtons or volts of channel `channel`.
+/// The samples of channel `channel` in newtons or volts.
 fn physical(samples: &OwnedSamples, channel: usize, sample_count: usize, unit_per_count: f64) -> Vec<f64> {
     let range = channel * sample_count..(channel + 1) * sample_count;
     match samples {
@@ -125,7 +125,7 @@ fn physical(samples: &OwnedSamples, channel: usize, sample_count: usize, unit_pe
     }
 }
 
-/// Dataset 164: the units are those of the SI, to which lengths, forces and temperatures have the factor 1.
+/// Dataset 164: SI units, with the factor 1 for lengths, forces and temperatures.
 fn write_units(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{:6}\n{:6}{:74}", -1, 164, "")?;
     writeln!(out, "{:10}{:<20}{:10}", 1, "SI: metre, newton", 2)?;
@@ -178,7 +178,7 @@ impl Function<'_> {
         writeln!(out, "{:6}", -1)
     }
 
-    /// What the function is, in the words of this program, `name value` each.
+    /// The five ID lines: name and value of what identifies the function.
     fn id_lines(&self) -> [String; 5] {
         let (id, header) = (&self.header.id, self.header);
         let words = |pairs: &[(&str, String)]| {
@@ -210,7 +210,7 @@ impl Function<'_> {
         ]
     }
 
-    /// Records 6 to 11: which degree of freedom, how many values how far apart, and what the axes are.
+    /// Records 6 to 11: degree of freedom, number and spacing of values, and the axes.
     fn write_form(&self, out: &mut impl Write, encoding: UffEncoding, value_count: usize) -> io::Result<()> {
         let (id, header) = (&self.header.id, self.header);
         // A time response; the node is the location, counted from 0; direction 0 is a scalar.
@@ -225,7 +225,7 @@ impl Function<'_> {
         let first_s = -f64::from(header.pre_trigger_samples) * step_s;
         let numbers: String = [first_s, step_s, 0.0].map(|value| exponent(value, 13, 5, 'E')).concat();
         writeln!(out, "{kind:10}{value_count:10}{:10}{numbers}", 1)?;
-        // Types: 17 time, 13 excitation force, 0 what the list of types does not have.
+        // Types: 17 time, 13 excitation force, 0 a type that the list lacks.
         let (kind, label, unit) = match self.channel {
             Channel::Force => (13, "Force", "N"),
             Channel::Sound => (0, "Sound", "V"),
@@ -237,7 +237,7 @@ impl Function<'_> {
     }
 }
 
-/// When the tap was made, as dataset 58 wants it (DD-MMM-YY HH:MM:SS, UTC); NONE where that is not known.
+/// Time of the tap in the form of dataset 58 (DD-MMM-YY HH:MM:SS, UTC); NONE if it is unknown.
 fn date_line(tap_time_ns: i64) -> String {
     let known = Some(tap_time_ns).filter(|&ns| ns != 0);
     let time = known.and_then(|ns| jiff::Timestamp::from_nanosecond(ns.into()).ok());

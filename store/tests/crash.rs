@@ -68,7 +68,7 @@ fn kill_after(path: &Path, row_count: usize, delay: Duration) -> Vec<u32> {
     said
 }
 
-/// Catches a file that a killed writer leaves unreadable, a tap that was vouched for and is gone or torn, and an
+/// Catches a file that a killed writer leaves unreadable, a tap that was archived and is missing or corrupt, and an
 /// archive that cannot be completed afterwards.
 #[test]
 fn killed_at_any_time_it_opens_and_goes_on() {
@@ -92,7 +92,7 @@ fn killed_at_any_time_it_opens_and_goes_on() {
             for row in 0..plan.taps().len() as u32 {
                 if let Some((tap, got)) = reader.tap(row).unwrap() {
                     assert_eq!(tap, header(&plan, row, 4096));
-                    assert!(bytes(got.as_samples()) == samples(&tap), "row {row} of trial {trial} is torn");
+                    assert!(bytes(got.as_samples()) == samples(&tap), "row {row} of trial {trial} is corrupt");
                 }
             }
             assert_eq!(tapline_store::verify(&path).unwrap().problems, []);

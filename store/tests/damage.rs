@@ -40,9 +40,9 @@ fn write(path: &Path, codec: Codec, is_finished: bool) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
-/// Catches a damaged file that ends the process, is never done with, or is taken for whole.
+/// Catches a damaged file that ends the process, takes for ever, or is taken for valid.
 #[test]
-fn a_damaged_file_is_told() {
+fn a_damaged_file_is_noticed() {
     let _guard = crate::common::beside_others();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");

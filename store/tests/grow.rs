@@ -75,7 +75,7 @@ proptest! {
     /// Catches a growth of which a part survives a crash, or that takes what was there with it: whichever of the pages that it
     /// changed have reached the file, all of it is planned or nothing.
     #[test]
-    fn a_growth_is_whole_or_not_there(pages in prop::collection::vec(any::<bool>(), 64), page_bytes in prop::sample::select(vec![64_usize, 512, 4096])) {
+    fn a_growth_is_complete_or_not_there(pages in prop::collection::vec(any::<bool>(), 64), page_bytes in prop::sample::select(vec![64_usize, 512, 4096])) {
         let _guard = crate::common::beside_others();
         let folder = tempfile::tempdir().unwrap();
         let (path, begun) = (folder.path().join("run.h5"), plan(SampleFormat::I16));
@@ -86,14 +86,14 @@ proptest! {
         writer.grow(&[tap(&begun, 0, 7, 0), tap(&begun, 1, 7, 0), tap(&begun, 1, 8, 0)], 1).unwrap();
         let after = std::fs::read(&path).unwrap();
         drop(writer);
-        let mut torn = before.clone();
-        for (number, (to, from)) in torn.chunks_mut(page_bytes).zip(after.chunks(page_bytes)).enumerate() {
+        let mut mixed = before.clone();
+        for (number, (to, from)) in mixed.chunks_mut(page_bytes).zip(after.chunks(page_bytes)).enumerate() {
             if pages[number % pages.len()] {
                 let count = from.len().min(to.len());
                 to[..count].copy_from_slice(&from[..count]);
             }
         }
-        std::fs::write(&path, &torn).unwrap();
+        std::fs::write(&path, &mixed).unwrap();
         let mut writer = Writer::resume(&path, CONFIG).unwrap();
         prop_assert!([10, 13].contains(&writer.plan().taps().len()));
         prop_assert_eq!(writer.ledger().taps()[3], TapState::Archived);
