@@ -41,7 +41,8 @@ impl SyncErrors {
         last.as_ref().map_or(Ok(()), |error| Err(copy_of(error)))
     }
 
-    fn note(&self, error: &io::Error) {
+    /// Keeps `error` as the last.
+    pub(crate) fn note(&self, error: &io::Error) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(copy_of(error));
     }
 }
@@ -97,5 +98,28 @@ fn run(asked: &Receiver<Job>) {
             tracing::error!(%error, "the disk has not kept what was written to it: check the archive when the run is over");
             sync_errors.note(&error);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    /// Catches a sync that is not requested when enough is written, and an error of the thread that is lost.
+    #[test]
+    fn an_error_of_the_thread_is_kept() {
+        // A device that cannot be synced.
+        let (file, sync_errors) = (Arc::new(File::open("/dev/full").unwrap()), SyncErrors::default());
+        let mut background = BackgroundSync::new(file, &sync_errors);
+        background.note(EVERY_BYTES - 1);
+        assert!(!background.is_asked.load(Ordering::Acquire));
+        background.note(1);
+        let is_noted = (0..1000).any(|_| {
+            std::thread::sleep(Duration::from_millis(5));
+            sync_errors.last().is_err()
+        });
+        assert!(is_noted);
     }
 }

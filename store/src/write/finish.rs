@@ -114,3 +114,21 @@ impl Writer {
         self.guard.sync()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches an archive that gets its name though a background sync failed: the sync at the end does not report that.
+    #[test]
+    fn a_failed_background_sync_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let [from, path] = ["open.h5", "done.h5"].map(|name| folder.path().join(name));
+        fs::write(&from, "").unwrap();
+        let (file, sync_errors) = (File::open(&from).unwrap(), SyncErrors::default());
+        let finishing = Finishing { from, path, file, sync_errors: sync_errors.clone() };
+        sync_errors.note(&io::Error::from(rustix::io::Errno::IO));
+        assert!(finishing.complete().unwrap_err().is_file_system_failure());
+        assert!(finishing.from.exists() && !finishing.path.exists());
+    }
+}
