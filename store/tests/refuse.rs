@@ -6,7 +6,7 @@ use std::path::Path;
 use tapline_store::{Error, Reader, Writer};
 use tapline_wire::{Plan, RecordKind, Recording, SampleFormat};
 
-use crate::common::{CONFIG, discriminators, header, judgement, plan, plan_of, put_all, samples};
+use crate::common::{CONFIG, discriminators, header, judgement, plan, plan_of, put, put_all, samples};
 
 fn finished(path: &Path, plan: &Plan) {
     let mut writer = Writer::create(path, plan, plan.taps().len(), CONFIG).unwrap();
@@ -150,4 +150,23 @@ fn records_that_do_not_belong_here() {
     cells.swap(0, 1);
     assert!(matches!(writer.put_judgement(0, &verdict, &cells).unwrap_err(), Error::OtherCells { .. }));
     assert_eq!(writer.counts(), tapline_store::PutCounts::default());
+}
+
+/// Catches results that are read beside other taps than those that they were computed from.
+#[test]
+fn results_of_other_taps_are_refused() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let [path, results] = ["run.h5", "results.h5"].map(|name| folder.path().join(name));
+    let given = plan(SampleFormat::I16);
+    finished(&path, &given);
+    let raw = (path.as_path(), Reader::open(&path).unwrap().raw_digest().unwrap());
+    Writer::results(&results, raw, &given, CONFIG.into()).unwrap().finish().unwrap();
+    Reader::open(&results).unwrap();
+    fs::remove_file(&path).unwrap();
+    let mut writer = Writer::create(&path, &given, given.taps().len(), CONFIG).unwrap();
+    put(&mut writer, 0).unwrap();
+    writer.finish().unwrap();
+    let error = Reader::open(&results).unwrap_err();
+    assert!(matches!(error, Error::OtherTaps { .. }) && error.to_string().contains("run.h5"), "{error}");
 }

@@ -64,3 +64,33 @@ fn by_field(units: &str) -> impl Iterator<Item = (String, &str)> {
     let fields = units.split(", ").filter_map(|field| field.split_once(' '));
     fields.map(|(field, unit)| (format!("{}{field}", attribute::UNITS_OF_FIELD), unit))
 }
+
+#[cfg(test)]
+mod tests {
+    use hdf5::types::FixedUnicode;
+
+    use super::*;
+    use crate::archive::create::create;
+    use crate::testing::two_scans;
+
+    /// Catches a unit of a field or of a channel that is not compared.
+    #[test]
+    fn other_units_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.h5");
+        create(&path, &two_scans(), 2, "".into()).unwrap();
+        let file = File::open_rw(&path).unwrap();
+        for (name, attribute, other) in [
+            (table::DISCRIMINATORS, "units_f_max_n", "mN"),
+            (table::HEADER, "units_sample_rate_hz", "kHz"),
+            (table::SAMPLES, attribute::CHANNEL_UNITS, "N,mV"),
+        ] {
+            assert!(check_units(&file, &file, &path).is_ok());
+            let attribute = file.dataset(name).unwrap().attr(attribute).unwrap();
+            let known: FixedUnicode<32> = attribute.read_scalar().unwrap();
+            attribute.write_scalar(&other.parse::<FixedUnicode<32>>().unwrap()).unwrap();
+            assert!(matches!(check_units(&file, &file, &path), Err(Error::OtherUnits { .. })), "{name} in {other}");
+            attribute.write_scalar(&known).unwrap();
+        }
+    }
+}
