@@ -19,7 +19,9 @@ use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Codec, Lineage, ReadBuffer, Reader, Writer, repack};
-use tapline_wire::{Discriminators, Lane, Plan, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of, lanes_for};
+use tapline_wire::{
+    CacheLine, Discriminators, Plan, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of, cache_lines_for,
+};
 
 use common::{print_table, quantile};
 
@@ -30,7 +32,7 @@ const BEGINNING_S: f64 = 0.1;
 
 struct Scan {
     plan: Plan,
-    taps: Vec<(TapHeader, Vec<Lane>)>,
+    taps: Vec<(TapHeader, Vec<CacheLine>)>,
 }
 
 impl Scan {
@@ -41,11 +43,11 @@ impl Scan {
         let mut taps = Vec::new();
         for row in 0..u32::try_from(plan.taps().len())? {
             let mut header = TapHeader::default();
-            let mut lanes = vec![Lane::default(); lanes_for(plan.recording.payload_bytes_max())];
-            line.render(row, 0, &mut header, &mut lanes)?;
+            let mut buffer = vec![CacheLine::default(); cache_lines_for(plan.recording.payload_bytes_max())];
+            line.render(row, 0, &mut header, &mut buffer)?;
             // What a publisher would add.
             header.stamp.kind = RecordKind::Data.code();
-            taps.push((header, lanes));
+            taps.push((header, buffer));
         }
         Ok(Self { plan, taps })
     }
@@ -63,7 +65,7 @@ impl Scan {
         for flushed in self.taps.chunks(64) {
             for batch in flushed.chunks(TapTopic::BORROWED) {
                 let taps: Vec<(&TapHeader, &[u8])> =
-                    batch.iter().map(|(header, lanes)| (header, bytes_of(lanes))).collect();
+                    batch.iter().map(|(header, buffer)| (header, bytes_of(buffer))).collect();
                 writer.put_taps(&taps)?;
             }
             writer.flush()?;
@@ -166,9 +168,9 @@ fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     let mut writer = Writer::create(path, &scan.plan, 0, "[store]\n")?;
     let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
     let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &scan.plan)?;
-    for (header, lanes) in &scan.taps {
-        writer.put_tap(header, bytes_of(lanes))?;
-        let samples = tapline_wire::Samples::view(header, lanes).context("a simulated tap describes itself")?;
+    for (header, buffer) in &scan.taps {
+        writer.put_tap(header, bytes_of(buffer))?;
+        let samples = tapline_wire::Samples::view(header, buffer).context("a simulated tap describes itself")?;
         let found = extractor.extract(header, samples);
         writer.put_discriminators(&found)?;
         fusion.push(&found)?;

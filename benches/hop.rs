@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail, ensure};
 use tapline_wire::{
     CasingLimits, Limits, Line, LineAddress, Publisher, RecordKind, Role, Subscriber, TapHeader, TapTopic, bytes_of,
-    bytes_of_mut, lanes_for, now_ns,
+    bytes_of_mut, cache_lines_for, now_ns,
 };
 
 use common::{print_table, quantile};
@@ -162,10 +162,10 @@ fn over_topic(count: u64, period: Option<Duration>) -> Result<(u64, i64, [Consum
         let publisher = Publisher::<TapTopic>::open(&line)?;
         publisher.wait_ready()?;
         let (cpu_ns, begin_ns) = produce(count, period, |number| {
-            let mut loan = publisher.loan(lanes_for(BYTES))?;
-            loan.fill(|header, lanes| {
+            let mut loan = publisher.loan(cache_lines_for(BYTES))?;
+            loan.fill(|header, buffer| {
                 header.plan_index = 0;
-                fill(bytes_of_mut(lanes), number);
+                fill(bytes_of_mut(buffer), number);
             });
             Ok(loan.send(RecordKind::Data)?)
         })?;

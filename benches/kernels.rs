@@ -17,7 +17,9 @@ use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, Reference, build_reference};
 use tapline_model::{DampingLaw, Rung, Scene, SimulationConfig, choose};
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor, SpectrumEstimator};
-use tapline_wire::{Channel, ChannelHeader, Discriminators, Lane, SampleFormat, Samples, TapHeader, lanes_for};
+use tapline_wire::{
+    CacheLine, Channel, ChannelHeader, Discriminators, SampleFormat, Samples, TapHeader, cache_lines_for,
+};
 
 use common::{print_table, quantile};
 
@@ -31,14 +33,14 @@ const COUNT: usize = 16_384;
 struct Tap {
     row: u32,
     header: TapHeader,
-    lanes: Vec<Lane>,
+    buffer: Vec<CacheLine>,
     mono_header: TapHeader,
     mono: Vec<f32>,
 }
 
 impl Tap {
     fn counts(&self) -> &[i16] {
-        match Samples::view(&self.header, &self.lanes) {
+        match Samples::view(&self.header, &self.buffer) {
             Some(Samples::I16(counts)) => counts,
             _ => &[],
         }
@@ -110,12 +112,12 @@ fn tyre(line: &mut SimulatedLine, extractor: &mut ProcessExtractor) -> Result<(V
     let (mut taps, mut records) = (Vec::new(), Vec::new());
     for row in 0..u32::try_from(plan.taps().len())? {
         let mut header = TapHeader::default();
-        let mut lanes = vec![Lane::default(); lanes_for(plan.recording.payload_bytes_max())];
-        line.render(row, 0, &mut header, &mut lanes)?;
-        let samples = Samples::view(&header, &lanes).context("a simulated tap describes itself")?;
+        let mut buffer = vec![CacheLine::default(); cache_lines_for(plan.recording.payload_bytes_max())];
+        line.render(row, 0, &mut header, &mut buffer)?;
+        let samples = Samples::view(&header, &buffer).context("a simulated tap describes itself")?;
         records.push(extractor.extract(&header, samples));
         if (row as usize).is_multiple_of(every) && taps.len() < TAPS {
-            taps.push(with_mono(Tap { row, header, lanes, mono_header: header, mono: Vec::new() }));
+            taps.push(with_mono(Tap { row, header, buffer, mono_header: header, mono: Vec::new() }));
         }
     }
     Ok((taps, records))
@@ -172,10 +174,10 @@ fn transform(
 }
 
 fn render(mut line: SimulatedLine, taps: &[Tap]) -> Kernel<'_> {
-    let mut lanes = taps[0].lanes.clone();
+    let mut buffer = taps[0].buffer.clone();
     Kernel::of_each("simulate a tap, force and sound i16", taps, move |tap| {
         let mut header = TapHeader::default();
-        assert!(line.render(tap.row, 0, &mut header, &mut lanes).is_ok(), "the row was rendered before");
+        assert!(line.render(tap.row, 0, &mut header, &mut buffer).is_ok(), "the row was rendered before");
         header.velocity_measured_m_per_s
     })
 }
@@ -186,7 +188,7 @@ fn extract<'a>(name: &'static str, taps: &'a [Tap], mut extractor: ProcessExtrac
             true => extractor.extract(&tap.mono_header, Samples::F32(&tap.mono)),
             false => extractor.extract(&tap.header, Samples::I16(tap.counts())),
         };
-        f64::from(u8::from(black_box(found).quality.is_clean()))
+        f64::from(u8::from(black_box(found).quality.is_empty()))
     })
 }
 

@@ -16,7 +16,7 @@ use anyhow::{Context as _, Result, ensure};
 use serde_json::Value;
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_model::SimulationConfig;
-use tapline_wire::{Lane, TapHeader, bytes_of, lanes_for};
+use tapline_wire::{CacheLine, TapHeader, bytes_of, cache_lines_for};
 
 use common::{print_table, quantile};
 
@@ -104,12 +104,12 @@ fn children_cpu_s() -> Result<f64> {
 /// Taps a second when one thread simulates them all and does nothing else.
 fn render() -> Result<f64> {
     let mut source = SimulatedLine::new(&scan(STATIONS[2]), &SimulationConfig::default())?;
-    let mut lanes = record_of(&source);
+    let mut buffer = record_of(&source);
     let mut header = TapHeader::default();
     let count = u32::try_from(source.plan().taps().len())?;
     let begin = Instant::now();
     for row in 0..count {
-        source.render(row, 0, &mut header, &mut lanes)?;
+        source.render(row, 0, &mut header, &mut buffer)?;
     }
     Ok(f64::from(count) / begin.elapsed().as_secs_f64())
 }
@@ -117,13 +117,13 @@ fn render() -> Result<f64> {
 /// Taps a second when their bytes are written to one file and brought to the disk.
 fn write(folder: &Path) -> Result<f64> {
     let source = SimulatedLine::new(&scan(STATIONS[2]), &SimulationConfig::default())?;
-    let lanes = record_of(&source);
+    let buffer = record_of(&source);
     let count = u32::try_from(source.plan().taps().len())?;
     let path = folder.join("plain");
     let begin = Instant::now();
     let mut file = File::create(&path)?;
     for _ in 0..count {
-        file.write_all(bytes_of(&lanes))?;
+        file.write_all(bytes_of(&buffer))?;
     }
     file.sync_data()?;
     let elapsed = begin.elapsed();
@@ -131,8 +131,8 @@ fn write(folder: &Path) -> Result<f64> {
     Ok(f64::from(count) / elapsed.as_secs_f64())
 }
 
-fn record_of(source: &SimulatedLine) -> Vec<Lane> {
-    vec![Lane::default(); lanes_for(source.plan().recording.payload_bytes_max())]
+fn record_of(source: &SimulatedLine) -> Vec<CacheLine> {
+    vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())]
 }
 
 fn report(lines: &[Vec<Pace>; 3], render: f64, write: f64) {

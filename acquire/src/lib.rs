@@ -4,17 +4,17 @@
 //!
 //! ```
 //! use tapline_acquire::{ScanConfig, SimulatedLine, Source};
-//! use tapline_wire::{Lane, Samples, TapHeader, lanes_for};
+//! use tapline_wire::{CacheLine, Samples, TapHeader, cache_lines_for};
 //!
 //! let scan = ScanConfig { offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
 //! let mut line = SimulatedLine::new(&scan, &tapline_model::SimulationConfig::default())?;
 //! assert_eq!(line.plan().taps().len(), 2 * 2 * 101); // shoulders, repetitions, locations and the first again
 //!
 //! let mut header = TapHeader::default();
-//! let mut lanes = vec![Lane::default(); lanes_for(line.plan().recording.payload_bytes_max())];
-//! line.render(7, 0, &mut header, &mut lanes)?;
+//! let mut buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
+//! line.render(7, 0, &mut header, &mut buffer)?;
 //! assert_eq!(header.id.location, 7);
-//! assert!(matches!(Samples::view(&header, &lanes), Some(Samples::I16(s)) if s.len() == 2 * 16_384));
+//! assert!(matches!(Samples::view(&header, &buffer), Some(Samples::I16(s)) if s.len() == 2 * 16_384));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -23,7 +23,7 @@ locations = 60
 reference = "self"
 [[simulation.fault]]
 kind = "double_hit"
-share = 0.02
+fraction = 0.02
 """ + "".join(
     f"""
 [[scan.tyre]]

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use blosc_src::{BLOSC_BITSHUFFLE, BLOSC_MAX_OVERHEAD, blosc_compress_ctx, blosc_decompress_ctx};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source, TapSet};
 use tapline_codec::{Codec, pack, unpack};
-use tapline_wire::{Lane, TapHeader, bytes_of, lanes_for};
+use tapline_wire::{CacheLine, TapHeader, bytes_of, cache_lines_for};
 
 /// Taps of each set.
 const TAPS_MAX: u32 = 200;
@@ -43,11 +43,11 @@ fn main() {
 fn taps_of(name: &str, source: &mut impl Source) -> TapsOf {
     let recording = source.plan().recording.clone();
     let tap_count = u32::try_from(source.plan().taps().len()).unwrap().min(TAPS_MAX);
-    let mut lanes = vec![Lane::default(); lanes_for(recording.payload_bytes_max())];
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(recording.payload_bytes_max())];
     let mut tap = |row| {
         let mut header = TapHeader::default();
-        source.render(row, 0, &mut header, &mut lanes).unwrap();
-        bytes_of(&lanes)[..header.payload_bytes()].to_vec()
+        source.render(row, 0, &mut header, &mut buffer).unwrap();
+        bytes_of(&buffer)[..header.payload_bytes()].to_vec()
     };
     let taps = (0..tap_count).map(&mut tap).collect();
     TapsOf { name: name.to_owned(), sample_bytes: recording.sample_format.bytes(), taps }

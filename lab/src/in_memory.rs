@@ -11,7 +11,7 @@ use anyhow::{Context as _, Result};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_wire::{Discriminators, Lane, Plan, Quality, Samples, TapHeader, lanes_for};
+use tapline_wire::{CacheLine, Discriminators, Plan, Quality, Samples, TapHeader, cache_lines_for};
 
 /// Taps that a thread takes at a time: few enough for threads to end together, and many to one lock.
 const TAPS_AT_A_TIME: usize = 16;
@@ -85,25 +85,25 @@ struct TapMaker {
     line: SimulatedLine,
     extractor: ProcessExtractor,
     header: TapHeader,
-    lanes: Vec<Lane>,
+    buffer: Vec<CacheLine>,
     retakes: u16,
 }
 
 impl TapMaker {
     fn new(scan: &InMemoryScan<'_>) -> Result<Self> {
         let line = SimulatedLine::new(scan.scan, scan.simulation)?;
-        let lanes = vec![Lane::default(); lanes_for(line.plan().recording.payload_bytes_max())];
+        let buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
         let extractor = ProcessExtractor::new(scan.process)?;
-        Ok(Self { line, extractor, header: TapHeader::default(), lanes, retakes: scan.retakes })
+        Ok(Self { line, extractor, header: TapHeader::default(), buffer, retakes: scan.retakes })
     }
 
     /// Takes the tap in plan row `row`, and again while its record is unusable and a retake is left.
     fn take<T>(&mut self, row: u32, look: impl Fn(&TapHeader, Samples<'_>) -> T) -> Result<(Discriminators, T)> {
         let mut attempt = 0;
         loop {
-            self.line.render(row, attempt, &mut self.header, &mut self.lanes)?;
+            self.line.render(row, attempt, &mut self.header, &mut self.buffer)?;
             self.header.retakes_left = self.retakes.saturating_sub(attempt).into();
-            let samples = Samples::view(&self.header, &self.lanes).context("a record does not fit its header")?;
+            let samples = Samples::view(&self.header, &self.buffer).context("a record does not fit its header")?;
             let found = self.extractor.extract(&self.header, samples);
             if !found.quality.contains(Quality::RETAKE) {
                 return Ok((found, look(&self.header, samples)));

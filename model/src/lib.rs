@@ -17,10 +17,10 @@
 //! | e, chi | restitution, and the damping that returns it | `restitution`, [`chi_for_restitution`] |
 //! | F_max, tau | peak force, duration | `f_max_n`, `tau_s` |
 //! | alpha, d_max | local deformation, deflection of the surface | `alpha_max_m`, `d_max_m` |
-//! | lambda_f | share of energy lost to bending (Eq. 34) | `lambda_f` |
+//! | lambda_f | fraction of energy lost to bending (Eq. 34) | `lambda_f` |
 //!
 //! A crack 2.54 mm deep takes four fifths of the peak force in the closed form, and two thirds in the plate's
-//! equation of motion, which knows that the layer has mass:
+//! equation of motion, in which the layer has mass:
 //!
 //! ```
 //! use tapline_model::{Impact, Scene, defect_contact, integral_contact};
@@ -32,9 +32,8 @@
 //! # Ok::<(), tapline_model::Error>(())
 //! ```
 //!
-//! Behind [`ContactModel`] the models stand as a ladder of four rungs, closed form, integral table, plate and full, each
-//! with the [`Flags`] of its domain; [`choose`] names the cheapest one that is known to be true enough, and
-//! [`choose_by_trial`] the cheapest one that is.
+//! [`ContactModel`] is a ladder of four rungs: closed form, integral table, plate and full, each with the [`Flags`] of its
+//! domain. [`choose`] picks the cheapest rung that is known to be accurate enough, [`choose_by_trial`] the cheapest one that is.
 
 mod contact;
 mod error;

@@ -1,6 +1,6 @@
 use tapline_acquire::{Source as _, TapSet};
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_wire::{Discriminator, Lane, Samples, Serial, TapHeader, lanes_for};
+use tapline_wire::{CacheLine, Discriminator, Samples, Serial, TapHeader, cache_lines_for};
 
 use super::*;
 use crate::{Crack, ScanShape, discriminators};
@@ -20,12 +20,12 @@ fn the_program_reads_the_same_taps() {
     let mut set = TapSet::open(folder.path(), 1).unwrap();
     assert_eq!(set.plan().truth(), plan.truth());
     assert_eq!(set.plan().taps().len(), plan.taps().len());
-    let mut lanes = vec![Lane::default(); lanes_for(set.plan().recording.payload_bytes_max())];
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(set.plan().recording.payload_bytes_max())];
     let mut extractor = ProcessExtractor::new(&process).unwrap();
     for row in 0..u32::try_from(here.len()).unwrap() {
         let mut header = TapHeader::default();
-        set.render(row, 0, &mut header, &mut lanes).unwrap();
-        let there = extractor.extract(&header, Samples::view(&header, &lanes).unwrap());
+        set.render(row, 0, &mut header, &mut buffer).unwrap();
+        let there = extractor.extract(&header, Samples::view(&header, &buffer).unwrap());
         let name = (header.id.shoulder, header.id.offset_mm(), header.id.location);
         let ours = here.iter().find(|d| (d.id.shoulder, d.id.offset_mm(), d.id.location) == name).unwrap();
         for which in Discriminator::ALL {

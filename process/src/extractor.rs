@@ -3,7 +3,7 @@
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
 use crate::force::{Pulse, PulseFinder};
-use crate::quality::{self, Doubts, Force, Sound, of_force, of_sound};
+use crate::quality::{self, ForceRecord, QualityReport, SoundRecord, check_force, check_sound};
 use crate::signal::baseline::{Medians, baseline_count};
 use crate::signal::blocks::Blocks;
 use crate::signal::extent::Extent;
@@ -75,9 +75,9 @@ impl<T: Real> Extractor<T> {
     fn extract_counts<C: Count>(&mut self, header: &TapHeader, samples: &[C], found: &mut Found) {
         let used = self.config.samples_looked_at(header.sample_count, header.sample_rate_hz);
         let Some(record) = Record::new(header, used, samples) else { return found.flag(Quality::REFUSED) };
-        let mut of_force = Doubts::default();
-        let pulse = self.pulse(&record, quality::velocity_m_per_s(header), &mut of_force);
-        found.flag(of_force.flags);
+        let mut force_report = QualityReport::default();
+        let pulse = self.pulse(&record, quality::velocity_m_per_s(header), &mut force_report);
+        found.flag(force_report.flags());
         match &pulse {
             Ok(pulse) => {
                 found.set(Discriminator::FMax, pulse.f_max_n);
@@ -85,13 +85,13 @@ impl<T: Real> Extractor<T> {
             }
             Err(why) => found.flag(*why),
         }
-        let mut of_sound = Doubts::default();
-        if let Err(why) = self.sound(&record, header.microphone_distance_m, pulse, found, &mut of_sound) {
+        let mut sound_report = QualityReport::default();
+        if let Err(why) = self.sound(&record, header.microphone_distance_m, pulse, found, &mut sound_report) {
             found.flag(why);
         }
-        of_force.settle(&mut found.0);
-        of_sound.settle(&mut found.0);
-        quality::of_velocity(header, &self.config.quality).settle(&mut found.0);
+        force_report.apply(&mut found.0);
+        sound_report.apply(&mut found.0);
+        quality::check_velocity(header, &self.config.quality).apply(&mut found.0);
     }
 
     /// The force pulse, or the flag that says why there is none.
@@ -99,12 +99,12 @@ impl<T: Real> Extractor<T> {
         &mut self,
         record: &Record<'_, C>,
         velocity_m_per_s: Option<f64>,
-        doubts: &mut Doubts,
+        report: &mut QualityReport,
     ) -> Result<Pulse, Quality> {
         let track = record.force.ok_or(Quality::NO_FORCE)?;
         let extent = extent_of(track)?;
         if extent.is_constant() {
-            doubts.flags.insert(Quality::NO_FORCE); // a channel of nothing but zeros is as good as none
+            report.note(Quality::NO_FORCE); // a channel of nothing but zeros is as good as none
         }
         let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
         // Without a baseline there is no pulse; what else is wrong is still worth knowing.
@@ -117,7 +117,7 @@ impl<T: Real> Extractor<T> {
             None => Err(Quality::NO_BASELINE),
         };
         let Record { pre_trigger_samples, sample_rate_hz, .. } = *record;
-        let force = Force {
+        let force = ForceRecord {
             track,
             extent,
             base,
@@ -128,10 +128,10 @@ impl<T: Real> Extractor<T> {
             velocity_m_per_s,
             pulse: pulse.ok(),
         };
-        let of_channel = doubts.flags;
-        *doubts = of_force(&force, &self.config.quality);
-        doubts.flags.insert(of_channel);
-        doubts.pulse_spoilt_by.map_or(pulse, Err)
+        let channel_flags = report.flags();
+        *report = check_force(&force, &self.config.quality);
+        report.note(channel_flags);
+        report.pulse_dropped_for().map_or(pulse, Err)
     }
 
     /// Areas and band powers of the sound.
@@ -141,12 +141,12 @@ impl<T: Real> Extractor<T> {
         microphone_distance_m: f64,
         pulse: Result<Pulse, Quality>,
         found: &mut Found,
-        doubts: &mut Doubts,
+        report: &mut QualityReport,
     ) -> Result<(), Quality> {
         let track = record.sound.ok_or(Quality::NO_SOUND)?;
         let extent = extent_of(track)?;
         if extent.is_constant() || track.unit_per_count == 0.0 {
-            doubts.flags.insert(Quality::NO_SOUND);
+            report.note(Quality::NO_SOUND);
             return Err(Quality::NO_ONSET); // a dead microphone has no quiet spectrum, it has none
         }
         let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
@@ -164,7 +164,7 @@ impl<T: Real> Extractor<T> {
         self.blocks.fill(&mut self.signal, record.sample_rate_hz, centred);
         let unit = track.unit_per_count.abs() / gain;
         let travel_samples = microphone_distance_m / SOUND_M_PER_S * record.sample_rate_hz;
-        let sound = Sound {
+        let sound = SoundRecord {
             track,
             extent,
             base,
@@ -177,7 +177,7 @@ impl<T: Real> Extractor<T> {
             f_top_hz: self.config.f_top_hz,
             known: found.0.quality,
         };
-        *doubts = of_sound(&sound, &mut self.blocks, &self.config.quality);
+        *report = check_sound(&sound, &mut self.blocks, &self.config.quality);
 
         let hum = self.subtract_hum(baseline_count, record.sample_rate_hz);
 
@@ -309,7 +309,7 @@ fn window<C: Count>(
 /// Extent of a channel whose samples and scale are all numbers.
 fn extent_of<C: Count>(track: Track<'_, C>) -> Result<Extent<C>, Quality> {
     let has_scale = track.unit_per_count.is_finite();
-    Extent::of(track.samples).filter(|_| has_scale).ok_or(Quality::NON_FINITE)
+    Extent::find(track.samples).filter(|_| has_scale).ok_or(Quality::NON_FINITE)
 }
 
 /// What is found while it is being found.

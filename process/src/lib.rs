@@ -54,7 +54,7 @@
 //!
 //! let mut extractor = Extractor::<f64>::new(&ProcessConfig::default())?;
 //! let found = extractor.extract(&header, Samples::F32(&samples));
-//! assert!(found.quality.is_clean());
+//! assert!(found.quality.is_empty());
 //! let tau_s = found.values.get(Discriminator::Tau).unwrap_or_default();
 //! assert!((tau_s - 1e-3).abs() < 2e-6);
 //! let pr = found.values.get(Discriminator::Pr).unwrap_or_default();

@@ -98,7 +98,7 @@ impl Job {
 
     /// The job of a stage, from the copy of its line.
     pub(crate) fn of_copy(config_toml: &str, reference: Option<String>, out: PathBuf) -> Result<Self> {
-        let config: Config = toml::from_str(config_toml).context("the copy of the configuration is none")?;
+        let config = Config::parse(config_toml).context("the line's copy of its configuration cannot be read")?;
         Ok(Self {
             made_by: made_by(&config)?,
             config,
@@ -146,13 +146,10 @@ fn with_value(config_toml: &str, name: &str, key: &str, value: toml::Value) -> R
 }
 
 fn read_config(path: Option<&Path>) -> Result<(Config, String)> {
-    let Some(path) = path else {
-        let config = Config::default();
-        let text = toml::to_string(&config).context("the default configuration does not fit TOML")?;
-        return Ok((config, text));
-    };
-    let text =
-        std::fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
-    let config = toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
+    if let Some(path) = path {
+        return Config::read(path);
+    }
+    let config = Config::default();
+    let text = toml::to_string(&config).context("the default configuration does not fit TOML")?;
     Ok((config, text))
 }

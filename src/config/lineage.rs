@@ -117,7 +117,7 @@ mod tests {
             Value::String(_) => WORDS.iter().map(|&word| Value::String(word.to_owned())).collect(),
             // Lists that are empty by default: a tyre, a fault.
             Value::Array(all) if all.is_empty() => {
-                ["serial = \"B\"", "kind = \"double_hit\"\nshare = 0.1", "kind = \"double_hit\"\nlocation = 3"]
+                ["serial = \"B\"", "kind = \"double_hit\"\nfraction = 0.1", "kind = \"double_hit\"\nlocation = 3"]
                     .map(|text| Value::Array(vec![Value::Table(toml::from_str(text).unwrap())]))
                     .to_vec()
             }

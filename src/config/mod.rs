@@ -3,8 +3,12 @@
 pub(crate) mod job;
 pub(crate) mod lineage;
 pub(crate) mod reference;
+mod renamed;
 
-use anyhow::{Result, ensure};
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::{AcquireConfig, ScanConfig, StationConfig, StationSource};
 use tapline_fuse::FuseConfig;
@@ -72,6 +76,19 @@ impl LineConfig {
 }
 
 impl Config {
+    /// Reads the TOML `text`.
+    pub(crate) fn parse(text: &str) -> Result<Self> {
+        renamed::parse(text)
+    }
+
+    /// Reads the file at `path`: the configuration, and its text.
+    pub(crate) fn read(path: &Path) -> Result<(Self, String)> {
+        let text =
+            fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
+        let config = Self::parse(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
+        Ok((config, text))
+    }
+
     /// What the largest casing of any station needs.
     pub(crate) fn station_limits(&self) -> Result<CasingLimits> {
         let tap_sets = CasingLimits {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-use tapline_wire::room;
+use tapline_wire::shm;
 
 /// What a line will need.
 #[derive(Debug, Clone, Copy)]
@@ -69,7 +69,7 @@ impl Limits {
         Ok(Self {
             descriptors: getrlimit(Resource::Nofile).current,
             address_space: getrlimit(Resource::As).current,
-            shared_free: room::free_bytes()?,
+            shared_free: shm::free_bytes()?,
             memory_free: memory_available().into_iter().chain(memory_of_group()).min(),
         })
     }

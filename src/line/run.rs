@@ -91,7 +91,7 @@ fn operate(setup: &Setup, folder: &mut OutFolder, audience: Audience, count: Opt
     let workplace = Workplace { address: LineAddress::fresh()? };
     let address = &workplace.address;
     folder.enter(address)?;
-    let _kept = address.keep()?;
+    let _lock = address.lock_folder()?;
     setup.write(address)?;
     // It stays to the end, also when the stages are asked to stop.
     let line = Line::join(address, Role::Supervisor, &setup.limits, Default::default())?;

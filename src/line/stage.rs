@@ -48,7 +48,7 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
     follow_parent(args)?;
     name_process(&stage_name(&args.stage));
     let address = LineAddress::at(&args.line)?;
-    let _kept = address.keep()?;
+    let _lock = address.lock_folder()?;
     let setup = Setup::read(&address)?;
     let job = Job::of_copy(&setup.config_toml, setup.reference.clone(), setup.out.clone())?;
     let join = |role| -> Result<Line> { Ok(Line::join(&address, role, &setup.limits, stop_flag()?)?) };

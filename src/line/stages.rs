@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use tapline_wire::{Line, LineAddress, LineError, Role, Signal, room};
+use tapline_wire::{Line, LineAddress, LineError, Role, Signal, shm};
 
 use crate::line::limits::RESTART_BYTES;
 use crate::line::out_folder::OutFolder;
@@ -133,7 +133,7 @@ impl<'a> Stages<'a> {
 
     /// Whether there is too little shared memory to start a stage again; logs it when it begins and when it ends.
     fn is_short_of_room(&mut self) -> Result<bool> {
-        let is_short = room::free_bytes()? < RESTART_BYTES;
+        let is_short = shm::free_bytes()? < RESTART_BYTES;
         if is_short != self.is_short_of_room {
             self.is_short_of_room = is_short;
             match is_short {
@@ -154,7 +154,7 @@ impl<'a> Stages<'a> {
             return Ok(());
         }
         self.secured_at = Instant::now();
-        match room::reserve("this line", self.address) {
+        match shm::reserve("this line", self.address) {
             Ok(_) => {}
             Err(LineError::NoRoom { .. }) => drop(self.is_short_of_room()?),
             Err(error) => return Err(error.into()),

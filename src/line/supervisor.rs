@@ -357,7 +357,7 @@ impl<'a> Supervisor<'a> {
         };
         self.shown.stations = self.stations.iter().map(station).collect();
         self.shown.stages = self.stages.statuses();
-        self.shown.is_held = self.open.iter().any(|casing| casing.header.is_held != 0);
+        self.shown.is_held = self.open.iter().any(|casing| casing.header.is_stalled != 0);
         self.shown.lost_count = self.open.iter().map(|casing| casing.header.lost_count).max().unwrap_or(0);
         self.shown.settled_count = self.settled() as u64;
         self.shown.taps_per_s = self.rate.taps_per_s();

@@ -1,7 +1,6 @@
 //! `tapline reference`: shoulders of archives become a reference for later runs.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::io::{self, Write as _};
 use std::path::Path;
 
@@ -38,8 +37,8 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let Some(reader) = outcome.take(file, Reader::open(path))? else { continue };
         let Some(records) = outcome.take(file, reader.discriminators())? else { continue };
         let records: Vec<_> = records.into_iter().flatten().collect();
-        let config: Config =
-            toml::from_str(reader.config()).with_context(|| format!("the configuration in {}", path.display()))?;
+        let config =
+            Config::parse(reader.config()).with_context(|| format!("the configuration in {}", path.display()))?;
         let process = process_of(&config.process, &reader.plan().recording)?;
         match &built {
             None => {
@@ -92,11 +91,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
 fn start(args: &ReferenceArgs, of_archive: &Config, process: String) -> Result<Built> {
     let mut config = of_archive.fuse.clone();
     if let Some(path) = &args.config {
-        let text =
-            fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
-        let given: Config =
-            toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
-        config = given.fuse;
+        config = Config::read(path)?.0.fuse;
     }
     Ok(Built { config, lineage: Vec::new(), process, learns_directions: args.learn_directions })
 }

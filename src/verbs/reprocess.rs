@@ -67,15 +67,12 @@ impl Task {
     fn new(archive: &Path, args: &ReprocessArgs) -> Result<Self> {
         let reader = Reader::open(archive)?;
         ensure!(!reader.is_results(), "it has results alone: name the archive that they are of");
-        let old: Config = toml::from_str(reader.config()).context("its configuration is not one of this program")?;
+        let old = Config::parse(reader.config()).context("its configuration is not one of this program")?;
         let was = old.fuse.reference.clone();
         let mut config = match &args.config {
             None => old,
             Some(path) => {
-                let text = std::fs::read_to_string(path)
-                    .with_context(|| format!("cannot read the configuration {}", path.display()))?;
-                let new: Config =
-                    toml::from_str(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
+                let (new, _) = Config::read(path)?;
                 // How taps were taken is past; only how they are read and judged can be new. Where nothing else is given they
                 // are compared with what they were compared with.
                 let reference = new.fuse.reference.or(old.fuse.reference);

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use tapline_acquire::{Source as _, TapSet};
 use tapline_store::{OwnedSamples, Reader};
-use tapline_wire::{Discriminator, Lane, SourceKind, TapHeader, TapState, lanes_for};
+use tapline_wire::{CacheLine, Discriminator, SourceKind, TapHeader, TapState, cache_lines_for};
 
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{Contents, assert_same, bend, contents, table_bytes};
@@ -35,7 +35,7 @@ sample_count = 4096
 
 [[simulation.fault]]
 kind = \"double_hit\"
-share = 0.1
+fraction = 0.1
 ";
 
 /// The archive's content, but for the kind of source, which an export cannot keep.
@@ -235,10 +235,10 @@ fn scales_are_kept_tap_by_tap() {
     writer.finish().unwrap();
     sandbox.run("export mixed.h5 taps --out set").expect(3);
     let mut set = TapSet::open(&sandbox.path("set"), 1).unwrap();
-    let mut lanes = vec![Lane::default(); lanes_for(set.plan().recording.payload_bytes_max())];
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(set.plan().recording.payload_bytes_max())];
     for (row, want) in (0..).zip(headers) {
         let mut got = TapHeader::default();
-        set.render(row, 0, &mut got, &mut lanes).unwrap();
+        set.render(row, 0, &mut got, &mut buffer).unwrap();
         assert_eq!(got.channels, want.channels, "row {row}");
         assert_eq!(got.microphone_distance_m.to_bits(), want.microphone_distance_m.to_bits(), "row {row}");
     }

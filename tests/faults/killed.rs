@@ -233,7 +233,7 @@ fn everyone_is_killed_while_casings_come_and_go() {
         (0..8).map(|k| format!("[[scan.tyre]]\nserial = \"T{k}\"\nstation = {}\n", k % 2 + 1)).collect();
     let scan = format!(
         "[scan]\nstations = 2\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = 14\n{tyres}\
-         [simulation]\nsample_count = 4096\n[[simulation.fault]]\nkind = \"double_hit\"\nshare = 0.1\n"
+         [simulation]\nsample_count = 4096\n[[simulation.fault]]\nkind = \"double_hit\"\nfraction = 0.1\n"
     );
     sandbox.write("quick.toml", &scan);
     sandbox.run("run --config quick.toml --out quick").expect(0);
@@ -383,7 +383,7 @@ fn a_folder_that_cannot_be_is_named() {
 /// Too little shared memory is an error before the first tap, not a SIGBUS after it.
 #[test]
 fn too_little_shared_memory_is_an_error_at_the_start() {
-    if tapline_wire::room::free_bytes().unwrap() > 40_000_000_000 {
+    if tapline_wire::shm::free_bytes().unwrap() > 40_000_000_000 {
         tapline_testing::skip("this machine has room for a line of 20000 stations");
         return;
     }

@@ -27,7 +27,7 @@ locations = 20
 
 [[simulation.fault]]
 kind = \"double_hit\"
-share = 0.3
+fraction = 0.3
 ";
 
 #[derive(Debug, Default, Deserialize)]

@@ -20,11 +20,11 @@ locations = 60
 
 [[simulation.fault]]
 kind = \"double_hit\"
-share = 0.1
+fraction = 0.1
 
 [[simulation.fault]]
 kind = \"neighbour\"
-share = 0.1
+fraction = 0.1
 ";
 
 /// How often each flag stands in the archive.

@@ -9,7 +9,7 @@ use tapline_acquire::{ScanConfig, SimulatedLine, Source, TyreConfig};
 use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::{Crack, SimulationConfig};
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_wire::{Lane, Reasons, Samples, TapHeader, Verdict, lanes_for};
+use tapline_wire::{CacheLine, Reasons, Samples, TapHeader, Verdict, cache_lines_for};
 
 use crate::sandbox::Sandbox;
 use tapline_testing::documents::csv_rows;
@@ -71,10 +71,10 @@ fn judged(scan: &ScanConfig) -> BTreeMap<(String, u16), Judged> {
     let plan = line.plan().clone();
     let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &plan).unwrap();
     let mut header = TapHeader::default();
-    let mut lanes = vec![Lane::default(); lanes_for(plan.recording.payload_bytes_max())];
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(plan.recording.payload_bytes_max())];
     for (row, _) in (0..).zip(plan.taps()) {
-        line.render(row, 0, &mut header, &mut lanes).unwrap();
-        fusion.push(&extractor.extract(&header, Samples::view(&header, &lanes).unwrap())).unwrap();
+        line.render(row, 0, &mut header, &mut buffer).unwrap();
+        fusion.push(&extractor.extract(&header, Samples::view(&header, &buffer).unwrap())).unwrap();
     }
     (0..plan.scans().len()).for_each(|number| fusion.end(number).unwrap());
     assert_eq!(fusion.ready().len(), plan.scans().len());

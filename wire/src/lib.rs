@@ -1,6 +1,6 @@
 //! The records that cross between stages, and the shared-memory topics that carry them.
 //!
-//! - `record`: the records themselves; `plan`: which taps must exist, and what has become of each. Neither knows of shared
+//! - `record`: the records themselves; `plan`: which taps must exist, and what has become of each. Neither uses shared
 //!   memory.
 //! - `stream`: a [`Line`] in shared memory, its topics, and what sends and receives on them
 //!
@@ -9,29 +9,29 @@
 //! 1. Every record carries the [`TapId`] it is about, and a sequence number; times are `i64` ns since the Unix epoch,
 //!    and only `acquire` reads a clock for a time that enters a result.
 //!    (`tests/laws.rs`: `law_1_...`; a clock elsewhere is refused by `clippy.toml`)
-//! 2. Nothing is dropped to keep up. A slow stage makes the sources wait. A gap in a sequence is loss: counted, logged
-//!    at ERROR, and the taps that are missing are asked for again.
+//! 2. No record is dropped to keep up: a slow stage makes the sources wait. A gap in a sequence is a loss: it is counted and
+//!    logged at ERROR, and the missing taps are requested again.
 //!    (`tests/stream.rs`: all; `stream/subscriber.rs`: `a_gap_is_counted_once`; the program's `tests/faults/killed.rs`: all)
 //! 3. Samples are planar `[channel][sample]`, as the converter gave them, with the unit scale of each channel in the
-//!    header. No stage copies them but the writer to disk; the archive returns them bit for bit.
-//!    (`record/tap.rs`: `samples_are_seen_where_they_lie`; the program's `tests/run/tap_sets.rs`: `a_clean_set_is_archived_bit_for_bit`)
-//! 4. Results do not depend on how the stream was cut, nor on the order of stations, nor on how many worker threads there
-//!    are, nor on the casings before. (the program's `tests/run/results.rs`: `results_depend_on_nothing_but_their_input`)
+//!    header. Only the writer to disk copies them; the archive returns them bit for bit.
+//!    (`record/tap.rs`: `samples_are_viewed_in_place`; the program's `tests/run/tap_sets.rs`: `a_clean_set_is_archived_bit_for_bit`)
+//! 4. Results do not depend on how the stream was interrupted, on the order of stations, on the number of worker threads, or
+//!    on the casings before. (the program's `tests/run/results.rs`: `results_depend_on_nothing_but_their_input`)
 //! 5. A scan ends in band. No end, or a tap missing without a reason, and there is no PASS.
 //!    (`fuse`: `never_pass_...`; the program's `tests/faults/killed.rs`: `an_interrupted_run_is_resumed`)
 //! 6. Same input, configuration and seed give the same results, byte for byte.
 //!    (the program's `tests/run/results.rs`: `results_depend_on_nothing_but_their_input`)
-//! 7. What a stage holds, and what a tap costs, does not grow with the casings that went before.
+//! 7. The memory of a stage and the cost of a tap do not grow with the number of casings before.
 //!    (the program's `tests/line/endurance.rs`: `two_hundred_casings_leave_no_trace`)
 //!
 //! # How a record travels
 //!
 //! A process joins a [`Line`] in a [`Role`], opens a [`Publisher`] or a [`Subscriber`] on a [`Topic`], and waits for
-//! events. A publisher greets every subscriber in band and sends nothing else before each has said READY, because a
-//! subscriber that has not mapped its connection yet loses records silently.
+//! events. A publisher sends every subscriber a handshake record, and nothing else before each has answered READY: a
+//! subscriber that has not mapped its connection yet would lose records silently.
 //!
-//! A record names its casing by a number that `store` gives out ([`casing_number`]). `store` tells each process what
-//! concerns it of the casings that are open ([`CasingTopic`]), and tells it anew when that process, or `store`, restarts.
+//! A record names its casing by a number that follows from the file's name ([`casing_number`]). `store` sends each process what
+//! it needs to know of the open casings ([`CasingTopic`]), and sends it again when that process, or `store`, restarts.
 //!
 //! ```
 //! use std::{sync::Arc, time::Duration};
@@ -48,7 +48,7 @@
 //!     let judgement = Judgement { verdict: Verdict::Pass.code(), ..Judgement::default() };
 //!     // In one thread neither side may wait for the other; in two, `verdicts.send(..)` would.
 //!     while !verdicts.try_send(RecordKind::Data, judgement, &[DamageCell::default()])? {
-//!         assert!(inbox.receive()?.is_none()); // the greeting is answered, not shown
+//!         assert!(inbox.receive()?.is_none()); // answers the handshake
 //!     }
 //!     let record = inbox.receive()?.expect("it was sent");
 //!     assert_eq!((record.header().verdict, record.len()), (Verdict::Pass.code(), 1));
@@ -73,21 +73,22 @@ pub use plan::ledger::{Ledger, RETAKES_MAX, ScanState, TapState};
 pub use plan::limits::{CasingLimits, Limits};
 pub use plan::parts::{PlannedTap, Recording, Scan, Truth};
 pub use plan::{Plan, PlanError};
-pub use record::damage::{DamageCell, Judgement, Reasons, Verdict};
-pub use record::discriminators::{Direction, Discriminator, Discriminators, Feature, Quality, Values};
+pub use record::damage::{DamageCell, Judgement, Verdict};
+pub use record::discriminators::{Direction, Discriminator, Discriminators, Feature, Values};
+pub use record::flags::{Quality, Reasons};
 pub use record::id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
 pub use record::stamp::{RecordKind, Stamp, Stamped};
 pub use record::tap::{
-    CHANNELS_MAX, Channel, ChannelHeader, LANE_BYTES, Lane, SampleFormat, Samples, SourceKind, TapHeader, bytes_of,
-    bytes_of_mut, f32_of_mut, i16_of_mut, lanes_for,
+    CACHE_LINE_BYTES, CHANNELS_MAX, CacheLine, Channel, ChannelHeader, SampleFormat, Samples, SourceKind, TapHeader,
+    bytes_of, bytes_of_mut, cache_lines_for, f32_of_mut, i16_of_mut,
 };
-pub use stream::address::{Kept, LineAddress};
+pub use stream::address::{FolderLock, LineAddress};
 pub use stream::error::LineError;
 pub use stream::event::{Signal, Waker};
 pub use stream::line::Line;
 pub use stream::publisher::{Loan, Publisher};
-pub use stream::room;
 pub use stream::service::Services;
+pub use stream::shm;
 pub use stream::subscriber::{GapCounter, Received, Subscriber};
 pub use stream::topic::{
     CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SETTLED_RECORDS_MAX, STATUS_BYTES_MAX,

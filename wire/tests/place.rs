@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use tapline_wire::{
     CasingTopic, DamageTopic, DiscriminatorTopic, Limits, Line, LineAddress, ProposalTopic, Publisher, Role, Services,
-    SettledTopic, Subscriber, TapTopic, line_bytes, room,
+    SettledTopic, Subscriber, TapTopic, line_bytes, shm,
 };
 
 fn limits(acquires: u16) -> Limits {
@@ -180,7 +180,7 @@ fn a_line_is_its_users_alone_and_all_its_memory_is_there() {
         }
         assert_eq!(address.root().metadata().unwrap().mode() & 0o777, 0o700);
         address.verify().unwrap();
-        room::reserve("the line", address).unwrap();
+        shm::reserve("the line", address).unwrap();
         let (promised, there) = shared_bytes(address);
         assert!(there >= promised, "{there} of {promised}");
         let most = line_bytes(&limits(2)) as u64;
@@ -194,7 +194,7 @@ fn a_line_is_its_users_alone_and_all_its_memory_is_there() {
 fn what_a_line_takes() {
     for stations in [1, 8, 32] {
         with_line(stations, |address, participants| {
-            let reserved = room::reserve("the line", address).unwrap();
+            let reserved = shm::reserve("the line", address).unwrap();
             let (promised, there) = shared_bytes(address);
             let sockets = files(address).into_iter().filter(|f| f.metadata().unwrap().file_type().is_socket());
             let longest = sockets.map(|f| f.as_os_str().len() - address.root().as_os_str().len()).max().unwrap();

@@ -42,9 +42,9 @@ fn join(address: &LineAddress, role: Role) -> Line {
 fn send_taps(publisher: &Publisher<'_, TapTopic>, from: u32, count: u32) -> Result<(), LineError> {
     for k in from..from + count {
         let mut loan = publisher.loan(SAMPLES as usize * 2 / 64)?;
-        loan.fill(|header, lanes| {
+        loan.fill(|header, buffer| {
             *header = TapHeader { plan_index: k, sample_count: SAMPLES, channel_count: 1, sample_format: 1, ..*header };
-            i16_of_mut(lanes).fill(k as i16);
+            i16_of_mut(buffer).fill(k as i16);
         });
         loan.send(RecordKind::Data)?;
     }

@@ -1,8 +1,9 @@
 //! A station whose casings lie on a rig: another process, or a machine, that speaks `docs/rig-protocol.md` over TCP.
 //!
-//! The station connects, for ever; the rig says which casing is on it, moves and hits as it is told. The samples of a tap
-//! are computed, as those of a simulated line are, when the rig says that it has hit.
+//! The station connects, and connects again whenever the connection is lost. The rig reports which casing is on it, and
+//! moves and hits on command. When it reports a hit, the samples of the tap are computed as those of a simulated line are.
 
+mod dialogue;
 mod link;
 mod protocol;
 mod script;
@@ -12,15 +13,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tapline_model::SimulationConfig;
-use tapline_wire::{Lane, Plan, Serial, SourceKind, TapHeader};
+use tapline_wire::{CacheLine, Plan, Serial, SourceKind, TapHeader};
 
-use self::link::{Fate, Link, LinkConfig, Progress, Tap};
+use self::dialogue::{LinkConfig, Progress, Removal, Tap};
+use self::link::Link;
 use self::protocol::one_line;
 pub use self::script::{RigReport, RigScript, serve_rig};
 use crate::simulated::{Tyre, rig_of};
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, SimulatedLine, Source, Wake};
 
-/// The rig wakes whoever waits; this is for what nobody thought of.
+/// How often to look without being woken; the rig wakes the station whenever something has changed.
 const LOOK_EVERY: Duration = Duration::from_secs(5);
 
 /// How a station deals with its rig.
@@ -32,7 +34,7 @@ pub struct RigConfig {
     pub patience_s: f64,
     /// How long a rig may take to answer before the connection is made anew, in s.
     pub timeout_s: f64,
-    /// How often a move or a hit that fails is tried again before its tap is refused.
+    /// How often a failed move or hit is tried again before its tap is refused.
     pub retakes: u16,
 }
 
@@ -40,10 +42,11 @@ pub struct RigConfig {
 #[derive(Debug)]
 pub struct RigArrivals {
     link: Arc<Link>,
+    station: u16,
     retakes: u16,
     scan: Arc<ScanConfig>,
     simulation: SimulationConfig,
-    /// Casings that were handed over and have not ended, by number and name.
+    /// Casings that the station has taken over and that have not ended, by number and name.
     open: VecDeque<(u64, String)>,
 }
 
@@ -85,6 +88,7 @@ impl RigArrivals {
             .map_err(|source| Error::Thread { what: format!("the rig of station {station}"), source })?;
         Ok(Self {
             link,
+            station,
             retakes: rig.retakes,
             scan: Arc::new(scan.clone()),
             simulation: simulation.clone(),
@@ -101,51 +105,53 @@ impl Drop for RigArrivals {
 
 impl Arrivals for RigArrivals {
     fn station(&self) -> u16 {
-        self.link.config.station
+        self.station
     }
 
     fn next(&mut self) -> Result<Arrival, Error> {
-        let Some(handed) = self.link.hand_over() else { return Ok(Arrival::NotYet) };
-        let serial = Serial::new(&handed.name).map_err(|error| Error::Setting {
+        let Some(loaded) = self.link.dialogue().take_casing() else { return Ok(Arrival::NotYet) };
+        let serial = Serial::new(&loaded.name).map_err(|error| Error::Setting {
             key: "the serial of a casing on the rig".to_owned(),
-            value: handed.name.clone(),
+            value: loaded.name.clone(),
             bound: error.bound(),
         })?;
-        let listed = self.scan.tyre.iter().find(|tyre| tyre.serial == handed.name);
+        let listed = self.scan.tyre.iter().find(|tyre| tyre.serial == loaded.name);
         let cracks = listed.map_or_else(Vec::new, |tyre| tyre.crack.clone());
-        let tyre = Tyre { serial, station: self.station(), cracks };
-        let line = SimulatedLine::of_tyre(&self.scan, &self.simulation, &tyre, 0)?;
-        self.open.push_back((handed.id, handed.name.clone()));
+        let tyre = Tyre { serial, station: self.station, cracks };
+        let line = SimulatedLine::for_tyre(&self.scan, &self.simulation, &tyre, 0)?;
+        self.open.push_back((loaded.id, loaded.name.clone()));
         let taps = RigCasing {
             link: Arc::clone(&self.link),
-            id: handed.id,
-            fate: handed.fate,
+            id: loaded.id,
+            removal: loaded.removal,
             line,
             retakes: self.retakes,
             failed: None,
         };
-        Ok(Arrival::Casing(Casing { name: handed.name, taps: Box::new(taps) }))
+        Ok(Arrival::Casing(Casing { name: loaded.name, taps: Box::new(taps) }))
     }
 
     fn ended(&mut self, name: &str, end: &CasingEnd) {
         let Some(at) = self.open.iter().position(|(_, open)| open == name) else { return };
         let Some((id, _)) = self.open.remove(at) else { return };
         match end {
-            CasingEnd::Closed { .. } => self.link.ended(id, "closed", ""),
-            CasingEnd::Refused { reason } => self.link.ended(id, "refused", &format!(" {}", one_line(reason))),
+            CasingEnd::Closed { .. } => self.link.dialogue().report_end(id, "closed", ""),
+            CasingEnd::Refused { reason } => {
+                self.link.dialogue().report_end(id, "refused", &format!(" {}", one_line(reason)))
+            }
         }
     }
 
     fn waits_for(&self) -> String {
-        self.link.waits_for()
+        self.link.dialogue().waits_for()
     }
 
     fn patience(&self) -> Option<Duration> {
-        Some(self.link.config.patience)
+        Some(self.link.dialogue().config().patience)
     }
 
     fn take_alarms(&mut self) -> Vec<String> {
-        self.link.take_alarms()
+        self.link.dialogue().take_alarms()
     }
 
     fn look_every(&self) -> Duration {
@@ -158,7 +164,7 @@ impl Arrivals for RigArrivals {
 struct RigCasing {
     link: Arc<Link>,
     id: u64,
-    fate: Fate,
+    removal: Removal,
     line: SimulatedLine,
     retakes: u16,
     /// The tap that failed last, and how often.
@@ -167,7 +173,7 @@ struct RigCasing {
 
 impl RigCasing {
     fn refusal(&self, reason: String) -> Refusal {
-        Refusal { file: format!("rig at {}", self.link.config.address), line: 0, reason }
+        Refusal { file: format!("rig at {}", self.link.dialogue().config().address), line: 0, reason }
     }
 }
 
@@ -185,7 +191,7 @@ impl Source for RigCasing {
     }
 
     fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
-        if let Some(why) = self.fate.get() {
+        if let Some(why) = self.removal.get() {
             return Readiness::Gone(why.clone());
         }
         let Some(&tap) = self.line.plan().taps().get(row as usize) else {
@@ -196,9 +202,11 @@ impl Source for RigCasing {
             format!("move {} {} {angle_deg} {offset_mm}", tap.id.shoulder, tap.id.location)
         };
         let to_hit = || format!("hit {}", tap.id.velocity_m_per_s().unwrap_or(0.0));
-        match self.link.tap(self.id, (row, attempt), to_move, to_hit) {
+        // Bound first: the arms lock the dialogue again.
+        let progress = self.link.dialogue().tap(self.id, (row, attempt), to_move, to_hit);
+        match progress {
             Progress::Hit => Readiness::Ready,
-            Progress::UnderWay => match self.fate.get() {
+            Progress::UnderWay => match self.removal.get() {
                 Some(why) => Readiness::Gone(why.clone()),
                 None => Readiness::NotYet,
             },
@@ -213,9 +221,15 @@ impl Source for RigCasing {
         }
     }
 
-    fn render(&mut self, row: u32, attempt: u16, header: &mut TapHeader, lanes: &mut [Lane]) -> Result<(), Refusal> {
-        self.line.render(row, attempt, header, lanes)?;
-        let Some(hit) = self.link.hit(self.id, (row, attempt)) else {
+    fn render(
+        &mut self,
+        row: u32,
+        attempt: u16,
+        header: &mut TapHeader,
+        buffer: &mut [CacheLine],
+    ) -> Result<(), Refusal> {
+        self.line.render(row, attempt, header, buffer)?;
+        let Some(hit) = self.link.dialogue().hit(self.id, (row, attempt)) else {
             return Err(self.refusal("the rig has not made this tap".to_owned()));
         };
         header.velocity_measured_m_per_s = hit.velocity_m_per_s;

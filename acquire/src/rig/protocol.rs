@@ -1,4 +1,4 @@
-//! The words between a station and its rig: lines of UTF-8 text, described in `docs/rig-protocol.md`.
+//! The protocol between a station and its rig: lines of UTF-8 text, described in `docs/rig-protocol.md`.
 
 use std::io::{self, Read};
 
@@ -10,34 +10,34 @@ pub(crate) const VERSION: u32 = 1;
 /// Longest line, its end left out.
 pub(crate) const LINE_BYTES_MAX: usize = 256;
 
-/// Longest reason that is given or taken.
+/// Longest reason, in bytes.
 const REASON_BYTES_MAX: usize = 160;
 
-/// How a casing is called whose serial could not be read.
+/// The serial of a casing whose serial could not be read.
 pub(crate) const UNKNOWN: &str = "?";
 
-/// What a rig says.
+/// A message from a rig.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum RigSays {
+pub(crate) enum RigMessage {
     /// Its name and the version it speaks.
     Hello { name: String, version: u32 },
     /// A casing is on it; its serial as it was read.
     Casing(String),
     /// The casing was taken away.
     Removed,
-    /// The impactor stands where it was told to.
+    /// The impactor is in position.
     Ready,
-    /// It has hit, at this velocity in m/s.
+    /// The impactor has hit, at this velocity in m/s.
     Hit(f64),
-    /// What it was told cannot be done.
+    /// The command failed, for this reason.
     Error(String),
-    /// It is there.
+    /// Answer to a ping.
     Pong,
 }
 
-impl RigSays {
-    /// What `line` says; `None` when it is nothing that a rig may say.
-    pub(crate) fn of(line: &str) -> Option<Self> {
+impl RigMessage {
+    /// The message in `line`; `None` if it is not one of the protocol.
+    pub(crate) fn parse(line: &str) -> Option<Self> {
         let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
         match (word, rest) {
             ("hello", _) => {
@@ -56,50 +56,50 @@ impl RigSays {
     }
 }
 
-/// `text` without what would break its line, and not longer than a reason may be.
+/// `text` without control characters, cut to the longest reason.
 pub(crate) fn one_line(text: &str) -> String {
     let mut line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     line.truncate(line.floor_char_boundary(REASON_BYTES_MAX));
     line
 }
 
-/// Takes lines out of what is read, however it comes.
+/// Splits a byte stream into lines.
 #[derive(Debug, Default)]
-pub(crate) struct Lines {
+pub(crate) struct LineReader {
     bytes: Vec<u8>,
 }
 
 /// What reading a line gave.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Line {
+pub(crate) enum ReadLine {
     /// A line, its end left out.
     Text(String),
-    /// Nothing came for as long as the connection waits.
+    /// Nothing came within the read timeout.
     Nothing,
-    /// The other side has gone.
+    /// The other side has closed the connection.
     End,
-    /// What came is no line of the protocol, for the reason given.
+    /// Bytes that are not a line of the protocol: what they are.
     Garbage(String),
 }
 
-impl Lines {
-    /// The next line of `from`, at most one read away.
-    pub(crate) fn next(&mut self, from: &mut impl Read) -> io::Result<Line> {
+impl LineReader {
+    /// The next line of `from`; reads from it once at most, and not at all if a line is buffered.
+    pub(crate) fn read(&mut self, from: &mut impl Read) -> io::Result<ReadLine> {
         loop {
             if let Some(end) = self.bytes.iter().position(|&byte| byte == b'\n') {
                 let line: Vec<u8> = self.bytes.drain(..=end).take(end).collect();
                 return Ok(text_of(line));
             }
             if self.bytes.len() > LINE_BYTES_MAX {
-                return Ok(Line::Garbage(format!("a line of more than {LINE_BYTES_MAX} bytes")));
+                return Ok(ReadLine::Garbage(format!("a line of more than {LINE_BYTES_MAX} bytes")));
             }
             let mut some = [0; LINE_BYTES_MAX];
             match from.read(&mut some) {
-                Ok(0) => return Ok(Line::End),
+                Ok(0) => return Ok(ReadLine::End),
                 Ok(count) => self.bytes.extend(&some[..count]),
                 Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
                 Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
-                    return Ok(Line::Nothing);
+                    return Ok(ReadLine::Nothing);
                 }
                 Err(e) => return Err(e),
             }
@@ -107,22 +107,23 @@ impl Lines {
     }
 }
 
-fn text_of(mut line: Vec<u8>) -> Line {
+fn text_of(mut line: Vec<u8>) -> ReadLine {
     if line.last() == Some(&b'\r') {
         line.pop();
     }
     if line.len() > LINE_BYTES_MAX {
-        return Line::Garbage(format!("a line of more than {LINE_BYTES_MAX} bytes"));
+        return ReadLine::Garbage(format!("a line of more than {LINE_BYTES_MAX} bytes"));
     }
-    String::from_utf8(line).map_or_else(|_| Line::Garbage("a line that is not UTF-8 text".to_owned()), Line::Text)
+    String::from_utf8(line)
+        .map_or_else(|_| ReadLine::Garbage("a line that is not UTF-8 text".to_owned()), ReadLine::Text)
 }
 
-/// A name for a casing whose serial could not be read, seen at `now_ns`: another than `last`.
+/// A name for a casing whose serial could not be read at `now_ns`; never `last`.
 pub(super) fn unknown_name(station: u16, now_ns: i64, last: &str) -> String {
     let mut second = now_ns.div_euclid(1_000_000_000);
     loop {
         let name = format!("unknown-{station}-{}", utc(second));
-        // Never two of one name, however fast they come or whatever the clock does.
+        // Names stay different if two casings come within a second, or if the clock is set back.
         if name.as_str() > last || name.len() != last.len() {
             return name;
         }
@@ -146,21 +147,21 @@ mod tests {
     #[test]
     fn what_a_rig_may_say() {
         for (line, want) in [
-            ("hello rig 1 1", RigSays::Hello { name: "rig 1".to_owned(), version: 1 }),
-            ("casing T 1", RigSays::Casing("T 1".to_owned())),
-            ("casing ?", RigSays::Casing("?".to_owned())),
-            ("removed", RigSays::Removed),
-            ("ready", RigSays::Ready),
-            ("hit 1.85", RigSays::Hit(1.85)),
-            ("error no\u{7}air", RigSays::Error("no air".to_owned())),
-            ("pong", RigSays::Pong),
+            ("hello rig 1 1", RigMessage::Hello { name: "rig 1".to_owned(), version: 1 }),
+            ("casing T 1", RigMessage::Casing("T 1".to_owned())),
+            ("casing ?", RigMessage::Casing("?".to_owned())),
+            ("removed", RigMessage::Removed),
+            ("ready", RigMessage::Ready),
+            ("hit 1.85", RigMessage::Hit(1.85)),
+            ("error no\u{7}air", RigMessage::Error("no air".to_owned())),
+            ("pong", RigMessage::Pong),
         ] {
-            assert_eq!(RigSays::of(line), Some(want));
+            assert_eq!(RigMessage::parse(line), Some(want));
         }
         for line in
             ["", "hello", "hello rig", "hello  1", "casing", "casing ", "ready 1", "hit", "hit nan", "hit -1", "HIT 1"]
         {
-            assert_eq!(RigSays::of(line), None, "{line:?}");
+            assert_eq!(RigMessage::parse(line), None, "{line:?}");
         }
     }
 
@@ -177,8 +178,8 @@ mod tests {
                     Ok(count)
                 }
             }
-            let (mut pieces, mut lines, mut got) = (Pieces(text.as_bytes(), cut), Lines::default(), Vec::new());
-            while let Line::Text(line) = lines.next(&mut pieces).unwrap() {
+            let (mut pieces, mut lines, mut got) = (Pieces(text.as_bytes(), cut), LineReader::default(), Vec::new());
+            while let ReadLine::Text(line) = lines.read(&mut pieces).unwrap() {
                 got.push(line);
             }
             let whole = text.rsplit_once('\n').map_or("", |(whole, _)| whole);

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use tapline_wire::Serial;
 
-use super::protocol::{Line, Lines, UNKNOWN, VERSION};
+use super::protocol::{LineReader, ReadLine, UNKNOWN, VERSION};
 use crate::Error;
 
 /// How soon a rig that waits notices that it is to stop.
@@ -221,23 +221,23 @@ impl Rig<'_> {
         if let Some(casing) = &self.on_it {
             say(&mut stream, &format!("casing {}", casing.serial))?;
         }
-        let mut lines = Lines::default();
+        let mut lines = LineReader::default();
         while !self.is_done() {
             if self.on_it.is_none() && Instant::now() >= self.next_at {
                 let serial = self.load();
                 say(&mut stream, &format!("casing {serial}"))?;
             }
-            match lines.next(&mut stream)? {
-                Line::Text(line) => {
+            match lines.read(&mut stream)? {
+                ReadLine::Text(line) => {
                     if !self.answer(&mut stream, &line)? {
                         drop(stream);
                         self.be_off();
                         return Ok(());
                     }
                 }
-                Line::Nothing => {}
-                Line::End => return Err(io::ErrorKind::UnexpectedEof.into()),
-                Line::Garbage(what) => return Err(io::Error::other(what)),
+                ReadLine::Nothing => {}
+                ReadLine::End => return Err(io::ErrorKind::UnexpectedEof.into()),
+                ReadLine::Garbage(what) => return Err(io::Error::other(what)),
             }
         }
         Ok(())

@@ -9,7 +9,7 @@ use std::thread;
 use std::time::Instant;
 
 use tapline_model::Crack;
-use tapline_wire::{lanes_for, now_ns};
+use tapline_wire::{cache_lines_for, now_ns};
 
 use super::protocol::unknown_name;
 use super::*;
@@ -95,9 +95,9 @@ impl Bench {
         for row in 0..u32::try_from(casing.taps.plan().taps().len()).unwrap() {
             match self.poll(&mut casing, row) {
                 Readiness::Ready => {
-                    let (header, lanes) = render(&mut *casing.taps, row).unwrap();
+                    let (header, buffer) = render(&mut *casing.taps, row).unwrap();
                     let (of_twin, want) = render(&mut twin, row).unwrap();
-                    assert_eq!((header.id, lanes), (of_twin.id, want));
+                    assert_eq!((header.id, buffer), (of_twin.id, want));
                     assert!((header.velocity_measured_m_per_s / 1.85 - 1.0).abs() < 0.011);
                     assert!((now_ns() - header.tap_time_ns).abs() < 60_000_000_000);
                     went.taps += 1;
@@ -125,9 +125,9 @@ fn twin(name: &str) -> SimulatedLine {
 
 fn render(source: &mut dyn Source, row: u32) -> Result<(TapHeader, Vec<u8>), Refusal> {
     let mut header = TapHeader::default();
-    let mut lanes = vec![Lane::default(); lanes_for(source.plan().recording.payload_bytes_max())];
-    source.render(row, 0, &mut header, &mut lanes)?;
-    Ok((header, tapline_wire::bytes_of(&lanes)[..header.payload_bytes()].to_vec()))
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())];
+    source.render(row, 0, &mut header, &mut buffer)?;
+    Ok((header, tapline_wire::bytes_of(&buffer)[..header.payload_bytes()].to_vec()))
 }
 
 /// Plays `script` to a station that takes `count` casings.

@@ -153,7 +153,7 @@ impl Arrivals for SimulatedTyres {
                 (tyre, (number - 1).saturating_mul(scan.taps_per_tyre()))
             }
         };
-        let mut taps = SimulatedLine::of_tyre(scan, simulation, &tyre, taps_before)?;
+        let mut taps = SimulatedLine::for_tyre(scan, simulation, &tyre, taps_before)?;
         if let Tyres::Unlisted { .. } = self.which {
             // Numbers begin anew when this process does: a tyre that is finished is known by its source, and not tapped again.
             let texts = [toml::to_string(scan), toml::to_string(simulation)].map(Result::unwrap_or_default);

@@ -1,6 +1,6 @@
 //! Tests of the list of simulated tyres.
 
-use tapline_wire::{CasingLimits, Lane, TapHeader, bytes_of, lanes_for};
+use tapline_wire::{CacheLine, CasingLimits, TapHeader, bytes_of, cache_lines_for};
 
 use super::*;
 use crate::{Source, TyreConfig};
@@ -29,11 +29,11 @@ fn scan() -> ScanConfig {
 /// All that is known of a tap but its place in the plan, and its samples.
 pub(crate) fn tap_of(source: &mut dyn Source, row: u32, attempt: u16) -> (String, Vec<u8>) {
     let mut header = TapHeader::default();
-    let mut lanes = vec![Lane::default(); lanes_for(source.plan().recording.payload_bytes_max())];
-    source.render(row, attempt, &mut header, &mut lanes).unwrap();
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())];
+    source.render(row, attempt, &mut header, &mut buffer).unwrap();
     header.plan_index = 0;
     let bytes = header.payload_bytes();
-    (format!("{header:?}"), bytes_of(&lanes)[..bytes].to_vec())
+    (format!("{header:?}"), bytes_of(&buffer)[..bytes].to_vec())
 }
 
 fn casings(mut arrivals: Box<dyn Arrivals>) -> Vec<Casing> {
@@ -80,7 +80,7 @@ fn what_is_listed_comes() {
             assert_eq!(came.len(), of_station.len());
             for (casing, (name, _, plan)) in came.iter().zip(of_station) {
                 assert_eq!((&casing.name, casing.taps.plan()), (name, plan));
-                assert_eq!(CasingLimits::of(plan), list.limits());
+                assert_eq!(CasingLimits::from_plan(plan), list.limits());
                 truth.extend(plan.truth());
             }
         }

@@ -4,7 +4,7 @@ pub(crate) mod listed;
 
 use tapline_model::{Crack, SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig, plant_cracks, truth};
 use tapline_wire::{
-    CHANNELS_MAX, Channel, ChannelHeader, Geometry, Lane, Plan, PlannedTap, Recording, SampleFormat, Serial,
+    CHANNELS_MAX, CacheLine, Channel, ChannelHeader, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial,
     SourceKind, TapHeader, TapId, Truth, i16_of_mut,
 };
 
@@ -45,11 +45,11 @@ impl SimulatedLine {
         scan.validate()?;
         let tyres: Vec<Tyre> = (0..scan.tyre_count()).map(|number| tyre_of(scan, number)).collect::<Result<_, _>>()?;
         let start_ns = vec![scan.start_ns; usize::from(scan.stations) + 1];
-        Self::of_tyres(scan, simulation, &tyres, start_ns)
+        Self::for_tyres(scan, simulation, &tyres, start_ns)
     }
 
     /// One tyre alone, whose station has made `taps_before` taps before it: the same taps as those of the whole scan.
-    pub(crate) fn of_tyre(
+    pub(crate) fn for_tyre(
         scan: &ScanConfig,
         simulation: &SimulationConfig,
         tyre: &Tyre,
@@ -57,7 +57,7 @@ impl SimulatedLine {
     ) -> Result<Self, Error> {
         let mut start_ns = vec![0; usize::from(tyre.station) + 1];
         start_ns[usize::from(tyre.station)] = time_after(scan, taps_before);
-        Self::of_tyres(scan, simulation, std::slice::from_ref(tyre), start_ns)
+        Self::for_tyres(scan, simulation, std::slice::from_ref(tyre), start_ns)
     }
 
     /// Has the plan tell what it simulates from other simulations of the same taps.
@@ -66,7 +66,7 @@ impl SimulatedLine {
     }
 
     /// The line of `tyres`, of which each station starts at its place in `start_ns`.
-    fn of_tyres(
+    fn for_tyres(
         scan: &ScanConfig,
         simulation: &SimulationConfig,
         tyres: &[Tyre],
@@ -107,10 +107,16 @@ impl Source for SimulatedLine {
         true
     }
 
-    fn render(&mut self, row: u32, attempt: u16, header: &mut TapHeader, lanes: &mut [Lane]) -> Result<(), Refusal> {
+    fn render(
+        &mut self,
+        row: u32,
+        attempt: u16,
+        header: &mut TapHeader,
+        buffer: &mut [CacheLine],
+    ) -> Result<(), Refusal> {
         let kind = self.kind();
         *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
-        if let Some(reason) = no_room(lanes, self.plan.recording.payload_bytes_max()) {
+        if let Some(reason) = no_room(buffer, self.plan.recording.payload_bytes_max()) {
             return Err(Refusal { file: "simulation".to_owned(), line: 0, reason });
         }
         let config = self.rig.config();
@@ -120,7 +126,7 @@ impl Source for SimulatedLine {
         header.channels = self.channels;
         let tap = self.tap(&header.id);
         let sample_total = self.rig.sample_total();
-        let rendered = self.rig.render(&tap, &mut i16_of_mut(lanes)[..sample_total]);
+        let rendered = self.rig.render(&tap, &mut i16_of_mut(buffer)[..sample_total]);
         header.velocity_measured_m_per_s = rendered.velocity_measured_m_per_s;
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Tests of the simulated line.
 
 use proptest::prelude::*;
-use tapline_wire::{Samples, lanes_for};
+use tapline_wire::{Samples, cache_lines_for};
 
 use super::*;
 use crate::TyreConfig;
@@ -14,13 +14,13 @@ fn small() -> ScanConfig {
     ScanConfig { stations: 2, repetitions: 1, offsets_mm: vec![0.0, 5.0], locations: 12, ..ScanConfig::default() }
 }
 
-/// Header and samples of a tap, the lanes dirty before.
+/// Header and samples of a tap, the buffer dirty before.
 fn render(line: &mut SimulatedLine, row: u32, attempt: u16) -> (TapHeader, Vec<i16>) {
     let mut header = TapHeader { sent_ns: 78, ..TapHeader::default() };
-    let mut lanes = vec![Lane::default(); lanes_for(line.plan().recording.payload_bytes_max()) + 3];
-    i16_of_mut(&mut lanes).fill(-77);
-    line.render(row, attempt, &mut header, &mut lanes).unwrap();
-    let Some(Samples::I16(samples)) = Samples::view(&header, &lanes) else { panic!("not i16") };
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max()) + 3];
+    i16_of_mut(&mut buffer).fill(-77);
+    line.render(row, attempt, &mut header, &mut buffer).unwrap();
+    let Some(Samples::I16(samples)) = Samples::view(&header, &buffer) else { panic!("not i16") };
     (header, samples.to_vec())
 }
 

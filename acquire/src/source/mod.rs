@@ -4,7 +4,7 @@ pub(crate) mod arrivals;
 
 use std::fmt;
 
-use tapline_wire::{CHANNELS_MAX, ChannelHeader, Lane, Plan, Recording, SourceKind, TapHeader};
+use tapline_wire::{CHANNELS_MAX, CacheLine, ChannelHeader, Plan, Recording, SourceKind, TapHeader};
 
 /// A source of taps: those of one casing at one station.
 ///
@@ -28,15 +28,21 @@ pub trait Source: Send + fmt::Debug {
         Readiness::Ready
     }
 
-    /// Renders the tap in plan row `row` into `lanes`, and all that is known of it into `header`.
+    /// Renders the tap in plan row `row` into `buffer`, and all that is known of it into `header`.
     ///
     /// A tap whose earlier takes are known to its source may be of a later attempt than `attempt`. Of `header` all but `stamp`, `sent_ns` and `retakes_left` is filled in, `id` and `plan_index` also when the tap is refused.
-    /// Of `lanes` the first [`TapHeader::payload_bytes`] bytes are written; it must have room for
+    /// Of `buffer` the first [`TapHeader::payload_bytes`] bytes are written; it must have room for
     /// [`Recording::payload_bytes_max`].
     ///
     /// # Errors
     /// [`Refusal`] when this tap cannot be had; others still may.
-    fn render(&mut self, row: u32, attempt: u16, header: &mut TapHeader, lanes: &mut [Lane]) -> Result<(), Refusal>;
+    fn render(
+        &mut self,
+        row: u32,
+        attempt: u16,
+        header: &mut TapHeader,
+        buffer: &mut [CacheLine],
+    ) -> Result<(), Refusal>;
 }
 
 /// Whether a tap can be rendered now.
@@ -125,7 +131,7 @@ pub(crate) fn no_such_row(plan: &Plan, row: u32) -> Refusal {
 }
 
 /// The refusal of a loan that is too small: as [`no_such_row`].
-pub(crate) fn no_room(lanes: &[Lane], need_bytes: usize) -> Option<String> {
-    let got_bytes = size_of_val(lanes);
+pub(crate) fn no_room(buffer: &[CacheLine], need_bytes: usize) -> Option<String> {
+    let got_bytes = size_of_val(buffer);
     (got_bytes < need_bytes).then(|| format!("the loan has {got_bytes} bytes; the samples need {need_bytes}"))
 }

@@ -3,6 +3,7 @@
 pub(crate) mod outcome;
 mod outlet;
 mod station;
+mod tapping;
 
 use std::time::{Duration, Instant};
 
@@ -13,19 +14,19 @@ use crate::stage::outlet::Outlet;
 use crate::stage::station::{Next, Station};
 use crate::{AcquireConfig, Arrivals};
 
-/// How long a process that is asked to end waits for what it has sent to be archived.
+/// How long a process that is asked to end waits until what it has sent is archived.
 const DRAIN: Duration = Duration::from_secs(10);
 
-/// How far a wait for events may overshoot: shorter ones are slept.
+/// By how much a wait for events may overshoot; shorter waits are slept.
 const COARSE: Duration = Duration::from_millis(12);
 
-/// Takes the casings of `stations` as they arrive, and sends of each the taps that its ledger lacks, until asked to stop.
+/// Takes the casings of `stations` as they arrive and sends the taps that their ledgers lack, until asked to stop.
 ///
-/// The work is plan - ledger, asked for again until it is nothing: that one loop is the start of a casing, the resumption of
-/// one that was interrupted, and the healing after a stage has died.
+/// The work to do is plan - ledger, repeated until it is empty. This one loop starts a casing, resumes an interrupted one, and
+/// recovers after a stage has died.
 ///
 /// # Errors
-/// [`RunError`] when shared memory fails or a source can give nothing any more. Being asked to stop is no error.
+/// [`RunError`] if shared memory or a source fails. Being asked to stop is no error.
 pub fn run(line: &Line, stations: Vec<Box<dyn Arrivals>>, config: &AcquireConfig) -> Result<Outcome, RunError> {
     let mut outcome = Outcome { stations: stations.iter().map(|s| s.station()).collect(), ..Outcome::default() };
     let mut outlet = Outlet::open(line, config.retakes, &mut outcome)?;
@@ -53,7 +54,7 @@ fn serve(
                 Next::Now => earliest = Duration::ZERO,
                 Next::Within(wait) => earliest = earliest.min(wait),
             }
-            station.say_what_it_waits_for(outlet)?;
+            station.report_wait(outlet)?;
         }
         match earliest {
             Duration::ZERO => {}
@@ -64,12 +65,12 @@ fn serve(
     Ok(())
 }
 
-/// Gives each station what `store` says of its casings.
+/// Passes each station what `store` sends about its casings.
 fn receive(casings: &Subscriber<'_, CasingTopic>, stations: &mut [Station]) -> Result<(), RunError> {
     while let Some(record) = casings.receive()? {
         let header = record.header();
         if record.kind() == Some(RecordKind::Refusal) && header.station == 0 {
-            // `store` does not know whose casing it was.
+            // `store` does not know which station the casing belonged to.
             stations.iter_mut().for_each(|station| station.refused(header, &text_of(&record)));
             continue;
         }
@@ -94,7 +95,7 @@ fn text_of(record: &Received<CasingTopic>) -> String {
     String::from_utf8_lossy(record).into_owned()
 }
 
-/// After being asked to end: waits a while until what was sent is in the archive, if that can be written at all.
+/// After being asked to end: waits until what was sent is in the archive, for a while, and not if the archive is stalled.
 fn drain(outlet: &Outlet<'_>, casings: &Subscriber<'_, CasingTopic>, stations: &mut [Station]) -> Result<(), RunError> {
     let since = Instant::now();
     while since.elapsed() < DRAIN {

@@ -2,13 +2,13 @@
 
 use tapline_wire::{
     Line, LineError, Loan, ProposalTopic, Publisher, REASON_BYTES_MAX, RecordKind, Stamp, TapHeader, TapTopic,
-    WAIT_BYTES_MAX, WaitTopic, bytes_of_mut, encode_proposal, lanes_for, monotonic_ns,
+    WAIT_BYTES_MAX, WaitTopic, bytes_of_mut, cache_lines_for, encode_proposal, monotonic_ns,
 };
 
 use crate::stage::outcome::Outcome;
 use crate::{Refusal, Source};
 
-/// The way out: what the stations of the process send.
+/// The topics on which the stations of the process send.
 pub(crate) struct Outlet<'a> {
     pub(crate) line: &'a Line,
     taps: Publisher<'a, TapTopic>,
@@ -24,19 +24,19 @@ impl<'a> Outlet<'a> {
         Ok(Self { line, taps, proposals, waits: Publisher::open(line)?, retakes, outcome })
     }
 
-    /// Says what `station` waits for, to whoever looks on; whether it could be said now.
-    pub(crate) fn say_wait(&self, station: u16, what: &str) -> Result<bool, LineError> {
+    /// Reports what `station` waits for, to the supervisor, without waiting; whether it was sent.
+    pub(crate) fn report_wait(&self, station: u16, what: &str) -> Result<bool, LineError> {
         let stamp = Stamp { mark: station.into(), ..Stamp::default() };
         self.waits.try_send(RecordKind::Data, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
     }
 
-    /// Tells the supervisor what people should know of `station`, without waiting; whether it was sent.
+    /// Sends the supervisor an alarm of `station`, for people, without waiting; whether it was sent.
     pub(crate) fn alarm(&self, station: u16, what: &str) -> Result<bool, LineError> {
         let stamp = Stamp { mark: station.into(), ..Stamp::default() };
         self.waits.try_send(RecordKind::Refusal, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
     }
 
-    /// What of `source` this line has no room for.
+    /// Which limit of the line `source` exceeds, in words; `None` if it fits.
     pub(crate) fn exceeded_by(&self, source: &dyn Source) -> Option<String> {
         self.line.limits().casing.exceeded_by(source.plan())
     }
@@ -47,7 +47,7 @@ impl<'a> Outlet<'a> {
         self.proposals.send(RecordKind::Plan, stamp, &encode_proposal(name, source.plan()))
     }
 
-    /// Gives up the casing numbered `casing`: what it lacks will not come.
+    /// Gives up the casing numbered `casing`: its missing taps will not come.
     pub(crate) fn give_up(&self, casing: u64, reason: &str) -> Result<(), LineError> {
         let stamp = Stamp { casing, ..Stamp::default() };
         self.proposals.send(RecordKind::Refusal, stamp, cut(reason, REASON_BYTES_MAX).as_bytes())
@@ -62,9 +62,9 @@ impl<'a> Outlet<'a> {
         attempt: u16,
     ) -> Result<(), LineError> {
         let retakes_left = if source.can_retake() { self.retakes.saturating_sub(attempt) } else { 0 };
-        let mut loan = self.taps.loan(lanes_for(source.plan().recording.payload_bytes_max()))?;
-        let rendered = loan.fill(|header, lanes| {
-            let rendered = source.render(row, attempt, header, lanes);
+        let mut loan = self.taps.loan(cache_lines_for(source.plan().recording.payload_bytes_max()))?;
+        let rendered = loan.fill(|header, buffer| {
+            let rendered = source.render(row, attempt, header, buffer);
             header.stamp.casing = casing;
             header.retakes_left = retakes_left.into();
             header.sent_ns = monotonic_ns();
@@ -84,7 +84,7 @@ impl<'a> Outlet<'a> {
         }
     }
 
-    /// Sends that the tap in plan row `row` will not come.
+    /// Sends the refusal of the tap in plan row `row`.
     pub(crate) fn refuse_row(
         &mut self,
         casing: u64,
@@ -104,11 +104,11 @@ impl<'a> Outlet<'a> {
     fn refuse(&mut self, refusal: &Refusal, header: TapHeader) -> Result<(), LineError> {
         let text = refusal.to_string();
         let text = cut(&text, REASON_BYTES_MAX);
-        let mut loan: Loan<'_, '_, TapTopic> = self.taps.loan(lanes_for(text.len()))?;
-        loan.fill(|to, lanes| {
+        let mut loan: Loan<'_, '_, TapTopic> = self.taps.loan(cache_lines_for(text.len()))?;
+        loan.fill(|to, buffer| {
             *to = header;
             to.text_bytes = u32::try_from(text.len()).unwrap_or(0);
-            bytes_of_mut(lanes)[..text.len()].copy_from_slice(text.as_bytes());
+            bytes_of_mut(buffer)[..text.len()].copy_from_slice(text.as_bytes());
         });
         loan.send(RecordKind::Refusal)?;
         self.outcome.refused_count += 1;

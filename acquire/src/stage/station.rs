@@ -1,29 +1,31 @@
-//! One station: asks for its next casing, has it opened, takes the taps that its ledger lacks, ends its scans, goes on.
+//! One station: gets its next casing, proposes it to `store`, has it tapped, and goes on to the next while it is closed.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CasingHeader, Ledger, LineError, RecordKind, ScanState, TapState};
+use tapline_wire::{CasingHeader, Ledger, LineError};
 
 use crate::stage::outlet::Outlet;
-use crate::{Arrival, Arrivals, Casing, CasingEnd, Readiness, RunError, Source};
+use crate::stage::tapping::{Pace, Tapping};
+use crate::{Arrival, Arrivals, Casing, CasingEnd, RunError, Source};
 
-/// How long a proposal, a barrier or an end may go unanswered before it is sent again: whoever had it may have died.
-const SEND_AGAIN: Duration = Duration::from_secs(1);
+/// How long a proposal, a barrier or an end may go unanswered before it is sent again: its receiver may have died.
+pub(crate) const SEND_AGAIN: Duration = Duration::from_secs(1);
 
-/// How soon the answer to a proposal is looked for unasked: `store` may have notified this process before it listened.
+/// How soon to look for the answer to a proposal without being notified: `store` may have notified before this process
+/// listened.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
-/// How often it is said at most what a station waits for.
-const SAY_EVERY: Duration = Duration::from_millis(500);
+/// Shortest time between two reports of what a station waits for.
+const REPORT_EVERY: Duration = Duration::from_millis(500);
 
 /// Most alarms that wait to be sent.
 const ALARMS_MAX: usize = 16;
 
-/// When a station is to be asked again, when nothing wakes the process.
+/// When to call [`Station::step`] again if nothing wakes the process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Next {
-    /// At once: it got on.
+    /// At once: it has made progress.
     Now,
     /// After this time at most.
     Within(Duration),
@@ -34,61 +36,33 @@ pub(crate) enum Next {
 pub(crate) struct Station {
     arrivals: Box<dyn Arrivals>,
     work: Work,
-    /// Casings whose scans have ended and whose files are not closed yet; one, but for a `store` that was restarted.
+    /// Casings whose scans have ended and whose files are not closed yet: one, or two after a restart of `store`.
     closing: Vec<(u64, String)>,
-    /// Casings of this station that are open in the archive, and that it does not have.
+    /// Casings of this station that are open in the archive and that its source has not brought back, by number and name.
     left_over: Vec<(u64, String)>,
-    /// Since when there are some, and no casing.
+    /// Since when there are some, and the source has no casing.
     left_over_since: Option<Instant>,
     period: Option<Duration>,
     next_due: Instant,
-    /// What people should know and the supervisor has not been sent yet.
+    /// Alarms that were not sent to the supervisor yet.
     alarms: VecDeque<String>,
-    /// Whether the source has said that it is not ready.
+    /// Whether the source is not ready.
     is_source_awaited: bool,
-    /// What it was last said to wait for, and when.
-    said: Option<(String, Instant)>,
+    /// What it waits for as last reported, and when.
+    reported: Option<(String, Instant)>,
 }
 
-/// What a station is at.
+/// The state of a station.
 #[derive(Debug)]
 enum Work {
     /// It has no casing.
     Idle,
-    /// It has one whose file is not begun, or not known to be.
+    /// It has one, which is proposed to `store`; `opened` is its number once `store` has opened it.
     Proposed { casing: Casing, sent_at: Option<Instant>, opened: Option<u64> },
-    /// It taps one.
-    Open(Box<Open>),
-    /// It will have none any more.
+    /// It taps one, which is open.
+    Tapping(Box<Tapping>),
+    /// No casing will come any more.
     Ended,
-}
-
-/// A casing that is being tapped.
-#[derive(Debug)]
-struct Open {
-    number: u64,
-    casing: Casing,
-    ledger: Ledger,
-    phase: Phase,
-    /// Scan that is tapped.
-    scan: usize,
-    barrier: u8,
-    /// For each planned tap the attempt that was sent last.
-    sent: Vec<Option<u16>>,
-    /// Why no more taps will come.
-    gone: Option<String>,
-    /// Whether a barrier was sent behind the last tap, after the process was told to end.
-    is_drained: Option<u8>,
-}
-
-#[derive(Debug)]
-enum Phase {
-    /// These rows of the plan are to be taken, the last first.
-    Tapping(Vec<u32>),
-    /// Everything that was sent is to be settled, or lost, when a barrier sent at this time has passed.
-    Barrier(Instant),
-    /// All scans are to be known to have ended; last asked for at this time.
-    Ending(Instant),
 }
 
 impl Station {
@@ -105,7 +79,7 @@ impl Station {
             period,
             next_due,
             is_source_awaited: false,
-            said: None,
+            reported: None,
         }
     }
 
@@ -113,36 +87,35 @@ impl Station {
         self.arrivals.station()
     }
 
-    /// Takes in that a casing of this station is open in the archive.
+    /// Notes that a casing of this station is open in the archive.
     pub(crate) fn opened(&mut self, header: &CasingHeader, name: &str) {
         let number = header.stamp.casing;
         match &mut self.work {
-            // One of the same name may be proposed while this is judged.
+            // A casing of the same name may be proposed while this one is judged.
             _ if self.closing.iter().any(|&(closing, _)| closing == number) => {}
             Work::Proposed { casing, opened, .. } if is_of_plan(header, casing.taps.as_ref()) => *opened = Some(number),
-            Work::Open(open) if open.number == number => {}
+            Work::Tapping(tapping) if tapping.number == number => {}
             _ if self.left_over.iter().any(|&(known, _)| known == number) => {}
             _ => self.left_over.push((number, name.to_owned())),
         }
     }
 
-    /// Takes in the ledger of a casing.
+    /// Notes the ledger of a casing.
     pub(crate) fn note_ledger(&mut self, number: u64, ledger: Ledger) {
         match std::mem::replace(&mut self.work, Work::Idle) {
             Work::Proposed { casing, opened: Some(opened), .. } if opened == number => {
                 self.left_over.retain(|&(left_over, _)| left_over != number);
-                self.work = Work::Open(Box::new(Open::new(number, casing, ledger)));
+                self.work = Work::Tapping(Box::new(Tapping::new(number, casing, ledger)));
             }
-            Work::Open(mut open) if open.number == number => {
-                open.ledger = ledger;
-                open.go_back();
-                self.work = Work::Open(open);
+            Work::Tapping(mut tapping) if tapping.number == number => {
+                tapping.set_ledger(ledger);
+                self.work = Work::Tapping(tapping);
             }
             work => self.work = work,
         }
     }
 
-    /// Takes in that a casing's file is closed, now or before it was proposed.
+    /// Notes that a casing's file is closed, now or before it was proposed.
     pub(crate) fn closed(&mut self, header: &CasingHeader, file: &str) {
         let number = header.stamp.casing;
         self.left_over.retain(|&(left_over, _)| left_over != number);
@@ -154,7 +127,7 @@ impl Station {
         }
         let is_ours = match &self.work {
             Work::Proposed { casing, .. } => is_of_plan(header, casing.taps.as_ref()),
-            Work::Open(open) => open.number == number,
+            Work::Tapping(tapping) => tapping.number == number,
             Work::Idle | Work::Ended => false,
         };
         if is_ours {
@@ -162,13 +135,13 @@ impl Station {
         }
     }
 
-    /// Takes in that a proposal is refused; or that a casing which is tapped is not open any more, as what a restarted `store`
-    /// found of it was damaged: it is tapped anew.
+    /// Notes that a proposal is refused; or that a casing which is being tapped is not open any more, because a restarted
+    /// `store` has found its file damaged: then it is tapped again.
     pub(crate) fn refused(&mut self, header: &CasingHeader, reason: &str) {
         self.work = match std::mem::replace(&mut self.work, Work::Idle) {
-            Work::Open(open) if open.number == header.stamp.casing => {
-                tracing::warn!(station = self.number(), casing = open.casing.name, "{reason}; it is tapped anew");
-                Work::Proposed { casing: open.casing, sent_at: None, opened: None }
+            Work::Tapping(tapping) if tapping.number == header.stamp.casing => {
+                tracing::warn!(station = self.number(), casing = tapping.casing.name, "{reason}; it is tapped again");
+                Work::Proposed { casing: tapping.casing, sent_at: None, opened: None }
             }
             work => work,
         };
@@ -180,8 +153,8 @@ impl Station {
         }
     }
 
-    /// Raises the alarms that its source has.
-    fn raise_alarms(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
+    /// Sends the alarms of its source, as far as that is possible without waiting.
+    fn send_alarms(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
         self.alarms.extend(self.arrivals.take_alarms());
         self.alarms.truncate(ALARMS_MAX);
         while let Some(text) = self.alarms.front() {
@@ -193,10 +166,10 @@ impl Station {
         Ok(())
     }
 
-    /// Says what it waits for, for people, when that has changed and was not said just now.
-    pub(crate) fn say_what_it_waits_for(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
-        self.raise_alarms(outlet)?;
-        if self.said.as_ref().is_some_and(|(_, at)| at.elapsed() < SAY_EVERY) {
+    /// Reports what it waits for, for people, if that has changed and the last report is not too recent.
+    pub(crate) fn report_wait(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
+        self.send_alarms(outlet)?;
+        if self.reported.as_ref().is_some_and(|(_, at)| at.elapsed() < REPORT_EVERY) {
             return Ok(());
         }
         let what = match &self.work {
@@ -204,14 +177,12 @@ impl Station {
             Work::Idle => "the verdicts on the casings before".to_owned(),
             Work::Ended => "nothing: its list is done".to_owned(),
             Work::Proposed { .. } => "its file to be begun".to_owned(),
-            Work::Open(open) => match open.phase {
-                Phase::Tapping(_) => String::new(),
-                Phase::Barrier(_) | Phase::Ending(_) => "what was tapped to be archived".to_owned(),
-            },
+            Work::Tapping(tapping) if tapping.is_taking() => String::new(),
+            Work::Tapping(_) => "what was tapped to be archived".to_owned(),
         };
-        let is_news = self.said.as_ref().is_none_or(|(said, _)| *said != what);
-        if is_news && outlet.say_wait(self.number(), &what)? {
-            self.said = Some((what, Instant::now()));
+        let is_news = self.reported.as_ref().is_none_or(|(reported, _)| *reported != what);
+        if is_news && outlet.report_wait(self.number(), &what)? {
+            self.reported = Some((what, Instant::now()));
         }
         Ok(())
     }
@@ -219,12 +190,12 @@ impl Station {
     fn end(&mut self, end: &CasingEnd) {
         match std::mem::replace(&mut self.work, Work::Idle) {
             Work::Proposed { casing, .. } => self.arrivals.ended(&casing.name, end),
-            Work::Open(open) => self.arrivals.ended(&open.casing.name, end),
+            Work::Tapping(tapping) => self.arrivals.ended(&tapping.casing.name, end),
             Work::Idle | Work::Ended => {}
         }
     }
 
-    /// Does what can be done now: a tap at most.
+    /// Does what can be done now: one tap at most.
     pub(crate) fn step(&mut self, outlet: &mut Outlet<'_>) -> Result<Next, RunError> {
         self.is_source_awaited = false;
         if let Work::Idle = self.work {
@@ -235,7 +206,7 @@ impl Station {
             match self.arrivals.next()? {
                 Arrival::Casing(casing) => self.arrived(casing, outlet),
                 Arrival::NotYet => {
-                    self.give_up_what_stays_away(outlet)?;
+                    self.give_up_overdue(outlet)?;
                     self.is_source_awaited = true;
                     return Ok(Next::Within(self.arrivals.look_every()));
                 }
@@ -243,7 +214,7 @@ impl Station {
             }
             return Ok(Next::Now);
         }
-        // What was opened under another name while a casing is proposed was left by an earlier life of the line.
+        // A casing that is open under another name than the proposed one was left by an earlier run of the line.
         match &self.work {
             Work::Ended => self.give_up_left_over(outlet, None)?,
             Work::Proposed { casing, .. } if self.arrivals.patience().is_some() => {
@@ -255,7 +226,7 @@ impl Station {
         let look_every = self.arrivals.look_every();
         let next = match &mut self.work {
             Work::Idle | Work::Ended => Next::Within(SEND_AGAIN),
-            // The one before it of the same name must be closed first, to be told from it.
+            // A casing of the same name must be closed first, so that the two are not confused.
             Work::Proposed { casing, .. } if self.closing.iter().any(|(_, closing)| *closing == casing.name) => {
                 Next::Within(SEND_AGAIN)
             }
@@ -267,16 +238,16 @@ impl Station {
                     Next::Within(LOOK_AGAIN)
                 }
             },
-            Work::Open(open) => {
-                let mut pace = Pace { period: self.period, next_due: &mut self.next_due };
-                open.step(outlet, &mut pace, look_every, &mut self.is_source_awaited)?
+            Work::Tapping(tapping) => {
+                let mut pace = Pace::new(self.period, &mut self.next_due);
+                tapping.step(outlet, &mut pace, look_every, &mut self.is_source_awaited)?
             }
         };
-        if let Work::Open(open) = &mut self.work
-            && open.is_ended()
+        if let Work::Tapping(tapping) = &self.work
+            && tapping.is_ended()
         {
             outlet.outcome.casing_count += 1;
-            let closing = (open.number, open.casing.name.clone());
+            let closing = (tapping.number, tapping.casing.name.clone());
             self.closing.push(closing);
             self.work = Work::Idle;
             return Ok(Next::Now);
@@ -284,8 +255,8 @@ impl Station {
         Ok(next)
     }
 
-    /// Has casings that will not come any more judged by what there is of them, when they have been away for too long.
-    fn give_up_what_stays_away(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
+    /// Gives up the casings that have been away for too long.
+    fn give_up_overdue(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
         if self.left_over.is_empty() {
             self.left_over_since = None;
             return Ok(());
@@ -297,7 +268,7 @@ impl Station {
         }
     }
 
-    /// Has casings that will not come any more judged by what there is of them, all but the one that is called `but`.
+    /// Gives up the casings that will not come back, except the one called `but`: they are judged by the taps that came.
     fn give_up_left_over(&mut self, outlet: &Outlet<'_>, but: Option<&str>) -> Result<(), LineError> {
         let is_gone = |(_, name): &mut (u64, String)| Some(name.as_str()) != but;
         for (number, name) in self.left_over.extract_if(.., is_gone) {
@@ -318,186 +289,12 @@ impl Station {
         }
     }
 
-    /// After being asked to end: whether nothing that was sent waits to be settled.
+    /// After being asked to end: whether everything that was sent is settled.
     pub(crate) fn drain(&mut self, outlet: &Outlet<'_>) -> Result<bool, LineError> {
-        let Work::Open(open) = &mut self.work else { return Ok(true) };
-        if open.ledger.is_held || open.sent.iter().all(Option::is_none) {
-            return Ok(true);
+        match &mut self.work {
+            Work::Tapping(tapping) => tapping.drain(outlet),
+            _ => Ok(true),
         }
-        let barrier = match open.is_drained {
-            Some(barrier) => barrier,
-            None => {
-                let barrier = open.barrier.wrapping_add(1);
-                if !outlet.try_mark(open.number, RecordKind::Barrier, barrier.into())? {
-                    return Ok(false);
-                }
-                *open.is_drained.insert(barrier)
-            }
-        };
-        Ok(open.ledger.barrier == barrier)
-    }
-}
-
-/// When the next tap of a station is due.
-struct Pace<'a> {
-    period: Option<Duration>,
-    next_due: &'a mut Instant,
-}
-
-impl Pace<'_> {
-    /// How long it is until the next tap is due; `None` where it is.
-    fn early(&self) -> Option<Duration> {
-        self.period?;
-        self.next_due.checked_duration_since(Instant::now()).filter(|early| !early.is_zero())
-    }
-
-    /// Notes that a tap was taken. A rig that was held up takes its next tap a period from now, not a burst of those it missed.
-    fn taken(&mut self) {
-        let Some(period) = self.period else { return };
-        let now = Instant::now();
-        *self.next_due = if *self.next_due + period > now { *self.next_due } else { now } + period;
-    }
-}
-
-impl Open {
-    fn new(number: u64, casing: Casing, ledger: Ledger) -> Self {
-        let sent = vec![None; casing.taps.plan().taps().len()];
-        let barrier = ledger.barrier;
-        let mut open = Self {
-            number,
-            casing,
-            ledger,
-            phase: Phase::Tapping(Vec::new()),
-            scan: 0,
-            barrier,
-            sent,
-            gone: None,
-            is_drained: None,
-        };
-        open.phase = Phase::Tapping(open.missing());
-        open
-    }
-
-    /// Plan - ledger, for the scan that is tapped; the last first.
-    fn missing(&self) -> Vec<u32> {
-        let states = self.ledger.taps();
-        let Some(scan) = self.casing.taps.plan().scans().get(self.scan) else { return Vec::new() };
-        let is_missing = |&row: &u32| states.get(row as usize) == Some(&TapState::Missing);
-        scan.taps.iter().rev().copied().filter(is_missing).collect()
-    }
-
-    /// Goes back to the first scan that lacks a tap which was archived before: a disk that failed has lost it.
-    fn go_back(&mut self) {
-        let states = self.ledger.taps();
-        let is_missing = |&row: &u32| states.get(row as usize) == Some(&TapState::Missing);
-        let before = &self.casing.taps.plan().scans()[..self.scan];
-        if self.gone.is_none()
-            && let Some(scan) = before.iter().position(|scan| scan.taps.iter().any(is_missing))
-        {
-            tracing::warn!(casing = self.casing.name, "taps that were archived are lost; they are taken again");
-            self.scan = scan;
-            self.phase = Phase::Tapping(self.missing());
-        }
-    }
-
-    fn is_ended(&self) -> bool {
-        let scans = self.ledger.scans();
-        !scans.is_empty() && scans.iter().all(|&state| state >= ScanState::Ended)
-    }
-
-    fn step(
-        &mut self,
-        outlet: &mut Outlet<'_>,
-        pace: &mut Pace<'_>,
-        look_every: Duration,
-        is_source_awaited: &mut bool,
-    ) -> Result<Next, LineError> {
-        match &mut self.phase {
-            Phase::Tapping(rows) => {
-                let Some(&row) = rows.last() else { return self.send_barrier(outlet) };
-                if let Some(early) = pace.early() {
-                    return Ok(Next::Within(early));
-                }
-                let attempt = self.ledger.attempt(row as usize);
-                let source = self.casing.taps.as_mut();
-                match source.poll(row, attempt) {
-                    Readiness::NotYet => {
-                        *is_source_awaited = true;
-                        return Ok(Next::Within(look_every));
-                    }
-                    Readiness::Gone(reason) => {
-                        tracing::warn!(casing = self.casing.name, reason, "no more taps of a casing will come");
-                        self.gone = Some(reason);
-                        rows.clear();
-                        return Ok(Next::Now);
-                    }
-                    Readiness::Ready => outlet.take(self.number, source, row, attempt)?,
-                    Readiness::Refused(refusal) => {
-                        outlet.refuse_row(self.number, source, row, attempt, &refusal)?;
-                    }
-                }
-                rows.pop();
-                pace.taken();
-                let last = self.sent[row as usize].replace(attempt);
-                outlet.outcome.resent_count += u64::from(last == Some(attempt));
-                outlet.outcome.retake_count += u64::from(attempt > 0 && last != Some(attempt));
-                Ok(Next::Now)
-            }
-            Phase::Barrier(_) if self.ledger.barrier == self.barrier => self.passed(outlet),
-            Phase::Barrier(sent_at) => match SEND_AGAIN.checked_sub(sent_at.elapsed()) {
-                Some(left) => Ok(Next::Within(left)),
-                None => self.send_barrier(outlet),
-            },
-            Phase::Ending(sent_at) => match SEND_AGAIN.checked_sub(sent_at.elapsed()) {
-                Some(left) => Ok(Next::Within(left)),
-                None => self.send_ends(outlet),
-            },
-        }
-    }
-
-    /// Sends a barrier behind what was sent: when it has passed, all that is settled, or lost.
-    fn send_barrier(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
-        self.barrier = self.barrier.wrapping_add(1);
-        outlet.mark(self.number, RecordKind::Barrier, self.barrier.into())?;
-        self.phase = Phase::Barrier(Instant::now());
-        Ok(Next::Within(SEND_AGAIN))
-    }
-
-    /// All that was sent is settled, or lost.
-    fn passed(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
-        if let Some(reason) = &self.gone {
-            outlet.give_up(self.number, reason)?;
-            self.phase = Phase::Ending(Instant::now());
-            return Ok(Next::Within(SEND_AGAIN));
-        }
-        let missing = self.missing();
-        if !missing.is_empty() {
-            self.phase = Phase::Tapping(missing);
-            return Ok(Next::Now);
-        }
-        if self.ledger.scans().get(self.scan).is_some_and(|&state| state < ScanState::Ended) {
-            outlet.mark(self.number, RecordKind::End, self.scan as u64)?;
-        }
-        self.scan += 1;
-        if self.scan >= self.casing.taps.plan().scans().len() {
-            self.phase = Phase::Ending(Instant::now());
-            return Ok(Next::Within(SEND_AGAIN));
-        }
-        let missing = self.missing();
-        self.phase = Phase::Tapping(missing);
-        Ok(Next::Now)
-    }
-
-    /// Sends again that the scans have ended, those of which the archive does not know it.
-    fn send_ends(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
-        if let Some(reason) = &self.gone {
-            outlet.give_up(self.number, reason)?;
-        } else {
-            let open = (0..).zip(self.ledger.scans()).filter(|&(_, &state)| state < ScanState::Ended);
-            open.map(|(scan, _)| scan).try_for_each(|scan| outlet.mark(self.number, RecordKind::End, scan))?;
-        }
-        self.phase = Phase::Ending(Instant::now());
-        Ok(Next::Within(SEND_AGAIN))
     }
 }
 

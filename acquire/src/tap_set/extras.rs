@@ -47,7 +47,7 @@ pub(crate) struct Extras {
 
 impl Extras {
     /// Reads the optional columns of `row`.
-    pub(crate) fn of(row: &Row<'_>, geometry: Geometry) -> Result<Self, Error> {
+    pub(crate) fn from_row(row: &Row<'_>, geometry: Geometry) -> Result<Self, Error> {
         let short = |column, low, high: u16| -> Result<Option<u16>, Error> {
             let number = row.whole(column, low, u32::from(high))?;
             Ok(number.map(|number| u16::try_from(number).unwrap_or(high)))

@@ -7,7 +7,7 @@ use std::path::{Component, Path};
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use tapline_testing::mutated::mutated;
-use tapline_wire::{Geometry, Lane, SampleFormat, bytes_of, f32_of_mut, lanes_for};
+use tapline_wire::{CacheLine, Geometry, SampleFormat, bytes_of, cache_lines_for, f32_of_mut};
 
 use crate::Error;
 use crate::tap_set::{scan_toml, taps_csv, text, truth_csv, wav};
@@ -69,16 +69,16 @@ fn any_wav() {
         let Ok(header) = wav::read_header(Cursor::new(bytes), bytes.len() as u64) else { return Ok(false) };
         let length = header.sample_count as usize * usize::from(header.channel_count) * header.format.bytes();
         prop_assert!(length > 0 && length <= bytes.len(), "{:?} of {} bytes", header, bytes.len());
-        let mut lanes = vec![Lane::default(); lanes_for(length)];
-        if header.read_samples(Cursor::new(bytes), &mut Vec::new(), &mut lanes).is_err() {
+        let mut buffer = vec![CacheLine::default(); cache_lines_for(length)];
+        if header.read_samples(Cursor::new(bytes), &mut Vec::new(), &mut buffer).is_err() {
             return Ok(false);
         }
         if header.format == SampleFormat::F32 {
-            prop_assert!(f32_of_mut(&mut lanes)[..length / 4].iter().all(|x| x.is_finite()));
+            prop_assert!(f32_of_mut(&mut buffer)[..length / 4].iter().all(|x| x.is_finite()));
         }
         // The samples are somewhere in the file as they were read, channel after channel or one by one.
         let (size, channels) = (header.format.bytes(), usize::from(header.channel_count));
-        let planar = &bytes_of(&lanes)[..length];
+        let planar = &bytes_of(&buffer)[..length];
         let plane = length / channels;
         let frames: Vec<u8> = (0..plane / size)
             .flat_map(|k| (0..channels).flat_map(move |c| (0..size).map(move |b| c * plane + k * size + b)))

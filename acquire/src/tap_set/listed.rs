@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use tapline_wire::{CasingLimits, Plan};
 
-use crate::tap_set::{Recordings, Unit, refuse_no_station, units_of};
+use crate::tap_set::casings::{SetCasing, casings_of, check_station_count};
+use crate::tap_set::recordings::Recordings;
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Refusal, Source as _, TapSet};
 
 /// What waits for nothing is asked again this late.
@@ -17,7 +18,7 @@ const LOOK_EVERY: Duration = Duration::from_secs(60);
 #[derive(Debug, Clone)]
 pub struct TapSetList {
     set: Arc<Recordings>,
-    units: Arc<[Unit]>,
+    casings: Arc<[SetCasing]>,
 }
 
 /// The casings of the tap set in `dir`, shared out over `station_count` stations in order of first appearance where
@@ -27,34 +28,34 @@ pub struct TapSetList {
 /// [`Error`] when a table is missing or wrong, when no recording at all can be used, when a casing is at two stations,
 /// or without a station.
 pub fn listed_tap_set(dir: &Path, station_count: u16) -> Result<TapSetList, Error> {
-    refuse_no_station(station_count)?;
+    check_station_count(station_count)?;
     let set = Recordings::open(dir)?;
-    let units = units_of(&set, station_count)?.into();
-    Ok(TapSetList { set: Arc::new(set), units })
+    let casings = casings_of(&set, station_count)?.into();
+    Ok(TapSetList { set: Arc::new(set), casings })
 }
 
 impl TapSetList {
     /// How many casings there are.
     pub fn len(&self) -> usize {
-        self.units.len()
+        self.casings.len()
     }
 
     /// Whether there is no casing.
     pub fn is_empty(&self) -> bool {
-        self.units.is_empty()
+        self.casings.is_empty()
     }
 
     /// Name, station and plan of every casing, in order of first appearance; each plan is made as it is asked for.
     pub fn listed(&self) -> impl Iterator<Item = Result<(String, u16, Plan), Error>> + '_ {
-        self.units.iter().map(|unit| {
-            let plan = self.set.plan(&unit.rows, |_| unit.station)?;
-            Ok((unit.name.clone(), unit.station, plan))
+        self.casings.iter().map(|casing| {
+            let plan = self.set.plan(&casing.rows, |_| casing.station)?;
+            Ok((casing.name.clone(), casing.station, plan))
         })
     }
 
     /// The stations that have casings, ascending.
     pub fn stations(&self) -> Vec<u16> {
-        let mut stations: Vec<u16> = self.units.iter().map(|unit| unit.station).collect();
+        let mut stations: Vec<u16> = self.casings.iter().map(|casing| casing.station).collect();
         stations.sort_unstable();
         stations.dedup();
         stations
@@ -62,7 +63,7 @@ impl TapSetList {
 
     /// The casings of `station`, in order.
     pub fn arrivals(&self, station: u16) -> Box<dyn Arrivals> {
-        let ours = self.units.iter().enumerate().filter(|(_, unit)| unit.station == station);
+        let ours = self.casings.iter().enumerate().filter(|(_, casing)| casing.station == station);
         let numbers = ours.map(|(number, _)| number).collect();
         Box::new(Listed { list: self.clone(), station, numbers })
     }
@@ -74,7 +75,7 @@ impl TapSetList {
     pub fn refusals(&self) -> Result<Vec<Refusal>, Error> {
         let mut refusals = Vec::new();
         for number in 0..self.len() {
-            refusals.extend(self.taps(number, self.units[number].station)?.refusals());
+            refusals.extend(self.taps(number, self.casings[number].station)?.refusals());
         }
         Ok(refusals)
     }
@@ -84,16 +85,17 @@ impl TapSetList {
     /// # Errors
     /// [`Error`] when a casing's plan cannot be made.
     pub fn limits(&self) -> Result<CasingLimits, Error> {
-        self.listed().try_fold(CasingLimits::default(), |most, listed| Ok(most.and(CasingLimits::of(&listed?.2))))
+        self.listed()
+            .try_fold(CasingLimits::default(), |most, listed| Ok(most.and(CasingLimits::from_plan(&listed?.2))))
     }
 
     pub(crate) fn name(&self, number: usize) -> &str {
-        &self.units[number].name
+        &self.casings[number].name
     }
 
     /// The taps of casing `number`, at `station`.
     pub(crate) fn taps(&self, number: usize, station: u16) -> Result<TapSet, Error> {
-        TapSet::of_unit(&self.set, &self.units[number], station)
+        TapSet::from_casing(&self.set, &self.casings[number], station)
     }
 
     /// Casing `number`, at `station`.

@@ -73,7 +73,7 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
     id.location = whole("location", 0, LOCATION_MAX)?;
     id.repetition = short(row.whole("repetition", 0, u32::from(u16::MAX))?.unwrap_or(0));
     let angle_deg = row.number("angle_deg", (0.0, true), 360.0)?;
-    let extras = Extras::of(row, geometry)?;
+    let extras = Extras::from_row(row, geometry)?;
     id.station = extras.station.unwrap_or(0);
     // A tap that is known to have no recording may do without the name of one.
     let is_nameless = extras.refused.is_some() && row.text("file").is_empty();

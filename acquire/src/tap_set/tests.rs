@@ -3,7 +3,7 @@
 use std::fs;
 
 use hound::{SampleFormat as Kind, WavSpec, WavWriter};
-use tapline_wire::{Channel, Geometry, Samples, lanes_for};
+use tapline_wire::{Channel, Geometry, Samples, cache_lines_for};
 use tempfile::TempDir;
 
 use super::*;
@@ -46,12 +46,12 @@ fn error_of(dir: &TempDir) -> String {
     TapSet::open(dir.path(), 1).unwrap_err().to_string()
 }
 
-fn render(set: &mut TapSet, row: u32) -> Result<(TapHeader, Vec<Lane>), Refusal> {
+fn render(set: &mut TapSet, row: u32) -> Result<(TapHeader, Vec<CacheLine>), Refusal> {
     let mut header = TapHeader::default();
     header.stamp.sequence = 77;
     header.sent_ns = 78;
-    let mut lanes = vec![Lane::default(); lanes_for(set.plan().recording.payload_bytes_max())];
-    set.render(row, 3, &mut header, &mut lanes).map(|()| (header, lanes))
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(set.plan().recording.payload_bytes_max())];
+    set.render(row, 3, &mut header, &mut buffer).map(|()| (header, buffer))
 }
 
 fn refusal(set: &mut TapSet, row: u32) -> String {
@@ -70,9 +70,9 @@ fn a_recording_without_a_header_is_the_same_taps() {
         fs::write(dir.path().join(format!("{name}.raw")), &wav[wav.len() - 16..]).unwrap();
     }
     for row in 0..3 {
-        let (header, lanes) = render(&mut open(&of_wav), row).unwrap();
+        let (header, buffer) = render(&mut open(&of_wav), row).unwrap();
         let (same, same_lanes) = render(&mut open(&dir), row).unwrap();
-        assert_eq!(Samples::view(&header, &lanes), Samples::view(&same, &same_lanes));
+        assert_eq!(Samples::view(&header, &buffer), Samples::view(&same, &same_lanes));
         assert_eq!((header.sample_count, header.channels), (same.sample_count, same.channels));
     }
     fs::write(dir.path().join("b.raw"), [0; 18]).unwrap();
@@ -103,9 +103,9 @@ fn a_16_bit_set_is_rendered() {
     assert_eq!(recording.channels, [Channel::Force, Channel::Sound]);
     assert_eq!((recording.sample_format, recording.sample_count_max), (SampleFormat::I16, 4));
 
-    let (header, lanes) = render(&mut set, 1).unwrap();
+    let (header, buffer) = render(&mut set, 1).unwrap();
     let want: [i16; 8] = [20, 22, 24, 26, 21, 23, 25, 27];
-    assert_eq!(Samples::view(&header, &lanes), Some(Samples::I16(&want)));
+    assert_eq!(Samples::view(&header, &buffer), Some(Samples::I16(&want)));
     assert_eq!((header.stamp.sequence, header.sent_ns, header.tap_time_ns), (77, 78, 0));
     assert_eq!((header.id.attempt, header.id.planned(), header.plan_index), (3, set.plan().taps()[1].id, 1));
     assert_eq!((header.sample_rate_hz, header.microphone_distance_m), (40_960.0, 0.05));
@@ -127,8 +127,8 @@ fn a_float_set_of_one_channel_is_rendered() {
     let mut set = open(&dir);
     assert_eq!((set.plan().geometry, set.plan().recording.sample_count_max), (Geometry::Line, 5));
     for (row, want) in [(0, vec![0.1, -1e-30, 3.5]), (1, vec![1.0, 2.0, 3.0, 4.0, 5.0]), (2, vec![9.0, 8.0, 7.0])] {
-        let (header, lanes) = render(&mut set, row).unwrap();
-        assert_eq!(Samples::view(&header, &lanes), Some(Samples::F32(&want)));
+        let (header, buffer) = render(&mut set, row).unwrap();
+        assert_eq!(Samples::view(&header, &buffer), Some(Samples::F32(&want)));
         assert_eq!(header.channels().collect::<Vec<_>>(), [(Channel::Sound, 1.0)]);
     }
 }
@@ -191,8 +191,8 @@ fn a_sample_that_is_no_number_is_refused_when_it_is_read() {
         "b.wav (taps.csv line 3): sample 2 of channel 1 (both from 0) is NaN, not a finite number"
     );
     let mut header = TapHeader::default();
-    let mut lanes = [Lane::default(); 4];
-    set.render(1, 0, &mut header, &mut lanes).unwrap_err();
+    let mut buffer = [CacheLine::default(); 4];
+    set.render(1, 0, &mut header, &mut buffer).unwrap_err();
     assert_eq!((header.id, header.plan_index), (set.plan().taps()[1].id, 1), "a refusal has a name");
 }
 
@@ -277,8 +277,8 @@ fn recorded_sets_are_read() {
         let cracked = set.plan().truth().values().filter(|&&c| c).count();
         assert!(cracked == cracked_count || cracked_count == 0 && cracked > 0, "{name}: {cracked} cracked");
         for row in 0..tap_count as u32 {
-            let (header, lanes) = render(&mut set, row).unwrap();
-            let Some(Samples::F32(samples)) = Samples::view(&header, &lanes) else { panic!("{name}: not f32") };
+            let (header, buffer) = render(&mut set, row).unwrap();
+            let Some(Samples::F32(samples)) = Samples::view(&header, &buffer) else { panic!("{name}: not f32") };
             assert!(samples.len() > 1000 && samples.iter().any(|&s| s.abs() > 0.0), "{name} row {row} is silent");
         }
     }

@@ -84,7 +84,7 @@ impl FolderArrivals {
     }
 
     /// The next casing of the sets that were begun.
-    fn of_begun(&mut self) -> Option<Casing> {
+    fn next_begun(&mut self) -> Option<Casing> {
         for at in 0..self.sets.len() {
             let set = &mut self.sets[at];
             while let Some(number) = set.todo.pop_front() {
@@ -210,7 +210,7 @@ impl Arrivals for FolderArrivals {
 
     fn next(&mut self) -> Result<Arrival, Error> {
         loop {
-            if let Some(casing) = self.of_begun() {
+            if let Some(casing) = self.next_begun() {
                 return Ok(Arrival::Casing(casing));
             }
             self.put_aside();

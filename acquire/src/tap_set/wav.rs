@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use tapline_wire::{Lane, SampleFormat, bytes_of_mut, f32_of_mut, i16_of_mut};
+use tapline_wire::{CacheLine, SampleFormat, bytes_of_mut, f32_of_mut, i16_of_mut};
 
 /// Most samples of one channel: 100 s at 41 kHz. Every record's memory is as large as the longest's.
 pub(super) const SAMPLE_COUNT_MAX: u64 = 1 << 22;
@@ -218,28 +218,28 @@ fn kind_name(tag: u16, is_known: bool) -> String {
 }
 
 impl WavHeader {
-    /// Reads the samples of `file` into `lanes`, planar, by way of `scratch`.
+    /// Reads the samples of `file` into `buffer`, planar, by way of `scratch`.
     ///
     /// # Panics
-    /// If `lanes` has less room than the samples need.
+    /// If `buffer` has less room than the samples need.
     pub(crate) fn read_samples<R: Read + Seek>(
         &self,
         mut file: R,
         scratch: &mut Vec<u8>,
-        lanes: &mut [Lane],
+        buffer: &mut [CacheLine],
     ) -> Result<(), WavFault> {
         file.seek(SeekFrom::Start(self.data_at))?;
         if self.channel_count == 1 && cfg!(target_endian = "little") {
-            Self::fill(&mut file, &mut bytes_of_mut(lanes)[..self.data_bytes])?;
+            Self::fill(&mut file, &mut bytes_of_mut(buffer)[..self.data_bytes])?;
         } else {
             scratch.resize(self.data_bytes, 0);
             Self::fill(&mut file, scratch)?;
             match self.format {
-                SampleFormat::I16 => self.write_planes(scratch, i16_of_mut(lanes), i16::from_le_bytes),
-                SampleFormat::F32 => self.write_planes(scratch, f32_of_mut(lanes), f32::from_le_bytes),
+                SampleFormat::I16 => self.write_planes(scratch, i16_of_mut(buffer), i16::from_le_bytes),
+                SampleFormat::F32 => self.write_planes(scratch, f32_of_mut(buffer), f32::from_le_bytes),
             }
         }
-        if self.format == SampleFormat::F32 { self.refuse_non_finite(f32_of_mut(lanes)) } else { Ok(()) }
+        if self.format == SampleFormat::F32 { self.refuse_non_finite(f32_of_mut(buffer)) } else { Ok(()) }
     }
 
     fn fill<R: Read>(file: &mut R, bytes: &mut [u8]) -> Result<(), WavFault> {

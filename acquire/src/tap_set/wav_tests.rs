@@ -4,7 +4,7 @@ use std::io::Cursor;
 
 use hound::{SampleFormat as Kind, WavReader, WavSpec, WavWriter};
 use proptest::prelude::*;
-use tapline_wire::{Lane, SampleFormat, bytes_of, lanes_for};
+use tapline_wire::{CacheLine, SampleFormat, bytes_of, cache_lines_for};
 
 use super::*;
 
@@ -31,9 +31,9 @@ fn wav_f32(channels: u16, samples: &[f32]) -> Vec<u8> {
 /// The samples of a WAV file as bytes, planar.
 fn read(bytes: &[u8]) -> Result<(WavHeader, Vec<u8>), WavFault> {
     let header = read_header(Cursor::new(bytes), bytes.len() as u64)?;
-    let mut lanes = vec![Lane::default(); lanes_for(header.data_bytes)];
-    header.read_samples(Cursor::new(bytes), &mut Vec::new(), &mut lanes)?;
-    Ok((header, bytes_of(&lanes)[..header.data_bytes].to_vec()))
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(header.data_bytes)];
+    header.read_samples(Cursor::new(bytes), &mut Vec::new(), &mut buffer)?;
+    Ok((header, bytes_of(&buffer)[..header.data_bytes].to_vec()))
 }
 
 fn fault(bytes: &[u8]) -> String {

@@ -96,7 +96,7 @@ proptest! {
             values.set(Discriminator::Pr, Some(b));
             let mut id = plan.taps().get(plan_index as usize).map_or(TapId::default(), |t| t.id);
             id.attempt = attempt;
-            let record = Discriminators { id, plan_index, quality: Quality::from_bits(quality), values, ..Default::default() };
+            let record = Discriminators { id, plan_index, quality: Quality::from_bits_retain(quality), values, ..Default::default() };
             prop_assert_eq!(fusion.push(&record).is_ok(), (plan_index as usize) < plan.taps().len());
         }
         for scan in 0..2 {

@@ -181,7 +181,7 @@ impl Scene {
     /// The nearest that `tapline-model` has to that population.
     pub(crate) fn simulation(self) -> SimulationConfig {
         let plain = SimulationConfig::default();
-        let fault = |kind| PlantedFault { kind, share: 0.005 };
+        let fault = |kind| PlantedFault { kind, fraction: 0.005 };
         match self.reference_scene() {
             Self::SoundRough => SimulationConfig {
                 ring_variation: 0.05,

@@ -13,7 +13,8 @@ use tapline_model::SimulationConfig;
 use tapline_plate::{Population, ScanShape, discriminators};
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{
-    Discriminator, Discriminators, Lane, Plan, Quality, Samples, TapHeader, Values, digest_of_parts, lanes_for,
+    CacheLine, Discriminator, Discriminators, Plan, Quality, Samples, TapHeader, Values, cache_lines_for,
+    digest_of_parts,
 };
 
 use crate::scenes::{Crack, Scene, Simulator, Tyre};
@@ -189,15 +190,15 @@ fn modelled(simulation: &SimulationConfig, shape: &ScanShape, tyre: &Tyre, seed:
         ..ScanConfig::default()
     };
     let mut line = SimulatedLine::new(&scan, simulation)?;
-    let mut lanes = vec![Lane::default(); lanes_for(line.plan().recording.payload_bytes_max())];
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
     let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
     let rows = 0..u32::try_from(line.plan().taps().len())?;
     rows.map(|row| {
         let mut header = TapHeader::default();
         for attempt in 0..=RETAKES {
-            line.render(row, attempt, &mut header, &mut lanes)?;
+            line.render(row, attempt, &mut header, &mut buffer)?;
             header.retakes_left = (RETAKES - attempt).into();
-            let samples = Samples::view(&header, &lanes).context("a record does not fit its header")?;
+            let samples = Samples::view(&header, &buffer).context("a record does not fit its header")?;
             let found = extractor.extract(&header, samples);
             if !found.quality.contains(Quality::RETAKE) {
                 return Ok(found);

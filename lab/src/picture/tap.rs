@@ -26,7 +26,7 @@ pub(crate) struct Tap {
 fn typical(reader: &Reader, scan: &Scan, location: u32) -> Result<Discriminators> {
     let found = reader.discriminators()?;
     let here = scan.taps.iter().filter_map(|&row| found[row as usize]);
-    let mut taps: Vec<Discriminators> = here.filter(|d| d.id.location == location && d.quality.is_clean()).collect();
+    let mut taps: Vec<Discriminators> = here.filter(|d| d.id.location == location && d.quality.is_empty()).collect();
     let order = |a: &Discriminators, b: &Discriminators| {
         let offset_mm = |d: &Discriminators| d.id.offset_mm().unwrap_or(0.0).abs();
         let velocity_m_per_s = |d: &Discriminators| d.id.velocity_m_per_s().unwrap_or(0.0);

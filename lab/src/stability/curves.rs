@@ -196,7 +196,7 @@ pub(crate) fn restitution() -> Curve {
     const LAWS: [DampingLaw; 4] =
         [DampingLaw::Exact, DampingLaw::Gonthier, DampingLaw::Flores, DampingLaw::LankaraniNikravesh];
     let at = |e: f64| {
-        let returned = |law: DampingLaw| law.chi(e).and_then(DampedContact::of).map_or(f64::NAN, |c| c.restitution);
+        let returned = |law: DampingLaw| law.chi(e).and_then(DampedContact::new).map_or(f64::NAN, |c| c.restitution);
         modelled(e, LAWS.map(|law| (returned(law) / e - 1.0).abs()).to_vec())
     };
     Curve {

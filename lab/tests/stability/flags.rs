@@ -53,7 +53,7 @@ fn value(found: &Discriminators, which: Discriminator) -> f64 {
 fn an_undisturbed_tap_has_no_flag() {
     let all: Vec<Tap> = (0..25).flat_map(|seed| taps(1000 + seed, |_| {}, |_| {})).collect();
     let found = extracted(&all, &ProcessConfig::default());
-    let flagged: Vec<_> = found.iter().filter(|f| !f.quality.is_clean()).collect();
+    let flagged: Vec<_> = found.iter().filter(|f| !f.quality.is_empty()).collect();
     println!("flags: {} of {} undisturbed taps are flagged", flagged.len(), found.len());
     assert!(flagged.len() <= 1, "{flagged:?}");
 }
@@ -262,7 +262,7 @@ fn c17_an_impact_too_fast() {
     let off = |part: f64| taps(17, |tap| tap.velocity_m_per_s = Some((1.85, 1.85 * (1.0 + part))), |_| {});
     assert_flagged(&off(0.05), Quality::VELOCITY_OFF, &[]);
     assert_flagged(&off(-0.05), Quality::VELOCITY_OFF, &[]);
-    assert!(extracted(&off(0.02), &ProcessConfig::default()).iter().all(|f| f.quality.is_clean()));
+    assert!(extracted(&off(0.02), &ProcessConfig::default()).iter().all(|f| f.quality.is_empty()));
     let mut dropping = ProcessConfig::default();
     dropping.quality.velocity_off = Policy::Drop;
     for found in extracted(&off(0.05), &dropping) {

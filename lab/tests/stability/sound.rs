@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use realfft::RealFftPlanner;
 use tapline_acquire::{Source as _, TapSet};
 use tapline_process::ProcessConfig;
-use tapline_wire::{Discriminator, Discriminators, Lane, Quality, TapHeader, lanes_for};
+use tapline_wire::{CacheLine, Discriminator, Discriminators, Quality, TapHeader, cache_lines_for};
 
 use crate::stability::tap::{PRE_TRIGGER, RATE_HZ, Tap, add_hum, add_offset, peak};
 
@@ -58,7 +58,7 @@ fn c01_a_sound_of_zeros() {
     tap.sound_v.fill(0.0);
     let (silent, clean) = (found(&tap), found(&Tap::sound()));
     assert!(ALL[2..].iter().all(|&which| silent.values.get(which).is_none()), "{silent:?}");
-    assert!(silent.quality.contains(Quality::NO_ONSET) && clean.quality.is_clean(), "{silent:?} {clean:?}");
+    assert!(silent.quality.contains(Quality::NO_ONSET) && clean.quality.is_empty(), "{silent:?} {clean:?}");
     for which in [Discriminator::FMax, Discriminator::Tau] {
         assert_eq!(value(&silent, which).to_bits(), value(&clean, which).to_bits());
     }
@@ -165,10 +165,10 @@ fn c14_a_sample_rate_written_wrongly() {
         writer.finalize().unwrap();
     }
     let mut set = TapSet::open(folder.path(), 1).unwrap();
-    let mut lanes = vec![Lane::default(); lanes_for(set.plan().recording.payload_bytes_max())];
-    let refusal = set.render(0, 0, &mut TapHeader::default(), &mut lanes).unwrap_err();
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(set.plan().recording.payload_bytes_max())];
+    let refusal = set.render(0, 0, &mut TapHeader::default(), &mut buffer).unwrap_err();
     assert!(refusal.reason.contains("40960") && refusal.reason.contains("44100"), "{refusal:?}");
-    set.render(1, 0, &mut TapHeader::default(), &mut lanes).unwrap();
+    set.render(1, 0, &mut TapHeader::default(), &mut buffer).unwrap();
 }
 
 /// Case 16: the microphone a tenth farther off.

@@ -1,4 +1,4 @@
-//! The cheapest rung that is true enough.
+//! The cheapest rung that is accurate enough.
 
 use std::fmt;
 
@@ -9,37 +9,37 @@ use crate::{
     IntegralTable, PlateMotion, Rung, Scene,
 };
 
-/// A contact on the cheapest rung that is known to be true enough, and why it was that one.
+/// A contact on the cheapest rung that is known to be accurate enough, and why that rung was chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
     /// The contact.
     pub contact: Contact,
-    /// Largest relative difference from the full rung that was allowed to any of the four quantities.
+    /// Largest relative difference from the full rung that is allowed in any of the four quantities.
     pub tolerance: f64,
-    /// What was known of each rung.
+    /// Error bounds of the rungs.
     pub bounds: ErrorBounds,
-    /// Whether that is what running all of them has shown, and not bounds had beforehand.
+    /// Whether the bounds are errors found by running every rung, not bounds computed beforehand.
     pub is_measured: bool,
 }
 
-/// Bounds of each rung's error against the full rung, had without running that.
+/// Upper bounds of each rung's error against the full rung, computed without running it.
 ///
 /// An error is the largest relative difference of peak force, contact time, deflection and restitution
 /// ([`Contact::error_against`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorBounds {
-    /// Of the closed form; infinite when nothing is known.
+    /// Bound of the closed form; infinite if none is known.
     pub closed: f64,
-    /// Of the integral table; infinite when nothing is known.
+    /// Bound of the integral table; infinite if none is known.
     pub integral: f64,
-    /// Of the plate's motion; infinite when nothing is known.
+    /// Bound of the plate's motion; infinite if none is known.
     pub plate: f64,
-    /// The ratio that ends the map of errors before this scene: then nothing is known of the closed form and the table.
+    /// The ratio that places this scene outside the map of errors; then no bound of the closed form and the table is known.
     pub outside: Option<DomainCheck>,
 }
 
 impl ErrorBounds {
-    /// That of `rung`; the full rung's is 0.
+    /// The bound of `rung`; that of the full rung is 0.
     pub fn of(&self, rung: Rung) -> f64 {
         match rung {
             Rung::Closed => self.closed,
@@ -53,14 +53,13 @@ impl ErrorBounds {
 /// The contact of `scene`, with damping after `law`, on the cheapest rung whose error against the full rung stays within
 /// `tolerance`.
 ///
-/// The full rung is not run to find out. The contact upon a rigid target comes from a table, and how far the full rung
-/// can be from that is bounded by a map of the layer's effect over restitution, frequency and stiffness. Bounds are
-/// generous: a rung that would have done may be passed over, one that would not is never taken. Outside the map,
-/// the choice is the full rung.
+/// The full rung is not run. The contact on a rigid target comes from a table, and a map of the layer's effect over
+/// restitution, frequency and stiffness bounds how far the full rung can differ from it. The bounds are conservative: a rung
+/// that is accurate enough may be rejected, but one that is not is never chosen. Outside the map the full rung is chosen.
 ///
 /// # Errors
-/// [`Error::OutOfRange`] names a quantity of the scene that the formulas cannot take, or a tolerance outside 0 to 1;
-/// [`Error::TooStiff`] when an integration does not end.
+/// [`Error::OutOfRange`] if a quantity of the scene, or the tolerance, is outside its bounds; [`Error::TooStiff`] if an
+/// integration does not end.
 ///
 /// ```
 /// use tapline_model::{DampingLaw, Rung, Scene, choose};
@@ -75,7 +74,7 @@ pub fn choose(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result<Choice, 
     let tolerance = within("tolerance", tolerance, 0.0, 1.0)?;
     scene.validate()?;
     let chi = law.chi(scene.restitution)?;
-    let damped = DampedContact::of(chi)?;
+    let damped = DampedContact::new(chi)?;
     let full = Impact { chi, ..Impact::full(scene)? };
     let closed = ClosedForm.contact(scene)?;
     let integral = IntegralTable::scaled(law, scene, scene.k_c_n_per_m1_5(), 1.0 / scene.mass_factor_per_kg(), &damped);
@@ -91,7 +90,7 @@ pub fn choose(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result<Choice, 
     Ok(Choice { contact, tolerance, bounds, is_measured: false })
 }
 
-/// As [`choose`], but by running every rung: exact, and of use where one scene is looked into rather than many computed.
+/// As [`choose`], but by running every rung: exact, and slow.
 ///
 /// # Errors
 /// As [`choose`].
@@ -108,12 +107,12 @@ pub fn choose_by_trial(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result
     Ok(Choice { contact, tolerance, bounds, is_measured: true })
 }
 
-/// Bounds in `scene`, of which `full` is the full rung and `damped` its contact were the layer rigid; from that the closed
-/// form and the integral table are off by so much.
+/// The bounds in `scene`. `full` is its impact on the full rung, `damped` its contact with a rigid layer, from which the errors
+/// of the closed form and the integral table are known.
 fn bounds(scene: &Scene, full: &Impact, damped: &DampedContact, closed: f64, integral: f64) -> ErrorBounds {
     let (stiffening, loss_tangent) = (scene.shear_factor(), scene.loss_tangent());
     let bent = bound_of_stiffening(full, damped.restitution, loss_tangent, stiffening);
-    match Compliance::of(full, damped, loss_tangent) {
+    match Compliance::new(full, damped, loss_tangent) {
         Err(outside) => ErrorBounds {
             closed: f64::INFINITY,
             integral: f64::INFINITY,
@@ -138,7 +137,7 @@ fn lesser(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// How true the table and the integration themselves are.
+/// Relative error of the table and of the integration themselves.
 const ROUNDING: f64 = 3e-7;
 
 impl Choice {

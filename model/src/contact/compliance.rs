@@ -3,10 +3,10 @@
 //! In the contact's own units (lengths in L = (m_1 V^2/K_c)^0.4, times in T = L/V) the layer is two numbers beside its
 //! loss tangent: its stiffness kappa = K T^2/m_1 and the square of its frequency, rho = kappa m_1/m_p. A stiff layer
 //! changes each quantity of the contact in proportion to 1/kappa; the largest of the four relative changes, times
-//! kappa, is the [map](crate::contact::compliance_map) A(e, rho). What is bounded here was compared with the differential
-//! equation all over the map (`choice_tests`), and where the map ends nothing is said.
+//! kappa, is the [map](crate::contact::compliance_map) A(e, rho). The bounds were checked against the differential equation
+//! all over the map (`choice_tests`); outside the map there is none.
 
-use crate::contact::compliance_map::{EFFECT, RESTITUTIONS, RHO_LEAST, RHO_MOST, RHOS};
+use crate::contact::compliance_map::{EFFECT, RESTITUTIONS, RHO_MAX, RHO_MIN, RHOS};
 use crate::{DampedContact, DomainCheck, Impact};
 
 /// Loss tangent of the map, that of a resilience of 0.25.
@@ -17,24 +17,24 @@ pub(crate) const LOSS_TANGENT: f64 = 0.441_271_200_305;
 pub(crate) struct Compliance {
     /// A/kappa: first-order change of the quantity that changes most.
     pub(crate) epsilon: f64,
-    /// Largest share of the layer's force that the membrane can carry.
+    /// Largest fraction of the layer's force that the membrane can carry.
     pub(crate) membrane: f64,
 }
 
 impl Compliance {
-    /// That of the layer under `impact`, whose contact upon a rigid target is `rigid`.
+    /// The compliance of the layer under `impact`; `rigid` is the same contact on a rigid target.
     ///
     /// # Errors
-    /// The ratio that is outside the map.
-    pub(crate) fn of(impact: &Impact, rigid: &DampedContact, loss_tangent: f64) -> Result<Self, DomainCheck> {
+    /// The ratio that lies outside the map.
+    pub(crate) fn new(impact: &Impact, rigid: &DampedContact, loss_tangent: f64) -> Result<Self, DomainCheck> {
         let Some(plate) = impact.plate else { return Ok(Self { epsilon: 0.0, membrane: 0.0 }) };
         let e = check("rebound", rigid.restitution, RESTITUTIONS[0], 1.0 + 1e-6)?;
         check("loss_tangent", loss_tangent, 0.99 * LOSS_TANGENT, 1.01 * LOSS_TANGENT)?;
         let (length_m, time_s) = impact.units();
         let kappa = plate.stiffness_n_per_m * time_s * time_s / impact.mass_kg;
         let rho = plate.stiffness_n_per_m * time_s * time_s / plate.mass_kg;
-        check("rho", rho, RHO_LEAST, RHO_MOST)?;
-        let epsilon = check("epsilon", effect(e, rho) / kappa, 0.0, epsilon_most(e))?;
+        check("rho", rho, RHO_MIN, RHO_MAX)?;
+        let epsilon = check("epsilon", effect(e, rho) / kappa, 0.0, epsilon_max(e))?;
         // The layer goes no farther than twice its static deflection, and no farther than the impulse throws it.
         let (pushed, thrown) = (2.0 * rigid.f_max / kappa, (1.0 + e) * rho.sqrt() / kappa);
         let deflection_m = length_m * if pushed < thrown { pushed } else { thrown };
@@ -42,7 +42,7 @@ impl Compliance {
         Ok(Self { epsilon, membrane: check("membrane", membrane, 0.0, 0.25)? })
     }
 
-    /// Bound of the relative change of any quantity from the rigid target's to this layer's, either of them being 1.
+    /// Upper bound of the relative difference of any quantity between a rigid target and this layer.
     pub(crate) fn bound(&self) -> f64 {
         self.epsilon * (FIRST_ORDER + SECOND_ORDER * self.epsilon + self.membrane)
     }
@@ -50,21 +50,21 @@ impl Compliance {
     /// Whether the layer under `impact` is known to change no quantity of the contact by more than `tolerance`: then the
     /// target is as good as rigid, and a deep crack is a sound casing.
     pub(crate) fn is_rigid(impact: &Impact, rigid: &DampedContact, loss_tangent: f64, tolerance: f64) -> bool {
-        Self::of(impact, rigid, loss_tangent).is_ok_and(|compliance| compliance.bound() <= tolerance)
+        Self::new(impact, rigid, loss_tangent).is_ok_and(|compliance| compliance.bound() <= tolerance)
     }
 
-    /// Bound of the same between this layer and one that is stiffer by the factor `stiffening`, without membrane.
+    /// Upper bound of the relative difference between this layer and one without membrane that is `stiffening` times as stiff.
     pub(crate) fn bound_when_stiffened(&self, stiffening: f64) -> f64 {
         STIFFENING * self.epsilon * (stiffening.ln() + self.membrane)
     }
 }
 
-/// Bound of the relative change of any quantity between the layer under `impact` and one that is stiffer by the factor
-/// `stiffening`, without membrane, however far it bends; infinite where that is not known.
+/// Upper bound of the relative difference of any quantity between the layer under `impact` and one without membrane that is
+/// `stiffening` times as stiff; infinite where no bound is known.
 ///
 /// Stiffness enters the four quantities with an exponent below 0.68 (8000 random layers) as long as the layer is not
-/// so slow, or the rebound so weak, that a small change can make or spare a further contact. The deflection, and with
-/// it the membrane's share, is bounded by the impact's energy.
+/// so slow, or the rebound so weak, that a small change can cause or prevent a second contact. The deflection, and with
+/// it the membrane's part of the force, is bounded by the impact's energy.
 pub(crate) fn bound_of_stiffening(impact: &Impact, rebound: f64, loss_tangent: f64, stiffening: f64) -> f64 {
     const EXPONENT: f64 = 0.9;
     let Some(plate) = impact.plate else { return f64::INFINITY };
@@ -76,7 +76,7 @@ pub(crate) fn bound_of_stiffening(impact: &Impact, rebound: f64, loss_tangent: f
     let change = stiffening.ln() + membrane;
     let is_known = (0.499..=1.0 + 1e-6).contains(&rebound)
         && is_lossy_as_mapped(loss_tangent)
-        && (1.0..=RHO_MOST).contains(&rho)
+        && (1.0..=RHO_MAX).contains(&rho)
         && kappa >= 0.02
         && change <= 0.4;
     if is_known { EXPONENT * change } else { f64::INFINITY }
@@ -86,7 +86,7 @@ fn is_lossy_as_mapped(loss_tangent: f64) -> bool {
     (0.99 * LOSS_TANGENT..=1.01 * LOSS_TANGENT).contains(&loss_tangent)
 }
 
-/// Allows for the straight lines between the nodes of the map: a tenth, and a little more.
+/// Safety factor for the linear interpolation between the nodes of the map: a tenth, and a little more.
 const FIRST_ORDER: f64 = 1.15;
 /// Second-order coefficient, above any that 40 000 random layers have shown.
 const SECOND_ORDER: f64 = 1.0;
@@ -99,7 +99,7 @@ fn check(name: &'static str, value: f64, low: f64, high: f64) -> Result<f64, Dom
 }
 
 /// Largest epsilon of the map: a body that rebounds slowly is soon left behind by the layer, or met a second time.
-fn epsilon_most(e: f64) -> f64 {
+fn epsilon_max(e: f64) -> f64 {
     (0.015 + (e - 0.3) * 0.9).clamp(0.015, 0.6)
 }
 
@@ -112,7 +112,7 @@ fn epsilon_most(e: f64) -> f64 {
 )]
 fn effect(e: f64, rho: f64) -> f64 {
     let steps = (RHOS - 1) as f64;
-    let x = ((rho / RHO_LEAST).ln() / (RHO_MOST / RHO_LEAST).ln() * steps).clamp(0.0, steps);
+    let x = ((rho / RHO_MIN).ln() / (RHO_MAX / RHO_MIN).ln() * steps).clamp(0.0, steps);
     let column = (x as usize).min(RHOS - 2);
     let x_share = x - column as f64;
     let row = RESTITUTIONS[1..RESTITUTIONS.len() - 1].iter().take_while(|&&node| node <= e).count();

@@ -5,9 +5,9 @@ pub(crate) const RESTITUTIONS: [f64; 8] = [0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.75,
 /// Columns of the map, at equal steps of ln rho.
 pub(crate) const RHOS: usize = 24;
 /// Least rho of the map: the layer hardly moves while the contact lasts.
-pub(crate) const RHO_LEAST: f64 = 0.01;
+pub(crate) const RHO_MIN: f64 = 0.01;
 /// Greatest rho of the map: the layer follows the force.
-pub(crate) const RHO_MOST: f64 = 10_000.0;
+pub(crate) const RHO_MAX: f64 = 10_000.0;
 /// A(e, rho), one row a restitution.
 pub(crate) const EFFECT: [[f64; RHOS]; 8] = [
     [

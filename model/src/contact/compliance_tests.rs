@@ -36,7 +36,7 @@ fn effect_slow(e: f64, rho: f64) -> f64 {
 
 #[expect(clippy::cast_precision_loss, reason = "a small index")]
 fn rho_at(column: f64) -> f64 {
-    RHO_LEAST * (RHO_MOST / RHO_LEAST).powf(column / (RHOS - 1) as f64)
+    RHO_MIN * (RHO_MAX / RHO_MIN).powf(column / (RHOS - 1) as f64)
 }
 
 /// Writes the rows of src/compliance_map.rs anew; run with `--ignored --nocapture`.
@@ -82,10 +82,10 @@ proptest! {
     #[test]
     fn bounds_hold(e in 0.3..1.0_f64, column in 1e-9..22.999_f64, decades in 0.0..2.0_f64, ln_s in 0.0..1.4_f64) {
         let rho = rho_at(column);
-        let epsilon = epsilon_most(e) * 0.1_f64.powf(decades);
+        let epsilon = epsilon_max(e) * 0.1_f64.powf(decades);
         let kappa = effect(e, rho) / epsilon;
         let (rigid, soft) = (impact(e, None), impact(e, Some((kappa, rho))));
-        let found = Compliance::of(&soft, &DampedContact::of(soft.chi).unwrap(), LOSS_TANGENT).unwrap();
+        let found = Compliance::new(&soft, &DampedContact::new(soft.chi).unwrap(), LOSS_TANGENT).unwrap();
         prop_assert!((found.epsilon / epsilon - 1.0).abs() < 1e-5, "{found:?} for {epsilon}");
         let seen = change(&rigid, &soft);
         prop_assert!(seen < found.bound(), "{found:?} changes it by {seen}");
@@ -121,7 +121,7 @@ proptest! {
 fn the_map_has_its_ends() {
     let named = |e: f64, kappa: f64, rho: f64, loss_tangent: f64| {
         let impact = impact(e, Some((kappa, rho)));
-        Compliance::of(&impact, &DampedContact::of(impact.chi).unwrap(), loss_tangent).err().map(|c| c.name)
+        Compliance::new(&impact, &DampedContact::new(impact.chi).unwrap(), loss_tangent).err().map(|c| c.name)
     };
     assert_eq!(named(0.5, 100.0, 10.0, LOSS_TANGENT), None);
     assert_eq!(named(0.29, 100.0, 10.0, LOSS_TANGENT), Some("rebound"));
@@ -138,7 +138,7 @@ fn deep_cracks_are_rigid_within_the_tolerance() {
     const TOLERANCE: f64 = 1e-3;
     let scene = Scene { e_2_pa: 12e6, ..Scene::default() };
     let sound = Impact::integral(&scene).unwrap();
-    let rigid = DampedContact::of(sound.chi).unwrap();
+    let rigid = DampedContact::new(sound.chi).unwrap();
     let mut left_out = 0;
     for depth_mm in [3.0, 6.0, 12.7, 25.0, 50.0, 80.0, 100.0] {
         for felt in [1.0, 0.1, 0.01, 0.001] {

@@ -1,13 +1,13 @@
-//! The damped contact upon a rigid target, once and for all: one table over chi in place of its differential equation.
+//! The damped contact on a rigid target, from one table over chi instead of its differential equation.
 
 use crate::Error;
-use crate::contact::damped_table::{CHI_LEAST, CHI_MOST, SERIES};
+use crate::contact::damped_table::{CHI_MAX, CHI_MIN, SERIES};
 use crate::error::within;
 
-/// What the contact a'' = -a^1.5 (1 + chi a') does that begins with a = 0, a' = 1.
+/// The contact a'' = -a^1.5 (1 + chi a') that begins with a = 0 and a' = 1.
 ///
 /// In these units lengths are in L = (m V^2/K_c)^0.4, times in T = L/V and forces in m V^2/L, so that one number, chi,
-/// tells every contact of a mass m with a rigid target. The values are within 1e-7 of the differential equation's.
+/// describes every contact of a mass m with a rigid target. The values are within 1e-7 of the differential equation's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DampedContact {
     /// Peak force.
@@ -36,13 +36,13 @@ impl DampedContact {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a chi outside 0 to 16, more than any [`DampingLaw`](crate::DampingLaw) asks for.
-    pub fn of(chi: f64) -> Result<Self, Error> {
-        let chi = within("chi", chi, 0.0, CHI_MOST)?;
-        if chi >= CHI_LEAST {
+    pub fn new(chi: f64) -> Result<Self, Error> {
+        let chi = within("chi", chi, 0.0, CHI_MAX)?;
+        if chi >= CHI_MIN {
             return Ok(Self::from_table(chi));
         }
         // ln chi has no end towards elastic contact; this close to it a straight line is within 1e-9.
-        let (share, end) = (chi / CHI_LEAST, Self::from_table(CHI_LEAST));
+        let (share, end) = (chi / CHI_MIN, Self::from_table(CHI_MIN));
         let between = |from: f64, to: f64| from + share * (to - from);
         Ok(Self {
             f_max: between(Self::ELASTIC.f_max, end.f_max),
@@ -54,13 +54,14 @@ impl DampedContact {
     }
 
     fn from_table(chi: f64) -> Self {
-        let x = 2.0 * (chi / CHI_LEAST).ln() / (CHI_MOST / CHI_LEAST).ln() - 1.0;
+        let x = 2.0 * (chi / CHI_MIN).ln() / (CHI_MAX / CHI_MIN).ln() - 1.0;
         let [f_max, contact_time, time_to_peak, alpha_max, restitution] = chebyshev(x);
         Self { f_max, contact_time, time_to_peak, alpha_max, restitution }
     }
 }
 
-/// Sums of the Chebyshev series at `x` (Clenshaw's recurrence), all five at once: one alone waits for itself.
+/// Sums of the five Chebyshev series at `x` (Clenshaw's recurrence), computed side by side: each step of one series depends
+/// on the step before it.
 fn chebyshev(x: f64) -> [f64; 5] {
     let (mut b_1, mut b_2) = ([0.0; 5], [0.0; 5]);
     for row in SERIES[1..].iter().rev() {

@@ -3,9 +3,9 @@
 /// Terms of a series.
 pub(crate) const ORDER: usize = 44;
 /// Least chi of the table.
-pub(crate) const CHI_LEAST: f64 = 1e-4;
+pub(crate) const CHI_MIN: f64 = 1e-4;
 /// Greatest chi of the table.
-pub(crate) const CHI_MOST: f64 = 16.0;
+pub(crate) const CHI_MAX: f64 = 16.0;
 /// Peak force, contact time, time to the peak, largest deformation, restitution: one row a term.
 pub(crate) const SERIES: [[f64; 5]; ORDER] = [
     [1.242374622903e0, 4.054167085436e0, 1.227138797785e0, 9.221541690568e-1, 7.146975587355e-1],

@@ -44,7 +44,7 @@ fn node(k: usize) -> f64 {
 #[expect(clippy::cast_precision_loss, reason = "a small index")]
 fn series() -> [[f64; 5]; ORDER] {
     let at_nodes: Vec<[f64; 5]> = (0..ORDER)
-        .map(|k| values(&by_integration(CHI_LEAST * (0.5 * (node(k) + 1.0) * (CHI_MOST / CHI_LEAST).ln()).exp())))
+        .map(|k| values(&by_integration(CHI_MIN * (0.5 * (node(k) + 1.0) * (CHI_MAX / CHI_MIN).ln()).exp())))
         .collect();
     std::array::from_fn(|j| {
         std::array::from_fn(|quantity| {
@@ -87,7 +87,7 @@ fn the_table_holds_between_its_nodes() {
 }
 
 fn compare(chi: f64, e: f64) {
-    let (fast, slow) = (DampedContact::of(chi).unwrap(), by_integration(chi));
+    let (fast, slow) = (DampedContact::new(chi).unwrap(), by_integration(chi));
     for (fast, slow) in values(&fast).into_iter().zip(values(&slow)) {
         assert!((fast / slow - 1.0).abs() < 1e-7, "chi = {chi}: {fast} for {slow}");
     }
@@ -97,7 +97,7 @@ fn compare(chi: f64, e: f64) {
 /// Catches a wrong constant of elastic contact.
 #[test]
 fn elastic_contact_is_hertzs() {
-    let elastic = DampedContact::of(0.0).unwrap();
+    let elastic = DampedContact::new(0.0).unwrap();
     for (got, known) in values(&elastic).into_iter().zip(values(&by_integration(0.0))) {
         assert!((got / known - 1.0).abs() < 1e-10, "{got} for {known}");
     }
@@ -109,10 +109,10 @@ fn elastic_contact_is_hertzs() {
 #[test]
 fn the_table_covers_every_law() {
     for law in [DampingLaw::Exact, DampingLaw::LankaraniNikravesh, DampingLaw::Flores, DampingLaw::Gonthier] {
-        assert!(DampedContact::of(law.chi(0.1).unwrap()).is_ok(), "{law:?}");
-        assert!(DampedContact::of(law.chi(1.0).unwrap()).is_ok(), "{law:?}");
+        assert!(DampedContact::new(law.chi(0.1).unwrap()).is_ok(), "{law:?}");
+        assert!(DampedContact::new(law.chi(1.0).unwrap()).is_ok(), "{law:?}");
     }
     for chi in [-1e-300, 16.1, f64::NAN, f64::INFINITY] {
-        assert!(matches!(DampedContact::of(chi), Err(Error::OutOfRange { name: "chi", .. })));
+        assert!(matches!(DampedContact::new(chi), Err(Error::OutOfRange { name: "chi", .. })));
     }
 }

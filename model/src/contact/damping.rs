@@ -1,9 +1,9 @@
-//! The damping of a contact that is to return a given restitution: exactly, and as the literature approximates it.
+//! The damping of a contact for a given restitution: exact, and by the approximations of the literature.
 
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
-use crate::contact::scene::RESTITUTION_LEAST;
+use crate::contact::scene::RESTITUTION_MIN;
 use crate::error::within;
 
 /// How the damping ratio chi of a contact, in F = K_c a^1.5 (1 + chi a'/V), follows from the restitution e asked for.
@@ -29,7 +29,7 @@ impl DampingLaw {
     /// # Errors
     /// [`Error::OutOfRange`] when e is outside 0.1 to 1.
     pub fn chi(self, restitution: f64) -> Result<f64, Error> {
-        let e = within("restitution", restitution, RESTITUTION_LEAST, 1.0)?;
+        let e = within("restitution", restitution, RESTITUTION_MIN, 1.0)?;
         Ok(match self {
             Self::Exact => chi_for_restitution(e)?,
             Self::LankaraniNikravesh => 0.75 * (1.0 - e * e),
@@ -38,10 +38,10 @@ impl DampingLaw {
         })
     }
 
-    /// Least restitution from which on the law returns what it is asked for within 0.05.
-    pub fn restitution_least(self) -> f64 {
+    /// Smallest restitution for which the law is within 0.05 of the restitution asked for.
+    pub fn restitution_min(self) -> f64 {
         match self {
-            Self::Exact | Self::Flores | Self::Gonthier => RESTITUTION_LEAST,
+            Self::Exact | Self::Flores | Self::Gonthier => RESTITUTION_MIN,
             Self::LankaraniNikravesh => 0.8,
         }
     }
@@ -65,7 +65,7 @@ impl DampingLaw {
 /// ```
 pub fn chi_for_restitution(restitution: f64) -> Result<f64, Error> {
     const STEPS_MAX: usize = 100;
-    let e = within("restitution", restitution, RESTITUTION_LEAST, 1.0)?;
+    let e = within("restitution", restitution, RESTITUTION_MIN, 1.0)?;
     if e > SERIES_FROM {
         // The first terms of the series: below 1e-7 relative here, where rounding would spoil the difference.
         return Ok(1.5 * (1.0 - e * e) / (1.0 + e.powi(3)));
@@ -95,8 +95,7 @@ pub fn chi_for_restitution(restitution: f64) -> Result<f64, Error> {
 /// Restitution from which on the series for chi is used.
 const SERIES_FROM: f64 = 0.9999;
 
-/// By how much chi is too large for e; divided by chi^2 the difference loses its double root at 0 and rises through the
-/// one that is wanted.
+/// The residual of chi for e. Divided by chi^2 it loses its double root at 0 and rises through the root that is sought.
 fn excess(chi: f64, e: f64) -> f64 {
     (chi.ln_1p() - (-chi * e).ln_1p() - chi * (1.0 + e)) / (chi * chi)
 }
@@ -131,7 +130,7 @@ mod tests {
     /// domain in which a law is off by more than 0.05, or could be wider.
     #[test]
     fn laws_return_what_is_known_of_them() {
-        let returned = |law: DampingLaw, e: f64| DampedContact::of(law.chi(e).unwrap()).unwrap().restitution;
+        let returned = |law: DampingLaw, e: f64| DampedContact::new(law.chi(e).unwrap()).unwrap().restitution;
         for (law, e, known) in [
             (DampingLaw::LankaraniNikravesh, 0.5, 0.725),
             (DampingLaw::Flores, 0.5, 0.470),
@@ -143,13 +142,13 @@ mod tests {
             assert!((returned(law, e) - known).abs() < 6e-4, "{law:?} returns {} for {e}", returned(law, e));
         }
         for law in [DampingLaw::Exact, DampingLaw::LankaraniNikravesh, DampingLaw::Flores, DampingLaw::Gonthier] {
-            let least = law.restitution_least();
+            let least = law.restitution_min();
             let off = |e: f64| (returned(law, e) - e).abs();
             let worst = (0..=100)
                 .map(|i| off(least + (1.0 - least) * f64::from(i) / 100.0))
                 .fold(0.0, |a, b| if b > a { b } else { a });
             assert!(worst <= 0.05, "{law:?} is off by {worst}");
-            assert!(least <= RESTITUTION_LEAST || off(least - 0.02) > 0.05, "{law:?} is good below {least}");
+            assert!(least <= RESTITUTION_MIN || off(least - 0.02) > 0.05, "{law:?} is good below {least}");
         }
     }
 

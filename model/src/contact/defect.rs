@@ -17,7 +17,7 @@ pub struct DefectContact {
     pub d_max_m: f64,
     /// Bending stiffness of the layer (Eq. 23).
     pub k_f_n_per_m: f64,
-    /// Share of the impact's energy lost to bending (Eq. 34).
+    /// Fraction of the impact's energy lost to bending (Eq. 34).
     pub lambda_f: f64,
 }
 
@@ -26,7 +26,7 @@ pub struct DefectContact {
 /// Deviation from Eq. 32 as printed: its left side is V^2/(2 M), which is what gives the dissertation's tables.
 ///
 /// # Errors
-/// [`Error::OutOfRange`] when a quantity of the scene is not one the formulas can take.
+/// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds.
 pub fn defect_contact(scene: &Scene) -> Result<DefectContact, Error> {
     let f_integral = integral_contact(scene)?.f_max_n;
     let (v, m_1, k_c, k_f) = (scene.velocity_m_per_s, scene.m_1_kg, scene.k_c_n_per_m1_5(), scene.k_f_n_per_m());

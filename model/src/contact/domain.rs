@@ -18,7 +18,7 @@ pub struct DomainCheck {
 }
 
 impl DomainCheck {
-    /// Whether the value is outside the bounds; one that is not a number is.
+    /// Whether the value is outside the bounds; NaN is.
     pub fn is_raised(&self) -> bool {
         !(self.low..=self.high).contains(&self.value)
     }
@@ -31,7 +31,7 @@ impl DomainCheck {
 /// | `h_per_l` | h/l | closed, plate: to 0.2; full: to 0.5; integral: from 1 | a thin plate bends; shear makes it softer (by a seventh at 0.2) and beyond 0.5 it is no plate; no layer at all is what the integral model assumes |
 /// | `deflection_per_h` | deflection of the layer/h | closed, integral, plate: to 0.25; full: to 2 | the membrane carries part of the load (9 % at 0.25), later all of it |
 /// | `contact_radius_per_h` | sqrt(r alpha)/h | to 0.2 | Hertz's contact is upon a half-space |
-/// | `restitution` | e | closed: from 0.95; else from [`DampingLaw::restitution_least`] | the closed form has no damping in the contact; laws miss a small e |
+/// | `restitution` | e | closed: from 0.95; else from [`DampingLaw::restitution_min`] | the closed form has no damping in the contact; laws miss a small e |
 /// | `l_per_w` | l/w | closed, plate, full: to 1 | Table 1 of effective lengths ends at w/l = 1 |
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flags([DomainCheck; 5]);
@@ -43,7 +43,7 @@ impl Flags {
 
     /// The domain of `rung` with damping `law` in `scene`, for a contact that deformed by `alpha_max_m` and bent the layer
     /// by `deflection_m`.
-    pub fn of(rung: Rung, law: DampingLaw, scene: &Scene, alpha_max_m: f64, deflection_m: f64) -> Self {
+    pub fn new(rung: Rung, law: DampingLaw, scene: &Scene, alpha_max_m: f64, deflection_m: f64) -> Self {
         let contact_radius_m = (scene.contact_radius_m() * alpha_max_m).sqrt();
         let [h_name, deflection_name, radius_name, restitution_name, l_name] = Self::NAMES;
         let check = |name, value, bounds: RangeInclusive<f64>| DomainCheck {
@@ -52,12 +52,12 @@ impl Flags {
             low: *bounds.start(),
             high: *bounds.end(),
         };
-        let e_least = if rung == Rung::Closed { 0.95 } else { law.restitution_least() };
+        let e_min = if rung == Rung::Closed { 0.95 } else { law.restitution_min() };
         Self([
             check(h_name, scene.h_m / scene.l_m, h_per_l(rung)),
             check(deflection_name, deflection_m / scene.h_m, 0.0..=if rung == Rung::Full { 2.0 } else { 0.25 }),
             check(radius_name, contact_radius_m / scene.h_m, 0.0..=0.2),
-            check(restitution_name, scene.restitution, e_least..=1.0),
+            check(restitution_name, scene.restitution, e_min..=1.0),
             check(l_name, scene.l_m / scene.w_m, 0.0..=if rung == Rung::Integral { f64::INFINITY } else { 1.0 }),
         ])
     }
@@ -89,7 +89,7 @@ mod tests {
     #[test]
     fn flags_are_raised_where_assumptions_end() {
         let raised = |rung, scene: &Scene, alpha, deflection| -> Vec<&str> {
-            Flags::of(rung, DampingLaw::Exact, scene, alpha, deflection).raised().map(|c| c.name).collect()
+            Flags::new(rung, DampingLaw::Exact, scene, alpha, deflection).raised().map(|c| c.name).collect()
         };
         let thin = Scene { h_m: 4e-3, l_m: 40e-3, restitution: 0.96, ..Scene::default() };
         for rung in [Rung::Closed, Rung::Plate, Rung::Full] {
@@ -108,7 +108,7 @@ mod tests {
         assert_eq!(raised(Rung::Closed, &deep, 1e-6, 1e-6), ["h_per_l", "restitution"]);
         assert_eq!(raised(Rung::Integral, &thin, 1e-6, f64::NAN), ["h_per_l", "deflection_per_h"]);
         let law =
-            Flags::of(Rung::Plate, DampingLaw::LankaraniNikravesh, &Scene { restitution: 0.5, ..thin }, 1e-6, 1e-6);
+            Flags::new(Rung::Plate, DampingLaw::LankaraniNikravesh, &Scene { restitution: 0.5, ..thin }, 1e-6, 1e-6);
         assert_eq!(law.raised().map(|c| (c.name, c.low)).collect::<Vec<_>>(), [("restitution", 0.8)]);
     }
 }

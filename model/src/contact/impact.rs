@@ -3,12 +3,12 @@
 use crate::contact::ode::{State, Step, Stepping, integrate, locate, runge_kutta_4};
 use crate::{Error, Scene, chi_for_restitution};
 
-/// What an impact did within 20 ms; where contact outlasts that, what it had done by then.
+/// The outcome of an impact within 20 ms; of a longer contact, the state after 20 ms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
     /// Peak force.
     pub f_max_n: f64,
-    /// Last instant with a force; when the bodies meet again that counts.
+    /// Last instant with a force, further contacts included.
     pub contact_time_s: f64,
     /// Farthest the impactor went in.
     pub d_max_m: f64,
@@ -36,8 +36,8 @@ pub struct Plate {
 /// An impact: m_1 x_1'' = -F, m_p x_2'' + C x_2' + K_f x_2 + K_m x_2^3 = F, F = max(0, K_c a^1.5 (1 + chi a'/V)) for
 /// a = x_1 - x_2 > 0; K_m is 0 but in the full rung.
 ///
-/// Made of a [`Scene`] its numbers are checked; put together by hand they are taken as they are, and what means nothing
-/// gives an outcome that is not a number or [`Error::TooStiff`].
+/// Numbers that come from a [`Scene`] are checked. Numbers set by hand are not: impossible ones give an outcome that is not a
+/// number, or [`Error::TooStiff`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impact {
     /// Contact stiffness K_c.
@@ -48,7 +48,7 @@ pub struct Impact {
     pub velocity_m_per_s: f64,
     /// Mass m_1 of the impactor.
     pub mass_kg: f64,
-    /// The plate it hits; `None` is a target that does not move.
+    /// The plate it hits; `None` for a target that does not move.
     pub plate: Option<Plate>,
 }
 
@@ -108,7 +108,7 @@ impl Impact {
     /// The integral rung with exact damping: one body of mass 1/M against a target at rest.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] when a quantity of the scene is not one the formulas can take.
+    /// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds.
     pub fn integral(scene: &Scene) -> Result<Self, Error> {
         scene.validate()?;
         Ok(Self {
@@ -125,7 +125,7 @@ impl Impact {
     /// As the method defines it, K_c is that of the baseline's masses, whatever the masses of the scene.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] when a quantity of the scene is not one the formulas can take.
+    /// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds.
     pub fn plate(scene: &Scene) -> Result<Self, Error> {
         scene.validate()?;
         let baseline = Scene::default();
@@ -153,7 +153,7 @@ impl Impact {
     /// [`Scene::shear_factor`] and [`Scene::membrane_coefficient`].
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] when a quantity of the scene is not one the formulas can take.
+    /// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds.
     pub fn full(scene: &Scene) -> Result<Self, Error> {
         let thin = Self::plate(scene)?;
         let plate = thin.plate.map(|p| {
@@ -233,7 +233,7 @@ impl Impact {
     /// Force in N at 0, `dt`, 2 `dt`, ..., until the bodies have parted for good; returns `dt` in s.
     ///
     /// Steps are a fiftieth of the contact's own time L/V: within 1e-4 of the peak force, the simulator's need.
-    /// `force_n` is emptied first. That the bodies may meet again long after is left out.
+    /// `force_n` is emptied first. A further contact long afterwards is left out.
     pub fn force_history(&self, force_n: &mut Vec<f64>) -> f64 {
         const DT: f64 = 0.02;
         const STEPS_MAX: usize = 1500;
@@ -255,7 +255,7 @@ impl Impact {
     }
 }
 
-/// What has been seen of an impact, in the units of [`Scaled`].
+/// Extremes of an impact so far, in the units of [`Scaled`].
 #[derive(Debug, Default)]
 struct Record {
     f_max: f64,

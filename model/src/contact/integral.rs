@@ -20,7 +20,7 @@ pub struct IntegralContact {
 /// Closed form of the integral model for `scene`.
 ///
 /// # Errors
-/// [`Error::OutOfRange`] when a quantity of the scene is not one the formulas can take.
+/// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds.
 pub fn integral_contact(scene: &Scene) -> Result<IntegralContact, Error> {
     scene.validate()?;
     let (v, k_c, m) = (scene.velocity_m_per_s, scene.k_c_n_per_m1_5(), scene.mass_factor_per_kg());

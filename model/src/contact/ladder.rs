@@ -1,4 +1,4 @@
-//! The ladder: four models of the same contact behind one trait, each dearer and truer than the one before.
+//! The ladder: four models of the same contact behind one trait, each more expensive and more accurate than the one before.
 
 use crate::contact::rung::Rung;
 use crate::{DampedContact, DampingLaw, Error, Flags, Impact, Outcome, Scene, defect_contact};
@@ -18,10 +18,10 @@ impl Rung {
     }
 }
 
-/// What a model says of one contact.
+/// One contact as a model computes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// The rung that says so.
+    /// The rung that computed it.
     pub rung: Rung,
     /// Peak force.
     pub f_max_n: f64,
@@ -36,7 +36,7 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// The largest relative difference of the four quantities from those of `truth`; infinite when one is not a number.
+    /// The largest relative difference of the four quantities from those of `truth`; infinite if one is NaN.
     pub fn error_against(&self, truth: &Self) -> f64 {
         let mut worst = 0.0;
         for (mine, true_one) in self.quantities().into_iter().zip(truth.quantities()) {
@@ -60,7 +60,7 @@ impl Contact {
             contact_time_s: outcome.contact_time_s,
             d_max_m: outcome.d_max_m,
             restitution: outcome.restitution,
-            flags: Flags::of(rung, law, scene, outcome.alpha_max_m, outcome.deflection_max_m),
+            flags: Flags::new(rung, law, scene, outcome.alpha_max_m, outcome.deflection_max_m),
         }
     }
 }
@@ -73,8 +73,8 @@ pub trait ContactModel {
     /// The contact of `scene`.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] names a quantity of the scene that the formulas cannot take; [`Error::TooStiff`] when an
-    /// integration does not end.
+    /// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds; [`Error::TooStiff`] if an integration does not
+    /// end.
     fn contact(&self, scene: &Scene) -> Result<Contact, Error>;
 }
 
@@ -99,7 +99,7 @@ impl ContactModel for ClosedForm {
             contact_time_s: defect.tau_s,
             d_max_m: defect.d_max_m,
             restitution: 1.0,
-            flags: Flags::of(Rung::Closed, DampingLaw::Exact, scene, defect.alpha_max_m, bending_m),
+            flags: Flags::new(Rung::Closed, DampingLaw::Exact, scene, defect.alpha_max_m, bending_m),
         })
     }
 }
@@ -118,7 +118,7 @@ impl ContactModel for IntegralTable {
 
     fn contact(&self, scene: &Scene) -> Result<Contact, Error> {
         scene.validate()?;
-        let contact = DampedContact::of(self.law.chi(scene.restitution)?)?;
+        let contact = DampedContact::new(self.law.chi(scene.restitution)?)?;
         Ok(Self::scaled(self.law, scene, scene.k_c_n_per_m1_5(), 1.0 / scene.mass_factor_per_kg(), &contact))
     }
 }
@@ -137,7 +137,7 @@ impl IntegralTable {
             d_max_m: alpha_max_m,
             restitution: contact.restitution,
             // The layer that the model leaves out would have bent by so much.
-            flags: Flags::of(Rung::Integral, law, scene, alpha_max_m, f_max_n / scene.k_f_n_per_m()),
+            flags: Flags::new(Rung::Integral, law, scene, alpha_max_m, f_max_n / scene.k_f_n_per_m()),
         }
     }
 }

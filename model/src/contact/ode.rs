@@ -82,13 +82,13 @@ pub(crate) struct Step<const N: usize> {
 /// How an integration is to be stepped.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stepping {
-    /// Error allowed per step, absolute below 1 and relative above: the state is to be in units near 1.
+    /// Error allowed per step: absolute for values below 1, relative above. Choose units in which the state is near 1.
     pub(crate) tolerance: f64,
     /// Longest step.
     pub(crate) dt_max: f64,
     /// First step.
     pub(crate) dt_first: f64,
-    /// Most steps, those refused counted too.
+    /// Most steps, rejected ones included.
     pub(crate) steps_max: usize,
 }
 
@@ -116,7 +116,7 @@ pub(crate) fn integrate<const N: usize>(
         let is_last = t + dt >= t_end;
         let length = if is_last { t_end - t } else { dt };
         let (to, error) = dormand_prince(&f, &from, length);
-        let share = worst_share(&from, &to, &error, stepping.tolerance);
+        let share = worst_ratio(&from, &to, &error, stepping.tolerance);
         if share <= 1.0 {
             let step = Step { t, dt: length, from, to };
             (t, from) = (if is_last { t_end } else { t + length }, to);
@@ -131,8 +131,8 @@ pub(crate) fn integrate<const N: usize>(
     Reached { t, steps: stepping.steps_max }
 }
 
-/// The largest error as a share of what is allowed; infinite when one is not a number.
-fn worst_share<const N: usize>(from: &State<N>, to: &State<N>, error: &State<N>, tolerance: f64) -> f64 {
+/// The largest error relative to the allowed one; infinite if one is NaN.
+fn worst_ratio<const N: usize>(from: &State<N>, to: &State<N>, error: &State<N>, tolerance: f64) -> f64 {
     let mut worst = 1e-10;
     for i in 0..N {
         let size = if from[i].abs() > to[i].abs() { from[i].abs() } else { to[i].abs() };

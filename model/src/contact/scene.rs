@@ -1,4 +1,4 @@
-//! Who hits what: the scene of one impact and the constants that follow from it.
+//! The scene of one impact: what hits what, and the constants that follow.
 
 use std::f64::consts::PI;
 
@@ -9,18 +9,18 @@ use crate::error::within;
 
 /// Least positive quantity a scene may hold, in SI units.
 ///
-/// Together with [`MOST`] it keeps every closed form far from overflow and underflow.
-const LEAST: f64 = 1e-12;
+/// Together with [`QUANTITY_MAX`] it keeps every closed form far from overflow and underflow.
+const QUANTITY_MIN: f64 = 1e-12;
 /// Greatest quantity a scene may hold, in SI units.
-const MOST: f64 = 1e15;
+const QUANTITY_MAX: f64 = 1e15;
 /// Least restitution: below it the damped contact law's peak exceeds the elastic one, which is unphysical.
-pub(crate) const RESTITUTION_LEAST: f64 = 0.1;
+pub(crate) const RESTITUTION_MIN: f64 = 0.1;
 
 /// How the effective length l_e of a crack follows from its length l and the block's width w.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EffectiveLength {
-    /// As the dissertation's tables of results used it: two straight lines in w/l.
+    /// As used in the dissertation's tables of results: two straight lines in w/l.
     #[default]
     Published,
     /// As its text describes it: Table 1, interpolated.
@@ -125,7 +125,7 @@ impl Default for Scene {
 }
 
 impl Scene {
-    /// Whether every quantity is one that the formulas can take.
+    /// Checks every quantity against its bounds.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] names the first that is not finite, not positive, or absurdly small or large.
@@ -142,12 +142,12 @@ impl Scene {
             ("l_m", self.l_m),
             ("w_m", self.w_m),
         ] {
-            within(name, value, LEAST, MOST)?;
+            within(name, value, QUANTITY_MIN, QUANTITY_MAX)?;
         }
         within("nu_1", self.nu_1, 0.0, 0.5)?;
         within("nu_2", self.nu_2, 0.0, 0.5)?;
-        within("restitution", self.restitution, RESTITUTION_LEAST, 1.0)?;
-        within("resilience", self.resilience, LEAST, 1.0)?;
+        within("restitution", self.restitution, RESTITUTION_MIN, 1.0)?;
+        within("resilience", self.resilience, QUANTITY_MIN, 1.0)?;
         Ok(())
     }
 
@@ -182,19 +182,19 @@ impl Scene {
         4.0 * PI * self.h_m.powi(3) / (3.0 * l_e * l_e) * self.e_2_pa / ((1.0 - nu) * (3.0 + nu))
     }
 
-    /// By how much shear softens the layer above the crack: 1 + 2 (1 + nu_2) (h/l)^2/kappa, kappa = 5/6.
+    /// Factor by which shear softens the layer above the crack: 1 + 2 (1 + nu_2) (h/l)^2/kappa, kappa = 5/6.
     ///
     /// Timoshenko's correction of the bending stiffness, with l and not l_e. It makes the layer's stiffness independent
     /// of l where h > l: such a layer is no plate, and the domain flag of h/l says so.
     pub fn shear_factor(&self) -> f64 {
-        /// Share of the section that carries the shear of a rectangle.
+        /// Fraction of a rectangular section that carries the shear.
         const KAPPA: f64 = 5.0 / 6.0;
         1.0 + 2.0 * (1.0 + self.nu_2) * (self.h_m / self.l_m).powi(2) / KAPPA
     }
 
     /// c in K_f (x + c x^3/h^2), the force that deflects the layer above the crack by x.
     ///
-    /// K_f is that of a circular plate of radius l_e, simply supported, loaded at its centre. Its membrane energy is had
+    /// K_f is that of a circular plate of radius l_e, simply supported, loaded at its centre. Its membrane energy follows
     /// from the shape of its small deflection, w/x = (1 + nu)/(3 + nu) ((3 + nu)/(1 + nu) (1 - s^2) + 2 s^2 ln s) with
     /// s = r/l_e, and from in-plane equilibrium (von Karman) at an edge that does not move, as the casing around the
     /// crack holds it: c = (35465 + 28389 nu + 5242 nu^2 - 2710 nu^3 - 1395 nu^4 - 191 nu^5)/(864 (3 + nu)^3). That is

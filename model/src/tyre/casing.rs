@@ -1,16 +1,16 @@
-//! What makes one casing differ from another, and one place of it from the next.
+//! Scatter between casings, and between the places of one casing.
 
 use std::f64::consts::TAU;
 
 use crate::SimulationConfig;
 use crate::tyre::identity::{Generator, Identity};
 
-/// What a tap meets at one place of a casing, as factors around 1.
+/// Properties of one place of a casing, as factors around 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Place {
-    /// On the contact stiffness.
+    /// Factor on the contact stiffness.
     pub(crate) stiffness: f64,
-    /// On the loudness.
+    /// Factor on the loudness.
     pub(crate) loudness: f64,
 }
 
@@ -19,19 +19,19 @@ pub(crate) struct Place {
 pub(crate) struct Landing<'a> {
     pub(crate) serial: &'a str,
     pub(crate) shoulder: u16,
-    /// Location with the closing tap's turned back to 0.
+    /// Location; 0 for the closing tap.
     pub(crate) location: u32,
     pub(crate) location_count: u32,
     pub(crate) offset_mm: f64,
 }
 
-/// Amplitudes of the ring's harmonics, as shares of the variation: smooth, so that no place stands out.
+/// Amplitudes of the ring's harmonics, as fractions of the variation: few and low, so that no place is an outlier.
 const HARMONICS: [f64; 3] = [0.7, 0.5, 0.3];
-/// Share by which stiffness falls and loudness rises per mm towards the centre, where the casing is thinner (Fig. 60).
+/// Relative fall of stiffness, and rise of loudness, per mm towards the centre, where the casing is thinner (Fig. 60).
 const STIFFNESS_PER_MM: f64 = -0.004;
 const LOUDNESS_PER_MM: f64 = 0.010;
 
-/// The place where `landing` lands, of the casing that `seed` and its serial number make.
+/// The place where `landing` lands; `seed` and the serial number determine the casing.
 pub(crate) fn place(config: &SimulationConfig, seed: u64, landing: &Landing<'_>) -> Place {
     let mut tyre = Identity::new(seed, "tyre").text(landing.serial).generator();
     let (tyre_stiffness, tyre_loudness) = (tyre.normal(), tyre.normal());
@@ -60,7 +60,10 @@ pub(crate) fn place(config: &SimulationConfig, seed: u64, landing: &Landing<'_>)
 
 /// A smooth function of the `turn` (0 to 1) around the ring, about 1 at most, with phases drawn from `generator`.
 fn wave(generator: &mut Generator, turn: f64) -> f64 {
-    (1..).zip(HARMONICS).map(|(n, share)| share * (TAU * (f64::from(n) * turn + generator.uniform())).sin()).sum()
+    (1..)
+        .zip(HARMONICS)
+        .map(|(n, amplitude)| amplitude * (TAU * (f64::from(n) * turn + generator.uniform())).sin())
+        .sum()
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ pub struct Crack {
     pub shoulder: u16,
     /// First location of its arc.
     pub first_location: u32,
-    /// Locations of its arc; it goes on over the end of the ring.
+    /// Locations of its arc, which may wrap around the end of the ring.
     pub location_count: u32,
     /// Depth under the surface.
     pub depth_mm: f64,
@@ -33,7 +33,7 @@ impl Default for Crack {
 
 /// Width, in mm, of the rim outside a crack over which it is still felt.
 const RIM_MM: f64 = 4.0;
-/// Share of a crack that is felt at the two ends of its arc, where it closes.
+/// Fraction of a crack's effect at the two ends of its arc, where it closes.
 const ARC_END: f64 = 0.8;
 /// Stiffness of the cords and of the closing gap, which act beside bending: it keeps a shallow layer from folding.
 const CORDS_N_PER_M: f64 = 8.0e4;
@@ -41,7 +41,7 @@ const CORDS_N_PER_M: f64 = 8.0e4;
 const LOADED_HZ: f64 = 850.0;
 
 impl Crack {
-    /// Whether every quantity is within its bounds; `serial` and `number` go into the error.
+    /// Checks every quantity against its bounds; `serial` and `number` go into the error.
     pub(crate) fn validate(&self, serial: &str, number: usize) -> Result<(), Error> {
         for (name, value, low, high) in [
             ("shoulder", f64::from(self.shoulder), 1.0, f64::from(u16::MAX)),
@@ -72,7 +72,7 @@ impl Crack {
             .filter(|&p| p < self.location_count)
     }
 
-    /// Share of the crack that a tap feels, 0 to 1.
+    /// Fraction of the crack's effect on a tap, 0 to 1.
     ///
     /// A belt-edge crack gapes at its beginning and closes towards its tip: Fig. 60 has it strongest at x = 0 and the
     /// curve at 15 mm almost flat.
@@ -81,15 +81,15 @@ impl Crack {
         let is_end = place == 0 || place + 1 == self.location_count;
         let along = if is_end && self.location_count < ring_count { ARC_END } else { 1.0 };
         let x = offset_mm - self.offset_mm;
-        let share = if x < 0.0 { -x / RIM_MM } else { x / self.length_mm };
-        // NaN compares false and is felt nowhere.
-        if share < 1.0 { along * (FRAC_PI_2 * share).cos().powi(2) } else { 0.0 }
+        let distance = if x < 0.0 { -x / RIM_MM } else { x / self.length_mm };
+        // NaN compares false, and so has no effect.
+        if distance < 1.0 { along * (FRAC_PI_2 * distance).cos().powi(2) } else { 0.0 }
     }
 
-    /// The layer above the crack as a tap feels it that feels the share `felt` of it.
+    /// The layer above the crack for a tap that feels the fraction `felt` of it.
     ///
     /// All of its impedance grows with 1/`felt`: a crack felt less moves less at the same frequency, and one that is
-    /// not felt at all is a rigid target. Deep cracks are stiff and heavy, so they look sound without being told to.
+    /// not felt at all is a rigid target. Deep cracks are stiff and heavy, so they look sound by themselves.
     pub(crate) fn plate(&self, scene: &Scene, felt: f64) -> Plate {
         let scene = Scene { h_m: self.depth_mm * 1e-3, l_m: self.length_mm * 1e-3, ..*scene };
         let stiffness = scene.k_f_n_per_m() + CORDS_N_PER_M;
@@ -106,8 +106,8 @@ impl Crack {
 
 /// Default cracks of a damaged tyre: 3-12 mm deep, 20-25 mm long, 3-10 locations wide, at the belt edge of shoulder 1.
 ///
-/// They lie one each in equal sectors of a ring of `location_count`, apart by a third of a sector or more; on a ring
-/// too short for sectors of 6 locations there are fewer.
+/// Each lies in a sector of its own of the ring of `location_count`, at least a third of a sector from the next. A ring too
+/// short for sectors of 6 locations gets fewer cracks.
 pub fn plant_cracks(seed: u64, serial: &str, location_count: u32, crack_count: u32) -> Vec<Crack> {
     const WIDTHS: (u32, u32) = (3, 10);
     let mut generator = Identity::new(seed, "cracks").text(serial).generator();

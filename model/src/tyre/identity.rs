@@ -1,9 +1,9 @@
-//! Random numbers that depend on what they are for, not on when they are drawn.
+//! Random numbers that depend on their purpose, not on the order in which they are drawn.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// The FNV-1a hash of a list of fields, written down here so that it is the same in every build and on every machine.
+/// The FNV-1a hash of a list of fields; implemented here so that it is the same in every build and on every machine.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Identity(u64);
 
@@ -11,7 +11,7 @@ impl Identity {
     const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
     const PRIME: u64 = 0x0000_0100_0000_01b3;
 
-    /// The identity of something of the kind `purpose`, in the world of `seed`.
+    /// The hash of `seed` and `purpose`.
     pub(crate) fn new(seed: u64, purpose: &str) -> Self {
         Self(Self::OFFSET).number(seed).text(purpose)
     }
@@ -20,23 +20,23 @@ impl Identity {
         Self((self.0 ^ u64::from(byte)).wrapping_mul(Self::PRIME))
     }
 
-    /// With one more number.
+    /// Appends a number.
     pub(crate) fn number(self, number: u64) -> Self {
         number.to_le_bytes().into_iter().fold(self, Self::byte)
     }
 
-    /// With one more text; its length goes in first, so that "ab", "c" and "a", "bc" differ.
+    /// Appends a text, after its length, so that "ab", "c" and "a", "bc" differ.
     pub(crate) fn text(self, text: &str) -> Self {
         text.bytes().fold(self.number(text.len() as u64), Self::byte)
     }
 
-    /// With one more physical quantity, to a millionth of its unit.
+    /// Appends a physical quantity, rounded to a millionth of its unit.
     #[expect(clippy::cast_possible_truncation, reason = "saturates, which still names the quantity")]
     pub(crate) fn millionths(self, quantity: f64) -> Self {
         self.number(((quantity * 1e6).round() as i64).cast_unsigned())
     }
 
-    /// The generator that belongs to this identity.
+    /// The generator seeded with this hash.
     pub(crate) fn generator(self) -> Generator {
         // SplitMix64 spreads the hash over the whole key (Steele, Lea and Flood, OOPSLA 2014).
         let mut state = self.0;
@@ -57,13 +57,13 @@ impl Identity {
 pub(crate) struct Generator(ChaCha8Rng);
 
 impl Generator {
-    /// Evenly spread in 0 to 1, 1 excluded.
+    /// Uniform in 0 to 1, 1 excluded.
     #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
     pub(crate) fn uniform(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 * (-53.0_f64).exp2()
     }
 
-    /// A whole number in 0 to `end`, `end` excluded; 0 when there is none.
+    /// Uniform integer in 0 to `end`, `end` excluded; 0 if `end` is 0.
     pub(crate) fn below(&mut self, end: u32) -> u32 {
         ((u64::from(self.0.next_u32()) * u64::from(end)) >> 32) as u32
     }
@@ -73,7 +73,7 @@ impl Generator {
         rand_distr::Distribution::sample(&rand_distr::StandardNormal, &mut self.0)
     }
 
-    /// Evenly distributed bytes.
+    /// Fills `bytes` with uniform ones.
     pub(crate) fn bytes(&mut self, bytes: &mut [u8]) {
         self.0.fill_bytes(bytes);
     }

@@ -1,6 +1,6 @@
-//! A force pulse seen at the samples of a record.
+//! A force pulse resampled at the samples of a record.
 
-/// A force in steps of its own, seen at samples.
+/// A force with time steps of its own, resampled.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pulse<'a> {
     pub(crate) history_n: &'a [f64],
@@ -32,10 +32,10 @@ impl Pulse<'_> {
     pub(crate) fn force_n(&self, n: usize, onset: f64) -> f32 {
         let at = (n as f64 - onset) * self.per_sample;
         let i = at.floor();
-        let share = at - i;
+        let fraction = at - i;
         let pair = if at >= 0.0 { self.history_n.get(i as usize..(i as usize).saturating_add(2)) } else { None };
         match pair {
-            Some(&[a, b]) => to_f32(a + share * (b - a)),
+            Some(&[a, b]) => to_f32(a + fraction * (b - a)),
             _ => 0.0,
         }
     }

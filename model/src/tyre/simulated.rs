@@ -6,25 +6,25 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use crate::contact::compliance::Compliance;
 use crate::tyre::casing::{Landing, place};
 use crate::tyre::converter::Converter;
-use crate::tyre::fault::{befalling, speed, spoil_force, spoil_sound};
+use crate::tyre::fault::{distort_force, distort_sound, draw_fault, velocity_ratio};
 use crate::tyre::identity::{Generator, Identity};
 use crate::tyre::pulse::{Pulse, to_f32};
 use crate::tyre::sound::{CASING, MODES, Mode, Resonators, SOUND_M_PER_S};
 use crate::{Crack, DampedContact, Error, Impact, Plate, Scene, SimulationConfig};
 
-/// Young's modulus of a shoulder: with it a sound casing is touched for 0.9 ms, as in section 5.4.
+/// Young's modulus of a shoulder: it gives a sound casing a contact time of 0.9 ms, as in section 5.4.
 const CASING_PA: f64 = 12e6;
 
 /// A tyre on the simulated rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedTyre {
-    /// Serial number; with the seed it makes the casing.
+    /// Serial number; with the seed it determines the casing.
     pub serial: String,
-    /// Its cracks; none is a sound tyre.
+    /// Its cracks; a sound tyre has none.
     pub cracks: Vec<Crack>,
 }
 
-/// Name of a simulated tap: with the seed it decides every sample.
+/// Identity of a simulated tap: with the seed it determines every sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SimulatedTap<'a> {
     /// Serial number of the tyre; one that was not given to the rig is a sound tyre.
@@ -45,7 +45,7 @@ pub struct SimulatedTap<'a> {
     pub attempt: u16,
 }
 
-/// What is known of a tap that was rendered, beside its samples.
+/// A rendered tap, apart from its samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderedTap {
     /// Impact velocity as the rig measured it; NaN when the planned one is not a positive number.
@@ -54,8 +54,8 @@ pub struct RenderedTap {
 
 /// A rig that taps simulated tyres.
 ///
-/// The same seed, configuration, tyre and [`SimulatedTap`] give the same samples, in whatever order and by however
-/// many rigs taps are rendered: nothing is carried from one tap to the next.
+/// The same seed, configuration, tyre and [`SimulatedTap`] give the same samples, in any order and on any number of rigs:
+/// no state is carried from one tap to the next.
 #[derive(Debug)]
 pub struct SimulatedRig {
     config: SimulationConfig,
@@ -63,7 +63,7 @@ pub struct SimulatedRig {
     cracks: BTreeMap<String, Vec<Crack>>,
     scene: Scene,
     contact: Impact,
-    /// The contact upon a target that does not move, in its own units.
+    /// The contact on a rigid target, in its own units.
     rigid: DampedContact,
     converter: Converter,
     /// Force of the impact in N, at the times of its own integration.
@@ -72,9 +72,9 @@ pub struct SimulatedRig {
     signal: Vec<f32>,
 }
 
-/// What differs from tap to tap by chance.
+/// The random quantities of one tap.
 #[derive(Debug, Clone, Copy)]
-struct Chance {
+struct DrawnTap {
     velocity_m_per_s: f64,
     velocity_measured_m_per_s: f64,
     stiffness: f64,
@@ -85,7 +85,7 @@ struct Chance {
 }
 
 impl SimulatedRig {
-    /// A rig as `config` describes it, in the world of `seed`, with `tyres` to tap.
+    /// A rig as `config` describes it, with `tyres` to tap; `seed` determines every random number.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for the configuration, [`Error::Crack`] for a crack, [`Error::DuplicateTyre`] for two
@@ -109,7 +109,7 @@ impl SimulatedRig {
             cracks,
             scene,
             contact,
-            rigid: DampedContact::of(contact.chi)?,
+            rigid: DampedContact::new(contact.chi)?,
             converter: Converter::new(config),
             history_n: Vec::new(),
             signal: vec![0.0; config.sample_count as usize],
@@ -135,34 +135,34 @@ impl SimulatedRig {
     pub fn render(&mut self, tap: &SimulatedTap<'_>, samples: &mut [i16]) -> RenderedTap {
         assert_eq!(samples.len(), self.sample_total(), "a record has force and sound");
         let mut generator = tap_identity(self.seed, "tap", tap).generator();
-        // Dice of their own: what befalls one tap changes no other, and a rig without faults none at all.
-        let mut dice = tap_identity(self.seed, "fault", tap).generator();
-        let fault = befalling(&self.config.fault, &mut dice);
-        let chance = self.chance(tap, speed(fault), &mut generator);
+        // A generator of their own, so that faults leave the random numbers of the tap as they are.
+        let mut fault_generator = tap_identity(self.seed, "fault", tap).generator();
+        let fault = draw_fault(&self.config.fault, &mut fault_generator);
+        let drawn = self.draw(tap, velocity_ratio(fault), &mut generator);
         let plate = self.plate_under(tap);
-        let dt = self.strike(&chance, plate);
+        let dt = self.simulate_impact(&drawn, plate);
         let (force, sound) = samples.split_at_mut(self.config.sample_count as usize);
-        self.force_signal(&chance, dt);
+        self.force_signal(&drawn, dt);
         if let Some(kind) = fault {
-            spoil_force(kind, &self.config, &mut dice, &mut self.signal);
+            distort_force(kind, &self.config, &mut fault_generator, &mut self.signal);
         }
         self.converter.force(&mut self.signal, &mut generator, force);
-        self.sound_signal(&chance, dt, plate);
+        self.sound_signal(&drawn, dt, plate);
         if let Some(kind) = fault {
-            spoil_sound(kind, &self.config, &mut dice, &mut self.signal);
+            distort_sound(kind, &self.config, &mut fault_generator, &mut self.signal);
         }
-        self.converter.sound(&mut self.signal, chance.hum_phase, &mut generator, sound);
-        RenderedTap { velocity_measured_m_per_s: chance.velocity_measured_m_per_s }
+        self.converter.sound(&mut self.signal, drawn.hum_phase, &mut generator, sound);
+        RenderedTap { velocity_measured_m_per_s: drawn.velocity_measured_m_per_s }
     }
 
     /// Static compliance in m/N of the layer above the crack that `tap` feels most; 0 where it feels none.
     ///
-    /// It tells how strongly a planted crack is felt at a place, whatever chance makes of the tap.
+    /// The effect of a planted crack at a place, without the random variation of the tap.
     pub fn layer_compliance_m_per_n(&self, tap: &SimulatedTap<'_>) -> f64 {
         self.plate_under(tap).map_or(0.0, |plate| 1.0 / plate.stiffness_n_per_m)
     }
 
-    fn chance(&self, tap: &SimulatedTap<'_>, speed: f64, generator: &mut Generator) -> Chance {
+    fn draw(&self, tap: &SimulatedTap<'_>, velocity_ratio: f64, generator: &mut Generator) -> DrawnTap {
         let config = &self.config;
         let location_count = tap.location_count.max(1);
         let place = place(
@@ -178,10 +178,11 @@ impl SimulatedRig {
         );
         let planned =
             Some(tap.velocity_m_per_s).filter(|v| v.is_finite() && *v > 0.0).map_or(f64::NAN, |v| v.clamp(1e-3, 50.0));
-        let velocity_m_per_s = speed * planned * (1.0 + config.velocity_jitter * generator.normal()).clamp(0.2, 2.0);
+        let velocity_m_per_s =
+            velocity_ratio * planned * (1.0 + config.velocity_jitter * generator.normal()).clamp(0.2, 2.0);
         // The trigger fires when the force is seen: the first touch lies within the sample before.
         let onset = f64::from(config.pre_trigger_samples) - generator.uniform();
-        Chance {
+        DrawnTap {
             velocity_m_per_s,
             velocity_measured_m_per_s: velocity_m_per_s * (1.0 + config.velocity_error * generator.normal()),
             stiffness: place.stiffness * (1.0 + config.repeatability * generator.normal()).clamp(0.2, 2.0),
@@ -195,29 +196,29 @@ impl SimulatedRig {
 
     /// The layer above the crack that the tap feels most, if it feels one.
     fn plate_under(&self, tap: &SimulatedTap<'_>) -> Option<Plate> {
-        const FELT_LEAST: f64 = 1e-3;
+        const FELT_MIN: f64 = 1e-3;
         let cracks = self.cracks.get(tap.tyre_serial)?;
         let plates = cracks.iter().filter_map(|crack| {
             let felt = crack.felt(tap.shoulder, tap.location, tap.location_count, tap.offset_mm);
-            (felt > FELT_LEAST).then(|| crack.plate(&self.scene, felt))
+            (felt > FELT_MIN).then(|| crack.plate(&self.scene, felt))
         });
         plates.min_by(|a, b| a.stiffness_n_per_m.total_cmp(&b.stiffness_n_per_m))
     }
 
     /// Computes the force of the impact; returns the time between its values in s.
     ///
-    /// A layer that changes the contact by less than the converter can tell is left out: a deep crack, or one hardly
-    /// felt, is struck as a sound casing.
-    fn strike(&mut self, chance: &Chance, plate: Option<Plate>) -> f64 {
-        /// Of the peak force: 0.02 N of 20 N, less than the noise and far less than the repeatability of a tap.
+    /// A layer whose effect is below the converter's resolution is left out: a tap over a deep crack, or one that is hardly felt,
+    /// is a tap on a sound casing.
+    fn simulate_impact(&mut self, drawn: &DrawnTap, plate: Option<Plate>) -> f64 {
+        /// Relative to the peak force: 0.02 N of 20 N, less than the noise and far less than the repeatability of a tap.
         const TOLERANCE: f64 = 1e-3;
-        if chance.velocity_m_per_s.is_nan() {
+        if drawn.velocity_m_per_s.is_nan() {
             self.history_n.clear();
             return 1.0;
         }
         let mut impact = Impact {
-            k_c_n_per_m1_5: self.contact.k_c_n_per_m1_5 * chance.stiffness,
-            velocity_m_per_s: chance.velocity_m_per_s,
+            k_c_n_per_m1_5: self.contact.k_c_n_per_m1_5 * drawn.stiffness,
+            velocity_m_per_s: drawn.velocity_m_per_s,
             plate,
             ..self.contact
         };
@@ -227,26 +228,26 @@ impl SimulatedRig {
         impact.force_history(&mut self.history_n)
     }
 
-    fn force_signal(&mut self, chance: &Chance, dt: f64) {
+    fn force_signal(&mut self, drawn: &DrawnTap, dt: f64) {
         self.signal.fill(0.0);
         let pulse = Pulse { history_n: &self.history_n, per_sample: 1.0 / (self.config.sample_rate_hz * dt) };
-        let (first, last) = pulse.span(chance.onset, self.signal.len());
+        let (first, last) = pulse.span(drawn.onset, self.signal.len());
         for n in first..last {
-            self.signal[n] = pulse.force_n(n, chance.onset);
+            self.signal[n] = pulse.force_n(n, drawn.onset);
         }
     }
 
-    fn sound_signal(&mut self, chance: &Chance, dt: f64, plate: Option<Plate>) {
+    fn sound_signal(&mut self, drawn: &DrawnTap, dt: f64, plate: Option<Plate>) {
         const SILENCE_V: f64 = 1e-5;
         self.signal.fill(0.0);
         let config = &self.config;
         let delay = config.microphone_distance_m / SOUND_M_PER_S * config.sample_rate_hz;
-        let onset = chance.onset + delay;
+        let onset = drawn.onset + delay;
         let pulse = Pulse { history_n: &self.history_n, per_sample: 1.0 / (config.sample_rate_hz * dt) };
         let (first, last) = pulse.span(onset, self.signal.len());
         let mut resonators = Resonators::new(&modes(plate), config.sample_rate_hz);
         // Sound from a point falls off with distance (section 4.3); the modes are those heard at 50 mm.
-        let gain = chance.loudness * 0.05 / config.microphone_distance_m;
+        let gain = drawn.loudness * 0.05 / config.microphone_distance_m;
         let mut before = 0.0;
         for n in first..self.signal.len() {
             let force = if n < last { f64::from(pulse.force_n(n, onset)) } else { 0.0 };
@@ -277,7 +278,7 @@ fn modes(plate: Option<Plate>) -> [Mode; MODES] {
     [a, b, c, d, e, layer]
 }
 
-/// Gain of the microphone at this tap: a straight drift over the turn, of its own for every turn.
+/// Gain of the microphone at this tap: it drifts linearly over each turn.
 fn turn_gain(config: &SimulationConfig, seed: u64, tap: &SimulatedTap<'_>) -> f64 {
     let mut generator = Identity::new(seed, "turn")
         .text(tap.tyre_serial)

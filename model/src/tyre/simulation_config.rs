@@ -39,13 +39,13 @@ pub struct SimulationConfig {
     pub repeatability: f64,
     /// Standard deviation of stiffness and loudness from tyre to tyre.
     pub construction_scatter: f64,
-    /// The same between the shoulders of a tyre.
+    /// Standard deviation of both between the shoulders of a tyre.
     pub shoulder_scatter: f64,
     /// Smooth variation of both around the ring.
     pub ring_variation: f64,
     /// Standard deviation of both from location to location.
     pub location_scatter: f64,
-    /// What goes wrong with taps, and how often; nothing by default.
+    /// Faults of the taps, and how often they occur; none by default.
     pub fault: Vec<PlantedFault>,
 }
 
@@ -76,7 +76,7 @@ impl Default for SimulationConfig {
 }
 
 impl SimulationConfig {
-    /// Whether every quantity is one the rig can have.
+    /// Checks every quantity against its bounds.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] names the first that is not.
@@ -104,7 +104,7 @@ impl SimulationConfig {
             within(name, value, low, high)?;
         }
         for fault in &self.fault {
-            within("fault.share", fault.share, 0.0, 1.0)?;
+            within("fault.fraction", fault.fraction, 0.0, 1.0)?;
         }
         Ok(())
     }
@@ -114,23 +114,23 @@ impl SimulationConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
-    /// The force's amplifier ends at 0.7 of the peak.
+    /// The force's amplifier saturates at 0.7 of the peak.
     ClippedForce,
-    /// The microphone's amplifier ends at 0.7 of the peak.
+    /// The microphone's amplifier saturates at 0.7 of the peak.
     ClippedSound,
     /// The impactor comes back after 4 ms and strikes with 0.4 of the force.
     DoubleHit,
     /// Another station's tap is heard after 60 ms, half as loud.
     Neighbour,
-    /// The mains is heard with a tenth of the sound's peak.
+    /// Mains hum of a tenth of the sound's peak.
     Hum,
     /// Force and sound have noise of a twentieth of their peaks.
     Noise,
     /// The record begins 0.2 ms after the first touch.
     LateTrigger,
-    /// The force sensor gives nothing.
+    /// The force sensor gives no signal.
     DeadForce,
-    /// The microphone gives nothing.
+    /// The microphone gives no signal.
     DeadSound,
     /// The impactor is a tenth too fast.
     VelocityOff,
@@ -142,6 +142,6 @@ pub enum FaultKind {
 pub struct PlantedFault {
     /// What goes wrong.
     pub kind: FaultKind,
-    /// Share of the taps with which it does, by chance of each tap and attempt.
-    pub share: f64,
+    /// Fraction of the taps that have it; each tap and each attempt at it is drawn independently.
+    pub fraction: f64,
 }

@@ -13,7 +13,7 @@ pub(crate) const MODES: usize = 6;
 pub(crate) struct Mode {
     /// Frequency without damping.
     pub(crate) frequency_hz: f64,
-    /// Share of critical damping.
+    /// Damping ratio: 1 is critical.
     pub(crate) damping_ratio: f64,
     /// Amplitude after an impulse of 1 N s; the surface goes in first, so the voltage goes down.
     pub(crate) voltage_v_per_n_s: f64,
@@ -52,7 +52,7 @@ pub(crate) struct Resonators {
     pole_im: [f64; MODES],
     re: [f64; MODES],
     im: [f64; MODES],
-    /// Where the rotation is seen from.
+    /// Direction on which the rotation is projected.
     view_re: [f64; MODES],
     view_im: [f64; MODES],
     /// Voltage per newton held for half a sample.
@@ -90,7 +90,7 @@ impl Resonators {
         -sum
     }
 
-    /// Sum of what the modes can still reach, in volts.
+    /// Upper bound of the voltage that the modes can still reach.
     pub(crate) fn loudness_v(&self) -> f64 {
         (0..MODES).map(|i| self.re[i].hypot(self.im[i])).sum()
     }

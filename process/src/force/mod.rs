@@ -117,7 +117,7 @@ mod tests {
 
     fn pulse_of(samples: &[f32]) -> Option<Pulse> {
         let track = Track { samples, unit_per_count: 1.0 };
-        PulseFinder::default().find(track, Extent::of(samples)?, 0.0, 0.0)
+        PulseFinder::default().find(track, Extent::find(samples)?, 0.0, 0.0)
     }
 
     /// Catches a wrong factor in tau or onset: a finely sampled half-sine returns its own base and beginning.
@@ -150,7 +150,7 @@ mod tests {
     fn must_stand_out_of_the_noise() {
         let samples = [0.0_f32, 0.0, 5.0, 10.0, 5.0, 0.0, 0.0];
         let track = Track { samples: &samples, unit_per_count: 3.0 };
-        let extent = Extent::of(&samples).unwrap();
+        let extent = Extent::find(&samples).unwrap();
         assert!(PulseFinder::default().find(track, extent, 0.0, 1.6).is_some());
         assert_eq!(PulseFinder::default().find(track, extent, 0.0, 1.7), None);
     }
@@ -160,7 +160,7 @@ mod tests {
     fn negative_scale_turns_the_pulse() {
         let samples = [0.0_f32, 0.0, -5.0, -10.0, -6.0, 0.0, 0.0, 1.0];
         let turned: Vec<f32> = samples.iter().map(|x| -x).collect();
-        let extent = Extent::of(&samples).unwrap();
+        let extent = Extent::find(&samples).unwrap();
         let pulse = PulseFinder::default().find(Track { samples: &samples, unit_per_count: -1.0 }, extent, 0.0, 0.0);
         assert!(pulse.is_some());
         assert_eq!(pulse, pulse_of(&turned));

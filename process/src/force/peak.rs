@@ -5,7 +5,7 @@ const POLYNOMIAL_LEVEL: f64 = 0.7;
 /// Order of the polynomial.
 const ORDER: usize = 4;
 /// Fewest samples that the polynomial is worth fitting to.
-const POLYNOMIAL_SAMPLES_LEAST: usize = 9;
+const POLYNOMIAL_SAMPLES_MIN: usize = 9;
 
 /// Height of the parabola through the samples at and beside `peak_at`; the sample itself at the record's edge and
 /// where the three lie on a line.
@@ -26,7 +26,7 @@ pub(super) fn polynomial(value: impl Fn(usize) -> f64, count: usize, peak_at: us
     let above = |i: &usize| value(*i) > level;
     let before = (0..peak_at).rev().take_while(above).count();
     let after = (peak_at + 1..count).take_while(above).count();
-    if before + 1 + after < POLYNOMIAL_SAMPLES_LEAST {
+    if before + 1 + after < POLYNOMIAL_SAMPLES_MIN {
         return None;
     }
     let first = peak_at - before;

@@ -13,7 +13,7 @@ const SHARE: f64 = 0.3;
 /// Standard deviations of the noise between the highest and the lowest sample of a flat top.
 const BAND_SIGMAS: f64 = 6.0;
 /// Part of the extreme above which that band says nothing.
-const BAND_MOST: f64 = 0.1;
+const BAND_MAX: f64 = 0.1;
 
 /// How a top must be left to be a flat one under noise.
 #[derive(Debug, Clone, Copy)]
@@ -29,7 +29,7 @@ pub(crate) const OF_PULSE: Leaving = Leaving { reach: 1.0, margin: 1.15 };
 /// Of a sound: modes may meet in a top that is flatter than a parabola.
 const OF_RINGING: Leaving = Leaving { reach: 0.5, margin: 1.5 };
 /// Samples out of a flat top that noise may have taken, to either side.
-const JOINED_MOST: usize = 32;
+const JOINED_MAX: usize = 32;
 /// Samples beside a flat top in which the converter's step is looked for.
 const BESIDE: usize = 16;
 
@@ -77,7 +77,7 @@ fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, (noise, lea
     let Some(at) = position(samples, level) else { return false };
     let level: f64 = level.into();
     let (sign, band) = (if level < base { -1.0 } else { 1.0 }, BAND_SIGMAS * noise);
-    let is_narrow = band > 0.0 && band < BAND_MOST * (level - base).abs();
+    let is_narrow = band > 0.0 && band < BAND_MAX * (level - base).abs();
     if !is_narrow {
         return false;
     }
@@ -102,7 +102,7 @@ fn leaves<C: Count>(samples: &[C], from: usize, after: usize) -> bool {
     // Noise may take a sample or two out of a flat top; what counts is how it is left for good.
     let is_at = |x: &C| (*x).into().total_cmp(&level).is_eq();
     let (mut from, mut after) = (from, after);
-    for _ in 0..JOINED_MOST {
+    for _ in 0..JOINED_MAX {
         let back = (2..=3).find(|&back| from.checked_sub(back).is_some_and(|i| is_at(&samples[i])));
         let ahead = (1..=2).find(|&ahead| samples.get(after + ahead).is_some_and(is_at));
         from -= back.unwrap_or(0);
@@ -156,7 +156,7 @@ mod tests {
     }
 
     fn is_top_flat(samples: &[i16]) -> bool {
-        is_flat(samples, *samples.iter().max().unwrap(), Extent::of(samples).unwrap(), 0.0, (0.0, OF_PULSE))
+        is_flat(samples, *samples.iter().max().unwrap(), Extent::find(samples).unwrap(), 0.0, (0.0, OF_PULSE))
     }
 
     /// Catches a rule that takes the rounding of a coarse converter for clipping (pyFRF's does), whatever the peak.
@@ -206,7 +206,7 @@ mod tests {
                     let samples: Vec<i16> =
                         pulse.iter().map(|&x| (x.clamp(0.0, part * 20_000.0) + hiss(sigma)).round() as i16).collect();
                     let top = *samples.iter().max().unwrap();
-                    is_flat(&samples, top, Extent::of(&samples).unwrap(), 0.0, (sigma, OF_PULSE))
+                    is_flat(&samples, top, Extent::find(&samples).unwrap(), 0.0, (sigma, OF_PULSE))
                 });
                 found.count()
             };
@@ -238,7 +238,7 @@ mod tests {
                     (if t < 0.0 { 0.0 } else { ringing(t).clamp(-level, level) }) + 1e-3 * hiss()
                 };
                 let samples: Vec<f32> = (0..1000).map(sample).map(|x| x as f32).collect();
-                is_clipped(&samples, Extent::of(&samples).unwrap(), 0.0, 1e-3)
+                is_clipped(&samples, Extent::find(&samples).unwrap(), 0.0, 1e-3)
             });
             found.count()
         };
@@ -261,6 +261,6 @@ mod tests {
     #[test]
     fn silence_is_no_extreme() {
         let samples = counts(&half_sine(4000.0, 37.0));
-        assert!(!is_clipped(&samples, Extent::of(&samples).unwrap(), 0.0, 0.0));
+        assert!(!is_clipped(&samples, Extent::find(&samples).unwrap(), 0.0, 0.0));
     }
 }

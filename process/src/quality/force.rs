@@ -3,7 +3,7 @@
 use tapline_wire::{Discriminator, Quality};
 
 use super::flat::{OF_PULSE, is_flat};
-use super::{Doubts, OF_SPECTRUM, QualityConfig};
+use super::{OF_SPECTRUM, QualityConfig, QualityReport};
 use crate::force::{NOISE_SIGMAS, Pulse};
 use crate::signal::baseline::Medians;
 use crate::signal::extent::{Extent, position};
@@ -31,9 +31,9 @@ const ONE_IMPACT: f64 = 2.2;
 /// that leaves with less still follows the layer it has hit, and it is the layer that comes back to it.
 const WHOLE_IMPACT: f64 = 1.2;
 
-/// What the rules on the force look at.
+/// What the rules on the force need to know.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Force<'a, C> {
+pub(crate) struct ForceRecord<'a, C> {
     pub(crate) track: Track<'a, C>,
     pub(crate) extent: Extent<C>,
     /// Baseline and standard deviation of the noise, counts.
@@ -49,46 +49,46 @@ pub(crate) struct Force<'a, C> {
     pub(crate) pulse: Option<Pulse>,
 }
 
-/// What is doubtful about a force; nothing when no pulse stands out of it.
-pub(crate) fn of_force<C: Count>(force: &Force<'_, C>, config: &QualityConfig) -> Doubts {
-    let mut doubts = Doubts::default();
-    let Some(shape) = Shape::of(force) else {
+/// Checks a force; without a pulse only a late trigger can be found.
+pub(crate) fn check_force<C: Count>(force: &ForceRecord<'_, C>, config: &QualityConfig) -> QualityReport {
+    let mut report = QualityReport::default();
+    let Some(shape) = Shape::find(force) else {
         if is_lost_in_baseline(force) {
-            doubts.spoils_pulse(Quality::LATE_TRIGGER, config.late_trigger);
-            doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, &OF_SPECTRUM);
+            report.raise_on_pulse(Quality::LATE_TRIGGER, config.late_trigger);
+            report.raise(Quality::LATE_TRIGGER, config.late_trigger, &OF_SPECTRUM);
         }
-        return doubts;
+        return report;
     };
     if is_flat(force.track.samples, shape.level, force.extent, force.base, (force.noise, OF_PULSE)) {
-        doubts.spoils_pulse(Quality::CLIPPED, config.clipped_force);
+        report.raise_on_pulse(Quality::CLIPPED, config.clipped_force);
     }
     if shape.end - shape.begin < PULSE_SAMPLES {
-        doubts.spoils_pulse(Quality::UNDERSAMPLED, config.undersampled);
+        report.raise_on_pulse(Quality::UNDERSAMPLED, config.undersampled);
     }
     match trigger(force, &shape) {
         Trigger::Good => {}
-        Trigger::AfterRise => doubts.flags.insert(Quality::LATE_TRIGGER),
-        Trigger::AfterBaseline => doubts.spoils_pulse(Quality::LATE_TRIGGER, config.late_trigger),
+        Trigger::AfterRise => report.note(Quality::LATE_TRIGGER),
+        Trigger::AfterBaseline => report.raise_on_pulse(Quality::LATE_TRIGGER, config.late_trigger),
         Trigger::WithinPulse => {
-            doubts.spoils_pulse(Quality::LATE_TRIGGER, config.late_trigger);
-            doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, &OF_SPECTRUM);
+            report.raise_on_pulse(Quality::LATE_TRIGGER, config.late_trigger);
+            report.raise(Quality::LATE_TRIGGER, config.late_trigger, &OF_SPECTRUM);
         }
     }
     if is_double(force, &shape, config) {
-        doubts.spoils_pulse(Quality::DOUBLE_HIT, config.double_hit);
-        doubts.spoils(Quality::DOUBLE_HIT, config.double_hit, &OF_SPECTRUM);
+        report.raise_on_pulse(Quality::DOUBLE_HIT, config.double_hit);
+        report.raise(Quality::DOUBLE_HIT, config.double_hit, &OF_SPECTRUM);
     }
     // A pulse that is cut, coarse or not alone says nothing about the rate.
-    let is_whole = doubts.flags.is_clean();
-    if shape.peak < config.snr_least * force.noise {
-        doubts.spoils_pulse(Quality::LOW_SNR, config.low_snr);
+    let is_whole = report.flags().is_empty();
+    if shape.peak < config.snr_min * force.noise {
+        report.raise_on_pulse(Quality::LOW_SNR, config.low_snr);
     }
     let tau_s = force.pulse.map(|pulse| pulse.tau_samples / force.sample_rate_hz);
-    if is_whole && tau_s.is_some_and(|tau_s| !(config.tau_least_s..=config.tau_most_s).contains(&tau_s)) {
+    if is_whole && tau_s.is_some_and(|tau_s| !(config.tau_min_s..=config.tau_max_s).contains(&tau_s)) {
         let all_but_f_max = &Discriminator::ALL[1..];
-        doubts.spoils(Quality::RATE_IMPLAUSIBLE, config.rate_implausible, all_but_f_max);
+        report.raise(Quality::RATE_IMPLAUSIBLE, config.rate_implausible, all_but_f_max);
     }
-    doubts
+    report
 }
 
 /// Where the greatest pulse lies, in samples, and how high it is, in counts.
@@ -104,7 +104,7 @@ struct Shape<C> {
 }
 
 impl<C: Count> Shape<C> {
-    fn of(force: &Force<'_, C>) -> Option<Self> {
+    fn find(force: &ForceRecord<'_, C>) -> Option<Self> {
         let Track { samples, unit_per_count } = force.track;
         let (level, sign) = if unit_per_count < 0.0 { (force.extent.least, -1.0) } else { (force.extent.largest, 1.0) };
         let peak_at = position(samples, level)?;
@@ -134,7 +134,7 @@ enum Trigger {
     WithinPulse,
 }
 
-fn trigger<C: Count>(force: &Force<'_, C>, shape: &Shape<C>) -> Trigger {
+fn trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) -> Trigger {
     let noise_limit = SECOND_SIGMAS * force.noise;
     let limit = if noise_limit > QUIET * shape.peak { noise_limit } else { QUIET * shape.peak };
     let before = force.track.samples[..shape.begin].iter().rev();
@@ -151,7 +151,7 @@ fn trigger<C: Count>(force: &Force<'_, C>, shape: &Shape<C>) -> Trigger {
 
 /// Whether a pulse that does not stand out of what was before the trigger is itself what was before the trigger: it
 /// stands out of the record's last quarter.
-fn is_lost_in_baseline<C: Count>(force: &Force<'_, C>) -> bool {
+fn is_lost_in_baseline<C: Count>(force: &ForceRecord<'_, C>) -> bool {
     let Track { samples, unit_per_count } = force.track;
     let Some(baseline_count) = force.baseline_count.filter(|_| unit_per_count != 0.0) else { return false };
     let (level, sign) = if unit_per_count < 0.0 { (force.extent.least, -1.0) } else { (force.extent.largest, 1.0) };
@@ -164,7 +164,7 @@ fn is_lost_in_baseline<C: Count>(force: &Force<'_, C>) -> bool {
 }
 
 /// Whether the force was high two samples before the trigger: one sample is the trigger's own uncertainty.
-fn is_up_before_trigger<C: Count>(force: &Force<'_, C>, shape: &Shape<C>) -> bool {
+fn is_up_before_trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) -> bool {
     let Some(before) = force.pre_trigger_samples.checked_sub(2) else { return false };
     let is_behind = before >= shape.peak_at;
     let height = force.track.samples.get(before).map_or(0.0, |&x| shape.height(x, force.base));
@@ -172,9 +172,9 @@ fn is_up_before_trigger<C: Count>(force: &Force<'_, C>, shape: &Shape<C>) -> boo
 }
 
 /// Whether a second pulse stands beside the greatest, that is not the layer's coming back.
-fn is_double<C: Count>(force: &Force<'_, C>, shape: &Shape<C>, config: &QualityConfig) -> bool {
+fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, config: &QualityConfig) -> bool {
     let samples = force.track.samples;
-    let (share, sigmas) = (config.double_hit_share * shape.peak, RISE_SIGMAS * force.noise);
+    let (share, sigmas) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * force.noise);
     let limit = if share > sigmas { share } else { sigmas };
     // Before: from the pulse backwards to where it is below the limit, and from there to the record's beginning.
     let foot = samples[..shape.begin].iter().rposition(|&x| shape.height(x, force.base) < limit);
@@ -195,14 +195,19 @@ fn is_double<C: Count>(force: &Force<'_, C>, shape: &Shape<C>, config: &QualityC
 }
 
 /// The greatest height in `samples`, counts.
-fn greatest<C: Count>(samples: &[C], force: &Force<'_, C>, shape: &Shape<C>) -> f64 {
-    let extreme = Extent::of(samples).map(|e| if shape.sign < 0.0 { e.least } else { e.largest });
+fn greatest<C: Count>(samples: &[C], force: &ForceRecord<'_, C>, shape: &Shape<C>) -> f64 {
+    let extreme = Extent::find(samples).map(|e| if shape.sign < 0.0 { e.least } else { e.largest });
     extreme.map_or(0.0, |x| shape.height(x, force.base))
 }
 
 /// Whether what came until sample `until` has thrown the impactor back, so that only a second hit can bring it again;
 /// so it is, too, when mass, velocity or the force's scale is not known.
-fn is_whole_impact<C: Count>(force: &Force<'_, C>, shape: &Shape<C>, until: usize, config: &QualityConfig) -> bool {
+fn is_whole_impact<C: Count>(
+    force: &ForceRecord<'_, C>,
+    shape: &Shape<C>,
+    until: usize,
+    config: &QualityConfig,
+) -> bool {
     let unit_n = force.track.unit_per_count.abs();
     let Some(velocity) = force.velocity_m_per_s.filter(|_| config.impactor_mass_kg > 0.0) else { return true };
     if shape.peak * unit_n <= UNSCALED_N {

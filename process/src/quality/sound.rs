@@ -6,7 +6,7 @@ use num_complex::Complex;
 use tapline_wire::{Discriminator, Quality};
 
 use super::flat::is_clipped;
-use super::{Doubts, OF_SOUND, OF_SPECTRUM, Policy, QualityConfig};
+use super::{OF_SOUND, OF_SPECTRUM, Policy, QualityConfig, QualityReport};
 use crate::Real;
 use crate::signal::blocks::{Block, Blocks, folded_blocks, mean_of, samples_per_block};
 use crate::signal::extent::Extent;
@@ -19,7 +19,7 @@ const STEP_BLOCKS: usize = 5;
 /// The same beside hum, which has half a period of 10 ms at 50 Hz.
 const HUM_STEP_BLOCKS: usize = 10;
 /// Steps of the envelope without which it tells nothing.
-const STEPS_LEAST: usize = 4;
+const STEPS_MIN: usize = 4;
 /// Factor by which the envelope of another tap rises above the least there was; that of one tap falls.
 const RISE: f64 = 1.35;
 /// Standard deviations of the noise that another tap exceeds.
@@ -37,9 +37,9 @@ const ROUNDED_UP: f64 = 1.0 + 1e-9;
 /// Factor by which a line stands above what is three bins beside it.
 const LINE: f64 = 5.0;
 
-/// What the rules on the sound look at.
+/// What the rules on the sound need to know.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Sound<'a, C, T> {
+pub(crate) struct SoundRecord<'a, C, T> {
     pub(crate) track: Track<'a, C>,
     pub(crate) extent: Extent<C>,
     /// Baseline, counts.
@@ -60,7 +60,7 @@ pub(crate) struct Sound<'a, C, T> {
     pub(crate) known: Quality,
 }
 
-impl<C: Count, T> Sound<'_, C, T> {
+impl<C: Count, T> SoundRecord<'_, C, T> {
     /// Greatest magnitude of the signal.
     fn peak(&self) -> f64 {
         let (below, above) = (self.base - self.extent.least.into(), self.extent.largest.into() - self.base);
@@ -84,29 +84,29 @@ impl<C: Count, T> Sound<'_, C, T> {
     }
 }
 
-/// What is doubtful about a sound, of which `blocks` are.
-pub(crate) fn of_sound<C: Count, T: Real>(
-    sound: &Sound<'_, C, T>,
+/// Checks a sound; `blocks` are its own.
+pub(crate) fn check_sound<C: Count, T: Real>(
+    sound: &SoundRecord<'_, C, T>,
     blocks: &mut Blocks,
     config: &QualityConfig,
-) -> Doubts {
-    let mut doubts = Doubts::default();
+) -> QualityReport {
+    let mut report = QualityReport::default();
     if is_clipped(sound.track.samples, sound.extent, sound.base, sound.noise.unwrap_or(0.0)) {
-        doubts.spoils(Quality::CLIPPED, config.clipped_sound, &OF_SOUND);
+        report.raise(Quality::CLIPPED, config.clipped_sound, &OF_SOUND);
     }
     if sound.sample_rate_hz < 2.0 * sound.f_top_hz {
-        doubts.spoils(Quality::UNDERSAMPLED, config.undersampled, &OF_SPECTRUM);
+        report.raise(Quality::UNDERSAMPLED, config.undersampled, &OF_SPECTRUM);
     }
     let is_late = sound.is_late(blocks);
     if is_late {
-        doubts.spoils(Quality::LATE_TRIGGER, config.late_trigger, &[Discriminator::A2]);
+        report.raise(Quality::LATE_TRIGGER, config.late_trigger, &[Discriminator::A2]);
     }
     let peak = sound.peak();
-    let hum = hum(blocks, config.hum_share_most * peak);
+    let hum = hum(blocks, config.hum_ratio_max * peak);
     if hum.is_some() {
-        doubts.spoils(Quality::HUM, config.hum, &OF_SOUND);
+        report.raise(Quality::HUM, config.hum, &OF_SOUND);
     }
-    let share = config.neighbour_share * peak;
+    let share = config.neighbour_ratio_max * peak;
     let can_hear_before = !is_late && sound.onset.is_some();
     // What is louder before the tap than after it is no noise, which stays.
     let after = noise_after(sound, blocks, hum);
@@ -118,30 +118,30 @@ pub(crate) fn of_sound<C: Count, T: Real>(
             before > STEADY * quiet && is_before(sound, blocks.all(), limit)
         });
     let noise = if is_ringing_before { quiet } else { noise(sound, after, hum, is_late) };
-    if noise.is_some_and(|noise| peak < config.snr_least * noise) {
-        doubts.spoils(Quality::LOW_SNR, config.low_snr, &OF_SOUND);
+    if noise.is_some_and(|noise| peak < config.snr_min * noise) {
+        report.raise(Quality::LOW_SNR, config.low_snr, &OF_SOUND);
     }
     // Noise alone is no sound, whatever the policy on a faint one; later than the record, it was not to be heard.
     let is_due = sound.onset.is_none_or(|onset| onset < sound.signal.len() as f64);
     if is_due && noise.is_some_and(|noise| peak < TAP_SIGMAS * noise) {
-        doubts.spoils(Quality::NO_ONSET, Policy::Drop, &OF_SOUND);
+        report.raise(Quality::NO_ONSET, Policy::Drop, &OF_SOUND);
     }
     // Two hits are heard twice; that is no neighbour.
     if sound.known.contains(Quality::DOUBLE_HIT) {
-        return doubts;
+        return report;
     }
     // A baseline taken from a part of a period is off by up to the hum's amplitude.
     let limit = greater(share, TAP_SIGMAS * noise.unwrap_or(0.0)) + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
     if is_ringing_before || (can_hear_before && is_before(sound, blocks.all(), limit)) {
-        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, &OF_SOUND);
+        report.raise(Quality::NEIGHBOUR, config.neighbour, &OF_SOUND);
     }
     let step_blocks = if hum.is_some() { HUM_STEP_BLOCKS } else { STEP_BLOCKS };
     // A baseline that was taken from the ringing hides how the envelope falls.
     if !is_late && is_after(sound, blocks.all(), step_blocks, limit) {
-        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, &[Discriminator::A2]);
-        doubts.spoils(Quality::NEIGHBOUR, config.neighbour, &OF_SPECTRUM);
+        report.raise(Quality::NEIGHBOUR, config.neighbour, &[Discriminator::A2]);
+        report.raise(Quality::NEIGHBOUR, config.neighbour, &OF_SPECTRUM);
     }
-    doubts
+    report
 }
 
 fn greater(a: f64, b: f64) -> f64 {
@@ -159,7 +159,7 @@ fn loudest(blocks: &[Block]) -> Option<(usize, f64)> {
 
 /// Standard deviation of the noise without the `hum`, in the signal's unit: the greater of what there is before the
 /// trigger and `after` the ringing; `None` when the record has neither.
-fn noise<C, T>(sound: &Sound<'_, C, T>, after: Option<f64>, hum: Option<Hum>, is_late: bool) -> Option<f64> {
+fn noise<C, T>(sound: &SoundRecord<'_, C, T>, after: Option<f64>, hum: Option<Hum>, is_late: bool) -> Option<f64> {
     let before = sound.noise.map(|noise| noise * sound.gain).filter(|_| !is_late);
     match (before, after) {
         // Before the trigger there is too little time to tell hum from noise.
@@ -170,7 +170,7 @@ fn noise<C, T>(sound: &Sound<'_, C, T>, after: Option<f64>, hum: Option<Hum>, is
 
 /// Noise after the tap has fallen silent, in the signal's unit: that of the third or of the last quarter of the
 /// record, whichever is quieter; `None` when the record ends before.
-fn noise_after<C: Count, T>(sound: &Sound<'_, C, T>, blocks: &mut Blocks, hum: Option<Hum>) -> Option<f64> {
+fn noise_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &mut Blocks, hum: Option<Hum>) -> Option<f64> {
     let count = blocks.all().len();
     if count / 2 < sound.onset_block(blocks.all()).saturating_add(RINGING_BLOCKS) {
         return None;
@@ -246,15 +246,15 @@ fn amplitudes<const N: usize>(tail: &[Block], mean: f64, turns: [f64; N]) -> [f6
 }
 
 /// Whether something is heard before the tap.
-fn is_before<C: Count, T>(sound: &Sound<'_, C, T>, blocks: &[Block], limit: f64) -> bool {
+fn is_before<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], limit: f64) -> bool {
     let count = sound.onset_block(blocks).saturating_sub(GUARD_BLOCKS);
     blocks.get(..count).is_some_and(|before| before.iter().any(|block| block.peak > limit))
 }
 
 /// Whether the envelope, which falls after a tap, rises again.
-fn is_after<C: Count, T>(sound: &Sound<'_, C, T>, blocks: &[Block], step_blocks: usize, limit: f64) -> bool {
+fn is_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], step_blocks: usize, limit: f64) -> bool {
     let steps = blocks.get(sound.onset_block(blocks)..).unwrap_or_default().chunks_exact(step_blocks);
-    if steps.len() < STEPS_LEAST {
+    if steps.len() < STEPS_MIN {
         return false;
     }
     let mut least = f64::INFINITY;

@@ -36,7 +36,7 @@ impl Medians {
 
     fn median_of_keys<C: Count>(&self) -> f64 {
         let Some((lower, upper)) = Middle { keys: &self.keys }.wide() else { return 0.0 };
-        f64::midpoint(C::of_key(lower), C::of_key(upper))
+        f64::midpoint(C::from_key(lower), C::from_key(upper))
     }
 }
 

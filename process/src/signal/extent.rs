@@ -12,7 +12,7 @@ pub(crate) struct Extent<C> {
 
 impl<C: Count> Extent<C> {
     /// The extent of `samples`; `None` when there is none or one is not a number.
-    pub(crate) fn of(samples: &[C]) -> Option<Self> {
+    pub(crate) fn find(samples: &[C]) -> Option<Self> {
         Extremes { samples }.wide()
     }
 
@@ -99,13 +99,13 @@ impl<C: Count> Kernel for Extremes<'_, C> {
                 is_number[lane] &= x.is_number();
             }
         }
-        let (rest_least, rest_largest) = rest.iter().fold((first, first), |(least, largest), &x| {
+        let (rest_min, rest_largest) = rest.iter().fold((first, first), |(least, largest), &x| {
             (if x < least { x } else { least }, if x > largest { x } else { largest })
         });
         let is_sound = is_number.into_iter().fold(true, |all, is_one| all & is_one)
             & rest.iter().fold(true, |all, x| all & x.is_number());
         let extent = Extent {
-            least: least.into_iter().fold(rest_least, |a, b| if b < a { b } else { a }),
+            least: least.into_iter().fold(rest_min, |a, b| if b < a { b } else { a }),
             largest: largest.into_iter().fold(rest_largest, |a, b| if b > a { b } else { a }),
         };
         is_sound.then_some(extent)
@@ -124,16 +124,16 @@ mod tests {
                 let mut samples = vec![0.5_f32; count];
                 let (least, largest) = if count > 1 { (0.5, 0.5) } else { (7.0, -7.0) };
                 samples[place] = 7.0;
-                assert_eq!(Extent::of(&samples), Some(Extent { least, largest: 7.0 }));
+                assert_eq!(Extent::find(&samples), Some(Extent { least, largest: 7.0 }));
                 samples[place] = -7.0;
-                assert_eq!(Extent::of(&samples), Some(Extent { least: -7.0, largest }));
+                assert_eq!(Extent::find(&samples), Some(Extent { least: -7.0, largest }));
                 samples[place] = f32::NAN;
-                assert!(Extent::of(&samples).is_none());
+                assert!(Extent::find(&samples).is_none());
                 samples[place] = f32::NEG_INFINITY;
-                assert!(Extent::of(&samples).is_none());
+                assert!(Extent::find(&samples).is_none());
             }
         }
-        assert!(Extent::<i16>::of(&[]).is_none());
+        assert!(Extent::<i16>::find(&[]).is_none());
     }
 
     /// Catches an exponent off by one, and a gain that overflows for the smallest and largest samples.

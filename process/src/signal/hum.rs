@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 use crate::Real;
 
 /// Part of the mains' period that the quiet samples must span, or its phase could not be told.
-const PERIODS_LEAST: f64 = 0.25;
+const PERIODS_MIN: f64 = 0.25;
 
 /// Frequency above which hum is not hum any more.
-const CYCLES_PER_SAMPLE_MOST: f64 = 0.25;
+const CYCLES_PER_SAMPLE_MAX: f64 = 0.25;
 
 /// c + a cos(omega n) + b sin(omega n), n counted from the record's first sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,8 +24,8 @@ impl Hum {
     ///
     /// `None` when they span less than a quarter of its period, or hold fewer than four samples of it.
     pub(crate) fn fit(value: impl Fn(usize) -> f64, count: usize, cycles_per_sample: f64) -> Option<Self> {
-        let is_seen = count as f64 * cycles_per_sample >= PERIODS_LEAST;
-        let is_sampled = cycles_per_sample <= CYCLES_PER_SAMPLE_MOST;
+        let is_seen = count as f64 * cycles_per_sample >= PERIODS_MIN;
+        let is_sampled = cycles_per_sample <= CYCLES_PER_SAMPLE_MAX;
         if !(is_seen && is_sampled) {
             return None;
         }

@@ -19,7 +19,7 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     /// The key of |sample - `base`|, `base` being a median of samples.
     fn distance_key(self, base: f64) -> i32;
     /// The counts of which `key` is the key.
-    fn of_key(key: i32) -> f64;
+    fn from_key(key: i32) -> f64;
     /// (sample - `base`) * `gain`, rounded once; `gain` is a power of two.
     fn centred<T: Real>(self, base: f64, gain: f64) -> T;
 }
@@ -42,7 +42,7 @@ impl Count for i16 {
     fn distance_key(self, base: f64) -> i32 {
         (self.key() - (2.0 * base) as i32).abs()
     }
-    fn of_key(key: i32) -> f64 {
+    fn from_key(key: i32) -> f64 {
         f64::from(key) / 2.0
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
@@ -68,7 +68,7 @@ impl Count for f32 {
     fn distance_key(self, base: f64) -> i32 {
         ((f64::from(self) - base).abs() as f32).key()
     }
-    fn of_key(key: i32) -> f64 {
+    fn from_key(key: i32) -> f64 {
         f64::from(f32::from_bits(in_order(key) as u32))
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {

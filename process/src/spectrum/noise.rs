@@ -8,7 +8,7 @@ use super::{BandPower, cells, end};
 use crate::{BandEdges, Real};
 
 /// Fewest samples that a spectrum of the noise is taken of.
-const SAMPLES_LEAST: usize = 32;
+const SAMPLES_MIN: usize = 32;
 
 /// Mean square of the noise in either band, and its mean density in the flexural one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +27,7 @@ pub(super) fn of_bands<T: Real>(
     bands: &Bands,
 ) -> Option<Noise> {
     let count = quiet.len();
-    if count < SAMPLES_LEAST {
+    if count < SAMPLES_MIN {
         return None;
     }
     let grid = Grid::new(count, sample_rate_hz);

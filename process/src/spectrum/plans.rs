@@ -166,7 +166,7 @@ fn power_of<T: Real>(re: T, im: T) -> f64 {
 /// where the processor has AVX-512, and `rustfft`'s everywhere else.
 fn plan<T: Real>(length: usize) -> Box<dyn Transform<T>> {
     // Ours is of `f32`: for another `T` it is not what is asked for.
-    let own: Option<Box<dyn Any>> = of_single(length).map(|own| Box::new(own) as Box<dyn Any>);
+    let own: Option<Box<dyn Any>> = single_precision(length).map(|own| Box::new(own) as Box<dyn Any>);
     match own.and_then(|own| own.downcast::<Box<dyn Transform<T>>>().ok()) {
         Some(own) => *own,
         None => Box::new(Rustfft::new(length)),
@@ -175,13 +175,13 @@ fn plan<T: Real>(length: usize) -> Box<dyn Transform<T>> {
 
 /// Our own transform of `length` numbers in single precision; `None` where there is none.
 #[cfg(target_arch = "x86_64")]
-fn of_single(length: usize) -> Option<Box<dyn Transform<f32>>> {
+fn single_precision(length: usize) -> Option<Box<dyn Transform<f32>>> {
     Some(Box::new(Lanes::try_new(length)?))
 }
 
 /// No transform of our own: it is for other processors.
 #[cfg(not(target_arch = "x86_64"))]
-fn of_single(_length: usize) -> Option<Box<dyn Transform<f32>>> {
+fn single_precision(_length: usize) -> Option<Box<dyn Transform<f32>>> {
     None
 }
 

@@ -168,7 +168,7 @@ fn bad_channels_take_only_their_own_values() {
         let found = Extractor::<f32>::new(&case.config()).unwrap().extract(&header, Samples::F32(&samples));
         (values(&found).map(|value| u8::from(value.is_some())), found.quality)
     };
-    let both = |a: Quality, b: Quality| Quality::from_bits(a.bits() | b.bits());
+    let both = |a: Quality, b: Quality| Quality::from_bits_retain(a.bits() | b.bits());
     assert_eq!(present(&|_, _| {}), ([1; Discriminator::COUNT], Quality::default()));
     assert_eq!(
         present(&|_, x| x[..n].fill(0.0)),

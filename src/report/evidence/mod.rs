@@ -121,9 +121,9 @@ impl Evidence {
     /// What the archive behind `reader` holds.
     pub(crate) fn read(reader: &Reader) -> Result<Self> {
         let plan = reader.plan();
-        let (mut config, config_problem): (Config, _) = match toml::from_str(reader.config()) {
+        let (mut config, config_problem) = match Config::parse(reader.config()) {
             Ok(config) => (config, None),
-            Err(error) => (Config::default(), Some(error.to_string())),
+            Err(error) => (Config::default(), Some(format!("{error:#}"))),
         };
         let reference: Option<Arc<ReferenceSet>> =
             reader.reference().and_then(|text| ReferenceSet::parse(text).ok()).map(Arc::new);
@@ -349,8 +349,8 @@ impl Shoulder {
 }
 
 /// How many of `taps` carry each flag, flags that none carries left out.
-pub(crate) fn flags<'a>(taps: impl Iterator<Item = &'a Tap>) -> Vec<(&'static str, usize)> {
+pub(crate) fn flags<'a>(taps: impl Iterator<Item = &'a Tap>) -> Vec<(Quality, usize)> {
     let qualities: Vec<Quality> = taps.filter_map(|tap| tap.found.map(|found| found.quality)).collect();
     let count = |flag| qualities.iter().filter(|quality| quality.contains(flag)).count();
-    Quality::ALL.iter().map(|&(flag, name)| (name, count(flag))).filter(|&(_, count)| count > 0).collect()
+    Quality::ALL.iter().map(|&(flag, _)| (flag, count(flag))).filter(|&(_, count)| count > 0).collect()
 }

@@ -19,7 +19,7 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
                 td data-label=(words::side(geometry)) { (shoulder.number) }
                 td data-label="verdict" { (verdict_word(shoulder.verdict)) }
                 td data-label="why" {
-                    @for sentence in words::reasons(shoulder.reasons) { (sentence) " " }
+                    (shoulder.reasons.meaning()) " "
                     @if !shoulder.regions.is_empty() && !shoulder.evidence.is_empty() { "Loudest at the peak: " (loudest(shoulder)) "." }
                 }
                 td class="n" data-label="peak index" { (number(shoulder.peak().and_then(|cell| cell.index))) }

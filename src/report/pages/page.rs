@@ -150,7 +150,7 @@ pub(crate) fn ledger(shoulders: &[(String, &Shoulder)], refusals: &[(String, usi
             div class="scroll" { table {
                 thead { tr { th { "flag" } th { "what it means for a tap" } th class="n" { "taps" } } }
                 tbody {
-                    @for (name, count) in flags { tr { td { code { (name) } } td { (words::flag(name)) } td class="n" { (count) } } }
+                    @for (flag, count) in flags { tr { td { code { (flag) } } td { (flag.meaning()) } td class="n" { (count) } } }
                 }
             } }
         }

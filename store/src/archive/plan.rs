@@ -40,8 +40,9 @@ pub(super) fn read_plan(metadata: &Metadata, taps_file: &File, path: &Path) -> R
         truth.insert((tyre, row.shoulder, row.location), row.cracked != 0);
     }
     let not_a_plan = |error: PlanError| Error::damaged(path, format!("its plan: {error}"));
-    let begun = Plan::of_source(geometry, recording, taps_in(0..metadata.begun_count)?, truth, metadata.source_digest)
-        .map_err(not_a_plan)?;
+    let begun =
+        Plan::from_source(geometry, recording, taps_in(0..metadata.begun_count)?, truth, metadata.source_digest)
+            .map_err(not_a_plan)?;
     let archived = metadata.plan_digest;
     if begun.digest() != archived {
         let what = format!("its plan has digest {:016x}, but it says {archived:016x}", begun.digest());

@@ -63,7 +63,7 @@ impl ScanRow {
         Judgement {
             stamp: Stamp { kind: RecordKind::Data.code(), mark: number.into(), ..Stamp::default() },
             verdict: self.verdict,
-            reasons: Reasons::from_bits(self.reasons),
+            reasons: Reasons::from_bits_retain(self.reasons),
             limit_re_inspect: self.limit_re_inspect,
             limit_reject: self.limit_reject,
             false_call_rate: self.false_call_rate,

@@ -185,7 +185,7 @@ impl DiscriminatorsRow {
         Discriminators {
             id: at_attempt(*planned, self.attempt),
             plan_index: self.plan_index,
-            quality: Quality::from_bits(self.quality),
+            quality: Quality::from_bits_retain(self.quality),
             velocity_measured_m_per_s: self.velocity_measured_m_per_s,
             values,
         }

@@ -193,7 +193,7 @@ impl Reader {
     /// Number of unusable attempts at the tap in plan row `row`, and the flags of the last of them; `None` if there were none.
     pub fn retaken(&self, row: u32) -> Option<(u32, Quality)> {
         let row = self.states.get(row as usize).filter(|row| row.retaken_count > 0)?;
-        Some((row.retaken_count, Quality::from_bits(row.retaken_quality)))
+        Some((row.retaken_count, Quality::from_bits_retain(row.retaken_quality)))
     }
 
     /// Where the tap in plan row `row` was lost; `None` if it is not missing.

@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use hdf5::H5Type;
 use ndarray::s;
 use tapline_codec::{Codec, head_of, is_chunk_valid, unpack};
-use tapline_wire::{Lane, Plan, SampleFormat, Samples, TapHeader, TapState, bytes_of_mut, lanes_for};
+use tapline_wire::{CacheLine, Plan, SampleFormat, Samples, TapHeader, TapState, bytes_of_mut, cache_lines_for};
 
 use crate::archive::Archive;
 use crate::error::{Context, Error, Result};
@@ -23,7 +23,7 @@ pub struct ReadBuffer {
     /// The packed chunk.
     chunk: Vec<u8>,
     /// The samples.
-    lanes: Vec<Lane>,
+    buffer: Vec<CacheLine>,
     /// The unpacked planes of bits.
     planes: Vec<u8>,
 }
@@ -70,7 +70,7 @@ impl SampleFile {
         is_beginning: bool,
         buffer: &'r mut ReadBuffer,
     ) -> Result<Samples<'r>> {
-        let ReadBuffer { chunk, lanes, planes } = buffer;
+        let ReadBuffer { chunk, buffer, planes } = buffer;
         let location = location.ok_or_else(|| self.damaged(header, "have no location in the file"))?;
         location.read(&self.file, chunk).context("read samples", &self.path)?;
         let stored = &chunk[..];
@@ -85,7 +85,7 @@ impl SampleFile {
         if !is_valid {
             return Err(self.damaged(header, "are not what was written: their checksum differs"));
         }
-        self.unpacked(header, stored, lanes, planes)
+        self.unpacked(header, stored, buffer, planes)
     }
 
     /// The samples in the chunk `stored`: as many as the header has.
@@ -93,11 +93,11 @@ impl SampleFile {
         &self,
         header: &TapHeader,
         stored: &[u8],
-        lanes: &'r mut Vec<Lane>,
+        buffer: &'r mut Vec<CacheLine>,
         planes: &mut Vec<u8>,
     ) -> Result<Samples<'r>> {
-        lanes.resize(lanes_for(self.rows.row_bytes()), Lane::default());
-        let unpacked = &mut bytes_of_mut(lanes)[..self.rows.row_bytes()];
+        buffer.resize(cache_lines_for(self.rows.row_bytes()), CacheLine::default());
+        let unpacked = &mut bytes_of_mut(buffer)[..self.rows.row_bytes()];
         match self.rows.codec() {
             Codec::None | Codec::Lz4 | Codec::Zstd => {
                 let parts = parts(header, unpacked.len());
@@ -108,7 +108,7 @@ impl SampleFile {
             Codec::Gzip => self.read_by_library(header, unpacked)?,
         }
         unpadded(unpacked, header.channel_count as usize, header.payload_bytes() / header.channel_count as usize);
-        Samples::view(header, lanes).ok_or_else(|| self.damaged(header, "are not as many as their header says"))
+        Samples::view(header, buffer).ok_or_else(|| self.damaged(header, "are not as many as their header says"))
     }
 
     fn damaged(&self, header: &TapHeader, what: &str) -> Error {

@@ -237,14 +237,14 @@ fn check_tap(
     if let Some(scale) = scales.copied().find(|scale| !scale.is_finite() || *scale == 0.0) {
         complain(format!("its header has a scale of {scale} a count"));
     }
-    let quality = Quality::from_bits(discriminators.quality);
+    let quality = Quality::from_bits_retain(discriminators.quality);
     if quality.contains(Quality::REFUSED) {
         complain("it is archived, but its discriminators say that it was refused".to_owned());
     }
     if quality.contains(Quality::RETAKE) {
         complain("it is archived, but its discriminators ask for another attempt".to_owned());
     }
-    if quality.is_clean() && discriminators.values.into_iter().any(f64::is_nan) {
+    if quality.is_empty() && discriminators.values.into_iter().any(f64::is_nan) {
         complain("a discriminator is absent, but no flag says why".to_owned());
     }
     let most = recording.sample_count_max;
@@ -286,7 +286,7 @@ fn check_scan(
     if Verdict::from_code(row.verdict).is_none() {
         complain(format!("it is judged, but its verdict is {}, which is none", row.verdict));
     }
-    let reasons = Reasons::from_bits(row.reasons);
+    let reasons = Reasons::from_bits_retain(row.reasons);
     let mut allowed = Reasons::SELF_REFERENCE;
     allowed.insert(reasons);
     if row.verdict == Verdict::Pass.code() && allowed != Reasons::SELF_REFERENCE {

@@ -112,7 +112,7 @@ impl OpenCasing {
     /// Header and ledger, as of the last flush.
     pub(super) fn ledger(&self, lost_count: u64, is_held: bool) -> (CasingHeader, Ledger) {
         let mut ledger = self.writer.ledger().clone();
-        (ledger.barrier, ledger.lost_count, ledger.is_held) = (self.passed, lost_count, is_held);
+        (ledger.barrier, ledger.lost_count, ledger.is_stalled) = (self.passed, lost_count, is_held);
         (self.header(), ledger)
     }
 

@@ -50,7 +50,7 @@ pub struct CasingHeader {
     /// Taps refused.
     pub refused_count: u32,
     /// 1 while the archive cannot be written, else 0.
-    pub is_held: u32,
+    pub is_stalled: u32,
 }
 
 /// What a station proposes: a casing of this name, with this plan. Bytes behind a `Plan` record of the proposals.

@@ -106,7 +106,7 @@ impl Plan {
             channels: head.channels,
         };
         let geometry = if head.is_ring { Geometry::Ring } else { Geometry::Line };
-        Self::of_source(geometry, recording, taps.collect(), truth, head.source_digest)
+        Self::from_source(geometry, recording, taps.collect(), truth, head.source_digest)
     }
 
     /// Bytes of the longest plan within `limits`.
@@ -135,7 +135,7 @@ mod tests {
             channels: vec![Channel::Force, Channel::Sound],
         };
         let truth = Truth::from([((tyre, 1, 3), true), ((tyre, 2, 4), false)]);
-        Plan::of_source(Geometry::Ring, recording, taps.collect(), truth, 99).unwrap()
+        Plan::from_source(Geometry::Ring, recording, taps.collect(), truth, 99).unwrap()
     }
 
     #[test]
@@ -144,7 +144,7 @@ mod tests {
         let bytes = plan.encode();
         let there = Plan::decode(&bytes).unwrap();
         assert_eq!((&there, there.digest()), (&plan, plan.digest()));
-        assert!(bytes.len() <= Plan::encoded_bytes_max(&CasingLimits::of(&plan)));
+        assert!(bytes.len() <= Plan::encoded_bytes_max(&CasingLimits::from_plan(&plan)));
     }
 
     #[test]

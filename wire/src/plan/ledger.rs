@@ -85,7 +85,7 @@ pub struct Ledger {
     /// Records lost in transit so far.
     pub lost_count: u64,
     /// Whether the archive cannot be written at the moment: nothing will be settled before that is over.
-    pub is_held: bool,
+    pub is_stalled: bool,
 }
 
 impl Ledger {
@@ -97,7 +97,7 @@ impl Ledger {
             scans: vec![ScanState::Open; scan_count],
             barrier: 0,
             lost_count: 0,
-            is_held: false,
+            is_stalled: false,
         }
     }
 
@@ -175,7 +175,7 @@ impl Ledger {
         header.barrier = self.barrier.into();
         header.archived_count = count(self.count(TapState::Archived));
         header.refused_count = count(self.count(TapState::Refused));
-        (header.is_held, header.lost_count) = (self.is_held.into(), self.lost_count);
+        (header.is_stalled, header.lost_count) = (self.is_stalled.into(), self.lost_count);
     }
 
     /// The ledger that `header` and `bytes` carry, `None` when they do not fit each other.
@@ -188,7 +188,7 @@ impl Ledger {
                 .then(|| scans.iter().map(|&b| ScanState::from_code(b)).collect::<Option<_>>())??,
             barrier: u8::try_from(header.barrier).ok()?,
             lost_count: header.lost_count,
-            is_held: header.is_held != 0,
+            is_stalled: header.is_stalled != 0,
         })
     }
 }
@@ -207,7 +207,7 @@ mod tests {
             any::<u64>(),
             any::<bool>(),
         );
-        states.prop_map(|(taps, scans, barrier, lost_count, is_held)| {
+        states.prop_map(|(taps, scans, barrier, lost_count, is_stalled)| {
             let mut ledger = Ledger::empty(taps.len(), scans.len());
             for (row, (code, attempt)) in taps.into_iter().enumerate() {
                 ledger.set_tap(row, TapState::from_code(code).unwrap(), attempt);
@@ -215,7 +215,7 @@ mod tests {
             for (number, code) in scans.into_iter().enumerate() {
                 ledger.set_scan(number, ScanState::from_code(code).unwrap());
             }
-            (ledger.barrier, ledger.lost_count, ledger.is_held) = (barrier, lost_count, is_held);
+            (ledger.barrier, ledger.lost_count, ledger.is_stalled) = (barrier, lost_count, is_stalled);
             ledger
         })
     }

@@ -20,7 +20,7 @@ pub struct CasingLimits {
 
 impl CasingLimits {
     /// What the casing with this `plan` needs.
-    pub fn of(plan: &Plan) -> Self {
+    pub fn from_plan(plan: &Plan) -> Self {
         Self {
             taps: plan.taps().len(),
             scans: plan.scans().len(),
@@ -42,7 +42,7 @@ impl CasingLimits {
 
     /// What of `plan` is beyond these limits, with both numbers; `None` where there is room.
     pub fn exceeded_by(&self, plan: &Plan) -> Option<String> {
-        let need = Self::of(plan);
+        let need = Self::from_plan(plan);
         [
             ("taps", need.taps, self.taps),
             ("scans", need.scans, self.scans),

@@ -105,7 +105,7 @@ impl Plan {
         taps: Vec<PlannedTap>,
         truth: Truth,
     ) -> Result<Self, PlanError> {
-        Self::of_source(geometry, recording, taps, truth, 0)
+        Self::from_source(geometry, recording, taps, truth, 0)
     }
 
     /// The plan of `taps` for a source that `source_digest` tells from others with the same taps: other recordings, other
@@ -113,7 +113,7 @@ impl Plan {
     ///
     /// # Errors
     /// As [`Plan::new`].
-    pub fn of_source(
+    pub fn from_source(
         geometry: Geometry,
         recording: Recording,
         taps: Vec<PlannedTap>,
@@ -152,10 +152,10 @@ impl Plan {
             return Err(PlanError::OtherScan { id: other.id });
         }
         let taps = [&self.taps, taps].concat();
-        Self::of_source(self.geometry, self.recording.clone(), taps, self.truth.clone(), self.source_digest)
+        Self::from_source(self.geometry, self.recording.clone(), taps, self.truth.clone(), self.source_digest)
     }
 
-    /// The same plan for another source: see [`Plan::of_source`].
+    /// The same plan for another source: see [`Plan::from_source`].
     pub fn with_source(mut self, source_digest: u64) -> Self {
         self.source_digest = source_digest;
         self.digest = digest_of(self.geometry, &self.recording, &self.taps, source_digest);
@@ -175,7 +175,7 @@ impl Plan {
         let is_of = |&(tyre, shoulder, _): &(Serial, u16, u32)| shoulders.contains(&(tyre, shoulder));
         let truth =
             self.truth.iter().filter(|(place, _)| is_of(place)).map(|(&place, &known)| (place, known)).collect();
-        Self::of_source(self.geometry, self.recording.clone(), taps, truth, self.source_digest)
+        Self::from_source(self.geometry, self.recording.clone(), taps, truth, self.source_digest)
     }
 
     /// What tells the plan's source from others with the same taps; 0 where nothing does.

@@ -6,8 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
 use crate::record::discriminators::Discriminator;
-use crate::record::flags::flags;
-use crate::{Stamp, Stamped};
+use crate::{Reasons, Stamp, Stamped};
 
 /// What is to be done with a casing's shoulder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -41,40 +40,6 @@ impl Verdict {
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(["PASS", "RE-INSPECT", "REJECT"][*self as usize])
-    }
-}
-
-flags! {
-    /// Why a verdict is not PASS, or how it was reached: a set of flags.
-    Reasons {
-        /// A region's index exceeds the reject limit.
-        DAMAGE = "damage",
-        /// A region's index exceeds the re-inspect limit only.
-        SUSPECT = "suspect",
-        /// The scan did not end.
-        NOT_ENDED = "not_ended",
-        /// A planned tap was refused.
-        TAPS_REFUSED = "taps_refused",
-        /// A planned tap is missing without a reason.
-        TAPS_MISSING = "taps_missing",
-        /// A location has no usable value, or a part of the ring was not tapped.
-        LOCATION_BLIND = "location_blind",
-        /// The index could not be formed: no usable discriminator or no usable reference.
-        NO_INDEX = "no_index",
-        /// The shoulder was compared with itself, not with a known sound one.
-        SELF_REFERENCE = "self_reference",
-        /// A discriminator that the index asks for is absent from most taps although its channels are recorded.
-        FEATURES_ABSENT = "features_absent",
-        /// More than half of the shoulder's locations are suspect: not cracks in a casing, but another casing than the
-        /// reference is of, or one that is damaged all round.
-        NO_SOUND_MAJORITY = "no_sound_majority",
-        /// The shoulder as a whole stands off from the other one or from the reference's casings: another construction, a
-        /// sensor that has changed, or damage all round.
-        LEVEL_OFF = "level_off",
-        /// The reference has no tap at some offset and velocity that was scanned: what was tapped there is not judged.
-        CONDITION_UNKNOWN = "condition_unknown",
-        /// The index that was asked for could not be learned from the reference; the mean of robust z stands in its place.
-        FELL_BACK = "fell_back",
     }
 }
 

@@ -5,8 +5,7 @@ use std::fmt;
 use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
-use crate::record::flags::flags;
-use crate::{Channel, TapId};
+use crate::{Channel, Quality, TapId};
 
 /// Which way a discriminator moves where there is a crack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -226,48 +225,6 @@ impl Values {
 impl fmt::Debug for Values {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_map().entries(Discriminator::ALL.map(|d| (d.column(), self.get(d)))).finish()
-    }
-}
-
-flags! {
-    /// Why features of a tap may be absent or doubtful: a set of flags.
-    Quality {
-        /// The tap was refused before it reached a kernel.
-        REFUSED = "refused",
-        /// A sample is not a finite number.
-        NON_FINITE = "non_finite",
-        /// The record has no force channel.
-        NO_FORCE = "no_force",
-        /// The record has no sound channel.
-        NO_SOUND = "no_sound",
-        /// Too few pre-trigger samples for a baseline.
-        NO_BASELINE = "no_baseline",
-        /// No pulse stands out of the force, or none crosses the levels its width needs.
-        NO_PULSE = "no_pulse",
-        /// No onset stands out of the sound.
-        NO_ONSET = "no_onset",
-        /// The bands of the configuration hold no bin of this record's spectrum.
-        NO_BAND = "no_band",
-        /// The record is set aside and the tap asked for again: no result rests on it, and no archive holds it.
-        RETAKE = "retake",
-        /// A channel ran into the end of its range.
-        CLIPPED = "clipped",
-        /// The trigger came too late: the pulse is cut, or lies where the baseline should.
-        LATE_TRIGGER = "late_trigger",
-        /// The impactor hit twice.
-        DOUBLE_HIT = "double_hit",
-        /// Too few samples for the pulse, or too low a rate for the bands.
-        UNDERSAMPLED = "undersampled",
-        /// Mains hum in the sound.
-        HUM = "hum",
-        /// The signal does not stand far enough out of the noise.
-        LOW_SNR = "low_snr",
-        /// Another station's tap is heard in the record.
-        NEIGHBOUR = "neighbour",
-        /// The measured velocity is not the planned one.
-        VELOCITY_OFF = "velocity_off",
-        /// The contact time is none that a casing has: the sample rate may be another.
-        RATE_IMPLAUSIBLE = "rate_implausible",
     }
 }
 

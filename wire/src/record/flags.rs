@@ -1,45 +1,31 @@
-//! Sets of named flags in one number, as records and archives carry them.
+//! The flags of taps and of verdicts: one row a flag, with its bit, its name, and what it means to people.
 
-/// Defines a set of flags: a number on the wire, names joined by `|` in tables.
+use std::fmt;
+
+use iceoryx2::prelude::ZeroCopySend;
+
+/// Defines a set of flags. A row is the constant, its bit on the wire and in archives, its name in tables, and its meaning.
 macro_rules! flags {
-    ($(#[$doc:meta])* $set:ident { $($(#[$flag_doc:meta])* $flag:ident = $name:literal,)* }) => {
+    ($(#[$doc:meta])* $set:ident { $($flag:ident = $bit:literal, $name:literal: $meaning:literal;)* }) => {
         $(#[$doc])*
         #[repr(C)]
         #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, ZeroCopySend)]
         pub struct $set(u32);
 
-        #[expect(non_camel_case_types, clippy::upper_case_acronyms, reason = "places of the bits, named as the flags")]
-        enum Place { $($flag,)* }
+        bitflags::bitflags! {
+            impl $set: u32 {
+                $(#[doc = $meaning] const $flag = 1 << $bit;)*
+            }
+        }
 
         impl $set {
-            $($(#[$flag_doc])* pub const $flag: Self = Self(1 << Place::$flag as u32);)*
-
-            /// Every flag there is, with its name, in the order of the bits.
+            /// Every flag with its name, in the order of the bits.
             pub const ALL: &'static [(Self, &'static str)] = &[$((Self::$flag, $name),)*];
 
-            /// Whether no flag is set.
-            pub fn is_clean(self) -> bool {
-                self.0 == 0
-            }
-
-            /// Whether every flag of `other` is set.
-            pub fn contains(self, other: Self) -> bool {
-                self.0 & other.0 == other.0
-            }
-
-            /// Adds the flags of `other`.
-            pub fn insert(&mut self, other: Self) {
-                self.0 |= other.0;
-            }
-
-            /// The flags as a number, as the archive stores them.
-            pub fn bits(self) -> u32 {
-                self.0
-            }
-
-            /// The flags that `bits` stands for.
-            pub fn from_bits(bits: u32) -> Self {
-                Self(bits)
+            /// The meanings of the flags that are set, as pages print them.
+            pub fn meaning(self) -> String {
+                let meanings = [$((Self::$flag, $meaning),)*].into_iter().filter(|&(flag, _)| self.contains(flag));
+                meanings.map(|(_, meaning)| meaning).collect::<Vec<_>>().join(" ")
             }
         }
 
@@ -59,23 +45,86 @@ macro_rules! flags {
     };
 }
 
-pub(crate) use flags;
+flags! {
+    /// What is wrong with a tap: why features may be absent or doubtful.
+    Quality {
+        REFUSED = 0, "refused": "refused before it was looked at";
+        NON_FINITE = 1, "non_finite": "a sample is not a number";
+        NO_FORCE = 2, "no_force": "no force channel, or a constant one";
+        NO_SOUND = 3, "no_sound": "no sound channel, or a constant one";
+        NO_BASELINE = 4, "no_baseline": "too few samples before the trigger";
+        NO_PULSE = 5, "no_pulse": "no pulse stands out of the force";
+        NO_ONSET = 6, "no_onset": "no onset stands out of the sound";
+        NO_BAND = 7, "no_band": "the bands hold nothing of this record";
+        RETAKE = 8, "retake": "set aside and asked for again";
+        CLIPPED = 9, "clipped": "a channel ran into the end of its range";
+        LATE_TRIGGER = 10, "late_trigger": "the trigger came too late";
+        DOUBLE_HIT = 11, "double_hit": "the impactor hit twice";
+        UNDERSAMPLED = 12, "undersampled": "too few samples for the pulse or the bands";
+        HUM = 13, "hum": "mains hum in the sound";
+        LOW_SNR = 14, "low_snr": "not far enough out of the noise";
+        NEIGHBOUR = 15, "neighbour": "another tap is heard in the record";
+        VELOCITY_OFF = 16, "velocity_off": "struck at another velocity than was meant";
+        RATE_IMPLAUSIBLE = 17, "rate_implausible": "a contact time that no casing has";
+    }
+}
+
+flags! {
+    /// Why a verdict is not PASS, or how it was reached.
+    Reasons {
+        DAMAGE = 0, "damage": "The damage index of a region exceeds the reject limit.";
+        SUSPECT = 1, "suspect":
+            "The damage index of a region exceeds the re-inspect limit, but not the reject limit.";
+        NOT_ENDED = 2, "not_ended": "The scan did not end: what is shown is what there was by then.";
+        TAPS_REFUSED = 3, "taps_refused": "Taps were refused: their records could not be used.";
+        TAPS_MISSING = 4, "taps_missing": "Planned taps are missing without a reason.";
+        LOCATION_BLIND = 5, "location_blind":
+            "At least one location has no usable value, or a part of the ring was not tapped: damage there would not show.";
+        NO_INDEX = 6, "no_index":
+            "The damage index could not be formed: no usable discriminator, or no usable reference.";
+        SELF_REFERENCE = 7, "self_reference":
+            "Compared with itself, not with a casing known to be sound: damage all around would not show.";
+        FEATURES_ABSENT = 8, "features_absent":
+            "A discriminator that the index asks for is absent, or always the same, at most taps or at a location.";
+        NO_SOUND_MAJORITY = 9, "no_sound_majority":
+            "More than half of the locations are suspect: another kind of casing than the reference, or damage all around.";
+        LEVEL_OFF = 10, "level_off":
+            "The whole stands off from the other side or from the reference: another construction, a changed sensor, or damage all around.";
+        CONDITION_UNKNOWN = 11, "condition_unknown":
+            "The reference has no tap at an offset and velocity that was scanned: what was tapped there is not judged.";
+        FELL_BACK = 12, "fell_back":
+            "The index that was asked for could not be learned from the reference: the mean of robust z stands in its place.";
+    }
+}
 
 #[cfg(test)]
 mod tests {
-    use crate::{Quality, Reasons};
+    use super::*;
 
     /// Archives hold the numbers and tables the names: neither may change.
     #[test]
     fn numbers_and_names_are_kept() {
-        let mut quality = Quality::NO_FORCE;
-        assert_eq!((quality.bits(), quality.to_string().as_str()), (4, "no_force"));
-        quality.insert(Quality::NON_FINITE);
+        let quality = Quality::NO_FORCE | Quality::NON_FINITE;
         assert_eq!((quality.bits(), quality.to_string().as_str()), (6, "non_finite|no_force"));
-        assert!(quality.contains(Quality::NO_FORCE) && !quality.contains(Quality::NO_BAND) && !quality.is_clean());
         assert_eq!((Quality::NO_BAND.bits(), Quality::default().to_string().as_str()), (128, ""));
         assert_eq!((Quality::CLIPPED.bits(), Quality::RATE_IMPLAUSIBLE.bits()), (1 << 9, 1 << 17));
-        let reasons = Reasons::from_bits(1 | 128);
+        let reasons = Reasons::from_bits_retain(1 | 128);
         assert_eq!(format!("{reasons:?}"), "Reasons(damage|self_reference)");
+        assert_eq!(Reasons::FELL_BACK.bits(), 1 << 12);
+    }
+
+    /// Catches two flags of one bit, a bit left out, a flag without a meaning, and a set that shows only one meaning.
+    #[test]
+    fn each_flag_has_a_bit_and_a_meaning_of_its_own() {
+        let quality: Vec<_> = Quality::ALL.iter().map(|(flag, _)| (flag.bits(), flag.meaning())).collect();
+        let reasons: Vec<_> = Reasons::ALL.iter().map(|(flag, _)| (flag.bits(), flag.meaning())).collect();
+        for flags in [quality, reasons] {
+            for (k, (bits, meaning)) in flags.iter().enumerate() {
+                assert_eq!(*bits, 1 << k, "{meaning}");
+                assert!(!meaning.is_empty() && flags[..k].iter().all(|(_, other)| other != meaning), "{meaning}");
+            }
+        }
+        let both = Reasons::DAMAGE | Reasons::TAPS_MISSING;
+        assert_eq!(both.meaning(), format!("{} {}", Reasons::DAMAGE.meaning(), Reasons::TAPS_MISSING.meaning()));
     }
 }

@@ -5,13 +5,13 @@ use iceoryx2::prelude::ZeroCopySend;
 /// What a record is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RecordKind {
-    /// Opens a connection; carries nothing. A subscriber answers it with READY.
-    Greeting,
+    /// Opens a connection; has no elements. A subscriber answers it with READY.
+    Handshake,
     /// The data of the topic: a tap, its discriminators, a damage map.
     Data,
-    /// A planned tap, or a whole casing, that will not come, with the reason as text.
+    /// A planned tap or a whole casing will not come; the reason follows as text.
     Refusal,
-    /// Everything its source sent before it has been handled or lost.
+    /// When it has passed, everything that its source sent before is handled or lost.
     Barrier,
     /// The end of a scan, in band.
     End,
@@ -19,13 +19,13 @@ pub enum RecordKind {
     Plan,
     /// A snapshot of a casing's ledger.
     Ledger,
-    /// A casing's file is closed and in its place, which follows as text.
+    /// A casing's file is closed; its path follows as text.
     Closed,
 }
 
 impl RecordKind {
     const ALL: [Self; 8] =
-        [Self::Greeting, Self::Data, Self::Refusal, Self::Barrier, Self::End, Self::Plan, Self::Ledger, Self::Closed];
+        [Self::Handshake, Self::Data, Self::Refusal, Self::Barrier, Self::End, Self::Plan, Self::Ledger, Self::Closed];
 
     /// Number that stands for the kind in a [`Stamp`].
     pub fn code(self) -> u32 {
@@ -38,26 +38,26 @@ impl RecordKind {
     }
 }
 
-/// Identity of a record: who sent it, when that sender started, and its place in what was sent.
+/// Identity of a record: its sender, when the sender started, and its position in what the sender has sent.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
 pub struct Stamp {
-    /// Rises by one from record to record of one sender's life; a gap is loss.
+    /// Counts the records of one run of the sender; a gap is a loss.
     pub sequence: u64,
-    /// When the sender started, ns since the Unix epoch: tells its lives apart.
+    /// When the sender started, ns since the Unix epoch; distinguishes its runs.
     pub epoch_ns: i64,
-    /// Number of the casing that the record is about ([`crate::casing_number`]); 0 for one that is about none.
+    /// Number of the casing that the record is about ([`crate::casing_number`]); 0 for a record that is about none.
     pub casing: u64,
     /// [`RecordKind::code`].
     pub kind: u32,
-    /// Number of the sender among its kind: of an `acquire`, the process's; 0 for a stage of which there is one.
+    /// Number of the sending `acquire` process; 0 for the other stages.
     pub source: u32,
-    /// For a barrier or an end: what it marks (a counter, or the number of the scan that ends). For a plan: its station.
+    /// Of a barrier a counter, of an end the number of the scan, of a plan its station.
     pub mark: u64,
 }
 
 impl Stamp {
-    /// The record's kind, `None` for a code nobody knows.
+    /// The record's kind; `None` for an unknown code.
     pub fn kind(&self) -> Option<RecordKind> {
         RecordKind::from_code(self.kind)
     }

@@ -8,18 +8,18 @@ use crate::{Stamp, Stamped, TapId};
 /// Most channels a record can have.
 pub const CHANNELS_MAX: usize = 4;
 
-/// Bytes of one [`Lane`].
-pub const LANE_BYTES: usize = 64;
+/// Bytes of a [`CacheLine`].
+pub const CACHE_LINE_BYTES: usize = 64;
 
-/// The unit of sample memory: one cache line, so that samples start aligned for SIMD loads.
+/// The unit of sample memory, one cache line: samples start aligned for SIMD loads.
 #[repr(C)]
 #[repr(align(64))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable, ZeroCopySend)]
-pub struct Lane([u8; LANE_BYTES]);
+pub struct CacheLine([u8; CACHE_LINE_BYTES]);
 
-impl Default for Lane {
+impl Default for CacheLine {
     fn default() -> Self {
-        Self([0; LANE_BYTES])
+        Self([0; CACHE_LINE_BYTES])
     }
 }
 
@@ -133,7 +133,7 @@ pub struct ChannelHeader {
     pub unit_per_count: f64,
 }
 
-/// All that is known of a tap beside its samples.
+/// Everything about a tap except its samples.
 ///
 /// Samples are planar, `[channel][sample]`, `channel_count * sample_count` of them, as the converter gave them.
 #[repr(C)]
@@ -154,7 +154,7 @@ pub struct TapHeader {
     pub sample_rate_hz: f64,
     /// Impact velocity as measured in m/s, NaN where it was not.
     pub velocity_measured_m_per_s: f64,
-    /// Impact velocity that was meant, [`crate::Plan::velocity_nominal_m_per_s`]; NaN where the plan names none.
+    /// Nominal impact velocity, [`crate::Plan::velocity_nominal_m_per_s`]; NaN where the plan has none.
     pub velocity_nominal_m_per_s: f64,
     /// Distance D from impact to microphone in m, 0 where it does not matter.
     pub microphone_distance_m: f64,
@@ -170,7 +170,7 @@ pub struct TapHeader {
     pub channel_count: u32,
     /// [`SourceKind::code`].
     pub source: u32,
-    /// How often its source would still take this tap again, should this record be of no use.
+    /// How many more times the source can take this tap again if the record is of no use.
     pub retakes_left: u32,
     /// Keeps the layout free of padding.
     pub reserved: u32,
@@ -185,7 +185,7 @@ impl TapHeader {
         (self.channel_count as usize).saturating_mul(self.sample_count as usize).saturating_mul(format)
     }
 
-    /// The channels in use, in the order of the samples; a code nobody knows ends the list.
+    /// The channels in use, in the order of the samples; an unknown code ends the list.
     pub fn channels(&self) -> impl Iterator<Item = (Channel, f64)> + '_ {
         self.channels[..(self.channel_count as usize).min(CHANNELS_MAX)]
             .iter()
@@ -193,12 +193,12 @@ impl TapHeader {
     }
 }
 
-/// Lanes needed to hold `bytes` bytes.
-pub fn lanes_for(bytes: usize) -> usize {
-    bytes.div_ceil(LANE_BYTES)
+/// Cache lines needed to hold `bytes` bytes.
+pub fn cache_lines_for(bytes: usize) -> usize {
+    bytes.div_ceil(CACHE_LINE_BYTES)
 }
 
-/// The samples of a record, in the format in which they lie in memory.
+/// The samples of a record, in the format of the converter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Samples<'a> {
     /// Converter counts, planar.
@@ -208,11 +208,11 @@ pub enum Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
-    /// The samples that `header` describes, seen in `lanes` without a copy.
+    /// The samples that `header` describes, in place in `buffer`.
     ///
-    /// `None` when the header names an unknown format or more bytes than there are lanes.
-    pub fn view(header: &TapHeader, lanes: &'a [Lane]) -> Option<Self> {
-        let bytes = bytes_of(lanes).get(..header.payload_bytes())?;
+    /// `None` if the header names an unknown format, or more bytes than `buffer` has.
+    pub fn view(header: &TapHeader, buffer: &'a [CacheLine]) -> Option<Self> {
+        let bytes = bytes_of(buffer).get(..header.payload_bytes())?;
         match SampleFormat::from_code(header.sample_format)? {
             SampleFormat::I16 => bytemuck::try_cast_slice(bytes).ok().map(Self::I16),
             SampleFormat::F32 => bytemuck::try_cast_slice(bytes).ok().map(Self::F32),
@@ -228,24 +228,24 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// The bytes of `lanes`.
-pub fn bytes_of(lanes: &[Lane]) -> &[u8] {
-    bytemuck::cast_slice(lanes)
+/// `buffer` as bytes.
+pub fn bytes_of(buffer: &[CacheLine]) -> &[u8] {
+    bytemuck::cast_slice(buffer)
 }
 
-/// The bytes of `lanes`, writable.
-pub fn bytes_of_mut(lanes: &mut [Lane]) -> &mut [u8] {
-    bytemuck::cast_slice_mut(lanes)
+/// `buffer` as writable bytes.
+pub fn bytes_of_mut(buffer: &mut [CacheLine]) -> &mut [u8] {
+    bytemuck::cast_slice_mut(buffer)
 }
 
-/// The lanes as 16-bit samples, writable.
-pub fn i16_of_mut(lanes: &mut [Lane]) -> &mut [i16] {
-    bytemuck::cast_slice_mut(lanes)
+/// `buffer` as writable 16-bit samples.
+pub fn i16_of_mut(buffer: &mut [CacheLine]) -> &mut [i16] {
+    bytemuck::cast_slice_mut(buffer)
 }
 
-/// The lanes as floating-point samples, writable.
-pub fn f32_of_mut(lanes: &mut [Lane]) -> &mut [f32] {
-    bytemuck::cast_slice_mut(lanes)
+/// `buffer` as writable floating-point samples.
+pub fn f32_of_mut(buffer: &mut [CacheLine]) -> &mut [f32] {
+    bytemuck::cast_slice_mut(buffer)
 }
 
 impl Stamped for TapHeader {
@@ -267,15 +267,15 @@ mod tests {
 
     /// Law 3. Catches a view that copies, starts elsewhere, or takes the padding for samples.
     #[test]
-    fn samples_are_seen_where_they_lie() {
-        let mut lanes = vec![Lane::default(); lanes_for(2 * 33 * 2)];
-        i16_of_mut(&mut lanes)[..66].copy_from_slice(&(0..66).collect::<Vec<i16>>());
-        let Some(Samples::I16(samples)) = Samples::view(&header(SampleFormat::I16, 2, 33), &lanes) else {
+    fn samples_are_viewed_in_place() {
+        let mut buffer = vec![CacheLine::default(); cache_lines_for(2 * 33 * 2)];
+        i16_of_mut(&mut buffer)[..66].copy_from_slice(&(0..66).collect::<Vec<i16>>());
+        let Some(Samples::I16(samples)) = Samples::view(&header(SampleFormat::I16, 2, 33), &buffer) else {
             panic!("no view")
         };
         assert_eq!(samples, (0..66).collect::<Vec<i16>>());
-        assert_eq!(samples.as_ptr().cast::<Lane>(), lanes.as_ptr());
-        let Some(Samples::F32(samples)) = Samples::view(&header(SampleFormat::F32, 1, 3), &lanes) else {
+        assert_eq!(samples.as_ptr().cast::<CacheLine>(), buffer.as_ptr());
+        let Some(Samples::F32(samples)) = Samples::view(&header(SampleFormat::F32, 1, 3), &buffer) else {
             panic!("no view")
         };
         assert_eq!(samples.len(), 3);
@@ -283,18 +283,18 @@ mod tests {
 
     #[test]
     fn a_header_that_promises_too_much_shows_nothing() {
-        let lanes = vec![Lane::default(); 2];
-        assert_eq!(Samples::view(&header(SampleFormat::I16, 2, 33), &lanes), None);
-        assert_eq!(Samples::view(&TapHeader { sample_format: 9, ..header(SampleFormat::I16, 1, 1) }, &lanes), None);
+        let buffer = vec![CacheLine::default(); 2];
+        assert_eq!(Samples::view(&header(SampleFormat::I16, 2, 33), &buffer), None);
+        assert_eq!(Samples::view(&TapHeader { sample_format: 9, ..header(SampleFormat::I16, 1, 1) }, &buffer), None);
         let huge = header(SampleFormat::F32, u32::MAX, u32::MAX);
-        assert_eq!(Samples::view(&huge, &lanes), None, "and does not overflow");
+        assert_eq!(Samples::view(&huge, &buffer), None, "and does not overflow");
         assert_eq!(huge.channels().count(), 0);
     }
 
-    /// Samples must begin at the start of a cache line, and a lane must be one.
+    /// Catches samples that do not begin at the start of a cache line.
     #[test]
-    fn a_lane_is_a_cache_line() {
-        assert_eq!((size_of::<Lane>(), align_of::<Lane>()), (LANE_BYTES, LANE_BYTES));
-        assert_eq!((lanes_for(0), lanes_for(1), lanes_for(64), lanes_for(65)), (0, 1, 1, 2));
+    fn a_cache_line_has_its_size_and_alignment() {
+        assert_eq!((size_of::<CacheLine>(), align_of::<CacheLine>()), (CACHE_LINE_BYTES, CACHE_LINE_BYTES));
+        assert_eq!((cache_lines_for(0), cache_lines_for(1), cache_lines_for(64), cache_lines_for(65)), (0, 1, 1, 2));
     }
 }

@@ -1,4 +1,4 @@
-//! What wakes a process of a line, and who may wake it.
+//! The events that wake a process of a line.
 
 use std::sync::Arc;
 
@@ -13,15 +13,15 @@ use crate::{Limits, LineError, Role};
 /// A reason to wake up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
-    /// Something is there to be looked at: a record, a finished piece of work, a request to end.
+    /// There is something to do: a record, a finished piece of work, a request to end.
     Data,
-    /// A subscriber has joined that has heard nothing yet.
+    /// A subscriber has joined that has received nothing yet.
     Joined,
-    /// The named subscriber has mapped this process's publisher, as the handshake with this number tells.
+    /// The subscriber in this role has answered the handshake with this number.
     Ready(Role, u64),
 }
 
-/// Handshakes told apart: a READY to an older one does not count for the newest.
+/// Handshakes that are distinguished: a READY to an older one does not count for the newest.
 const HANDSHAKES: u64 = 16;
 
 impl Signal {
@@ -39,12 +39,12 @@ impl Signal {
     }
 }
 
-/// Signals that a process of a line with these limits tells apart.
+/// How many signals a process of a line with these limits distinguishes.
 fn signal_count(limits: &Limits) -> usize {
     2 + Role::count(limits) * HANDSHAKES as usize
 }
 
-/// The signals that have come and were not taken yet.
+/// The signals that have come and were not taken.
 #[derive(Debug)]
 pub(crate) struct Pending(Vec<u64>);
 
@@ -84,7 +84,7 @@ impl Waker {
 
 /// The service of the events of `role`, opened or created.
 pub(crate) fn event_service(node: &Node<Svc>, role: Role, limits: &Limits) -> Result<EventService<Svc>, LineError> {
-    // Everyone may notify, from two places, and as many again who died and are not cleared away yet.
+    // Every process may notify from two places, and as many dead ones may not be removed yet.
     let notifiers = 4 * Role::count(limits);
     let name = format!("tapline/event/{}", role.name());
     let service_name = ServiceName::new(&name).map_err(|e| LineError::shared(format!("naming {name}"), e))?;
@@ -102,7 +102,7 @@ pub(crate) fn event_service(node: &Node<Svc>, role: Role, limits: &Limits) -> Re
 mod tests {
     use super::*;
 
-    /// Catches two signals that are taken for one, as two participants' READY.
+    /// Catches two signals with one number, such as the READY of two participants.
     #[test]
     fn every_signal_has_a_number_of_its_own() {
         let limits = Limits { acquire_count: 3, ..Limits::default() };

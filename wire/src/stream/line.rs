@@ -1,4 +1,4 @@
-//! One process's place on a line: its node, and the one wait that everything ends in.
+//! One process on a line: its node, its events, and the one place where it waits for them.
 
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -11,14 +11,15 @@ use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
 
-use crate::stream::address::{Svc, reap};
+use crate::stream::address::Svc;
+use crate::stream::cleanup::reap;
 use crate::stream::event::{Pending, Signal, Waker, event_service};
 use crate::{Limits, LineAddress, LineError, Role};
 
-/// Longest wait without a look whether the process is to end: a request may come in the moment before the wait begins.
-const WAIT_MOST: Duration = Duration::from_secs(1);
+/// Longest wait before checking whether the process is to end: the request may come just before the wait begins.
+const WAIT_MAX: Duration = Duration::from_secs(1);
 
-/// One process's place on a line. Owned by one thread; what it receives may be used in others.
+/// One process on a line. It is owned by one thread; received records may be used in others.
 #[derive(Debug)]
 pub struct Line {
     role: Role,
@@ -37,14 +38,14 @@ pub struct Line {
 impl Line {
     /// Joins the line at `address` as `role`; all its processes are given the same `limits`.
     ///
-    /// `stop` is set by whoever wants the process to end; every wait ends then.
+    /// Setting `stop` ends the process: every wait ends.
     ///
     /// # Errors
     /// [`LineError`] when the address is not usable or the shared-memory layer refuses.
     pub fn join(address: &LineAddress, role: Role, limits: &Limits, stop: Arc<AtomicBool>) -> Result<Self, LineError> {
         set_log_level(LogLevel::Fatal); // what it reports is reported by the errors it returns
         let mut config = address.config()?;
-        // One process looks for the dead, the one that started the others; see `clear_dead`.
+        // Only the process that started the others looks for dead ones; see `clear_dead`.
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
@@ -73,7 +74,7 @@ impl Line {
             pending: RefCell::new(Pending::new(limits)),
             notifiers: RefCell::default(),
             stop,
-            // Another life of this process counts from elsewhere.
+            // A later run of this process starts at another number.
             next_handshake: Cell::new(epoch_ns.unsigned_abs() >> 20),
             epoch_ns,
         })
@@ -84,7 +85,7 @@ impl Line {
         self.role
     }
 
-    /// What the line has room for.
+    /// The limits of the line.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
@@ -121,11 +122,11 @@ impl Line {
     /// # Errors
     /// [`LineError::Shared`] when listening fails.
     pub fn wait(&self, timeout: Duration) -> Result<(), LineError> {
-        // What was notified while we did something else needs no waiting for.
+        // A notification that came before this call ends the wait at once.
         if timeout.is_zero() || self.take(Signal::Data) {
             self.listen()?;
         } else {
-            let timeout = timeout.clamp(Duration::from_millis(1), WAIT_MOST);
+            let timeout = timeout.clamp(Duration::from_millis(1), WAIT_MAX);
             let note = |activation: EventActivation| self.pending.borrow_mut().add(activation.id.as_value());
             self.listened(self.events.timed_wait(note, timeout).map(|_| ()))?;
         }
@@ -133,7 +134,7 @@ impl Line {
         Ok(())
     }
 
-    /// Notes what has been notified until now, without waiting.
+    /// Notes the notifications until now, without waiting.
     pub(crate) fn listen(&self) -> Result<(), LineError> {
         let note = |activation: EventActivation| self.pending.borrow_mut().add(activation.id.as_value());
         self.listened(self.events.try_wait(note).map(|_| ()))
@@ -146,12 +147,12 @@ impl Line {
         }
     }
 
-    /// Whether `signal` has come since it was last asked for.
+    /// Whether `signal` has come since the last call.
     pub fn take(&self, signal: Signal) -> bool {
         self.pending.borrow_mut().take(signal)
     }
 
-    /// Notifies `role`; a role that is not there does not hear it, and need not.
+    /// Notifies `role`; a role that has not joined misses nothing by it.
     pub fn notify(&self, role: Role, signal: Signal) {
         let mut notifiers = self.notifiers.borrow_mut();
         let notifier = match notifiers.entry(role) {
@@ -166,7 +167,7 @@ impl Line {
         }
     }
 
-    /// What wakes this process, for its worker threads.
+    /// A handle by which worker threads wake this process.
     ///
     /// # Errors
     /// [`LineError::Shared`] when its own events cannot be reached.
@@ -181,10 +182,10 @@ impl Line {
             .map_err(|e| LineError::shared(format!("reaching the events of {}", role.name()), e))
     }
 
-    /// Clears away what dead participants left, so that nobody waits for them any more.
+    /// Removes what dead participants have left, so that nobody waits for them any more.
     ///
-    /// The one process that knows who has died calls it, when someone has; the others are not to look, since each look costs
-    /// as much as there are participants.
+    /// Called by the process that knows who has died, when a participant has. The others must not call it, because its cost grows
+    /// with the number of participants.
     pub fn clear_dead(&self) {
         reap(&self.config);
     }

@@ -1,11 +1,13 @@
 //! Shared memory: a line and its topics, which carry the records.
 
 pub(crate) mod address;
+mod cleanup;
 pub(crate) mod error;
 pub(crate) mod event;
+mod folder;
 pub(crate) mod line;
 pub(crate) mod publisher;
-pub mod room;
 pub(crate) mod service;
+pub mod shm;
 pub(crate) mod subscriber;
 pub(crate) mod topic;

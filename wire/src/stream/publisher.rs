@@ -1,4 +1,4 @@
-//! Sending records: a loan is filled in place and sent once, to everyone who must have it.
+//! Sending records: a loan is filled in place and sent once, to every subscriber.
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
@@ -13,15 +13,15 @@ use iceoryx2::prelude::*;
 use iceoryx2::sample_mut::SampleMut;
 
 use crate::stream::address::Svc;
-use crate::stream::room;
 use crate::stream::service::{Service, failed, open};
+use crate::stream::shm;
 use crate::stream::topic::{LOANED, publisher_bytes};
 use crate::{Delivery, Line, LineError, RecordKind, Role, Signal, Stamped, Topic};
 
 /// The sending end of a topic.
 ///
-/// Before a record is sent, every subscriber that must have it has said READY to a greeting that came over the very
-/// connection the record will take; a subscriber that joins later is greeted before the next record.
+/// Before a record is sent, every subscriber has answered READY to a handshake over the same connection. If a subscriber joins
+/// later, the handshake is repeated before the next record.
 #[derive(Debug)]
 pub struct Publisher<'l, T: Topic> {
     line: &'l Line,
@@ -30,26 +30,26 @@ pub struct Publisher<'l, T: Topic> {
     receivers: Vec<Role>,
     elements_max: usize,
     next_sequence: Cell<u64>,
-    /// Subscribers that have said READY; records go out only while these are exactly the ones there are.
-    ready_for: RefCell<Vec<UniqueSubscriberId>>,
-    /// How often all have become READY.
+    /// Subscribers that have answered READY; records are sent only while these are exactly the present ones.
+    ready_subscribers: RefCell<Vec<UniqueSubscriberId>>,
+    /// Number of completed handshakes.
     generation: Cell<u64>,
     handshake: RefCell<Option<Handshake>>,
     may_block: Arc<AtomicBool>,
 }
 
-/// A greeting that is not answered by all yet.
+/// A handshake that not all subscribers have answered yet.
 #[derive(Debug)]
 struct Handshake {
     number: u64,
     sent_at: Instant,
     to: Vec<UniqueSubscriberId>,
-    /// For each receiver whether it has said READY.
+    /// For each receiver whether it has answered READY.
     are_ready: Vec<bool>,
 }
 
-/// How long a greeting may go unanswered before it is sent again.
-const GREET_AGAIN: Duration = Duration::from_secs(1);
+/// How long a handshake may go unanswered before it is repeated.
+const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// How long a wait may last before it is logged.
 const LOG_AFTER: Duration = Duration::from_secs(5);
@@ -79,8 +79,8 @@ impl<'l, T: Topic> Publisher<'l, T> {
     fn open_for(line: &'l Line, receiver: Option<Role>, receivers: Vec<Role>) -> Result<Self, LineError> {
         let bytes = publisher_bytes::<T>(line.limits(), receiver);
         let what = format!("{} from {}", T::NAME, line.role().name());
-        // A line's start has checked that there is room for all; what fills it later will end, or be ended.
-        room::wait(&what, bytes, || line.is_stopped())?;
+        // The start of the line has checked that there is memory for all; whatever has filled it since will be freed again.
+        shm::wait_until_free(&what, bytes, || line.is_stopped())?;
         let service = open::<T>(line, receiver)?;
         let elements_max = T::elements_max(line.limits(), receiver);
         let may_block = Arc::new(AtomicBool::new(true));
@@ -94,15 +94,15 @@ impl<'l, T: Topic> Publisher<'l, T> {
                 if stop.load(Ordering::Relaxed) || !handler_may_block.load(Ordering::Relaxed) {
                     return BackpressureAction::DiscardDataAndFail;
                 }
-                // Who blocks us may be dead: the supervisor, which knows, clears it away, and the wait ends.
+                // The subscriber that blocks may be dead: the supervisor notices and removes it, which ends this wait.
                 let pause_us = [100, 400, 2000][(info.retries.min(64) / 32) as usize];
                 std::thread::sleep(Duration::from_micros(pause_us));
                 BackpressureAction::Retry
             })
             .create()
             .map_err(|e| failed::<T>(line, "publishing on", e))?;
-        // The layer only promises it: whoever touched it when it is not there would be killed.
-        room::wait_for(&|| line.is_stopped(), || room::reserve(&what, line.address()))?;
+        // The layer only promises the memory; touching a page that is not there would kill the process.
+        shm::retry_until_free(&|| line.is_stopped(), || shm::reserve(&what, line.address()))?;
         Ok(Self {
             line,
             service,
@@ -110,7 +110,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
             receivers,
             elements_max,
             next_sequence: Cell::new(0),
-            ready_for: RefCell::default(),
+            ready_subscribers: RefCell::default(),
             generation: Cell::new(0),
             handshake: RefCell::default(),
             may_block,
@@ -150,7 +150,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         self.without_blocking(|| loan.deliver(kind))
     }
 
-    /// Has those who look on from now on see the newest record, which was sent before they came.
+    /// Connects new viewers, so that they receive the newest record although it was sent before they came.
     ///
     /// # Errors
     /// [`LineError::Shared`] when the shared-memory layer refuses.
@@ -158,7 +158,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         self.port.update_connections().map_err(|e| LineError::shared(format!("connecting viewers of {}", T::NAME), e))
     }
 
-    /// Runs `deliver`, which gives up where it would wait; whether it did not.
+    /// Runs `deliver`, which gives up where it would wait; whether it succeeded.
     fn without_blocking(&self, deliver: impl FnOnce() -> Result<(), LineError>) -> Result<bool, LineError> {
         self.may_block.store(false, Ordering::Relaxed);
         let sent = deliver();
@@ -200,7 +200,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         Ok(())
     }
 
-    /// How often all subscribers have become READY: it rises when one has been replaced, which has heard nothing then.
+    /// Number of completed handshakes: it rises when a subscriber has been replaced by one that has received nothing yet.
     pub fn generation(&self) -> u64 {
         self.generation.get()
     }
@@ -221,16 +221,16 @@ impl<'l, T: Topic> Publisher<'l, T> {
             return Ok(false);
         }
         let mut handshake = self.handshake.borrow_mut();
-        let under_way = handshake.as_mut().filter(|h| h.to == present && h.sent_at.elapsed() < GREET_AGAIN);
+        let under_way = handshake.as_mut().filter(|h| h.to == present && h.sent_at.elapsed() < HANDSHAKE_TIMEOUT);
         let Some(under_way) = under_way else {
-            *handshake = self.greet(present)?;
+            *handshake = self.start_handshake(present)?;
             return Ok(false);
         };
         for (is_ready, &role) in under_way.are_ready.iter_mut().zip(&self.receivers) {
             *is_ready |= self.line.take(Signal::Ready(role, under_way.number));
         }
         if under_way.are_ready.iter().all(|&is_ready| is_ready) {
-            *self.ready_for.borrow_mut() = std::mem::take(&mut under_way.to);
+            *self.ready_subscribers.borrow_mut() = std::mem::take(&mut under_way.to);
             self.generation.set(self.generation.get() + 1);
             *handshake = None;
             return Ok(true);
@@ -238,33 +238,33 @@ impl<'l, T: Topic> Publisher<'l, T> {
         Ok(false)
     }
 
-    /// Greets those who are `present`; `None` where one's buffer is full: its owner is alive and slow, or will be cleared away.
-    fn greet(&self, to: Vec<UniqueSubscriberId>) -> Result<Option<Handshake>, LineError> {
+    /// Sends a handshake to the subscribers `to`; `None` if the buffer of one is full: it is slow, or dead and will be removed.
+    fn start_handshake(&self, to: Vec<UniqueSubscriberId>) -> Result<Option<Handshake>, LineError> {
         let number = self.line.next_handshake();
-        // What was said before, perhaps by one who has died since, does not count.
+        // An earlier answer under this number, perhaps of a dead subscriber, does not count.
         for &role in &self.receivers {
             self.line.take(Signal::Ready(role, number));
         }
         let mut loan = self.loan(0)?;
         loan.header_mut().stamp_mut().mark = number;
-        let is_sent = self.without_blocking(|| loan.deliver(RecordKind::Greeting))?;
+        let is_sent = self.without_blocking(|| loan.deliver(RecordKind::Handshake))?;
         let are_ready = vec![false; self.receivers.len()];
         Ok(is_sent.then(|| Handshake { number, sent_at: Instant::now(), to, are_ready }))
     }
 
-    /// Whether those who subscribe now are exactly those who have said READY; asked before every record.
+    /// Whether the present subscribers are exactly those that have answered READY; checked before every record.
     fn is_ready_for_all(&self) -> bool {
-        let ready_for = self.ready_for.borrow();
-        let (mut count, mut all_known) = (0, !ready_for.is_empty());
+        let ready_subscribers = self.ready_subscribers.borrow();
+        let (mut count, mut all_known) = (0, !ready_subscribers.is_empty());
         self.service.dynamic_config().list_subscribers(|details| {
             count += 1;
-            all_known &= ready_for.contains(&details.subscriber_id);
+            all_known &= ready_subscribers.contains(&details.subscriber_id);
             CallbackProgression::Continue
         });
-        all_known && count == ready_for.len()
+        all_known && count == ready_subscribers.len()
     }
 
-    /// Those who subscribe to the topic now, and the names of their roles.
+    /// The present subscribers, and the names of their roles.
     fn subscribers(&self) -> (Vec<UniqueSubscriberId>, Vec<String>) {
         let (mut present, mut roles) = (Vec::new(), Vec::new());
         self.service.dynamic_config().list_subscribers(|details| {
@@ -340,7 +340,7 @@ impl<T: Topic> Loan<'_, '_, T> {
             Err(SendError::UnableToDeliver) => return Err(LineError::Stopped { topic: T::NAME }),
             Err(error) => return Err(LineError::shared(format!("sending on {}", T::NAME), error)),
         }
-        if kind != RecordKind::Greeting {
+        if kind != RecordKind::Handshake {
             publisher.next_sequence.set(sequence + 1);
         }
         let wakes_all = kind != RecordKind::Data || sequence % T::WAKE_EVERY == T::WAKE_EVERY - 1;

@@ -40,7 +40,8 @@ pub(crate) fn open<T: Topic>(line: &Line, receiver: Option<Role>) -> Result<Serv
         .map_err(|e| failed::<T>(line, "opening", e))
 }
 
-/// What an operation on `T` that failed is: the end, when the process was told to end, as a signal interrupts it.
+/// The error of a failed operation on `T`: [`LineError::Stopped`] if the process was asked to end, because a signal interrupts
+/// operations too.
 pub(crate) fn failed<T: Topic>(line: &Line, doing: &str, reason: impl std::fmt::Debug) -> LineError {
     match line.is_stopped() {
         true => LineError::Stopped { topic: T::NAME },
@@ -73,8 +74,8 @@ pub(crate) fn open_all(line: &Line) -> Result<AllTopics, LineError> {
     ))
 }
 
-/// Holds every service of a line open, so that no stage ever creates one: a stage that is killed while it creates a
-/// service leaves a half-made one that nobody can open.
+/// Holds every service of a line open, so that no stage ever creates one: a stage that is killed while it creates a service
+/// leaves an incomplete one that nobody can open.
 #[derive(Debug)]
 pub struct Services {
     _events: Vec<EventService<Svc>>,
@@ -82,7 +83,7 @@ pub struct Services {
 }
 
 impl Services {
-    /// Creates what the line needs, or opens it.
+    /// Opens the services of the line, or creates them.
     ///
     /// # Errors
     /// [`LineError::Shared`] when the shared-memory layer refuses.

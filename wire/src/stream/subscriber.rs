@@ -14,7 +14,7 @@ use crate::stream::address::Svc;
 use crate::stream::service::{Service, failed, open};
 use crate::{Delivery, Line, LineError, RecordKind, Role, Signal, Stamped, Topic};
 
-/// Counts what sequence numbers tell of loss.
+/// Counts lost records by the gaps in sequence numbers.
 #[derive(Debug)]
 pub struct GapCounter<K> {
     next: HashMap<K, u64>,
@@ -56,7 +56,7 @@ impl<K: std::hash::Hash + Eq> GapCounter<K> {
 pub struct Subscriber<'l, T: Topic> {
     line: &'l Line,
     port: Port<Svc, [T::Element], T::Header>,
-    // Publishers must not see their last subscriber's service go before the subscriber does.
+    // The service must outlive the subscriber, or publishers would lose it first.
     _service: Service<T>,
     gaps: RefCell<GapCounter<UniquePublisherId>>,
     lost: Cell<u64>,
@@ -72,10 +72,10 @@ impl<'l, T: Topic> Subscriber<'l, T> {
         let name = line.role().name();
         let port_name = PortName::new(&name).map_err(|e| LineError::shared(format!("naming the port of {name}"), e))?;
         let port = service.subscriber_builder().name(&port_name);
-        // Who looks on sees the newest at once.
+        // A viewer receives the newest record at once.
         let port = if T::DELIVERY == Delivery::Newest { port.history_request(1) } else { port };
         let port = port.create().map_err(|e| failed::<T>(line, "subscribing to", e))?;
-        // Those who have something for this process from before it was here learn that it is.
+        // Senders that have records for this process from before it joined are notified that it has.
         let senders = match line.role() {
             _ if T::DELIVERY == Delivery::Newest => Vec::new(),
             Role::Acquire(_) | Role::Fuse | Role::Supervisor => vec![Role::Store],
@@ -85,7 +85,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
         Ok(Self { line, port, _service: service, gaps: RefCell::default(), lost: Cell::new(0) })
     }
 
-    /// The next record, `None` when there is none now. Greetings are answered and not shown.
+    /// The next record, `None` if there is none now. Handshakes are answered here and not returned.
     ///
     /// # Errors
     /// [`LineError::Shared`] when receiving fails.
@@ -97,16 +97,16 @@ impl<'l, T: Topic> Subscriber<'l, T> {
             if T::DELIVERY == Delivery::Newest {
                 return Ok(Some(Received { sample, topic: PhantomData }));
             }
-            let is_greeting = stamp.kind() == Some(RecordKind::Greeting);
-            self.count(sample.origin(), stamp.sequence, is_greeting);
-            if !is_greeting {
+            let is_handshake = stamp.kind() == Some(RecordKind::Handshake);
+            self.count(sample.origin(), stamp.sequence, is_handshake);
+            if !is_handshake {
                 return Ok(Some(Received { sample, topic: PhantomData }));
             }
             self.line.notify(T::sender(&stamp), Signal::Ready(self.line.role(), stamp.mark));
         }
     }
 
-    /// The newest record, older ones being passed over; for topics of which only the newest matters.
+    /// The newest record; older ones are skipped.
     ///
     /// # Errors
     /// As [`Subscriber::receive`].
@@ -123,9 +123,9 @@ impl<'l, T: Topic> Subscriber<'l, T> {
         self.lost.get()
     }
 
-    fn count(&self, origin: UniquePublisherId, sequence: u64, is_greeting: bool) {
+    fn count(&self, origin: UniquePublisherId, sequence: u64, is_handshake: bool) {
         let mut gaps = self.gaps.borrow_mut();
-        let missing = if is_greeting { gaps.expect(origin, sequence) } else { gaps.note(origin, sequence) };
+        let missing = if is_handshake { gaps.expect(origin, sequence) } else { gaps.note(origin, sequence) };
         if missing > 0 {
             tracing::error!(topic = T::NAME, missing, sequence, "records were lost");
         }
@@ -133,7 +133,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
     }
 }
 
-/// A record as it lies in shared memory; it stays there until this is dropped, whatever becomes of its sender.
+/// A record in shared memory. It stays there until this is dropped, even if its sender ends.
 pub struct Received<T: Topic> {
     sample: Sample<Svc, [T::Element], T::Header>,
     topic: PhantomData<T>,
@@ -145,7 +145,7 @@ impl<T: Topic> Received<T> {
         self.sample.user_header()
     }
 
-    /// What the record is; a kind nobody knows is taken for data of a newer version and shown as `None`.
+    /// The record's kind; `None` for an unknown one, such as a newer version may send.
     pub fn kind(&self) -> Option<RecordKind> {
         self.header().stamp().kind()
     }
@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(gaps.note("b", 0), 0);
         assert_eq!(gaps.note("a", 11), 2);
         assert_eq!(gaps.note("a", 12), 0);
-        assert_eq!(gaps.expect("b", 3), 2, "a greeting names the next number");
+        assert_eq!(gaps.expect("b", 3), 2, "a handshake names the next number");
         assert_eq!(gaps.note("b", 3), 0);
         assert_eq!(gaps.lost(), 4);
     }

@@ -1,9 +1,11 @@
-//! The topics: who publishes what to whom, and how much of it may wait.
+//! The topics: who publishes what to whom, and how many records may wait.
 
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::plan::casing::{REASON_BYTES_MAX, opened_bytes_max, proposal_bytes_max};
-use crate::{CasingHeader, DamageCell, Discriminators, Judgement, Lane, Limits, Stamp, Stamped, TapHeader, lanes_for};
+use crate::{
+    CacheLine, CasingHeader, DamageCell, Discriminators, Judgement, Limits, Stamp, Stamped, TapHeader, cache_lines_for,
+};
 
 /// A participant of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -16,9 +18,9 @@ pub enum Role {
     Fuse,
     /// Keeps everything.
     Store,
-    /// Starts the others, heals them, and tells people of verdicts.
+    /// Starts the others, restarts dead ones, and reports verdicts to people.
     Supervisor,
-    /// Looks on: takes no part, and nobody waits for it. The process with this number.
+    /// Only watches: nobody waits for it. The process with this number.
     Viewer(u32),
 }
 
@@ -38,7 +40,7 @@ impl Role {
         }
     }
 
-    /// The role's number among those that handshakes tell apart.
+    /// The role's number in handshakes.
     pub(crate) fn number(self) -> usize {
         match self {
             Self::Process => 0,
@@ -62,7 +64,7 @@ pub enum Delivery {
     All(&'static [Role]),
     /// Every record, to the one role that it is addressed to: each receiver has a service of its own.
     Addressed,
-    /// To whoever looks on; only the newest record matters, and older ones may be lost.
+    /// To every viewer; only the newest record matters, and older ones may be lost.
     Newest,
 }
 
@@ -80,13 +82,13 @@ pub trait Topic: std::fmt::Debug + 'static {
     const BUFFER: usize;
     /// Records that one subscriber may hold at once.
     const BORROWED: usize;
-    /// After so many records of data a subscriber is woken, and at every record of another kind. More than one for subscribers
-    /// that look by themselves soon enough, so that they are not woken for every tap; below [`Topic::BUFFER`].
+    /// A subscriber is notified after so many data records, and at every record of another kind. Above one for subscribers that
+    /// look often enough by themselves; always below [`Topic::BUFFER`].
     const WAKE_EVERY: u64 = 1;
 
     /// Who sent a record with this stamp.
     fn sender(stamp: &Stamp) -> Role;
-    /// Of `subscribers`, who is woken by every record of data whatever [`Topic::WAKE_EVERY`] says.
+    /// Whether a subscriber in this role is notified of every data record, whatever [`Topic::WAKE_EVERY`] is.
     fn wakes_always(_: Role) -> bool {
         false
     }
@@ -102,13 +104,14 @@ pub struct TapTopic;
 
 impl Topic for TapTopic {
     type Header = TapHeader;
-    type Element = Lane;
+    type Element = CacheLine;
     const NAME: &'static str = "tapline/tap";
     const DELIVERY: Delivery = Delivery::All(&[Role::Process, Role::Store]);
-    // 16 against 8: a station rides out one flush of the archive, and what waits of two still fits a cache of 2 MiB.
+    // 16 rather than 8: a station is not held up by one flush of the archive, and the waiting records of two stations still fit a
+    // cache of 2 MiB.
     const BUFFER: usize = 16;
-    // `store` packs as many taps together as it may hold, and each batch wakes its helpers anew: with 16 in a batch the disk
-    // stood still for a tenth of the time. A station of 64 KiB a tap may need 12.9 MB for it, 8.6 MB with 16.
+    // `store` packs as many taps together as it may hold, and each batch wakes its workers again: with batches of 16 the disk was
+    // idle for a tenth of the time. A station with 64 KiB a tap needs up to 12.9 MB, with 16 it would be 8.6 MB.
     const BORROWED: usize = 32;
     const WAKE_EVERY: u64 = 8;
 
@@ -122,7 +125,7 @@ impl Topic for TapTopic {
         limits.acquire_count.into()
     }
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
-        lanes_for(limits.casing.record_bytes).max(lanes_for(REASON_BYTES_MAX))
+        cache_lines_for(limits.casing.record_bytes).max(cache_lines_for(REASON_BYTES_MAX))
     }
 }
 
@@ -150,7 +153,7 @@ impl Topic for DiscriminatorTopic {
     }
 }
 
-/// Plans that stations propose, and casings that they give up: `acquire` to `store`.
+/// Plans that stations propose, and casings that stations give up: `acquire` to `store`.
 #[derive(Debug)]
 pub struct ProposalTopic;
 
@@ -173,7 +176,7 @@ impl Topic for ProposalTopic {
     }
 }
 
-/// Longest text that says what a station waits for, in bytes.
+/// Longest report of what a station waits for, in bytes.
 pub const WAIT_BYTES_MAX: usize = 256;
 
 /// What stations wait for, as text for people, and, as refusals, alarms: `acquire` to the supervisor. The mark of a record is
@@ -202,7 +205,7 @@ impl Topic for WaitTopic {
     }
 }
 
-/// What is open and how far it is: `store` to each `acquire`, to `fuse` and to the supervisor, each what concerns it.
+/// The open casings and their ledgers: `store` to each `acquire`, to `fuse` and to the supervisor, each what it needs.
 #[derive(Debug)]
 pub struct CasingTopic;
 
@@ -277,7 +280,7 @@ impl Topic for DamageTopic {
 /// Longest status of a line, in bytes.
 pub const STATUS_BYTES_MAX: usize = 256 * 1024;
 
-/// How the line is, as text for whoever looks on: the supervisor to viewers, who may freeze or die as they like.
+/// The status of the line as text: the supervisor to viewers, which may stop or die without effect on the line.
 #[derive(Debug)]
 pub struct StatusTopic;
 
@@ -287,7 +290,7 @@ impl Topic for StatusTopic {
     const NAME: &'static str = "tapline/status";
     const DELIVERY: Delivery = Delivery::Newest;
     const BUFFER: usize = 1;
-    // One is held while it is looked whether there is a newer one.
+    // A viewer holds one record while it looks for a newer one.
     const BORROWED: usize = 2;
 
     fn sender(_: &Stamp) -> Role {
@@ -301,18 +304,18 @@ impl Topic for StatusTopic {
     }
 }
 
-/// Viewers that may look on at once.
+/// Most viewers at once.
 const VIEWERS_MAX: usize = 8;
 
-/// Places for ports whose processes died and have not been cleared away yet.
+/// Ports of dead processes that are not removed yet.
 const SPARE_PORTS: usize = 1;
 
-/// Those to whom each receiver's service of an addressed topic belongs.
+/// The receivers of an addressed topic.
 pub(crate) fn receivers(limits: &Limits) -> impl Iterator<Item = Role> {
     [Role::Fuse, Role::Supervisor].into_iter().chain((0..limits.acquire_count).map(Role::Acquire))
 }
 
-/// Limits of a topic's service: publishers, subscribers and nodes, the dead among them included.
+/// Limits of a topic's service: publishers, subscribers and nodes, dead ones included.
 pub(crate) fn port_limits<T: Topic>(limits: &Limits) -> (usize, usize, usize) {
     let subscribers = match T::DELIVERY {
         Delivery::All(roles) => roles.len(),
@@ -320,7 +323,7 @@ pub(crate) fn port_limits<T: Topic>(limits: &Limits) -> (usize, usize, usize) {
         Delivery::Newest => VIEWERS_MAX,
     };
     let ports = (T::publishers(limits) + SPARE_PORTS, subscribers + SPARE_PORTS);
-    // A viewer's node stays until the supervisor looks for dead ones.
+    // A viewer's node stays until the supervisor removes dead ones.
     (ports.0, ports.1, ports.0 + ports.1 + 2 * VIEWERS_MAX)
 }
 
@@ -332,7 +335,7 @@ pub(crate) fn publisher_bytes<T: Topic>(limits: &Limits, receiver: Option<Role>)
     slots * (T::elements_max(limits, receiver) * size_of::<T::Element>() + size_of::<T::Header>() + 512)
 }
 
-/// Records a publisher may have on loan: the one being written, and one in hand.
+/// Records that a publisher may have on loan at once.
 pub(crate) const LOANED: usize = 2;
 
 /// Shared memory that a whole line may come to need, in bytes.

@@ -47,7 +47,7 @@ impl Subject {
     /// Whether h/l of `scene` is within the domain of `rung`.
     pub(super) fn is_in_domain(self, rung: Rung, scene: &Scene) -> bool {
         // h/l comes first and needs no contact.
-        self == Self::Sound || !Flags::of(rung, DampingLaw::Exact, scene, 0.0, 0.0).all()[0].is_raised()
+        self == Self::Sound || !Flags::new(rung, DampingLaw::Exact, scene, 0.0, 0.0).all()[0].is_raised()
     }
 
     /// `quantity` of `scene` on `rung`.

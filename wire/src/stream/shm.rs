@@ -1,5 +1,5 @@
-//! Room in shared memory: checked before anything is created, and then reserved, since a full `/dev/shm` kills whoever
-//! touches a page that was promised and is not there.
+//! Shared memory as a resource: checked before anything is created, and then reserved, because a process that touches a
+//! promised page which a full `/dev/shm` cannot provide is killed.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -7,19 +7,19 @@ use std::time::Duration;
 use rustix::fs::{FallocateFlags, FileType, Mode, OFlags};
 use rustix::io::Errno;
 
-use crate::stream::address::{SHM, segments};
+use crate::stream::cleanup::{SHM, segments};
 use crate::{LineAddress, LineError};
 
-/// Bytes of one block in what the system tells of a file.
+/// Bytes of a block in the system's count of the blocks of a file.
 const BLOCK_BYTES: u64 = 512;
 
-/// How often room is looked for while it is waited for.
-const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// Time between two attempts while memory is short.
+const RETRY_EVERY: Duration = Duration::from_millis(200);
 
 /// Bytes free in shared memory.
 ///
 /// # Errors
-/// [`LineError::NoSharedMemory`] when it cannot be asked.
+/// [`LineError::NoSharedMemory`] if the system does not say.
 pub fn free_bytes() -> Result<u64, LineError> {
     let stat = rustix::fs::statvfs(SHM).map_err(|source| LineError::NoSharedMemory { source: source.into() })?;
     Ok(stat.f_bavail * stat.f_frsize)
@@ -28,44 +28,44 @@ pub fn free_bytes() -> Result<u64, LineError> {
 /// Checks that `need_bytes` of shared memory are free for `what`.
 ///
 /// # Errors
-/// [`LineError::NoRoom`] with both numbers and the cure, when they are not.
-pub fn check(what: &str, need_bytes: usize) -> Result<(), LineError> {
-    enough(what, need_bytes as u64, free_bytes()?)
+/// [`LineError::NoRoom`] with both numbers and the remedy, if they are not.
+pub fn ensure_free(what: &str, need_bytes: usize) -> Result<(), LineError> {
+    compare(what, need_bytes as u64, free_bytes()?)
 }
 
-/// Waits until `need_bytes` of shared memory are free for `what`, and says that it waits, and that it has ended.
+/// Waits until `need_bytes` of shared memory are free for `what`; logs that it waits, and when the wait has ended.
 ///
-/// For a stage that starts again in the middle of a line: what fills the memory will end, or be ended.
+/// For a stage that restarts while the line runs.
 ///
 /// # Errors
-/// [`LineError::Stopped`] when `is_stopped` says so meanwhile; [`LineError::NoSharedMemory`].
-pub fn wait(what: &str, need_bytes: usize, is_stopped: impl Fn() -> bool) -> Result<(), LineError> {
-    wait_for(&is_stopped, || check(what, need_bytes))
+/// [`LineError::Stopped`] if `is_stopped` becomes true; [`LineError::NoSharedMemory`].
+pub fn wait_until_free(what: &str, need_bytes: usize, is_stopped: impl Fn() -> bool) -> Result<(), LineError> {
+    retry_until_free(&is_stopped, || ensure_free(what, need_bytes))
 }
 
-/// Does `attempt` again and again while it fails for want of room, as [`wait`] does.
+/// Repeats `attempt` while it fails with [`LineError::NoRoom`].
 ///
 /// # Errors
-/// As `attempt`, but for [`LineError::NoRoom`]; [`LineError::Stopped`] when `is_stopped` says so meanwhile.
-pub fn wait_for<R>(
+/// Other errors of `attempt`; [`LineError::Stopped`] if `is_stopped` becomes true.
+pub fn retry_until_free<R>(
     is_stopped: &dyn Fn() -> bool,
     mut attempt: impl FnMut() -> Result<R, LineError>,
 ) -> Result<R, LineError> {
-    let mut is_told = false;
+    let mut is_logged = false;
     loop {
         match attempt() {
             Err(error @ LineError::NoRoom { .. }) => {
                 if is_stopped() {
                     return Err(LineError::Stopped { topic: "shared memory" });
                 }
-                if !std::mem::replace(&mut is_told, true) {
+                if !std::mem::replace(&mut is_logged, true) {
                     tracing::error!("{error}; the line waits for it");
                 }
-                std::thread::sleep(LOOK_EVERY);
+                std::thread::sleep(RETRY_EVERY);
             }
             other => {
-                if is_told && other.is_ok() {
-                    tracing::warn!("there is room in shared memory again");
+                if is_logged && other.is_ok() {
+                    tracing::warn!("there is enough shared memory again");
                 }
                 return other;
             }
@@ -73,31 +73,31 @@ pub fn wait_for<R>(
     }
 }
 
-/// What was reserved.
+/// The memory that was reserved.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Reserved {
-    /// Segments that were not all there.
+    /// Segments that lacked memory.
     pub segments: usize,
-    /// Bytes that they were given.
+    /// Bytes that were added.
     pub bytes: u64,
 }
 
-/// Reserves all memory of the line's segments that are there now, of whichever process: the layer only promises it.
+/// Reserves the memory of all present segments of the line, of every process: the layer only promises it.
 ///
-/// To be called after a publisher was made, and again after a subscriber has come to it, as each pair has a segment of
-/// its own. What is reserved already costs one look at each file.
+/// Call it after a publisher is made, and again after a subscriber has joined, because each pair has a segment of its own. A
+/// segment that is reserved already costs one system call.
 ///
 /// # Errors
-/// [`LineError::NoRoom`] when it is not there; nothing is to be sent then, and what was made is best let go.
-/// [`LineError::File`] when a segment cannot be used.
+/// [`LineError::NoRoom`] if there is too little memory: then send nothing, and drop the publisher. [`LineError::File`] if a
+/// segment cannot be used.
 pub fn reserve(what: &str, address: &LineAddress) -> Result<Reserved, LineError> {
-    let wanting: Vec<(PathBuf, u64)> =
-        segments(address.prefix()).filter_map(|path| wanting_bytes(&path).map(|bytes| (path, bytes))).collect();
-    let bytes = wanting.iter().map(|(_, bytes)| bytes).sum();
+    let lacking: Vec<(PathBuf, u64)> =
+        segments(address.prefix()).filter_map(|path| missing_bytes(&path).map(|bytes| (path, bytes))).collect();
+    let bytes = lacking.iter().map(|(_, bytes)| bytes).sum();
     if bytes > 0 {
-        enough(what, bytes, free_bytes()?)?;
+        compare(what, bytes, free_bytes()?)?;
     }
-    for (path, _) in &wanting {
+    for (path, _) in &lacking {
         match fill(path) {
             Ok(()) | Err(Errno::NOENT) => {} // its owner has gone meanwhile
             Err(Errno::NOSPC) => {
@@ -106,11 +106,11 @@ pub fn reserve(what: &str, address: &LineAddress) -> Result<Reserved, LineError>
             Err(error) => return Err(LineError::io(path, error)),
         }
     }
-    Ok(Reserved { segments: wanting.len(), bytes })
+    Ok(Reserved { segments: lacking.len(), bytes })
 }
 
-/// Bytes that the segment has been promised and not given, `None` when there are none.
-fn wanting_bytes(path: &Path) -> Option<u64> {
+/// Bytes that the segment was promised and does not have; `None` if there are none.
+fn missing_bytes(path: &Path) -> Option<u64> {
     use std::os::unix::fs::MetadataExt as _;
     let segment = path.symlink_metadata().ok()?;
     let bytes = segment.len().saturating_sub(segment.blocks() * BLOCK_BYTES);
@@ -132,7 +132,7 @@ fn fill(path: &Path) -> Result<(), Errno> {
     }
 }
 
-fn enough(what: &str, need: u64, free: u64) -> Result<(), LineError> {
+fn compare(what: &str, need: u64, free: u64) -> Result<(), LineError> {
     if need > free {
         return Err(LineError::NoRoom { what: what.to_owned(), need, free });
     }
@@ -147,17 +147,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn room_that_is_there_passes_and_room_that_is_not_names_both_numbers() {
-        assert!(check("nothing", 0).is_ok());
-        let error = enough("taps of station 1", 2_000_000, 1_999_999).unwrap_err().to_string();
+    fn too_little_free_memory_is_refused_with_both_numbers() {
+        assert!(ensure_free("nothing", 0).is_ok());
+        let error = compare("taps of station 1", 2_000_000, 1_999_999).unwrap_err().to_string();
         assert!(error.contains("taps of station 1"), "{error}");
         assert!(error.contains("2.0 MB") && error.contains("/dev/shm"), "{error}");
-        let error = check("everything", usize::MAX / 2).unwrap_err();
+        let error = ensure_free("everything", usize::MAX / 2).unwrap_err();
         assert!(matches!(error, LineError::NoRoom { .. }), "{error}");
     }
 
     #[test]
-    fn what_is_reserved_is_there_and_what_cannot_be_is_told() {
+    fn what_is_reserved_is_there_and_what_cannot_be_is_logged() {
         let address = LineAddress::fresh().unwrap();
         reserve("all", &address).unwrap();
         let path = Path::new(SHM).join(format!("{}data", address.prefix()));
@@ -165,7 +165,7 @@ mod tests {
         file.set_len(1 << 20).unwrap();
         let reserved = reserve("all", &address).unwrap();
         assert_eq!(reserved, Reserved { segments: 1, bytes: 1 << 20 });
-        assert_eq!(wanting_bytes(&path), None);
+        assert_eq!(missing_bytes(&path), None);
         assert_eq!(reserve("all", &address).unwrap(), Reserved::default());
         file.set_len(1 << 50).unwrap();
         let error = reserve("all", &address).unwrap_err();
@@ -174,14 +174,14 @@ mod tests {
     }
 
     #[test]
-    fn room_is_waited_for_until_it_is_there_or_the_line_ends() {
+    fn memory_is_waited_for_until_it_is_free_or_the_line_ends() {
         let attempts = Cell::new(0);
-        let come = wait_for(&|| false, || {
+        let come = retry_until_free(&|| false, || {
             attempts.set(attempts.get() + 1);
-            if attempts.get() < 3 { enough("it", 2, 1) } else { Ok(()) }
+            if attempts.get() < 3 { compare("it", 2, 1) } else { Ok(()) }
         });
         assert!(come.is_ok() && attempts.get() == 3);
-        let ended = wait("everything", usize::MAX / 2, || true).unwrap_err();
+        let ended = wait_until_free("everything", usize::MAX / 2, || true).unwrap_err();
         assert!(matches!(ended, LineError::Stopped { .. }), "{ended}");
     }
 }

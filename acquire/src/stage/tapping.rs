@@ -1,0 +1,232 @@
+//! A casing that is being tapped: which taps are due, what was sent, and whether its scans have ended.
+
+use std::time::{Duration, Instant};
+
+use tapline_wire::{Ledger, LineError, RecordKind, ScanState, TapState};
+
+use crate::stage::outlet::Outlet;
+use crate::stage::station::{Next, SEND_AGAIN};
+use crate::{Casing, Readiness};
+
+/// A casing that is being tapped.
+#[derive(Debug)]
+pub(crate) struct Tapping {
+    pub(crate) number: u64,
+    pub(crate) casing: Casing,
+    ledger: Ledger,
+    phase: Phase,
+    /// Scan that is tapped.
+    scan: usize,
+    barrier: u8,
+    /// For each planned tap the attempt that was sent last.
+    sent: Vec<Option<u16>>,
+    /// Why no more taps will come.
+    gone: Option<String>,
+    /// The barrier that was sent behind the last tap after the process was asked to end.
+    drain_barrier: Option<u8>,
+}
+
+#[derive(Debug)]
+enum Phase {
+    /// These rows of the plan are to be taken, the last one first.
+    Tapping(Vec<u32>),
+    /// A barrier was sent at this time; when it has passed, everything before it is settled or lost.
+    Barrier(Instant),
+    /// The ends of the scans were sent at this time; the archive is to confirm them.
+    Ending(Instant),
+}
+
+/// When the next tap of a station is due.
+pub(crate) struct Pace<'a> {
+    period: Option<Duration>,
+    next_due: &'a mut Instant,
+}
+
+impl<'a> Pace<'a> {
+    pub(crate) fn new(period: Option<Duration>, next_due: &'a mut Instant) -> Self {
+        Self { period, next_due }
+    }
+
+    /// Time until the next tap is due; `None` if it is.
+    fn time_left(&self) -> Option<Duration> {
+        self.period?;
+        self.next_due.checked_duration_since(Instant::now()).filter(|early| !early.is_zero())
+    }
+
+    /// Notes that a tap was taken. After a delay the next tap is due a period from now; taps that were missed are not made up for
+    /// in a burst.
+    fn taken(&mut self) {
+        let Some(period) = self.period else { return };
+        let now = Instant::now();
+        *self.next_due = if *self.next_due + period > now { *self.next_due } else { now } + period;
+    }
+}
+
+impl Tapping {
+    pub(crate) fn new(number: u64, casing: Casing, ledger: Ledger) -> Self {
+        let sent = vec![None; casing.taps.plan().taps().len()];
+        let barrier = ledger.barrier;
+        let mut tapping = Self {
+            number,
+            casing,
+            ledger,
+            phase: Phase::Tapping(Vec::new()),
+            scan: 0,
+            barrier,
+            sent,
+            gone: None,
+            drain_barrier: None,
+        };
+        tapping.phase = Phase::Tapping(tapping.missing());
+        tapping
+    }
+
+    /// Plan - ledger of the current scan, the last row first.
+    fn missing(&self) -> Vec<u32> {
+        let states = self.ledger.taps();
+        let Some(scan) = self.casing.taps.plan().scans().get(self.scan) else { return Vec::new() };
+        let is_missing = |&row: &u32| states.get(row as usize) == Some(&TapState::Missing);
+        scan.taps.iter().rev().copied().filter(is_missing).collect()
+    }
+
+    /// Whether the archive has confirmed the ends of all scans.
+    pub(crate) fn is_ended(&self) -> bool {
+        let scans = self.ledger.scans();
+        !scans.is_empty() && scans.iter().all(|&state| state >= ScanState::Ended)
+    }
+
+    /// Whether taps are being taken, rather than waited for in the archive.
+    pub(crate) fn is_taking(&self) -> bool {
+        matches!(self.phase, Phase::Tapping(_))
+    }
+
+    /// Takes in a new ledger. If taps that were archived are missing in it, because a disk has failed, goes back to the first
+    /// scan that lacks one.
+    pub(crate) fn set_ledger(&mut self, ledger: Ledger) {
+        self.ledger = ledger;
+        let states = self.ledger.taps();
+        let is_missing = |&row: &u32| states.get(row as usize) == Some(&TapState::Missing);
+        let before = &self.casing.taps.plan().scans()[..self.scan];
+        if self.gone.is_none()
+            && let Some(scan) = before.iter().position(|scan| scan.taps.iter().any(is_missing))
+        {
+            tracing::warn!(casing = self.casing.name, "taps that were archived are lost; they are taken again");
+            self.scan = scan;
+            self.phase = Phase::Tapping(self.missing());
+        }
+    }
+
+    /// Does what can be done now: one tap at most. Sets `is_source_awaited` if the source is not ready.
+    pub(crate) fn step(
+        &mut self,
+        outlet: &mut Outlet<'_>,
+        pace: &mut Pace<'_>,
+        look_every: Duration,
+        is_source_awaited: &mut bool,
+    ) -> Result<Next, LineError> {
+        match &mut self.phase {
+            Phase::Tapping(rows) => {
+                let Some(&row) = rows.last() else { return self.send_barrier(outlet) };
+                if let Some(left) = pace.time_left() {
+                    return Ok(Next::Within(left));
+                }
+                let attempt = self.ledger.attempt(row as usize);
+                let source = self.casing.taps.as_mut();
+                match source.poll(row, attempt) {
+                    Readiness::NotYet => {
+                        *is_source_awaited = true;
+                        return Ok(Next::Within(look_every));
+                    }
+                    Readiness::Gone(reason) => {
+                        tracing::warn!(casing = self.casing.name, reason, "no more taps of a casing will come");
+                        self.gone = Some(reason);
+                        rows.clear();
+                        return Ok(Next::Now);
+                    }
+                    Readiness::Ready => outlet.take(self.number, source, row, attempt)?,
+                    Readiness::Refused(refusal) => {
+                        outlet.refuse_row(self.number, source, row, attempt, &refusal)?;
+                    }
+                }
+                rows.pop();
+                pace.taken();
+                let last = self.sent[row as usize].replace(attempt);
+                outlet.outcome.resent_count += u64::from(last == Some(attempt));
+                outlet.outcome.retake_count += u64::from(attempt > 0 && last != Some(attempt));
+                Ok(Next::Now)
+            }
+            Phase::Barrier(_) if self.ledger.barrier == self.barrier => self.barrier_passed(outlet),
+            Phase::Barrier(sent_at) => match SEND_AGAIN.checked_sub(sent_at.elapsed()) {
+                Some(left) => Ok(Next::Within(left)),
+                None => self.send_barrier(outlet),
+            },
+            Phase::Ending(sent_at) => match SEND_AGAIN.checked_sub(sent_at.elapsed()) {
+                Some(left) => Ok(Next::Within(left)),
+                None => self.send_ends(outlet),
+            },
+        }
+    }
+
+    /// Sends a barrier behind the taps: when it has passed, they are settled or lost.
+    fn send_barrier(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
+        self.barrier = self.barrier.wrapping_add(1);
+        outlet.mark(self.number, RecordKind::Barrier, self.barrier.into())?;
+        self.phase = Phase::Barrier(Instant::now());
+        Ok(Next::Within(SEND_AGAIN))
+    }
+
+    /// Goes on after the barrier: missing taps again, the end of the scan, or the next scan.
+    fn barrier_passed(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
+        if let Some(reason) = &self.gone {
+            outlet.give_up(self.number, reason)?;
+            self.phase = Phase::Ending(Instant::now());
+            return Ok(Next::Within(SEND_AGAIN));
+        }
+        let missing = self.missing();
+        if !missing.is_empty() {
+            self.phase = Phase::Tapping(missing);
+            return Ok(Next::Now);
+        }
+        if self.ledger.scans().get(self.scan).is_some_and(|&state| state < ScanState::Ended) {
+            outlet.mark(self.number, RecordKind::End, self.scan as u64)?;
+        }
+        self.scan += 1;
+        if self.scan >= self.casing.taps.plan().scans().len() {
+            self.phase = Phase::Ending(Instant::now());
+            return Ok(Next::Within(SEND_AGAIN));
+        }
+        let missing = self.missing();
+        self.phase = Phase::Tapping(missing);
+        Ok(Next::Now)
+    }
+
+    /// Sends the ends of the scans again that the archive has not confirmed.
+    fn send_ends(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
+        if let Some(reason) = &self.gone {
+            outlet.give_up(self.number, reason)?;
+        } else {
+            let open = (0..).zip(self.ledger.scans()).filter(|&(_, &state)| state < ScanState::Ended);
+            open.map(|(scan, _)| scan).try_for_each(|scan| outlet.mark(self.number, RecordKind::End, scan))?;
+        }
+        self.phase = Phase::Ending(Instant::now());
+        Ok(Next::Within(SEND_AGAIN))
+    }
+
+    /// After being asked to end: whether everything that was sent is settled, or cannot be for now.
+    pub(crate) fn drain(&mut self, outlet: &Outlet<'_>) -> Result<bool, LineError> {
+        if self.ledger.is_stalled || self.sent.iter().all(Option::is_none) {
+            return Ok(true);
+        }
+        let barrier = match self.drain_barrier {
+            Some(barrier) => barrier,
+            None => {
+                let barrier = self.barrier.wrapping_add(1);
+                if !outlet.try_mark(self.number, RecordKind::Barrier, barrier.into())? {
+                    return Ok(false);
+                }
+                *self.drain_barrier.insert(barrier)
+            }
+        };
+        Ok(self.ledger.barrier == barrier)
+    }
+}

@@ -1,0 +1,181 @@
+//! The recordings of a folder: its tables, the header of every recording, and the plan that follows.
+
+use std::collections::HashSet;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use tapline_wire::{Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, Truth, digest_of_parts};
+
+use crate::tap_set::scan_toml::{self, ScanToml};
+use crate::tap_set::taps_csv::{self, TapRow};
+use crate::tap_set::wav::{self, WavFault, WavHeader};
+use crate::tap_set::{header, text, truth_csv};
+use crate::{Error, Refusal};
+
+/// Bytes at the beginning of a recording's file that identify it.
+const BEGINNING_BYTES: u64 = 16_384;
+
+/// Most reasons that are listed if every tap is refused.
+const REASONS_MAX: usize = 3;
+
+/// The tables of a folder and the headers of its recordings.
+#[derive(Debug)]
+pub(crate) struct Recordings {
+    dir: PathBuf,
+    pub(crate) scan: ScanToml,
+    scan_text: String,
+    pub(crate) taps: Vec<TapRow>,
+    /// The header of each recording, or why it cannot be used.
+    pub(crate) headers: Vec<Result<WavHeader, String>>,
+    truth: Truth,
+}
+
+impl Recordings {
+    /// Reads the tables in `dir` and every recording's header.
+    ///
+    /// # Errors
+    /// [`Error`] when a table is missing or wrong, or no recording at all can be used.
+    pub(crate) fn open(dir: &Path) -> Result<Self, Error> {
+        let need = |file: &Path| text::read(file)?.ok_or_else(|| text::missing(file));
+        let scan_file = dir.join("scan.toml");
+        let scan_text = need(&scan_file)?;
+        let scan = scan_toml::parse(&scan_file, &scan_text)?;
+        let taps_file = dir.join("taps.csv");
+        let taps = taps_csv::parse(&taps_file, &need(&taps_file)?, scan.geometry)?;
+        let truth_file = dir.join("truth.csv");
+        let truth = text::read(&truth_file)?.map_or(Ok(Truth::new()), |text| truth_csv::parse(&truth_file, &text))?;
+        let header = |row: &TapRow| header_of(dir, row, &scan).map_err(|fault| fault.to_string());
+        let headers: Vec<_> = taps.iter().map(header).collect();
+        if headers.iter().all(Result::is_err) {
+            return Err(no_usable_tap(taps_file, &taps, headers));
+        }
+        Ok(Self { dir: dir.to_owned(), scan, scan_text, taps, headers, truth })
+    }
+
+    pub(crate) fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// The list of taps.
+    pub(crate) fn taps_file(&self) -> PathBuf {
+        self.dir.join("taps.csv")
+    }
+
+    pub(crate) fn geometry(&self) -> Geometry {
+        self.scan.geometry
+    }
+
+    /// The plan of the taps in `rows` of the set, at the station that `station_of` gives each row.
+    ///
+    /// It depends on these rows and their recordings alone, not on what else is in the set.
+    pub(crate) fn plan(&self, rows: &[u32], station_of: impl Fn(usize) -> u16) -> Result<Plan, Error> {
+        let taps = rows.iter().map(|&row| {
+            let mut tap = self.taps[row as usize].tap;
+            tap.id.station = station_of(row as usize);
+            tap
+        });
+        let taps: Vec<PlannedTap> = taps.collect();
+        let shoulders: HashSet<_> = taps.iter().map(|tap| (tap.id.tyre, tap.id.shoulder)).collect();
+        let is_of = |&(tyre, shoulder, _): &(Serial, u16, u32)| shoulders.contains(&(tyre, shoulder));
+        let truth = self.truth.iter().filter(|(place, _)| is_of(place)).map(|(&place, &is)| (place, is)).collect();
+        let headers = || rows.iter().map(|&row| &self.headers[row as usize]);
+        let recording = recording_of(&self.scan, headers);
+        Ok(Plan::from_source(self.scan.geometry, recording, taps, truth, self.digest(rows))?)
+    }
+
+    /// Digest that distinguishes the source of `rows` from others with the same taps: of the scales, and of the name, length and
+    /// beginning of each file.
+    fn digest(&self, rows: &[u32]) -> u64 {
+        let about = rows.iter().map(|&row| {
+            let TapRow { file, velocity_measured_m_per_s, extras, .. } = &self.taps[row as usize];
+            let (length, beginning) = length_and_beginning(&self.dir.join(file));
+            let mut about = format!("{file} {length} {velocity_measured_m_per_s:?} {extras:?}").into_bytes();
+            about.extend_from_slice(&beginning.to_le_bytes());
+            about
+        });
+        let about: Vec<Vec<u8>> = about.collect();
+        let parts = std::iter::once(self.scan_text.as_bytes()).chain(about.iter().map(Vec::as_slice));
+        digest_of_parts(parts)
+    }
+}
+
+/// The length of a recording's file and the digest of its beginning, which holds the noise before the impact and the impact
+/// itself: no two recordings have the same. Both are 0 for a file that cannot be read.
+fn length_and_beginning(path: &Path) -> (u64, u64) {
+    let read = || -> std::io::Result<(u64, u64)> {
+        let file = std::fs::File::open(path)?;
+        let length = file.metadata()?.len();
+        let mut beginning = Vec::with_capacity(BEGINNING_BYTES as usize);
+        file.take(BEGINNING_BYTES).read_to_end(&mut beginning)?;
+        Ok((length, digest_of_parts(std::iter::once(beginning.as_slice()))))
+    };
+    read().unwrap_or_default()
+}
+
+fn header_of(dir: &Path, row: &TapRow, scan: &ScanToml) -> Result<WavHeader, WavFault> {
+    if let Some(reason) = &row.extras.refused {
+        return Err(WavFault::Refused(reason.clone()));
+    }
+    let (file, file_bytes) = wav::open(&dir.join(&row.file))?;
+    let wav = header(file, &row.file, file_bytes, scan)?;
+    check_shape(&wav, scan)?;
+    Ok(wav)
+}
+
+/// Checks channels, rate and length of a recording against `scan.toml`.
+pub(crate) fn check_shape(wav: &WavHeader, scan: &ScanToml) -> Result<(), WavFault> {
+    let (got, need) = (wav.channel_count, scan.channels.len());
+    if usize::from(got) != need {
+        return Err(WavFault::Channels { got, need });
+    }
+    // A WAV can only hold whole hertz; the rate in scan.toml is the one that is computed with.
+    let (got_hz, need_hz) = (wav.sample_rate_hz, scan.sample_rate_hz);
+    if (f64::from(got_hz) - need_hz).abs() >= 1.0 {
+        return Err(WavFault::Rate { got_hz, need_hz });
+    }
+    let (got, pre_trigger_samples) = (wav.sample_count, scan.pre_trigger_samples);
+    if pre_trigger_samples >= got {
+        return Err(WavFault::TooShort { got, pre_trigger_samples });
+    }
+    Ok(())
+}
+
+pub(crate) fn check_format(wav: &WavHeader, need: SampleFormat) -> Result<(), WavFault> {
+    let got = wav.format;
+    if got == need { Ok(()) } else { Err(WavFault::Format { got, need }) }
+}
+
+/// The shape of the records with these `headers`; if none can be used, records end one sample after the trigger.
+fn recording_of<'a, I>(scan: &ScanToml, headers: impl Fn() -> I) -> Recording
+where
+    I: Iterator<Item = &'a Result<WavHeader, String>>,
+{
+    let usable = || headers().flatten();
+    let first = usable().next().map_or(SampleFormat::I16, |wav| wav.format);
+    // The format of the majority; the first one in a tie.
+    let first_count = usable().filter(|h| h.format == first).count();
+    let sample_format = match usable().find(|h| h.format != first) {
+        Some(other) if first_count * 2 < usable().count() => other.format,
+        _ => first,
+    };
+    let longest = usable().filter(|h| h.format == sample_format).map(|h| h.sample_count).max();
+    Recording {
+        sample_rate_hz: scan.sample_rate_hz,
+        pre_trigger_samples: scan.pre_trigger_samples,
+        sample_count_max: longest.unwrap_or_else(|| scan.pre_trigger_samples.saturating_add(1)),
+        sample_format,
+        channels: scan.channels.clone(),
+    }
+}
+
+fn no_usable_tap(file: PathBuf, rows: &[TapRow], headers: Vec<Result<WavHeader, String>>) -> Error {
+    let refusals = rows.iter().zip(headers).filter_map(|(row, header)| {
+        let reason = header.err()?;
+        Some(Refusal { file: row.file.clone(), line: row.line, reason }.to_string())
+    });
+    let mut reasons = refusals.take(REASONS_MAX).collect::<Vec<_>>().join("; ");
+    if rows.len() > REASONS_MAX {
+        reasons.push_str("; ...");
+    }
+    Error::NoUsableTap { file, tap_count: rows.len(), reasons }
+}
