@@ -1,5 +1,9 @@
 //! A reference: made from archives, named by a run, kept in its archive; and what is refused on the way.
 
+use std::path::PathBuf;
+
+use tapline_testing::documents::{csv_rows, text};
+
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::finished;
 
@@ -82,15 +86,19 @@ fn a_shoulder_without_its_recordings_leaves_the_other_alone() {
         |name: &str, archive: &str| verdicts(&sandbox, archive).into_iter().find(|v| v.0 == name).unwrap();
     let (whole, damaged) = (of_shoulder("C3/1", "whole"), of_shoulder("C3/2", "whole"));
     assert_eq!((whole.1.as_str(), damaged.1.as_str()), ("REJECT", "PASS"));
-    let mut wavs: Vec<_> =
-        std::fs::read_dir(sandbox.path("set/C3-2")).unwrap().map(|entry| entry.unwrap().path()).collect();
-    wavs.sort();
-    for (count, lost) in [(1, "one"), (150, "most")] {
-        wavs.drain(..count).for_each(|wav| std::fs::remove_file(wav).unwrap());
+    let taps = csv_rows(&text(&sandbox.path("set/taps.csv")));
+    let files = |is_lost: &dyn Fn(u32) -> bool| -> Vec<PathBuf> {
+        let of_it = taps.iter().filter(|tap| tap["shoulder"] == "2" && is_lost(tap["location"].parse().unwrap()));
+        of_it.map(|tap| sandbox.path("set").join(&tap["file"])).collect()
+    };
+    // Every tap of a location, and then most taps of the shoulder.
+    for (lost, files) in [("location", files(&|location| location == 40)), ("most", files(&|location| location > 40))] {
+        files.iter().for_each(|file| std::fs::remove_file(file).unwrap());
         sandbox.run(&format!("run --taps set --reference sound.json --out {lost}")).expect(3);
         assert_eq!(of_shoulder("C3/1", lost), whole);
         let (_, verdict, reasons) = of_shoulder("C3/2", lost);
-        assert!(verdict == "RE-INSPECT" && reasons.contains("taps_refused"), "{reasons}");
+        assert_eq!(verdict, "RE-INSPECT");
+        assert!(reasons.contains("taps_refused") && reasons.contains("features_absent"), "{lost}: {reasons}");
     }
 }
 
