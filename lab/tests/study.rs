@@ -40,8 +40,10 @@ fn a_quick_study_is_sound_whatever_the_threads() {
         assert!(at("tyres_low") <= at("auc") && at("auc") <= at("tyres_high"), "{row}");
         assert_eq!(row["fell_back"], "no", "{row}");
     }
-    for row in found["default"].as_array().unwrap() {
-        assert!(row["default"].as_f64().unwrap() >= 0.9, "{row}");
+    // A regression must not pass: what few tyres of these sets gave when this was written, less their scatter.
+    let aucs = found["default"].as_array().unwrap().iter();
+    for (row, (set, auc_min)) in aucs.zip([("plain", 0.88), ("loud", 0.7)]) {
+        assert!(row["set"] == set && row["default"].as_f64().unwrap() >= auc_min, "{row}");
     }
     let found_all = &found["detection"][0];
     assert!(found_all["found"].as_f64().unwrap() >= 0.75 * found_all["targets"].as_f64().unwrap(), "{found_all}");
