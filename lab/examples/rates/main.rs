@@ -74,7 +74,7 @@ struct Args {
     /// Stated rate of false calls; the default configuration's when left out.
     #[arg(long)]
     false_call_rate: Option<f64>,
-    /// One group of few casings: under a minute.
+    /// One group of 12 sound and 8 cracked casings, once around, by a reference of 8, whatever else is asked: under a minute.
     #[arg(long)]
     quick: bool,
     /// Writes the scene's first two casings as a tap set into this folder instead of judging (plate alone).
