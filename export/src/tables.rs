@@ -154,7 +154,9 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
         Column::maybe_u32("region_count", |row: &VerdictRow<'_>| row.judged.as_ref().map(|&(_, regions)| regions)),
         Column::f64("limit_re_inspect", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_re_inspect)),
         Column::f64("limit_reject", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_reject)),
-        Column::f64("false_call_rate", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.false_call_rate)),
+        Column::f64("strongest_arc", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.strongest_arc)),
+        Column::f64("re_inspect_rate", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.re_inspect_rate)),
+        Column::f64("reject_rate", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.reject_rate)),
         Column::f64("p_value", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.p_value)),
     ]);
     for which in Discriminator::ALL {

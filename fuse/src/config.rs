@@ -9,95 +9,25 @@ use tapline_wire::{Direction, Discriminator, Serial};
 
 use crate::Error;
 
-/// How the discriminators of a location in one condition become one damage index.
+/// How what the taps of a place show becomes its damage index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum IndexKind {
-    /// Mean of signed robust z values, clipped.
-    Robust,
+    /// Scores against the level of their turn, weighted by repeatability and correlation.
+    #[default]
+    Fused,
     /// Mean of the scaled magnitudes of Eqs. 55-56, location by location.
     Dissertation,
-    /// Mean of signed values between the 5th and 95th percentile of the reference.
-    Percentile,
-    /// Mean of robust z values weighted by how well a discriminator repeats (section 6.4); all alike where nothing was
-    /// repeated.
-    #[default]
-    Repeatability,
-    /// Mean of robust z values weighted by how well each alone tells cracked from sound. Needs labels.
-    Auc,
-    /// Linear discriminant with a shrunk covariance. Needs labels.
-    Lda,
-    /// Distance from the sound mean, by a shrunk covariance of sound locations.
-    Mahalanobis,
-    /// Log-odds of a crack, by logistic regression. Needs labels.
-    LogOdds,
 }
 
 impl IndexKind {
     /// All of them.
-    pub const ALL: [Self; 8] = [
-        Self::Robust,
-        Self::Dissertation,
-        Self::Percentile,
-        Self::Repeatability,
-        Self::Auc,
-        Self::Lda,
-        Self::Mahalanobis,
-        Self::LogOdds,
-    ];
+    pub const ALL: [Self; 2] = [Self::Fused, Self::Dissertation];
 
     /// Name in configurations and tables.
     pub fn name(self) -> &'static str {
-        ["robust", "dissertation", "percentile", "repeatability", "auc", "lda", "mahalanobis", "log_odds"]
-            [self as usize]
+        ["fused", "dissertation"][self as usize]
     }
-}
-
-/// How the conditions (offsets, velocities) of a location become one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Combine {
-    /// Their mean: a crack that all of them see gains the most.
-    Mean,
-    /// The largest over runs of neighbouring offsets of the mean over them and their velocities, brought back to the scale
-    /// of one: a crack that few offsets see is not thinned out by those that see past it.
-    #[default]
-    Largest,
-    /// A linear discriminant of them. Needs labels.
-    Fitted,
-}
-
-impl Combine {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Mean, Self::Largest, Self::Fitted];
-
-    /// Name in configurations and tables.
-    pub fn name(self) -> &'static str {
-        ["mean", "largest", "fitted"][self as usize]
-    }
-}
-
-/// How far a region reaches from a location that is suspect.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Extent {
-    /// As long as the index stays above half of what makes it suspect.
-    #[default]
-    Half,
-    /// As far as the most likely states of a hidden Markov model say that the crack does.
-    Hidden,
-}
-
-/// What a casing's values are divided by before its locations are compared with the reference's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Centre {
-    /// The casing's own medians: one of another construction, or heard by a microphone of another gain, is not damaged
-    /// for that. Its level as a whole is compared with the reference's by itself.
-    #[default]
-    Own,
-    /// The reference's: for casings of one construction on one rig.
-    Reference,
 }
 
 /// The direction of each discriminator: a table of those that move otherwise than [`Discriminator::direction`] says.
@@ -198,19 +128,13 @@ pub struct FuseConfig {
     pub discriminators: Vec<Discriminator>,
     /// How they become one index.
     pub index: IndexKind,
-    /// How the conditions of a location become one.
-    pub combine: Combine,
     /// What a shoulder is compared with; nothing is judged without.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
-    /// What a casing's values are divided by.
-    pub centre: Centre,
-    /// Largest magnitude of a single robust z.
-    pub z_clip: f64,
-    /// How far a region reaches.
-    pub extent: Extent,
-    /// Chance that a sound shoulder is not passed: it sets the limits.
-    pub false_call_rate: f64,
+    /// Probability that a sound shoulder is not passed.
+    pub re_inspect_rate: f64,
+    /// Probability that a sound shoulder is rejected; at most `re_inspect_rate`.
+    pub reject_rate: f64,
     /// Whether F_max and tau are brought from the measured to the planned velocity, by powers of it that are fitted to the
     /// reference; nothing is changed where it does not tell the powers, or a velocity was not measured.
     pub normalise_velocity: bool,
@@ -224,12 +148,9 @@ impl Default for FuseConfig {
         Self {
             discriminators: vec![FMax, Tau, A1, Pr, Pf, Ef],
             index: IndexKind::default(),
-            combine: Combine::default(),
             reference: None,
-            centre: Centre::default(),
-            z_clip: 6.0,
-            extent: Extent::default(),
-            false_call_rate: 1e-3,
+            re_inspect_rate: 0.02,
+            reject_rate: 1e-3,
             normalise_velocity: false,
             directions: Directions::default(),
         }
@@ -255,8 +176,8 @@ impl FuseConfig {
                 return Err(Error::TwiceListed { name: which.name() });
             }
         }
-        within("z_clip", self.z_clip, 1.0, 1e3)?;
-        within("false_call_rate", self.false_call_rate, 1e-6, 0.5)
+        within("re_inspect_rate", self.re_inspect_rate, 1e-6, 0.3)?;
+        within("reject_rate", self.reject_rate, 1e-6, self.re_inspect_rate)
     }
 
     /// The discriminators that enter the index, each with its direction.

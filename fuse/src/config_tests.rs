@@ -7,12 +7,9 @@ fn the_spelling_of_every_key_is_kept() {
     // Catches a renamed key or value: configurations in the field would stop parsing.
     let text = r#"
         discriminators = ["f_max", "tau", "a_1", "pr", "p_f", "e_f"]
-        index = "repeatability"
-        combine = "largest"
-        centre = "own"
-        z_clip = 6.0
-        extent = "half"
-        false_call_rate = 0.001
+        index = "fused"
+        re_inspect_rate = 0.02
+        reject_rate = 0.001
         normalise_velocity = false
         [directions]
         f_max = "falls"
@@ -49,10 +46,6 @@ fn names_are_those_of_configurations() {
         let config: FuseConfig = toml::from_str(&format!("index = {:?}", kind.name())).unwrap();
         assert_eq!(config.index, kind);
     }
-    for how in Combine::ALL {
-        let config: FuseConfig = toml::from_str(&format!("combine = {:?}", how.name())).unwrap();
-        assert_eq!(config.combine, how);
-    }
     for text in ["self", "T 1/2", "shift/sound.json"] {
         let config: FuseConfig = toml::from_str(&format!("reference = {text:?}")).unwrap();
         assert_eq!(config.reference.unwrap().to_string(), text);
@@ -86,10 +79,11 @@ fn values_out_of_bounds_are_refused_by_name() {
         other => panic!("{other:?}"),
     };
     let base = FuseConfig::default;
-    assert_eq!(name_of(FuseConfig { z_clip: f64::NAN, ..base() }), "z_clip");
     for rate in [0.0, 0.6, f64::NAN] {
-        assert_eq!(name_of(FuseConfig { false_call_rate: rate, ..base() }), "false_call_rate");
+        assert_eq!(name_of(FuseConfig { re_inspect_rate: rate, ..base() }), "re_inspect_rate");
+        assert_eq!(name_of(FuseConfig { reject_rate: rate, ..base() }), "reject_rate");
     }
+    assert_eq!(name_of(FuseConfig { reject_rate: 0.021, ..base() }), "reject_rate", "more than are not passed");
     assert_eq!(FuseConfig { discriminators: vec![], ..base() }.validate(), Err(Error::NoDiscriminators));
     let twice = FuseConfig { discriminators: vec![Discriminator::Pr, Discriminator::Pr], ..base() };
     assert_eq!(twice.validate(), Err(Error::TwiceListed { name: "pr" }));

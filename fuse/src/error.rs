@@ -55,6 +55,14 @@ pub enum Error {
         /// Offsets and velocities of the plan.
         planned: String,
     },
+    /// The rings of a reference have another number of locations than those of the plan.
+    #[error("the rings of the reference have {known} locations, those of the scan plan {planned}: arcs of theirs cannot be compared")]
+    OtherLocations {
+        /// Locations of the reference's rings.
+        known: usize,
+        /// Locations of the plan's.
+        planned: usize,
+    },
     /// A reference file is not what it says it is.
     #[error("it is no reference: {reason}")]
     NotAReference {

@@ -54,62 +54,28 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod arc_null;
-mod cells;
-mod closing;
-mod columns;
-mod combine;
-mod compare;
-mod condition;
+mod arcs;
 mod config;
-mod covariance;
 mod error;
-mod fit;
 mod fusion;
-mod grid;
-mod hidden;
-mod indices;
-mod kept_levels;
-mod lacking;
-mod lateral;
-mod level;
-mod limits;
-mod panel;
-mod reference_build;
-mod reference_set;
-mod reference_summary;
-mod repeat;
-mod resample;
-mod ring;
+mod index;
+mod reference;
 mod run;
-mod scale;
-mod scan;
 mod score;
-mod shares;
 mod shoulder;
-mod shuffles;
-mod standard;
-mod standing;
 mod stats;
-mod velocity;
 mod verdict;
-mod yardstick;
 
 #[cfg(test)]
 mod testing;
 
-pub use config::{Centre, Combine, Directions, Extent, FuseConfig, IndexKind, Reference};
+pub use config::{Directions, FuseConfig, IndexKind, Reference};
 pub use error::Error;
-pub use fusion::Fusion;
-pub use hidden::{Hidden, HiddenStates, fitted_shift, hidden_states};
-pub use indices::{Example, Index, Lda, LearnError, LogOdds, Mahalanobis, Mean, PLACES_MIN, Signs, Weighted};
-pub use lateral::OffsetMap;
-pub use reference_build::{Built, build_reference};
-pub use reference_set::{KnownShoulder, Origin, ReferenceSet, Turn};
-pub use reference_summary::{ScaleLine, Summary};
+pub use fusion::{Fusion, OffsetMap};
+pub use reference::build::{Built, build_reference};
+pub use reference::file::{KnownShoulder, Origin, ReferenceSet, Turn};
+pub use reference::summary::{ScaleLine, Summary};
 pub use run::{Outcome, RunError, run};
-pub use scale::{PercentileScale, Scaled};
-pub use scan::{ARC_LENGTHS, Arc, Permutation, arc_null, scan, scan_p_value};
 pub use score::{Score, ScorePool, auc};
+pub use shoulder::velocity::PowerLaw;
 pub use tapline_wire::Direction;
-pub use velocity::PowerLaw;

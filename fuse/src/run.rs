@@ -11,8 +11,8 @@ use tapline_wire::{
 
 use crate::{Error, Fusion};
 
-/// Most reasons why something was not learned from a reference that are kept for the end.
-const FALLBACKS_MAX: usize = 16;
+/// Most remarks on references that are kept for the end.
+const REMARKS_MAX: usize = 16;
 
 /// Why `fuse` cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -35,8 +35,8 @@ pub struct Outcome {
     pub verdict_count: u64,
     /// Records lost on the way here.
     pub lost_count: u64,
-    /// What was asked for and could not be learned from a reference, and why; each text once, in the order of the texts.
-    pub fallbacks: Vec<String>,
+    /// What references could not support; each text once, in the order of the texts.
+    pub remarks: Vec<String>,
 }
 
 /// Turns the discriminators of the casings on `line` into verdicts until told to stop; `begin` makes the fusion of a casing's
@@ -54,7 +54,7 @@ pub fn run(line: &Line, begin: &dyn Fn(&Plan) -> Result<Fusion, Error>) -> Resul
         begin,
         open: Vec::new(),
         outcome: Outcome::default(),
-        fallbacks: BTreeSet::new(),
+        remarks: BTreeSet::new(),
     };
     match stage.serve() {
         Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => Ok(stage.into_outcome()),
@@ -70,7 +70,7 @@ struct StageLoop<'a> {
     begin: &'a dyn Fn(&Plan) -> Result<Fusion, Error>,
     open: Vec<OpenCasing>,
     outcome: Outcome,
-    fallbacks: BTreeSet<String>,
+    remarks: BTreeSet<String>,
 }
 
 /// A casing that is open, as far as it is known here.
@@ -189,10 +189,10 @@ impl StageLoop<'_> {
                     None => unjudged(&casing.plan, scan),
                 };
                 if let Some(fusion) = &mut casing.fusion {
-                    for text in fusion.fallbacks(scan)? {
-                        if self.fallbacks.len() < FALLBACKS_MAX && !self.fallbacks.contains(&text) {
+                    for text in fusion.remarks(scan)? {
+                        if self.remarks.len() < REMARKS_MAX && !self.remarks.contains(&text) {
                             tracing::warn!("{text}");
-                            self.fallbacks.insert(text);
+                            self.remarks.insert(text);
                         }
                     }
                 }
@@ -207,7 +207,7 @@ impl StageLoop<'_> {
 
     fn into_outcome(self) -> Outcome {
         let lost_count = self.casings.lost() + self.settled.lost();
-        Outcome { lost_count, fallbacks: self.fallbacks.into_iter().collect(), ..self.outcome }
+        Outcome { lost_count, remarks: self.remarks.into_iter().collect(), ..self.outcome }
     }
 }
 

@@ -4,17 +4,15 @@ use std::sync::Arc;
 
 use tapline_wire::{Discriminator, Discriminators, Plan};
 
-use crate::standard::IndexMap;
-use crate::{Combine, Error, FuseConfig, Fusion, IndexKind, ReferenceSet};
+use crate::{Error, FuseConfig, Fusion, ReferenceSet};
 
 /// Areas under the ROC curve over all locations whose truth is known, all shoulders pooled.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
     /// Of the damage index as configured; `None` when one class is empty.
     pub index: Option<f64>,
-    /// Of each discriminator alone, in the order of [`Discriminator::ALL`], configured for the index or
-    /// not: location means of robust z, neither clipped nor averaged along the ring, signed by the
-    /// configured direction. Below 0.5 the direction is wrong.
+    /// Of each discriminator alone, in the order of [`Discriminator::ALL`], configured for the index or not: mean score of a
+    /// location and its neighbours, signed by the configured direction. Below 0.5 the direction is wrong.
     pub discriminators: [Option<f64>; Discriminator::COUNT],
     /// Cracked locations that have an index.
     pub cracked_count: u32,
@@ -71,16 +69,11 @@ impl ScorePool {
             pool.0.extend(values);
             pool.1.extend(labels);
         };
-        extend(&mut self.index, pooled(&mut fusion, |map| map.index.clone()));
-        for (alone, which) in self.alone.iter_mut().zip(Discriminator::ALL) {
-            let mut fusion = fusion.reconfigured(FuseConfig {
-                discriminators: vec![which],
-                index: IndexKind::Robust,
-                combine: Combine::Mean,
-                z_clip: f64::INFINITY,
-                ..fusion.config.clone()
-            })?;
-            extend(alone, pooled(&mut fusion, |map| map.locations.iter().map(|location| location.value).collect()));
+        extend(&mut self.index, pooled(&mut fusion, |fusion, scan| fusion.index_of(scan)));
+        let discriminators = Discriminator::ALL.to_vec();
+        let mut all = fusion.reconfigured(FuseConfig { discriminators, ..fusion.config.clone() });
+        for (which, alone) in self.alone.iter_mut().enumerate() {
+            extend(alone, pooled(&mut all, |fusion, scan| fusion.alone(scan, which)));
         }
         Ok(())
     }
@@ -100,14 +93,14 @@ impl ScorePool {
 }
 
 /// Values of all locations whose truth is known, NaN where there is none, and whether each is cracked.
-fn pooled(fusion: &mut Fusion, values_of: impl Fn(&IndexMap) -> Vec<Option<f64>>) -> (Vec<f64>, Vec<bool>) {
+fn pooled(fusion: &mut Fusion, values_of: impl Fn(&mut Fusion, usize) -> Vec<f64>) -> (Vec<f64>, Vec<bool>) {
     let mut pool = (Vec::new(), Vec::new());
     for number in 0..fusion.plan.scans().len() {
-        let compared = fusion.compared(number);
+        let values = values_of(fusion, number);
         let (plan, scan) = (&fusion.plan, &fusion.plan.scans()[number]);
-        for (&(location, _), value) in scan.locations.iter().zip(values_of(compared.map())) {
+        for (&(location, _), value) in scan.locations.iter().zip(values) {
             if let Some(&is_cracked) = plan.truth().get(&(scan.tyre, scan.shoulder, location)) {
-                pool.0.push(value.unwrap_or(f64::NAN));
+                pool.0.push(value);
                 pool.1.push(is_cracked);
             }
         }

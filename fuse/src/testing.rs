@@ -142,7 +142,9 @@ pub(crate) fn records(casing: &Casing, plan: &Plan, seed: u64) -> Vec<Discrimina
             let damage = if is_cracked && casing.shifted.contains(&which) { sign * casing.shift } else { 0.0 };
             let drift = if tap.is_closing { 1e6 } else { 0.0 };
             let deviation = level[which as usize] + noise + damage + drift;
-            values.set(which, Some(condition * (100.0 + deviation) * 10_f64.powi(which as i32 - 3)));
+            // PR is a part of a whole; what has a unit has another level in every condition.
+            let level = if which == Discriminator::Pr { 0.003 } else { condition * 10_f64.powi(which as i32 - 3) };
+            values.set(which, Some(level * (100.0 + deviation)));
         }
         Discriminators { id: tap.id, plan_index, values, ..Discriminators::default() }
     };

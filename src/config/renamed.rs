@@ -19,8 +19,12 @@ const fn key(table: &'static str, key: &'static str, now: &'static str) -> Renam
     Renamed { table, key, value: None, now }
 }
 
+const fn value(table: &'static str, key: &'static str, value: &'static str, now: &'static str) -> Renamed {
+    Renamed { table, key, value: Some(value), now }
+}
+
 /// All of them; a renamed value is an entry with `value: Some(..)`.
-const RENAMED: [Renamed; 8] = [
+const RENAMED: [Renamed; 16] = [
     key("process.quality", "double_hit_share", "double_hit_ratio_max"),
     key("process.quality", "hum_share_most", "hum_ratio_max"),
     key("process.quality", "neighbour_share", "neighbour_ratio_max"),
@@ -29,6 +33,14 @@ const RENAMED: [Renamed; 8] = [
     key("process.quality", "tau_most_s", "tau_max_s"),
     key("process.quality", "velocity_error_most", "velocity_error_max"),
     key("simulation.fault", "share", "fraction"),
+    key("fuse", "false_call_rate", "re_inspect_rate"),
+    value("fuse", "index", "repeatability", "fused"),
+    value("fuse", "index", "robust", "fused"),
+    value("fuse", "index", "percentile", "fused"),
+    value("fuse", "index", "auc", "fused"),
+    value("fuse", "index", "lda", "fused"),
+    value("fuse", "index", "mahalanobis", "fused"),
+    value("fuse", "index", "log_odds", "fused"),
 ];
 
 /// Reads the TOML `text`.

@@ -36,8 +36,8 @@ struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     auc: Option<Auc>,
     reference_is_self: bool,
-    /// What was asked for and could not be learned from a reference, and why; each text once.
-    fallbacks: Vec<String>,
+    /// What the reference cannot support of the rates that are asked for; each text once.
+    remarks: Vec<String>,
     /// How many archived taps have each flag.
     flags: Vec<(&'static str, usize)>,
     pace: PaceLine,
@@ -78,7 +78,7 @@ struct Sum {
     counts: [usize; 3],
     is_judged: bool,
     flags: BTreeMap<&'static str, usize>,
-    fallbacks: BTreeSet<String>,
+    remarks: BTreeSet<String>,
     scores: ScorePool,
     has_truth: bool,
     scored: usize,
@@ -112,7 +112,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
         verdicts: sum.verdicts,
         auc: sum.has_truth.then(|| Auc::new(&sum.scores.score(), sum.scored)),
         flags: Quality::ALL.iter().filter_map(|&(_, name)| Some((name, *sum.flags.get(name)?))).collect(),
-        fallbacks: sum.fallbacks.into_iter().collect(),
+        remarks: sum.remarks.into_iter().collect(),
         reference_is_self: job.config.fuse.reference == Some(Reference::Own),
         pace,
     };
@@ -154,8 +154,8 @@ fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
         }
     }
     let judgements = reader.judgements()?;
-    let fell_back: Vec<usize> = (0..judgements.len())
-        .filter(|&scan| judgements[scan].as_ref().is_some_and(|(j, _)| j.reasons.contains(Reasons::FELL_BACK)))
+    let extrapolated: Vec<usize> = (0..judgements.len())
+        .filter(|&scan| judgements[scan].as_ref().is_some_and(|(j, _)| j.reasons.contains(Reasons::EXTRAPOLATED)))
         .collect();
     let records: Vec<_> = found.into_iter().flatten().collect();
     let fusion = || -> Result<Fusion> {
@@ -166,12 +166,12 @@ fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
             None => Fusion::new(&job.config.fuse, reader.plan())?,
         })
     };
-    // Why verdicts fell back is learned from the archive again, so that it is reported also when an earlier run reached them.
-    if !fell_back.is_empty() && sum.fallbacks.is_empty() {
+    // Found from the archive again, so that it is reported also when an earlier run reached the verdicts.
+    if !extrapolated.is_empty() && sum.remarks.is_empty() {
         let mut fusion = fusion()?;
         records.iter().try_for_each(|record| fusion.push(record))?;
-        for scan in fell_back {
-            sum.fallbacks.extend(fusion.fallbacks(scan)?);
+        for scan in extrapolated {
+            sum.remarks.extend(fusion.remarks(scan)?);
         }
     }
     if !reader.truth().is_empty() && sum.scored < SCORED_MAX {
@@ -280,7 +280,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     if summary.reference_is_self {
         writeln!(out, "Each tyre is compared with itself (reference = \"self\"): damage all around would not show.")?;
     }
-    for text in &summary.fallbacks {
+    for text in &summary.remarks {
         writeln!(out, "{text}")?;
     }
     if !summary.flags.is_empty() {

@@ -100,11 +100,10 @@ fn shoulder_of(reader: &Reader, name: &str, location: Option<u32>, text: &mut St
             )?;
             let cell = location.and_then(|location| cells.iter().find(|cell| cell.location == location));
             if let Some(cell) = cell {
-                let (index, guard) = (cell.damage_index, cell.guard);
                 writeln!(
                     text,
-                    "location   {}: index {index:.4}, guard {guard:.4}, region {}",
-                    cell.location, cell.region
+                    "location   {}: index {:.4}, region {}",
+                    cell.location, cell.damage_index, cell.region
                 )?;
             }
         }

@@ -168,15 +168,16 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
         summary.sound_count,
         summary.cracked_count
     )?;
-    let number = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |v| format!("{v:.3}"));
+    let percent = |rate: f64| format!("{:.2} %", 100.0 * rate);
     writeln!(
         out,
-        "Index of sound locations: {} +- {}; re-inspect from {}, reject from {}, for {} false calls a shoulder",
-        number(summary.index_centre),
-        number(summary.index_spread),
-        number(summary.limit_re_inspect),
-        number(summary.limit_reject),
-        summary.false_call_rate
+        "With all of its turns: re-inspect from {:.2} for {} of sound shoulders, reject from {:.2} for {}; {} casings support {}",
+        summary.limit_re_inspect,
+        percent(summary.re_inspect_rate),
+        summary.limit_reject,
+        percent(summary.reject_rate),
+        summary.casing_count,
+        summary.supported_rate.map_or_else(|| "no rate".to_owned(), |rate| format!("{} without assumption", percent(rate)))
     )?;
     writeln!(out, "Written to {} (digest {})", path.display(), &set.digest()[..16])?;
     Ok(())

@@ -67,8 +67,8 @@ pub(crate) struct Shoulder {
     /// What speaks for damage where the index is highest: the mean score of each discriminator that speaks at all, the
     /// loudest first.
     pub evidence: Vec<(Discriminator, f64)>,
-    /// Chance that a sound shoulder is not passed, which the limits were set for.
-    pub false_call_rate: Option<f64>,
+    /// Probabilities that a sound shoulder is not passed, and that it is rejected, which the limits were set for.
+    pub rates: Option<[f64; 2]>,
     /// Index at which a location is suspect, and at which it is damage.
     pub limits: Option<Limits>,
     /// Ascending by location; without index where nothing is judged.
@@ -243,7 +243,7 @@ fn shoulder(
         verdict,
         reasons,
         evidence: judgement.map_or_else(Vec::new, |judgement| evidence(&judgement)),
-        false_call_rate: judgement.map(|judgement| judgement.false_call_rate).filter(|rate| rate.is_finite()),
+        rates: judgement.map(|j| [j.re_inspect_rate, j.reject_rate]).filter(|rates| rates.iter().all(|r| r.is_finite())),
         limits: limits.filter(|limits| limits.re_inspect.is_finite() && limits.reject.is_finite()),
         cells: map.iter().map(cell).collect(),
         regions: regions(reader.plan().geometry, &map),

@@ -177,8 +177,8 @@ pub(crate) fn lineage(evidence: &Evidence) -> Markup {
                 }
                 @if let Some(digest) = evidence.reference_digest { ", kept in the archive, digest " code { (format!("{digest:016x}")) } }
             }
-            @if let Some(rate) = evidence.shoulders().find_map(|shoulder| shoulder.false_call_rate) {
-                dt { "False calls" } dd { "the limits are set for " (number(100.0 * rate)) " % of sound shoulders not passed" }
+            @if let Some([re_inspect, reject]) = evidence.shoulders().find_map(|shoulder| shoulder.rates) {
+                dt { "False calls" } dd { "the limits are set for " (number(100.0 * re_inspect)) " % of sound shoulders not passed and " (number(100.0 * reject)) " % rejected" }
             }
         }
         details { summary { "Configuration, as the archive has it" } pre { (evidence.config_toml) } }

@@ -18,7 +18,9 @@ impl ScanRow {
             reasons: 0,
             limit_re_inspect: f64::NAN,
             limit_reject: f64::NAN,
-            false_call_rate: f64::NAN,
+            strongest_arc: f64::NAN,
+            re_inspect_rate: f64::NAN,
+            reject_rate: f64::NAN,
             p_value: f64::NAN,
             evidence: [f64::NAN; Discriminator::COUNT],
             drift: [f64::NAN; Discriminator::COUNT],
@@ -45,7 +47,9 @@ impl ScanRow {
             reasons: judgement.reasons.bits(),
             limit_re_inspect: judgement.limit_re_inspect,
             limit_reject: judgement.limit_reject,
-            false_call_rate: judgement.false_call_rate,
+            strongest_arc: judgement.strongest_arc,
+            re_inspect_rate: judgement.re_inspect_rate,
+            reject_rate: judgement.reject_rate,
             p_value: judgement.p_value,
             evidence: judgement.evidence,
             drift: judgement.drift,
@@ -66,7 +70,9 @@ impl ScanRow {
             reasons: Reasons::from_bits_retain(self.reasons),
             limit_re_inspect: self.limit_re_inspect,
             limit_reject: self.limit_reject,
-            false_call_rate: self.false_call_rate,
+            strongest_arc: self.strongest_arc,
+            re_inspect_rate: self.re_inspect_rate,
+            reject_rate: self.reject_rate,
             p_value: self.p_value,
             evidence: self.evidence,
             drift: self.drift,
@@ -81,14 +87,14 @@ impl ScanRow {
     pub(crate) fn fingerprint(&self, cells: &[CellRow]) -> u64 {
         let mut hasher = DefaultHasher::new();
         (self.verdict, self.reasons).hash(&mut hasher);
-        [self.limit_re_inspect, self.limit_reject, self.false_call_rate, self.p_value]
+        [self.limit_re_inspect, self.limit_reject, self.strongest_arc, self.re_inspect_rate, self.reject_rate, self.p_value]
             .map(f64::to_bits)
             .hash(&mut hasher);
         [self.evidence, self.drift].map(|of| of.map(f64::to_bits)).hash(&mut hasher);
         (self.planned_count, self.received_count, self.refused_count, self.absent_count).hash(&mut hasher);
         for cell in cells {
             (cell.location, cell.region, cell.tap_count, cell.absent_count).hash(&mut hasher);
-            [cell.angle_deg, cell.damage_index, cell.p_value, cell.guard, cell.region_p_value]
+            [cell.angle_deg, cell.damage_index, cell.p_value, cell.region_index, cell.region_p_value]
                 .map(f64::to_bits)
                 .hash(&mut hasher);
             [cell.offset_best_mm, cell.offset_low_mm, cell.offset_high_mm].map(f64::to_bits).hash(&mut hasher);
@@ -116,7 +122,7 @@ impl CellRow {
             angle_deg: cell.angle_deg,
             damage_index: cell.damage_index,
             p_value: cell.p_value,
-            guard: cell.guard,
+            region_index: cell.region_index,
             region_p_value: cell.region_p_value,
             offset_best_mm: cell.offset_best_mm,
             offset_low_mm: cell.offset_low_mm,
@@ -136,7 +142,7 @@ impl CellRow {
             angle_deg: self.angle_deg,
             damage_index: self.damage_index,
             p_value: self.p_value,
-            guard: self.guard,
+            region_index: self.region_index,
             region_p_value: self.region_p_value,
             offset_best_mm: self.offset_best_mm,
             offset_low_mm: self.offset_low_mm,

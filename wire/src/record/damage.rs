@@ -54,13 +54,14 @@ pub struct DamageCell {
     pub region: u32,
     /// Angle in degrees, NaN when unknown.
     pub angle_deg: f64,
-    /// Damage index, NaN when no value could be formed.
+    /// Damage index: how far the location and its neighbours stand out, on the scale of the limits; NaN when no value could be
+    /// formed.
     pub damage_index: f64,
-    /// Chance of such an index on a sound location, NaN when not computed.
+    /// Probability that the strongest arc of a sound shoulder stands out as far; NaN when not computed.
     pub p_value: f64,
-    /// Half width of the guard band: damage is an index above the re-inspect limit by more; NaN when not computed.
-    pub guard: f64,
-    /// Chance that a sound ring has an arc that stands out as much as the location's region does; NaN outside of regions.
+    /// How far the strongest arc of the location's region stands out, on the scale of the limits; NaN outside of regions.
+    pub region_index: f64,
+    /// Probability that the strongest arc of a sound shoulder stands out as far; NaN outside of regions.
     pub region_p_value: f64,
     /// Offset from the belt edge, in mm, at which the location's region shows most; NaN outside of regions and where no
     /// offset is known.
@@ -83,7 +84,7 @@ impl Default for DamageCell {
             angle_deg: f64::NAN,
             damage_index: f64::NAN,
             p_value: f64::NAN,
-            guard: f64::NAN,
+            region_index: f64::NAN,
             region_p_value: f64::NAN,
             offset_best_mm: f64::NAN,
             offset_low_mm: f64::NAN,
@@ -105,13 +106,17 @@ pub struct Judgement {
     pub verdict: u32,
     /// Why.
     pub reasons: Reasons,
-    /// Index at and above which a location is suspect.
+    /// How far the strongest arc must stand out for the shoulder to be inspected again.
     pub limit_re_inspect: f64,
-    /// Index at and above which a region is damage, where all its taps came.
+    /// How far it must for the shoulder to be rejected.
     pub limit_reject: f64,
-    /// Chance that a sound shoulder is not passed, which the limits were set for.
-    pub false_call_rate: f64,
-    /// Chance that a sound ring has an arc that stands out as much as the one of this ring that does most.
+    /// How far it does.
+    pub strongest_arc: f64,
+    /// Probability that a sound shoulder is not passed, which the first limit was set for.
+    pub re_inspect_rate: f64,
+    /// Probability that a sound shoulder is rejected, which the second limit was set for.
+    pub reject_rate: f64,
+    /// Probability that the strongest arc of a sound shoulder stands out as far.
     pub p_value: f64,
     /// Mean score of each discriminator, in the order of [`Discriminator::ALL`](crate::Discriminator::ALL), where the index
     /// is highest: what speaks for damage there; NaN where it says nothing.
@@ -137,7 +142,9 @@ impl Default for Judgement {
             reasons: Reasons::default(),
             limit_re_inspect: f64::NAN,
             limit_reject: f64::NAN,
-            false_call_rate: f64::NAN,
+            strongest_arc: f64::NAN,
+            re_inspect_rate: f64::NAN,
+            reject_rate: f64::NAN,
             p_value: f64::NAN,
             evidence: [f64::NAN; Discriminator::COUNT],
             drift: [f64::NAN; Discriminator::COUNT],

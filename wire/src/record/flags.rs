@@ -92,8 +92,8 @@ flags! {
             "The whole stands off from the other side or from the reference: another construction, a changed sensor, or damage all around.";
         CONDITION_UNKNOWN = 11, "condition_unknown":
             "The reference has no tap at an offset and velocity that was scanned: what was tapped there is not judged.";
-        FELL_BACK = 12, "fell_back":
-            "The index that was asked for could not be learned from the reference: the mean of robust z stands in its place.";
+        EXTRAPOLATED = 12, "extrapolated":
+            "The stated rates of false calls are less than so few reference casings support: they rest on an assumed distribution.";
     }
 }
 
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!((Quality::CLIPPED.bits(), Quality::RATE_IMPLAUSIBLE.bits()), (1 << 9, 1 << 17));
         let reasons = Reasons::from_bits_retain(1 | 128);
         assert_eq!(format!("{reasons:?}"), "Reasons(damage|self_reference)");
-        assert_eq!(Reasons::FELL_BACK.bits(), 1 << 12);
+        assert_eq!(Reasons::EXTRAPOLATED.bits(), 1 << 12);
     }
 
     /// Catches two flags of one bit, a bit left out, a flag without a meaning, and a set that shows only one meaning.

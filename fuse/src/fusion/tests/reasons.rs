@@ -43,8 +43,8 @@ fn a_condition_that_the_reference_file_lacks_is_no_pass() {
         let judgement = fusion.judge(0).unwrap().0;
         (verdict(&judgement), judgement.reasons)
     };
-    let unknown = (Verdict::ReInspect, Reasons::CONDITION_UNKNOWN);
-    let pass = (Verdict::Pass, Reasons::default());
+    let unknown = (Verdict::ReInspect, Reasons::from_bits_retain(Reasons::CONDITION_UNKNOWN.bits() | Reasons::EXTRAPOLATED.bits()));
+    let pass = (Verdict::Pass, Reasons::EXTRAPOLATED);
     assert_eq!(of(&[0.0, 10.0], &[1.0, 1.5]), pass);
     assert_eq!(of(&[0.0, 5.0, 10.0], &[1.0, 1.5]), unknown, "another offset");
     assert_eq!(of(&[0.0, 10.0], &[1.0, 1.5, 2.0]), unknown, "another velocity");
@@ -72,12 +72,12 @@ fn a_condition_that_the_named_shoulder_lacks_is_no_pass() {
     let config = FuseConfig::by(Reference::Shoulder { tyre: tyre(), shoulder: 1 });
     let mut fusion = whole(&config, &plan, &all);
     let judgement = fusion.judge(1).unwrap().0;
-    assert_eq!((verdict(&judgement), judgement.reasons), (Verdict::ReInspect, Reasons::CONDITION_UNKNOWN));
+    assert_eq!((verdict(&judgement), judgement.reasons), (Verdict::ReInspect, Reasons::from_bits_retain(Reasons::CONDITION_UNKNOWN.bits() | Reasons::EXTRAPOLATED.bits())));
     assert_eq!(fusion.judge(0).unwrap().0.reasons, Reasons::SELF_REFERENCE, "it has all that it is scanned at");
     // The other way round the reference has more than is asked.
     let config = FuseConfig::by(Reference::Shoulder { tyre: tyre(), shoulder: 2 });
     let judgement = whole(&config, &plan, &all).judge(0).unwrap().0;
-    assert_eq!((verdict(&judgement), judgement.reasons), (Verdict::Pass, Reasons::default()));
+    assert_eq!((verdict(&judgement), judgement.reasons), (Verdict::Pass, Reasons::EXTRAPOLATED));
 }
 
 #[test]

@@ -1,0 +1,131 @@
+//! The limit of a shoulder's strongest arc for a stated rate of false calls.
+
+use crate::arcs::white::White;
+use crate::stats::{normal_quantile, normal_tail, t_quantile, t_tail};
+
+/// Euler's constant: the mean of the standard Gumbel distribution.
+const EULER: f64 = 0.577_215_664_9;
+
+/// What the spread of white rings counts beside that of the reference's shoulders, in shoulders.
+const PRIOR_COUNT: f64 = 8.0;
+
+/// Degrees of freedom of a shoulder that is its own reference.
+const OWN_DOF: f64 = 20.0;
+
+/// How the strongest arcs of sound shoulders are distributed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Limits {
+    /// By the strongest arcs of the reference's shoulders, each judged by the casings but its own.
+    File {
+        /// Of those arcs.
+        mean: f64,
+        /// Their standard deviation, drawn towards that of white rings.
+        sd: f64,
+        /// How many shoulders they are.
+        count: f64,
+    },
+    /// By white rings, whose scatter is known as well as from a few shoulders' own.
+    Own {
+        /// As many independent values have the same median of their greatest as such a ring has of its strongest arc.
+        count: f64,
+    },
+}
+
+impl Limits {
+    /// The limits by the strongest arcs `found` on shoulders of a reference, and those of `white` rings.
+    pub(crate) fn by(found: &[f64], white: White) -> Self {
+        let m = found.len() as f64;
+        if found.len() < 2 {
+            return Self::Own { count: 0.5_f64.ln() / (-normal_tail(white.median)).ln_1p() };
+        }
+        let mean = found.iter().sum::<f64>() / m;
+        let squares: f64 = found.iter().map(|x| (x - mean).powi(2)).sum();
+        let sd = ((PRIOR_COUNT * white.sd.powi(2) + squares) / (m + PRIOR_COUNT - 1.0)).sqrt();
+        Self::File { mean, sd, count: m }
+    }
+
+    /// The value that the strongest arc of a sound shoulder reaches with probability `rate`.
+    pub(crate) fn at(self, rate: f64) -> f64 {
+        match self {
+            Self::File { mean, sd, count } => {
+                // Maxima are Gumbel distributed; mean and spread are known from `count` shoulders alone.
+                let dof = count + PRIOR_COUNT - 1.0;
+                let widened = (1.0 + 1.0 / count).sqrt() * t_quantile(rate, dof) / normal_quantile(rate);
+                mean + gumbel(sd, rate) * widened
+            }
+            Self::Own { count } => t_quantile(-((-rate).ln_1p() / count).exp_m1(), OWN_DOF),
+        }
+    }
+
+    /// The probability that the strongest arc of a sound shoulder reaches `value`.
+    pub(crate) fn probability(self, value: f64) -> f64 {
+        match self {
+            Self::File { .. } => {
+                // The limit falls with the rate, so halving the logarithm finds the rate whose limit the value is. Above 0.4 the
+                // quotient of quantiles in it has no meaning.
+                let (mut low, mut high) = (1e-9_f64.ln(), 0.4_f64.ln());
+                for _ in 0..60 {
+                    let middle = 0.5 * (low + high);
+                    if self.at(middle.exp()) > value { low = middle } else { high = middle }
+                }
+                (0.5 * (low + high)).exp()
+            }
+            Self::Own { count } => -((-t_tail(value, OWN_DOF)).ln_1p() * count).exp_m1(),
+        }
+    }
+}
+
+/// The value above the mean that a Gumbel distributed one of standard deviation `sd` exceeds with probability `rate`.
+fn gumbel(sd: f64, rate: f64) -> f64 {
+    let scale = sd * 6.0_f64.sqrt() / std::f64::consts::PI;
+    scale * (-EULER - (-(-rate).ln_1p()).ln())
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    #[test]
+    fn limits_from_few_shoulders_are_exceeded_as_often_as_is_stated() {
+        // Catches limits that forget how little a few shoulders tell: Gumbel distributed arcs, references of 16, and as many
+        // shoulders beyond the limit as the rate says.
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut arc = || 3.0 - 0.5 * (-rng.random_range(1e-12..1.0_f64).ln()).ln();
+        let white = White { median: 3.2, sd: 0.5 * std::f64::consts::PI / 6.0_f64.sqrt() };
+        for (rate, count) in [(0.1, 4000), (0.02, 20_000)] {
+            let mut exceeded = 0;
+            for _ in 0..count {
+                let reference: Vec<f64> = (0..16).map(|_| arc()).collect();
+                exceeded += i32::from(arc() >= Limits::by(&reference, white).at(rate));
+            }
+            let found = f64::from(exceeded) / f64::from(count);
+            assert!((0.6 * rate..1.25 * rate).contains(&found), "{found} of {rate}");
+        }
+    }
+
+    #[test]
+    fn a_probability_is_the_rate_of_its_limit() {
+        // Catches a limit and a probability of two distributions, and one that rises with the value.
+        let white = White { median: 3.0, sd: 0.5 };
+        for limits in [Limits::by(&[2.5, 3.0, 3.5, 2.8, 3.1], white), Limits::by(&[], white)] {
+            for rate in [0.2, 0.02, 1e-3, 1e-6] {
+                let back = limits.probability(limits.at(rate));
+                assert!((back / rate - 1.0).abs() < 1e-3, "{limits:?} {rate} {back}");
+            }
+            assert!(limits.at(1e-3) > limits.at(0.02) && limits.probability(1.0) > limits.probability(4.0));
+        }
+    }
+
+    #[test]
+    fn tails_are_those_of_tables() {
+        // scipy.stats.t.isf and norm.isf; catches digits lost in the tail.
+        for (rate, dof, expected) in [(0.02, 23.0, 2.176_958_1), (1e-3, 15.0, 3.732_834_4), (1e-5, 20.0, 5.542_2)] {
+            let got = t_quantile(rate, dof);
+            assert!((got / expected - 1.0).abs() < 1e-3, "{rate} {dof}: {got} {expected}");
+        }
+        assert!((normal_quantile(1e-3) - 3.090_232_3).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,30 @@
+//! The regions of a shoulder: arcs that stand out, one after the other.
+
+use crate::arcs::statistic::{Arc, ArcStatistic, Maps};
+use crate::shoulder::ring::Ring;
+
+/// Most arcs that are looked for; more would be damage all round.
+const ARCS_MAX: usize = 32;
+
+/// The arcs that reach `limit`, strongest first; none shares a place with another.
+pub(crate) fn arcs_above(statistic: &ArcStatistic, ring: &Ring, maps: &Maps, limit: f64) -> Vec<Arc> {
+    let mut left = maps.clone();
+    let mut found = Vec::new();
+    while let Some(arc) = statistic.strongest(ring, &left).filter(|arc| arc.value >= limit)
+        && found.len() < ARCS_MAX
+    {
+        for place in ring.from(arc.start).take(arc.length) {
+            left.iter_mut().for_each(|map| map[place] = f64::NAN);
+        }
+        found.push(arc);
+    }
+    found
+}
+
+/// How far each place stands out with its neighbours, at the depth where it does most: what an arc of the three says. NaN
+/// where the place has no value.
+pub(crate) fn damage_index(statistic: &ArcStatistic, ring: &Ring, maps: &Maps) -> Vec<f64> {
+    (0..ring.len())
+        .map(|place| statistic.about(ring, maps, place).max_by(f64::total_cmp).unwrap_or(f64::NAN))
+        .collect()
+}

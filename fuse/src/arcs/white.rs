@@ -1,0 +1,44 @@
+//! Rings of white noise: what arcs make of scores that mean nothing.
+
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, StandardNormal};
+
+use crate::arcs::statistic::ArcStatistic;
+use crate::index::Scores;
+use crate::shoulder::ring::Ring;
+use crate::stats::{mean_and_sd, median};
+
+/// How many rings are drawn: the standard deviation of their strongest arcs is known to 3 %.
+const RING_COUNT: usize = 600;
+
+/// How the strongest arcs of rings of noise are distributed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct White {
+    pub(crate) median: f64,
+    pub(crate) sd: f64,
+}
+
+/// The strongest arc of rings of noise that have values where `pattern` has.
+///
+/// The same for the same pattern: the seed is fixed.
+pub(crate) fn strongest_arcs(statistic: &ArcStatistic, ring: &Ring, pattern: &Scores) -> Option<White> {
+    let statistic = statistic.of_white();
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    // What the offsets have in common, so that they are as correlated as those of the reference.
+    let common = statistic.correlation().clamp(0.0, 1.0);
+    let mut drawn = pattern.clone();
+    let mut found = Vec::with_capacity(RING_COUNT);
+    for _ in 0..RING_COUNT {
+        for place in 0..ring.len() {
+            let shared: f64 = StandardNormal.sample(&mut rng);
+            for (drawn, pattern) in drawn.by_offset.iter_mut().zip(&pattern.by_offset) {
+                let own: f64 = StandardNormal.sample(&mut rng);
+                let value = common.sqrt() * shared + (1.0 - common).sqrt() * own;
+                drawn[place] = if pattern[place].is_finite() { value } else { f64::NAN };
+            }
+        }
+        found.extend(statistic.strongest(ring, &statistic.maps(&drawn)).map(|arc| arc.value));
+    }
+    Some(White { sd: mean_and_sd(&found)?.1, median: median(&mut found)? })
+}

@@ -1,0 +1,178 @@
+//! A casing is compared with its reference.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use tapline_wire::{Geometry, Plan, Values};
+
+use crate::fusion::{Fusion, entering};
+use crate::index::{Scores, Setup};
+use crate::reference::fitted::FittedReference;
+use crate::reference::pattern::Pattern;
+use crate::shoulder::conditions::{Conditions, distinct};
+use crate::shoulder::velocity::{Normalisation, Struck};
+use crate::shoulder::{Shoulder, Turn};
+use crate::{Error, FuseConfig, Reference};
+
+/// Of each scan, the scans of its casing and those of its reference in the same run.
+#[derive(Debug, Clone)]
+pub(super) struct Who {
+    /// Scans of the same casing, ascending; the scan is among them.
+    casings: Vec<Vec<usize>>,
+    /// The scan that all are compared with, where the reference is one of the run.
+    named: Option<usize>,
+    /// Whether each casing is its own reference.
+    pub(super) is_own: bool,
+}
+
+impl Who {
+    pub(super) fn new(config: &FuseConfig, plan: &Plan) -> Result<Self, Error> {
+        let scans = plan.scans();
+        let of_casing = |tyre| (0..scans.len()).filter(|&other| scans[other].tyre == tyre).collect();
+        let named = match config.reference.as_ref().ok_or(Error::ReferenceNotNamed)? {
+            Reference::Own | Reference::File(_) => None,
+            &Reference::Shoulder { tyre, shoulder } => {
+                let found = scans.iter().position(|scan| scan.tyre == tyre && scan.shoulder == shoulder);
+                Some(found.ok_or(Error::ReferenceNotPlanned { tyre, shoulder, scan_count: scans.len() })?)
+            }
+        };
+        let is_own = config.reference == Some(Reference::Own);
+        Ok(Self { casings: scans.iter().map(|scan| of_casing(scan.tyre)).collect(), named, is_own })
+    }
+
+    /// The scans of the casing of `scan`, ascending.
+    pub(super) fn casing(&self, scan: usize) -> &[usize] {
+        &self.casings[scan]
+    }
+
+    /// The scans of this run that `scan` is compared with.
+    pub(super) fn reference(&self, scan: usize) -> &[usize] {
+        if self.is_own { &self.casings[scan] } else { self.named.as_slice() }
+    }
+
+    /// All scans that the verdict on `scan` rests on, ascending.
+    pub(super) fn involved(&self, scan: usize) -> Vec<usize> {
+        let mut involved = [self.casing(scan), self.named.as_slice()].concat();
+        involved.sort_unstable();
+        involved.dedup();
+        involved
+    }
+}
+
+/// The shoulders of a casing beside their reference.
+#[derive(Debug)]
+pub(super) struct Compared {
+    /// Their scans.
+    pub(super) scans: Vec<usize>,
+    pub(super) shoulders: Vec<Shoulder>,
+    pub(super) conditions: Conditions,
+    /// `None` where the reference teaches nothing of such a scan.
+    pub(super) found: Option<(Arc<FittedReference>, Vec<Scores>)>,
+}
+
+impl Fusion {
+    /// The casing of scan number `scan` beside its reference, by whatever has come so far.
+    pub(super) fn compared(&mut self, scan: usize) -> Arc<Compared> {
+        let key: Vec<(usize, u64)> =
+            self.who.involved(scan).into_iter().map(|involved| (involved, self.progress[involved].changes)).collect();
+        if let Some((known, compared)) = &self.cache
+            && *known == key
+        {
+            return Arc::clone(compared);
+        }
+        let compared = Arc::new(self.compare(scan));
+        self.cache = Some((key, Arc::clone(&compared)));
+        compared
+    }
+
+    fn compare(&self, scan: usize) -> Compared {
+        let scans = self.who.casing(scan).to_vec();
+        let pattern = self.pattern(scan);
+        let conditions = pattern.conditions.clone();
+        let normalisation = self.normalisation(&conditions, scan);
+        let shoulder = |&scan: &usize| self.shoulder(&conditions, &normalisation, scan);
+        let shoulders: Vec<Shoulder> = scans.iter().map(shoulder).collect();
+        let setup = setup(&self.config, &conditions, self.who.is_own, self.plan.geometry == Geometry::Line);
+        let offsets = conditions.offsets_inwards();
+        let fitted = match &self.set {
+            Some(set) => set.fitted(&setup, &offsets, &pattern, &normalisation),
+            None if self.who.is_own => FittedReference::fit(setup, &offsets, &shoulders).map(Arc::new),
+            None => {
+                let named: Vec<Shoulder> = self.who.reference(scan).iter().map(shoulder).collect();
+                FittedReference::fit(setup, &offsets, &named).map(Arc::new)
+            }
+        };
+        let found = fitted.map(|fitted| {
+            let casing: Vec<&Shoulder> = shoulders.iter().collect();
+            let scores = fitted.index.scores(&casing);
+            (fitted, scores)
+        });
+        Compared { scans, shoulders, conditions, found }
+    }
+
+    /// The taps that scan number `scan` has, under the conditions of its casing and of its reference.
+    fn pattern(&self, scan: usize) -> Pattern {
+        let planned: Vec<_> =
+            self.who.involved(scan).iter().flat_map(|&scan| distinct(self.entering(scan).map(|(_, id)| id))).collect();
+        let conditions = Conditions::of(planned.into_iter().chain(self.set.iter().flat_map(|set| set.taps())));
+        let mut by_repetition: BTreeMap<(usize, u16), Vec<u32>> = BTreeMap::new();
+        for (_, id) in self.entering(scan) {
+            if let Some(condition) = conditions.number(&id) {
+                by_repetition.entry((condition, id.repetition)).or_default().push(id.location);
+            }
+        }
+        let mut turns = BTreeMap::new();
+        for ((condition, _), mut locations) in by_repetition {
+            locations.sort_unstable();
+            let rank = turns.range((condition, 0)..=(condition, usize::MAX)).count();
+            turns.insert((condition, rank), locations);
+        }
+        Pattern { conditions, turns }
+    }
+
+    /// What the reference's taps tell of the velocity, those of an offset together.
+    fn normalisation(&self, conditions: &Conditions, scan: usize) -> Normalisation {
+        if !self.config.normalise_velocity {
+            return Normalisation::default();
+        }
+        let of_run = self.who.reference(scan).iter().flat_map(|&scan| self.entering(scan)).filter_map(|(row, id)| {
+            let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?;
+            Some((conditions.offset_number(&id)?, seen.velocity_m_per_s, seen.values))
+        });
+        let of_set = self.set.iter().flat_map(|set| set.struck(conditions));
+        let taps: Vec<Struck> = of_run.chain(of_set).collect();
+        Normalisation::fitted(&taps)
+    }
+
+    fn shoulder(&self, conditions: &Conditions, normalisation: &Normalisation, scan: usize) -> Shoulder {
+        let planned = &self.plan.scans()[scan];
+        let place_count = planned.locations.len();
+        let mut turns: BTreeMap<(usize, u16), Vec<Values>> = BTreeMap::new();
+        for (row, id) in entering(&self.plan, scan) {
+            let place = planned.locations.binary_search_by_key(&id.location, |&(location, _)| location);
+            let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused);
+            let (Some(condition), Ok(place), Some(seen)) = (conditions.number(&id), place, seen) else { continue };
+            let values = normalisation.applied(seen.values, id.velocity_m_per_s(), seen.velocity_m_per_s);
+            let turn = turns.entry((condition, id.repetition)).or_insert_with(|| vec![Values::default(); place_count]);
+            turn[place] = values;
+        }
+        Shoulder {
+            ring: self.rings[scan].clone(),
+            casing: 0,
+            turns: turns.into_iter().map(|((condition, _), values)| Turn::new(condition, values)).collect(),
+            is_cracked: vec![None; place_count],
+        }
+    }
+}
+
+/// What an index is to be fitted for.
+pub(crate) fn setup(config: &FuseConfig, conditions: &Conditions, is_own: bool, is_line: bool) -> Setup {
+    Setup {
+        kind: config.index,
+        discriminators: config.directed(),
+        offset_of: (0..conditions.count()).map(|condition| conditions.offset_of(condition)).collect(),
+        offset_count: conditions.offsets_mm().len(),
+        is_own,
+        has_common_level: is_own && is_line,
+    }
+}

@@ -1,0 +1,69 @@
+//! Whether what should have come of a scan came: a sensor may be dead or stuck, a location without its features.
+
+use tapline_wire::Discriminator;
+
+use crate::fusion::Fusion;
+
+impl Fusion {
+    /// Whether scan number `scan` lacks what the index asks for, although its channels are recorded: a discriminator is absent
+    /// from more than half of the planned taps, or one and the same at more than half of those that have it, or a location
+    /// lacks more than half of what its taps should have given.
+    pub(super) fn lacks_features(&self, scan: usize) -> bool {
+        let channels = &self.plan.recording.channels;
+        let recorded = |which: &Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
+        let asked: Vec<Discriminator> = self.config.discriminators.iter().copied().filter(recorded).collect();
+        let locations = &self.plan.scans()[scan].locations;
+        // Of each location what was given and what was due.
+        let mut planned = vec![(0_usize, 0_usize); locations.len()];
+        let mut values: Vec<Vec<f64>> = vec![Vec::new(); asked.len()];
+        let mut tap_count = 0;
+        for (row, id) in self.entering(scan) {
+            let Ok(place) = locations.binary_search_by_key(&id.location, |&(location, _)| location) else { continue };
+            tap_count += 1;
+            let mut given = 0;
+            for (which, values) in asked.iter().zip(&mut values) {
+                let value = self.seen[row as usize].as_ref().and_then(|seen| seen.values.get(*which));
+                given += usize::from(value.is_some());
+                values.extend(value);
+            }
+            let (given_here, due) = &mut planned[place];
+            (*given_here, *due) = (*given_here + given, *due + asked.len());
+        }
+        values.iter().any(|values| 2 * values.len() < tap_count || has_majority(values))
+            || planned.iter().any(|&(given, due)| 2 * given < due)
+    }
+}
+
+/// Whether more than half of `values`, and more than one, are one and the same.
+fn has_majority(values: &[f64]) -> bool {
+    // Each value that differs takes one vote away: only one that has a majority is sure to be left (Boyer and Moore 1981).
+    let (mut left, mut votes) = (0, 0_usize);
+    for value in values.iter().map(|value| value.to_bits()) {
+        match votes {
+            0 => (left, votes) = (value, 1),
+            _ if value == left => votes += 1,
+            _ => votes -= 1,
+        }
+    }
+    let alike = values.iter().filter(|value| value.to_bits() == left).count();
+    alike > 1 && 2 * alike > values.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn a_majority_is_that_of_the_sorted_values(values in prop::collection::vec(0..3_u8, 0..12)) {
+            // Catches a majority that is voted down, one of a single value, and half taken for more.
+            let mut values: Vec<f64> = values.into_iter().map(f64::from).collect();
+            let found = has_majority(&values);
+            values.sort_by(f64::total_cmp);
+            let alike = values.chunk_by(|a, b| a.total_cmp(b).is_eq()).map(<[f64]>::len).max().unwrap_or(0);
+            prop_assert_eq!(found, alike > 1 && 2 * alike > values.len());
+        }
+    }
+}

@@ -1,0 +1,307 @@
+//! The verdict on a shoulder, and the map of its damage.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use tapline_wire::{DamageCell, Discriminator, Geometry, Judgement, Reasons, RecordKind, Stamp};
+
+use crate::arcs::regions::{arcs_above, damage_index};
+use crate::arcs::statistic::{Arc as RingArc, Maps};
+use crate::fusion::Fusion;
+use crate::fusion::compared::Compared;
+use crate::index::Scores;
+use crate::reference::fitted::FittedReference;
+use crate::shoulder::Shoulder;
+use crate::verdict::verdict_of;
+use crate::{Error, FuseConfig, IndexKind};
+
+/// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
+const REACH_FRACTION: f64 = 0.5;
+
+/// Offsets that show this part of the most show it alike.
+const ALIKE_FRACTION: f64 = 0.98;
+
+/// What one offset alone shows of a shoulder.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OffsetMap {
+    /// Offset from the belt edge, mm.
+    pub offset_mm: f64,
+    /// Damage index by location, `None` where it has none there.
+    pub index: Vec<Option<f64>>,
+}
+
+/// A shoulder with what its reference says of it.
+struct View<'a> {
+    shoulder: &'a Shoulder,
+    fitted: &'a FittedReference,
+    scores: &'a Scores,
+    maps: Maps,
+}
+
+impl Compared {
+    /// Of scan number `scan`, which is among those compared.
+    fn view(&self, scan: usize) -> Option<View<'_>> {
+        let number = self.scans.iter().position(|&s| s == scan)?;
+        let (fitted, scores) = self.found.as_ref()?;
+        let (shoulder, scores) = (&self.shoulders[number], &scores[number]);
+        Some(View { shoulder, fitted, scores, maps: fitted.statistic.maps(scores) })
+    }
+}
+
+impl Fusion {
+    /// The verdict on scan number `scan` with its damage map, one cell a location in their order.
+    ///
+    /// It can be had at any time. Before the scan is [`ready`](Self::ready) it rests on what has come, and is never PASS:
+    /// [`Reasons::NOT_ENDED`] and [`Reasons::TAPS_MISSING`] then speak of the scan or of its reference. The publisher fills
+    /// in the stamp's sequence and sender.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn judge(&mut self, scan: usize) -> Result<(Judgement, Vec<DamageCell>), Error> {
+        self.check(scan)?;
+        self.progress[scan].is_judged = true;
+        let compared = self.compared(scan);
+        let planned = &self.plan.scans()[scan];
+        let mut cells: Vec<DamageCell> = (planned.locations.iter())
+            .map(|&(location, angle)| DamageCell {
+                location,
+                angle_deg: angle.unwrap_or(f64::NAN),
+                ..DamageCell::default()
+            })
+            .collect();
+        let seen = || planned.taps.iter().filter_map(|&row| self.seen[row as usize].as_ref());
+        let refused_count = seen().filter(|seen| seen.is_refused).count();
+        let mut judgement = Judgement {
+            stamp: Stamp { kind: RecordKind::Data.code(), mark: scan as u64, ..Stamp::default() },
+            reasons: self.reasons_of(scan, &compared),
+            re_inspect_rate: self.config.re_inspect_rate,
+            reject_rate: self.config.reject_rate,
+            drift: self.drift(scan),
+            planned_count: count(planned.taps.len()),
+            received_count: count(seen().count() - refused_count),
+            refused_count: count(refused_count),
+            ..Judgement::default()
+        };
+        match compared.view(scan) {
+            Some(view) => {
+                let other = compared.shoulders.iter().find(|other| !std::ptr::eq(*other, view.shoulder));
+                view.judge(&self.config, self.plan.geometry, other, &mut judgement, &mut cells);
+                view.mark_offsets(&compared, &mut cells);
+            }
+            None => judgement.reasons.insert(Reasons::NO_INDEX),
+        }
+        if cells.iter().any(|cell| cell.damage_index.is_nan()) {
+            judgement.reasons.insert(Reasons::LOCATION_BLIND);
+        }
+        judgement.absent_count = cells.iter().fold(0, |sum: u32, cell| sum.saturating_add(cell.absent_count));
+        judgement.verdict = verdict_of(judgement.reasons).code();
+        Ok((judgement, cells))
+    }
+
+    /// What the reference of scan number `scan` can support and what it cannot, for people to read.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn remarks(&mut self, scan: usize) -> Result<Vec<String>, Error> {
+        self.check(scan)?;
+        let compared = self.compared(scan);
+        Ok(compared.found.as_ref().map(|(fitted, _)| fitted.remarks(&self.config)).unwrap_or_default())
+    }
+
+    /// The damage index of every location of scan number `scan` at each offset that is known alone, in the order of the
+    /// locations and of the offsets: what a scan at that offset only would have shown. With whatever has come.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn by_offset(&mut self, scan: usize) -> Result<Vec<OffsetMap>, Error> {
+        self.check(scan)?;
+        let compared = self.compared(scan);
+        let Some(view) = compared.view(scan).filter(|_| self.config.index != IndexKind::Dissertation) else {
+            return Ok(Vec::new());
+        };
+        let map = |(number, mm): (usize, Option<f64>)| {
+            let alone = view.fitted.statistic.alone(number);
+            let index = damage_index(&alone, &view.shoulder.ring, &alone.maps(view.scores));
+            Some(OffsetMap { offset_mm: mm?, index: index.into_iter().map(|x| Some(x).filter(|x| !x.is_nan())).collect() })
+        };
+        let mut maps: Vec<OffsetMap> =
+            compared.conditions.offsets_mm().into_iter().enumerate().filter_map(map).collect();
+        maps.retain(|map| map.index.iter().any(Option::is_some));
+        maps.sort_by(|a, b| a.offset_mm.total_cmp(&b.offset_mm));
+        Ok(maps)
+    }
+
+    /// The same taps, to be judged by another configuration of the same reference.
+    pub(crate) fn reconfigured(&self, config: FuseConfig) -> Self {
+        Self { config, cache: None, ..self.clone() }
+    }
+
+    /// The damage index of each location of `scan`; NaN where it has none.
+    pub(crate) fn index_of(&mut self, scan: usize) -> Vec<f64> {
+        let compared = self.compared(scan);
+        match compared.view(scan) {
+            Some(view) => damage_index(&view.fitted.statistic, &view.shoulder.ring, &view.maps),
+            None => vec![f64::NAN; self.rings[scan].len()],
+        }
+    }
+
+    /// Mean score of discriminator number `d` of the configuration, of each location of `scan` and its neighbours.
+    pub(crate) fn alone(&mut self, scan: usize, d: usize) -> Vec<f64> {
+        let compared = self.compared(scan);
+        let Some(view) = compared.view(scan) else { return vec![f64::NAN; self.rings[scan].len()] };
+        let of_place = |scores: &Vec<f64>| Some(scores[d]).filter(|score| score.is_finite());
+        let scores: Vec<Option<f64>> = view.scores.by_discriminator.iter().map(of_place).collect();
+        view.shoulder.ring.mean_of_3(&scores).into_iter().map(|mean| mean.unwrap_or(f64::NAN)).collect()
+    }
+
+    /// What the state of the scan and of its reference gives reason for.
+    fn reasons_of(&self, scan: usize, compared: &Arc<Compared>) -> Reasons {
+        let mut reasons = Reasons::default();
+        for involved in self.who.involved(scan) {
+            let progress = self.progress[involved];
+            if !progress.is_ended {
+                reasons.insert(Reasons::NOT_ENDED);
+            }
+            if progress.seen_count < self.plan.scans()[involved].taps.len() {
+                reasons.insert(Reasons::TAPS_MISSING);
+            }
+        }
+        // Only its own: a reference may lack a tap, as its verdict says, but it has no blind spot here.
+        let mut seen = self.plan.scans()[scan].taps.iter().filter_map(|&row| self.seen[row as usize].as_ref());
+        if seen.any(|seen| seen.is_refused) {
+            reasons.insert(Reasons::TAPS_REFUSED);
+        }
+        if self.who.reference(scan).contains(&scan) {
+            reasons.insert(Reasons::SELF_REFERENCE);
+        }
+        // What another shoulder lacks is its own affair, unless this one is compared with it.
+        if self.who.reference(scan).iter().chain([&scan]).any(|&asked| self.lacks_features(asked)) {
+            reasons.insert(Reasons::FEATURES_ABSENT);
+        }
+        if self.plan.geometry == Geometry::Ring && !self.rings[scan].is_whole() {
+            reasons.insert(Reasons::LOCATION_BLIND);
+        }
+        if self.has_unknown_condition(scan, compared) {
+            reasons.insert(Reasons::CONDITION_UNKNOWN);
+        }
+        reasons
+    }
+
+    /// Whether taps are planned at an offset and velocity of which the reference has none.
+    fn has_unknown_condition(&self, scan: usize, compared: &Compared) -> bool {
+        let conditions = &compared.conditions;
+        let known: BTreeSet<usize> = match &self.set {
+            None => {
+                let of_run = self.who.reference(scan).iter().flat_map(|&scan| self.entering(scan));
+                of_run.filter_map(|(_, id)| conditions.number(&id)).collect()
+            }
+            Some(set) => set.taps().filter_map(|id| conditions.number(&id)).collect(),
+        };
+        self.entering(scan).any(|(_, id)| conditions.number(&id).is_none_or(|number| !known.contains(&number)))
+    }
+}
+
+impl View<'_> {
+    /// Fills in what the arcs of the shoulder and its level say.
+    fn judge(
+        &self,
+        config: &FuseConfig,
+        geometry: Geometry,
+        other: Option<&Shoulder>,
+        judgement: &mut Judgement,
+        cells: &mut [DamageCell],
+    ) {
+        let ring = &self.shoulder.ring;
+        let limits = self.fitted.limits;
+        judgement.limit_re_inspect = limits.at(config.re_inspect_rate);
+        judgement.limit_reject = limits.at(config.reject_rate);
+        let index = damage_index(&self.fitted.statistic, ring, &self.maps);
+        for (place, cell) in cells.iter_mut().enumerate() {
+            cell.damage_index = index[place];
+            cell.p_value = if index[place].is_nan() { f64::NAN } else { limits.probability(index[place]) };
+            cell.tap_count = self.scores.tap_counts[place];
+            cell.absent_count = self.scores.absent_counts[place];
+        }
+        let arcs = arcs_above(&self.fitted.statistic, ring, &self.maps, judgement.limit_re_inspect);
+        let mut is_inside = vec![false; ring.len()];
+        for arc in &arcs {
+            // A location on a line stands alone between others that are far: it is looked at again before it condemns.
+            let is_alone = geometry == Geometry::Line && arc.length < 2;
+            let is_damage = arc.value >= judgement.limit_reject && !is_alone;
+            judgement.reasons.insert(if is_damage { Reasons::DAMAGE } else { Reasons::SUSPECT });
+            ring.from(arc.start).take(arc.length).for_each(|place| is_inside[place] = true);
+        }
+        let regions = ring.numbered(|place| is_inside[place]);
+        for arc in &arcs {
+            let number = regions[arc.start];
+            let p_value = limits.probability(arc.value);
+            let of_region = cells.iter_mut().zip(&regions).filter(|(_, region)| **region == number);
+            of_region.for_each(|(cell, _)| {
+                cell.region = number;
+                // The strongest arc of a region comes first.
+                if cell.region_p_value.is_nan() {
+                    (cell.region_index, cell.region_p_value) = (arc.value, p_value);
+                }
+            });
+        }
+        if 2 * is_inside.iter().filter(|&&inside| inside).count() > ring.len() {
+            judgement.reasons.insert(Reasons::NO_SOUND_MAJORITY);
+        }
+        let level = self.fitted.levels.as_ref().and_then(|levels| levels.probability(self.shoulder, other));
+        if level.is_some_and(|probability| probability < config.reject_rate) {
+            judgement.reasons.insert(Reasons::LEVEL_OFF);
+        }
+        if self.fitted.supported_rate().is_none_or(|supported| config.reject_rate < supported) {
+            judgement.reasons.insert(Reasons::EXTRAPOLATED);
+        }
+        match self.fitted.statistic.strongest(ring, &self.maps) {
+            Some(strongest) => {
+                judgement.strongest_arc = strongest.value;
+                judgement.p_value = limits.probability(strongest.value);
+                judgement.evidence = self.discriminators_at(strongest);
+            }
+            None => judgement.reasons.insert(Reasons::NO_INDEX),
+        }
+    }
+
+    /// Mean score of each discriminator in `arc`, NaN where it says nothing.
+    fn discriminators_at(&self, arc: RingArc) -> [f64; Discriminator::COUNT] {
+        let mut means = [f64::NAN; Discriminator::COUNT];
+        for (d, &(which, _)) in self.fitted.setup.discriminators.iter().enumerate() {
+            let places = self.shoulder.ring.from(arc.start).take(arc.length);
+            let scores = places.map(|place| self.scores.by_discriminator[place][d]).filter(|score| score.is_finite());
+            let (sum, count) = scores.fold((0.0, 0_u32), |(sum, count), score| (sum + score, count + 1));
+            means[which as usize] = sum / f64::from(count);
+        }
+        means
+    }
+
+    /// Fills in at which offsets each region shows: best, and from the least to the greatest that has half of it.
+    ///
+    /// Of offsets that show it alike, the one nearest to the belt edge counts: that is where such cracks begin.
+    fn mark_offsets(&self, compared: &Compared, cells: &mut [DamageCell]) {
+        let offsets_mm = compared.conditions.offsets_mm();
+        for region in 1..=cells.iter().map(|cell| cell.region).max().unwrap_or(0) {
+            let shown = self.fitted.statistic.offsets().iter().filter_map(|&offset| {
+                let of_region = cells.iter().zip(self.scores.by_offset.get(offset)?);
+                let scores = of_region.filter(|(cell, score)| cell.region == region && score.is_finite());
+                let (sum, count) = scores.fold((0.0, 0_u32), |(sum, count), (_, score)| (sum + score, count + 1));
+                Some((offsets_mm[offset]?, sum / f64::from(count).sqrt())).filter(|_| count > 0)
+            });
+            let mut shown: Vec<(f64, f64)> = shown.collect();
+            shown.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+            let Some(most) = shown.iter().map(|&(_, value)| value).max_by(f64::total_cmp) else { continue };
+            let Some(&(best, _)) = shown.iter().find(|(_, value)| *value >= ALIKE_FRACTION * most) else { continue };
+            let reached = || shown.iter().filter(|(_, value)| *value >= REACH_FRACTION * most).map(|&(mm, _)| mm);
+            for cell in cells.iter_mut().filter(|cell| cell.region == region) {
+                cell.offset_best_mm = best;
+                cell.offset_low_mm = reached().min_by(f64::total_cmp).unwrap_or(best);
+                cell.offset_high_mm = reached().max_by(f64::total_cmp).unwrap_or(best);
+            }
+        }
+    }
+}
+
+fn count(of: usize) -> u32 {
+    u32::try_from(of).unwrap_or(u32::MAX)
+}

@@ -1,0 +1,212 @@
+//! The state machine: taps and ends of scans in, in any order; verdicts out.
+
+mod compared;
+mod coverage;
+mod drift;
+mod judge;
+
+pub(crate) use compared::setup;
+pub use judge::OffsetMap;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use tapline_wire::{Discriminator, Discriminators, Plan, Quality, Scan, TapId, Values};
+
+use crate::fusion::compared::{Compared, Who};
+use crate::shoulder::ring::Ring;
+use crate::{Error, FuseConfig, Reference, ReferenceSet};
+
+/// What came of one planned tap.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    attempt: u16,
+    is_refused: bool,
+    velocity_m_per_s: f64,
+    values: Values,
+}
+
+/// Where one scan stands.
+#[derive(Debug, Clone, Copy, Default)]
+struct Progress {
+    seen_count: usize,
+    /// How often what came of it has changed.
+    changes: u64,
+    is_ended: bool,
+    is_judged: bool,
+}
+
+/// Collects taps and judges shoulders.
+///
+/// What it says depends on what it was given, not on the order in which that came (law 4).
+#[derive(Debug, Clone)]
+pub struct Fusion {
+    pub(crate) config: FuseConfig,
+    pub(crate) plan: Plan,
+    scan_of_tap: Vec<u32>,
+    seen: Vec<Option<Seen>>,
+    progress: Vec<Progress>,
+    who: Who,
+    /// For each scan its locations.
+    rings: Vec<Ring>,
+    /// Shoulders of earlier runs that make the reference.
+    set: Option<Arc<ReferenceSet>>,
+    /// The last casing that was compared, with what it was computed from.
+    cache: Option<(Vec<(usize, u64)>, Arc<Compared>)>,
+}
+
+impl Fusion {
+    /// A fusion that waits for the taps of `plan`.
+    ///
+    /// # Errors
+    /// What [`FuseConfig::validate`] refuses, [`Error::ReferenceNotNamed`], [`Error::ReferenceNotPlanned`], and
+    /// [`Error::ReferenceNotRead`] for a reference in a file: [`Fusion::with_reference`] takes it.
+    pub fn new(config: &FuseConfig, plan: &Plan) -> Result<Self, Error> {
+        if let Some(Reference::File(path)) = &config.reference {
+            return Err(Error::ReferenceNotRead { path: path.clone() });
+        }
+        Self::build(config, plan, None)
+    }
+
+    /// A fusion that compares every casing of `plan` with the shoulders of `set`, by the directions that are stored there
+    /// and whatever reference the configuration names.
+    ///
+    /// # Errors
+    /// What [`FuseConfig::validate`] refuses, [`Error::NothingInCommon`] for a set that has no tap at any offset and velocity
+    /// of the plan, and [`Error::OtherLocations`] for rings of another number of locations.
+    pub fn with_reference(config: &FuseConfig, plan: &Plan, set: Arc<ReferenceSet>) -> Result<Self, Error> {
+        let reference = Some(Reference::File(PathBuf::from(set.digest())));
+        let config = FuseConfig { directions: set.directions, reference, ..config.clone() };
+        set.check_conditions(plan)?;
+        set.check_locations(plan)?;
+        Self::build(&config, plan, Some(set))
+    }
+
+    fn build(config: &FuseConfig, plan: &Plan, set: Option<Arc<ReferenceSet>>) -> Result<Self, Error> {
+        config.validate()?;
+        Ok(Self {
+            config: config.clone(),
+            scan_of_tap: plan.scan_of_tap(),
+            seen: vec![None; plan.taps().len()],
+            progress: vec![Progress::default(); plan.scans().len()],
+            who: Who::new(config, plan)?,
+            rings: plan.scans().iter().map(|scan| ring(plan, scan)).collect(),
+            plan: plan.clone(),
+            set,
+            cache: None,
+        })
+    }
+
+    /// Takes in one tap's discriminators, or its refusal ([`Quality::REFUSED`]).
+    ///
+    /// One that is to be taken again ([`Quality::RETAKE`]) is as if it had not come. A later attempt replaces an earlier
+    /// one; the same record twice counts once. A record that changes what a verdict was reached from makes its scans
+    /// [`ready`](Self::ready) again.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchRow`] or [`Error::OtherTap`] for a record of another plan; nothing has changed then.
+    pub fn push(&mut self, record: &Discriminators) -> Result<(), Error> {
+        let row = record.plan_index;
+        let planned = self.plan.taps().get(row as usize);
+        let planned = planned.ok_or(Error::NoSuchRow { got: row, tap_count: self.seen.len() })?;
+        if record.id.planned() != planned.id.planned() {
+            return Err(Error::OtherTap { row, planned: Box::new(planned.id), got: Box::new(record.id) });
+        }
+        if record.quality.contains(Quality::RETAKE) {
+            return Ok(());
+        }
+        let is_refused = record.quality.contains(Quality::REFUSED);
+        let velocity_m_per_s = record.velocity_measured_m_per_s;
+        let new = Seen { attempt: record.id.attempt, is_refused, velocity_m_per_s, values: record.values };
+        let scan = self.scan_of_tap[row as usize] as usize;
+        let old = &mut self.seen[row as usize];
+        self.progress[scan].seen_count += usize::from(old.is_none());
+        if old.as_ref().is_none_or(|old| rank(old) < rank(&new)) {
+            *old = Some(new);
+            self.progress[scan].changes += 1;
+            self.judge_again(scan);
+        }
+        Ok(())
+    }
+
+    /// Takes in the end of scan number `scan`.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn end(&mut self, scan: usize) -> Result<(), Error> {
+        self.check(scan)?;
+        if !self.progress[scan].is_ended {
+            self.progress[scan].is_ended = true;
+            self.judge_again(scan);
+        }
+        Ok(())
+    }
+
+    fn judge_again(&mut self, scan: usize) {
+        for dependent in 0..self.progress.len() {
+            if self.who.involved(dependent).contains(&scan) {
+                self.progress[dependent].is_judged = false;
+            }
+        }
+    }
+
+    /// Plan rows of scan number `scan` of which nothing has come yet, ascending; none for a scan that is not planned.
+    pub fn missing(&self, scan: usize) -> Vec<u32> {
+        let rows = self.plan.scans().get(scan).map_or(&[][..], |s| &s.taps);
+        rows.iter().copied().filter(|&row| self.seen[row as usize].is_none()).collect()
+    }
+
+    /// Scans that can be judged, ascending: they, the other shoulders of their casing and their reference have ended, every
+    /// tap of them has come or was refused, and they have not been judged since.
+    pub fn ready(&self) -> Vec<usize> {
+        (0..self.progress.len()).filter(|&scan| !self.progress[scan].is_judged && self.can_be_judged(scan)).collect()
+    }
+
+    /// Whether scan number `scan`, its casing and its reference have ended, and every tap of them has come or was refused.
+    pub fn can_be_judged(&self, scan: usize) -> bool {
+        self.who.involved(scan).iter().all(|&involved| {
+            let progress = self.progress[involved];
+            progress.is_ended && progress.seen_count == self.plan.scans()[involved].taps.len()
+        })
+    }
+
+    fn check(&self, scan: usize) -> Result<(), Error> {
+        let scan_count = self.progress.len();
+        if scan < scan_count { Ok(()) } else { Err(Error::NoSuchScan { got: scan, scan_count }) }
+    }
+
+    /// Plan rows of the taps of scan number `scan` that enter its index if they come, with their names: all but the closing
+    /// ones.
+    ///
+    /// A name has the velocity that was meant: a tap that struck out is compared with those beside it, under its flag.
+    fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
+        entering(&self.plan, scan)
+    }
+}
+
+pub(crate) fn entering(plan: &Plan, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
+    let meant = |row: u32, id: TapId| id.with_velocity_m_per_s(plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
+    let planned = |&row: &u32| (row, &plan.taps()[row as usize]);
+    let taps = plan.scans()[scan].taps.iter().map(planned).filter(|(_, tap)| !tap.is_closing);
+    taps.map(move |(row, tap)| (row, meant(row, tap.id)))
+}
+
+/// The locations of a scan of `plan`.
+fn ring(plan: &Plan, scan: &Scan) -> Ring {
+    let mut closing = scan.taps.iter().map(|&row| &plan.taps()[row as usize]).filter(|tap| tap.is_closing);
+    Ring::of(plan.geometry, &scan.locations, closing.next().map(|tap| tap.id.location))
+}
+
+/// Of two records of one tap the one with the higher rank holds. The attempt decides; the rest makes
+/// the choice the same in whichever order two different records of one attempt come.
+fn rank(seen: &Seen) -> (u16, bool, [Option<u64>; Discriminator::COUNT], u64) {
+    (
+        seen.attempt,
+        !seen.is_refused,
+        Discriminator::ALL.map(|d| seen.values.get(d).map(f64::to_bits)),
+        seen.velocity_m_per_s.to_bits(),
+    )
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,81 @@
+//! Rates of false calls are those that are stated, and cracks are found at them.
+
+use super::*;
+use crate::{Built, KnownShoulder, build_reference};
+
+fn casing() -> Casing {
+    Casing { shoulder_count: 2, location_count: 60, ..Casing::default() }
+}
+
+/// A reference of `count` casings.
+fn reference_of(count: u64) -> Arc<ReferenceSet> {
+    let plan = casing().plan();
+    let shoulders = (0..count).flat_map(|number| {
+        let found = records(&casing(), &plan, 10_000 + number);
+        let known = |scan| KnownShoulder::of(&plan, &found, scan, None).unwrap();
+        let named = [0, 1].map(known).map(|shoulder| KnownShoulder { tyre: format!("R{number}"), ..shoulder });
+        named.into_iter()
+    });
+    let config = FuseConfig::by(Reference::File("sound.json".into()));
+    let built = Built { config, lineage: Vec::new(), process: String::new(), learns_directions: false };
+    Arc::new(build_reference(&built, shoulders.collect()).unwrap())
+}
+
+/// How many of the shoulders of `count` sound casings are not passed, and how many are rejected.
+fn called(set: Option<&Arc<ReferenceSet>>, config: &FuseConfig, count: u64) -> (usize, usize) {
+    let plan = casing().plan();
+    let mut verdicts = Vec::new();
+    for seed in 0..count {
+        let mut fusion = match set {
+            Some(set) => Fusion::with_reference(config, &plan, Arc::clone(set)).unwrap(),
+            None => Fusion::new(&FuseConfig { reference: Some(Reference::Own), ..config.clone() }, &plan).unwrap(),
+        };
+        for record in records(&casing(), &plan, seed) {
+            fusion.push(&record).unwrap();
+        }
+        for scan in [0, 1] {
+            fusion.end(scan).unwrap();
+            verdicts.push(verdict(&fusion.judge(scan).unwrap().0));
+        }
+    }
+    let count = |of: Verdict| verdicts.iter().filter(|&&verdict| verdict == of).count();
+    (count(Verdict::ReInspect) + count(Verdict::Reject), count(Verdict::Reject))
+}
+
+#[test]
+fn sound_shoulders_are_called_as_often_as_is_stated() {
+    // Catches limits of another rate than they say, and ones so wide that nothing is ever called.
+    let config = FuseConfig { re_inspect_rate: 0.1, ..FuseConfig::by(Reference::File("sound.json".into())) };
+    let set = reference_of(12);
+    let (by_file, rejected) = called(Some(&set), &config, 100);
+    // 20 of 200 are stated. They are not independent: the reference is one.
+    assert!((5..=40).contains(&by_file), "{by_file}");
+    assert!(rejected <= 2, "{rejected}");
+    let (by_itself, rejected) = called(None, &config, 60);
+    assert!(by_itself <= 24, "{by_itself} of 120, 12 stated");
+    assert!(rejected <= 2, "{rejected}");
+}
+
+#[test]
+fn what_a_reference_cannot_support_is_remarked() {
+    // Catches a rate that nobody vouches for, a PASS that the remark takes away, and a rate that is supported remarked.
+    let config = |re_inspect_rate| FuseConfig {
+        re_inspect_rate,
+        reject_rate: 0.05,
+        ..FuseConfig::by(Reference::File("sound.json".into()))
+    };
+    let plan = casing().plan();
+    let set = reference_of(12);
+    let remarks = |re_inspect_rate| {
+        let config = FuseConfig { reject_rate: re_inspect_rate, ..config(re_inspect_rate) };
+        let mut fusion = Fusion::with_reference(&config, &plan, Arc::clone(&set)).unwrap();
+        records(&casing(), &plan, 3).iter().for_each(|record| fusion.push(record).unwrap());
+        (fusion.end(0).unwrap(), fusion.end(1).unwrap());
+        let judgement = fusion.judge(0).unwrap().0;
+        (fusion.remarks(0).unwrap(), judgement.reasons.contains(Reasons::EXTRAPOLATED), verdict(&judgement))
+    };
+    assert_eq!(remarks(0.05), (vec![], false, Verdict::Pass));
+    let (texts, is_remarked, verdict) = remarks(0.02);
+    assert!(is_remarked && verdict == Verdict::Pass);
+    assert_eq!(texts[0], "re_inspect_rate: 12 casings support 4.000 % without assumption; 2.000 % is extrapolated");
+}

@@ -1,0 +1,505 @@
+//! The default index: levels by turn, robust scales, and weights that know repeatability and correlation.
+//!
+//! 1. The logarithm of a value is signed so that damage raises it, and taken against the level of its turn: what multiplies
+//!    a whole turn, as a gain that has drifted, is no damage.
+//! 2. It is divided by the scatter of the reference in its condition and clipped.
+//! 3. The discriminators of a tap are summed by weights, and the sum is standardised by its condition and clipped again.
+//! 4. The taps of a place at one offset become their mean, of standard deviation 1 over sound places.
+
+use tapline_wire::{Direction, Discriminator};
+
+use crate::index::weights::weights;
+use crate::index::{Index, Scores, Setup};
+use crate::shoulder::{Shoulder, Turn};
+use crate::stats::{Spread, mean_and_sd, median, quantile};
+
+/// Greatest score of a single discriminator.
+const SCORE_HIGH: f64 = 6.0;
+
+/// Least score of a single discriminator: a value sounder than its level says nothing. A crack may move one of them the other
+/// way, as P_f where it lowers the force more than it raises the sound, and that is not to outweigh what the others say.
+const SCORE_LOW: f64 = -1.0;
+
+/// Largest magnitude of a single tap's score: one rogue tap is no damage.
+const TAP_CLIP: f64 = 4.0;
+
+/// The quantile of a turn that its level is first guessed from: three quarters of a shoulder may be cracked.
+const START_FRACTION: f64 = 0.25;
+
+/// A place is left out of its turn's level when the mean of it and its neighbours exceeds this many standard deviations.
+const OUTLIER_SD: f64 = 2.0;
+
+/// How often outliers are sought.
+const ROUNDS: usize = 2;
+
+/// The standard normal distribution: the magnitude of its lower quartile, and a quantile far enough below to tell the scatter.
+const QUARTILE_Z: f64 = 0.674_49;
+const FAR_FRACTION: f64 = 0.066_807;
+const FAR_Z: f64 = 1.5;
+
+/// The levels of one shoulder, `[turn][discriminator]`.
+type Levels = Vec<Vec<Level>>;
+
+/// The signed logarithm of a discriminator at sound places of a turn.
+#[derive(Debug, Clone, Copy)]
+struct Level {
+    /// In the middle of the turn; NaN where the turn has none.
+    middle: f64,
+    /// What it rises by from the first to the last place: a gain may drift while the turn is made.
+    drift: f64,
+}
+
+impl Level {
+    fn constant(middle: f64) -> Self {
+        Self { middle, drift: 0.0 }
+    }
+
+    /// At `place` of `count`.
+    fn at(self, place: usize, count: usize) -> f64 {
+        self.middle + self.drift * ((place as f64 + 0.5) / count as f64 - 0.5)
+    }
+}
+
+/// Fewest sound places at either end of a turn that tell its drift.
+const DRIFT_PLACES_MIN: usize = 8;
+
+/// What a reference taught.
+#[derive(Debug, Clone)]
+pub(crate) struct Fused {
+    setup: Setup,
+    /// `[condition][discriminator]`; `None` where the reference has too few values, or they do not vary.
+    scales: Vec<Vec<Option<Scale>>>,
+    weights: Vec<f64>,
+    /// Of the weighted sum of a tap, by condition.
+    taps: Vec<Option<Spread>>,
+    /// By offset.
+    offsets: Vec<Option<OffsetScale>>,
+    /// Standard deviation of the mean of a place and its neighbours, all offsets together.
+    neighbours_sd: f64,
+}
+
+/// Of one discriminator in one condition, in logarithms.
+#[derive(Debug, Clone, Copy)]
+struct Scale {
+    /// Robust standard deviation of a tap about its turn's level.
+    sigma: f64,
+    /// From a turn's lower quartile to its median.
+    gap: f64,
+    /// Median of sound places above the level that [`Fused::levels`] finds.
+    residual: f64,
+}
+
+/// How the mean of a place's taps at one offset scatters.
+#[derive(Debug, Clone, Copy)]
+struct OffsetScale {
+    mean: f64,
+    /// Variance that stays with the place.
+    place_variance: f64,
+    /// Variance of one tap.
+    tap_variance: f64,
+}
+
+impl Index for Fused {
+    fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores> {
+        let levels = self.levels(casing);
+        let inliers = self.inliers(casing, &levels);
+        let of = |((shoulder, levels), inliers): ((&&Shoulder, &Levels), Vec<bool>)| self.scores_by(shoulder, levels, inliers);
+        casing.iter().zip(&levels).zip(inliers).map(of).collect()
+    }
+
+    fn weights(&self) -> Vec<f64> {
+        self.weights.clone()
+    }
+
+    fn sigma(&self, condition: usize, d: usize) -> Option<f64> {
+        Some(self.scales[condition][d]?.sigma)
+    }
+}
+
+impl Fused {
+    /// What the `sound` places of `shoulders` teach; `None` where no discriminator varies.
+    pub(crate) fn fit(setup: &Setup, shoulders: &[&Shoulder], sound: &[Vec<bool>]) -> Option<Self> {
+        let mut fused = Self {
+            setup: setup.clone(),
+            scales: Vec::new(),
+            weights: Vec::new(),
+            taps: Vec::new(),
+            offsets: Vec::new(),
+            neighbours_sd: 1.0,
+        };
+        let mut kept = sound.to_vec();
+        let mut levels = match setup.is_own {
+            true => fused.first_levels(shoulders),
+            false => fused.medians(shoulders, &kept, None),
+        };
+        // What is its own reference finds out which of its places are sound.
+        for round in 0..=if setup.is_own { ROUNDS } else { 0 } {
+            if round > 0 {
+                kept = fused.inliers(shoulders, &levels);
+                levels = fused.medians(shoulders, &kept, Some(&levels));
+            }
+            fused.scales = fused.scales_of(shoulders, &kept, &levels);
+            let rows: Vec<Vec<f64>> = (shoulders.iter().zip(&kept).zip(&levels))
+                .flat_map(|((shoulder, kept), levels)| {
+                    let means = fused.by_discriminator(shoulder, levels);
+                    (0..kept.len()).filter(|&place| kept[place]).map(|p| means[p].clone()).collect::<Vec<_>>()
+                })
+                .collect();
+            fused.weights = weights(&rows, setup.discriminators.len());
+            fused.standardise(shoulders, &kept, &levels);
+        }
+        // The reference is looked at as a casing will be, so that both have the same level by the same rule.
+        let mut levels = Vec::new();
+        for_casings(shoulders, |casing| levels.extend(fused.levels(casing)));
+        fused.residuals(shoulders, &kept, &mut levels);
+        fused.standardise(shoulders, &kept, &levels);
+        fused.offsets.iter().any(Option::is_some).then_some(fused)
+    }
+
+    fn condition_count(&self) -> usize {
+        self.setup.offset_of.len()
+    }
+
+    /// The signed logarithms of discriminator number `d` in `turn`.
+    fn signed<'a>(&self, turn: &'a Turn, d: usize) -> impl Iterator<Item = f64> + use<'a> {
+        let (which, direction): (Discriminator, Direction) = self.setup.discriminators[d];
+        let sign = direction.sign();
+        turn.log(which).iter().map(move |log| sign * log)
+    }
+
+    /// What discriminator number `d` is above `level`, by place; `None` where one of them is absent.
+    fn above<'a>(&self, turn: &'a Turn, d: usize, level: Level) -> impl Iterator<Item = Option<f64>> + use<'a> {
+        let count = turn.values.len();
+        let above = move |(place, y): (usize, f64)| Some(y - level.at(place, count)).filter(|y| y.is_finite());
+        self.signed(turn, d).enumerate().map(above)
+    }
+
+    /// The turns of `casing` that have a level in common: shoulder and turn, by numbers.
+    fn groups(&self, casing: &[&Shoulder]) -> Vec<Vec<(usize, usize)>> {
+        let all = || (0..casing.len()).flat_map(|s| (0..casing[s].turns.len()).map(move |t| (s, t)));
+        if !self.setup.has_common_level {
+            return all().map(|turn| vec![turn]).collect();
+        }
+        let of = |condition| all().filter(|&(s, t)| casing[s].turns[t].condition == condition).collect();
+        (0..self.condition_count()).map(of).filter(|group: &Vec<_>| !group.is_empty()).collect()
+    }
+
+    /// A level for each turn and discriminator: what `level` makes of the values of its group at the places that are
+    /// `kept`, or what it was `before`, or NaN.
+    fn levels_by(
+        &self,
+        casing: &[&Shoulder],
+        kept: Option<&[Vec<bool>]>,
+        before: Option<&[Levels]>,
+        level: impl Fn(usize, usize, &mut [f64]) -> Option<f64>,
+    ) -> Vec<Levels> {
+        let width = self.setup.discriminators.len();
+        let mut levels: Vec<Levels> =
+            casing.iter().map(|s| vec![vec![Level::constant(f64::NAN); width]; s.turns.len()]).collect();
+        let mut values = Vec::new();
+        for group in self.groups(casing) {
+            for d in 0..width {
+                values.clear();
+                let mut total = 0;
+                for &(s, t) in &group {
+                    for (place, y) in self.signed(&casing[s].turns[t], d).enumerate().filter(|(_, y)| y.is_finite()) {
+                        total += 1;
+                        if kept.is_none_or(|kept| kept[s][place]) {
+                            values.push(y);
+                        }
+                    }
+                }
+                let condition = casing[group[0].0].turns[group[0].1].condition;
+                // A level of a few places that are left is none.
+                let found = if 5 * values.len() >= total { level(condition, d, &mut values) } else { None };
+                for &(s, t) in &group {
+                    let drift = kept.map_or(0.0, |kept| self.drift(&casing[s].turns[t], d, &kept[s]));
+                    let found = found.map(|middle| Level { middle, drift });
+                    levels[s][t][d] = found.or_else(|| Some(before?[s][t][d])).unwrap_or(Level::constant(f64::NAN));
+                }
+            }
+        }
+        levels
+    }
+
+    /// What the sound places of `turn` rise by from its first third to its last, taken over all of it.
+    fn drift(&self, turn: &Turn, d: usize, kept: &[bool]) -> f64 {
+        let third = turn.values.len() / 3;
+        if self.setup.has_common_level {
+            return 0.0;
+        }
+        let end = |places: std::ops::Range<usize>| {
+            let sound = self.signed(turn, d).enumerate().filter(|(place, y)| kept[*place] && y.is_finite());
+            let mut values: Vec<f64> = sound.filter(|(place, _)| places.contains(place)).map(|(_, y)| y).collect();
+            median(&mut values).filter(|_| values.len() >= DRIFT_PLACES_MIN)
+        };
+        let (first, last) = (end(0..third), end(turn.values.len() - third..turn.values.len()));
+        // The middles of the outer thirds lie two thirds of the turn apart.
+        first.zip(last).map_or(0.0, |(first, last)| 1.5 * (last - first))
+    }
+
+    fn medians(&self, casing: &[&Shoulder], kept: &[Vec<bool>], before: Option<&[Levels]>) -> Vec<Levels> {
+        self.levels_by(casing, Some(kept), before, |_, _, values| median(values))
+    }
+
+    /// Levels of shoulders of which nothing is known: the scatter below the lower quartile tells how far above it the median
+    /// of the sound places lies.
+    fn first_levels(&self, casing: &[&Shoulder]) -> Vec<Levels> {
+        self.levels_by(casing, None, None, |_, _, values| {
+            let (quartile, far) = (quantile(values, START_FRACTION)?, quantile(values, FAR_FRACTION)?);
+            Some(quartile + QUARTILE_Z * (quartile - far) / (FAR_Z - QUARTILE_Z))
+        })
+    }
+
+    /// The levels of the shoulders of one casing, any part of which may be cracked.
+    fn levels(&self, casing: &[&Shoulder]) -> Vec<Levels> {
+        let gap = |condition: usize, d: usize| self.scales[condition][d].map_or(0.0, |scale| scale.gap);
+        let mut levels = self.levels_by(casing, None, None, |condition, d, values| {
+            Some(quantile(values, START_FRACTION)? + gap(condition, d))
+        });
+        for _ in 0..ROUNDS {
+            let kept = self.inliers(casing, &levels);
+            levels = self.medians(casing, &kept, Some(&levels));
+        }
+        for (shoulder, levels) in casing.iter().zip(&mut levels) {
+            for (turn, levels) in shoulder.turns.iter().zip(levels) {
+                for (level, scale) in levels.iter_mut().zip(&self.scales[turn.condition]) {
+                    level.middle += scale.map_or(0.0, |scale| scale.residual);
+                }
+            }
+        }
+        levels
+    }
+
+    /// Places that do not stand out, by shoulder.
+    fn inliers(&self, casing: &[&Shoulder], levels: &[Levels]) -> Vec<Vec<bool>> {
+        let limit = OUTLIER_SD * self.neighbours_sd;
+        let of = |(shoulder, levels): (&&Shoulder, &Levels)| {
+            let near = self.near_means(shoulder, levels);
+            near.into_iter().map(|value| value.is_none_or(|value| value <= limit)).collect()
+        };
+        casing.iter().zip(levels).map(of).collect()
+    }
+
+    /// The mean over offsets of each place and its neighbours.
+    fn near_means(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Option<f64>> {
+        let scores = self.by_offset(shoulder, levels);
+        let mean = |place: usize| {
+            let values = scores.iter().map(|of_offset| of_offset[place]).filter(|value| value.is_finite());
+            let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
+            (count > 0).then(|| sum / f64::from(count))
+        };
+        let means: Vec<Option<f64>> = (0..shoulder.place_count()).map(mean).collect();
+        shoulder.ring.mean_of_3(&means)
+    }
+
+    fn scales_of(&self, shoulders: &[&Shoulder], kept: &[Vec<bool>], levels: &[Levels]) -> Vec<Vec<Option<Scale>>> {
+        let of = |condition: usize, d: usize| {
+            let (mut above, mut gaps) = (Vec::new(), Vec::new());
+            for ((shoulder, kept), levels) in shoulders.iter().zip(kept).zip(levels) {
+                for (turn, levels) in shoulder.turns.iter().zip(levels).filter(|(t, _)| t.condition == condition) {
+                    let first = above.len();
+                    above.extend(self.above(turn, d, levels[d]).zip(kept).filter(|(_, kept)| **kept).filter_map(|(y, _)| y));
+                    gaps.extend(quantile(&mut above[first..], START_FRACTION).map(|quartile| -quartile));
+                }
+            }
+            let sigma = if self.setup.is_own { Spread::of_lower_half(&mut above) } else { Spread::of(&mut above) };
+            let sigma = sigma?.sigma;
+            let gap = if self.setup.is_own { QUARTILE_Z * sigma } else { median(&mut gaps)? };
+            (sigma > 1e-9).then_some(Scale { sigma, gap, residual: 0.0 })
+        };
+        let width = self.setup.discriminators.len();
+        (0..self.condition_count()).map(|condition| (0..width).map(|d| of(condition, d)).collect()).collect()
+    }
+
+    /// Finds the median of sound places above the `levels`, and takes it into them.
+    fn residuals(&mut self, shoulders: &[&Shoulder], kept: &[Vec<bool>], levels: &mut [Levels]) {
+        for condition in 0..self.condition_count() {
+            for d in 0..self.setup.discriminators.len() {
+                let mut above = Vec::new();
+                for ((shoulder, kept), levels) in shoulders.iter().zip(kept).zip(levels.iter()) {
+                    for (turn, levels) in shoulder.turns.iter().zip(levels).filter(|(t, _)| t.condition == condition) {
+                        let sound = self.above(turn, d, levels[d]).zip(kept).filter(|(_, kept)| **kept);
+                        above.extend(sound.filter_map(|(y, _)| y));
+                    }
+                }
+                let residual = median(&mut above).unwrap_or(0.0);
+                if let Some(scale) = &mut self.scales[condition][d] {
+                    scale.residual = residual;
+                    for (shoulder, levels) in shoulders.iter().zip(levels.iter_mut()) {
+                        for (turn, levels) in shoulder.turns.iter().zip(levels) {
+                            levels[d].middle += if turn.condition == condition { residual } else { 0.0 };
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Scores of the discriminators of the taps of a turn, `[discriminator][place]`.
+    fn turn_scores(&self, turn: &Turn, levels: &[Level]) -> Vec<Vec<f64>> {
+        let of = |d: usize| match self.scales[turn.condition][d] {
+            Some(scale) => {
+                let z = |y: Option<f64>| y.map_or(f64::NAN, |y| (y / scale.sigma).clamp(SCORE_LOW, SCORE_HIGH));
+                self.above(turn, d, levels[d]).map(z).collect()
+            }
+            None => vec![f64::NAN; turn.values.len()],
+        };
+        (0..self.setup.discriminators.len()).map(of).collect()
+    }
+
+    /// Mean score of each discriminator over the taps of a place, `[place][discriminator]`.
+    fn by_discriminator(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<f64>> {
+        let width = self.setup.discriminators.len();
+        let mut sums = vec![vec![(0.0, 0_u32); width]; shoulder.place_count()];
+        for (turn, levels) in shoulder.turns.iter().zip(levels) {
+            for (d, scores) in self.turn_scores(turn, levels).iter().enumerate() {
+                for (sums, score) in sums.iter_mut().zip(scores).filter(|(_, score)| score.is_finite()) {
+                    sums[d] = (sums[d].0 + score, sums[d].1 + 1);
+                }
+            }
+        }
+        let mean = |(sum, count): (f64, u32)| if count > 0 { sum / f64::from(count) } else { f64::NAN };
+        sums.into_iter().map(|sums| sums.into_iter().map(mean).collect()).collect()
+    }
+
+    /// The weighted sum of each tap of a turn, by place; NaN where every discriminator that counts is absent.
+    fn weighted(&self, turn: &Turn, levels: &[Level]) -> Vec<f64> {
+        let mut sums = vec![(0.0, 0.0); turn.values.len()];
+        for (scores, &weight) in self.turn_scores(turn, levels).iter().zip(&self.weights) {
+            for (sum, score) in sums.iter_mut().zip(scores).filter(|(_, score)| score.is_finite()) {
+                *sum = (sum.0 + weight * score, sum.1 + weight);
+            }
+        }
+        // What is there fills up the weight of what is not.
+        sums.into_iter().map(|(sum, weight)| if weight > 0.0 { sum / weight } else { f64::NAN }).collect()
+    }
+
+    /// Mean of the standardised taps of each place at each offset and how many they are, `[offset][place]`.
+    fn tap_means(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<(f64, u32)>> {
+        let mut sums = vec![vec![(0.0, 0_u32); shoulder.place_count()]; self.setup.offset_count];
+        for (turn, levels) in shoulder.turns.iter().zip(levels) {
+            let Some(spread) = self.taps[turn.condition] else { continue };
+            let sums = &mut sums[self.setup.offset_of[turn.condition]];
+            for (sum, value) in sums.iter_mut().zip(self.weighted(turn, levels)).filter(|(_, v)| v.is_finite()) {
+                let score = ((value - spread.centre) / spread.sigma).clamp(-TAP_CLIP, TAP_CLIP);
+                *sum = (sum.0 + score, sum.1 + 1);
+            }
+        }
+        for sum in sums.iter_mut().flatten() {
+            sum.0 /= f64::from(sum.1);
+        }
+        sums
+    }
+
+    /// `[offset][place]`, as [`Scores::by_offset`].
+    fn by_offset(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<f64>> {
+        let means = self.tap_means(shoulder, levels);
+        let of = |(means, scale): (Vec<(f64, u32)>, &Option<OffsetScale>)| {
+            let score = |(mean, count): (f64, u32)| scale.map_or(f64::NAN, |scale| scale.score(mean, count));
+            means.into_iter().map(score).collect()
+        };
+        means.into_iter().zip(&self.offsets).map(of).collect()
+    }
+
+    /// Fits what comes after the weights.
+    fn standardise(&mut self, shoulders: &[&Shoulder], kept: &[Vec<bool>], levels: &[Levels]) {
+        let mut by_condition = vec![Vec::new(); self.condition_count()];
+        for ((shoulder, kept), levels) in shoulders.iter().zip(kept).zip(levels) {
+            for (turn, levels) in shoulder.turns.iter().zip(levels) {
+                let values = self.weighted(turn, levels).into_iter().zip(kept).filter(|(v, kept)| **kept && v.is_finite());
+                by_condition[turn.condition].extend(values.map(|(value, _)| value));
+            }
+        }
+        let spread = if self.setup.is_own { Spread::of_lower_half } else { Spread::of };
+        self.taps = by_condition.iter_mut().map(|values| spread(values)).collect();
+
+        let means: Vec<Vec<Vec<(f64, u32)>>> =
+            shoulders.iter().zip(levels).map(|(shoulder, levels)| self.tap_means(shoulder, levels)).collect();
+        self.offsets = (0..self.setup.offset_count)
+            .map(|offset| {
+                let places = || means.iter().zip(kept).flat_map(|(means, kept)| {
+                    means[offset].iter().zip(kept).filter(|(mean, kept)| **kept && mean.1 > 0).map(|(mean, _)| *mean)
+                });
+                let deviations = self.within_variance(shoulders, kept, levels, &means, offset);
+                OffsetScale::of(places(), deviations)
+            })
+            .collect();
+        let near: Vec<f64> = (shoulders.iter().zip(levels).zip(kept))
+            .flat_map(|((shoulder, levels), kept)| {
+                let near = self.near_means(shoulder, levels);
+                near.into_iter().zip(kept).filter(|(_, kept)| **kept).filter_map(|(value, _)| value).collect::<Vec<_>>()
+            })
+            .collect();
+        self.neighbours_sd = mean_and_sd(&near).map_or(1.0, |(_, sd)| sd);
+    }
+
+    /// Variance of taps about the mean of their place at one offset; `None` where no place has two.
+    fn within_variance(
+        &self,
+        shoulders: &[&Shoulder],
+        kept: &[Vec<bool>],
+        levels: &[Levels],
+        means: &[Vec<Vec<(f64, u32)>>],
+        offset: usize,
+    ) -> Option<f64> {
+        let (mut squares, mut tap_count) = (0.0, 0_u32);
+        for (((shoulder, kept), levels), means) in shoulders.iter().zip(kept).zip(levels).zip(means) {
+            for (turn, levels) in shoulder.turns.iter().zip(levels) {
+                let Some(spread) = self.taps[turn.condition] else { continue };
+                if self.setup.offset_of[turn.condition] != offset {
+                    continue;
+                }
+                for ((value, &(mean, count)), _) in
+                    self.weighted(turn, levels).into_iter().zip(&means[offset]).zip(kept).filter(|(_, kept)| **kept)
+                {
+                    if value.is_finite() && count > 1 {
+                        let score = ((value - spread.centre) / spread.sigma).clamp(-TAP_CLIP, TAP_CLIP);
+                        // Each place's taps have lost one degree of freedom to their mean.
+                        squares += (score - mean).powi(2) * f64::from(count) / f64::from(count - 1);
+                        tap_count += 1;
+                    }
+                }
+            }
+        }
+        (tap_count > 0).then(|| squares / f64::from(tap_count))
+    }
+
+    fn scores_by(&self, shoulder: &Shoulder, levels: &Levels, is_inlier: Vec<bool>) -> Scores {
+        let mut scores = Scores {
+            by_offset: self.by_offset(shoulder, levels),
+            by_discriminator: self.by_discriminator(shoulder, levels),
+            is_inlier,
+            ..Scores::default()
+        };
+        scores.count_taps(&self.setup, shoulder);
+        scores
+    }
+}
+
+impl OffsetScale {
+    /// Of the means of sound places, each of so many taps, and the variance of a tap about the mean of its place.
+    fn of(places: impl Iterator<Item = (f64, u32)>, tap_variance: Option<f64>) -> Option<Self> {
+        let places: Vec<(f64, u32)> = places.collect();
+        let (mean, sd) = mean_and_sd(&places.iter().map(|place| place.0).collect::<Vec<f64>>())?;
+        let inverse = places.iter().map(|place| 1.0 / f64::from(place.1)).sum::<f64>() / places.len() as f64;
+        // Of places with one tap each nobody can tell what stays with the place.
+        let tap_variance = tap_variance.unwrap_or(sd * sd / inverse);
+        let of_taps = tap_variance * inverse;
+        let (place_variance, tap_variance) =
+            if of_taps < sd * sd { (sd * sd - of_taps, tap_variance) } else { (0.0, sd * sd / inverse) };
+        (sd > 1e-9).then_some(Self { mean, place_variance, tap_variance })
+    }
+
+    fn score(self, mean: f64, count: u32) -> f64 {
+        match count {
+            0 => f64::NAN,
+            _ => (mean - self.mean) / (self.place_variance + self.tap_variance / f64::from(count)).sqrt(),
+        }
+    }
+}
+
+/// Calls `see` with the shoulders of each casing; those of one follow each other.
+fn for_casings<'a>(shoulders: &[&'a Shoulder], mut see: impl FnMut(&[&'a Shoulder])) {
+    shoulders.chunk_by(|a, b| a.casing == b.casing).for_each(|casing| see(casing));
+}

@@ -1,0 +1,96 @@
+//! The damage index: what the taps of a place show, one number an offset, behind one trait.
+//!
+//! | file | index |
+//! |---|---|
+//! | `fused` | the default: levels by turn, weights that know repeatability and correlation |
+//! | `dissertation` | Eqs. 55-56 as printed |
+
+pub(crate) mod covariance;
+mod dissertation;
+mod fused;
+mod weights;
+
+use std::fmt::Debug;
+
+use tapline_wire::{Direction, Discriminator};
+
+use crate::IndexKind;
+use crate::shoulder::Shoulder;
+
+/// What an index is to be fitted for.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Setup {
+    pub(crate) kind: IndexKind,
+    /// The discriminators that enter, each with its direction.
+    pub(crate) discriminators: Vec<(Discriminator, Direction)>,
+    /// Number of the offset of each condition.
+    pub(crate) offset_of: Vec<usize>,
+    /// How many offsets there are.
+    pub(crate) offset_count: usize,
+    /// Whether the shoulders that teach are those that are judged: any of their places may be cracked.
+    pub(crate) is_own: bool,
+    /// Whether the shoulders of a casing have one level in common, as lines on one slab have.
+    pub(crate) has_common_level: bool,
+}
+
+/// What an index says of the places of one shoulder.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Scores {
+    /// `[offset][place]`, greater the more likely there is damage: mean 0 and standard deviation 1 over sound places; NaN
+    /// where no tap says anything.
+    pub(crate) by_offset: Vec<Vec<f64>>,
+    /// Mean score of each discriminator by place, in the order of [`Setup::discriminators`]; NaN where it is absent.
+    pub(crate) by_discriminator: Vec<Vec<f64>>,
+    /// Places that are not left out of the level of their turns, as ones that stand out are.
+    pub(crate) is_inlier: Vec<bool>,
+    /// Taps that entered, by place.
+    pub(crate) tap_counts: Vec<u32>,
+    /// Discriminators that were absent from those taps, by place.
+    pub(crate) absent_counts: Vec<u32>,
+}
+
+impl Scores {
+    /// Hides what is not `kept`, by place.
+    pub(crate) fn hide(&mut self, kept: &[bool]) {
+        for of_offset in &mut self.by_offset {
+            of_offset.iter_mut().zip(kept).filter(|(_, kept)| !**kept).for_each(|(score, _)| *score = f64::NAN);
+        }
+    }
+
+    /// Counts the taps of `shoulder` that gave any discriminator, and what they did not give.
+    fn count_taps(&mut self, setup: &Setup, shoulder: &Shoulder) {
+        self.tap_counts = vec![0; shoulder.place_count()];
+        self.absent_counts = vec![0; shoulder.place_count()];
+        let asked = u32::try_from(setup.discriminators.len()).unwrap_or(u32::MAX);
+        for turn in &shoulder.turns {
+            for (place, values) in turn.values.iter().enumerate() {
+                let given = (setup.discriminators.iter()).fold(0, |n, (d, _)| n + u32::from(values.get(*d).is_some()));
+                if given > 0 {
+                    self.tap_counts[place] += 1;
+                    self.absent_counts[place] += asked - given;
+                }
+            }
+        }
+    }
+}
+
+/// An index that was fitted to a reference.
+pub(crate) trait Index: Debug + Send + Sync {
+    /// What it says of the shoulders of one casing.
+    fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores>;
+
+    /// What each discriminator counts, in the order of [`Setup::discriminators`]; they sum to 1.
+    fn weights(&self) -> Vec<f64>;
+
+    /// Robust standard deviation of discriminator number `d` in `condition` about the level of its turn, as a fraction of it;
+    /// `None` where the index has no such scale.
+    fn sigma(&self, condition: usize, d: usize) -> Option<f64>;
+}
+
+/// The index that `shoulders` teach by their places that are `sound`; `None` where nothing of them varies.
+pub(crate) fn fit(setup: &Setup, shoulders: &[&Shoulder], sound: &[Vec<bool>]) -> Option<Box<dyn Index>> {
+    match setup.kind {
+        IndexKind::Fused => Some(Box::new(fused::Fused::fit(setup, shoulders, sound)?)),
+        IndexKind::Dissertation => Some(Box::new(dissertation::Extremes::fit(setup, shoulders)?)),
+    }
+}

@@ -1,0 +1,138 @@
+//! A reference is made of shoulders: directions learned, scales and limits summed up, all of it signed.
+
+use std::collections::BTreeMap;
+
+use tapline_wire::Discriminator;
+
+use crate::fusion::setup;
+use crate::reference::file::{KnownShoulder, Origin, ReferenceSet};
+use crate::reference::fitted::FittedReference;
+use crate::reference::pattern::Pattern;
+use crate::reference::summary::{ScaleLine, Summary};
+use crate::shoulder::{Shoulder, Turn};
+use crate::shoulder::velocity::Normalisation;
+use crate::stats::{mean_and_sd, median};
+use crate::{Direction, Directions, Error, FuseConfig, IndexKind, auc, index};
+
+/// Fewest locations of each class that a direction is learned from.
+const CLASS_MIN: usize = 20;
+
+/// Standard errors by which an AUC must differ from a half for its direction to be learned.
+const SURE_AT: f64 = 3.0;
+
+/// What a reference is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Built {
+    /// Which discriminators the summary is of, which way they move, the rate of false calls.
+    pub config: FuseConfig,
+    /// Archives the shoulders come from.
+    pub lineage: Vec<Origin>,
+    /// How the discriminators were extracted: the table `[process]` as TOML, every default spelled out.
+    pub process: String,
+    /// Whether directions are learned from labels, where those tell; else they are those of `config`.
+    pub learns_directions: bool,
+}
+
+/// The reference that `shoulders` make.
+///
+/// # Errors
+/// [`Error::NotAReference`] of no shoulders, and of ones that the default index has no limits by.
+pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<ReferenceSet, Error> {
+    let refuse = |reason: &str| Error::NotAReference { reason: reason.to_owned() };
+    if shoulders.is_empty() {
+        return Err(refuse("it has no shoulder"));
+    }
+    let mut set = ReferenceSet::of(shoulders, of.config.directions);
+    set.lineage.clone_from(&of.lineage);
+    set.process.clone_from(&of.process);
+    let pattern = Pattern::of_all(&set);
+    let known = set.shoulders_like(&pattern, &Normalisation::default());
+    let learned = learned(&pattern, &known, of.config.directions);
+    set.auc = learned.iter().map(|(which, found)| (which.name().to_owned(), found.auc)).collect();
+    if of.learns_directions {
+        for (&which, found) in learned.iter().filter(|(_, found)| found.is_sure) {
+            let rises = found.auc >= 0.5;
+            set.directions.set(which, if rises { Direction::Rises } else { Direction::Falls });
+        }
+    }
+    let config = FuseConfig { index: IndexKind::default(), directions: set.directions, ..of.config.clone() };
+    config.validate()?;
+    let setup = setup(&config, &pattern.conditions, false, false);
+    let fitted = FittedReference::fit(setup, &pattern.conditions.offsets_inwards(), &known);
+    let fitted = fitted.ok_or_else(|| refuse("its sound locations are too few, or nothing of them varies"))?;
+    set.summary = summed_up(&config, &pattern, &known, &fitted);
+    Ok(set.signed())
+}
+
+/// What labels say of one discriminator.
+struct Learned {
+    /// Probability that it is greater at a cracked location than at a sound one.
+    auc: f64,
+    /// Whether that differs from a half by more than chance.
+    is_sure: bool,
+}
+
+fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) -> BTreeMap<Discriminator, Learned> {
+    let config = FuseConfig { discriminators: Discriminator::ALL.to_vec(), directions, ..FuseConfig::default() };
+    let setup = setup(&config, &pattern.conditions, false, false);
+    let all: Vec<&Shoulder> = shoulders.iter().collect();
+    let sound: Vec<Vec<bool>> = all.iter().map(|shoulder| shoulder.sound()).collect();
+    let Some(index) = index::fit(&setup, &all, &sound) else { return BTreeMap::new() };
+    let mut scores: Vec<(Vec<f64>, Vec<bool>)> = vec![Default::default(); Discriminator::COUNT];
+    for casing in all.chunk_by(|a, b| a.casing == b.casing) {
+        for (shoulder, found) in casing.iter().zip(index.scores(casing)) {
+            for (by_discriminator, label) in found.by_discriminator.iter().zip(&shoulder.is_cracked) {
+                let Some(label) = label else { continue };
+                for ((scores, labels), score) in scores.iter_mut().zip(by_discriminator).filter(|(_, s)| s.is_finite()) {
+                    scores.push(*score);
+                    labels.push(*label);
+                }
+            }
+        }
+    }
+    let learn = |(which, (scores, labels)): (Discriminator, (Vec<f64>, Vec<bool>))| {
+        let cracked = labels.iter().filter(|&&label| label).count();
+        let sound = labels.len() - cracked;
+        let signed = auc(&scores, &labels)?;
+        let rising = if directions.of(which) == Direction::Rises { signed } else { 1.0 - signed };
+        // Of scores that say nothing the AUC has the variance (m + n + 1)/(12 m n) (Mann and Whitney 1947).
+        let (m, n) = (cracked as f64, sound as f64);
+        let error = ((m + n + 1.0) / (12.0 * m * n)).sqrt();
+        let is_sure = cracked >= CLASS_MIN && sound >= CLASS_MIN && (rising - 0.5).abs() > SURE_AT * error;
+        Some((which, Learned { auc: rising, is_sure }))
+    };
+    Discriminator::ALL.into_iter().zip(scores).filter_map(learn).collect()
+}
+
+fn summed_up(config: &FuseConfig, pattern: &Pattern, shoulders: &[Shoulder], fitted: &FittedReference) -> Summary {
+    let mut scales = Vec::new();
+    for condition in 0..pattern.conditions.count() {
+        let (offset_mm, velocity_m_per_s) = pattern.conditions.name(condition);
+        let turns = || shoulders.iter().flat_map(|shoulder| &shoulder.turns).filter(|turn| turn.condition == condition);
+        for (d, &discriminator) in config.discriminators.iter().enumerate() {
+            let median_of = |values: Vec<f64>| median(&mut values.into_iter().filter(|x| x.is_finite()).collect::<Vec<_>>());
+            let values = |turn: &Turn| turn.values.iter().filter_map(|v| v.get(discriminator)).collect();
+            let level = median_of(turns().filter_map(|turn| median_of(values(turn))).collect());
+            let logs: Vec<f64> = turns().filter_map(|turn| median_of(turn.log(discriminator).to_vec())).collect();
+            let level_spread = mean_and_sd(&logs).filter(|_| logs.len() > 2).map(|(_, sd)| sd);
+            let Some((level, spread)) = level.zip(fitted.index.sigma(condition, d)) else { continue };
+            scales.push(ScaleLine { offset_mm, velocity_m_per_s, discriminator, level, spread, level_spread });
+        }
+    }
+    let places = || shoulders.iter().flat_map(|shoulder| &shoulder.is_cracked);
+    let cracked_count = places().filter(|&&label| label == Some(true)).count();
+    Summary {
+        scales,
+        discriminators: config.discriminators.iter().map(|which| which.name().to_owned()).collect(),
+        weights: fitted.index.weights(),
+        sound_count: places().count() - cracked_count,
+        cracked_count,
+        casing_count: fitted.casing_count,
+        supported_rate: fitted.supported_rate(),
+        strongest: fitted.strongest.clone(),
+        re_inspect_rate: config.re_inspect_rate,
+        reject_rate: config.reject_rate,
+        limit_re_inspect: fitted.limits.at(config.re_inspect_rate),
+        limit_reject: fitted.limits.at(config.reject_rate),
+    }
+}

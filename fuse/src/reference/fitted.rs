@@ -1,0 +1,106 @@
+//! What a reference teaches: the index, how its arcs scatter, and the limits.
+
+use rayon::prelude::*;
+
+use crate::FuseConfig;
+use crate::arcs::limits::Limits;
+use crate::arcs::statistic::ArcStatistic;
+use crate::arcs::white;
+use crate::index::{self, Index, Scores, Setup};
+use crate::shoulder::Shoulder;
+use crate::verdict::whole_shoulder::Levels;
+
+/// A reference as it judges shoulders of one plan.
+#[derive(Debug)]
+pub(crate) struct FittedReference {
+    pub(crate) setup: Setup,
+    pub(crate) index: Box<dyn Index>,
+    pub(crate) statistic: ArcStatistic,
+    pub(crate) limits: Limits,
+    /// Of whole shoulders; `None` where too few casings tell.
+    pub(crate) levels: Option<Levels>,
+    /// How many casings the limits rest on; none where shoulders are their own reference.
+    pub(crate) casing_count: usize,
+    /// Strongest arc of each of its shoulders, judged by the other casings.
+    pub(crate) strongest: Vec<f64>,
+}
+
+impl FittedReference {
+    /// What `shoulders` teach, those of a casing one after the other; `offsets` are the numbers of the offsets from the belt
+    /// edge inwards. `None` where nothing of them varies.
+    pub(crate) fn fit(setup: Setup, offsets: &[usize], shoulders: &[Shoulder]) -> Option<Self> {
+        let all: Vec<&Shoulder> = shoulders.iter().collect();
+        let (index, statistic, scores) = learn(&setup, offsets, &all)?;
+        let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
+        let casing_count = if setup.is_own { 0 } else { casings.len() };
+        let strongest: Vec<f64> = match casing_count {
+            0 | 1 => Vec::new(),
+            _ => (casings.par_iter())
+                .flat_map_iter(|casing| left_out(&setup, offsets, shoulders, casing))
+                .collect(),
+        };
+        let (ring, pattern) = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores).next()?;
+        let white = white::strongest_arcs(&statistic, ring, pattern)?;
+        let limits = Limits::by(&strongest, white);
+        let levels = if setup.is_own { None } else { Levels::fit(&setup, shoulders) };
+        Some(Self { setup, index, statistic, limits, levels, casing_count, strongest })
+    }
+
+    /// The least rate of false calls that it supports without assuming a distribution; `None` of fewer than two casings.
+    pub(crate) fn supported_rate(&self) -> Option<f64> {
+        (self.casing_count > 1).then(|| 1.0 / (2.0 * self.casing_count as f64 + 1.0))
+    }
+
+    /// What of the rates that `config` states is not supported, for people to read.
+    pub(crate) fn remarks(&self, config: &FuseConfig) -> Vec<String> {
+        let percent = |rate: f64| format!("{:.3} %", 100.0 * rate).replace(".000", "");
+        let stated = [("re_inspect_rate", config.re_inspect_rate), ("reject_rate", config.reject_rate)];
+        let remark = |(name, rate): (&str, f64)| match (self.supported_rate(), self.casing_count) {
+            (Some(supported), count) if rate < supported => Some(format!(
+                "{name}: {count} casings support {} without assumption; {} is extrapolated",
+                percent(supported),
+                percent(rate)
+            )),
+            (Some(_), _) => None,
+            (None, 0) => Some(format!(
+                "{name}: a casing that is its own reference supports no rate; {} is that of white noise",
+                percent(rate)
+            )),
+            (None, _) => Some(format!("{name}: one casing supports no rate; {} is that of white noise", percent(rate))),
+        };
+        stated.into_iter().filter_map(remark).collect()
+    }
+}
+
+type Learned = (Box<dyn Index>, ArcStatistic, Vec<Scores>);
+
+fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Learned> {
+    let sound: Vec<Vec<bool>> = shoulders.iter().map(|shoulder| shoulder.sound()).collect();
+    let index = index::fit(setup, shoulders, &sound)?;
+    let mut scores = Vec::new();
+    for casing in shoulders.chunk_by(|a, b| a.casing == b.casing) {
+        scores.extend(index.scores(casing));
+    }
+    for (scores, sound) in scores.iter_mut().zip(&sound) {
+        scores.hide(sound);
+        if setup.is_own {
+            let is_inlier = scores.is_inlier.clone();
+            scores.hide(&is_inlier);
+        }
+    }
+    let rings: Vec<_> = shoulders.iter().map(|shoulder| &shoulder.ring).zip(scores.iter().cloned()).collect();
+    let statistic = ArcStatistic::fit(offsets.to_vec(), &rings, setup.is_own);
+    Some((index, statistic, scores))
+}
+
+/// The strongest arc of each shoulder of `casing`, judged by all casings but itself.
+fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[Shoulder]) -> Vec<f64> {
+    let others: Vec<&Shoulder> = shoulders.iter().filter(|shoulder| shoulder.casing != casing[0].casing).collect();
+    let Some((index, statistic, _)) = learn(setup, offsets, &others) else { return Vec::new() };
+    let own: Vec<&Shoulder> = casing.iter().collect();
+    let strongest = |(shoulder, mut scores): (&Shoulder, Scores)| {
+        scores.hide(&shoulder.sound());
+        Some(statistic.strongest(&shoulder.ring, &statistic.maps(&scores))?.value)
+    };
+    casing.iter().zip(index.scores(&own)).filter_map(strongest).collect()
+}

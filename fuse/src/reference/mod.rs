@@ -1,0 +1,8 @@
+//! What shoulders are compared with: `file` holds known shoulders, `build` makes such a file of archives, `fitted` is what
+//! they teach for one plan.
+
+pub(crate) mod build;
+pub(crate) mod file;
+pub(crate) mod fitted;
+pub(crate) mod pattern;
+pub(crate) mod summary;

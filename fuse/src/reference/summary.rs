@@ -1,0 +1,52 @@
+//! What a reference looks like by the default index: for people and other programs to read.
+
+use serde::{Deserialize, Serialize};
+use tapline_wire::Discriminator;
+
+/// Scales, weights and limits of a reference.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Summary {
+    /// Scale of every discriminator in every condition.
+    pub scales: Vec<ScaleLine>,
+    /// Names of the discriminators in the order of `weights`.
+    pub discriminators: Vec<String>,
+    /// What each counts in the index; they sum to 1.
+    pub weights: Vec<f64>,
+    /// Locations that are taken to be sound.
+    pub sound_count: usize,
+    /// Locations that are labelled as cracked.
+    pub cracked_count: usize,
+    /// Casings that the limits rest on.
+    pub casing_count: usize,
+    /// Least rate of false calls that so many support without assuming a distribution; `None` of one casing.
+    pub supported_rate: Option<f64>,
+    /// Strongest arc of each shoulder, judged by the other casings.
+    pub strongest: Vec<f64>,
+    /// Probability that a sound shoulder is not passed.
+    pub re_inspect_rate: f64,
+    /// Probability that a sound shoulder is rejected.
+    pub reject_rate: f64,
+    /// Damage index from which a shoulder is to be inspected again.
+    pub limit_re_inspect: f64,
+    /// Damage index from which it is rejected.
+    pub limit_reject: f64,
+}
+
+/// Scale of one discriminator in one condition.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScaleLine {
+    /// Offset from the belt edge.
+    pub offset_mm: Option<f64>,
+    /// Least velocity of the class.
+    pub velocity_m_per_s: Option<f64>,
+    /// Which discriminator.
+    pub discriminator: Discriminator,
+    /// Median of the turns' medians, in SI units.
+    pub level: f64,
+    /// Robust standard deviation of a tap about its turn's level, as a fraction of it.
+    pub spread: f64,
+    /// Standard deviation of the turns' levels, as a fraction of them; `None` of fewer than three.
+    pub level_spread: Option<f64>,
+}

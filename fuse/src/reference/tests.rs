@@ -1,0 +1,232 @@
+//! A reference file: what comes of it is what went in, what was changed is refused, and what it teaches is used.
+
+use proptest::prelude::*;
+use tapline_wire::{Reasons, Verdict};
+
+use super::*;
+use crate::testing::{Casing, records, tyre};
+use crate::{Built, Direction, FuseConfig, Fusion, IndexKind, Reference, Score, build_reference};
+
+fn built(config: FuseConfig) -> Built {
+    Built { config, lineage: Vec::new(), process: "f_c_hz = 550.0\n".to_owned(), learns_directions: false }
+}
+
+/// A casing with six cracks of five locations, known, and the reference of it.
+fn labelled() -> Casing {
+    let cracks = (0..6).map(|k| (1, 15 * k..15 * k + 5)).collect();
+    Casing { cracks, shift: 3.0, ..Casing::default() }
+}
+
+fn shoulders_of(casing: &Casing, seed: u64, with_labels: bool, serial: &str) -> Vec<KnownShoulder> {
+    let plan = casing.plan();
+    let found = records(casing, &plan, seed);
+    let known = (0..plan.scans().len())
+        .map(|scan| KnownShoulder::of(&plan, &found, scan, with_labels.then(|| plan.truth())).unwrap());
+    known.map(|shoulder| KnownShoulder { tyre: serial.to_owned(), ..shoulder }).collect()
+}
+
+fn file() -> FuseConfig {
+    FuseConfig::by(Reference::File("sound.json".into()))
+}
+
+/// Verdict and damage map of a casing by a reference.
+fn judged(set: &ReferenceSet, config: &FuseConfig, casing: &Casing, seed: u64) -> (Verdict, Reasons, Vec<u32>) {
+    let plan = casing.plan();
+    let mut fusion = Fusion::with_reference(config, &plan, Arc::new(set.clone())).unwrap();
+    for record in records(casing, &plan, seed) {
+        fusion.push(&record).unwrap();
+    }
+    for scan in 0..plan.scans().len() {
+        fusion.end(scan).unwrap();
+    }
+    let (judgement, cells) = fusion.judge(0).unwrap();
+    let regions = cells.iter().filter(|cell| cell.region > 0).map(|cell| cell.location).collect();
+    (Verdict::from_code(judgement.verdict).unwrap(), judgement.reasons, regions)
+}
+
+#[test]
+fn a_reference_comes_back_as_it_went() {
+    // Catches a number that is rounded on its way through the file, and a digest that depends on the way.
+    let set = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
+    let again = ReferenceSet::parse(&set.text().unwrap()).unwrap();
+    assert_eq!(again, set);
+    assert!(set.is_labelled() && set.digest().len() == 64);
+    assert_eq!((set.summary.sound_count, set.summary.cracked_count), (70, 30));
+    let lines: Vec<_> = set.summary.scales.iter().map(|s| (s.offset_mm, s.velocity_m_per_s)).collect();
+    assert_eq!(lines.len(), 4 * 6, "four conditions of six discriminators");
+    assert!(lines.contains(&(Some(10.0), Some(1.5))));
+    // What the casing was made with: scatter 0.5 of a location and 1 of a tap, in hundredths of its level.
+    let spread = set.summary.scales.iter().map(|s| s.spread).sum::<f64>() / 24.0;
+    assert!((0.009..0.014).contains(&spread), "{spread}");
+    assert!((set.summary.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{:?}", set.summary.weights);
+    assert_eq!((set.summary.casing_count, set.summary.supported_rate, set.summary.strongest.len()), (1, None, 0));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn a_reference_that_was_changed_is_refused(at in any::<prop::sample::Index>(), to in any::<u8>()) {
+        // Catches a digest that leaves a part of the file out, and a panic on a file that is none.
+        let small = Casing { location_count: 20, offsets_mm: vec![0.0], velocities_m_per_s: vec![1.0], ..Casing::default() };
+        let set = build_reference(&built(file()), shoulders_of(&small, 1, false, "A")).unwrap();
+        let mut bytes = set.text().unwrap().into_bytes();
+        let place = at.index(bytes.len());
+        prop_assume!(bytes[place] != to);
+        bytes[place] = to;
+        if let Ok(text) = String::from_utf8(bytes) && let Ok(other) = ReferenceSet::parse(&text) {
+            // White space, or a digit beyond what a number holds.
+            prop_assert_eq!(other, set);
+        }
+    }
+}
+
+#[test]
+fn what_is_no_reference_is_refused() {
+    // Catches a panic, and an error that does not say what is wrong.
+    let good = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
+    let refusal = |set: ReferenceSet| ReferenceSet::parse(&set.signed().text().unwrap()).unwrap_err().to_string();
+    let with = |change: &dyn Fn(&mut KnownShoulder)| {
+        let mut set = good.clone();
+        change(&mut set.shoulders[0]);
+        refusal(set)
+    };
+    assert!(with(&|s| s.tyre = String::new()).contains("serial"));
+    assert!(with(&|s| s.locations.swap(0, 1)).contains("ascending"));
+    assert!(with(&|s| s.angles_deg.truncate(99)).contains("99"));
+    assert!(with(&|s| s.turns[0].velocities_measured_m_per_s.truncate(99)).contains("99"));
+    assert!(with(&|s| s.turns[0].offset_mm = Some(1e9)).contains("turn"));
+    assert!(with(&|s| drop(s.turns[0].values.insert("loudness".into(), vec![None; 100]))).contains("loudness"));
+    assert!(refusal(ReferenceSet { shoulders: vec![], ..good.clone() }).contains("no shoulder"));
+    let other = good.text().unwrap().replace("tapline-reference-1", "tapline-reference-9");
+    assert!(ReferenceSet::parse(&other).unwrap_err().to_string().contains("tapline-reference-9"));
+    assert!(build_reference(&built(file()), vec![]).is_err());
+    let constant = KnownShoulder { turns: vec![], ..good.shoulders[0].clone() };
+    assert!(build_reference(&built(file()), vec![constant]).unwrap_err().to_string().contains("nothing of them varies"));
+}
+
+#[test]
+fn a_shoulder_that_is_there_twice_is_refused() {
+    // Catches a shoulder that counts double, as if two casings agreed; the other side of a casing is no repeat.
+    let both = Casing { shoulder_count: 2, ..Casing::default() };
+    let mut set = build_reference(&built(file()), shoulders_of(&both, 1, false, "A")).unwrap();
+    assert!(ReferenceSet::parse(&set.clone().signed().text().unwrap()).is_ok());
+    // Apart from each other, so that it is not neighbours only that are compared.
+    set.shoulders.push(set.shoulders[0].clone());
+    let error = ReferenceSet::parse(&set.signed().text().unwrap()).unwrap_err();
+    assert!(error.to_string().contains("A/1 twice"), "{error}");
+}
+
+#[test]
+fn a_number_that_was_edited_is_refused() {
+    // Catches a digest that vouches for the shoulders and not for the limits, the labels or the analysis, or the reverse.
+    let set = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
+    let refused = |change: &dyn Fn(&mut ReferenceSet)| {
+        let mut edited = set.clone();
+        change(&mut edited);
+        let parsed = ReferenceSet::parse(&edited.text().unwrap());
+        assert!(parsed.unwrap_err().to_string().contains("it was changed"));
+    };
+    refused(&|set| set.summary.limit_reject += 1e-9);
+    refused(&|set| set.summary.scales[0].spread *= 1.0 + 1e-12);
+    refused(&|set| set.shoulders[0].turns[0].values.get_mut("pr").unwrap()[3] = Some(0.25));
+    refused(&|set| set.shoulders[0].is_cracked.as_mut().unwrap()[0] = false);
+    refused(&|set| set.process = set.process.replace("550", "551"));
+    refused(&|set| set.directions.set(Discriminator::Pr, Direction::Falls));
+}
+
+#[test]
+fn rings_of_another_number_of_locations_are_refused() {
+    // Catches arcs of so many locations compared with arcs of another length.
+    let set = build_reference(&built(file()), shoulders_of(&Casing::default(), 1, false, "A")).unwrap();
+    let plan = Casing { location_count: 50, ..Casing::default() }.plan();
+    let error = Fusion::with_reference(&file(), &plan, Arc::new(set)).unwrap_err();
+    assert_eq!(error, Error::OtherLocations { known: 100, planned: 50 });
+}
+
+#[test]
+fn a_reference_is_cut_to_the_turns_of_the_scan() {
+    // Catches a scan of one repetition judged by the scatter of two, and what the scan does not have that teaches.
+    let both = Casing { shoulder_count: 2, ..Casing::default() };
+    let shoulders = |casing: &Casing| -> Vec<KnownShoulder> {
+        (0..6).flat_map(|k| shoulders_of(casing, 100 + k, false, &format!("A{k}"))).collect()
+    };
+    let once = Casing { repetition_count: 1, offsets_mm: vec![0.0], ..both.clone() };
+    let whole = build_reference(&built(file()), shoulders(&both)).unwrap();
+    let mut cut = whole.clone();
+    for shoulder in &mut cut.shoulders {
+        shoulder.turns.retain(|turn| turn.repetition == 0 && turn.offset_mm == Some(0.0));
+    }
+    let plan = once.plan();
+    let judgement_by = |set: &ReferenceSet| {
+        let mut fusion = Fusion::with_reference(&file(), &plan, Arc::new(set.clone())).unwrap();
+        records(&once, &plan, 7).iter().for_each(|record| fusion.push(record).unwrap());
+        let judgement = fusion.judge(0).unwrap().0;
+        (judgement.limit_re_inspect, judgement.strongest_arc)
+    };
+    assert_eq!(judgement_by(&whole), judgement_by(&cut));
+    assert!((judgement_by(&whole).0 - whole.summary.limit_re_inspect).abs() > 1e-6);
+}
+
+#[test]
+fn another_casing_is_judged_by_a_reference() {
+    // Catches a reference that is not used, a casing damaged for its level, and a mark of self-reference where there is none.
+    let sound = Casing { shoulder_count: 2, ..Casing::default() };
+    let shoulders = (0..6).flat_map(|k| shoulders_of(&sound, 100 + k, false, &format!("A{k}"))).collect();
+    let set = build_reference(&built(file()), shoulders).unwrap();
+    let (verdict, reasons, regions) = judged(&set, &file(), &sound, 7);
+    assert_eq!((verdict, reasons, regions), (Verdict::Pass, Reasons::EXTRAPOLATED, vec![]));
+    let cracked = Casing { cracks: vec![(1, 40..46)], shift: 3.0, ..sound.clone() };
+    let (verdict, _, regions) = judged(&set, &file(), &cracked, 7);
+    assert_eq!(verdict, Verdict::Reject);
+    assert!((40..46).all(|location| regions.contains(&location)) && regions.len() <= 9, "{regions:?}");
+    // All round, both shoulders: only the levels of the reference's casings can tell.
+    let all_round = Casing { cracks: vec![(1, 0..100), (2, 0..100)], shift: 8.0, ..sound };
+    let (verdict, reasons, _) = judged(&set, &file(), &all_round, 7);
+    assert!(verdict != Verdict::Pass && reasons.contains(Reasons::LEVEL_OFF), "{reasons}");
+}
+
+#[test]
+fn every_index_finds_a_crack_beside_labelled_ones() {
+    // Catches cracked places of a reference that teach what is sound.
+    let set = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
+    let casing = Casing { cracks: vec![(1, 40..46)], shift: 2.5, ..Casing::default() };
+    let plan = casing.plan();
+    let found = records(&casing, &plan, 9);
+    for index in IndexKind::ALL {
+        let config = FuseConfig { index, ..file() };
+        let score = Score::by_reference(&config, &plan, Arc::new(set.clone()), &found).unwrap();
+        assert!(score.index.unwrap() > 0.9, "{} {score:?}", index.name());
+    }
+    assert_eq!(judged(&set, &file(), &casing, 9).0, Verdict::Reject);
+}
+
+#[test]
+fn directions_are_learned_where_labels_tell() {
+    // Catches a direction learned from noise, and one that labels contradict and that stays.
+    let casing = Casing { shifted: vec![Discriminator::Pr, Discriminator::Tau], ..labelled() };
+    let mut wrong = built(file());
+    wrong.config.directions.set(Discriminator::Pr, Direction::Falls);
+    wrong.config.directions.set(Discriminator::A1, Direction::Falls);
+    let of = |learns_directions| {
+        let of = Built { learns_directions, ..wrong.clone() };
+        build_reference(&of, shoulders_of(&casing, 1, true, "A")).unwrap()
+    };
+    let directions = of(true).directions;
+    let learned = [Discriminator::Pr, Discriminator::Tau, Discriminator::A1].map(|which| directions.of(which));
+    assert_eq!(learned, [Direction::Rises, Direction::Rises, Direction::Falls]);
+    assert_eq!(of(false).directions.of(Discriminator::Pr), Direction::Falls);
+    assert!(of(false).auc["pr"] > 0.9 && (0.3..0.7).contains(&of(false).auc["a_1"]), "{:?}", of(false).auc);
+}
+
+#[test]
+fn a_plan_without_a_condition_in_common_is_refused() {
+    // Catches taps compared with those of other offsets, and a run that ends with no index at all.
+    let set = build_reference(&built(file()), shoulders_of(&Casing::default(), 1, false, "A")).unwrap();
+    let elsewhere = Casing { offsets_mm: vec![5.0], ..Casing::default() }.plan();
+    let error = Fusion::with_reference(&file(), &elsewhere, Arc::new(set.clone())).unwrap_err();
+    assert!(error.to_string().contains("10 mm, 1.5 m/s") && error.to_string().contains("5 mm, 1 m/s"), "{error}");
+    // One in common serves: the crack is found by what is left.
+    let part = Casing { offsets_mm: vec![0.0, 5.0], cracks: vec![(1, 40..46)], shift: 4.0, ..Casing::default() };
+    assert_eq!(judged(&set, &file(), &part, 3).0, Verdict::Reject);
+    assert_eq!(tyre().to_string(), "T1");
+}

@@ -1,0 +1,68 @@
+//! What came of one shoulder, turn by turn: what every index looks at.
+
+pub(crate) mod conditions;
+pub(crate) mod ring;
+pub(crate) mod velocity;
+
+use tapline_wire::{Discriminator, Values};
+
+use crate::shoulder::ring::Ring;
+
+/// What came of one shoulder.
+#[derive(Debug, Clone)]
+pub(crate) struct Shoulder {
+    /// Its locations, and which of them are neighbours.
+    pub(crate) ring: Ring,
+    /// Number of its casing among those it is compared with.
+    pub(crate) casing: usize,
+    /// Its turns, ordered by condition and repetition.
+    pub(crate) turns: Vec<Turn>,
+    /// For each place whether it is cracked, where that is known.
+    pub(crate) is_cracked: Vec<Option<bool>>,
+}
+
+/// Once around a shoulder at one offset and velocity.
+#[derive(Debug, Clone)]
+pub(crate) struct Turn {
+    /// Number of its offset and velocity.
+    pub(crate) condition: usize,
+    /// The discriminators by place; all absent where no tap came.
+    pub(crate) values: Vec<Values>,
+    /// Their logarithms, `[discriminator][place]`, NaN where absent.
+    logs: Vec<Vec<f64>>,
+}
+
+impl Turn {
+    /// A turn of `values`.
+    pub(crate) fn new(condition: usize, values: Vec<Values>) -> Self {
+        let log = |which: Discriminator| values.iter().map(|of_tap| log_of(which, of_tap)).collect();
+        let logs = Discriminator::ALL.into_iter().map(log).collect();
+        Self { condition, values, logs }
+    }
+
+    /// The logarithm of `which` by place, NaN where it is absent or has none.
+    pub(crate) fn log(&self, which: Discriminator) -> &[f64] {
+        &self.logs[which as usize]
+    }
+}
+
+/// A gain multiplies all values of a turn: it shifts their logarithms, and a level takes it away.
+///
+/// PR is a part of a whole, 0 to 1: ln(x / (1 - x)) keeps a rise near 1 as visible as one near 0.
+fn log_of(which: Discriminator, values: &Values) -> f64 {
+    let Some(x) = values.get(which) else { return f64::NAN };
+    let log = if which == Discriminator::Pr { (x / (1.0 - x)).ln() } else { x.ln() };
+    if log.is_finite() { log } else { f64::NAN }
+}
+
+impl Shoulder {
+    /// How many places it has.
+    pub(crate) fn place_count(&self) -> usize {
+        self.ring.len()
+    }
+
+    /// Places that are not known to be cracked.
+    pub(crate) fn sound(&self) -> Vec<bool> {
+        self.is_cracked.iter().map(|&label| label != Some(true)).collect()
+    }
+}

@@ -1,0 +1,43 @@
+//! From what a shoulder shows to reasons and a verdict.
+
+pub(crate) mod whole_shoulder;
+
+use tapline_wire::{Reasons, Verdict};
+
+/// Reasons that say how a verdict was reached and ask for nothing.
+const REMARKS: [Reasons; 2] = [Reasons::SELF_REFERENCE, Reasons::EXTRAPOLATED];
+
+/// The verdict that `reasons` demand: PASS only when there is none but remarks.
+pub(crate) fn verdict_of(reasons: Reasons) -> Verdict {
+    if reasons.contains(Reasons::DAMAGE) {
+        Verdict::Reject
+    } else if REMARKS.iter().fold(reasons.bits(), |bits, remark| bits & !remark.bits()) == 0 {
+        Verdict::Pass
+    } else {
+        Verdict::ReInspect
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_no_reason_passes() {
+        // Catches a verdict that forgets a reason: all sets of flags.
+        let known = Reasons::ALL.iter().fold(0, |bits, (flag, _)| bits | flag.bits());
+        let remarks = Reasons::SELF_REFERENCE.bits() | Reasons::EXTRAPOLATED.bits();
+        for bits in 0..=known {
+            let reasons = Reasons::from_bits_retain(bits);
+            let expected = if reasons.contains(Reasons::DAMAGE) {
+                Verdict::Reject
+            } else if bits & !remarks == 0 {
+                Verdict::Pass
+            } else {
+                Verdict::ReInspect
+            };
+            assert_eq!(verdict_of(reasons), expected, "{reasons}");
+        }
+        assert_eq!(verdict_of(Reasons::from_bits_retain(1 << 20)), Verdict::ReInspect, "a reason nobody knows yet");
+    }
+}

@@ -1,0 +1,119 @@
+//! The shoulder as a whole: damage all round leaves no sound place to stand out from.
+
+use faer::Mat;
+use faer::linalg::solvers::Solve as _;
+use statrs::distribution::{ContinuousCDF as _, FisherSnedecor};
+use tapline_wire::Discriminator;
+
+use crate::index::Setup;
+use crate::shoulder::Shoulder;
+use crate::stats::median;
+
+/// What no gain of the microphone changes.
+const FREE_OF_GAIN: [Discriminator; 3] = [Discriminator::FMax, Discriminator::Tau, Discriminator::Pr];
+
+/// Fewest casings that a covariance of levels is taken from.
+const CASINGS_MIN: usize = 5;
+
+/// How the levels of sound shoulders scatter.
+#[derive(Debug, Clone)]
+pub(crate) struct Levels {
+    /// Those of [`FREE_OF_GAIN`] that the reference has.
+    discriminators: Vec<Discriminator>,
+    /// Mean level by `[condition][discriminator]`.
+    means: Vec<Vec<f64>>,
+    casing_count: usize,
+    /// Covariance of the levels of a shoulder.
+    of_shoulder: Mat<f64>,
+    /// Mean square of the difference of the two shoulders of a casing, where they have two.
+    of_difference: Option<Mat<f64>>,
+}
+
+impl Levels {
+    /// What the shoulders of a reference teach; `None` of fewer than five casings, or where their levels do not vary.
+    pub(crate) fn fit(setup: &Setup, shoulders: &[Shoulder]) -> Option<Self> {
+        let condition_count = setup.offset_of.len();
+        let has = |which: &Discriminator| {
+            shoulders.iter().all(|shoulder| shoulder.turns.iter().any(|turn| level(turn.log(*which)).is_some()))
+        };
+        let discriminators: Vec<Discriminator> = FREE_OF_GAIN.into_iter().filter(has).collect();
+        let mean = |condition: usize, which: Discriminator| {
+            let turns = shoulders.iter().flat_map(|shoulder| &shoulder.turns).filter(|turn| turn.condition == condition);
+            let levels: Vec<f64> = turns.filter_map(|turn| level(turn.log(which))).collect();
+            levels.iter().sum::<f64>() / levels.len() as f64
+        };
+        let means = (0..condition_count).map(|c| discriminators.iter().map(|&which| mean(c, which)).collect()).collect();
+        let width = discriminators.len();
+        let empty = Mat::zeros(width, width);
+        let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
+        let casing_count = casings.len();
+        let mut levels = Self { discriminators, means, casing_count, of_shoulder: empty, of_difference: None };
+        if casing_count < CASINGS_MIN || width == 0 {
+            return None;
+        }
+        let of_shoulders: Option<Vec<Vec<f64>>> = shoulders.iter().map(|shoulder| levels.of(shoulder)).collect();
+        levels.of_shoulder = mean_square(&of_shoulders?, width)?;
+        let difference = |pair: &&[Shoulder]| match pair {
+            [a, b] => Some(minus(&levels.of(a)?, &levels.of(b)?)),
+            _ => None,
+        };
+        let differences: Option<Vec<Vec<f64>>> = casings.iter().map(difference).collect();
+        levels.of_difference = differences.and_then(|differences| mean_square(&differences, width));
+        Some(levels)
+    }
+
+    /// Mean over the turns of a shoulder of their levels above the reference's; `None` where one has no level.
+    fn of(&self, shoulder: &Shoulder) -> Option<Vec<f64>> {
+        let mean = |(d, &which): (usize, &Discriminator)| {
+            let above = shoulder.turns.iter().filter_map(|turn| {
+                Some(level(turn.log(which))? - self.means[turn.condition][d]).filter(|above| above.is_finite())
+            });
+            let (sum, count) = above.fold((0.0, 0_u32), |(sum, count), x| (sum + x, count + 1));
+            (count > 0).then(|| sum / f64::from(count))
+        };
+        self.discriminators.iter().enumerate().map(mean).collect()
+    }
+
+    /// The probability that a sound shoulder's levels lie as far off the reference's as those of `shoulder`, or from the
+    /// `other` shoulder of its casing, twice the smaller of the two; `None` where it has no levels.
+    pub(crate) fn probability(&self, shoulder: &Shoulder, other: Option<&Shoulder>) -> Option<f64> {
+        let own = self.of(shoulder)?;
+        let (n, p) = (self.casing_count as f64, self.discriminators.len() as f64);
+        // Hotelling's T^2 of a new observation. The shoulders of a casing are alike: casings count.
+        let t_squared = distance(&self.of_shoulder, &own)? * n / (n + 1.0);
+        let of_shoulder = f_tail(t_squared * (n - p) / (p * (n - 1.0)), p, n - p)?;
+        let of_pair = self.of_difference.as_ref().zip(other).and_then(|(covariance, other)| {
+            let t_squared = distance(covariance, &minus(&own, &self.of(other)?))?;
+            f_tail(t_squared * (n - p + 1.0) / (n * p), p, n - p + 1.0)
+        });
+        let least = of_pair.map_or(of_shoulder, |of_pair| if of_pair < of_shoulder { of_pair } else { of_shoulder });
+        Some(if 2.0 * least < 1.0 { 2.0 * least } else { 1.0 })
+    }
+}
+
+/// The median of a turn's values, cracked places among them.
+fn level(logs: &[f64]) -> Option<f64> {
+    median(&mut logs.iter().copied().filter(|log| log.is_finite()).collect::<Vec<f64>>())
+}
+
+fn minus(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// The mean of the outer squares of `rows`, whose expected value is 0; `None` where a column does not vary.
+fn mean_square(rows: &[Vec<f64>], width: usize) -> Option<Mat<f64>> {
+    let count = rows.len() as f64;
+    let square = Mat::from_fn(width, width, |i, j| rows.iter().map(|row| row[i] * row[j]).sum::<f64>() / count);
+    (0..width).all(|i| square[(i, i)] > 1e-18).then_some(square)
+}
+
+/// x' S^-1 x.
+fn distance(covariance: &Mat<f64>, x: &[f64]) -> Option<f64> {
+    let column = Mat::from_fn(x.len(), 1, |i, _| x[i]);
+    let solved = covariance.llt(faer::Side::Lower).ok()?.solve(&column);
+    Some((0..x.len()).map(|i| x[i] * solved[(i, 0)]).sum())
+}
+
+fn f_tail(f: f64, p: f64, q: f64) -> Option<f64> {
+    (f.is_finite() && f >= 0.0).then(|| FisherSnedecor::new(p, q).ok().map(|of| of.sf(f)))?
+}
