@@ -56,7 +56,9 @@ pub enum Error {
         planned: String,
     },
     /// The rings of a reference have another number of locations than those of the plan.
-    #[error("the rings of the reference have {known} locations, those of the scan plan {planned}: arcs of theirs cannot be compared")]
+    #[error(
+        "the rings of the reference have {known} locations, those of the scan plan {planned}: arcs of theirs cannot be compared"
+    )]
     OtherLocations {
         /// Locations of the reference's rings.
         known: usize,

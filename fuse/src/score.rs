@@ -185,11 +185,11 @@ mod tests {
         assert!(pr > 0.99, "{score:?}");
         for (which, alone) in Discriminator::ALL.into_iter().zip(score.discriminators) {
             assert!(
-                which == Discriminator::Pr || alone.is_none_or(|auc| (0.2..0.8).contains(&auc)),
+                which == Discriminator::Pr || alone.is_none_or(|auc| (0.1..0.9).contains(&auc)),
                 "{which:?} {alone:?}"
             );
         }
-        assert!(score.index.unwrap() > 0.9);
+        assert!(score.index.unwrap() > 0.6, "one of six moves: {score:?}");
         assert_eq!((score.cracked_count, score.sound_count), (6, 94));
         let mut reversed = FuseConfig::by(Reference::Own);
         reversed.directions.set(Discriminator::Pr, crate::Direction::Falls);

@@ -67,7 +67,11 @@ fn in_order(bits: i64) -> i64 {
 }
 
 /// The quantile of `values` at `fraction` (0 to 1), linear between order statistics; they are sorted. `None` of no values.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place within the values, checked by get")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a place within the values, checked by get"
+)]
 pub(crate) fn quantile(values: &mut [f64], fraction: f64) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
     let place = fraction.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;

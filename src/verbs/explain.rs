@@ -100,11 +100,7 @@ fn shoulder_of(reader: &Reader, name: &str, location: Option<u32>, text: &mut St
             )?;
             let cell = location.and_then(|location| cells.iter().find(|cell| cell.location == location));
             if let Some(cell) = cell {
-                writeln!(
-                    text,
-                    "location   {}: index {:.4}, region {}",
-                    cell.location, cell.damage_index, cell.region
-                )?;
+                writeln!(text, "location   {}: index {:.4}, region {}", cell.location, cell.damage_index, cell.region)?;
             }
         }
     }

@@ -177,7 +177,9 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
         summary.limit_reject,
         percent(summary.reject_rate),
         summary.casing_count,
-        summary.supported_rate.map_or_else(|| "no rate".to_owned(), |rate| format!("{} without assumption", percent(rate)))
+        summary
+            .supported_rate
+            .map_or_else(|| "no rate".to_owned(), |rate| format!("{} without assumption", percent(rate)))
     )?;
     writeln!(out, "Written to {} (digest {})", path.display(), &set.digest()[..16])?;
     Ok(())

@@ -24,7 +24,5 @@ pub(crate) fn arcs_above(statistic: &ArcStatistic, ring: &Ring, maps: &Maps, lim
 /// How far each place stands out with its neighbours, at the depth where it does most: what an arc of the three says. NaN
 /// where the place has no value.
 pub(crate) fn damage_index(statistic: &ArcStatistic, ring: &Ring, maps: &Maps) -> Vec<f64> {
-    (0..ring.len())
-        .map(|place| statistic.about(ring, maps, place).max_by(f64::total_cmp).unwrap_or(f64::NAN))
-        .collect()
+    (0..ring.len()).map(|place| statistic.about(ring, maps, place).max_by(f64::total_cmp).unwrap_or(f64::NAN)).collect()
 }

@@ -33,9 +33,10 @@ pub(crate) fn strongest_arcs(statistic: &ArcStatistic, ring: &Ring, pattern: &Sc
         for place in 0..ring.len() {
             let shared: f64 = StandardNormal.sample(&mut rng);
             for (drawn, pattern) in drawn.by_offset.iter_mut().zip(&pattern.by_offset) {
-                let own: f64 = StandardNormal.sample(&mut rng);
-                let value = common.sqrt() * shared + (1.0 - common).sqrt() * own;
-                drawn[place] = if pattern[place].is_finite() { value } else { f64::NAN };
+                if pattern[place].is_finite() {
+                    let own: f64 = StandardNormal.sample(&mut rng);
+                    drawn[place] = common.sqrt() * shared + (1.0 - common).sqrt() * own;
+                }
             }
         }
         found.extend(statistic.strongest(ring, &statistic.maps(&drawn)).map(|arc| arc.value));

@@ -2,39 +2,52 @@
 
 use std::collections::BTreeMap;
 
-use tapline_wire::{Discriminator, TapId};
+use tapline_wire::{Discriminator, Values};
 
-use crate::fusion::{Fusion, Seen};
+use crate::fusion::Fusion;
 use crate::stats::median;
 
+/// What came at one offset and velocity.
+#[derive(Default)]
+struct Condition {
+    all: Vec<Values>,
+    /// Of the first location.
+    first: Vec<Values>,
+    closing: Vec<Values>,
+}
+
 impl Fusion {
-    /// Change of each discriminator from the first location's tap to the closing tap of the same turn, over the median of the
-    /// turn; the median of all turns, NaN where none has a closing tap.
+    /// Change of each discriminator from the first location's taps to the closing tap at the same offset and velocity, over
+    /// the median of all taps there; the median of all closing taps, NaN where there is none.
     pub(super) fn drift(&self, scan: usize) -> [f64; Discriminator::COUNT] {
         let planned = &self.plan.scans()[scan];
-        let Some(&(first, _)) = planned.locations.first() else { return [f64::NAN; Discriminator::COUNT] };
-        let turn_of = |id: &TapId| {
-            let bits = |of: Option<f64>| of.map(f64::to_bits);
-            (bits(id.offset_mm()), bits(id.velocity_m_per_s()), id.repetition)
-        };
-        let mut turns: BTreeMap<_, Vec<(&Seen, bool, bool)>> = BTreeMap::new();
+        let first = planned.locations.first().map(|&(location, _)| location);
+        let mut conditions: BTreeMap<_, Condition> = BTreeMap::new();
         for &row in &planned.taps {
             let tap = &self.plan.taps()[row as usize];
-            if let Some(seen) = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused) {
-                let is_first = tap.id.location == first && !tap.is_closing;
-                turns.entry(turn_of(&tap.id)).or_default().push((seen, is_first, tap.is_closing));
+            let Some(seen) = self.seen[row as usize].filter(|seen| !seen.is_refused) else { continue };
+            let bits = |of: Option<f64>| of.map(f64::to_bits);
+            let name = (bits(tap.id.offset_mm()), bits(self.plan.velocity_nominal_m_per_s(row)));
+            let condition = conditions.entry(name).or_default();
+            if tap.is_closing {
+                condition.closing.push(seen.values);
+                continue;
+            }
+            condition.all.push(seen.values);
+            if Some(tap.id.location) == first {
+                condition.first.push(seen.values);
             }
         }
-        turns.retain(|_, taps| taps.iter().any(|&(_, _, is_closing)| is_closing));
         Discriminator::ALL.map(|which| {
-            let change = |taps: &Vec<(&Seen, bool, bool)>| {
-                let value = |(seen, ..): &(&Seen, bool, bool)| seen.values.get(which);
-                let first = taps.iter().find(|(_, is_first, _)| *is_first).and_then(value)?;
-                let last = taps.iter().find(|(.., is_closing)| *is_closing).and_then(value)?;
-                let level = median(&mut taps.iter().filter_map(value).collect::<Vec<f64>>())?;
-                Some((last - first) / level).filter(|change| change.is_finite())
+            let changes = |condition: &Condition| {
+                let values = |of: &[Values]| of.iter().filter_map(|values| values.get(which)).collect::<Vec<f64>>();
+                let first = values(&condition.first);
+                let first = first.iter().sum::<f64>() / first.len() as f64;
+                let level = median(&mut values(&condition.all)).unwrap_or(f64::NAN);
+                let closing = values(&condition.closing).into_iter();
+                closing.map(|last| (last - first) / level).filter(|change| change.is_finite()).collect::<Vec<f64>>()
             };
-            median(&mut turns.values().filter_map(change).collect::<Vec<f64>>()).unwrap_or(f64::NAN)
+            median(&mut conditions.values().flat_map(changes).collect::<Vec<f64>>()).unwrap_or(f64::NAN)
         })
     }
 }

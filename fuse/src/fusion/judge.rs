@@ -69,6 +69,7 @@ impl Fusion {
                 ..DamageCell::default()
             })
             .collect();
+        self.count_taps(scan, &mut cells);
         let seen = || planned.taps.iter().filter_map(|&row| self.seen[row as usize].as_ref());
         let refused_count = seen().filter(|seen| seen.is_refused).count();
         let mut judgement = Judgement {
@@ -98,6 +99,19 @@ impl Fusion {
         Ok((judgement, cells))
     }
 
+    /// Fills in how many taps of each location came with any discriminator, and what was absent from those that came.
+    fn count_taps(&self, scan: usize, cells: &mut [DamageCell]) {
+        let asked = count(self.config.discriminators.len());
+        for (row, id) in self.entering(scan) {
+            let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused);
+            let place = cells.binary_search_by_key(&id.location, |cell| cell.location);
+            let (Some(seen), Ok(place)) = (seen, place) else { continue };
+            let given = self.config.discriminators.iter().filter(|which| seen.values.get(**which).is_some()).count();
+            cells[place].tap_count += u32::from(given > 0);
+            cells[place].absent_count += asked - count(given);
+        }
+    }
+
     /// What the reference of scan number `scan` can support and what it cannot, for people to read.
     ///
     /// # Errors
@@ -122,7 +136,10 @@ impl Fusion {
         let map = |(number, mm): (usize, Option<f64>)| {
             let alone = view.fitted.statistic.alone(number);
             let index = damage_index(&alone, &view.shoulder.ring, &alone.maps(view.scores));
-            Some(OffsetMap { offset_mm: mm?, index: index.into_iter().map(|x| Some(x).filter(|x| !x.is_nan())).collect() })
+            Some(OffsetMap {
+                offset_mm: mm?,
+                index: index.into_iter().map(|x| Some(x).filter(|x| !x.is_nan())).collect(),
+            })
         };
         let mut maps: Vec<OffsetMap> =
             compared.conditions.offsets_mm().into_iter().enumerate().filter_map(map).collect();
@@ -219,8 +236,6 @@ impl View<'_> {
         for (place, cell) in cells.iter_mut().enumerate() {
             cell.damage_index = index[place];
             cell.p_value = if index[place].is_nan() { f64::NAN } else { limits.probability(index[place]) };
-            cell.tap_count = self.scores.tap_counts[place];
-            cell.absent_count = self.scores.absent_counts[place];
         }
         let arcs = arcs_above(&self.fitted.statistic, ring, &self.maps, judgement.limit_re_inspect);
         let mut is_inside = vec![false; ring.len()];

@@ -6,6 +6,9 @@ use crate::index::{Index, Scores, Setup};
 use crate::shoulder::Shoulder;
 use crate::stats::mean_and_sd;
 
+/// Fewest sound places that tell how the index scatters.
+const PLACES_MIN: usize = 8;
+
 /// What a reference taught: the extremes of Eq. 55, and how the index of its sound places scatters.
 #[derive(Debug, Clone)]
 pub(crate) struct Extremes {
@@ -39,7 +42,7 @@ impl Extremes {
             .flat_map(|shoulder| index.values(shoulder).into_iter().zip(shoulder.sound()).filter(|(_, sound)| *sound))
             .filter_map(|(value, _)| value)
             .collect();
-        (index.mean, index.sd) = mean_and_sd(&sound).filter(|(_, sd)| *sd > 1e-12)?;
+        (index.mean, index.sd) = mean_and_sd(&sound).filter(|(_, sd)| sound.len() >= PLACES_MIN && *sd > 1e-12)?;
         Some(index)
     }
 
@@ -97,14 +100,12 @@ impl Index for Extremes {
                 by_offset: vec![self.values(shoulder).into_iter().map(standardised).collect()],
                 by_discriminator: vec![vec![f64::NAN; width]; place_count],
                 is_inlier: vec![true; place_count],
-                ..Scores::default()
             };
             for (place, conditions) in averaged(&self.setup, shoulder).into_iter().enumerate() {
                 for (d, mean_score) in scores.by_discriminator[place].iter_mut().enumerate() {
                     *mean_score = mean(conditions.iter().map(|c| self.scaled(c)[d])).unwrap_or(f64::NAN);
                 }
             }
-            scores.count_taps(&self.setup, shoulder);
             scores
         };
         casing.iter().map(of).collect()
@@ -147,7 +148,9 @@ mod tests {
         };
         let setup = Setup {
             kind: IndexKind::Dissertation,
-            discriminators: [Discriminator::FMax, Discriminator::Tau, Discriminator::Pr].map(|d| (d, d.direction())).to_vec(),
+            discriminators: [Discriminator::FMax, Discriminator::Tau, Discriminator::Pr]
+                .map(|d| (d, d.direction()))
+                .to_vec(),
             offset_of: vec![0],
             offset_count: 1,
             is_own: true,

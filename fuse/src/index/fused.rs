@@ -103,7 +103,9 @@ impl Index for Fused {
     fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores> {
         let levels = self.levels(casing);
         let inliers = self.inliers(casing, &levels);
-        let of = |((shoulder, levels), inliers): ((&&Shoulder, &Levels), Vec<bool>)| self.scores_by(shoulder, levels, inliers);
+        let of = |((shoulder, levels), inliers): ((&&Shoulder, &Levels), Vec<bool>)| {
+            self.scores_by(shoulder, levels, inliers)
+        };
         casing.iter().zip(&levels).zip(inliers).map(of).collect()
     }
 
@@ -299,7 +301,9 @@ impl Fused {
             for ((shoulder, kept), levels) in shoulders.iter().zip(kept).zip(levels) {
                 for (turn, levels) in shoulder.turns.iter().zip(levels).filter(|(t, _)| t.condition == condition) {
                     let first = above.len();
-                    above.extend(self.above(turn, d, levels[d]).zip(kept).filter(|(_, kept)| **kept).filter_map(|(y, _)| y));
+                    above.extend(
+                        self.above(turn, d, levels[d]).zip(kept).filter(|(_, kept)| **kept).filter_map(|(y, _)| y),
+                    );
                     gaps.extend(quantile(&mut above[first..], START_FRACTION).map(|quartile| -quartile));
                 }
             }
@@ -338,9 +342,11 @@ impl Fused {
 
     /// Scores of the discriminators of the taps of a turn, `[discriminator][place]`.
     fn turn_scores(&self, turn: &Turn, levels: &[Level]) -> Vec<Vec<f64>> {
+        // Where a shoulder is its own reference, what lies below the level tells how what lies above scatters.
+        let low = if self.setup.is_own { -SCORE_HIGH } else { SCORE_LOW };
         let of = |d: usize| match self.scales[turn.condition][d] {
             Some(scale) => {
-                let z = |y: Option<f64>| y.map_or(f64::NAN, |y| (y / scale.sigma).clamp(SCORE_LOW, SCORE_HIGH));
+                let z = |y: Option<f64>| y.map_or(f64::NAN, |y| (y / scale.sigma).clamp(low, SCORE_HIGH));
                 self.above(turn, d, levels[d]).map(z).collect()
             }
             None => vec![f64::NAN; turn.values.len()],
@@ -407,7 +413,8 @@ impl Fused {
         let mut by_condition = vec![Vec::new(); self.condition_count()];
         for ((shoulder, kept), levels) in shoulders.iter().zip(kept).zip(levels) {
             for (turn, levels) in shoulder.turns.iter().zip(levels) {
-                let values = self.weighted(turn, levels).into_iter().zip(kept).filter(|(v, kept)| **kept && v.is_finite());
+                let values =
+                    self.weighted(turn, levels).into_iter().zip(kept).filter(|(v, kept)| **kept && v.is_finite());
                 by_condition[turn.condition].extend(values.map(|(value, _)| value));
             }
         }
@@ -418,11 +425,17 @@ impl Fused {
             shoulders.iter().zip(levels).map(|(shoulder, levels)| self.tap_means(shoulder, levels)).collect();
         self.offsets = (0..self.setup.offset_count)
             .map(|offset| {
-                let places = || means.iter().zip(kept).flat_map(|(means, kept)| {
-                    means[offset].iter().zip(kept).filter(|(mean, kept)| **kept && mean.1 > 0).map(|(mean, _)| *mean)
-                });
+                let places = || {
+                    means.iter().zip(kept).flat_map(|(means, kept)| {
+                        means[offset]
+                            .iter()
+                            .zip(kept)
+                            .filter(|(mean, kept)| **kept && mean.1 > 0)
+                            .map(|(mean, _)| *mean)
+                    })
+                };
                 let deviations = self.within_variance(shoulders, kept, levels, &means, offset);
-                OffsetScale::of(places(), deviations)
+                OffsetScale::of(places(), deviations, self.setup.is_own)
             })
             .collect();
         let near: Vec<f64> = (shoulders.iter().zip(levels).zip(kept))
@@ -431,7 +444,7 @@ impl Fused {
                 near.into_iter().zip(kept).filter(|(_, kept)| **kept).filter_map(|(value, _)| value).collect::<Vec<_>>()
             })
             .collect();
-        self.neighbours_sd = mean_and_sd(&near).map_or(1.0, |(_, sd)| sd);
+        self.neighbours_sd = centre_and_sd(near, self.setup.is_own).map_or(1.0, |(_, sd)| sd);
     }
 
     /// Variance of taps about the mean of their place at one offset; `None` where no place has two.
@@ -466,22 +479,19 @@ impl Fused {
     }
 
     fn scores_by(&self, shoulder: &Shoulder, levels: &Levels, is_inlier: Vec<bool>) -> Scores {
-        let mut scores = Scores {
+        Scores {
             by_offset: self.by_offset(shoulder, levels),
             by_discriminator: self.by_discriminator(shoulder, levels),
             is_inlier,
-            ..Scores::default()
-        };
-        scores.count_taps(&self.setup, shoulder);
-        scores
+        }
     }
 }
 
 impl OffsetScale {
     /// Of the means of sound places, each of so many taps, and the variance of a tap about the mean of its place.
-    fn of(places: impl Iterator<Item = (f64, u32)>, tap_variance: Option<f64>) -> Option<Self> {
+    fn of(places: impl Iterator<Item = (f64, u32)>, tap_variance: Option<f64>, is_own: bool) -> Option<Self> {
         let places: Vec<(f64, u32)> = places.collect();
-        let (mean, sd) = mean_and_sd(&places.iter().map(|place| place.0).collect::<Vec<f64>>())?;
+        let (mean, sd) = centre_and_sd(places.iter().map(|place| place.0).collect(), is_own)?;
         let inverse = places.iter().map(|place| 1.0 / f64::from(place.1)).sum::<f64>() / places.len() as f64;
         // Of places with one tap each nobody can tell what stays with the place.
         let tap_variance = tap_variance.unwrap_or(sd * sd / inverse);
@@ -497,6 +507,14 @@ impl OffsetScale {
             _ => (mean - self.mean) / (self.place_variance + self.tap_variance / f64::from(count)).sqrt(),
         }
     }
+}
+
+/// Mean and standard deviation; as the lower half tells them where the upper may be damage.
+fn centre_and_sd(mut values: Vec<f64>, is_own: bool) -> Option<(f64, f64)> {
+    if !is_own {
+        return mean_and_sd(&values);
+    }
+    Spread::of_lower_half(&mut values).map(|spread| (spread.centre, spread.sigma))
 }
 
 /// Calls `see` with the shoulders of each casing; those of one follow each other.

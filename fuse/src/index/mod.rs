@@ -43,10 +43,6 @@ pub(crate) struct Scores {
     pub(crate) by_discriminator: Vec<Vec<f64>>,
     /// Places that are not left out of the level of their turns, as ones that stand out are.
     pub(crate) is_inlier: Vec<bool>,
-    /// Taps that entered, by place.
-    pub(crate) tap_counts: Vec<u32>,
-    /// Discriminators that were absent from those taps, by place.
-    pub(crate) absent_counts: Vec<u32>,
 }
 
 impl Scores {
@@ -54,22 +50,6 @@ impl Scores {
     pub(crate) fn hide(&mut self, kept: &[bool]) {
         for of_offset in &mut self.by_offset {
             of_offset.iter_mut().zip(kept).filter(|(_, kept)| !**kept).for_each(|(score, _)| *score = f64::NAN);
-        }
-    }
-
-    /// Counts the taps of `shoulder` that gave any discriminator, and what they did not give.
-    fn count_taps(&mut self, setup: &Setup, shoulder: &Shoulder) {
-        self.tap_counts = vec![0; shoulder.place_count()];
-        self.absent_counts = vec![0; shoulder.place_count()];
-        let asked = u32::try_from(setup.discriminators.len()).unwrap_or(u32::MAX);
-        for turn in &shoulder.turns {
-            for (place, values) in turn.values.iter().enumerate() {
-                let given = (setup.discriminators.iter()).fold(0, |n, (d, _)| n + u32::from(values.get(*d).is_some()));
-                if given > 0 {
-                    self.tap_counts[place] += 1;
-                    self.absent_counts[place] += asked - given;
-                }
-            }
         }
     }
 }

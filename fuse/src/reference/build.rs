@@ -9,8 +9,8 @@ use crate::reference::file::{KnownShoulder, Origin, ReferenceSet};
 use crate::reference::fitted::FittedReference;
 use crate::reference::pattern::Pattern;
 use crate::reference::summary::{ScaleLine, Summary};
-use crate::shoulder::{Shoulder, Turn};
 use crate::shoulder::velocity::Normalisation;
+use crate::shoulder::{Shoulder, Turn};
 use crate::stats::{mean_and_sd, median};
 use crate::{Direction, Directions, Error, FuseConfig, IndexKind, auc, index};
 
@@ -83,7 +83,8 @@ fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) ->
         for (shoulder, found) in casing.iter().zip(index.scores(casing)) {
             for (by_discriminator, label) in found.by_discriminator.iter().zip(&shoulder.is_cracked) {
                 let Some(label) = label else { continue };
-                for ((scores, labels), score) in scores.iter_mut().zip(by_discriminator).filter(|(_, s)| s.is_finite()) {
+                for ((scores, labels), score) in scores.iter_mut().zip(by_discriminator).filter(|(_, s)| s.is_finite())
+                {
                     scores.push(*score);
                     labels.push(*label);
                 }
@@ -110,7 +111,8 @@ fn summed_up(config: &FuseConfig, pattern: &Pattern, shoulders: &[Shoulder], fit
         let (offset_mm, velocity_m_per_s) = pattern.conditions.name(condition);
         let turns = || shoulders.iter().flat_map(|shoulder| &shoulder.turns).filter(|turn| turn.condition == condition);
         for (d, &discriminator) in config.discriminators.iter().enumerate() {
-            let median_of = |values: Vec<f64>| median(&mut values.into_iter().filter(|x| x.is_finite()).collect::<Vec<_>>());
+            let median_of =
+                |values: Vec<f64>| median(&mut values.into_iter().filter(|x| x.is_finite()).collect::<Vec<_>>());
             let values = |turn: &Turn| turn.values.iter().filter_map(|v| v.get(discriminator)).collect();
             let level = median_of(turns().filter_map(|turn| median_of(values(turn))).collect());
             let logs: Vec<f64> = turns().filter_map(|turn| median_of(turn.log(discriminator).to_vec())).collect();

@@ -158,8 +158,11 @@ impl KnownShoulder {
     fn like(&self, pattern: &Pattern, normalisation: &Normalisation, casing: usize) -> Shoulder {
         let located: Vec<(u32, Option<f64>)> =
             self.locations.iter().copied().zip(self.angles_deg.iter().copied()).collect();
-        let mut turns: Vec<(usize, &Turn)> =
-            self.turns.iter().filter_map(|turn| Some((pattern.conditions.number(&self.tap_id(turn)?)?, turn))).collect();
+        let mut turns: Vec<(usize, &Turn)> = self
+            .turns
+            .iter()
+            .filter_map(|turn| Some((pattern.conditions.number(&self.tap_id(turn)?)?, turn)))
+            .collect();
         turns.sort_by_key(|(condition, turn)| (*condition, turn.repetition));
         let mut shoulder = Shoulder {
             ring: Ring::of(self.geometry, &located, self.closing_location),

@@ -35,9 +35,7 @@ impl FittedReference {
         let casing_count = if setup.is_own { 0 } else { casings.len() };
         let strongest: Vec<f64> = match casing_count {
             0 | 1 => Vec::new(),
-            _ => (casings.par_iter())
-                .flat_map_iter(|casing| left_out(&setup, offsets, shoulders, casing))
-                .collect(),
+            _ => (casings.par_iter()).flat_map_iter(|casing| left_out(&setup, offsets, shoulders, casing)).collect(),
         };
         let (ring, pattern) = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores).next()?;
         let white = white::strongest_arcs(&statistic, ring, pattern)?;
@@ -89,7 +87,12 @@ fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Le
         }
     }
     let rings: Vec<_> = shoulders.iter().map(|shoulder| &shoulder.ring).zip(scores.iter().cloned()).collect();
-    let statistic = ArcStatistic::fit(offsets.to_vec(), &rings, setup.is_own);
+    // An index that looks at all offsets at once has one score a place.
+    let is_one = scores.iter().all(|scores| scores.by_offset.len() == 1);
+    let mut offsets = if is_one { vec![0] } else { offsets.to_vec() };
+    offsets
+        .retain(|&offset| scores.iter().any(|scores| scores.by_offset[offset].iter().any(|score| score.is_finite())));
+    let statistic = ArcStatistic::fit(offsets, &rings, setup.is_own);
     Some((index, statistic, scores))
 }
 

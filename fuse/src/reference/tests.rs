@@ -101,7 +101,9 @@ fn what_is_no_reference_is_refused() {
     assert!(ReferenceSet::parse(&other).unwrap_err().to_string().contains("tapline-reference-9"));
     assert!(build_reference(&built(file()), vec![]).is_err());
     let constant = KnownShoulder { turns: vec![], ..good.shoulders[0].clone() };
-    assert!(build_reference(&built(file()), vec![constant]).unwrap_err().to_string().contains("nothing of them varies"));
+    assert!(
+        build_reference(&built(file()), vec![constant]).unwrap_err().to_string().contains("nothing of them varies")
+    );
 }
 
 #[test]

@@ -237,7 +237,11 @@ mod tests {
         // Catches gaps in the numbers, and one over the seam that has two.
         let numbers = |text: &str| -> String {
             let inside: Vec<bool> = text.bytes().map(|b| b == b'x').collect();
-            ring(u32::try_from(inside.len()).unwrap()).numbered(|place| inside[place]).iter().map(u32::to_string).collect()
+            ring(u32::try_from(inside.len()).unwrap())
+                .numbered(|place| inside[place])
+                .iter()
+                .map(u32::to_string)
+                .collect()
         };
         assert_eq!(numbers("xx.x..xxx.x"), "11.2..333.1".replace('.', "0"));
         assert_eq!(numbers("....."), "00000");

@@ -38,11 +38,13 @@ impl Levels {
         };
         let discriminators: Vec<Discriminator> = FREE_OF_GAIN.into_iter().filter(has).collect();
         let mean = |condition: usize, which: Discriminator| {
-            let turns = shoulders.iter().flat_map(|shoulder| &shoulder.turns).filter(|turn| turn.condition == condition);
+            let turns =
+                shoulders.iter().flat_map(|shoulder| &shoulder.turns).filter(|turn| turn.condition == condition);
             let levels: Vec<f64> = turns.filter_map(|turn| level(turn.log(which))).collect();
             levels.iter().sum::<f64>() / levels.len() as f64
         };
-        let means = (0..condition_count).map(|c| discriminators.iter().map(|&which| mean(c, which)).collect()).collect();
+        let means =
+            (0..condition_count).map(|c| discriminators.iter().map(|&which| mean(c, which)).collect()).collect();
         let width = discriminators.len();
         let empty = Mat::zeros(width, width);
         let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();

@@ -243,7 +243,9 @@ fn shoulder(
         verdict,
         reasons,
         evidence: judgement.map_or_else(Vec::new, |judgement| evidence(&judgement)),
-        rates: judgement.map(|j| [j.re_inspect_rate, j.reject_rate]).filter(|rates| rates.iter().all(|r| r.is_finite())),
+        rates: judgement
+            .map(|j| [j.re_inspect_rate, j.reject_rate])
+            .filter(|rates| rates.iter().all(|r| r.is_finite())),
         limits: limits.filter(|limits| limits.re_inspect.is_finite() && limits.reject.is_finite()),
         cells: map.iter().map(cell).collect(),
         regions: regions(reader.plan().geometry, &map),

@@ -87,9 +87,16 @@ impl ScanRow {
     pub(crate) fn fingerprint(&self, cells: &[CellRow]) -> u64 {
         let mut hasher = DefaultHasher::new();
         (self.verdict, self.reasons).hash(&mut hasher);
-        [self.limit_re_inspect, self.limit_reject, self.strongest_arc, self.re_inspect_rate, self.reject_rate, self.p_value]
-            .map(f64::to_bits)
-            .hash(&mut hasher);
+        [
+            self.limit_re_inspect,
+            self.limit_reject,
+            self.strongest_arc,
+            self.re_inspect_rate,
+            self.reject_rate,
+            self.p_value,
+        ]
+        .map(f64::to_bits)
+        .hash(&mut hasher);
         [self.evidence, self.drift].map(|of| of.map(f64::to_bits)).hash(&mut hasher);
         (self.planned_count, self.received_count, self.refused_count, self.absent_count).hash(&mut hasher);
         for cell in cells {

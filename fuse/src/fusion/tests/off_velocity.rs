@@ -23,7 +23,7 @@ fn a_tap_that_struck_out_stays_in_its_class() {
     let expected = whole(&own, &meant, &all).judge(0).unwrap();
     let mut got = whole(&own, &plan, &renamed).judge(0).unwrap();
     got.0.stamp = expected.0.stamp; // another plan has another digest
-    assert_eq!(bits(&got), bits(&expected));
+    assert!(bits(&got) == bits(&expected));
     assert!(got.0.drift[4].is_finite());
     let known = |plan: &Plan, all: &[Discriminators]| KnownShoulder::of(plan, all, 0, None).unwrap();
     assert_eq!(known(&plan, &renamed), known(&meant, &all));

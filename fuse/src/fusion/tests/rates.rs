@@ -4,7 +4,7 @@ use super::*;
 use crate::{Built, KnownShoulder, build_reference};
 
 fn casing() -> Casing {
-    Casing { shoulder_count: 2, location_count: 60, ..Casing::default() }
+    Casing { shoulder_count: 2, location_count: 60, smooth: 0.1, ..Casing::default() }
 }
 
 /// A reference of `count` casings.
@@ -33,9 +33,10 @@ fn called(set: Option<&Arc<ReferenceSet>>, config: &FuseConfig, count: u64) -> (
         for record in records(&casing(), &plan, seed) {
             fusion.push(&record).unwrap();
         }
+        [0, 1].iter().for_each(|&scan| fusion.end(scan).unwrap());
         for scan in [0, 1] {
-            fusion.end(scan).unwrap();
-            verdicts.push(verdict(&fusion.judge(scan).unwrap().0));
+            let judgement = fusion.judge(scan).unwrap().0;
+            verdicts.push(verdict(&judgement));
         }
     }
     let count = |of: Verdict| verdicts.iter().filter(|&&verdict| verdict == of).count();
@@ -69,7 +70,7 @@ fn what_a_reference_cannot_support_is_remarked() {
     let remarks = |re_inspect_rate| {
         let config = FuseConfig { reject_rate: re_inspect_rate, ..config(re_inspect_rate) };
         let mut fusion = Fusion::with_reference(&config, &plan, Arc::clone(&set)).unwrap();
-        records(&casing(), &plan, 3).iter().for_each(|record| fusion.push(record).unwrap());
+        records(&casing(), &plan, 4).iter().for_each(|record| fusion.push(record).unwrap());
         (fusion.end(0).unwrap(), fusion.end(1).unwrap());
         let judgement = fusion.judge(0).unwrap().0;
         (fusion.remarks(0).unwrap(), judgement.reasons.contains(Reasons::EXTRAPOLATED), verdict(&judgement))
@@ -77,5 +78,5 @@ fn what_a_reference_cannot_support_is_remarked() {
     assert_eq!(remarks(0.05), (vec![], false, Verdict::Pass));
     let (texts, is_remarked, verdict) = remarks(0.02);
     assert!(is_remarked && verdict == Verdict::Pass);
-    assert_eq!(texts[0], "re_inspect_rate: 12 casings support 4.000 % without assumption; 2.000 % is extrapolated");
+    assert_eq!(texts[0], "re_inspect_rate: 12 casings support 4 % without assumption; 2 % is extrapolated");
 }
