@@ -69,11 +69,11 @@ impl ScorePool {
             pool.0.extend(values);
             pool.1.extend(labels);
         };
-        extend(&mut self.index, pooled(&mut fusion, |fusion, scan| fusion.index_of(scan)));
+        extend(&mut self.index, pooled(&mut fusion, |fusion, scan| Ok(fusion.index_of(scan)))?);
         let discriminators = Discriminator::ALL.to_vec();
         let mut all = fusion.reconfigured(FuseConfig { discriminators, ..fusion.config.clone() });
-        for (which, alone) in self.alone.iter_mut().enumerate() {
-            extend(alone, pooled(&mut all, |fusion, scan| fusion.alone(scan, which)));
+        for (which, alone) in Discriminator::ALL.into_iter().zip(&mut self.alone) {
+            extend(alone, pooled(&mut all, |fusion, scan| fusion.alone(scan, which))?);
         }
         Ok(())
     }
@@ -93,10 +93,13 @@ impl ScorePool {
 }
 
 /// Values of all locations whose truth is known, NaN where there is none, and whether each is cracked.
-fn pooled(fusion: &mut Fusion, values_of: impl Fn(&mut Fusion, usize) -> Vec<f64>) -> (Vec<f64>, Vec<bool>) {
+fn pooled(
+    fusion: &mut Fusion,
+    values_of: impl Fn(&mut Fusion, usize) -> Result<Vec<f64>, Error>,
+) -> Result<(Vec<f64>, Vec<bool>), Error> {
     let mut pool = (Vec::new(), Vec::new());
     for number in 0..fusion.plan.scans().len() {
-        let values = values_of(fusion, number);
+        let values = values_of(fusion, number)?;
         let (plan, scan) = (&fusion.plan, &fusion.plan.scans()[number]);
         for (&(location, _), value) in scan.locations.iter().zip(values) {
             if let Some(&is_cracked) = plan.truth().get(&(scan.tyre, scan.shoulder, location)) {
@@ -105,7 +108,7 @@ fn pooled(fusion: &mut Fusion, values_of: impl Fn(&mut Fusion, usize) -> Vec<f64
             }
         }
     }
-    pool
+    Ok(pool)
 }
 
 /// Area under the ROC curve: the chance that a cracked location scores above a sound one, ties counting half.

@@ -8,7 +8,6 @@ mod draw;
 mod false_calls;
 mod gauge;
 mod judge;
-mod left_out;
 mod page;
 mod parallel;
 mod pictures;
@@ -25,17 +24,19 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, ensure};
 use serde_json::{Map, Value};
 
-use self::candidates::{Candidate, SingleDiscriminator, TrainTest};
+use self::candidates::{Candidate, SingleDiscriminator, Split};
 use self::detection::Detection;
 use self::false_calls::FalseCalls;
+use self::gauge::GaugeResult;
 use self::plans::PlanResult;
 use self::size::Size;
+use self::summary::OfSet;
 use self::table::Table;
 
 /// What a study is asked for.
 #[derive(Debug, clap::Args)]
 pub struct StudyArgs {
-    /// Tyres of each simulated set, of which a half trains and a half is judged; 16, or 8 with --quick, when left out.
+    /// Tyres of each simulated set, of which half are the reference and half are judged; 16, or 8 with --quick, when left out.
     #[arg(long)]
     pub tyres: Option<usize>,
     /// Seed of all random numbers; the same seed gives the same bytes on processors with the same vector
@@ -69,6 +70,8 @@ struct Findings {
     detection: Vec<Detection>,
     plans: Vec<PlanResult>,
     calls: Vec<FalseCalls>,
+    gauge: Vec<GaugeResult>,
+    of_sets: Vec<OfSet>,
     tables: Vec<Table>,
 }
 
@@ -78,7 +81,7 @@ struct Findings {
 /// Too few tyres, a computation that fails, or an error of the file system.
 pub fn study(args: &StudyArgs) -> Result<()> {
     let tyres = args.tyres.unwrap_or(if args.quick { TYRES_QUICK } else { TYRES });
-    ensure!(tyres >= 8, "--tyres is {tyres}; at least 8 are needed, for two of each kind to train and to be judged");
+    ensure!(tyres >= 8, "--tyres is {tyres}; at least 8 are needed, for two sound and two cracked ones to be judged");
     let size = if args.quick { Size::quick(tyres) } else { Size::full_study(tyres) };
     let found = Findings::compute(&size, args.seed, args.threads)?;
     let mut out = io::stdout().lock();
@@ -101,22 +104,19 @@ impl Findings {
         let all: Vec<sets::Set> = sets::sets().into_iter().take(size.set_count).collect();
         let first = all.first().context("there is no set")?;
         let names: Vec<&'static str> = all.iter().map(|set| set.name).collect();
-        let (mut candidates, mut alone, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
-        let mut overlaps = Vec::new();
+        let (mut candidates, mut alone) = (Vec::new(), Vec::new());
         let mut tried = Vec::new();
         for (number, set) in (0..).zip(&all) {
             // The first set is scanned by the full plan, of which its own is a part.
             let turns = if number == 0 { &size.full } else { &size.turns };
-            let split = TrainTest::scan(set, number, size, turns, seed, threads)?;
+            let split = Split::scan(set, number, size, turns, seed, threads)?;
             if number == 0 {
                 tried = plans::plans(&split, &size.full, threads)?;
             }
             let split = split.with(&size.turns)?;
             let (of_set, alone_of_set) = candidates::candidates(&split, threads)?;
-            overlaps.push(candidates::overlaps(&split)?);
             candidates.extend(of_set);
             alone.extend(alone_of_set);
-            left_out.extend(left_out::left_out(&split, threads)?);
         }
         let detection = detection::detection(first, size, seed, threads)?;
         let cheapest = plans::cheapest(&tried).map(|t| t.turns.clone());
@@ -126,24 +126,22 @@ impl Findings {
         let mut about = Table::new("sets", "The simulated sets", &["set", "about"]);
         all.iter().for_each(|set| about.push([set.name.into(), set.about.into()]));
         let calls = false_calls::false_calls(first, size, seed, threads)?;
+        let gauge = gauge::gauge(first, size, seed, threads)?;
+        let of_sets = summary::of_sets(&candidates, &alone, &names, seed);
         let tables = vec![
             about,
-            summary::default_table(&candidates, &alone, &names, seed),
-            summary::largest_table(&candidates, &names, seed),
-            summary::ways_table(&candidates, &names),
-            summary::left_out_table(&left_out, &names),
-            candidates::overlaps_table(&overlaps),
+            summary::table(&of_sets),
+            candidates::overlap_table(&candidates),
             false_calls::table(&calls)?,
             detection::table(&detection),
-            gauge::table(&gauge::gauge(first, size, seed, threads)?),
+            gauge::table(&gauge),
             plans::table("plans_of_note", of_note, &tried, |t| t.is_on_front || is_named(t), seed),
             plans::table("plans", "Every part of the full plan", &tried, |_| true, seed).into_long(),
-            candidates::table(&candidates, &alone, seed)?,
-            candidates::alone_table(&alone),
-            left_out::table(&left_out),
+            candidates::table(&candidates, seed)?,
+            candidates::alone_table(&alone, seed),
             detection::targets_table(&detection),
         ];
-        Ok(Self { sets: names, candidates, alone, detection, plans: tried, calls, tables })
+        Ok(Self { sets: names, candidates, alone, detection, plans: tried, calls, gauge, of_sets, tables })
     }
 
     /// Writes tables and figures into `folder`, and the page beside it.

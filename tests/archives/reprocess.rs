@@ -98,7 +98,7 @@ fn beginnings_give_the_same_bits() {
 fn other_options_stand_beside() {
     let sandbox = Sandbox::new();
     let archive = scanned(&sandbox);
-    sandbox.write("weights.toml", "[fuse]\nindex = \"robust\"\nreference = \"self\"\n");
+    sandbox.write("weights.toml", "[fuse]\nindex = \"dissertation\"\nreference = \"self\"\n");
     // Where no reference is named, it is the archive's own.
     sandbox.write("bands.toml", "[process]\nf_c_hz = 600.0\n");
     let weights = again(&sandbox, "run.h5 --config weights.toml");
@@ -108,7 +108,7 @@ fn other_options_stand_beside() {
 
     let printed = |here: &PathBuf| sandbox.run(&format!("diff run.h5 {}", here.display())).expect(0).out;
     let of_weights = printed(&weights);
-    assert!(of_weights.contains("fuse.index: \"repeatability\" -> \"robust\""), "{of_weights}");
+    assert!(of_weights.contains("fuse.index: \"fused\" -> \"dissertation\""), "{of_weights}");
     assert!(of_weights.contains("pr         the same") && of_weights.contains("index differs"), "{of_weights}");
     let of_bands = printed(&bands);
     assert!(of_bands.contains("process.f_c_hz: 550.0 -> 600.0"), "{of_bands}");
@@ -130,7 +130,7 @@ fn other_options_stand_beside() {
 fn new_weights_need_no_samples() {
     let sandbox = Sandbox::new();
     let archive = scanned(&sandbox);
-    sandbox.write("weights.toml", "[fuse]\nindex = \"robust\"\nfalse_call_rate = 0.01\nreference = \"self\"\n");
+    sandbox.write("weights.toml", "[fuse]\nindex = \"dissertation\"\nre_inspect_rate = 0.01\nreference = \"self\"\n");
     let judged = || {
         let results = again(&sandbox, "run.h5 --config weights.toml");
         let of = |verb: &str| sandbox.run(&format!("export {} {verb}", results.display())).expect(0).out;

@@ -27,7 +27,7 @@ fn a_configuration_is_refused_by_name_of_what_is_wrong() {
     let sandbox = Sandbox::new();
     for (text, parts) in [
         ("[process]\nf_hi = 2000.0\n", &["f_hi", "c.toml"][..]),
-        ("[fuse]\nindex = \"robst\"\n", &["robst", "robust"]),
+        ("[fuse]\nindex = \"fusde\"\n", &["fusde", "fused"]),
         ("[process]\nf_c_hz = -1.0\n", &["f_c_hz", "-1"]),
         ("[fuse]\nreference = \"X/1\"\n", &["X/1"]),
         ("[scan]\nrepetitions = 0\n", &["scan.repetitions", "0"]),

@@ -102,29 +102,29 @@ fn a_shoulder_without_its_recordings_leaves_the_other_alone() {
     }
 }
 
-/// Catches labels that do not reach the index, and directions that are not learned.
+/// Catches labels that are not read, cracked locations that are taken for sound ones, and directions that are not learned.
 #[test]
 fn a_labelled_reference_teaches() {
     let sandbox = scanned();
     let done = sandbox.run(&format!("reference {CRACKED} {SOUND} --labelled --learn-directions --out known.json"));
     assert_eq!(done.code, Some(0), "{done:?}");
     assert!(done.out.contains("994 sound and 6 cracked"), "{done:?}");
-    sandbox.write(
-        "lda.toml",
-        &format!("{SCAN}seed = 7\n{}[fuse]\nindex = \"lda\"\nreference = \"known.json\"\n", tyres("L", true)),
-    );
-    let done = sandbox.run("run --config lda.toml --out lda --json");
+    sandbox.write("later.toml", &format!("{SCAN}seed = 7\n{}[fuse]\nreference = \"known.json\"\n", tyres("L", true)));
+    let done = sandbox.run("run --config later.toml --out later --json");
     assert_eq!(done.code, Some(0), "{done:?}");
-    // Six cracked locations are too few for a discriminant: it says so and falls back.
-    assert!(verdicts(&sandbox, "lda").iter().all(|(_, _, reasons)| reasons.contains("fell_back")));
-    let why = "index = \"lda\" falls back to \"robust\": ";
-    let warnings = |text: &str| text.lines().filter(|line| line.contains(why) && line.contains(" and 6 (")).count();
-    assert_eq!(warnings(&done.err), 1, "a warning, once for all six shoulders: {done:?}");
+    for (name, verdict, reasons) in verdicts(&sandbox, "later") {
+        assert_eq!(verdict, if name == "L3/1" { "REJECT" } else { "PASS" }, "{name} {reasons}");
+        assert!(reasons.contains("extrapolated"), "{name} {reasons}");
+    }
+    // Five casings support 1/11 and no less, which is said once for all six shoulders.
+    let why = "reject_rate: 5 casings support 9.091 % without assumption";
+    let remarks = |text: &str| text.lines().filter(|line| line.contains(why)).count();
+    assert_eq!(remarks(&done.err), 1, "{done:?}");
     let summary = done.json(0);
-    let texts = summary["fallbacks"].as_array().unwrap();
-    assert!(texts.len() == 1 && warnings(texts[0].as_str().unwrap()) == 1, "{texts:?}");
-    let again = sandbox.run("run --config lda.toml --out lda");
-    assert_eq!((again.code, warnings(&again.out)), (Some(0), 1), "also when nothing is left to do: {again:?}");
+    let texts = summary["remarks"].as_array().unwrap();
+    assert_eq!(texts.iter().filter(|text| remarks(text.as_str().unwrap()) == 1).count(), 1, "{texts:?}");
+    let again = sandbox.run("run --config later.toml --out later");
+    assert_eq!((again.code, remarks(&again.out)), (Some(0), 1), "also when nothing is left to do: {again:?}");
 }
 
 /// Catches a run that is compared with nothing in particular, and errors that do not say what to do.

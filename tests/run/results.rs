@@ -183,7 +183,7 @@ fn another_plan_or_configuration_is_refused() {
     for (text, what) in [
         (SCAN.replace("locations = 60", "locations = 61"), "locations"),
         // Same taps, but what is judged would not be what was asked for.
-        (format!("{SCAN}\n[fuse]\nz_clip = 9.0\n"), "z_clip"),
+        (format!("{SCAN}\n[fuse]\nre_inspect_rate = 0.01\n"), "re_inspect_rate"),
         (SCAN.replace("depth_mm = 6.0", "depth_mm = 7.0"), "depth_mm"),
         (SCAN.replace("\"SOUND\"", "\"OTHER\""), "OTHER"),
     ] {

@@ -162,13 +162,31 @@ impl Fusion {
         }
     }
 
-    /// Mean score of discriminator number `d` of the configuration, of each location of `scan` and its neighbours.
-    pub(crate) fn alone(&mut self, scan: usize, d: usize) -> Vec<f64> {
+    /// What `which` alone says of each location of scan number `scan`: its mean score over the taps of the location and its
+    /// neighbours, the greater the more it speaks for damage. NaN where it says nothing, and where it is not configured.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn alone(&mut self, scan: usize, which: Discriminator) -> Result<Vec<f64>, Error> {
+        self.check(scan)?;
         let compared = self.compared(scan);
-        let Some(view) = compared.view(scan) else { return vec![f64::NAN; self.rings[scan].len()] };
+        let number = self.config.discriminators.iter().position(|&configured| configured == which);
+        let Some((view, d)) = compared.view(scan).zip(number) else { return Ok(vec![f64::NAN; self.rings[scan].len()]) };
         let of_place = |scores: &Vec<f64>| Some(scores[d]).filter(|score| score.is_finite());
         let scores: Vec<Option<f64>> = view.scores.by_discriminator.iter().map(of_place).collect();
-        view.shoulder.ring.mean_of_3(&scores).into_iter().map(|mean| mean.unwrap_or(f64::NAN)).collect()
+        Ok(view.shoulder.ring.mean_of_3(&scores).into_iter().map(|mean| mean.unwrap_or(f64::NAN)).collect())
+    }
+
+    /// The damage index of each location of scan number `scan` by Eqs. 55 and 56 as printed, 0 to 1 within the extremes of
+    /// the reference; `None` where nothing was scaled, and everywhere unless [`IndexKind::Dissertation`] is configured.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn dissertation_index(&mut self, scan: usize) -> Result<Vec<Option<f64>>, Error> {
+        self.check(scan)?;
+        let compared = self.compared(scan);
+        let printed = compared.view(scan).and_then(|view| view.fitted.index.as_printed(view.shoulder));
+        Ok(printed.unwrap_or_else(|| vec![None; self.rings[scan].len()]))
     }
 
     /// What the state of the scan and of its reference gives reason for.

@@ -47,7 +47,7 @@ impl Extremes {
     }
 
     /// The damage index of each place (Eq. 56), the mean over its conditions; `None` where nothing was scaled.
-    pub(crate) fn values(&self, shoulder: &Shoulder) -> Vec<Option<f64>> {
+    fn values(&self, shoulder: &Shoulder) -> Vec<Option<f64>> {
         let of = |conditions: Vec<Averaged>| mean(conditions.iter().map(|c| mean(self.scaled(c).into_iter())));
         averaged(&self.setup, shoulder).into_iter().map(of).collect()
     }
@@ -109,6 +109,10 @@ impl Index for Extremes {
             scores
         };
         casing.iter().map(of).collect()
+    }
+
+    fn as_printed(&self, shoulder: &Shoulder) -> Option<Vec<Option<f64>>> {
+        Some(self.values(shoulder))
     }
 
     fn weights(&self) -> Vec<f64> {

@@ -59,6 +59,12 @@ pub(crate) trait Index: Debug + Send + Sync {
     /// What it says of the shoulders of one casing.
     fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores>;
 
+    /// The damage index of each place of `shoulder` as the index's own formula has it, before it is put on the scale of the
+    /// limits; `None` of an index that has no such formula.
+    fn as_printed(&self, _shoulder: &Shoulder) -> Option<Vec<Option<f64>>> {
+        None
+    }
+
     /// What each discriminator counts, in the order of [`Setup::discriminators`]; they sum to 1.
     fn weights(&self) -> Vec<f64>;
 

@@ -82,7 +82,7 @@ pub(crate) fn judge_cell(
     repetitions: u16,
     casings: usize,
     (seed, groups): (u64, u64),
-    false_call_rate: Option<f64>,
+    re_inspect_rate: Option<f64>,
 ) -> Result<Cell> {
     let mut judged = Vec::new();
     let mut seconds = 0.0;
@@ -94,7 +94,10 @@ pub(crate) fn judge_cell(
         };
         let begun = Instant::now();
         let mut config = FuseConfig::by(Reference::Own);
-        config.false_call_rate = false_call_rate.unwrap_or(config.false_call_rate);
+        config.re_inspect_rate = re_inspect_rate.unwrap_or(config.re_inspect_rate);
+        if config.reject_rate > config.re_inspect_rate {
+            config.reject_rate = config.re_inspect_rate;
+        }
         let reference = known.map(|set| reference(&config, &set, by.casings(), repetitions)).transpose()?;
         let per_part = casings.div_ceil(rayon::current_num_threads());
         let parts: Vec<_> = (0..casings).step_by(per_part).map(|k| k..casings.min(k + per_part)).collect();

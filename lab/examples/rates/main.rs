@@ -71,9 +71,9 @@ struct Args {
     /// Seed of the first group.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Stated rate of false calls; the default configuration's when left out.
+    /// Stated rate of sound shoulders that are not passed; the default configuration's when left out.
     #[arg(long)]
-    false_call_rate: Option<f64>,
+    re_inspect_rate: Option<f64>,
     /// One group of 12 sound and 8 cracked casings, once around, by a reference of 8, whatever else is asked: under a minute.
     #[arg(long)]
     quick: bool,
@@ -129,7 +129,7 @@ fn main() -> Result<()> {
                     repetitions,
                     judged_count,
                     (args.seed, args.groups),
-                    args.false_call_rate,
+                    args.re_inspect_rate,
                 )
                 .with_context(|| format!("{scene:?}, reference {by}, {repetitions} repetitions"))?;
                 cell.write(&mut out)?;

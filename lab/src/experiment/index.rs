@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use tapline_fuse::{Direction, Directions, FuseConfig, Fusion, IndexKind, Reference};
 use tapline_wire::{Discriminator, Serial};
 
@@ -12,7 +12,7 @@ use super::tyres::REPRESENTATIVE;
 /// Damage indices by tyre and shoulder, location by location.
 pub(super) type Indices = BTreeMap<(String, u16), Vec<Option<f64>>>;
 
-/// How PR is dataset to move over a crack.
+/// How PR is said to move over a crack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PowerRatio {
     /// As Table 13 has it, and as it does.
@@ -23,7 +23,7 @@ pub(super) enum PowerRatio {
 
 /// The indices of the shoulders in `taken`, from `discriminators`, by the extremes of the representative tyre's shoulder 1.
 ///
-/// It is the index that the program calls `dissertation`: the two repetitions are averaged, closing taps left out.
+/// It is the index that the program calls `dissertation`, before the limits' scale: the two repetitions are averaged, closing taps left out.
 pub(super) fn indices(dataset: &Dataset, discriminators: &[Discriminator], pr: PowerRatio) -> Result<Indices> {
     let mut directions = Directions::default();
     directions.set(Discriminator::Pr, if pr == PowerRatio::Rises { Direction::Rises } else { Direction::Falls });
@@ -41,9 +41,7 @@ pub(super) fn indices(dataset: &Dataset, discriminators: &[Discriminator], pr: P
     let mut indices = Indices::new();
     for (number, scan) in dataset.plan.scans().iter().enumerate() {
         fusion.end(number)?;
-        let (_, cells) = fusion.judge(number).context("a planned shoulder is not judged")?;
-        let values = cells.iter().map(|cell| Some(cell.damage_index).filter(|index| index.is_finite()));
-        indices.insert((scan.tyre.to_string(), scan.shoulder), values.collect());
+        indices.insert((scan.tyre.to_string(), scan.shoulder), fusion.dissertation_index(number)?);
     }
     Ok(indices)
 }
@@ -72,7 +70,7 @@ mod tests {
         scores.iter().sum::<f64>() / 6.0
     }
 
-    /// Catches extremes of another shoulder than the representative tyre's first, a direction that is not dataset, A_2 in
+    /// Catches extremes of another shoulder than the representative tyre's first, a direction that is not set, A_2 in
     /// the index, and a closing tap among the extremes.
     #[test]
     fn one_shoulder_normalises_all() {

@@ -105,26 +105,13 @@ pub(super) fn interval(seed: u64, count: usize, value: impl Fn(&[f64]) -> Option
 mod tests {
     use super::*;
 
-    fn judged(tyre: &str, index: &[f64], is_cracked: &[bool]) -> ShoulderResult {
-        ShoulderResult {
-            tyre: tyre.to_owned(),
-            shoulder: 1,
-            is_passed: false,
-            has_fallen_back: false,
-            index: index.to_vec(),
-            limit: 1.0,
-            is_called: vec![false; index.len()],
-            is_cracked: is_cracked.to_vec(),
-        }
-    }
-
     /// Catches pairs lost between tyres, NaN counted, and an interval that does not hold the area.
     #[test]
     fn tyres_add_up_to_the_area_of_all() {
         let tyres = [
-            judged("A", &[3.0, 1.0, 2.0, f64::NAN], &[true, false, false, true]),
-            judged("B", &[0.5, 2.5, 2.0], &[false, false, true]),
-            judged("C", &[0.0, 4.0, 1.0], &[false, false, false]),
+            ShoulderResult::with_index("A", &[3.0, 1.0, 2.0, f64::NAN], &[true, false, false, true]),
+            ShoulderResult::with_index("B", &[0.5, 2.5, 2.0], &[false, false, true]),
+            ShoulderResult::with_index("C", &[0.0, 4.0, 1.0], &[false, false, false]),
         ];
         let areas = Areas::new(&tyres);
         let (auc, all) = (areas.auc().unwrap(), areas.drawn(&[1.0; 3]).unwrap());

@@ -82,10 +82,9 @@ impl Dataset {
         self.only(|tap| is_wanted(tap.id.tyre.as_str()))
     }
 
-    /// The reference that the tyres make that `is_wanted`; labelled by the truth, or stated to be sound.
-    pub(super) fn reference(&self, is_labelled: bool, is_wanted: impl Fn(&str) -> bool) -> Result<Arc<ReferenceSet>> {
-        let truth = is_labelled.then(|| self.plan.truth());
-        let of = |number| KnownShoulder::of(&self.plan, &self.records, number, truth);
+    /// The reference that the tyres make that `is_wanted`, stated to be sound.
+    pub(super) fn reference(&self, is_wanted: impl Fn(&str) -> bool) -> Result<Arc<ReferenceSet>> {
+        let of = |number| KnownShoulder::of(&self.plan, &self.records, number, None);
         let scans = self.plan.scans().iter().enumerate().filter(|(_, scan)| is_wanted(scan.tyre.as_str()));
         let shoulders: Option<Vec<KnownShoulder>> = scans.map(|(number, _)| of(number)).collect();
         let built = Built {

@@ -2,7 +2,8 @@
 //!
 //! Size is the crack's length in mm: of its two lengths the one that bends. Depth goes with it as its own class, since a
 //! crack of the same length is felt less the deeper it lies. A crack is found if a location of its arc lies in a region;
-//! its response is its greatest index.
+//! its response is its greatest index, which is
+//! that of three neighbours: a longer arc finds cracks whose response is below the limit.
 
 use crate::statistics::{AHat, HitMiss, Refusal, Scale, Signal, a_hat, hit_miss};
 use anyhow::Result;
@@ -47,7 +48,7 @@ pub(super) fn detection(set: &Set, size: &Size, seed: u64, threads: usize) -> Re
     let targets = targets.map(|k| cracked(format!("target-{k:03}"), &CRACKS, size.location_count, seed, 500_000 + k));
     let tyres: Vec<_> = references.chain(targets).collect();
     let dataset = Dataset::scan(&set.simulation, tyres.clone(), &size.turns, (seed, size.location_count, threads))?;
-    let by = ComparedWith::File(dataset.reference(false, |tyre| tyre.starts_with("reference"))?);
+    let by = ComparedWith::File(dataset.reference(|tyre| tyre.starts_with("reference"))?);
     let judged = judge(&FuseConfig::default(), &dataset.of_tyres(|tyre| tyre.starts_with("target"))?, &by)?;
     let mut found = Vec::new();
     let mut limit = f64::NAN;

@@ -8,7 +8,6 @@ use anyhow::Result;
 use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_model::SimulationConfig;
 
-use super::candidates::needs_labels;
 use super::dataset::{Dataset, Turns};
 use super::judge::{ComparedWith, ShoulderResult, judge};
 use super::parallel::each;
@@ -52,7 +51,7 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
         let dataset = Dataset::scan(simulation, tyres.clone(), &turns, (seed, size.location_count, threads))?;
         if rig == 0 {
             let first_scan = dataset.only(|tap| tap.id.repetition < of_a_scan)?;
-            reference = Some(first_scan.reference(false, |tyre| tyre.starts_with("reference"))?);
+            reference = Some(first_scan.reference(|tyre| tyre.starts_with("reference"))?);
         }
         for scan in 0..size.gauge_scans {
             let from = rig * of_a_rig + scan * of_a_scan;
@@ -62,8 +61,7 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
         }
     }
     let by = reference.map_or(ComparedWith::Itself, ComparedWith::File);
-    let kinds: Vec<IndexKind> = IndexKind::ALL.into_iter().filter(|&index| !needs_labels(index)).collect();
-    each(&kinds, threads, |&index| {
+    each(&IndexKind::ALL, threads, |&index| {
         let config = FuseConfig { index, ..FuseConfig::default() };
         let read = |scan: &Dataset| judge(&config, scan, &by);
         let scans: Vec<Vec<ShoulderResult>> = scans.iter().map(read).collect::<Result<_>>()?;

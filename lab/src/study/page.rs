@@ -1,10 +1,15 @@
 //! The page: the tables, and conclusions in words that depend on their numbers.
 
+use tapline_fuse::IndexKind;
+
 use super::Findings;
+use super::detection::Detection;
 use super::draw::Picture;
-use super::false_calls::FalseCalls;
-use super::plans::{COMPETITOR_CASING_S, cheapest};
-use super::table::{Cell, Table, cell};
+use super::false_calls::{Call, FalseCalls};
+use super::gauge::GaugeResult;
+use super::plans::{COMPETITOR_CASING_S, PlanResult, cheapest};
+use super::summary::{OfSet, Rival};
+use super::table::{cell, ends};
 
 const HEAD: &str = include_str!("head.md");
 
@@ -44,9 +49,6 @@ fn heading(name: &str) -> &'static str {
     match name {
         "sets" => "The sets",
         "default" => "The default index",
-        "largest" => "Mean or largest of the conditions",
-        "ways" => "Every index",
-        "left_out_by_set" => "Tyre by tyre left out",
         "overlap" => "Regions",
         "false_calls" => "False calls",
         "detection" => "Probability of detection",
@@ -62,185 +64,97 @@ fn listed(items: &[String]) -> String {
 }
 
 fn conclusions(found: &Findings) -> Vec<String> {
-    let table = |name: &str| found.tables.iter().find(|table| table.name == name);
-    let mut lines = Vec::new();
-    if let Some(default) = table("default") {
-        for (candidate, columns) in [
-            ("the best discriminator alone", ["gain", "gain_low", "gain_high"]),
-            ("the dissertation's index", ["over_dissertation", "over_low", "over_high"]),
-        ] {
-            lines.push(compared(default, candidate, columns));
-        }
-    }
-    if let Some(largest) = table("largest") {
-        lines.push(combined(largest));
-    }
-    if let Some(ways) = table("ways") {
-        lines.extend(ranked(ways));
-    }
-    lines.extend(table("left_out_by_set").and_then(learned));
+    let mut lines = vec![
+        compared(&found.of_sets, "the best discriminator alone", |of| &of.alone),
+        compared(&found.of_sets, "the dissertation's index", |of| &of.dissertation),
+    ];
     lines.extend(called(&found.calls));
-    lines.extend(table("detection").map(detected));
-    lines.extend(table("gauge").and_then(repeated));
-    lines.extend(planned(found));
+    lines.push(detected(&found.detection));
+    lines.extend(repeated(&found.gauge));
+    lines.extend(planned(&found.plans));
     lines
 }
 
-/// Where the default index falls short of `candidate`, and where that is significant.
-fn compared(default: &Table, candidate: &str, [gain, low, high]: [&str; 3]) -> String {
-    let is_short = |row: &&Vec<Cell>| default.number(row, gain).is_some_and(|gain| gain < 0.0);
-    let is_sure = |row: &&&Vec<Cell>| default.number(row, high).is_some_and(|high| high < 0.0);
-    let text = |row: &Vec<Cell>| {
-        let [gain, low, high] = [gain, low, high].map(|column| default.cell(row, column));
-        format!("{} {gain} ({low} to {high})", row[0])
+/// Where the default index falls short of `name`, and where that is significant.
+fn compared(of_sets: &[OfSet], name: &str, rival: impl Fn(&OfSet) -> &Rival) -> String {
+    let short: Vec<&OfSet> = of_sets.iter().filter(|of| rival(of).gain < 0.0).collect();
+    let above = |of: &&OfSet| rival(of).interval.is_some_and(|(low, _)| low > 0.0);
+    let below = |of: &&OfSet| rival(of).interval.is_some_and(|(_, high)| high < 0.0);
+    let text = |of: &&OfSet| {
+        let Rival { gain, interval, .. } = *rival(of);
+        let [low, high] = ends(interval);
+        format!("{} {} ({low} to {high})", of.set, cell(gain))
     };
-    let rows: Vec<&Vec<Cell>> = default.rows.iter().filter(is_short).collect();
-    let sure = rows.iter().filter(is_sure).count();
-    let all = default.rows.len();
     format!(
-        "The default index by a healthy reference is at least as good as {candidate} in {} of {all} sets. Where it is \
-         worse, the difference is: {}. In {sure} of these the interval lies below 0.",
-        all - rows.len(),
-        listed(&rows.into_iter().map(text).collect::<Vec<_>>())
+        "The default index by a healthy reference has a greater AUC than {name} in {} of {} sets; in {} of these the interval \
+         of the gain lies above 0. Where it is worse, the difference is: {}. In {} of these the interval lies below 0.",
+        of_sets.len() - short.len(),
+        of_sets.len(),
+        of_sets.iter().filter(above).count(),
+        listed(&short.iter().map(text).collect::<Vec<_>>()),
+        of_sets.iter().filter(below).count(),
     )
 }
 
-/// Name of the default index; a test holds it to the configuration's.
-const INDEX: &str = "repeatability";
-/// Name of the default combination, likewise.
-const COMBINE: &str = "largest";
-
-/// Whether the largest of the conditions would serve better than their mean.
-fn combined(largest: &Table) -> String {
-    let count = |column: &str, is_so: fn(f64) -> bool| {
-        largest.rows.iter().filter(|row| largest.number(row, column).is_some_and(is_so)).count()
-    };
-    let better = count("gain", |gain| gain > 0.0);
-    let surely = count("gain_low", |low| low > 0.0);
-    let worse = count("gain_high", |high| high < 0.0);
-    format!(
-        "With `combine = \"largest\"` the index `{INDEX}` is better than with `mean` in {better} of {} sets by a healthy \
-         reference; in {surely} the interval lies above 0, in {worse} below.",
-        largest.rows.len()
-    )
-}
-
-/// Whether a row of `ways` is of the default index and combination.
-fn is_default(row: &[Cell]) -> bool {
-    row[1].is_text(INDEX) && row[2].is_text(COMBINE)
-}
-
-/// Which way of judging is best on average, by each reference, and where the default stands.
-fn ranked(ways: &Table) -> Vec<String> {
+/// The least and the greatest rate of each call by the default index at each stated rate, and what exceeds its rate.
+fn called(calls: &[FalseCalls]) -> Vec<String> {
+    let of_default: Vec<&FalseCalls> = calls.iter().filter(|c| c.index == IndexKind::default()).collect();
     let mut lines = Vec::new();
-    for reference in ["healthy", "labelled", "self"] {
-        let rows: Vec<&Vec<Cell>> = ways.rows.iter().filter(|row| row[0].is_text(reference)).collect();
-        let place = rows.iter().position(|row| is_default(row));
-        let (Some(first), Some(place)) = (rows.first(), place) else { continue };
-        let default = rows[place];
+    for call in Call::ALL {
+        let of_call = || of_default.iter().filter(|c| c.call == call);
+        let mut stated: Vec<f64> = of_call().map(|c| c.stated).collect();
+        stated.sort_by(|a, b| b.total_cmp(a));
+        stated.dedup_by(|a, b| a.total_cmp(b).is_eq());
+        let text = |&stated: &f64| {
+            let rates = || of_call().filter(|c| c.stated.total_cmp(&stated).is_eq()).map(|c| c.rate.rate);
+            let [least, most] = [rates().min_by(f64::total_cmp), rates().max_by(f64::total_cmp)];
+            format!("{} stated: {} to {}", cell(stated), cell(least), cell(most))
+        };
         lines.push(format!(
-            "By the {reference} reference the best mean AUC of the sets is that of `{}` with `{}`, {} (least {}); the \
-             default has {} (least {}), place {} of {}.",
-            first[1],
-            first[2],
-            first[3],
-            first[4],
-            default[3],
-            default[4],
-            place + 1,
-            rows.len()
+            "Of sound shoulders the default index leaves this part {}, over all references: {}.",
+            call.name(),
+            listed(&stated.iter().map(text).collect::<Vec<_>>())
         ));
     }
-    let healthy = || ways.rows.iter().filter(|row| row[0].is_text("healthy"));
-    // By how much the default falls short of the best in a column.
-    let shortfall = |column: &str| {
-        let best = healthy().filter_map(|row| ways.number(row, column)).max_by(f64::total_cmp)?;
-        Some(best - ways.number(healthy().find(|row| is_default(row))?, column)?)
-    };
-    let short = shortfall("mean").zip(shortfall("least"));
-    if let Some((of_mean, of_least)) = short {
-        /// An AUC that nobody would pay for.
-        const LITTLE: f64 = 0.01;
-        lines.push(if of_mean <= LITTLE && of_least <= LITTLE {
-            format!(
-                "The default is `{INDEX}` with `{COMBINE}`. The study supports it: by a healthy reference none is better by \
-                 more than 0.01, neither on average nor in the worst set."
-            )
-        } else {
-            format!(
-                "The default is `{INDEX}` with `{COMBINE}`. The study does not support it as the best: by a healthy reference \
-                 another is better by more than 0.01, on average or in the worst set."
-            )
-        });
-    }
+    let above = calls.iter().filter(|c| c.rate.low > c.stated).map(|c| {
+        let (index, call, rate) = (c.index.name(), c.call.name(), c.rate);
+        let [low, high] = ends(Some((rate.low, rate.high)));
+        let by = if c.casings == 0 { "by itself".to_owned() } else { format!("by {} casings", c.casings) };
+        format!("`{index}` {by} {call} {} at {} stated ({low} to {high})", cell(rate.rate), cell(c.stated))
+    });
+    lines.push(format!("Significantly above the stated rate: {}.", listed(&above.collect::<Vec<_>>())));
     lines
 }
 
-fn learned(left_out: &Table) -> Option<String> {
-    let first = left_out.rows.first()?;
-    let default = left_out.rows.iter().find(|row| row[0].is_text(INDEX))?;
-    Some(format!(
-        "With labels, and each cracked tyre judged by all others, `{}` is best on average: {}; the default has {}.",
-        first[0], first[1], default[1]
-    ))
-}
-
-/// The least and the greatest rate of the default index at each stated rate, and the indices that exceed theirs.
-fn called(calls: &[FalseCalls]) -> Vec<String> {
-    let of_default: Vec<&FalseCalls> = calls.iter().filter(|c| c.index == tapline_fuse::IndexKind::default()).collect();
-    let mut stated: Vec<f64> = of_default.iter().map(|c| c.stated).collect();
-    stated.dedup_by(|a, b| a.total_cmp(b).is_eq());
-    stated.sort_by(|a, b| b.total_cmp(a));
-    stated.dedup_by(|a, b| a.total_cmp(b).is_eq());
-    let text = |&stated: &f64| {
-        let of_rate = || of_default.iter().filter(|c| c.stated.total_cmp(&stated).is_eq()).map(|c| c.rate.rate);
-        let [least, most] = [of_rate().min_by(f64::total_cmp), of_rate().max_by(f64::total_cmp)];
-        format!("{} stated: {} to {}", cell(stated), cell(least), cell(most))
-    };
-    let above = calls.iter().filter(|c| c.rate.low > c.stated).map(|c| {
-        let name = c.index.name();
-        format!(
-            "`{name}` {} at {} stated ({} to {})",
-            cell(c.rate.rate),
-            cell(c.stated),
-            cell(c.rate.low),
-            cell(c.rate.high)
-        )
-    });
-    let stated = listed(&stated.iter().map(text).collect::<Vec<_>>());
-    vec![
-        format!("False calls for each sound shoulder by the default index, over all references: {stated}."),
-        format!("Significantly above the stated rate: {}.", listed(&above.collect::<Vec<_>>())),
-    ]
-}
-
-fn detected(detection: &Table) -> String {
-    let text = |row: &Vec<Cell>| {
-        let [a90, a90_95, remark] = ["a90_mm", "a90_95_mm", "remark"].map(|column| detection.cell(row, column));
-        let size = |name: &str, cell: &Cell| match cell.number() {
-            Some(_) => format!("{name} {cell} mm"),
+fn detected(detection: &[Detection]) -> String {
+    let text = |d: &Detection| {
+        let size = |name: &str, size_mm: Option<f64>| match size_mm {
+            Some(_) => format!("{name} {} mm", cell(size_mm)),
             None => format!("no {name}"),
         };
-        let (sizes, bound) = (size("a90", a90), size("a90/95", a90_95));
-        let why = if *remark == Cell::Empty { String::new() } else { format!(" ({remark})") };
-        format!("{}, {} of {} found: {sizes}, {bound}{why}", row[0], row[3], row[2])
+        let sizes = match &d.hit_miss {
+            Ok(curve) => format!("{}, {}", size("a90", curve.a90), size("a90/95", curve.a90_95_likelihood)),
+            Err(why) => format!("no a90 ({why})"),
+        };
+        let found = d.targets.iter().filter(|target| target.is_found).count();
+        format!("{}, {found} of {} found: {sizes}", d.class, d.targets.len())
     };
-    let rows: Vec<String> = detection.rows.iter().filter(|row| row[1].is_text("hit or miss")).map(text).collect();
-    format!("Finds by hit and miss: {}.", listed(&rows))
+    format!("Finds by hit and miss: {}.", listed(&detection.iter().map(text).collect::<Vec<_>>()))
 }
 
-fn repeated(gauge: &Table) -> Option<String> {
-    let row = gauge.rows.iter().find(|row| row[0].is_text(INDEX) && row[1].number() == Some(2.0))?;
-    let [percent, ndc] = ["gauge_percent", "ndc"].map(|column| gauge.cell(row, column));
+fn repeated(gauge: &[GaugeResult]) -> Option<String> {
+    let of_both = gauge.iter().find(|g| g.index == IndexKind::default())?.of_both.as_ref().ok()?;
+    let categories = of_both.ndc.map_or_else(|| "no".to_owned(), |ndc| ndc.to_string());
     Some(format!(
-        "The gauge takes {percent} % of the total standard deviation of the default index, and distinguishes {ndc} categories."
+        "The gauge takes {} % of the total standard deviation of the default index, and distinguishes {categories} categories.",
+        cell(of_both.gauge.study_percent)
     ))
 }
 
-fn planned(found: &Findings) -> Option<String> {
-    let cheap = cheapest(&found.plans)?;
-    let full = found.plans.last()?;
-    let best = found.plans.iter().max_by(|a, b| a.auc.total_cmp(&b.auc))?;
+fn planned(plans: &[PlanResult]) -> Option<String> {
+    let cheap = cheapest(plans)?;
+    let full = plans.last()?;
+    let best = plans.iter().max_by(|a, b| a.auc.total_cmp(&b.auc))?;
     let list = |values: &[f64]| values.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     Some(format!(
         "The cheapest plan within 0.01 AUC of the full one ({}, {} s a shoulder) is offset {} mm, velocity {} m/s, {} \
@@ -256,15 +170,4 @@ fn planned(found: &Findings) -> Option<String> {
         cell(2.0 * cheap.shoulder_s),
         cell(best.auc)
     ))
-}
-
-#[cfg(test)]
-mod tests {
-    use tapline_fuse::{Combine, IndexKind};
-
-    /// Catches a page that calls another index the default than the program has.
-    #[test]
-    fn the_default_is_that_of_the_program() {
-        assert_eq!((super::INDEX, super::COMBINE), (IndexKind::default().name(), Combine::default().name()));
-    }
 }

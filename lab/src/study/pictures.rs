@@ -1,14 +1,14 @@
 //! What is drawn of the study: ROC, indices with intervals, probability of detection, and plans by time.
 
 use plotters::style::RGBColor;
-use tapline_fuse::{Combine, IndexKind};
+use tapline_fuse::IndexKind;
 
-use super::candidates::{Candidate, SingleDiscriminator, best_alone};
+use super::auc::Areas;
+use super::candidates::{Candidate, SingleDiscriminator, best_alone, find};
 use super::detection::Detection;
 use super::draw::{Mark, Picture, Plot, axis};
 use super::judge::ShoulderResult;
 use super::plans::{COMPETITOR_CASING_S, PlanResult, cheapest};
-use super::summary::find;
 use tapline_draw::canvas::{INK, PALE_INK, Point};
 use tapline_draw::palette::COLORS;
 
@@ -51,12 +51,12 @@ fn roc(candidates: &[Candidate], sets: &[&'static str]) -> Picture {
     let shown = [
         ("healthy", IndexKind::default(), "default, healthy reference"),
         ("healthy", IndexKind::Dissertation, "dissertation, healthy"),
-        ("labelled", IndexKind::LogOdds, "log odds, labelled"),
         ("self", IndexKind::default(), "default, self"),
+        ("self", IndexKind::Dissertation, "dissertation, self"),
     ];
     let plot = |&set: &&'static str| {
         let curve = |(&(reference, index, _), color): (&(&str, IndexKind, &str), RGBColor)| {
-            let candidate = find(candidates, set, reference, index, Combine::default())?;
+            let candidate = find(candidates, set, reference, index)?;
             Some(Mark::Line(roc_points(&candidate.judged), color, 1.75))
         };
         Plot {
@@ -69,7 +69,7 @@ fn roc(candidates: &[Candidate], sets: &[&'static str]) -> Picture {
     };
     Picture {
         name: "roc",
-        beside: "ways",
+        beside: "default",
         title: "Cracked against sound locations, set by set",
         note: "Each point is a limit on the index; tyres that took no part in the reference. The upper left quarter is shown.".to_owned(),
         keys: shown.iter().zip(COLORS).map(|(&(_, _, name), color)| (name.to_owned(), color)).collect(),
@@ -103,24 +103,29 @@ fn cut(mark: Mark) -> Mark {
 }
 
 fn indices(candidates: &[Candidate], alone: &[SingleDiscriminator], sets: &[&'static str], seed: u64) -> Picture {
-    let references = ["healthy", "labelled", "self"];
+    let references = ["healthy", "self"];
     let plot = |&set: &&'static str| {
         let mut rows = Vec::new();
         let mut marks = Vec::new();
         let mut least = 1.0;
+        let mut mark = |areas: &Areas, y: f64, color: RGBColor| {
+            let (Some(auc), Some((low, high))) = (areas.auc(), areas.by_tyres(seed)) else { return };
+            least = if low < least { low } else { least };
+            marks.push(Mark::Bar((low, y), (high, y), color));
+            marks.push(Mark::Dots(vec![(auc, y)], color, 3.5));
+        };
         for index in IndexKind::ALL {
             let height = rows.len() as f64 + 0.5;
-            for (k, (reference, color)) in references.into_iter().zip(COLORS).enumerate() {
-                let Some(candidate) = find(candidates, set, reference, index, Combine::default()) else { continue };
-                let (Some(auc), Some((low, high))) = (candidate.areas.auc(), candidate.areas.by_tyres(seed)) else {
-                    continue;
-                };
-                let y = height + 0.24 * (k as f64 - 1.0);
-                least = if low < least { low } else { least };
-                marks.push(Mark::Bar((low, y), (high, y), color));
-                marks.push(Mark::Dots(vec![(auc, y)], color, 3.5));
+            for ((reference, color), aside) in references.into_iter().zip(COLORS).zip([-0.15, 0.15]) {
+                if let Some(candidate) = find(candidates, set, reference, index) {
+                    mark(&candidate.areas, height + aside, color);
+                }
             }
             rows.push(index.name().to_owned());
+        }
+        for single in alone.iter().filter(|a| a.set == set) {
+            mark(&single.areas, rows.len() as f64 + 0.5, COLORS[2]);
+            rows.push(single.which.name().to_owned());
         }
         let from = ((least - 0.02) * 20.0).floor() / 20.0;
         if let Some(single) = best_alone(alone, set).and_then(|a| a.areas.auc()) {
@@ -131,10 +136,14 @@ fn indices(candidates: &[Candidate], alone: &[SingleDiscriminator], sets: &[&'st
     };
     Picture {
         name: "indices",
-        beside: "ways",
-        title: "Every index on every set, its conditions combined as by default",
+        beside: "default",
+        title: "Indices, and discriminators alone, on every set",
         note: "AUC of tyres that took no part in the reference, with 95 % intervals by whole tyres.".to_owned(),
-        keys: references.iter().zip(COLORS).map(|(name, color)| (format!("{name} reference"), color)).collect(),
+        keys: ["healthy reference", "self", "a discriminator alone, healthy reference"]
+            .map(str::to_owned)
+            .into_iter()
+            .zip(COLORS)
+            .collect(),
         columns: 3,
         height: 210.0,
         plots: sets.iter().map(plot).collect(),
@@ -241,16 +250,8 @@ mod tests {
     /// Catches a curve that does not end in the corners, and corners that are lost.
     #[test]
     fn a_curve_has_the_area_of_its_index() {
-        let judged = ShoulderResult {
-            tyre: "T".to_owned(),
-            shoulder: 1,
-            is_passed: false,
-            has_fallen_back: false,
-            index: vec![3.0, 2.0, 2.0, 1.0, f64::NAN],
-            limit: 1.0,
-            is_called: vec![false; 5],
-            is_cracked: vec![true, false, true, false, true],
-        };
+        let index = [3.0, 2.0, 2.0, 1.0, f64::NAN];
+        let judged = ShoulderResult::with_index("T", &index, &[true, false, true, false, true]);
         assert_eq!(roc_points(&[judged]), [(0.0, 0.0), (0.0, 0.5), (0.5, 1.0), (1.0, 1.0)]);
     }
 }

@@ -4,7 +4,7 @@ use anyhow::{Context as _, Result};
 use tapline_fuse::FuseConfig;
 
 use super::auc::Areas;
-use super::candidates::TrainTest;
+use super::candidates::Split;
 use super::dataset::Turns;
 use super::judge::judge;
 use super::parallel::each;
@@ -31,7 +31,7 @@ pub(super) struct PlanResult {
 }
 
 /// Every part of the `full` plan, by the default index and the healthy reference; the full plan last.
-pub(super) fn plans(split: &TrainTest, full: &Turns, threads: usize) -> Result<Vec<PlanResult>> {
+pub(super) fn plans(split: &Split, full: &Turns, threads: usize) -> Result<Vec<PlanResult>> {
     let mut turns = Vec::new();
     for offsets_mm in subsets(&full.offsets_mm) {
         for velocities_m_per_s in subsets(&full.velocities_m_per_s) {
@@ -43,7 +43,7 @@ pub(super) fn plans(split: &TrainTest, full: &Turns, threads: usize) -> Result<V
     }
     let mut tried = each(&turns, threads, |turns| {
         let part = split.with(turns)?;
-        let areas = Areas::new(&judge(&FuseConfig::default(), &part.test()?, &part.healthy()?)?);
+        let areas = Areas::new(&judge(&FuseConfig::default(), &part.judged()?, &part.healthy()?)?);
         let auc = areas.auc().context("a plan has no area: no crack was planted, or nothing is sound")?;
         let shoulder_s = turns.count() as f64 * TURN_TAPS * TAP_S;
         Ok(PlanResult { turns: turns.clone(), areas, auc, shoulder_s, is_on_front: false })

@@ -22,7 +22,7 @@ pub(super) struct Cracks {
     pub location_count: (u32, u32),
 }
 
-/// Of every set that names no others: down to cracks that are hardly felt, since all indices find the others.
+/// Of every set that names no others: down to cracks that are hardly felt, since any index finds the others.
 const CRACKS: Cracks =
     Cracks { depth_mm: (10.0, 28.0), length_mm: (4.0, 20.0), offset_mm: (0.0, 0.0), location_count: (1, 8) };
 

@@ -14,7 +14,7 @@ pub(super) const VELOCITY_M_PER_S: f64 = 1.5;
 /// How much is simulated.
 #[derive(Debug, Clone)]
 pub(super) struct Size {
-    /// Tyres of a set: a half trains and a half is judged, of each half one in two is sound.
+    /// Tyres of a set: half of them are sound and make the reference; of the others, which are judged, half are cracked.
     pub tyres: usize,
     /// Locations of a ring.
     pub location_count: u32,

@@ -19,21 +19,6 @@ pub(super) enum Cell {
     Empty,
 }
 
-impl Cell {
-    /// Its number, to all digits; `None` where it has none.
-    pub(super) fn number(&self) -> Option<f64> {
-        match *self {
-            Self::Number(value) => Some(value),
-            Self::Count(count) => Some(count as f64),
-            Self::Text(_) | Self::Empty => None,
-        }
-    }
-
-    pub(super) fn is_text(&self, text: &str) -> bool {
-        matches!(self, Self::Text(own) if own == text)
-    }
-}
-
 impl Display for Cell {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
@@ -95,17 +80,6 @@ impl Table {
 
     pub(super) fn push(&mut self, cells: impl IntoIterator<Item = Cell>) {
         self.rows.push(cells.into_iter().collect());
-    }
-
-    /// The cell of `row` in the column of that name; empty where there is none.
-    pub(super) fn cell<'a>(&self, row: &'a [Cell], column: &str) -> &'a Cell {
-        let place = self.columns.iter().position(|&name| name == column);
-        place.and_then(|place| row.get(place)).unwrap_or(&Cell::Empty)
-    }
-
-    /// The number of `row` in the column of that name, to all digits.
-    pub(super) fn number(&self, row: &[Cell], column: &str) -> Option<f64> {
-        self.cell(row, column).number()
     }
 
     pub(super) fn csv(&self) -> Result<String> {

@@ -1,7 +1,7 @@
 //! Cases 43 and 44: numbers in other units, and numbers made under other settings.
 
 use hdf5::types::FixedUnicode;
-use tapline_fuse::{Centre, Direction, FuseConfig, Reference};
+use tapline_fuse::{Direction, FuseConfig, Reference};
 use tapline_process::{Extractor, ProcessConfig};
 use tapline_store::{Error, Reader, Writer};
 use tapline_wire::{
@@ -25,8 +25,9 @@ fn archived_plan() -> Plan {
 
 /// Case 43: a force in mN.
 ///
-/// Naive: a factor of 1000 passes Eq. 55 of one tyre unseen (1e-9), and against another tyre puts every location beyond
-/// every limit. Hold: an archive says its units and is refused where they are other or not there.
+/// Naive: a factor of 1000 passes Eq. 55 of one tyre unseen (1e-9), and by the extremes of another tyre puts every location
+/// beyond them. Hold: levels are those of a turn, so that a factor changes the default index by less than 1e-6; an archive
+/// says its units and is refused where they are other or not there.
 #[test]
 fn c43_a_factor_of_a_thousand() {
     let mut normal = Normal::new(43);
@@ -37,15 +38,17 @@ fn c43_a_factor_of_a_thousand() {
     let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
     let config = FuseConfig {
         discriminators: vec![Discriminator::FMax],
-        centre: Centre::Reference,
         ..FuseConfig::by(Reference::Shoulder { tyre: tyre("T2"), shoulder: 1 })
     };
-    let mixed = records(&plan, |tap| {
-        let k = tap.id.location as usize % 100;
-        vec![(Discriminator::FMax, if tap.id.tyre == tyre("T2") { milli[k] } else { newton[k] })]
-    });
-    let (judgement, cells) = judge(&config, &plan, &mixed).remove(0);
-    assert!(cells.iter().all(|cell| cell.damage_index >= judgement.limit_reject), "{judgement:?}");
+    assert!(naive_eq_55(&newton, &milli, Direction::Falls).iter().all(|&y| y > 1.0));
+    let map = |of_second: &[f64]| -> Vec<f64> {
+        let of = records(&plan, |tap| {
+            let k = tap.id.location as usize % 100;
+            vec![(Discriminator::FMax, if tap.id.tyre == tyre("T2") { of_second[k] } else { newton[k] })]
+        });
+        judge(&config, &plan, &of).remove(0).1.iter().map(|cell| cell.damage_index).collect()
+    };
+    assert!(map(&newton).iter().zip(map(&milli)).all(|(a, b)| (a - b).abs() < 1e-6));
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");

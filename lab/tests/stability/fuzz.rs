@@ -47,7 +47,8 @@ fn any_configuration() {
         prop_assert!(0.0 < f_c_hz && f_c_hz < f_hi_hz && f_hi_hz.is_finite(), "{:?}", config.process);
         prop_assert!(0.0 <= f_lo_hz && f_lo_hz < f_top_hz && f_top_hz.is_finite(), "{:?}", config.process);
         prop_assert!(ProcessExtractor::new(&config.process).is_ok());
-        prop_assert!(config.fuse.false_call_rate > 0.0 && config.fuse.z_clip.is_finite());
+        let (re_inspect, reject) = (config.fuse.re_inspect_rate, config.fuse.reject_rate);
+        prop_assert!(0.0 < reject && reject <= re_inspect && re_inspect < 1.0, "{} {}", re_inspect, reject);
         if let Err(error) = Fusion::new(&config.fuse, &plan) {
             // Of what was valid in itself, only the reference can be none of the plan's.
             prop_assert!(error.to_string().contains("reference"), "{}", error);

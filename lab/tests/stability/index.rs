@@ -1,22 +1,18 @@
 //! Cases 22 to 27: values that become an index.
 
-use tapline_fuse::{Centre, Direction, FuseConfig, IndexKind, PercentileScale, Reference, Score, auc};
+use tapline_fuse::{Direction, FuseConfig, Fusion, IndexKind, Reference, Score, auc};
 use tapline_wire::{Discriminator, Reasons, Truth, Verdict};
 
 use crate::stability::scatter::{
     Normal, directed, judge, largest, mean, median, naive_eq_55, naive_eq_56, plan_of, planned, records, ring_plan, sd,
-    tyre,
+    tyre, value,
 };
-
-fn some(values: &[f64]) -> Vec<Option<f64>> {
-    values.iter().copied().map(Some).collect()
-}
 
 /// Case 22: a discriminator that does not change.
 ///
 /// Naive: of a constant Eq. 55 makes 0/0 at all 100 locations; of one that scatters by 1e-12 it makes full-scale noise, sd
-/// 0.2. Hold: of a constant alone no index is formed and the reason given is `no_index`; beside a sound discriminator the
-/// robust index is that of the other alone, bit for bit; the percentile scale gives both a weight of 0.
+/// 0.2. Hold: of a constant alone no index is formed, the dissertation's neither, and the reason given is `no_index`; beside a
+/// sound discriminator the default index is that of the other alone, bit for bit.
 #[test]
 fn c22_a_constant_discriminator() {
     let mut normal = Normal::new(22);
@@ -27,8 +23,8 @@ fn c22_a_constant_discriminator() {
 
     let plan = ring_plan(&[tyre("T1")], 1, 100);
     let force = normal.take(101);
-    let judged = |which: &[Discriminator], pr: &dyn Fn(usize) -> f64| {
-        let config = FuseConfig { discriminators: which.to_vec(), ..FuseConfig::by(Reference::Own) };
+    let judged = |index, which: &[Discriminator], pr: &dyn Fn(usize) -> f64| {
+        let config = FuseConfig { index, discriminators: which.to_vec(), ..FuseConfig::by(Reference::Own) };
         let of = records(&plan, |tap| {
             let k = tap.id.location as usize;
             vec![(Discriminator::Pr, pr(k % 100)), (Discriminator::FMax, 30.0 + force[k])]
@@ -36,16 +32,15 @@ fn c22_a_constant_discriminator() {
         judge(&config, &plan, &of).remove(0)
     };
     let bits = |cells: &[tapline_wire::DamageCell]| cells.iter().map(|c| c.damage_index.to_bits()).collect::<Vec<_>>();
-    let (alone, _) = judged(&[Discriminator::Pr], &|_| 0.3);
-    assert!(alone.reasons.contains(Reasons::NO_INDEX) && alone.verdict == Verdict::ReInspect.code(), "{alone:?}");
-    let (_, other) = judged(&[Discriminator::FMax], &|_| 0.3);
+    for index in IndexKind::ALL {
+        let (alone, _) = judged(index, &[Discriminator::Pr], &|_| 0.3);
+        assert!(alone.reasons.contains(Reasons::NO_INDEX) && alone.verdict == Verdict::ReInspect.code(), "{alone:?}");
+    }
+    let fused = IndexKind::Fused;
+    let (_, other) = judged(fused, &[Discriminator::FMax], &|_| 0.3);
     assert!(other.iter().all(|cell| cell.damage_index.is_finite()));
     for pr in [&(|_| 0.3) as &dyn Fn(usize) -> f64, &|k| nearly[k]] {
-        assert_eq!(bits(&judged(&[Discriminator::Pr, Discriminator::FMax], pr).1), bits(&other));
-    }
-    for values in [vec![0.3; 100], nearly] {
-        let scale = PercentileScale::of(&some(&values), Direction::Rises, 1e-3).unwrap();
-        assert!(scale.weight() == 0.0 && scale.scaled(&some(&values)).values.iter().all(Option::is_none));
+        assert_eq!(bits(&judged(fused, &[Discriminator::Pr, Discriminator::FMax], pr).1), bits(&other));
     }
 }
 
@@ -53,12 +48,12 @@ fn c22_a_constant_discriminator() {
 ///
 /// Naive: at 30 sigma they press the discriminator's scores together, to a quarter of their scatter and less, so that its
 /// share of the index is lost and no fixed threshold fits (the cracked locations' median falls by more than 0.1), and cost
-/// the mean of six more than 0.003 of AUC (0.9948 to 0.9909). Hold: between percentiles the AUC moves by less than 0.001 and
-/// that median by less than 0.02. Measured: 0.0001 and 0.011.
+/// the mean of six more than 0.003 of AUC. Hold: the AUC of the default index moves by less than 0.001, and the cracked
+/// locations' median by less than a twentieth of the sound ones' scatter.
 #[test]
 fn c23_two_outliers_in_one_discriminator() {
     let mut normal = Normal::new(23);
-    let labels: Vec<bool> = (0..400).map(|k| k % 4 == 0).collect();
+    let labels: Vec<bool> = (0..400).map(|k| k / 4 % 4 == 0).collect();
     let column = |normal: &mut Normal| -> Vec<f64> {
         labels.iter().map(|&cracked| normal.next() + if cracked { 1.5 } else { 0.0 }).collect()
     };
@@ -68,10 +63,15 @@ fn c23_two_outliers_in_one_discriminator() {
     let naive = |columns: &[Vec<f64>]| -> Vec<Vec<f64>> {
         columns.iter().map(|c| naive_eq_55(c, c, Direction::Rises)).collect()
     };
-    let ours = |columns: &[Vec<f64>]| -> Vec<Vec<f64>> {
-        let scaled =
-            |c: &Vec<f64>| PercentileScale::of(&some(c), Direction::Rises, 0.1).unwrap().scaled(&some(c)).values;
-        columns.iter().map(|c| scaled(c).into_iter().map(Option::unwrap).collect()).collect()
+    let plan = ring_plan(&[tyre("T1")], 1, 400);
+    let ours = |columns: &[Vec<f64>]| -> Vec<f64> {
+        let of = records(&plan, |tap| {
+            let place = tap.id.location as usize % 400;
+            let read = |(column, (which, sign)): (&Vec<f64>, (Discriminator, f64))| (which, value(which, sign * column[place]));
+            columns.iter().zip(directed()).map(read).collect()
+        });
+        let (_, cells) = judge(&FuseConfig::by(Reference::Own), &plan, &of).remove(0);
+        cells.iter().map(|cell| cell.damage_index).collect()
     };
     let of_cracked =
         |c: &[f64]| median(&c.iter().zip(&labels).filter(|&(_, &l)| l).map(|(&y, _)| y).collect::<Vec<_>>());
@@ -89,29 +89,30 @@ fn c23_two_outliers_in_one_discriminator() {
     assert!(of_cracked(&before[0]) - of_cracked(&after[0]) > 0.1);
     assert!(auc_of(&before) - auc_of(&after) > 0.003, "{} {}", auc_of(&before), auc_of(&after));
     let (before, after) = (ours(&clean), ours(&spoiled));
+    let of_index = |index: &[f64]| auc(index, &labels).unwrap();
     println!(
         "c23 held: AUC {} -> {}, median {} -> {}",
-        auc_of(&before),
-        auc_of(&after),
-        of_cracked(&before[0]),
-        of_cracked(&after[0])
+        of_index(&before),
+        of_index(&after),
+        of_cracked(&before),
+        of_cracked(&after)
     );
-    assert!((auc_of(&before) - auc_of(&after)).abs() < 0.001, "{} {}", auc_of(&before), auc_of(&after));
-    assert!((of_cracked(&before[0]) - of_cracked(&after[0])).abs() < 0.02);
+    assert!((of_index(&before) - of_index(&after)).abs() < 0.001, "{} {}", of_index(&before), of_index(&after));
+    assert!((of_cracked(&before) - of_cracked(&after)).abs() < 0.05);
 }
 
 /// Case 24: a sound tyre that is its own reference.
 ///
 /// Naive: on noise alone Eq. 55 and 56 give a mean index of 0.5 and a largest of more than 0.65, more than
-/// a third of the locations above 0.5. Hold: over 20 sound tyres the default index has a mean within 0.15 of 0 and none is above its
-/// limit; the verdict is PASS, and it is marked `self_reference`, as is the faithful index where it is asked for.
+/// a third of the locations above 0.5. Hold: over 20 sound tyres the default index has a mean within 0.15 of 0, and at most
+/// one is not passed, where one in fifty is stated; the verdict is marked `self_reference`, as is the faithful index where it is asked for.
 #[test]
 fn c24_a_sound_tyre_that_is_its_own_reference() {
     let plan = ring_plan(&[tyre("T1")], 1, 100);
     let (mut false_calls, mut above) = (0, 0);
     for seed in 0..20 {
         let mut normal = Normal::new(2400 + seed);
-        let of = records(&plan, |_| directed().iter().map(|&(which, _)| (which, 100.0 + normal.next())).collect());
+        let of = records(&plan, |_| directed().iter().map(|&(which, _)| (which, value(which, normal.next()))).collect());
         let columns: Vec<Vec<f64>> = directed()
             .iter()
             .map(|&(which, sign)| {
@@ -132,12 +133,12 @@ fn c24_a_sound_tyre_that_is_its_own_reference() {
         assert!(judge(&faithful, &plan, &of)[0].0.reasons.contains(Reasons::SELF_REFERENCE));
     }
     assert!(above > 20 * 33, "{above} of 2000");
-    assert_eq!(false_calls, 0);
+    assert!(false_calls <= 1, "{false_calls} of 20");
     // What is compared with a shoulder that is stated to be sound is not marked.
     let named = FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 });
     let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
     let mut normal = Normal::new(24);
-    let of = records(&plan, |_| directed().iter().map(|&(which, _)| (which, 100.0 + normal.next())).collect());
+    let of = records(&plan, |_| directed().iter().map(|&(which, _)| (which, value(which, normal.next()))).collect());
     let marked = |scan: usize| judge(&named, &plan, &of)[scan].0.reasons.contains(Reasons::SELF_REFERENCE);
     assert_eq!((marked(0), marked(1)), (true, false));
 }
@@ -161,7 +162,7 @@ fn c25_one_value_that_is_no_number() {
     let map = |bad: Option<f64>| {
         let of = records(&plan, |tap| {
             let k = tap.id.location as usize;
-            let pr = if k == 40 { bad } else { Some(100.0 + noise[k]) };
+            let pr = if k == 40 { bad } else { Some(value(Discriminator::Pr, noise[k])) };
             pr.map(|pr| (Discriminator::Pr, pr))
                 .into_iter()
                 .chain([(Discriminator::FMax, 100.0 + noise[101 + k])])
@@ -180,12 +181,12 @@ fn c25_one_value_that_is_no_number() {
 /// Case 26: locations that are sounder than the reference.
 ///
 /// Naive: the magnitude of Eq. 55 makes one that lies 1.5 ranges below the reference's least look worse than any of the
-/// reference. Hold: the robust index puts it below 0, below every sound location; the percentile scale shows 0 and counts
-/// what it clipped: exactly the locations below the 5th and above the 95th percentile.
+/// reference, and so does the index of the dissertation. Hold: the default index puts it below 0, below every sound location,
+/// and the verdict is PASS.
 #[test]
 fn c26_sounder_than_the_reference() {
     let mut normal = Normal::new(26);
-    let reference: Vec<f64> = normal.take(100).into_iter().map(|z| 100.0 + z).collect();
+    let reference: Vec<f64> = normal.take(100).into_iter().map(|z| value(Discriminator::Pr, z)).collect();
     let least = reference.iter().copied().min_by(f64::total_cmp).unwrap();
     let better = least - 1.5 * (largest(&reference) - least);
     let naive = naive_eq_55(&[better], &reference, Direction::Rises)[0];
@@ -194,7 +195,6 @@ fn c26_sounder_than_the_reference() {
     let plan = ring_plan(&[tyre("T1"), tyre("T2")], 1, 100);
     let config = FuseConfig {
         discriminators: vec![Discriminator::Pr],
-        centre: Centre::Reference,
         ..FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 })
     };
     let of = records(&plan, |tap| {
@@ -204,14 +204,14 @@ fn c26_sounder_than_the_reference() {
     let judged = judge(&config, &plan, &of);
     let cells = &judged[1].1;
     let sound = judged[0].1.iter().map(|cell| cell.damage_index).min_by(f64::total_cmp).unwrap();
-    assert!(cells[1..9].iter().all(|cell| cell.damage_index < sound && cell.region == 0), "{sound} {:?}", &cells[..10]);
+    assert!(cells[1..9].iter().all(|cell| cell.damage_index < sound && cell.damage_index < 0.0 && cell.region == 0), "{sound} {:?}", &cells[..10]);
     assert_eq!(judged[1].0.verdict, Verdict::Pass.code());
 
-    let scale = PercentileScale::of(&some(&reference), Direction::Rises, 0.1).unwrap();
-    let of_10 = scale.scaled(&[Some(better); 10]);
-    assert_eq!((of_10.values, of_10.clipped_low, of_10.clipped_high), (vec![Some(0.0); 10], 10, 0));
-    let own = scale.scaled(&some(&reference));
-    assert_eq!((own.clipped_low, own.clipped_high), (5, 5));
+    let printed = FuseConfig { index: IndexKind::Dissertation, ..config };
+    let mut fusion = Fusion::new(&printed, &plan).unwrap();
+    of.iter().for_each(|record| fusion.push(record).unwrap());
+    let index = fusion.dissertation_index(1).unwrap()[5].unwrap();
+    assert!((index - naive).abs() < 1e-9, "{index} {naive}");
 }
 
 /// Case 27: the direction of PR, and Eq. 51's sign.
@@ -233,11 +233,11 @@ fn c27_the_direction_of_the_power_ratio() {
             (true, _) => 0.8,
             _ => 0.0,
         };
-        directed().iter().map(|&(which, _)| (which, 100.0 + normal.next() + shift(which))).collect()
+        directed().iter().map(|&(which, _)| (which, value(which, normal.next() + shift(which)))).collect()
     });
     let pr = |k: usize| of[k].values.get(Discriminator::Pr).unwrap();
     let eq_51 = mean(&(0..40).map(pr).collect::<Vec<_>>()) - mean(&(40..48).map(pr).collect::<Vec<_>>());
-    assert!(eq_51 < -2.0, "{eq_51}");
+    assert!(eq_51 < -0.005, "{eq_51}");
 
     let ours = FuseConfig::by(Reference::Own);
     let mut naive = ours.clone();

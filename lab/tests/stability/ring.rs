@@ -1,11 +1,12 @@
 //! Cases 36 to 42: locations on a ring, and what may be claimed of them.
 
-use tapline_fuse::{Combine, FuseConfig, Permutation, Reference, auc, scan, scan_p_value};
+use tapline_fuse::{FuseConfig, Reference, auc};
 use tapline_lab::statistics::{Bootstrap, auc_interval, auc_left_out};
-use tapline_wire::{DamageCell, Discriminator, Geometry, Judgement, Plan, Reasons, Truth, Verdict};
+use tapline_wire::{DamageCell, Discriminator, Judgement, Plan, Reasons, Truth, Verdict};
 
 use crate::stability::scatter::{
-    Normal, directed, judge, largest, mean, median, plan_of, planned, records, ring_plan, sd, tyre,
+    Normal, directed, judge, judge_by_file, largest, mean, median, plan_of, planned, records, reference, ring_plan, sd, tyre,
+    value,
 };
 
 /// Records of one tap a location, in which the six discriminators are shifted by `shift` of the location.
@@ -13,20 +14,20 @@ fn shifted(plan: &Plan, seed: u64, shift: impl Fn(u32, u32) -> f64) -> Vec<tapli
     let mut normal = Normal::new(seed);
     records(plan, |tap| {
         let by = shift(u32::from(tap.id.shoulder), tap.id.location);
-        directed().iter().map(|&(which, sign)| (which, 100.0 + normal.next() + sign * by)).collect()
+        directed().iter().map(|&(which, sign)| (which, value(which, normal.next() + sign * by))).collect()
     })
 }
 
 /// Every bit of a map, NaN included.
 fn bits(cells: &[DamageCell]) -> String {
-    let of = |cell: &DamageCell| [cell.damage_index, cell.p_value, cell.guard, cell.region_p_value].map(f64::to_bits);
+    let of = |cell: &DamageCell| [cell.damage_index, cell.p_value, cell.region_p_value].map(f64::to_bits);
     format!("{cells:?} {:?}", cells.iter().map(of).collect::<Vec<_>>())
 }
 
 /// Case 36: a crack across the seam, and the closing tap.
 ///
 /// Naive: 101 rows without wrap make two cracks of one, and whatever the closing tap reads enters as a location of its
-/// own. Hold: 100 cells; the crack is one region over the seam; a closing tap that reads a million changes no bit of the
+/// own. Hold: 100 cells; the crack is one region over the seam; a closing tap that reads e^100 times as much changes no bit of the
 /// map. Deviation: the duplicate is not averaged in, it is left to the drift check.
 #[test]
 fn c36_the_seam_of_the_ring() {
@@ -54,8 +55,8 @@ fn c36_the_seam_of_the_ring() {
     let inside: Vec<u32> = cells.iter().filter(|c| c.region == region && region > 0).map(|c| c.location).collect();
     assert!([0, 1, 2, 97, 98, 99].iter().all(|l| inside.contains(l)) && inside.len() <= 8, "{inside:?}");
     assert_eq!(cells.iter().map(|c| c.region).max(), Some(1));
-    let (drifted, same) = map(1e6);
-    assert!(drifted.drift[Discriminator::Pr as usize] > 1e3, "it tells of the drift");
+    let (drifted, same) = map(1e4);
+    assert!(drifted.drift[Discriminator::A1 as usize] > 1e3, "it tells of the drift");
     let verdict = |of: Judgement| (of.verdict, of.reasons, of.limit_reject.to_bits(), of.evidence.map(f64::to_bits));
     assert_eq!(verdict(drifted), verdict(judgement), "the closing tap entered");
     assert_eq!(bits(&same), bits(&cells), "the closing tap entered");
@@ -84,9 +85,9 @@ fn c37_missing_and_reordered_locations() {
     // A neighbour across the gap has no word: 26 far off changes 26 and 27, not 19.
     let mut far = of.clone();
     let at = far.iter().position(|r| r.id.location == 26).unwrap();
-    let pr = far[at].values.get(Discriminator::Pr).unwrap();
-    far[at].values.set(Discriminator::Pr, Some(pr + 2.5));
-    let named = FuseConfig { discriminators: vec![Discriminator::Pr], ..FuseConfig::by(Reference::Own) };
+    let a_1 = far[at].values.get(Discriminator::A1).unwrap();
+    far[at].values.set(Discriminator::A1, Some(a_1 + 2.5));
+    let named = FuseConfig { discriminators: vec![Discriminator::A1], ..FuseConfig::by(Reference::Own) };
     let index = |of: &[tapline_wire::Discriminators], l: u32| {
         let cells = judge(&named, &plan, of).remove(0).1;
         cells.iter().find(|cell| cell.location == l).unwrap().damage_index
@@ -108,8 +109,8 @@ fn c37_missing_and_reordered_locations() {
 ///
 /// Naive: centred by the median of a ring of which 60 % is damaged, damage lies within 1.5 of 0 and the sound rest more than
 /// 4 from it. Hold: by the word of a sound shoulder the reason is `no_sound_majority` beside `damage`, at 60 % and not at
-/// 40 %; the ring alone, from 60 to 100 % damaged, never passes below 95 %; all of it damaged alike it cannot know (limit:
-/// a prior is needed).
+/// 40 %; the ring alone does not pass at 60 and 70 %. Limit: a turn's level is sought among its lowest quarter, so what
+/// exceeds three quarters is taken for sound; damage all round is `level_off` by five casings or more, and unknown to fewer.
 #[test]
 fn c38_a_ring_mostly_damaged() {
     let mut normal = Normal::new(38);
@@ -120,7 +121,7 @@ fn c38_a_ring_mostly_damaged() {
 
     let plan = ring_plan(&[tyre("T1")], 2, 100);
     let named = FuseConfig::by(Reference::Shoulder { tyre: tyre("T1"), shoulder: 1 });
-    for (share, is_told) in [(20, false), (40, false), (60, true), (100, true)] {
+    for (share, is_told) in [(20, false), (40, false), (60, true)] {
         let of = shifted(&plan, 380, |shoulder, l| if shoulder == 2 && l % 100 < share { 6.0 } else { 0.0 });
         let judged = judge(&named, &plan, &of);
         let reasons = judged[1].0.reasons;
@@ -128,104 +129,141 @@ fn c38_a_ring_mostly_damaged() {
         assert!(reasons.contains(Reasons::DAMAGE) && judged[0].0.reasons.bits() & Reasons::DAMAGE.bits() == 0);
     }
     let alone = ring_plan(&[tyre("T1")], 1, 100);
-    for share in [60, 70, 80, 90] {
+    for share in [60, 70] {
         let of = shifted(&alone, 381, |_, l| if l % 100 < share { 6.0 } else { 0.0 });
         let (judgement, _) = judge(&FuseConfig::by(Reference::Own), &alone, &of).remove(0);
         assert_ne!(judgement.verdict, Verdict::Pass.code(), "{share} {}", judgement.reasons);
     }
+    let plan = ring_plan(&tyres("S", 6), 2, 100);
+    let set = reference(&plan, &shifted(&plan, 382, |_, _| 0.0));
+    let plan = ring_plan(&[tyre("T1")], 2, 100);
+    for (damage, is_off) in [(0.0, false), (6.0, true)] {
+        let of = shifted(&plan, 383, |shoulder, _| if shoulder == 2 { damage } else { 0.0 });
+        let judged = judge_by_file(&FuseConfig::default(), &set, &plan, &of);
+        assert_eq!(judged[1].0.reasons.contains(Reasons::LEVEL_OFF), is_off, "{damage} {}", judged[1].0.reasons);
+    }
 }
 
 /// A white ring with `shift` on `length` of its locations.
-fn ring_with(normal: &mut Normal, length: usize, shift: f64) -> Vec<Option<f64>> {
-    (0..100).map(|k| Some(normal.next() + if (40..40 + length).contains(&k) { shift } else { 0.0 })).collect()
+fn ring_with(normal: &mut Normal, length: usize, shift: f64) -> Vec<f64> {
+    (0..100).map(|k| normal.next() + if (40..40 + length).contains(&k) { shift } else { 0.0 }).collect()
 }
 
 /// The largest mean of `length` neighbours, in its own standard deviations.
-fn smoothed(ring: &[Option<f64>], length: usize) -> f64 {
-    let sum = |first: usize| (first..first + length).map(|k| ring[k % 100].unwrap()).sum::<f64>();
+fn smoothed(ring: &[f64], length: usize) -> f64 {
+    let sum = |first: usize| (first..first + length).map(|k| ring[k % 100]).sum::<f64>();
     largest(&(0..100).map(sum).collect::<Vec<_>>()) / (length as f64).sqrt()
+}
+
+fn tyres(name: &str, count: usize) -> Vec<tapline_wire::Serial> {
+    (0..count).map(|k| tyre(&format!("{name}{k}"))).collect()
 }
 
 /// Case 39: a smoothing that is longer than the crack, or shorter.
 ///
 /// Naive, at a false-call rate of 5 % a ring: single locations find a crack of 8 at 1.5 sigma in a third of the rings, a
-/// mean of 20 finds one of 3 at 2.5 sigma in a third (0.29, 0.36). Hold: the scan over seven lengths finds both in
-/// more than 0.75 of the rings, with one threshold (0.83, 0.83); a permutation's p keeps its 5 % (3 % to 8 %).
+/// mean of 20 finds one of 3 at 2.5 sigma in a third (0.29, 0.36). Hold: the strongest arc finds both in more than 0.6 of
+/// the rings by one limit that twelve sound casings set, which 2 to 8 % of sound rings reach.
 #[test]
 fn c39_smoothing_longer_than_the_crack() {
-    const RINGS: usize = 1000;
+    const RINGS: usize = 400;
     let mut normal = Normal::new(39);
-    let scanned = |ring: &[Option<f64>]| scan(ring, Geometry::Ring).unwrap().value;
-    let threshold = |statistic: &dyn Fn(&[Option<f64>]) -> f64, normal: &mut Normal| {
+    let threshold = |statistic: &dyn Fn(&[f64]) -> f64, normal: &mut Normal| {
         let mut values: Vec<f64> = (0..4 * RINGS).map(|_| statistic(&ring_with(normal, 0, 0.0))).collect();
         values.sort_by(f64::total_cmp);
         values[4 * RINGS * 95 / 100]
     };
-    let mut power = |statistic: &dyn Fn(&[Option<f64>]) -> f64, length: usize, shift: f64| {
+    let mut power = |statistic: &dyn Fn(&[f64]) -> f64, length: usize, shift: f64| {
         let at = threshold(statistic, &mut normal);
         let hits = (0..RINGS).filter(|_| statistic(&ring_with(&mut normal, length, shift)) > at).count();
         hits as f64 / RINGS as f64
     };
-    let point = |ring: &[Option<f64>]| smoothed(ring, 1);
-    let wide = |ring: &[Option<f64>]| smoothed(ring, 20);
-    let naive = (power(&point, 8, 1.5), power(&wide, 3, 2.5));
-    let held = (power(&scanned, 8, 1.5), power(&scanned, 3, 2.5));
-    println!("c39: naive {naive:?}, scan {held:?}");
+    let naive = (power(&|ring| smoothed(ring, 1), 8, 1.5), power(&|ring| smoothed(ring, 20), 3, 2.5));
+
+    let a_1 = Discriminator::A1;
+    let of = |normal: &mut Normal, plan: &Plan, length: u32, shift: f64| {
+        records(plan, |tap| {
+            let by = if (40..40 + length).contains(&tap.id.location) { shift } else { 0.0 };
+            vec![(a_1, value(a_1, normal.next() + by))]
+        })
+    };
+    let (sound, judged) = (ring_plan(&tyres("S", 12), 2, 100), ring_plan(&tyres("T", RINGS), 1, 100));
+    let set = reference(&sound, &of(&mut normal, &sound, 0, 0.0));
+    let config = FuseConfig { discriminators: vec![a_1], re_inspect_rate: 0.05, ..FuseConfig::default() };
+    let mut called = |length: u32, shift: f64| {
+        let judged = judge_by_file(&config, &set, &judged, &of(&mut normal, &judged, length, shift));
+        judged.iter().filter(|(of, _)| of.strongest_arc >= of.limit_re_inspect).count() as f64 / RINGS as f64
+    };
+    let (held, sound) = ((called(8, 1.5), called(3, 2.5)), called(0, 0.0));
+    println!("c39: naive {naive:?}, strongest arc {held:?}, sound {sound}");
     assert!(naive.0 < 0.45 && naive.1 < 0.45, "{naive:?}");
-    assert!(held.0 > 0.75 && held.1 > 0.75, "{held:?}");
-    let permutation = Permutation { block_length: 1, count: 99, seed: 39 };
-    let calls = (0..400)
-        .filter(|_| scan_p_value(&ring_with(&mut normal, 0, 0.0), Geometry::Ring, permutation).unwrap() <= 0.05)
-        .count();
-    assert!((8..=36).contains(&calls), "{calls} of 400");
+    assert!(held.0 > 0.6 && held.1 > 0.6, "{held:?}");
+    assert!((0.02..=0.08).contains(&sound), "{sound}");
 }
 
 /// Case 40: the largest over offsets and velocities.
 ///
 /// Naive: the largest of four standard normals has a mean of 1.03 where all is sound, so that 4 times as many locations lie
-/// above a limit of 3. Hold: by `combine = "largest"`, as by the mean, at most 1.5 times as many locations of a sound ring
-/// have an index whose chance is below that of 3 as there should be; where all four offsets see the crack the mean has the
-/// larger AUC by 0.02.
+/// above a limit of 3. Hold: the index is the largest over the first offset, the first two, and so on, and the limit is that
+/// of the strongest arc of all of these: 2 to 8 % of sound rings reach it at 5 % stated. Where all four offsets see the
+/// crack its AUC exceeds that of the largest offset by 0.02.
 #[test]
 fn c40_the_largest_over_conditions() {
-    const COUNT: u32 = 4000;
+    const RINGS: usize = 200;
+    const OFFSETS_MM: [f64; 4] = [0.0, 5.0, 10.0, 15.0];
     let mut normal = Normal::new(40);
-    let naive: Vec<f64> = (0..COUNT).map(|_| largest(&normal.take(4))).collect();
-    let above = naive.iter().filter(|&&z| z > 3.0).count() as f64 / (f64::from(COUNT) * 1.35e-3);
-    assert!((mean(&naive) - 1.03).abs() < 0.05 && above > 3.0, "{} {above}", mean(&naive));
+    let sound: Vec<f64> = (0..4000).map(|_| largest(&normal.take(4))).collect();
+    let above = sound.iter().filter(|&&z| z > 3.0).count() as f64 / (4000.0 * 1.35e-3);
+    assert!((mean(&sound) - 1.03).abs() < 0.05 && above > 3.0, "{} {above}", mean(&sound));
 
-    let is_cracked = |location: u32| (location / 10).is_multiple_of(10) && location < COUNT;
-    let offsets = [0.0, 5.0, 10.0, 15.0].into_iter().flat_map(|offset_mm| {
-        (0..COUNT).map(move |location| {
-            let mut tap = planned(tyre("T1"), 1, location, COUNT);
-            tap.id = tap.id.with_offset_mm(Some(offset_mm)).unwrap();
-            tap
-        })
-    });
-    let plan = plan_of(offsets.collect(), Truth::new());
-    let labels: Vec<bool> = (0..COUNT).map(is_cracked).collect();
-    let mut cells = |combine, shift: f64| {
-        let of = records(&plan, |tap| {
-            let by = if is_cracked(tap.id.location) { shift } else { 0.0 };
-            vec![(Discriminator::Pr, 100.0 + normal.next() + by)]
+    let is_cracked = |location: u32| location / 10 % 5 == 2;
+    let a_1 = Discriminator::A1;
+    let plan_of_rings = |tyres: Vec<tapline_wire::Serial>, shoulders: u16| {
+        let rings = tyres.into_iter().flat_map(|tyre| (1..=shoulders).map(move |shoulder| (tyre, shoulder)));
+        let taps = rings.flat_map(|(tyre, shoulder)| {
+            OFFSETS_MM.into_iter().flat_map(move |offset_mm| {
+                (0..100).map(move |location| {
+                    let mut tap = planned(tyre, shoulder, location, 100);
+                    tap.id = tap.id.with_offset_mm(Some(offset_mm)).unwrap();
+                    tap
+                })
+            })
         });
-        let pr = vec![Discriminator::Pr];
-        let config = FuseConfig { combine, discriminators: pr, ..FuseConfig::by(Reference::Own) };
-        judge(&config, &plan, &of).remove(0).1
+        plan_of(taps.collect(), Truth::new())
     };
-    for combine in [Combine::Mean, Combine::Largest] {
-        let rare = cells(combine, 0.0).iter().filter(|cell| cell.p_value < 1.35e-3).count();
-        let times = rare as f64 / (f64::from(COUNT) * 1.35e-3);
-        println!("c40: {} x{times}", combine.name());
-        assert!(times < 1.5 + 1.0 / 2.3, "{times}: 5.4 are expected, 2.3 is their scatter");
-    }
-    let mut auc_of = |combine| {
-        let index: Vec<f64> = cells(combine, 0.5).iter().map(|cell| cell.damage_index).collect();
-        auc(&index, &labels).unwrap()
+    let of = |normal: &mut Normal, plan: &Plan, shift: f64| {
+        records(plan, |tap| {
+            let by = if is_cracked(tap.id.location) { shift } else { 0.0 };
+            vec![(a_1, value(a_1, normal.next() + by))]
+        })
     };
-    let (mean, largest) = (auc_of(Combine::Mean), auc_of(Combine::Largest));
-    println!("c40: AUC mean {mean} largest {largest}");
-    assert!(mean - largest > 0.02);
+    let sound = plan_of_rings(tyres("S", 12), 2);
+    let set = reference(&sound, &of(&mut normal, &sound, 0.0));
+    let config = FuseConfig { discriminators: vec![a_1], re_inspect_rate: 0.05, ..FuseConfig::default() };
+    let plan = plan_of_rings(tyres("T", RINGS), 1);
+    let judged = judge_by_file(&config, &set, &plan, &of(&mut normal, &plan, 0.0));
+    let called = judged.iter().filter(|(of, _)| of.strongest_arc >= of.limit_re_inspect).count();
+
+    let plan = plan_of_rings(tyres("C", 20), 1);
+    let cracked = of(&mut normal, &plan, 0.5);
+    let judged = judge_by_file(&config, &set, &plan, &cracked);
+    let index: Vec<f64> = judged.iter().flat_map(|(_, cells)| cells.iter().map(|cell| cell.damage_index)).collect();
+    let labels: Vec<bool> = judged.iter().flat_map(|(_, cells)| cells.iter().map(|c| is_cracked(c.location))).collect();
+    // Along the ring the largest is averaged as the index is.
+    let naive: Vec<f64> = (0..20 * 100)
+        .map(|place| {
+            let (ring, location) = (place / 100, place % 100);
+            let at = |location: usize| {
+                let of_offset = |k: usize| cracked[(4 * ring + k) * 100 + location].values.get(a_1).unwrap();
+                largest(&[0, 1, 2, 3].map(of_offset))
+            };
+            at((location + 99) % 100) + at(location) + at((location + 1) % 100)
+        })
+        .collect();
+    let (ours, naive) = (auc(&index, &labels).unwrap(), auc(&naive, &labels).unwrap());
+    println!("c40: {called} of {RINGS} sound rings called, AUC {ours}, of the largest {naive}");
+    assert!((4..=16).contains(&called), "{called} of {RINGS}");
+    assert!(ours - naive > 0.02, "{ours} {naive}");
 }
 
 /// Case 41: tuned and tested on the same tyre.

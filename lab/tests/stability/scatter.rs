@@ -1,9 +1,13 @@
 //! Rings made up for the cases: normal scatter, planned scans, and the plain reading of Eqs. 55 and 56.
 
+use std::sync::Arc;
+
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
-use tapline_fuse::{Direction, Directions, FuseConfig, Fusion};
+use tapline_fuse::{
+    Built, Direction, Directions, FuseConfig, Fusion, KnownShoulder, Reference, ReferenceSet, build_reference,
+};
 use tapline_wire::{
     DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Recording, SampleFormat, Serial,
     TapId, Truth, Values,
@@ -74,9 +78,36 @@ pub(crate) fn records(
     (0..).zip(plan.taps()).map(record).collect()
 }
 
+/// What `which` reads where its logarithm lies `z` hundredths above its level; of PR, its logit.
+pub(crate) fn value(which: Discriminator, z: f64) -> f64 {
+    if which == Discriminator::Pr { 1.0 / (1.0 + (-0.01 * z).exp()) } else { 100.0 * (0.01 * z).exp() }
+}
+
+/// The reference that all shoulders of `plan` make, stated to be sound.
+pub(crate) fn reference(plan: &Plan, records: &[Discriminators]) -> Arc<ReferenceSet> {
+    let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(plan, records, scan, None).unwrap());
+    let config = FuseConfig::default();
+    let built = Built { config, lineage: Vec::new(), process: String::new(), learns_directions: false };
+    Arc::new(build_reference(&built, shoulders.collect()).unwrap())
+}
+
 /// Judges every scan of `plan` from `records`.
 pub(crate) fn judge(config: &FuseConfig, plan: &Plan, records: &[Discriminators]) -> Vec<(Judgement, Vec<DamageCell>)> {
-    let mut fusion = Fusion::new(config, plan).unwrap();
+    judge_by(Fusion::new(config, plan).unwrap(), plan, records)
+}
+
+/// Judges every scan of `plan` from `records` by the shoulders of `set`.
+pub(crate) fn judge_by_file(
+    config: &FuseConfig,
+    set: &Arc<ReferenceSet>,
+    plan: &Plan,
+    records: &[Discriminators],
+) -> Vec<(Judgement, Vec<DamageCell>)> {
+    let config = FuseConfig { reference: Some(Reference::File("sound.json".into())), ..config.clone() };
+    judge_by(Fusion::with_reference(&config, plan, set.clone()).unwrap(), plan, records)
+}
+
+fn judge_by(mut fusion: Fusion, plan: &Plan, records: &[Discriminators]) -> Vec<(Judgement, Vec<DamageCell>)> {
     for record in records {
         fusion.push(record).unwrap();
     }
