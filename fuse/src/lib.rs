@@ -1,18 +1,17 @@
 //! Many taps' discriminators become a damage map and a verdict per shoulder.
 //!
-//! [`Fusion`] is the state machine: it is told of every tap and of the end of every scan, in any
-//! order, and judges a shoulder once its reference is whole. What it computes, step by step:
+//! [`Fusion`] is the state machine: it takes every tap and the end of every scan, in any order, and judges a shoulder once its
+//! casing and its reference are complete. What it computes, step by step, and the folder of each:
 //!
-//! 1. taps are grouped into conditions (offset, velocity class); closing taps enter nothing but the drift; if asked for,
-//!    F_max and tau are brought from the measured to the planned velocity (`velocity`);
-//! 2. each value is taken as a share of its casing's level (`level`) and standardised by the reference (`yardstick`);
-//! 3. the discriminators of a location in one condition become one index (`indices`), its conditions one value (`fit`,
-//!    `combine`), and that the mean over the location and its two neighbours (`ring`);
-//! 4. the reference's own index map and the stated rate of false calls set the limits (`limits`), and what exceeds them
-//!    makes regions and a verdict (`verdict`), with how rare such an arc is and which offset sees it (`lateral`).
+//! 1. `shoulder`: taps are grouped into turns, once around at one offset, velocity and repetition;
+//! 2. `index`: the discriminators of a tap are compared with the level of its turn and the scatter of the reference, and become
+//!    one score a place and offset;
+//! 3. `arcs`: the scores of neighbours and of offsets become the evidence of arcs, and the arcs of the reference's casings, each
+//!    judged by the others, set the limits for the stated rates of false calls;
+//! 4. `verdict`: arcs above a limit, and a level that is off as a whole, make reasons, and those a verdict.
 //!
-//! A reference is the casing itself, a shoulder of the run, or a [`ReferenceSet`] of earlier runs; `standard` is what it
-//! teaches, and how a casing is measured by it.
+//! `reference` holds what shoulders are compared with: the casing itself, a shoulder of it that is known to be sound, or a
+//! [`ReferenceSet`] of earlier casings. `fusion` is the state machine, and `run` its loop on a line.
 //!
 //! ```
 //! use tapline_fuse::{FuseConfig, Fusion, Reference};

@@ -31,8 +31,9 @@ impl Slab {
             let truth = tapline_store::Reader::open(&path).unwrap().plan().truth().clone();
             for row in csv_rows(&sandbox.run(&format!("export {} verdicts", path.display())).expect(0).out) {
                 let shoulder: u16 = row["shoulder"].parse().unwrap();
-                let is_cracked =
-                    truth.iter().any(|((tyre, of, _), &label)| tyre.as_str() == row["tyre"] && *of == shoulder && label);
+                let is_cracked = truth
+                    .iter()
+                    .any(|((tyre, of, _), &label)| tyre.as_str() == row["tyre"] && *of == shoulder && label);
                 let counts = if is_cracked { &mut slab.cracked } else { &mut slab.sound };
                 *counts.entry(row["verdict"].clone()).or_default() += 1;
             }

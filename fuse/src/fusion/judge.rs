@@ -13,7 +13,7 @@ use crate::index::Scores;
 use crate::reference::fitted::FittedReference;
 use crate::shoulder::Shoulder;
 use crate::verdict::verdict_of;
-use crate::{Error, FuseConfig, IndexKind};
+use crate::{Error, FuseConfig};
 
 /// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
 const REACH_FRACTION: f64 = 0.5;
@@ -130,7 +130,9 @@ impl Fusion {
     pub fn by_offset(&mut self, scan: usize) -> Result<Vec<OffsetMap>, Error> {
         self.check(scan)?;
         let compared = self.compared(scan);
-        let Some(view) = compared.view(scan).filter(|_| self.config.index != IndexKind::Dissertation) else {
+        let offsets_mm = compared.conditions.offsets_mm();
+        // An index that looks at all offsets at once has nothing to say of one.
+        let Some(view) = compared.view(scan).filter(|view| view.scores.by_offset.len() == offsets_mm.len()) else {
             return Ok(Vec::new());
         };
         let map = |(number, mm): (usize, Option<f64>)| {
@@ -141,8 +143,7 @@ impl Fusion {
                 index: index.into_iter().map(|x| Some(x).filter(|x| !x.is_nan())).collect(),
             })
         };
-        let mut maps: Vec<OffsetMap> =
-            compared.conditions.offsets_mm().into_iter().enumerate().filter_map(map).collect();
+        let mut maps: Vec<OffsetMap> = offsets_mm.into_iter().enumerate().filter_map(map).collect();
         maps.retain(|map| map.index.iter().any(Option::is_some));
         maps.sort_by(|a, b| a.offset_mm.total_cmp(&b.offset_mm));
         Ok(maps)
@@ -171,7 +172,9 @@ impl Fusion {
         self.check(scan)?;
         let compared = self.compared(scan);
         let number = self.config.discriminators.iter().position(|&configured| configured == which);
-        let Some((view, d)) = compared.view(scan).zip(number) else { return Ok(vec![f64::NAN; self.rings[scan].len()]) };
+        let Some((view, d)) = compared.view(scan).zip(number) else {
+            return Ok(vec![f64::NAN; self.rings[scan].len()]);
+        };
         let of_place = |scores: &Vec<f64>| Some(scores[d]).filter(|score| score.is_finite());
         let scores: Vec<Option<f64>> = view.scores.by_discriminator.iter().map(of_place).collect();
         Ok(view.shoulder.ring.mean_of_3(&scores).into_iter().map(|mean| mean.unwrap_or(f64::NAN)).collect())

@@ -90,8 +90,11 @@ pub(super) fn candidates(split: &Split, threads: usize) -> Result<(Vec<Candidate
         let areas = Areas::new(&judged);
         Ok(Candidate { set: split.name, reference, index, judged, areas })
     })?;
-    let of_discriminator =
-        |(which, results): (Discriminator, Vec<ShoulderResult>)| SingleDiscriminator { set: split.name, which, areas: Areas::new(&results) };
+    let of_discriminator = |(which, results): (Discriminator, Vec<ShoulderResult>)| SingleDiscriminator {
+        set: split.name,
+        which,
+        areas: Areas::new(&results),
+    };
     Ok((candidates, alone(&judged, &healthy)?.into_iter().map(of_discriminator).collect()))
 }
 

@@ -85,9 +85,8 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> 
     for index in IndexKind::ALL {
         let is_shown = |drawn: &&Vec<String>| index == IndexKind::default() || drawn.len() == widest;
         for call in Call::ALL {
-            let jobs: Vec<(f64, &Vec<String>)> = (references.iter().filter(is_shown))
-                .flat_map(|drawn| STATED.map(|stated| (stated, drawn)))
-                .collect();
+            let jobs: Vec<(f64, &Vec<String>)> =
+                (references.iter().filter(is_shown)).flat_map(|drawn| STATED.map(|stated| (stated, drawn))).collect();
             let counted = each(&jobs, threads, |&(stated, drawn)| {
                 let config = FuseConfig { index, ..call.config(stated) };
                 let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);

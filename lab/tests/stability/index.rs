@@ -67,7 +67,9 @@ fn c23_two_outliers_in_one_discriminator() {
     let ours = |columns: &[Vec<f64>]| -> Vec<f64> {
         let of = records(&plan, |tap| {
             let place = tap.id.location as usize % 400;
-            let read = |(column, (which, sign)): (&Vec<f64>, (Discriminator, f64))| (which, value(which, sign * column[place]));
+            let read = |(column, (which, sign)): (&Vec<f64>, (Discriminator, f64))| {
+                (which, value(which, sign * column[place]))
+            };
             columns.iter().zip(directed()).map(read).collect()
         });
         let (_, cells) = judge(&FuseConfig::by(Reference::Own), &plan, &of).remove(0);
@@ -112,7 +114,8 @@ fn c24_a_sound_tyre_that_is_its_own_reference() {
     let (mut false_calls, mut above) = (0, 0);
     for seed in 0..20 {
         let mut normal = Normal::new(2400 + seed);
-        let of = records(&plan, |_| directed().iter().map(|&(which, _)| (which, value(which, normal.next()))).collect());
+        let of =
+            records(&plan, |_| directed().iter().map(|&(which, _)| (which, value(which, normal.next()))).collect());
         let columns: Vec<Vec<f64>> = directed()
             .iter()
             .map(|&(which, sign)| {
@@ -204,7 +207,11 @@ fn c26_sounder_than_the_reference() {
     let judged = judge(&config, &plan, &of);
     let cells = &judged[1].1;
     let sound = judged[0].1.iter().map(|cell| cell.damage_index).min_by(f64::total_cmp).unwrap();
-    assert!(cells[1..9].iter().all(|cell| cell.damage_index < sound && cell.damage_index < 0.0 && cell.region == 0), "{sound} {:?}", &cells[..10]);
+    assert!(
+        cells[1..9].iter().all(|cell| cell.damage_index < sound && cell.damage_index < 0.0 && cell.region == 0),
+        "{sound} {:?}",
+        &cells[..10]
+    );
     assert_eq!(judged[1].0.verdict, Verdict::Pass.code());
 
     let printed = FuseConfig { index: IndexKind::Dissertation, ..config };

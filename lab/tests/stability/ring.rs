@@ -5,8 +5,8 @@ use tapline_lab::statistics::{Bootstrap, auc_interval, auc_left_out};
 use tapline_wire::{DamageCell, Discriminator, Judgement, Plan, Reasons, Truth, Verdict};
 
 use crate::stability::scatter::{
-    Normal, directed, judge, judge_by_file, largest, mean, median, plan_of, planned, records, reference, ring_plan, sd, tyre,
-    value,
+    Normal, directed, judge, judge_by_file, largest, mean, median, plan_of, planned, records, reference, ring_plan, sd,
+    tyre, value,
 };
 
 /// Records of one tap a location, in which the six discriminators are shifted by `shift` of the location.
