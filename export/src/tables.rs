@@ -110,6 +110,7 @@ fn arcs(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()>
         Column::u32("extent_locations", |row: &RegionRow<'_>| row.region.extent_locations),
         Column::f64("extent_deg", "deg", |row: &RegionRow<'_>| row.region.extent_deg),
         Column::f64("mean_damage_index", "1", |row: &RegionRow<'_>| row.region.mean_damage_index),
+        Column::f64("region_index", "1", |row: &RegionRow<'_>| row.region.region_index),
         Column::f64("p_value", "1", |row: &RegionRow<'_>| row.region.p_value),
         Column::f64("offset_best_mm", "mm", |row: &RegionRow<'_>| row.region.offset_best_mm),
         Column::f64("offset_low_mm", "mm", |row: &RegionRow<'_>| row.region.offset_low_mm),

@@ -58,8 +58,8 @@ fn tables_to_the_letter() {
         exported(&reader, Export::Regions),
         "tyre,shoulder,region,first_location,last_location,start_deg,end_deg,\
          peak_location,peak_angle_deg,peak_damage_index,extent_locations,extent_deg,\
-         mean_damage_index,p_value,offset_best_mm,offset_low_mm,offset_high_mm\n\
-         A\u{e9}-1,1,1,3,0,270,0,3,270,7.5,2,180,6,,5,0,3\n"
+         mean_damage_index,region_index,p_value,offset_best_mm,offset_low_mm,offset_high_mm\n\
+         A\u{e9}-1,1,1,3,0,270,0,3,270,7.5,2,180,6,,,5,0,3\n"
     );
     assert_eq!(
         exported(&reader, Export::Verdicts),

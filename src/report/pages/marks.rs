@@ -122,17 +122,17 @@ fn offset(region: &Region) -> Markup {
     }
 }
 
-/// How bad a region is: by how much its index exceeds the limits, and how probable it is in a sound ring.
+/// How bad a region is: by how much its strongest arc exceeds the limits, and how probable that is on a sound shoulder.
 fn severity(shoulder: &Shoulder, region: &Region) -> String {
-    let (Some(peak), Some(limits)) = (region.peak_damage_index, shoulder.limits) else { return "unknown".to_owned() };
-    let word = if peak >= limits.reject { "damage" } else { "suspect" };
+    let (Some(arc), Some(limits)) = (region.region_index, shoulder.limits) else { return "unknown".to_owned() };
+    let word = if arc >= limits.reject { "damage" } else { "suspect" };
     let times = if limits.reject > 0.0 {
-        format!(", {:.1} times the reject limit", peak / limits.reject)
+        format!(", {:.1} times the reject limit", arc / limits.reject)
     } else {
         String::new()
     };
-    let mean = region.mean_damage_index.map_or_else(String::new, |mean| format!(", mean {mean:.2}"));
+    let mean = region.mean_damage_index.map_or_else(String::new, |mean| format!(", mean index {mean:.2}"));
     let probability =
-        region.p_value.map_or_else(String::new, |p_value| format!("; probability in a sound ring {p_value:.3}"));
-    format!("{word}: peak index {peak:.2}{times}{mean}{probability}")
+        region.p_value.map_or_else(String::new, |p_value| format!("; probability on a sound shoulder {p_value:.3}"));
+    format!("{word}: strongest arc {arc:.2}{times}{mean}{probability}")
 }

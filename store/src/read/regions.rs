@@ -23,7 +23,9 @@ pub struct Region {
     pub peak_damage_index: Option<f64>,
     /// Mean damage index of its locations, a measure of severity; `None` if no cell has one.
     pub mean_damage_index: Option<f64>,
-    /// Probability of such an arc on a sound ring.
+    /// How far its strongest arc stands out, on the scale of the limits.
+    pub region_index: Option<f64>,
+    /// Probability that a sound shoulder has such an arc.
     pub p_value: Option<f64>,
     /// Offset from the belt edge, in mm, at which it shows most.
     pub offset_best_mm: Option<f64>,
@@ -98,6 +100,7 @@ fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
         peak_angle_deg: known(peak.angle_deg),
         peak_damage_index: known(peak.damage_index),
         mean_damage_index: known(sum / f64::from(count)),
+        region_index: known(first.region_index),
         p_value: known(first.region_p_value),
         offset_best_mm: known(first.offset_best_mm),
         offset_low_mm: known(first.offset_low_mm),
