@@ -83,9 +83,8 @@ mod tests {
     const WORDS: &[&str] = &[
         "f64",
         "gate",
-        "robust",
+        "dissertation",
         "mean",
-        "hidden",
         "reference",
         "keep",
         "drop",

@@ -4,14 +4,11 @@ pub(crate) mod whole_shoulder;
 
 use tapline_wire::{Reasons, Verdict};
 
-/// Reasons that say how a verdict was reached and ask for nothing.
-const REMARKS: [Reasons; 2] = [Reasons::SELF_REFERENCE, Reasons::EXTRAPOLATED];
-
 /// The verdict that `reasons` demand: PASS only when there is none but remarks.
 pub(crate) fn verdict_of(reasons: Reasons) -> Verdict {
     if reasons.contains(Reasons::DAMAGE) {
         Verdict::Reject
-    } else if REMARKS.iter().fold(reasons.bits(), |bits, remark| bits & !remark.bits()) == 0 {
+    } else if Reasons::REMARKS.contains(reasons) {
         Verdict::Pass
     } else {
         Verdict::ReInspect

@@ -97,6 +97,11 @@ flags! {
     }
 }
 
+impl Reasons {
+    /// Those that say how a verdict was reached and ask for nothing: PASS stays PASS.
+    pub const REMARKS: Self = Self::SELF_REFERENCE.union(Self::EXTRAPOLATED);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
