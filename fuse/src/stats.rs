@@ -31,11 +31,13 @@ impl Spread {
         Self::checked(centre, SIGMA_PER_MAD * median(values)?)
     }
 
-    /// The spread of `values` as the lower half of them tells it: damage lies in the upper one.
-    pub(crate) fn of_lower_half(values: &mut [f64]) -> Option<Self> {
-        let centre = median(values).filter(|_| values.len() >= VALUES_MIN)?;
-        let mut below: Vec<f64> = values.iter().filter(|&&x| x <= centre).map(|x| centre - x).collect();
-        Self::checked(centre, SIGMA_PER_MAD * median(&mut below)?)
+    /// The spread about 0 of `values` as those below 0 tell it: damage lies above, and may be more than half of them.
+    pub(crate) fn below_zero(values: &mut [f64]) -> Option<Self> {
+        let mut below: Vec<f64> = values.iter().copied().filter(|&x| x <= 0.0).map(f64::abs).collect();
+        if below.len() < VALUES_MIN / 2 {
+            return None;
+        }
+        Self::checked(0.0, SIGMA_PER_MAD * median(&mut below)?)
     }
 
     fn checked(centre: f64, sigma: f64) -> Option<Self> {

@@ -307,7 +307,7 @@ impl Fused {
                     gaps.extend(quantile(&mut above[first..], START_FRACTION).map(|quartile| -quartile));
                 }
             }
-            let sigma = if self.setup.is_own { Spread::of_lower_half(&mut above) } else { Spread::of(&mut above) };
+            let sigma = if self.setup.is_own { Spread::below_zero(&mut above) } else { Spread::of(&mut above) };
             let sigma = sigma?.sigma;
             let gap = if self.setup.is_own { QUARTILE_Z * sigma } else { median(&mut gaps)? };
             (sigma > 1e-9).then_some(Scale { sigma, gap, residual: 0.0 })
@@ -418,7 +418,7 @@ impl Fused {
                 by_condition[turn.condition].extend(values.map(|(value, _)| value));
             }
         }
-        let spread = if self.setup.is_own { Spread::of_lower_half } else { Spread::of };
+        let spread = if self.setup.is_own { Spread::below_zero } else { Spread::of };
         self.taps = by_condition.iter_mut().map(|values| spread(values)).collect();
 
         let means: Vec<Vec<Vec<(f64, u32)>>> =
@@ -509,12 +509,12 @@ impl OffsetScale {
     }
 }
 
-/// Mean and standard deviation; as the lower half tells them where the upper may be damage.
+/// Mean and standard deviation; 0, and as what lies below it tells, where what lies above may be damage.
 fn centre_and_sd(mut values: Vec<f64>, is_own: bool) -> Option<(f64, f64)> {
     if !is_own {
         return mean_and_sd(&values);
     }
-    Spread::of_lower_half(&mut values).map(|spread| (spread.centre, spread.sigma))
+    Spread::below_zero(&mut values).map(|spread| (spread.centre, spread.sigma))
 }
 
 /// Calls `see` with the shoulders of each casing; those of one follow each other.
