@@ -55,6 +55,6 @@ fn a_wide_crack_keeps_its_level() {
             of_class.filter(|c| c.region > 0).count()
         };
         assert!(called(true) * 10 >= count as usize * 9, "{count}: {}", called(true));
-        assert!(called(false) <= 10, "{count}: {}", called(false));
+        assert!(called(false) <= 15, "{count}: {}", called(false));
     }
 }
