@@ -46,7 +46,8 @@ fn a_quick_study_is_sound_whatever_the_threads() {
     }
     let found_all = &found["detection"][0];
     assert!(found_all["found"].as_f64().unwrap() >= 0.75 * found_all["targets"].as_f64().unwrap(), "{found_all}");
-    let of_default = |row: &&Value| row["index"] == "fused";
+    // A casing that is its own reference supports no rate.
+    let of_default = |row: &&Value| row["index"] == "fused" && row["casings"].as_f64() != Some(0.0);
     for row in found["false_calls"].as_array().unwrap().iter().filter(of_default) {
         assert_eq!(row["consistent"], "yes", "{row}");
     }
