@@ -132,7 +132,10 @@ fn severity(shoulder: &Shoulder, region: &Region) -> String {
         String::new()
     };
     let mean = region.mean_damage_index.map_or_else(String::new, |mean| format!(", mean index {mean:.2}"));
-    let probability =
-        region.p_value.map_or_else(String::new, |p_value| format!("; probability on a sound shoulder {p_value:.3}"));
+    let probability = match region.p_value {
+        Some(p_value) if p_value < 0.001 => "; probability on a sound shoulder below 0.001".to_owned(),
+        Some(p_value) => format!("; probability on a sound shoulder {p_value:.3}"),
+        None => String::new(),
+    };
     format!("{word}: strongest arc {arc:.2}{times}{mean}{probability}")
 }
