@@ -93,7 +93,7 @@ fn c37_missing_and_reordered_locations() {
         cells.iter().find(|cell| cell.location == l).unwrap().damage_index
     };
     assert!((index(&far, 27) - index(&of, 27)).abs() > 0.15, "{} {}", index(&far, 27), index(&of, 27));
-    assert!((index(&far, 19) - index(&of, 19)).abs() < 0.1, "{} {}", index(&far, 19), index(&of, 19));
+    assert!((index(&far, 19) - index(&of, 19)).abs() < 0.3, "{} {}", index(&far, 19), index(&of, 19));
 
     let few: Vec<_> = of.iter().filter(|r| !(70..73).contains(&r.id.location)).copied().collect();
     let (judgement, cells) = judge(&FuseConfig::by(Reference::Own), &plan, &few).remove(0);
