@@ -17,8 +17,8 @@ use super::sets::{Set, sound};
 use super::size::Size;
 use super::table::{Table, cell, ends, yes_or_no};
 
-/// Rates that are stated.
-const STATED: [f64; 3] = [0.05, 0.02, 0.001];
+/// What is called, and the rate that is stated for it.
+pub(super) const STATED: [(Call, f64); 3] = [(Call::NotPassed, 0.05), (Call::NotPassed, 0.02), (Call::Rejected, 0.001)];
 
 /// What is called false.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,14 +41,12 @@ impl Call {
         }
     }
 
-    /// The default configuration, in which this has the rate `stated` and the other its own, as far as their order allows.
+    /// The default configuration with the rate `stated` for this.
     fn config(self, stated: f64) -> FuseConfig {
-        let config = FuseConfig::default();
-        let (re_inspect_rate, reject_rate) = match self {
-            Self::NotPassed => (stated, if stated < config.reject_rate { stated } else { config.reject_rate }),
-            Self::Rejected => (if stated > config.re_inspect_rate { stated } else { config.re_inspect_rate }, stated),
-        };
-        FuseConfig { re_inspect_rate, reject_rate, ..config }
+        match self {
+            Self::NotPassed => FuseConfig { re_inspect_rate: stated, ..FuseConfig::default() },
+            Self::Rejected => FuseConfig { reject_rate: stated, ..FuseConfig::default() },
+        }
     }
 }
 
@@ -84,33 +82,32 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> 
     let mut counts: Vec<FalseCalls> = Vec::new();
     for index in IndexKind::ALL {
         let is_shown = |drawn: &&Vec<String>| index == IndexKind::default() || drawn.len() == widest;
-        for call in Call::ALL {
-            let jobs: Vec<(f64, &Vec<String>)> =
-                (references.iter().filter(is_shown)).flat_map(|drawn| STATED.map(|stated| (stated, drawn))).collect();
-            let counted = each(&jobs, threads, |&(stated, drawn)| {
-                let config = FuseConfig { index, ..call.config(stated) };
-                let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
-                let by = match drawn.is_empty() {
-                    true => ComparedWith::Itself,
-                    false => ComparedWith::File(dataset.reference(is_reference)?),
-                };
-                let judged = judge(&config, &dataset.of_tyres(|tyre| !is_reference(tyre))?, &by)?;
-                Ok((judged.len(), judged.iter().filter(|j| call.is(j.verdict)).count()))
-            })?;
-            for (&(stated, drawn), (judged, calls)) in jobs.iter().zip(counted) {
-                let casings = drawn.len();
-                let is_it = |c: &&mut FalseCalls| {
-                    c.index == index && c.call == call && c.casings == casings && c.stated.total_cmp(&stated).is_eq()
-                };
-                match counts.iter_mut().find(is_it) {
-                    Some(of_it) => {
-                        of_it.judged += judged;
-                        of_it.calls += calls;
-                    }
-                    None => {
-                        let rate = Rate { rate: 0.0, low: 0.0, high: 1.0 };
-                        counts.push(FalseCalls { index, casings, call, stated, judged, calls, rate });
-                    }
+        let jobs: Vec<(Call, f64, &Vec<String>)> = (references.iter().filter(is_shown))
+            .flat_map(|drawn| STATED.map(|(call, stated)| (call, stated, drawn)))
+            .collect();
+        let counted = each(&jobs, threads, |&(call, stated, drawn)| {
+            let config = FuseConfig { index, ..call.config(stated) };
+            let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
+            let by = match drawn.is_empty() {
+                true => ComparedWith::Itself,
+                false => ComparedWith::File(dataset.reference(is_reference)?),
+            };
+            let judged = judge(&config, &dataset.of_tyres(|tyre| !is_reference(tyre))?, &by)?;
+            Ok((judged.len(), judged.iter().filter(|j| call.is(j.verdict)).count()))
+        })?;
+        for (&(call, stated, drawn), (judged, calls)) in jobs.iter().zip(counted) {
+            let casings = drawn.len();
+            let is_it = |c: &&mut FalseCalls| {
+                c.index == index && c.call == call && c.casings == casings && c.stated.total_cmp(&stated).is_eq()
+            };
+            match counts.iter_mut().find(is_it) {
+                Some(of_it) => {
+                    of_it.judged += judged;
+                    of_it.calls += calls;
+                }
+                None => {
+                    let rate = Rate { rate: 0.0, low: 0.0, high: 1.0 };
+                    counts.push(FalseCalls { index, casings, call, stated, judged, calls, rate });
                 }
             }
         }

@@ -5,7 +5,7 @@ use tapline_fuse::IndexKind;
 use super::Findings;
 use super::detection::Detection;
 use super::draw::Picture;
-use super::false_calls::{Call, FalseCalls};
+use super::false_calls::{Call, FalseCalls, STATED};
 use super::gauge::GaugeResult;
 use super::plans::{COMPETITOR_CASING_S, PlanResult, cheapest};
 use super::summary::{OfSet, Rival};
@@ -98,32 +98,23 @@ fn compared(of_sets: &[OfSet], name: &str, rival: impl Fn(&OfSet) -> &Rival) -> 
 
 /// The least and the greatest rate of each call by the default index at each stated rate, and what exceeds its rate.
 fn called(calls: &[FalseCalls]) -> Vec<String> {
-    let of_default: Vec<&FalseCalls> = calls.iter().filter(|c| c.index == IndexKind::default()).collect();
-    let mut lines = Vec::new();
-    for call in Call::ALL {
-        let of_call = || of_default.iter().filter(|c| c.call == call);
-        let mut stated: Vec<f64> = of_call().map(|c| c.stated).collect();
-        stated.sort_by(|a, b| b.total_cmp(a));
-        stated.dedup_by(|a, b| a.total_cmp(b).is_eq());
-        let text = |&stated: &f64| {
-            let rates = || of_call().filter(|c| c.stated.total_cmp(&stated).is_eq()).map(|c| c.rate.rate);
-            let [least, most] = [rates().min_by(f64::total_cmp), rates().max_by(f64::total_cmp)];
-            format!("{} stated: {} to {}", cell(stated), cell(least), cell(most))
-        };
-        lines.push(format!(
-            "Of sound shoulders the default index leaves this part {}, over all references: {}.",
-            call.name(),
-            listed(&stated.iter().map(text).collect::<Vec<_>>())
-        ));
-    }
+    let text = |(call, stated): (Call, f64)| {
+        let is_it =
+            |c: &&FalseCalls| c.index == IndexKind::default() && c.call == call && c.stated.total_cmp(&stated).is_eq();
+        let rates = || calls.iter().filter(is_it).map(|c| c.rate.rate);
+        let [least, most] = [rates().min_by(f64::total_cmp), rates().max_by(f64::total_cmp)];
+        format!("{}, {} stated: {} to {}", call.name(), cell(stated), cell(least), cell(most))
+    };
     let above = calls.iter().filter(|c| c.rate.low > c.stated).map(|c| {
         let (index, call, rate) = (c.index.name(), c.call.name(), c.rate);
         let [low, high] = ends(Some((rate.low, rate.high)));
         let by = if c.casings == 0 { "by itself".to_owned() } else { format!("by {} casings", c.casings) };
         format!("`{index}` {by} {call} {} at {} stated ({low} to {high})", cell(rate.rate), cell(c.stated))
     });
-    lines.push(format!("Significantly above the stated rate: {}.", listed(&above.collect::<Vec<_>>())));
-    lines
+    vec![
+        format!("Sound shoulders that the default index calls, over all references: {}.", listed(&STATED.map(text))),
+        format!("Significantly above the stated rate: {}.", listed(&above.collect::<Vec<_>>())),
+    ]
 }
 
 fn detected(detection: &[Detection]) -> String {
@@ -144,9 +135,9 @@ fn detected(detection: &[Detection]) -> String {
 
 fn repeated(gauge: &[GaugeResult]) -> Option<String> {
     let of_both = gauge.iter().find(|g| g.index == IndexKind::default())?.of_both.as_ref().ok()?;
-    let categories = of_both.ndc.map_or_else(|| "no".to_owned(), |ndc| ndc.to_string());
+    let categories = of_both.ndc.map_or_else(|| "none".to_owned(), |ndc| ndc.to_string());
     Some(format!(
-        "The gauge takes {} % of the total standard deviation of the default index, and distinguishes {categories} categories.",
+        "The gauge takes {} % of the total standard deviation of the default index; number of distinct categories: {categories}.",
         cell(of_both.gauge.study_percent)
     ))
 }
