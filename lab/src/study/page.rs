@@ -125,7 +125,7 @@ fn detected(detection: &[Detection]) -> String {
         };
         let sizes = match &d.hit_miss {
             Ok(curve) => format!("{}, {}", size("a90", curve.a90), size("a90/95", curve.a90_95_likelihood)),
-            Err(why) => format!("no a90 ({why})"),
+            Err(_) => "no a90, for the reason in the table".to_owned(),
         };
         let found = d.targets.iter().filter(|target| target.is_found).count();
         format!("{}, {found} of {} found: {sizes}", d.class, d.targets.len())
