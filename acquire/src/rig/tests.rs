@@ -289,6 +289,24 @@ fn the_words_are_those_of_the_protocol() {
     assert_eq!(rig.hear(), "closed T 1");
 }
 
+/// Catches the end of a casing that is lost with the connection: the rig would wait for a scan that is over.
+#[test]
+fn an_end_that_may_not_have_arrived_is_reported_again() {
+    let (listener, mut bench) = by_hand(30.0);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "scan T 7");
+    let casing = bench.casing();
+    bench.arrivals.ended(&casing.name, &CasingEnd::Closed { file: "x.h5".into() });
+    assert_eq!(rig.hear(), "closed T");
+    drop(rig); // it has answered nothing since
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "closed T");
+    rig.say("casing T\n");
+    assert_eq!(rig.hear(), "scan T 7", "it was reported: the same serial is a new casing");
+}
+
 /// Catches a rig that is away for ever being waited for as long.
 #[test]
 fn patience_ends() {

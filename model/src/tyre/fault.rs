@@ -116,6 +116,14 @@ mod tests {
         assert!((fraction(FaultKind::Hum) - 0.1).abs() < 0.01);
         assert!((fraction(FaultKind::DoubleHit) - 0.9 * 0.3).abs() < 0.01);
         assert_eq!(draw_fault(&[], &mut generator), None);
+        let next = |fraction| {
+            let faults = [(FaultKind::Hum, fraction), (FaultKind::DoubleHit, 0.3)]
+                .map(|(kind, fraction)| PlantedFault { kind, fraction });
+            let mut generator = Identity::new(1, "test").generator();
+            draw_fault(&faults, &mut generator);
+            generator.uniform().to_bits()
+        };
+        assert_eq!(next(1.0), next(0.0), "a fault that is drawn shifts no random number after it");
     }
 
     /// Catches an echo that echoes itself, a cut at the wrong place, and a clip of one side only.

@@ -114,6 +114,8 @@ mod tests {
     /// Catches measured velocities of which each, or each that some agree in, is its own nominal.
     #[test]
     fn what_is_measured_lies_around_what_is_meant() {
+        let turn = |meant: f64, shift: u32| move |l: u32| meant * (1.0 + 0.005 * normal(l + shift));
+        assert_eq!(off(&taps(&[(1, &turn(1.2, 0)), (1, &turn(1.32, 7))])), [0; 0], "two turns, 10 % apart");
         for scatter in [0.005, 0.01] {
             let measured = |l: u32| {
                 let meant = if l % 10 == 3 { 1.06 * 1.85 } else { 1.85 };

@@ -241,6 +241,13 @@ mod tests {
         assert!(error.contains("open to other users") && error.contains("666"), "{error}");
         std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).unwrap();
 
+        let second = Path::new(SHM).join(format!("second_name_{}", &address.prefix));
+        std::fs::hard_link(&file, &second).unwrap();
+        let error = address.verify().unwrap_err().to_string();
+        std::fs::remove_file(second).unwrap();
+        assert!(error.contains("another name"), "{error}");
+        address.verify().unwrap();
+
         let elsewhere = tempfile::TempDir::new().unwrap();
         std::fs::write(elsewhere.path().join("dear"), "").unwrap();
         let link = Path::new(SHM).join(format!("{}link", address.prefix));
