@@ -38,7 +38,6 @@ impl Slab {
                 *counts.entry(row["verdict"].clone()).or_default() += 1;
             }
         }
-        println!("{set}: {slab:?}");
         Some(slab)
     }
 

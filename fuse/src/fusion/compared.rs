@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use tapline_wire::{Geometry, Plan, Values};
 
-use crate::fusion::{Fusion, entering};
+use crate::fusion::{Cache, Fusion, entering};
 use crate::index::{Scores, Setup};
 use crate::reference::fitted::FittedReference;
 use crate::reference::pattern::Pattern;
@@ -73,15 +73,15 @@ pub(super) struct Compared {
 impl Fusion {
     /// The casing of scan number `scan` beside its reference, by whatever has come so far.
     pub(super) fn compared(&mut self, scan: usize) -> Arc<Compared> {
-        let key: Vec<(usize, u64)> =
+        let changes: Vec<(usize, u64)> =
             self.who.involved(scan).into_iter().map(|involved| (involved, self.progress[involved].changes)).collect();
-        if let Some((known, compared)) = &self.cache
-            && *known == key
+        if let Some(cache) = &self.cache
+            && cache.changes == changes
         {
-            return Arc::clone(compared);
+            return Arc::clone(&cache.compared);
         }
         let compared = Arc::new(self.compare(scan));
-        self.cache = Some((key, Arc::clone(&compared)));
+        self.cache = Some(Cache { changes, compared: Arc::clone(&compared) });
         compared
     }
 

@@ -181,7 +181,7 @@ impl Fusion {
     }
 
     /// The damage index of each location of scan number `scan` by Eqs. 55 and 56 as printed, 0 to 1 within the extremes of
-    /// the reference; `None` where nothing was scaled, and everywhere unless [`IndexKind::Dissertation`] is configured.
+    /// the reference; `None` where nothing was scaled, and everywhere unless [`crate::IndexKind::Dissertation`] is configured.
     ///
     /// # Errors
     /// [`Error::NoSuchScan`].

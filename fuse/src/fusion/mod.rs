@@ -36,6 +36,13 @@ struct Progress {
     is_judged: bool,
 }
 
+/// The last casing that was compared, with the changes of each scan that it was computed from.
+#[derive(Debug, Clone)]
+struct Cache {
+    changes: Vec<(usize, u64)>,
+    compared: Arc<Compared>,
+}
+
 /// Collects taps and judges shoulders.
 ///
 /// What it says depends on what it was given, not on the order in which that came (law 4).
@@ -51,8 +58,7 @@ pub struct Fusion {
     rings: Vec<Ring>,
     /// Shoulders of earlier runs that make the reference.
     set: Option<Arc<ReferenceSet>>,
-    /// The last casing that was compared, with what it was computed from.
-    cache: Option<(Vec<(usize, u64)>, Arc<Compared>)>,
+    cache: Option<Cache>,
 }
 
 impl Fusion {

@@ -291,19 +291,21 @@ fn a_condition_that_lacks_taps_shows_no_damage() {
 #[test]
 fn without_an_index_there_is_no_pass() {
     // Catches 0/0 for constants and empty sets, and a PASS on nothing.
-    let spoil: [(fn(&mut Values), u32); 2] = [
-        (|values| *values = Values::default(), 6),
-        (|values| Discriminator::ALL.into_iter().for_each(|d| values.set(d, Some(3.0))), 0),
-    ];
+    let constant = || {
+        let mut values = Values::default();
+        Discriminator::ALL.into_iter().for_each(|d| values.set(d, Some(3.0)));
+        values
+    };
+    let spoilt = [(Values::default(), 6), (constant(), 0)];
     for index in [IndexKind::Fused, IndexKind::Dissertation] {
         let config = FuseConfig { index, ..FuseConfig::by(Reference::Own) };
         for location_count in [1, 2, 100] {
             let casing = Casing { location_count, ..Casing::default() };
             let plan = casing.plan();
             let sound = records(&casing, &plan, 1);
-            for (spoil, absent_count) in spoil {
+            for (values, absent_count) in &spoilt {
                 let mut all = sound.clone();
-                all.iter_mut().for_each(|r| spoil(&mut r.values));
+                all.iter_mut().for_each(|r| r.values = *values);
                 let (judgement, cells) = whole(&config, &plan, &all).judge(0).unwrap();
                 assert_eq!(verdict(&judgement), Verdict::ReInspect);
                 assert!(judgement.reasons.contains(Reasons::NO_INDEX) && judgement.limit_reject.is_nan());

@@ -200,7 +200,7 @@ impl Fused {
             casing.iter().map(|s| vec![vec![Level::constant(f64::NAN); width]; s.turns.len()]).collect();
         let mut values = Vec::new();
         for group in self.groups(casing) {
-            for d in 0..width {
+            for (d, _) in self.setup.discriminators.iter().enumerate() {
                 values.clear();
                 let mut total = 0;
                 for &(s, t) in &group {
@@ -217,7 +217,8 @@ impl Fused {
                 for &(s, t) in &group {
                     let drift = kept.map_or(0.0, |kept| self.drift(&casing[s].turns[t], d, &kept[s]));
                     let found = found.map(|middle| Level { middle, drift });
-                    levels[s][t][d] = found.or_else(|| Some(before?[s][t][d])).unwrap_or(Level::constant(f64::NAN));
+                    let level = &mut levels[s][t][d];
+                    *level = found.or_else(|| Some(before?[s][t][d])).unwrap_or(Level::constant(f64::NAN));
                 }
             }
         }
@@ -519,5 +520,5 @@ fn centre_and_sd(mut values: Vec<f64>, is_own: bool) -> Option<(f64, f64)> {
 
 /// Calls `see` with the shoulders of each casing; those of one follow each other.
 fn for_casings<'a>(shoulders: &[&'a Shoulder], mut see: impl FnMut(&[&'a Shoulder])) {
-    shoulders.chunk_by(|a, b| a.casing == b.casing).for_each(|casing| see(casing));
+    shoulders.chunk_by(|a, b| a.casing == b.casing).for_each(&mut see);
 }

@@ -253,7 +253,10 @@ mod tests {
                 QualityConfig { double_hit: drop, neighbour: drop, late_trigger: drop, no_signal: drop, ..config };
             assert!(!config.wants_retake(&found(flag, &Discriminator::ALL)), "{flag}");
         }
-        assert!(config.wants_retake(&found(Quality::NEIGHBOUR, &[])), "retake_or_keep drops nothing, and still retakes");
+        assert!(
+            config.wants_retake(&found(Quality::NEIGHBOUR, &[])),
+            "retake_or_keep drops nothing, and still retakes"
+        );
         let hum = QualityConfig { hum: Policy::Retake, ..config };
         assert!(hum.wants_retake(&found(Quality::HUM, &[Discriminator::Pr])));
     }

@@ -71,7 +71,7 @@ fn what_a_reference_cannot_support_is_remarked() {
         let config = FuseConfig { reject_rate: re_inspect_rate, ..config(re_inspect_rate) };
         let mut fusion = Fusion::with_reference(&config, &plan, Arc::clone(&set)).unwrap();
         records(&casing(), &plan, 4).iter().for_each(|record| fusion.push(record).unwrap());
-        (fusion.end(0).unwrap(), fusion.end(1).unwrap());
+        [0, 1].iter().for_each(|&scan| fusion.end(scan).unwrap());
         let judgement = fusion.judge(0).unwrap().0;
         (fusion.remarks(0).unwrap(), judgement.reasons.contains(Reasons::EXTRAPOLATED), verdict(&judgement))
     };
