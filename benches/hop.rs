@@ -208,7 +208,7 @@ fn start(role: &str, stdin: Stdio) -> Result<Child> {
 
 /// A line that has room for these records and little else.
 fn limits() -> Limits {
-    let casing = CasingLimits { taps: 1, scans: 1, locations: 1, record_bytes: BYTES };
+    let casing = CasingLimits { taps: 1, room: 0, scans: 1, locations: 1, record_bytes: BYTES };
     Limits { casing, ..Limits::default() }
 }
 

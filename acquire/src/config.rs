@@ -71,10 +71,40 @@ pub struct ScanConfig {
     pub closing_tap: bool,
     /// Time of the first tap of each station, ns since the Unix epoch: the simulation reads no clock.
     pub start_ns: i64,
+    /// How many of these taps are made, and whether what stands out is tapped again.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub policy: Option<ScanPolicy>,
     /// Time from tap to tap of a station.
     pub tap_period_s: f64,
+    /// Time that the impactor needs besides to go to another offset.
+    pub offset_change_s: f64,
     /// The tyres; one per station when left out, those at odd stations cracked.
     pub tyre: Vec<TyreConfig>,
+}
+
+/// Offset, from the belt edge inwards, at which an adaptive scan looks besides.
+const INWARDS_MM: f64 = 10.0;
+
+/// How a scan goes on after its first taps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ScanPolicy {
+    /// A few taps all round; what stands out is tapped again. The default of `tapline line`.
+    Adaptive,
+    /// All taps; what stands out is tapped again.
+    Full,
+    /// All taps and no others. The default of `tapline run`.
+    Fixed,
+}
+
+/// Once around a shoulder.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Turn {
+    pub(crate) offset_mm: f64,
+    pub(crate) velocity_m_per_s: f64,
+    pub(crate) repetition: u16,
+    /// From location to location.
+    pub(crate) every: u32,
 }
 
 /// One simulated tyre: an entry `[[scan.tyre]]`.
@@ -107,7 +137,9 @@ impl Default for ScanConfig {
             shoulders: 2,
             closing_tap: true,
             start_ns: 1_767_225_600_000_000_000, // 2026-01-01T00:00:00Z
+            policy: None,
             tap_period_s: 0.1,
+            offset_change_s: 0.0,
             tyre: Vec::new(),
         }
     }
@@ -136,6 +168,9 @@ impl ScanConfig {
         if !(self.tap_period_s > 0.0 && self.tap_period_s <= 3600.0) {
             return refuse("scan.tap_period_s", self.tap_period_s, "above 0 and at most 3600");
         }
+        if !(0.0..=3600.0).contains(&self.offset_change_s) {
+            return refuse("scan.offset_change_s", self.offset_change_s, "from 0 to 3600");
+        }
         if !(0..=i64::MAX / 2).contains(&self.start_ns) {
             return refuse("scan.start_ns", self.start_ns, "from 0 to 4611686018427387903");
         }
@@ -159,11 +194,63 @@ impl ScanConfig {
     }
 
     fn taps_of_tyre(&self) -> u128 {
-        let turns = u128::from(self.shoulders)
-            * self.offsets_mm.len() as u128
-            * self.velocities_m_per_s.len() as u128
-            * u128::from(self.repetitions);
-        turns.saturating_mul(u128::from(self.locations) + u128::from(self.closing_tap))
+        let of_turn = |every: u32| u128::from(self.locations.div_ceil(every)) + u128::from(self.closing_tap);
+        let of_shoulder = match self.policy {
+            Some(ScanPolicy::Adaptive) => self.coarse_turns().iter().map(|turn| of_turn(turn.every)).sum(),
+            _ => {
+                let turns = self.offsets_mm.len() as u128
+                    * self.velocities_m_per_s.len() as u128
+                    * u128::from(self.repetitions);
+                turns.saturating_mul(of_turn(1))
+            }
+        };
+        of_shoulder.saturating_mul(self.shoulders.into())
+    }
+
+    /// The turns around a shoulder, in their order.
+    pub(crate) fn turns(&self) -> Vec<Turn> {
+        if self.policy == Some(ScanPolicy::Adaptive) {
+            return self.coarse_turns();
+        }
+        let mut turns = Vec::new();
+        for &offset_mm in &self.offsets_mm {
+            for &velocity_m_per_s in &self.velocities_m_per_s {
+                let turn = |repetition| Turn { offset_mm, velocity_m_per_s, repetition, every: 1 };
+                turns.extend((0..self.repetitions).map(turn));
+            }
+        }
+        turns
+    }
+
+    /// The turns of an adaptive scan: with the greatest velocity every second location at the belt edge, and every third where
+    /// cracks that have grown inwards show.
+    fn coarse_turns(&self) -> Vec<Turn> {
+        let nearest = |to: f64, but: Option<f64>| {
+            let others = self.offsets_mm.iter().copied().filter(|&mm| Some(mm) != but);
+            others.min_by(|a, b| (a - to).abs().total_cmp(&(b - to).abs()))
+        };
+        let velocity_m_per_s = self.velocities_m_per_s.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN);
+        let edge = nearest(0.0, None);
+        let turn = |(offset_mm, every): (Option<f64>, u32)| {
+            Some(Turn { offset_mm: offset_mm?, velocity_m_per_s, repetition: 0, every })
+        };
+        [(edge, 2), (nearest(INWARDS_MM, edge), 3)].into_iter().filter_map(turn).collect()
+    }
+
+    /// The scan of a station that taps whatever casings come: adaptive, unless the configuration says otherwise.
+    pub fn for_line(&self) -> Self {
+        Self { policy: Some(self.policy.unwrap_or(ScanPolicy::Adaptive)), ..self.clone() }
+    }
+
+    /// How many taps a tyre may be given besides: those of the whole scan once more at one offset.
+    pub(crate) fn room(&self) -> u32 {
+        let turns = match self.policy {
+            None | Some(ScanPolicy::Fixed) => return 0,
+            Some(ScanPolicy::Adaptive) => 2,
+            Some(ScanPolicy::Full) => self.velocities_m_per_s.len() * usize::from(self.repetitions),
+        };
+        let turns = u32::try_from(turns).unwrap_or(u32::MAX);
+        self.locations.saturating_mul(self.shoulders.into()).saturating_mul(turns)
     }
 
     /// Taps of one tyre.
@@ -174,7 +261,8 @@ impl ScanConfig {
     /// What a tyre that is scanned so needs, when the rig of `simulation` records it.
     pub fn limits(&self, simulation: &SimulationConfig) -> CasingLimits {
         CasingLimits {
-            taps: usize::try_from(self.taps_of_tyre()).unwrap_or(usize::MAX),
+            taps: usize::try_from(self.taps_of_tyre()).unwrap_or(usize::MAX).saturating_add(self.room() as usize),
+            room: self.room() as usize,
             scans: self.shoulders.into(),
             locations: self.locations as usize,
             record_bytes: 2 * size_of::<i16>() * simulation.sample_count as usize,

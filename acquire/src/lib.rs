@@ -27,7 +27,7 @@ mod stage;
 mod stations;
 mod tap_set;
 
-pub use config::{AcquireConfig, ScanConfig, TyreConfig};
+pub use config::{AcquireConfig, ScanConfig, ScanPolicy, TyreConfig};
 pub use error::Error;
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};
 pub use simulated::SimulatedLine;

@@ -84,6 +84,7 @@ fn damage(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<(
         Column::u32("location", |row: &CellRow<'_>| row.cell.location),
         Column::f64("angle_deg", "deg", |row: &CellRow<'_>| Some(row.cell.angle_deg)),
         Column::f64("damage_index", "1", |row: &CellRow<'_>| Some(row.cell.damage_index)),
+        Column::f64("first_index", "1", |row: &CellRow<'_>| Some(row.cell.first_index)),
         Column::f64("p_value", "1", |row: &CellRow<'_>| Some(row.cell.p_value)),
     ]);
     let judged = reader.plan().scans().iter().zip(reader.judgements()?);
@@ -156,6 +157,9 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
         Column::f64("limit_re_inspect", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_re_inspect)),
         Column::f64("limit_reject", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_reject)),
         Column::f64("strongest_arc", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.strongest_arc)),
+        Column::f64("first_strongest_arc", "1", |row: &VerdictRow<'_>| {
+            row.value(|judgement| judgement.first_strongest_arc)
+        }),
         Column::f64("re_inspect_rate", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.re_inspect_rate)),
         Column::f64("reject_rate", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.reject_rate)),
         Column::f64("p_value", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.p_value)),

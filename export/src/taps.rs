@@ -131,7 +131,7 @@ pub(crate) const COLUMNS: [&str; 14] = [
     "velocity_measured_m_per_s",
     "station",
     "attempt",
-    "is_closing",
+    "purpose",
     "tap_time_ns",
     "refused",
 ];
@@ -152,7 +152,7 @@ pub(crate) fn cells(tap: &ListedTap<'_>, file: &str) -> [String; 14] {
         known(header.map(|header| header.velocity_measured_m_per_s)),
         id.station.to_string(),
         tap.attempt.to_string(),
-        u8::from(tap.planned.is_closing).to_string(),
+        tap.planned.purpose.name().to_owned(),
         header.map_or_else(String::new, |header| header.tap_time_ns.to_string()),
         tap.record.as_ref().err().map(|reason| csv_cell(reason).into_owned()).unwrap_or_default(),
     ]

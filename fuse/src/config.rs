@@ -133,6 +133,9 @@ pub struct FuseConfig {
     pub reference: Option<Reference>,
     /// Probability that a sound shoulder is not passed.
     pub re_inspect_rate: f64,
+    /// Probability that a part of a sound shoulder is tapped again before it is judged, where a station can; nothing is where it
+    /// is not above `re_inspect_rate`.
+    pub confirm_rate: f64,
     /// Probability that a sound shoulder is rejected; at most `re_inspect_rate`.
     pub reject_rate: f64,
     /// Whether F_max and tau are brought from the measured to the planned velocity, by powers of it that are fitted to the
@@ -150,6 +153,7 @@ impl Default for FuseConfig {
             index: IndexKind::default(),
             reference: None,
             re_inspect_rate: 0.02,
+            confirm_rate: 0.2,
             reject_rate: 1e-3,
             normalise_velocity: false,
             directions: Directions::default(),
@@ -177,6 +181,7 @@ impl FuseConfig {
             }
         }
         within("re_inspect_rate", self.re_inspect_rate, 1e-6, 0.3)?;
+        within("confirm_rate", self.confirm_rate, 0.0, 0.3)?;
         within("reject_rate", self.reject_rate, 1e-6, self.re_inspect_rate)
     }
 

@@ -16,7 +16,7 @@
 //! ```
 //! use tapline_fuse::{FuseConfig, Fusion, Reference};
 //! use tapline_wire::{
-//!     Discriminator, Discriminators, Geometry, Plan, PlannedTap, Reasons, Recording, SampleFormat, Serial, TapId, Truth,
+//!     Discriminator, Discriminators, Geometry, Plan, PlannedTap, Purpose, Reasons, Recording, SampleFormat, Serial, TapId, Truth,
 //!     Values, Verdict,
 //! };
 //!
@@ -31,7 +31,7 @@
 //! let planned = |location| {
 //!     let mut id = TapId::default();
 //!     (id.tyre, id.shoulder, id.location) = (tyre, 1, location);
-//!     PlannedTap { id, angle_deg: Some(3.6 * f64::from(location)), is_closing: false }
+//!     PlannedTap { id, angle_deg: Some(3.6 * f64::from(location)), purpose: Purpose::Scan }
 //! };
 //! let plan = Plan::new(Geometry::Ring, recording, (0..100).map(planned).collect(), Truth::new())?;
 //!

@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
-    CasingTopic, DamageCell, DamageTopic, Discriminators, Judgement, Ledger, Line, LineError, Plan, Publisher, Reasons,
-    Received, RecordKind, ScanState, SettledTopic, Stamp, Subscriber, Verdict,
+    AskTopic, CasingTopic, DamageCell, DamageTopic, Discriminators, Judgement, Ledger, Line, LineError, Plan,
+    PlannedTap, Publisher, Reasons, Received, RecordKind, ScanState, SettledTopic, Stamp, Subscriber, Verdict,
+    encode_taps,
 };
 
 use crate::{Error, Fusion};
@@ -33,6 +34,8 @@ pub struct Outcome {
     pub record_count: u64,
     /// Verdicts reached.
     pub verdict_count: u64,
+    /// Taps asked for besides those that were planned.
+    pub asked_count: u64,
     /// Records lost on the way here.
     pub lost_count: u64,
     /// What references could not support; each text once, in the order of the texts.
@@ -51,6 +54,7 @@ pub fn run(line: &Line, begin: &dyn Fn(&Plan) -> Result<Fusion, Error>) -> Resul
         casings: Subscriber::open(line)?,
         settled: Subscriber::open(line)?,
         verdicts: Publisher::open(line)?,
+        asks: Publisher::open(line)?,
         begin,
         open: Vec::new(),
         outcome: Outcome::default(),
@@ -67,6 +71,7 @@ struct StageLoop<'a> {
     casings: Subscriber<'a, CasingTopic>,
     settled: Subscriber<'a, SettledTopic>,
     verdicts: Publisher<'a, DamageTopic>,
+    asks: Publisher<'a, AskTopic>,
     begin: &'a dyn Fn(&Plan) -> Result<Fusion, Error>,
     open: Vec<OpenCasing>,
     outcome: Outcome,
@@ -77,11 +82,28 @@ struct StageLoop<'a> {
 struct OpenCasing {
     number: u64,
     plan: Plan,
+    /// How many taps may be added to the plan.
+    room: usize,
+    /// Whether taps were asked for: the plan comes again with them.
+    has_asked: bool,
     /// `None` where it cannot be judged.
     fusion: Option<Fusion>,
     states: Vec<ScanState>,
     /// For each scan, whether its verdict was sent to the `store` that there is.
     is_judged: Vec<bool>,
+}
+
+impl OpenCasing {
+    /// The taps that it wants besides, once all that are planned have come and before any of it is judged.
+    fn wanted(&mut self) -> Result<Vec<PlannedTap>, Error> {
+        let Some(fusion) = self.fusion.as_mut().filter(|_| self.room > 0) else { return Ok(Vec::new()) };
+        let is_complete =
+            (0..self.states.len()).all(|scan| self.states[scan] == ScanState::Ended && fusion.can_be_judged(scan));
+        if !is_complete || self.is_judged.contains(&true) {
+            return Ok(Vec::new());
+        }
+        fusion.wanted(0, self.room)
+    }
 }
 
 impl StageLoop<'_> {
@@ -115,7 +137,7 @@ impl StageLoop<'_> {
             Some(RecordKind::Plan) => match Plan::decode(record) {
                 Ok(plan) => {
                     drop(place.map(|place| self.open.swap_remove(place)));
-                    let casing = self.begin(number, plan);
+                    let casing = self.begin(number, plan, record.header().room as usize);
                     self.open.push(casing);
                 }
                 Err(error) => tracing::error!(%error, number, "a casing's plan cannot be read; it is not judged"),
@@ -138,7 +160,7 @@ impl StageLoop<'_> {
         Ok(())
     }
 
-    fn begin(&self, number: u64, plan: Plan) -> OpenCasing {
+    fn begin(&self, number: u64, plan: Plan, room: usize) -> OpenCasing {
         let fusion = (self.begin)(&plan);
         let fusion = fusion.inspect_err(|error| {
             let tyre = plan.scans().first().map(|scan| scan.tyre);
@@ -148,6 +170,8 @@ impl StageLoop<'_> {
         OpenCasing {
             number,
             plan,
+            room,
+            has_asked: false,
             fusion: fusion.ok(),
             states: vec![ScanState::Open; scan_count],
             is_judged: vec![false; scan_count],
@@ -173,9 +197,20 @@ impl StageLoop<'_> {
         Ok(())
     }
 
-    /// Sends the verdicts that can be reached and are not in the archive.
+    /// Sends the verdicts that can be reached and are not in the archive, or asks for the taps that are wanted before.
     fn judge(&mut self) -> Result<(), RunError> {
         for casing in &mut self.open {
+            if casing.has_asked {
+                continue;
+            }
+            let wanted = casing.wanted()?;
+            if !wanted.is_empty() {
+                let stamp = Stamp { casing: casing.number, mark: casing.plan.taps().len() as u64, ..Stamp::default() };
+                self.asks.send(RecordKind::Data, stamp, &encode_taps(&wanted))?;
+                casing.has_asked = true;
+                self.outcome.asked_count += wanted.len() as u64;
+                continue;
+            }
             let ready: Vec<usize> = match &casing.fusion {
                 Some(fusion) => (0..casing.states.len()).filter(|&scan| fusion.can_be_judged(scan)).collect(),
                 None => (0..casing.states.len()).filter(|&scan| casing.states[scan] >= ScanState::Ended).collect(),

@@ -7,7 +7,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use tapline_wire::{
-    Discriminator, Discriminators, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, TapId, Truth, Values,
+    Discriminator, Discriminators, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId, Truth,
+    Values,
 };
 
 /// A casing, its scan and its scatter; standard deviations are in those of one tap.
@@ -80,7 +81,7 @@ impl Casing {
                             taps.push(PlannedTap {
                                 id: id.with_velocity_m_per_s(Some(velocity)).unwrap(),
                                 angle_deg: Some(360.0 * f64::from(location) / f64::from(self.location_count)),
-                                is_closing: location == self.location_count,
+                                purpose: Purpose::closing_if(location == self.location_count),
                             });
                         }
                     }
@@ -140,7 +141,7 @@ pub(crate) fn records(casing: &Casing, plan: &Plan, seed: u64) -> Vec<Discrimina
         for (which, noise) in Discriminator::ALL.into_iter().zip(seven()) {
             let sign = if which == Discriminator::FMax { -1.0 } else { 1.0 };
             let damage = if is_cracked && casing.shifted.contains(&which) { sign * casing.shift } else { 0.0 };
-            let drift = if tap.is_closing { 1e6 } else { 0.0 };
+            let drift = if tap.is_closing() { 1e6 } else { 0.0 };
             let deviation = level[which as usize] + noise + damage + drift;
             // PR is a part of a whole; what has a unit has another level in every condition.
             let level = if which == Discriminator::Pr { 0.003 } else { condition * 10_f64.powi(which as i32 - 3) };

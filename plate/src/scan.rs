@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{
-    Channel, ChannelHeader, Discriminators, Geometry, Plan, PlannedTap, Quality, Recording, SampleFormat, Samples,
-    Scan, Serial, SourceKind, TapHeader, TapId, Truth,
+    Channel, ChannelHeader, Discriminators, Geometry, Plan, PlannedTap, Purpose, Quality, Recording, SampleFormat,
+    Samples, Scan, Serial, SourceKind, TapHeader, TapId, Truth,
 };
 
 use crate::casing::Casing;
@@ -101,7 +101,7 @@ impl ScanShape {
                             .with_offset_mm(Some(offset_mm))?
                             .with_velocity_m_per_s(Some(velocity_m_per_s))?;
                         id.repetition = repetition;
-                        taps.push(PlannedTap { id, angle_deg: Some(self.angle_deg(location)), is_closing: false });
+                        taps.push(PlannedTap { id, angle_deg: Some(self.angle_deg(location)), purpose: Purpose::Scan });
                     }
                 }
             }

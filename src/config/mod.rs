@@ -93,13 +93,14 @@ impl Config {
     pub(crate) fn station_limits(&self) -> Result<CasingLimits> {
         let tap_sets = CasingLimits {
             taps: self.line.taps_max,
+            room: 0,
             scans: self.line.scans_max,
             locations: self.line.taps_max,
             record_bytes: self.line.record_samples_max * SAMPLE_BYTES_MAX,
         };
         let of = |station: &StationConfig| match station.source {
             StationSource::Folder => tap_sets,
-            StationSource::Rig | StationSource::Simulated => self.scan.limits(&self.simulation),
+            StationSource::Rig | StationSource::Simulated => self.scan.for_line().limits(&self.simulation),
         };
         Ok(self.station.iter().map(of).fold(CasingLimits::default(), CasingLimits::and))
     }

@@ -126,7 +126,7 @@ impl Setup {
         if job.config.station.iter().all(|station| station.source == StationSource::Folder) {
             return Ok(None);
         }
-        let list = listed_simulated(&job.config.scan, &job.config.simulation)?;
+        let list = listed_simulated(&job.config.scan.for_line(), &job.config.simulation)?;
         let mut casings = list.listed();
         Ok(casings.next().transpose()?.map(|(_name, _station, plan)| plan))
     }
@@ -151,7 +151,13 @@ impl Setup {
                     // Relative to where the line was started; its stages run elsewhere.
                     station.folder = station.folder.map(|folder| self.started_in.join(folder));
                     let config = &job.config;
-                    Ok(open_station(&station, &config.acquire, &config.scan, &config.simulation, wake.clone())?)
+                    Ok(open_station(
+                        &station,
+                        &config.acquire,
+                        &config.scan.for_line(),
+                        &config.simulation,
+                        wake.clone(),
+                    )?)
                 })
                 .collect(),
         }

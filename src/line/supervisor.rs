@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use tapline_wire::{
     CasingHeader, CasingTopic, Line, LineAddress, Publisher, Received, RecordKind, Stamp, StatusTopic, Subscriber,
-    WaitTopic, now_ns,
+    WaitTopic, decode_opened, now_ns,
 };
 
 use crate::host::progress::Progress;
@@ -180,9 +180,10 @@ impl<'a> Supervisor<'a> {
             let number = header.stamp.casing;
             match record.kind() {
                 Some(RecordKind::Plan) => {
-                    // It comes again after `store` was restarted.
+                    // It comes again after `store` was restarted, and when the plan has grown.
                     if !self.open.iter().any(|casing| casing.number == number) {
-                        self.open.push(Open { number, name: text_of(&record), header, is_received: false });
+                        let name = decode_opened(&record).map_or_else(|error| error.to_string(), |(name, _)| name);
+                        self.open.push(Open { number, name, header, is_received: false });
                     }
                 }
                 Some(RecordKind::Ledger) => {

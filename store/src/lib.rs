@@ -17,7 +17,7 @@
 //!
 //! ```
 //! use tapline_store::{Reader, Writer};
-//! use tapline_wire::{Channel, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, TapId, TapState};
+//! use tapline_wire::{Channel, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId, TapState};
 //!
 //! let mut id = TapId::default();
 //! (id.tyre, id.station, id.shoulder) = (Serial::new("A1")?, 1, 1);
@@ -28,7 +28,7 @@
 //!     sample_format: SampleFormat::I16,
 //!     channels: vec![Channel::Force, Channel::Sound],
 //! };
-//! let taps = vec![PlannedTap { id, angle_deg: Some(0.0), is_closing: false }];
+//! let taps = vec![PlannedTap { id, angle_deg: Some(0.0), purpose: Purpose::Scan }];
 //! let plan = Plan::new(Geometry::Ring, recording, taps, Default::default())?;
 //!
 //! let folder = tempfile::tempdir()?;

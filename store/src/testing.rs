@@ -1,13 +1,13 @@
 //! What the unit tests share.
 
-use tapline_wire::{Channel, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, TapId};
+use tapline_wire::{Channel, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId};
 
 /// A plan of two shoulders of a tyre "A" at station 3, a tap each.
 pub(crate) fn two_scans() -> Plan {
     let tap = |shoulder| {
         let mut id = TapId::default();
         (id.station, id.tyre, id.shoulder) = (3, Serial::new("A").unwrap(), shoulder);
-        PlannedTap { id, angle_deg: None, is_closing: false }
+        PlannedTap { id, angle_deg: None, purpose: Purpose::Scan }
     };
     let recording = Recording {
         sample_rate_hz: 40960.0,

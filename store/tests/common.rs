@@ -4,8 +4,9 @@ use std::array::from_fn;
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use tapline_store::{Result, Writer};
 use tapline_wire::{
-    Channel, ChannelHeader, DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Quality,
-    Reasons, RecordKind, Recording, SampleFormat, Samples, Serial, SourceKind, Stamp, TapHeader, TapId, Truth, Verdict,
+    Channel, ChannelHeader, DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Purpose,
+    Quality, Reasons, RecordKind, Recording, SampleFormat, Samples, Serial, SourceKind, Stamp, TapHeader, TapId, Truth,
+    Verdict,
 };
 
 pub(crate) const CONFIG: &str = "[process]\nf_c_hz = 550.0 # \u{b5}\n";
@@ -41,7 +42,7 @@ pub(crate) fn plan_with(recording: Recording, location_count: u32) -> Plan {
             let id = id.with_offset_mm(offset_mm).unwrap().with_velocity_m_per_s(Some(1.85)).unwrap();
             let angle_deg =
                 (station == 1).then(|| 360.0 / f64::from(location_count) * f64::from(location % location_count));
-            taps.push(PlannedTap { id, angle_deg, is_closing: location == location_count });
+            taps.push(PlannedTap { id, angle_deg, purpose: Purpose::closing_if(location == location_count) });
         }
     }
     let truth: Truth = [((Serial::new("A\u{e9}-1").unwrap(), 1, 2), true)].into_iter().collect();

@@ -19,7 +19,7 @@ with h5py.File(sys.argv[1], "r") as f:
     text = lambda v: v.decode() if isinstance(v, bytes) else str(v)
     print(text(f.attrs["format"]), int(f.attrs["format_version"]), text(f.attrs["geometry"]), int(f.attrs["plan_digest"]))
     print(repr(f["config"][:].tobytes().decode()))
-    print(text(f["plan"]["tyre"][6]), f["plan"]["angle_deg"][1], np.isnan(f["plan"]["offset_mm"][6]), f["plan"]["is_closing"].tolist())
+    print(text(f["plan"]["tyre"][6]), f["plan"]["angle_deg"][1], np.isnan(f["plan"]["offset_mm"][6]), f["plan"]["purpose"].tolist())
     print(f["ledger"]["state"].tolist(), f["taps/header"]["tap_time_ns"][6], f["taps/header"]["unit_per_count"][6, 1].hex())
     print(f["taps/samples"].shape, f["taps/samples"].dtype, f["taps/samples"][6].tobytes().hex())
     print(f["discriminators"]["pr"][6], np.isnan(f["discriminators"]["tau_s"][5]), text(f["refusals"]["reason"][9]))

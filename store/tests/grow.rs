@@ -2,14 +2,14 @@
 
 use proptest::prelude::*;
 use tapline_store::{Codec, Error, Lineage, PutOutcome, Reader, Writer, put_taps_of, repack, verify};
-use tapline_wire::{Plan, PlannedTap, SampleFormat, ScanState, TapState};
+use tapline_wire::{Plan, PlannedTap, Purpose, SampleFormat, ScanState, TapState};
 
 use crate::common::{CONFIG, bytes, discriminators, header, judgement, plan, put, put_all, samples};
 
 /// A tap at location `location` of scan `scan` of `plan`, which has none there.
 fn tap(plan: &Plan, scan: u32, location: u32, repetition: u16) -> PlannedTap {
     let mut tap = plan.taps()[plan.scans()[scan as usize].taps[0] as usize];
-    (tap.id.location, tap.id.repetition, tap.is_closing) = (location, repetition, false);
+    (tap.id.location, tap.id.repetition, tap.purpose) = (location, repetition, Purpose::Suspect);
     tap
 }
 
@@ -25,7 +25,7 @@ fn what_is_added_is_as_what_was_planned() {
         put(&mut writer, 0).unwrap();
         writer.end_scan(0).unwrap();
         let added = [tap(&begun, 0, 7, 0), tap(&begun, 0, 2, 1), tap(&begun, 1, 7, 0)];
-        writer.grow(&added, 3).unwrap();
+        writer.grow(&added).unwrap();
         assert_eq!(writer.plan().taps()[10..], added);
         assert_eq!((writer.ledger().taps()[0], writer.ledger().scans()[0]), (TapState::Archived, ScanState::Open));
         drop(writer); // as a crash would
@@ -33,11 +33,11 @@ fn what_is_added_is_as_what_was_planned() {
         assert_eq!(writer.plan(), &begun.grown(&added).unwrap());
         let old = header(&begun, 1, 32);
         assert_eq!(writer.put_tap(&old, &samples(&old)).unwrap(), PutOutcome::Stored);
-        writer.grow(&[tap(&begun, 1, 9, 0)], 4).unwrap();
+        writer.grow(&[tap(&begun, 1, 9, 0)]).unwrap();
         put_all(&mut writer).unwrap();
         let too_many = [tap(&begun, 0, 20, 0), tap(&begun, 0, 21, 0), tap(&begun, 0, 22, 0)];
-        assert!(matches!(writer.grow(&too_many, 1), Err(Error::CannotGrow { .. })), "no room");
-        assert!(matches!(writer.grow(&too_many[..1], 1), Err(Error::CannotGrow { .. })), "it is judged");
+        assert!(matches!(writer.grow(&too_many), Err(Error::CannotGrow { .. })), "no room");
+        assert!(matches!(writer.grow(&too_many[..1]), Err(Error::CannotGrow { .. })), "it is judged");
         writer.finish().unwrap();
         assert!(verify(&path).unwrap().is_complete(), "{:?}", verify(&path).unwrap());
         let again = folder.path().join("again.h5");
@@ -47,14 +47,14 @@ fn what_is_added_is_as_what_was_planned() {
         let raw = (path.as_path(), reader.raw_digest().unwrap());
         let lineage = Lineage { made_by: "other", ..CONFIG.into() };
         Writer::results(&results, raw, reader.plan(), lineage).unwrap().finish().unwrap();
-        assert_eq!(Reader::open(&results).unwrap().why(10).unwrap(), Some(3));
+        assert_eq!(Reader::open(&results).unwrap().plan().taps(), reader.plan().taps());
         for path in [&path, &again] {
             assert!(verify(path).unwrap().is_complete());
             let reader = Reader::open(path).unwrap();
             let grown = reader.plan().clone();
             assert_eq!(grown.taps().len(), 14);
-            let why: Vec<_> = [0, 9, 10, 12, 13, 14].map(|row| reader.why(row).unwrap()).to_vec();
-            assert_eq!(why, [Some(0), Some(0), Some(3), Some(3), Some(4), None]);
+            assert_eq!((grown.begun_digest(), grown.added().len()), (begun.digest(), 4));
+            assert!(grown.added().iter().all(PlannedTap::is_second_reading));
             for row in 0..14 {
                 let (of_row, got) = reader.tap(row).unwrap().unwrap();
                 assert_eq!(bytes(got.as_samples()), samples(&of_row));
@@ -83,7 +83,7 @@ proptest! {
         put(&mut writer, 3).unwrap();
         writer.flush().unwrap();
         let before = std::fs::read(&path).unwrap();
-        writer.grow(&[tap(&begun, 0, 7, 0), tap(&begun, 1, 7, 0), tap(&begun, 1, 8, 0)], 1).unwrap();
+        writer.grow(&[tap(&begun, 0, 7, 0), tap(&begun, 1, 7, 0), tap(&begun, 1, 8, 0)]).unwrap();
         let after = std::fs::read(&path).unwrap();
         drop(writer);
         let mut mixed = before.clone();
@@ -98,7 +98,7 @@ proptest! {
         prop_assert!([10, 13].contains(&writer.plan().taps().len()));
         prop_assert_eq!(writer.ledger().taps()[3], TapState::Archived);
         if writer.plan().taps().len() == 10 {
-            writer.grow(&[tap(&begun, 1, 6, 0)], 2).unwrap();
+            writer.grow(&[tap(&begun, 1, 6, 0)]).unwrap();
         }
         put_all(&mut writer).unwrap();
         writer.finish().unwrap();

@@ -66,12 +66,14 @@ mod stream;
 pub use clock::{monotonic_ns, now_ns};
 pub use csv_text::{csv_cell, csv_text};
 pub use plan::casing::{
-    CasingHeader, NAME_BYTES_MAX, REASON_BYTES_MAX, casing_number, decode_proposal, encode_proposal,
+    CasingHeader, NAME_BYTES_MAX, REASON_BYTES_MAX, casing_number, decode_opened, decode_proposal, encode_opened,
+    encode_proposal,
 };
+pub use plan::codec::{decode_taps, encode_taps};
 pub use plan::digest::digest_of_parts;
 pub use plan::ledger::{Ledger, RETAKES_MAX, ScanState, TapState};
 pub use plan::limits::{CasingLimits, Limits};
-pub use plan::parts::{PlannedTap, Recording, Scan, Truth};
+pub use plan::parts::{PlannedTap, Purpose, Recording, Scan, Truth};
 pub use plan::{Plan, PlanError};
 pub use record::damage::{DamageCell, Judgement, Verdict};
 pub use record::discriminators::{Direction, Discriminator, Discriminators, Feature, Values};
@@ -91,6 +93,6 @@ pub use stream::service::Services;
 pub use stream::shm;
 pub use stream::subscriber::{GapCounter, Received, Subscriber};
 pub use stream::topic::{
-    CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SETTLED_RECORDS_MAX, STATUS_BYTES_MAX,
-    SettledTopic, StatusTopic, TapTopic, Topic, WAIT_BYTES_MAX, WaitTopic, line_bytes,
+    AskTopic, CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SETTLED_RECORDS_MAX,
+    STATUS_BYTES_MAX, SettledTopic, StatusTopic, TapTopic, Topic, WAIT_BYTES_MAX, WaitTopic, line_bytes,
 };

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tapline_wire::{
-    CasingTopic, DamageTopic, DiscriminatorTopic, Limits, Line, LineAddress, ProposalTopic, Publisher, Role, Services,
-    SettledTopic, Subscriber, TapTopic, line_bytes, shm,
+    AskTopic, CasingTopic, DamageTopic, DiscriminatorTopic, Limits, Line, LineAddress, ProposalTopic, Publisher, Role,
+    Services, SettledTopic, Subscriber, TapTopic, line_bytes, shm,
 };
 
 fn limits(acquires: u16) -> Limits {
@@ -50,12 +50,14 @@ fn participant() {
         }
         Role::Fuse => {
             settled_in = Some(Subscriber::<SettledTopic>::open(&line).unwrap());
-            damage = Some(Publisher::<DamageTopic>::open(&line).unwrap());
+            damage =
+                Some((Publisher::<DamageTopic>::open(&line).unwrap(), Publisher::<AskTopic>::open(&line).unwrap()));
         }
         Role::Store => {
             tap_in = Some(Subscriber::<TapTopic>::open(&line).unwrap());
             found_in = Some(Subscriber::<DiscriminatorTopic>::open(&line).unwrap());
-            damage_in = Some(Subscriber::<DamageTopic>::open(&line).unwrap());
+            damage_in =
+                Some((Subscriber::<DamageTopic>::open(&line).unwrap(), Subscriber::<AskTopic>::open(&line).unwrap()));
             proposals_in = Some(Subscriber::<ProposalTopic>::open(&line).unwrap());
             settled = Some(Publisher::<SettledTopic>::open(&line).unwrap());
             let acquires = (0..limits.acquire_count).map(Role::Acquire);

@@ -15,7 +15,7 @@ use tapline_wire::{
 const SAMPLES: u32 = 1024;
 
 fn limits() -> Limits {
-    let casing = CasingLimits { taps: 4, scans: 1, locations: 4, record_bytes: SAMPLES as usize * 2 };
+    let casing = CasingLimits { taps: 4, room: 0, scans: 1, locations: 4, record_bytes: SAMPLES as usize * 2 };
     Limits { casing, ..Limits::default() }
 }
 

@@ -190,6 +190,14 @@ impl Source for RigCasing {
         true
     }
 
+    fn room(&self) -> u32 {
+        self.line.room()
+    }
+
+    fn grow(&mut self, plan: Plan) {
+        self.line.grow(plan);
+    }
+
     fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
         if let Some(why) = self.removal.get() {
             return Readiness::Gone(why.clone());

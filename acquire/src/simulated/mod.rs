@@ -4,10 +4,11 @@ pub(crate) mod listed;
 
 use tapline_model::{Crack, SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig, plant_cracks, truth};
 use tapline_wire::{
-    CHANNELS_MAX, CacheLine, Channel, ChannelHeader, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial,
-    SourceKind, TapHeader, TapId, Truth, i16_of_mut,
+    CHANNELS_MAX, CacheLine, Channel, ChannelHeader, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat,
+    Serial, SourceKind, TapHeader, TapId, Truth, i16_of_mut,
 };
 
+use crate::config::Turn;
 use crate::source::{channel_headers, named, no_room, no_such_row};
 use crate::{Error, Refusal, ScanConfig, Source};
 
@@ -26,6 +27,9 @@ pub struct SimulatedLine {
     channels: [ChannelHeader; CHANNELS_MAX],
     /// When each tap of the plan happens, ns since the Unix epoch.
     tap_time_ns: Vec<i64>,
+    times: Times,
+    /// Taps that may be added to the plan.
+    room: u32,
 }
 
 /// A tyre of the line, as it was written or as it is by default.
@@ -77,7 +81,8 @@ impl SimulatedLine {
         let full_scales = [simulation.force_full_scale_n, simulation.sound_full_scale_v];
         let channels = channel_headers(&plan.recording, &full_scales.map(|full_scale| full_scale / COUNTS_FULL_SCALE));
         let tap_time_ns = times_of(scan, &plan, start_ns);
-        Ok(Self { plan, rig, locations: scan.locations, channels, tap_time_ns })
+        let (times, room) = (Times::of(scan), scan.room());
+        Ok(Self { plan, rig, locations: scan.locations, channels, tap_time_ns, times, room })
     }
 
     fn tap<'a>(&self, id: &'a TapId) -> SimulatedTap<'a> {
@@ -105,6 +110,21 @@ impl Source for SimulatedLine {
 
     fn can_retake(&self) -> bool {
         true
+    }
+
+    fn room(&self) -> u32 {
+        self.room
+    }
+
+    fn grow(&mut self, plan: Plan) {
+        // Added taps are taken behind the others.
+        self.tap_time_ns.truncate(plan.taps().len() - plan.added().len());
+        let mut now_ns = self.tap_time_ns.iter().copied().max().unwrap_or(0);
+        for (before, tap) in plan.taps().iter().zip(&plan.taps()[1..]).skip(self.tap_time_ns.len() - 1) {
+            now_ns = now_ns.saturating_add(self.times.between(&before.id, &tap.id));
+            self.tap_time_ns.push(now_ns);
+        }
+        self.plan = plan;
     }
 
     fn render(
@@ -193,17 +213,10 @@ fn taps_of(scan: &ScanConfig, tyres: &[Tyre]) -> Result<Vec<PlannedTap>, Error> 
     let mut taps = Vec::new();
     for tyre in tyres {
         for shoulder in 1..=scan.shoulders {
-            for &offset_mm in &scan.offsets_mm {
-                for &velocity_m_per_s in &scan.velocities_m_per_s {
-                    for repetition in 0..scan.repetitions {
-                        let mut id = id_of(offset_mm, velocity_m_per_s)?;
-                        id.tyre = tyre.serial;
-                        id.station = tyre.station;
-                        id.shoulder = shoulder;
-                        id.repetition = repetition;
-                        taps.extend(turn(scan, id));
-                    }
-                }
+            for Turn { offset_mm, velocity_m_per_s, repetition, every } in scan.turns() {
+                let mut id = id_of(offset_mm, velocity_m_per_s)?;
+                (id.tyre, id.station, id.shoulder, id.repetition) = (tyre.serial, tyre.station, shoulder, repetition);
+                taps.extend(turn(scan, id, every));
             }
         }
     }
@@ -219,15 +232,15 @@ fn id_of(offset_mm: f64, velocity_m_per_s: f64) -> Result<TapId, Error> {
     })
 }
 
-/// One full turn of `id`, with the first location again at its end.
-fn turn(scan: &ScanConfig, id: TapId) -> impl Iterator<Item = PlannedTap> {
+/// One full turn of `id` at `every` so many locations, with the first location again at its end.
+fn turn(scan: &ScanConfig, id: TapId, every: u32) -> impl Iterator<Item = PlannedTap> {
     let locations = scan.locations;
-    let end = locations + u32::from(scan.closing_tap);
-    (0..end).map(move |location| {
+    let closing = scan.closing_tap.then_some(locations);
+    (0..locations).step_by(every as usize).chain(closing).map(move |location| {
         let mut id = id;
         id.location = location;
         let angle_deg = 360.0 * f64::from(location) / f64::from(locations);
-        PlannedTap { id, angle_deg: Some(angle_deg), is_closing: location == locations }
+        PlannedTap { id, angle_deg: Some(angle_deg), purpose: Purpose::closing_if(location == locations) }
     })
 }
 
@@ -250,21 +263,44 @@ fn time_after(scan: &ScanConfig, taps_before: u64) -> i64 {
 }
 
 fn period_ns(scan: &ScanConfig) -> i64 {
-    #[expect(clippy::cast_possible_truncation, reason = "at most an hour, which is 3.6e12 ns")]
-    let period_ns = (scan.tap_period_s * 1e9).round() as i64;
-    period_ns
+    ns(scan.tap_period_s)
 }
 
-/// Times of the taps; stations work side by side, each tapping once a period from its place in `next_ns` on.
+#[expect(clippy::cast_possible_truncation, reason = "at most an hour, which is 3.6e12 ns")]
+fn ns(seconds: f64) -> i64 {
+    (seconds * 1e9).round() as i64
+}
+
+/// What a rig needs from tap to tap.
+#[derive(Debug, Clone, Copy)]
+struct Times {
+    tap_ns: i64,
+    offset_ns: i64,
+}
+
+impl Times {
+    fn of(scan: &ScanConfig) -> Self {
+        Self { tap_ns: ns(scan.tap_period_s), offset_ns: ns(scan.offset_change_s) }
+    }
+
+    /// From one tap of a shoulder to the next.
+    fn between(self, before: &TapId, tap: &TapId) -> i64 {
+        let moves = (before.tyre, before.shoulder) == (tap.tyre, tap.shoulder) && before.offset_mm() != tap.offset_mm();
+        self.tap_ns.saturating_add(if moves { self.offset_ns } else { 0 })
+    }
+}
+
+/// Times of the taps; stations work side by side, each from its place in `next_ns` on.
 fn times_of(scan: &ScanConfig, plan: &Plan, mut next_ns: Vec<i64>) -> Vec<i64> {
-    let period_ns = period_ns(scan);
+    let times = Times::of(scan);
+    let mut before: Vec<Option<TapId>> = vec![None; next_ns.len()];
     plan.taps()
         .iter()
         .map(|tap| {
-            let next_ns = &mut next_ns[usize::from(tap.id.station)];
-            let now_ns = *next_ns;
-            *next_ns = next_ns.saturating_add(period_ns);
-            now_ns
+            let station = usize::from(tap.id.station);
+            let step_ns = before[station].replace(tap.id).map_or(0, |before| times.between(&before, &tap.id));
+            next_ns[station] = next_ns[station].saturating_add(step_ns);
+            next_ns[station]
         })
         .collect()
 }

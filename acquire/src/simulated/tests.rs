@@ -32,7 +32,7 @@ fn the_default_plan_is_the_scan_of_the_method() {
     assert_eq!(plan.taps().len(), 2 * 4848);
     assert_eq!((plan.stations(), plan.scans().len()), (vec![1, 2], 4));
     assert!(plan.scans().iter().all(|s| s.taps.len() == 2424 && s.locations.len() == 100));
-    assert_eq!(plan.taps().iter().filter(|t| t.is_closing).count(), 2 * 2 * 4 * 3 * 2);
+    assert_eq!(plan.taps().iter().filter(|t| t.is_closing()).count(), 2 * 2 * 4 * 3 * 2);
     let order: Vec<_> = [0, 99, 100, 101, 202, 606, 2424, 4848]
         .map(|row: usize| {
             let id = plan.taps()[row].id;

@@ -20,6 +20,16 @@ pub trait Source: Send + fmt::Debug {
     /// Whether a tap that is asked for again is struck again, or is what it was.
     fn can_retake(&self) -> bool;
 
+    /// How many taps it can give besides those of its plan, of the same scans.
+    fn room(&self) -> u32 {
+        0
+    }
+
+    /// Has its plan become `plan`, which has taps added to its own; never more than its [room](Self::room).
+    fn grow(&mut self, plan: Plan) {
+        let _recorded = plan;
+    }
+
     /// Whether the tap in plan row `row` can be rendered now; a rig is told to move and to hit by being asked.
     ///
     /// Never blocks. A source whose taps exist already is always ready.

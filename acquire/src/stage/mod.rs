@@ -7,7 +7,9 @@ mod tapping;
 
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CasingTopic, Ledger, Line, LineError, Received, RecordKind, Subscriber, TapTopic, Topic as _};
+use tapline_wire::{
+    CasingTopic, Ledger, Line, LineError, Received, RecordKind, Subscriber, TapTopic, Topic as _, decode_opened,
+};
 
 use crate::stage::outcome::{Outcome, RunError};
 use crate::stage::outlet::Outlet;
@@ -77,7 +79,10 @@ fn receive(casings: &Subscriber<'_, CasingTopic>, stations: &mut [Station]) -> R
         let station = stations.iter_mut().find(|s| u32::from(s.number()) == header.station);
         let Some(station) = station else { continue };
         match record.kind() {
-            Some(RecordKind::Plan) => station.opened(record.header(), &text_of(&record)),
+            Some(RecordKind::Plan) => match decode_opened(&record) {
+                Ok((name, added)) => station.opened(record.header(), &name, &added),
+                Err(error) => tracing::error!(%error, "what store says of a casing cannot be read"),
+            },
             Some(RecordKind::Ledger) => {
                 if let Some(ledger) = Ledger::decode(record.header(), &record) {
                     station.note_ledger(record.header().stamp.casing, ledger);

@@ -38,13 +38,13 @@ impl<'a> Outlet<'a> {
 
     /// Which limit of the line `source` exceeds, in words; `None` if it fits.
     pub(crate) fn exceeded_by(&self, source: &dyn Source) -> Option<String> {
-        self.line.limits().casing.exceeded_by(source.plan())
+        self.line.limits().casing.exceeded_by(source.plan(), source.room() as usize)
     }
 
     /// Proposes the casing `name` at `station`.
     pub(crate) fn propose(&self, station: u16, name: &str, source: &dyn Source) -> Result<(), LineError> {
         let stamp = Stamp { mark: station.into(), ..Stamp::default() };
-        self.proposals.send(RecordKind::Plan, stamp, &encode_proposal(name, source.plan()))
+        self.proposals.send(RecordKind::Plan, stamp, &encode_proposal(name, &source.plan().begun(), source.room()))
     }
 
     /// Gives up the casing numbered `casing`: its missing taps will not come.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CasingHeader, Ledger, LineError};
+use tapline_wire::{CasingHeader, Ledger, LineError, PlannedTap};
 
 use crate::stage::outlet::Outlet;
 use crate::stage::tapping::{Pace, Tapping};
@@ -87,14 +87,17 @@ impl Station {
         self.arrivals.station()
     }
 
-    /// Notes that a casing of this station is open in the archive.
-    pub(crate) fn opened(&mut self, header: &CasingHeader, name: &str) {
+    /// Notes that a casing of this station is open in the archive, and that taps were `added` to its plan.
+    pub(crate) fn opened(&mut self, header: &CasingHeader, name: &str, added: &[PlannedTap]) {
         let number = header.stamp.casing;
         match &mut self.work {
             // A casing of the same name may be proposed while this one is judged.
             _ if self.closing.iter().any(|&(closing, _)| closing == number) => {}
-            Work::Proposed { casing, opened, .. } if is_of_plan(header, casing.taps.as_ref()) => *opened = Some(number),
-            Work::Tapping(tapping) if tapping.number == number => {}
+            Work::Proposed { casing, opened, .. } if is_of_plan(header, casing.taps.as_ref()) => {
+                *opened = Some(number);
+                grow(casing, added);
+            }
+            Work::Tapping(tapping) if tapping.number == number => tapping.grow(added),
             _ if self.left_over.iter().any(|&(known, _)| known == number) => {}
             _ => self.left_over.push((number, name.to_owned())),
         }
@@ -178,6 +181,7 @@ impl Station {
             Work::Ended => "nothing: its list is done".to_owned(),
             Work::Proposed { .. } => "its file to be begun".to_owned(),
             Work::Tapping(tapping) if tapping.is_taking() => String::new(),
+            Work::Tapping(tapping) if tapping.is_awaiting_verdict() => "the verdict".to_owned(),
             Work::Tapping(_) => "what was tapped to be archived".to_owned(),
         };
         let is_news = self.reported.as_ref().is_none_or(|(reported, _)| *reported != what);
@@ -298,7 +302,18 @@ impl Station {
     }
 }
 
+/// Has the source of `casing` plan the taps that were `added` to its first ones.
+pub(crate) fn grow(casing: &mut Casing, added: &[PlannedTap]) {
+    if casing.taps.plan().added() == added {
+        return;
+    }
+    match casing.taps.plan().begun().grown(added) {
+        Ok(plan) => casing.taps.grow(plan),
+        Err(error) => tracing::error!(casing = casing.name, %error, "taps that are asked for besides are not planned"),
+    }
+}
+
 /// Whether what `header` tells of has the plan of `source`.
 fn is_of_plan(header: &CasingHeader, source: &dyn Source) -> bool {
-    header.plan_digest == source.plan().digest()
+    header.plan_digest == source.plan().begun_digest()
 }

@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use tapline_wire::{Ledger, LineError, RecordKind, ScanState, TapState};
+use tapline_wire::{Ledger, LineError, PlannedTap, RecordKind, ScanState, TapState};
 
 use crate::stage::outlet::Outlet;
-use crate::stage::station::{Next, SEND_AGAIN};
+use crate::stage::station::{Next, SEND_AGAIN, grow};
 use crate::{Casing, Readiness};
 
 /// A casing that is being tapped.
@@ -89,10 +89,28 @@ impl Tapping {
         scan.taps.iter().rev().copied().filter(is_missing).collect()
     }
 
-    /// Whether the archive has confirmed the ends of all scans.
+    /// Whether nothing is left to do for the casing: the archive has confirmed the ends of all scans and, where more taps may be
+    /// asked for, their verdicts.
     pub(crate) fn is_ended(&self) -> bool {
+        let last =
+            if self.casing.taps.room() > 0 && self.gone.is_none() { ScanState::Judged } else { ScanState::Ended };
+        self.has_reached(last)
+    }
+
+    /// Whether all is tapped, and more taps may be asked for until the verdict.
+    pub(crate) fn is_awaiting_verdict(&self) -> bool {
+        self.has_reached(ScanState::Ended)
+    }
+
+    fn has_reached(&self, last: ScanState) -> bool {
         let scans = self.ledger.scans();
-        !scans.is_empty() && scans.iter().all(|&state| state >= ScanState::Ended)
+        !scans.is_empty() && scans.iter().all(|&state| state >= last)
+    }
+
+    /// Notes that taps were added to the plan; the ledger that follows has room for them.
+    pub(crate) fn grow(&mut self, added: &[PlannedTap]) {
+        grow(&mut self.casing, added);
+        self.sent.resize(self.casing.taps.plan().taps().len(), None);
     }
 
     /// Whether taps are being taken, rather than waited for in the archive.
@@ -100,9 +118,10 @@ impl Tapping {
         matches!(self.phase, Phase::Tapping(_))
     }
 
-    /// Takes in a new ledger. If taps that were archived are missing in it, because a disk has failed, goes back to the first
-    /// scan that lacks one.
+    /// Takes in a new ledger. If a scan that was done lacks taps in it, because some were added or a disk has failed, goes back
+    /// to the first such scan.
     pub(crate) fn set_ledger(&mut self, ledger: Ledger) {
+        let planned_before = self.ledger.taps().len();
         self.ledger = ledger;
         let states = self.ledger.taps();
         let is_missing = |&row: &u32| states.get(row as usize) == Some(&TapState::Missing);
@@ -110,7 +129,9 @@ impl Tapping {
         if self.gone.is_none()
             && let Some(scan) = before.iter().position(|scan| scan.taps.iter().any(is_missing))
         {
-            tracing::warn!(casing = self.casing.name, "taps that were archived are lost; they are taken again");
+            if self.ledger.taps().len() == planned_before {
+                tracing::warn!(casing = self.casing.name, "taps that were archived are lost; they are taken again");
+            }
             self.scan = scan;
             self.phase = Phase::Tapping(self.missing());
         }

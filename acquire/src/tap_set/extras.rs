@@ -2,7 +2,7 @@
 //!
 //! Each column may be left out, and each cell may be empty: then the set, or its reader, decides as it does without.
 
-use tapline_wire::{Geometry, RETAKES_MAX, csv_text};
+use tapline_wire::{Geometry, Purpose, RETAKES_MAX, csv_text};
 
 use crate::Error;
 use crate::tap_set::scan_toml::{FULL_SCALE_MAX, MICROPHONE_DISTANCE_M_MAX};
@@ -16,7 +16,7 @@ pub(crate) const COLUMNS: &[&str] = &[
     MEASURED,
     "station",
     "attempt",
-    "is_closing",
+    "purpose",
     "tap_time_ns",
     "force_full_scale_n",
     "sound_full_scale_v",
@@ -31,8 +31,8 @@ pub(crate) struct Extras {
     pub(crate) station: Option<u16>,
     /// How many takes were of no use before this one.
     pub(crate) attempt: u16,
-    /// Whether the tap closes its ring; without it angle and location tell.
-    pub(crate) is_closing: Option<bool>,
+    /// What the tap is for; without it angle and location tell whether it closes its ring.
+    pub(crate) purpose: Option<Purpose>,
     /// When the impact happened, ns since the Unix epoch; 0 where the list does not say.
     pub(crate) tap_time_ns: i64,
     /// Newtons of a full-scale sample of this tap, where it is not that of the set.
@@ -53,14 +53,20 @@ impl Extras {
             Ok(number.map(|number| u16::try_from(number).unwrap_or(high)))
         };
         let full_scale = |column| row.number(column, (0.0, false), FULL_SCALE_MAX);
-        let is_closing = row.whole("is_closing", 0, 1)?.map(|is| is == 1);
-        if geometry == Geometry::Line && is_closing == Some(true) {
-            return Err(row.refuse("is_closing", "0 or empty: a line has no end to close"));
+        let purpose = match row.text("purpose") {
+            "" => None,
+            name => {
+                let purpose = Purpose::from_name(name);
+                Some(purpose.ok_or_else(|| row.refuse("purpose", "scan, closing, suspect, control or empty"))?)
+            }
+        };
+        if geometry == Geometry::Line && purpose == Some(Purpose::Closing) {
+            return Err(row.refuse("purpose", "another than closing: a line has no end to close"));
         }
         Ok(Self {
             station: short("station", 1, u16::MAX)?,
             attempt: short("attempt", 0, RETAKES_MAX)?.unwrap_or(0),
-            is_closing,
+            purpose,
             tap_time_ns: time_ns(row)?,
             force_full_scale_n: full_scale("force_full_scale_n")?,
             sound_full_scale_v: full_scale("sound_full_scale_v")?,

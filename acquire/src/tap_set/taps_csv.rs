@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 
-use tapline_wire::{Geometry, IdError, PlannedTap, Serial, TapId, csv_text};
+use tapline_wire::{Geometry, IdError, PlannedTap, Purpose, Serial, TapId, csv_text};
 
 use crate::Error;
 use crate::tap_set::extras::{self, Extras, MEASURED};
@@ -80,7 +80,7 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
     Ok(TapRow {
         line: row.line,
         file: if is_nameless { String::new() } else { file_name(row)? },
-        tap: PlannedTap { id, angle_deg, is_closing: false },
+        tap: PlannedTap { id, angle_deg, purpose: Purpose::Scan },
         velocity_measured_m_per_s,
         extras,
     })
@@ -121,18 +121,20 @@ fn mark_closing_taps(rows: &mut [TapRow]) {
     for row in &mut *rows {
         let Some(ring) = rings.get_mut(&(row.tap.id.tyre, row.tap.id.shoulder)) else { continue };
         let location = row.tap.id.location;
-        row.tap.is_closing = match (row.extras.is_closing, row.tap.angle_deg) {
-            (Some(is_closing), _) => is_closing,
+        row.tap.purpose = match (row.extras.purpose, row.tap.angle_deg) {
+            (Some(purpose), _) => purpose,
             // A tool that rounds 360 may fall short of it.
-            (None, Some(angle_deg)) => angle_deg > 360.0 - ANGLE_ROUNDING_DEG,
+            (None, Some(angle_deg)) => Purpose::closing_if(angle_deg > 360.0 - ANGLE_ROUNDING_DEG),
             // Locations may be counted from 1, or be more than 100: then location 100 is one like the others.
-            (None, None) => location == TURN_LOCATIONS && ring.location_max == TURN_LOCATIONS && ring.has_first,
+            (None, None) => {
+                Purpose::closing_if(location == TURN_LOCATIONS && ring.location_max == TURN_LOCATIONS && ring.has_first)
+            }
         };
-        if !row.tap.is_closing {
+        if !row.tap.is_closing() {
             ring.open_max = ring.open_max.max(Some(location));
         }
     }
-    for row in rows.iter_mut().filter(|r| r.tap.is_closing) {
+    for row in rows.iter_mut().filter(|r| r.tap.is_closing()) {
         let open_max = rings.get(&(row.tap.id.tyre, row.tap.id.shoulder)).and_then(|r| r.open_max);
         // The closing tap may be listed as location 0 again, and would then have the name of the first.
         if let Some(open_max) = open_max
@@ -174,7 +176,7 @@ fn name_of(row: &TapRow) -> String {
         "the tap tyre {tyre} shoulder {shoulder} offset_mm {} velocity_m_per_s {} location {location} repetition {repetition}{}",
         or_unknown(row.tap.id.offset_mm()),
         or_unknown(row.tap.id.velocity_m_per_s()),
-        if row.tap.is_closing { " (closing)" } else { "" },
+        if row.tap.is_closing() { " (closing)" } else { "" },
     )
 }
 
@@ -234,17 +236,17 @@ mod tests {
     fn what_an_archive_knows_is_taken() {
         let header = HEADER.replace(
             "repetition",
-            "repetition,station,attempt,is_closing,tap_time_ns,force_full_scale_n,sound_full_scale_v,microphone_distance_m,refused",
+            "repetition,station,attempt,purpose,tap_time_ns,force_full_scale_n,sound_full_scale_v,microphone_distance_m,refused",
         );
         let of = |rows: &str| parse(Path::new("taps.csv"), &format!("{header}{rows}"), Geometry::Ring);
         let rows = of(
-            "a.wav,T,1,,,0,0,0,7,2,1,-5,222,5,0.05,\n,T,1,,,1,360,0,7,,0,,,,,no wire\nc.wav,T,1,,,2,360,1,7,,,,,,,\n",
+            "a.wav,T,1,,,0,0,0,7,2,closing,-5,222,5,0.05,\n,T,1,,,1,360,0,7,,scan,,,,,no wire\nc.wav,T,1,,,2,360,1,7,,,,,,,\n",
         );
         let rows = rows.unwrap();
         let first = Extras {
             station: Some(7),
             attempt: 2,
-            is_closing: Some(true),
+            purpose: Some(Purpose::Closing),
             tap_time_ns: -5,
             force_full_scale_n: Some(222.0),
             sound_full_scale_v: Some(5.0),
@@ -252,16 +254,20 @@ mod tests {
             refused: None,
         };
         assert_eq!((&rows[0].extras, rows[0].tap.id.station), (&first, 7));
-        assert_eq!(rows.iter().map(|row| row.tap.is_closing).collect::<Vec<_>>(), [true, false, true]);
-        let refused =
-            Extras { station: Some(7), is_closing: Some(false), refused: Some("no wire".into()), ..Extras::default() };
+        assert_eq!(rows.iter().map(|row| row.tap.is_closing()).collect::<Vec<_>>(), [true, false, true]);
+        let refused = Extras {
+            station: Some(7),
+            purpose: Some(Purpose::Scan),
+            refused: Some("no wire".into()),
+            ..Extras::default()
+        };
         assert_eq!((&rows[1].extras, rows[1].file.as_str()), (&refused, ""));
         assert_eq!(rows[2].extras, Extras { station: Some(7), ..Extras::default() });
         for (row, want) in [
             (",T,1,,,0,0,0,7,,,,,,,", "line 2: file is \"\""),
             ("a.wav,T,1,,,0,0,0,0,,,,,,,", "station is \"0\"; it must be a whole number from 1 to 65535"),
             ("a.wav,T,1,,,0,0,0,,64,,,,,,", "attempt is \"64\"; it must be a whole number from 0 to 63"),
-            ("a.wav,T,1,,,0,0,0,,,2,,,,,", "is_closing is \"2\""),
+            ("a.wav,T,1,,,0,0,0,,,2,,,,,", "purpose is \"2\""),
             ("a.wav,T,1,,,0,0,0,,,,1.5,,,,", "tap_time_ns is \"1.5\"; it must be a whole number of ns"),
             ("a.wav,T,1,,,0,0,0,,,,,0,,,", "force_full_scale_n is \"0\"; it must be a number above 0"),
             ("a.wav,T,1,,,0,0,0,,,,,,nan,,", "sound_full_scale_v is \"nan\""),
@@ -270,7 +276,7 @@ mod tests {
             let error = of(row).unwrap_err().to_string();
             assert!(error.contains(want), "{error:?} lacks {want:?}");
         }
-        let text = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,is_closing\na.wav,T,1,,,0,,0,1\n";
+        let text = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,purpose\na.wav,T,1,,,0,,0,closing\n";
         let error = parse(Path::new("taps.csv"), text, Geometry::Line).unwrap_err().to_string();
         assert!(error.contains("a line has no end to close"), "{error}");
     }
@@ -285,7 +291,7 @@ mod tests {
     }
 
     fn closing(rows: &[TapRow]) -> Vec<u32> {
-        rows.iter().filter(|r| r.tap.is_closing).map(|r| r.tap.id.location).collect()
+        rows.iter().filter(|r| r.tap.is_closing()).map(|r| r.tap.id.location).collect()
     }
 
     /// Catches a closing tap that is missed, named like the first, or seen where there is none.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use tapline_wire::{Geometry, Plan, Values};
+use tapline_wire::{Geometry, Plan, Purpose, Values};
 
 use crate::fusion::{Cache, Fusion, entering};
 use crate::index::{Scores, Setup};
@@ -67,7 +67,17 @@ pub(super) struct Compared {
     pub(super) shoulders: Vec<Shoulder>,
     pub(super) conditions: Conditions,
     /// `None` where the reference teaches nothing of such a scan.
-    pub(super) found: Option<(Arc<FittedReference>, Vec<Scores>)>,
+    pub(super) found: Option<Found>,
+}
+
+/// What a reference says of a casing.
+#[derive(Debug)]
+pub(super) struct Found {
+    pub(super) fitted: Arc<FittedReference>,
+    /// By shoulder, with all taps.
+    pub(super) scores: Vec<Scores>,
+    /// By shoulder, without second readings; `None` where there are none.
+    pub(super) first_scores: Option<Vec<Scores>>,
 }
 
 impl Fusion {
@@ -90,22 +100,31 @@ impl Fusion {
         let pattern = self.pattern(scan);
         let conditions = pattern.conditions.clone();
         let normalisation = self.normalisation(&conditions, scan);
-        let shoulder = |&scan: &usize| self.shoulder(&conditions, &normalisation, scan);
-        let shoulders: Vec<Shoulder> = scans.iter().map(shoulder).collect();
+        let all = |&scan: &usize| self.shoulder(&conditions, &normalisation, scan);
+        let first = |&scan: &usize| all(&scan).without_second_readings();
+        let shoulders: Vec<Shoulder> = scans.iter().map(all).collect();
         let setup = setup(&self.config, &conditions, self.who.is_own, self.plan.geometry == Geometry::Line);
         let offsets = conditions.offsets_inwards();
         let fitted = match &self.set {
             Some(set) => set.fitted(&setup, &offsets, &pattern, &normalisation),
-            None if self.who.is_own => FittedReference::fit(setup, &offsets, &shoulders).map(Arc::new),
+            None if self.who.is_own => {
+                let firsts: Vec<Shoulder> = scans.iter().map(first).collect();
+                FittedReference::fit(setup, &offsets, &firsts).map(Arc::new)
+            }
             None => {
-                let named: Vec<Shoulder> = self.who.reference(scan).iter().map(shoulder).collect();
+                let named: Vec<Shoulder> = self.who.reference(scan).iter().map(first).collect();
                 FittedReference::fit(setup, &offsets, &named).map(Arc::new)
             }
         };
         let found = fitted.map(|fitted| {
             let casing: Vec<&Shoulder> = shoulders.iter().collect();
             let scores = fitted.index.scores(&casing);
-            (fitted, scores)
+            let has_second = casing.iter().any(|shoulder| shoulder.turns.iter().any(|turn| turn.controls.is_some()));
+            let first_scores = has_second.then(|| {
+                let firsts: Vec<Shoulder> = scans.iter().map(first).collect();
+                fitted.index.scores(&firsts.iter().collect::<Vec<_>>())
+            });
+            Found { fitted, scores, first_scores }
         });
         Compared { scans, shoulders, conditions, found }
     }
@@ -116,7 +135,9 @@ impl Fusion {
             self.who.involved(scan).iter().flat_map(|&scan| distinct(self.entering(scan).map(|(_, id)| id))).collect();
         let conditions = Conditions::of(planned.into_iter().chain(self.set.iter().flat_map(|set| set.taps())));
         let mut by_repetition: BTreeMap<(usize, u16), Vec<u32>> = BTreeMap::new();
-        for (_, id) in self.entering(scan) {
+        let first_readings =
+            self.entering(scan).filter(|(row, _)| !self.plan.taps()[*row as usize].is_second_reading());
+        for (_, id) in first_readings {
             if let Some(condition) = conditions.number(&id) {
                 by_repetition.entry((condition, id.repetition)).or_default().push(id.location);
             }
@@ -148,6 +169,8 @@ impl Fusion {
         let planned = &self.plan.scans()[scan];
         let place_count = planned.locations.len();
         let mut turns: BTreeMap<(usize, u16), Vec<Values>> = BTreeMap::new();
+        // Second readings are repetitions of their own.
+        let mut controls: BTreeMap<(usize, u16), Vec<bool>> = BTreeMap::new();
         for (row, id) in entering(&self.plan, scan) {
             let place = planned.locations.binary_search_by_key(&id.location, |&(location, _)| location);
             let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused);
@@ -155,11 +178,20 @@ impl Fusion {
             let values = normalisation.applied(seen.values, id.velocity_m_per_s(), seen.velocity_m_per_s);
             let turn = turns.entry((condition, id.repetition)).or_insert_with(|| vec![Values::default(); place_count]);
             turn[place] = values;
+            let planned = &self.plan.taps()[row as usize];
+            if planned.is_second_reading() {
+                let controls = controls.entry((condition, id.repetition)).or_insert_with(|| vec![false; place_count]);
+                controls[place] = planned.purpose == Purpose::Control;
+            }
         }
+        let turn = |(key, values): ((usize, u16), Vec<Values>)| match controls.remove(&key) {
+            Some(controls) => Turn::second_reading(key.0, values, controls),
+            None => Turn::new(key.0, values),
+        };
         Shoulder {
             ring: self.rings[scan].clone(),
             casing: 0,
-            turns: turns.into_iter().map(|((condition, _), values)| Turn::new(condition, values)).collect(),
+            turns: turns.into_iter().map(turn).collect(),
             is_cracked: vec![None; place_count],
         }
     }

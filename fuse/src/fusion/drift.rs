@@ -29,7 +29,7 @@ impl Fusion {
             let bits = |of: Option<f64>| of.map(f64::to_bits);
             let name = (bits(tap.id.offset_mm()), bits(self.plan.velocity_nominal_m_per_s(row)));
             let condition = conditions.entry(name).or_default();
-            if tap.is_closing {
+            if tap.is_closing() {
                 condition.closing.push(seen.values);
                 continue;
             }

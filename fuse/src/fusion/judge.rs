@@ -8,7 +8,7 @@ use tapline_wire::{DamageCell, Discriminator, Geometry, Judgement, Reasons, Reco
 use crate::arcs::regions::{arcs_above, damage_index};
 use crate::arcs::statistic::{Arc as RingArc, Maps};
 use crate::fusion::Fusion;
-use crate::fusion::compared::Compared;
+use crate::fusion::compared::{Compared, Found};
 use crate::index::Scores;
 use crate::reference::fitted::FittedReference;
 use crate::shoulder::Shoulder;
@@ -31,20 +31,28 @@ pub struct OffsetMap {
 }
 
 /// A shoulder with what its reference says of it.
-struct View<'a> {
-    shoulder: &'a Shoulder,
-    fitted: &'a FittedReference,
-    scores: &'a Scores,
-    maps: Maps,
+pub(super) struct View<'a> {
+    pub(super) shoulder: &'a Shoulder,
+    pub(super) fitted: &'a FittedReference,
+    pub(super) scores: &'a Scores,
+    pub(super) maps: Maps,
+    /// Without second readings; `None` where there are none.
+    first_maps: Option<Maps>,
 }
 
 impl Compared {
     /// Of scan number `scan`, which is among those compared.
-    fn view(&self, scan: usize) -> Option<View<'_>> {
+    pub(super) fn view(&self, scan: usize) -> Option<View<'_>> {
         let number = self.scans.iter().position(|&s| s == scan)?;
-        let (fitted, scores) = self.found.as_ref()?;
-        let (shoulder, scores) = (&self.shoulders[number], &scores[number]);
-        Some(View { shoulder, fitted, scores, maps: fitted.statistic.maps(scores) })
+        let Found { fitted, scores, first_scores } = self.found.as_ref()?;
+        let maps = |scores: &Vec<Scores>| fitted.statistic.maps(&scores[number]);
+        Some(View {
+            shoulder: &self.shoulders[number],
+            fitted,
+            scores: &scores[number],
+            maps: maps(scores),
+            first_maps: first_scores.as_ref().map(maps),
+        })
     }
 }
 
@@ -119,7 +127,7 @@ impl Fusion {
     pub fn remarks(&mut self, scan: usize) -> Result<Vec<String>, Error> {
         self.check(scan)?;
         let compared = self.compared(scan);
-        Ok(compared.found.as_ref().map(|(fitted, _)| fitted.remarks(&self.config)).unwrap_or_default())
+        Ok(compared.found.as_ref().map(|found| found.fitted.remarks(&self.config)).unwrap_or_default())
     }
 
     /// The damage index of every location of scan number `scan` at each offset that is known alone, in the order of the
@@ -254,6 +262,12 @@ impl View<'_> {
         judgement.limit_re_inspect = limits.at(config.re_inspect_rate);
         judgement.limit_reject = limits.at(config.reject_rate);
         let index = damage_index(&self.fitted.statistic, ring, &self.maps);
+        if let Some(first_maps) = &self.first_maps {
+            let first = damage_index(&self.fitted.statistic, ring, first_maps);
+            cells.iter_mut().zip(first).for_each(|(cell, index)| cell.first_index = index);
+            let strongest = self.fitted.statistic.strongest(ring, first_maps);
+            judgement.first_strongest_arc = strongest.map_or(f64::NAN, |arc| arc.value);
+        }
         for (place, cell) in cells.iter_mut().enumerate() {
             cell.damage_index = index[place];
             cell.p_value = if index[place].is_nan() { f64::NAN } else { limits.probability(index[place]) };

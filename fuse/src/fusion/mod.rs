@@ -1,5 +1,6 @@
 //! The state machine: taps and ends of scans in, in any order; verdicts out.
 
+mod ask;
 mod compared;
 mod coverage;
 mod drift;
@@ -193,13 +194,13 @@ impl Fusion {
 pub(crate) fn entering(plan: &Plan, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
     let meant = |row: u32, id: TapId| id.with_velocity_m_per_s(plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
     let planned = |&row: &u32| (row, &plan.taps()[row as usize]);
-    let taps = plan.scans()[scan].taps.iter().map(planned).filter(|(_, tap)| !tap.is_closing);
+    let taps = plan.scans()[scan].taps.iter().map(planned).filter(|(_, tap)| !tap.is_closing());
     taps.map(move |(row, tap)| (row, meant(row, tap.id)))
 }
 
 /// The locations of a scan of `plan`.
 fn ring(plan: &Plan, scan: &Scan) -> Ring {
-    let mut closing = scan.taps.iter().map(|&row| &plan.taps()[row as usize]).filter(|tap| tap.is_closing);
+    let mut closing = scan.taps.iter().map(|&row| &plan.taps()[row as usize]).filter(|tap| tap.is_closing());
     Ring::of(plan.geometry, &scan.locations, closing.next().map(|tap| tap.id.location))
 }
 

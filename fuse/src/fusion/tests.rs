@@ -252,14 +252,14 @@ fn the_closing_tap_enters_nothing() {
     let casing = Casing::default();
     let numbered_on = casing.plan();
     let mut taps = numbered_on.taps().to_vec();
-    for tap in taps.iter_mut().filter(|t| t.is_closing) {
+    for tap in taps.iter_mut().filter(|t| t.is_closing()) {
         (tap.id.location, tap.id.repetition) = (0, tap.id.repetition + casing.repetition_count);
     }
     let as_start = Plan::new(Geometry::Ring, recording(), taps, Truth::new()).unwrap();
     for plan in [numbered_on, as_start] {
         let mut all = records(&casing, &plan, 6);
         let before = whole(&FuseConfig::by(Reference::Own), &plan, &all).judge(0).unwrap();
-        for (record, _) in all.iter_mut().zip(plan.taps()).filter(|(_, tap)| tap.is_closing) {
+        for (record, _) in all.iter_mut().zip(plan.taps()).filter(|(_, tap)| tap.is_closing()) {
             record.values.set(Discriminator::Pr, Some(-1e9));
         }
         let after = whole(&FuseConfig::by(Reference::Own), &plan, &all).judge(0).unwrap();

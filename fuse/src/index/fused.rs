@@ -204,7 +204,9 @@ impl Fused {
                 values.clear();
                 let mut total = 0;
                 for &(s, t) in &group {
-                    for (place, y) in self.signed(&casing[s].turns[t], d).enumerate().filter(|(_, y)| y.is_finite()) {
+                    let turn = &casing[s].turns[t];
+                    let found = self.signed(turn, d).enumerate().filter(|(_, y)| y.is_finite());
+                    for (place, y) in found.filter(|&(place, _)| turn.tells_level_at(place)) {
                         total += 1;
                         if kept.is_none_or(|kept| kept[s][place]) {
                             values.push(y);
@@ -228,7 +230,7 @@ impl Fused {
     /// What the sound places of `turn` rise by from its first third to its last, taken over all of it.
     fn drift(&self, turn: &Turn, d: usize, kept: &[bool]) -> f64 {
         let third = turn.values.len() / 3;
-        if self.setup.has_common_level {
+        if self.setup.has_common_level || turn.controls.is_some() {
             return 0.0;
         }
         let end = |places: std::ops::Range<usize>| {

@@ -5,7 +5,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use tapline_wire::{Discriminator, Discriminators, Geometry, Plan, Quality, Scan, Serial, TapId, Truth, Values};
+use tapline_wire::{
+    Discriminator, Discriminators, Geometry, Plan, Purpose, Quality, Scan, Serial, TapId, Truth, Values,
+};
 
 use crate::index::Setup;
 use crate::reference::fitted::FittedReference;
@@ -53,6 +55,9 @@ pub struct ReferenceSet {
 struct Fits(Mutex<Vec<Fit>>);
 
 type Fit = (Setup, Pattern, Normalisation, Option<Arc<FittedReference>>);
+
+/// A location of a scan is that of the reference if their angles differ by less.
+const ANGLE_SLACK_DEG: f64 = 0.5;
 
 /// Most patterns that are remembered.
 const FITS_MAX: usize = 8;
@@ -127,7 +132,7 @@ impl KnownShoulder {
     /// Refused taps, and closing ones, are left out. `None` for a scan that is not planned.
     pub fn of(plan: &Plan, records: &[Discriminators], scan: usize, truth: Option<&Truth>) -> Option<Self> {
         let planned = plan.scans().get(scan)?;
-        let mut closing = planned.taps.iter().map(|&row| &plan.taps()[row as usize]).filter(|tap| tap.is_closing);
+        let mut closing = planned.taps.iter().map(|&row| &plan.taps()[row as usize]).filter(|tap| tap.is_closing());
         let label = |&(location, _): &(u32, Option<f64>)| {
             truth.and_then(|truth| truth.get(&(planned.tyre, planned.shoulder, location)).copied())
         };
@@ -156,8 +161,11 @@ impl KnownShoulder {
 
     /// With the taps that a scan of `pattern` has.
     fn like(&self, pattern: &Pattern, normalisation: &Normalisation, casing: usize) -> Shoulder {
-        let located: Vec<(u32, Option<f64>)> =
-            self.locations.iter().copied().zip(self.angles_deg.iter().copied()).collect();
+        // A ring is cut to the locations of the scan; a line may have others than its reference.
+        let all = pattern.all_locations();
+        let is_kept = |place: &usize| self.geometry == Geometry::Line || all.contains(&self.locations[*place]);
+        let kept: Vec<usize> = (0..self.locations.len()).filter(is_kept).collect();
+        let located: Vec<(u32, Option<f64>)> = kept.iter().map(|&k| (self.locations[k], self.angles_deg[k])).collect();
         let mut turns: Vec<(usize, &Turn)> = self
             .turns
             .iter()
@@ -169,21 +177,22 @@ impl KnownShoulder {
             casing,
             turns: Vec::new(),
             is_cracked: match &self.is_cracked {
-                Some(labels) => labels.iter().copied().map(Some).collect(),
+                Some(labels) => kept.iter().map(|&k| Some(labels[k])).collect(),
                 None => vec![None; located.len()],
             },
         };
         for same in turns.chunk_by(|a, b| a.0 == b.0) {
             for (rank, &(condition, turn)) in same.iter().enumerate() {
                 let Some(locations) = pattern.locations(condition, rank) else { continue };
-                let value = |(place, location): (usize, &u32)| {
+                let value = |&place: &usize| {
+                    let location = &self.locations[place];
                     let measured = turn.velocities_measured_m_per_s[place].unwrap_or(f64::NAN);
                     match self.geometry == Geometry::Line || locations.binary_search(location).is_ok() {
                         true => normalisation.applied(turn.at(place), turn.velocity_m_per_s, measured),
                         false => Values::default(),
                     }
                 };
-                let values = self.locations.iter().enumerate().map(value).collect();
+                let values = kept.iter().map(value).collect();
                 shoulder.turns.push(shoulder::Turn::new(condition, values));
             }
         }
@@ -227,7 +236,7 @@ fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators]) -> Vec<Turn
     for &row in &planned.taps {
         let tap = &plan.taps()[row as usize];
         let place = planned.locations.binary_search_by_key(&tap.id.location, |&(location, _)| location);
-        let (Some(record), Ok(place), false) = (by_row.get(&row), place, tap.is_closing) else { continue };
+        let (Some(record), Ok(place), Purpose::Scan) = (by_row.get(&row), place, tap.purpose) else { continue };
         let velocity_m_per_s = plan.velocity_nominal_m_per_s(row);
         let bits = |of: Option<f64>| of.map(f64::to_bits);
         let key = (bits(tap.id.offset_mm()), bits(velocity_m_per_s), tap.id.repetition);
@@ -357,17 +366,24 @@ impl ReferenceSet {
         Err(Error::NothingInCommon { known: names(known), planned: names(planned) })
     }
 
-    /// Refuses a plan whose rings have another number of locations than its own: an arc of so many would be another length.
+    /// Refuses a plan whose rings have other locations than its own: an arc of so many would be another length. A plan may leave
+    /// some of them out.
     pub(crate) fn check_locations(&self, plan: &Plan) -> Result<(), Error> {
-        let known = |shoulder: &&KnownShoulder| shoulder.geometry == Geometry::Ring;
-        let known = self.shoulders.iter().filter(known).map(|shoulder| shoulder.locations.len()).max();
-        let planned = plan.scans().iter().map(|scan| scan.locations.len()).max();
-        match (known, planned) {
-            (Some(known), Some(planned)) if plan.geometry == Geometry::Ring && known != planned => {
-                Err(Error::OtherLocations { known, planned })
+        let of_ring = self.shoulders.iter().filter(|shoulder| shoulder.geometry == Geometry::Ring);
+        let Some(known) = of_ring.max_by_key(|shoulder| shoulder.locations.len()) else { return Ok(()) };
+        for scan in plan.scans().iter().filter(|_| plan.geometry == Geometry::Ring) {
+            let is_known = |&(location, angle_deg): &(u32, Option<f64>)| {
+                let place = known.locations.binary_search(&location).ok()?;
+                let apart = angle_deg.zip(known.angles_deg[place]).map(|(a, b)| (a - b).abs());
+                Some(apart.is_none_or(|apart| apart < ANGLE_SLACK_DEG))
+            };
+            let is_part = scan.locations.iter().all(|located| is_known(located) == Some(true));
+            let (known, planned) = (known.locations.len(), scan.locations.len());
+            if known != planned && !is_part {
+                return Err(Error::OtherLocations { known, planned });
             }
-            _ => Ok(()),
         }
+        Ok(())
     }
 
     /// What it teaches of scans of `pattern`; `None` where nothing of them varies. Computed once for a pattern.

@@ -1,6 +1,6 @@
 //! Which taps a scan has: a reference is cut to them, so that it teaches what such a scan shows.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::ReferenceSet;
 use crate::shoulder::conditions::Conditions;
@@ -32,6 +32,11 @@ impl Pattern {
             locations.dedup();
         }
         Self { conditions, turns }
+    }
+
+    /// The locations of all turns.
+    pub(crate) fn all_locations(&self) -> BTreeSet<u32> {
+        self.turns.values().flatten().copied().collect()
     }
 
     /// The locations of the turn number `rank` among those of `condition`; `None` where the scan has no such turn.

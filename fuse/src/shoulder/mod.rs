@@ -30,6 +30,8 @@ pub(crate) struct Turn {
     pub(crate) values: Vec<Values>,
     /// Their logarithms, `[discriminator][place]`, NaN where absent.
     logs: Vec<Vec<f64>>,
+    /// Places that alone tell its level, by place: of a second reading its controls. All places where `None`.
+    pub(crate) controls: Option<Vec<bool>>,
 }
 
 impl Turn {
@@ -37,7 +39,17 @@ impl Turn {
     pub(crate) fn new(condition: usize, values: Vec<Values>) -> Self {
         let log = |which: Discriminator| values.iter().map(|of_tap| log_of(which, of_tap)).collect();
         let logs = Discriminator::ALL.into_iter().map(log).collect();
-        Self { condition, values, logs }
+        Self { condition, values, logs, controls: None }
+    }
+
+    /// A second reading, whose level its controls tell.
+    pub(crate) fn second_reading(condition: usize, values: Vec<Values>, controls: Vec<bool>) -> Self {
+        Self { controls: Some(controls), ..Self::new(condition, values) }
+    }
+
+    /// Whether its level is looked for at `place`.
+    pub(crate) fn tells_level_at(&self, place: usize) -> bool {
+        self.controls.as_ref().is_none_or(|controls| controls[place])
     }
 
     /// The logarithm of `which` by place, NaN where it is absent or has none.
@@ -59,6 +71,12 @@ impl Shoulder {
     /// How many places it has.
     pub(crate) fn place_count(&self) -> usize {
         self.ring.len()
+    }
+
+    /// Without what was tapped again.
+    pub(crate) fn without_second_readings(mut self) -> Self {
+        self.turns.retain(|turn| turn.controls.is_none());
+        self
     }
 
     /// Places that are not known to be cracked.

@@ -13,7 +13,7 @@ use tapline_lab::statistics::clopper_pearson;
 use tapline_wire::{Discriminator, Discriminators, Plan, Reasons, Verdict};
 
 use crate::scenes::Scene;
-use crate::sets::{Cache, Set};
+use crate::sets::{Cache, Policy, Set, Times};
 
 /// What shoulders are compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,9 +53,21 @@ impl fmt::Display for By {
     }
 }
 
+/// How casings are scanned and judged.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Asked {
+    pub(crate) policy: Policy,
+    pub(crate) re_inspect_rate: Option<f64>,
+    pub(crate) confirm_rate: Option<f64>,
+    pub(crate) times: Times,
+}
+
 /// A shoulder that was judged.
 #[derive(Debug)]
 struct Judged {
+    /// What its casing took, s.
+    scan_s: f64,
+    is_asked: bool,
     verdict: u32,
     reasons: Reasons,
     index: Vec<f64>,
@@ -82,7 +94,7 @@ pub(crate) fn judge_cell(
     repetitions: u16,
     casings: usize,
     (seed, groups): (u64, u64),
-    re_inspect_rate: Option<f64>,
+    asked: Asked,
 ) -> Result<Cell> {
     let mut judged = Vec::new();
     let mut seconds = 0.0;
@@ -94,15 +106,17 @@ pub(crate) fn judge_cell(
         };
         let begun = Instant::now();
         let mut config = FuseConfig::by(Reference::Own);
-        config.re_inspect_rate = re_inspect_rate.unwrap_or(config.re_inspect_rate);
+        config.re_inspect_rate = asked.re_inspect_rate.unwrap_or(config.re_inspect_rate);
+        config.confirm_rate = asked.confirm_rate.unwrap_or(config.confirm_rate);
         if config.reject_rate > config.re_inspect_rate {
             config.reject_rate = config.re_inspect_rate;
         }
         let reference = known.map(|set| reference(&config, &set, by.casings(), repetitions)).transpose()?;
         let per_part = casings.div_ceil(rayon::current_num_threads());
         let parts: Vec<_> = (0..casings).step_by(per_part).map(|k| k..casings.min(k + per_part)).collect();
-        let of_part =
-            |casings: &std::ops::Range<usize>| judge(&config, &set, casings.clone(), repetitions, scene, &reference);
+        let of_part = |casings: &std::ops::Range<usize>| {
+            judge(&config, &set, (casings.clone(), repetitions), asked, scene, &reference)
+        };
         let found: Vec<Vec<Judged>> = parts.par_iter().map(of_part).collect::<Result<_>>()?;
         judged.extend(found.into_iter().flatten());
         seconds += begun.elapsed().as_secs_f64();
@@ -111,7 +125,7 @@ pub(crate) fn judge_cell(
 }
 
 fn reference(config: &FuseConfig, set: &Set, casings: usize, repetitions: u16) -> Result<Arc<ReferenceSet>> {
-    let (plan, records) = set.part(0..casings, repetitions, Scene::SoundSmooth)?;
+    let (plan, records) = set.part(0..casings, repetitions, Policy::Fixed, Scene::SoundSmooth)?;
     let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(&plan, &records, scan, None));
     let built = Built { config: config.clone(), lineage: Vec::new(), process: String::new(), learns_directions: false };
     let shoulders: Option<Vec<_>> = shoulders.collect();
@@ -122,19 +136,31 @@ fn reference(config: &FuseConfig, set: &Set, casings: usize, repetitions: u16) -
 fn judge(
     config: &FuseConfig,
     set: &Set,
-    casings: std::ops::Range<usize>,
-    repetitions: u16,
+    (casings, repetitions): (std::ops::Range<usize>, u16),
+    asked: Asked,
     scene: Scene,
     reference: &Option<Arc<ReferenceSet>>,
 ) -> Result<Vec<Judged>> {
-    let (plan, records) = set.part(casings, repetitions, scene)?;
-    let mut fusion = match reference {
-        None => Fusion::new(config, &plan)?,
-        Some(set) => Fusion::with_reference(config, &plan, set.clone())?,
+    let first_casing = casings.start;
+    let (mut plan, mut records) = set.part(casings, repetitions, asked.policy, scene)?;
+    let whole = |plan: &Plan, records: &[Discriminators]| -> Result<Fusion> {
+        let mut fusion = match reference {
+            None => Fusion::new(config, plan)?,
+            Some(set) => Fusion::with_reference(config, plan, set.clone())?,
+        };
+        records.iter().try_for_each(|record| fusion.push(record))?;
+        (0..plan.scans().len()).try_for_each(|number| fusion.end(number))?;
+        Ok(fusion)
     };
-    records.iter().try_for_each(|record| fusion.push(record))?;
-    for number in 0..plan.scans().len() {
-        fusion.end(number)?;
+    let mut fusion = whole(&plan, &records)?;
+    if asked.policy != Policy::Fixed {
+        let mut wanted = Vec::new();
+        for casing in (0..plan.scans().len()).step_by(2) {
+            wanted.extend(fusion.wanted(casing, usize::MAX)?);
+        }
+        records.extend(set.again(&wanted, first_casing, &plan)?);
+        plan = plan.grown(&wanted)?;
+        fusion = whole(&plan, &records)?;
     }
     let both_count = scene.is_sound() && !scene.changes_a_turn();
     let wanted = plan.scans().iter().enumerate().filter(|(_, scan)| both_count || scan.shoulder == 1);
@@ -143,10 +169,16 @@ fn judge(
             let (judgement, cells) = fusion.judge(number)?;
             let truth = |location| plan.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
             Ok(Judged {
+                scan_s: asked.times.of(&plan, scan.tyre),
+                is_asked: scan.taps.iter().any(|&row| plan.taps()[row as usize].is_second_reading()),
                 verdict: judgement.verdict,
                 reasons: judgement.reasons,
                 index: cells.iter().map(|cell| cell.damage_index).collect(),
-                alone: Discriminator::ALL.map(|which| alone(&plan, &records, number, which)).to_vec(),
+                alone: if asked.policy == Policy::Fixed {
+                    Discriminator::ALL.map(|which| alone(&plan, &records, number, which)).to_vec()
+                } else {
+                    Vec::new()
+                },
                 is_cracked: cells.iter().map(|cell| truth(cell.location).unwrap_or(false)).collect(),
             })
         })
@@ -215,7 +247,16 @@ impl Cell {
         if !reasons.is_empty() {
             writeln!(out, "    not passed for: {}", reasons.join(", "))?;
         }
-        if whole.is_some() {
+        let mut times: Vec<f64> = self.judged.iter().map(|judged| judged.scan_s).collect();
+        times.sort_by(f64::total_cmp);
+        writeln!(
+            out,
+            "    seconds a casing: mean {:.1}, p95 {:.1}; tapped again {}",
+            times.iter().sum::<f64>() / all as f64,
+            times[(95 * all / 100).min(all - 1)],
+            self.judged.iter().filter(|judged| judged.is_asked).count()
+        )?;
+        if whole.is_some() && self.judged.iter().all(|judged| !judged.alone.is_empty()) {
             let alone = Discriminator::ALL.iter().enumerate().map(|(place, which)| {
                 let auc = self.auc(&|j: &Judged| j.alone[place].clone(), false);
                 format!("{}{}", which.name(), area(auc))

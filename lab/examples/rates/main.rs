@@ -25,9 +25,9 @@ use anyhow::{Context as _, Result, ensure};
 use clap::Parser;
 use tapline_plate::{ScanShape, write_tap_set};
 
-use cells::{By, Cell, judge_cell};
+use cells::{Asked, By, Cell, judge_cell};
 use scenes::{Scene, Simulator};
-use sets::Cache;
+use sets::{Cache, Policy, Times};
 
 /// Judges simulated casings and counts the verdicts.
 #[derive(Debug, Parser)]
@@ -65,6 +65,18 @@ struct Args {
     /// Locations of a ring.
     #[arg(long, default_value_t = 100)]
     locations: u32,
+    /// Whether what stands out is tapped again, and whether only some of the taps are made before.
+    #[arg(long, value_enum, default_value = "fixed")]
+    policy: Policy,
+    /// Time from tap to tap, s.
+    #[arg(long, default_value_t = 0.4)]
+    tap_s: f64,
+    /// Time to go to another offset besides, s.
+    #[arg(long, default_value_t = 3.0)]
+    offset_s: f64,
+    /// Stated rate of sound shoulders of which a part is tapped again; the default configuration's when left out.
+    #[arg(long)]
+    confirm_rate: Option<f64>,
     /// Length of a record, s.
     #[arg(long, default_value_t = 0.05)]
     record_s: f64,
@@ -94,6 +106,14 @@ fn main() -> Result<()> {
         args.scene = Scene::ALL.to_vec();
     }
     let turns = args.repetitions.iter().copied().max().context("--repetitions is empty")?;
+    // Second readings are simulated with the first ones.
+    let turns = if args.policy == Policy::Fixed { turns } else { 2 * turns };
+    let asked = Asked {
+        policy: args.policy,
+        re_inspect_rate: args.re_inspect_rate,
+        confirm_rate: args.confirm_rate,
+        times: Times { tap_s: args.tap_s, offset_s: args.offset_s },
+    };
     let shape = ScanShape {
         offsets_mm: args.offsets.clone(),
         velocities_m_per_s: args.velocities.clone(),
@@ -122,16 +142,8 @@ fn main() -> Result<()> {
         let judged_count = if scene.is_sound() { args.sound } else { args.cracked };
         for &by in &args.reference {
             for &repetitions in &args.repetitions {
-                let cell = judge_cell(
-                    &cache,
-                    scene,
-                    by,
-                    repetitions,
-                    judged_count,
-                    (args.seed, args.groups),
-                    args.re_inspect_rate,
-                )
-                .with_context(|| format!("{scene:?}, reference {by}, {repetitions} repetitions"))?;
+                let cell = judge_cell(&cache, scene, by, repetitions, judged_count, (args.seed, args.groups), asked)
+                    .with_context(|| format!("{scene:?}, reference {by}, {repetitions} repetitions"))?;
                 cell.write(&mut out)?;
                 out.flush()?;
             }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
+use clap::ValueEnum;
 use rayon::prelude::*;
 use serde_json::json;
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
@@ -13,8 +14,8 @@ use tapline_model::SimulationConfig;
 use tapline_plate::{Population, ScanShape, discriminators};
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{
-    CacheLine, Discriminator, Discriminators, Plan, Quality, Samples, TapHeader, Values, cache_lines_for,
-    digest_of_parts,
+    CacheLine, Discriminator, Discriminators, Plan, PlannedTap, Quality, Samples, Scan, Serial, TapHeader, Values,
+    cache_lines_for, digest_of_parts,
 };
 
 use crate::scenes::{Crack, Scene, Simulator, Tyre};
@@ -238,15 +239,56 @@ impl Set {
         &self,
         casings: std::ops::Range<usize>,
         repetitions: u16,
+        policy: Policy,
         scene: Scene,
     ) -> Result<(Plan, Vec<Discriminators>)> {
         let tyres: Vec<_> = self.tyres[casings.clone()].iter().map(Tyre::of_plate).collect();
         let plan = ScanShape { repetitions, ..self.shape.clone() }.plan(&tyres)?;
+        let whole = self.whole(&plan, casings.start, repetitions, scene)?;
+        if policy != Policy::Adaptive {
+            return Ok((plan, whole));
+        }
+        // Every second location at the belt edge and every third at 10 mm.
+        let is_coarse = |tap: &PlannedTap| {
+            let offset_mm = tap.id.offset_mm().unwrap_or(f64::NAN);
+            let is_of = |mm: f64, every: u32| offset_mm == mm && tap.id.location.is_multiple_of(every);
+            tap.id.repetition == 0 && (is_of(0.0, 2) || is_of(10.0, 3))
+        };
+        let taps: Vec<PlannedTap> = plan.taps().iter().copied().filter(is_coarse).collect();
+        let coarse = Plan::new(plan.geometry, plan.recording.clone(), taps, plan.truth().clone())?;
+        let records = whole.into_iter().zip(plan.taps()).filter(|(_, tap)| is_coarse(tap)).map(|(record, _)| record);
+        let records = (0..).zip(records).map(|(plan_index, record)| Discriminators { plan_index, ..record });
+        let records = records.collect();
+        Ok((coarse, records))
+    }
+
+    /// What came of `taps`, which are asked for besides those of `plan`, a part of the set from casing `first` on.
+    pub(crate) fn again(&self, taps: &[PlannedTap], first: usize, plan: &Plan) -> Result<Vec<Discriminators>> {
+        let number: std::collections::BTreeMap<&str, usize> =
+            self.tyres.iter().enumerate().map(|(number, tyre)| (tyre.serial.as_str(), number)).collect();
+        let row = u32::try_from(plan.taps().len())?;
+        let of = |(plan_index, tap): (u32, &PlannedTap)| {
+            let record = Discriminators { id: tap.id, plan_index, ..Discriminators::default() };
+            let casing = *number.get(tap.id.tyre.as_str()).context("a tap of another casing")?;
+            anyhow::ensure!(casing >= first, "a tap of another part");
+            let at = place(&self.shape, casing, &record)? * COLUMNS;
+            let mut values = Values::default();
+            for (&value, which) in self.values[at..].iter().zip(Discriminator::ALL) {
+                values.set(which, Some(value));
+            }
+            let velocity_measured_m_per_s = self.values[at + Discriminator::COUNT];
+            Ok(Discriminators { velocity_measured_m_per_s, values, ..record })
+        };
+        (row..).zip(taps).map(of).collect()
+    }
+
+    fn whole(&self, plan: &Plan, first: usize, repetitions: u16, scene: Scene) -> Result<Vec<Discriminators>> {
+        let tyre_count = plan.scans().len() / 2;
         let turn_count = self.shape.offsets_mm.len() * self.shape.velocities_m_per_s.len() * usize::from(repetitions);
-        let per_casing = plan.taps().len() / tyres.len();
+        let per_casing = plan.taps().len() / tyre_count;
         let per_turn = self.shape.location_count as usize;
         let found = (0..).zip(plan.taps()).map(|(plan_index, tap)| {
-            let casing = casings.start + plan_index as usize / per_casing;
+            let casing = first + plan_index as usize / per_casing;
             let turn = (plan_index as usize % per_casing) / per_turn;
             let record = Discriminators { id: tap.id, plan_index, ..Discriminators::default() };
             let at = place(&self.shape, casing, &record)? * COLUMNS;
@@ -259,8 +301,40 @@ impl Set {
             let velocity_measured_m_per_s = self.values[at + Discriminator::COUNT];
             Ok(Discriminators { velocity_measured_m_per_s, values, ..record })
         });
-        let found = found.collect::<Result<_>>()?;
-        Ok((plan, found))
+        found.collect()
+    }
+}
+
+/// How a casing is scanned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Policy {
+    /// All taps and no others.
+    Fixed,
+    /// All taps, and what stands out again.
+    Full,
+    /// Some of the taps, and what stands out again.
+    Adaptive,
+}
+
+/// What a rig needs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Times {
+    /// From tap to tap.
+    pub(crate) tap_s: f64,
+    /// To another offset, besides.
+    pub(crate) offset_s: f64,
+}
+
+impl Times {
+    /// For the scan of `tyre`, both of whose shoulders are tapped at once.
+    pub(crate) fn of(self, plan: &Plan, tyre: Serial) -> f64 {
+        let of_scan = |scan: &Scan| {
+            let taps: Vec<&PlannedTap> = scan.taps.iter().map(|&row| &plan.taps()[row as usize]).collect();
+            let moves = taps.windows(2).filter(|pair| pair[0].id.offset_mm() != pair[1].id.offset_mm()).count();
+            taps.len() as f64 * self.tap_s + moves as f64 * self.offset_s
+        };
+        let scans = plan.scans().iter().filter(|scan| scan.tyre == tyre);
+        scans.map(of_scan).max_by(f64::total_cmp).unwrap_or(0.0)
     }
 }
 

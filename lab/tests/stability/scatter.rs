@@ -9,8 +9,8 @@ use tapline_fuse::{
     Built, Direction, Directions, FuseConfig, Fusion, KnownShoulder, Reference, ReferenceSet, build_reference,
 };
 use tapline_wire::{
-    DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Recording, SampleFormat, Serial,
-    TapId, Truth, Values,
+    DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Purpose, Recording, SampleFormat,
+    Serial, TapId, Truth, Values,
 };
 
 /// Normal numbers, the same for the same seed.
@@ -53,7 +53,7 @@ pub(crate) fn planned(tyre: Serial, shoulder: u16, location: u32, count: u32) ->
     let mut id = TapId::default();
     (id.tyre, id.shoulder, id.location) = (tyre, shoulder, location);
     let angle_deg = Some(360.0 * f64::from(location) / f64::from(count));
-    PlannedTap { id, angle_deg, is_closing: location == count }
+    PlannedTap { id, angle_deg, purpose: Purpose::closing_if(location == count) }
 }
 
 /// Closed rings of `count` locations, one tap a location.

@@ -148,14 +148,14 @@ impl Evidence {
         };
         let tap = |row: u32, places: &Places| {
             let planned = &plan.taps()[row as usize];
-            let place = if planned.is_closing { places.end() } else { places.at(planned.id.location) };
+            let place = if planned.is_closing() { places.end() } else { places.at(planned.id.location) };
             Tap {
                 row,
                 location: planned.id.location,
                 place,
                 condition: Condition::new(planned.id.offset_mm(), plan.velocity_nominal_m_per_s(row)),
                 repetition: planned.id.repetition,
-                is_closing: planned.is_closing,
+                is_closing: planned.is_closing(),
                 state: reader.ledger().taps()[row as usize],
                 found: found[row as usize],
                 time_ns: headers[row as usize].map(|header| header.tap_time_ns),

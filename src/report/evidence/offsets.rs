@@ -13,8 +13,8 @@ pub(crate) fn maps(fusion: &mut Fusion, scan_count: usize) -> Vec<Vec<OffsetMap>
 mod tests {
     use tapline_fuse::{FuseConfig, Reference};
     use tapline_wire::{
-        Discriminator, Discriminators, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, TapId, Truth,
-        Values,
+        Discriminator, Discriminators, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId,
+        Truth, Values,
     };
 
     use super::*;
@@ -30,7 +30,7 @@ mod tests {
         };
         let tap = |offset_mm, location| {
             let id = TapId::new(1, Serial::new("A").unwrap(), 1, location).with_offset_mm(Some(offset_mm)).unwrap();
-            PlannedTap { id, angle_deg: Some(6.0 * f64::from(location)), is_closing: false }
+            PlannedTap { id, angle_deg: Some(6.0 * f64::from(location)), purpose: Purpose::Scan }
         };
         let taps = offsets_mm.iter().flat_map(|&offset_mm| (0..60).map(move |location| tap(offset_mm, location)));
         let plan = Plan::new(Geometry::Ring, recording, taps.collect(), Truth::new()).unwrap();

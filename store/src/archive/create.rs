@@ -80,7 +80,7 @@ fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
 
     let (taps, scan_of_tap) = (plan.taps(), plan.scan_of_tap());
     let to = u32::try_from(taps.len()).unwrap_or(u32::MAX);
-    let begun = Growth { to, plan_digest: plan.digest(), why: 0 };
+    let begun = Growth { to, plan_digest: plan.digest() };
     Table::<PlanRow>::create(file, taps_max, |k| match taps.get(k) {
         Some(tap) => PlanRow::new(tap, scan_of_tap[k], begun),
         None => PlanRow::unwritten(),

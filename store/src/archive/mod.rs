@@ -199,11 +199,6 @@ impl Archive {
         self.raw.as_ref().map_or(&self.ledger, |raw| &raw.ledger)
     }
 
-    /// The plan with the reasons of added taps, which may be another archive's.
-    pub(crate) fn plan_of_taps(&self) -> &Table<PlanRow> {
-        self.raw.as_ref().map_or(&self.plan_rows, |raw| &raw.plan_rows)
-    }
-
     /// The error that this archive is corrupt: `what` says how.
     pub(crate) fn damaged(&self, what: impl Into<String>) -> Error {
         Error::damaged(&self.path, what)

@@ -104,7 +104,7 @@ pub(crate) fn units_of(table: &str, noted: &'static str) -> Cow<'static, str> {
 pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     (
         table::PLAN,
-        "row k of every table of taps is row k here; NaN is unknown; grown_to 0 is room for a tap that was not asked for; why is 0 for a tap that was planned from the beginning",
+        "row k of every table of taps is row k here; NaN is unknown; grown_to 0 is room for a tap that was not asked for; purpose 0 scan, 1 closing tap, 2 second reading of a suspect place, 3 second reading of a control",
         "offset_mm mm, velocity_m_per_s m/s, angle_deg deg",
     ),
     (
@@ -149,11 +149,10 @@ pub(crate) struct PlanRow {
     pub angle_deg: f64,
     pub location: u32,
     pub repetition: u16,
-    pub is_closing: u16,
+    /// What the tap is for: [`tapline_wire::Purpose`].
+    pub purpose: u16,
     /// Rows of the plan after this row and those with it were added; 0 in a row without a tap.
-    pub grown_to: u32,
-    /// Why the tap was added to the plan of an open casing; 0 if it was planned from the beginning.
-    pub why: u32,
+    pub grown_to: u64,
     /// Digest of the plan with these rows.
     pub plan_digest: u64,
     pub checksum: u64,
@@ -261,6 +260,7 @@ pub(crate) struct ScanRow {
     pub limit_re_inspect: f64,
     pub limit_reject: f64,
     pub strongest_arc: f64,
+    pub first_strongest_arc: f64,
     pub re_inspect_rate: f64,
     pub reject_rate: f64,
     pub p_value: f64,
@@ -285,6 +285,7 @@ pub(crate) struct CellRow {
     pub scan: u32,
     pub angle_deg: f64,
     pub damage_index: f64,
+    pub first_index: f64,
     pub p_value: f64,
     pub region_index: f64,
     pub region_p_value: f64,

@@ -19,6 +19,7 @@ impl ScanRow {
             limit_re_inspect: f64::NAN,
             limit_reject: f64::NAN,
             strongest_arc: f64::NAN,
+            first_strongest_arc: f64::NAN,
             re_inspect_rate: f64::NAN,
             reject_rate: f64::NAN,
             p_value: f64::NAN,
@@ -48,6 +49,7 @@ impl ScanRow {
             limit_re_inspect: judgement.limit_re_inspect,
             limit_reject: judgement.limit_reject,
             strongest_arc: judgement.strongest_arc,
+            first_strongest_arc: judgement.first_strongest_arc,
             re_inspect_rate: judgement.re_inspect_rate,
             reject_rate: judgement.reject_rate,
             p_value: judgement.p_value,
@@ -71,6 +73,7 @@ impl ScanRow {
             limit_re_inspect: self.limit_re_inspect,
             limit_reject: self.limit_reject,
             strongest_arc: self.strongest_arc,
+            first_strongest_arc: self.first_strongest_arc,
             re_inspect_rate: self.re_inspect_rate,
             reject_rate: self.reject_rate,
             p_value: self.p_value,
@@ -91,6 +94,7 @@ impl ScanRow {
             self.limit_re_inspect,
             self.limit_reject,
             self.strongest_arc,
+            self.first_strongest_arc,
             self.re_inspect_rate,
             self.reject_rate,
             self.p_value,
@@ -101,7 +105,7 @@ impl ScanRow {
         (self.planned_count, self.received_count, self.refused_count, self.absent_count).hash(&mut hasher);
         for cell in cells {
             (cell.location, cell.region, cell.tap_count, cell.absent_count).hash(&mut hasher);
-            [cell.angle_deg, cell.damage_index, cell.p_value, cell.region_index, cell.region_p_value]
+            [cell.angle_deg, cell.damage_index, cell.first_index, cell.p_value, cell.region_index, cell.region_p_value]
                 .map(f64::to_bits)
                 .hash(&mut hasher);
             [cell.offset_best_mm, cell.offset_low_mm, cell.offset_high_mm].map(f64::to_bits).hash(&mut hasher);
@@ -128,6 +132,7 @@ impl CellRow {
             location: cell.location,
             angle_deg: cell.angle_deg,
             damage_index: cell.damage_index,
+            first_index: cell.first_index,
             p_value: cell.p_value,
             region_index: cell.region_index,
             region_p_value: cell.region_p_value,
@@ -148,6 +153,7 @@ impl CellRow {
             region: self.region,
             angle_deg: self.angle_deg,
             damage_index: self.damage_index,
+            first_index: self.first_index,
             p_value: self.p_value,
             region_index: self.region_index,
             region_p_value: self.region_p_value,

@@ -4,8 +4,8 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use hdf5::types::FixedUnicode;
 use tapline_wire::{
-    CHANNELS_MAX, ChannelHeader, Discriminator, Discriminators, IdError, Plan, PlannedTap, Quality, RecordKind, Stamp,
-    TapHeader, TapId, TapState, Values,
+    CHANNELS_MAX, ChannelHeader, Discriminator, Discriminators, IdError, Plan, PlannedTap, Purpose, Quality,
+    RecordKind, Stamp, TapHeader, TapId, TapState, Values,
 };
 
 use crate::format::fields::{at_attempt, fixed, known, serial};
@@ -20,15 +20,13 @@ pub(crate) struct Growth {
     pub to: u32,
     /// Its digest in that state.
     pub plan_digest: u64,
-    /// Why taps were added; 0 for the plan as it was begun.
-    pub why: u16,
 }
 
 impl PlanRow {
     /// A row without a tap.
     pub(crate) fn unwritten() -> Self {
-        let tap = PlannedTap { id: TapId::default(), angle_deg: None, is_closing: false };
-        Self::new(&tap, UNWRITTEN, Growth { to: 0, plan_digest: 0, why: 0 })
+        let tap = PlannedTap { id: TapId::default(), angle_deg: None, purpose: Purpose::Scan };
+        Self::new(&tap, UNWRITTEN, Growth { to: 0, plan_digest: 0 })
     }
 
     /// The row of `tap` of scan `scan`, which was planned with `growth`.
@@ -43,9 +41,8 @@ impl PlanRow {
             angle_deg: tap.angle_deg.unwrap_or(f64::NAN),
             location: tap.id.location,
             repetition: tap.id.repetition,
-            is_closing: tap.is_closing.into(),
-            grown_to: growth.to,
-            why: growth.why.into(),
+            purpose: tap.purpose.code(),
+            grown_to: growth.to.into(),
             plan_digest: growth.plan_digest,
             checksum: 0,
         }
@@ -65,7 +62,10 @@ impl PlanRow {
             .with_velocity_m_per_s(known(self.velocity_m_per_s))?;
         (id.station, id.tyre, id.shoulder) = (self.station, tyre, self.shoulder);
         (id.location, id.repetition) = (self.location, self.repetition);
-        Ok(PlannedTap { id, angle_deg: known(self.angle_deg), is_closing: self.is_closing != 0 })
+        let purpose = Purpose::from_code(self.purpose);
+        let value = f64::from(self.purpose);
+        let purpose = purpose.ok_or(IdError::OutOfRange { name: "purpose", value, low: 0.0, high: 3.0 })?;
+        Ok(PlannedTap { id, angle_deg: known(self.angle_deg), purpose })
     }
 }
 

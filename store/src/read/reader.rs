@@ -95,20 +95,6 @@ impl Reader {
         self.archive.is_finished()
     }
 
-    /// Why the tap in plan row `row` was added to the plan: the number given to [`crate::Writer::grow`], 0 if it was planned from
-    /// the beginning, `None` if there is no such row.
-    ///
-    /// # Errors
-    /// What the system returns.
-    pub fn why(&self, row: u32) -> Result<Option<u16>> {
-        let k = row as usize;
-        if k >= self.plan().taps().len() {
-            return Ok(None);
-        }
-        let rows = self.archive.plan_of_taps().read(k..k + 1).context("read the plan", self.path())?;
-        Ok(rows.first().and_then(|row| u16::try_from(row.why).ok()))
-    }
-
     /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
     ///
     /// # Errors

@@ -24,7 +24,8 @@ use std::time::{Duration, Instant};
 
 use tapline_codec::Codec;
 use tapline_wire::{
-    DamageTopic, DiscriminatorTopic, Line, LineError, ProposalTopic, Publisher, SettledTopic, Subscriber, TapTopic,
+    AskTopic, DamageTopic, DiscriminatorTopic, Line, LineError, ProposalTopic, Publisher, SettledTopic, Subscriber,
+    TapTopic,
 };
 
 pub use self::outcome::{Outcome, RunError};
@@ -107,6 +108,7 @@ struct StageLoop<'a> {
     taps: Subscriber<'a, TapTopic>,
     found: Subscriber<'a, DiscriminatorTopic>,
     verdicts: Subscriber<'a, DamageTopic>,
+    asked: Subscriber<'a, AskTopic>,
     proposals: Subscriber<'a, ProposalTopic>,
     settled: Publisher<'a, SettledTopic>,
     notices: Notices<'a>,
@@ -136,6 +138,7 @@ impl<'a> StageLoop<'a> {
             taps: Subscriber::open(line)?,
             found: Subscriber::open(line)?,
             verdicts: Subscriber::open(line)?,
+            asked: Subscriber::open(line)?,
             proposals: Subscriber::open(line)?,
             settled: Publisher::open(line)?,
             notices: Notices::open(line)?,
@@ -182,7 +185,9 @@ impl<'a> StageLoop<'a> {
     }
 
     fn lost_count(&self) -> u64 {
-        self.taps.lost() + self.found.lost() + self.verdicts.lost() + self.proposals.lost()
+        [self.taps.lost(), self.found.lost(), self.verdicts.lost(), self.asked.lost(), self.proposals.lost()]
+            .iter()
+            .sum()
     }
 
     /// Ends the stage: settles and suspends every open archive.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CasingHeader, CasingTopic, Line, LineError, Publisher, RecordKind, Role, Stamp};
+use tapline_wire::{CasingHeader, CasingTopic, Line, LineError, Publisher, RecordKind, Role, Stamp, encode_opened};
 
 use super::closer::Closed;
 use super::open_casing::{Due, OpenCasing};
@@ -157,8 +157,10 @@ fn send_due(
     let due = *due_of(casing, receiver.role);
     if due.plan {
         let header = casing.header();
-        let plan =
-            if receiver.role == Role::Fuse { casing.writer.plan().encode() } else { casing.name.clone().into_bytes() };
+        let plan = match receiver.role {
+            Role::Fuse => casing.writer.plan().encode(),
+            _ => encode_opened(&casing.name, casing.writer.plan().added()),
+        };
         if !receiver.publisher.try_send(RecordKind::Plan, header, &plan)? {
             return Ok(false);
         }

@@ -42,6 +42,8 @@ pub(super) struct OpenCasing {
     pub(super) fuse: Due,
     pub(super) supervisor: Due,
     pub(super) supervisor_sent_at: Option<Instant>,
+    /// Whether no taps can be added any more.
+    pub(super) is_full: bool,
 }
 
 impl OpenCasing {
@@ -65,6 +67,7 @@ impl OpenCasing {
             fuse: Due::ALL,
             supervisor: Due::ALL,
             supervisor_sent_at: None,
+            is_full: false,
         };
         casing.replay_ended();
         casing
@@ -88,6 +91,14 @@ impl OpenCasing {
             (self.acquire.ledger, self.fuse.ledger) = (true, true);
             self.supervisor_sent_at = None;
         }
+    }
+
+    /// Has the stages told of the casing as if it had just been opened: its plan has grown, which flushes it.
+    pub(super) fn begin_anew(&mut self) {
+        self.scans = self.writer.ledger().scans().to_vec();
+        (self.acquire, self.fuse, self.supervisor) = (Due::ALL, Due::ALL, Due::ALL);
+        self.supervisor_sent_at = None;
+        self.replay_ended();
     }
 
     /// Queues the flushed records of every ended scan for a `fuse` that has none of them.
@@ -118,14 +129,16 @@ impl OpenCasing {
 
     /// The header of notices about the casing.
     pub(super) fn header(&self) -> CasingHeader {
-        Self::header_of(self.number, self.writer.plan())
+        let room = if self.is_full { 0 } else { self.writer.room() };
+        let room = u32::try_from(room).unwrap_or(u32::MAX);
+        CasingHeader { room, ..Self::header_of(self.number, self.writer.plan()) }
     }
 
     /// The header of notices about a casing with this number and plan.
     pub(super) fn header_of(number: u64, plan: &Plan) -> CasingHeader {
         CasingHeader {
             stamp: Stamp { casing: number, ..Stamp::default() },
-            plan_digest: plan.digest(),
+            plan_digest: plan.begun_digest(),
             station: plan.scans().first().map_or(0, |scan| scan.station.into()),
             tap_count: u32::try_from(plan.taps().len()).unwrap_or(u32::MAX),
             ..CasingHeader::default()

@@ -36,7 +36,7 @@ impl StageLoop<'_> {
         let acquire = u16::try_from(stamp.source).unwrap_or(u16::MAX);
         match proposal.kind() {
             Some(RecordKind::Plan) => match decode_proposal(proposal) {
-                Ok((name, plan)) => self.propose(acquire, &name, &plan),
+                Ok((name, plan, room)) => self.propose(acquire, &name, &plan, room),
                 Err(error) => {
                     tracing::error!(%error, topic = ProposalTopic::NAME, "a proposal cannot be read");
                     Ok(())
@@ -50,7 +50,7 @@ impl StageLoop<'_> {
         }
     }
 
-    fn propose(&mut self, acquire: u16, name: &str, plan: &Plan) -> Result<(), RunError> {
+    fn propose(&mut self, acquire: u16, name: &str, plan: &Plan, room: u32) -> Result<(), RunError> {
         let station = plan.scans().first().map_or(0, |scan| scan.station);
         let header = CasingHeader {
             plan_digest: plan.digest(),
@@ -59,7 +59,7 @@ impl StageLoop<'_> {
             ..CasingHeader::default()
         };
         if let Some(open) = self.open.iter_mut().find(|casing| casing.escaped_name == escaped(name)) {
-            if (open.station, open.writer.plan().digest()) == (station, plan.digest()) {
+            if (open.station, open.writer.plan().begun_digest()) == (station, plan.digest()) {
                 // It is open already: an earlier notice did not reach the station.
                 open.acquire = Due::ALL;
                 return Ok(());
@@ -74,9 +74,9 @@ impl StageLoop<'_> {
             return Ok(());
         }
         let (path, run) = (self.run.places.begin(name), self.run);
-        let taps_max = self.line.limits().casing.taps;
+        let taps_max = plan.taps().len() + room as usize;
         let writer = self.retry_new_until_recovered(|| {
-            match Writer::create(&path, plan, taps_max.max(plan.taps().len()), run.lineage()) {
+            match Writer::create(&path, plan, taps_max, run.lineage()) {
                 // An earlier attempt may have created it and failed to open it.
                 Err(Error::Exists { .. }) => run.resume(&path),
                 made => made,
@@ -100,8 +100,9 @@ impl StageLoop<'_> {
         if plan.source_digest() == 0 {
             return Ok(None);
         }
-        let is_same =
-            |path: &std::path::PathBuf| Reader::open(path).is_ok_and(|file| file.plan().digest() == plan.digest());
+        let is_same = |path: &std::path::PathBuf| {
+            Reader::open(path).is_ok_and(|file| file.plan().begun_digest() == plan.digest())
+        };
         Ok(self.run.places.all_finished(name).into_iter().find(is_same))
     }
 

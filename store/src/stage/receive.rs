@@ -1,9 +1,12 @@
 //! What the stage receives: taps, discriminators and verdicts, each put into the archive of its casing.
 
-use tapline_wire::{DiscriminatorTopic, Quality, Received, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of};
+use tapline_wire::{
+    AskTopic, DiscriminatorTopic, Quality, Received, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of, decode_taps,
+};
 
 use super::outcome::RunError;
 use super::{FLUSH_TAPS, StageLoop};
+use crate::error::Error;
 use crate::write::Writer;
 use crate::write::put_taps::put_taps_of;
 use crate::write::tap_state::PutOutcome;
@@ -47,7 +50,37 @@ impl StageLoop<'_> {
                 self.is_urgent = true;
             }
         }
+        while let Some(asked) = self.asked.receive()? {
+            has_come = true;
+            self.take_asked(&asked)?;
+        }
         Ok(has_come)
+    }
+
+    /// Adds the taps that `fuse` asks for to the plan of their casing.
+    fn take_asked(&mut self, asked: &Received<AskTopic>) -> Result<(), RunError> {
+        let stamp = *asked.header();
+        let Some(index) = self.index_of(stamp.casing) else { return Ok(()) };
+        // One that rests on an earlier plan was asked again since.
+        if stamp.mark != self.open[index].writer.plan().taps().len() as u64 {
+            return Ok(());
+        }
+        let taps = decode_taps(asked).map_err(|error| error.to_string());
+        let grown = match taps {
+            Ok(taps) => self.retry_until_recovered(index, |writer| match writer.grow(&taps) {
+                Err(error @ Error::CannotGrow { .. }) => Ok(Err(error.to_string())),
+                outcome => outcome.map(Ok),
+            })?,
+            Err(error) => Err(error),
+        };
+        if let Err(error) = grown {
+            tracing::error!(casing = self.open[index].name, error, "it is judged by the taps that it has");
+            self.open[index].is_full = true;
+        }
+        // `fuse` begins the casing anew with the plan as it is now.
+        self.open[index].begin_anew();
+        self.is_urgent = true;
+        Ok(())
     }
 
     pub(super) fn index_of(&mut self, number: u64) -> Option<usize> {

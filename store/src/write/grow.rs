@@ -11,15 +11,14 @@ use crate::write::Writer;
 use crate::write::tap_state::Track;
 
 impl Writer {
-    /// Adds `taps` to the end of the plan, for the reason `why`: a number above 0 whose meaning the caller defines. All of them
-    /// are added or none; a crash does not undo it. A scan that had ended is open again.
+    /// Adds `taps` to the end of the plan. All of them are added or none; a crash does not undo it. A scan that had ended is open again.
     ///
     /// Waiting records are flushed first. Records made under the plan as it was before are still accepted.
     ///
     /// # Errors
     /// [`Error::CannotGrow`] if there is no room for so many, one of their scans is judged already, or they do not fit the plan;
     /// else as [`Writer::flush`]: then none is added, and after [`Writer::recover`] the call may be repeated.
-    pub fn grow(&mut self, taps: &[PlannedTap], why: u16) -> Result<()> {
+    pub fn grow(&mut self, taps: &[PlannedTap]) -> Result<()> {
         if taps.is_empty() {
             return Ok(());
         }
@@ -37,7 +36,7 @@ impl Writer {
             scans.insert(scan as u32, open);
         }
         let rows = || first as u32..plan.taps().len() as u32;
-        let growth = Growth { to: plan.taps().len() as u32, plan_digest: plan.digest(), why: why.max(1) };
+        let growth = Growth { to: plan.taps().len() as u32, plan_digest: plan.digest() };
         let planned = |row: u32| PlanRow::new(&plan.taps()[row as usize], scan_of_tap[row as usize], growth);
         let written = (|| -> hdf5::Result<()> {
             // An earlier attempt that a crash undid may have left rows.
@@ -63,6 +62,11 @@ impl Writer {
         }
         self.plan = plan;
         Ok(())
+    }
+
+    /// How many taps may be added.
+    pub fn room(&self) -> usize {
+        if self.is_results { 0 } else { self.taps_max - self.plan.taps().len() }
     }
 
     /// The plan with `taps` added, if that is allowed.

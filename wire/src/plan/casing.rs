@@ -2,7 +2,8 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use crate::{Limits, Plan, PlanError, Stamp, Stamped, digest_of_parts};
+use crate::plan::codec::{TAP_BYTES, decode_taps, encode_taps};
+use crate::{Limits, Plan, PlanError, PlannedTap, Stamp, Stamped, digest_of_parts};
 
 /// Longest reason a refusal can carry, in bytes.
 pub const REASON_BYTES_MAX: usize = 1024;
@@ -22,8 +23,8 @@ pub fn casing_number(file_name: &str) -> u64 {
 
 /// Header of what `store` says of one casing; `stamp.casing` names it.
 ///
-/// Behind it follow, by [`crate::RecordKind`]: for `Plan` the plan ([`Plan::encode`]) to `fuse`, and the casing's name to
-/// others; for `Ledger` a byte for the state and attempt of every tap and one for the state of every scan, of which the
+/// Behind it follow, by [`crate::RecordKind`]: for `Plan` the plan ([`Plan::encode`]) to `fuse`, and to others the casing's
+/// name with the taps that were added to its plan ([`encode_opened`]); for `Ledger` a byte for the state and attempt of every tap and one for the state of every scan, of which the
 /// supervisor gets none and `fuse` only the scans; for `Closed` the path of the file; for `Refusal` why a proposal is refused.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
@@ -31,7 +32,7 @@ pub fn casing_number(file_name: &str) -> u64 {
 pub struct CasingHeader {
     /// Which record this is.
     pub stamp: Stamp,
-    /// [`Plan::digest`] of the casing's plan.
+    /// [`Plan::begun_digest`] of the casing's plan.
     pub plan_digest: u64,
     /// Records lost in transit so far, of all casings.
     pub lost_count: u64,
@@ -39,6 +40,8 @@ pub struct CasingHeader {
     pub station: u32,
     /// Planned taps.
     pub tap_count: u32,
+    /// Taps that may still be added to the plan.
+    pub room: u32,
     /// Bytes for taps that follow: their number, or 0.
     pub tap_bytes: u32,
     /// Bytes for scans that follow: their number, or 0.
@@ -51,37 +54,68 @@ pub struct CasingHeader {
     pub refused_count: u32,
     /// 1 while the archive cannot be written, else 0.
     pub is_stalled: u32,
+    /// Nothing: room to the next multiple of 8 bytes.
+    pub reserved: u32,
 }
 
-/// What a station proposes: a casing of this name, with this plan. Bytes behind a `Plan` record of the proposals.
-pub fn encode_proposal(name: &str, plan: &Plan) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    bytes.extend((name.len() as u32).to_le_bytes());
-    bytes.extend(name.as_bytes());
+/// What a station proposes: a casing of this name, with this plan, to which its source can add `room` taps. Bytes behind a `Plan`
+/// record of the proposals.
+pub fn encode_proposal(name: &str, plan: &Plan, room: u32) -> Vec<u8> {
+    let mut bytes = named(name);
+    bytes.extend(room.to_le_bytes());
     bytes.extend(plan.encode());
     bytes
 }
 
-/// The name and plan that [`encode_proposal`] wrote.
+/// The name, plan and room that [`encode_proposal`] wrote.
 ///
 /// # Errors
 /// [`PlanError::Encoding`] for bytes that it did not write.
-pub fn decode_proposal(bytes: &[u8]) -> Result<(String, Plan), PlanError> {
+pub fn decode_proposal(bytes: &[u8]) -> Result<(String, Plan, u32), PlanError> {
+    let (name, rest) = split_name(bytes)?;
+    let (room, plan) = rest.split_first_chunk::<4>().ok_or(PlanError::Encoding { what: "it ends within its room" })?;
+    Ok((name, Plan::decode(plan)?, u32::from_le_bytes(*room)))
+}
+
+/// What `store` says of an open casing to a station: its name, and the taps that were added to its plan.
+pub fn encode_opened(name: &str, added: &[PlannedTap]) -> Vec<u8> {
+    let mut bytes = named(name);
+    bytes.extend(encode_taps(added));
+    bytes
+}
+
+/// The name and taps that [`encode_opened`] wrote.
+///
+/// # Errors
+/// [`PlanError::Encoding`] for bytes that it did not write.
+pub fn decode_opened(bytes: &[u8]) -> Result<(String, Vec<PlannedTap>), PlanError> {
+    let (name, taps) = split_name(bytes)?;
+    Ok((name, decode_taps(taps)?))
+}
+
+fn named(name: &str) -> Vec<u8> {
+    let mut bytes = (name.len() as u32).to_le_bytes().to_vec();
+    bytes.extend(name.as_bytes());
+    bytes
+}
+
+fn split_name(bytes: &[u8]) -> Result<(String, &[u8]), PlanError> {
     let cut = || PlanError::Encoding { what: "it ends within its name" };
     let (length, rest) = bytes.split_first_chunk::<4>().ok_or_else(cut)?;
-    let (name, plan) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(cut)?;
+    let (name, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(cut)?;
     let name = std::str::from_utf8(name).map_err(|_error| PlanError::Encoding { what: "its name is not UTF-8" })?;
-    Ok((name.to_owned(), Plan::decode(plan)?))
+    Ok((name.to_owned(), rest))
 }
 
 /// Bytes of the longest proposal.
 pub(crate) fn proposal_bytes_max(limits: &Limits) -> usize {
-    4 + NAME_BYTES_MAX + Plan::encoded_bytes_max(&limits.casing)
+    4 + NAME_BYTES_MAX + 4 + Plan::encoded_bytes_max(&limits.casing)
 }
 
 /// Bytes of the longest record about a casing; to `fuse`, which needs the plan, or to others.
 pub(crate) fn opened_bytes_max(limits: &Limits, has_plan: bool) -> usize {
-    let others = (limits.casing.taps + limits.casing.scans).max(PATH_BYTES_MAX).max(REASON_BYTES_MAX);
+    let opened = 4 + NAME_BYTES_MAX + limits.casing.room * TAP_BYTES;
+    let others = (limits.casing.taps + limits.casing.scans).max(opened).max(PATH_BYTES_MAX).max(REASON_BYTES_MAX);
     if has_plan { others.max(Plan::encoded_bytes_max(&limits.casing)) } else { others }
 }
 

@@ -4,7 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    CasingLimits, Channel, Geometry, Plan, PlanError, PlannedTap, Recording, SampleFormat, Serial, TapId, Truth,
+    CasingLimits, Channel, Geometry, Plan, PlanError, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId,
+    Truth,
 };
 
 /// What is not a row: few values, written as JSON.
@@ -18,7 +19,8 @@ struct Head {
     channels: Vec<Channel>,
     source_digest: u64,
     truth_count: usize,
-    tap_count: usize,
+    /// Taps of the plan as it was begun; others follow, which were added.
+    begun_count: usize,
 }
 
 /// Bytes that a head needs at most.
@@ -28,7 +30,7 @@ const HEAD_BYTES_MAX: usize = 1024;
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct TapRow {
     id: TapId,
-    is_closing: u32,
+    purpose: u32,
     /// NaN where the angle is unknown.
     angle_deg: f64,
 }
@@ -40,6 +42,38 @@ struct TruthRow {
     location: u32,
     shoulder: u16,
     is_cracked: u16,
+}
+
+/// Bytes of one tap.
+pub(crate) const TAP_BYTES: usize = size_of::<TapRow>();
+
+/// Planned taps as bytes for [`decode_taps`].
+pub fn encode_taps(taps: &[PlannedTap]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(taps.len() * TAP_BYTES);
+    for tap in taps {
+        let angle_deg = tap.angle_deg.unwrap_or(f64::NAN);
+        let row = TapRow { id: tap.id, purpose: tap.purpose.code().into(), angle_deg };
+        bytes.extend(bytemuck::bytes_of(&row));
+    }
+    bytes
+}
+
+/// The taps that [`encode_taps`] wrote.
+///
+/// # Errors
+/// [`PlanError::Encoding`] for bytes that it did not write.
+pub fn decode_taps(bytes: &[u8]) -> Result<Vec<PlannedTap>, PlanError> {
+    let rows = bytes.chunks_exact(TAP_BYTES);
+    if !rows.remainder().is_empty() {
+        return Err(PlanError::Encoding { what: "it is cut" });
+    }
+    let tap = |row: &[u8]| {
+        let row: TapRow = bytemuck::pod_read_unaligned(row);
+        let purpose = u16::try_from(row.purpose).ok().and_then(Purpose::from_code);
+        let purpose = purpose.ok_or(PlanError::Encoding { what: "a tap is for nothing that is known" })?;
+        Ok(PlannedTap { id: row.id, angle_deg: Some(row.angle_deg).filter(|angle| !angle.is_nan()), purpose })
+    };
+    rows.map(tap).collect()
 }
 
 impl Plan {
@@ -55,21 +89,17 @@ impl Plan {
             channels: recording.channels.clone(),
             source_digest: self.source_digest(),
             truth_count: self.truth().len(),
-            tap_count: self.taps().len(),
+            begun_count: self.begun_count,
         };
         let head = serde_json::to_vec(&head).unwrap_or_default(); // numbers and lists of them cannot fail
-        let mut bytes = Vec::with_capacity(4 + head.len() + self.taps().len() * size_of::<TapRow>());
+        let mut bytes = Vec::with_capacity(4 + head.len() + self.taps().len() * TAP_BYTES);
         bytes.extend((head.len() as u32).to_le_bytes());
         bytes.extend(head);
         for (&(tyre, shoulder, location), &is_cracked) in self.truth() {
             let row = TruthRow { tyre, location, shoulder, is_cracked: is_cracked.into() };
             bytes.extend(bytemuck::bytes_of(&row));
         }
-        for tap in self.taps() {
-            let angle_deg = tap.angle_deg.unwrap_or(f64::NAN);
-            let row = TapRow { id: tap.id, is_closing: tap.is_closing.into(), angle_deg };
-            bytes.extend(bytemuck::bytes_of(&row));
-        }
+        bytes.extend(encode_taps(self.taps()));
         bytes
     }
 
@@ -85,19 +115,13 @@ impl Plan {
             serde_json::from_slice(head).map_err(|_error| PlanError::Encoding { what: "its head is none" })?;
         let truth_bytes = head.truth_count.checked_mul(size_of::<TruthRow>()).ok_or_else(cut)?;
         let (truth_rows, tap_rows) = rest.split_at_checked(truth_bytes).ok_or_else(cut)?;
-        if head.tap_count.checked_mul(size_of::<TapRow>()) != Some(tap_rows.len()) {
-            return Err(cut());
-        }
         let mut truth = Truth::new();
         for row in truth_rows.chunks_exact(size_of::<TruthRow>()) {
             let row: TruthRow = bytemuck::pod_read_unaligned(row);
             truth.insert((row.tyre, row.shoulder, row.location), row.is_cracked != 0);
         }
-        let taps = tap_rows.chunks_exact(size_of::<TapRow>()).map(|row| {
-            let row: TapRow = bytemuck::pod_read_unaligned(row);
-            let angle_deg = Some(row.angle_deg).filter(|angle| !angle.is_nan());
-            PlannedTap { id: row.id, angle_deg, is_closing: row.is_closing != 0 }
-        });
+        let taps = decode_taps(tap_rows)?;
+        let (begun, added) = taps.split_at_checked(head.begun_count).ok_or_else(cut)?;
         let recording = Recording {
             sample_rate_hz: head.sample_rate_hz,
             pre_trigger_samples: head.pre_trigger_samples,
@@ -106,13 +130,14 @@ impl Plan {
             channels: head.channels,
         };
         let geometry = if head.is_ring { Geometry::Ring } else { Geometry::Line };
-        Self::from_source(geometry, recording, taps.collect(), truth, head.source_digest)
+        let begun = Self::from_source(geometry, recording, begun.to_vec(), truth, head.source_digest)?;
+        if added.is_empty() { Ok(begun) } else { begun.grown(added) }
     }
 
     /// Bytes of the longest plan within `limits`.
     pub(crate) fn encoded_bytes_max(limits: &CasingLimits) -> usize {
         // Of no more locations than have taps, or than a scan may have, the truth is known.
-        4 + HEAD_BYTES_MAX + limits.taps * size_of::<TapRow>() + limits.scans * limits.locations * size_of::<TruthRow>()
+        4 + HEAD_BYTES_MAX + limits.taps * TAP_BYTES + limits.scans * limits.locations * size_of::<TruthRow>()
     }
 }
 
@@ -120,12 +145,12 @@ impl Plan {
 mod tests {
     use super::*;
 
-    fn plan() -> Plan {
+    fn begun() -> Plan {
         let tyre = Serial::new("A-17").unwrap();
         let taps = (0..7).map(|location| PlannedTap {
             id: TapId::new(3, tyre, 1 + (location / 4) as u16, location).with_offset_mm(Some(5.0)).unwrap(),
             angle_deg: (location != 2).then_some(f64::from(location) * 3.6),
-            is_closing: location == 6,
+            purpose: Purpose::closing_if(location == 6),
         });
         let recording = Recording {
             sample_rate_hz: 40_960.5,
@@ -140,16 +165,20 @@ mod tests {
 
     #[test]
     fn a_plan_that_crossed_is_the_same_plan() {
-        let plan = plan();
-        let bytes = plan.encode();
-        let there = Plan::decode(&bytes).unwrap();
-        assert_eq!((&there, there.digest()), (&plan, plan.digest()));
-        assert!(bytes.len() <= Plan::encoded_bytes_max(&CasingLimits::from_plan(&plan)));
+        let mut again = begun().taps()[1];
+        (again.id.repetition, again.purpose) = (1, Purpose::Suspect);
+        for plan in [begun(), begun().grown(&[again]).unwrap()] {
+            let bytes = plan.encode();
+            let there = Plan::decode(&bytes).unwrap();
+            assert_eq!((&there, there.digest()), (&plan, plan.digest()));
+            assert_eq!(there.begun(), begun());
+            assert!(bytes.len() <= Plan::encoded_bytes_max(&CasingLimits::from_plan(&plan)));
+        }
     }
 
     #[test]
     fn bytes_that_are_no_plan_are_refused() {
-        let bytes = plan().encode();
+        let bytes = begun().encode();
         for end in 0..bytes.len() {
             assert!(Plan::decode(&bytes[..end]).is_err(), "cut at {end}");
         }

@@ -39,7 +39,7 @@ pub(crate) fn digest_of(geometry: Geometry, recording: &Recording, taps: &[Plann
         row[..ID_BYTES].copy_from_slice(bytemuck::bytes_of(&tap.id));
         let angle = tap.angle_deg.map_or(u64::MAX, f64::to_bits);
         row[ID_BYTES..ID_BYTES + 8].copy_from_slice(&angle.to_le_bytes());
-        row[TAP_BYTES - 1] = tap.is_closing.into();
+        row[ID_BYTES + 8..].copy_from_slice(&tap.purpose.code().to_le_bytes());
         hasher.update(row);
     }
     first_bits(hasher)
@@ -47,8 +47,8 @@ pub(crate) fn digest_of(geometry: Geometry, recording: &Recording, taps: &[Plann
 
 const ID_BYTES: usize = size_of::<TapId>();
 
-/// Bytes of a tap in the digest: its name, its angle, and whether it closes a turn.
-const TAP_BYTES: usize = ID_BYTES + 8 + 1;
+/// Bytes of a tap in the digest: its name, its angle, and what it is for.
+const TAP_BYTES: usize = ID_BYTES + 8 + 2;
 
 fn first_bits(hasher: Sha256) -> u64 {
     hasher.finalize().iter().take(8).fold(0, |number, &byte| (number << 8) | u64::from(byte))
@@ -57,7 +57,7 @@ fn first_bits(hasher: Sha256) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Channel, Serial};
+    use crate::{Channel, Purpose, Serial};
 
     /// Catches a field that the digest leaves out.
     #[test]
@@ -69,8 +69,11 @@ mod tests {
             sample_format: SampleFormat::I16,
             channels: vec![Channel::Force, Channel::Sound],
         };
-        let tap =
-            PlannedTap { id: TapId::new(1, Serial::new("A").unwrap(), 1, 5), angle_deg: Some(18.0), is_closing: false };
+        let tap = PlannedTap {
+            id: TapId::new(1, Serial::new("A").unwrap(), 1, 5),
+            angle_deg: Some(18.0),
+            purpose: Purpose::Scan,
+        };
         let named = |rename: fn(&mut TapId)| {
             let mut other = tap;
             rename(&mut other.id);
@@ -91,7 +94,7 @@ mod tests {
             of(&recording, named(|id| id.location = 6)),
             of(&recording, named(|id| id.repetition = 1)),
             of(&recording, PlannedTap { angle_deg: None, ..tap }),
-            of(&recording, PlannedTap { is_closing: true, ..tap }),
+            of(&recording, PlannedTap { purpose: Purpose::Closing, ..tap }),
         ];
         for (k, digest) in digests.iter().enumerate() {
             assert!(!digests[..k].contains(digest), "{k}");

@@ -8,8 +8,10 @@ use crate::Plan;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CasingLimits {
-    /// Taps, those that may be asked for while it is open included.
+    /// Taps, with those that may be added while it is open.
     pub taps: usize,
+    /// Taps that may be added while it is open.
+    pub room: usize,
     /// Scans: its shoulders, or the lines of a slab.
     pub scans: usize,
     /// Locations of the largest scan.
@@ -23,6 +25,7 @@ impl CasingLimits {
     pub fn from_plan(plan: &Plan) -> Self {
         Self {
             taps: plan.taps().len(),
+            room: plan.added().len(),
             scans: plan.scans().len(),
             locations: plan.scans().iter().map(|scan| scan.locations.len()).max().unwrap_or(0),
             record_bytes: plan.recording.payload_bytes_max(),
@@ -34,17 +37,19 @@ impl CasingLimits {
     pub fn and(self, other: Self) -> Self {
         Self {
             taps: self.taps.max(other.taps),
+            room: self.room.max(other.room),
             scans: self.scans.max(other.scans),
             locations: self.locations.max(other.locations),
             record_bytes: self.record_bytes.max(other.record_bytes),
         }
     }
 
-    /// What of `plan` is beyond these limits, with both numbers; `None` where there is room.
-    pub fn exceeded_by(&self, plan: &Plan) -> Option<String> {
+    /// What of `plan`, to which `room` taps may be added, is beyond these limits, with both numbers; `None` where it fits.
+    pub fn exceeded_by(&self, plan: &Plan, room: usize) -> Option<String> {
         let need = Self::from_plan(plan);
         [
-            ("taps", need.taps, self.taps),
+            ("taps", need.taps + room, self.taps),
+            ("taps that may be added", room, self.room),
             ("scans", need.scans, self.scans),
             ("locations a scan", need.locations, self.locations),
             ("bytes a record", need.record_bytes, self.record_bytes),
@@ -71,7 +76,8 @@ impl Default for Limits {
     /// One station; two shoulders of 100 locations, four offsets, three velocities, two repetitions; records of two channels of
     /// 16384 samples of 16 bits.
     fn default() -> Self {
-        let casing = CasingLimits { taps: 2 * 4 * 3 * 2 * 101, scans: 2, locations: 100, record_bytes: 2 * 16_384 * 2 };
+        let casing =
+            CasingLimits { taps: 2 * 4 * 3 * 2 * 101, room: 0, scans: 2, locations: 100, record_bytes: 2 * 16_384 * 2 };
         Self { acquire_count: 1, stations: vec![1], casing }
     }
 }

@@ -31,6 +31,10 @@ pub struct Plan {
     nominal_m_per_s: Nominal,
     source_digest: u64,
     digest: u64,
+    /// Taps before any were added.
+    begun_count: usize,
+    /// What `digest` was then.
+    begun_digest: u64,
 }
 
 /// Velocities by plan row; they follow from the taps, so that plans of equal taps are equal whatever is not a number here.
@@ -136,7 +140,19 @@ impl Plan {
         let scans = scans_of(&taps)?;
         let digest = digest_of(geometry, &recording, &taps, source_digest);
         let nominal_m_per_s = Nominal(nominal_velocities(&taps));
-        Ok(Self { geometry, recording, taps, scans, truth, nominal_m_per_s, source_digest, digest })
+        let (begun_count, begun_digest) = (taps.len(), digest);
+        Ok(Self {
+            geometry,
+            recording,
+            taps,
+            scans,
+            truth,
+            nominal_m_per_s,
+            source_digest,
+            digest,
+            begun_count,
+            begun_digest,
+        })
     }
 
     /// This plan with `taps` behind its own: what an open casing is asked for besides. Rows and scans keep their numbers.
@@ -152,13 +168,34 @@ impl Plan {
             return Err(PlanError::OtherScan { id: other.id });
         }
         let taps = [&self.taps, taps].concat();
-        Self::from_source(self.geometry, self.recording.clone(), taps, self.truth.clone(), self.source_digest)
+        let grown =
+            Self::from_source(self.geometry, self.recording.clone(), taps, self.truth.clone(), self.source_digest)?;
+        Ok(Self { begun_count: self.begun_count, begun_digest: self.begun_digest, ..grown })
+    }
+
+    /// The plan before any taps were added to it.
+    pub fn begun(&self) -> Self {
+        let taps = self.taps[..self.begun_count].to_vec();
+        let begun =
+            Self::from_source(self.geometry, self.recording.clone(), taps, self.truth.clone(), self.source_digest);
+        begun.unwrap_or_else(|_error| self.clone()) // a plan's first taps are a plan
+    }
+
+    /// The taps that were added to it.
+    pub fn added(&self) -> &[PlannedTap] {
+        &self.taps[self.begun_count..]
+    }
+
+    /// The [digest](Plan::digest) before any taps were added: it tells the casing's scan from others for as long as it lasts.
+    pub fn begun_digest(&self) -> u64 {
+        self.begun_digest
     }
 
     /// The same plan for another source: see [`Plan::from_source`].
     pub fn with_source(mut self, source_digest: u64) -> Self {
         self.source_digest = source_digest;
         self.digest = digest_of(self.geometry, &self.recording, &self.taps, source_digest);
+        self.begun_digest = digest_of(self.geometry, &self.recording, &self.taps[..self.begun_count], source_digest);
         self
     }
 
@@ -245,7 +282,7 @@ fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
             return Err(PlanError::TwoStations { tyre, shoulder, first: scan.station, second: station });
         }
         scan.taps.push(row);
-        if !tap.is_closing {
+        if !tap.is_closing() {
             scan.locations.push((tap.id.location, tap.angle_deg));
         }
     }
@@ -259,6 +296,7 @@ fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Purpose;
     use crate::record::tap::{Channel, SampleFormat};
 
     fn recording() -> Recording {
@@ -273,7 +311,7 @@ mod tests {
 
     fn tap(station: u16, tyre: &str, shoulder: u16, location: u32) -> PlannedTap {
         let id = TapId::new(station, Serial::new(tyre).unwrap(), shoulder, location);
-        PlannedTap { id, angle_deg: Some(f64::from(location) * 3.6), is_closing: location == 100 }
+        PlannedTap { id, angle_deg: Some(f64::from(location) * 3.6), purpose: Purpose::closing_if(location == 100) }
     }
 
     fn plan(taps: Vec<PlannedTap>) -> Result<Plan, PlanError> {

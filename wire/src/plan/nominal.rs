@@ -64,6 +64,7 @@ fn nearest(meant: &[f64], velocity: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Purpose;
     use crate::TapId;
 
     /// One ring a shoulder; each turn has the velocity that `turn` gives a location.
@@ -71,7 +72,7 @@ mod tests {
         let tap = |shoulder: u16, repetition: usize, location: u32, velocity: f64| {
             let mut id = TapId::default().with_velocity_m_per_s(Some(velocity)).unwrap();
             (id.shoulder, id.location, id.repetition) = (shoulder, location, u16::try_from(repetition).unwrap());
-            PlannedTap { id, angle_deg: None, is_closing: false }
+            PlannedTap { id, angle_deg: None, purpose: Purpose::Scan }
         };
         let numbered = turns.iter().enumerate();
         numbered.flat_map(|(k, &(shoulder, turn))| (0..100).map(move |l| tap(shoulder, k, l, turn(l)))).collect()
@@ -97,7 +98,7 @@ mod tests {
         assert_eq!(off(&taps(&[(1, &|_| 1.85), (1, &|_| 1.85), (1, &|_| 1.85), (1, &|_| 1.65)])), [0; 0]);
         assert_eq!(off(&taps(&[(1, &|_| 1.85), (1, &|_| 1.85), (2, &|_| 1.65)])), [0; 0]);
         assert_eq!(off(&taps(&[(1, &|l| 1.0 + 0.01 * f64::from(l))])), [0; 0], "a sweep lies around nothing");
-        let none = PlannedTap { id: TapId::default(), angle_deg: None, is_closing: false };
+        let none = PlannedTap { id: TapId::default(), angle_deg: None, purpose: Purpose::Scan };
         assert!(nominal_velocities(&[none])[0].is_nan());
     }
 

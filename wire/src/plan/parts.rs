@@ -12,8 +12,64 @@ pub struct PlannedTap {
     pub id: TapId,
     /// Angle on the ring in degrees, `None` when unknown or on a line.
     pub angle_deg: Option<f64>,
+    /// What it is for.
+    pub purpose: Purpose,
+}
+
+impl PlannedTap {
     /// Whether it repeats the first location to close the ring: it shows drift and enters no index.
-    pub is_closing: bool,
+    pub fn is_closing(&self) -> bool {
+        self.purpose == Purpose::Closing
+    }
+
+    /// Whether it was asked for because of what other taps showed: a second reading.
+    pub fn is_second_reading(&self) -> bool {
+        matches!(self.purpose, Purpose::Suspect | Purpose::Control)
+    }
+}
+
+/// What a tap is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Purpose {
+    /// The scan of the whole shoulder.
+    #[default]
+    Scan,
+    /// It repeats the first location at the end of a turn.
+    Closing,
+    /// Second reading of a place that stands out.
+    Suspect,
+    /// Second reading of a place that does not: it tells the level that suspects are compared with.
+    Control,
+}
+
+impl Purpose {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Scan, Self::Closing, Self::Suspect, Self::Control];
+
+    /// [`Purpose::Closing`] if `is_closing`, else [`Purpose::Scan`].
+    pub fn closing_if(is_closing: bool) -> Self {
+        if is_closing { Self::Closing } else { Self::Scan }
+    }
+
+    /// Number that stands for it on the wire and in archives.
+    pub fn code(self) -> u16 {
+        self as u16
+    }
+
+    /// The purpose that `code` stands for.
+    pub fn from_code(code: u16) -> Option<Self> {
+        Self::ALL.into_iter().find(|purpose| purpose.code() == code)
+    }
+
+    /// Name in tables.
+    pub fn name(self) -> &'static str {
+        ["scan", "closing", "suspect", "control"][self as usize]
+    }
+
+    /// The purpose of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|purpose| purpose.name() == name)
+    }
 }
 
 /// Shape of every record of a run.

@@ -57,6 +57,8 @@ pub struct DamageCell {
     /// Damage index: how far the location and its neighbours stand out, on the scale of the limits; NaN when no value could be
     /// formed.
     pub damage_index: f64,
+    /// What it was by the first reading alone; NaN where nothing of the shoulder was tapped again.
+    pub first_index: f64,
     /// Probability that the strongest arc of a sound shoulder stands out as far; NaN when not computed.
     pub p_value: f64,
     /// How far the strongest arc of the location's region stands out, on the scale of the limits; NaN outside of regions.
@@ -83,6 +85,7 @@ impl Default for DamageCell {
             region: 0,
             angle_deg: f64::NAN,
             damage_index: f64::NAN,
+            first_index: f64::NAN,
             p_value: f64::NAN,
             region_index: f64::NAN,
             region_p_value: f64::NAN,
@@ -112,6 +115,8 @@ pub struct Judgement {
     pub limit_reject: f64,
     /// How far it does.
     pub strongest_arc: f64,
+    /// How far it did by the first reading alone; NaN where nothing was tapped again.
+    pub first_strongest_arc: f64,
     /// Probability that a sound shoulder is not passed, which the first limit was set for.
     pub re_inspect_rate: f64,
     /// Probability that a sound shoulder is rejected, which the second limit was set for.
@@ -143,6 +148,7 @@ impl Default for Judgement {
             limit_re_inspect: f64::NAN,
             limit_reject: f64::NAN,
             strongest_arc: f64::NAN,
+            first_strongest_arc: f64::NAN,
             re_inspect_rate: f64::NAN,
             reject_rate: f64::NAN,
             p_value: f64::NAN,

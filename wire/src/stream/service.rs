@@ -9,8 +9,8 @@ use crate::stream::error::LineError;
 use crate::stream::event::event_service;
 use crate::stream::line::Line;
 use crate::stream::topic::{
-    CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SettledTopic, StatusTopic, TapTopic,
-    Topic, WaitTopic, port_limits, receivers,
+    AskTopic, CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SettledTopic, StatusTopic,
+    TapTopic, Topic, WaitTopic, port_limits, receivers,
 };
 
 pub(crate) type Service<T> = TopicService<Svc, [<T as Topic>::Element], <T as Topic>::Header>;
@@ -57,6 +57,7 @@ pub(crate) type AllTopics = (
     Service<WaitTopic>,
     Service<SettledTopic>,
     Service<DamageTopic>,
+    Service<AskTopic>,
     Service<StatusTopic>,
     Vec<Service<CasingTopic>>,
 );
@@ -69,6 +70,7 @@ pub(crate) fn open_all(line: &Line) -> Result<AllTopics, LineError> {
         open::<WaitTopic>(line, None)?,
         open::<SettledTopic>(line, None)?,
         open::<DamageTopic>(line, None)?,
+        open::<AskTopic>(line, None)?,
         open::<StatusTopic>(line, None)?,
         receivers(line.limits()).map(|role| open::<CasingTopic>(line, Some(role))).collect::<Result<_, _>>()?,
     ))

@@ -3,6 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::plan::casing::{REASON_BYTES_MAX, opened_bytes_max, proposal_bytes_max};
+use crate::plan::codec::TAP_BYTES;
 use crate::{
     CacheLine, CasingHeader, DamageCell, Discriminators, Judgement, Limits, Stamp, Stamped, TapHeader, cache_lines_for,
 };
@@ -277,6 +278,32 @@ impl Topic for DamageTopic {
     }
 }
 
+/// Taps that `fuse` asks for besides, because of what others showed: `fuse` to `store`, which adds them to the casing's plan. The
+/// mark of a record is how many taps the plan has that it rests on; [`crate::encode_taps`] wrote its bytes.
+#[derive(Debug)]
+pub struct AskTopic;
+
+impl Topic for AskTopic {
+    type Header = Stamp;
+    type Element = u8;
+    const NAME: &'static str = "tapline/ask";
+    const DELIVERY: Delivery = Delivery::All(&[Role::Store]);
+    const BUFFER: usize = 4;
+    const BORROWED: usize = 2;
+
+    fn sender(_: &Stamp) -> Role {
+        Role::Fuse
+    }
+
+    fn publishers(_: &Limits) -> usize {
+        1
+    }
+
+    fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
+        (limits.casing.room * TAP_BYTES).max(1)
+    }
+}
+
 /// Longest status of a line, in bytes.
 pub const STATUS_BYTES_MAX: usize = 256 * 1024;
 
@@ -350,6 +377,7 @@ pub fn line_bytes(limits: &Limits) -> usize {
         + of::<WaitTopic>(limits)
         + of::<SettledTopic>(limits)
         + of::<DamageTopic>(limits)
+        + of::<AskTopic>(limits)
         + of::<StatusTopic>(limits)
         + to_each
 }

@@ -16,7 +16,7 @@ fn plan_of(casing: &Casing, channels: &[Channel]) -> Plan {
 fn judged(casing: &Casing, channels: &[Channel], spoil: impl Fn(usize, &TapId, &mut Values)) -> Vec<(Verdict, bool)> {
     let plan = plan_of(casing, channels);
     let mut all = records(casing, &plan, 1);
-    let entering = all.iter_mut().zip(plan.taps()).filter(|(_, tap)| !tap.is_closing);
+    let entering = all.iter_mut().zip(plan.taps()).filter(|(_, tap)| !tap.is_closing());
     for (number, (record, _)) in entering.enumerate() {
         spoil(number, &record.id, &mut record.values);
     }

@@ -11,7 +11,7 @@ fn a_tap_that_struck_out_stays_in_its_class() {
     let meant = casing.plan();
     let all = records(&casing, &meant, 4);
     let struck = |tap: &PlannedTap| {
-        let is_out = tap.is_closing || (30..33).contains(&tap.id.location);
+        let is_out = tap.is_closing() || (30..33).contains(&tap.id.location);
         let velocity = tap.id.velocity_m_per_s().map(|v| if is_out { 0.8 * v } else { v });
         PlannedTap { id: tap.id.with_velocity_m_per_s(velocity).unwrap(), ..*tap }
     };

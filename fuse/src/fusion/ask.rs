@@ -1,0 +1,150 @@
+//! Which taps are wanted besides: what stands out is tapped again before it is judged.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use tapline_wire::{PlannedTap, Purpose};
+
+use crate::Error;
+use crate::arcs::regions::arcs_above;
+use crate::arcs::statistic::Arc;
+use crate::fusion::Fusion;
+use crate::fusion::compared::Compared;
+use crate::fusion::judge::View;
+
+/// Most arcs of a shoulder that are tapped again, the strongest first.
+const ARCS_MAX: usize = 4;
+
+/// Most places of an arc that are tapped again; a longer one shows at some of its places as well.
+const PLACES_MAX: usize = 12;
+
+/// Fewest controls: places that do not stand out, which tell the level of a second reading.
+const CONTROLS_MIN: usize = 12;
+
+/// Places that are to be tapped again at one offset.
+#[derive(Debug, Default)]
+struct Wanted {
+    suspects: BTreeSet<usize>,
+    controls: BTreeSet<usize>,
+}
+
+impl Fusion {
+    /// The taps that the casing of scan number `scan` wants besides before it is judged, `room` at most: of each arc that sound
+    /// shoulders reach at [`confirm_rate`](crate::FuseConfig::confirm_rate), at the offset where it stands out most, as often
+    /// as the scan tapped there, and as many controls. None of a shoulder that was tapped again already.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchScan`].
+    pub fn wanted(&mut self, scan: usize, room: usize) -> Result<Vec<PlannedTap>, Error> {
+        self.check(scan)?;
+        if room == 0 || self.config.confirm_rate <= self.config.re_inspect_rate {
+            return Ok(Vec::new());
+        }
+        let compared = self.compared(scan);
+        let mut taps = Vec::new();
+        for &scan in &compared.scans {
+            let has_second =
+                self.plan.scans()[scan].taps.iter().any(|&row| self.plan.taps()[row as usize].is_second_reading());
+            let Some(view) = compared.view(scan).filter(|_| !has_second) else { continue };
+            let limit = view.fitted.limits.at(self.config.confirm_rate);
+            let mut arcs = arcs_above(&view.fitted.statistic, &view.shoulder.ring, &view.maps, limit);
+            arcs.truncate(ARCS_MAX);
+            while !arcs.is_empty() {
+                let asked = self.taps_again(scan, &compared, &view, &arcs);
+                if taps.len() + asked.len() <= room {
+                    taps.extend(asked);
+                    break;
+                }
+                // Where there is no room for all, the strongest come first.
+                arcs.pop();
+            }
+        }
+        Ok(taps)
+    }
+
+    fn taps_again(&self, scan: usize, compared: &Compared, view: &View<'_>, arcs: &[Arc]) -> Vec<PlannedTap> {
+        let ring = &view.shoulder.ring;
+        let mut is_near = vec![false; ring.len()];
+        for place in arcs.iter().flat_map(|arc| ring.from(arc.start).take(arc.length)) {
+            ring.with_neighbours(place).for_each(|near| is_near[near] = true);
+        }
+        let has_value = |offset: usize, place: usize| view.scores.by_offset[offset][place].is_finite();
+        let mut by_offset: BTreeMap<usize, Wanted> = BTreeMap::new();
+        for arc in arcs {
+            let Some(offset) = strongest_offset(view, *arc) else { continue };
+            let places: Vec<usize> = ring.from(arc.start).take(arc.length).filter(|&p| has_value(offset, p)).collect();
+            by_offset.entry(offset).or_default().suspects.extend(spread(&places, PLACES_MAX));
+        }
+        for (&offset, wanted) in &mut by_offset {
+            let is_sound =
+                |place: &usize| !is_near[*place] && view.scores.is_inlier[*place] && has_value(offset, *place);
+            let sound: Vec<usize> = (0..ring.len()).filter(is_sound).collect();
+            wanted.controls.extend(spread(&sound, CONTROLS_MIN.max(2 * wanted.suspects.len())));
+        }
+        self.planned(scan, compared, &by_offset)
+    }
+
+    /// The places wanted at each offset as taps: every turn that the scan has made there once more.
+    fn planned(&self, scan: usize, compared: &Compared, by_offset: &BTreeMap<usize, Wanted>) -> Vec<PlannedTap> {
+        let locations = &self.plan.scans()[scan].locations;
+        // By offset, velocity and repetition: the taps of the turn, by place.
+        let mut turns: BTreeMap<(usize, usize, u16), BTreeMap<usize, PlannedTap>> = BTreeMap::new();
+        let mut repetition_counts: BTreeMap<usize, u16> = BTreeMap::new();
+        for (row, id) in self.entering(scan) {
+            let place = locations.binary_search_by_key(&id.location, |&(location, _)| location);
+            let conditions = &compared.conditions;
+            let (Some(condition), Ok(place)) = (conditions.number(&id), place) else { continue };
+            let count = repetition_counts.entry(condition).or_default();
+            *count = (*count).max(id.repetition.saturating_add(1));
+            let turn = turns.entry((conditions.offset_of(condition), condition, id.repetition)).or_default();
+            turn.insert(place, self.plan.taps()[row as usize]);
+        }
+        let mut taps = Vec::new();
+        for (&(offset, condition, repetition), turn) in &turns {
+            let Some(wanted) = by_offset.get(&offset) else { continue };
+            let again = |(place, tap): (&usize, &PlannedTap)| {
+                let purpose = match place {
+                    _ if wanted.suspects.contains(place) => Purpose::Suspect,
+                    _ if wanted.controls.contains(place) => Purpose::Control,
+                    _ => return None,
+                };
+                let mut id = tap.id;
+                id.repetition = repetition_counts[&condition].saturating_add(repetition);
+                Some(PlannedTap { id, purpose, ..*tap })
+            };
+            taps.extend(turn.iter().filter_map(again));
+        }
+        taps
+    }
+}
+
+/// The offset at which `arc` stands out most.
+fn strongest_offset(view: &View<'_>, arc: Arc) -> Option<usize> {
+    let of_offset = |&offset: &usize| {
+        let places = view.shoulder.ring.from(arc.start).take(arc.length);
+        let scores = places.map(|place| view.scores.by_offset[offset][place]).filter(|score| score.is_finite());
+        let (sum, count) = scores.fold((0.0, 0_u32), |(sum, count), score| (sum + score, count + 1));
+        (count > 0).then(|| (offset, sum / f64::from(count).sqrt()))
+    };
+    let each = view.fitted.statistic.offsets().iter().filter_map(of_offset);
+    each.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(offset, _)| offset)
+}
+
+/// At most `most` of `places`, evenly spread.
+fn spread(places: &[usize], most: usize) -> impl Iterator<Item = usize> {
+    let count = places.len().min(most);
+    (0..count).map(move |k| places[(2 * k + 1) * places.len() / (2 * count)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_spread_over_all() {
+        // Catches places that come twice, are left out where there is room for all, or come from one end.
+        let places: Vec<usize> = (10..40).collect();
+        assert_eq!(spread(&places, 100).collect::<Vec<_>>(), places);
+        assert_eq!(spread(&places, 3).collect::<Vec<_>>(), [15, 25, 35]);
+        assert_eq!(spread(&[], 3).count(), 0);
+    }
+}
