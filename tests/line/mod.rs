@@ -24,6 +24,7 @@ offsets_mm = [0.0]
 velocities_m_per_s = [1.85]
 repetitions = 1
 locations = 24
+policy = \"fixed\"
 ";
 
 /// What a line has room for, where tap sets come.

@@ -81,7 +81,7 @@ fn participant() {
         let looks = (
             tap_in.as_ref().map(|s| s.receive().map(drop)),
             found_in.as_ref().map(|s| s.receive().map(drop)),
-            damage_in.as_ref().map(|s| s.receive().map(drop)),
+            damage_in.as_ref().map(|(damage, asked)| (damage.receive().map(drop), asked.receive().map(drop))),
             settled_in.as_ref().map(|s| s.receive().map(drop)),
             proposals_in.as_ref().map(|s| s.receive().map(drop)),
             casings.as_ref().map(|s| s.receive().map(drop)),

@@ -18,7 +18,7 @@ const ARCS_MAX: usize = 4;
 const PLACES_MAX: usize = 12;
 
 /// Fewest controls: places that do not stand out, which tell the level of a second reading.
-const CONTROLS_MIN: usize = 12;
+const CONTROLS_MIN: usize = 24;
 
 /// Places that are to be tapped again at one offset.
 #[derive(Debug, Default)]
@@ -29,8 +29,9 @@ struct Wanted {
 
 impl Fusion {
     /// The taps that the casing of scan number `scan` wants besides before it is judged, `room` at most: of each arc that sound
-    /// shoulders reach at [`confirm_rate`](crate::FuseConfig::confirm_rate), at the offset where it stands out most, as often
-    /// as the scan tapped there, and as many controls. None of a shoulder that was tapped again already.
+    /// shoulders reach at [`confirm_rate`](crate::FuseConfig::confirm_rate), at the offset where it stands out most, and of
+    /// places that nothing is known of, as often as the scan tapped there, and controls. None of a shoulder that was tapped
+    /// again already.
     ///
     /// # Errors
     /// [`Error::NoSuchScan`].
@@ -48,14 +49,16 @@ impl Fusion {
             let limit = view.fitted.limits.at(self.config.confirm_rate);
             let mut arcs = arcs_above(&view.fitted.statistic, &view.shoulder.ring, &view.maps, limit);
             arcs.truncate(ARCS_MAX);
-            while !arcs.is_empty() {
+            loop {
                 let asked = self.taps_again(scan, &compared, &view, &arcs);
                 if taps.len() + asked.len() <= room {
                     taps.extend(asked);
                     break;
                 }
                 // Where there is no room for all, the strongest come first.
-                arcs.pop();
+                if arcs.pop().is_none() {
+                    break;
+                }
             }
         }
         Ok(taps)
@@ -74,6 +77,15 @@ impl Fusion {
             let places: Vec<usize> = ring.from(arc.start).take(arc.length).filter(|&p| has_value(offset, p)).collect();
             by_offset.entry(offset).or_default().suspects.extend(spread(&places, PLACES_MAX));
         }
+        // What was tapped and gave nothing; a shoulder of which much is so has another fault.
+        let is_blind = |place: &usize| view.maps.iter().all(|map| map[*place].is_nan());
+        let blind: Vec<usize> = (0..ring.len()).filter(is_blind).collect();
+        if let Some(&edge) = view.fitted.statistic.offsets().first().filter(|_| 10 * blind.len() <= ring.len()) {
+            for place in blind {
+                let offset = self.offset_tapped_at(scan, compared, place).unwrap_or(edge);
+                by_offset.entry(offset).or_default().suspects.insert(place);
+            }
+        }
         for (&offset, wanted) in &mut by_offset {
             let is_sound =
                 |place: &usize| !is_near[*place] && view.scores.is_inlier[*place] && has_value(offset, *place);
@@ -81,6 +93,13 @@ impl Fusion {
             wanted.controls.extend(spread(&sound, CONTROLS_MIN.max(2 * wanted.suspects.len())));
         }
         self.planned(scan, compared, &by_offset)
+    }
+
+    /// The first offset at which a tap is planned at `place`.
+    fn offset_tapped_at(&self, scan: usize, compared: &Compared, place: usize) -> Option<usize> {
+        let location = self.plan.scans()[scan].locations[place].0;
+        let mut offsets = self.entering(scan).filter(|(_, id)| id.location == location);
+        offsets.find_map(|(_, id)| compared.conditions.offset_number(&id))
     }
 
     /// The places wanted at each offset as taps: every turn that the scan has made there once more.

@@ -76,8 +76,15 @@ pub(super) struct Found {
     pub(super) fitted: Arc<FittedReference>,
     /// By shoulder, with all taps.
     pub(super) scores: Vec<Scores>,
-    /// By shoulder, without second readings; `None` where there are none.
-    pub(super) first_scores: Option<Vec<Scores>>,
+    /// The two readings, each alone; `None` where there is no second one.
+    pub(super) readings: Option<Readings>,
+}
+
+/// What each of two readings says alone, by shoulder.
+#[derive(Debug)]
+pub(super) struct Readings {
+    pub(super) first: Vec<Scores>,
+    pub(super) second: Vec<Scores>,
 }
 
 impl Fusion {
@@ -120,11 +127,14 @@ impl Fusion {
             let casing: Vec<&Shoulder> = shoulders.iter().collect();
             let scores = fitted.index.scores(&casing);
             let has_second = casing.iter().any(|shoulder| shoulder.turns.iter().any(|turn| turn.controls.is_some()));
-            let first_scores = has_second.then(|| {
-                let firsts: Vec<Shoulder> = scans.iter().map(first).collect();
-                fitted.index.scores(&firsts.iter().collect::<Vec<_>>())
+            let readings = has_second.then(|| {
+                let alone = |which: &dyn Fn(&usize) -> Shoulder| {
+                    let shoulders: Vec<Shoulder> = scans.iter().map(which).collect();
+                    fitted.index.scores(&shoulders.iter().collect::<Vec<_>>())
+                };
+                Readings { first: alone(&first), second: alone(&|scan| all(scan).of_second_readings()) }
             });
-            Found { fitted, scores, first_scores }
+            Found { fitted, scores, readings }
         });
         Compared { scans, shoulders, conditions, found }
     }
@@ -193,6 +203,7 @@ impl Fusion {
             casing: 0,
             turns: turns.into_iter().map(turn).collect(),
             is_cracked: vec![None; place_count],
+            repeats: Vec::new(),
         }
     }
 }

@@ -18,6 +18,12 @@ use crate::{Error, FuseConfig};
 /// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
 const REACH_FRACTION: f64 = 0.5;
 
+/// A suspect arc whose second reading alone stands out less is cleared.
+const CLEARED_SD: f64 = 1.0;
+
+/// One is rejected only if its second reading alone stands out so far: 1 % of readings that mean nothing do.
+const CONFIRMED_SD: f64 = 2.33;
+
 /// Offsets that show this part of the most show it alike.
 const ALIKE_FRACTION: f64 = 0.98;
 
@@ -38,20 +44,23 @@ pub(super) struct View<'a> {
     pub(super) maps: Maps,
     /// Without second readings; `None` where there are none.
     first_maps: Option<Maps>,
+    /// Second readings alone.
+    second: Option<&'a Scores>,
 }
 
 impl Compared {
     /// Of scan number `scan`, which is among those compared.
     pub(super) fn view(&self, scan: usize) -> Option<View<'_>> {
         let number = self.scans.iter().position(|&s| s == scan)?;
-        let Found { fitted, scores, first_scores } = self.found.as_ref()?;
+        let Found { fitted, scores, readings } = self.found.as_ref()?;
         let maps = |scores: &Vec<Scores>| fitted.statistic.maps(&scores[number]);
         Some(View {
             shoulder: &self.shoulders[number],
             fitted,
             scores: &scores[number],
             maps: maps(scores),
-            first_maps: first_scores.as_ref().map(maps),
+            first_maps: readings.as_ref().map(|readings| maps(&readings.first)),
+            second: readings.as_ref().map(|readings| &readings.second[number]),
         })
     }
 }
@@ -273,16 +282,22 @@ impl View<'_> {
             cell.p_value = if index[place].is_nan() { f64::NAN } else { limits.probability(index[place]) };
         }
         let arcs = arcs_above(&self.fitted.statistic, ring, &self.maps, judgement.limit_re_inspect);
+        // What a second reading does not show is cleared.
+        let arcs: Vec<(RingArc, Option<f64>)> = (arcs.into_iter())
+            .map(|arc| (arc, self.second_value(arc)))
+            .filter(|(_, second)| second.is_none_or(|value| value >= CLEARED_SD))
+            .collect();
         let mut is_inside = vec![false; ring.len()];
-        for arc in &arcs {
+        for (arc, second) in &arcs {
             // A location on a line stands alone between others that are far: it is looked at again before it condemns.
             let is_alone = geometry == Geometry::Line && arc.length < 2;
-            let is_damage = arc.value >= judgement.limit_reject && !is_alone;
+            let is_confirmed = second.is_none_or(|value| value >= CONFIRMED_SD);
+            let is_damage = arc.value >= judgement.limit_reject && is_confirmed && !is_alone;
             judgement.reasons.insert(if is_damage { Reasons::DAMAGE } else { Reasons::SUSPECT });
             ring.from(arc.start).take(arc.length).for_each(|place| is_inside[place] = true);
         }
         let regions = ring.numbered(|place| is_inside[place]);
-        for arc in &arcs {
+        for (arc, _) in &arcs {
             let number = regions[arc.start];
             let p_value = limits.probability(arc.value);
             let of_region = cells.iter_mut().zip(&regions).filter(|(_, region)| **region == number);
@@ -312,6 +327,26 @@ impl View<'_> {
             }
             None => judgement.reasons.insert(Reasons::NO_INDEX),
         }
+    }
+
+    /// How many standard deviations the second reading of `arc` alone lies above that of its controls; `None` where it was
+    /// not tapped again.
+    fn second_value(&self, arc: RingArc) -> Option<f64> {
+        let second = self.second?;
+        let controls: Vec<usize> = (self.shoulder.turns.iter())
+            .filter_map(|turn| turn.controls.as_ref())
+            .map(|controls| controls.iter().filter(|is| **is).count())
+            .collect();
+        let control_count = *controls.iter().min()? as f64;
+        let at = |offset: usize| {
+            let places = self.shoulder.ring.from(arc.start).take(arc.length);
+            places.map(move |place| second.by_offset[offset][place]).filter(|score| score.is_finite())
+        };
+        let scores: Vec<f64> = self.fitted.statistic.offsets().iter().copied().flat_map(at).collect();
+        let n = scores.len() as f64;
+        // The median of the controls is known no better than they are many: its variance is pi/2 that of their mean.
+        let level_variance = std::f64::consts::FRAC_PI_2 * n / control_count;
+        (n > 0.0).then(|| scores.iter().sum::<f64>() / n.sqrt() / (1.0 + level_variance).sqrt())
     }
 
     /// Mean score of each discriminator in `arc`, NaN where it says nothing.

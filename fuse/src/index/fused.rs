@@ -97,6 +97,8 @@ struct OffsetScale {
     place_variance: f64,
     /// Variance of one tap.
     tap_variance: f64,
+    /// Whether that was told by repetitions, rather than supposed.
+    is_parted: bool,
 }
 
 impl Index for Fused {
@@ -155,6 +157,7 @@ impl Fused {
         for_casings(shoulders, |casing| levels.extend(fused.levels(casing)));
         fused.residuals(shoulders, &kept, &mut levels);
         fused.standardise(shoulders, &kept, &levels);
+        fused.part_by_repeats(shoulders, &kept);
         fused.offsets.iter().any(Option::is_some).then_some(fused)
     }
 
@@ -450,6 +453,26 @@ impl Fused {
         self.neighbours_sd = centre_and_sd(near, self.setup.is_own).map_or(1.0, |(_, sd)| sd);
     }
 
+    /// Parts the variance of places that the scan taps once into what stays with the place and what comes with the tap, by the
+    /// repetitions that the reference has besides.
+    fn part_by_repeats(&mut self, shoulders: &[&Shoulder], kept: &[Vec<bool>]) {
+        if shoulders.iter().all(|shoulder| shoulder.repeats.is_empty()) {
+            return;
+        }
+        let all: Vec<Shoulder> = shoulders.iter().map(|shoulder| shoulder.with_repeats()).collect();
+        let all: Vec<&Shoulder> = all.iter().collect();
+        let mut levels = Vec::new();
+        for_casings(&all, |casing| levels.extend(self.levels(casing)));
+        let means: Vec<_> =
+            all.iter().zip(&levels).map(|(shoulder, levels)| self.tap_means(shoulder, levels)).collect();
+        for offset in 0..self.offsets.len() {
+            let tap_variance = self.within_variance(&all, kept, &levels, &means, offset);
+            if let Some((scale, tap_variance)) = self.offsets[offset].as_mut().zip(tap_variance) {
+                scale.part(tap_variance);
+            }
+        }
+    }
+
     /// Variance of taps about the mean of their place at one offset; `None` where no place has two.
     fn within_variance(
         &self,
@@ -496,12 +519,22 @@ impl OffsetScale {
         let places: Vec<(f64, u32)> = places.collect();
         let (mean, sd) = centre_and_sd(places.iter().map(|place| place.0).collect(), is_own)?;
         let inverse = places.iter().map(|place| 1.0 / f64::from(place.1)).sum::<f64>() / places.len() as f64;
-        // Of places with one tap each nobody can tell what stays with the place.
-        let tap_variance = tap_variance.unwrap_or(sd * sd / inverse);
+        // Of places with one tap each nobody can tell what stays with the place: half of the variance is taken to.
+        let is_parted = tap_variance.is_some();
+        let tap_variance = tap_variance.unwrap_or(0.5 * sd * sd / inverse);
         let of_taps = tap_variance * inverse;
         let (place_variance, tap_variance) =
             if of_taps < sd * sd { (sd * sd - of_taps, tap_variance) } else { (0.0, sd * sd / inverse) };
-        (sd > 1e-9).then_some(Self { mean, place_variance, tap_variance })
+        (sd > 1e-9).then_some(Self { mean, place_variance, tap_variance, is_parted })
+    }
+
+    /// Takes `tap_variance` for that of one tap where repetitions of the scan have not told it.
+    fn part(&mut self, tap_variance: f64) {
+        if !self.is_parted {
+            let all = self.place_variance + self.tap_variance;
+            self.tap_variance = if tap_variance < all { tap_variance } else { all };
+            self.place_variance = all - self.tap_variance;
+        }
     }
 
     fn score(self, mean: f64, count: u32) -> f64 {

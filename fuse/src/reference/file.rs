@@ -180,10 +180,13 @@ impl KnownShoulder {
                 Some(labels) => kept.iter().map(|&k| Some(labels[k])).collect(),
                 None => vec![None; located.len()],
             },
+            repeats: Vec::new(),
         };
         for same in turns.chunk_by(|a, b| a.0 == b.0) {
             for (rank, &(condition, turn)) in same.iter().enumerate() {
-                let Some(locations) = pattern.locations(condition, rank) else { continue };
+                // More repetitions than the scan has are cut to the places of its first.
+                let of_rank = pattern.locations(condition, rank);
+                let Some(locations) = of_rank.or_else(|| pattern.locations(condition, 0)) else { continue };
                 let value = |&place: &usize| {
                     let location = &self.locations[place];
                     let measured = turn.velocities_measured_m_per_s[place].unwrap_or(f64::NAN);
@@ -193,7 +196,8 @@ impl KnownShoulder {
                     }
                 };
                 let values = kept.iter().map(value).collect();
-                shoulder.turns.push(shoulder::Turn::new(condition, values));
+                let turns = if of_rank.is_some() { &mut shoulder.turns } else { &mut shoulder.repeats };
+                turns.push(shoulder::Turn::new(condition, values));
             }
         }
         shoulder

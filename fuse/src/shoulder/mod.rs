@@ -19,6 +19,8 @@ pub(crate) struct Shoulder {
     pub(crate) turns: Vec<Turn>,
     /// For each place whether it is cracked, where that is known.
     pub(crate) is_cracked: Vec<Option<bool>>,
+    /// Of a reference: more repetitions than the scan has. They tell what of the scatter stays with a place.
+    pub(crate) repeats: Vec<Turn>,
 }
 
 /// Once around a shoulder at one offset and velocity.
@@ -73,9 +75,22 @@ impl Shoulder {
         self.ring.len()
     }
 
+    /// With its repeats among its turns.
+    pub(crate) fn with_repeats(&self) -> Self {
+        let mut all = self.clone();
+        all.turns.append(&mut all.repeats);
+        all
+    }
+
     /// Without what was tapped again.
     pub(crate) fn without_second_readings(mut self) -> Self {
         self.turns.retain(|turn| turn.controls.is_none());
+        self
+    }
+
+    /// What was tapped again alone.
+    pub(crate) fn of_second_readings(mut self) -> Self {
+        self.turns.retain(|turn| turn.controls.is_some());
         self
     }
 

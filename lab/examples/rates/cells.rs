@@ -111,7 +111,9 @@ pub(crate) fn judge_cell(
         if config.reject_rate > config.re_inspect_rate {
             config.reject_rate = config.re_inspect_rate;
         }
-        let reference = known.map(|set| reference(&config, &set, by.casings(), repetitions)).transpose()?;
+        // Where taps are made again, the reference has as many repetitions more.
+        let known_repetitions = if asked.policy == Policy::Fixed { repetitions } else { 2 * repetitions };
+        let reference = known.map(|set| reference(&config, &set, by.casings(), known_repetitions)).transpose()?;
         let per_part = casings.div_ceil(rayon::current_num_threads());
         let parts: Vec<_> = (0..casings).step_by(per_part).map(|k| k..casings.min(k + per_part)).collect();
         let of_part = |casings: &std::ops::Range<usize>| {
