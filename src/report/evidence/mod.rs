@@ -71,6 +71,10 @@ pub(crate) struct Shoulder {
     pub rates: Option<[f64; 2]>,
     /// Index at which a location is suspect, and at which it is damage.
     pub limits: Option<Limits>,
+    /// How far the strongest arc stands out, which the limits are for.
+    pub strongest_arc: Option<f64>,
+    /// How far it did by the first reading alone, where anything was tapped again.
+    pub first_strongest_arc: Option<f64>,
     /// Ascending by location; without index where nothing is judged.
     pub cells: Vec<Cell>,
     pub regions: Vec<Region>,
@@ -111,6 +115,7 @@ pub(crate) struct Tap {
     pub condition: Condition,
     pub repetition: u16,
     pub is_closing: bool,
+    pub is_second_reading: bool,
     pub state: TapState,
     pub found: Option<Discriminators>,
     /// When the impact was, ns since the Unix epoch.
@@ -156,6 +161,7 @@ impl Evidence {
                 condition: Condition::new(planned.id.offset_mm(), plan.velocity_nominal_m_per_s(row)),
                 repetition: planned.id.repetition,
                 is_closing: planned.is_closing(),
+                is_second_reading: planned.is_second_reading(),
                 state: reader.ledger().taps()[row as usize],
                 found: found[row as usize],
                 time_ns: headers[row as usize].map(|header| header.tap_time_ns),
@@ -247,6 +253,8 @@ fn shoulder(
             .map(|j| [j.re_inspect_rate, j.reject_rate])
             .filter(|rates| rates.iter().all(|r| r.is_finite())),
         limits: limits.filter(|limits| limits.re_inspect.is_finite() && limits.reject.is_finite()),
+        strongest_arc: judgement.map(|j| j.strongest_arc).filter(|arc| arc.is_finite()),
+        first_strongest_arc: judgement.map(|j| j.first_strongest_arc).filter(|arc| arc.is_finite()),
         cells: map.iter().map(cell).collect(),
         regions: regions(reader.plan().geometry, &map),
         taps,

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 use tapline_store::Region;
-use tapline_wire::Geometry;
+use tapline_wire::{Geometry, Reasons};
 
 use crate::report::evidence::{Shoulder, Tyre};
 use crate::report::pages::page::verdict_word;
@@ -13,7 +13,7 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
     html! {
         div class="scroll" { table class="cards" {
             thead { tr {
-                th { (words::side(geometry)) } th { "verdict" } th { "why" } th class="n" { "peak index" } th class="n" { "re-inspect at" } th class="n" { "reject at" }
+                th { (words::side(geometry)) } th { "verdict" } th { "why" } th { "rests on" } th class="n" { "strongest arc" } th class="n" { "re-inspect at" } th class="n" { "reject at" }
             } }
             tbody { @for shoulder in &tyre.shoulders { tr {
                 td data-label=(words::side(geometry)) { (shoulder.number) }
@@ -22,11 +22,25 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
                     (shoulder.reasons.meaning()) " "
                     @if !shoulder.regions.is_empty() && !shoulder.evidence.is_empty() { "Loudest at the peak: " (loudest(shoulder)) "." }
                 }
-                td class="n" data-label="peak index" { (number(shoulder.peak().and_then(|cell| cell.index))) }
+                td data-label="rests on" { (rests_on(shoulder)) }
+                td class="n" data-label="strongest arc" {
+                    (number(shoulder.strongest_arc))
+                    @if let Some(first) = shoulder.first_strongest_arc { span class="at" { "first reading " (format!("{first:.2}")) } }
+                }
                 td class="n" data-label="re-inspect at" { (number(shoulder.limits.map(|limits| limits.re_inspect))) }
                 td class="n" data-label="reject at" { (number(shoulder.limits.map(|limits| limits.reject))) }
             } } }
         } }
+    }
+}
+
+/// The taps that a verdict rests on.
+fn rests_on(shoulder: &Shoulder) -> Markup {
+    let came = shoulder.taps.iter().filter(|tap| tap.found.is_some());
+    let second = came.clone().filter(|tap| tap.is_second_reading).count();
+    html! {
+        (counted(came.count(), "tap", "taps"))
+        @if second > 0 { span class="at" { (second) " of them tapped again" } }
     }
 }
 
@@ -125,7 +139,8 @@ fn offset(region: &Region) -> Markup {
 /// How bad a region is: by how much its strongest arc exceeds the limits, and how probable that is on a sound shoulder.
 fn severity(shoulder: &Shoulder, region: &Region) -> String {
     let (Some(arc), Some(limits)) = (region.region_index, shoulder.limits) else { return "unknown".to_owned() };
-    let word = if arc >= limits.reject { "damage" } else { "suspect" };
+    let is_damage = arc >= limits.reject && shoulder.reasons.contains(Reasons::DAMAGE);
+    let word = if is_damage { "damage" } else { "suspect" };
     let times = if limits.reject > 0.0 {
         format!(", {:.1} times the reject limit", arc / limits.reject)
     } else {
