@@ -57,7 +57,7 @@ struct Kernel<'a> {
 
 impl<'a> Kernel<'a> {
     /// A kernel that takes one tap at a time.
-    fn of_each(name: &'static str, taps: &'a [Tap], mut each: impl FnMut(&'a Tap) -> f64 + 'a) -> Self {
+    fn per_tap(name: &'static str, taps: &'a [Tap], mut each: impl FnMut(&'a Tap) -> f64 + 'a) -> Self {
         let call = move || taps.iter().map(&mut each).sum();
         Self { name, taps_per_call: taps.len(), call: Box::new(call), us_per_tap: Vec::new() }
     }
@@ -157,9 +157,9 @@ fn yardsticks(taps: &[Tap]) -> Vec<Kernel<'_>> {
         f64::from(black_box(&mut copied)[COUNT])
     };
     vec![
-        Kernel::of_each("yardstick: bare f32 transform of 16384", taps, transform),
-        Kernel::of_each("yardstick: i16 to f32 of the record", taps, convert),
-        Kernel::of_each("yardstick: copy of the record, 64 KiB", taps, copy),
+        Kernel::per_tap("yardstick: bare f32 transform of 16384", taps, transform),
+        Kernel::per_tap("yardstick: i16 to f32 of the record", taps, convert),
+        Kernel::per_tap("yardstick: copy of the record, 64 KiB", taps, copy),
     ]
 }
 
@@ -175,7 +175,7 @@ fn transform(
 
 fn render(mut line: SimulatedLine, taps: &[Tap]) -> Kernel<'_> {
     let mut buffer = taps[0].buffer.clone();
-    Kernel::of_each("simulate a tap, force and sound i16", taps, move |tap| {
+    Kernel::per_tap("simulate a tap, force and sound i16", taps, move |tap| {
         let mut header = TapHeader::default();
         assert!(line.render(tap.row, 0, &mut header, &mut buffer).is_ok(), "the row was rendered before");
         header.velocity_measured_m_per_s
@@ -183,7 +183,7 @@ fn render(mut line: SimulatedLine, taps: &[Tap]) -> Kernel<'_> {
 }
 
 fn extract<'a>(name: &'static str, taps: &'a [Tap], mut extractor: ProcessExtractor, is_mono: bool) -> Kernel<'a> {
-    Kernel::of_each(name, taps, move |tap| {
+    Kernel::per_tap(name, taps, move |tap| {
         let found = match is_mono {
             true => extractor.extract(&tap.mono_header, Samples::F32(&tap.mono)),
             false => extractor.extract(&tap.header, Samples::I16(tap.counts())),

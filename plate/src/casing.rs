@@ -48,10 +48,10 @@ struct Shoulder {
 /// What a tap meets.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place {
-    pub(crate) stiffness_n_per_m1_5: f64,
-    pub(crate) impedance_n_s_per_m: f64,
-    pub(crate) layer: Option<Layer>,
-    pub(crate) modes: [Mode; MODES],
+    pub stiffness_n_per_m1_5: f64,
+    pub impedance_n_s_per_m: f64,
+    pub layer: Option<Layer>,
+    pub modes: [Mode; MODES],
 }
 
 impl Casing {

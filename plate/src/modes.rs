@@ -13,11 +13,11 @@ const SILENCE_V: f64 = 2e-6;
 /// One mode: an impulse of 1 N s sounds as -`level` exp(-`decay` t) times the sine of 2 pi `frequency` t, or its cosine.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Mode {
-    pub(crate) frequency_hz: f64,
-    pub(crate) decay_per_s: f64,
-    pub(crate) level_v_per_n_s: f64,
+    pub frequency_hz: f64,
+    pub decay_per_s: f64,
+    pub level_v_per_n_s: f64,
     /// Whether it is heard by its velocity, the cosine, and not by its deflection.
-    pub(crate) by_velocity: bool,
+    pub by_velocity: bool,
 }
 
 /// Modes of a sound casing: assumed, to ring for some 25 ms with little above 550 Hz, and what there is a quarter turn from

@@ -111,7 +111,7 @@ impl<T: Real> Extractor<T> {
         let before = &track.samples[..baseline_count.unwrap_or(track.samples.len())];
         let base = self.medians.median(before);
         let noise = self.medians.noise_counts(before, base);
-        self.finder.droop_samples = self.config.droop_time_constant_s * record.sample_rate_hz;
+        self.finder.set_droop(self.config.droop_time_constant_s * record.sample_rate_hz);
         let pulse = match baseline_count {
             Some(_) => self.finder.find(track, extent, base, noise).ok_or(Quality::NO_PULSE),
             None => Err(Quality::NO_BASELINE),

@@ -37,7 +37,7 @@ pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Res
         for (tyre, page) in evidence.tyres.iter().zip(pages) {
             let name = names.name_for(tyre);
             put(&folder, &name, &page)?;
-            shift.names.push(name);
+            shift.add_page(name);
         }
         shift.take(evidence);
     }

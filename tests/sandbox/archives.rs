@@ -11,10 +11,10 @@ use tapline_wire::{DamageCell, Discriminators, Judgement, Stamp, TapHeader, TapS
 /// Everything in an archive that must not depend on when and how it was written.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Contents {
-    pub(crate) states: Vec<TapState>,
-    pub(crate) taps: Vec<Option<(TapHeader, OwnedSamples)>>,
-    pub(crate) discriminators: Vec<Option<String>>,
-    pub(crate) judgements: Vec<Option<String>>,
+    pub states: Vec<TapState>,
+    pub taps: Vec<Option<(TapHeader, OwnedSamples)>>,
+    pub discriminators: Vec<Option<String>>,
+    pub judgements: Vec<Option<String>>,
 }
 
 /// Bytes of the archive's file that a table takes.

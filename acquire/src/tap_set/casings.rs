@@ -12,10 +12,10 @@ use crate::tap_set::recordings::Recordings;
 #[derive(Debug, Clone)]
 pub(crate) struct SetCasing {
     /// Its serial, or the name of the folder of a slab.
-    pub(crate) name: String,
-    pub(crate) station: u16,
+    pub name: String,
+    pub station: u16,
     /// Its rows of the set, ascending.
-    pub(crate) rows: Vec<u32>,
+    pub rows: Vec<u32>,
 }
 
 /// The casings of `set` in order of first appearance, at the stations that the list names; those without one are dealt out to
@@ -27,7 +27,7 @@ pub(crate) fn casings_of(set: &Recordings, station_count: u16) -> Result<Vec<Set
     // For each casing the station that the list names, and the line that names it.
     let mut named: Vec<Option<(u16, usize)>> = Vec::new();
     let mut number_of: HashMap<Serial, usize> = HashMap::new();
-    for (number, row) in (0..).zip(&set.taps) {
+    for (number, row) in (0..).zip(set.taps()) {
         let key = if is_slab { Serial::default() } else { row.tap.id.tyre };
         let place = *number_of.entry(key).or_insert_with(|| {
             let name = if is_slab { folder_name(set.dir()) } else { key.to_string() };

@@ -28,21 +28,21 @@ pub(crate) const COLUMNS: &[&str] = &[
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Extras {
     /// Rig that made the tap; without it the reader shares shoulders out over its stations.
-    pub(crate) station: Option<u16>,
+    pub station: Option<u16>,
     /// How many takes were of no use before this one.
-    pub(crate) attempt: u16,
+    pub attempt: u16,
     /// What the tap is for; without it angle and location tell whether it closes its ring.
-    pub(crate) purpose: Option<Purpose>,
+    pub purpose: Option<Purpose>,
     /// When the impact happened, ns since the Unix epoch; 0 where the list does not say.
-    pub(crate) tap_time_ns: i64,
+    pub tap_time_ns: i64,
     /// Newtons of a full-scale sample of this tap, where it is not that of the set.
-    pub(crate) force_full_scale_n: Option<f64>,
+    pub force_full_scale_n: Option<f64>,
     /// Volts of a full-scale sample of this tap, where it is not that of the set.
-    pub(crate) sound_full_scale_v: Option<f64>,
+    pub sound_full_scale_v: Option<f64>,
     /// Distance from impact to microphone in m, where it is not that of the set.
-    pub(crate) microphone_distance_m: Option<f64>,
+    pub microphone_distance_m: Option<f64>,
     /// Why the tap has no recording.
-    pub(crate) refused: Option<String>,
+    pub refused: Option<String>,
 }
 
 impl Extras {

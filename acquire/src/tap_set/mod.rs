@@ -61,13 +61,13 @@ impl TapSet {
         check_station_count(station_count)?;
         let set = Recordings::open(dir)?;
         let casings = casings_of(&set, station_count)?;
-        let mut stations = vec![0; set.taps.len()];
+        let mut stations = vec![0; set.taps().len()];
         for casing in &casings {
             for &row in &casing.rows {
                 stations[row as usize] = casing.station;
             }
         }
-        let rows: Vec<u32> = (0..).zip(&set.taps).map(|(row, _)| row).collect();
+        let rows: Vec<u32> = (0..).zip(set.taps()).map(|(row, _)| row).collect();
         let plan = set.plan(&rows, |row| stations[row])?;
         Ok(Self { set: Arc::new(set), plan, rows, scratch: Vec::new() })
     }
@@ -80,7 +80,7 @@ impl TapSet {
 
     /// The remarks in `scan.toml`, which enter no result: units, description, source and licence of the recordings.
     pub fn remarks(&self) -> &BTreeMap<String, String> {
-        &self.set.scan.remarks
+        &self.set.scan().remarks
     }
 
     /// The taps that will be refused as far as the headers of their recordings tell, in the order of the plan.
@@ -90,23 +90,23 @@ impl TapSet {
 
     /// Why the recording in row `row` of the set cannot be used, as far as its header tells.
     fn fault(&self, row: u32) -> Option<String> {
-        match &self.set.headers[row as usize] {
-            Err(fault) => Some(fault.clone()),
+        match self.set.header(row) {
+            Err(fault) => Some(fault.to_owned()),
             Ok(wav) => check_format(wav, self.plan.recording.sample_format).err().map(|fault| fault.to_string()),
         }
     }
 
     fn refusal(&self, row: u32, reason: String) -> Refusal {
-        let TapRow { file, line, .. } = &self.set.taps[row as usize];
+        let TapRow { file, line, .. } = &self.set.taps()[row as usize];
         Refusal { file: file.clone(), line: *line, reason }
     }
 
     fn read(&mut self, row: u32, buffer: &mut [CacheLine]) -> Result<u32, WavFault> {
         let recording = &self.plan.recording;
-        let (mut file, file_bytes) = wav::open(&self.set.dir().join(&self.set.taps[row as usize].file))?;
+        let (mut file, file_bytes) = wav::open(&self.set.dir().join(&self.set.taps()[row as usize].file))?;
         // The header is read again because the file may have changed since the set was opened.
-        let wav = header(&mut file, &self.set.taps[row as usize].file, file_bytes, &self.set.scan)?;
-        check_shape(&wav, &self.set.scan)?;
+        let wav = header(&mut file, &self.set.taps()[row as usize].file, file_bytes, self.set.scan())?;
+        check_shape(&wav, self.set.scan())?;
         check_format(&wav, recording.sample_format)?;
         if wav.sample_count > recording.sample_count_max {
             return Err(WavFault::Grown { got: wav.sample_count, most: recording.sample_count_max });
@@ -139,8 +139,8 @@ impl Source for TapSet {
         let kind = self.kind();
         *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
         let row = self.rows[row as usize];
-        let TapRow { velocity_measured_m_per_s, extras, .. } = &self.set.taps[row as usize];
-        let scan = &self.set.scan;
+        let TapRow { velocity_measured_m_per_s, extras, .. } = &self.set.taps()[row as usize];
+        let scan = self.set.scan();
         let recording = &self.plan.recording;
         header.id.attempt = attempt.max(extras.attempt);
         header.tap_time_ns = extras.tap_time_ns;

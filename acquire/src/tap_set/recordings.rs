@@ -22,11 +22,11 @@ const REASONS_MAX: usize = 3;
 #[derive(Debug)]
 pub(crate) struct Recordings {
     dir: PathBuf,
-    pub(crate) scan: ScanToml,
+    scan: ScanToml,
     scan_text: String,
-    pub(crate) taps: Vec<TapRow>,
+    taps: Vec<TapRow>,
     /// The header of each recording, or why it cannot be used.
-    pub(crate) headers: Vec<Result<WavHeader, String>>,
+    headers: Vec<Result<WavHeader, String>>,
     truth: Truth,
 }
 
@@ -59,6 +59,20 @@ impl Recordings {
     /// The list of taps.
     pub(crate) fn taps_file(&self) -> PathBuf {
         self.dir.join("taps.csv")
+    }
+
+    /// The rows of the list of taps.
+    pub(crate) fn taps(&self) -> &[TapRow] {
+        &self.taps
+    }
+
+    /// The header of the recording in `row`, or why it cannot be used.
+    pub(crate) fn header(&self, row: u32) -> Result<&WavHeader, &str> {
+        self.headers[row as usize].as_ref().map_err(String::as_str)
+    }
+
+    pub(crate) fn scan(&self) -> &ScanToml {
+        &self.scan
     }
 
     pub(crate) fn geometry(&self) -> Geometry {

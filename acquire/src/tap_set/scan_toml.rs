@@ -39,14 +39,14 @@ pub(crate) const MICROPHONE_DISTANCE_M_MAX: f64 = 1e3;
 /// What is the same for every tap of a set.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ScanToml {
-    pub(crate) geometry: Geometry,
-    pub(crate) channels: Vec<Channel>,
-    pub(crate) sample_rate_hz: f64,
-    pub(crate) pre_trigger_samples: u32,
-    pub(crate) force_full_scale_n: f64,
-    pub(crate) sound_full_scale_v: f64,
-    pub(crate) microphone_distance_m: f64,
-    pub(crate) remarks: BTreeMap<String, String>,
+    pub geometry: Geometry,
+    pub channels: Vec<Channel>,
+    pub sample_rate_hz: f64,
+    pub pre_trigger_samples: u32,
+    pub force_full_scale_n: f64,
+    pub sound_full_scale_v: f64,
+    pub microphone_distance_m: f64,
+    pub remarks: BTreeMap<String, String>,
 }
 
 impl ScanToml {
@@ -197,18 +197,18 @@ mod tests {
     const GOOD: &str =
         "geometry = \"ring\"\nchannels = [\"force\", \"sound\"]\nsample_rate_hz = 40960\npre_trigger_samples = 512\n";
 
-    fn of(text: &str) -> Result<ScanToml, Error> {
+    fn parsed(text: &str) -> Result<ScanToml, Error> {
         parse(Path::new("scan.toml"), text)
     }
 
     fn error_of(text: &str) -> String {
-        of(text).unwrap_err().to_string()
+        parsed(text).unwrap_err().to_string()
     }
 
     /// Catches wrong defaults, and a rate written without a point being refused.
     #[test]
     fn what_is_left_out_has_its_default() {
-        let scan = of(GOOD).unwrap();
+        let scan = parsed(GOOD).unwrap();
         assert_eq!(scan.geometry, Geometry::Ring);
         assert_eq!(scan.channels, [Channel::Force, Channel::Sound]);
         assert_eq!(scan.pre_trigger_samples, 512);
@@ -222,7 +222,7 @@ mod tests {
     fn every_key_is_taken() {
         let more = "force_full_scale_n = 222.0\nsound_full_scale_v = 5\nmicrophone_distance_m = 0.05\n\
                     sound_unit = \"V\"\nforce_unit = \"N\"\ndescription = \"d\"\nsource = \"s\"\nlicence = \"CC0\"\n";
-        let scan = of(&format!("{GOOD}{more}")).unwrap();
+        let scan = parsed(&format!("{GOOD}{more}")).unwrap();
         assert_eq!(scan.full_scale(Channel::Force).to_bits(), 222f64.to_bits());
         assert_eq!(scan.full_scale(Channel::Sound).to_bits(), 5f64.to_bits());
         assert_eq!(scan.remarks.len(), REMARKS.len());
@@ -261,7 +261,7 @@ mod tests {
         /// Catches a panic on text nobody would write.
         #[test]
         fn no_text_makes_it_panic(text in "(geometry|channels|= |\\[|\"ring\"|[\\x00-\\x7f]|\n|é){0,40}") {
-            let _unused = of(&text);
+            let _unused = parsed(&text);
         }
 
         /// Catches a panic on a good file with one byte changed.
@@ -269,7 +269,7 @@ mod tests {
         fn no_slip_of_the_pen_makes_it_panic(at in 0..GOOD.len(), byte in 0u8..128) {
             let mut bytes = GOOD.as_bytes().to_vec();
             bytes[at] = byte;
-            let _unused = of(std::str::from_utf8(&bytes).unwrap());
+            let _unused = parsed(std::str::from_utf8(&bytes).unwrap());
         }
     }
 }

@@ -18,7 +18,7 @@ pub(crate) struct Row<'a> {
     table: &'a Table<'a>,
     record: &'a StringRecord,
     /// Line of the file, from 1.
-    pub(crate) line: usize,
+    line: usize,
 }
 
 /// Gives every row of the table `text` to `take`, in order; `optional` columns may be missing, and are empty then.
@@ -88,6 +88,11 @@ impl<'a> Row<'a> {
             return Err(Error::Syntax { file: table.file.to_owned(), line, reason });
         }
         Ok(Self { table, record, line })
+    }
+
+    /// Line of the file, from 1.
+    pub(crate) fn line(&self) -> usize {
+        self.line
     }
 
     /// Whether the table has `column`.
@@ -169,10 +174,10 @@ mod tests {
 
     const COLUMNS: &[&str] = &["a", "b"];
 
-    fn of(text: &str) -> Result<Vec<(usize, String, String)>, Error> {
+    fn parsed(text: &str) -> Result<Vec<(usize, String, String)>, Error> {
         let mut rows = Vec::new();
         read_rows(Path::new("t.csv"), text, (COLUMNS, &["z"]), |row| {
-            rows.push((row.line, row.text("a").to_owned(), row.text("b").to_owned()));
+            rows.push((row.line(), row.text("a").to_owned(), row.text("b").to_owned()));
             Ok(())
         })?;
         Ok(rows)
@@ -185,11 +190,11 @@ mod tests {
     /// Catches columns taken by place, and lines miscounted at blank lines, either line end and quoted breaks.
     #[test]
     fn columns_go_by_name_and_lines_are_counted() {
-        assert_eq!(of("b,a\n2,1\n").unwrap(), [row(2, "1", "2")]);
-        assert_eq!(of("b,z,a\n2,9,1\n").unwrap(), [row(2, "1", "2")]);
+        assert_eq!(parsed("b,a\n2,1\n").unwrap(), [row(2, "1", "2")]);
+        assert_eq!(parsed("b,z,a\n2,9,1\n").unwrap(), [row(2, "1", "2")]);
         let text = "\r\na , b\r\n1,2\r\n\r\n\r\n3,\"4\n4\"\r\n5,6";
-        assert_eq!(of(text).unwrap(), [row(3, "1", "2"), row(6, "3", "4\n4"), row(8, "5", "6")]);
-        assert_eq!(of("a,b\n").unwrap(), []);
+        assert_eq!(parsed(text).unwrap(), [row(3, "1", "2"), row(6, "3", "4\n4"), row(8, "5", "6")]);
+        assert_eq!(parsed("a,b\n").unwrap(), []);
     }
 
     /// Catches a header or row that is taken although it does not fit.
@@ -202,7 +207,7 @@ mod tests {
             ("\na,b,a\n", "line 2: repeated column \"a\""),
             ("a,b\n1,2\n1,2,3\n", "line 3: has 3 cells; the header has 2 columns"),
         ] {
-            let error = of(text).unwrap_err().to_string();
+            let error = parsed(text).unwrap_err().to_string();
             assert!(error.contains(want), "{error:?} lacks {want:?}");
         }
     }
@@ -211,7 +216,7 @@ mod tests {
         /// Catches a panic, or an endless read, on text nobody would write.
         #[test]
         fn no_text_makes_it_panic(text in "(a,b|\"|,|\n|\r|[\\x00-\\x7f]|é){0,40}") {
-            let _unused = of(&text);
+            let _unused = parsed(&text);
         }
     }
 }

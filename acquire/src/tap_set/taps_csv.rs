@@ -25,15 +25,15 @@ const ANGLE_ROUNDING_DEG: f64 = 0.01;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct TapRow {
     /// Line of the file, from 1.
-    pub(crate) line: usize,
+    pub line: usize,
     /// Path of the recording below the set's folder; empty where the list says why there is none.
-    pub(crate) file: String,
+    pub file: String,
     /// The tap; at station 0 where the list names none.
-    pub(crate) tap: PlannedTap,
+    pub tap: PlannedTap,
     /// Velocity as measured; without a column of its own, the one the list gives.
-    pub(crate) velocity_measured_m_per_s: Option<f64>,
+    pub velocity_measured_m_per_s: Option<f64>,
     /// What the optional columns say.
-    pub(crate) extras: Extras,
+    pub extras: Extras,
 }
 
 /// Reads the `text` of `file`.
@@ -78,7 +78,7 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
     // A tap that is known to have no recording may do without the name of one.
     let is_nameless = extras.refused.is_some() && row.text("file").is_empty();
     Ok(TapRow {
-        line: row.line,
+        line: row.line(),
         file: if is_nameless { String::new() } else { file_name(row)? },
         tap: PlannedTap { id, angle_deg, purpose: Purpose::Scan },
         velocity_measured_m_per_s,
@@ -188,12 +188,12 @@ mod tests {
 
     const HEADER: &str = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition\n";
 
-    fn of(geometry: Geometry, rows: &str) -> Result<Vec<TapRow>, Error> {
+    fn parsed(geometry: Geometry, rows: &str) -> Result<Vec<TapRow>, Error> {
         parse(Path::new("taps.csv"), &format!("{HEADER}{rows}"), geometry)
     }
 
     fn ring(rows: &str) -> Vec<TapRow> {
-        of(Geometry::Ring, rows).unwrap()
+        parsed(Geometry::Ring, rows).unwrap()
     }
 
     /// Catches an empty cell read as zero, and a value put into another's place.
@@ -238,8 +238,8 @@ mod tests {
             "repetition",
             "repetition,station,attempt,purpose,tap_time_ns,force_full_scale_n,sound_full_scale_v,microphone_distance_m,refused",
         );
-        let of = |rows: &str| parse(Path::new("taps.csv"), &format!("{header}{rows}"), Geometry::Ring);
-        let rows = of(
+        let parsed = |rows: &str| parse(Path::new("taps.csv"), &format!("{header}{rows}"), Geometry::Ring);
+        let rows = parsed(
             "a.wav,T,1,,,0,0,0,7,2,closing,-5,222,5,0.05,\n,T,1,,,1,360,0,7,,scan,,,,,no wire\nc.wav,T,1,,,2,360,1,7,,,,,,,\n",
         );
         let rows = rows.unwrap();
@@ -273,7 +273,7 @@ mod tests {
             ("a.wav,T,1,,,0,0,0,,,,,,nan,,", "sound_full_scale_v is \"nan\""),
             ("a.wav,T,1,,,0,0,0,,,,,,,-1,", "microphone_distance_m is \"-1\"; it must be a number from 0 to 1000"),
         ] {
-            let error = of(row).unwrap_err().to_string();
+            let error = parsed(row).unwrap_err().to_string();
             assert!(error.contains(want), "{error:?} lacks {want:?}");
         }
         let text = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,purpose\na.wav,T,1,,,0,,0,closing\n";
@@ -304,7 +304,11 @@ mod tests {
         assert_eq!(closing(&ring(&turn(120, false, 0))), [0; 0], "a finer ring");
         assert_eq!(closing(&ring(&turn(100, false, 1))), [0; 0], "counted from 1");
         assert_eq!(closing(&ring(&(turn(100, true, 1) + "z.wav,T,1,,,1,360,0\n"))), [101], "counted from 1");
-        assert_eq!(closing(&of(Geometry::Line, &turn(101, false, 0)).unwrap()), [0; 0], "a line has no end to close");
+        assert_eq!(
+            closing(&parsed(Geometry::Line, &turn(101, false, 0)).unwrap()),
+            [0; 0],
+            "a line has no end to close"
+        );
     }
 
     /// Catches a fault that is accepted, or told without its line, column, value or bound.
@@ -338,10 +342,10 @@ mod tests {
                 "line 3: names the tap tyre T shoulder 2 offset_mm unknown velocity_m_per_s unknown location 5 repetition 0 again; line 2 has it already",
             ),
         ] {
-            let error = of(Geometry::Ring, &format!("ok.wav,T,2,,,5,,0\n{row}\n")).unwrap_err().to_string();
+            let error = parsed(Geometry::Ring, &format!("ok.wav,T,2,,,5,,0\n{row}\n")).unwrap_err().to_string();
             assert!(error.contains(want), "{error:?} lacks {want:?}");
         }
-        let error = of(Geometry::Ring, "").unwrap_err().to_string();
+        let error = parsed(Geometry::Ring, "").unwrap_err().to_string();
         assert_eq!(error, "taps.csv: has no rows below its header");
     }
 
@@ -349,7 +353,7 @@ mod tests {
         /// Catches a panic on numbers at and beyond every bound.
         #[test]
         fn no_row_makes_it_panic(rows in proptest::collection::vec("[a.]{0,3},T,[12],(-?[0-9]{0,9}|nan|inf|1e308)?,[0-9.e-]{0,5},(100|999999|[0-9]{1,11}),(360|3.6)?,[0-9]?", 1..6)) {
-            let _unused = of(Geometry::Ring, &rows.join("\n"));
+            let _unused = parsed(Geometry::Ring, &rows.join("\n"));
         }
 
         /// Catches a closing tap that takes another tap's name, for any order of rows.

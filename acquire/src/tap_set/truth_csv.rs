@@ -29,9 +29,9 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Truth, Error> {
             _ => return Err(row.refuse("cracked", "0, 1, false or true")),
         };
         let key = (tyre, u16::try_from(shoulder).unwrap_or(u16::MAX), location);
-        if let Some(first) = line_of.insert(key, row.line) {
+        if let Some(first) = line_of.insert(key, row.line()) {
             let what = format!("tyre {tyre} shoulder {shoulder} location {location}");
-            return Err(Error::Duplicate { file: file.to_owned(), what, first, second: row.line });
+            return Err(Error::Duplicate { file: file.to_owned(), what, first, second: row.line() });
         }
         truth.insert(key, is_cracked);
         Ok(())
@@ -43,15 +43,18 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Truth, Error> {
 mod tests {
     use super::*;
 
-    fn of(rows: &str) -> Result<Truth, Error> {
+    fn parsed(rows: &str) -> Result<Truth, Error> {
         parse(Path::new("truth.csv"), &format!("tyre,shoulder,location,cracked\n{rows}"))
     }
 
     /// Catches sound and cracked swapped, and a spelling that is not understood.
     #[test]
     fn truth_is_read() {
-        assert!(of("'=T,1,0,0\n").unwrap().contains_key(&(Serial::new("=T").unwrap(), 1, 0)), "as exports write it");
-        let truth = of("T,1,0,0\nT,1,1,1\nT,2,0,true\nT,2,1,false\n").unwrap();
+        assert!(
+            parsed("'=T,1,0,0\n").unwrap().contains_key(&(Serial::new("=T").unwrap(), 1, 0)),
+            "as exports write it"
+        );
+        let truth = parsed("T,1,0,0\nT,1,1,1\nT,2,0,true\nT,2,1,false\n").unwrap();
         let tyre = Serial::new("T").unwrap();
         let cracked: Vec<_> = truth.iter().filter(|&(_, &c)| c).map(|(&key, _)| key).collect();
         assert_eq!((truth.len(), cracked), (4, vec![(tyre, 1, 1), (tyre, 2, 0)]));
@@ -60,9 +63,9 @@ mod tests {
     /// Catches a contradiction that is settled by silence.
     #[test]
     fn faults_are_told() {
-        let error = of("T,1,0,0\nT,1,0,1\n").unwrap_err().to_string();
+        let error = parsed("T,1,0,0\nT,1,0,1\n").unwrap_err().to_string();
         assert_eq!(error, "truth.csv line 3: names tyre T shoulder 1 location 0 again; line 2 has it already");
-        let error = of("T,1,0,maybe\n").unwrap_err().to_string();
+        let error = parsed("T,1,0,maybe\n").unwrap_err().to_string();
         assert_eq!(error, "truth.csv line 2: cracked is \"maybe\"; it must be 0, 1, false or true");
     }
 }

@@ -21,14 +21,14 @@ const SUB_FORMAT_TAIL: [u8; 12] = [0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9
 /// What the header of a WAV file promises, and keeps: the file is as long as it says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct WavHeader {
-    pub(crate) format: SampleFormat,
-    pub(crate) channel_count: u16,
-    pub(crate) sample_rate_hz: u32,
+    pub format: SampleFormat,
+    pub channel_count: u16,
+    pub sample_rate_hz: u32,
     /// Samples of one channel.
-    pub(crate) sample_count: u32,
+    pub sample_count: u32,
     /// Where in the file the samples start.
-    pub(super) data_at: u64,
-    pub(super) data_bytes: usize,
+    pub data_at: u64,
+    pub data_bytes: usize,
 }
 
 /// Why a recording cannot be used.

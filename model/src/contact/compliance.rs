@@ -16,9 +16,9 @@ pub(crate) const LOSS_TANGENT: f64 = 0.441_271_200_305;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Compliance {
     /// A/kappa: first-order change of the quantity that changes most.
-    pub(crate) epsilon: f64,
+    pub epsilon: f64,
     /// Largest fraction of the layer's force that the membrane can carry.
-    pub(crate) membrane: f64,
+    pub membrane: f64,
 }
 
 impl Compliance {

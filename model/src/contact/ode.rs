@@ -73,30 +73,30 @@ pub(crate) fn dormand_prince<const N: usize>(
 /// One accepted step: where it began, where it ended, and how long it took.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Step<const N: usize> {
-    pub(crate) t: f64,
-    pub(crate) dt: f64,
-    pub(crate) from: State<N>,
-    pub(crate) to: State<N>,
+    pub t: f64,
+    pub dt: f64,
+    pub from: State<N>,
+    pub to: State<N>,
 }
 
 /// How an integration is to be stepped.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stepping {
     /// Error allowed per step: absolute for values below 1, relative above. Choose units in which the state is near 1.
-    pub(crate) tolerance: f64,
+    pub tolerance: f64,
     /// Longest step.
-    pub(crate) dt_max: f64,
+    pub dt_max: f64,
     /// First step.
-    pub(crate) dt_first: f64,
+    pub dt_first: f64,
     /// Most steps, rejected ones included.
-    pub(crate) steps_max: usize,
+    pub steps_max: usize,
 }
 
 /// Where an integration ended.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reached {
-    pub(crate) t: f64,
-    pub(crate) steps: usize,
+    pub t: f64,
+    pub steps: usize,
 }
 
 /// Integrates from 0 to `t_end`, showing every accepted step to `observe` until that returns false.

@@ -9,20 +9,20 @@ use crate::tyre::identity::{Generator, Identity};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Place {
     /// Factor on the contact stiffness.
-    pub(crate) stiffness: f64,
+    pub stiffness: f64,
     /// Factor on the loudness.
-    pub(crate) loudness: f64,
+    pub loudness: f64,
 }
 
 /// Where a tap lands.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Landing<'a> {
-    pub(crate) serial: &'a str,
-    pub(crate) shoulder: u16,
+    pub serial: &'a str,
+    pub shoulder: u16,
     /// Location; 0 for the closing tap.
-    pub(crate) location: u32,
-    pub(crate) location_count: u32,
-    pub(crate) offset_mm: f64,
+    pub location: u32,
+    pub location_count: u32,
+    pub offset_mm: f64,
 }
 
 /// Amplitudes of the ring's harmonics, as fractions of the variation: few and low, so that no place is an outlier.

@@ -3,9 +3,9 @@
 /// A force with time steps of its own, resampled.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pulse<'a> {
-    pub(crate) history_n: &'a [f64],
+    pub history_n: &'a [f64],
     /// Steps of the history in one sample.
-    pub(crate) per_sample: f64,
+    pub per_sample: f64,
 }
 
 impl Pulse<'_> {

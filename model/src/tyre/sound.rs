@@ -12,13 +12,13 @@ pub(crate) const MODES: usize = 6;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Mode {
     /// Frequency without damping.
-    pub(crate) frequency_hz: f64,
+    pub frequency_hz: f64,
     /// Damping ratio: 1 is critical.
-    pub(crate) damping_ratio: f64,
+    pub damping_ratio: f64,
     /// Amplitude after an impulse of 1 N s; the surface goes in first, so the voltage goes down.
-    pub(crate) voltage_v_per_n_s: f64,
+    pub voltage_v_per_n_s: f64,
     /// Phase phi of the mode, which Eq. 42 leaves open: 0 sounds with the surface's velocity, -pi/2 with its deflection.
-    pub(crate) phase_rad: f64,
+    pub phase_rad: f64,
 }
 
 impl Mode {

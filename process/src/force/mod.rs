@@ -28,20 +28,20 @@ const WIDTH_LEVEL: f64 = 0.1;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pulse {
     /// Peak force F_max, N.
-    pub(crate) f_max_n: f64,
+    pub f_max_n: f64,
     /// Contact time tau, samples.
-    pub(crate) tau_samples: f64,
+    pub tau_samples: f64,
     /// Beginning of contact, samples.
-    pub(crate) onset_samples: f64,
+    pub onset_samples: f64,
 }
 
 /// How a pulse is measured, and where its droop is undone.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PulseFinder {
-    pub(crate) f_max: PeakEstimator,
-    pub(crate) tau: DurationEstimator,
+    f_max: PeakEstimator,
+    tau: DurationEstimator,
     /// Time constant of the sensor's coupling, samples; 0 of a sensor without.
-    pub(crate) droop_samples: f64,
+    droop_samples: f64,
     corrected_n: Vec<f64>,
 }
 
@@ -49,6 +49,11 @@ impl PulseFinder {
     /// A finder with these estimators; the time constant is the record's to set.
     pub(crate) fn new(f_max: PeakEstimator, tau: DurationEstimator) -> Self {
         Self { f_max, tau, ..Self::default() }
+    }
+
+    /// Sets the time constant of the sensor\'s coupling; 0 if the sensor has none.
+    pub(crate) fn set_droop(&mut self, time_constant_samples: f64) {
+        self.droop_samples = time_constant_samples;
     }
 
     /// The pulse of `track`, whose `extent`, `base` and `noise` are in counts; `None` when none stands out of the

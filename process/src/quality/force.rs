@@ -34,19 +34,19 @@ const WHOLE_IMPACT: f64 = 1.2;
 /// What the rules on the force need to know.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ForceRecord<'a, C> {
-    pub(crate) track: Track<'a, C>,
-    pub(crate) extent: Extent<C>,
+    pub track: Track<'a, C>,
+    pub extent: Extent<C>,
     /// Baseline and standard deviation of the noise, counts.
-    pub(crate) base: f64,
-    pub(crate) noise: f64,
+    pub base: f64,
+    pub noise: f64,
     /// Samples that the baseline was taken from; `None` when the record gives none.
-    pub(crate) baseline_count: Option<usize>,
-    pub(crate) pre_trigger_samples: usize,
-    pub(crate) sample_rate_hz: f64,
+    pub baseline_count: Option<usize>,
+    pub pre_trigger_samples: usize,
+    pub sample_rate_hz: f64,
     /// Velocity of the impact, m/s, where it is known.
-    pub(crate) velocity_m_per_s: Option<f64>,
+    pub velocity_m_per_s: Option<f64>,
     /// The pulse, where one was found.
-    pub(crate) pulse: Option<Pulse>,
+    pub pulse: Option<Pulse>,
 }
 
 /// Checks a force; without a pulse only a late trigger can be found.

@@ -40,24 +40,24 @@ const LINE: f64 = 5.0;
 /// What the rules on the sound need to know.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SoundRecord<'a, C, T> {
-    pub(crate) track: Track<'a, C>,
-    pub(crate) extent: Extent<C>,
+    pub track: Track<'a, C>,
+    pub extent: Extent<C>,
     /// Baseline, counts.
-    pub(crate) base: f64,
+    pub base: f64,
     /// Samples less their baseline, times the gain.
-    pub(crate) signal: &'a [T],
-    pub(crate) gain: f64,
+    pub signal: &'a [T],
+    pub gain: f64,
     /// Standard deviation of what is before the trigger, counts, where there is anything.
-    pub(crate) noise: Option<f64>,
+    pub noise: Option<f64>,
     /// Samples that the baseline was taken from.
-    pub(crate) baseline_count: Option<usize>,
+    pub baseline_count: Option<usize>,
     /// Where the force has the sound begin, samples; `None` without a force.
-    pub(crate) onset: Option<f64>,
-    pub(crate) sample_rate_hz: f64,
+    pub onset: Option<f64>,
+    pub sample_rate_hz: f64,
     /// Highest frequency that a feature looks at, Hz.
-    pub(crate) f_top_hz: f64,
+    pub f_top_hz: f64,
     /// What is already known of the tap.
-    pub(crate) known: Quality,
+    pub known: Quality,
 }
 
 impl<C: Count, T> SoundRecord<'_, C, T> {

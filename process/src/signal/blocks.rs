@@ -16,18 +16,18 @@ const BLOCK_SAMPLES: usize = 4;
 /// What a block holds, in the unit of the signal.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Block {
-    pub(crate) mean: f64,
-    pub(crate) mean_square: f64,
-    pub(crate) mean_magnitude: f64,
+    pub mean: f64,
+    pub mean_square: f64,
+    pub mean_magnitude: f64,
     /// Greatest magnitude.
-    pub(crate) peak: f64,
+    pub peak: f64,
 }
 
 /// Mean and mean square of a signal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moments {
-    pub(crate) mean: f64,
-    pub(crate) mean_square: f64,
+    pub mean: f64,
+    pub mean_square: f64,
 }
 
 /// The blocks of a record, with room for the next record's.
@@ -169,7 +169,7 @@ impl<T: Real, W: Fn(usize, &mut [T])> Kernel for Fill<'_, T, W> {
         for group in blocks.chunks_mut(GROUP) {
             write(from, &mut signal[from..from + count * group.len()]);
             for number in 0..group.len() {
-                let of_block = Lanes::of(&signal[from..from + count]);
+                let of_block = Lanes::from_block(&signal[from..from + count]);
                 let place = number * LANES..(number + 1) * LANES;
                 lanes[0][place.clone()].copy_from_slice(&of_block.sum);
                 lanes[1][place.clone()].copy_from_slice(&of_block.square);
@@ -224,9 +224,8 @@ struct Lanes<T> {
 }
 
 impl<T: Real> Lanes<T> {
-    /// Of a `block` of a signal.
     #[inline(always)]
-    fn of(block: &[T]) -> Self {
+    fn from_block(block: &[T]) -> Self {
         let mut lanes = Self::default();
         let (rows, rest) = block.as_chunks::<LANES>();
         for row in rows {

@@ -6,8 +6,8 @@ use crate::signal::wide::Kernel;
 /// Smallest and largest of the samples of a channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Extent<C> {
-    pub(crate) least: C,
-    pub(crate) largest: C,
+    pub least: C,
+    pub largest: C,
 }
 
 impl<C: Count> Extent<C> {

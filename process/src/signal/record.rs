@@ -86,17 +86,17 @@ fn in_order(bits: i32) -> i32 {
 /// Samples of one channel with their scale: newtons or volts per count.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Track<'a, C> {
-    pub(crate) samples: &'a [C],
-    pub(crate) unit_per_count: f64,
+    pub samples: &'a [C],
+    pub unit_per_count: f64,
 }
 
 /// A record whose header and samples agree.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Record<'a, C> {
-    pub(crate) sample_rate_hz: f64,
-    pub(crate) pre_trigger_samples: usize,
-    pub(crate) force: Option<Track<'a, C>>,
-    pub(crate) sound: Option<Track<'a, C>>,
+    pub sample_rate_hz: f64,
+    pub pre_trigger_samples: usize,
+    pub force: Option<Track<'a, C>>,
+    pub sound: Option<Track<'a, C>>,
 }
 
 impl<'a, C: Count> Record<'a, C> {

@@ -8,33 +8,33 @@ use crate::signal::wide::Kernel;
 /// Edges of the two bands, Hz, each inside its band.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Bands {
-    pub(crate) f_c_hz: f64,
-    pub(crate) f_hi_hz: f64,
-    pub(crate) f_lo_hz: f64,
-    pub(crate) f_top_hz: f64,
+    pub f_c_hz: f64,
+    pub f_hi_hz: f64,
+    pub f_lo_hz: f64,
+    pub f_top_hz: f64,
 }
 
 /// Frequencies of a spectrum's bins.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     sample_count: usize,
-    pub(super) bin_width_hz: f64,
+    bin_width_hz: f64,
 }
 
 /// The bins of a band, and how the first and the last of them count.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cells {
     /// Bins that count wholly.
-    pub(super) whole: Range<usize>,
+    pub whole: Range<usize>,
     /// A bin beside those, and the part of it that counts.
-    pub(super) edges: [(usize, f64); 2],
+    pub edges: [(usize, f64); 2],
 }
 
 /// Sum and largest of the one-sided powers of some bins.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Folded {
-    pub(super) sum: f64,
-    pub(super) largest: f64,
+    pub sum: f64,
+    pub largest: f64,
 }
 
 impl Cells {
@@ -50,6 +50,10 @@ impl Grid {
         // Operation by operation as numpy.fft.rfftfreq(n, 1/fs), so that a bin on an edge falls on the same side.
         let spacing_s = 1.0 / sample_rate_hz;
         Self { sample_count, bin_width_hz: 1.0 / (sample_count as f64 * spacing_s) }
+    }
+
+    pub(super) fn bin_width_hz(&self) -> f64 {
+        self.bin_width_hz
     }
 
     fn frequency_hz(&self, bin: usize) -> f64 {
@@ -175,12 +179,12 @@ mod tests {
             let to = from + width;
             let grid = Grid::new(count, rate);
             let cells = grid.cells(BandEdges::Fractional, from * rate, to * rate).unwrap();
-            let sum = grid.fold(cells, &vec![0.5; count / 2 + 1]).sum * grid.bin_width_hz;
+            let sum = grid.fold(cells, &vec![0.5; count / 2 + 1]).sum * grid.bin_width_hz();
             let top = if to > 0.5 { 0.5 * rate } else { to * rate };
             // The Nyquist bin of an even number stands for half a cell below it, and the mirrored half.
             let expected = top - from * rate;
-            let ends_in_it = to * rate + grid.bin_width_hz / 2.0 >= 0.5 * rate;
-            let slack = if ends_in_it { 0.51 * grid.bin_width_hz } else { 1e-9 };
+            let ends_in_it = to * rate + grid.bin_width_hz() / 2.0 >= 0.5 * rate;
+            let slack = if ends_in_it { 0.51 * grid.bin_width_hz() } else { 1e-9 };
             prop_assert!((sum - expected).abs() <= slack, "{sum} {expected}");
         });
     }

@@ -30,15 +30,15 @@ pub(crate) use bands::Bands;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BandPower {
     /// Power ratio PR.
-    pub(crate) pr: f64,
+    pub pr: f64,
     /// Largest density P_f, signal unit squared per Hz.
-    pub(crate) p_f: f64,
+    pub p_f: f64,
     /// Energy E_f, signal unit squared.
-    pub(crate) e_f: f64,
+    pub e_f: f64,
     /// Centroid of the reference band, Hz; noise is not taken from it.
-    pub(crate) centroid_hz: f64,
+    pub centroid_hz: f64,
     /// Whether the flexural band holds so little of the record's power that rounding in `T` shows in it.
-    pub(crate) is_faint: bool,
+    pub is_faint: bool,
 }
 
 /// Share of the record's power below which a band's power is not the transform's to tell in single precision: rounding
@@ -48,13 +48,13 @@ const FAINT: f64 = 1e-5;
 /// How a record's power is taken.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct View {
-    pub(crate) sample_rate_hz: f64,
-    pub(crate) estimator: SpectrumEstimator,
-    pub(crate) edges: BandEdges,
+    pub sample_rate_hz: f64,
+    pub estimator: SpectrumEstimator,
+    pub edges: BandEdges,
     /// Samples of the gate; `None` where there is nothing to gate by, or no need.
-    pub(crate) gate: Option<Range<usize>>,
+    pub gate: Option<Range<usize>>,
     /// Samples from the record's first whose power is the noise to subtract; 0 to subtract none.
-    pub(crate) quiet_count: usize,
+    pub quiet_count: usize,
 }
 
 impl View {
@@ -142,7 +142,7 @@ impl<T: Real> Spectrum<T> {
             reference: grid.fold(reference, powers),
             // |X|^2 / (fs N) is a density, V^2/Hz (Eq. 50).
             density: 1.0 / (view.sample_rate_hz * count as f64),
-            bin_width_hz: grid.bin_width_hz,
+            bin_width_hz: grid.bin_width_hz(),
             mean_square,
             noise_share: 1.0,
         })
@@ -162,7 +162,7 @@ impl<T: Real> Spectrum<T> {
             flexural: grid.fold(flexural, powers),
             reference: grid.fold(reference, powers),
             density: 1.0 / (view.sample_rate_hz * whole),
-            bin_width_hz: grid.bin_width_hz,
+            bin_width_hz: grid.bin_width_hz(),
             mean_square,
             noise_share: noise_samples / whole,
         })
@@ -213,7 +213,7 @@ fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -
         add(bins.end - 1, -0.5);
     }
     band.edges.into_iter().filter(|&(bin, part)| bin > 0 && part > 0.0).for_each(|(bin, part)| add(bin, part));
-    (first + moment / sum) * grid.bin_width_hz
+    (first + moment / sum) * grid.bin_width_hz()
 }
 
 /// Bins from 0 Hz on that hold both bands.

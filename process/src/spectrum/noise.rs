@@ -43,7 +43,7 @@ pub(super) fn of_bands<T: Real>(
     let mut windowed: Vec<T> = windowed.collect();
     let powers = plans.powers(&mut windowed, end(&flexural, &reference));
     let density = 1.0 / (sample_rate_hz * squares);
-    let mean_square = |cells| grid.fold(cells, powers).sum * density * grid.bin_width_hz;
+    let mean_square = |cells| grid.fold(cells, powers).sum * density * grid.bin_width_hz();
     let (flexural, reference) = (mean_square(flexural), mean_square(reference));
     let top_hz = if bands.f_hi_hz < sample_rate_hz / 2.0 { bands.f_hi_hz } else { sample_rate_hz / 2.0 };
     Some(Noise { flexural, reference, density: flexural / (top_hz - bands.f_c_hz) })

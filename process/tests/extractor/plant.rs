@@ -16,9 +16,9 @@ pub(crate) const RATE_HZ: f64 = 40_960.0;
 /// A tap with its two channels in counts.
 #[derive(Debug, Clone)]
 pub(crate) struct Tap {
-    pub(crate) header: TapHeader,
-    pub(crate) force: Vec<f64>,
-    pub(crate) sound: Vec<f64>,
+    pub header: TapHeader,
+    pub force: Vec<f64>,
+    pub sound: Vec<f64>,
 }
 
 impl Tap {
@@ -214,7 +214,7 @@ impl Planted for bool {
 pub(crate) struct Flags(pub(crate) Vec<Quality>);
 
 impl Flags {
-    pub(crate) fn of<P: Planted>(taps: &[Tap], plant: impl Fn(usize, &mut Tap) -> P) -> Self {
+    pub(crate) fn with_fault<P: Planted>(taps: &[Tap], plant: impl Fn(usize, &mut Tap) -> P) -> Self {
         let planted = taps.iter().enumerate().filter_map(|(k, tap)| {
             let mut tap = tap.clone();
             plant(k, &mut tap).planted().then(|| tap.flags())
@@ -245,7 +245,7 @@ pub(crate) fn assert_flagged<P: Planted>(
     what: &str,
     plant: impl Fn(usize, &mut Tap) -> P,
 ) {
-    let flags = Flags::of(&TAPS, &plant);
+    let flags = Flags::with_fault(&TAPS, &plant);
     flags.assert_raised(flag, what);
     for &(other, name) in Quality::ALL.iter().filter(|(other, _)| *other != flag && !also.contains(other)) {
         let raised = flags.share(other);
@@ -254,5 +254,5 @@ pub(crate) fn assert_flagged<P: Planted>(
         }
         assert!(raised <= 0.01, "{what}: {name} in {raised} of taps");
     }
-    Flags::of(&OTHERS, &plant).assert_raised(flag, &format!("other rig, {what}"));
+    Flags::with_fault(&OTHERS, &plant).assert_raised(flag, &format!("other rig, {what}"));
 }

@@ -88,7 +88,7 @@ fn recorded_background() {
         }
     };
     for part in [0.05, 0.1, 0.3] {
-        Flags::of(&TAPS, loud(part)).assert_raised(Quality::LOW_SNR, &format!("background {part}"));
+        Flags::with_fault(&TAPS, loud(part)).assert_raised(Quality::LOW_SNR, &format!("background {part}"));
     }
     for (k, tap) in TAPS.iter().enumerate() {
         let mut tap = tap.clone();

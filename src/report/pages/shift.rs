@@ -25,7 +25,7 @@ pub(crate) struct Shift {
     /// Of the first archive, with the tyres of all.
     evidence: Option<Evidence>,
     /// The files of the tyres' pages.
-    pub(crate) names: Vec<String>,
+    names: Vec<String>,
     refusals: BTreeMap<String, usize>,
     scores: ScorePool,
     /// Whether something is scored.
@@ -53,7 +53,12 @@ impl Shift {
         Ok(())
     }
 
-    /// Takes the tyres.
+    /// Adds the file of a tyre's page, to which the page of the shift links.
+    pub(crate) fn add_page(&mut self, name: String) {
+        self.names.push(name);
+    }
+
+    /// Adds the tyres of `evidence`.
     pub(crate) fn take(&mut self, evidence: Evidence) {
         match &mut self.evidence {
             None => self.evidence = Some(evidence),

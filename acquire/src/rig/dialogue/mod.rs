@@ -1,0 +1,273 @@
+//! What a station and its rig have said to each other, and what that means for the casing on the rig.
+//!
+//! This file has the state, its connection and its timeouts; `station` has what the station asks for, and `receive` what a
+//! line from the rig changes.
+
+mod receive;
+mod station;
+
+use std::io::Write as _;
+use std::net::{Shutdown, TcpStream};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+/// A rig that has been silent for so long is asked whether it is there.
+const SILENCE_MAX: Duration = Duration::from_secs(10);
+
+/// Most alarms that wait for the station.
+const ALARMS_MAX: usize = 16;
+
+/// How a station is connected to its rig.
+#[derive(Debug, Clone)]
+pub(crate) struct LinkConfig {
+    pub address: String,
+    pub station: u16,
+    /// Taps of a casing.
+    pub tap_count: u64,
+    /// How long a rig with a casing on it may be away.
+    pub patience: Duration,
+    /// How long the rig may take to answer.
+    pub timeout: Duration,
+}
+
+/// The state of the dialogue, across connections.
+#[derive(Debug)]
+pub(crate) struct Dialogue {
+    config: LinkConfig,
+    /// The connection; it exists before the rig has said hello.
+    stream: Option<TcpStream>,
+    /// Name of the rig, once it has said hello on this connection.
+    rig_name: Option<String>,
+    /// Why there is no connection.
+    fault: Option<String>,
+    /// The command that the rig has not answered yet.
+    pending: Option<PendingCommand>,
+    /// Serial of a casing on the rig that the station has not taken over.
+    loaded: Option<String>,
+    /// The casing that the station has taken over.
+    current: Option<Current>,
+    /// The end of a casing that the rig is not known to have received.
+    end_report: Option<EndReport>,
+    /// Since when the rig is away with the current casing.
+    away_since: Option<Instant>,
+    last_received: Option<Instant>,
+    /// Unexpected lines of this second, and when it began.
+    unexpected: (u32, Option<Instant>),
+    last_id: u64,
+    last_unknown_name: String,
+    alarms: Vec<String>,
+}
+
+#[derive(Debug)]
+struct PendingCommand {
+    command: Command,
+    text: String,
+    deadline: Instant,
+    /// The casing it is for.
+    casing: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Command {
+    Move,
+    Hit,
+    Ping,
+}
+
+#[derive(Debug)]
+struct Current {
+    id: u64,
+    /// As the rig calls it.
+    serial: String,
+    removal: Removal,
+    step: Step,
+    /// The command to hit, sent once the impactor is in position.
+    hit: String,
+}
+
+#[derive(Debug)]
+struct EndReport {
+    serial: String,
+    line: String,
+    /// Whether it was sent on this connection, which may have broken since.
+    is_sent: bool,
+}
+
+/// Why no more taps of a casing will come; empty as long as they may.
+pub(crate) type Removal = Arc<OnceLock<String>>;
+
+/// How far the requested tap is.
+#[derive(Debug, Clone, PartialEq)]
+enum Step {
+    Idle,
+    Begun(Tap),
+    Hit(Tap, Hit),
+    Failed(Tap, String),
+}
+
+/// A row of the plan and the attempt.
+pub(crate) type Tap = (u32, u16);
+
+/// An impact as the rig reports it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Hit {
+    pub velocity_m_per_s: f64,
+    pub time_ns: i64,
+}
+
+/// How far a requested tap is.
+#[derive(Debug, PartialEq)]
+pub(crate) enum Progress {
+    Hit,
+    UnderWay,
+    Failed(String),
+}
+
+/// A casing that the station takes over.
+#[derive(Debug)]
+pub(crate) struct LoadedCasing {
+    pub id: u64,
+    pub name: String,
+    pub removal: Removal,
+}
+
+impl Dialogue {
+    pub(super) fn new(config: LinkConfig) -> Self {
+        Self {
+            config,
+            stream: None,
+            rig_name: None,
+            fault: None,
+            pending: None,
+            loaded: None,
+            current: None,
+            end_report: None,
+            away_since: None,
+            last_received: None,
+            unexpected: (0, None),
+            last_id: 0,
+            last_unknown_name: String::new(),
+            alarms: Vec::new(),
+        }
+    }
+
+    pub(crate) fn config(&self) -> &LinkConfig {
+        &self.config
+    }
+
+    /// Notes a new connection, whose `stream` can be written to.
+    pub(super) fn connected(&mut self, stream: TcpStream) {
+        self.stream = Some(stream);
+        self.last_received = Some(Instant::now());
+    }
+
+    /// Notes that the connection has ended.
+    pub(super) fn disconnected(&mut self) {
+        self.stream = None;
+        self.rig_name = None;
+        self.pending = None;
+        self.loaded = None;
+        self.unexpected = (0, None);
+        if let Some(report) = &mut self.end_report {
+            report.is_sent = false;
+        }
+        if let Some(current) = &mut self.current {
+            self.away_since.get_or_insert_with(Instant::now);
+            if !matches!(current.step, Step::Hit(..)) {
+                current.step = Step::Idle;
+            }
+        }
+    }
+
+    /// Ends the connection; the thread that reads from it notices.
+    pub(super) fn disconnect(&self) {
+        if let Some(stream) = &self.stream
+            && let Err(error) = stream.shutdown(Shutdown::Both)
+        {
+            tracing::debug!("the connection to a rig was not closed: {error}");
+        }
+    }
+
+    /// Whether the rig has said hello on this connection.
+    pub(super) fn has_hello(&self) -> bool {
+        self.rig_name.is_some()
+    }
+
+    /// Logs why there is no connection, once for each reason.
+    pub(super) fn log_fault(&mut self, reason: &str) {
+        if self.fault.as_deref() != Some(reason) {
+            let LinkConfig { station, address, .. } = &self.config;
+            tracing::warn!("station {station}: no connection to the rig at {address}: {reason}; trying again");
+            self.fault = Some(reason.to_owned());
+        }
+    }
+
+    /// Ends a connection whose rig does not answer, and pings a silent rig.
+    ///
+    /// # Errors
+    /// Why the connection is to end.
+    pub(super) fn check_timeouts(&mut self) -> Result<(), String> {
+        let now = Instant::now();
+        let timeout = self.config.timeout;
+        if let Some(pending) = self.pending.as_ref().filter(|pending| now >= pending.deadline) {
+            return Err(format!("the rig has not answered {:?} within {timeout:?}", pending.text));
+        }
+        let silence = self.last_received.map_or(Duration::ZERO, |at| now.duration_since(at));
+        if self.rig_name.is_none() && silence >= timeout {
+            return Err(format!("the rig has not said hello within {timeout:?}"));
+        }
+        if self.rig_name.is_some() && silence >= SILENCE_MAX && self.pending.is_none() {
+            self.command(Command::Ping, "ping".to_owned(), 0);
+        }
+        Ok(())
+    }
+
+    /// Gives up the current casing if its rig has been away for too long; whether it did.
+    pub(super) fn end_patience(&mut self) -> bool {
+        let patience = self.config.patience;
+        let is_over = self.away_since.is_some_and(|since| since.elapsed() >= patience);
+        if is_over {
+            self.remove_current(&format!("the rig was away for more than {} s", patience.as_secs_f64()));
+        }
+        is_over
+    }
+
+    /// Raises an alarm for a casing that was taken away before the station took it over, if there was one.
+    fn discard_loaded(&mut self) {
+        if let Some(serial) = self.loaded.take() {
+            let text = format!("casing {serial} was taken away before its scan began; it has no verdict");
+            tracing::error!("station {}: {text}", self.config.station);
+            self.alarm(text);
+        }
+    }
+
+    /// Ends the current casing before its last tap, if there is one.
+    fn remove_current(&mut self, why: &str) {
+        self.away_since = None;
+        if let Some(Current { serial, removal, .. }) = self.current.take() {
+            tracing::warn!("station {}: casing {serial}: {why}", self.config.station);
+            self.alarm(format!("casing {serial}: {why}"));
+            removal.get_or_init(|| why.to_owned());
+        }
+    }
+
+    fn alarm(&mut self, text: String) {
+        if self.alarms.len() < ALARMS_MAX {
+            self.alarms.push(text);
+        }
+    }
+
+    /// Sends `line`; a connection that does not take it is ended.
+    fn send(&mut self, line: &str) {
+        let Some(stream) = &mut self.stream else { return };
+        if stream.write_all(format!("{line}\n").as_bytes()).is_err() {
+            self.disconnect();
+        }
+    }
+
+    fn command(&mut self, command: Command, text: String, casing: u64) {
+        self.send(&text);
+        let deadline = Instant::now() + self.config.timeout;
+        self.pending = Some(PendingCommand { command, text, deadline, casing });
+    }
+}

@@ -1,0 +1,158 @@
+//! What a line from the rig changes.
+
+use std::time::{Duration, Instant};
+
+use tapline_wire::{Serial, now_ns};
+
+use super::{Command, Current, Dialogue, Hit, LinkConfig, Step, Tap};
+use crate::rig::protocol::{RigMessage, UNKNOWN, VERSION, one_line};
+
+/// Most unexpected lines within a second.
+const UNEXPECTED_MAX: u32 = 20;
+
+impl Dialogue {
+    /// Takes a line from the rig; whether something has changed for the station.
+    ///
+    /// # Errors
+    /// Why the connection is to end.
+    pub(crate) fn receive(&mut self, line: &str) -> Result<bool, String> {
+        let now = Instant::now();
+        self.last_received = Some(now);
+        let Some(message) = RigMessage::parse(line) else {
+            return Err(format!("the rig has said {:?}, which means nothing here", one_line(line)));
+        };
+        if self.rig_name.is_none() {
+            return self.receive_hello(message, line);
+        }
+        // A line from the rig shows that it has received what was sent before on this connection.
+        self.end_report.take_if(|report| report.is_sent);
+        let may_answer =
+            matches!(message, RigMessage::Ready | RigMessage::Hit(_) | RigMessage::Error(_) | RigMessage::Pong);
+        if !may_answer || self.pending.is_none() {
+            self.count_unexpected(now)?;
+        }
+        match message {
+            RigMessage::Hello { .. } => Err("the rig has said hello twice".to_owned()),
+            RigMessage::Casing(serial) => Ok(self.load(&serial)),
+            RigMessage::Removed => {
+                self.discard_loaded();
+                self.end_report = None;
+                self.remove_current("it was taken away from the rig before its last tap");
+                Ok(true)
+            }
+            RigMessage::Ready => {
+                let casing = self.answered(Command::Move, line)?;
+                let hit = self.begun(casing).map(|current| current.hit.clone());
+                if let Some(hit) = hit {
+                    self.command(Command::Hit, hit, casing);
+                }
+                Ok(false)
+            }
+            RigMessage::Hit(velocity_m_per_s) => {
+                let casing = self.answered(Command::Hit, line)?;
+                let hit = Hit { velocity_m_per_s, time_ns: now_ns() };
+                self.advance(casing, |tap| Step::Hit(tap, hit));
+                Ok(true)
+            }
+            RigMessage::Pong => self.answered(Command::Ping, line).map(|_| true),
+            RigMessage::Error(why) => {
+                let LinkConfig { station, address, .. } = &self.config;
+                tracing::warn!("station {station}: the rig at {address} reports {why:?}");
+                if let Some(pending) = self.pending.take() {
+                    self.advance(pending.casing, |tap| Step::Failed(tap, why));
+                }
+                Ok(true)
+            }
+        }
+    }
+
+    fn receive_hello(&mut self, message: RigMessage, line: &str) -> Result<bool, String> {
+        let LinkConfig { station, address, .. } = &self.config;
+        match message {
+            RigMessage::Hello { name, version: VERSION } => {
+                tracing::info!("station {station}: connected to the rig {name:?} at {address}");
+                self.rig_name = Some(name);
+                self.fault = None;
+                Ok(true)
+            }
+            RigMessage::Hello { version, .. } => {
+                self.send(&format!("error version {version} is not spoken here, but {VERSION}"));
+                Err(format!("the rig speaks version {version} of the protocol; this station speaks {VERSION}"))
+            }
+            _ => Err(format!("the rig has said {:?} before hello", one_line(line))),
+        }
+    }
+
+    /// Takes in that a casing is on the rig: the current one again, one that has ended, or a new one. Whether something has
+    /// changed for the station.
+    fn load(&mut self, serial: &str) -> bool {
+        let station = self.config.station;
+        if serial != UNKNOWN
+            && let Err(error) = Serial::new(serial)
+        {
+            tracing::error!("station {station}: a casing is passed over: {error}");
+            self.alarm(format!("a casing is passed over: {error}"));
+            self.send(&format!("error {}", one_line(&error.to_string())));
+            self.discard_loaded();
+            self.remove_current("another casing was put on the rig before its last tap");
+            return true;
+        }
+        let scan = format!("scan {serial} {}", self.config.tap_count);
+        if let Some(current) = self.current.as_mut().filter(|current| current.serial == serial && serial != UNKNOWN) {
+            if self.away_since.take().is_none() {
+                self.send(&format!("error casing {serial} is on the rig already"));
+                return false;
+            }
+            tracing::info!("station {station}: the rig is back with casing {serial}");
+            if !matches!(current.step, Step::Hit(..)) {
+                current.step = Step::Idle;
+            }
+            self.send(&scan);
+            return true;
+        }
+        if let Some(report) = self.end_report.take().filter(|report| report.serial == serial && serial != UNKNOWN) {
+            self.send(&report.line);
+            return false;
+        }
+        self.remove_current("another casing was put on the rig before its last tap");
+        self.discard_loaded();
+        self.loaded = Some(serial.to_owned());
+        self.send(&scan);
+        true
+    }
+
+    /// The casing that the answered `command` was for; an error if the rig answers another command, or none.
+    fn answered(&mut self, command: Command, line: &str) -> Result<u64, String> {
+        match self.pending.take() {
+            Some(pending) if pending.command == command => Ok(pending.casing),
+            Some(pending) => Err(format!("the rig has answered {:?} with {:?}", pending.text, one_line(line))),
+            None => Err(format!("the rig has said {:?} unasked", one_line(line))),
+        }
+    }
+
+    /// The casing numbered `casing`, if it is on the rig and a tap of it is begun.
+    fn begun(&mut self, casing: u64) -> Option<&mut Current> {
+        self.current.as_mut().filter(|current| current.id == casing && matches!(current.step, Step::Begun(_)))
+    }
+
+    /// Replaces the begun tap of `casing`, if there is one, by the `next` step.
+    fn advance(&mut self, casing: u64, next: impl FnOnce(Tap) -> Step) {
+        if let Some(current) = self.begun(casing)
+            && let Step::Begun(tap) = current.step
+        {
+            current.step = next(tap);
+        }
+    }
+
+    fn count_unexpected(&mut self, now: Instant) -> Result<(), String> {
+        let (count, since) = &mut self.unexpected;
+        if since.is_none_or(|since| now.duration_since(since) >= Duration::from_secs(1)) {
+            (*count, *since) = (0, Some(now));
+        }
+        *count += 1;
+        if *count > UNEXPECTED_MAX {
+            return Err(format!("the rig has said more than {UNEXPECTED_MAX} lines unasked within a second"));
+        }
+        Ok(())
+    }
+}

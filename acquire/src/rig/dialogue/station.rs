@@ -1,0 +1,95 @@
+//! What the station asks of its rig: casings, taps, and that it learns how a casing ended.
+
+use std::sync::Arc;
+
+use tapline_wire::now_ns;
+
+use super::{Command, Current, Dialogue, EndReport, Hit, LoadedCasing, Progress, Removal, Step, Tap};
+use crate::rig::protocol::{UNKNOWN, unknown_name};
+
+impl Dialogue {
+    /// Takes over the casing on the rig, if there is a new one.
+    pub(crate) fn take_casing(&mut self) -> Option<LoadedCasing> {
+        let serial = self.loaded.take()?;
+        self.last_id += 1;
+        let name = if serial == UNKNOWN {
+            self.last_unknown_name = unknown_name(self.config.station, now_ns(), &self.last_unknown_name);
+            self.last_unknown_name.clone()
+        } else {
+            serial.clone()
+        };
+        let (id, removal) = (self.last_id, Removal::default());
+        let step = Step::Idle;
+        self.current = Some(Current { id, serial, removal: Arc::clone(&removal), step, hit: String::new() });
+        Some(LoadedCasing { id, name, removal })
+    }
+
+    /// How far `tap` of the casing `id` is; the rig is commanded to make it as soon as it is free.
+    pub(crate) fn tap(
+        &mut self,
+        id: u64,
+        tap: Tap,
+        to_move: impl FnOnce() -> String,
+        to_hit: impl FnOnce() -> String,
+    ) -> Progress {
+        self.end_patience();
+        let is_free = self.rig_name.is_some() && self.away_since.is_none() && self.pending.is_none();
+        let Some(current) = self.current.as_mut().filter(|current| current.id == id) else {
+            return Progress::UnderWay;
+        };
+        match &current.step {
+            Step::Hit(of, _) if *of == tap => return Progress::Hit,
+            Step::Failed(of, why) if *of == tap => {
+                let why = why.clone();
+                current.step = Step::Idle;
+                return Progress::Failed(why);
+            }
+            Step::Begun(of) if *of == tap => return Progress::UnderWay,
+            _ if !is_free => return Progress::UnderWay,
+            _ => {}
+        }
+        current.step = Step::Begun(tap);
+        current.hit = to_hit();
+        self.command(Command::Move, to_move(), id);
+        Progress::UnderWay
+    }
+
+    /// The impact of `tap` of the casing `id`, once the rig has hit.
+    pub(crate) fn hit(&self, id: u64, tap: Tap) -> Option<Hit> {
+        match &self.current {
+            Some(Current { id: of, step: Step::Hit(at, hit), .. }) if *of == id && *at == tap => Some(*hit),
+            _ => None,
+        }
+    }
+
+    /// Reports to the rig how the casing `id` ended, now or when it is back: `word`, its serial, and `why`.
+    pub(crate) fn report_end(&mut self, id: u64, word: &str, why: &str) {
+        let Some(current) = self.current.take_if(|current| current.id == id) else { return };
+        let line = format!("{word} {}{why}", current.serial);
+        let is_sent = self.rig_name.is_some() && self.away_since.is_none();
+        if is_sent {
+            self.send(&line);
+        }
+        self.end_report = Some(EndReport { serial: current.serial, line, is_sent });
+        self.away_since = None;
+    }
+
+    /// The alarms since the last call.
+    pub(crate) fn take_alarms(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.alarms)
+    }
+
+    /// What the station waits for, for people.
+    pub(crate) fn waits_for(&self) -> String {
+        let address = &self.config.address;
+        match (&self.rig_name, &self.current, &self.pending) {
+            (None, Some(current), _) => format!("the rig at {address}, which went away with casing {}", current.serial),
+            (None, None, _) => {
+                let fault = self.fault.as_ref().map_or_else(String::new, |fault| format!(": {fault}"));
+                format!("the rig at {address}{fault}")
+            }
+            (Some(name), Some(_), Some(pending)) => format!("the rig {name:?} at {address} to {}", pending.text),
+            (Some(name), ..) => format!("a casing on the rig {name:?} at {address}"),
+        }
+    }
+}
