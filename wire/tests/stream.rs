@@ -2,17 +2,23 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use std::process::{Child, Command};
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tapline_wire::{
     CasingHeader, CasingLimits, CasingTopic, Limits, Line, LineAddress, LineError, Publisher, RecordKind, Role, Stamp,
-    StatusTopic, Subscriber, TapHeader, TapTopic, bytes_of, i16_of_mut,
+    StatusTopic, Subscriber, TapHeader, TapTopic, Topic, bytes_of, i16_of_mut,
 };
 
 const SAMPLES: u32 = 1024;
+
+/// Far longer than anything here takes.
+const LONG: Duration = Duration::from_secs(30);
 
 fn limits() -> Limits {
     let casing = CasingLimits { taps: 4, room: 0, scans: 1, locations: 4, record_bytes: SAMPLES as usize * 2 };
@@ -51,39 +57,67 @@ fn send_taps(publisher: &Publisher<'_, TapTopic>, from: u32, count: u32) -> Resu
     Ok(())
 }
 
-/// Receives taps until one carries `last`; the plan indices in order, and the records lost.
-fn receive_taps(line: &Line, last: u32, slowness: Duration) -> (Vec<u32>, u64) {
-    let subscriber = Subscriber::<TapTopic>::open(line).unwrap();
+/// Taps until one carries `last`: their plan indices in order, and the records lost. Calls `on_tap` after each.
+fn receive_taps(
+    line: &Line,
+    subscriber: &Subscriber<'_, TapTopic>,
+    last: u32,
+    on_tap: impl Fn(u32),
+) -> (Vec<u32>, u64) {
     let mut seen = Vec::new();
-    let deadline = Instant::now() + Duration::from_secs(30);
+    let deadline = Instant::now() + LONG;
     while seen.last() != Some(&last) {
         assert!(Instant::now() < deadline, "only {} records came", seen.len());
         while let Some(tap) = subscriber.receive().unwrap() {
             let k = tap.header().plan_index;
             assert!(bytes_of(&tap).chunks(2).all(|b| i16::from_ne_bytes([b[0], b[1]]) == k as i16), "samples of {k}");
             seen.push(k);
-            std::thread::sleep(slowness);
+            on_tap(k);
         }
         line.wait(Duration::from_millis(20)).unwrap();
     }
     (seen, subscriber.lost())
 }
 
-fn in_thread<R: Send + 'static>(name: &str, work: impl FnOnce() -> R + Send + 'static) -> std::thread::JoinHandle<R> {
+fn in_thread<R: Send + 'static>(name: &str, work: impl FnOnce() -> R + Send + 'static) -> JoinHandle<R> {
     std::thread::Builder::new().name(name.to_owned()).spawn(work).unwrap()
 }
 
-fn subscriber_in_thread(
-    address: &LineAddress,
-    role: Role,
-    last: u32,
-    delay: Duration,
-) -> std::thread::JoinHandle<(Vec<u32>, u64)> {
-    let address = address.clone();
-    in_thread(&role.name(), move || {
-        std::thread::sleep(delay);
-        receive_taps(&join(&address, role), last, Duration::ZERO)
-    })
+/// Waits until `is_so`, and fails with `what` if that takes too long.
+fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+    let deadline = Instant::now() + LONG;
+    while !is_so() {
+        assert!(Instant::now() < deadline, "{what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// A subscriber in a thread of its own.
+struct Receiving {
+    /// Taps that it has received so far.
+    count: Arc<AtomicU32>,
+    thread: JoinHandle<(Vec<u32>, u64)>,
+}
+
+impl Receiving {
+    /// Receives taps in `role` until `last`; calls `on_open` once it is subscribed.
+    fn start(address: &LineAddress, role: Role, last: u32, on_open: impl FnOnce() + Send + 'static) -> Self {
+        let (address, count) = (address.clone(), Arc::new(AtomicU32::new(0)));
+        let received = Arc::clone(&count);
+        let thread = in_thread(&role.name(), move || {
+            let line = join(&address, role);
+            let subscriber = Subscriber::open(&line).unwrap();
+            on_open();
+            receive_taps(&line, &subscriber, last, |_| {
+                received.fetch_add(1, Ordering::Relaxed);
+            })
+        });
+        Self { count, thread }
+    }
+
+    fn assert_got(self, expected: std::ops::Range<u32>) {
+        assert_eq!(self.thread.join().unwrap(), (expected.collect(), 0));
+    }
 }
 
 /// Law 2. Without the READY handshake the publisher fills the buffer of a subscriber that has not mapped it yet, and
@@ -92,56 +126,51 @@ fn subscriber_in_thread(
 fn subscribers_that_come_late_lose_nothing() {
     let place = Place::new();
     let count = 600;
-    let process = subscriber_in_thread(&place.0, Role::Process, count - 1, Duration::from_millis(200));
-    let store = subscriber_in_thread(&place.0, Role::Store, count - 1, Duration::from_millis(500));
     let line = join(&place.0, Role::Acquire(0));
     let publisher = Publisher::<TapTopic>::open(&line).unwrap();
+    assert!(!publisher.poll_ready().unwrap());
+    let (opened, is_open) = sync_channel(1);
+    let process = Receiving::start(&place.0, Role::Process, count - 1, move || opened.send(()).unwrap());
+    is_open.recv_timeout(LONG).unwrap();
+    assert!(!publisher.poll_ready().unwrap());
+    let store = Receiving::start(&place.0, Role::Store, count - 1, || ());
     send_taps(&publisher, 0, count).unwrap();
-    for subscriber in [process, store] {
-        let (seen, lost) = subscriber.join().unwrap();
-        assert_eq!((seen, lost), ((0..count).collect(), 0));
-    }
+    [process, store].into_iter().for_each(|subscriber| subscriber.assert_got(0..count));
 }
 
-/// Law 2. A publisher that restarts greets again, and its numbers start anew without looking like a gap.
+/// Law 2. A publisher that restarts repeats the handshake, and its numbers start anew without looking like a gap.
 #[test]
 fn a_restarted_publisher_loses_nothing() {
     let place = Place::new();
-    let process = subscriber_in_thread(&place.0, Role::Process, 599, Duration::ZERO);
-    let store = subscriber_in_thread(&place.0, Role::Store, 599, Duration::ZERO);
+    let subscribers = [Role::Process, Role::Store].map(|role| Receiving::start(&place.0, role, 599, || ()));
     for life in 0..3 {
         let line = join(&place.0, Role::Acquire(0));
         let publisher = Publisher::<TapTopic>::open(&line).unwrap();
         send_taps(&publisher, life * 200, 200).unwrap();
-        // What is still in a buffer when its sender leaves is the sender's to wait for, as acquire does.
-        std::thread::sleep(Duration::from_millis(300));
+        // A sender waits before it leaves until its records are received, as acquire does.
+        for subscriber in &subscribers {
+            let has_all = || subscriber.count.load(Ordering::Relaxed) == (life + 1) * 200;
+            wait_until("a subscriber has not received all records", has_all);
+        }
     }
-    for subscriber in [process, store] {
-        let (seen, lost) = subscriber.join().unwrap();
-        assert_eq!((seen, lost), ((0..600).collect(), 0));
-    }
+    subscribers.into_iter().for_each(|subscriber| subscriber.assert_got(0..600));
 }
 
 /// Law 2. While a role has no subscriber the publisher waits; the one that comes back gets all that is sent from then on.
 #[test]
 fn a_publisher_waits_for_a_subscriber_that_restarts() {
     let place = Place::new();
-    let store = subscriber_in_thread(&place.0, Role::Store, 599, Duration::ZERO);
-    let address = place.0.clone();
-    let process = in_thread("process", move || {
-        let first = receive_taps(&join(&address, Role::Process), 299, Duration::ZERO).0;
-        std::thread::sleep(Duration::from_millis(200));
-        (first, receive_taps(&join(&address, Role::Process), 599, Duration::ZERO))
-    });
+    let store = Receiving::start(&place.0, Role::Store, 599, || ());
+    let process = Receiving::start(&place.0, Role::Process, 299, || ());
     let line = join(&place.0, Role::Acquire(0));
     let publisher = Publisher::<TapTopic>::open(&line).unwrap();
     send_taps(&publisher, 0, 300).unwrap();
-    std::thread::sleep(Duration::from_millis(100));
+    process.assert_got(0..300);
+    assert!(!publisher.poll_ready().unwrap());
+    let process = Receiving::start(&place.0, Role::Process, 599, || ());
     send_taps(&publisher, 300, 300).unwrap();
-    assert_eq!(store.join().unwrap(), ((0..600).collect(), 0));
-    let (first, (second, lost)) = process.join().unwrap();
-    assert_eq!(first, (0..300).collect::<Vec<_>>());
-    assert_eq!((second, lost), ((300..600).collect(), 0));
+    process.assert_got(300..600);
+    store.assert_got(0..600);
 }
 
 /// A process asked to stop does not wait for ever for someone who never comes.
@@ -149,14 +178,17 @@ fn a_publisher_waits_for_a_subscriber_that_restarts() {
 fn a_stopped_publisher_gives_up() {
     let place = Place::new();
     let stop = Arc::new(AtomicBool::new(false));
-    let line = Line::join(&place.0, Role::Acquire(0), &limits(), stop.clone()).unwrap();
-    let publisher = Publisher::<TapTopic>::open(&line).unwrap();
-    let stopper = in_thread("stopper", move || {
-        std::thread::sleep(Duration::from_millis(200));
-        stop.store(true, Ordering::Relaxed);
+    let (ended, has_ended) = sync_channel(1);
+    let (address, is_stopped) = (place.0.clone(), Arc::clone(&stop));
+    let publisher = in_thread("acquire-1", move || {
+        let line = Line::join(&address, Role::Acquire(0), &limits(), is_stopped).unwrap();
+        let publisher = Publisher::<TapTopic>::open(&line).unwrap();
+        ended.send(send_taps(&publisher, 0, 1)).unwrap();
     });
-    assert!(matches!(send_taps(&publisher, 0, 1), Err(LineError::Stopped { .. })));
-    stopper.join().unwrap();
+    assert_eq!(has_ended.recv_timeout(Duration::from_millis(200)).unwrap_err(), RecvTimeoutError::Timeout);
+    stop.store(true, Ordering::Relaxed);
+    assert!(matches!(has_ended.recv_timeout(LONG).unwrap(), Err(LineError::Stopped { .. })));
+    publisher.join().unwrap();
 }
 
 /// Catches a viewer that is waited for, and one that sees nothing before the next change.
@@ -191,7 +223,7 @@ fn what_is_addressed_reaches_one() {
         let (fuse, acquire) = (join(&place.0, Role::Fuse), join(&place.0, Role::Acquire(0)));
         let (at_fuse, at_acquire) =
             (Subscriber::<CasingTopic>::open(&fuse).unwrap(), Subscriber::<CasingTopic>::open(&acquire).unwrap());
-        let deadline = Instant::now() + Duration::from_secs(30);
+        let deadline = Instant::now() + LONG;
         let (mut is_sent, mut got) = ([false; 2], [0; 2]);
         while got != [7, 8] {
             assert!(Instant::now() < deadline, "{is_sent:?} {got:?}");
@@ -209,30 +241,48 @@ fn what_is_addressed_reaches_one() {
 
 const CHILD_LINE: &str = "TAPLINE_TEST_LINE";
 
-/// Not a test of its own: the subscriber that `a_killed_subscriber_does_not_hold_its_publisher` kills.
+/// What the child says once it is subscribed.
+const CHILD_IS_OPEN: &str = "subscribed";
+
+/// Not a test of its own: the subscriber that other tests kill.
 #[test]
 fn child_subscriber() {
     let Ok(root) = std::env::var(CHILD_LINE) else { return };
     let line = join(&LineAddress::at(root.as_ref()).unwrap(), Role::Process);
-    let slowness = Duration::from_millis(std::env::var("TAPLINE_TEST_SLOW_MS").unwrap().parse().unwrap());
-    receive_taps(&line, 399, slowness);
+    let pause = Duration::from_millis(std::env::var("TAPLINE_TEST_PAUSE_MS").unwrap().parse().unwrap());
+    let subscriber = Subscriber::open(&line).unwrap();
+    writeln!(std::io::stdout(), "{CHILD_IS_OPEN}").unwrap();
+    receive_taps(&line, &subscriber, 399, |_| std::thread::sleep(pause));
 }
 
-fn child(address: &LineAddress, slow_ms: u32) -> Child {
-    Command::new(std::env::current_exe().unwrap())
+/// A subscriber in a process of its own, which pauses after each tap. Returns once it is subscribed.
+fn child(address: &LineAddress, pause_ms: u32) -> Child {
+    let mut child = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "child_subscriber", "--nocapture"])
         .env(CHILD_LINE, address.root())
-        .env("TAPLINE_TEST_SLOW_MS", slow_ms.to_string())
-        .stdout(std::process::Stdio::null())
+        .env("TAPLINE_TEST_PAUSE_MS", pause_ms.to_string())
+        .stdout(Stdio::piped())
         .spawn()
-        .unwrap()
+        .unwrap();
+    let stdout = child.stdout.take().unwrap();
+    let (opened, is_open) = sync_channel(1);
+    // Reads to the end, because a child whose output nobody reads would fail.
+    in_thread("child's output", move || {
+        for line in BufReader::new(stdout).lines().map_while(Result::ok) {
+            if line.ends_with(CHILD_IS_OPEN) {
+                opened.send(()).unwrap();
+            }
+        }
+    });
+    is_open.recv_timeout(LONG).unwrap();
+    child
 }
 
 /// Laws 2 and 5 of faults: killed while the publisher waits for it, a subscriber must not hold the publisher for ever.
 #[test]
 fn a_killed_subscriber_does_not_hold_its_publisher() {
     let place = Place::new();
-    let store = subscriber_in_thread(&place.0, Role::Store, 399, Duration::ZERO);
+    let store = Receiving::start(&place.0, Role::Store, 399, || ());
     let mut slow = child(&place.0, 60_000);
     let address = place.0.clone();
     let publisher = in_thread("acquire-1", move || {
@@ -240,14 +290,17 @@ fn a_killed_subscriber_does_not_hold_its_publisher() {
         let publisher = Publisher::<TapTopic>::open(&line).unwrap();
         send_taps(&publisher, 0, 400).unwrap();
     });
-    std::thread::sleep(Duration::from_millis(700)); // by now the buffer of the slow one is full
+    // The slow one holds the first tap, and its buffer is full: no more can be sent.
+    let sent = || store.count.load(Ordering::Relaxed) as usize;
+    wait_until("the buffer does not fill", || sent() > TapTopic::BUFFER);
+    assert_eq!(sent(), TapTopic::BUFFER + 1);
     assert!(!publisher.is_finished());
     slow.kill().unwrap();
     slow.wait().unwrap();
     // As the supervisor does, which knows that it died.
     join(&place.0, Role::Supervisor).clear_dead();
     let mut quick = child(&place.0, 0);
-    assert_eq!(store.join().unwrap(), ((0..400).collect(), 0));
+    store.assert_got(0..400);
     assert!(quick.wait().unwrap().success());
     publisher.join().unwrap();
 }
@@ -272,12 +325,6 @@ fn nothing_is_left_behind() {
 fn a_segment_without_a_size_is_cleared_away() {
     let place = LineAddress::fresh().unwrap();
     let mut child = child(&place, 0);
-    let until = Instant::now() + Duration::from_secs(30);
-    let services = || segments(&place).filter(|path| path.extension().is_some_and(|kind| kind == "dynamic")).count();
-    while services() < 2 && Instant::now() < until {
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    std::thread::sleep(Duration::from_millis(200)); // the child has opened all it needs
     child.kill().unwrap();
     child.wait().unwrap();
     let mut emptied = 0;
@@ -288,11 +335,7 @@ fn a_segment_without_a_size_is_cleared_away() {
     assert!(emptied > 0, "the child made no segment");
     let address = place.clone();
     let clearing = in_thread("clear", move || assert!(address.clear().unwrap()));
-    let until = Instant::now() + Duration::from_secs(30);
-    while !clearing.is_finished() && Instant::now() < until {
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    assert!(clearing.is_finished(), "the line is still being cleared");
+    wait_until("the line is still being cleared", || clearing.is_finished());
     clearing.join().unwrap();
     assert_eq!(shm_files(&place), 0);
 }

@@ -51,7 +51,7 @@ impl PulseFinder {
         Self { f_max, tau, ..Self::default() }
     }
 
-    /// Sets the time constant of the sensor\'s coupling; 0 if the sensor has none.
+    /// Sets the time constant of the sensor's coupling; 0 if the sensor has none.
     pub(crate) fn set_droop(&mut self, time_constant_samples: f64) {
         self.droop_samples = time_constant_samples;
     }
