@@ -7,11 +7,11 @@ use crate::{BandEdges, DurationEstimator, Error, PeakEstimator, QualityConfig, S
 /// Most workers that a configuration may ask for.
 const WORKERS_MAX: usize = 1024;
 
-/// Arithmetic of the long sums and the transform; the definitions are in `f64`.
+/// Arithmetic of the long sums and the transform; all definitions are in `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
-    /// Single precision: within 1e-4 of the double one, and faster.
+    /// Single precision: within 1e-4 of double precision, and faster.
     #[default]
     F32,
     /// Double precision.
@@ -22,15 +22,15 @@ pub enum Precision {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ProcessConfig {
-    /// Length of each record that is looked at, from its first sample on, as if it had ended there; 0 for all of it.
+    /// Length of each record that is used, from its first sample on; the rest is ignored. 0 uses all of it.
     pub record_s: f64,
     /// Lower edge f_c of the flexural band, Hz.
     pub f_c_hz: f64,
     /// Upper edge of the flexural band, Hz.
     pub f_hi_hz: f64,
-    /// Lower edge of the band that PR refers to, Hz.
+    /// Lower edge of PR's reference band, Hz.
     pub f_lo_hz: f64,
-    /// Upper edge of the band that PR refers to, Hz.
+    /// Upper edge of PR's reference band, Hz.
     pub f_top_hz: f64,
     /// Whether f_c follows each tap as 1/(2 tau); a tap without tau keeps `f_c_hz`, and has the flag that says why.
     pub f_c_follows_tau: bool,
@@ -38,17 +38,17 @@ pub struct ProcessConfig {
     pub f_max: PeakEstimator,
     /// How tau is found.
     pub tau: DurationEstimator,
-    /// Time constant of the force sensor's coupling, whose droop is undone; 0 for a sensor without.
+    /// Time constant of the force sensor's coupling, whose droop is corrected; 0 if the sensor has none.
     pub droop_time_constant_s: f64,
-    /// What the sound's power is taken of.
+    /// Which part of the record the sound's power is computed from.
     pub spectrum: SpectrumEstimator,
-    /// Length of the gate that `spectrum = "gate"` takes.
+    /// Length of the gate of `spectrum = "gate"`.
     pub gate_s: f64,
     /// How bins at a band's edge count.
     pub band_edges: BandEdges,
-    /// What is taken from the sound, as it was before the trigger.
+    /// What is subtracted from the sound; it is estimated before the trigger.
     pub subtract: Subtraction,
-    /// Frequency of the hum that `subtract` may take, Hz.
+    /// Frequency of the hum that `subtract` may remove, Hz.
     pub mains_hz: f64,
     /// Arithmetic.
     pub precision: Precision,
@@ -59,7 +59,7 @@ pub struct ProcessConfig {
 }
 
 impl Default for ProcessConfig {
-    /// The bands for tyres, and the method's own estimators.
+    /// The method's own estimators, with bands for tyres.
     fn default() -> Self {
         Self {
             record_s: 0.0,
@@ -84,9 +84,9 @@ impl Default for ProcessConfig {
 }
 
 impl ProcessConfig {
-    /// Whether the settings can be worked with.
+    /// Checks every setting against its bounds.
     ///
-    /// The flexural band need not lie inside the other: a ratio of two separate bands is a fair question too.
+    /// The flexural band need not lie inside the reference band: the ratio of two separate bands is allowed.
     ///
     /// # Errors
     /// [`Error`] with the key, its value and the bound that it breaks.
@@ -116,10 +116,10 @@ impl ProcessConfig {
         self.quality.validate()
     }
 
-    /// Samples of each channel of a record of `sample_count` at `sample_rate_hz` that are looked at, from its first on.
+    /// Samples of each channel that are used, from the first on, of a record of `sample_count` at `sample_rate_hz`.
     pub fn samples_looked_at(&self, sample_count: u32, sample_rate_hz: f64) -> u32 {
         let asked_for = (self.record_s * sample_rate_hz).ceil();
-        // A rate that is none has its record refused, whole or not.
+        // A record without a valid rate is refused anyway.
         let is_less = asked_for > 0.0 && asked_for < f64::from(sample_count);
         if is_less { asked_for as u32 } else { sample_count }
     }
@@ -140,7 +140,7 @@ mod tests {
         assert_eq!(edges.map(|f_hz| f_hz as u32), [70, 550, 2000, 3000]);
     }
 
-    /// Catches keys that go unread, and a spelling of the precision other than the documented one.
+    /// Catches a key that is not read, and a precision spelt otherwise than documented.
     #[test]
     fn toml_keys() {
         let config: ProcessConfig =
@@ -151,7 +151,7 @@ mod tests {
         assert!(toml::from_str::<ProcessConfig>("precision = \"f16\"").is_err());
     }
 
-    /// Catches an estimator that cannot be named, or that another name chooses.
+    /// Catches an estimator that no name selects, or that another name selects.
     #[test]
     fn estimators_by_name() {
         let of = |text: &str| toml::from_str::<ProcessConfig>(text).unwrap();
@@ -174,7 +174,7 @@ mod tests {
         assert!(toml::from_str::<ProcessConfig>("tau = \"width_2\"").is_err());
     }
 
-    /// Catches a check that lets a band through which holds nothing, or that does not say which key is meant.
+    /// Catches a check that accepts an empty band, or that names the wrong key.
     #[test]
     fn refusals_name_key_value_and_bound() {
         let good = ProcessConfig::default();

@@ -1,6 +1,6 @@
-//! What can be wrong with a configuration; bad data is not an error.
+//! What can be wrong with a configuration. Bad data is not an error.
 
-/// Why no extractor can be made.
+/// Why an extractor cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -11,7 +11,7 @@ pub enum Error {
         key: &'static str,
         /// Value given, Hz.
         value: f64,
-        /// What is asked of it.
+        /// What it must be.
         bound: &'static str,
     },
     /// A time is not a number or below what it may be.
@@ -21,7 +21,7 @@ pub enum Error {
         key: &'static str,
         /// Value given, s.
         value: f64,
-        /// What is asked of it.
+        /// What it must be.
         bound: &'static str,
     },
     /// A band ends at or below its beginning.
@@ -43,10 +43,10 @@ pub enum Error {
         key: &'static str,
         /// Value given.
         value: f64,
-        /// What is asked of it.
+        /// What it must be.
         bound: &'static str,
     },
-    /// More workers than any machine has use for.
+    /// More workers than any machine can use.
     #[error("process.workers = {value}: must be at most {bound}")]
     Workers {
         /// Number given.

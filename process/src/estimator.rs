@@ -1,7 +1,7 @@
-//! Estimators that stand beside the default ones, and the keys of `[process]` that choose them.
+//! The estimators that `[process]` can choose, besides the defaults.
 //!
-//! Which of them is good for what is measured in `docs/estimators.md`. One that a record does not allow falls back, as
-//! each says, rather than leave the value out.
+//! `docs/estimators.md` measures what each is good for. Where a record does not allow an estimator, it falls back on
+//! another, as documented here, so that the value is not lost.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,8 @@ pub enum PeakEstimator {
     /// The vertex of the parabola through the largest sample and its neighbours.
     #[default]
     Parabola,
-    /// The maximum of the quartic that fits the samples above 70 % of the peak best; of fewer than nine, the parabola's.
+    /// The maximum of the quartic fitted to the samples above 70 % of the peak; with fewer than nine samples, as
+    /// `parabola`.
     Polynomial,
 }
 
@@ -25,7 +26,7 @@ pub enum DurationEstimator {
     /// From the width at 10 % of F_max.
     #[default]
     HalfSine,
-    /// From the width at 2 % of F_max; of a record that ends before, from that at 10 %.
+    /// From the width at 2 % of F_max; if the record ends before that, from the width at 10 %.
     #[serde(rename = "width_02")]
     Width02,
     /// From the width at 50 % of F_max.
@@ -35,27 +36,28 @@ pub enum DurationEstimator {
     Impulse,
 }
 
-/// What the sound's power is taken of.
+/// Which part of the record the sound's power is computed from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SpectrumEstimator {
     /// The whole record.
     #[default]
     Whole,
-    /// `gate_s` from the sound's onset, referred to the whole record; without a baseline or an onset, the whole record.
+    /// `gate_s` from the sound's onset, scaled to the whole record; without a baseline or an onset, the whole record.
     Gate,
 }
 
-/// What is taken from the sound, as it was before the trigger; nothing without a baseline.
+/// What is subtracted from the sound. It is estimated before the trigger; without a baseline nothing is subtracted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Subtraction {
     /// Nothing.
     #[default]
     None,
-    /// The noise's power, from PR, P_f and E_f, and its magnitude, from A_2; a band that holds no more than noise is none.
+    /// The noise: its power from PR, P_f and E_f, its magnitude from A_2. Bands that hold no more than noise are
+    /// absent.
     Noise,
-    /// A sine of `mains_hz`, from every value of the sound; not of a baseline shorter than a quarter of its period.
+    /// A sine of `mains_hz`, from every value of the sound; needs a baseline of at least a quarter of its period.
     Hum,
     /// Both, the hum first.
     Both,
@@ -78,6 +80,6 @@ pub enum BandEdges {
     /// Wholly when its frequency is in the band, edges included.
     #[default]
     Bins,
-    /// By the part of its width that is in the band. P_f is looked for among whole bins all the same.
+    /// By the part of its width that is in the band. P_f is still searched among whole bins.
     Fractional,
 }

@@ -1,4 +1,4 @@
-//! One tap in, seven discriminators out: the state machine that owns plans and scratch.
+//! One tap in, its discriminators out: the state machine that owns plans and scratch.
 
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
@@ -13,13 +13,14 @@ use crate::sound::{SOUND_M_PER_S, area, deviation, magnitude_area, magnitude_of_
 use crate::spectrum::{Bands, Spectrum, View};
 use crate::{Error, Precision, ProcessConfig, Real, SpectrumEstimator};
 
-/// Time before the sound's onset at which the gate opens: the onset is an estimate.
+/// How long before the sound's onset the gate opens, because the onset is an estimate.
 const GATE_LEAD_S: f64 = 1e-3;
 
 /// Extracts the discriminators of taps, one after the other, in the arithmetic of `T`.
 ///
-/// Only the transform, the terms of long sums and the blocks that sums and flags are had from are in `T`; everything else
-/// is in `f64`, long sums too, but for the order of the blocks' squares, of which flags have the median. One extractor serves one thread; its results depend on the tap alone, not on what came before.
+/// Only the transform, the terms of long sums and the blocks (see `signal/blocks.rs`) are in `T`; everything else,
+/// including the sums, is in `f64`. The median of the blocks' squares orders them in `f32`. One extractor serves one
+/// thread; its results depend on the tap alone, not on earlier taps.
 #[derive(Debug)]
 pub struct Extractor<T: Real> {
     config: ProcessConfig,
@@ -33,7 +34,8 @@ pub struct Extractor<T: Real> {
 }
 
 impl<T: Real> Extractor<T> {
-    /// An extractor for `config`, whose `precision` and `workers` it leaves to whoever makes extractors.
+    /// An extractor for `config`. The caller chooses `T` and the number of workers; those two settings are not read
+    /// here.
     ///
     /// # Errors
     /// What [`ProcessConfig::validate`] finds.
@@ -52,7 +54,7 @@ impl<T: Real> Extractor<T> {
 
     /// The discriminators of the tap that `header` describes, from its planar `samples`.
     ///
-    /// Never fails: what the record does not give is absent, and a flag says why (see the crate's table).
+    /// Never fails: what the record does not show is absent, and a flag says why (see the table of the crate).
     pub fn extract(&mut self, header: &TapHeader, samples: Samples<'_>) -> Discriminators {
         let mut found = Found::default();
         self.is_faint = false;
@@ -104,10 +106,10 @@ impl<T: Real> Extractor<T> {
         let track = record.force.ok_or(Quality::NO_FORCE)?;
         let extent = extent_of(track)?;
         if extent.is_constant() {
-            report.note(Quality::NO_FORCE); // a channel of nothing but zeros is as good as none
+            report.note(Quality::NO_FORCE); // a channel of zeros counts as none
         }
         let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
-        // Without a baseline there is no pulse; what else is wrong is still worth knowing.
+        // Without a baseline there is no pulse; the other rules still apply.
         let before = &track.samples[..baseline_count.unwrap_or(track.samples.len())];
         let base = self.medians.median(before);
         let noise = self.medians.noise_counts(before, base);
@@ -147,7 +149,7 @@ impl<T: Real> Extractor<T> {
         let extent = extent_of(track)?;
         if extent.is_constant() || track.unit_per_count == 0.0 {
             report.note(Quality::NO_SOUND);
-            return Err(Quality::NO_ONSET); // a dead microphone has no quiet spectrum, it has none
+            return Err(Quality::NO_ONSET); // a dead microphone has no spectrum rather than a quiet one
         }
         let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
         let baseline = baseline_count.map(|count| {
@@ -155,7 +157,7 @@ impl<T: Real> Extractor<T> {
             let base = self.medians.median(before);
             (base, self.medians.noise_counts(before, base))
         });
-        let base = baseline.map_or(0.0, |(base, _)| base); // no band has the mean in it
+        let base = baseline.map_or(0.0, |(base, _)| base); // the mean is in no band
         let gain = extent.gain(base);
         self.signal.resize(track.samples.len(), T::zero());
         let centred = |from: usize, to: &mut [T]| {
@@ -206,7 +208,7 @@ impl<T: Real> Extractor<T> {
         Ok(())
     }
 
-    /// Takes the hum from the signal, if that is asked for and the `quiet` samples show it.
+    /// Removes the hum from the signal, if the configuration asks for it and the `quiet` samples show it.
     fn subtract_hum(&mut self, quiet: Option<usize>, sample_rate_hz: f64) -> Option<Hum> {
         let count = quiet.filter(|_| self.config.subtract.has_hum())?;
         let hum = Hum::fit(|i| self.signal[i].widened(), count, self.config.mains_hz / sample_rate_hz)?;
@@ -215,11 +217,11 @@ impl<T: Real> Extractor<T> {
         Some(hum)
     }
 
-    /// How the signal's power is taken, when the first `quiet` samples are its noise and the areas lie in `window`.
+    /// How to compute the signal's power, if its first `quiet` samples are noise and the areas lie in `window`.
     fn view(&self, sample_rate_hz: f64, quiet: Option<usize>, window: Option<Window>) -> View {
         let opens_at = |window: Window| window.onset.unwrap_or(window.ringing) - GATE_LEAD_S * sample_rate_hz;
         let gate = |window: Window| {
-            let first = opens_at(window) as usize; // a gate before the record opens with it
+            let first = opens_at(window) as usize; // a gate that would open before the record opens with it
             let last = first.saturating_add((self.config.gate_s * sample_rate_hz).round() as usize);
             (last < self.signal.len()).then_some(first..last)
         };
@@ -233,8 +235,8 @@ impl<T: Real> Extractor<T> {
         }
     }
 
-    /// A_1 and A_2 of a sound of `value` counts of a `unit` at each sample, which times `gain` are the signal, in which
-    /// there is `noise` to be taken off.
+    /// A_1 and A_2 of a sound that has `value` counts of a `unit` at each sample. The signal is the sound times `gain`;
+    /// its `noise` is subtracted.
     fn areas(
         &self,
         value: impl Fn(usize) -> f64,
@@ -256,9 +258,9 @@ impl<T: Real> Extractor<T> {
         found.set(Discriminator::A2, ringing * (unit / gain) / sample_rate_hz);
     }
 
-    /// The bands for a tap of contact time `tau_s`; `None` when an f_c that follows it leaves nothing below f_hi.
+    /// The bands for a tap of contact time `tau_s`; `None` if an f_c that follows it leaves nothing below f_hi.
     ///
-    /// It does not follow below f_lo, where PR would be a part of less than itself.
+    /// f_c never follows below f_lo, where PR's band would reach beyond its reference.
     fn bands(&self, tau_s: Option<f64>) -> Option<Bands> {
         let ProcessConfig { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz, .. } = self.config;
         let fixed = Bands { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz };
@@ -302,17 +304,17 @@ fn window<C: Count>(
             .map(|onset| Window { onset: None, ringing: onset as f64 }),
         Err(why) => return Err(why),
     };
-    // Both areas must lie in the record, or the shorter would be taken for the quieter.
+    // Both areas must lie in the record; otherwise the shorter would look like the quieter.
     window.filter(|window| window.ringing < last).ok_or(Quality::NO_ONSET)
 }
 
-/// Extent of a channel whose samples and scale are all numbers.
+/// Extent of a channel; an error if a sample or the scale is not a number.
 fn extent_of<C: Count>(track: Track<'_, C>) -> Result<Extent<C>, Quality> {
     let has_scale = track.unit_per_count.is_finite();
     Extent::find(track.samples).filter(|_| has_scale).ok_or(Quality::NON_FINITE)
 }
 
-/// What is found while it is being found.
+/// The discriminators and flags found so far.
 #[derive(Debug, Default)]
 struct Found(Discriminators);
 
@@ -321,7 +323,7 @@ impl Found {
         self.0.quality.insert(why);
     }
 
-    /// Sets a value; one that a huge scale carried beyond all numbers is absent and flagged.
+    /// Sets a value; one that overflowed because of a huge scale is absent and flagged.
     fn set(&mut self, which: Discriminator, value: f64) {
         if !value.is_finite() {
             self.flag(Quality::NON_FINITE);
@@ -333,8 +335,8 @@ impl Found {
 /// An [`Extractor`] of the precision that the configuration asks for.
 #[derive(Debug)]
 pub enum ProcessExtractor {
-    /// Single precision, and the double that taps with a faint flexural band are done again in: beside a sound 50 dB
-    /// above it, single precision would not hold 1e-4.
+    /// Single precision. Taps with a faint flexural band are repeated in double precision: beside a sound 50 dB above
+    /// the band, single precision does not keep 1e-4.
     F32(Box<Extractor<f32>>, Box<Extractor<f64>>),
     /// Double precision.
     F64(Box<Extractor<f64>>),

@@ -1,7 +1,7 @@
 //! The seven discriminators of one tap, from its force and sound.
 //!
-//! Definitions are those of the method's section 2; each file states the ones it implements and
-//! where it goes beyond them. A value that cannot be had is absent and a [`Quality`] flag says why.
+//! Definitions are those of the method's section 2; each file states the ones it implements and where it goes beyond
+//! them. A value that cannot be computed is absent, and a [`Quality`] flag says why.
 //!
 //! | flag | what it takes away |
 //! |---|---|
@@ -14,7 +14,7 @@
 //! | `NO_ONSET` | A_1 and A_2; of a sound without any variation, or less than 6 sigma of it, PR, P_f and E_f too |
 //! | `NO_BAND` | PR, P_f, E_f; where noise is subtracted, also when a band holds no more than noise |
 //!
-//! Flags of doubt take away what [`QualityConfig`]'s policies say; by default:
+//! Other flags say that a value is doubtful. What they drop is set by the policies of [`QualityConfig`]; by default:
 //!
 //! | flag | rule | what it takes away |
 //! |---|---|---|

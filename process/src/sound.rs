@@ -1,8 +1,8 @@
 //! The sound's two areas and, without a force, its onset.
 //!
-//! Conventions of the method's section 2, made exact: between samples the sound is a straight line, and
-//! its magnitude at an end between two samples is the magnitude of that line's value there; between
-//! that end and the next sample, and between samples, magnitudes are joined by straight lines too.
+//! Conventions of the method's section 2, made exact: between samples the sound is a straight line, and its magnitude
+//! at an end between two samples is the magnitude of that line there. Magnitudes, including those at the ends, are
+//! joined by straight lines too.
 
 use crate::Real;
 use crate::signal::blocks::Blocks;
@@ -12,11 +12,11 @@ use crate::signal::record::Count;
 /// Speed of sound c in air, m/s.
 pub(crate) const SOUND_M_PER_S: f64 = 343.0;
 
-/// Standard deviations of the sound before the trigger that an onset exceeds.
+/// Standard deviations of the sound before the trigger that an onset must exceed.
 const ONSET_SIGMAS: f64 = 5.0;
 
-/// First sample of `samples` that is further than 5 sigma from `base`, sigma being the standard deviation of the
-/// `pre_trigger_samples` first ones (all p of them, about their own mean: `numpy.std`).
+/// First sample of `samples` that is further than 5 sigma from `base`, where sigma is the standard deviation of the
+/// first `pre_trigger_samples` (all p of them, around their own mean: `numpy.std`).
 pub(crate) fn onset_without_force<C: Count>(samples: &[C], pre_trigger_samples: usize, base: f64) -> Option<usize> {
     let before = samples.get(..pre_trigger_samples)?;
     let count = before.len() as f64;
@@ -50,31 +50,31 @@ pub(crate) fn area(value: impl Fn(usize) -> f64, from: f64, to: f64) -> f64 {
     head + inner + tail
 }
 
-/// Integral of the magnitude of `signal`, of which `blocks` are, from `from` samples to its end, by trapezoids, in the
-/// signal's unit times samples; 0 when nothing is left there.
+/// Integral of the magnitude of `signal`, from `from` samples to its end, by trapezoids, in the signal's unit times
+/// samples. `blocks` are those of the signal. 0 if nothing is left there.
 pub(crate) fn magnitude_area<T: Real>(signal: &[T], blocks: &Blocks, from: f64) -> f64 {
     let first = from.floor() as usize + 1;
     let Some([next, .., last] | [next @ last]) = signal.get(first..) else { return 0.0 };
     let at_from = interpolated(|i| signal[i].widened(), from).abs();
     let (next, last) = (next.widened().abs(), last.widened().abs());
     let head = (first as f64 - from) * (at_from + next) / 2.0;
-    // Trapezoids between samples weigh each by one, the two outermost by a half.
+    // The sum of trapezoids weighs each sample by one, the two outermost by a half.
     head + blocks.magnitude(signal, first) - (next + last) / 2.0
 }
 
-/// Standard deviation of `quiet` about its own mean (`numpy.std`), in the signal's unit.
+/// Standard deviation of `quiet` around its own mean (`numpy.std`), in the signal's unit.
 pub(crate) fn deviation<T: Real>(quiet: &[T]) -> f64 {
     let count = quiet.len() as f64;
     let mean = quiet.iter().map(|x| x.widened()).sum::<f64>() / count;
     (quiet.iter().map(|x| (x.widened() - mean).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// What noise of `sigma` adds to the magnitude area of `signal` from `from` samples to its end, in the signal's unit times
-/// samples.
+/// What noise of `sigma` adds to the magnitude area of `signal` from `from` samples to its end, in the signal's unit
+/// times samples.
 ///
-/// Normal noise alone has a mean magnitude of sqrt(2/pi) sigma; beside a signal it adds the less the louder that is. Here
-/// it adds that times the noise's share of the power, block by block of [`NOISE_BLOCK`] samples: right where either is alone,
-/// and up to a quarter of sigma too much where they are alike.
+/// Normal noise alone has a mean magnitude of sqrt(2/pi) sigma; the louder a signal is, the less noise adds to it. Here
+/// noise adds that times its fraction of the power, for each block of [`NOISE_BLOCK`] samples. This is exact where
+/// either is alone, and at most a quarter of sigma too much where they are equal.
 pub(crate) fn magnitude_of_noise<T: Real>(signal: &[T], from: f64, sigma: f64) -> f64 {
     let first = from.floor() as usize + 1;
     let blocks = signal.get(first..).unwrap_or_default().chunks(NOISE_BLOCK);
@@ -86,7 +86,7 @@ pub(crate) fn magnitude_of_noise<T: Real>(signal: &[T], from: f64, sigma: f64) -
     std::f64::consts::FRAC_2_PI.sqrt() * sigma * blocks.map(of_block).sum::<f64>()
 }
 
-/// Samples over which the power beside noise is taken: some 6 ms, within which a ringing hardly falls.
+/// Samples over which the power is averaged: some 6 ms, in which a ringing hardly falls.
 const NOISE_BLOCK: usize = 256;
 
 #[cfg(test)]
@@ -95,14 +95,14 @@ mod tests {
 
     use super::*;
 
-    /// That of a signal whose blocks are of eight samples.
+    /// [`magnitude_area`] of a signal in blocks of eight samples.
     fn magnitude_area_of(signal: &[f64], from: f64) -> f64 {
         let mut blocks = Blocks::default();
         blocks.fill(&mut signal.to_vec(), 8000.0, |_, _| ());
         magnitude_area(signal, &blocks, from)
     }
 
-    /// Catches an end taken at a whole sample: the integral of a straight line is known at any ends.
+    /// Catches an end rounded to a sample: the integral of a straight line is known for any ends.
     #[test]
     fn area_of_a_line() {
         for (from, to) in [(0.0, 9.0), (0.25, 8.5), (3.1, 3.9), (2.0, 3.0), (2.0, 3.5), (2.5, 3.0), (0.0, 0.5)] {
@@ -119,12 +119,12 @@ mod tests {
             cuts.sort_by(f64::total_cmp);
             let [a, b, c] = cuts;
             prop_assume!(a < b && b < c);
-            // The cut at b puts a knot there, on the line, which changes nothing.
+            // Cutting at b adds a point on the line, which changes nothing.
             let of = |from, to| area(|i| samples[i], from, to);
             prop_assert!((of(a, b) + of(b, c) - of(a, c)).abs() < 1e-9);
         }
 
-        /// Catches a wrong half weight at either end: one trapezoid after the other.
+        /// Catches a wrong half weight at either end: the twin adds one trapezoid after the other.
         #[test]
         fn magnitude_area_like_a_loop(samples in prop::collection::vec(-1e3..1e3_f64, 2..300), part in 0.0..1.0_f64) {
             let from = part * (samples.len() - 1) as f64;
@@ -136,7 +136,7 @@ mod tests {
         }
     }
 
-    /// Catches noise taken off where the signal drowns it, and not where there is nothing else.
+    /// Catches noise subtracted where the signal drowns it, and not subtracted where there is nothing else.
     #[test]
     fn noise_counts_where_it_is_alone() {
         let mut state = 5_u32;
@@ -166,7 +166,7 @@ mod tests {
         assert!((magnitude_area_of(&[1.0_f64, 2.0], 0.0) - 1.5).abs() < 1e-15);
     }
 
-    /// Catches sigma about the baseline instead of the mean, sigma of 0.75 p, and a signed comparison.
+    /// Catches sigma around the baseline instead of the mean, sigma of 0.75 p, and a signed comparison.
     #[test]
     fn onset_exceeds_five_sigma() {
         let mut samples = vec![0.0_f32; 20];

@@ -1,4 +1,4 @@
-//! `process` on a line: one thread that talks to shared memory, and a worker per core that reads samples in place.
+//! `process` on a line: one thread that talks to shared memory, and one worker per core that reads samples in place.
 
 use std::num::NonZeroUsize;
 use std::thread::{Builder, available_parallelism, scope};
@@ -14,10 +14,10 @@ use tapline_wire::{
 
 use crate::{Error, ProcessConfig, ProcessExtractor};
 
-/// Most taps in hand at once; below what a subscriber may borrow.
+/// Most taps that the workers may have at once; fewer than a subscriber may borrow.
 const IN_HAND_MAX: usize = TapTopic::BORROWED - 2;
 
-/// Longest latency told apart from longer ones.
+/// Longest latency that is counted as such; longer ones count as this.
 const LATENCY_MAX_US: u64 = 600_000_000;
 
 /// Why `process` cannot go on.
@@ -50,17 +50,17 @@ pub struct Outcome {
     pub tap_count: u64,
     /// Bytes of samples read in place.
     pub sample_bytes: u64,
-    /// Records lost on the way here.
+    /// Records lost on the way to `process`.
     pub lost_count: u64,
     /// Median time from a tap's sending to its discriminators' sending.
     pub latency_p50_us: u64,
-    /// The same for the slowest of a hundred.
+    /// The same for the slowest one in a hundred.
     pub latency_p99_us: u64,
     /// Worker threads.
     pub worker_count: usize,
 }
 
-/// Turns the taps on `line` into discriminators until told to stop.
+/// Turns the taps on `line` into discriminators until asked to stop.
 ///
 /// # Errors
 /// [`RunError`] when the configuration is not valid or shared memory fails. Being asked to stop is no error.
@@ -85,7 +85,7 @@ pub fn run(line: &Line, config: &ProcessConfig) -> Result<Outcome, RunError> {
             let spawned = Builder::new().name(name.clone()).spawn_scoped(threads, move || worker.extract_all());
             spawned.map_err(|source| RunError::Thread { name, source })?;
         }
-        // The ends that the workers hold are the only ones: the channels close when the workers or the loop are gone.
+        // Only the workers hold these ends now: the channels close when the workers or the loop end.
         drop((to_do, finish));
         let served = stage.serve(&work, &done);
         drop(work);
@@ -99,7 +99,7 @@ pub fn run(line: &Line, config: &ProcessConfig) -> Result<Outcome, RunError> {
     Ok(outcome)
 }
 
-/// What was made of one tap, and when the tap was sent.
+/// The discriminators of one tap, and when the tap was sent.
 struct Done {
     casing: u64,
     record: Discriminators,
@@ -109,7 +109,7 @@ struct Done {
 
 fn extract(extractor: &mut ProcessExtractor, tap: &Received<TapTopic>) -> Done {
     let header = tap.header();
-    // A header that does not fit its payload is flagged by the extractor, which then sees no samples.
+    // The extractor flags a header that does not fit its payload; it then sees no samples.
     let samples = Samples::view(header, tap).unwrap_or(Samples::I16(&[]));
     let record = extractor.extract(header, samples);
     Done { casing: header.stamp.casing, record, sent_ns: header.sent_ns, sample_bytes: header.payload_bytes() }
@@ -137,7 +137,7 @@ impl Worker {
 }
 
 impl Drop for Worker {
-    /// A worker that panics says so, or the loop would wait for its tap for ever.
+    /// Reports a worker that panics; otherwise the loop would wait for its tap for ever.
     fn drop(&mut self) {
         if std::thread::panicking() && self.finish.send(None).is_ok() {
             self.waker.wake();
@@ -150,7 +150,7 @@ struct StageLoop<'a> {
     line: &'a Line,
     taps: Subscriber<'a, TapTopic>,
     found: Publisher<'a, DiscriminatorTopic>,
-    /// For a tap that comes alone: to hand it to a worker would cost more than to do it.
+    /// For a tap that comes alone: handing it to a worker would take longer than extracting it.
     extractor: ProcessExtractor,
     in_hand: usize,
     tap_count: u64,
@@ -180,7 +180,7 @@ impl<'a> StageLoop<'a> {
                 self.publish(result)?;
                 is_idle = false;
             }
-            // One is held back until it is seen whether another follows: only the last of them is done here.
+            // One tap is held back until it is known whether another follows; only the last is extracted here.
             let mut last = None;
             while self.in_hand < IN_HAND_MAX {
                 let Some(tap) = self.taps.receive()? else { break };
@@ -220,7 +220,7 @@ impl<'a> StageLoop<'a> {
             }
             Some(RecordKind::Refusal) => self.send(RecordKind::Data, tap.header(), &[refused(tap.header())]),
             Some(kind @ (RecordKind::Barrier | RecordKind::End)) => {
-                // What the mark follows must leave before it.
+                // Records before the mark must be sent before it.
                 while self.in_hand > 0 {
                     self.in_hand -= 1;
                     self.publish(done.recv().unwrap_or(None))?;
@@ -231,7 +231,7 @@ impl<'a> StageLoop<'a> {
         }
     }
 
-    /// Passes on what was made of a tap; `None` is a worker that has panicked.
+    /// Publishes the discriminators of one tap; `None` means that a worker has panicked.
     fn publish(&mut self, done: Option<Done>) -> Result<(), RunError> {
         let done = done.ok_or(RunError::WorkersGone)?;
         let stamp = Stamp { casing: done.casing, ..Stamp::default() };
@@ -243,7 +243,7 @@ impl<'a> StageLoop<'a> {
         Ok(())
     }
 
-    /// Passes on a mark, or a refusal, of the casing that `tap` is of.
+    /// Sends on a mark, or a refusal, of the casing of `tap`.
     fn send(&self, kind: RecordKind, tap: &TapHeader, records: &[Discriminators]) -> Result<(), RunError> {
         let stamp = Stamp { casing: tap.stamp.casing, mark: tap.stamp.mark, ..Stamp::default() };
         Ok(self.found.send(kind, stamp, records)?)
@@ -280,7 +280,7 @@ fn refused(tap: &TapHeader) -> Discriminators {
 mod tests {
     use super::*;
 
-    /// Catches a histogram that cuts what it is given to a range of its own.
+    /// Catches a histogram that limits values to a range of its own.
     #[test]
     fn latencies_are_kept_to_three_digits() {
         let mut latency_us = latencies();

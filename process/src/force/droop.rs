@@ -1,11 +1,11 @@
-//! The droop of a force sensor that is coupled through a time constant TC, undone.
+//! Corrects the droop of a force sensor that is coupled through a time constant TC.
 //!
-//! Such a sensor gives y = x - (1/TC) integral of y; so x = y + (1/TC) integral of y. What is left of an offset grows in
-//! the integral, so the baseline is removed first and the integral begins just before the pulse.
+//! Such a sensor gives y = x - (1/TC) integral of y; so x = y + (1/TC) integral of y. The integral accumulates any
+//! offset, so the baseline is removed first, and the integral begins just before the pulse.
 
 use std::ops::Range;
 
-/// Fills `corrected` with the values of `range` as they would be without droop, `time_constant_samples` being TC.
+/// Fills `corrected` with the values of `range` without droop; `time_constant_samples` is TC.
 pub(super) fn correct(
     value: impl Fn(usize) -> f64,
     range: Range<usize>,
@@ -29,8 +29,8 @@ mod tests {
 
     use super::*;
 
-    /// Catches a wrong sign or rule of the integral: a half-sine behind an ideal coupling, whose answer is known in
-    /// closed form, comes back within the trapezoids' own error, and its undershoot with it.
+    /// Catches a wrong sign or rule of the integral: a half-sine behind an ideal coupling, known in closed form, comes
+    /// back within the error of the trapezoids.
     #[test]
     fn a_coupled_half_sine_comes_back() {
         let (tau, tc) = (200.0, 2000.0);

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use crate::DurationEstimator;
 use crate::sound::area;
 
-/// Where `value`, joined by straight lines, crosses `level` on either side of `peak_at`, first met walking outwards;
-/// `None` when the record ends before, or the peak itself is not above the level.
+/// Where `value`, joined by straight lines, first crosses `level` on either side of `peak_at`, going outwards. `None`
+/// if the record ends before that, or if the peak is not above the level.
 pub(super) fn crossings(value: impl Fn(usize) -> f64, count: usize, peak_at: usize, level: f64) -> Option<(f64, f64)> {
     let is_above = value(peak_at) > level;
     if !is_above {
@@ -19,13 +19,13 @@ pub(super) fn crossings(value: impl Fn(usize) -> f64, count: usize, peak_at: usi
     Some((rise, fall))
 }
 
-/// The base of the half-sine that is `width` wide at the part `level` of its peak.
+/// The base of the half-sine that is `width` wide at the fraction `level` of its peak.
 pub(super) fn half_sine_base(width: f64, level: f64) -> f64 {
-    // A half-sine of base tau is above q of its peak for tau (1 - 2 asin(q)/pi).
+    // A half-sine of base tau is above the fraction q of its peak for tau (1 - 2 asin(q)/pi).
     width / (1.0 - 2.0 * level.asin() / PI)
 }
 
-/// Contact time in samples, for the estimators that do not take the width at 10 %, `(rise, fall)`.
+/// Contact time in samples, for the estimators other than the width at 10 %, which is given as `(rise, fall)`.
 ///
 /// `None` when the record ends before the level is crossed.
 pub(super) fn other(
@@ -81,7 +81,7 @@ mod tests {
         }
     }
 
-    /// Catches a walk inwards from the record's ends, which a bounce after the pulse would lengthen.
+    /// Catches a search from the record's ends inwards, which a bounce after the pulse would lengthen.
     #[test]
     fn walks_outwards_from_the_peak() {
         let samples = [0.0_f32, 5.0, 0.0, 0.0, 10.0, 20.0, 10.0, 0.0, 0.0, 5.0, 0.0];
@@ -89,7 +89,7 @@ mod tests {
         assert!((rise - 3.2).abs() < 1e-12 && (fall - 6.8).abs() < 1e-12);
     }
 
-    /// Catches an impulse read past the record's end, a negative tau, and a width made up where the record ends.
+    /// Catches an impulse read past the record's end, a negative tau, and a width invented where the record ends.
     #[test]
     fn what_the_record_does_not_hold() {
         let value = |i: usize| 0.05 + half_sine(i, 2.0, 20.0);

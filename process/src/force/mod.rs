@@ -1,11 +1,11 @@
 //! The force pulse: its peak, its duration and its onset.
 //!
-//! Default estimators of the method's section 2: `parabola` for F_max and `half_sine` for tau; the others stand beside
-//! them. Times are in samples of the record, from its first one, until a rate makes seconds of them.
+//! The defaults are the estimators of the method's section 2: `parabola` for F_max and `half_sine` for tau. Times are
+//! in samples from the record's first one.
 //!
-//! Beyond the method: a pulse must rise above [`NOISE_SIGMAS`] sigma of the noise before it, or a
-//! channel with nothing but noise would give a peak and a duration like any other. The onset is that of the width at
-//! 10 %, whichever estimator gives tau.
+//! Beyond the method, a pulse must rise above [`NOISE_SIGMAS`] sigma of the noise before it; otherwise a channel of
+//! pure noise would have a peak and a duration too. The onset always comes from the width at 10 %, whichever estimator
+//! gives tau.
 
 mod droop;
 mod duration;
@@ -21,7 +21,7 @@ use crate::{DurationEstimator, PeakEstimator};
 /// Standard deviations of the noise that a pulse must exceed.
 pub(crate) const NOISE_SIGMAS: f64 = 6.0;
 
-/// Part q of F_max at which the pulse's width is taken.
+/// Fraction of F_max at which the pulse's width is measured.
 const WIDTH_LEVEL: f64 = 0.1;
 
 /// What the force shows of an impact.
@@ -35,18 +35,18 @@ pub(crate) struct Pulse {
     pub onset_samples: f64,
 }
 
-/// How a pulse is measured, and where its droop is undone.
+/// Measures pulses, after correcting the sensor's droop.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PulseFinder {
     f_max: PeakEstimator,
     tau: DurationEstimator,
-    /// Time constant of the sensor's coupling, samples; 0 of a sensor without.
+    /// Time constant of the sensor's coupling, samples; 0 if it has none.
     droop_samples: f64,
     corrected_n: Vec<f64>,
 }
 
 impl PulseFinder {
-    /// A finder with these estimators; the time constant is the record's to set.
+    /// A finder with these estimators and no droop; see [`PulseFinder::set_droop`].
     pub(crate) fn new(f_max: PeakEstimator, tau: DurationEstimator) -> Self {
         Self { f_max, tau, ..Self::default() }
     }
@@ -56,8 +56,8 @@ impl PulseFinder {
         self.droop_samples = time_constant_samples;
     }
 
-    /// The pulse of `track`, whose `extent`, `base` and `noise` are in counts; `None` when none stands out of the
-    /// noise or it is not in the record from 10 % to 10 %.
+    /// The pulse of `track`, whose `extent`, `base` and `noise` are in counts. `None` if none stands out of the noise,
+    /// or if the record does not hold it from 10 % to 10 %.
     pub(crate) fn find<C: Count>(
         &mut self,
         track: Track<'_, C>,
@@ -81,7 +81,7 @@ impl PulseFinder {
         }
         let (rise, fall) = crossings(force_n, count, peak_at, WIDTH_LEVEL * height_n)?;
         let width = fall - rise;
-        // Casts end at 0, and make 0 of what is not a number.
+        // Casts saturate at 0 and turn NaN into 0.
         let first = (rise - width) as usize;
         let last = ((fall + 2.0 * width) as usize).min(count - 1);
         let mut corrected_n = std::mem::take(&mut self.corrected_n);
@@ -140,7 +140,7 @@ mod tests {
         }
     }
 
-    /// Catches a width made up for a pulse that the record cuts off, and a division by zero.
+    /// Catches a width invented for a pulse that the record cuts off, and a division by zero.
     #[test]
     fn no_pulse() {
         assert_eq!(pulse_of(&[0.0, 1.0, 5.0, 9.0]), None);

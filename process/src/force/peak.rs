@@ -1,14 +1,14 @@
 //! The height of a pulse's peak.
 
-/// Part of the peak above which samples enter the polynomial.
+/// Fraction of the peak above which samples enter the polynomial.
 const POLYNOMIAL_LEVEL: f64 = 0.7;
 /// Order of the polynomial.
 const ORDER: usize = 4;
-/// Fewest samples that the polynomial is worth fitting to.
+/// Fewest samples for which the polynomial is fitted.
 const POLYNOMIAL_SAMPLES_MIN: usize = 9;
 
-/// Height of the parabola through the samples at and beside `peak_at`; the sample itself at the record's edge and
-/// where the three lie on a line.
+/// Height of the parabola through the sample at `peak_at` and its two neighbours. It is the sample itself at the
+/// record's edge, and where the three lie on a line.
 pub(super) fn vertex(value: impl Fn(usize) -> f64, count: usize, peak_at: usize) -> f64 {
     let b = value(peak_at);
     if peak_at == 0 || peak_at + 1 >= count {
@@ -19,8 +19,8 @@ pub(super) fn vertex(value: impl Fn(usize) -> f64, count: usize, peak_at: usize)
     if curvature < 0.0 { b - (a - c).powi(2) / (8.0 * curvature) } else { b }
 }
 
-/// Maximum of the quartic that fits the samples about `peak_at` above 70 % of the parabola's vertex best, between the
-/// first and the last of them; `None` of fewer than nine, and when they have no such fit.
+/// Maximum of the quartic fitted to the samples around `peak_at` above 70 % of the parabola's vertex, between the first
+/// and the last of them. `None` with fewer than nine samples, and if the fit has no maximum there.
 pub(super) fn polynomial(value: impl Fn(usize) -> f64, count: usize, peak_at: usize) -> Option<f64> {
     let level = POLYNOMIAL_LEVEL * vertex(&value, count, peak_at);
     let above = |i: &usize| value(*i) > level;
@@ -34,8 +34,8 @@ pub(super) fn polynomial(value: impl Fn(usize) -> f64, count: usize, peak_at: us
     Some(fit.maximum()).filter(|height| height.is_finite())
 }
 
-/// A least-squares quartic over -1 to 1, in polynomials that are orthogonal on the samples (Forsythe 1957): no system
-/// of equations is solved.
+/// A least-squares quartic over -1 to 1, as a sum of polynomials that are orthogonal on the samples (Forsythe 1957), so
+/// that no system of equations must be solved.
 #[derive(Debug, Clone, Copy)]
 struct Quartic {
     alpha: [f64; ORDER + 1],
@@ -44,7 +44,7 @@ struct Quartic {
 }
 
 impl Quartic {
-    /// Of `count` samples, spread evenly from -1 to 1; more than `ORDER` of them.
+    /// Fits `count` samples, spread evenly from -1 to 1; there must be more than `ORDER`.
     fn fit(value: impl Fn(usize) -> f64, count: usize) -> Self {
         let half = (count - 1) as f64 / 2.0;
         let mut fit = Self { alpha: [0.0; ORDER + 1], beta: [0.0; ORDER + 1], weight: [0.0; ORDER + 1] };
@@ -80,8 +80,8 @@ impl Quartic {
         self.basis(x).iter().zip(&self.weight).map(|(p, w)| p * w).sum()
     }
 
-    /// Largest value from -1 to 1: of each top of a grid the two cells beside it are cut in thirds. A quartic has two tops
-    /// at most, and the higher one need not be the higher one on the grid.
+    /// Largest value from -1 to 1. Around each top of a grid, the two neighbouring cells are searched by ternary
+    /// search. A quartic has at most two tops, and the grid may order them wrongly.
     fn maximum(&self) -> f64 {
         const CELLS: u32 = 64;
         let grid = |i: u32| f64::from(i) * 2.0 / f64::from(CELLS) - 1.0;
@@ -94,9 +94,9 @@ impl Quartic {
         tops.max_by(f64::total_cmp).unwrap_or(f64::NAN)
     }
 
-    /// Largest value from `low` to `high`, between which there is one top.
+    /// Largest value from `low` to `high`, where the quartic has one top.
     fn top_between(&self, mut low: f64, mut high: f64) -> f64 {
-        const THIRDS: u32 = 40; // (2/3)^40 of a cell is 1e-9, its square beyond all digits
+        const THIRDS: u32 = 40; // (2/3)^40 of a cell is 1e-9, and the value's error goes with its square
         for _ in 0..THIRDS {
             let third = (high - low) / 3.0;
             if self.at(low + third) < self.at(high - third) { low += third } else { high -= third }
@@ -123,8 +123,8 @@ mod tests {
         assert!((vertex(|i| -(i as f64), 7, 0)).abs() < 1e-15);
     }
 
-    /// Catches a wrong recurrence, and a maximum sought in too coarse a grid: any quartic returns its own top, known
-    /// where its derivative -4 (x - r) ((x - s)^2 + t) vanishes.
+    /// Catches a wrong recurrence, and a search in too coarse a grid: any quartic returns its own top, known where its
+    /// derivative -4 (x - r) ((x - s)^2 + t) vanishes.
     #[test]
     fn quartic_returns_its_top() {
         for (r, s, t) in [(0.0, 0.3, 0.5), (0.37, -0.2, 0.1), (-0.71, 0.9, 2.0)] {
@@ -142,10 +142,10 @@ mod tests {
         }
     }
 
-    /// Catches the lower of two tops, taken where the grid has it higher.
+    /// Catches the lower of two tops, chosen because the grid shows it higher.
     #[test]
     fn quartic_with_two_tops_returns_the_higher() {
-        // Tops at -0.5 and 0.5 + shift, all but equally high; where the grid of 1 / 32 falls on one it sees that one higher.
+        // Tops at -0.5 and 0.5 + shift, of nearly equal height; a top that falls on the grid of 1/32 looks higher.
         for (shift, tilt) in [(0.015, 1e-4), (0.0, 1e-4), (0.015, -1e-4), (0.008, 2e-4)] {
             let quartic = |x: f64| 1.0 - 16.0 * (x + 0.5).powi(2) * (x - 0.5 - shift).powi(2) + tilt * x;
             let fit = Quartic::fit(|i| quartic((i as f64 - 20.0) / 20.0), 41);
@@ -186,7 +186,7 @@ mod tests {
         }
     }
 
-    /// Catches a fit to samples of another pulse, of the flanks, or to too few.
+    /// Catches a fit to samples of another pulse, of the flanks, or to too few samples.
     #[test]
     fn polynomial_takes_the_top_of_the_pulse_only() {
         let top = |i: usize, at: f64, width: f64| 10.0 - 3.0 * ((i as f64 - at) / width).powi(2);

@@ -1,46 +1,46 @@
-//! Flat tops: samples that stand still where a signal would turn.
+//! Flat tops: runs of equal samples where a signal would turn.
 
 use crate::signal::extent::{Extent, STRETCH, position, stretch_at};
 use crate::signal::record::Count;
 
-/// Samples in a row at an extreme that may make a channel clipped (B1).
+/// Samples in a row at an extreme from which on a channel may be clipped (B1).
 const RUN: usize = 3;
 const _: () = assert!(STRETCH.is_multiple_of(RUN), "probes go on from stretch to stretch");
-/// Part of the greatest distance below which one is nothing but rounding of single precision.
+/// Differences below this fraction of the greatest one are rounding of single precision.
 const GRID: f64 = 1e-5;
-/// Part of the greater extreme that the lesser must reach to be one: the silence between impacts is flat too.
+/// The lesser extreme counts only if it reaches this fraction of the greater: the silence between impacts is flat too.
 const SHARE: f64 = 0.3;
-/// Standard deviations of the noise between the highest and the lowest sample of a flat top.
+/// Spread of a flat top under noise, from its lowest to its highest sample, in standard deviations of the noise.
 const BAND_SIGMAS: f64 = 6.0;
-/// Part of the extreme above which that band says nothing.
+/// Where that spread exceeds this fraction of the extreme, noise hides whether the top is flat.
 const BAND_MAX: f64 = 0.1;
 
-/// How a top must be left to be a flat one under noise.
+/// How steeply a signal must leave a top under noise for the top to count as flat.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Leaving {
-    /// How far beside the top one looks, in half its widths.
+    /// How far beside the top to look, in half widths of the top.
     reach: f64,
-    /// Factor by which the fall there exceeds a parabola's.
+    /// Factor by which the fall there must exceed a parabola's.
     margin: f64,
 }
 
-/// Of a force: one pulse, as good as a parabola far beyond its top.
+/// For a force: a single pulse is close to a parabola far beyond its top.
 pub(crate) const OF_PULSE: Leaving = Leaving { reach: 1.0, margin: 1.15 };
-/// Of a sound: modes may meet in a top that is flatter than a parabola.
+/// For a sound: several modes may add up to a top that is flatter than a parabola.
 const OF_RINGING: Leaving = Leaving { reach: 0.5, margin: 1.5 };
-/// Samples out of a flat top that noise may have taken, to either side.
+/// Samples that noise may have lifted out of a flat top, to either side.
 const JOINED_MAX: usize = 32;
-/// Samples beside a flat top in which the converter's step is looked for.
+/// Samples beside a flat top from which the converter's step is found.
 const BESIDE: usize = 16;
 
-/// Whether the signal of `extent` about `base` is flat at its top or at its bottom.
+/// Whether the signal of `extent` around `base` is flat at its top or at its bottom.
 pub(crate) fn is_clipped<C: Count>(samples: &[C], extent: Extent<C>, base: f64, noise: f64) -> bool {
     let is_flat = |level| is_flat(samples, level, extent, base, (noise, OF_RINGING));
     is_flat(extent.largest) || is_flat(extent.least)
 }
 
-/// Whether the signal is cut off at the extreme `level`, by the converter or, before `noise` came on top, by what is in
-/// front of it.
+/// Whether the signal is cut off at the extreme `level`: by the converter, or by what is in front of it, before `noise`
+/// was added.
 pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base: f64, noise: (f64, Leaving)) -> bool {
     let (above, below) = (extent.largest.into() - base, base - extent.least.into());
     let greater = if above > below { above } else { below };
@@ -48,7 +48,8 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
     if !is_extreme || extent.is_constant() {
         return false;
     }
-    // A run of three covers one of every three places. Most stretches never touch the level, which vectors see at once.
+    // A run of three covers one of every three places. Most stretches never touch the level, which a vector comparison
+    // shows.
     let mut after = 0;
     let next = |first: usize| stretch_at(samples, level, first);
     let stretches = std::iter::successors(next(0), |first| next(first + STRETCH));
@@ -70,9 +71,11 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
     is_flat_under_noise(samples, level, base, noise)
 }
 
-/// Whether the first visit to the extreme `level` stays there, within the noise, for longer than a parabola that then
-/// falls as far as the signal does: one of which n samples are within `d` of its vertex is `d` below it (n - 1)/2 samples
-/// away or more, and r samples beyond the last of them no more than ((n/2 + r)/(n/2 - 1/2))^2 d.
+/// Whether the signal stays near the extreme `level` on its first visit, within the noise, for longer than a parabola
+/// that then falls as far as the signal does.
+///
+/// A parabola that has n samples within `d` of its vertex is `d` below it (n - 1)/2 samples away or more; r samples
+/// further on it is at most ((n/2 + r)/(n/2 - 1/2))^2 d below.
 fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, (noise, leaving): (f64, Leaving)) -> bool {
     let Some(at) = position(samples, level) else { return false };
     let level: f64 = level.into();
@@ -91,15 +94,15 @@ fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, (noise, lea
     after - from > RUN && below(samples[before]) > least && below(*behind) > least
 }
 
-/// Whether the signal leaves the level at which it stays from `from` to before `after` by more than rounding explains,
-/// on both sides.
+/// Whether the signal leaves the level, at which it stays from `from` to before `after`, by more than rounding
+/// explains, on both sides.
 ///
-/// A parabola that rounding to a step q makes flat for n samples falls by no more than q within (n - 1)/2 samples of its
-/// vertex, thus by no more than ((n + 3)/(n - 1))^2 q two samples further on, and the half of a step for its rounding.
+/// A parabola that rounding to a step q makes flat for n samples falls by at most q within (n - 1)/2 samples of its
+/// vertex. Two samples further on it has fallen by at most ((n + 3)/(n - 1))^2 q, plus half a step of rounding.
 fn leaves<C: Count>(samples: &[C], from: usize, after: usize) -> bool {
     let level: f64 = samples[from].into();
     let n = (after - from) as f64;
-    // Noise may take a sample or two out of a flat top; what counts is how it is left for good.
+    // Noise may lift a sample or two out of a flat top; what counts is where the signal leaves it for good.
     let is_at = |x: &C| (*x).into().total_cmp(&level).is_eq();
     let (mut from, mut after) = (from, after);
     for _ in 0..JOINED_MAX {
@@ -118,18 +121,18 @@ fn leaves<C: Count>(samples: &[C], from: usize, after: usize) -> bool {
     (level - before).abs() > least && (level - behind).abs() > least
 }
 
-/// The step of the converter, of which all `samples` are multiples apart from `level`: their greatest common divisor.
-/// Of samples that are on no grid it is next to nothing, as it should be.
+/// The step of the converter: the greatest common divisor of the distances of all `samples` from `level`. It is nearly
+/// 0 for samples that are on no grid.
 fn step<C: Count>(samples: &[C], level: f64) -> f64 {
     let distances = || samples.iter().map(|&x| (x.into() - level).abs());
     let greatest = distances().fold(0.0, |a, b| if b > a { b } else { a });
     let nothing = GRID * greatest;
     distances().fold(0.0, |a, b| {
-        // Euclid; every second round halves the greater, so that it ends.
+        // Euclid's algorithm. Every second round at least halves the greater, so it ends.
         let (mut a, mut b) = (a, b);
         while b > nothing {
             let rest = a % b;
-            // A multiple that falls short of itself by a rounding leaves nearly all of b.
+            // The remainder of a multiple that rounding made too small is nearly b.
             (a, b) = (b, if b - rest < nothing { 0.0 } else { rest });
         }
         a
@@ -159,7 +162,8 @@ mod tests {
         is_flat(samples, *samples.iter().max().unwrap(), Extent::find(samples).unwrap(), 0.0, (0.0, OF_PULSE))
     }
 
-    /// Catches a rule that takes the rounding of a coarse converter for clipping (pyFRF's does), whatever the peak.
+    /// Catches a rule that mistakes the rounding of a coarse converter for clipping, as pyFRF's does, whatever the
+    /// peak.
     #[test]
     fn a_coarse_peak_is_not_clipped() {
         for amplitude in 2..400 {
@@ -187,8 +191,8 @@ mod tests {
         assert!(!is_top_flat(&counts(&half_sine(32_700.0, 37.0))));
     }
 
-    /// Catches clipping by an amplifier that is missed because the converter's noise lies on top of it, and a peak that is
-    /// taken for clipped because noise has made it flat.
+    /// Catches clipping by an amplifier that is missed because noise lies on top of it, and a peak that counts as
+    /// clipped because noise has made it flat.
     #[test]
     fn an_amplifier_is_told_from_a_noisy_peak() {
         let mut state = 7_u32;
@@ -215,7 +219,7 @@ mod tests {
         }
     }
 
-    /// Catches a top that three modes make flat between them, and that is taken for clipped under a little noise.
+    /// Catches a flat top, formed by three modes, that counts as clipped under a little noise.
     #[test]
     fn a_flat_top_of_modes_is_not_clipped() {
         let mut state = 11_u32;
@@ -245,7 +249,7 @@ mod tests {
         assert!(share(10.0) <= 1 && share(0.9) >= 495, "{} {}", share(10.0), share(0.9));
     }
 
-    /// Catches a run that the probes step over, at any place and at the ends of a record.
+    /// Catches a run that the probes step over, anywhere in a record and at its ends.
     #[test]
     fn every_place_is_probed() {
         for place in 0..37 {

@@ -1,4 +1,4 @@
-//! Rules on the force: is it one whole pulse of one impact?
+//! Rules on the force: is it one complete pulse of one impact?
 
 use tapline_wire::{Discriminator, Quality};
 
@@ -9,26 +9,26 @@ use crate::signal::baseline::Medians;
 use crate::signal::extent::{Extent, position};
 use crate::signal::record::{Count, Track};
 
-/// Standard deviations of the noise that a second pulse exceeds: the greatest of a whole record's noise does not.
+/// Standard deviations of the noise that a second pulse must exceed; the greatest noise of a whole record does not.
 const SECOND_SIGMAS: f64 = 6.0;
-/// Standard deviations of the noise by which the force rises again: a difference of two samples has sqrt(2) of one.
+/// Standard deviations of the noise by which the force must rise again; a difference of two samples has sqrt(2) of one.
 const RISE_SIGMAS: f64 = 8.0;
-/// Part of the peak from which samples are the pulse's.
+/// Fraction of the peak from which on samples belong to the pulse.
 const FOOT: f64 = 0.1;
-/// Samples above the foot without which a peak is not to be believed (case 13).
+/// Fewest samples above the foot for a peak to be trusted (case 13).
 const PULSE_SAMPLES: usize = 8;
-/// Quiet samples before the pulse without which its beginning is not to be believed (case 10).
+/// Fewest quiet samples before the pulse for its beginning to be trusted (case 10).
 const QUIET_SAMPLES: usize = 5;
-/// Part of the peak below which a sample is quiet.
+/// Fraction of the peak below which a sample is quiet.
 const QUIET: f64 = 0.02;
-/// Part of the peak at which triggers have fired.
+/// Fraction of the peak at which a trigger has surely fired.
 const TRIGGERED: f64 = 0.15;
 /// Full scale of a force whose scale is not known, and the least peak of one whose scale is, N.
 const UNSCALED_N: f64 = 1.0;
-/// Impulse of one impact over m V, at most: 2 of an elastic one, and a tenth more for scale and noise.
+/// Largest impulse of one impact over m V: 2 for an elastic impact, plus a tenth for scale and noise.
 const ONE_IMPACT: f64 = 2.2;
-/// Impulse of a whole impact over m V, at least. An impactor that rebounds takes (1 + e) m V, 1.5 for e = 0.5; one
-/// that leaves with less still follows the layer it has hit, and it is the layer that comes back to it.
+/// Smallest impulse of a complete impact over m V. An impactor that rebounds gives (1 + e) m V, 1.5 for e = 0.5; one
+/// that gives less still moves with the layer, so that a second pulse is the layer returning to it.
 const WHOLE_IMPACT: f64 = 1.2;
 
 /// What the rules on the force need to know.
@@ -39,7 +39,7 @@ pub(crate) struct ForceRecord<'a, C> {
     /// Baseline and standard deviation of the noise, counts.
     pub base: f64,
     pub noise: f64,
-    /// Samples that the baseline was taken from; `None` when the record gives none.
+    /// Samples that the baseline is computed from; `None` if the record has none.
     pub baseline_count: Option<usize>,
     pub pre_trigger_samples: usize,
     pub sample_rate_hz: f64,
@@ -78,7 +78,7 @@ pub(crate) fn check_force<C: Count>(force: &ForceRecord<'_, C>, config: &Quality
         report.raise_on_pulse(Quality::DOUBLE_HIT, config.double_hit);
         report.raise(Quality::DOUBLE_HIT, config.double_hit, &OF_SPECTRUM);
     }
-    // A pulse that is cut, coarse or not alone says nothing about the rate.
+    // A pulse that is cut, has few samples or is not alone says nothing about the rate.
     let is_whole = report.flags().is_empty();
     if shape.peak < config.snr_min * force.noise {
         report.raise_on_pulse(Quality::LOW_SNR, config.low_snr);
@@ -91,14 +91,14 @@ pub(crate) fn check_force<C: Count>(force: &ForceRecord<'_, C>, config: &Quality
     report
 }
 
-/// Where the greatest pulse lies, in samples, and how high it is, in counts.
+/// Position of the greatest pulse in samples, and its height in counts.
 #[derive(Debug, Clone, Copy)]
 struct Shape<C> {
     level: C,
     sign: f64,
     peak: f64,
     peak_at: usize,
-    /// First sample above the foot, and first one behind it that is not.
+    /// First sample above the foot, and the first one after it that is not.
     begin: usize,
     end: usize,
 }
@@ -122,13 +122,13 @@ impl<C: Count> Shape<C> {
     }
 }
 
-/// When the trigger came.
+/// When the trigger came, relative to the pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Trigger {
     Good,
     /// After the force had risen for more than a sample; nothing is lost.
     AfterRise,
-    /// So late that the pulse lies where the baseline is taken.
+    /// So late that the pulse overlaps the baseline.
     AfterBaseline,
     /// The record begins within the pulse.
     WithinPulse,
@@ -149,8 +149,8 @@ fn trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) -> Trigger {
     }
 }
 
-/// Whether a pulse that does not stand out of what was before the trigger is itself what was before the trigger: it
-/// stands out of the record's last quarter.
+/// Whether a pulse that does not stand out of the time before the trigger was itself before the trigger: it stands out
+/// of the record's last quarter.
 fn is_lost_in_baseline<C: Count>(force: &ForceRecord<'_, C>) -> bool {
     let Track { samples, unit_per_count } = force.track;
     let Some(baseline_count) = force.baseline_count.filter(|_| unit_per_count != 0.0) else { return false };
@@ -163,7 +163,7 @@ fn is_lost_in_baseline<C: Count>(force: &ForceRecord<'_, C>) -> bool {
     is_before && !tail.is_empty() && sign * (level.into() - base) > SECOND_SIGMAS * noise
 }
 
-/// Whether the force was high two samples before the trigger: one sample is the trigger's own uncertainty.
+/// Whether the force was high two samples before the trigger; one sample is the trigger's own uncertainty.
 fn is_up_before_trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) -> bool {
     let Some(before) = force.pre_trigger_samples.checked_sub(2) else { return false };
     let is_behind = before >= shape.peak_at;
@@ -171,17 +171,17 @@ fn is_up_before_trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) 
     is_behind || height > TRIGGERED * shape.peak + SECOND_SIGMAS * force.noise
 }
 
-/// Whether a second pulse stands beside the greatest, that is not the layer's coming back.
+/// Whether there is a second pulse beside the greatest that is not the layer returning.
 fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, config: &QualityConfig) -> bool {
     let samples = force.track.samples;
     let (share, sigmas) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * force.noise);
     let limit = if share > sigmas { share } else { sigmas };
-    // Before: from the pulse backwards to where it is below the limit, and from there to the record's beginning.
+    // Before: backwards from the pulse to where it is below the limit, and from there to the record's beginning.
     let foot = samples[..shape.begin].iter().rposition(|&x| shape.height(x, force.base) < limit);
     if foot.is_some_and(|foot| greatest(&samples[..foot], force, shape) > limit) {
         return true;
     }
-    // After: the least there was so far, and whether the force rises from it again.
+    // After: the smallest value so far, and whether the force rises from it again.
     let mut valley = (shape.peak, shape.peak_at);
     let mut at = shape.peak_at;
     while at < samples.len() && valley.0 > 0.0 && shape.height(samples[at], force.base) <= valley.0 + limit {
@@ -200,8 +200,8 @@ fn greatest<C: Count>(samples: &[C], force: &ForceRecord<'_, C>, shape: &Shape<C
     extreme.map_or(0.0, |x| shape.height(x, force.base))
 }
 
-/// Whether what came until sample `until` has thrown the impactor back, so that only a second hit can bring it again;
-/// so it is, too, when mass, velocity or the force's scale is not known.
+/// Whether the impulse until sample `until` has thrown the impactor back, so that only a second hit can bring another
+/// pulse. Also true if mass, velocity or the force's scale is not known.
 fn is_whole_impact<C: Count>(
     force: &ForceRecord<'_, C>,
     shape: &Shape<C>,
@@ -221,7 +221,7 @@ fn is_whole_impact<C: Count>(
         heights.filter(|&height| height > least).sum::<f64>() * unit_n / force.sample_rate_hz
     };
     let is_part = impulse(until, f64::NEG_INFINITY) < WHOLE_IMPACT * m_v;
-    // The layer gives back no more than the impactor brought.
+    // The layer returns no more impulse than the impactor brought.
     let is_one = impulse(force.track.samples.len(), noise_limit) < ONE_IMPACT * m_v;
     !(is_part && is_one)
 }

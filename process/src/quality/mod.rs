@@ -192,7 +192,7 @@ pub(crate) fn velocity_m_per_s(header: &TapHeader) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Catches a default that does not pass its own checks, a key that is not read, and one that is not checked.
+    /// Catches a default that fails its own checks, and a key that is not read or not checked.
     #[test]
     fn thresholds_are_read_and_checked() {
         assert_eq!(QualityConfig::default().validate(), Ok(()));
@@ -208,7 +208,8 @@ mod tests {
         assert!(QualityConfig { hum_ratio_max: f64::NAN, ..QualityConfig::default() }.validate().is_err());
     }
 
-    /// Catches a flag raised for want of a measurement or of a plan, and a comparison in one direction only.
+    /// Catches a flag raised although the velocity was not measured or not planned, and a comparison in one direction
+    /// only.
     #[test]
     fn velocity_off_needs_both_velocities() {
         let is_off = |meant, measured| {
@@ -223,8 +224,7 @@ mod tests {
         assert!(!is_off(1.85, 1.83) && !is_off(1.85, f64::NAN) && !is_off(f64::NAN, 1.2) && !is_off(0.0, 1.2));
     }
 
-    /// Catches a retake asked for though the policy does not, one not asked for though it does, and one for a flag that
-    /// has taken nothing away.
+    /// Catches a retake against the policy, a missing retake, and a retake for a flag that has dropped nothing.
     #[test]
     fn retakes_are_asked_for_by_policy() {
         let whole = || {

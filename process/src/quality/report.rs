@@ -44,7 +44,7 @@ impl QualityReport {
         }
     }
 
-    /// Adds the flags to `found` and takes the dropped features out of it.
+    /// Adds the flags to `found` and removes the dropped features from it.
     pub(crate) fn apply(&self, found: &mut Discriminators) {
         found.quality.insert(self.flags);
         for which in Discriminator::ALL.into_iter().filter(|&which| self.dropped[which as usize]) {

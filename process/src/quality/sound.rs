@@ -1,4 +1,4 @@
-//! Rules on the sound: is it one tap, loud enough, heard whole?
+//! Rules on the sound: is it one tap, loud enough, complete?
 
 use std::f64::consts::TAU;
 
@@ -14,27 +14,27 @@ use crate::signal::record::{Count, Track};
 
 /// Blocks after the onset in which a casing falls silent: 100 ms.
 const RINGING_BLOCKS: usize = 100;
-/// Blocks of an envelope's step, 5 ms: half a period of the lowest mode that is heard.
+/// Blocks per step of the envelope, 5 ms: half a period of the lowest audible mode.
 const STEP_BLOCKS: usize = 5;
-/// The same beside hum, which has half a period of 10 ms at 50 Hz.
+/// The same where there is hum, of which half a period is 10 ms at 50 Hz.
 const HUM_STEP_BLOCKS: usize = 10;
-/// Steps of the envelope without which it tells nothing.
+/// Fewest steps of the envelope from which the rule is applied.
 const STEPS_MIN: usize = 4;
-/// Factor by which the envelope of another tap rises above the least there was; that of one tap falls.
+/// Factor by which the envelope rises above its smallest value so far if there is another tap; that of one tap falls.
 const RISE: f64 = 1.35;
-/// Standard deviations of the noise that another tap exceeds.
+/// Standard deviations of the noise that another tap must exceed.
 const TAP_SIGMAS: f64 = 6.0;
-/// Factor between the noise before a tap and after it that noise alone does not have.
+/// Ratio of the noise before a tap to the noise after it that noise alone does not reach.
 const STEADY: f64 = 3.0;
-/// Blocks before the onset that are not looked at for another tap: the onset is known to a fraction of one.
+/// Blocks just before the onset that are not searched for another tap, because the onset is known to a fraction of one.
 const GUARD_BLOCKS: usize = 2;
 /// Frequencies of the mains, Hz.
 const MAINS_HZ: [f64; 2] = [50.0, 60.0];
-/// Blocks without which hum is not told from ringing: 2.5 periods at 50 Hz.
+/// Fewest blocks in which hum can be distinguished from ringing: 2.5 periods at 50 Hz.
 const HUM_BLOCKS: usize = 50;
-/// More than a sum of some hundred terms can round up by.
+/// Upper bound of the rounding of a sum of some hundred terms.
 const ROUNDED_UP: f64 = 1.0 + 1e-9;
-/// Factor by which a line stands above what is three bins beside it.
+/// Factor by which a line stands above the spectrum three bins beside it.
 const LINE: f64 = 5.0;
 
 /// What the rules on the sound need to know.
@@ -47,16 +47,16 @@ pub(crate) struct SoundRecord<'a, C, T> {
     /// Samples less their baseline, times the gain.
     pub signal: &'a [T],
     pub gain: f64,
-    /// Standard deviation of what is before the trigger, counts, where there is anything.
+    /// Standard deviation before the trigger, counts; `None` if nothing precedes it.
     pub noise: Option<f64>,
-    /// Samples that the baseline was taken from.
+    /// Samples that the baseline is computed from.
     pub baseline_count: Option<usize>,
-    /// Where the force has the sound begin, samples; `None` without a force.
+    /// Onset of the sound according to the force, samples; `None` without a force.
     pub onset: Option<f64>,
     pub sample_rate_hz: f64,
-    /// Highest frequency that a feature looks at, Hz.
+    /// Highest frequency that a feature uses, Hz.
     pub f_top_hz: f64,
-    /// What is already known of the tap.
+    /// Flags that the tap has already.
     pub known: Quality,
 }
 
@@ -67,7 +67,7 @@ impl<C: Count, T> SoundRecord<'_, C, T> {
         self.gain * if below > above { below } else { above }
     }
 
-    /// Block in which the tap begins; the loudest, when no force tells.
+    /// Block in which the tap begins; without a force, the loudest block.
     fn onset_block(&self, blocks: &[Block]) -> usize {
         let of_force = self
             .onset
@@ -76,7 +76,7 @@ impl<C: Count, T> SoundRecord<'_, C, T> {
         of_force.or_else(|| loudest(blocks).map(|(at, _)| at)).unwrap_or(0)
     }
 
-    /// Whether the tap began before the record did, or where its baseline is taken.
+    /// Whether the tap began before the record did, or within its baseline.
     fn is_late(&self, blocks: &Blocks) -> bool {
         let baseline_blocks = self.baseline_count.map_or(0, |count| count / samples_per_block(self.sample_rate_hz));
         let is_in_baseline = || loudest(blocks.all()).is_some_and(|(at, _)| at < baseline_blocks);
@@ -84,7 +84,7 @@ impl<C: Count, T> SoundRecord<'_, C, T> {
     }
 }
 
-/// Checks a sound; `blocks` are its own.
+/// Checks a sound; `blocks` are computed from it.
 pub(crate) fn check_sound<C: Count, T: Real>(
     sound: &SoundRecord<'_, C, T>,
     blocks: &mut Blocks,
@@ -108,7 +108,7 @@ pub(crate) fn check_sound<C: Count, T: Real>(
     }
     let share = config.neighbour_ratio_max * peak;
     let can_hear_before = !is_late && sound.onset.is_some();
-    // What is louder before the tap than after it is no noise, which stays.
+    // Noise persists: what is louder before the tap than after it is not noise.
     let after = noise_after(sound, blocks, hum);
     let quiet = after.filter(|_| hum.is_none());
     let is_ringing_before = can_hear_before
@@ -121,22 +121,23 @@ pub(crate) fn check_sound<C: Count, T: Real>(
     if noise.is_some_and(|noise| peak < config.snr_min * noise) {
         report.raise(Quality::LOW_SNR, config.low_snr, &OF_SOUND);
     }
-    // Noise alone is no sound, whatever the policy on a faint one; later than the record, it was not to be heard.
+    // Noise alone is no sound, whatever the policy on a low SNR. A sound whose onset is after the record could not be
+    // heard.
     let is_due = sound.onset.is_none_or(|onset| onset < sound.signal.len() as f64);
     if is_due && noise.is_some_and(|noise| peak < TAP_SIGMAS * noise) {
         report.raise(Quality::NO_ONSET, Policy::Drop, &OF_SOUND);
     }
-    // Two hits are heard twice; that is no neighbour.
+    // A second hit is heard too; it is not another station's tap.
     if sound.known.contains(Quality::DOUBLE_HIT) {
         return report;
     }
-    // A baseline taken from a part of a period is off by up to the hum's amplitude.
+    // A baseline over part of a period of hum is off by up to the hum's amplitude.
     let limit = greater(share, TAP_SIGMAS * noise.unwrap_or(0.0)) + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
     if is_ringing_before || (can_hear_before && is_before(sound, blocks.all(), limit)) {
         report.raise(Quality::NEIGHBOUR, config.neighbour, &OF_SOUND);
     }
     let step_blocks = if hum.is_some() { HUM_STEP_BLOCKS } else { STEP_BLOCKS };
-    // A baseline that was taken from the ringing hides how the envelope falls.
+    // A baseline within the ringing hides how the envelope falls.
     if !is_late && is_after(sound, blocks.all(), step_blocks, limit) {
         report.raise(Quality::NEIGHBOUR, config.neighbour, &[Discriminator::A2]);
         report.raise(Quality::NEIGHBOUR, config.neighbour, &OF_SPECTRUM);
@@ -148,7 +149,7 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The loudest of `blocks`, the last of equals, and how loud it is.
+/// The loudest of `blocks`, the last of equals, and its loudness.
 fn loudest(blocks: &[Block]) -> Option<(usize, f64)> {
     let mut loudest = (0, blocks.first()?.peak);
     for (at, block) in blocks.iter().enumerate() {
@@ -157,19 +158,19 @@ fn loudest(blocks: &[Block]) -> Option<(usize, f64)> {
     Some(loudest)
 }
 
-/// Standard deviation of the noise without the `hum`, in the signal's unit: the greater of what there is before the
-/// trigger and `after` the ringing; `None` when the record has neither.
+/// Standard deviation of the noise without the `hum`, in the signal's unit: the greater of the noise before the trigger
+/// and the noise `after` the ringing. `None` if the record has neither.
 fn noise<C, T>(sound: &SoundRecord<'_, C, T>, after: Option<f64>, hum: Option<Hum>, is_late: bool) -> Option<f64> {
     let before = sound.noise.map(|noise| noise * sound.gain).filter(|_| !is_late);
     match (before, after) {
-        // Before the trigger there is too little time to tell hum from noise.
+        // The time before the trigger is too short to distinguish hum from noise.
         (Some(before), Some(after)) if hum.is_none() && before > after => Some(before),
         _ => after.or(before),
     }
 }
 
-/// Noise after the tap has fallen silent, in the signal's unit: that of the third or of the last quarter of the
-/// record, whichever is quieter; `None` when the record ends before.
+/// Noise after the tap has fallen silent, in the signal's unit: that of the record's third or last quarter, whichever
+/// is quieter. `None` if the record ends before.
 fn noise_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &mut Blocks, hum: Option<Hum>) -> Option<f64> {
     let count = blocks.all().len();
     if count / 2 < sound.onset_block(blocks.all()).saturating_add(RINGING_BLOCKS) {
@@ -183,19 +184,18 @@ fn noise_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &mut Blocks, 
     Some(if third < last { third } else { last })
 }
 
-/// A line at a frequency of the mains.
+/// Hum: a line at a mains frequency.
 #[derive(Debug, Clone, Copy)]
 struct Hum {
     /// In the signal's unit.
     amplitude: f64,
-    /// Periods in a block.
+    /// Periods per block.
     turns: f64,
 }
 
-/// Hum above `least` in the second half of the record; `None` when no such line of the mains stands out or there is too
-/// little of it.
+/// Hum above `least` in the second half of the record; `None` if no mains line stands out, or the half is too short.
 ///
-/// A Hann window is right here, where it would be wrong for the tap: hum does not end.
+/// A Hann window is right here, because hum goes on; it would be wrong for the tap.
 fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
     let tail = &blocks.all()[blocks.all().len() / 2..];
     if tail.len() < HUM_BLOCKS {
@@ -204,7 +204,7 @@ fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
     let beside = 3.0 / tail.len() as f64;
     let mean = mean_of(tail);
     if loudest_line(tail, mean) <= least {
-        return None; // a clean tap is looked at no further
+        return None; // most clean taps end here
     }
     let turns = MAINS_HZ.map(|f_hz| f_hz / blocks.rate_hz());
     let lines = turns.into_iter().zip(amplitudes(tail, mean, turns)).filter_map(|(turns, line)| {
@@ -219,15 +219,16 @@ fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
     lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude))
 }
 
-/// More than the [`amplitudes`] of any sines in the means of `tail` about their `mean`: twice what is furthest from it.
+/// Upper bound of the [`amplitudes`] of any sine in the means of `tail` around their `mean`: twice the largest
+/// deviation.
 fn loudest_line(tail: &[Block], mean: f64) -> f64 {
     ROUNDED_UP * 2.0 * folded_blocks(tail, |block| (block.mean - mean).abs(), greater)
 }
 
-/// Amplitude of a sine of each of `turns` in a block in the means of `tail` about their `mean`, through a Hann window.
+/// Amplitude of a sine of each of `turns` per block in the means of `tail` around their `mean`, through a Hann window.
 ///
-/// Sines are had by turning a pointer from block to block: the few hundred steps cost it no digit that counts. Each step waits
-/// for the one before, so that two lines cost as much as one.
+/// Sines are computed by rotating a complex number from block to block; over a few hundred steps the rounding does not
+/// matter. Each step waits for the one before, so two lines cost as much as one.
 fn amplitudes<const N: usize>(tail: &[Block], mean: f64, turns: [f64; N]) -> [f64; N] {
     let per_block = TAU / tail.len() as f64;
     let (mut waves, steps) = ([Complex::new(1.0, 0.0); N], turns.map(|turns| Complex::cis(TAU * turns)));
@@ -245,13 +246,13 @@ fn amplitudes<const N: usize>(tail: &[Block], mean: f64, turns: [f64; N]) -> [f6
     sums.map(|sum| 2.0 * sum.norm() / weight)
 }
 
-/// Whether something is heard before the tap.
+/// Whether there is sound before the tap.
 fn is_before<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], limit: f64) -> bool {
     let count = sound.onset_block(blocks).saturating_sub(GUARD_BLOCKS);
     blocks.get(..count).is_some_and(|before| before.iter().any(|block| block.peak > limit))
 }
 
-/// Whether the envelope, which falls after a tap, rises again.
+/// Whether the envelope rises again; after a tap it falls.
 fn is_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], step_blocks: usize, limit: f64) -> bool {
     let steps = blocks.get(sound.onset_block(blocks)..).unwrap_or_default().chunks_exact(step_blocks);
     if steps.len() < STEPS_MIN {
@@ -272,7 +273,8 @@ fn is_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], step_b
 mod tests {
     use super::*;
 
-    /// Catches a bound below what a line can have, by which hum would be missed: a square wave's is 4/pi of its height.
+    /// Catches a bound below what a line can have, by which hum would be missed: a square wave's line is 4/pi of its
+    /// height.
     #[test]
     fn no_line_is_louder_than_the_loudest() {
         for period in 3..300 {

@@ -1,32 +1,33 @@
-//! The level of a channel before the impact, and how much it scatters.
+//! The level of a channel before the impact, and its scatter.
 
 use crate::signal::record::Count;
 use crate::signal::wide::Kernel;
 
-/// Samples that a baseline is taken from: the first floor(0.75 p) of a record of `sample_count`.
+/// Number of samples that the baseline is computed from: the first floor(0.75 p) of a record of `sample_count`.
 ///
-/// `None` without any, and when the trigger lies outside the record, because then p is not to be believed.
+/// `None` if there are none, or if the trigger lies outside the record, because p is wrong then.
 pub(crate) fn baseline_count(pre_trigger_samples: usize, sample_count: usize) -> Option<usize> {
     let count = (pre_trigger_samples / 4) * 3 + (pre_trigger_samples % 4) * 3 / 4;
     (count > 0 && pre_trigger_samples <= sample_count).then_some(count)
 }
 
-/// Finds medians, with one scratch for all of them.
+/// Finds medians; all of them share one scratch.
 #[derive(Debug, Default)]
 pub(crate) struct Medians {
     keys: Vec<i32>,
 }
 
 impl Medians {
-    /// Median of `samples` in counts, the mean of the middle two when their number is even; 0 of none.
+    /// Median of `samples` in counts; the mean of the middle two if their number is even, 0 if there are none.
     pub(crate) fn median<C: Count>(&mut self, samples: &[C]) -> f64 {
         self.keys.resize(samples.len(), 0);
         Keys { samples, key: |x: C| x.key(), keys: &mut self.keys }.wide();
         self.median_of_keys::<C>()
     }
 
-    /// Standard deviation of `samples` about `base`, a median of such, estimated as 1.4826 times the median of their
-    /// magnitudes so that an impact which began too early does not count as noise; never below the converter's rounding.
+    /// Standard deviation of `samples` around `base`, which is a median of samples. It is estimated as 1.4826 times the
+    /// median of their magnitudes, so that an impact that began too early does not count as noise, and is never below
+    /// the converter's rounding.
     pub(crate) fn noise_counts<C: Count>(&mut self, samples: &[C], base: f64) -> f64 {
         self.keys.resize(samples.len(), 0);
         Keys { samples, key: |x: C| x.distance_key(base), keys: &mut self.keys }.wide();
@@ -58,10 +59,10 @@ impl<C: Count, F: Fn(C) -> i32> Kernel for Keys<'_, C, F> {
     }
 }
 
-/// The middle two of `keys`, which are the same of an odd number; `None` of none.
+/// The middle two of `keys`, equal if their number is odd; `None` if there are none.
 ///
-/// Counting how many lie below a value takes a vector where sorting takes a comparison: the median is found by halving
-/// the range it may be in twice at a time, 16 times at most.
+/// Counting the keys below a value uses vectors, where sorting needs comparisons: the range of the median is quartered
+/// up to 16 times.
 struct Middle<'a> {
     keys: &'a [i32],
 }
@@ -77,12 +78,12 @@ impl Kernel for Middle<'_> {
             low = low.min(key);
             high = high.max(key);
         }
-        // The least value that more than half of the keys do not exceed is the upper of the two.
+        // The upper of the two is the least value that more than half of the keys do not exceed.
         let half = self.keys.len() / 2;
         while low < high {
             let span = i64::from(high) - i64::from(low);
             let at = [span / 4, span / 2, 3 * span / 4].map(|part| (i64::from(low) + part) as i32);
-            // Either way by choice, not by a jump that nobody can foresee.
+            // Arithmetic instead of a branch, which could not be predicted.
             let quarter: usize = self.counts(at).into_iter().map(|count| usize::from(count <= half)).sum();
             (low, high) = ([low, at[0] + 1, at[1] + 1, at[2] + 1][quarter], [at[0], at[1], at[2], high][quarter]);
         }
@@ -131,7 +132,7 @@ mod tests {
     }
 
     proptest! {
-        /// Catches a wrong middle: the median of sorted samples, odd and even.
+        /// Catches a wrong middle: the twin sorts, for odd and even numbers of samples.
         #[test]
         fn median_like_a_sort(samples in prop::collection::vec(any::<i16>(), 1..50)) {
             let mut sorted: Vec<f64> = samples.iter().map(|&x| f64::from(x)).collect();
@@ -143,7 +144,7 @@ mod tests {
     }
 
     proptest! {
-        /// Catches floats that do not order as they should, or that do not come back from their keys: the twin sorts.
+        /// Catches floats that are ordered wrongly, or that do not come back from their keys: the twin sorts.
         #[test]
         fn median_and_noise_of_floats_like_a_sort(samples in prop::collection::vec(-1e30..1e30_f32, 1..50)) {
             let twin = |mut values: Vec<f32>| {
@@ -169,8 +170,8 @@ mod tests {
         }
     }
 
-    /// Catches noise measured as a standard deviation, which one early impact inflates, and a quiet converter
-    /// taken for one without rounding.
+    /// Catches noise measured as a standard deviation, which one early impact inflates, and a quiet converter that
+    /// counts as free of rounding.
     #[test]
     fn noise_ignores_an_early_impact() {
         let mut samples = [0_i16, 10, -10, 10, -10, 10, -10, 10, -10, 10];

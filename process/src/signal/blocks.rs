@@ -1,6 +1,6 @@
-//! A sound in blocks of a millisecond, which is all that its sums and the slow rules need of it.
+//! A sound in blocks of a millisecond. Its sums and the slow rules need no more than these.
 //!
-//! Memory, not arithmetic, binds passes over a record: the blocks are taken while its signal is being written.
+//! Memory, not arithmetic, limits passes over a record, so the blocks are computed while the signal is written.
 
 use std::f64::consts::TAU;
 
@@ -8,12 +8,12 @@ use crate::Real;
 use crate::signal::record::Count as _;
 use crate::signal::wide::Kernel;
 
-/// Blocks of one second, nearly, by a ninth at most: a block has whole samples, and of many of them whole rows of lanes.
+/// Blocks per second, within a ninth: a block has whole samples and, if it is long, whole rows of lanes.
 const BLOCKS_PER_S: f64 = 1000.0;
-/// Samples without which a block does not average anything, and rules have no blocks to look at.
+/// Fewest samples of a block that averages anything; the rules see no blocks if they are shorter.
 const BLOCK_SAMPLES: usize = 4;
 
-/// What a block holds, in the unit of the signal.
+/// What is kept of a block, in the unit of the signal.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Block {
     pub mean: f64,
@@ -30,11 +30,11 @@ pub(crate) struct Moments {
     pub mean_square: f64,
 }
 
-/// The blocks of a record, with room for the next record's.
+/// The blocks of a record; their memory is reused for the next record.
 #[derive(Debug, Default)]
 pub(crate) struct Blocks {
     all: Vec<Block>,
-    /// Samples of a block.
+    /// Samples per block.
     count: usize,
     are_short: bool,
     rate_hz: f64,
@@ -42,8 +42,8 @@ pub(crate) struct Blocks {
 }
 
 impl Blocks {
-    /// Has the `signal` written by `write`, which is given where in it a stretch begins and the stretch, and fills the blocks
-    /// from it; samples that fill no block at its end are written but in none.
+    /// Lets `write` fill the `signal` stretch by stretch, given where each begins, and computes the blocks. Samples at
+    /// the end that do not fill a block are written but are in no block.
     pub(crate) fn fill<T: Real>(&mut self, signal: &mut [T], sample_rate_hz: f64, write: impl Fn(usize, &mut [T])) {
         let asked_for = samples_per_block(sample_rate_hz);
         self.are_short = asked_for < BLOCK_SAMPLES;
@@ -53,17 +53,17 @@ impl Blocks {
         Fill { signal, write, count: self.count, blocks: &mut self.all }.wide();
     }
 
-    /// The blocks of the last record that rules look at: none where they are too short.
+    /// The blocks of the last record, for the rules; empty if they are too short.
     pub(crate) fn all(&self) -> &[Block] {
         if self.are_short { &[] } else { &self.all }
     }
 
-    /// Blocks of one second.
+    /// Blocks per second.
     pub(crate) fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
 
-    /// Mean and mean square of the `signal` that the blocks are of.
+    /// Mean and mean square of the `signal` that the blocks were computed from.
     pub(crate) fn moments<T: Real>(&self, signal: &[T]) -> Moments {
         let count = signal.len() as f64;
         Moments {
@@ -72,12 +72,12 @@ impl Blocks {
         }
     }
 
-    /// Sum of the magnitudes of the `signal` that the blocks are of, from sample `first` on.
+    /// Sum of the magnitudes of the same `signal`, from sample `first` on.
     pub(crate) fn magnitude<T: Real>(&self, signal: &[T], first: usize) -> f64 {
         self.sum(signal, first, |block| block.mean_magnitude, f64::abs)
     }
 
-    /// Sum over the `signal` from sample `first` on: of whole blocks from their means, of the others sample by sample.
+    /// Sum over the same `signal` from sample `first` on: whole blocks by their means, the other samples one by one.
     fn sum<T: Real>(&self, signal: &[T], first: usize, mean: impl Fn(&Block) -> f64, term: impl Fn(f64) -> f64) -> f64 {
         let whole = first.div_ceil(self.count).min(self.all.len());
         let before = signal.get(first..whole * self.count).unwrap_or_default();
@@ -86,17 +86,17 @@ impl Blocks {
         self.count as f64 * folded_blocks(&self.all[whole..], mean, |a, b| a + b) + beside
     }
 
-    /// Root of the median of the mean squares of blocks `from` to before `to` about their mean: noise, with what events
-    /// there are in less than half of the blocks left out; `None` of none.
+    /// Noise: the root of the median of the mean squares of blocks `from` to before `to`, around their common mean. The
+    /// median ignores events in less than half of the blocks. `None` without blocks.
     pub(crate) fn noise(&mut self, from: usize, to: usize) -> Option<f64> {
         let blocks = self.all().get(from..to)?;
         let mean = mean_of(blocks);
-        // The mean square about another level, from that about 0.
+        // The mean square around another level, from that around 0.
         self.root_of_median(from, to, |b| b.mean_square - 2.0 * mean * b.mean + mean * mean)
     }
 
-    /// The same about the mean of each block, less what a sine of `amplitude` and `turns` a block changes within one:
-    /// noise beside hum.
+    /// Noise beside hum: as [`Blocks::noise`], but around the mean of each block, less what a sine of `amplitude` and
+    /// `turns` per block changes within a block.
     pub(crate) fn noise_beside(&mut self, from: usize, to: usize, amplitude: f64, turns: f64) -> Option<f64> {
         // A slope s has the variance s^2/12 in a block, and the median of the sine's squared slopes is half the greatest.
         let of_sine = (TAU * turns * amplitude).powi(2) / 24.0;
@@ -114,14 +114,13 @@ impl Blocks {
     }
 }
 
-/// Mean of what is in `blocks`.
 pub(crate) fn mean_of(blocks: &[Block]) -> f64 {
     folded_blocks(blocks, |block| block.mean, |a, b| a + b) / blocks.len() as f64
 }
 
-/// The `value` of all `blocks`, which is not below 0 if it is not summed, folded into one by `of_two`.
+/// The `value` of all `blocks` folded into one by `of_two`. If `of_two` is not a sum, `value` must not be below 0.
 ///
-/// Lanes, because a fold in one variable waits for itself.
+/// Uses lanes, because each step of a fold in one variable waits for the one before.
 pub(crate) fn folded_blocks(blocks: &[Block], value: impl Fn(&Block) -> f64, of_two: impl Fn(f64, f64) -> f64) -> f64 {
     let mut lanes = [0.0; FOLD_LANES];
     for blocks in blocks.chunks(FOLD_LANES) {
@@ -132,7 +131,7 @@ pub(crate) fn folded_blocks(blocks: &[Block], value: impl Fn(&Block) -> f64, of_
     lanes.into_iter().fold(0.0, of_two)
 }
 
-/// Samples of a block; one at least, and whole rows of lanes where that changes the block by no more than a ninth.
+/// Samples per block: at least one, and whole rows of lanes where that changes the block by at most a ninth.
 pub(crate) fn samples_per_block(sample_rate_hz: f64) -> usize {
     let count = (sample_rate_hz / BLOCKS_PER_S).round();
     let count = if count > 1.0 { count as usize } else { 1 };
@@ -143,13 +142,13 @@ pub(crate) fn samples_per_block(sample_rate_hz: f64) -> usize {
 const FOLD_LANES: usize = 8;
 /// Lanes of a block's sums.
 const LANES: usize = 8;
-/// Blocks whose lanes are stored before they are added up: it is at stores that the compiler sees vectors.
+/// Blocks whose lanes are stored before they are added up; the compiler makes vectors at stores.
 const GROUP: usize = 32;
 
-/// Has `signal` written by `write`, and fills `blocks` with those of `count` samples of it.
+/// Lets `write` fill `signal`, and computes `blocks` of `count` samples each.
 ///
-/// Lanes, because neither a sum nor a maximum of floats in one variable may be reordered into SIMD; a block is short
-/// enough for `T`: up to 1 MHz a lane has 125 terms, of which an `f32` loses no more than 1e-5.
+/// Uses lanes, because the compiler may not reorder a sum or a maximum of floats into SIMD. A block is short enough for
+/// `T`: up to 1 MHz a lane has 125 terms, of which an `f32` loses at most 1e-5.
 struct Fill<'a, T, W> {
     signal: &'a mut [T],
     write: W,
@@ -197,7 +196,7 @@ impl<T: Real, W: Fn(usize, &mut [T])> Kernel for Fill<'_, T, W> {
     }
 }
 
-/// The [`LANES`] of each of the first `block_count` blocks folded into one, pair by pair.
+/// Folds the [`LANES`] of each of the first `block_count` blocks into one value, pair by pair.
 #[inline(always)]
 fn folded<T: Real>(lanes: &[T; GROUP * LANES], block_count: usize, of_two: impl Fn(T, T) -> T + Copy) -> [T; GROUP] {
     let (mut four, mut two, mut one) = ([T::zero(); GROUP * 4], [T::zero(); GROUP * 2], [T::zero(); GROUP]);
@@ -214,7 +213,7 @@ fn halve<T: Real>(from: &[T], to: &mut [T], of_two: impl Fn(T, T) -> T) {
     }
 }
 
-/// Sum, sums of squares and of magnitudes, and greatest magnitude of every eighth sample of a block.
+/// Sum, sum of squares, sum of magnitudes and greatest magnitude of every eighth sample of a block.
 #[derive(Debug, Clone, Copy)]
 struct Lanes<T> {
     sum: [T; LANES],
@@ -232,7 +231,7 @@ impl<T: Real> Lanes<T> {
             lanes.add(row);
         }
         if !rest.is_empty() {
-            // Zeros change no lane: none of them is -0.
+            // Zeros change no lane, because no lane is -0.
             let mut last = [T::zero(); LANES];
             last[..rest.len()].copy_from_slice(rest);
             lanes.add(&last);
@@ -263,7 +262,7 @@ impl<T: Real> Default for Lanes<T> {
 mod tests {
     use super::*;
 
-    /// Catches a lost sample, a signed peak and a sum for a mean.
+    /// Catches a lost sample, a signed peak, and a sum instead of a mean.
     #[test]
     fn blocks_of_a_ramp() {
         let mut signal = vec![0.0_f64; 99];
@@ -285,7 +284,7 @@ mod tests {
         assert!(samples_per_block(f64::MAX) > 1 << 40);
     }
 
-    /// Catches a mean in place of the median, and a level taken for noise.
+    /// Catches a mean instead of the median, and a level that counts as noise.
     #[test]
     fn noise_leaves_events_and_level_out() {
         let mut signal: Vec<f32> = (0..1000).map(|i| if i % 2 == 0 { 9.5 } else { 8.5 }).collect();
@@ -300,8 +299,8 @@ mod tests {
         assert!(blocks.all().is_empty());
     }
 
-    /// Catches a sample left out of a sum or counted twice, from any first one on, and sums that depend on how long blocks are:
-    /// the twin adds sample by sample.
+    /// Catches a sample left out of a sum or counted twice, wherever the sum begins, and sums that depend on the length
+    /// of the blocks: the twin adds sample by sample.
     #[test]
     fn sums_like_a_loop() {
         let mut signal: Vec<f64> = (0..203).map(|i| (f64::from(i) * 0.7).sin() - 0.2).collect();
@@ -320,8 +319,8 @@ mod tests {
         }
     }
 
-    /// Catches lanes, or an order of summation, that differ with the machine's vectors or from the definition, and a
-    /// sample behind the block that counts: the twin is sample by sample, and all bits are compared.
+    /// Catches lanes, or an order of summation, that depend on the machine's vectors or differ from the definition, and
+    /// a sample after the block that is counted: the twin goes sample by sample, and all bits are compared.
     #[test]
     fn blocks_have_the_same_bits_on_every_machine() {
         fn twin<T: Real>(block: &[T]) -> Block {

@@ -1,4 +1,4 @@
-//! The least and the largest sample of a channel, and where they are.
+//! The smallest and the largest sample of a channel, and where they are.
 
 use crate::signal::record::Count;
 use crate::signal::wide::Kernel;
@@ -21,8 +21,8 @@ impl<C: Count> Extent<C> {
         self.least == self.largest
     }
 
-    /// Power of two that brings every |sample - `base`| below 2 and the largest of them to 1 or more, so that
-    /// no square overflows or vanishes in `f32`; 1 when no sample differs from `base`.
+    /// Power of two that brings every |sample - `base`| below 2, and the largest of them to at least 1, so that no
+    /// square overflows or underflows in `f32`. It is 1 if all samples equal `base`.
     pub(crate) fn gain(&self, base: f64) -> f64 {
         let (below, above) = (base - self.least.into(), self.largest.into() - base);
         let peak = if below > above { below } else { above };
@@ -34,19 +34,18 @@ impl<C: Count> Extent<C> {
     }
 }
 
-/// Place of the first of `samples` that is `level`.
+/// Index of the first of `samples` that equals `level`.
 pub(crate) fn position<C: Count>(samples: &[C], level: C) -> Option<usize> {
     let first = stretch_at(samples, level, 0)?;
     samples[first..].iter().position(|&x| x == level).map(|at| first + at)
 }
 
-/// Where the first stretch of [`STRETCH`] `samples` begins, from the one that begins at `from` on, in which one is
-/// `level`.
+/// Where the first stretch of [`STRETCH`] samples begins that contains `level`; `from` is where the first one begins.
 pub(crate) fn stretch_at<C: Count>(samples: &[C], level: C, from: usize) -> Option<usize> {
     Touching { samples, level, from }.wide()
 }
 
-/// Samples that [`stretch_at`] looks at together.
+/// Samples that [`stretch_at`] compares together.
 pub(crate) const STRETCH: usize = 96;
 
 struct Touching<'a, C> {
@@ -90,7 +89,7 @@ impl<C: Count> Kernel for Extremes<'_, C> {
         let first = *self.samples.first()?;
         let (mut least, mut largest, mut is_number) = ([first; LANES], [first; LANES], [true; LANES]);
         let (rows, rest) = self.samples.as_chunks::<LANES>();
-        // Lanes, because a minimum of floats in one variable may not be reordered into SIMD.
+        // Uses lanes, because the compiler may not reorder a minimum of floats into SIMD.
         for row in rows {
             for lane in 0..LANES {
                 let x = row[lane];
@@ -116,7 +115,7 @@ impl<C: Count> Kernel for Extremes<'_, C> {
 mod tests {
     use super::*;
 
-    /// Catches a lane or a remainder that is not looked at: the extreme at every place of every short length.
+    /// Catches a lane or a remainder that is left out: the extreme at every place of every short length.
     #[test]
     fn extent_finds_every_place() {
         for count in 1..100 {
@@ -147,7 +146,7 @@ mod tests {
         assert!((Extent { least: 4_i16, largest: 4 }.gain(4.0) - 1.0).abs() < 1e-15);
     }
 
-    /// Catches a stretch stepped over, or one that is looked at twice: the twin looks at every sample.
+    /// Catches a stretch left out or searched twice: the twin goes sample by sample.
     #[test]
     fn places_like_a_walk() {
         for count in [1, 5, 191, 192, 193, 400, 1000] {

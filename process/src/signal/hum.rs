@@ -1,16 +1,16 @@
-//! The mains' hum in a channel, as it was before the trigger.
+//! The mains' hum in a channel, estimated before the trigger.
 
 use std::f64::consts::TAU;
 
 use crate::Real;
 
-/// Part of the mains' period that the quiet samples must span, or its phase could not be told.
+/// Fraction of the mains' period that the quiet samples must span for its phase to be found.
 const PERIODS_MIN: f64 = 0.25;
 
-/// Frequency above which hum is not hum any more.
+/// Frequency above which a sine does not count as hum.
 const CYCLES_PER_SAMPLE_MAX: f64 = 0.25;
 
-/// c + a cos(omega n) + b sin(omega n), n counted from the record's first sample.
+/// c + a cos(omega n) + b sin(omega n), with n counted from the record's first sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Hum {
     omega: f64,
@@ -20,9 +20,9 @@ pub(crate) struct Hum {
 }
 
 impl Hum {
-    /// The hum of frequency `cycles_per_sample` that fits the first `count` values best, together with their level.
+    /// The level and the hum of frequency `cycles_per_sample` that fit the first `count` values best.
     ///
-    /// `None` when they span less than a quarter of its period, or hold fewer than four samples of it.
+    /// `None` if these span less than a quarter of a period, or if a period has fewer than four samples.
     pub(crate) fn fit(value: impl Fn(usize) -> f64, count: usize, cycles_per_sample: f64) -> Option<Self> {
         let is_seen = count as f64 * cycles_per_sample >= PERIODS_MIN;
         let is_sampled = cycles_per_sample <= CYCLES_PER_SAMPLE_MAX;
@@ -30,8 +30,8 @@ impl Hum {
             return None;
         }
         let omega = TAU * cycles_per_sample;
-        // Columns 1, cos, sin made orthogonal one after the other: safer than their normal equations, which a span of half a
-        // period makes nearly singular.
+        // The columns 1, cos, sin are made orthogonal one after the other. A span of half a period would make their
+        // normal equations nearly singular.
         let column = |k: usize, n: usize| match k {
             0 => 1.0,
             1 => (omega * n as f64).cos(),
@@ -52,9 +52,9 @@ impl Hum {
         [constant, cosine, on_q].iter().all(|x| x.is_finite()).then_some(hum)
     }
 
-    /// Takes level and hum from every sample of `signal`.
+    /// Subtracts level and hum from every sample of `signal`.
     pub(crate) fn subtract_from<T: Real>(&self, signal: &mut [T]) {
-        // Turned on from sample to sample: after a record of 1e5, still right to 1e-11.
+        // Rotated from sample to sample: the error is 1e-11 after a record of 1e5.
         let (sin, cos) = self.omega.sin_cos();
         let (mut x, mut y) = (self.cosine, self.sine);
         for sample in signal {
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Catches a wrong projection: hum on a level returns itself, half a period or many of it.
+        /// Catches a wrong projection: hum on a level returns itself, over half a period or many.
         #[test]
         fn hum_returns_itself(a in -1.0..1.0_f64, phase in 0.0..6.3_f64, level in -9.0..9.0_f64, periods in 0.3..5.0_f64) {
             let omega = TAU * periods / 400.0;
@@ -92,7 +92,7 @@ mod tests {
         }
     }
 
-    /// Catches a phase made up from too little, and a division by nothing.
+    /// Catches a phase invented from too few samples, and a division by zero.
     #[test]
     fn too_short_a_look_finds_no_hum() {
         assert_eq!(Hum::fit(|_| 1.0, 99, 1.0 / 400.0), None);

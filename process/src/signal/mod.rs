@@ -1,4 +1,4 @@
-//! The samples of a record, and what every discriminator needs of them first: levels, extents, sums.
+//! The samples of a record, and what every discriminator needs first: levels, extents, sums.
 
 pub(crate) mod baseline;
 pub(crate) mod blocks;

@@ -1,4 +1,4 @@
-//! The two arithmetics, as one trait that nobody else can implement.
+//! The two arithmetics as one trait, which is sealed.
 
 use std::ops::{AddAssign, SubAssign};
 
@@ -39,10 +39,10 @@ impl Real for f64 {
     }
 }
 
-/// Sum over `samples` of `term`, in double precision across blocks that are short enough for `T`.
+/// Sum of `term` over `samples`: blocks short enough for `T`, added up in double precision.
 ///
-/// Lanes of at most eight terms each keep the error of an `f32` block below 2^-20 of its sum of magnitudes, whatever the
-/// length of the record, and leave the compiler free to use SIMD.
+/// Lanes of at most eight terms each keep the error of an `f32` block below 2^-20 of its sum of magnitudes, whatever
+/// the length of the record, and let the compiler use SIMD.
 pub(crate) fn sum_of<T: Real>(samples: &[T], term: impl Fn(T) -> T) -> f64 {
     Sum { samples, term }.wide()
 }
@@ -54,9 +54,9 @@ struct Sum<'a, T, F> {
 
 /// Lanes of a sum.
 const LANES: usize = 32;
-/// Rows of a block, which are the terms of a lane.
+/// Rows of a block: the number of terms per lane.
 const ROWS: usize = 8;
-/// Blocks that are summed before they are added up.
+/// Blocks whose lanes are stored before they are added up.
 const GROUP: usize = 8;
 
 impl<T: Real, F: Fn(T) -> T> Kernel for Sum<'_, T, F> {
@@ -69,7 +69,7 @@ impl<T: Real, F: Fn(T) -> T> Kernel for Sum<'_, T, F> {
         let mut totals = [0.0; LANES];
         let mut stored = [[T::zero(); LANES]; GROUP];
         for group in rows.chunks(GROUP * ROWS) {
-            // Blocks are added up when some of them are there: it is where lanes are stored that the compiler sees a vector.
+            // Several blocks are added up together, because the compiler makes vectors where lanes are stored.
             let blocks = group.chunks(ROWS);
             let block_count = blocks.len();
             for (lanes, block) in stored.iter_mut().zip(blocks) {
@@ -108,8 +108,8 @@ mod tests {
         assert!((sum_of(&samples, |x| x) - f64::from((1 << 24) + 1000)).abs() < 0.5);
     }
 
-    /// Catches lanes, or an order of summation, that differ with the machine's vectors or from the definition: the twin
-    /// is sample by sample, and all bits are compared.
+    /// Catches lanes, or an order of summation, that depend on the machine's vectors or differ from the definition: the
+    /// twin goes sample by sample, and all bits are compared.
     #[test]
     fn sums_have_the_same_bits_on_every_machine() {
         fn twin<T: Real>(samples: &[T], term: impl Fn(T) -> T) -> f64 {

@@ -1,4 +1,4 @@
-//! The channels of one record, found in its samples and looked over once.
+//! The channels of one record, located in its samples and checked once.
 
 use tapline_wire::{CHANNELS_MAX, Channel, TapHeader};
 
@@ -6,11 +6,11 @@ use crate::Real;
 
 /// A sample as the converter gave it.
 pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
-    /// Standard deviation of the converter's own rounding, in counts; 0 where it is not known.
+    /// Standard deviation of the converter's own rounding, in counts; 0 if it is not known.
     const ROUNDING_COUNTS: f64;
     /// Whether the sample is a number.
     fn is_number(self) -> bool;
-    /// Whether the sample is at the end of the converter's range, as far as the format tells.
+    /// Whether the sample is at the end of the converter's range, as far as the format shows.
     fn is_rail(self) -> bool;
     /// The sample in single precision, which holds it exactly.
     fn exact_f32(self) -> f32;
@@ -18,7 +18,7 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn key(self) -> i32;
     /// The key of |sample - `base`|, `base` being a median of samples.
     fn distance_key(self, base: f64) -> i32;
-    /// The counts of which `key` is the key.
+    /// The counts that have the key `key`.
     fn from_key(key: i32) -> f64;
     /// (sample - `base`) * `gain`, rounded once; `gain` is a power of two.
     fn centred<T: Real>(self, base: f64, gain: f64) -> T;
@@ -46,7 +46,7 @@ impl Count for i16 {
         f64::from(key) / 2.0
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
-        // The median of 16-bit counts is a whole or half count, so that this is exact in f32 too.
+        // The median of 16-bit counts is a whole or half count, so this is exact in f32 too.
         (T::rounded(f64::from(self.exact_f32())) - T::rounded(base)) * T::rounded(gain)
     }
 }
@@ -72,14 +72,15 @@ impl Count for f32 {
         f64::from(f32::from_bits(in_order(key) as u32))
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
-        // In double precision, or an offset of many times the signal would cost the signal its digits.
+        // In double precision, because an offset of many times the signal would cost it digits.
         T::rounded((f64::from(self) - base) * gain)
     }
 }
 
-/// The bits of an `f32` turned so that they order as `f32::total_cmp` does, and back.
+/// The bits of an `f32`, changed so that they are ordered as `f32::total_cmp` orders; applying it twice gives them
+/// back.
 fn in_order(bits: i32) -> i32 {
-    // Of a negative number, all but the sign are turned.
+    // Flips all bits but the sign of a negative number.
     bits ^ ((bits >> 31) as u32 >> 1) as i32
 }
 
@@ -100,8 +101,8 @@ pub(crate) struct Record<'a, C> {
 }
 
 impl<'a, C: Count> Record<'a, C> {
-    /// The first `used` samples of the first force and the first sound channel of `samples`, planar as `header` says; `None`
-    /// when the header describes other samples than these or gives no rate.
+    /// The first `used` samples of the first force channel and of the first sound channel of `samples`, which are
+    /// planar as `header` says. `None` if the header does not describe these samples or gives no rate.
     pub(crate) fn new(header: &TapHeader, used: u32, samples: &'a [C]) -> Option<Self> {
         let count = header.sample_count as usize;
         let is_whole = header.channel_count as usize <= CHANNELS_MAX
@@ -143,7 +144,7 @@ mod tests {
         header
     }
 
-    /// Catches a channel looked for by place instead of by kind, and a wrong stride.
+    /// Catches a channel found by position instead of by kind, and a wrong stride.
     #[test]
     fn channels_by_kind() {
         let samples = [1_i16, 2, 3, 4, 5, 6];
@@ -156,7 +157,7 @@ mod tests {
         assert!(silent.sound.is_none() && silent.force.is_some());
     }
 
-    /// Catches a slice taken on trust in the header.
+    /// Catches a slice that trusts the header.
     #[test]
     fn mismatch_is_refused() {
         let samples = [0_i16; 6];

@@ -1,18 +1,18 @@
 //! Kernels in the widest vectors that the machine has.
 //!
-//! The program runs on any x86-64, so that the compiler may count on no more than SSE2. A kernel is plain Rust whose loops
-//! it can make vectors of; [`Kernel::wide`] has it made twice, and takes the one for AVX2 where the processor has that.
-//! Which lanes there are, and the order in which they are summed, stands in the kernel, and no product is fused with a
-//! sum: every machine gives the same bits.
+//! The program must run on any x86-64, so the compiler may use no more than SSE2. A kernel is plain Rust whose loops it
+//! can vectorize; [`Kernel::wide`] compiles it twice, and calls the AVX2 version where the processor has AVX2. The
+//! kernel itself fixes its lanes and the order of its sums, and no product is fused with a sum, so every machine gives
+//! the same bits.
 
 use pulp::{Arch, NullaryFnOnce};
 
-/// A pass over many samples, whose fields are what it needs.
+/// A pass over many samples; its fields are its arguments.
 pub(crate) trait Kernel: Sized {
     /// What it returns.
     type Output;
 
-    /// The pass itself. It must be `#[inline(always)]`, and so must what it calls, or it is right but no faster.
+    /// The pass. It and what it calls must be `#[inline(always)]`; otherwise it is right but no faster.
     fn run(self) -> Self::Output;
 
     /// The same, in the widest vectors.

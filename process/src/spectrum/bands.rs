@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::BandEdges;
 use crate::signal::wide::Kernel;
 
-/// Edges of the two bands, Hz, each inside its band.
+/// Edges of the two bands, Hz; each edge belongs to its band.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Bands {
     pub f_c_hz: f64,
@@ -21,12 +21,12 @@ pub(super) struct Grid {
     bin_width_hz: f64,
 }
 
-/// The bins of a band, and how the first and the last of them count.
+/// The bins of a band; the first and the last may count in part.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cells {
-    /// Bins that count wholly.
+    /// Bins that count in full.
     pub whole: Range<usize>,
-    /// A bin beside those, and the part of it that counts.
+    /// The bin on either side of those, and the part of it that counts.
     pub edges: [(usize, f64); 2],
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Folded {
 }
 
 impl Cells {
-    /// The bin behind the last that counts.
+    /// One past the last bin that counts.
     pub(super) fn end(&self) -> usize {
         let [low, high] = self.edges.map(|(k, part)| if part > 0.0 { k + 1 } else { 0 });
         self.whole.end.max(low).max(high)
@@ -47,7 +47,7 @@ impl Cells {
 
 impl Grid {
     pub(super) fn new(sample_count: usize, sample_rate_hz: f64) -> Self {
-        // Operation by operation as numpy.fft.rfftfreq(n, 1/fs), so that a bin on an edge falls on the same side.
+        // The same operations as numpy.fft.rfftfreq(n, 1/fs), so that a bin on an edge falls on the same side.
         let spacing_s = 1.0 / sample_rate_hz;
         Self { sample_count, bin_width_hz: 1.0 / (sample_count as f64 * spacing_s) }
     }
@@ -60,7 +60,7 @@ impl Grid {
         bin as f64 * self.bin_width_hz
     }
 
-    /// First bin whose frequency `is_beyond`, which must stay true once it is.
+    /// First bin whose frequency `is_beyond`; `is_beyond` must be monotonic.
     fn first(&self, is_beyond: impl Fn(f64) -> bool) -> usize {
         let (mut low, mut high) = (0, self.sample_count / 2 + 1);
         while low < high {
@@ -70,20 +70,21 @@ impl Grid {
         low
     }
 
-    /// Bins from `from_hz` to `to_hz`, both edges inside; `None` when there is none.
+    /// Bins from `from_hz` to `to_hz`, both included; `None` if there are none.
     fn bins(&self, from_hz: f64, to_hz: f64) -> Option<Range<usize>> {
         let range = self.first(|f| f >= from_hz)..self.first(|f| f > to_hz);
         (!range.is_empty()).then_some(range)
     }
 
-    /// Bins from `from_hz` to `to_hz`, those at the edges counted as `edges` says; `None` when no bin's frequency is
-    /// between them.
+    /// Bins from `from_hz` to `to_hz`, where `edges` says how the outermost count; `None` if no bin's frequency lies
+    /// between.
     pub(super) fn cells(&self, edges: BandEdges, from_hz: f64, to_hz: f64) -> Option<Cells> {
         let bins = self.bins(from_hz, to_hz)?;
         if edges == BandEdges::Bins {
             return Some(Cells { whole: bins, edges: [(0, 0.0); 2] });
         }
-        // Bin k stands for k - 1/2 to k + 1/2; the outermost bins inside reach beyond the band or fall short of it.
+        // Bin k stands for k - 1/2 to k + 1/2, so the outermost bins inside may reach beyond the band or fall short of
+        // it.
         let (from, to) = (from_hz / self.bin_width_hz + 0.5, to_hz / self.bin_width_hz + 0.5);
         let (first, last) = (from as usize, (to as usize).min(self.sample_count / 2));
         let part_of = |bin: usize| {
@@ -95,8 +96,8 @@ impl Grid {
         Some(Cells { whole: first + 1..last, edges: [low, high] })
     }
 
-    /// Of the `powers` of the bins from 0 Hz on those of `cells`, doubled where a bin stands for a negative frequency as well:
-    /// all but 0 Hz, which is left out, and the Nyquist frequency of an even number of samples.
+    /// Sum and largest of the `powers` of `cells`; `powers` begins at 0 Hz. A bin that also stands for a negative
+    /// frequency counts twice: all but 0 Hz, which is left out, and the Nyquist frequency of an even number of samples.
     pub(super) fn fold(&self, cells: Cells, powers: &[f64]) -> Folded {
         let is_nyquist = |k: usize| 2 * k == self.sample_count;
         let sided = |k: usize| if is_nyquist(k) { powers[k] } else { 2.0 * powers[k] };
@@ -125,7 +126,7 @@ impl Folded {
     }
 }
 
-/// Lanes of a fold, so that the compiler makes vectors of them.
+/// Lanes of a fold; they let the compiler use vectors.
 const LANES: usize = 16;
 
 /// Sum and largest of `powers`.
@@ -157,7 +158,7 @@ mod tests {
 
     use super::*;
 
-    /// Catches a bin lost to the rounding of k fs / N: rates whose reciprocal is not a double, as numpy finds them.
+    /// Catches a bin lost to the rounding of k fs / N: rates whose reciprocal is not a double, with numpy's results.
     #[test]
     fn bins_like_numpy() {
         for (count, rate, from, to) in
@@ -171,7 +172,7 @@ mod tests {
         assert_eq!(Grid::new(16, 40_960.0).bins(550.0, 2000.0), None);
     }
 
-    /// Catches a part of a cell lost, doubled or beyond the Nyquist frequency: of a flat spectrum the sum is the band.
+    /// Catches a part of a bin lost, doubled or beyond the Nyquist frequency: of a flat spectrum the sum is the band.
     #[test]
     fn fractional_cells_fill_the_band() {
         proptest!(|(count in 64..4000_usize, from in 0.02..0.3_f64, width in 0.05..0.9_f64)| {
@@ -181,7 +182,7 @@ mod tests {
             let cells = grid.cells(BandEdges::Fractional, from * rate, to * rate).unwrap();
             let sum = grid.fold(cells, &vec![0.5; count / 2 + 1]).sum * grid.bin_width_hz();
             let top = if to > 0.5 { 0.5 * rate } else { to * rate };
-            // The Nyquist bin of an even number stands for half a cell below it, and the mirrored half.
+            // The Nyquist bin of an even number stands for half a bin below it and its mirror image.
             let expected = top - from * rate;
             let ends_in_it = to * rate + grid.bin_width_hz() / 2.0 >= 0.5 * rate;
             let slack = if ends_in_it { 0.51 * grid.bin_width_hz() } else { 1e-9 };
@@ -189,8 +190,8 @@ mod tests {
         });
     }
 
-    /// Catches a bin left out, counted twice or doubled wrongly, the first and the last of the spectrum among them, and folds
-    /// that differ with the machine's vectors.
+    /// Catches a bin left out, counted twice or doubled wrongly, including the first and the last, and folds that
+    /// depend on the machine's vectors.
     #[test]
     fn whole_bins_like_a_loop() {
         proptest!(|(powers in prop::collection::vec(0.0..1.0_f64, 2..200), is_even in any::<bool>(), start: u8, end: u8)| {
@@ -209,7 +210,7 @@ mod tests {
         });
     }
 
-    /// Catches P_f found in a bin that is only touched by the band.
+    /// Catches P_f found in a bin that the band only touches.
     #[test]
     fn largest_is_of_bins_inside() {
         let grid = Grid::new(100, 100.0); // bins of 1 Hz

@@ -1,14 +1,14 @@
-//! The part of a record that a tap's sound fills.
+//! The part of a record that the tap's sound fills.
 
 use std::f64::consts::PI;
 
 use crate::Real;
 
-/// Part of the gate, at its end, over which it closes as a cosine; its beginning is sharp, in the quiet before the sound.
+/// Fraction at the end of the gate over which it closes as a cosine. It opens sharply, in the quiet before the sound.
 const TAIL: f64 = 0.1;
 
-/// Fills `cut` with `samples`, faded out at their end, and zeros up to a length that transforms fast; returns the sum of
-/// the gate's squared heights, by which noise comes through.
+/// Fills `cut` with `samples`, faded out at their end, and zeros up to a length with a fast transform. Returns the sum
+/// of the gate's squared weights, which is the gain of noise.
 pub(super) fn cut<T: Real>(samples: &[T], cut: &mut Vec<T>) -> f64 {
     let tail_count = (TAIL * samples.len() as f64) as usize;
     let (open, tail) = samples.split_at(samples.len() - tail_count);
@@ -24,7 +24,7 @@ pub(super) fn cut<T: Real>(samples: &[T], cut: &mut Vec<T>) -> f64 {
     noise_samples
 }
 
-/// Least even number not below `count` without a prime factor above 5.
+/// Smallest even number of at least `count` without a prime factor above 5.
 fn transform_length(count: usize) -> usize {
     let is_smooth = |n: &usize| {
         let mut rest = *n;
@@ -35,7 +35,7 @@ fn transform_length(count: usize) -> usize {
         }
         rest == 1
     };
-    // A power of two is below twice the count, so this ends.
+    // Ends, because there is a power of two below twice the count.
     (count.max(2).next_multiple_of(2)..).step_by(2).find(is_smooth).unwrap_or(count)
 }
 
@@ -57,7 +57,7 @@ mod tests {
         }
     }
 
-    /// Catches a gate that closes at the wrong end or not wholly, and noise that is not what comes through.
+    /// Catches a gate that closes at the wrong end or not fully, and a wrong gain of noise.
     #[test]
     fn the_gate_closes_at_its_end() {
         let mut gated = vec![7.0; 3];

@@ -2,10 +2,9 @@
 //!
 //! The power spectral density is the one-sided boxcar periodogram of the whole record with its mean removed,
 //! as `scipy.signal.periodogram(x, fs, window="boxcar", detrend="constant", scaling="density")` defines it.
-//! The bin at 0 Hz, which removing the mean makes 0, counts in no band.
+//! The bin at 0 Hz, which is 0 without the mean, is in no band.
 //!
-//! Of a gate, or of the decimated record, density and energy are those of the whole record all the same, so that values
-//! of different estimators may be compared.
+//! Density and energy of a gate are scaled to the whole record, so that the values of different estimators compare.
 
 mod bands;
 mod gate;
@@ -26,7 +25,7 @@ use crate::{BandEdges, Real, SpectrumEstimator};
 
 pub(crate) use bands::Bands;
 
-/// What the two bands hold.
+/// PR, P_f, E_f and the centroid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BandPower {
     /// Power ratio PR.
@@ -35,25 +34,25 @@ pub(crate) struct BandPower {
     pub p_f: f64,
     /// Energy E_f, signal unit squared.
     pub e_f: f64,
-    /// Centroid of the reference band, Hz; noise is not taken from it.
+    /// Centroid of the reference band, Hz; noise is not subtracted from it.
     pub centroid_hz: f64,
-    /// Whether the flexural band holds so little of the record's power that rounding in `T` shows in it.
+    /// Whether the flexural band holds so little of the record's power that it shows the rounding of `T`.
     pub is_faint: bool,
 }
 
-/// Share of the record's power below which a band's power is not the transform's to tell in single precision: rounding
-/// spreads some 1e-14 of the whole over the bins, which is then no longer small beside 1e-4 of the band.
+/// Fraction of the record's power below which single precision does not resolve a band: rounding spreads some 1e-14 of
+/// the whole over the bins, which is not small beside 1e-4 of the band.
 const FAINT: f64 = 1e-5;
 
-/// How a record's power is taken.
+/// How to compute a record's power.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct View {
     pub sample_rate_hz: f64,
     pub estimator: SpectrumEstimator,
     pub edges: BandEdges,
-    /// Samples of the gate; `None` where there is nothing to gate by, or no need.
+    /// Samples of the gate; `None` for the whole record.
     pub gate: Option<Range<usize>>,
-    /// Samples from the record's first whose power is the noise to subtract; 0 to subtract none.
+    /// Number of samples, from the record's first, that give the noise to subtract; 0 to subtract none.
     pub quiet_count: usize,
 }
 
@@ -71,20 +70,20 @@ struct Taken {
     flexural: Folded,
     reference: Folded,
     centroid_hz: f64,
-    /// What makes a density of |X|^2, per Hz.
+    /// Factor from |X|^2 to a density per Hz.
     density: f64,
     bin_width_hz: f64,
-    /// Mean square of what was transformed, referred to the whole record.
+    /// Mean square of what was transformed, scaled to the whole record.
     mean_square: f64,
-    /// Part of the record's noise that was transformed.
+    /// Fraction of the record's noise that was transformed.
     noise_share: f64,
 }
 
-/// Takes the power of records of any length, keeping the plans of the lengths used last.
+/// Computes the power of records of any length; keeps the plans of the most recent lengths.
 #[derive(Debug)]
 pub(crate) struct Spectrum<T> {
     plans: Plans<T>,
-    /// What is transformed, when that is not the signal itself.
+    /// What is transformed, if that is not the signal itself.
     cut: Vec<T>,
 }
 
@@ -93,9 +92,10 @@ impl<T: Real> Spectrum<T> {
         Self { plans: Plans::new(), cut: Vec::new() }
     }
 
-    /// PR, P_f and E_f of `signal`, of which `moments` are, as `view` has it; nothing of use is left in the signal.
+    /// PR, P_f and E_f of `signal`, whose mean and mean square are `moments`, computed as `view` says. Overwrites the
+    /// signal.
     ///
-    /// `None` when a band holds no bin, or the lower one's reference no power, or the flexural one no more than noise.
+    /// `None` if a band has no bin, if the reference band has no power, or if the flexural band has no more than noise.
     pub(crate) fn band_power(
         &mut self,
         signal: &mut [T],
@@ -148,8 +148,8 @@ impl<T: Real> Spectrum<T> {
         })
     }
 
-    /// Of the samples in `gate` alone. The transform's own length sets its bins, the record's the density: |X|^2 of a
-    /// transient does not depend on how much silence is transformed with it.
+    /// Transforms the samples in `gate` alone. The bins follow from the transform's own length, the density from the
+    /// record's: |X|^2 of a transient does not depend on how much silence is transformed with it.
     fn gated(&mut self, signal: &[T], gate: Range<usize>, view: &View, bands: &Bands) -> Option<Taken> {
         let noise_samples = gate::cut(signal.get(gate)?, &mut self.cut);
         let (whole, count) = (signal.len() as f64, self.cut.len());
@@ -169,10 +169,11 @@ impl<T: Real> Spectrum<T> {
     }
 }
 
-/// Mean square about its mean of a `signal` of `moments`; the mean is taken off where it outweighs the rest.
+/// Mean square of `signal` around its mean, from its `moments`; subtracts the mean from the signal where it outweighs
+/// the rest.
 ///
-/// The mean is in the bin at 0 Hz alone, which counts in no band. Only where there is more of it than of all the rest would
-/// its rounding show in other bins, and only there is the mean square lost in a difference.
+/// The mean is in the bin at 0 Hz, which is in no band. Only where it exceeds all the rest does its rounding show in
+/// other bins, and does the difference of mean squares lose its digits.
 fn square_about_mean<T: Real>(signal: &mut [T], Moments { mean, mean_square }: Moments) -> f64 {
     let is_small = 2.0 * mean * mean < mean_square;
     if is_small {
@@ -183,14 +184,14 @@ fn square_about_mean<T: Real>(signal: &mut [T], Moments { mean, mean_square }: M
     sum_of(signal, |x| x * x) / signal.len() as f64
 }
 
-/// Bins of the flexural and of the reference band; `None` when either has none.
+/// Bins of the flexural and of the reference band; `None` if either has none.
 fn cells(grid: &Grid, edges: BandEdges, bands: &Bands) -> Option<(Cells, Cells)> {
     Some((grid.cells(edges, bands.f_c_hz, bands.f_hi_hz)?, grid.cells(edges, bands.f_lo_hz, bands.f_top_hz)?))
 }
 
-/// The mean frequency of the bins of `band`, each weighted by its power; 0 Hz is left out, as in [`Grid::fold`].
+/// The mean frequency of the bins of `band`, weighted by their powers, without 0 Hz as in [`Grid::fold`].
 fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -> f64 {
-    // Lanes, so that the compiler makes vectors of them; bins count from the band's first.
+    // Lanes let the compiler use vectors; bins are counted from the band's first.
     const LANES: usize = 8;
     let bins = band.whole.start.max(1)..band.whole.end;
     let (first, of_bins) = (bins.start as f64, powers.get(bins.clone()).unwrap_or_default());
@@ -208,7 +209,7 @@ fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -
         moment += part * (bin as f64 - first) * powers[bin];
     };
     (bins.end - rest.len()..bins.end).for_each(|bin| add(bin, 1.0));
-    // The Nyquist frequency stands for itself alone.
+    // The Nyquist frequency counts once.
     if !rest.is_empty() && 2 * (bins.end - 1) == sample_count {
         add(bins.end - 1, -0.5);
     }
@@ -216,7 +217,7 @@ fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -
     (first + moment / sum) * grid.bin_width_hz()
 }
 
-/// Bins from 0 Hz on that hold both bands.
+/// One past the last bin of both bands.
 fn end(flexural: &Cells, reference: &Cells) -> usize {
     flexural.end().max(reference.end())
 }
@@ -278,7 +279,7 @@ mod tests {
         }
     }
 
-    /// Catches an edge that is not inside: bins of 10 Hz, edges on bins, one tone on each edge.
+    /// Catches an edge that is left out: bins of 10 Hz, edges on bins, one tone on each edge.
     #[test]
     fn edges_are_inside() {
         let (count, rate) = (2000, 20_000.0);
@@ -291,8 +292,8 @@ mod tests {
         }
     }
 
-    /// Catches an offset whose rounding shows in the bands, be it left in the signal or taken off, and a mean square that has
-    /// the offset in it.
+    /// Catches an offset whose rounding shows in the bands, whether it stays in the signal or is subtracted, and a mean
+    /// square that includes the offset.
     #[test]
     fn an_offset_is_in_no_band() {
         let tone: Vec<f64> = noise(4096).iter().enumerate().map(|(i, x)| x + (0.3 * i as f64).sin()).collect();
@@ -305,14 +306,14 @@ mod tests {
             let found = square_about_mean(&mut single.clone(), moments(&single));
             assert!((found / mean_square - 1.0).abs() < 1e-4, "{offset}: {found} {mean_square}");
             let found = band_power(single, &view, &BANDS).unwrap();
-            // What is left is the rounding of the samples beside the offset.
+            // What remains is the rounding of the samples beside the offset.
             let most = 1e-5 * (1.0 + offset);
             assert!((found.pr / expected.pr - 1.0).abs() < most, "{offset}: {found:?} {expected:?}");
             assert!((found.e_f / expected.e_f - 1.0).abs() < most, "{offset}: {found:?} {expected:?}");
         }
     }
 
-    /// Catches a number made up for no bins or no power.
+    /// Catches a value invented where there are no bins or no power.
     #[test]
     fn empty_bands() {
         assert_eq!(band_power(noise(16), &View::whole(40_960.0), &BANDS), None);

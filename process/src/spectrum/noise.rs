@@ -7,10 +7,10 @@ use super::plans::Plans;
 use super::{BandPower, cells, end};
 use crate::{BandEdges, Real};
 
-/// Fewest samples that a spectrum of the noise is taken of.
+/// Fewest samples from which a spectrum of the noise is computed.
 const SAMPLES_MIN: usize = 32;
 
-/// Mean square of the noise in either band, and its mean density in the flexural one.
+/// Mean square of the noise in each band, and its mean density in the flexural band.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Noise {
     flexural: f64,
@@ -18,8 +18,8 @@ pub(super) struct Noise {
     density: f64,
 }
 
-/// The noise of `quiet` samples in `bands`: their periodogram under a Hann window, which is right for what goes on and on
-/// as it is wrong for a tap, and keeps hum out of the bands. `None` of too few samples to tell the bands apart.
+/// The noise of `quiet` samples in `bands`: their periodogram with a Hann window, which suits what goes on, as noise
+/// does, and keeps hum out of the bands. `None` if there are too few samples to resolve the bands.
 pub(super) fn of_bands<T: Real>(
     plans: &mut Plans<T>,
     quiet: &[T],
@@ -31,7 +31,7 @@ pub(super) fn of_bands<T: Real>(
         return None;
     }
     let grid = Grid::new(count, sample_rate_hz);
-    // Bins are wide here, and whole ones would be much more or less than the band.
+    // Bins are wide here; whole bins would be much more or less than the band.
     let (flexural, reference) = cells(&grid, BandEdges::Fractional, bands)?;
     let mean = quiet.iter().map(|x| x.widened()).sum::<f64>() / count as f64;
     let mut squares = 0.0;
@@ -50,8 +50,8 @@ pub(super) fn of_bands<T: Real>(
 }
 
 impl Noise {
-    /// `power` less the `share` of the noise that is in it, `reference` being the mean square of the reference band;
-    /// `None` when either band, or the largest density, is no more than noise.
+    /// `power` less the fraction `share` of the noise; `reference` is the mean square of the reference band. `None` if
+    /// either band, or the largest density, is no more than noise.
     pub(super) fn subtracted(&self, power: &BandPower, share: f64, reference: f64) -> Option<BandPower> {
         let flexural = power.e_f - share * self.flexural;
         let reference = reference - share * self.reference;
@@ -65,7 +65,7 @@ impl Noise {
 mod tests {
     use super::*;
 
-    /// Catches a wrong scale of window, density or band: white noise has in a band its share of the mean square.
+    /// Catches a wrong scale of window, density or band: a band of white noise has its fraction of the mean square.
     #[test]
     fn white_noise_fills_the_bands() {
         let bands = Bands { f_c_hz: 1000.0, f_hi_hz: 3000.0, f_lo_hz: 500.0, f_top_hz: 4500.0 };
@@ -84,7 +84,7 @@ mod tests {
         assert_eq!(of_bands(&mut Plans::new(), &samples[..31], 10_000.0, &bands), None);
     }
 
-    /// Catches values below zero, and a share of the noise forgotten.
+    /// Catches values below zero, and a forgotten fraction of the noise.
     #[test]
     fn no_more_than_noise_is_nothing() {
         let noise = Noise { flexural: 1.0, reference: 2.0, density: 0.1 };

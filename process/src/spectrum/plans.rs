@@ -1,4 +1,4 @@
-//! Powers of a signal's bins, with plans of transforms that are made once a length.
+//! Powers of a signal's bins. Each length has its transform planned once.
 
 use std::any::Any;
 use std::cmp::Ordering;
@@ -13,23 +13,24 @@ use super::transform::{Rustfft, Transform};
 use crate::Real;
 use crate::signal::wide::Kernel;
 
-/// Lengths whose plans are kept: more than one line taps with, and a bound on memory.
+/// Lengths whose plans are kept: more than one line uses, and a bound on memory.
 const PLANS_MAX: usize = 8;
 
-/// The transform of `count` samples: an even number of them as half as many complex ones, each of two samples.
+/// The transform of `count` samples. An even number of them is transformed as half as many complex numbers, of two
+/// samples each.
 struct Plan<T> {
     count: usize,
     transform: Box<dyn Transform<T>>,
-    /// exp(-2 pi i k/n)/2 of the bins k from 0 Hz to the Nyquist frequency, which take an even number's bins apart.
+    /// exp(-2 pi i k/n)/2 for the bins k from 0 Hz to the Nyquist frequency, which untangle the bins of an even number.
     twiddles: Vec<Complex<T>>,
-    /// The samples as complex ones, of an odd number.
+    /// The samples of an odd number as complex numbers.
     complex: Vec<Complex<T>>,
-    /// The bins that were asked for from the first on, and as many from the last; in between what is of no use.
+    /// The first bins, as many as are needed, and as many of the last; those in between are not used.
     transformed: Vec<Complex<T>>,
     powers: Vec<f64>,
 }
 
-/// Transforms signals of any length, keeping the plans of the lengths used last.
+/// Transforms signals of any length; keeps the plans of the most recent lengths.
 pub(super) struct Plans<T> {
     /// Most recently used last.
     plans: Vec<Plan<T>>,
@@ -46,10 +47,10 @@ impl<T: Real> Plans<T> {
         Self { plans: Vec::with_capacity(PLANS_MAX) }
     }
 
-    /// |X|^2 of `signal`, of the first `bin_count` bins from 0 Hz on, none beyond the Nyquist frequency; nothing of use is left
-    /// in the signal.
+    /// |X|^2 of the first `bin_count` bins of `signal`, from 0 Hz on, none beyond the Nyquist frequency. Overwrites the
+    /// signal.
     ///
-    /// `realfft` would do it, but takes all bins apart, of which the bands hold an eighth.
+    /// `realfft` could do this, but it untangles all bins, of which the bands hold an eighth.
     pub(super) fn powers(&mut self, signal: &mut [T], bin_count: usize) -> &mut [f64] {
         self.plan(signal.len()).powers(signal, bin_count)
     }
@@ -97,7 +98,7 @@ impl<T: Real> Plan<T> {
         };
         let length = given.len();
         transform.forward(given, &mut transformed[..length], bin_count);
-        // The transform goes round: behind its last bin comes its first.
+        // The transform is periodic: after its last bin comes its first.
         transformed[length] = transformed[0];
         powers.resize(bin_count, 0.0);
         match is_even {
@@ -108,12 +109,12 @@ impl<T: Real> Plan<T> {
     }
 }
 
-/// Complex numbers that `count` samples are transformed as.
+/// Number of complex numbers that `count` samples are transformed as.
 fn length_of(count: usize) -> usize {
     if count.is_multiple_of(2) { count / 2 } else { count }
 }
 
-/// The twiddles of an even `count`; those beyond half the Nyquist frequency are the others' mirror images bit for bit.
+/// The twiddles of an even `count`; those beyond half the Nyquist frequency mirror the others bit for bit.
 fn twiddles<T: Real>(count: usize) -> Vec<Complex<T>> {
     let half = T::rounded(0.5);
     let twiddle = |bin: usize| {
@@ -131,8 +132,9 @@ fn twiddles<T: Real>(count: usize) -> Vec<Complex<T>> {
     (0..=count / 2).map(of_bin).collect()
 }
 
-/// |X_k|^2 of the signal of which `halves` are the transform Z of its packed pairs: with E and O the transforms of the
-/// even and odd samples, Z = E + iO, and X_k = E_k + exp(-2 pi i k/n) O_k; that E and O are of real samples takes them apart.
+/// |X_k|^2 of the signal whose pairs of samples have the transform Z = `halves`. With E and O the transforms of the
+/// even and odd samples, Z = E + iO and X_k = E_k + exp(-2 pi i k/n) O_k; E and O can be separated because the samples
+/// are real.
 struct Untangle<'a, T> {
     halves: &'a [Complex<T>],
     twiddles: &'a [Complex<T>],
@@ -162,10 +164,10 @@ fn power_of<T: Real>(re: T, im: T) -> f64 {
     re * re + im * im
 }
 
-/// The fastest transform of `length` numbers that the machine has: our own of powers of two from 1024 on in single precision,
-/// where the processor has AVX-512, and `rustfft`'s everywhere else.
+/// The fastest transform of `length` numbers: our own for powers of two from 1024 on in single precision, where the
+/// processor has AVX-512, and `rustfft` everywhere else.
 fn plan<T: Real>(length: usize) -> Box<dyn Transform<T>> {
-    // Ours is of `f32`: for another `T` it is not what is asked for.
+    // Ours is for `f32`; the downcast fails for another `T`.
     let own: Option<Box<dyn Any>> = single_precision(length).map(|own| Box::new(own) as Box<dyn Any>);
     match own.and_then(|own| own.downcast::<Box<dyn Transform<T>>>().ok()) {
         Some(own) => *own,
@@ -179,7 +181,7 @@ fn single_precision(length: usize) -> Option<Box<dyn Transform<f32>>> {
     Some(Box::new(Lanes::try_new(length)?))
 }
 
-/// No transform of our own: it is for other processors.
+/// Other processors have none.
 #[cfg(not(target_arch = "x86_64"))]
 fn single_precision(_length: usize) -> Option<Box<dyn Transform<f32>>> {
     None
@@ -196,7 +198,7 @@ mod tests {
         (0..count).map(|i| T::rounded(((i * i) % 17) as f64 - 0.1 * (i % 5) as f64)).collect()
     }
 
-    /// Catches a cache without bound, and a plan used for another length than its own.
+    /// Catches a cache without bound, and a plan used for another length.
     #[test]
     fn plans_are_kept_and_bounded() {
         let mut plans = Plans::<f64>::new();
@@ -209,7 +211,7 @@ mod tests {
         assert_eq!(kept, [123, 124, 125, 126, 127, 129, 100, 128]);
     }
 
-    /// Catches a bin taken apart wrongly, of any length, even and odd: the twin is `realfft`, bit for bit.
+    /// Catches a bin untangled wrongly, for any length, even and odd: the twin is `realfft`, bit for bit.
     #[test]
     fn powers_like_realfft() {
         fn check<T: Real>(count: usize) {
@@ -230,8 +232,8 @@ mod tests {
         }
     }
 
-    /// Catches a bin that our own transform leaves out, for all that may be asked for: of noise, whose bins are all of one size,
-    /// powers of single precision are those of double.
+    /// Catches a bin that our own transform leaves out, for every number of bins: the powers of noise in single
+    /// precision are those in double precision.
     #[test]
     fn powers_of_both_precisions() {
         fn noise<T: Real>(count: usize) -> Vec<T> {
@@ -248,7 +250,7 @@ mod tests {
                 let mut plans = Plans::<f32>::new();
                 let found = plans.powers(&mut noise(count), bin_count);
                 for (bin, (found, expected)) in found.iter().zip(&expected).enumerate() {
-                    // Amplitudes are compared, beside the greatest that noise has: a bin may be next to nothing.
+                    // Compares amplitudes relative to the greatest, because one bin of noise may be next to nothing.
                     let error = (found.sqrt() - expected.sqrt()).abs() / (count as f64 / 12.0).sqrt();
                     assert!(error < 1e-5, "bin {bin} of {count}: {found} {expected}");
                 }

@@ -1,4 +1,4 @@
-//! What a transform of complex numbers is, and that of `rustfft`.
+//! Transforms of complex numbers: the trait, and `rustfft`.
 
 use std::sync::Arc;
 
@@ -9,12 +9,12 @@ use crate::Real;
 
 /// Transforms as many numbers as it was planned for.
 pub(crate) trait Transform<T>: Send + Sync {
-    /// Sets of `transformed`, which is as long as `given`, the first `bin_count` bins and the last as many; nothing of use is
-    /// left in the others, nor in `given`.
+    /// Sets the first `bin_count` and the last `bin_count` of `transformed`, which is as long as `given`. The others,
+    /// and `given`, are overwritten.
     fn forward(&mut self, given: &mut [Complex<T>], transformed: &mut [Complex<T>], bin_count: usize);
 }
 
-/// That of `rustfft`, of any length.
+/// The transform by `rustfft`, of any length.
 pub(super) struct Rustfft<T> {
     fft: Arc<dyn Fft<T>>,
     scratch: Vec<Complex<T>>,
@@ -22,7 +22,7 @@ pub(super) struct Rustfft<T> {
 
 impl<T: Real> Rustfft<T> {
     pub(super) fn new(length: usize) -> Self {
-        // A planner keeps every plan it ever made, so each plan gets its own.
+        // A planner keeps every plan it ever made, so each plan has its own planner.
         let fft = FftPlanner::new().plan_fft_forward(length);
         Self { scratch: vec![Complex::new(T::zero(), T::zero()); fft.get_outofplace_scratch_len()], fft }
     }

@@ -1,11 +1,12 @@
-//! The transform of a power of two complex numbers where the processor has vectors of sixteen (AVX-512).
+//! The transform of a power of two of complex numbers, for processors with vectors of sixteen (AVX-512).
 //!
 //! With n = 16 m, W_n = exp(-2 pi i/n), and 16 j + l the index of a number:
 //!
 //! X_{q + m p} = sum_l W_16^{l p} W_n^{l q} sum_j W_m^{j q} z_{16 j + l}
 //!
-//! The inner sums are sixteen transforms of length m that lie side by side, each in a lane of its own. They are taken first,
-//! by passes of eight or four rows which decimate in frequency and leave the rows in the order of reversed digits. The
+//! The inner sums are sixteen transforms of length m side by side, each in its own lane. They come first, in passes of
+//! eight or four rows, which decimate in frequency and leave the rows in digit-reversed order. The outer sum goes
+//! across the lanes, for sixteen q at a time, and only for those p whose bins are needed.
 //! outer sum goes across the lanes, for sixteen q at a time, and only of those p whose bins are asked for.
 #![expect(unsafe_code, reason = "a function for processors that have an instruction may be called on them alone")]
 
@@ -20,23 +21,24 @@ use row::{Row, eight, every_lane, four, lanes_across, load, product, quarters_ac
 
 use super::transform::Transform;
 
-/// Numbers of a row.
+/// Numbers per row.
 const LANES: usize = 16;
-/// Rows that the first pass takes at a time, and the others but for the last one or two.
+/// Rows that the first pass takes at a time, and all others but perhaps the last two.
 const EIGHT: usize = 8;
-/// Rows that the last pass or two take, where m is no power of eight.
+/// Rows that the last one or two passes take, where m is no power of eight.
 const FOUR: usize = 4;
-/// Fewest rows: those of two passes of eight. Shorter transforms take too little of a tap's time to have a way of their own.
+/// Fewest rows: two passes of eight. Shorter transforms take too little of a tap's time to be worth their own code.
 const ROWS_MIN: usize = 64;
 
 /// A pass over blocks of rows.
 struct Pass {
-    /// Rows of a block.
+    /// Rows per block.
     row_count: usize,
     twiddles: Twiddles,
 }
 
-/// W^{ij} of the outputs i of the j-th rows, W being that of the rows of a block: of eight rows at a time, or of four.
+/// W^{ij} for the outputs i of the j-th rows, where W belongs to the rows of a block; for eight rows at a time, or
+/// four.
 enum Twiddles {
     Eight(Vec<[Complex<f32>; EIGHT]>),
     Four(Vec<[Complex<f32>; FOUR]>),
@@ -47,17 +49,18 @@ pub(super) struct Lanes {
     /// Twiddles of the first pass.
     first: Vec<[Complex<f32>; EIGHT]>,
     others: Vec<Pass>,
-    /// Row that holds the q-th outputs after the passes, sixteen q at a time.
+    /// The row that holds the q-th outputs after the passes, sixteen q at a time.
     order: Vec<[usize; LANES]>,
     /// W_n^{lq} in lane l, in the same order.
     across: Vec<[Row; LANES]>,
-    /// W_16^{bp} of the p-th of the first four outputs across lanes, from p = 1 on, b being the lane's number in its quarter.
+    /// W_16^{bp} for p from 1 to 3, the outputs across lanes, where b is the lane's number in its quarter.
     inner: [Row; 3],
     work: Vec<Row>,
 }
 
 impl Lanes {
-    /// The transform of `length` numbers; `None` unless that is a power of two, and not a small one, and the processor can.
+    /// The transform of `length` numbers; `None` unless that is a power of two, large enough, and the processor has
+    /// AVX-512.
     pub(super) fn try_new(length: usize) -> Option<Self> {
         let rows = length / LANES;
         let is_apt = length.is_power_of_two() && rows >= ROWS_MIN && is_x86_feature_detected!("avx512f");
@@ -65,11 +68,11 @@ impl Lanes {
             return None;
         }
         let mut others = Vec::new();
-        // How many outputs each pass has, and how many rows they are apart.
+        // For each pass, how many outputs it has and how many rows apart they are.
         let mut digits = vec![(EIGHT, rows / EIGHT)];
         let mut row_count = rows / EIGHT;
         while row_count > 1 {
-            // Eights, but for a rest of four or of four times four.
+            // Radix eight, except for a rest of four or sixteen.
             let is_four = row_count == FOUR || row_count == FOUR * FOUR;
             let (radix, twiddles) = match is_four {
                 true => (FOUR, Twiddles::Four(twiddles(row_count))),
@@ -103,7 +106,7 @@ impl Lanes {
         self.across_lanes(transformed, bin_count);
     }
 
-    /// The outer sum, four lanes by four: their quarters first, and then within the quarters.
+    /// The outer sum, as four by four: across the quarters of the lanes first, then within them.
     #[target_feature(enable = "avx512f")]
     fn across_lanes(&self, transformed: &mut [Complex<f32>], bin_count: usize) {
         let rows = self.work.len();
@@ -130,12 +133,12 @@ impl Lanes {
 
 impl Transform<f32> for Lanes {
     fn forward(&mut self, given: &mut [Complex<f32>], transformed: &mut [Complex<f32>], bin_count: usize) {
-        // SAFETY: the processor has AVX-512, or `try_new` would have made no transform.
+        // SAFETY: `try_new` makes a transform only if the processor has AVX-512.
         unsafe { self.run(given, transformed, bin_count) }
     }
 }
 
-/// W^{ij} of as many outputs i as a pass takes rows, and of all j.
+/// W^{ij} for the outputs i of a pass of `RADIX` rows, and all j.
 fn twiddles<const RADIX: usize>(row_count: usize) -> Vec<[Complex<f32>; RADIX]> {
     (0..row_count / RADIX).map(|j| from_fn(|i| unit(i * j, row_count))).collect()
 }
@@ -146,7 +149,7 @@ fn unit(k: usize, n: usize) -> Complex<f32> {
     Complex::new(angle.cos() as f32, angle.sin() as f32)
 }
 
-/// The first pass, from the numbers as they are given.
+/// The first pass, which reads the given numbers.
 #[target_feature(enable = "avx512f")]
 fn into_eights(given: &[Complex<f32>], work: &mut [Row], twiddles: &[[Complex<f32>; EIGHT]]) {
     let apart = work.len() / EIGHT;
@@ -161,12 +164,12 @@ fn into_eights(given: &[Complex<f32>], work: &mut [Row], twiddles: &[[Complex<f3
     }
 }
 
-/// The other passes over a block, each part of it to the end before the next one, so that it stays in the nearest cache.
+/// The other passes over a block. Each part is finished before the next begins, so that it stays in the nearest cache.
 #[target_feature(enable = "avx512f")]
 fn in_depth(block: &mut [Row], passes: &[Pass]) {
     match passes {
         [] => {}
-        // The twiddles of the last pass are ones.
+        // All twiddles of the last pass are 1.
         [Pass { twiddles: Twiddles::Eight(_), .. }] => {
             for rows in block.as_chunks_mut().0 {
                 *rows = eight(*rows);
@@ -208,7 +211,7 @@ fn in_place<const RADIX: usize>(
     }
 }
 
-/// Outputs by their twiddles, of which the first is one.
+/// Multiplies the outputs by their twiddles, of which the first is 1.
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn turned<const RADIX: usize>(mut rows: [Row; RADIX], twiddles: &[Complex<f32>; RADIX]) -> [Row; RADIX] {
@@ -225,7 +228,7 @@ mod tests {
     use super::*;
 
     fn numbers(length: usize) -> Vec<Complex<f32>> {
-        // Noise, whose bins are all of one size.
+        // Noise, whose bins are all of similar size.
         let mut state = 12_345_u32;
         let mut random = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -245,13 +248,14 @@ mod tests {
         Some(bins)
     }
 
-    /// Catches a wrong sign, twiddle, order or radix of any pass, and a rounding that grows: two to five passes with every rest,
-    /// of 8, 4 and 4 times 4, against double precision, from which `rustfft` in single precision is about as far.
+    /// Catches a wrong sign, twiddle, order or radix of any pass, and a rounding error that grows. Covers two to five
+    /// passes with every rest (8, 4 and 4 times 4), against double precision, from which `rustfft` in single precision
+    /// is about as far.
     #[test]
     fn bins_like_double_precision() {
         for length in (10..18).map(|bits| 1 << bits) {
             let Some(ours) = transformed(length, length) else { return };
-            // The largest error below would pass over one that is no number.
+            // The largest error below would ignore a NaN.
             assert!(ours.iter().all(|z| z.is_finite()), "of {length}: an output is left out");
             let widened = |z: &Complex<f32>| Complex::new(f64::from(z.re), f64::from(z.im));
             let mut exact: Vec<Complex<f64>> = numbers(length).iter().map(widened).collect();
@@ -267,7 +271,8 @@ mod tests {
         }
     }
 
-    /// Catches an output that is left out although it was asked for: the first and the last bins have the bits of all.
+    /// Catches an output that is left out although it is needed: the first and the last bins have the same bits as in a
+    /// full transform.
     #[test]
     fn bins_asked_for_are_there() {
         for length in [1024, 8192] {
@@ -280,7 +285,7 @@ mod tests {
         }
     }
 
-    /// Catches a length that the passes do not come out even for.
+    /// Catches a length that the passes cannot divide.
     #[test]
     fn other_lengths_are_left_to_others() {
         for length in [0, 1, 16, 512, 1023, 1025, 1536, 8200] {

@@ -1,4 +1,4 @@
-//! Sixteen complex numbers in two vectors, and what the transform does with them.
+//! Sixteen complex numbers in two vectors, and the operations of the transform on them.
 
 use std::arch::x86_64::{
     __m512, __m512i, _mm512_add_ps, _mm512_fmadd_ps, _mm512_fmsub_ps, _mm512_fnmadd_ps, _mm512_mul_ps,
@@ -45,7 +45,8 @@ pub(super) fn four([a, b, c, d]: [Row; FOUR]) -> [Row; FOUR] {
     [sum(s, u), sum_with_turned(t, v), difference(s, u), difference_with_turned(t, v)]
 }
 
-/// The transform of eight: W_8 = (1 - i)/sqrt(2) and W_8^3 = -(1 + i)/sqrt(2) cost a sum, a difference and what is fused.
+/// The transform of eight. The products with W_8 = (1 - i)/sqrt(2) and W_8^3 = -(1 + i)/sqrt(2) become a sum, a
+/// difference and fused products.
 #[inline]
 #[target_feature(enable = "avx512f")]
 pub(super) fn eight([x0, x1, x2, x3, x4, x5, x6, x7]: [Row; EIGHT]) -> [Row; EIGHT] {
@@ -100,14 +101,14 @@ pub(super) fn product(a: Row, b: Row) -> Row {
     }
 }
 
-/// Four rows as a matrix of quarters of them, transposed.
+/// Transposes four rows, as a matrix of their quarters.
 #[inline]
 #[target_feature(enable = "avx512f")]
 pub(super) fn quarters_across([a, b, c, d]: [Row; 4]) -> [Row; 4] {
     #[inline]
     #[target_feature(enable = "avx512f")]
     fn transposed([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
-        // Of each two rows the first two quarters, and the last two; of those the even ones, and the odd ones.
+        // The first two quarters of each pair of rows, and the last two; of those the even ones, and the odd ones.
         let (low, high) = (_mm512_shuffle_f32x4::<0x44>(a, b), _mm512_shuffle_f32x4::<0xEE>(a, b));
         let (low_2, high_2) = (_mm512_shuffle_f32x4::<0x44>(c, d), _mm512_shuffle_f32x4::<0xEE>(c, d));
         [
@@ -120,7 +121,7 @@ pub(super) fn quarters_across([a, b, c, d]: [Row; 4]) -> [Row; 4] {
     zipped(transposed([a.re, b.re, c.re, d.re]), transposed([a.im, b.im, c.im, d.im]))
 }
 
-/// Each quarter of four rows as a matrix of four by four, transposed.
+/// Transposes each quarter of four rows, as a matrix of four by four.
 #[inline]
 #[target_feature(enable = "avx512f")]
 pub(super) fn lanes_across([a, b, c, d]: [Row; 4]) -> [Row; 4] {
@@ -144,7 +145,7 @@ fn zipped([a, b, c, d]: [__m512; 4], [e, f, g, h]: [__m512; 4]) -> [Row; 4] {
     [Row { re: a, im: e }, Row { re: b, im: f }, Row { re: c, im: g }, Row { re: d, im: h }]
 }
 
-/// Sixteen numbers, their real and imaginary parts dealt out.
+/// Loads sixteen numbers, with real and imaginary parts in separate vectors.
 #[inline]
 #[target_feature(enable = "avx512f")]
 pub(super) fn load(numbers: &[Complex<f32>]) -> Row {
