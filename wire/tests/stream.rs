@@ -290,10 +290,10 @@ fn a_killed_subscriber_does_not_hold_its_publisher() {
         let publisher = Publisher::<TapTopic>::open(&line).unwrap();
         send_taps(&publisher, 0, 400).unwrap();
     });
-    // The slow one holds the first tap, and its buffer is full: no more can be sent.
-    let sent = || store.count.load(Ordering::Relaxed) as usize;
-    wait_until("the buffer does not fill", || sent() > TapTopic::BUFFER);
-    assert_eq!(sent(), TapTopic::BUFFER + 1);
+    // The slow one holds the first tap, and its buffer is full: one more may reach `store` before the publisher waits.
+    let stored = || store.count.load(Ordering::Relaxed) as usize;
+    wait_until("the buffer does not fill", || stored() > TapTopic::BUFFER);
+    assert!(stored() <= TapTopic::BUFFER + 2);
     assert!(!publisher.is_finished());
     slow.kill().unwrap();
     slow.wait().unwrap();
