@@ -1,4 +1,5 @@
-//! Prints the tables of `docs/codec.md`: what each codec makes of simulated and of recorded taps, on one thread.
+//! Prints the tables of `docs/codec.md`: ratio and speed of each codec on simulated and on recorded taps, on one
+//! thread.
 //!
 //! `cargo run --release -p tapline-codec --example table -- FOLDERS-OF-TAP-SETS`
 //!
@@ -19,7 +20,7 @@ use tapline_wire::{CacheLine, TapHeader, bytes_of, cache_lines_for};
 /// Taps of each set.
 const TAPS_MAX: u32 = 200;
 
-/// Times that each tap is packed and unpacked; the shortest counts, so that other programs do not.
+/// How often each tap is packed and unpacked; the shortest time counts, to exclude the effect of other programs.
 const ROUNDS: usize = 20;
 
 /// Taps of one source.
@@ -76,7 +77,7 @@ fn print_table(taps: &TapsOf) {
     }
 }
 
-/// Writes the taps to `target/codec/NAME.SAMPLE_BYTES.TAP_BYTES`, one behind the other.
+/// Writes the taps to `target/codec/NAME.SAMPLE_BYTES.TAP_BYTES`, one after the other.
 fn write_samples(taps: &TapsOf) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/codec");
     fs::create_dir_all(&folder).unwrap();

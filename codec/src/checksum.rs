@@ -1,4 +1,4 @@
-//! The checksum of a packed chunk, checked at every reading: it costs a tenth of a cryptographic hash.
+//! The checksum of a packed chunk. It is checked at every reading, and costs a tenth of a cryptographic hash.
 
 use twox_hash::XxHash3_64;
 
@@ -19,6 +19,6 @@ pub fn is_chunk_valid(codec: Codec, stored: &[u8], checksum: u64) -> bool {
 
 /// The head of the chunk that begins with `stored`; `None` if it has none.
 pub fn head_of(codec: Codec, stored: &[u8]) -> Option<Head<'_>> {
-    // Chunks of other codecs may look like anything.
+    // Chunks of other codecs may resemble anything.
     Some(stored).filter(|_| codec == Codec::Lz4).and_then(Head::new)
 }

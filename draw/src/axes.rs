@@ -1,4 +1,4 @@
-//! A pair of axes: the only style that axes have.
+//! A pair of axes, in the only style that axes have.
 
 use anyhow::Result;
 use plotters::coord::types::RangedCoordf64;
@@ -7,10 +7,10 @@ use plotters::style::text_anchor::HPos;
 
 use crate::canvas::{Area, GRID, INK, PALE_INK, Point, at, font, line, number, units};
 
-/// What is drawn on has linear coordinates in both directions.
+/// A chart with linear coordinates in both directions.
 pub type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// Where the curves lie on the canvas, in pixels; the axes' labels stand left of it and below.
+/// Position of the curves on the canvas, in pixels; the labels of the axes are left of it and below.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
     /// Left end of the abscissa.
@@ -27,18 +27,18 @@ pub struct Frame {
     pub bottom_room: f64,
 }
 
-/// One axis: what it shows, from where to where, and about how many labels it has; 0 is none.
+/// One axis: its quantity, its range, and about how many labels it has; 0 for none.
 #[derive(Debug, Clone)]
 pub struct Axis {
-    /// What it shows, with its unit.
+    /// Its quantity, with the unit.
     pub label: String,
     /// Its two ends.
     pub range: Point,
-    /// About how many numbers stand at it.
+    /// About how many numbers label it.
     pub label_count: usize,
 }
 
-/// Draws the axes `x` and `y` around `frame`; what is drawn on them afterwards has their coordinates.
+/// Draws the axes `x` and `y` around `frame`, and returns their coordinates.
 ///
 /// # Errors
 /// Those of the library.
@@ -48,8 +48,8 @@ pub fn axes<'b>(area: &Area<'b>, frame: &Frame, x: &Axis, y: &Axis) -> Result<Ch
     Ok(chart)
 }
 
-/// The coordinates of the axes `x` and `y` around `frame`, of which nothing is drawn yet: what is drawn on them before
-/// [`draw_mesh`] lies below the grid.
+/// The coordinates of the axes `x` and `y` around `frame`, without drawing the axes: what is drawn before [`draw_mesh`]
+/// is below the grid.
 ///
 /// # Errors
 /// Those of the library.

@@ -1,5 +1,5 @@
-//! Boxplots, by Tukey's rule: a box from the lower to the upper quartile, whiskers to the farthest values within 1.5
-//! interquartile ranges of it, a ring for each value beyond.
+//! Boxplots by Tukey's rule: a box from the lower to the upper quartile, whiskers to the farthest values within 1.5
+//! interquartile ranges of the box, a ring for each value beyond.
 
 use anyhow::Result;
 use plotters::coord::ranged1d::Ranged;
@@ -11,13 +11,13 @@ use crate::stats::{mean, median, quantile};
 /// Longest whisker, in heights of the box.
 const WHISKER_MAX: f64 = 1.5;
 
-/// Most outliers that are drawn: of more, every second or third, since they lie on each other.
+/// Most outliers that are drawn; of more, every second or third, because they overlap.
 const OUTLIERS_DRAWN_MAX: usize = 400;
 
-/// What the box of a list of numbers shows.
+/// The numbers that the box of a list shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BoxStats {
-    /// Values that there are.
+    /// Number of values.
     pub count: usize,
     /// Lower quartile.
     pub low: f64,
@@ -34,7 +34,7 @@ pub struct BoxStats {
 }
 
 impl BoxStats {
-    /// The box of `values`; `None` of nothing.
+    /// The box of `values`; `None` if there are none.
     pub fn new(values: &[f64]) -> Option<Self> {
         let (low, high) = (quantile(values, 0.25)?, quantile(values, 0.75)?);
         let reach = WHISKER_MAX * (high - low);
@@ -90,7 +90,7 @@ impl BoxStats {
 mod tests {
     use super::*;
 
-    /// Catches a whisker that reaches an outlier, and a box of nothing.
+    /// Catches a whisker that reaches an outlier, and a box of no values.
     #[test]
     fn whiskers_end_before_outliers() {
         let stats = BoxStats::new(&[1.0, 2.0, 3.0, 4.0, 100.0]).unwrap();

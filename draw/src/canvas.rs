@@ -5,7 +5,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// The library draws at whole units only: with this many a pixel, curves are smooth.
+/// Units per pixel. The library draws at whole units only; with so many, curves are smooth.
 const UNITS_PER_PIXEL: f64 = 4.0;
 
 // Okabe and Ito's colours, which colour-blind people distinguish.
@@ -27,7 +27,7 @@ pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// A place on a picture, in pixels.
 pub type Point = (f64, f64);
 
-/// What `draw` draws on a canvas of `size` pixels, as SVG.
+/// The SVG of what `draw` draws on a canvas of `size` pixels.
 ///
 /// # Errors
 /// Those of `draw`, and of the library.
@@ -39,19 +39,19 @@ pub fn svg(size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Result<()>) -> Resu
     draw(&area)?;
     area.present()?;
     drop(area);
-    // The view box keeps the fine units; the size is what was asked for.
+    // The view box keeps the fine units; the size is in pixels.
     let size_of = |width: String, height: String| format!("<svg width=\"{width}\" height=\"{height}\"");
     let fine = size_of(width.to_string(), height.to_string());
     ensure!(svg.starts_with(&fine), "the picture does not begin with {fine}");
     Ok(svg.replacen(&fine, &size_of(size.0.to_string(), size.1.to_string()), 1))
 }
 
-/// `value` without the noise of its computation, and with a true minus.
+/// `value` as text, without rounding noise and with a real minus sign.
 pub fn number(value: f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6 + 0.0).replace('-', "\u{2212}")
 }
 
-/// Units of the canvas.
+/// Pixels in units of the canvas.
 pub fn units(pixels: f64) -> i32 {
     (pixels * UNITS_PER_PIXEL).round() as i32
 }
@@ -66,10 +66,10 @@ pub fn line(color: RGBColor, width: f64) -> ShapeStyle {
     color.stroke_width(units(width).unsigned_abs())
 }
 
-/// Letters of `size` pixels, centred on the line they stand on.
+/// Letters of `size` pixels, vertically centred.
 pub fn font(size: f64, color: RGBColor, align: HPos, is_bold: bool) -> TextStyle<'static> {
     let style = if is_bold { FontStyle::Bold } else { FontStyle::Normal };
-    // The library divides sizes by 1.24 as it writes them.
+    // The library divides sizes by 1.24 when it writes them.
     let font = FontDesc::new(FontFamily::SansSerif, size * UNITS_PER_PIXEL * 1.24, style);
     font.color(&color).pos(Pos::new(align, VPos::Center))
 }

@@ -1,4 +1,4 @@
-//! What the figures of reports, studies and pages are made of.
+//! The parts of the figures in reports, studies and pages.
 //!
 //! - [`axes`]: a pair of axes with a grid.
 //! - [`boxplot`]: boxes with whiskers, by Tukey's rule.

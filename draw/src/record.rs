@@ -6,10 +6,11 @@ use tapline_wire::{Channel, Samples, TapHeader};
 
 use crate::stats::median;
 
-/// The channel `kind` of a record in N or V; `None` where it is not there, has no samples, or holds one that is no number.
+/// The channel `kind` of a record in N or V; `None` if it is absent, has no samples, or has a sample that is not a
+/// number.
 ///
-/// The baseline is the median of the first three quarters before the trigger, as the discriminators have it; of all where
-/// there is none.
+/// The baseline is the median of the first three quarters before the trigger, as in the discriminators; of all samples
+/// if there is no time before the trigger.
 pub fn channel(header: &TapHeader, samples: Samples<'_>, kind: Channel) -> Option<Vec<f64>> {
     let (order, (_, unit_per_count)) = header.channels().enumerate().find(|(_, (channel, _))| *channel == kind)?;
     let count = header.sample_count as usize;
@@ -26,8 +27,8 @@ pub fn channel(header: &TapHeader, samples: Samples<'_>, kind: Channel) -> Optio
     values.iter().all(|value| value.is_finite()).then_some(values)
 }
 
-/// Power density of `signal` in its unit squared per Hz, by bins of `sample_rate_hz` over its length: the one-sided boxcar
-/// periodogram of the whole record (Eq. 50).
+/// Power density of `signal` in its unit squared per Hz, in bins of `sample_rate_hz` over its length: the one-sided
+/// boxcar periodogram of the whole record (Eq. 50).
 ///
 /// # Errors
 /// Those of the transform.
@@ -37,7 +38,7 @@ pub fn periodogram(planner: &mut RealFftPlanner<f64>, mut signal: Vec<f64>, samp
     let mut bins = transform.make_output_vec();
     transform.process(&mut signal, &mut bins).context("cannot transform a record")?;
     let density = 2.0 / (sample_rate_hz * count as f64);
-    // The first bin, and the last of an even count, have no twin on the other side.
+    // The first bin, and the last of an even number of samples, have no negative frequency.
     let last = if count.is_multiple_of(2) { count / 2 } else { count };
     let of = |(k, power): (usize, f64)| if k == 0 || k == last { 0.5 * density * power } else { density * power };
     Ok(bins.iter().map(|bin| bin.norm_sqr()).enumerate().map(of).collect())
@@ -51,7 +52,7 @@ mod tests {
 
     use super::*;
 
-    /// Catches the wrong channel, a unit or a baseline left out, and numbers made of a sample that is none.
+    /// Catches the wrong channel, a unit or a baseline left out, and numbers computed from a NaN.
     #[test]
     fn a_channel_is_in_its_unit_without_its_baseline() {
         let mut header = TapHeader {

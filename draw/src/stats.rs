@@ -1,14 +1,14 @@
 //! Summary statistics of a list of values.
 
-/// Makes the median of magnitudes a standard deviation, where values are normal.
+/// Factor from a median of magnitudes to a standard deviation, for normal values.
 const MAD_TO_SIGMA: f64 = 1.4826;
 
-/// The mean, `None` of nothing.
+/// The mean; `None` if there are no values.
 pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// The value below which the fraction `q` (0 to 1) of `values` lies, linear between two of them; `None` of nothing.
+/// The value below which the fraction `q` (0 to 1) of `values` lies, linear between values; `None` if there are none.
 pub fn quantile(values: &[f64], q: f64) -> Option<f64> {
     let mut ascending = values.to_vec();
     ascending.sort_by(f64::total_cmp);
@@ -19,26 +19,26 @@ pub fn quantile(values: &[f64], q: f64) -> Option<f64> {
     Some(ascending[below] + part * (above - ascending[below]))
 }
 
-/// The median, `None` of nothing.
+/// The median; `None` if there are no values.
 pub fn median(values: &[f64]) -> Option<f64> {
     quantile(values, 0.5)
 }
 
-/// The standard deviation by the count less one, `None` of fewer than two values.
+/// The standard deviation with the divisor n - 1; `None` for fewer than two values.
 pub fn sd(values: &[f64]) -> Option<f64> {
     let mean = mean(values)?;
     let sum: f64 = values.iter().map(|x| (x - mean).powi(2)).sum();
     (values.len() > 1).then(|| (sum / (values.len() - 1) as f64).sqrt())
 }
 
-/// The robust standard deviation, from the median magnitude about the median; `None` of nothing.
+/// The robust standard deviation, from the median magnitude around the median; `None` if there are no values.
 pub fn spread(values: &[f64]) -> Option<f64> {
     let center = median(values)?;
     let magnitudes: Vec<f64> = values.iter().map(|value| (value - center).abs()).collect();
     Some(MAD_TO_SIGMA * median(&magnitudes)?)
 }
 
-/// Least and greatest of the numbers among `values`, `None` of none.
+/// Smallest and largest of the numbers among `values`; `None` if there are none.
 pub fn extent(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
     let known = values.into_iter().filter(|value| value.is_finite());
     known.fold(None, |extent, value| match extent {
@@ -47,12 +47,12 @@ pub fn extent(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// The greatest less the least of the numbers among `values`, `None` of none.
+/// The largest minus the smallest of the numbers among `values`; `None` if there are none.
 pub fn range(values: &[f64]) -> Option<f64> {
     extent(values.iter().copied()).map(|(low, high)| high - low)
 }
 
-/// Root of the mean square difference of `pairs`, `None` of none.
+/// Root of the mean square difference of `pairs`; `None` if there are none.
 pub fn rmse(pairs: &[(f64, f64)]) -> Option<f64> {
     let squares: Vec<f64> = pairs.iter().map(|(a, b)| (a - b).powi(2)).collect();
     mean(&squares).map(f64::sqrt)
@@ -62,7 +62,7 @@ pub fn rmse(pairs: &[(f64, f64)]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Catches a quantile taken at the wrong place, a divisor off by one, and a number invented for no values.
+    /// Catches a quantile at the wrong place, a wrong divisor, and a number invented for no values.
     #[test]
     fn statistics_are_those_by_hand() {
         let near = |a: Option<f64>, b: f64| assert!(a.is_some_and(|a| (a - b).abs() < 1e-12), "{a:?} {b}");

@@ -24,7 +24,7 @@ pub(crate) struct Column<R> {
     /// Unit of the values; "1" for a number without dimension, empty if they are not a quantity.
     #[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "only Parquet stores it"))]
     pub unit: &'static str,
-    /// Whether the table as CSV has it too; there a set of flags has its names alone.
+    /// Whether the CSV has it too; CSV has the names of flags but not their bits.
     pub is_in_csv: bool,
     /// The values.
     pub cells: Cells<R>,
@@ -40,7 +40,7 @@ impl<R> Column<R> {
         Self::new(name, "", Cells::U16(Box::new(move |row| Some(cell(row)))))
     }
 
-    /// A column of small numbers some of which are absent.
+    /// A column of small numbers that may be absent.
     pub(crate) fn maybe_u16(name: &str, cell: impl Fn(&R) -> Option<u16> + 'static) -> Self {
         Self::new(name, "", Cells::U16(Box::new(cell)))
     }
@@ -50,12 +50,12 @@ impl<R> Column<R> {
         Self::new(name, "", Cells::U32(Box::new(move |row| Some(cell(row)))))
     }
 
-    /// A column of whole numbers some of which are absent.
+    /// A column of whole numbers that may be absent.
     pub(crate) fn maybe_u32(name: &str, cell: impl Fn(&R) -> Option<u32> + 'static) -> Self {
         Self::new(name, "", Cells::U32(Box::new(cell)))
     }
 
-    /// A column of quantities in `unit`; what is not finite is absent.
+    /// A column of quantities in `unit`; values that are not finite are absent.
     pub(crate) fn f64(name: impl Into<String>, unit: &'static str, cell: impl Fn(&R) -> Option<f64> + 'static) -> Self {
         Self::new(name, unit, Cells::F64(Box::new(move |row| cell(row).filter(|value| value.is_finite()))))
     }
@@ -65,12 +65,12 @@ impl<R> Column<R> {
         Self::new(name, "", Cells::Text(Box::new(move |row| Some(cell(row)))))
     }
 
-    /// A column of texts some of which are absent.
+    /// A column of texts that may be absent.
     pub(crate) fn maybe_text(name: &str, cell: impl Fn(&R) -> Option<String> + 'static) -> Self {
         Self::new(name, "", Cells::Text(Box::new(cell)))
     }
 
-    /// The bits of a set of flags whose names are a column of their own.
+    /// The bits of a set of flags; their names are another column.
     pub(crate) fn bits(name: &str, cell: impl Fn(&R) -> u32 + 'static) -> Self {
         Self { is_in_csv: false, ..Self::u32(name, cell) }
     }

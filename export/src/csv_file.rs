@@ -1,5 +1,5 @@
-//! A table as CSV: an absent value is an empty cell, a number is the shortest text that reads back the same, and no text is a
-//! formula of a spreadsheet.
+//! A table as CSV: an absent value is an empty cell, a number is the shortest text that reads back the same, and no
+//! text is a spreadsheet formula.
 
 use std::io;
 
@@ -57,7 +57,7 @@ pub(crate) fn number_text(value: f64) -> String {
 mod tests {
     use super::*;
 
-    /// Catches a text that a spreadsheet would compute, and a number that becomes a text.
+    /// Catches a text that a spreadsheet would evaluate, and a number that becomes a text.
     #[test]
     fn texts_are_no_formulas() {
         let columns = [

@@ -64,7 +64,7 @@ impl Draft {
 
 impl Drop for Draft {
     fn drop(&mut self) {
-        // After it is finished nothing is there; other errors are less important than the one that led here.
+        // Nothing is left there after `finish`; an error here matters less than the one that led here.
         drop(fs::remove_dir_all(&self.draft));
     }
 }

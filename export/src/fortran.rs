@@ -1,9 +1,9 @@
 //! Numbers and texts in the fixed fields of Fortran's formats.
 
-/// `value` as Fortran's `Ew.d` has it, one digit before the point: `width` characters, `digits` after the point, `letter`
-/// before an exponent of a sign and at least two digits.
+/// `value` in Fortran's `Ew.d`, with one digit before the point: `width` characters, `digits` after the point, and
+/// `letter` before an exponent of a sign and at least two digits.
 ///
-/// A value that is not finite has its name there, as Fortran 2003 reads it.
+/// A value that is not finite is written by its name, which Fortran 2003 reads.
 pub(crate) fn exponent(value: f64, width: usize, digits: usize, letter: char) -> String {
     if !value.is_finite() {
         return format!("{value:>width$}");
@@ -23,7 +23,7 @@ pub(crate) fn plain(text: &str, length: usize) -> String {
 mod tests {
     use super::*;
 
-    /// Catches a field that is not as wide as its neighbours need, and an exponent that no Fortran writes.
+    /// Catches a field of the wrong width, and an exponent that no Fortran writes.
     #[test]
     fn fields_have_their_width() {
         assert_eq!(exponent(-1.5e-7, 13, 5, 'E'), " -1.50000E-07");
@@ -33,7 +33,7 @@ mod tests {
         assert_eq!(exponent(f64::NAN, 13, 5, 'E'), "          NaN", "and not 0");
     }
 
-    /// Catches a line that a reader of 80-byte records would cut elsewhere.
+    /// Catches a line that a reader of 80-byte records would split elsewhere.
     #[test]
     fn text_is_one_byte_a_character() {
         assert_eq!(plain("A\u{e9}-1\n", 80), "A_-1_");

@@ -17,7 +17,7 @@ use crate::Result;
 use crate::column::{Cells, Column, Sink};
 use tapline_store::Reader;
 
-/// Rows that are turned into columns at once.
+/// Rows that are converted to columns together.
 const BATCH_ROWS: usize = 8192;
 
 /// Rows of a group, which is in memory until it is written: tens of megabytes of the widest table.
@@ -133,7 +133,7 @@ mod tests {
 
     use super::*;
 
-    /// Catches rows lost or doubled between batches, and a file that is one group however long it is.
+    /// Catches rows lost or doubled between batches, and a long file with one group.
     #[test]
     fn long_tables_are_written_in_groups() {
         let row_count = GROUP_ROWS + BATCH_ROWS / 2;

@@ -33,7 +33,7 @@ const NO_REASON: &str = "refused without a reason";
 const DAMAGED: &str = "damaged in the archive: ";
 
 impl TapCounts {
-    /// The sum of both.
+    /// The sum of two counts.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -60,7 +60,7 @@ pub(crate) struct ListedTap<'a> {
     pub planned: &'a PlannedTap,
     /// The record, or why there is none.
     pub record: Result<(TapHeader, OwnedSamples), String>,
-    /// The attempt that settled the tap; 0 where none did.
+    /// The attempt that settled the tap; 0 if none did.
     pub attempt: u16,
 }
 

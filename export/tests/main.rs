@@ -1,4 +1,4 @@
-//! Exported tables, to the letter, and read back by other programs.
+//! Exported tables, character by character, and read back by other programs.
 
 #![expect(clippy::unwrap_used, reason = "a helper that fails fails its test")]
 

@@ -28,7 +28,7 @@ fn as_csv(reader: &Reader, table: Export) -> (Vec<String>, Vec<Vec<String>>) {
     (header, csv.records().map(|record| texts(&record.unwrap())).collect())
 }
 
-/// Whether a cell holds what a cell of CSV says, and in the type its kind of text needs.
+/// Whether a cell has the value of the CSV cell, in the type of its column.
 fn is_same(array: &ArrayRef, row: usize, csv: &str) -> bool {
     if array.is_null(row) {
         return csv.is_empty();
@@ -42,7 +42,7 @@ fn is_same(array: &ArrayRef, row: usize, csv: &str) -> bool {
     }
 }
 
-/// Catches a column, row, value or absence that the two formats have otherwise, and a number that became text.
+/// Catches a column, row, value or absence that differs between the two formats, and a number that became text.
 #[test]
 fn parquet_is_the_csv_cell_by_cell() {
     let _guard = common::beside_others();
@@ -69,7 +69,7 @@ fn parquet_is_the_csv_cell_by_cell() {
             }
         }
         assert_eq!(done, rows.len(), "{table:?}");
-        // A tap without a reason has none; one without flags has a text of no letters.
+        // A tap without a reason has none; one without flags has an empty text.
         let null_count =
             |name: &str| batches.iter().filter_map(|b| b.column_by_name(name)).map(|a| a.null_count()).sum::<usize>();
         assert_eq!(null_count("reason"), if table == Export::Ledger { 9 } else { 0 });
@@ -98,7 +98,7 @@ fn units_bits_and_origin_are_in_the_file() {
     for field in builder.schema().fields() {
         let unit = field.metadata().get("unit").map(String::as_str);
         assert_eq!(unit.is_some(), *field.data_type() == DataType::Float64, "{field}");
-        // The unit is the end of the name, in other letters.
+        // The unit is the suffix of the name, spelt otherwise.
         let ends = [("_n", "N"), ("_s", "s"), ("_v_s", "V s"), ("_v2_per_hz", "V^2/Hz"), ("_v2", "V^2"), ("_hz", "Hz")];
         let ends = ends.into_iter().chain([("_mm", "mm"), ("_m_per_s", "m/s"), ("_deg", "deg"), ("pr", "1")]);
         let longest = ends.filter(|(end, _)| field.name().ends_with(end)).max_by_key(|(end, _)| end.len());
@@ -112,7 +112,7 @@ fn units_bits_and_origin_are_in_the_file() {
     assert_eq!(bits, [0, 0, no_force, 0, no_force, 0, 0, no_force]);
 }
 
-/// Prints what a stranger reads: types, units, metadata, rows and absent values.
+/// Prints what another program reads: types, units, metadata, rows and absent values.
 const SCRIPT: &str = r#"
 import sys, pyarrow as pa, pyarrow.parquet as pq
 table = pq.read_table(sys.argv[1])

@@ -1,4 +1,4 @@
-//! Exported tables, to the letter.
+//! Exported tables, character by character.
 
 use tapline_export::{Export, export};
 use tapline_store::{Reader, Writer};
@@ -30,7 +30,7 @@ pub(crate) fn unfinished(folder: &tempfile::TempDir) -> Reader {
     Reader::open(&path).unwrap()
 }
 
-/// Catches a column that is renamed, moved or formatted otherwise, and an absent value that is not an empty cell.
+/// Catches a column that is renamed, moved or formatted differently, and an absent value that is not an empty cell.
 #[test]
 fn tables_to_the_letter() {
     let _guard = crate::common::beside_others();

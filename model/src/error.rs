@@ -1,34 +1,34 @@
-//! Why a scene, a table or a simulated rig cannot be had.
+//! Errors of scenes, tables and simulated rigs.
 
-/// Why a model cannot answer.
+/// Why a model gives no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A quantity lies outside the bounds within which the formulas mean anything.
+    /// A quantity is outside the bounds in which the formulas are meaningful.
     #[error("{name} is {value}; it must lie in {low} to {high}")]
     OutOfRange {
         /// Which quantity.
         name: &'static str,
-        /// What was given.
+        /// Its value.
         value: f64,
-        /// Least value allowed.
+        /// Smallest value allowed.
         low: f64,
-        /// Greatest value allowed.
+        /// Largest value allowed.
         high: f64,
     },
     /// The dissertation has no such table of computed contact quantities.
     #[error("there is no table {number}; the tables are 4, 5, 6, 8, 9, 10 and 11")]
     NoTable {
-        /// What was asked for.
+        /// The number asked for.
         number: u8,
     },
-    /// The dissertation has no such figure of its theory's curves.
+    /// The dissertation has no such figure of theoretical curves.
     #[error("there is no figure {number}; the figures are 11-13, 16-20, 22-27, 31, 32 and 36-38")]
     NoFigure {
-        /// What was asked for.
+        /// The number asked for.
         number: u8,
     },
-    /// The impact is so stiff that its integration does not end.
+    /// The impact is too stiff to integrate in the allowed number of steps.
     #[error("integration of the impact stopped after {steps} steps at {reached_s} s of {wanted_s} s")]
     TooStiff {
         /// Steps taken.
@@ -38,7 +38,7 @@ pub enum Error {
         /// Time that was to be reached.
         wanted_s: f64,
     },
-    /// A crack of a simulated tyre is not one.
+    /// A quantity of a simulated tyre's crack is out of its bounds.
     #[error("tyre {serial} crack {number}: {name} is {value}; it must lie in {low} to {high}")]
     Crack {
         /// Serial number of the tyre.
@@ -47,11 +47,11 @@ pub enum Error {
         number: usize,
         /// Which quantity.
         name: &'static str,
-        /// What was given.
+        /// Its value.
         value: f64,
-        /// Least value allowed.
+        /// Smallest value allowed.
         low: f64,
-        /// Greatest value allowed.
+        /// Largest value allowed.
         high: f64,
     },
     /// Two simulated tyres share a serial number.
@@ -62,7 +62,7 @@ pub enum Error {
     },
 }
 
-/// `value` when it lies in `low` to `high`; NaN does not.
+/// `value` if it lies in `low` to `high`; NaN does not.
 pub(crate) fn within(name: &'static str, value: f64, low: f64, high: f64) -> Result<f64, Error> {
     if (low..=high).contains(&value) { Ok(value) } else { Err(Error::OutOfRange { name, value, low, high }) }
 }

@@ -1,7 +1,7 @@
 //! The physics of a tap: contact, crack and sound, in closed form, as a differential equation and as a simulated tyre.
 //!
-//! Nothing here reads or writes anything; the numbers of the equations and tables are those of Shen, *Impact-Acoustic
-//! Evaluation Method of Internal Crack in Rubber Composite Structure*. Inside formulas the letters are its own:
+//! Nothing here does input or output. The numbers of equations and tables are those of Shen, *Impact-Acoustic
+//! Evaluation Method of Internal Crack in Rubber Composite Structure*. Formulas use its letters:
 //!
 //! | letter | quantity | name, unit |
 //! |---|---|---|
@@ -19,7 +19,7 @@
 //! | alpha, d_max | local deformation, deflection of the surface | `alpha_max_m`, `d_max_m` |
 //! | lambda_f | fraction of energy lost to bending (Eq. 34) | `lambda_f` |
 //!
-//! A crack 2.54 mm deep takes four fifths of the peak force in the closed form, and two thirds in the plate's
+//! A crack 2.54 mm deep reduces the peak force by four fifths in the closed form, and by two thirds in the plate's
 //! equation of motion, in which the layer has mass:
 //!
 //! ```
@@ -32,8 +32,9 @@
 //! # Ok::<(), tapline_model::Error>(())
 //! ```
 //!
-//! [`ContactModel`] is a ladder of four rungs: closed form, integral table, plate and full, each with the [`Flags`] of its
-//! domain. [`choose`] picks the cheapest rung that is known to be accurate enough, [`choose_by_trial`] the cheapest one that is.
+//! [`ContactModel`] is a ladder of four rungs: closed form, integral table, plate and full, each with the [`Flags`] of
+//! its domain. [`choose`] picks the cheapest rung that is known to be accurate enough, and [`choose_by_trial`] the
+//! cheapest one that turns out to be so.
 
 mod contact;
 mod error;

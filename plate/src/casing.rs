@@ -1,4 +1,4 @@
-//! One casing: what it has from the mould, and what stays with each of its places.
+//! One casing: its own properties, and those of each of its places.
 
 use tapline_wire::Serial;
 
@@ -9,18 +9,19 @@ use crate::modes::{CASING, LAYER_RATIOS, MODES, Mode};
 use crate::population::Population;
 use crate::random::Key;
 
-/// K = 4/3 E/(1 - nu^2) sqrt(R), for a stiff tip of radius R = 8 mm on rubber of E = 14 MPa, nu = 0.49 (assumed): a sound
-/// casing is touched for some 0.9 ms at 1.85 m/s.
+/// K = 4/3 E/(1 - nu^2) sqrt(R), for a stiff tip of radius R = 8 mm on rubber of E = 14 MPa, nu = 0.49 (assumed): the
+/// contact with a sound casing lasts some 0.9 ms at 1.85 m/s.
 const STIFFNESS_N_PER_M1_5: f64 = 2.2e6;
-/// Z = 8 sqrt(D m) (Zener 1941) of D = 174 N m and m = 35 kg/m^2: 25 mm of belted rubber (assumed).
+/// Z = 8 sqrt(D m) (Zener 1941) for D = 174 N m and m = 35 kg/m^2: 25 mm of belted rubber (assumed).
 const IMPEDANCE_N_S_PER_M: f64 = 624.0;
-/// By how much stiffness falls and sound grows per mm towards the tyre's centre, where the casing is thinner (assumed).
+/// Relative fall of stiffness, and rise of the sound, per mm towards the tyre's centre, where the casing is thinner
+/// (assumed).
 const SOFTER_PER_MM: f64 = 0.005;
 const LOUDER_PER_MM: f64 = 0.008;
-/// Loudness of a layer that gives way by 1 m/N, V/(N s) per m/N (assumed, so that faint cracks raise PR, P_f and E_f, as on
-/// recorded slabs).
+/// Loudness of a layer with a compliance of 1 m/N, V/(N s) per m/N (assumed, so that faint cracks raise PR, P_f and
+/// E_f, as on recorded slabs).
 const LAYER_LEVEL: f64 = 6e7;
-/// Damping of a layer's modes over the critical one, as they are heard.
+/// Damping of the audible modes of a layer, relative to critical damping.
 const LAYER_DAMPING: f64 = 0.08;
 /// Distance between the knots of the stiffness along the ring.
 const KNOT_DEG: f64 = 3.6;
@@ -37,7 +38,7 @@ pub struct Casing {
     cracks: Vec<Crack>,
 }
 
-/// What the places of one shoulder have in common.
+/// Properties that all places of one shoulder share.
 #[derive(Debug, Clone, Copy)]
 struct Shoulder {
     stiffness: f64,
@@ -45,7 +46,7 @@ struct Shoulder {
     modes: [Mode; CASING.len()],
 }
 
-/// What a tap meets.
+/// The properties of a place, for one tap.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place {
     pub stiffness_n_per_m1_5: f64,
@@ -55,7 +56,7 @@ pub(crate) struct Place {
 }
 
 impl Casing {
-    /// The casing that `seed` and `serial` make of `population`, with `cracks`.
+    /// The casing of `population` that `seed` and `serial` determine, with `cracks`.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a setting of the population or a crack.
@@ -98,17 +99,17 @@ impl Casing {
         self.cracks.iter().any(|crack| crack.covers(shoulder, angle_deg))
     }
 
-    /// Gain that the microphone has for this casing.
+    /// Gain of the microphone for this casing.
     pub(crate) fn gain(&self) -> f64 {
         self.gain
     }
 
-    /// What draws the taps of `shoulder`.
+    /// The key of random numbers of `shoulder`.
     pub(crate) fn key(&self, purpose: u64, shoulder: u16) -> Key {
         self.key.number(16 + purpose).number(shoulder.into())
     }
 
-    /// What a tap at `angle_deg` and `offset_mm` of `shoulder` meets.
+    /// The properties at `angle_deg` and `offset_mm` of `shoulder`.
     pub(crate) fn place(&self, shoulder: u16, angle_deg: f64, offset_mm: f64) -> Place {
         let p = &self.population;
         let of = self.shoulders[usize::from(shoulder == 2)];
@@ -147,7 +148,7 @@ impl Casing {
         }
     }
 
-    /// The layer of the crack that is felt most.
+    /// The layer of the crack with the largest effect.
     fn layer(&self, shoulder: u16, angle_deg: f64, offset_mm: f64) -> Option<Felt> {
         let felt = self.cracks.iter().filter_map(|crack| {
             let layer = crack.layer(crack.felt(shoulder, angle_deg, offset_mm))?;
@@ -156,9 +157,10 @@ impl Casing {
         felt.min_by(|a, b| a.layer.stiffness_n_per_m.total_cmp(&b.layer.stiffness_n_per_m))
     }
 
-    /// A field along the ring of mean 0 and standard deviation 1: white numbers at knots under a bell curve.
+    /// A random field along the ring with mean 0 and standard deviation 1: independent numbers at knots, smoothed by a
+    /// Gaussian kernel.
     fn field(&self, key: Key, angle_deg: f64) -> f64 {
-        // A kernel of width s correlates as exp(-d^2/(4 s^2)).
+        // The field of a kernel of width s has the correlation exp(-d^2/(4 s^2)).
         let width = self.population.place_correlation_deg / (2.0_f64.sqrt() * KNOT_DEG);
         let at = angle_deg / KNOT_DEG;
         let reach = (3.0 * width).ceil().clamp(1.0, 49.0) as i64;
@@ -173,7 +175,7 @@ impl Casing {
     }
 }
 
-/// A layer as it is felt, and the frequency at which all of it rings.
+/// A layer as a tap finds it, and the frequency at which the whole of it rings.
 #[derive(Debug, Clone, Copy)]
 struct Felt {
     layer: Layer,
@@ -194,7 +196,8 @@ mod tests {
         sum(&|p| p.0 * p.1) / (sum(&|p| p.0 * p.0) * sum(&|p| p.1 * p.1)).sqrt()
     }
 
-    /// Catches a stiffness along the ring of another spread or correlation than stated, or a ring that does not close.
+    /// Catches a stiffness along the ring with another spread or correlation than stated, and a ring that does not
+    /// close.
     #[test]
     fn stiffness_keeps_its_spread_and_correlation_along_the_ring() {
         let p = Population::rough();
@@ -222,7 +225,7 @@ mod tests {
         assert!((shared - p.place_shared).abs() < 0.1, "{shared}");
     }
 
-    /// Catches modes of a place that change from call to call, or have another spread than stated.
+    /// Catches modes of a place that change from call to call, or with another spread than stated.
     #[test]
     fn the_modes_of_a_place_stay_with_it() {
         let p = Population::rough();
@@ -249,7 +252,7 @@ mod tests {
         assert!((within / 0.01 - 1.0).abs() < 0.15, "{within}");
     }
 
-    /// Catches a layer's band that does not grow with the crack, and one without a crack.
+    /// Catches a layer whose band does not grow with the crack, and a layer without a crack.
     #[test]
     fn a_crack_brings_a_flexural_band() {
         let p = Population::smooth();

@@ -1,18 +1,18 @@
-//! The impactor on the casing: Hertz's contact with the damping of Hunt and Crossley, on a flexural plate.
+//! The impactor on the casing: Hertz's contact with Hunt and Crossley's damping, on a flexural plate.
 //!
 //! | letter | quantity |
 //! |---|---|
 //! | K, d | contact stiffness, indentation: F = K d^1.5 (1 + b d'), never below 0 |
 //! | b | 1.5 times the slope of restitution over velocity: e = 1 - (b/1.5) V for small b V |
 //! | Z | impedance of the plate: its surface moves with F/Z |
-//! | k, m, c | stiffness, mass and damping of the loosened layer between contact and plate, where there is one |
+//! | k, m, c | stiffness, mass and damping of the loosened layer between contact and plate, over a crack |
 
-/// Indentation by which the impactor must have left the surface for the contact to be over, m.
+/// Distance from the surface, m, at which the contact is over.
 const GAP_M: f64 = 5e-5;
-/// Longest contact that is followed, s.
+/// Longest contact that is simulated, s.
 const LONGEST_S: f64 = 8e-3;
 
-/// A layer that a crack has loosened from the plate below it.
+/// A layer that a crack has separated from the plate below it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layer {
     /// Force for 1 m of deflection.
@@ -24,7 +24,7 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// Frequency at which it swings by itself, without damping.
+    /// Its natural frequency without damping.
     pub fn frequency_hz(&self) -> f64 {
         (self.stiffness_n_per_m / self.mass_kg).sqrt() / std::f64::consts::TAU
     }
@@ -47,7 +47,7 @@ pub struct Contact {
     pub layer: Option<Layer>,
 }
 
-/// Positions and velocities of one instant: impactor, plate, layer.
+/// The state at one instant: positions and velocities of impactor, plate and layer.
 #[derive(Debug, Clone, Copy, Default)]
 struct State {
     x: f64,
@@ -70,13 +70,13 @@ impl State {
 }
 
 impl Contact {
-    /// Force at the instants `first_s`, `first_s + step_s`, ... after first touch, into `force_n`, until the impactor has
-    /// left; each step is cut into `parts` of a fourth-order Runge-Kutta step.
+    /// Force at the instants `first_s`, `first_s + step_s`, ... after first touch, into `force_n`, until the impactor
+    /// has left. Each step consists of `parts` Runge-Kutta steps of fourth order.
     pub fn force(&self, first_s: f64, step_s: f64, parts: u32, force_n: &mut Vec<f64>) {
         self.follow(first_s, step_s, parts, |_, force| force_n.push(force));
     }
 
-    /// Calls `see` with the state and the force at each of those instants.
+    /// Calls `see` with the state and the force at each of these instants.
     fn follow(&self, first_s: f64, step_s: f64, parts: u32, mut see: impl FnMut(&State, f64)) {
         let mut state = State { v: self.velocity_m_per_s, ..State::default() };
         let mut time = first_s;
@@ -87,7 +87,7 @@ impl Contact {
             see(&state, force);
             let surface_v = if self.layer.is_some() { state.layer_v } else { 0.0 };
             let has_left = indentation < 0.0 && state.v < surface_v && indentation < -GAP_M;
-            // A state that is no number ends too.
+            // A NaN in the state ends it too.
             if has_left || time >= LONGEST_S || !(time + indentation).is_finite() {
                 return;
             }
@@ -106,7 +106,7 @@ impl Contact {
         state.plus(a, dt / 6.0).plus(b, dt / 3.0).plus(c, dt / 3.0).plus(d, dt / 6.0)
     }
 
-    /// How the state changes, the force, and the indentation.
+    /// Derivative of the state, the force, and the indentation.
     fn rates(&self, state: &State) -> (State, f64, f64) {
         let surface = if self.layer.is_some() { state.layer } else { state.plate };
         let indentation = state.x - surface;
@@ -115,7 +115,7 @@ impl Contact {
         let admittance = 1.0 / self.impedance_n_s_per_m;
         match self.layer {
             None => {
-                // The plate's velocity F/Z is in d' itself: solved for F.
+                // The plate's velocity F/Z is part of d', so the equation is solved for F.
                 let force =
                     hertz * (1.0 + self.damping_s_per_m * state.v) / (1.0 + hertz * self.damping_s_per_m * admittance);
                 let force = if force > 0.0 { force } else { 0.0 };
@@ -179,8 +179,8 @@ mod tests {
         -last / contact.velocity_m_per_s
     }
 
-    /// Hertz 1881: an elastic contact takes 2.9432 d/V with the deepest indentation d = (5 m V^2/(4 K))^0.4, and its
-    /// greatest force is K d^1.5. Catches a wrong exponent, step or end.
+    /// Hertz 1881: an elastic contact lasts 2.9432 d/V with the deepest indentation d = (5 m V^2/(4 K))^0.4, and its
+    /// largest force is K d^1.5. Catches a wrong exponent, step or end.
     #[test]
     fn an_elastic_contact_is_that_of_hertz() {
         let v = IMPACT.velocity_m_per_s;
@@ -203,7 +203,7 @@ mod tests {
     }
 
     /// Zener 1941: for a small inelasticity parameter the plate alone takes energy, as a layer does. Catches energy
-    /// that comes from nowhere: in the contact, the plate's impedance or the layer.
+    /// gained in the contact, the plate's impedance or the layer.
     #[test]
     fn energy_never_grows() {
         let full = 0.5 * IMPACT.mass_kg * IMPACT.velocity_m_per_s.powi(2);
@@ -228,7 +228,7 @@ mod tests {
         }
     }
 
-    /// A plate that gives way with F/Z takes force. Catches an impedance that is used upside down.
+    /// A plate that moves with F/Z reduces the force. Catches an inverted impedance.
     #[test]
     fn a_soft_plate_takes_force() {
         let peaks = [f64::INFINITY, 1000.0, 300.0, 50.0]
@@ -237,7 +237,7 @@ mod tests {
     }
 
     /// Catches a loosened layer that does not lower the force and lengthen the contact, more so the softer it is, and a
-    /// stiff one that is not as if it were not there.
+    /// stiff layer that has an effect.
     #[test]
     fn a_softer_layer_is_touched_longer_and_pressed_less() {
         let of = |stiffness_n_per_m: f64| {
@@ -251,7 +251,7 @@ mod tests {
         assert!(soft.windows(2).all(|p| p[1].0 < p[0].0 && p[1].1 > p[0].1), "{soft:?}");
     }
 
-    /// Catches a step of a record that is too long for the contact.
+    /// Catches time steps of a record that are too long for the contact.
     #[test]
     fn two_steps_a_sample_are_enough() {
         for layer in [None, Some(LAYER)] {

@@ -1,4 +1,4 @@
-//! Cracks: where they are felt, and the layer that they loosen.
+//! Cracks: their effect on a tap, and the layer that they loosen.
 
 use std::f64::consts::PI;
 
@@ -11,21 +11,21 @@ use crate::error::{Error, within};
 const LAYER_PA: f64 = 60e6;
 const LAYER_NU: f64 = 0.49;
 const LAYER_KG_PER_M3: f64 = 1143.0;
-/// Shear modulus of the layer, which the rubber between the cords sets (assumed).
+/// Shear modulus of the layer, determined by the rubber between the cords (assumed).
 const SHEAR_PA: f64 = 20e6;
-/// Part of a plate's section that carries shear (Reissner 1945).
+/// Fraction of a plate's section that carries shear (Reissner 1945).
 const SHEAR_PART: f64 = 5.0 / 6.0;
-/// Radius over which the impactor presses, m.
+/// Radius of the area that the impactor presses, m.
 const PRESSED_M: f64 = 3e-3;
-/// What swings with the layer beside its own mass: cords and rubber around it (assumed).
+/// Mass that moves with the layer besides its own: cords and rubber around it (assumed).
 const CARRIED_KG: f64 = 5e-3;
-/// Damping of the layer over the critical one.
+/// Damping of the layer, relative to critical damping.
 const LAYER_DAMPING: f64 = 0.08;
-/// Angle over which a crack's influence falls at either end of its arc.
+/// Angle over which a crack's effect falls at either end of its arc.
 const TAPER_DEG: f64 = 5.4;
-/// Width of the rim outside the belt's edge over which a crack is felt.
+/// Width of the rim outside the belt's edge in which a crack has an effect.
 const RIM_MM: f64 = 4.0;
-/// Part felt below which there is no layer.
+/// Smallest effect that counts.
 const FELT_LEAST: f64 = 2e-3;
 
 /// A separation at the belt's edge.
@@ -36,15 +36,15 @@ pub struct Crack {
     pub shoulder: u16,
     /// Angle at which its arc begins.
     pub angle_deg: f64,
-    /// Angle that its arc takes; 360 is all round.
+    /// Length of its arc; 360 is the whole ring.
     pub arc_deg: f64,
     /// Depth under the surface: thickness of the loosened layer.
     pub depth_mm: f64,
-    /// Span of the loosened layer, which bends.
+    /// Span of the loosened layer that bends.
     pub length_mm: f64,
-    /// How far it reaches from the belt's edge towards the tyre's centre: the offsets that see it.
+    /// How far it reaches from the belt's edge towards the tyre's centre, which decides the offsets that detect it.
     pub reach_mm: f64,
-    /// 0 to 1: part of the layer's compliance that a tap finds, less than 1 where the faces still hold together.
+    /// 0 to 1: fraction of the layer's compliance that a tap finds; less than 1 if the faces still hold together.
     pub severity: f64,
 }
 
@@ -63,13 +63,13 @@ impl Default for Crack {
 }
 
 impl Crack {
-    /// One that covers `count` locations of a ring of `location_count`, from location `first` on.
+    /// The same crack, covering `count` locations of a ring of `location_count`, from location `first` on.
     pub fn over(self, first: u32, count: u32, location_count: u32) -> Self {
         let step_deg = 360.0 / f64::from(location_count.max(1));
         Self { angle_deg: (f64::from(first) - 0.5) * step_deg, arc_deg: f64::from(count) * step_deg, ..self }
     }
 
-    /// Whether every quantity is within its bounds.
+    /// Checks every quantity against its bounds.
     pub(crate) fn validate(&self) -> Result<(), Error> {
         within("crack.shoulder", self.shoulder.into(), 1.0, 2.0)?;
         within("crack.angle_deg", self.angle_deg, -3600.0, 3600.0)?;
@@ -80,7 +80,7 @@ impl Crack {
         within("crack.severity", self.severity, 0.0, 1.0)
     }
 
-    /// Whether its arc covers the place at `angle_deg` of `shoulder`: what is labelled cracked.
+    /// Whether its arc covers the place at `angle_deg` of `shoulder`; such a place is labelled cracked.
     pub fn covers(&self, shoulder: u16, angle_deg: f64) -> bool {
         shoulder == self.shoulder && self.inside_deg(angle_deg) >= 0.0
     }
@@ -94,9 +94,9 @@ impl Crack {
         0.5 * self.arc_deg - from_middle.abs()
     }
 
-    /// Part of the layer's compliance that a tap at `angle_deg` and `offset_mm` of `shoulder` finds.
+    /// Fraction of the layer's compliance that a tap at `angle_deg` and `offset_mm` of `shoulder` finds.
     ///
-    /// It falls to 0 by half a taper beyond the ends of the arc, so that a location beside a crack is a little soft; across
+    /// It is 0 from half a taper beyond the ends of the arc, so that a location beside a crack is a little soft; across
     /// the shoulder it falls from 0.3 of the reach on, to 0 at 1.2 of it.
     pub fn felt(&self, shoulder: u16, angle_deg: f64, offset_mm: f64) -> f64 {
         if shoulder != self.shoulder {
@@ -106,14 +106,14 @@ impl Crack {
         let across =
             if offset_mm < 0.0 { fall(-offset_mm / RIM_MM) } else { fall((offset_mm / self.reach_mm - 0.3) / 0.9) };
         let felt = self.severity * along * across;
-        if felt > FELT_LEAST { felt } else { 0.0 } // NaN is felt nowhere
+        if felt > FELT_LEAST { felt } else { 0.0 } // NaN has no effect
     }
 
-    /// The loosened layer as a tap finds it that feels the part `felt` of its compliance.
+    /// The loosened layer for a tap that finds the fraction `felt` of its compliance.
     ///
-    /// A round plate, clamped at its rim and loaded in its middle, gives way by bending, P a^2/(16 pi D) (Timoshenko and
-    /// Woinowsky-Krieger, *Theory of Plates and Shells*, 1959, section 19), and by shear over the ring from where it is
-    /// pressed to its rim, P ln(a/c)/(2 pi k G h).
+    /// A round plate, clamped at its rim and loaded in its middle, deflects by bending, P a^2/(16 pi D) (Timoshenko and
+    /// Woinowsky-Krieger, *Theory of Plates and Shells*, 1959, section 19), and by shear between the pressed area and
+    /// its rim, P ln(a/c)/(2 pi k G h).
     pub fn layer(&self, felt: f64) -> Option<Layer> {
         if felt <= 0.0 || felt.is_nan() {
             return None;
@@ -123,14 +123,14 @@ impl Crack {
         let by_bending = a * a / (16.0 * PI * bending);
         let by_shear = (a / PRESSED_M).ln_1p() / (2.0 * PI * SHEAR_PART * SHEAR_PA * h);
         let stiffness_n_per_m = 1.0 / ((by_bending + by_shear) * felt);
-        // 0.153 of a clamped round plate's mass swings in its first mode: 16 pi/10.22^2 rho h a^2.
+        // The effective mass of a clamped round plate in its first mode is 0.153 of its mass: 16 pi/10.22^2 rho h a^2.
         let mass_kg = CARRIED_KG + 0.153 * LAYER_KG_PER_M3 * h * PI * a * a;
         let damping_n_s_per_m = 2.0 * LAYER_DAMPING * (stiffness_n_per_m * mass_kg).sqrt();
         Some(Layer { stiffness_n_per_m, mass_kg, damping_n_s_per_m })
     }
 }
 
-/// 1 up to 0, 0 from 1 on, half a cosine between.
+/// 1 up to 0, 0 from 1 on, half a cosine in between.
 fn fall(x: f64) -> f64 {
     0.5 + 0.5 * (PI * x.clamp(0.0, 1.0)).cos()
 }
@@ -139,7 +139,7 @@ fn fall(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Catches an arc that is off by a location, does not go on over 360 degrees, or is on both shoulders.
+    /// Catches an arc that is off by a location, stops at 360 degrees, or is on both shoulders.
     #[test]
     fn an_arc_covers_its_locations() {
         let crack = Crack::default().over(98, 4, 100);
@@ -150,7 +150,8 @@ mod tests {
         assert!((0..100).all(|l| all.covers(1, f64::from(l) * 3.6) && all.felt(1, f64::from(l) * 3.6, 0.0) > 0.99));
     }
 
-    /// Catches a crack that is not felt most at the belt's edge and in its middle, and one felt beyond its reach.
+    /// Catches a crack whose effect is not largest at the belt's edge and in its middle, and an effect beyond its
+    /// reach.
     #[test]
     fn a_crack_is_felt_where_it_reaches() {
         let crack = Crack { reach_mm: 10.0, ..Crack::default() }.over(10, 5, 100);
@@ -161,7 +162,8 @@ mod tests {
         assert!(crack.felt(2, 43.2, 0.0).abs() < 1e-12 && felt(12, f64::NAN).abs() < 1e-12);
     }
 
-    /// Catches a layer that does not soften with the crack's length and shallowness, or whose frequency does not follow.
+    /// Catches a layer that does not soften with the crack's length and shallowness, or whose frequency does not
+    /// follow.
     #[test]
     fn longer_and_shallower_cracks_are_softer_and_lower() {
         let layer = |depth_mm, length_mm| Crack { depth_mm, length_mm, ..Crack::default() }.layer(1.0).unwrap();

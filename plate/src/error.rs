@@ -4,19 +4,19 @@
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A quantity lies outside its bounds.
+    /// A quantity is out of its bounds.
     #[error("{name} is {value}; it must lie in {low} to {high}")]
     OutOfRange {
         /// Which quantity.
         name: &'static str,
-        /// What was given.
+        /// Its value.
         value: f64,
-        /// Least value allowed.
+        /// Smallest value allowed.
         low: f64,
-        /// Greatest value allowed.
+        /// Largest value allowed.
         high: f64,
     },
-    /// The plan asks for records that the simulator does not make.
+    /// The plan has records that the simulator does not make.
     #[error("the plan asks for {what}; the simulator records force and sound as 32-bit numbers of one length")]
     Recording {
         /// What it asks for.
@@ -28,10 +28,10 @@ pub enum Error {
     /// The taps make no plan.
     #[error(transparent)]
     Plan(#[from] tapline_wire::PlanError),
-    /// The discriminators' settings cannot be worked with.
+    /// The settings of the discriminators are not valid.
     #[error(transparent)]
     Process(#[from] tapline_process::Error),
-    /// What the system says of a file.
+    /// The operating system refused something about a file.
     #[error(transparent)]
     Io(#[from] std::io::Error),
     /// A table could not be written.
@@ -42,7 +42,7 @@ pub enum Error {
     Wav(#[from] hound::Error),
 }
 
-/// Refuses a value outside `low` to `high`, and one that is no number.
+/// Refuses a value outside `low` to `high`, and NaN.
 pub(crate) fn within(name: &'static str, value: f64, low: f64, high: f64) -> Result<(), Error> {
     if (low..=high).contains(&value) { Ok(()) } else { Err(Error::OutOfRange { name, value, low, high }) }
 }

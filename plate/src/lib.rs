@@ -1,7 +1,7 @@
 //! A second simulator of tapped casings, for tests alone.
 //!
-//! What holds on one simulator may be a habit of that simulator. This one shares no code and no physics with
-//! `tapline-model`, so that a method that was tuned on the one can be tried on the other.
+//! What holds on one simulator may be a property of that simulator. This one shares no code and no physics with
+//! `tapline-model`, so that a method tuned on one can be tested on the other.
 //!
 //! | | here | `tapline-model` |
 //! |---|---|---|
@@ -13,7 +13,7 @@
 //! | gain | of each casing and turn, drifting within a turn, of microphone and force sensor | drifting within a turn, of the microphone |
 //! | what goes wrong | bounces and taps that land beside their place | faults of the rig |
 //!
-//! # What is taken from where
+//! # Sources
 //!
 //! - Contact: H. Hertz, *Ueber die Beruehrung fester elastischer Koerper* (1881): F = K d^1.5, contact time 2.9432 d/V. K. H. Hunt and
 //!   F. R. E. Crossley, *Coefficient of restitution interpreted as damping in vibroimpact* (J. Appl. Mech. 42, 1975):

@@ -1,27 +1,27 @@
-//! The sound: decaying modes that the force drives.
+//! The sound: decaying modes driven by the force.
 
 use std::f64::consts::TAU;
 
-/// Modes that sound together: those of the casing, and three of a loosened layer.
+/// Number of modes: those of the casing, and three of a loosened layer.
 pub(crate) const MODES: usize = CASING.len() + LAYER_RATIOS.len();
 
-/// Samples of one mode that are computed side by side.
+/// Samples of one mode that are computed together.
 const LANES: usize = 8;
-/// Voltage below which a mode is not followed further.
+/// Voltage below which a mode is no longer computed.
 const SILENCE_V: f64 = 2e-6;
 
-/// One mode: an impulse of 1 N s sounds as -`level` exp(-`decay` t) times the sine of 2 pi `frequency` t, or its cosine.
+/// One mode: an impulse of 1 N s gives -`level` exp(-`decay` t) times the sine of 2 pi `frequency` t, or its cosine.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Mode {
     pub frequency_hz: f64,
     pub decay_per_s: f64,
     pub level_v_per_n_s: f64,
-    /// Whether it is heard by its velocity, the cosine, and not by its deflection.
+    /// Whether it sounds with its velocity, the cosine, instead of its deflection.
     pub by_velocity: bool,
 }
 
-/// Modes of a sound casing: assumed, to ring for some 25 ms with little above 550 Hz, and what there is a quarter turn from
-/// the low ones.
+/// Modes of a sound casing: assumed, to ring for some 25 ms with little above 550 Hz. The low ones come in pairs, a
+/// quarter turn apart.
 pub(crate) const CASING: [Mode; 8] = [
     mode(84.0, 110.0, 26.0),
     mode(151.0, 130.0, 22.0),
@@ -33,18 +33,18 @@ pub(crate) const CASING: [Mode; 8] = [
     Mode { by_velocity: true, ..mode(1460.0, 480.0, 0.7) },
 ];
 
-/// Frequencies of a loosened layer over that of the layer alone, and how loud they are: what lies around it swings along
-/// (assumed, so that a faint crack is heard between 550 and 2000 Hz).
+/// Frequencies of a loosened layer relative to the layer alone, and their loudness: its surroundings move with it
+/// (assumed, so that a faint crack is audible between 550 and 2000 Hz).
 pub(crate) const LAYER_RATIOS: [(f64, f64); 3] = [(0.4, 1.0), (0.6, 0.6), (0.8, 0.4)];
 
 const fn mode(frequency_hz: f64, decay_per_s: f64, level_v_per_n_s: f64) -> Mode {
     Mode { frequency_hz, decay_per_s, level_v_per_n_s, by_velocity: false }
 }
 
-/// Adds to `sound_v` what `modes` make of `force_n`, whose first sample drives the first of `sound_v`.
+/// Adds the sound of `modes` driven by `force_n` to `sound_v`; both begin at the same sample.
 ///
-/// Each mode is the recursion s' = p s + F/fs with p = exp((-decay + i omega)/fs), heard as -level Im s; one that is heard by
-/// its velocity has i F in place of F.
+/// Each mode is the recursion s' = p s + F/fs with p = exp((-decay + i omega)/fs), and sounds as -level Im s; for a
+/// mode that sounds with its velocity, i F replaces F.
 pub(crate) fn add_sound(modes: &[Mode; MODES], sample_rate_hz: f64, force_n: &[f64], sound_v: &mut [f64]) {
     let dt = 1.0 / sample_rate_hz;
     let pole = modes.map(|m| {
@@ -71,7 +71,7 @@ pub(crate) fn add_sound(modes: &[Mode; MODES], sample_rate_hz: f64, force_n: &[f
     }
 }
 
-/// Adds the imaginary part of `state` times the powers of `pole`, from the first on, to `out`.
+/// Adds the imaginary part of `state` times the powers of `pole`, from the first power on, to `out`.
 fn ring(pole: (f64, f64), state: (f64, f64), out: &mut [f64]) {
     let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
     let mut power = pole;
@@ -121,7 +121,7 @@ mod tests {
         modes
     }
 
-    /// Catches a mode at another frequency, of another decay or level than stated, while driven and after.
+    /// Catches a mode with another frequency, decay or level than stated, while driven and after.
     #[test]
     fn a_mode_has_its_frequency_decay_and_level() {
         for of in CASING {
@@ -137,7 +137,7 @@ mod tests {
         }
     }
 
-    /// Catches modes that do not add up, and a drive that is not a convolution.
+    /// Catches modes that do not add up, and a response that is not a convolution.
     #[test]
     fn modes_add_up_to_a_convolution() {
         let mut modes = [Mode::default(); MODES];
@@ -157,7 +157,7 @@ mod tests {
         }
     }
 
-    /// Catches a casing that still rings when the record ends.
+    /// Catches a casing that still rings at the end of the record.
     #[test]
     fn a_casing_falls_silent_within_fifty_milliseconds() {
         let mut modes = [Mode::default(); MODES];

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, within};
 
-/// Scatter of a population of casings and of the rig that taps them; what has no unit is relative, a standard deviation.
+/// Scatter of a population of casings and of the rig that taps them. Values without a unit are relative standard
+/// deviations.
 ///
 /// Every value is an assumption: nobody has published one for tyres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -12,7 +13,7 @@ use crate::error::{Error, within};
 pub struct Population {
     /// Contact stiffness from casing to casing.
     pub casing_stiffness: f64,
-    /// Mass per area from casing to casing: of the impedance, and against the modes' level.
+    /// Mass per area from casing to casing; it enters the impedance, and reduces the level of the modes.
     pub casing_mass: f64,
     /// Frequency and decay of each mode from casing to casing.
     pub casing_mode_frequency: f64,
@@ -22,13 +23,13 @@ pub struct Population {
     pub casing_gain: f64,
     /// Stiffness, frequencies and levels between the shoulders of a casing.
     pub shoulder: f64,
-    /// Stiffness that stays with a place, correlated along the ring.
+    /// Stiffness of a place, the same at every tap, correlated along the ring.
     pub place_stiffness: f64,
-    /// Angle over which that stiffness keeps exp(-1/2) of its correlation.
+    /// Angle at which that correlation has fallen to exp(-1/2).
     pub place_correlation_deg: f64,
-    /// Level of each mode that stays with a place, from one place to the next unrelated.
+    /// Level of each mode at a place, the same at every tap, independent between places.
     pub place_modes: f64,
-    /// Part of the variance of a place that all offsets at one angle share.
+    /// Fraction of a place's variance that all offsets at one angle share.
     pub place_shared: f64,
     /// Gain of the microphone from turn to turn.
     pub turn_gain: f64,
@@ -46,7 +47,7 @@ pub struct Population {
     pub tap_modes: f64,
     /// Error of the measured velocity.
     pub velocity_error: f64,
-    /// Part of the taps that go wrong: half bounce, half land beside their place or too slow.
+    /// Fraction of the taps that go wrong: half bounce, half land beside their place or are too slow.
     pub rogue: f64,
     /// Noise of the force sensor, N.
     pub force_noise_n: f64,
@@ -55,7 +56,7 @@ pub struct Population {
 }
 
 impl Population {
-    /// A quiet rig and even casings.
+    /// A quiet rig and uniform casings.
     pub fn smooth() -> Self {
         Self {
             casing_stiffness: 0.03,
@@ -82,8 +83,8 @@ impl Population {
         }
     }
 
-    /// What a method must bear: 1 % rogue taps, a gain that drifts by 2 % within a turn, and 4 % of stiffness and 8 % of
-    /// the modes' level that stay with a place and come back at every repetition.
+    /// What a method must tolerate: 1 % rogue taps, a gain that drifts by 2 % within a turn, and variations of 4 % in
+    /// stiffness and 8 % in the modes' level that belong to a place and return at every repetition.
     pub fn rough() -> Self {
         Self {
             place_stiffness: 0.04,
@@ -96,15 +97,15 @@ impl Population {
         }
     }
 
-    /// The same with `times` the noise of force and sound.
+    /// The same population with `times` the noise of force and sound.
     pub fn with_noise(self, times: f64) -> Self {
         Self { force_noise_n: times * self.force_noise_n, sound_noise_v: times * self.sound_noise_v, ..self }
     }
 
-    /// Whether every quantity is within its bounds.
+    /// Checks every quantity against its bounds.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] names the first that is not.
+    /// [`Error::OutOfRange`] names the first quantity that is out of bounds.
     pub fn validate(&self) -> Result<(), Error> {
         for (name, value) in [
             ("casing_stiffness", self.casing_stiffness),

@@ -1,4 +1,4 @@
-//! Random numbers that depend on what they are for, not on when they are drawn.
+//! Random numbers that depend on their purpose, not on the order in which they are drawn.
 
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{RngExt as _, SeedableRng as _};
@@ -9,12 +9,12 @@ use rand_distr::{Distribution as _, StandardNormal};
 pub(crate) struct Key(u64);
 
 impl Key {
-    /// The key of something of the kind `purpose`, in the world of `seed`.
+    /// The key of `seed` and `purpose`.
     pub(crate) fn new(seed: u64, purpose: &str) -> Self {
         Self(seed).bytes(purpose.as_bytes())
     }
 
-    /// With one more number, spread by the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
+    /// Appends a number, mixed by the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
     pub(crate) fn number(self, number: u64) -> Self {
         let mut z = self.0.wrapping_mul(3).wrapping_add(number).wrapping_add(0x9e37_79b9_7f4a_7c15);
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -22,17 +22,17 @@ impl Key {
         Self(z ^ (z >> 31))
     }
 
-    /// With the bytes of a text, whose length goes in first.
+    /// Appends the bytes of a text, after its length.
     pub(crate) fn bytes(self, bytes: &[u8]) -> Self {
         bytes.iter().fold(self.number(bytes.len() as u64), |key, &byte| key.number(byte.into()))
     }
 
-    /// With a physical quantity, to a millionth of its unit.
+    /// Appends a physical quantity, rounded to a millionth of its unit.
     pub(crate) fn millionths(self, quantity: f64) -> Self {
         self.number(((quantity * 1e6).round() as i64).cast_unsigned())
     }
 
-    /// The generator that belongs to this key.
+    /// The generator seeded with this key.
     pub(crate) fn generator(self) -> Generator {
         Generator(Xoshiro256PlusPlus::seed_from_u64(self.0))
     }
@@ -43,12 +43,12 @@ impl Key {
 pub(crate) struct Generator(Xoshiro256PlusPlus);
 
 impl Generator {
-    /// Evenly spread in 0 to 1, 1 excluded.
+    /// Uniform in 0 to 1, 1 excluded.
     pub(crate) fn uniform(&mut self) -> f64 {
         self.0.random()
     }
 
-    /// Evenly spread in `low` to `high`.
+    /// Uniform in `low` to `high`.
     pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.uniform()
     }
@@ -58,7 +58,7 @@ impl Generator {
         StandardNormal.sample(&mut self.0)
     }
 
-    /// A factor about 1 whose logarithm has the standard deviation `sd`.
+    /// A factor around 1 whose logarithm has the standard deviation `sd`.
     pub(crate) fn factor(&mut self, sd: f64) -> f64 {
         (sd * self.normal()).exp()
     }

@@ -9,18 +9,18 @@ use crate::random::Key;
 
 /// Mass of the impactor.
 const IMPACTOR_KG: f64 = 4.5e-3;
-/// b of the contact: it leaves a casing with about half of its velocity at 1.85 m/s (assumed).
+/// b of the contact: the impactor leaves a casing with about half of its velocity at 1.85 m/s (assumed).
 const DAMPING_S_PER_M: f64 = 0.75;
-/// Samples by which the sound comes later than the force.
+/// Samples between force and sound.
 const SOUND_SAMPLES: usize = 6;
 /// Speed of sound in air.
 const SOUND_M_PER_S: f64 = 343.0;
 /// Samples between first touch and trigger.
 const TRIGGER_SAMPLES: f64 = 2.0;
-/// Runge-Kutta steps a sample.
+/// Runge-Kutta steps per sample.
 const PARTS: u32 = 2;
 
-/// Where, how fast and which time a casing is tapped.
+/// Where, how fast and for which time a casing is tapped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tap {
     /// Side of the casing, 1 or 2.
@@ -35,7 +35,7 @@ pub struct Tap {
     pub location: u32,
     /// Locations of the ring.
     pub location_count: u32,
-    /// How often the tap was taken before.
+    /// How many times the tap was taken before.
     pub attempt: u16,
 }
 
@@ -45,7 +45,7 @@ impl Tap {
         360.0 * self.turn()
     }
 
-    /// How far around the ring it is, 0 to 1.
+    /// Its fraction of the ring, 0 to 1.
     fn turn(&self) -> f64 {
         f64::from(self.location) / f64::from(self.location_count.max(1))
     }
@@ -64,7 +64,7 @@ struct Gains {
 
 /// A rig that taps the casings of a population.
 ///
-/// The same seed, population, casing and [`Tap`] give the same record, in whatever order taps are made: nothing is carried
+/// The same seed, population, casing and [`Tap`] give the same record, in any order of the taps: no state is carried
 /// from one tap to the next.
 #[derive(Debug)]
 pub struct Rig {
@@ -77,7 +77,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// A rig that records at `sample_rate_hz`, with so many samples before the trigger.
+    /// A rig that records at `sample_rate_hz`, with `pre_trigger_samples` before the trigger.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for the population, the rate or the samples.
@@ -114,7 +114,7 @@ impl Rig {
         for mode in &mut modes {
             mode.level_v_per_n_s *= dice.factor(p.tap_modes);
         }
-        // Dice of their own: rogue taps leave the others as they are.
+        // A separate generator, so that rogue taps leave the others unchanged.
         let mut rogue = key.number(1).generator();
         let is_rogue = rogue.uniform() < p.rogue;
         let bounces = rogue.uniform() < 0.5;
@@ -158,13 +158,13 @@ impl Rig {
         for (out, sound) in sound_v.iter_mut().skip(heard).zip(&self.sound_v) {
             *out = (gains.sound * sound) as f32;
         }
-        // Dice of its own for each channel: a shorter record is the beginning of a longer one.
+        // A separate generator for each channel, so that a shorter record is the beginning of a longer one.
         key.number(2).generator().add_noise(p.force_noise_n as f32, force_n);
         key.number(3).generator().add_noise(p.sound_noise_v as f32, sound_v);
         measured
     }
 
-    /// Gains at this tap: of the casing, of the turn, and how far they have drifted within it.
+    /// Gains at this tap: of the casing, of the turn, and their drift within the turn.
     fn gains(&self, casing: &Casing, tap: &Tap) -> Gains {
         let p = &self.population;
         let mut dice = tap.turn_key(casing.key(2, tap.shoulder)).generator();

@@ -18,7 +18,7 @@ fn casing(population: &Population, cracks: Vec<Crack>) -> Casing {
     Casing::new(population, 3, Serial::new("C-1").unwrap(), cracks).unwrap()
 }
 
-/// Nothing left to chance.
+/// A population without any scatter.
 fn exact() -> Population {
     Population {
         place_stiffness: 0.0,
@@ -48,7 +48,7 @@ fn largest(signal: &[f32]) -> f32 {
     signal.iter().map(|x| x.abs()).max_by(f32::total_cmp).unwrap()
 }
 
-/// Catches anything that is carried from one tap to the next, and a name of which a part does not count.
+/// Catches state that is carried from one tap to the next, and a part of a tap's identity that has no effect.
 #[test]
 fn a_record_depends_on_its_name_alone() {
     let p = Population::rough();
@@ -94,8 +94,8 @@ fn a_crack_lowers_the_force_and_lengthens_the_contact() {
     assert!(touched.windows(2).all(|t| t[1] >= t[0]) && touched[4] > touched[0] + 2, "{touched:?}");
 }
 
-/// Catches gains and drifts within a turn that are not those planted: with nothing else left to chance the sound of two
-/// locations differs by them alone.
+/// Catches gains and drifts within a turn that are not the planted ones: without other scatter, the sounds of two
+/// locations differ by these alone.
 #[test]
 fn a_turn_drifts_as_planted() {
     let p = Population { turn_gain: 0.03, turn_drift: 0.05, turn_sensor_drift: 0.02, ..exact() };
@@ -123,7 +123,7 @@ fn a_turn_drifts_as_planted() {
     assert!((spread / 0.03 - 1.0).abs() < 0.15, "{spread}");
 }
 
-/// Catches rogue taps at another rate than stated, and ones that change their neighbours.
+/// Catches rogue taps at another rate than stated, and rogue taps that change their neighbours.
 #[test]
 fn rogue_taps_are_as_many_as_stated() {
     let p = Population { rogue: 0.1, ..exact() };
@@ -137,7 +137,7 @@ fn rogue_taps_are_as_many_as_stated() {
     assert!((150..250).contains(&count), "{count} of 2000");
 }
 
-/// Catches noise that is not what is stated, and noise before the trigger alone.
+/// Catches noise of another size than stated, and noise that is only before the trigger.
 #[test]
 fn noise_is_as_stated() {
     let p = Population { force_noise_n: 0.05, sound_noise_v: 0.004, ..exact() };
@@ -151,7 +151,7 @@ fn noise_is_as_stated() {
     assert!((sd(&sound, &plain_sound) / 0.004 - 1.0).abs() < 0.06);
 }
 
-/// Catches a setting out of its bounds that is taken, and a record that is too short for its pulse.
+/// Catches a setting out of its bounds that is accepted, and a record that is too short for its pulse.
 #[test]
 fn bad_settings_are_refused_and_short_records_are_cut() {
     assert!(Rig::new(&Population { rogue: 2.0, ..exact() }, FS, 256).is_err());

@@ -1,4 +1,4 @@
-//! Scans of casings: their plan, and the discriminators of each of its taps by the shipped extractor.
+//! Scans of casings: their plan, and the discriminators of each tap by the shipped extractor.
 
 use rayon::prelude::*;
 use tapline_process::{ProcessConfig, ProcessExtractor};
@@ -13,16 +13,16 @@ use crate::error::{Error, within};
 use crate::population::Population;
 use crate::rig::{Rig, Tap};
 
-/// A casing to be made, and what is wrong with it.
+/// A casing to simulate, and its cracks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tyre {
-    /// Serial number; with the seed it makes the casing.
+    /// Serial number; with the seed it determines the casing.
     pub serial: Serial,
-    /// Its cracks; none is a sound casing.
+    /// Its cracks; a sound casing has none.
     pub cracks: Vec<Crack>,
 }
 
-/// Which taps are made of a casing: two shoulders, full turns.
+/// Which taps a casing gets: two shoulders, full turns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScanShape {
     /// Offsets from the belt's edge.
@@ -64,10 +64,10 @@ impl ScanShape {
             * self.location_count as usize
     }
 
-    /// The plan of `tyres`: tyre by tyre, shoulder, offset, velocity, repetition, location, the last the fastest.
+    /// The plan of `tyres`, ordered by tyre, shoulder, offset, velocity, repetition and location.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a record of no samples or of too many, and what names and plans refuse.
+    /// [`Error::OutOfRange`] for a record without samples or with too many, and the errors of names and plans.
     pub fn plan(&self, tyres: &[Tyre]) -> Result<Plan, Error> {
         let sample_count = (self.record_s * self.sample_rate_hz).round();
         within("samples of a record", sample_count, f64::from(self.pre_trigger_samples) + 64.0, 16_777_216.0)?;
@@ -114,11 +114,11 @@ impl ScanShape {
     }
 }
 
-/// The discriminators of every tap of `plan`, in its order, with a tap of no use taken again up to `retakes` times.
+/// The discriminators of every tap of `plan`, in its order; an unusable tap is taken again up to `retakes` times.
 ///
 /// # Errors
-/// A plan with other records than force and sound as 32-bit numbers, or of a tyre that is not among `tyres`; what
-/// [`Casing::new`], [`Rig::new`] and the extractor refuse.
+/// [`Error`] if the plan has other records than force and sound as 32-bit numbers, or a tyre that is not among `tyres`;
+/// also the errors of [`Casing::new`], [`Rig::new`] and the extractor.
 pub fn discriminators(
     population: &Population,
     seed: u64,
@@ -146,7 +146,7 @@ pub fn discriminators(
     Ok(all)
 }
 
-/// Refuses a recording that the simulator does not make.
+/// Refuses a recording that the simulator cannot make.
 pub(crate) fn check(recording: &Recording) -> Result<(), Error> {
     let refuse = |what: &str| Err(Error::Recording { what: what.to_owned() });
     match () {
@@ -156,7 +156,7 @@ pub(crate) fn check(recording: &Recording) -> Result<(), Error> {
     }
 }
 
-/// The tap in `row` of `plan`, of `scan`.
+/// The tap in `row` of `plan`, which belongs to `scan`.
 pub(crate) fn tap_of(plan: &Plan, scan: &Scan, row: u32, attempt: u16) -> Tap {
     let id = plan.taps()[row as usize].id;
     Tap {
@@ -215,7 +215,7 @@ impl Station {
             if !found.quality.contains(Quality::RETAKE) {
                 return found;
             }
-            attempt += 1; // none is left, and none asked for, after `retakes`
+            attempt += 1; // after `retakes` there are none left, and none is asked for
         }
     }
 }

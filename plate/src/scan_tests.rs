@@ -16,7 +16,7 @@ fn small() -> ScanShape {
     ScanShape { offsets_mm: vec![0.0, 10.0], repetitions: 1, location_count: 40, ..ScanShape::default() }
 }
 
-/// Catches discriminators that depend on which other casings are scanned, or on how many threads there are.
+/// Catches discriminators that depend on the other casings of the plan, or on the number of threads.
 #[test]
 fn a_casing_is_the_same_in_any_company() {
     let tyres: Vec<Tyre> = ["A", "B", "C"].map(|serial| tyre(serial, Vec::new())).to_vec();
@@ -32,7 +32,7 @@ fn a_casing_is_the_same_in_any_company() {
     }
 }
 
-/// Catches discriminators that the simulated records do not give, or values that no casing has.
+/// Catches discriminators that the records do not give, and values that no casing has.
 #[test]
 fn a_sound_casing_gives_every_discriminator() {
     let (_, found) = scanned(&Population::smooth(), &[tyre("A", Vec::new())], &small(), 0);
@@ -46,8 +46,8 @@ fn a_sound_casing_gives_every_discriminator() {
     }
 }
 
-/// Catches a crack that does not move a discriminator of the default index in its direction, and a truth that is not where
-/// it is. A_2 is not among them: it falls here, as less impulse drives the casing's low modes.
+/// Catches a crack that does not move a discriminator of the default index in its direction, and a truth at the wrong
+/// place. A_2 is left out: it falls here, because less impulse drives the casing's low modes.
 #[test]
 fn a_crack_moves_the_discriminators_in_their_direction() {
     use Discriminator::{A1, Ef, FMax, Pf, Pr, Tau};
@@ -68,7 +68,7 @@ fn a_crack_moves_the_discriminators_in_their_direction() {
     }
 }
 
-/// Catches bounces that are not taken again where that is allowed, and values that are kept of them.
+/// Catches bounces that are not taken again although they may be, and values of bounces that are kept.
 #[test]
 fn bounces_are_taken_again() {
     let p = Population { rogue: 0.3, ..Population::smooth() };
@@ -81,7 +81,7 @@ fn bounces_are_taken_again() {
     assert!(never > 10 && twice * 5 < never, "{never} {twice}");
 }
 
-/// Catches plans that are taken although their records cannot be made.
+/// Catches plans that are accepted although their records cannot be made.
 #[test]
 fn what_cannot_be_recorded_is_refused() {
     let tyres = [tyre("A", Vec::new())];

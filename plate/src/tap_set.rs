@@ -1,4 +1,4 @@
-//! A scan written as a tap set, the folder of recordings that the program reads.
+//! Writes a scan as a tap set, the folder of recordings that the program reads.
 
 use std::fs;
 use std::path::Path;
@@ -12,13 +12,13 @@ use crate::population::Population;
 use crate::rig::Rig;
 use crate::scan::{Tyre, check, tap_of};
 
-/// Full scales that `scan.toml` states: samples are newtons and volts as they are.
+/// Full scales in `scan.toml`: samples are in newtons and volts.
 const FULL_SCALE: f64 = 1.0;
 
-/// Writes the taps of `plan` into `folder` as a tap set, with its truth; nothing is taken again.
+/// Writes the taps of `plan` into `folder` as a tap set, with its truth; no tap is taken again.
 ///
 /// # Errors
-/// As [`discriminators`](crate::discriminators), and what the system says of a file.
+/// As [`discriminators`](crate::discriminators), and errors of the operating system.
 pub fn write_tap_set(
     folder: &Path,
     population: &Population,

@@ -5,7 +5,7 @@ use tapline_wire::{CacheLine, Discriminator, Samples, Serial, TapHeader, cache_l
 use super::*;
 use crate::{Crack, ScanShape, discriminators};
 
-/// Catches a tap set that the program does not read, or of which it makes other discriminators or another truth.
+/// Catches a tap set that the program does not read, or that gives it other discriminators or another truth.
 #[test]
 fn the_program_reads_the_same_taps() {
     let crack = Crack::default().over(3, 4, 20);

@@ -1,5 +1,5 @@
-//! Packs samples, damages the chunk and unpacks it: what was packed comes back exactly, a damaged chunk is refused or unpacked
-//! within its bounds, and none that the checksum accepts gives other samples.
+//! Packs samples, damages the chunk and unpacks it. Undamaged samples come back exactly; a damaged chunk is refused or
+//! unpacked within its bounds, and none that the checksum accepts gives other samples.
 //!
 //! `cargo +nightly fuzz run chunk`, in `codec`
 #![no_main]
@@ -15,10 +15,10 @@ use tapline_codec::{Codec, chunk_checksum, is_chunk_valid, pack, unpack};
 struct Case {
     codec: u8,
     is_wide: bool,
-    /// Repeated until it fills a row, so that the row packs.
+    /// Repeated until it fills a row, so that the row can be packed.
     samples: Vec<u8>,
     repeats: u8,
-    /// Of the row, as it is unpacked.
+    /// The part of the row to unpack.
     part: Range<u16>,
     /// Places and new values of damaged bytes.
     edits: Vec<(u32, u8)>,
@@ -39,7 +39,7 @@ fuzz_target!(|case: Case| {
     pack(codec, element_bytes, &samples, &mut planes, &mut packed);
     let checksum = chunk_checksum(codec, &packed);
     let unpacked = |chunk: &[u8], part: Range<usize>| {
-        // As long as they must be and no longer, so that a byte beyond is seen.
+        // Exactly as long as they must be, so that an access beyond is detected.
         let (chunk, mut back) = (chunk.to_vec().into_boxed_slice(), vec![7; samples.len()].into_boxed_slice());
         unpack(codec, &chunk, std::iter::once(part), &mut back, &mut Vec::new()).then_some(back)
     };

@@ -34,12 +34,13 @@ pub struct ErrorBounds {
     pub integral: f64,
     /// Bound of the plate's motion; infinite if none is known.
     pub plate: f64,
-    /// The ratio that places this scene outside the map of errors; then no bound of the closed form and the table is known.
+    /// The ratio that places this scene outside the map of errors. The closed form and the table then have no known
+    /// bound.
     pub outside: Option<DomainCheck>,
 }
 
 impl ErrorBounds {
-    /// The bound of `rung`; that of the full rung is 0.
+    /// The error bound of `rung`; the full rung's is 0.
     pub fn of(&self, rung: Rung) -> f64 {
         match rung {
             Rung::Closed => self.closed,
@@ -78,7 +79,7 @@ pub fn choose(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result<Choice, 
     let full = Impact { chi, ..Impact::full(scene)? };
     let closed = ClosedForm.contact(scene)?;
     let integral = IntegralTable::scaled(law, scene, scene.k_c_n_per_m1_5(), 1.0 / scene.mass_factor_per_kg(), &damped);
-    // What the full rung comes to when the layer is rigid: its K_c is the baseline's and its target stands still.
+    // The full rung with a rigid layer: its K_c is the baseline's, and its target does not move.
     let rigid = IntegralTable::scaled(law, scene, full.k_c_n_per_m1_5, full.mass_kg, &damped);
     let bounds = bounds(scene, &full, &damped, closed.error_against(&rigid), integral.error_against(&rigid));
     let contact = match Rung::ALL.into_iter().find(|&rung| bounds.of(rung) <= tolerance) {
@@ -137,11 +138,11 @@ fn lesser(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// Relative error of the table and of the integration themselves.
+/// Relative error of the table and of the integrations themselves.
 const ROUNDING: f64 = 3e-7;
 
 impl Choice {
-    /// Why it was this rung, in a sentence.
+    /// Why this rung was chosen, in a sentence.
     pub fn why(&self) -> String {
         self.to_string()
     }

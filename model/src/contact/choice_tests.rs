@@ -1,7 +1,7 @@
 use super::*;
 use crate::tyre::identity::{Generator, Identity};
 
-/// A scene from all over what the casing and the rig can be, cracks from hair-thin to as deep as a fist.
+/// A random scene from the whole range of casings and rigs, with cracks from 1 mm to 0.5 m deep.
 fn scene(generator: &mut Generator) -> Scene {
     let mut between = |low: f64, high: f64| low * (high / low).powf(generator.uniform());
     let baseline = Scene::default();
@@ -18,8 +18,8 @@ fn scene(generator: &mut Generator) -> Scene {
     }
 }
 
-/// Catches a choice that breaks its word: over random scenes and tolerances the rung taken is as true as it says, and
-/// is the first whose bound allows it.
+/// Catches a rung less accurate than promised, over random scenes and tolerances, and one that is not the first whose
+/// bound allows it.
 #[test]
 fn choices_keep_their_word() {
     let mut generator = Identity::new(11, "choice").generator();
@@ -46,13 +46,13 @@ fn choices_keep_their_word() {
         }
         missed += u32::from(tried.contact.rung < rung);
     }
-    // The price of not running the full rung to find out.
+    // The price of not running the full rung.
     println!("{missed} of {SCENES} choices were dearer than need be");
     assert!(taken.iter().all(|&count| count > 10), "rungs taken: {taken:?}");
 }
 
-/// Catches bounds so generous that they choose nothing: a deep crack is a sound casing, and a thin layer far from the
-/// membrane's reach is a plate.
+/// Catches bounds so wide that they never select a cheap rung: a deep crack is a sound casing, and a thin layer far
+/// from the membrane's range is a plate.
 #[test]
 fn choices_are_not_timid() {
     let rung = |scene: &Scene, tolerance| choose(scene, DampingLaw::Exact, tolerance).unwrap().contact.rung;
@@ -65,7 +65,7 @@ fn choices_are_not_timid() {
     assert_eq!(rung(&thin, 0.01), Rung::Full);
 }
 
-/// Catches an error that is not handed on, and a tolerance that means nothing.
+/// Catches an error that is not passed on, and a tolerance without effect.
 #[test]
 fn bad_input_is_named() {
     let named = |scene: &Scene, tolerance| match choose(scene, DampingLaw::Exact, tolerance) {
@@ -81,7 +81,7 @@ fn bad_input_is_named() {
     assert_eq!(named(&Scene { h_m: -1.0, ..Scene::default() }, 0.1), "h_m");
 }
 
-/// Catches a reason that does not tell the rung, its bound, or where the map ends.
+/// Catches a reason that does not name the rung, its bound, or where the map ends.
 #[test]
 fn reasons_are_given() {
     let why = |scene: &Scene, tolerance| choose(scene, DampingLaw::Exact, tolerance).unwrap().why();

@@ -1,4 +1,4 @@
-//! How much the layer above a crack changes a contact, without running it.
+//! Bounds of the effect of the layer above a crack on a contact, without an integration.
 //!
 //! In the contact's own units (lengths in L = (m_1 V^2/K_c)^0.4, times in T = L/V) the layer is two numbers beside its
 //! loss tangent: its stiffness kappa = K T^2/m_1 and the square of its frequency, rho = kappa m_1/m_p. A stiff layer
@@ -47,8 +47,8 @@ impl Compliance {
         self.epsilon * (FIRST_ORDER + SECOND_ORDER * self.epsilon + self.membrane)
     }
 
-    /// Whether the layer under `impact` is known to change no quantity of the contact by more than `tolerance`: then the
-    /// target is as good as rigid, and a deep crack is a sound casing.
+    /// Whether the layer under `impact` is known to change no quantity of the contact by more than `tolerance`. The
+    /// target is then as good as rigid: such a deep crack is a sound casing.
     pub(crate) fn is_rigid(impact: &Impact, rigid: &DampedContact, loss_tangent: f64, tolerance: f64) -> bool {
         Self::new(impact, rigid, loss_tangent).is_ok_and(|compliance| compliance.bound() <= tolerance)
     }
@@ -86,11 +86,11 @@ fn is_lossy_as_mapped(loss_tangent: f64) -> bool {
     (0.99 * LOSS_TANGENT..=1.01 * LOSS_TANGENT).contains(&loss_tangent)
 }
 
-/// Safety factor for the linear interpolation between the nodes of the map: a tenth, and a little more.
+/// Safety factor for the linear interpolation between the nodes of the map.
 const FIRST_ORDER: f64 = 1.15;
-/// Second-order coefficient, above any that 40 000 random layers have shown.
+/// Second-order coefficient; larger than any found for 40 000 random layers.
 const SECOND_ORDER: f64 = 1.0;
-/// Change of the change per unit of ln K, above any that 150 000 random layers have shown (3.0).
+/// Second derivative in ln K; larger than any found for 150 000 random layers (3.0).
 const STIFFENING: f64 = 4.0;
 
 fn check(name: &'static str, value: f64, low: f64, high: f64) -> Result<f64, DomainCheck> {
@@ -98,12 +98,12 @@ fn check(name: &'static str, value: f64, low: f64, high: f64) -> Result<f64, Dom
     if check.is_raised() { Err(check) } else { Ok(value) }
 }
 
-/// Largest epsilon of the map: a body that rebounds slowly is soon left behind by the layer, or met a second time.
+/// Largest epsilon of the map: the layer soon leaves behind a body that rebounds slowly, or hits it a second time.
 fn epsilon_max(e: f64) -> f64 {
     (0.015 + (e - 0.3) * 0.9).clamp(0.015, 0.6)
 }
 
-/// A(e, rho), on straight lines in e and ln rho between the nodes.
+/// A(e, rho), interpolated linearly in e and ln rho between the nodes.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

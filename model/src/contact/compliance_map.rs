@@ -1,14 +1,15 @@
-//! The map of [`compliance`](crate::contact::compliance), as `compliance_tests::print_the_map` makes it of the equation.
+//! The map of [`compliance`](crate::contact::compliance), as computed by `compliance_tests::print_the_map` from the
+//! equation.
 
-/// Restitutions of the map's rows.
+/// Restitution of each row.
 pub(crate) const RESTITUTIONS: [f64; 8] = [0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.75, 1.0];
-/// Columns of the map, at equal steps of ln rho.
+/// Number of columns, at equal steps of ln rho.
 pub(crate) const RHOS: usize = 24;
-/// Least rho of the map: the layer hardly moves while the contact lasts.
+/// Smallest rho of the map: the layer hardly moves during the contact.
 pub(crate) const RHO_MIN: f64 = 0.01;
-/// Greatest rho of the map: the layer follows the force.
+/// Largest rho of the map: the layer follows the force.
 pub(crate) const RHO_MAX: f64 = 10_000.0;
-/// A(e, rho), one row a restitution.
+/// A(e, rho), one row per restitution.
 pub(crate) const EFFECT: [[f64; RHOS]; 8] = [
     [
         0.0397, 0.0696, 0.1198, 0.1992, 0.3131, 0.4423, 0.4968, 0.4889, 0.8225, 2.0045, 2.4394, 2.6782, 3.6426, 4.0288,

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::{Crack, Plate, Scene, chi_for_restitution};
 
-/// An impact in units of its own, but that a unit of time is 10 us, on a layer of stiffness `kappa` and rho.
+/// An impact in its own units, except that the unit of time is 10 us, on a layer of stiffness `kappa` and `rho`.
 pub(crate) fn impact(e: f64, layer: Option<(f64, f64)>) -> Impact {
     const T: f64 = 1e-5;
     let plate = layer.map(|(kappa, rho)| Plate {
@@ -28,7 +28,7 @@ pub(crate) fn change(from: &Impact, to: &Impact) -> f64 {
     from.iter().zip(to).map(|(a, b)| (b / a - 1.0).abs()).fold(0.0, |a, b| if b > a { b } else { a })
 }
 
-/// A(e, rho) by integration, with a layer so stiff that only the first order is left.
+/// A(e, rho) by integration, with a layer so stiff that only the first order matters.
 fn effect_slow(e: f64, rho: f64) -> f64 {
     let kappa = 1e5 * if rho > 1.0 { rho } else { 1.0 };
     change(&impact(e, None), &impact(e, Some((kappa, rho)))) * kappa
@@ -39,7 +39,7 @@ fn rho_at(column: f64) -> f64 {
     RHO_MIN * (RHO_MAX / RHO_MIN).powf(column / (RHOS - 1) as f64)
 }
 
-/// Writes the rows of src/compliance_map.rs anew; run with `--ignored --nocapture`.
+/// Prints the rows of `compliance_map.rs`; run with `--ignored --nocapture`.
 #[test]
 #[ignore = "prints the map"]
 fn print_the_map() {
@@ -49,7 +49,7 @@ fn print_the_map() {
     }
 }
 
-/// Catches a map that is not the one its generator makes, and rows or columns that are mixed up on reading.
+/// Catches a map that its generator does not give, and mixed-up rows or columns.
 #[test]
 fn the_map_is_that_of_the_equation() {
     for (i, &e) in RESTITUTIONS.iter().enumerate() {
@@ -62,7 +62,7 @@ fn the_map_is_that_of_the_equation() {
     }
 }
 
-/// Catches nodes too far apart: between them the map may miss the equation by no more than its allowance.
+/// Catches nodes too far apart: between them the map must be within its safety factor of the equation.
 #[test]
 fn the_map_holds_between_its_nodes() {
     for pair in RESTITUTIONS.windows(2) {
@@ -78,7 +78,7 @@ fn the_map_holds_between_its_nodes() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// Catches a bound that is broken anywhere within the map: by the layer, or by one that is stiffer.
+    /// Catches a bound that the layer, or a stiffer one, exceeds anywhere within the map.
     #[test]
     fn bounds_hold(e in 0.3..1.0_f64, column in 1e-9..22.999_f64, decades in 0.0..2.0_f64, ln_s in 0.0..1.4_f64) {
         let rho = rho_at(column);
@@ -98,7 +98,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 
-    /// Catches a layer that shear and membrane change by more than is said, however far it bends.
+    /// Catches a layer that shear and membrane change by more than stated, however far it bends.
     #[test]
     fn stiffening_is_bounded(
         e in 0.5..1.0_f64, decades in 0.0..2.0_f64, kappa in -1.69..1.0_f64, log in -2.0..-0.4_f64, share in 0.0..1.0_f64,
@@ -116,7 +116,7 @@ proptest! {
     }
 }
 
-/// Catches a ratio outside the map that is let through, or named wrongly.
+/// Catches a ratio outside the map that is accepted, or that has the wrong name.
 #[test]
 fn the_map_has_its_ends() {
     let named = |e: f64, kappa: f64, rho: f64, loss_tangent: f64| {
@@ -131,8 +131,8 @@ fn the_map_has_its_ends() {
     assert_eq!(named(0.5, 100.0, 10.0, f64::NAN), Some("loss_tangent"));
 }
 
-/// Catches a deep crack of the simulated tyre that is not struck as a sound casing, a shallow one that is, and a force
-/// that is off by more than was allowed.
+/// Catches a deep crack of the simulated tyre that is not treated as a sound casing, a shallow one that is, and a force
+/// that is off by more than the tolerance.
 #[test]
 fn deep_cracks_are_rigid_within_the_tolerance() {
     const TOLERANCE: f64 = 1e-3;

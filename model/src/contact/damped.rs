@@ -1,4 +1,4 @@
-//! The damped contact on a rigid target, from one table over chi instead of its differential equation.
+//! The damped contact on a rigid target, from a table over chi instead of its differential equation.
 
 use crate::Error;
 use crate::contact::damped_table::{CHI_MAX, CHI_MIN, SERIES};
@@ -6,7 +6,7 @@ use crate::error::within;
 
 /// The contact a'' = -a^1.5 (1 + chi a') that begins with a = 0 and a' = 1.
 ///
-/// In these units lengths are in L = (m V^2/K_c)^0.4, times in T = L/V and forces in m V^2/L, so that one number, chi,
+/// In these units, lengths are in L = (m V^2/K_c)^0.4, times in T = L/V and forces in m V^2/L, so that chi alone
 /// describes every contact of a mass m with a rigid target. The values are within 1e-7 of the differential equation's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DampedContact {
@@ -32,7 +32,7 @@ impl DampedContact {
         restitution: 1.0,
     };
 
-    /// The contact of the damping ratio `chi`.
+    /// The contact with damping ratio `chi`.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a chi outside 0 to 16, more than any [`DampingLaw`](crate::DampingLaw) asks for.
@@ -41,7 +41,7 @@ impl DampedContact {
         if chi >= CHI_MIN {
             return Ok(Self::from_table(chi));
         }
-        // ln chi has no end towards elastic contact; this close to it a straight line is within 1e-9.
+        // ln chi is unbounded towards elastic contact; below the table, a straight line is within 1e-9.
         let (share, end) = (chi / CHI_MIN, Self::from_table(CHI_MIN));
         let between = |from: f64, to: f64| from + share * (to - from);
         Ok(Self {

@@ -1,12 +1,12 @@
-//! Chebyshev series in ln chi of the damped contact, as `damped_tests::print_the_table` makes them of its equation.
+//! Chebyshev series in ln chi of the damped contact, as computed by `damped_tests::print_the_table` from its equation.
 
-/// Terms of a series.
+/// Terms per series.
 pub(crate) const ORDER: usize = 44;
-/// Least chi of the table.
+/// Smallest chi of the table.
 pub(crate) const CHI_MIN: f64 = 1e-4;
-/// Greatest chi of the table.
+/// Largest chi of the table.
 pub(crate) const CHI_MAX: f64 = 16.0;
-/// Peak force, contact time, time to the peak, largest deformation, restitution: one row a term.
+/// Peak force, contact time, time to the peak, largest deformation, restitution: one row per term.
 pub(crate) const SERIES: [[f64; 5]; ORDER] = [
     [1.242374622903e0, 4.054167085436e0, 1.227138797785e0, 9.221541690568e-1, 7.146975587355e-1],
     [2.071350945832e-1, 1.533044577760e0, -6.147646936906e-1, -2.873366153484e-1, -4.640893990453e-1],

@@ -55,7 +55,7 @@ fn series() -> [[f64; 5]; ORDER] {
     })
 }
 
-/// Writes the rows of src/damped_table.rs anew; run with `--ignored --nocapture`.
+/// Prints the rows of `damped_table.rs`; run with `--ignored --nocapture`.
 #[test]
 #[ignore = "prints the table"]
 fn print_the_table() {
@@ -64,7 +64,7 @@ fn print_the_table() {
     }
 }
 
-/// Catches a table that is not the one its generator makes.
+/// Catches a table that its generator does not give.
 #[test]
 fn the_table_is_that_of_the_differential_equation() {
     for (kept, made) in SERIES.as_flattened().iter().zip(series().as_flattened()) {
@@ -72,8 +72,8 @@ fn the_table_is_that_of_the_differential_equation() {
     }
 }
 
-/// Catches too few terms, a wrong map of chi, a jump towards elastic contact: 1e-7 from the differential equation for
-/// any restitution from 0.1 to 1, between the nodes too.
+/// Catches too few terms, a wrong mapping of chi, and a jump towards elastic contact: within 1e-7 of the differential
+/// equation for any restitution from 0.1 to 1, also between the nodes.
 #[test]
 fn the_table_holds_between_its_nodes() {
     for i in 0..=180 {
@@ -105,7 +105,7 @@ fn elastic_contact_is_hertzs() {
     assert!((elastic.alpha_max - 1.25_f64.powf(0.4)).abs() < 1e-15);
 }
 
-/// Catches a law that asks for more than the table has, and a chi outside it that is let through.
+/// Catches a law that needs a chi beyond the table, and a chi outside the table that is accepted.
 #[test]
 fn the_table_covers_every_law() {
     for law in [DampingLaw::Exact, DampingLaw::LankaraniNikravesh, DampingLaw::Flores, DampingLaw::Gonthier] {

@@ -1,4 +1,4 @@
-//! The damping of a contact for a given restitution: exact, and by the approximations of the literature.
+//! The damping that gives a contact a restitution: exact, and by approximations from the literature.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,20 +6,20 @@ use crate::Error;
 use crate::contact::scene::RESTITUTION_MIN;
 use crate::error::within;
 
-/// How the damping ratio chi of a contact, in F = K_c a^1.5 (1 + chi a'/V), follows from the restitution e asked for.
+/// How the damping ratio chi of a contact, in F = K_c a^1.5 (1 + chi a'/V), follows from a wanted restitution e.
 ///
-/// All but `Exact` are approximations: what they return differs from e, most of all for a small e.
+/// All but `Exact` are approximations: the contact's restitution differs from e, most of all for a small e.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DampingLaw {
     /// The chi that returns e, see [`chi_for_restitution`].
     #[default]
     Exact,
-    /// 3 (1 - e^2)/4, the dissertation's (Eq. 12; Lankarani and Nikravesh 1990): asked for 0.5 it returns 0.725.
+    /// 3 (1 - e^2)/4, the dissertation's (Eq. 12; Lankarani and Nikravesh 1990): for e = 0.5 it gives 0.725.
     LankaraniNikravesh,
-    /// 8 (1 - e)/(5 e) (Flores and others 2011): asked for 0.5 it returns 0.470.
+    /// 8 (1 - e)/(5 e) (Flores and others 2011): for e = 0.5 it gives 0.470.
     Flores,
-    /// (1 - e^2)/e (Gonthier and others 2004): asked for 0.5 it returns 0.488.
+    /// (1 - e^2)/e (Gonthier and others 2004): for e = 0.5 it gives 0.488.
     Gonthier,
 }
 
@@ -38,7 +38,7 @@ impl DampingLaw {
         })
     }
 
-    /// Smallest restitution for which the law is within 0.05 of the restitution asked for.
+    /// Smallest e for which the restitution is within 0.05 of e.
     pub fn restitution_min(self) -> f64 {
         match self {
             Self::Exact | Self::Flores | Self::Gonthier => RESTITUTION_MIN,
@@ -49,14 +49,14 @@ impl DampingLaw {
 
 /// Damping ratio chi in F = K_c a^1.5 (1 + chi a'/V) for which contact ends with a' = -e V.
 ///
-/// In the units of the method the integral model is a'' = -a^1.5 (1 + chi a'); with v = a' that is
-/// v dv/(1 + chi v) = -a^1.5 da, so a falls back to 0 where chi (1 + e) = ln((1 + chi)/(1 - chi e)): no integration is
-/// needed. chi(0.5) = 1.4328; it depends on e alone.
+/// In the units of the method the integral model is a'' = -a^1.5 (1 + chi a'). With v = a' this is v dv/(1 + chi v) =
+/// -a^1.5 da, so a is 0 again where chi (1 + e) = ln((1 + chi)/(1 - chi e)). No integration is needed, and chi depends
+/// on e alone: chi(0.5) = 1.4328.
 ///
-/// Deviation from Eq. 12, whose 3 (1 - e^2)/4 returns e = 0.725 when asked for 0.5.
+/// Deviation from Eq. 12, whose 3 (1 - e^2)/4 gives e = 0.725 where 0.5 is wanted.
 ///
 /// # Errors
-/// [`Error::OutOfRange`] when e is outside 0.1 to 1: below, the damped peak exceeds the elastic one.
+/// [`Error::OutOfRange`] if e is outside 0.1 to 1: below, the damped peak exceeds the elastic one.
 ///
 /// ```
 /// let chi = tapline_model::chi_for_restitution(0.5)?;
@@ -67,10 +67,11 @@ pub fn chi_for_restitution(restitution: f64) -> Result<f64, Error> {
     const STEPS_MAX: usize = 100;
     let e = within("restitution", restitution, RESTITUTION_MIN, 1.0)?;
     if e > SERIES_FROM {
-        // The first terms of the series: below 1e-7 relative here, where rounding would spoil the difference.
+        // The first terms of the series: within 1e-7 here, where rounding would dominate the difference.
         return Ok(1.5 * (1.0 - e * e) / (1.0 + e.powi(3)));
     }
-    // Gonthier's chi is within a fifth of the root: Newton's steps from there, halving the bracket where one leaves it.
+    // Gonthier's chi is within a fifth of the root. Newton's method starts there, and bisects where a step leaves the
+    // bracket.
     let (mut low, mut high) = (0.0, 1.0 / e);
     let mut chi = (1.0 - e * e) / e;
     for _ in 0..STEPS_MAX {
@@ -95,7 +96,7 @@ pub fn chi_for_restitution(restitution: f64) -> Result<f64, Error> {
 /// Restitution from which on the series for chi is used.
 const SERIES_FROM: f64 = 0.9999;
 
-/// The residual of chi for e. Divided by chi^2 it loses its double root at 0 and rises through the root that is sought.
+/// The residual of chi for e. Division by chi^2 removes its double root at 0 and makes it rise through the other root.
 fn excess(chi: f64, e: f64) -> f64 {
     (chi.ln_1p() - (-chi * e).ln_1p() - chi * (1.0 + e)) / (chi * chi)
 }
@@ -105,7 +106,7 @@ mod tests {
     use super::*;
     use crate::contact::damped::DampedContact;
 
-    /// The slow twin: halving of the bracket until it is two neighbouring numbers.
+    /// The slow twin: bisection down to neighbouring numbers.
     fn chi_slow(e: f64) -> f64 {
         let (mut low, mut high) = (0.0, 1.0 / e);
         for _ in 0..200 {
@@ -115,7 +116,7 @@ mod tests {
         0.5 * (low + high)
     }
 
-    /// Catches a Newton that stops early or runs away; near e = 1 both are as good as rounding leaves the difference.
+    /// Catches a Newton iteration that stops early or diverges; near e = 1 both are limited by rounding.
     #[test]
     fn newton_agrees_with_halving() {
         for i in 0..=899 {
@@ -126,8 +127,8 @@ mod tests {
         }
     }
 
-    /// Catches a wrong law, against the values returned for 0.5 and 0.3 by an integration (scipy), and a stated
-    /// domain in which a law is off by more than 0.05, or could be wider.
+    /// Catches a wrong law, by the values that an integration (scipy) gives for 0.5 and 0.3, and a stated domain in
+    /// which a law is off by more than 0.05 or that could be wider.
     #[test]
     fn laws_return_what_is_known_of_them() {
         let returned = |law: DampingLaw, e: f64| DampedContact::new(law.chi(e).unwrap()).unwrap().restitution;
@@ -159,7 +160,7 @@ mod tests {
         assert!(chi_for_restitution(1.0).unwrap().abs() < 1e-15);
     }
 
-    /// Catches a jump where the series takes over, and a chi that does not fall with e.
+    /// Catches a jump where the series takes over, and a chi that does not fall as e rises.
     #[test]
     fn chi_falls_smoothly() {
         let mut last = f64::INFINITY;
@@ -173,7 +174,7 @@ mod tests {
         assert!((root - series - 1.5 * 2e-8).abs() < 1e-10, "{root} {series}");
     }
 
-    /// Catches a bound that is not kept.
+    /// Catches a bound that is not checked.
     #[test]
     fn other_restitutions_are_refused() {
         for e in [0.0, 0.09, 1.01, -0.5, f64::NAN] {

@@ -23,7 +23,7 @@ pub struct DefectContact {
 
 /// Closed form of the defect model for `scene`.
 ///
-/// Deviation from Eq. 32 as printed: its left side is V^2/(2 M), which is what gives the dissertation's tables.
+/// Deviation from Eq. 32 as printed: its left side is V^2/(2 M), with which the dissertation's tables are reproduced.
 ///
 /// # Errors
 /// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds.
@@ -47,8 +47,8 @@ pub fn defect_contact(scene: &Scene) -> Result<DefectContact, Error> {
 
 /// Root of x^(5/3) + b x^2 = 1 in (0, 1], for b >= 0.
 ///
-/// The left side rises and is convex, so Newton's steps from above fall onto the root; they end when rounding stops
-/// them. Each of the two terms alone gives a bound from above, and the root is within a factor 2 of the smaller one.
+/// The left side rises and is convex, so Newton's method from above converges to the root; it ends when rounding stops
+/// it. Each of the two terms alone gives an upper bound, and the root is within a factor 2 of the smaller one.
 fn unit_root(b: f64) -> f64 {
     const STEPS_MAX: usize = 64;
     let mut x = if b > 1.0 { 1.0 / b.sqrt() } else { 1.0 };
@@ -93,7 +93,7 @@ mod tests {
     }
 
     proptest! {
-        /// Catches a Newton that stops early or leaves the bracket, for any share of bending.
+        /// Catches a Newton iteration that stops early or leaves the bracket, for any fraction of bending.
         #[test]
         fn newton_agrees_with_bisection(exponent in -40.0..40.0_f64) {
             let b = 10_f64.powf(exponent);
@@ -101,7 +101,7 @@ mod tests {
             prop_assert!((fast / slow - 1.0).abs() < 4e-15, "b = {b}: {fast} against {slow}");
         }
 
-        /// Catches a panic or a value that is not a number at the corners of what a scene may hold.
+        /// Catches a panic or NaN at the extremes of what a scene may hold.
         #[test]
         fn any_valid_scene_has_finite_quantities(h in -12.0..15.0_f64, l in -12.0..15.0_f64, v in -12.0..15.0_f64) {
             let scene = Scene { h_m: 10_f64.powf(h), l_m: 10_f64.powf(l), velocity_m_per_s: 10_f64.powf(v), ..Scene::default() };

@@ -11,9 +11,9 @@ pub struct DomainCheck {
     pub name: &'static str,
     /// Its value.
     pub value: f64,
-    /// Least value within the domain.
+    /// Smallest value within the domain.
     pub low: f64,
-    /// Greatest value within the domain.
+    /// Largest value within the domain.
     pub high: f64,
 }
 

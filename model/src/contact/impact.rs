@@ -1,43 +1,42 @@
-//! One impact as it runs in time: a damped Hertz contact upon a rigid target or upon the plate above a crack.
+//! The course of one impact: a damped Hertz contact on a rigid target or on the plate above a crack.
 
 use crate::contact::ode::{State, Step, Stepping, integrate, locate, runge_kutta_4};
 use crate::{Error, Scene, chi_for_restitution};
 
-/// The outcome of an impact within 20 ms; of a longer contact, the state after 20 ms.
+/// The outcome of an impact after 20 ms; a longer contact is cut off there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
     /// Peak force.
     pub f_max_n: f64,
     /// Last instant with a force, further contacts included.
     pub contact_time_s: f64,
-    /// Farthest the impactor went in.
+    /// Deepest position of the impactor.
     pub d_max_m: f64,
     /// Velocity of the impactor after contact over that before, reversed.
     pub restitution: f64,
-    /// Largest local deformation alpha, as the steps of the integration saw it (within 1e-3).
+    /// Largest local deformation alpha at the steps of the integration (within 1e-3).
     pub alpha_max_m: f64,
-    /// Largest deflection of the plate either way, as the steps saw it; 0 without a plate.
+    /// Largest deflection of the plate in either direction at those steps; 0 without a plate.
     pub deflection_max_m: f64,
 }
 
 /// The layer above a crack as one degree of freedom.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plate {
-    /// Mass m_p that moves.
+    /// Moving mass m_p.
     pub mass_kg: f64,
     /// Viscous damping C.
     pub damping_n_s_per_m: f64,
     /// Stiffness K_f.
     pub stiffness_n_per_m: f64,
-    /// Membrane stiffness, of the cube of the deflection; 0 for a plate that only bends.
+    /// Membrane stiffness, which multiplies the cube of the deflection; 0 for a plate that only bends.
     pub membrane_n_per_m3: f64,
 }
 
-/// An impact: m_1 x_1'' = -F, m_p x_2'' + C x_2' + K_f x_2 + K_m x_2^3 = F, F = max(0, K_c a^1.5 (1 + chi a'/V)) for
-/// a = x_1 - x_2 > 0; K_m is 0 but in the full rung.
+/// An impact: m_1 x_1'' = -F, m_p x_2'' + C x_2' + K_f x_2 + K_m x_2^3 = F, F = max(0, K_c a^1.5 (1 + chi a'/V)) for a
+/// = x_1 - x_2 > 0; K_m is 0 except in the full rung.
 ///
-/// Numbers that come from a [`Scene`] are checked. Numbers set by hand are not: impossible ones give an outcome that is not a
-/// number, or [`Error::TooStiff`].
+/// Numbers from a [`Scene`] are checked. Numbers set by hand are not: impossible ones give NaN or [`Error::TooStiff`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impact {
     /// Contact stiffness K_c.
@@ -85,7 +84,7 @@ impl Scaled {
 
     /// Whether the bodies, apart at `y`, can never meet again.
     ///
-    /// The impactor flies off beyond the reach that the plate's energy gives it; damping only takes from that energy.
+    /// The impactor must move away beyond the range that the plate's energy allows; damping only reduces that energy.
     fn is_over(&self, y: &Motion) -> bool {
         let reach_squared = self.plate.map_or(0.0, |[mass, _, stiffness, membrane]| {
             let x_2_squared = y[2] * y[2];
@@ -120,9 +119,9 @@ impl Impact {
         })
     }
 
-    /// The plate rung (Eqs. 21-22): the impactor against the layer above the crack; the target's own motion is left out.
+    /// The plate rung (Eqs. 21-22): the impactor against the layer above the crack, without the target's own motion.
     ///
-    /// As the method defines it, K_c is that of the baseline's masses, whatever the masses of the scene.
+    /// As the method defines it, K_c is computed from the baseline's masses, whatever the masses of the scene.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds.
@@ -149,7 +148,7 @@ impl Impact {
 
     /// The full rung: the plate rung with the layer's shear, which softens it, and its membrane, which stiffens it.
     ///
-    /// K_f falls to K_f/s and C with it, as their formulas have it; the membrane adds c K_f/h^2 x_2^3. For s and c see
+    /// K_f falls to K_f/s, and C with it by its formula; the membrane adds c K_f/h^2 x_2^3. For s and c see
     /// [`Scene::shear_factor`] and [`Scene::membrane_coefficient`].
     ///
     /// # Errors
@@ -190,10 +189,10 @@ impl Impact {
         Scaled { chi: self.chi, plate }
     }
 
-    /// Runs the impact for 20 ms, or until nothing can bring the bodies together again.
+    /// Integrates the impact for 20 ms, or until the bodies cannot meet again.
     ///
     /// # Errors
-    /// [`Error::TooStiff`] when that would take too many steps.
+    /// [`Error::TooStiff`] if that takes too many steps.
     pub fn outcome(&self) -> Result<Outcome, Error> {
         const STEPS_MAX: usize = 400_000;
         const WINDOW_S: f64 = 20e-3;
@@ -232,8 +231,8 @@ impl Impact {
 
     /// Force in N at 0, `dt`, 2 `dt`, ..., until the bodies have parted for good; returns `dt` in s.
     ///
-    /// Steps are a fiftieth of the contact's own time L/V: within 1e-4 of the peak force, the simulator's need.
-    /// `force_n` is emptied first. A further contact long afterwards is left out.
+    /// Steps are a fiftieth of the contact's own time L/V: within 1e-4 of the peak force, which is enough for the
+    /// simulator. Clears `force_n` first. A further contact long afterwards is left out.
     pub fn force_history(&self, force_n: &mut Vec<f64>) -> f64 {
         const DT: f64 = 0.02;
         const STEPS_MAX: usize = 1500;

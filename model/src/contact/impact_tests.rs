@@ -8,7 +8,7 @@ const INTEGRAL: [(f64, f64, [f64; 4]); 2] = [
     (1.2, 0.8, [1.863360532e+01, 1.001917369e-03, 3.646053470e-04, 0.8]),
 ];
 
-/// V, e, h, l, and the same of the plate rung (tests/plate_reference.py).
+/// V, e, h, l, and the same quantities of the plate rung (tests/plate_reference.py).
 const PLATE: [(f64, f64, f64, f64, [f64; 4]); 8] = [
     (1.85, 0.5, 0.0254, 0.0254, [3.042786166e+01, 1.007389649e-03, 4.469681621e-04, 5.114507482e-01]),
     (1.85, 0.5, 0.0127, 0.0254, [2.402335527e+01, 1.084701526e-03, 4.931825283e-04, 5.917085549e-01]),
@@ -36,7 +36,7 @@ fn integral_rung_agrees_with_scipy() {
     }
 }
 
-/// Catches the same of the plate rung, and second contacts that are not counted.
+/// Catches the same in the plate rung, and second contacts that are not counted.
 #[test]
 fn plate_rung_agrees_with_scipy() {
     for (velocity_m_per_s, restitution, h_m, l_m, reference) in PLATE {
@@ -45,7 +45,7 @@ fn plate_rung_agrees_with_scipy() {
     }
 }
 
-/// Catches drift between the integration and the closed form: with e = 1 the integral rung is Hertz's contact.
+/// Catches a difference between the integration and the closed form: with e = 1 the integral rung is Hertz's contact.
 #[test]
 fn undamped_integral_rung_is_the_closed_form() {
     let scene = Scene { restitution: 1.0, ..Scene::default() };
@@ -57,12 +57,12 @@ fn undamped_integral_rung_is_the_closed_form() {
     assert!((outcome.restitution - 1.0).abs() < 1e-9);
 }
 
-/// Catches a coarse or cut-off history: its peak and its impulse m V (1 + e) are those of the fine solution.
+/// Catches a coarse or truncated history: its peak and its impulse m V (1 + e) are those of the fine solution.
 #[test]
 fn force_history_holds_peak_and_impulse() {
     for (velocity_m_per_s, restitution, h_m, l_m, [f_max, contact_time, _, e_out]) in PLATE {
         if contact_time > 6e-3 {
-            continue; // A second contact after a long flight is left out of the history.
+            continue; // A second contact after a long flight is not in the history.
         }
         let scene = Scene { velocity_m_per_s, restitution, h_m, l_m, ..Scene::default() };
         let mut force_n = Vec::new();
@@ -75,7 +75,7 @@ fn force_history_holds_peak_and_impulse() {
     }
 }
 
-/// Catches an impact whose integration neither ends nor says so.
+/// Catches an impact whose integration neither ends nor reports that it does not.
 #[test]
 fn extreme_scenes_end_or_say_why() {
     for h_m in [1e-9, 1e-6, 1.0, 1e6] {
@@ -111,7 +111,7 @@ fn senseless_impacts_end() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
-    /// Catches a chi whose contact does not return the restitution it was asked for, at any velocity.
+    /// Catches a chi that does not give the wanted restitution, at any velocity.
     #[test]
     fn integral_rung_returns_the_restitution(restitution in 0.1..1.0_f64, velocity_m_per_s in 0.1..10.0_f64) {
         let scene = Scene { restitution, velocity_m_per_s, ..Scene::default() };
@@ -119,7 +119,7 @@ proptest! {
         prop_assert!((outcome.restitution - restitution).abs() < 1e-7, "{outcome:?}");
     }
 
-    /// Catches energy from nowhere: no plate throws the impactor back faster than it came.
+    /// Catches a gain of energy: no plate throws the impactor back faster than it came.
     #[test]
     fn plate_rung_gains_no_energy(h in 1e-3..50e-3_f64, l in 5e-3..50e-3_f64, v in 0.2..4.0_f64) {
         let scene = Scene { h_m: h, l_m: l, velocity_m_per_s: v, ..Scene::default() };

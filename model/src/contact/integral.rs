@@ -9,7 +9,7 @@ use crate::{Error, Scene};
 pub struct IntegralContact {
     /// Peak force (Eq. 16).
     pub f_max_n: f64,
-    /// Impact duration as Eq. 20 has it; elastic contact itself lasts longer, see [`IntegralContact::hertz_s`].
+    /// Impact duration by Eq. 20; the elastic contact itself lasts longer, see [`IntegralContact::hertz_s`].
     pub tau_s: f64,
     /// Largest local deformation alpha (Eq. 15).
     pub alpha_max_m: f64,
@@ -27,7 +27,7 @@ pub fn integral_contact(scene: &Scene) -> Result<IntegralContact, Error> {
     let alpha_max_m = (5.0 * v * v / (4.0 * k_c * m)).powf(0.4); // Eq. 15
     let f_max_n = k_c * alpha_max_m * alpha_max_m.sqrt(); // Eq. 16
     let tau_s = PI * scene.m_1_kg * v / f_max_n; // Eq. 20
-    // 2.9432 = 2 int_0^1 dx / sqrt(1 - x^2.5), the time Eq. 14 takes there and back.
+    // 2.9432 = 2 int_0^1 dx / sqrt(1 - x^2.5), the time that Eq. 14 takes there and back.
     Ok(IntegralContact { f_max_n, tau_s, alpha_max_m, hertz_s: 2.943_275_184 * alpha_max_m / v })
 }
 

@@ -25,9 +25,9 @@ pub struct Contact {
     pub rung: Rung,
     /// Peak force.
     pub f_max_n: f64,
-    /// Duration of the contact; of the closed form tau (Eq. 20), of the others the last instant with a force.
+    /// Duration of the contact: tau (Eq. 20) for the closed form, the last instant with a force for the others.
     pub contact_time_s: f64,
-    /// Farthest the impactor went in.
+    /// Deepest position of the impactor.
     pub d_max_m: f64,
     /// Velocity of the impactor after contact over that before, reversed.
     pub restitution: f64,
@@ -80,8 +80,8 @@ pub trait ContactModel {
 
 /// The closed form over a crack ([`defect_contact`]): energy balance between Hertz's contact and static bending.
 ///
-/// The contact has no damping, so the restitution is 1, as Eq. 20's tau has it: the half-sine of that duration and peak
-/// carries the impulse 2 m_1 V.
+/// The contact has no damping. Its restitution is 1, as tau by Eq. 20 implies: the half-sine of that duration and peak
+/// has the impulse 2 m_1 V.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ClosedForm;
 
@@ -107,7 +107,7 @@ impl ContactModel for ClosedForm {
 /// The damped contact of a casing without a crack, from the table of [`DampedContact`]; the target moves as a free body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct IntegralTable {
-    /// How damping follows from the restitution asked for.
+    /// How the damping follows from the wanted restitution.
     pub law: DampingLaw,
 }
 
@@ -124,7 +124,7 @@ impl ContactModel for IntegralTable {
 }
 
 impl IntegralTable {
-    /// `contact` in SI units, for a body of mass `m` that meets K_c = `k` in `scene`.
+    /// `contact` in SI units, for a body of mass `m` and contact stiffness `k` in `scene`.
     pub(crate) fn scaled(law: DampingLaw, scene: &Scene, k: f64, m: f64, contact: &DampedContact) -> Contact {
         let v = scene.velocity_m_per_s;
         let length_m = (m * v * v / k).powf(0.4);
@@ -136,16 +136,17 @@ impl IntegralTable {
             contact_time_s: contact.contact_time * length_m / v,
             d_max_m: alpha_max_m,
             restitution: contact.restitution,
-            // The layer that the model leaves out would have bent by so much.
+            // The deflection of the layer, which this model leaves out.
             flags: Flags::new(Rung::Integral, law, scene, alpha_max_m, f_max_n / scene.k_f_n_per_m()),
         }
     }
 }
 
-/// The plate above the crack in time, with its inertia, damping, loss of contact and further contacts ([`Impact::plate`]).
+/// The plate above the crack, integrated in time, with inertia, damping, loss of contact and further contacts
+/// ([`Impact::plate`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PlateMotion {
-    /// How damping follows from the restitution asked for.
+    /// How the damping follows from the wanted restitution.
     pub law: DampingLaw,
 }
 
@@ -160,10 +161,11 @@ impl ContactModel for PlateMotion {
     }
 }
 
-/// The plate in time, softened by shear and stiffened by its membrane ([`Impact::full`]): the top of the ladder.
+/// The plate, integrated in time, softened by shear and stiffened by its membrane ([`Impact::full`]): the top of the
+/// ladder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FullMotion {
-    /// How damping follows from the restitution asked for.
+    /// How the damping follows from the wanted restitution.
     pub law: DampingLaw,
 }
 

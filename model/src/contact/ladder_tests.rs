@@ -38,7 +38,7 @@ fn full_rung_agrees_with_scipy() {
     }
 }
 
-/// Catches a table scaled by the wrong mass, length or time: the integral rung in closed form is its own equation.
+/// Catches a table scaled by the wrong mass, length or time: the table must agree with its own equation.
 #[test]
 fn integral_table_is_the_equation_of_motion() {
     for row in &FULL {
@@ -50,7 +50,7 @@ fn integral_table_is_the_equation_of_motion() {
     }
 }
 
-/// Catches a law that is not handed on: asked for 0.5, Lankarani's returns 0.725 and damps less.
+/// Catches a law that is not passed on: for e = 0.5, Lankarani's gives 0.725 and less damping.
 #[test]
 fn the_law_is_used_on_every_damped_rung() {
     let law = DampingLaw::LankaraniNikravesh;
@@ -64,7 +64,7 @@ fn the_law_is_used_on_every_damped_rung() {
     }
 }
 
-/// Catches a closed form that is not the tables', and its tau passed off as Hertz's time.
+/// Catches a closed form other than that of the tables, and its tau presented as Hertz's time.
 #[test]
 fn closed_rung_is_that_of_the_tables() {
     let contact = ClosedForm.contact(&Scene::default()).unwrap();
@@ -74,7 +74,7 @@ fn closed_rung_is_that_of_the_tables() {
     assert!((contact.restitution - 1.0).abs() < 1e-15);
 }
 
-/// Catches an order of the rungs that is not that of their cost, and names that are not theirs.
+/// Catches rungs that are not in the order of their cost, and wrong names.
 #[test]
 fn rungs_know_themselves() {
     assert!(Rung::ALL.is_sorted());
@@ -86,7 +86,7 @@ fn rungs_know_themselves() {
     }
 }
 
-/// Catches a rung that takes what means nothing, or names it wrongly.
+/// Catches a rung that accepts a meaningless scene, or names the wrong quantity.
 #[test]
 fn every_rung_refuses_what_means_nothing() {
     type Field = fn(&mut Scene) -> &mut f64;

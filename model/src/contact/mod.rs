@@ -1,4 +1,4 @@
-//! Contacts: an impactor upon a block, with and without a crack under its surface.
+//! Contacts: an impactor hits a block, with or without a crack under its surface.
 
 pub(crate) mod choice;
 pub(crate) mod compliance;

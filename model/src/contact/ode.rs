@@ -3,7 +3,7 @@
 /// State of a system of N equations.
 pub(crate) type State<const N: usize> = [f64; N];
 
-/// y + dt (sum of weight k).
+/// y + dt times the sum of weight k over `terms`.
 fn add<const N: usize>(y: &State<N>, dt: f64, terms: &[(f64, &State<N>)]) -> State<N> {
     std::array::from_fn(|i| y[i] + dt * terms.iter().map(|(w, k)| w * k[i]).sum::<f64>())
 }
@@ -70,7 +70,7 @@ pub(crate) fn dormand_prince<const N: usize>(
     (next, error)
 }
 
-/// One accepted step: where it began, where it ended, and how long it took.
+/// One accepted step: its beginning, its end, and its duration.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Step<const N: usize> {
     pub t: f64,
@@ -79,16 +79,16 @@ pub(crate) struct Step<const N: usize> {
     pub to: State<N>,
 }
 
-/// How an integration is to be stepped.
+/// How to choose the steps of an integration.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stepping {
-    /// Error allowed per step: absolute for values below 1, relative above. Choose units in which the state is near 1.
+    /// Allowed error per step: absolute for values below 1, relative above. Choose units in which the state is near 1.
     pub tolerance: f64,
     /// Longest step.
     pub dt_max: f64,
     /// First step.
     pub dt_first: f64,
-    /// Most steps, rejected ones included.
+    /// Largest number of steps, rejected ones included.
     pub steps_max: usize,
 }
 
@@ -99,7 +99,7 @@ pub(crate) struct Reached {
     pub steps: usize,
 }
 
-/// Integrates from 0 to `t_end`, showing every accepted step to `observe` until that returns false.
+/// Integrates from 0 to `t_end`; calls `observe` after each accepted step, and stops if it returns false.
 pub(crate) fn integrate<const N: usize>(
     f: impl Fn(&State<N>) -> State<N>,
     y: State<N>,
@@ -124,8 +124,8 @@ pub(crate) fn integrate<const N: usize>(
                 return Reached { t, steps: steps + 1 };
             }
         }
-        // The error of a step goes with dt^5; 0.9 keeps most of the next ones accepted. A share that is not a number
-        // is an overflow inside the step: it asks for the shortest.
+        // The error of a step goes with dt^5; the factor 0.9 makes most next steps acceptable. A NaN or infinite ratio
+        // is an overflow within the step: it calls for the shortest step.
         dt = length * if share.is_finite() { (0.9 * share.powf(-0.2)).clamp(0.2, 5.0) } else { 0.2 };
     }
     Reached { t, steps: stepping.steps_max }
@@ -145,7 +145,7 @@ fn worst_ratio<const N: usize>(from: &State<N>, to: &State<N>, error: &State<N>,
     worst
 }
 
-/// The moment within `step` at which `is_before` turns false, and the state there; found by halving the step.
+/// The time within `step` at which `is_before` turns false, and the state there; by bisection.
 pub(crate) fn locate<const N: usize>(
     f: impl Fn(&State<N>) -> State<N>,
     step: &Step<N>,
@@ -187,14 +187,14 @@ mod tests {
         assert!((error_of(1, true) / error_of(2, true)).log2() > 4.8);
     }
 
-    /// Catches an error estimate that does not belong to the method: it must fall with dt^5.
+    /// Catches an error estimate that is not the method's: it must fall with dt^5.
     #[test]
     fn the_error_estimate_has_its_order() {
         let estimate = |dt: f64| dormand_prince(oscillator, &[1.0, 0.5], dt).1[0].abs();
         assert!((estimate(0.2) / estimate(0.1)).log2() > 4.5);
     }
 
-    /// Catches steps that grow past the tolerance, an end that is missed, and an event put at a step's edge.
+    /// Catches steps that exceed the tolerance, an end that is missed, and an event placed at a step's end.
     #[test]
     fn steps_end_on_time_and_events_are_found() {
         let stepping = Stepping { tolerance: 1e-12, dt_max: 0.3, dt_first: 1e-3, steps_max: 100_000 };

@@ -9,7 +9,7 @@ pub enum Rung {
     Closed,
     /// The damped contact of a casing without a crack, see [`IntegralTable`](crate::IntegralTable).
     Integral,
-    /// The plate above the crack in time, see [`PlateMotion`](crate::PlateMotion).
+    /// The plate above the crack, integrated in time, see [`PlateMotion`](crate::PlateMotion).
     Plate,
     /// The same with shear and membrane, see [`FullMotion`](crate::FullMotion).
     Full,
@@ -19,7 +19,7 @@ impl Rung {
     /// All of them, the cheapest first.
     pub const ALL: [Self; 4] = [Self::Closed, Self::Integral, Self::Plate, Self::Full];
 
-    /// The name by which the command line calls it.
+    /// The name that the command line uses.
     pub fn name(self) -> &'static str {
         match self {
             Self::Closed => "closed",

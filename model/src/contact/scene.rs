@@ -1,4 +1,4 @@
-//! The scene of one impact: what hits what, and the constants that follow.
+//! The scene of one impact: the bodies, and the constants that follow from them.
 
 use std::f64::consts::PI;
 
@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::error::within;
 
-/// Least positive quantity a scene may hold, in SI units.
+/// Smallest positive quantity of a scene, in SI units.
 ///
 /// Together with [`QUANTITY_MAX`] it keeps every closed form far from overflow and underflow.
 const QUANTITY_MIN: f64 = 1e-12;
-/// Greatest quantity a scene may hold, in SI units.
+/// Largest quantity of a scene, in SI units.
 const QUANTITY_MAX: f64 = 1e15;
-/// Least restitution: below it the damped contact law's peak exceeds the elastic one, which is unphysical.
+/// Smallest restitution: below it the damped contact's peak exceeds the elastic one, which is unphysical.
 pub(crate) const RESTITUTION_MIN: f64 = 0.1;
 
 /// How the effective length l_e of a crack follows from its length l and the block's width w.
@@ -35,8 +35,8 @@ impl EffectiveLength {
 
     /// l_e/l for the aspect ratio w/l.
     ///
-    /// Both rules are continuous. Below w/l = 1 the dissertation gives nothing: `Published` continues its line,
-    /// `Table1` stays at its first column.
+    /// Both rules are continuous. The dissertation gives no values below w/l = 1: there `Published` continues its line,
+    /// and `Table1` keeps its first column.
     pub fn ratio(self, w_per_l: f64) -> f64 {
         match self {
             Self::Published if w_per_l <= 2.0 => 0.568 + 0.08 * (w_per_l - 1.0),
@@ -51,7 +51,7 @@ impl EffectiveLength {
             return first.1;
         }
         if w_per_l > last.0 {
-            // Linear in l/w, the only straight line there is to a column at infinity.
+            // Linear in l/w, in which a column at infinity is at 0.
             return Self::TABLE_1_WIDE + (last.1 - Self::TABLE_1_WIDE) * last.0 / w_per_l;
         }
         for pair in Self::TABLE_1.windows(2) {
@@ -94,7 +94,7 @@ pub struct Scene {
     pub l_m: f64,
     /// Width w of the block.
     pub w_m: f64,
-    /// Restitution coefficient e of the contact, for the models that are damped.
+    /// Restitution coefficient e of the contact, for the models with damping.
     pub restitution: f64,
     /// Rebound resilience R of the target, for its loss tangent.
     pub resilience: f64,
@@ -184,8 +184,8 @@ impl Scene {
 
     /// Factor by which shear softens the layer above the crack: 1 + 2 (1 + nu_2) (h/l)^2/kappa, kappa = 5/6.
     ///
-    /// Timoshenko's correction of the bending stiffness, with l and not l_e. It makes the layer's stiffness independent
-    /// of l where h > l: such a layer is no plate, and the domain flag of h/l says so.
+    /// Timoshenko's correction of the bending stiffness, with l instead of l_e. It makes the layer's stiffness
+    /// independent of l where h > l; such a layer is not a plate, as the domain's ratio h/l shows.
     pub fn shear_factor(&self) -> f64 {
         /// Fraction of a rectangular section that carries the shear.
         const KAPPA: f64 = 5.0 / 6.0;
@@ -227,7 +227,7 @@ fn equivalent_radius_m(mass_kg: f64, rho_kg_per_m3: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Catches a wrong column, slope or branch of either rule, and the two being the same.
+    /// Catches a wrong column, slope or branch of either rule, and two identical rules.
     #[test]
     fn effective_lengths_are_those_of_the_method() {
         let cases = [
@@ -251,13 +251,13 @@ mod tests {
         assert!((table_1.l_e_m() - 0.616 * scene.l_m).abs() < 1e-15);
     }
 
-    /// Catches the rounded 0.44 and a resilience taken as the restitution.
+    /// Catches the rounded 0.44, and a resilience used as the restitution.
     #[test]
     fn loss_tangent_is_not_rounded() {
         assert!((Scene::default().loss_tangent() - 0.441_271_2).abs() < 1e-7);
     }
 
-    /// Catches a quantity that is not checked, and an error that does not name it.
+    /// Catches a quantity that is not checked, and an error that names another one.
     #[test]
     fn every_quantity_is_checked() {
         type Field = fn(&mut Scene) -> &mut f64;

@@ -7,7 +7,7 @@ use crate::{EffectiveLength, Error, Scene, defect_contact, integral_contact};
 pub struct Table {
     /// Names of the columns.
     pub columns: Vec<&'static str>,
-    /// Values, one list a row, in the order of the columns.
+    /// Values, one list per row, in the order of the columns.
     pub rows: Vec<Vec<f64>>,
 }
 
@@ -30,13 +30,13 @@ pub const FACTORS: [(&str, Field); 7] = [
     ("h", |s| &mut s.h_m),
     ("l", |s| &mut s.l_m),
 ];
-/// Columns that the integral model's tables have.
+/// Columns of the integral model's tables.
 const INTEGRAL_FACTORS: usize = 5;
 
-/// Table `number` of the dissertation, with `rule` for the effective length of the crack.
+/// Table `number` of the dissertation, with `rule` for the crack's effective length.
 ///
-/// Each column varies one quantity of the baseline by the row's `factor`, 0.1 to 2.0. Units: Tables 4 and 8 F_max in N;
-/// 5 and 9 tau in ms; 6 alpha in mm; 10 alpha and bending together in mm; 11 lambda_f in percent.
+/// Each column varies one quantity of the baseline by the row's `factor`, 0.1 to 2.0. Units: F_max in N in Tables 4 and
+/// 8; tau in ms in 5 and 9; alpha in mm in 6; alpha plus bending in mm in 10; lambda_f in percent in 11.
 ///
 /// # Errors
 /// [`Error::NoTable`] for any other number.
@@ -106,7 +106,7 @@ mod tests {
         }
     }
 
-    /// Catches any cell of the seven tables that is off.
+    /// Catches any wrong cell of the seven tables.
     #[test]
     fn tables_equal_the_files() {
         let Some(folder) = tapline_testing::shared("dissertation-tables") else { return };
@@ -122,7 +122,7 @@ mod tests {
                 let printed: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
                 assert_eq!(printed.len(), row.len(), "{name}");
                 for (p, c) in printed.iter().zip(row) {
-                    // Table 11 is printed to three decimals: half a unit of the last, and a hair for the half itself.
+                    // Table 11 is printed to three decimals: half a unit of the last, plus rounding.
                     let bound = if number == 11 { 0.501e-3 } else { 1e-6 * p };
                     assert!((p - c).abs() <= bound, "{name}: {c} for {p}");
                     compared += 1;
@@ -146,7 +146,7 @@ mod tests {
         assert!((ratio / expected - 1.0).abs() < 5e-3, "{ratio} for {expected}");
     }
 
-    /// Catches a number that is let through.
+    /// Catches a number that is accepted although there is no such table.
     #[test]
     fn other_numbers_are_refused() {
         for number in [0, 1, 3, 7, 12, 255] {

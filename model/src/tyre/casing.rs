@@ -27,11 +27,12 @@ pub(crate) struct Landing<'a> {
 
 /// Amplitudes of the ring's harmonics, as fractions of the variation: few and low, so that no place is an outlier.
 const HARMONICS: [f64; 3] = [0.7, 0.5, 0.3];
-/// Relative fall of stiffness, and rise of loudness, per mm towards the centre, where the casing is thinner (Fig. 60).
+/// Relative change of stiffness, and the opposite change of loudness, per mm towards the centre, where the casing is
+/// thinner (Fig. 60).
 const STIFFNESS_PER_MM: f64 = -0.004;
 const LOUDNESS_PER_MM: f64 = 0.010;
 
-/// The place where `landing` lands; `seed` and the serial number determine the casing.
+/// The properties of the place where `landing` is; `seed` and the serial number determine the casing.
 pub(crate) fn place(config: &SimulationConfig, seed: u64, landing: &Landing<'_>) -> Place {
     let mut tyre = Identity::new(seed, "tyre").text(landing.serial).generator();
     let (tyre_stiffness, tyre_loudness) = (tyre.normal(), tyre.normal());
@@ -58,7 +59,8 @@ pub(crate) fn place(config: &SimulationConfig, seed: u64, landing: &Landing<'_>)
     }
 }
 
-/// A smooth function of the `turn` (0 to 1) around the ring, about 1 at most, with phases drawn from `generator`.
+/// A smooth function of the `turn` (0 to 1) around the ring, of magnitude up to about 1, with phases drawn from
+/// `generator`.
 fn wave(generator: &mut Generator, turn: f64) -> f64 {
     (1..)
         .zip(HARMONICS)
@@ -85,7 +87,7 @@ mod tests {
         }
     }
 
-    /// Catches shoulders or tyres that are copies of each other.
+    /// Catches shoulders or tyres that are copies of others.
     #[test]
     fn shoulders_and_tyres_differ() {
         let config = SimulationConfig::default();

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use crate::SimulationConfig;
 use crate::tyre::identity::Generator;
 
-/// Random bytes that make one number of noise.
+/// Random bytes per number of noise.
 const BYTES: usize = 4;
 /// Mean of the sum of four random bytes.
 const SUM_MEAN: f32 = 510.0;
@@ -14,8 +14,8 @@ const SUM_SD: f64 = 147.800_767_25;
 
 /// Turns physical signals into counts.
 ///
-/// Noise is the sum of four random bytes: bell-shaped to 3.4 standard deviations, and the cheapest part of a record
-/// that would otherwise cost more than all of its physics.
+/// Noise is the sum of four random bytes: bell-shaped up to 3.4 standard deviations. Better noise would cost more than
+/// all the physics of a record.
 #[derive(Debug)]
 pub(crate) struct Converter {
     counts_per_n: f32,
@@ -74,7 +74,8 @@ fn convert(signal: &[f32], counts_per_unit: f32, bytes: &[u8], noise: f32, count
     for ((count, value), &[a, b, c, d]) in counts.iter_mut().zip(signal).zip(noises) {
         let sum = u16::from(a) + u16::from(b) + u16::from(c) + u16::from(d);
         let exact = value * counts_per_unit + (f32::from(sum) - SUM_MEAN) * noise;
-        // Rounds to nearest without the call that `round` is on a plain x86-64: cutting is flooring above 0.
+        // Rounds to nearest without calling `round`, which a plain x86-64 has no instruction for: above 0, truncation
+        // is flooring.
         let shifted = (exact + 32_768.5).clamp(0.0, 65_535.0);
         *count = cut(shifted);
     }

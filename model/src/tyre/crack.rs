@@ -1,4 +1,4 @@
-//! Cracks of a simulated tyre: where they are, how they are felt, and what the truth is.
+//! Cracks of a simulated tyre: where they are, their effect on a tap, and the truth.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -31,13 +31,13 @@ impl Default for Crack {
     }
 }
 
-/// Width, in mm, of the rim outside a crack over which it is still felt.
+/// Width, in mm, of the rim outside a crack in which it still has an effect.
 const RIM_MM: f64 = 4.0;
 /// Fraction of a crack's effect at the two ends of its arc, where it closes.
 const ARC_END: f64 = 0.8;
-/// Stiffness of the cords and of the closing gap, which act beside bending: it keeps a shallow layer from folding.
+/// Stiffness of the cords and of the closing gap, in parallel with bending: it keeps a shallow layer from folding.
 const CORDS_N_PER_M: f64 = 8.0e4;
-/// Frequency of a layer without mass of its own: what surrounds the crack moves with it and loads it.
+/// Frequency of a layer without its own mass: the surroundings of the crack move with it and load it.
 const LOADED_HZ: f64 = 850.0;
 
 impl Crack {
@@ -62,7 +62,7 @@ impl Crack {
         self.place_on_arc(shoulder, location, ring_count).is_some()
     }
 
-    /// How far along the arc `location` is, from 0.
+    /// Position of `location` along the arc, from 0.
     fn place_on_arc(&self, shoulder: u16, location: u32, ring_count: u32) -> Option<u32> {
         let n = u64::from(ring_count.max(1));
         let place = (u64::from(location) % n + n - u64::from(self.first_location) % n) % n;
@@ -74,22 +74,22 @@ impl Crack {
 
     /// Fraction of the crack's effect on a tap, 0 to 1.
     ///
-    /// A belt-edge crack gapes at its beginning and closes towards its tip: Fig. 60 has it strongest at x = 0 and the
-    /// curve at 15 mm almost flat.
+    /// A belt-edge crack gapes at its beginning and closes towards its tip: in Fig. 60 its effect is strongest at x =
+    /// 0, and the curve at 15 mm is almost flat.
     pub(crate) fn felt(&self, shoulder: u16, location: u32, ring_count: u32, offset_mm: f64) -> f64 {
         let Some(place) = self.place_on_arc(shoulder, location, ring_count) else { return 0.0 };
         let is_end = place == 0 || place + 1 == self.location_count;
         let along = if is_end && self.location_count < ring_count { ARC_END } else { 1.0 };
         let x = offset_mm - self.offset_mm;
         let distance = if x < 0.0 { -x / RIM_MM } else { x / self.length_mm };
-        // NaN compares false, and so has no effect.
+        // NaN compares false, so it has no effect.
         if distance < 1.0 { along * (FRAC_PI_2 * distance).cos().powi(2) } else { 0.0 }
     }
 
     /// The layer above the crack for a tap that feels the fraction `felt` of it.
     ///
-    /// All of its impedance grows with 1/`felt`: a crack felt less moves less at the same frequency, and one that is
-    /// not felt at all is a rigid target. Deep cracks are stiff and heavy, so they look sound by themselves.
+    /// Its whole impedance grows with 1/`felt`: a smaller effect means less motion at the same frequency, and no effect
+    /// means a rigid target. Deep cracks are stiff and heavy, so they look sound by themselves.
     pub(crate) fn plate(&self, scene: &Scene, felt: f64) -> Plate {
         let scene = Scene { h_m: self.depth_mm * 1e-3, l_m: self.length_mm * 1e-3, ..*scene };
         let stiffness = scene.k_f_n_per_m() + CORDS_N_PER_M;
@@ -106,7 +106,7 @@ impl Crack {
 
 /// Default cracks of a damaged tyre: 3-12 mm deep, 20-25 mm long, 3-10 locations wide, at the belt edge of shoulder 1.
 ///
-/// Each lies in a sector of its own of the ring of `location_count`, at least a third of a sector from the next. A ring too
+/// Each lies in its own sector of the ring of `location_count`, at least a third of a sector from the next. A ring too
 /// short for sectors of 6 locations gets fewer cracks.
 pub fn plant_cracks(seed: u64, serial: &str, location_count: u32, crack_count: u32) -> Vec<Crack> {
     const WIDTHS: (u32, u32) = (3, 10);
@@ -174,7 +174,8 @@ mod tests {
     }
 
     proptest! {
-        /// Catches default cracks out of their bounds, overlapping, touching, or dependent on anything but their name.
+        /// Catches default cracks that are out of bounds, overlap, touch, or depend on more than seed and serial
+        /// number.
         #[test]
         fn planted_cracks_are_apart(seed in any::<u64>(), ring in 0..300_u32, count in 0..8_u32) {
             let cracks = plant_cracks(seed, "SIM-0001", ring, count);

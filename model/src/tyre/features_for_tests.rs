@@ -1,4 +1,4 @@
-//! The least feature extractor that can tell whether a simulated crack is felt; the real one is a crate of its own.
+//! The simplest feature extractor that can tell whether a simulated crack has an effect; the real one is another crate.
 
 use std::f64::consts::{PI, TAU};
 
@@ -16,7 +16,7 @@ const P: usize = 512;
 /// Samples of the gated spectrum: bins of 20 Hz.
 const GATE: usize = 2048;
 
-/// One channel in physical units, its baseline removed.
+/// One channel in physical units, without its baseline.
 pub(crate) fn volts(samples: &[i16], full_scale: f64) -> Vec<f64> {
     let mut quiet: Vec<i16> = samples[..P * 3 / 4].to_vec();
     quiet.sort_unstable();

@@ -1,4 +1,4 @@
-//! The simulated tyre and its rig: cracks, sound, scatter and a converter, rendered into samples.
+//! The simulated tyre and its rig: cracks, sound, scatter and converter, rendered into samples.
 
 pub(crate) mod casing;
 pub(crate) mod converter;

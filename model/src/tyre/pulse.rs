@@ -1,10 +1,10 @@
-//! A force pulse resampled at the samples of a record.
+//! A force pulse, resampled at the samples of a record.
 
-/// A force with time steps of its own, resampled.
+/// A force with its own time steps, resampled.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pulse<'a> {
     pub history_n: &'a [f64],
-    /// Steps of the history in one sample.
+    /// Steps of the history per sample.
     pub per_sample: f64,
 }
 

@@ -12,7 +12,7 @@ use crate::tyre::pulse::{Pulse, to_f32};
 use crate::tyre::sound::{CASING, MODES, Mode, Resonators, SOUND_M_PER_S};
 use crate::{Crack, DampedContact, Error, Impact, Plate, Scene, SimulationConfig};
 
-/// Young's modulus of a shoulder: it gives a sound casing a contact time of 0.9 ms, as in section 5.4.
+/// Young's modulus of a shoulder: with it, a sound casing has a contact time of 0.9 ms, as in section 5.4.
 const CASING_PA: f64 = 12e6;
 
 /// A tyre on the simulated rig.
@@ -48,7 +48,7 @@ pub struct SimulatedTap<'a> {
 /// A rendered tap, apart from its samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderedTap {
-    /// Impact velocity as the rig measured it; NaN when the planned one is not a positive number.
+    /// Impact velocity as the rig measured it; NaN if the planned one is not a positive number.
     pub velocity_measured_m_per_s: f64,
 }
 
@@ -116,7 +116,7 @@ impl SimulatedRig {
         })
     }
 
-    /// Samples that a record has: force and sound, one after the other.
+    /// Samples of a record: force and sound, one after the other.
     pub fn sample_total(&self) -> usize {
         2 * self.config.sample_count as usize
     }
@@ -128,14 +128,14 @@ impl SimulatedRig {
 
     /// Renders `tap` into `samples`, `[force][sound]`, each of `sample_count` counts.
     ///
-    /// A tap whose velocity is not a positive number touches nothing: its record is noise.
+    /// A tap whose velocity is not a positive number touches nothing; its record is noise.
     ///
     /// # Panics
     /// If `samples` does not hold [`SimulatedRig::sample_total`] samples.
     pub fn render(&mut self, tap: &SimulatedTap<'_>, samples: &mut [i16]) -> RenderedTap {
         assert_eq!(samples.len(), self.sample_total(), "a record has force and sound");
         let mut generator = tap_identity(self.seed, "tap", tap).generator();
-        // A generator of their own, so that faults leave the random numbers of the tap as they are.
+        // A separate generator, so that faults do not change the other random numbers of the tap.
         let mut fault_generator = tap_identity(self.seed, "fault", tap).generator();
         let fault = draw_fault(&self.config.fault, &mut fault_generator);
         let drawn = self.draw(tap, velocity_ratio(fault), &mut generator);
@@ -155,7 +155,7 @@ impl SimulatedRig {
         RenderedTap { velocity_measured_m_per_s: drawn.velocity_measured_m_per_s }
     }
 
-    /// Static compliance in m/N of the layer above the crack that `tap` feels most; 0 where it feels none.
+    /// Static compliance in m/N of the layer above the crack with the largest effect on `tap`; 0 without a crack.
     ///
     /// The effect of a planted crack at a place, without the random variation of the tap.
     pub fn layer_compliance_m_per_n(&self, tap: &SimulatedTap<'_>) -> f64 {
@@ -180,7 +180,7 @@ impl SimulatedRig {
             Some(tap.velocity_m_per_s).filter(|v| v.is_finite() && *v > 0.0).map_or(f64::NAN, |v| v.clamp(1e-3, 50.0));
         let velocity_m_per_s =
             velocity_ratio * planned * (1.0 + config.velocity_jitter * generator.normal()).clamp(0.2, 2.0);
-        // The trigger fires when the force is seen: the first touch lies within the sample before.
+        // The trigger fires at the first sample with a force, so the first touch lies within the sample before.
         let onset = f64::from(config.pre_trigger_samples) - generator.uniform();
         DrawnTap {
             velocity_m_per_s,
@@ -194,7 +194,7 @@ impl SimulatedRig {
         }
     }
 
-    /// The layer above the crack that the tap feels most, if it feels one.
+    /// The layer above the crack with the largest effect on the tap, if there is one.
     fn plate_under(&self, tap: &SimulatedTap<'_>) -> Option<Plate> {
         const FELT_MIN: f64 = 1e-3;
         let cracks = self.cracks.get(tap.tyre_serial)?;
@@ -207,8 +207,8 @@ impl SimulatedRig {
 
     /// Computes the force of the impact; returns the time between its values in s.
     ///
-    /// A layer whose effect is below the converter's resolution is left out: a tap over a deep crack, or one that is hardly felt,
-    /// is a tap on a sound casing.
+    /// A layer whose effect is below the converter's resolution is left out: a tap over a deep or distant crack is a
+    /// tap on a sound casing.
     fn simulate_impact(&mut self, drawn: &DrawnTap, plate: Option<Plate>) -> f64 {
         /// Relative to the peak force: 0.02 N of 20 N, less than the noise and far less than the repeatability of a tap.
         const TOLERANCE: f64 = 1e-3;
@@ -246,7 +246,7 @@ impl SimulatedRig {
         let pulse = Pulse { history_n: &self.history_n, per_sample: 1.0 / (config.sample_rate_hz * dt) };
         let (first, last) = pulse.span(onset, self.signal.len());
         let mut resonators = Resonators::new(&modes(plate), config.sample_rate_hz);
-        // Sound from a point falls off with distance (section 4.3); the modes are those heard at 50 mm.
+        // Sound from a point falls with distance (section 4.3); the modes are given at 50 mm.
         let gain = drawn.loudness * 0.05 / config.microphone_distance_m;
         let mut before = 0.0;
         for n in first..self.signal.len() {
@@ -262,10 +262,10 @@ impl SimulatedRig {
 
 /// The casing's modes, and that of the layer above a crack.
 ///
-/// The layer is heard by its deflection: beside the casing's velocity that adds up in energy at every frequency, where
-/// two velocities would cancel below the layer's resonance.
+/// The layer sounds with its deflection. Beside the casing's velocity, that adds energy at every frequency; two
+/// velocities would cancel below the layer's resonance.
 fn modes(plate: Option<Plate>) -> [Mode; MODES] {
-    /// An impulse gives the layer the velocity 1/m, heard at so many volts per m/s.
+    /// An impulse gives the layer the velocity 1/m; this is its voltage per m/s.
     const LAYER_V_PER_M_PER_S: f64 = 0.35;
     const LAYER_DAMPING: f64 = 0.10;
     let layer = plate.map_or(Mode::SILENT, |p| Mode {
@@ -278,7 +278,7 @@ fn modes(plate: Option<Plate>) -> [Mode; MODES] {
     [a, b, c, d, e, layer]
 }
 
-/// Gain of the microphone at this tap: it drifts linearly over each turn.
+/// Gain of the microphone at this tap; it drifts linearly over each turn.
 fn turn_gain(config: &SimulationConfig, seed: u64, tap: &SimulatedTap<'_>) -> f64 {
     let mut generator = Identity::new(seed, "turn")
         .text(tap.tyre_serial)

@@ -59,7 +59,7 @@ fn shifts(sound: &[Features], cracked: &[Features]) -> Features {
     })
 }
 
-/// Catches a crack that is felt the wrong way or not at all: the planted ones, at two velocities, for several seeds.
+/// Catches a crack with a wrong effect or none: the planted ones, at two velocities, for several seeds.
 #[test]
 fn planted_cracks_are_visible_and_shift_as_stated() {
     for seed in 1..=4 {
@@ -81,8 +81,8 @@ fn planted_cracks_are_visible_and_shift_as_stated() {
     }
 }
 
-/// Catches a page that is wrong on Eq. 54: divided by the range, the same scatter of two repetitions counts for less
-/// as soon as part of the ring is cracked; divided by the standard deviation of sound locations it does not.
+/// Catches a page that is wrong on Eq. 54: divided by the range, the same scatter of two repetitions counts for less as
+/// soon as part of the ring is cracked; divided by the standard deviation of sound locations, it does not.
 #[test]
 fn eq_54_takes_a_crack_for_repeatability() {
     let crack = Crack { first_location: 40, location_count: 20, depth_mm: 5.0, length_mm: 25.0, ..Crack::default() };
@@ -97,15 +97,15 @@ fn eq_54_takes_a_crack_for_repeatability() {
         (squares / a.len() as f64).sqrt() / (all[all.len() - 1] - all[0])
     };
     let (sound, cracked) = (repeated(&mut rig(1, vec![])), repeated(&mut rig(1, vec![crack])));
-    // F_max and PR, of which the crack moves the range by far more than the scatter.
+    // F_max and PR, whose range the crack changes by far more than the scatter.
     for i in [0, 3] {
         let (without, with) = (nor_rmse(&sound, i), nor_rmse(&cracked, i));
         assert!(with < 0.5 * without, "{}: {with} with a crack, {without} without", NAMES[i]);
     }
 }
 
-/// Catches depth or length that has no effect, or the wrong one: the least visible crack still to be found, and one
-/// that is too deep.
+/// Catches depth or length without effect, or with the wrong one: the smallest detectable crack, and one that is too
+/// deep.
 #[test]
 fn deep_cracks_look_sound() {
     let all: Vec<u32> = (0..40).collect();
@@ -122,7 +122,7 @@ fn deep_cracks_look_sound() {
     }
 }
 
-/// Catches a crack that is not strongest at the belt edge, or not nearly gone at 15 mm.
+/// Catches a crack that is not strongest at the belt edge, or still noticeable at 15 mm.
 #[test]
 fn cracks_fade_with_the_offset() {
     let all: Vec<u32> = (0..20).collect();
@@ -136,7 +136,7 @@ fn cracks_fade_with_the_offset() {
     assert!(shifts[3] < 0.25 * shifts[0] && shifts[3] > 0.0, "{shifts:?}");
 }
 
-/// Catches a sound ring with a place that stands out for good, which would be called damage.
+/// Catches a sound ring with a place that always stands out, which would count as damage.
 #[test]
 fn a_sound_ring_is_homogeneous() {
     for seed in 1..=5 {
@@ -167,7 +167,7 @@ fn a_sound_ring_is_homogeneous() {
     }
 }
 
-/// Catches a record that does not look like Figs. 56 and 57: peak, duration, delay, first swing down, silence at last.
+/// Catches a record unlike Figs. 56 and 57: peak, duration, delay, first swing down, silence at the end.
 #[test]
 fn a_record_looks_like_the_recorded_ones() {
     let quiet = SimulationConfig { sound_noise_v: 0.0, hum_v: 0.0, force_noise_n: 0.0, ..SimulationConfig::default() };
@@ -186,7 +186,7 @@ fn a_record_looks_like_the_recorded_ones() {
     }
 }
 
-/// Catches a closing tap elsewhere than at location 0, or one that is its copy.
+/// Catches a closing tap that is not at location 0, or that copies the tap there.
 #[test]
 fn the_closing_tap_is_at_location_0_again() {
     let calm = SimulationConfig {
@@ -205,7 +205,7 @@ fn the_closing_tap_is_at_location_0_again() {
     assert!((f_max(&first) - f_max(&other)).abs() > 0.5);
 }
 
-/// Catches velocity that is not recorded: measured and true velocity follow each other, force follows both.
+/// Catches a velocity that is not recorded: the measured velocity follows the true one, and the force follows both.
 #[test]
 fn the_measured_velocity_follows_the_true_one() {
     let exact = SimulationConfig { velocity_error: 0.0, repeatability: 0.0, ..SimulationConfig::default() };
@@ -220,7 +220,7 @@ fn the_measured_velocity_follows_the_true_one() {
     }
 }
 
-/// Catches a panic or a pulse from nowhere on taps that make no sense.
+/// Catches a panic or an unexpected pulse for taps that make no sense.
 #[test]
 fn senseless_taps_are_noise_and_do_not_panic() {
     let mut rig = rig(1, vec![whole_ring(5.0, 20.0)]);
@@ -240,7 +240,7 @@ fn senseless_taps_are_noise_and_do_not_panic() {
     }
 }
 
-/// Catches configurations and tyres that are let through.
+/// Catches wrong configurations and tyres that are accepted.
 #[test]
 fn bad_configurations_are_named() {
     let default = SimulationConfig::default();
@@ -261,7 +261,7 @@ fn bad_configurations_are_named() {
     assert_eq!(toml::from_str::<SimulationConfig>("").unwrap(), default);
 }
 
-/// What a tap costs, beside the random bytes it cannot do without; run with `--ignored --nocapture`.
+/// The cost of a tap, beside that of its random bytes; run with `--ignored --nocapture`.
 #[test]
 #[ignore = "prints a measurement"]
 fn cost_of_a_tap() {
@@ -282,7 +282,7 @@ fn cost_of_a_tap() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// Catches anything carried from tap to tap: order and rig must not matter, every part of the identity must.
+    /// Catches state carried from tap to tap: order and rig must not matter, every part of the identity must.
     #[test]
     fn taps_depend_on_their_identity_alone(seed in any::<u64>(), location in 0..101_u32, velocity in 0.5..2.0_f64) {
         let cracks = plant_cracks(seed, SERIAL, 100, 3);
@@ -305,7 +305,8 @@ proptest! {
     }
 }
 
-/// Catches a compliance that is felt where there is no crack, does not fade with the crack, or is that of its stiffness.
+/// Catches a compliance where there is no crack, one that does not fade with the crack, and one that depends on its
+/// stiffness.
 #[test]
 fn compliance_tells_how_strongly_a_crack_is_felt() {
     let crack = Crack { first_location: 40, location_count: 5, ..Crack::default() };

@@ -1,4 +1,4 @@
-//! What the simulated rig records and how imperfect it and its tyres are.
+//! What the simulated rig records, and how imperfect it and its tyres are.
 
 use serde::{Deserialize, Serialize};
 
@@ -31,9 +31,9 @@ pub struct SimulationConfig {
     pub hum_hz: f64,
     /// Standard deviation of the impact velocity around the planned one.
     pub velocity_jitter: f64,
-    /// Standard deviation of the velocity's measurement.
+    /// Standard deviation of the error of measured velocities.
     pub velocity_error: f64,
-    /// Greatest change of the microphone's gain over a turn.
+    /// Largest change of the microphone's gain over a turn.
     pub gain_drift: f64,
     /// Standard deviation from tap to tap of the contact's stiffness and of the loudness.
     pub repeatability: f64,
@@ -79,7 +79,7 @@ impl SimulationConfig {
     /// Checks every quantity against its bounds.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] names the first that is not.
+    /// [`Error::OutOfRange`] names the first quantity that is out of bounds.
     pub fn validate(&self) -> Result<(), Error> {
         for (name, value, low, high) in [
             ("sample_rate_hz", self.sample_rate_hz, 1e3, 1e7),

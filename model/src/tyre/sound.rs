@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 /// Speed of sound in air.
 pub(crate) const SOUND_M_PER_S: f64 = 343.0;
 
-/// Modes that sound together: those of the casing, and that of the layer above a crack.
+/// Number of modes: those of the casing, and that of the layer above a crack.
 pub(crate) const MODES: usize = 6;
 
-/// One damped mode, as the voltage that an impulse upon it makes at the microphone.
+/// One damped mode, as the voltage at the microphone after an impulse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Mode {
     /// Frequency without damping.
@@ -17,7 +17,7 @@ pub(crate) struct Mode {
     pub damping_ratio: f64,
     /// Amplitude after an impulse of 1 N s; the surface goes in first, so the voltage goes down.
     pub voltage_v_per_n_s: f64,
-    /// Phase phi of the mode, which Eq. 42 leaves open: 0 sounds with the surface's velocity, -pi/2 with its deflection.
+    /// Phase phi of the mode, which Eq. 42 leaves open: 0 follows the surface's velocity, -pi/2 its deflection.
     pub phase_rad: f64,
 }
 
@@ -29,7 +29,7 @@ impl Mode {
 
 /// Modes of a sound casing on its rim: low and well damped, with little above 550 Hz.
 ///
-/// Made up to sound like Fig. 57 (a downward peak of about half a volt, silence after some 80 ms), not measured.
+/// Invented to look like Fig. 57 (a downward peak of about half a volt, silence after some 80 ms), not measured.
 pub(crate) const CASING: [Mode; 5] = [
     casing_mode(92.0, 0.12, 22.0),
     casing_mode(168.0, 0.10, 16.0),
@@ -44,8 +44,8 @@ const fn casing_mode(frequency_hz: f64, damping_ratio: f64, voltage_v_per_n_s: f
 
 /// Modes as resonators that turn force into voltage sample by sample.
 ///
-/// A mode after an impulse is exp(-d w t) cos(w_d t + phi), the projection of a rotation in the complex plane; between two samples
-/// the force enters by the trapezoid rule.
+/// After an impulse, a mode is exp(-d w t) cos(w_d t + phi), the projection of a rotation in the complex plane. Between
+/// two samples the force enters by the trapezoid rule.
 #[derive(Debug)]
 pub(crate) struct Resonators {
     pole_re: [f64; MODES],
@@ -78,7 +78,7 @@ impl Resonators {
         }
     }
 
-    /// Voltage at the next sample, where the force is `force_n` after `last_n` at the one before.
+    /// Voltage at the next sample, where the force is `force_n` after `last_n` at the previous one.
     pub(crate) fn step(&mut self, last_n: f64, force_n: f64) -> f64 {
         let mut sum = 0.0;
         for i in 0..MODES {
@@ -102,7 +102,7 @@ mod tests {
 
     const FS: f64 = 40_960.0;
 
-    /// Catches a wrong pole, drive or sign: the slow twin is the convolution of the force with each mode's answer.
+    /// Catches a wrong pole, drive or sign: the slow twin convolves the force with each mode's response.
     #[test]
     fn resonators_are_a_convolution() {
         let force = |n: usize| if n < 40 { (TAU * 0.5 * n as f64 / 40.0).sin() * 30.0 } else { 0.0 };
@@ -127,7 +127,7 @@ mod tests {
         }
     }
 
-    /// Catches a casing that rings on past 100 ms or goes up first.
+    /// Catches a casing that rings for more than 100 ms, or whose sound begins upwards.
     #[test]
     fn a_casing_goes_down_first_and_falls_silent() {
         let mut modes = [Mode::SILENT; MODES];
