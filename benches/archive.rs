@@ -1,7 +1,8 @@
-//! What keeping and judging again costs: codecs, the writer against plain writes, reprocessing against a Python program.
+//! The cost of archiving and of reprocessing: codecs, the writer compared with plain writes, reprocessing compared with
+//! a Python program.
 //!
-//! Everything is measured in this one run, by turns, on a simulated tyre; the peer is `benches/peer.py`, run by the Python
-//! that `TAPLINE_PYTHON` names or the usual `python3`, where it has h5py, Blosc and scipy.
+//! Everything is measured in one run, in turns, on a simulated tyre. The Python program is `benches/peer.py`; it is run
+//! by the Python that `TAPLINE_PYTHON` names, or by `python3`, if that has h5py, Blosc and scipy.
 #![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
 
 mod common;
@@ -27,7 +28,7 @@ use common::{print_table, quantile};
 
 const ROUNDS: usize = 15;
 
-/// Beginning of a record that has the pulse and most of the ringing.
+/// Beginning of a record with the pulse and most of the ringing.
 const BEGINNING_S: f64 = 0.1;
 
 struct Scan {
@@ -45,7 +46,7 @@ impl Scan {
             let mut header = TapHeader::default();
             let mut buffer = vec![CacheLine::default(); cache_lines_for(plan.recording.payload_bytes_max())];
             line.render(row, 0, &mut header, &mut buffer)?;
-            // What a publisher would add.
+            // What a publisher would set.
             header.stamp.kind = RecordKind::Data.code();
             taps.push((header, buffer));
         }
@@ -56,12 +57,12 @@ impl Scan {
         self.taps.iter().map(|(header, _)| header.payload_bytes()).sum()
     }
 
-    /// Seconds to put every tap into a new archive and have it on the disk.
+    /// Seconds to write every tap into a new archive and sync it to the disk.
     fn write(&self, path: &Path, codec: Codec) -> Result<f64> {
         drop(fs::remove_file(path));
         let mut writer = Writer::create(path, &self.plan, 0, Lineage { codec, .."[store]\n".into() })?;
         let begin = Instant::now();
-        // As the stage does when taps come faster than they can be kept.
+        // As the stage does if taps come faster than it can write them.
         for flushed in self.taps.chunks(64) {
             for batch in flushed.chunks(TapTopic::BORROWED) {
                 let taps: Vec<(&TapHeader, &[u8])> =
@@ -84,7 +85,7 @@ fn main() -> Result<()> {
     reprocessing(&scan, &archive, BEGINNING_S)
 }
 
-/// Seconds to write `chunks` one after another and have them on the disk.
+/// Seconds to write `chunks` one after another and sync them to the disk.
 fn plain_write(path: &Path, chunks: &[Vec<u8>]) -> Result<f64> {
     let mut file = File::create(path)?;
     let begin = Instant::now();
@@ -95,7 +96,7 @@ fn plain_write(path: &Path, chunks: &[Vec<u8>]) -> Result<f64> {
     Ok(begin.elapsed().as_secs_f64())
 }
 
-/// The chunks of an archive as they lie in it.
+/// The chunks of an archive as they are stored.
 fn chunks_of(path: &Path) -> Result<Vec<Vec<u8>>> {
     let file = hdf5::File::open(path)?;
     let samples = file.dataset("taps/samples")?;
@@ -122,7 +123,7 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
             ours.push(scan.write(&path, codec)?);
             theirs.push(plain_write(&plain, &chunks)?);
         }
-        // The discriminators are not there, so no tap is archived; a finished archive is read below.
+        // This archive has no discriminators, so none of its taps is archived; a finished archive is read below.
         let finished = folder.join(format!("{codec}-finished.h5"));
         judged(scan, &finished)?;
         let repacked = folder.join(format!("{codec}-read.h5"));
@@ -162,7 +163,7 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A finished archive, with its verdicts.
+/// A finished archive with verdicts.
 fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     drop(fs::remove_file(path));
     let mut writer = Writer::create(path, &scan.plan, 0, "[store]\n")?;
@@ -188,8 +189,8 @@ fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     Ok(Reader::open(path)?)
 }
 
-/// Judging the taps again on one core, in its parts, and the Python program on the same taps and core; of the first `record_s`
-/// of each, or all of them.
+/// Seconds to judge the taps again on one core, by part, and of the Python program on the same taps and core; with the
+/// first `record_s` of each tap, or all of it.
 #[expect(clippy::cast_precision_loss, reason = "a count of taps")]
 fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
     let config = ProcessConfig { record_s, ..ProcessConfig::default() };
@@ -209,8 +210,8 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
             black_box(taps.read_beginning(row, used, &mut room)?);
         }
         unpack.push(us(begin));
-        // Record by record, as it is done: the samples are still in the cache when they are looked at.
-        // What was mapped for the first readings is not there for the second.
+        // One record after the other, as reprocessing does, so that the samples are still in the cache when they are used.
+        // Opened again, so that nothing of the first readings is reused.
         let taps = reader.taps()?;
         let mut extractor = ProcessExtractor::new(&config)?;
         let begin = Instant::now();
@@ -253,7 +254,7 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
     Ok(())
 }
 
-/// Seconds the Python program takes; `None` where it cannot run.
+/// Seconds that the Python program takes; `None` if it cannot run.
 fn python(archive: &Path, record_s: f64) -> Option<f64> {
     let named = std::env::var("TAPLINE_PYTHON").ok();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peer.py");

@@ -1,8 +1,8 @@
-//! What one hop between processes costs, over the topics of the line, a Unix socket and a pipe.
+//! The cost of one hop between processes: over the topics of the line, a Unix socket and a pipe.
 //!
-//! One producer writes every record of 64 KiB, two consumers in processes of their own read and sum it, as `process`
-//! and `store` do. Over a topic it is written once, into shared memory, and read there; a socket and a pipe take it
-//! twice, once for each consumer, through the kernel, with the buffers the system gives them.
+//! One producer writes records of 64 KiB; two consumers, each in its own process, read and sum them, as `process` and
+//! `store` do. For a topic, a record is written once, into shared memory, and read there. A socket and a pipe copy it
+//! twice, once per consumer, through the kernel, with the default buffers of the system.
 #![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
 
 mod common;
@@ -29,7 +29,7 @@ const RECORDS: u64 = 12_000;
 const ROUNDS: usize = 5;
 const PACED_PER_S: u64 = 500;
 const PACED_RECORDS: u64 = 1_000;
-/// Tells a copy of this program which consumer it is.
+/// Tells a copy of this program which consumer to be.
 const ROLE: &str = "TAPLINE_BENCH_HOP";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,18 +74,19 @@ fn compare() -> Result<()> {
     Ok(())
 }
 
-/// What one run took.
+/// The result of one run.
 #[derive(Debug)]
 struct Run {
     elapsed_s: f64,
     producer_cpu_us: f64,
     /// Mean of the two consumers.
     consumer_cpu_us: f64,
-    /// Median and 99th percentile of the first consumer: over a topic it is woken for every record, and the second looks by itself.
+    /// Median and 99th percentile of the first consumer. Over a topic, it is woken for every record; the second one
+    /// polls.
     latency_us: (f64, f64),
 }
 
-/// Sends `count` records over `way`, one a `period` or as fast as they are taken.
+/// Sends `count` records over `way`, one per `period` or as fast as they are accepted.
 fn run(way: Way, count: u64, period: Option<Duration>) -> Result<Run> {
     let (cpu_ns, begin_ns, reports) = match way {
         Way::Topic => over_topic(count, period)?,
@@ -108,7 +109,7 @@ fn run(way: Way, count: u64, period: Option<Duration>) -> Result<Run> {
 
 // ---- the record ------------------------------------------------------------------------------------------------
 
-/// Writes record number `number` into `bytes`: its number, when it is sent, and a word for each place.
+/// Writes record number `number` into `bytes`: the number, the time of sending, and a word for each position.
 fn fill(bytes: &mut [u8], number: u64) {
     let (words, _) = bytes.as_chunks_mut::<8>();
     for (k, word) in (0_u64..).zip(words.iter_mut()) {
@@ -118,7 +119,7 @@ fn fill(bytes: &mut [u8], number: u64) {
     words[1] = now_ns().to_ne_bytes();
 }
 
-/// The number and the time in a record, `None` when its other words are not what that number asks for.
+/// The number and the time in a record; `None` if its other words do not fit the number.
 fn check(bytes: &[u8]) -> Option<(u64, i64)> {
     let (words, _) = bytes.as_chunks::<8>();
     let (&[number, sent_ns], rest) = words.split_first_chunk::<2>()?;
@@ -128,7 +129,7 @@ fn check(bytes: &[u8]) -> Option<(u64, i64)> {
     (sum == number.wrapping_mul(rest_count).wrapping_add(places)).then_some((number, i64::from_ne_bytes(sent_ns)))
 }
 
-/// Time on a processor that this process has had, in ns.
+/// Processor time of this process so far, in ns.
 fn cpu_ns() -> u64 {
     let text = |entry: std::fs::DirEntry| std::fs::read_to_string(entry.path().join("schedstat")).ok();
     let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
@@ -137,7 +138,7 @@ fn cpu_ns() -> u64 {
 
 // ---- the producer ----------------------------------------------------------------------------------------------
 
-/// Calls `send` for each record number, in time; the CPU time that took and when it began.
+/// Calls `send` for each record number, on schedule; returns the processor time that took, and when it began.
 fn produce(count: u64, period: Option<Duration>, mut send: impl FnMut(u64) -> Result<()>) -> Result<(u64, i64)> {
     let (cpu_before, begin_ns, begin) = (cpu_ns(), now_ns(), Instant::now());
     for number in 0..count {
@@ -186,7 +187,7 @@ fn over_stream(way: Way, count: u64, period: Option<Duration>) -> Result<(u64, i
         ends.push(File::from(ours));
         consumers.push(start("stream", Stdio::from(theirs))?);
     }
-    // Not before they are there: their start is not what is measured.
+    // Waits until they have started, because their start is not to be measured.
     std::thread::sleep(Duration::from_millis(50));
     let mut bytes = vec![0_u8; BYTES];
     let (cpu_ns, begin_ns) = produce(count, period, |number| {
@@ -206,7 +207,7 @@ fn start(role: &str, stdin: Stdio) -> Result<Child> {
     command.spawn().with_context(|| format!("cannot start the consumer {role}"))
 }
 
-/// A line that has room for these records and little else.
+/// Limits of a line with room for these records and little else.
 fn limits() -> Limits {
     let casing = CasingLimits { taps: 1, room: 0, scans: 1, locations: 1, record_bytes: BYTES };
     Limits { casing, ..Limits::default() }

@@ -1,7 +1,7 @@
-//! What each kernel costs per tap, beside a bare transform, a conversion and a copy of the same record.
+//! The cost of each kernel per tap, compared with a bare transform, a conversion and a copy of the same record.
 //!
-//! All kernels take turns in every round, so that what slows the machine down slows all of them; ratios are taken from
-//! one run. The lower quartile is the better figure on a busy machine: other work only ever slows down.
+//! All kernels take turns in every round, so that what slows the machine down slows all of them; ratios are from one
+//! run. The lower quartile is the better figure on a busy machine, because other work only ever slows down.
 #![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
 
 mod common;
@@ -24,12 +24,12 @@ use tapline_wire::{
 use common::{print_table, quantile};
 
 const ROUNDS: usize = 60;
-/// Taps a round, from all over the tyre: 4 MiB of records, more than the inner caches hold.
+/// Taps per round, from all over the tyre: 4 MiB of records, more than the inner caches hold.
 const TAPS: usize = 64;
 /// Samples of one channel.
 const COUNT: usize = 16_384;
 
-/// One tap as the line has it, and its sound alone as another converter would give it.
+/// One tap as the line has it, and its sound alone as another converter would record it.
 struct Tap {
     row: u32,
     header: TapHeader,
@@ -47,7 +47,7 @@ impl Tap {
     }
 }
 
-/// A kernel, the taps it stands for in one call, and its times per tap in us.
+/// A kernel, the number of taps per call, and its times per tap in us.
 struct Kernel<'a> {
     name: &'static str,
     taps_per_call: usize,
@@ -56,7 +56,7 @@ struct Kernel<'a> {
 }
 
 impl<'a> Kernel<'a> {
-    /// A kernel that takes one tap at a time.
+    /// A kernel that is called for one tap at a time.
     fn per_tap(name: &'static str, taps: &'a [Tap], mut each: impl FnMut(&'a Tap) -> f64 + 'a) -> Self {
         let call = move || taps.iter().map(&mut each).sum();
         Self { name, taps_per_call: taps.len(), call: Box::new(call), us_per_tap: Vec::new() }
@@ -87,7 +87,7 @@ fn main() -> Result<()> {
     kernels.push(judge(fusion, &records));
     kernels.extend(again);
     kernels.extend(ladder());
-    // Cargo itself gives arguments that begin with a dash.
+    // Cargo adds arguments that begin with a dash.
     let asked: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     kernels.retain(|kernel| {
         asked.is_empty() || kernel.name.starts_with("yardstick") || asked.iter().any(|word| kernel.name.contains(word))
@@ -123,7 +123,7 @@ fn tyre(line: &mut SimulatedLine, extractor: &mut ProcessExtractor) -> Result<(V
     Ok((taps, records))
 }
 
-/// Adds the sound alone, in volts.
+/// Adds a record of the sound alone, in volts.
 fn with_mono(mut tap: Tap) -> Tap {
     let sound = tap.header.channels[1];
     #[expect(clippy::cast_possible_truncation, reason = "a converter that gives f32 does the same")]
@@ -192,7 +192,7 @@ fn extract<'a>(name: &'static str, taps: &'a [Tap], mut extractor: ProcessExtrac
     })
 }
 
-/// The whole tyre: every record taken in, every scan ended and judged.
+/// The whole tyre: all records are added, and all scans are ended and judged.
 fn judge(fusion: Fusion, records: &[Discriminators]) -> Kernel<'_> {
     let mut fresh = vec![fusion; ROUNDS];
     let call = move || judged(&mut fresh.pop().expect("one a round"), records);
@@ -212,8 +212,8 @@ fn judged(fusion: &mut Fusion, records: &[Discriminators]) -> f64 {
     0.0
 }
 
-/// One tyre after the other from stored discriminators, as a new configuration judges an archive again: each call takes
-/// the records in as those of a further attempt, so that nothing of the tyre before is of use.
+/// One tyre after the other from stored discriminators, as when an archive is judged again with a new configuration.
+/// Each call adds the records as a further attempt, so that no work on the previous tyre can be reused.
 fn judge_again(extractor: &mut ProcessExtractor) -> Result<Vec<Kernel<'static>>> {
     let mut kernels = Vec::new();
     for (offsets_mm, repetitions, names) in [
@@ -250,8 +250,8 @@ fn judge_again(extractor: &mut ProcessExtractor) -> Result<Vec<Kernel<'static>>>
     Ok(kernels)
 }
 
-/// One contact on each rung of the ladder, and on the one that a tolerance chooses: casings with cracks 4 to 250 mm deep,
-/// most of them deep ones, as most places of a casing are sound.
+/// One contact on each rung of the ladder, and on the one that a tolerance chooses. The cracks are 4 to 250 mm deep,
+/// mostly deep, because most locations of a casing are sound.
 fn ladder() -> Vec<Kernel<'static>> {
     #[expect(clippy::cast_precision_loss, reason = "a small index")]
     let scenes: Vec<Scene> = (0..TAPS)

@@ -1,7 +1,7 @@
-//! How fast a whole line goes: the built program, from simulated taps to verdicts in an archive.
+//! The speed of a whole line: the built program, from simulated taps to verdicts in an archive.
 //!
-//! Beside it, in the same rounds: the same taps simulated in one thread and sent nowhere, which is the part of the
-//! work that a rig would do by itself; and their bytes written to one file and brought to the disk.
+//! The same rounds also measure the taps simulated in one thread and sent nowhere, which is work that a real rig would
+//! do, and their bytes written to one file and synced to the disk.
 #![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
 
 mod common;
@@ -22,18 +22,18 @@ use common::{print_table, quantile};
 
 const ROUNDS: usize = 3;
 const STATIONS: [u16; 3] = [1, 2, 4];
-/// Full turns of all stations together: every line takes the same number of taps, 9696.
+/// Full turns of all stations together; every line has the same number of taps, 9696.
 const TURNS: u16 = 8;
-/// Clock ticks a second in `/proc/self/stat`, on every Linux there is.
+/// Clock ticks per second in `/proc/self/stat`, on every Linux.
 const TICKS_PER_S: f64 = 100.0;
 
-/// The default scan with two offsets, its turns shared out among `stations`.
+/// The default scan with two offsets, its turns distributed over `stations`.
 fn scan(stations: u16) -> ScanConfig {
     ScanConfig { stations, offsets_mm: vec![0.0, 10.0], repetitions: TURNS / stations, ..ScanConfig::default() }
 }
 
 fn main() -> Result<()> {
-    // Beside the build, since a folder for temporary files may be memory, which no archive is.
+    // Beside the build, because a temporary folder may be in memory, which no archive is.
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR"))?;
     let mut lines: [Vec<Pace>; 3] = Default::default();
     let (mut renders, mut writes) = (Vec::new(), Vec::new());
@@ -49,7 +49,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// How one line went.
+/// The result of one line.
 #[derive(Debug)]
 struct Pace {
     taps_per_s: f64,
@@ -92,16 +92,17 @@ fn run_line(folder: &Path, stations: u16) -> Result<Pace> {
     })
 }
 
-/// Time on a processor that all ended children have had, and theirs.
+/// Processor time of all children that have ended, and of their children.
 fn children_cpu_s() -> Result<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat")?;
-    // Behind the name, which may hold anything: state is field 3, and the children's times are 16 and 17.
+    // The name may contain anything; the fields after it are counted: state is field 3, the children's times are 16 and
+    // 17.
     let fields = stat.rsplit(") ").next().unwrap_or_default().split(' ');
     let ticks: Vec<f64> = fields.skip(13).take(2).map(str::parse).collect::<Result<_, _>>()?;
     Ok(ticks.iter().sum::<f64>() / TICKS_PER_S)
 }
 
-/// Taps a second when one thread simulates them all and does nothing else.
+/// Taps per second when one thread only simulates them.
 fn render() -> Result<f64> {
     let mut source = SimulatedLine::new(&scan(STATIONS[2]), &SimulationConfig::default())?;
     let mut buffer = record_of(&source);
@@ -114,7 +115,7 @@ fn render() -> Result<f64> {
     Ok(f64::from(count) / begin.elapsed().as_secs_f64())
 }
 
-/// Taps a second when their bytes are written to one file and brought to the disk.
+/// Taps per second when their bytes are written to one file and synced to the disk.
 fn write(folder: &Path) -> Result<f64> {
     let source = SimulatedLine::new(&scan(STATIONS[2]), &SimulationConfig::default())?;
     let buffer = record_of(&source);

@@ -1,6 +1,6 @@
-//! What the benches share: order statistics and a plain table.
+//! Order statistics and a plain table, for all benches.
 
-/// Value below which the fraction `q` of `values` lies, NaN where there are none; sorts them.
+/// Value below which the fraction `q` of `values` lies, NaN if there are none; sorts them.
 pub(crate) fn quantile(values: &mut [f64], q: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
@@ -14,7 +14,7 @@ pub(crate) fn quantile(values: &mut [f64], q: f64) -> f64 {
     values.get(place).copied().unwrap_or(f64::NAN)
 }
 
-/// Prints `rows` under `head`: the first column to the left, numbers to the right.
+/// Prints `rows` under `head`, the first column left-aligned and numbers right-aligned.
 pub(crate) fn print_table<const N: usize>(title: &str, head: [&str; N], rows: &[[String; N]]) {
     let cells_of = |k: usize| std::iter::once(head[k].len()).chain(rows.iter().map(move |row| row[k].chars().count()));
     let widths: [usize; N] = std::array::from_fn(|k| cells_of(k).fold(0, |most, n| if n > most { n } else { most }));

@@ -1,4 +1,4 @@
-//! `tapline report`: one page a tyre and one a shift, from the archive alone, to be read offline and printed.
+//! `tapline report`: one page per tyre and one per shift, from the archive alone, to read offline and to print.
 
 mod evidence;
 mod figures;
@@ -20,7 +20,7 @@ use crate::report::pages::shift::Shift;
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";
 
-/// Writes the pages of the archives at `paths` into the folder `out`, or into one named after the first of them.
+/// Writes the pages of the archives at `paths` into the folder `out`, or into one named after the first archive.
 pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Result<bool> {
     let archives = Archives::find(paths, which)?;
     let folder = out.map_or_else(|| default_folder(&paths[0]), Path::to_owned);
@@ -29,7 +29,7 @@ pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Res
     for file in &archives.files {
         let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
         let Some(evidence) = outcome.take(file, Evidence::read(&reader))? else { continue };
-        // Where a page of it cannot be made, the shift has nothing of it either.
+        // If one of its pages cannot be made, the archive is left out of the shift too.
         let pages =
             evidence.tyres.iter().map(|tyre| pages::tyre::page(&reader, &evidence, tyre)).collect::<Result<Vec<_>>>();
         let Some(pages) = outcome.take(file, pages)? else { continue };
@@ -42,7 +42,7 @@ pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Res
         shift.take(evidence);
     }
     let is_complete = outcome.end()?;
-    // Last, as it names the others.
+    // Last, because it links to the others.
     let title = if archives.is_many { title_of(paths) } else { String::new() };
     if let Some(page) = shift.page(title)? {
         put(&folder, SHIFT, &page)?;
@@ -50,7 +50,7 @@ pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Res
     Ok(is_complete)
 }
 
-/// What the page of a shift calls many archives.
+/// Title of the page of a shift with many archives.
 fn title_of(paths: &[PathBuf]) -> String {
     let name = |path: &PathBuf| {
         let whole = std::path::absolute(path).unwrap_or_else(|_| path.clone());
@@ -63,7 +63,7 @@ fn title_of(paths: &[PathBuf]) -> String {
     }
 }
 
-/// Writes a page and prints where it is.
+/// Writes a page and prints its path.
 fn put(folder: &Path, name: &str, page: &str) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let path = folder.join(name);
@@ -78,8 +78,8 @@ fn default_folder(first: &Path) -> PathBuf {
     PathBuf::from(format!("{}-report", name.unwrap_or_default().to_string_lossy()))
 }
 
-/// The files of the tyres' pages: each its serial with what a file name or an address may not hold replaced, and numbered
-/// where two would be the same on some file system.
+/// File names of the tyres' pages: each is the serial, with characters replaced that a file name or an address may not
+/// have, and with a number where two would be equal on some file system.
 #[derive(Default)]
 struct Names {
     taken: BTreeSet<String>,
@@ -101,7 +101,7 @@ mod tests {
 
     use super::*;
 
-    /// Catches a page that overwrites another's, or lies in another folder.
+    /// Catches a page that overwrites another, or is in another folder.
     #[test]
     fn every_tyre_has_a_file_of_its_own() {
         let tyre = |serial: &str| Tyre { serial: Serial::new(serial).unwrap(), shoulders: Vec::new(), condition: None };

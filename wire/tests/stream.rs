@@ -25,7 +25,7 @@ fn limits() -> Limits {
     Limits { casing, ..Limits::default() }
 }
 
-/// An address of its own for each test, cleared when the test ends.
+/// A separate address for each test, cleared when the test ends.
 struct Place(LineAddress);
 
 impl Place {
@@ -44,7 +44,7 @@ fn join(address: &LineAddress, role: Role) -> Line {
     Line::join(address, role, &limits(), Arc::default()).unwrap()
 }
 
-/// Sends `count` taps; tap k carries k in its plan index and in all its samples.
+/// Sends `count` taps; tap k has k as its plan index and in all its samples.
 fn send_taps(publisher: &Publisher<'_, TapTopic>, from: u32, count: u32) -> Result<(), LineError> {
     for k in from..from + count {
         let mut loan = publisher.loan(SAMPLES as usize * 2 / 64)?;
@@ -57,7 +57,8 @@ fn send_taps(publisher: &Publisher<'_, TapTopic>, from: u32, count: u32) -> Resu
     Ok(())
 }
 
-/// Taps until one carries `last`: their plan indices in order, and the records lost. Calls `on_tap` after each.
+/// Receives taps until one has the plan index `last`; returns their plan indices in order, and the number of lost
+/// records. Calls `on_tap` after each tap.
 fn receive_taps(
     line: &Line,
     subscriber: &Subscriber<'_, TapTopic>,
@@ -83,7 +84,7 @@ fn in_thread<R: Send + 'static>(name: &str, work: impl FnOnce() -> R + Send + 's
     std::thread::Builder::new().name(name.to_owned()).spawn(work).unwrap()
 }
 
-/// Waits until `is_so`, and fails with `what` if that takes too long.
+/// Waits until `is_so`; fails with `what` if that takes too long.
 fn wait_until(what: &str, is_so: impl Fn() -> bool) {
     let deadline = Instant::now() + LONG;
     while !is_so() {
@@ -92,7 +93,7 @@ fn wait_until(what: &str, is_so: impl Fn() -> bool) {
     }
 }
 
-/// A subscriber in a thread of its own.
+/// A subscriber in its own thread.
 struct Receiving {
     /// Taps that it has received so far.
     count: Arc<AtomicU32>,
@@ -120,8 +121,8 @@ impl Receiving {
     }
 }
 
-/// Law 2. Without the READY handshake the publisher fills the buffer of a subscriber that has not mapped it yet, and
-/// everything beyond is dropped while `send` reports success.
+/// Law 2. Without the READY handshake, the publisher would fill the buffer of a subscriber that has not mapped it yet;
+/// all further records would be dropped although `send` reports success.
 #[test]
 fn subscribers_that_come_late_lose_nothing() {
     let place = Place::new();
@@ -147,7 +148,7 @@ fn a_restarted_publisher_loses_nothing() {
         let line = join(&place.0, Role::Acquire(0));
         let publisher = Publisher::<TapTopic>::open(&line).unwrap();
         send_taps(&publisher, life * 200, 200).unwrap();
-        // A sender waits before it leaves until its records are received, as acquire does.
+        // As acquire does, the sender waits until its records are received before it leaves.
         for subscriber in &subscribers {
             let has_all = || subscriber.count.load(Ordering::Relaxed) == (life + 1) * 200;
             wait_until("a subscriber has not received all records", has_all);
@@ -156,7 +157,8 @@ fn a_restarted_publisher_loses_nothing() {
     subscribers.into_iter().for_each(|subscriber| subscriber.assert_got(0..600));
 }
 
-/// Law 2. While a role has no subscriber the publisher waits; the one that comes back gets all that is sent from then on.
+/// Law 2. While a role has no subscriber, the publisher waits; the next subscriber receives everything sent from then
+/// on.
 #[test]
 fn a_publisher_waits_for_a_subscriber_that_restarts() {
     let place = Place::new();
@@ -173,7 +175,7 @@ fn a_publisher_waits_for_a_subscriber_that_restarts() {
     store.assert_got(0..600);
 }
 
-/// A process asked to stop does not wait for ever for someone who never comes.
+/// A process that is asked to stop does not wait for ever for an absent subscriber.
 #[test]
 fn a_stopped_publisher_gives_up() {
     let place = Place::new();
@@ -191,7 +193,7 @@ fn a_stopped_publisher_gives_up() {
     publisher.join().unwrap();
 }
 
-/// Catches a viewer that is waited for, and one that sees nothing before the next change.
+/// Catches a line that waits for a viewer, and a viewer that sees nothing before the next change.
 #[test]
 fn a_viewer_sees_the_newest_and_holds_nobody() {
     let place = Place::new();
@@ -211,7 +213,7 @@ fn a_viewer_sees_the_newest_and_holds_nobody() {
     }
 }
 
-/// Catches a record that reaches another than it is addressed to, and a publisher that does not notice a new receiver.
+/// Catches a record that reaches another role than its addressee, and a publisher that does not notice a new receiver.
 #[test]
 fn what_is_addressed_reaches_one() {
     let place = Place::new();
@@ -244,7 +246,7 @@ const CHILD_LINE: &str = "TAPLINE_TEST_LINE";
 /// What the child says once it is subscribed.
 const CHILD_IS_OPEN: &str = "subscribed";
 
-/// Not a test of its own: the subscriber that other tests kill.
+/// Not a test, but the subscriber process that other tests kill.
 #[test]
 fn child_subscriber() {
     let Ok(root) = std::env::var(CHILD_LINE) else { return };
@@ -255,7 +257,7 @@ fn child_subscriber() {
     receive_taps(&line, &subscriber, 399, |_| std::thread::sleep(pause));
 }
 
-/// A subscriber in a process of its own, which pauses after each tap. Returns once it is subscribed.
+/// A subscriber in its own process, which pauses after each tap. Returns once it is subscribed.
 fn child(address: &LineAddress, pause_ms: u32) -> Child {
     let mut child = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "child_subscriber", "--nocapture"])
@@ -266,7 +268,7 @@ fn child(address: &LineAddress, pause_ms: u32) -> Child {
         .unwrap();
     let stdout = child.stdout.take().unwrap();
     let (opened, is_open) = sync_channel(1);
-    // Reads to the end, because a child whose output nobody reads would fail.
+    // Reads to the end, because the child would fail if nobody read its output.
     in_thread("child's output", move || {
         for line in BufReader::new(stdout).lines().map_while(Result::ok) {
             if line.ends_with(CHILD_IS_OPEN) {
@@ -278,7 +280,8 @@ fn child(address: &LineAddress, pause_ms: u32) -> Child {
     child
 }
 
-/// Laws 2 and 5 of faults: killed while the publisher waits for it, a subscriber must not hold the publisher for ever.
+/// Laws 2 and 5 of faults: a subscriber that is killed while the publisher waits for it must not block the publisher
+/// for ever.
 #[test]
 fn a_killed_subscriber_does_not_hold_its_publisher() {
     let place = Place::new();
@@ -297,7 +300,7 @@ fn a_killed_subscriber_does_not_hold_its_publisher() {
     assert!(!publisher.is_finished());
     slow.kill().unwrap();
     slow.wait().unwrap();
-    // As the supervisor does, which knows that it died.
+    // As the supervisor does when a process has died.
     join(&place.0, Role::Supervisor).clear_dead();
     let mut quick = child(&place.0, 0);
     store.assert_got(0..400);
@@ -319,8 +322,8 @@ fn nothing_is_left_behind() {
     assert!(!place.0.root().exists());
 }
 
-/// Catches a line that cannot be cleared, and waits for ever, because a participant was killed between making a segment of
-/// shared memory and giving it a size.
+/// Catches a line that cannot be cleared, and waits for ever, because a participant was killed between creating a
+/// segment of shared memory and setting its size.
 #[test]
 fn a_segment_without_a_size_is_cleared_away() {
     let place = LineAddress::fresh().unwrap();

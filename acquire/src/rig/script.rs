@@ -1,4 +1,4 @@
-//! The simulated rig: the other side of the protocol, with everything that goes wrong at a real one.
+//! The simulated rig: the other side of the protocol, with everything that can go wrong at a real rig.
 
 use std::io::{self, Write as _};
 use std::net::{TcpListener, TcpStream};
@@ -12,47 +12,47 @@ use tapline_wire::Serial;
 use super::protocol::{LineReader, ReadLine, UNKNOWN, VERSION};
 use crate::Error;
 
-/// How soon a rig that waits notices that it is to stop.
+/// How often a waiting rig checks whether it is to stop.
 const TICK: Duration = Duration::from_millis(20);
 
 /// Longest time that a script may state, in s: a day.
 const TIME_MAX_S: f64 = 86_400.0;
 
-/// What a simulated rig does: shares are from 0 to 1, pairs of times are drawn from evenly.
+/// What a simulated rig does. Fractions are from 0 to 1; of a pair of times, one in between is drawn uniformly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RigScript {
-    /// Name that it says hello with.
+    /// The name in its hello.
     pub name: String,
-    /// Seed of everything that is left to chance.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Casings that come; for ever when left out.
+    /// Number of casings; unlimited if left out.
     pub casings: Option<u64>,
     /// Serials of the first casings, in order.
     pub serials: Vec<String>,
-    /// Serials of those after them: `{}` is the number of the casing, from 1.
+    /// Pattern of the serials after those: `{}` is the number of the casing, from 1.
     pub pattern: String,
-    /// Time from one casing to the next in s, from and to.
+    /// Range of the time from one casing to the next, in s.
     pub gap_s: [f64; 2],
-    /// Time in s to turn to a place.
+    /// Time in s to move to a location.
     pub move_s: f64,
     /// Time in s to hit.
     pub hit_s: f64,
-    /// By what share the velocity may be off the one that is asked for.
+    /// Largest relative error of the velocity.
     pub velocity_error: f64,
-    /// Share of casings whose serial cannot be read.
+    /// Fraction of casings whose serial cannot be read.
     pub unknown: f64,
-    /// Share of casings with the serial of the one before.
+    /// Fraction of casings with the serial of the one before.
     pub repeated: f64,
-    /// Share of casings that are taken away half done.
+    /// Fraction of casings that are removed before their last tap.
     pub removed: f64,
-    /// Share of casings during which the rig is switched off.
+    /// Fraction of casings during which the rig is switched off.
     pub switched_off: f64,
-    /// How long it is off in s, from and to.
+    /// Range of the time that it is off, in s.
     pub off_s: [f64; 2],
-    /// Share of those with another casing on the rig when it is switched on again.
+    /// Fraction of those with another casing on the rig when it is switched on again.
     pub swapped: f64,
-    /// Share of hits that fail.
+    /// Fraction of hits that fail.
     pub failed_hits: f64,
 }
 
@@ -131,16 +131,16 @@ impl RigScript {
     }
 }
 
-/// What a simulated rig has done.
+/// What a simulated rig did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RigReport {
     /// Casings that were put on it.
     pub casings: u64,
-    /// Those of which the station said that they are closed.
+    /// Casings that the station reported as closed.
     pub closed: u64,
-    /// Those that the station passed over or refused.
+    /// Casings that the station refused or did not accept.
     pub refused: u64,
-    /// Those that were taken away half done.
+    /// Casings that were removed before their last tap.
     pub removed: u64,
     /// How often it was switched off.
     pub switched_off: u64,
@@ -150,11 +150,12 @@ pub struct RigReport {
     pub failed_hits: u64,
 }
 
-/// Plays `script` to whoever connects to `listener`, one at a time, until its casings are done or `stop` is set.
+/// Plays `script` for whoever connects to `listener`, one connection at a time, until its casings are done or `stop` is
+/// set.
 ///
 /// # Errors
-/// [`Error::Setting`] for a script out of its bounds, [`Error::Rig`] when the listener fails. A station that goes away is
-/// none: the rig waits for it to come back.
+/// [`Error::Setting`] for a script out of its bounds, [`Error::Rig`] if the listener fails. A station that disconnects
+/// is no error; the rig waits for it to return.
 pub fn serve_rig(listener: &TcpListener, script: &RigScript, stop: &AtomicBool) -> Result<RigReport, Error> {
     script.validate()?;
     listener.set_nonblocking(true).map_err(Error::Rig)?;
@@ -170,7 +171,7 @@ pub fn serve_rig(listener: &TcpListener, script: &RigScript, stop: &AtomicBool) 
     while !rig.is_done() {
         match listener.accept() {
             Ok((stream, _)) => {
-                // Whatever ends it, the next connection begins with hello.
+                // Whatever ends the conversation, the next connection begins with hello.
                 if let Err(error) = rig.converse(stream) {
                     tracing::info!("the station has gone: {error}");
                 }
@@ -190,19 +191,19 @@ struct Rig<'a> {
     dice: Dice,
     report: RigReport,
     on_it: Option<OnRig>,
-    /// Serial of the casing before.
+    /// Serial of the previous casing.
     before: String,
     /// When the next casing comes.
     next_at: Instant,
 }
 
-/// The casing on the rig, and what will befall it.
+/// The casing on the rig, and what will happen to it.
 struct OnRig {
     serial: String,
     hits: u64,
     is_removed: bool,
     is_switched_off: bool,
-    /// The hit at which it does.
+    /// The hit at which it happens.
     at_hit: u64,
 }
 
@@ -212,7 +213,7 @@ impl Rig<'_> {
         self.stop.load(Ordering::Relaxed) || are_all_there && self.on_it.is_none()
     }
 
-    /// Talks to one station until it goes, the rig is switched off, or all is done.
+    /// Talks to one station until that disconnects, the rig is switched off, or all casings are done.
     fn converse(&mut self, mut stream: TcpStream) -> io::Result<()> {
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
@@ -243,7 +244,7 @@ impl Rig<'_> {
         Ok(())
     }
 
-    /// The next casing is put on the rig; its serial.
+    /// Puts the next casing on the rig; returns its serial.
     fn load(&mut self) -> String {
         let script = self.script;
         self.report.casings += 1;
@@ -264,13 +265,13 @@ impl Rig<'_> {
         serial
     }
 
-    /// The casing is taken off the rig; the next comes after its gap.
+    /// Takes the casing off the rig; the next one comes after its gap.
     fn unload(&mut self) {
         self.on_it = None;
         self.next_at = Instant::now() + self.dice.between(self.script.gap_s);
     }
 
-    /// Answers the station's `line`; whether the rig is on still.
+    /// Answers the station's `line`; returns whether the rig is still on.
     fn answer(&mut self, stream: &mut TcpStream, line: &str) -> io::Result<bool> {
         let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
         match word {
@@ -295,7 +296,7 @@ impl Rig<'_> {
                     self.unload();
                 }
             }
-            // The station does not take the serial: the casing is taken off.
+            // The station does not accept the serial, so the casing is taken off.
             "error" if self.on_it.as_ref().is_some_and(|casing| casing.hits == 0) => {
                 self.report.refused += 1;
                 say(stream, "removed")?;
@@ -344,7 +345,7 @@ impl Rig<'_> {
         self.rest(time.as_secs_f64());
     }
 
-    /// Takes its time, unless it is to stop.
+    /// Waits for `time_s`, unless it is to stop.
     fn rest(&self, time_s: f64) {
         let until = Instant::now() + Duration::try_from_secs_f64(time_s).unwrap_or_default();
         while !self.stop.load(Ordering::Relaxed)
@@ -359,7 +360,7 @@ fn say(stream: &mut TcpStream, line: &str) -> io::Result<()> {
     stream.write_all(format!("{line}\n").as_bytes())
 }
 
-/// Random numbers for what befalls casings (SplitMix64); no result depends on them.
+/// Random numbers for what happens to casings (SplitMix64); no result depends on them.
 struct Dice(u64);
 
 impl Dice {

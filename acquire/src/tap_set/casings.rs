@@ -1,4 +1,4 @@
-//! The casings of a tap set, and the stations at which they are.
+//! The casings of a tap set, and their stations.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -8,23 +8,23 @@ use tapline_wire::{Geometry, Serial, digest_of_parts};
 use crate::Error;
 use crate::tap_set::recordings::Recordings;
 
-/// A casing of a set, or a whole slab: the taps of one plan.
+/// A casing of a set, or a whole slab, with the taps of one plan.
 #[derive(Debug, Clone)]
 pub(crate) struct SetCasing {
-    /// Its serial, or the name of the folder of a slab.
+    /// Its serial, or for a slab the name of its folder.
     pub name: String,
     pub station: u16,
     /// Its rows of the set, ascending.
     pub rows: Vec<u32>,
 }
 
-/// The casings of `set` in order of first appearance, at the stations that the list names; those without one are dealt out to
-/// stations 1, 2, ... and round again.
+/// The casings of `set` in order of first appearance, at the stations that the list names. Those without a station go
+/// to stations 1, 2, ... in turn.
 pub(crate) fn casings_of(set: &Recordings, station_count: u16) -> Result<Vec<SetCasing>, Error> {
     check_station_count(station_count)?;
     let is_slab = set.geometry() == Geometry::Line;
     let mut casings: Vec<SetCasing> = Vec::new();
-    // For each casing the station that the list names, and the line that names it.
+    // For each casing, the station that the list names, and the line that names it.
     let mut named: Vec<Option<(u16, usize)>> = Vec::new();
     let mut number_of: HashMap<Serial, usize> = HashMap::new();
     for (number, row) in (0..).zip(set.taps()) {
@@ -65,7 +65,7 @@ pub(crate) fn check_station_count(station_count: u16) -> Result<(), Error> {
     if station_count == 0 { Err(refusal()) } else { Ok(()) }
 }
 
-/// Longest name of a slab: it is a part of file names.
+/// Longest name of a slab; it becomes part of file names.
 const FOLDER_NAME_BYTES_MAX: usize = 64;
 
 /// The name of the folder `dir`, shortened if it is too long.
@@ -74,6 +74,6 @@ fn folder_name(dir: &Path) -> String {
     let name = whole.file_name().map_or_else(|| "slab".to_owned(), |name| name.to_string_lossy().into_owned());
     let mut cut = name.clone();
     cut.truncate(name.floor_char_boundary(FOLDER_NAME_BYTES_MAX));
-    // The digest keeps two long names with the same beginning apart.
+    // The digest distinguishes two long names with the same beginning.
     if cut == name { name } else { format!("{cut}~{:08x}", digest_of_parts([name.as_bytes()]) >> 32) }
 }

@@ -1,6 +1,6 @@
-//! Optional columns of `taps.csv`: what an archive knows of a tap beyond what a recorder does.
+//! Optional columns of `taps.csv`: what an archive knows of a tap beyond what a recorder knows.
 //!
-//! Each column may be left out, and each cell may be empty: then the set, or its reader, decides as it does without.
+//! Each column may be missing, and each cell may be empty; then the set, or its reader, decides.
 
 use tapline_wire::{Geometry, Purpose, RETAKES_MAX, csv_text};
 
@@ -8,7 +8,7 @@ use crate::Error;
 use crate::tap_set::scan_toml::{FULL_SCALE_MAX, MICROPHONE_DISTANCE_M_MAX};
 use crate::tap_set::table::Row;
 
-/// The velocity that was measured, where `velocity_m_per_s` is the one that was asked for.
+/// The measured velocity; `velocity_m_per_s` is then the planned one.
 pub(crate) const MEASURED: &str = "velocity_measured_m_per_s";
 
 /// The columns.
@@ -24,22 +24,22 @@ pub(crate) const COLUMNS: &[&str] = &[
     "refused",
 ];
 
-/// What the optional columns say of one tap.
+/// The values of the optional columns for one tap.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Extras {
-    /// Rig that made the tap; without it the reader shares shoulders out over its stations.
+    /// Station that made the tap; without it the reader distributes casings over its stations.
     pub station: Option<u16>,
-    /// How many takes were of no use before this one.
+    /// How often the tap was taken before.
     pub attempt: u16,
-    /// What the tap is for; without it angle and location tell whether it closes its ring.
+    /// Purpose of the tap; without it, angle and location decide whether it closes its ring.
     pub purpose: Option<Purpose>,
-    /// When the impact happened, ns since the Unix epoch; 0 where the list does not say.
+    /// Time of the impact, ns since the Unix epoch; 0 if the list has none.
     pub tap_time_ns: i64,
-    /// Newtons of a full-scale sample of this tap, where it is not that of the set.
+    /// Newtons of a full-scale sample of this tap, if it differs from the set's.
     pub force_full_scale_n: Option<f64>,
-    /// Volts of a full-scale sample of this tap, where it is not that of the set.
+    /// Volts of a full-scale sample of this tap, if it differs from the set's.
     pub sound_full_scale_v: Option<f64>,
-    /// Distance from impact to microphone in m, where it is not that of the set.
+    /// Distance from impact to microphone in m, if it differs from the set's.
     pub microphone_distance_m: Option<f64>,
     /// Why the tap has no recording.
     pub refused: Option<String>,

@@ -1,4 +1,4 @@
-//! Any bytes at all for the readers: noise, and valid files with a few things changed, which get further.
+//! Random bytes for the readers: noise, and valid files with a few changes, which get further.
 
 use std::cell::Cell;
 use std::io::Cursor;
@@ -12,11 +12,11 @@ use tapline_wire::{CacheLine, Geometry, SampleFormat, bytes_of, cache_lines_for,
 use crate::Error;
 use crate::tap_set::{scan_toml, taps_csv, text, truth_csv, wav};
 
-/// Cases a reader.
+/// Cases per reader.
 const CASES: u32 = 3000;
 
-/// Gives `check` the same [`CASES`] inputs every time; it says whether one was accepted. Both must happen often, or the
-/// inputs test nothing.
+/// Gives `check` the same [`CASES`] inputs every time; it returns whether the input was accepted. Accepted and refused
+/// inputs must both be frequent; otherwise the inputs test nothing.
 fn fuzz(seeds: Vec<Vec<u8>>, check: impl Fn(&[u8]) -> Result<bool, TestCaseError>) {
     let config = ProptestConfig { cases: CASES, failure_persistence: None, ..ProptestConfig::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha));
@@ -29,7 +29,7 @@ fn fuzz(seeds: Vec<Vec<u8>>, check: impl Fn(&[u8]) -> Result<bool, TestCaseError
     assert!((CASES / 20..CASES * 19 / 20).contains(&accepted.get()), "{} of {CASES} accepted", accepted.get());
 }
 
-/// A reader of text as the set has it: bytes, decoded, parsed.
+/// Decodes and parses bytes, as opening a set does.
 fn parsed<T>(bytes: &[u8], parse: impl Fn(&Path, &str) -> Result<T, Error>) -> Option<T> {
     let file = Path::new("fuzzed");
     let text = text::decode(file, bytes.to_vec()).ok()?;
@@ -53,8 +53,8 @@ fn wav(format: u16, channels: u16, samples: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Catches a panic or a wrong length of the WAV reader, and a float sample that is no number and gets through: whatever is
-/// accepted must equal what the bytes of its data chunk say, and lie within the file.
+/// Catches a panic or a wrong length of the WAV reader, and a float sample that is not a number and is accepted. What
+/// is accepted must equal the bytes of its data chunk, and lie within the file.
 #[test]
 fn any_wav() {
     let floats: Vec<u8> = (0..24_u8).flat_map(|i| (f32::from(i) / 7.0).to_le_bytes()).collect();
@@ -76,7 +76,7 @@ fn any_wav() {
         if header.format == SampleFormat::F32 {
             prop_assert!(f32_of_mut(&mut buffer)[..length / 4].iter().all(|x| x.is_finite()));
         }
-        // The samples are somewhere in the file as they were read, channel after channel or one by one.
+        // The samples are somewhere in the file as they were read, channel after channel or interleaved.
         let (size, channels) = (header.format.bytes(), usize::from(header.channel_count));
         let planar = &bytes_of(&buffer)[..length];
         let plane = length / channels;
@@ -89,8 +89,8 @@ fn any_wav() {
     });
 }
 
-/// Catches a panic of the list's reader, and a row that breaks what the rest relies on: finite numbers, paths that stay in
-/// the folder, locations within bounds, no tap twice.
+/// Catches a panic of the list's reader, and a row that later code cannot handle: numbers must be finite, paths must
+/// stay in the folder, locations must be in bounds, and no tap may come twice.
 #[test]
 fn any_taps_csv() {
     let header = "file,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition\n";
@@ -118,7 +118,7 @@ fn any_taps_csv() {
     }
 }
 
-/// Catches a panic of the truth's reader, and a location out of bounds.
+/// Catches a panic of the reader of `truth.csv`, and a location out of bounds.
 #[test]
 fn any_truth_csv() {
     let rows: String =
@@ -130,7 +130,7 @@ fn any_truth_csv() {
     });
 }
 
-/// Catches a panic of the set's settings, and a number that would divide by zero or overflow later.
+/// Catches a panic of the reader of `scan.toml`, and a number that would divide by zero or overflow later.
 #[test]
 fn any_scan_toml() {
     let full = "geometry = \"ring\"\nchannels = [\"force\", \"sound\"]\nsample_rate_hz = 40960.0\npre_trigger_samples = 512\n\

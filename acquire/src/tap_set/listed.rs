@@ -1,4 +1,4 @@
-//! The finite list of casings that a tap set holds: the folder is read once, and its casings have it in common.
+//! The finite list of casings in a tap set: the folder is read once, and its casings share it.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -11,7 +11,7 @@ use crate::tap_set::casings::{SetCasing, casings_of, check_station_count};
 use crate::tap_set::recordings::Recordings;
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Refusal, Source as _, TapSet};
 
-/// What waits for nothing is asked again this late.
+/// Interval of looking for a change; a list never waits for one.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
 
 /// The casings of a tap set.
@@ -21,12 +21,12 @@ pub struct TapSetList {
     casings: Arc<[SetCasing]>,
 }
 
-/// The casings of the tap set in `dir`, shared out over `station_count` stations in order of first appearance where
-/// `taps.csv` does not name their stations. A set with `geometry = "line"` is one casing with the name of the folder.
+/// The casings of the tap set in `dir`. Where `taps.csv` names no station, casings are distributed over `station_count`
+/// stations in order of first appearance. A set with `geometry = "line"` is one casing with the name of the folder.
 ///
 /// # Errors
-/// [`Error`] when a table is missing or wrong, when no recording at all can be used, when a casing is at two stations,
-/// or without a station.
+/// [`Error`] if a table is missing or wrong, if no recording can be used, if a casing is at two stations, or if there
+/// are no stations.
 pub fn listed_tap_set(dir: &Path, station_count: u16) -> Result<TapSetList, Error> {
     check_station_count(station_count)?;
     let set = Recordings::open(dir)?;
@@ -35,7 +35,7 @@ pub fn listed_tap_set(dir: &Path, station_count: u16) -> Result<TapSetList, Erro
 }
 
 impl TapSetList {
-    /// How many casings there are.
+    /// Number of casings.
     pub fn len(&self) -> usize {
         self.casings.len()
     }
@@ -45,7 +45,8 @@ impl TapSetList {
         self.casings.is_empty()
     }
 
-    /// Name, station and plan of every casing, in order of first appearance; each plan is made as it is asked for.
+    /// Name, station and plan of every casing, in order of first appearance. Each plan is made when the iterator
+    /// reaches it.
     pub fn listed(&self) -> impl Iterator<Item = Result<(String, u16, Plan), Error>> + '_ {
         self.casings.iter().map(|casing| {
             let plan = self.set.plan(&casing.rows, |_| casing.station)?;
@@ -68,10 +69,10 @@ impl TapSetList {
         Box::new(Listed { list: self.clone(), station, numbers })
     }
 
-    /// The taps that will be refused as far as the headers of their recordings tell.
+    /// The taps that will be refused, as far as the headers of their recordings show.
     ///
     /// # Errors
-    /// [`Error`] when a casing's plan cannot be made.
+    /// [`Error`] if a casing's plan cannot be made.
     pub fn refusals(&self) -> Result<Vec<Refusal>, Error> {
         let mut refusals = Vec::new();
         for number in 0..self.len() {
@@ -80,10 +81,10 @@ impl TapSetList {
         Ok(refusals)
     }
 
-    /// What is enough for every casing: each plan is made and given away again.
+    /// Limits that are sufficient for every casing. Only one plan is in memory at a time.
     ///
     /// # Errors
-    /// [`Error`] when a casing's plan cannot be made.
+    /// [`Error`] if a casing's plan cannot be made.
     pub fn limits(&self) -> Result<CasingLimits, Error> {
         self.listed()
             .try_fold(CasingLimits::default(), |most, listed| Ok(most.and(CasingLimits::from_plan(&listed?.2))))
@@ -111,7 +112,7 @@ impl TapSetList {
 struct Listed {
     list: TapSetList,
     station: u16,
-    /// Those that are to come, by their number in the list.
+    /// The casings still to come, by their number in the list.
     numbers: VecDeque<usize>,
 }
 

@@ -8,7 +8,7 @@ use super::*;
 use crate::simulated::listed::tests::tap_of;
 use crate::tap_set::tests::{HEADER, SCAN, write_wav};
 
-/// Three casings of two shoulders, whose rows lie in one another; every recording differs in samples and length.
+/// Three casings of two shoulders with interleaved rows; every recording differs in samples and length.
 fn rows() -> Vec<String> {
     let mut rows = Vec::new();
     for location in 0..3 {
@@ -51,7 +51,7 @@ fn casings(list: &TapSetList) -> Vec<Casing> {
     list.stations().into_iter().flat_map(of_station).collect()
 }
 
-/// Catches a tap that differs where its casing is alone, a casing at two stations, and one that is left out.
+/// Catches a tap that differs when its casing is read alone, a casing at two stations, and one that is left out.
 #[test]
 fn every_casing_has_the_taps_of_the_whole_set() {
     let dir = set(&rows());
@@ -78,7 +78,7 @@ fn every_casing_has_the_taps_of_the_whole_set() {
     assert_eq!(limits.record_bytes, whole.plan().recording.payload_bytes_max());
 }
 
-/// Catches a plan that changes with the other casings of its set, and one that does not with its own recordings.
+/// Catches a plan that depends on the other casings of its set, and one that does not depend on its own recordings.
 #[test]
 fn a_casing_is_the_same_in_any_company() {
     let digest_of_a = |rows: &[String]| {
@@ -96,7 +96,7 @@ fn a_casing_is_the_same_in_any_company() {
     assert_ne!(digest_of_a(&other), all);
 }
 
-/// Catches a slab that is cut into its lines, and one without the name of its folder.
+/// Catches a slab that is split into its lines, and one without the name of its folder.
 #[test]
 fn a_slab_is_one_casing() {
     let dir = tempfile::tempdir().unwrap();
@@ -112,7 +112,7 @@ fn a_slab_is_one_casing() {
     }
 }
 
-/// Catches a station that the list names and is not kept, and a casing that is at two.
+/// Catches a station of the list that is ignored, and a casing at two stations.
 #[test]
 fn stations_that_are_named_are_kept() {
     let dir = set(&rows());
@@ -133,7 +133,7 @@ fn stations_that_are_named_are_kept() {
     assert!(error.ends_with("taps.csv: tyre A is at station 7 (line 3) and at station 8 (line 6)"), "{error}");
 }
 
-/// Catches a casing without one good recording that keeps the others from being had.
+/// Catches a casing without a usable recording that blocks the others.
 #[test]
 fn a_casing_without_recordings_is_refused_tap_by_tap() {
     let dir = set(&rows());

@@ -1,4 +1,4 @@
-//! A tap set: a folder of recordings, one WAV a tap, with two tables that say what they are.
+//! A tap set: a folder of recordings, one WAV per tap, with two tables that describe them.
 
 pub(crate) mod casings;
 mod extras;
@@ -35,28 +35,28 @@ use crate::{Error, Refusal, Source};
 /// Counts of a full-scale 16-bit sample.
 const COUNTS_FULL_SCALE: f64 = 32_768.0;
 
-/// A folder of recorded taps: `scan.toml`, `taps.csv`, one WAV a tap, and `truth.csv` where the truth is known.
+/// A folder of recorded taps: `scan.toml`, `taps.csv`, one WAV per tap, and `truth.csv` if the truth is known.
 ///
-/// It holds all casings of the folder, or one of them.
+/// It stands for all casings of the folder, or for one of them.
 #[derive(Debug)]
 pub struct TapSet {
     set: Arc<Recordings>,
     plan: Plan,
-    /// For every row of the plan the row of the set.
+    /// The row of the set for every row of the plan.
     rows: Vec<u32>,
     scratch: Vec<u8>,
 }
 
 impl TapSet {
-    /// Opens the tap set in the folder `dir`. Casings whose station it does not name are dealt out to `station_count` stations in
-    /// turn.
+    /// Opens the tap set in the folder `dir`. Casings without a named station are distributed over `station_count`
+    /// stations in turn.
     ///
-    /// The tables and every recording's header are checked. A recording that cannot be used is no error here; its tap is refused
-    /// when it is rendered.
+    /// Checks the tables and every recording's header. A recording that cannot be used is not an error here; its tap is
+    /// refused when it is rendered.
     ///
     /// # Errors
-    /// [`Error`] when a table is missing or wrong, when no recording at all can be used, when a casing is at two
-    /// stations, or without a station.
+    /// [`Error`] if a table is missing or wrong, if no recording can be used, if a casing is at two stations, or if
+    /// there are no stations.
     pub fn open(dir: &Path, station_count: u16) -> Result<Self, Error> {
         check_station_count(station_count)?;
         let set = Recordings::open(dir)?;
@@ -78,17 +78,18 @@ impl TapSet {
         Ok(Self { set: Arc::clone(set), plan, rows: casing.rows.clone(), scratch: Vec::new() })
     }
 
-    /// The remarks in `scan.toml`, which enter no result: units, description, source and licence of the recordings.
+    /// The remarks in `scan.toml`, which do not affect results: units, description, source and licence of the
+    /// recordings.
     pub fn remarks(&self) -> &BTreeMap<String, String> {
         &self.set.scan().remarks
     }
 
-    /// The taps that will be refused as far as the headers of their recordings tell, in the order of the plan.
+    /// The taps that will be refused, as far as the headers of their recordings show, in the order of the plan.
     pub fn refusals(&self) -> impl Iterator<Item = Refusal> + '_ {
         self.rows.iter().filter_map(|&row| Some(self.refusal(row, self.fault(row)?)))
     }
 
-    /// Why the recording in row `row` of the set cannot be used, as far as its header tells.
+    /// Why the recording in row `row` of the set cannot be used, as far as its header shows.
     fn fault(&self, row: u32) -> Option<String> {
         match self.set.header(row) {
             Err(fault) => Some(fault.to_owned()),

@@ -1,19 +1,19 @@
-//! Recordings without a header: samples of 16 bits, the low byte first, those of all channels side by side.
+//! Recordings without a header: 16-bit samples, little-endian, with the channels interleaved.
 //!
-//! Rate and channels are those of `scan.toml`; there is nothing in such a file to hold them to.
+//! Rate and channels are those of `scan.toml`; such a file has nothing to check them against.
 
 use tapline_wire::SampleFormat;
 
 use super::scan_toml::ScanToml;
 use super::wav::{SAMPLE_COUNT_MAX, WavFault, WavHeader};
 
-/// How the names of such files end.
+/// Extension of such files.
 pub(super) const ENDING: &str = "raw";
 
 /// Bytes of a sample.
 const SAMPLE_BYTES: u64 = 2;
 
-/// What a header would say of a file of `file_bytes` bytes.
+/// The header that a file of `file_bytes` bytes would have.
 pub(super) fn header(file_bytes: u64, scan: &ScanToml) -> Result<WavHeader, WavFault> {
     let channel_count = scan.channels.len();
     let frame_bytes = SAMPLE_BYTES * channel_count as u64;

@@ -1,4 +1,4 @@
-//! The recordings of a folder: its tables, the header of every recording, and the plan that follows.
+//! The recordings of a folder: its tables, the header of every recording, and the resulting plan.
 
 use std::collections::HashSet;
 use std::io::Read as _;
@@ -34,7 +34,7 @@ impl Recordings {
     /// Reads the tables in `dir` and every recording's header.
     ///
     /// # Errors
-    /// [`Error`] when a table is missing or wrong, or no recording at all can be used.
+    /// [`Error`] if a table is missing or wrong, or if no recording can be used.
     pub(crate) fn open(dir: &Path) -> Result<Self, Error> {
         let need = |file: &Path| text::read(file)?.ok_or_else(|| text::missing(file));
         let scan_file = dir.join("scan.toml");
@@ -56,7 +56,7 @@ impl Recordings {
         &self.dir
     }
 
-    /// The list of taps.
+    /// The path of the list of taps.
     pub(crate) fn taps_file(&self) -> PathBuf {
         self.dir.join("taps.csv")
     }
@@ -81,7 +81,7 @@ impl Recordings {
 
     /// The plan of the taps in `rows` of the set, at the station that `station_of` gives each row.
     ///
-    /// It depends on these rows and their recordings alone, not on what else is in the set.
+    /// It depends on these rows and their recordings alone, not on the rest of the set.
     pub(crate) fn plan(&self, rows: &[u32], station_of: impl Fn(usize) -> u16) -> Result<Plan, Error> {
         let taps = rows.iter().map(|&row| {
             let mut tap = self.taps[row as usize].tap;
@@ -97,8 +97,8 @@ impl Recordings {
         Ok(Plan::from_source(self.scan.geometry, recording, taps, truth, self.digest(rows))?)
     }
 
-    /// Digest that distinguishes the source of `rows` from others with the same taps: of the scales, and of the name, length and
-    /// beginning of each file.
+    /// Digest that distinguishes the source of `rows` from others with the same taps. It covers the scales, and the
+    /// name, length and beginning of each file.
     fn digest(&self, rows: &[u32]) -> u64 {
         let about = rows.iter().map(|&row| {
             let TapRow { file, velocity_measured_m_per_s, extras, .. } = &self.taps[row as usize];
@@ -113,8 +113,8 @@ impl Recordings {
     }
 }
 
-/// The length of a recording's file and the digest of its beginning, which holds the noise before the impact and the impact
-/// itself: no two recordings have the same. Both are 0 for a file that cannot be read.
+/// The length of a recording's file and the digest of its beginning, which holds the noise before the impact and the
+/// impact itself: no two recordings have the same. Both are 0 if the file cannot be read.
 fn length_and_beginning(path: &Path) -> (u64, u64) {
     let read = || -> std::io::Result<(u64, u64)> {
         let file = std::fs::File::open(path)?;
@@ -142,7 +142,7 @@ pub(crate) fn check_shape(wav: &WavHeader, scan: &ScanToml) -> Result<(), WavFau
     if usize::from(got) != need {
         return Err(WavFault::Channels { got, need });
     }
-    // A WAV can only hold whole hertz; the rate in scan.toml is the one that is computed with.
+    // A WAV can only hold whole hertz; computations use the rate in scan.toml.
     let (got_hz, need_hz) = (wav.sample_rate_hz, scan.sample_rate_hz);
     if (f64::from(got_hz) - need_hz).abs() >= 1.0 {
         return Err(WavFault::Rate { got_hz, need_hz });

@@ -1,4 +1,4 @@
-//! `scan.toml`: what is the same for every tap of a tap set.
+//! `scan.toml`: what all taps of a tap set have in common.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -24,19 +24,19 @@ const KNOWN: [&str; 12] = [
     "licence",
 ];
 
-/// Free text about the recordings; it enters no computation.
+/// Free text about the recordings; no computation uses it.
 const REMARKS: [&str; 5] = ["sound_unit", "force_unit", "description", "source", "licence"];
 
-/// Most samples per second; far above any converter, so that times in samples stay exact.
+/// Largest number of samples per second; far above any converter, so that times in samples stay exact.
 const SAMPLE_RATE_HZ_MAX: f64 = 1e9;
 
-/// Most newtons or volts of a full-scale sample.
+/// Largest value of a full-scale sample, in newtons or volts.
 pub(crate) const FULL_SCALE_MAX: f64 = 1e12;
 
-/// Farthest microphone in m.
+/// Largest distance of the microphone in m.
 pub(crate) const MICROPHONE_DISTANCE_M_MAX: f64 = 1e3;
 
-/// What is the same for every tap of a set.
+/// What all taps of a set have in common.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ScanToml {
     pub geometry: Geometry,
@@ -66,7 +66,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<ScanToml, Error> {
         line: text::line_at(text, e.span().map_or(0, |s| s.start)),
         reason: e.message().replace('\n', ", "),
     })?;
-    // In the order of the lines, so that the first fault of the file is the one that is told.
+    // In the order of the lines, so that the first fault of the file is reported.
     let mut keys: Vec<&Spanned<String>> = table.keys().collect();
     keys.sort_by_key(|k| k.span().start);
     if let Some(key) = keys.into_iter().find(|k| !KNOWN.contains(&k.get_ref().as_str())) {
@@ -149,7 +149,7 @@ impl Keys<'_> {
                 .into_iter()
                 .find(|c| Some(c.name()) == name.as_str())
                 .ok_or_else(refused)?;
-            // Two of a kind cannot be told apart by any discriminator.
+            // No discriminator could tell two channels of one kind apart.
             if channels.contains(&channel) {
                 return Err(refused());
             }
@@ -205,7 +205,7 @@ mod tests {
         parsed(text).unwrap_err().to_string()
     }
 
-    /// Catches wrong defaults, and a rate written without a point being refused.
+    /// Catches wrong defaults, and a rate without a decimal point that is refused.
     #[test]
     fn what_is_left_out_has_its_default() {
         let scan = parsed(GOOD).unwrap();
@@ -228,7 +228,7 @@ mod tests {
         assert_eq!(scan.remarks.len(), REMARKS.len());
     }
 
-    /// Catches a fault that is accepted, or told without its line, key, value or bound.
+    /// Catches a fault that is accepted, or reported without its line, key, value or bound.
     #[test]
     fn every_fault_names_line_key_value_and_bound() {
         for (from, to, want) in [
@@ -258,7 +258,7 @@ mod tests {
     }
 
     proptest! {
-        /// Catches a panic on text nobody would write.
+        /// Catches a panic on nonsensical text.
         #[test]
         fn no_text_makes_it_panic(text in "(geometry|channels|= |\\[|\"ring\"|[\\x00-\\x7f]|\n|é){0,40}") {
             let _unused = parsed(&text);

@@ -1,4 +1,4 @@
-//! CSV tables whose columns are fixed by name and free in order.
+//! CSV tables whose columns have fixed names and any order.
 
 use std::path::Path;
 
@@ -6,10 +6,10 @@ use csv::StringRecord;
 
 use crate::Error;
 
-/// Where the columns of a table lie.
+/// Positions of the columns of a table.
 pub(crate) struct Table<'a> {
     file: &'a Path,
-    /// Name and place of every column there is.
+    /// Name and position of every column that exists.
     places: Vec<(&'static str, usize)>,
 }
 
@@ -21,7 +21,7 @@ pub(crate) struct Row<'a> {
     line: usize,
 }
 
-/// Gives every row of the table `text` to `take`, in order; `optional` columns may be missing, and are empty then.
+/// Calls `take` with every row of the table `text`, in order; `optional` columns may be missing, and are then empty.
 pub(crate) fn read_rows(
     file: &Path,
     text: &str,
@@ -100,13 +100,13 @@ impl<'a> Row<'a> {
         self.table.places.iter().any(|(name, _)| *name == column)
     }
 
-    /// What stands in `column`; nothing when the table has no such column.
+    /// The text in `column`; empty if the table has no such column.
     pub(crate) fn text(&self, column: &'static str) -> &'a str {
         let place = self.table.places.iter().find(|(name, _)| *name == column);
         place.and_then(|&(_, place)| self.record.get(place)).unwrap_or("")
     }
 
-    /// The refusal of what stands in `column`.
+    /// An error that refuses the value in `column`.
     pub(crate) fn refuse(&self, column: &'static str, bound: impl Into<String>) -> Error {
         Error::Cell {
             file: self.table.file.to_owned(),
@@ -117,7 +117,7 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// The whole number in `column`, `None` when the cell is empty.
+    /// The whole number in `column`; `None` if the cell is empty.
     pub(crate) fn whole(&self, column: &'static str, low: u32, high: u32) -> Result<Option<u32>, Error> {
         let text = self.text(column);
         if text.is_empty() {
@@ -127,7 +127,7 @@ impl<'a> Row<'a> {
         number.map(Some).ok_or_else(|| self.refuse(column, format!("a whole number from {low} to {high}")))
     }
 
-    /// The number in `column`, `None` when the cell is empty; `low` itself only counts when `is_low_in`.
+    /// The number in `column`; `None` if the cell is empty. `low` itself is only allowed if `is_low_in`.
     pub(crate) fn number(
         &self,
         column: &'static str,
@@ -146,7 +146,7 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Counts lines along with the CSV reader, whose own count is that of the line before a blank one.
+/// Counts lines along with the CSV reader, which reports the wrong line after a blank one.
 struct Lines<'a> {
     text: &'a [u8],
     at: usize,
@@ -187,7 +187,7 @@ mod tests {
         (line, a.to_owned(), b.to_owned())
     }
 
-    /// Catches columns taken by place, and lines miscounted at blank lines, either line end and quoted breaks.
+    /// Catches columns identified by position, and lines miscounted at blank lines, either line end and quoted breaks.
     #[test]
     fn columns_go_by_name_and_lines_are_counted() {
         assert_eq!(parsed("b,a\n2,1\n").unwrap(), [row(2, "1", "2")]);
@@ -197,7 +197,7 @@ mod tests {
         assert_eq!(parsed("a,b\n").unwrap(), []);
     }
 
-    /// Catches a header or row that is taken although it does not fit.
+    /// Catches a header or row that is accepted although it does not fit.
     #[test]
     fn what_does_not_fit_is_refused() {
         for (text, want) in [
@@ -213,7 +213,7 @@ mod tests {
     }
 
     proptest! {
-        /// Catches a panic, or an endless read, on text nobody would write.
+        /// Catches a panic, or an endless loop, on nonsensical text.
         #[test]
         fn no_text_makes_it_panic(text in "(a,b|\"|,|\n|\r|[\\x00-\\x7f]|é){0,40}") {
             let _unused = parsed(&text);

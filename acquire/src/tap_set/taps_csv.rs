@@ -1,4 +1,4 @@
-//! `taps.csv`: which file is the recording of which tap.
+//! `taps.csv`: the tap of each recording.
 
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
@@ -12,13 +12,13 @@ use crate::tap_set::table::{Row, read_rows};
 const COLUMNS: &[&str] =
     &["file", "tyre", "shoulder", "offset_mm", "velocity_m_per_s", "location", "angle_deg", "repetition"];
 
-/// Highest index along a ring or line: far above any scan, so that one more is a number still.
+/// Largest location; far above any scan, and one more is still a number.
 pub(crate) const LOCATION_MAX: u32 = 999_999;
 
-/// Locations of a full turn (section 4 of the method); without angles, location 100 of a ring is the first again.
+/// Locations of a full turn (section 4 of the method); without angles, location 100 of a ring is location 0 again.
 const TURN_LOCATIONS: u32 = 100;
 
-/// By how much a full turn may be written short; far below the 3.6 degrees between locations.
+/// Largest error of an angle that means a full turn; far below the 3.6 degrees between locations.
 const ANGLE_ROUNDING_DEG: f64 = 0.01;
 
 /// One row of the list.
@@ -26,13 +26,13 @@ const ANGLE_ROUNDING_DEG: f64 = 0.01;
 pub(crate) struct TapRow {
     /// Line of the file, from 1.
     pub line: usize,
-    /// Path of the recording below the set's folder; empty where the list says why there is none.
+    /// Path of the recording, relative to the set's folder; empty if the list says why there is none.
     pub file: String,
-    /// The tap; at station 0 where the list names none.
+    /// The tap; at station 0 if the list names none.
     pub tap: PlannedTap,
-    /// Velocity as measured; without a column of its own, the one the list gives.
+    /// Measured velocity; without a column for it, the planned one.
     pub velocity_measured_m_per_s: Option<f64>,
-    /// What the optional columns say.
+    /// The values of the optional columns.
     pub extras: Extras,
 }
 
@@ -75,7 +75,7 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
     let angle_deg = row.number("angle_deg", (0.0, true), 360.0)?;
     let extras = Extras::from_row(row, geometry)?;
     id.station = extras.station.unwrap_or(0);
-    // A tap that is known to have no recording may do without the name of one.
+    // A tap that is known to have no recording needs no file name.
     let is_nameless = extras.refused.is_some() && row.text("file").is_empty();
     Ok(TapRow {
         line: row.line(),
@@ -94,7 +94,7 @@ fn refuse_id(row: &Row<'_>, column: &'static str, error: &IdError) -> Error {
     row.refuse(column, error.bound())
 }
 
-/// The recording's path; it may not lead out of the set's folder, which may come from a stranger.
+/// The recording's path. It must stay in the set's folder, because a set may come from a stranger.
 fn file_name(row: &Row<'_>) -> Result<String, Error> {
     let text = csv_text(row.text("file"));
     let is_inside = Path::new(text).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
@@ -123,9 +123,9 @@ fn mark_closing_taps(rows: &mut [TapRow]) {
         let location = row.tap.id.location;
         row.tap.purpose = match (row.extras.purpose, row.tap.angle_deg) {
             (Some(purpose), _) => purpose,
-            // A tool that rounds 360 may fall short of it.
+            // A program that rounds may write 360 as a little less.
             (None, Some(angle_deg)) => Purpose::closing_if(angle_deg > 360.0 - ANGLE_ROUNDING_DEG),
-            // Locations may be counted from 1, or be more than 100: then location 100 is one like the others.
+            // Locations may be counted from 1, or be more than 100; then location 100 is like the others.
             (None, None) => {
                 Purpose::closing_if(location == TURN_LOCATIONS && ring.location_max == TURN_LOCATIONS && ring.has_first)
             }
@@ -136,7 +136,7 @@ fn mark_closing_taps(rows: &mut [TapRow]) {
     }
     for row in rows.iter_mut().filter(|r| r.tap.is_closing()) {
         let open_max = rings.get(&(row.tap.id.tyre, row.tap.id.shoulder)).and_then(|r| r.open_max);
-        // The closing tap may be listed as location 0 again, and would then have the name of the first.
+        // The closing tap may be listed as location 0 again, and would then have the identity of the first.
         if let Some(open_max) = open_max
             && row.tap.id.location <= open_max
         {
@@ -155,7 +155,7 @@ fn refuse_duplicates(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     Ok(())
 }
 
-/// One recording can be that of one tap only, however its path is written.
+/// Refuses a recording that two taps share, however its path is written.
 fn refuse_shared_recordings(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     let mut line_of = HashMap::with_capacity(rows.len());
     for row in rows.iter().filter(|row| !row.file.is_empty()) {
@@ -168,7 +168,7 @@ fn refuse_shared_recordings(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     Ok(())
 }
 
-/// The tap in the words of the list, which knows neither stations nor attempts.
+/// The tap as the list identifies it, without station and attempt.
 fn name_of(row: &TapRow) -> String {
     let TapId { tyre, shoulder, location, repetition, .. } = row.tap.id;
     let or_unknown = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |v| v.to_string());
@@ -196,7 +196,7 @@ mod tests {
         parsed(Geometry::Ring, rows).unwrap()
     }
 
-    /// Catches an empty cell read as zero, and a value put into another's place.
+    /// Catches an empty cell read as zero, and a value in the wrong field.
     #[test]
     fn a_row_is_a_tap() {
         let rows = ring("a/b.wav,T 1,2,-5.5,1.85,7,25.2,1\nc.wav,T 1,1,,,0,,\n");
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!((id.repetition, rows[1].tap.angle_deg), (0, None));
     }
 
-    /// Catches a serial, path or reason that keeps the apostrophe that exports put before formulas.
+    /// Catches a serial, path or reason that keeps the apostrophe which exports put before formulas.
     #[test]
     fn what_an_export_made_a_text_comes_back() {
         let header = HEADER.replace("repetition", "repetition,refused");
@@ -219,7 +219,7 @@ mod tests {
         assert_eq!(rows[1].extras.refused.as_deref(), Some("@lost"));
     }
 
-    /// Catches a measured velocity that is taken for the planned one, required, or made up where its cell is empty.
+    /// Catches a measured velocity that is mistaken for the planned one, required, or invented where its cell is empty.
     #[test]
     fn a_measured_velocity_has_a_column_of_its_own() {
         let header = HEADER.replace("repetition", "repetition,velocity_measured_m_per_s");
@@ -230,8 +230,8 @@ mod tests {
         assert_eq!(ring("a.wav,T,1,,1.85,0,,0\n")[0].velocity_measured_m_per_s, Some(1.85));
     }
 
-    /// Catches an optional column that is taken for another, required, or made up where its cell is empty, and a closing tap
-    /// that is found out although the list says otherwise.
+    /// Catches an optional column that is mistaken for another, required, or invented where its cell is empty, and a
+    /// tap that counts as closing although the list says otherwise.
     #[test]
     fn what_an_archive_knows_is_taken() {
         let header = HEADER.replace(
@@ -294,7 +294,8 @@ mod tests {
         rows.iter().filter(|r| r.tap.is_closing()).map(|r| r.tap.id.location).collect()
     }
 
-    /// Catches a closing tap that is missed, named like the first, or seen where there is none.
+    /// Catches a closing tap that is missed, that has the identity of the first tap, or that is found where there is
+    /// none.
     #[test]
     fn closing_taps_are_found_and_numbered() {
         assert_eq!(closing(&ring(&(turn(100, true, 0) + "z.wav,T,1,,,0,360,0\n"))), [100]);
@@ -311,7 +312,7 @@ mod tests {
         );
     }
 
-    /// Catches a fault that is accepted, or told without its line, column, value or bound.
+    /// Catches a fault that is accepted, or reported without its line, column, value or bound.
     #[test]
     fn every_fault_names_line_column_value_and_bound() {
         for (row, want) in [
@@ -356,7 +357,7 @@ mod tests {
             let _unused = parsed(Geometry::Ring, &rows.join("\n"));
         }
 
-        /// Catches a closing tap that takes another tap's name, for any order of rows.
+        /// Catches a closing tap that has another tap's identity, for any order of rows.
         #[test]
         fn names_stay_distinct(count in 1u32..20, closing_at in 0usize..20) {
             let mut lines: Vec<String> = turn(count, true, 0).lines().map(str::to_owned).collect();

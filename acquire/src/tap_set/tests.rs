@@ -1,4 +1,4 @@
-//! Tests of whole tap sets, written into a fresh folder each.
+//! Tests of whole tap sets, each written into a new folder.
 
 use std::fs;
 
@@ -58,8 +58,8 @@ fn refusal(set: &mut TapSet, row: u32) -> String {
     render(set, row).unwrap_err().to_string()
 }
 
-/// Catches samples of a file without a header that are shifted, swapped or of another channel, and bytes that make no whole
-/// sample of all channels.
+/// Catches samples of a file without a header that are shifted, swapped or from another channel, and a file that is not
+/// a whole number of samples of all channels.
 #[test]
 fn a_recording_without_a_header_is_the_same_taps() {
     let (of_wav, dir) = (small_set(), small_set());
@@ -79,7 +79,7 @@ fn a_recording_without_a_header_is_the_same_taps() {
     assert!(refusal(&mut open(&dir), 1).contains("18 bytes of samples are no whole number of 4-byte samples"));
 }
 
-/// Catches a casing that is measured again, under the same names and with records as long, and passes for the same recordings.
+/// Catches a casing that is measured again, with the same names and record lengths, and passes for the same recordings.
 #[test]
 fn other_recordings_are_another_source() {
     let (dir, same) = (small_set(), small_set());
@@ -89,7 +89,7 @@ fn other_recordings_are_another_source() {
     assert_ne!(open(&dir).plan().digest(), open(&same).plan().digest());
 }
 
-/// Catches a sample, scale or field of the header that is lost or put in another's place.
+/// Catches a sample, scale or field of the header that is lost or in the wrong place.
 #[test]
 fn a_16_bit_set_is_rendered() {
     let dir = small_set();
@@ -116,7 +116,8 @@ fn a_16_bit_set_is_rendered() {
     assert!(render(&mut set, 2).unwrap().0.velocity_measured_m_per_s.is_nan(), "unknown is not 0");
 }
 
-/// Catches float samples that are scaled, rounded or given another full scale than 1, and lengths that must be equal.
+/// Catches float samples that are scaled, rounded or given another full scale than 1, and recordings that must have
+/// equal lengths.
 #[test]
 fn a_float_set_of_one_channel_is_rendered() {
     let dir = small_set();
@@ -170,7 +171,7 @@ fn a_bad_recording_is_refused_alone() {
     }
 }
 
-/// Catches a refusal that only the samples show being missed, or spoiling the header's name of the tap.
+/// Catches a refusal that only the samples reveal and that is missed, or that changes the tap's identity in the header.
 #[test]
 fn a_sample_that_is_no_number_is_refused_when_it_is_read() {
     let dir = small_set();
@@ -196,7 +197,7 @@ fn a_sample_that_is_no_number_is_refused_when_it_is_read() {
     assert_eq!((header.id, header.plan_index), (set.plan().taps()[1].id, 1), "a refusal has a name");
 }
 
-/// Catches the trust in a header that was read when the set was opened.
+/// Catches trust in a header that was read when the set was opened.
 #[test]
 fn a_recording_that_changes_is_refused() {
     let dir = small_set();
@@ -209,7 +210,7 @@ fn a_recording_that_changes_is_refused() {
     assert!(refusal(&mut set, 0).contains("the file does not exist"));
 }
 
-/// Catches a run that starts although nothing can come of it.
+/// Catches a run that starts although no tap can come of it.
 #[test]
 fn a_set_without_one_good_recording_is_an_error() {
     let dir = small_set();
@@ -223,7 +224,7 @@ fn a_set_without_one_good_recording_is_an_error() {
     ));
 }
 
-/// Catches a fault of the tables that is passed over, or told without its file.
+/// Catches a fault of the tables that is ignored, or reported without its file.
 #[test]
 fn faults_of_the_tables_name_their_file() {
     let dir = small_set();
@@ -243,7 +244,7 @@ fn faults_of_the_tables_name_their_file() {
     assert_eq!(error, "stations is 0; it must be from 1 to 65535");
 }
 
-/// Catches a row or a loan that does not fit being a panic.
+/// Catches a panic for a row or a loan that does not fit.
 #[test]
 fn a_wrong_request_is_refused() {
     let dir = small_set();
@@ -253,7 +254,7 @@ fn a_wrong_request_is_refused() {
     assert_eq!(refusal.reason, "the loan has 0 bytes; the samples need 16");
 }
 
-/// Catches the format of the set following the first recording instead of most.
+/// Catches a format of the set that follows the first recording instead of the majority.
 #[test]
 fn most_recordings_set_the_format() {
     let dir = small_set();
@@ -263,7 +264,7 @@ fn most_recordings_set_the_format() {
     assert!(refusal(&mut set, 0).contains("its samples are 32-bit float; most"));
 }
 
-/// Catches a fault in how real recordings are read: counts, truth and finite samples of the sets there are.
+/// Catches a fault in reading the real recordings: counts, truth and finite samples.
 #[test]
 fn recorded_sets_are_read() {
     for (name, tap_count, scan_count, cracked_count) in
@@ -284,8 +285,8 @@ fn recorded_sets_are_read() {
     }
 }
 
-/// Catches a tap of an archive that comes back at another station, attempt, time or scale, and a refusal that does not keep
-/// its words.
+/// Catches a tap of an archive that comes back with another station, attempt, time or scale, and a refusal whose reason
+/// changes.
 #[test]
 fn what_an_archive_knows_comes_back() {
     let dir = small_set();

@@ -1,17 +1,17 @@
-//! Files of text, and where in them a fault lies.
+//! Text files, and the lines of their faults.
 
 use std::fs;
 use std::path::Path;
 
 use crate::Error;
 
-/// Largest text file of a tap set: a list of some ten million taps.
+/// Largest text file of a tap set, a list of some ten million taps.
 const TEXT_BYTES_MAX: u64 = 1 << 30;
 
 /// The byte-order mark.
 const MARK: char = '\u{feff}';
 
-/// The text of `file`, `None` when there is no such file.
+/// The text of `file`; `None` if there is no such file.
 pub(crate) fn read(file: &Path) -> Result<Option<String>, Error> {
     let unreadable = |source| Error::Unreadable { file: file.to_owned(), source };
     let about = match fs::metadata(file) {
@@ -19,7 +19,7 @@ pub(crate) fn read(file: &Path) -> Result<Option<String>, Error> {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(unreadable(e)),
     };
-    // A pipe would block for ever, a device may never end.
+    // A pipe would block for ever, and a device may never end.
     if !about.is_file() {
         return Err(unreadable(std::io::Error::other("it is not a file")));
     }
@@ -31,7 +31,7 @@ pub(crate) fn read(file: &Path) -> Result<Option<String>, Error> {
     decode(file, bytes).map(Some)
 }
 
-/// `bytes` as text, without the byte-order mark some editors put before it.
+/// `bytes` as text, without the byte-order mark that some editors put before it.
 pub(crate) fn decode(file: &Path, bytes: Vec<u8>) -> Result<String, Error> {
     let mut text = String::from_utf8(bytes).map_err(|e| {
         let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
@@ -43,12 +43,12 @@ pub(crate) fn decode(file: &Path, bytes: Vec<u8>) -> Result<String, Error> {
     Ok(text)
 }
 
-/// Number of the line that holds byte `at` of `text`, from 1.
+/// Number of the line with byte `at` of `text`, from 1.
 pub(crate) fn line_at(text: &str, at: usize) -> usize {
     1 + text.bytes().take(at).filter(|&b| b == b'\n').count()
 }
 
-/// The refusal to go on without `file`.
+/// The error that `file` is missing.
 pub(crate) fn missing(file: &Path) -> Error {
     let source = std::io::Error::from(std::io::ErrorKind::NotFound);
     Error::Unreadable { file: file.to_owned(), source }
@@ -58,7 +58,7 @@ pub(crate) fn missing(file: &Path) -> Error {
 mod tests {
     use super::*;
 
-    /// Catches a byte-order mark glued to the first column's name, and a wrong line for bad bytes.
+    /// Catches a byte-order mark that becomes part of the first column's name, and a wrong line for bad bytes.
     #[test]
     fn text_is_decoded_and_faults_are_placed() {
         let file = Path::new("taps.csv");

@@ -1,4 +1,4 @@
-//! `truth.csv`: where the cracks are known to be, for scoring.
+//! `truth.csv`: known cracks, for scoring.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -60,7 +60,7 @@ mod tests {
         assert_eq!((truth.len(), cracked), (4, vec![(tyre, 1, 1), (tyre, 2, 0)]));
     }
 
-    /// Catches a contradiction that is settled by silence.
+    /// Catches a contradiction that is accepted.
     #[test]
     fn faults_are_told() {
         let error = parsed("T,1,0,0\nT,1,0,1\n").unwrap_err().to_string();

@@ -1,7 +1,8 @@
-//! A watched folder: tap sets that are moved into it are the casings of a station.
+//! A watched folder: the tap sets that are moved into it are the casings of a station.
 //!
-//! A set is moved in whole, by a rename; its tables may come last. What is under way stays where it is, so that a line
-//! that was stopped finds it again; what is done is moved to `done`, what cannot be read to `failed` with the reason.
+//! A set is moved in as a whole, by a rename; its tables may come last. A set under way stays where it is, so that a
+//! line that was stopped finds it again. A set that is done moves to `done`, one that cannot be read to `failed`, with
+//! the reason.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::ffi::{OsStr, OsString};
@@ -15,20 +16,20 @@ use rustix::fs::{CWD, OFlags, RenameFlags, renameat_with};
 
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, TapSetList, listed_tap_set};
 
-/// Where the sets go that are done, and those that cannot be read.
+/// Folders of sets that are done, and of those that cannot be read.
 const DONE: &str = "done";
 const FAILED: &str = "failed";
 
-/// In a failed set: why it is one.
+/// File with the reason in a failed set.
 const REASON: &str = "reason.txt";
 
-/// In a set under way: the casings of it that are done, a line each.
+/// File in a set under way that lists its casings that are done, one per line.
 const CLOSED: &str = ".closed";
 
-/// Most sets of one name that can be put aside.
+/// Largest number of sets of one name in one folder.
 const SAME_NAME_MAX: u32 = 100_000;
 
-/// How often the folder is looked at.
+/// How often to look into the folder.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// The tap sets of one folder, in the order of their names.
@@ -36,15 +37,16 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 pub struct FolderArrivals {
     folder: PathBuf,
     station: u16,
-    /// Sets that were begun and are not put aside: the one under way, and one before it whose casings are being closed.
+    /// Sets that were begun and not put aside yet: the one under way, and perhaps one before it whose casings are being
+    /// closed.
     sets: Vec<OpenSet>,
-    /// Sets that cannot be put aside: they stay where they are, and are tried no more.
+    /// Sets that cannot be put aside; they stay where they are, and are not tried again.
     stuck: BTreeSet<OsString>,
-    /// The first set whose tables are not all there yet.
+    /// The first set whose tables are not complete yet.
     half: Option<OsString>,
     /// Why the folder itself cannot be read.
     fault: Option<String>,
-    /// What people should know.
+    /// Alarms for people.
     alarms: Vec<String>,
 }
 
@@ -53,21 +55,21 @@ pub struct FolderArrivals {
 struct OpenSet {
     folder_name: OsString,
     list: TapSetList,
-    /// Casings that are to come, by their number.
+    /// Casings still to come, by their number.
     todo: VecDeque<usize>,
-    /// Names of those that came and have not ended.
+    /// Names of the casings that came and have not ended.
     open: Vec<String>,
-    /// What was not to be had of the set.
+    /// Casings of the set that could not be read, with the reasons.
     faults: Vec<String>,
 }
 
 impl FolderArrivals {
-    /// Watches `folder` for the casings of `station`; it is made if it is not there.
+    /// Watches `folder` for the casings of `station`; creates the folder if it does not exist.
     ///
-    /// All of a set is at `station`, whatever its list says.
+    /// All casings of a set are at `station`, whatever its list says.
     ///
     /// # Errors
-    /// [`Error::Unreadable`] when the folder, or those for what is done, cannot be made.
+    /// [`Error::Unreadable`] if the folder, or those for finished sets, cannot be created.
     pub fn open(folder: &Path, station: u16) -> Result<Self, Error> {
         for part in [folder.to_owned(), folder.join(DONE), folder.join(FAILED)] {
             fs::create_dir_all(&part).map_err(|source| Error::Unreadable { file: part, source })?;
@@ -83,7 +85,7 @@ impl FolderArrivals {
         })
     }
 
-    /// The next casing of the sets that were begun.
+    /// The next casing of the sets under way.
     fn next_begun(&mut self) -> Option<Casing> {
         for at in 0..self.sets.len() {
             let set = &mut self.sets[at];
@@ -100,7 +102,7 @@ impl FolderArrivals {
         None
     }
 
-    /// Puts aside the sets of which nothing is to come and nothing under way.
+    /// Puts aside the sets of which no casing is to come or under way.
     fn put_aside(&mut self) {
         let mut at = 0;
         while let Some(set) = self.sets.get(at) {
@@ -121,7 +123,7 @@ impl FolderArrivals {
         let set = self.folder.join(name);
         match put_into(&set, &self.folder.join(DONE)) {
             Ok(place) => {
-                // If the set comes back one day, it comes as a whole.
+                // If the set ever comes back, all of its casings count again.
                 if let Err(error) = fs::remove_file(place.join(CLOSED))
                     && error.kind() != io::ErrorKind::NotFound
                 {
@@ -160,7 +162,7 @@ impl FolderArrivals {
         self.stuck.insert(name.to_owned());
     }
 
-    /// Begins the first set that is there and whole; whether one was begun or put aside.
+    /// Begins the first complete set in the folder; returns whether one was begun or put aside.
     fn begin(&mut self) -> bool {
         let names = match set_names(&self.folder) {
             Ok(names) => names,
@@ -221,7 +223,7 @@ impl Arrivals for FolderArrivals {
     }
 
     fn ended(&mut self, name: &str, end: &CasingEnd) {
-        // Sets are begun one after the other: of two casings of one name the first is in the first set.
+        // Sets are begun one after the other, so of two casings with one name, the first is in the first set.
         let Some(set) = self.sets.iter_mut().find(|set| set.open.iter().any(|open| open == name)) else { return };
         set.open.retain(|open| open != name);
         match end {
@@ -254,7 +256,7 @@ impl Arrivals for FolderArrivals {
     }
 }
 
-/// The folders in `folder` that may be tap sets, in the order of their names. Links are none.
+/// The folders in `folder` that may be tap sets, in the order of their names. Links are left out.
 fn set_names(folder: &Path) -> io::Result<BTreeSet<OsString>> {
     let mut names = BTreeSet::new();
     for entry in fs::read_dir(folder)? {
@@ -268,7 +270,7 @@ fn set_names(folder: &Path) -> io::Result<BTreeSet<OsString>> {
     Ok(names)
 }
 
-/// Moves `set` into `folder`, with a number behind its name when that is taken; returns where it is.
+/// Moves `set` into `folder`, with a number after its name if that is taken; returns its new path.
 fn put_into(set: &Path, folder: &Path) -> io::Result<PathBuf> {
     let name = set.file_name().ok_or(io::ErrorKind::InvalidInput)?;
     let mut place = folder.join(name);
@@ -287,7 +289,7 @@ fn put_into(set: &Path, folder: &Path) -> io::Result<PathBuf> {
 /// Renames without replacing anything.
 fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
-        // Some file systems over a network do not know the flag.
+        // Some network file systems do not support the flag.
         Err(rustix::io::Errno::INVAL) if fs::symlink_metadata(to).is_ok() => Err(io::ErrorKind::AlreadyExists.into()),
         Err(rustix::io::Errno::INVAL) => fs::rename(from, to),
         outcome => Ok(outcome?),
@@ -303,16 +305,17 @@ fn write_reason(set: &Path, reason: &str) -> io::Result<()> {
     writeln!(File::create_new(path)?, "{reason}")
 }
 
-/// Notes that the casing `name` of the set in `dir` is done. A folder may come from a stranger: no link is followed.
+/// Records that the casing `name` of the set in `dir` is done. A folder may come from a stranger, so no link is
+/// followed.
 fn note_closed(dir: &Path, name: &str) -> io::Result<()> {
     let no_link = OFlags::NOFOLLOW.bits().cast_signed();
     let mut file = OpenOptions::new().append(true).create(true).custom_flags(no_link).open(dir.join(CLOSED))?;
     file.write_all(format!("{name}\n").as_bytes())
 }
 
-/// The casings of the set in `dir` that were done before the line was stopped; none where that cannot be read.
+/// The casings of the set in `dir` that were done before the line was stopped; none if that cannot be read.
 fn closed_casings(dir: &Path) -> BTreeSet<String> {
-    /// Longest list that is read: a folder may come from a stranger.
+    /// Longest list that is read; a folder may come from a stranger.
     const LINES_MAX: usize = 1_000_000;
     let no_link = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed();
     let file = OpenOptions::new().read(true).custom_flags(no_link).open(dir.join(CLOSED));
@@ -321,7 +324,7 @@ fn closed_casings(dir: &Path) -> BTreeSet<String> {
     else {
         return BTreeSet::new();
     };
-    // The last line may be a part of one.
+    // The last line may be incomplete.
     let lines = BufReader::new(io::Read::take(file, 1 << 26)).lines().map_while(Result::ok);
     lines.take(LINES_MAX).collect()
 }

@@ -41,7 +41,7 @@ fn names_in(dir: &TempDir, folder: &str) -> Vec<String> {
     names
 }
 
-/// Catches sets out of order, casings left out, and a set that is moved before all of it is done.
+/// Catches sets in the wrong order, casings left out, and a set that is moved before all of its casings are done.
 #[test]
 fn sets_come_in_order_and_are_put_aside() {
     let (dir, mut folder) = watched();
@@ -65,7 +65,8 @@ fn sets_come_in_order_and_are_put_aside() {
     assert_eq!((names_in(&dir, "done"), next(&mut folder)), (["a", "a.2", "b"].map(str::to_owned).to_vec(), None));
 }
 
-/// Catches a bad set that stops the station, is tried again, or goes without its reason; and one that is half there.
+/// Catches a bad set that stops the station, is tried again, or is moved without its reason; and an incomplete set that
+/// is begun.
 #[test]
 fn bad_sets_are_put_aside_and_half_ones_waited_for() {
     let (dir, mut folder) = watched();
@@ -91,7 +92,7 @@ fn bad_sets_are_put_aside_and_half_ones_waited_for() {
     assert_eq!(fs::read_to_string(inbox.join("failed/b").join(REASON)).unwrap(), "B: too large\n");
 }
 
-/// Catches a line that starts anew and leaves a set, or does again what was done.
+/// Catches a restarted line that leaves out a set, or repeats casings that were done.
 #[test]
 fn half_done_sets_are_found_again() {
     let (dir, mut folder) = watched();
@@ -104,13 +105,13 @@ fn half_done_sets_are_found_again() {
     assert_eq!(next(&mut folder).as_deref(), Some("A2"));
     assert_eq!(next(&mut folder).as_deref(), Some("A3"));
     close(&mut folder, "A2");
-    // The line ends between the closing of the last casing and the moving of the set.
+    // The line ends between the closing of the last casing and the move of the set.
     note_closed(&dir.path().join("inbox/a"), "A3").unwrap();
     assert_eq!((next(&mut again()), names_in(&dir, "done")), (None, vec!["a".to_owned()]));
     assert_eq!(names_in(&dir, "done/a").len(), 5, "nothing but the set");
 }
 
-/// Catches a folder that vanishes ending the line, and one in which a stranger's link is written through.
+/// Catches a line that ends because the folder vanishes, and a write through a stranger's link.
 #[test]
 fn a_folder_that_is_gone_is_waited_for() {
     let (dir, mut folder) = watched();

@@ -1,7 +1,7 @@
-//! WAV files: what their headers promise, and their samples, channel by channel.
+//! WAV files: their headers, and their samples channel by channel.
 //!
-//! Read here and not by `hound` (which is the oracle of the tests) because hound stops at a file whose odd chunk is
-//! padded as RIFF says, and gives samples one by one where a slice is wanted.
+//! `hound` is only the oracle of the tests, because it fails on an odd chunk that is padded as RIFF requires, and
+//! returns samples one by one where a slice is needed.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -9,16 +9,16 @@ use std::path::Path;
 
 use tapline_wire::{CacheLine, SampleFormat, bytes_of_mut, f32_of_mut, i16_of_mut};
 
-/// Most samples of one channel: 100 s at 41 kHz. Every record's memory is as large as the longest's.
+/// Most samples of one channel: 100 s at 41 kHz. Every record takes as much memory as the longest.
 pub(super) const SAMPLE_COUNT_MAX: u64 = 1 << 22;
 
-/// Most chunks before the samples.
+/// Largest number of chunks before the samples.
 const CHUNKS_MAX: usize = 256;
 
-/// Last twelve bytes of the two sub-formats of an extensible header that have samples as they lie.
+/// Last twelve bytes of the two supported sub-formats of an extensible header, whose samples are not compressed.
 const SUB_FORMAT_TAIL: [u8; 12] = [0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71];
 
-/// What the header of a WAV file promises, and keeps: the file is as long as it says.
+/// The header of a WAV file; the file was checked to be as long as its header says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct WavHeader {
     pub format: SampleFormat,
@@ -26,7 +26,7 @@ pub(crate) struct WavHeader {
     pub sample_rate_hz: u32,
     /// Samples of one channel.
     pub sample_count: u32,
-    /// Where in the file the samples start.
+    /// Offset of the samples in the file.
     pub data_at: u64,
     pub data_bytes: usize,
 }
@@ -90,9 +90,9 @@ impl From<io::Error> for WavFault {
     }
 }
 
-/// Opens `path` with its length in bytes.
+/// Opens `path`, and returns its length in bytes.
 pub(crate) fn open(path: &Path) -> Result<(File, u64), WavFault> {
-    // Asked first, because to open a pipe is to wait for who writes it.
+    // Checked first, because opening a pipe waits for its writer.
     if !std::fs::metadata(path)?.is_file() {
         return Err(WavFault::NotAFile);
     }
@@ -149,7 +149,7 @@ fn take<R: Read, const N: usize>(file: &mut R, at: &mut u64, file_bytes: u64) ->
     Ok(bytes)
 }
 
-/// How samples lie in the file.
+/// The layout of the samples in the file.
 struct Layout {
     format: SampleFormat,
     channel_count: u16,
@@ -218,7 +218,7 @@ fn kind_name(tag: u16, is_known: bool) -> String {
 }
 
 impl WavHeader {
-    /// Reads the samples of `file` into `buffer`, planar, by way of `scratch`.
+    /// Reads the samples of `file` into `buffer`, planar; `scratch` is a buffer for reuse.
     ///
     /// # Panics
     /// If `buffer` has less room than the samples need.
@@ -244,13 +244,13 @@ impl WavHeader {
 
     fn fill<R: Read>(file: &mut R, bytes: &mut [u8]) -> Result<(), WavFault> {
         file.read_exact(bytes).map_err(|e| match e.kind() {
-            // The length was right a moment ago.
+            // The length was checked when the header was read.
             io::ErrorKind::UnexpectedEof => WavFault::Shrunk,
             _ => WavFault::Unreadable(e),
         })
     }
 
-    /// `[sample][channel]` bytes to `[channel][sample]` numbers.
+    /// Converts `[sample][channel]` bytes to `[channel][sample]` numbers.
     fn write_planes<const N: usize, T>(&self, bytes: &[u8], planes: &mut [T], number: impl Fn([u8; N]) -> T) {
         let (numbers, _none) = bytes.as_chunks::<N>();
         let channel_count = usize::from(self.channel_count);

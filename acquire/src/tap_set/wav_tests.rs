@@ -45,7 +45,7 @@ fn planar<T: Copy>(samples: &[T], channels: usize) -> Vec<T> {
 }
 
 proptest! {
-    /// Catches samples that change, change places, or are lost, against what hound wrote; one channel has its own path.
+    /// Catches samples that are changed, moved or lost, compared with what hound wrote; one channel has its own code.
     #[test]
     fn what_was_written_is_read(channels in 1u16..=4, counts in proptest::collection::vec(any::<i16>(), 4..200)) {
         let whole = counts.len() / usize::from(channels) * usize::from(channels);
@@ -63,7 +63,7 @@ proptest! {
         prop_assert_eq!(bytes, want);
     }
 
-    /// Catches a panic, or a read beyond the file, on bytes that are no WAV or nearly one.
+    /// Catches a panic, or a read beyond the file, on bytes that are not a WAV or nearly one.
     #[test]
     fn no_bytes_make_it_panic(bytes in proptest::collection::vec(any::<u8>(), 0..120), graft in 0usize..60) {
         let _unused = read(&bytes);
@@ -73,7 +73,7 @@ proptest! {
         let _unused = read(&nearly);
     }
 
-    /// Catches samples read out of a damaged header that hound, where it reads the file at all, reads otherwise.
+    /// Catches samples read with a damaged header that hound, where it reads the file at all, reads differently.
     #[test]
     fn a_damaged_header_is_refused_or_read_as_the_oracle_reads_it(at in 0usize..44, byte in any::<u8>()) {
         let mut bytes = wav_i16(2, &[1, 2, 3, 4, 5, 6]);
@@ -88,7 +88,7 @@ proptest! {
     }
 }
 
-/// Catches a fault that is read through, or told without its numbers.
+/// Catches a fault that is ignored, or reported without its numbers.
 #[test]
 fn every_fault_has_its_reason() {
     let good = wav_i16(2, &[1, 2, 3, 4]);
@@ -122,7 +122,7 @@ fn every_fault_has_its_reason() {
     }
 }
 
-/// Catches 24- and 32-bit integers taken for something else, plain or extensible.
+/// Catches 24- and 32-bit integers that are mistaken for another format, plain or extensible.
 #[test]
 fn other_depths_are_refused() {
     for (bits, want) in [
@@ -139,7 +139,7 @@ fn other_depths_are_refused() {
     }
 }
 
-/// Catches a chunk before the samples that is not stepped over: hound itself stops at a padded one.
+/// Catches a chunk before the samples that is not skipped; hound itself fails at a padded one.
 #[test]
 fn other_chunks_are_stepped_over() {
     let good = wav_i16(1, &[7, -8]);
@@ -151,7 +151,7 @@ fn other_chunks_are_stepped_over() {
     }
 }
 
-/// Catches an extensible header, the usual one for more than two channels, that is not understood.
+/// Catches an extensible header, which is usual for more than two channels, that is not understood.
 #[test]
 fn an_extensible_header_is_read() {
     let bytes = wav_i16(3, &[1, 2, 3]);
@@ -162,7 +162,7 @@ fn an_extensible_header_is_read() {
     assert!(fault(&strange).contains("are not supported"));
 }
 
-/// Catches a chain of chunks without end.
+/// Catches an endless chain of chunks.
 #[test]
 fn the_search_for_samples_ends() {
     let chain = [&wav_i16(1, &[1])[..36], &b"junk\0\0\0\0".repeat(1000)].concat();

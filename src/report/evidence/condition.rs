@@ -1,4 +1,4 @@
-//! Offset and velocity of a tap, and which of them show a tyre's damage best.
+//! Offset and velocity of a tap, and the condition that shows a tyre's damage best.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use tapline_wire::Discriminator;
 
 use crate::report::evidence::{Shoulder, Tyre};
 
-/// How a tap was made; exact, so that it can be compared.
+/// Offset and velocity of a tap, as integers, so that they compare exactly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Condition {
     offset_um: Option<i64>,
@@ -17,7 +17,7 @@ pub(crate) struct Condition {
 }
 
 impl Condition {
-    /// Of an offset in mm and the velocity in m/s that was meant.
+    /// The condition of an offset in mm and a planned velocity in m/s.
     pub(crate) fn new(offset_mm: Option<f64>, velocity_m_per_s: Option<f64>) -> Self {
         let scaled = |value: f64, scale: f64| (value * scale).round() as i64;
         Self {
@@ -26,7 +26,7 @@ impl Condition {
         }
     }
 
-    /// Words for it: "offset 5 mm, 1.85 m/s".
+    /// As text: "offset 5 mm, 1.85 m/s".
     pub(crate) fn words(self) -> String {
         let offset = self.offset_um.map(|um| format!("offset {} mm", um as f64 / 1e3));
         let velocity = self.velocity_um_per_s.map(|um| format!("{} m/s", (um as f64 / 1e4).round() / 1e2));
@@ -34,21 +34,21 @@ impl Condition {
         if known.is_empty() { "offset and velocity not recorded".to_owned() } else { known.join(", ") }
     }
 
-    /// Nearest to the belt edge first, then the fastest: the order in which conditions are tried.
+    /// Nearest to the belt edge first, then the fastest: the order of preference.
     fn plainness(self) -> (i64, i64) {
         (self.offset_um.map_or(0, i64::abs), -self.velocity_um_per_s.unwrap_or(0))
     }
 }
 
-/// The condition under which the regions of `tyre` stand out of its other locations the farthest; where there are no
-/// regions, the fastest of those nearest to the belt edge. `None` where no tap is archived.
+/// The condition under which the regions of `tyre` stand out most from its other locations; if there are no regions,
+/// the fastest of those nearest to the belt edge. `None` if no tap is archived.
 pub(crate) fn strongest(config: &FuseConfig, tyre: &Tyre) -> Option<Condition> {
     let mut conditions: Vec<Condition> =
         tyre.taps().filter(|tap| tap.found.is_some()).map(|tap| tap.condition).collect();
     conditions.sort_unstable_by_key(|condition| (condition.plainness(), *condition));
     conditions.dedup();
     let judged = conditions.iter().map(|&condition| (contrast(config, tyre, condition), condition));
-    // The first of equals, which is the plainest.
+    // Of equal ones, the first is preferred.
     let better = |best: (Option<f64>, Condition), next: (Option<f64>, Condition)| match (best.0, next.0) {
         (Some(a), Some(b)) if b.total_cmp(&a) == Ordering::Greater => next,
         (None, Some(_)) => next,
@@ -57,8 +57,8 @@ pub(crate) fn strongest(config: &FuseConfig, tyre: &Tyre) -> Option<Condition> {
     judged.reduce(better).map(|(_, condition)| condition)
 }
 
-/// By how many robust standard deviations of the other locations the regions stand out of them, the mean over the
-/// discriminators of the index; `None` where there are no regions, or nothing to compare.
+/// How far the regions stand out from the other locations, in robust standard deviations of those, averaged over the
+/// discriminators of the index. `None` if there are no regions, or nothing to compare.
 fn contrast(config: &FuseConfig, tyre: &Tyre, condition: Condition) -> Option<f64> {
     let of = |&which: &Discriminator| {
         let (mut found, mut rest) = (Vec::new(), Vec::new());
@@ -75,7 +75,7 @@ fn contrast(config: &FuseConfig, tyre: &Tyre, condition: Condition) -> Option<f6
     mean(&config.discriminators.iter().filter_map(of).collect::<Vec<f64>>())
 }
 
-/// The mean over the repetitions of a discriminator, by location; closing taps enter nothing.
+/// The mean of a discriminator over the repetitions, by location; closing taps are left out.
 pub(crate) fn location_means(shoulder: &Shoulder, condition: Condition, which: Discriminator) -> BTreeMap<u32, f64> {
     let mut values: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
     for tap in shoulder.taps.iter().filter(|tap| tap.condition == condition && !tap.is_closing) {

@@ -1,4 +1,4 @@
-//! The seam between an archive and the pages: what was found, shoulder by shoulder, in the form that pictures need.
+//! What an archive holds, shoulder by shoulder, in the form that the pages need.
 
 pub(super) mod condition;
 pub(super) mod offsets;
@@ -19,23 +19,23 @@ use tapline_wire::{
 use crate::config::Config;
 use crate::report::evidence::condition::Condition;
 
-/// All that the pages of one archive show, apart from samples.
+/// Everything that the pages of one archive show, except samples.
 pub(crate) struct Evidence {
     /// Name of the archive's file.
     pub archive: String,
-    /// Archives whose tyres were added.
+    /// Number of further archives whose tyres were added.
     pub others: usize,
     pub plan_digest: u64,
     pub source_digest: u64,
     /// Version of the program that made the archive.
     pub written_by: Option<String>,
-    /// The configuration as it was written.
+    /// The text of the configuration.
     pub config_toml: String,
-    /// The same, read; the defaults where this program cannot read it.
+    /// The same, parsed; the defaults if this program cannot parse it.
     pub config: Config,
-    /// The reference that the archive keeps, where the run had one in a file and this program can read it.
+    /// The reference in the archive, if the run read one from a file and this program can read it.
     pub reference: Option<Arc<ReferenceSet>>,
-    /// A number that differs for different references.
+    /// A digest of the reference.
     pub reference_digest: Option<u64>,
     /// Why the configuration cannot be read.
     pub config_problem: Option<String>,
@@ -53,7 +53,7 @@ pub(crate) struct Evidence {
 pub(crate) struct Tyre {
     pub serial: Serial,
     pub shoulders: Vec<Shoulder>,
-    /// The offset and velocity that show its damage best: what is drawn where all would be too many.
+    /// The offset and velocity that show its damage best, which are drawn where all would be too many.
     pub condition: Option<Condition>,
 }
 
@@ -61,26 +61,26 @@ pub(crate) struct Tyre {
 pub(crate) struct Shoulder {
     pub number: u16,
     pub station: u16,
-    /// RE-INSPECT where nothing is judged: no verdict is no PASS.
+    /// RE-INSPECT if nothing is judged, because no verdict is no PASS.
     pub verdict: Verdict,
     pub reasons: Reasons,
-    /// What speaks for damage where the index is highest: the mean score of each discriminator that speaks at all, the
-    /// loudest first.
+    /// The evidence of damage where the index is highest: the mean score of each discriminator that indicates damage,
+    /// the highest first.
     pub evidence: Vec<(Discriminator, f64)>,
-    /// Probabilities that a sound shoulder is not passed, and that it is rejected, which the limits were set for.
+    /// Probabilities that a sound shoulder is not passed, and that it is rejected, for which the limits were set.
     pub rates: Option<[f64; 2]>,
-    /// Index at which a location is suspect, and at which it is damage.
+    /// Indices from which on a location is suspect, and from which on it is damage.
     pub limits: Option<Limits>,
-    /// How far the strongest arc stands out, which the limits are for.
+    /// How far the strongest arc stands out; the limits apply to it.
     pub strongest_arc: Option<f64>,
-    /// How far it did by the first reading alone, where anything was tapped again.
+    /// The same by the first reading alone, if anything was tapped again.
     pub first_strongest_arc: Option<f64>,
-    /// Ascending by location; without index where nothing is judged.
+    /// Ascending by location; without an index if nothing is judged.
     pub cells: Vec<Cell>,
     pub regions: Vec<Region>,
     /// Every planned tap.
     pub taps: Vec<Tap>,
-    /// The index of each offset alone, ascending; empty where the plan has one offset only.
+    /// The index of each offset alone, ascending; empty if the plan has only one offset.
     pub offsets: Vec<OffsetMap>,
 }
 
@@ -95,12 +95,12 @@ pub(crate) struct Limits {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cell {
     pub location: u32,
-    /// Where it is drawn: degrees on a ring, the number of the location on a line.
+    /// Where it is drawn: degrees on a ring, the location's number on a line.
     pub place: f64,
     pub index: Option<f64>,
-    /// Number of its region, 0 outside of all.
+    /// Number of its region; 0 outside of all regions.
     pub region: u32,
-    /// Whether it is known to be cracked, or to be sound.
+    /// Whether it is known to be cracked or sound.
     pub is_cracked: Option<bool>,
 }
 
@@ -110,7 +110,7 @@ pub(crate) struct Tap {
     /// Row in the plan.
     pub row: u32,
     pub location: u32,
-    /// As [`Cell::place`]; the closing tap of a ring stands at its end.
+    /// As [`Cell::place`]; the closing tap of a ring is at the ring's end.
     pub place: f64,
     pub condition: Condition,
     pub repetition: u16,
@@ -118,12 +118,12 @@ pub(crate) struct Tap {
     pub is_second_reading: bool,
     pub state: TapState,
     pub found: Option<Discriminators>,
-    /// When the impact was, ns since the Unix epoch.
+    /// Time of the impact, ns since the Unix epoch.
     pub time_ns: Option<i64>,
 }
 
 impl Evidence {
-    /// What the archive behind `reader` holds.
+    /// Reads the archive behind `reader`.
     pub(crate) fn read(reader: &Reader) -> Result<Self> {
         let plan = reader.plan();
         let (mut config, config_problem) = match Config::parse(reader.config()) {
@@ -137,7 +137,7 @@ impl Evidence {
         if let Some(set) = &reference {
             config.fuse.directions = set.directions;
         }
-        // A configuration that cannot be read makes no fusion, and then there is no map of an offset.
+        // Without a readable configuration there is no fusion, and no map of an offset.
         let fusion = match &reference {
             Some(set) => Fusion::with_reference(&config.fuse, plan, Arc::clone(set)),
             None => Fusion::new(&config.fuse, plan),
@@ -203,7 +203,7 @@ impl Evidence {
         })
     }
 
-    /// Adds the tyres of another archive; what describes the archive itself stays that of the first.
+    /// Adds the tyres of another archive; the description stays that of the first archive.
     pub(crate) fn join(&mut self, other: Self) {
         self.others += 1 + other.others;
         self.has_truth |= other.has_truth;
@@ -262,7 +262,7 @@ fn shoulder(
     }
 }
 
-/// The discriminators that speak for damage at the peak, the loudest first.
+/// The discriminators that indicate damage at the peak, the highest score first.
 fn evidence(judgement: &Judgement) -> Vec<(Discriminator, f64)> {
     let all = Discriminator::ALL.into_iter().zip(judgement.evidence);
     let mut known: Vec<_> = all.filter(|(_, score)| score.is_finite() && *score > 0.0).collect();
@@ -270,7 +270,7 @@ fn evidence(judgement: &Judgement) -> Vec<(Discriminator, f64)> {
     known
 }
 
-/// Where the locations of one shoulder are drawn.
+/// Positions of the locations of one shoulder in pictures.
 struct Places {
     geometry: Geometry,
     places: BTreeMap<u32, f64>,
@@ -279,7 +279,7 @@ struct Places {
 
 impl Places {
     fn of_scan(geometry: Geometry, scan: &Scan) -> Self {
-        // Where a ring names no angles its locations are equal parts of it.
+        // Without angles, the locations of a ring are equal parts of it.
         let part_deg = 360.0 / scan.locations.len() as f64;
         let place = |(order, &(location, angle_deg)): (u32, &(u32, Option<f64>))| match geometry {
             Geometry::Ring => (location, angle_deg.unwrap_or(f64::from(order) * part_deg)),
@@ -304,7 +304,7 @@ impl Places {
 }
 
 impl Tyre {
-    /// The worst verdict of its shoulders: one is enough to take a casing out.
+    /// The worst verdict of its shoulders, because one is enough to reject a casing.
     pub(crate) fn verdict(&self) -> Verdict {
         self.shoulders.iter().map(|shoulder| shoulder.verdict).max().unwrap_or(Verdict::ReInspect)
     }
@@ -314,7 +314,7 @@ impl Tyre {
         self.shoulders.iter().flat_map(|shoulder| &shoulder.taps)
     }
 
-    /// The stations that tapped it, ascending.
+    /// The stations that made its taps, ascending.
     pub(crate) fn stations(&self) -> Vec<u16> {
         let mut stations: Vec<u16> = self.shoulders.iter().map(|shoulder| shoulder.station).collect();
         stations.sort_unstable();
@@ -322,7 +322,7 @@ impl Tyre {
         stations
     }
 
-    /// The greatest index of its shoulders.
+    /// The highest index of its shoulders.
     pub(crate) fn peak(&self) -> Option<f64> {
         self.shoulders
             .iter()
@@ -333,7 +333,7 @@ impl Tyre {
 }
 
 impl Shoulder {
-    /// The location with the greatest index; of several, as at the index's ceiling, the middle one.
+    /// The location with the highest index; of several equal ones, the middle one.
     pub(crate) fn peak(&self) -> Option<&Cell> {
         let known = || self.cells.iter().filter_map(|cell| cell.index.map(|index| (index, cell)));
         let highest = known().max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -344,7 +344,7 @@ impl Shoulder {
         ceiling.get(ceiling.len() / 2).copied()
     }
 
-    /// The most ordinary location: its index is the median of those without a finding.
+    /// The most ordinary location: its index is the median of the locations outside of regions.
     pub(crate) fn ordinary(&self) -> Option<&Cell> {
         let is_sound = |cell: &&Cell| cell.region == 0 && cell.index.is_some() && cell.is_cracked != Some(true);
         let mut cells: Vec<&Cell> = self.cells.iter().filter(is_sound).collect();
@@ -352,13 +352,13 @@ impl Shoulder {
         cells.get(cells.len() / 2).copied()
     }
 
-    /// Taps in `state`.
+    /// Number of taps in `state`.
     pub(crate) fn count(&self, state: TapState) -> usize {
         self.taps.iter().filter(|tap| tap.state == state).count()
     }
 }
 
-/// How many of `taps` carry each flag, flags that none carries left out.
+/// The number of `taps` with each flag, without flags that no tap has.
 pub(crate) fn flags<'a>(taps: impl Iterator<Item = &'a Tap>) -> Vec<(Quality, usize)> {
     let qualities: Vec<Quality> = taps.filter_map(|tap| tap.found.map(|found| found.quality)).collect();
     let count = |flag| qualities.iter().filter(|quality| quality.contains(flag)).count();

@@ -1,10 +1,10 @@
-//! The damage index of each offset alone: where beside the belt edge a crack is heard best.
+//! The damage index of each offset alone: where beside the belt edge a crack shows best.
 
 use tapline_fuse::{Fusion, OffsetMap};
 
-/// The maps of each of `scan_count` scans, by number of the scan; none of one whose taps have fewer than two offsets.
+/// The maps of each of `scan_count` scans, by number of the scan; none for a scan with fewer than two offsets.
 pub(crate) fn maps(fusion: &mut Fusion, scan_count: usize) -> Vec<Vec<OffsetMap>> {
-    // A scan that is not planned has no map.
+    // A scan that is not in the plan has no map.
     let of = |scan| fusion.by_offset(scan).unwrap_or_default();
     (0..scan_count).map(of).map(|maps| if maps.len() < 2 { Vec::new() } else { maps }).collect()
 }
@@ -19,7 +19,8 @@ mod tests {
 
     use super::*;
 
-    /// A shoulder tapped at `offsets_mm`; over locations 20 to 25 PR is raised at 5 mm alone, and at 30 there is none.
+    /// A shoulder tapped at `offsets_mm`. Over locations 20 to 25 PR is raised at 5 mm alone, and location 30 has no
+    /// tap there.
     fn scanned(offsets_mm: &[f64]) -> Fusion {
         let recording = Recording {
             sample_rate_hz: 4e4,
@@ -51,7 +52,7 @@ mod tests {
         fusion
     }
 
-    /// Catches offsets mixed up, rows of the part taken for rows of the whole, and an index for a tap that is not there.
+    /// Catches mixed-up offsets, rows of an offset mistaken for rows of the plan, and an index without a tap.
     #[test]
     fn each_offset_stands_for_itself() {
         let maps = maps(&mut scanned(&[10.0, 5.0, 0.0]), 1);
@@ -64,7 +65,7 @@ mod tests {
         }
     }
 
-    /// Catches rings that repeat the whole.
+    /// Catches maps of single offsets that repeat the whole.
     #[test]
     fn one_offset_is_the_whole() {
         assert_eq!(maps(&mut scanned(&[5.0]), 1), [vec![]]);

@@ -6,7 +6,7 @@ use tapline_draw::record::channel;
 use tapline_store::Reader;
 use tapline_wire::Channel;
 
-/// What a channel recorded.
+/// The recording of one channel.
 pub(crate) struct Signal {
     /// In N or V.
     pub values: Vec<f64>,
@@ -14,8 +14,8 @@ pub(crate) struct Signal {
     pub pre_trigger_samples: u32,
 }
 
-/// The channel `kind` of the tap in plan row `row`; `None` where the tap or the channel is not there, or holds a sample
-/// that is not a number.
+/// The channel `kind` of the tap in plan row `row`; `None` if the tap or the channel is absent, or has a sample that is
+/// not a number.
 pub(crate) fn signal(reader: &Reader, row: u32, kind: Channel) -> Result<Option<Signal>> {
     let Some((header, samples)) = reader.tap(row)? else { return Ok(None) };
     let (sample_rate_hz, pre_trigger_samples) = (header.sample_rate_hz, header.pre_trigger_samples);
@@ -24,8 +24,8 @@ pub(crate) fn signal(reader: &Reader, row: u32, kind: Channel) -> Result<Option<
 }
 
 impl Signal {
-    /// The signal over ms since the trigger, between `from_ms` and `to_ms`, in `count` or fewer points: where there are
-    /// more samples, the least and greatest of each few.
+    /// The signal between `from_ms` and `to_ms` after the trigger, in at most `count` points: if there are more
+    /// samples, the smallest and largest of each group.
     pub(crate) fn between(&self, from_ms: f64, to_ms: f64, count: usize) -> Vec<Point> {
         let time_ms = |k: usize| (k as f64 - f64::from(self.pre_trigger_samples)) / self.sample_rate_hz * 1e3;
         let points: Vec<Point> = self.values.iter().enumerate().map(|(k, &y)| (time_ms(k), y)).collect();
@@ -49,7 +49,7 @@ impl Signal {
 mod tests {
     use super::*;
 
-    /// Catches a peak that is lost where many samples become few points, and a time that does not start at the trigger.
+    /// Catches a peak that is lost when many samples become few points, and a time that does not begin at the trigger.
     #[test]
     fn peaks_survive() {
         let mut values = vec![0.0; 1000];

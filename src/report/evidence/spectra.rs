@@ -1,4 +1,4 @@
-//! Power spectra of the sound, location by location, in the band that the discriminators look at.
+//! Power spectra of the sound, location by location, in the band of the discriminators.
 
 use std::collections::BTreeMap;
 
@@ -14,21 +14,21 @@ use crate::report::evidence::Shoulder;
 use crate::report::evidence::condition::Condition;
 use crate::report::evidence::samples::signal;
 
-/// Frequencies of a picture from bottom to top.
+/// Number of frequencies of a picture.
 pub(crate) const ROWS: usize = 100;
-/// The edges of the band are taken to the next multiple of this.
+/// The edges of the band are extended to a multiple of this.
 const ROUND_HZ: f64 = 500.0;
 
 /// Density of the sound over location and frequency.
 pub(crate) struct Spectra {
     /// Lower and upper edge, Hz.
     pub band_hz: (f64, f64),
-    /// By location, as the shoulder's cells: `ROWS` densities in dB re 1 V²/Hz from the lower edge up, `None` where
-    /// there is no tap.
+    /// For each cell of the shoulder: `ROWS` densities in dB re 1 V²/Hz from the lower edge up; `None` if there is no
+    /// tap.
     pub columns: Vec<Option<Vec<f64>>>,
 }
 
-/// The band that `config` looks for damage in, to round numbers.
+/// The band in which `config` looks for damage, extended to round numbers.
 pub(crate) fn band_hz(config: &ProcessConfig) -> (f64, f64) {
     ((config.f_c_hz / ROUND_HZ).floor() * ROUND_HZ, (config.f_hi_hz / ROUND_HZ).ceil() * ROUND_HZ)
 }
@@ -64,7 +64,7 @@ pub(crate) fn spectra(
     Ok(Spectra { band_hz, columns: columns.collect::<Result<_>>()? })
 }
 
-/// The mean of the densities in each of [`ROWS`] parts of the band, in dB; where a part holds no bin, the nearest one.
+/// The mean of the densities in each of [`ROWS`] parts of the band, in dB; if a part has no bin, the nearest one.
 fn folded(powers: &[f64], bin_hz: f64, (low_hz, high_hz): (f64, f64)) -> Vec<f64> {
     let step_hz = (high_hz - low_hz) / ROWS as f64;
     let part = |row: usize| {
@@ -83,11 +83,11 @@ fn folded(powers: &[f64], bin_hz: f64, (low_hz, high_hz): (f64, f64)) -> Vec<f64
 mod tests {
     use super::*;
 
-    /// Catches a line drawn at another frequency, and a part without a bin that becomes silent.
+    /// Catches a line drawn at a wrong frequency, and a part without a bin that becomes silent.
     #[test]
     fn a_line_stays_where_it_is() {
         let mut powers = vec![1e-9; 4000];
-        powers[400] = 1e-3; // 1000 Hz at 2.5 Hz a bin
+        powers[400] = 1e-3; // 1000 Hz, with 2.5 Hz per bin
         let fine = folded(&powers, 2.5, (500.0, 2000.0));
         let loudest = (0..ROWS).max_by(|&a, &b| fine[a].total_cmp(&fine[b])).unwrap();
         assert_eq!(loudest, 33);
@@ -95,7 +95,7 @@ mod tests {
         assert!(coarse.iter().all(|density| (*density + 90.0).abs() < 1e-6), "{coarse:?}");
     }
 
-    /// Catches a band that cuts off what the discriminators look at.
+    /// Catches a band that cuts off frequencies of the discriminators.
     #[test]
     fn the_band_is_that_of_the_discriminators() {
         assert_eq!(band_hz(&ProcessConfig::default()), (500.0, 2000.0));

@@ -1,4 +1,4 @@
-//! A coordinate whose numbers stand at chosen places, and nowhere else.
+//! A coordinate whose numbers are at chosen places only.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, Value
 use plotters::coord::types::RangedCoordf64;
 use tapline_draw::canvas::{Point, number};
 
-/// What one axis shows.
+/// One axis.
 pub(crate) struct Axis {
     /// Name and unit.
     pub label: String,
@@ -15,13 +15,13 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
-    /// From the least to the greatest of `range`, with room around it and, above, for a word, with `count` or fewer numbers.
+    /// Covers `range`, with a margin around it and room for a word above, with at most `count` numbers.
     pub(crate) fn around(label: impl Into<String>, (low, high): Point, count: usize) -> Self {
         let room = if high > low { 0.06 * (high - low) } else { 0.5 * high.abs() + f64::MIN_POSITIVE };
         Self::from_to(label, (low - room, high + 3.0 * room), count)
     }
 
-    /// Exactly over `range`, with `count` or fewer numbers.
+    /// Covers exactly `range`, with at most `count` numbers.
     pub(crate) fn from_to(label: impl Into<String>, range: Point, count: usize) -> Self {
         Self { label: label.into(), range, ticks: ticks(range, count) }
     }
@@ -63,7 +63,7 @@ impl ValueFormatter<f64> for Ticked {
     }
 }
 
-/// Round numbers within `range`, `count` or fewer.
+/// Round numbers within `range`, at most `count`.
 pub(crate) fn ticks((low, high): Point, count: usize) -> Vec<f64> {
     let span = high - low;
     if !(span.is_finite() && span > 0.0) || count == 0 {
@@ -74,7 +74,7 @@ pub(crate) fn ticks((low, high): Point, count: usize) -> Vec<f64> {
     let step = [1.0, 2.0, 2.5, 5.0, 10.0].iter().map(|&m| m * decade).find(|step| span / step <= count as f64);
     let step = step.unwrap_or(10.0 * decade);
     let first = (low / step).ceil() as i64;
-    // A count that rounding could not take beyond what fits.
+    // An integer count, so that rounding adds no tick beyond the range.
     (0..=count as i64).map(|k| (first + k) as f64 * step).filter(|tick| *tick <= high + 1e-9 * span).collect()
 }
 
@@ -82,7 +82,7 @@ pub(crate) fn ticks((low, high): Point, count: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Catches ticks that are not round, crowd, or lie outside of their axis.
+    /// Catches ticks that are not round, too close, or outside their axis.
     #[test]
     fn ticks_are_few_round_and_inside() {
         assert_eq!(ticks((0.0, 6.2), 5), [0.0, 2.0, 4.0, 6.0]);

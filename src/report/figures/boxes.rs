@@ -1,4 +1,4 @@
-//! Boxplots of cracked against sound locations, where the truth is known: how well each discriminator separates them.
+//! Boxplots of cracked and sound locations, if the truth is known: how well each discriminator separates them.
 
 use anyhow::Result;
 use tapline_draw::boxplot::BoxStats;
@@ -13,17 +13,17 @@ use crate::report::figures::axis::Axis;
 use crate::report::figures::chart::{exponent_of, scaled_unit};
 use crate::report::figures::small::Small;
 
-/// Half the width of a box, of the room a class has.
+/// Half the width of a box, as a fraction of its column.
 const HALF: f64 = 0.26;
 
-/// What is compared: values of sound and of cracked locations.
+/// Values of sound and of cracked locations.
 struct Classes {
     sound: Vec<f64>,
     cracked: Vec<f64>,
 }
 
-/// A boxplot of each discriminator and of the index over the locations of `tyres` whose truth is known, each with its
-/// AUC in the configured direction; empty where one class is.
+/// A boxplot of each discriminator and of the index over the locations of `tyres` with known truth, each with its AUC
+/// in the configured direction; empty if either class is empty.
 pub(crate) fn pictures(evidence: &Evidence, tyres: &[Tyre]) -> Result<Vec<String>> {
     let mut pictures = Vec::new();
     for which in Discriminator::ALL {

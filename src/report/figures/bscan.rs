@@ -1,4 +1,4 @@
-//! The B-scan of a shoulder: spectra side by side along the ring, as a picture within axes.
+//! The B-scan of a shoulder: spectra side by side along the ring, as an image within axes.
 
 use anyhow::{Context as _, Result};
 use base64::Engine as _;
@@ -14,19 +14,19 @@ use crate::report::figures::chart::Sheet;
 use crate::report::figures::colour::{ABSENT, heat};
 use crate::report::figures::rounds::{along, spans};
 
-/// Densities with colours of their own: from this far below the loudest to the loudest, dB.
+/// Range of densities with different colours, below the loudest, in dB.
 pub(crate) const DEPTH_DB: f64 = 30.0;
 
-/// Colours of the picture; one more stands for a location without tap.
+/// Number of colours of the image; one more marks a location without a tap.
 const COLOURS: u8 = 250;
 
-/// Most columns of a picture: finer ones do not show.
+/// Most columns of an image; finer ones would not be visible.
 const COLUMNS_MOST: usize = 800;
 
-/// Stands where the picture goes, in a colour that nothing else has.
+/// Placeholder of the image, in a colour that nothing else has.
 const PLACE: RGBColor = RGBColor(1, 2, 3);
 
-/// The picture of `spectra`; `loudest_db` has the darkest colour.
+/// The picture of `spectra`; densities of `loudest_db` have the darkest colour.
 pub(crate) fn svg(
     geometry: Geometry,
     title: String,
@@ -48,7 +48,7 @@ pub(crate) fn svg(
         let (from, to) = sheet.x.range;
         chart.draw_series([Rectangle::new([(from, band_hz.0), (to, band_hz.1)], PLACE.filled())])?;
         for (from, to) in spans(shoulder, sheet.x.range).into_iter().flatten() {
-            // Over the upper edge, on a ground that contrasts with any colour.
+            // Across the upper edge, on a ground that contrasts with any colour.
             for (color, width) in [(WHITE, 9.0), (VERMILLION, 6.0)] {
                 let style = color.stroke_width(units(width).unsigned_abs());
                 chart.draw_series([PathElement::new(vec![(from, band_hz.1), (to, band_hz.1)], style)])?;
@@ -63,7 +63,7 @@ pub(crate) fn svg(
     placed(&svg, &png)
 }
 
-/// Puts the picture where [`PLACE`] is.
+/// Replaces the placeholder [`PLACE`] by the image.
 fn placed(svg: &str, png: &[u8]) -> Result<String> {
     let fill = format!("fill=\"#{:02X}{:02X}{:02X}\"", PLACE.0, PLACE.1, PLACE.2);
     let lost = "the picture has lost its place";
@@ -80,14 +80,14 @@ fn placed(svg: &str, png: &[u8]) -> Result<String> {
     ))
 }
 
-/// Rows from the top, each a colour a column; the last colour is none.
+/// Rows from the top, with one colour index per column; the last colour means no tap.
 struct Pixels {
     width: usize,
     colours: Vec<u8>,
 }
 
 fn pixels(geometry: Geometry, shoulder: &Shoulder, spectra: &Spectra, range: Point, loudest_db: f64) -> Pixels {
-    // Two columns a location: on a ring the first location's halves lie at both ends.
+    // Two columns per location, because on a ring the halves of the first location are at both ends.
     let width = (2 * shoulder.cells.len()).clamp(1, COLUMNS_MOST);
     let column = |k: usize| {
         let x = range.0 + (range.1 - range.0) * (k as f64 + 0.5) / width as f64;

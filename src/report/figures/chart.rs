@@ -1,4 +1,4 @@
-//! Axes, curves and keys: the one style of the report's pictures, small enough to be read on a telephone.
+//! Axes, curves and keys: the one style of the report's pictures, small enough for a telephone.
 
 use anyhow::Result;
 use plotters::coord::Shift;
@@ -10,24 +10,24 @@ use crate::report::figures::axis::{Axis, Ticked};
 use crate::report::figures::colour::heat;
 use crate::report::figures::inline;
 
-/// Width of a picture: that of a telephone, of half a page and of a third of a screen.
+/// Width of a picture: fits a telephone, half a page and a third of a screen.
 pub(crate) const WIDTH: u32 = 370;
 
-/// Room for the numbers and the name of each axis.
+/// Room for the numbers and the label of each axis.
 const LEFT: f64 = 52.0;
 const BOTTOM: f64 = 32.0;
-/// Room beside the axes, for the half of a number.
+/// Room beside the axes for half of a number.
 const RIGHT: f64 = 14.0;
-/// Height of a line of writing above the axes.
+/// Height of a line of text above the axes.
 const ROW: f64 = 16.0;
-/// Width of a letter of the size that keys are written in.
+/// Width of a letter in a key.
 const LETTER: f64 = 5.3;
 const SIZE: f64 = 11.0;
 
 pub(crate) type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Ticked, Ticked>>;
 
-/// How a curve is drawn. Each has a width of its own, by which the dashes are put in once the curves are written: the
-/// library would write every dash as an element.
+/// The style of a curve. Each has its own width, by which dashes are added after the curves are written; the library
+/// would write every dash as an element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Stroke {
     /// Unbroken.
@@ -39,7 +39,7 @@ pub(crate) enum Stroke {
 }
 
 impl Stroke {
-    /// Width in units of the sheet, and dashes in the same.
+    /// Width and dashes, in units of the canvas.
     fn shape(self) -> (u32, Option<&'static str>) {
         match self {
             Self::Plain => (6, None),
@@ -65,7 +65,7 @@ pub(crate) struct Sheet {
     pub height: u32,
     pub title: String,
     pub keys: Vec<Key>,
-    /// Words at the pale and at the dark end of a bar of colours beside the title.
+    /// Labels of the pale and the dark end of a bar of colours beside the title.
     pub ramp: Option<[String; 2]>,
     pub x: Axis,
     pub y: Axis,
@@ -98,7 +98,7 @@ impl Sheet {
         write(area, dark, (right + 4.0, 10.0), SIZE, INK, HPos::Left, false)
     }
 
-    /// Writes the key; how many lines it takes.
+    /// Writes the key; returns its number of lines.
     fn key(&self, area: &Area<'_>) -> Result<f64> {
         let (mut x, mut y) = (8.0, 26.0);
         for key in &self.keys {
@@ -136,7 +136,7 @@ impl Sheet {
     }
 }
 
-/// Puts dashes into the strokes that have them.
+/// Adds dashes to the strokes that have them.
 fn dashed(mut svg: String) -> String {
     for stroke in [Stroke::Dashed, Stroke::Limit] {
         if let (width, Some(dashes)) = stroke.shape() {
@@ -147,7 +147,7 @@ fn dashed(mut svg: String) -> String {
     svg
 }
 
-/// Draws `points` as a curve that is broken where one is absent; a point without neighbours is a dot.
+/// Draws `points` as a curve that is interrupted where one is absent; a single point is a dot.
 pub(crate) fn curve(chart: &mut Chart<'_, '_>, points: &[Option<Point>], style: ShapeStyle) -> Result<()> {
     for run in points.split(Option::is_none) {
         let run: Vec<Point> = run.iter().copied().flatten().collect();
@@ -171,15 +171,15 @@ pub(crate) fn level(chart: &mut Chart<'_, '_>, y: f64, style: ShapeStyle) -> Res
     Ok(())
 }
 
-/// Shades the x from `low` to `high`.
+/// Shades the range from `low` to `high` of x.
 pub(crate) fn band(chart: &mut Chart<'_, '_>, (low, high): Point, color: RGBAColor) -> Result<()> {
     let range = chart.y_range();
     chart.draw_series([Rectangle::new([(low, range.start), (high, range.end)], color.filled())])?;
     Ok(())
 }
 
-/// A power of ten, its exponent a multiple of three, by which values in `unit` between `low` and `high` have few digits;
-/// a number without unit is left as it is.
+/// An exponent of ten, a multiple of three, that leaves values in `unit` between `low` and `high` with few digits; 0
+/// for numbers without a unit.
 pub(crate) fn exponent_of(unit: &str, (low, high): Point) -> i32 {
     let greatest = if high.abs() > low.abs() { high.abs() } else { low.abs() };
     if unit.is_empty() || !(greatest.is_finite() && greatest > 0.0) {
@@ -189,7 +189,7 @@ pub(crate) fn exponent_of(unit: &str, (low, high): Point) -> i32 {
     if (0..=3).contains(&exponent) { 0 } else { exponent }
 }
 
-/// `unit` multiplied by a power of ten, in print: "10⁻⁶ V²/Hz".
+/// `unit` multiplied by a power of ten, as text: "10⁻⁶ V²/Hz".
 pub(crate) fn scaled_unit(exponent: i32, unit: &str) -> String {
     if exponent == 0 {
         return unit.to_owned();
@@ -211,7 +211,7 @@ mod tests {
 
     use super::*;
 
-    /// Catches an exponent that does not belong to the numbers, and one written for none.
+    /// Catches an exponent that does not fit the numbers, and one for numbers without a unit.
     #[test]
     fn units_carry_their_power_of_ten() {
         let of = |greatest| exponent_of("N", (-0.5 * greatest, greatest));

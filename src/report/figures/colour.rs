@@ -1,11 +1,11 @@
-//! Colours for small and great values, distinguished by lightness alone.
+//! Colours of small and large values, distinguished by lightness alone.
 
 use plotters::prelude::*;
 
-/// What a place without value is filled with.
+/// Fill colour of a place without a value.
 pub(crate) const ABSENT: RGBColor = RGBColor(232, 232, 232);
 
-/// From little to much: ColorBrewer's YlGnBu, whose lightness falls steadily, so that it can be read without colours too.
+/// From low to high: ColorBrewer's YlGnBu, whose lightness falls steadily, so that it is readable without colours too.
 const STEPS: [RGBColor; 9] = [
     RGBColor(255, 255, 217),
     RGBColor(237, 248, 177),
@@ -18,7 +18,7 @@ const STEPS: [RGBColor; 9] = [
     RGBColor(8, 29, 88),
 ];
 
-/// The colour of `value` between `low` and `high`: pale where it is little, so that a sound casing costs no ink.
+/// The colour of `value` between `low` and `high`: pale if low, so that a sound casing needs little ink.
 pub(crate) fn heat(value: f64, (low, high): (f64, f64)) -> RGBColor {
     let fraction = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 0.0 };
     DerivedColorMap::new(&STEPS).get_color(fraction)

@@ -1,14 +1,14 @@
-//! A drawn picture as an element of a page.
+//! A picture as an element of a page.
 
 use maud::html;
 
-/// `svg` without what only a file of its own needs, as wide as its place, and named `label` to who cannot see it.
+/// `svg` without what only a separate file needs, as wide as its container, with `label` for screen readers.
 pub(crate) fn svg(svg: &str, label: &str) -> String {
     let svg = svg.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1);
     let name = html! { (label) }.into_string();
-    // The view box has the size that counts: those of the element would keep it from fitting its place.
+    // The view box has the size; a width and height would keep the picture from fitting its container.
     let body = svg.find("viewBox").map_or(svg.as_str(), |start| &svg[start..]);
-    // The library writes line ends that mean nothing.
+    // Line ends have no meaning here.
     let body: String = body.lines().map(str::trim_end).collect();
     format!("<svg role=\"img\" aria-label=\"{name}\" {body}")
 }
@@ -17,7 +17,7 @@ pub(crate) fn svg(svg: &str, label: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Catches a name that ends its attribute, an address left in, and a size that keeps the picture from fitting.
+    /// Catches a label that ends its attribute, an address that stays, and a size that keeps the picture from fitting.
     #[test]
     fn a_picture_names_nothing_outside() {
         let drawn =

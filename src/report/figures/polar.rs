@@ -1,4 +1,4 @@
-//! The damage map of a shoulder: a ring as one looks at the tyre, with its regions, its verdict and its scale.
+//! The damage map of a shoulder: a ring as seen when facing the tyre, with regions, verdict and scale.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -14,7 +14,7 @@ use crate::report::figures::scale::{self, Scale};
 
 const HEIGHT: u32 = 466;
 const CENTER: Point = (185.0, 206.0);
-// Radii: of the index of all taps, of the offsets within it, of regions and known cracks without, of writing.
+// Radii: of the index of all taps, of the offsets inside it, of regions and known cracks outside, of text.
 const OUTER: f64 = 142.0;
 const INNER: f64 = 108.0;
 const CORE: f64 = 62.0;
@@ -39,7 +39,7 @@ pub(crate) fn svg(title: &str, shoulder: &Shoulder, scale: &Scale) -> Result<Str
     Ok(inline::svg(&svg, title))
 }
 
-/// The whole index outside; each offset alone inside, where there are some.
+/// The index of all taps outside; that of each offset inside, if there are several.
 fn rings(area: &Area<'_>, shoulder: &Shoulder, scale: &Scale) -> Result<()> {
     let inner = if shoulder.offsets.is_empty() { CORE } else { INNER };
     ring(area, shoulder, (inner, OUTER), scale, |place| shoulder.cells[place].index)?;
@@ -67,12 +67,12 @@ fn ring(
     Ok(())
 }
 
-/// A little longer, so that neighbours become one line.
+/// Extends a sector a little, so that no gap is visible between neighbours.
 fn joined((from, to): Point) -> Point {
     (from - 0.15, to + 0.15)
 }
 
-/// Which ring is which.
+/// Labels of the rings.
 fn offsets(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     if shoulder.offsets.is_empty() {
         return Ok(());
@@ -82,7 +82,7 @@ fn offsets(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     write(area, &words, (CENTER.0, f64::from(HEIGHT) - 14.0), 11.0, INK, HPos::Center, false)
 }
 
-/// Regions found, each with its number, and cracks that are known.
+/// Regions with their numbers, and known cracks.
 fn arcs(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     for (cell, sector) in shoulder.cells.iter().zip(sectors(&shoulder.cells)) {
         if cell.region != 0 {
@@ -109,21 +109,21 @@ fn middle(shoulder: &Shoulder, first: u32, last: u32) -> f64 {
     start + 0.5 * (end - start).rem_euclid(360.0)
 }
 
-/// Angles around the map, where the ring starts, and which way it is counted.
+/// Angles around the map, the start, and the direction of counting.
 fn degrees(area: &Area<'_>) -> Result<()> {
     for step in 0..12 {
         let deg = 30.0 * f64::from(step);
         let ends = [polar(OUTER + 2.0, deg), polar(OUTER + 6.0, deg)];
         area.draw(&PathElement::new(ends.map(at).to_vec(), line(PALE_INK, 1.0)))?;
         let (x, y) = polar(DEGREES, deg);
-        // The start has its own words; above it there is room.
+        // The start has its own label, above which there is room.
         let text = if step == 0 { "0° start mark".to_owned() } else { format!("{deg:.0}°") };
         let y = if step == 0 { y - 4.0 } else { y };
         write(area, &text, (x, y), 11.0, if step == 0 { INK } else { PALE_INK }, HPos::Center, step == 0)?;
     }
     let start = [polar(TRUTH + 1.0, 0.0), polar(TRUTH + 8.0, 357.0), polar(TRUTH + 8.0, 3.0)];
     area.draw(&Polygon::new(start.map(at).to_vec(), INK.filled()))?;
-    // An arrow around the verdict: the sense of rotation.
+    // An arrow around the verdict shows the direction of rotation.
     let (radius, tip) = (CORE - 9.0, 70.0);
     area.draw(&PathElement::new(sweep(radius, (20.0, tip - 4.0)), line(PALE_INK, 1.5)))?;
     let head = [polar(radius, tip + 2.0), polar(radius + 4.0, tip - 7.0), polar(radius - 4.0, tip - 7.0)];
@@ -148,8 +148,8 @@ fn words(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     word(-22.0, "clockwise", 10.0, false)
 }
 
-/// From where to where, in degrees, each location reaches: half way to its neighbours, and no farther than half of the
-/// usual step, so that what was not scanned stays empty.
+/// The range of each location in degrees: half way to its neighbours, and at most half of the usual step, so that what
+/// was not scanned stays empty.
 fn sectors(cells: &[Cell]) -> Vec<Point> {
     let count = cells.len();
     let step = |a: usize, b: usize| (cells[b].place - cells[a].place).rem_euclid(360.0);
@@ -170,7 +170,7 @@ fn polar(radius: f64, deg: f64) -> Point {
     (CENTER.0 + radius * sin, CENTER.1 - radius * cos)
 }
 
-/// An arc in steps of 4 degrees and less.
+/// An arc in steps of at most 4 degrees.
 fn sweep(radius: f64, (from, to): Point) -> Vec<(i32, i32)> {
     let count = ((to - from) / 4.0).ceil().clamp(1.0, 90.0) as u32;
     (0..=count).map(|k| at(polar(radius, from + (to - from) * f64::from(k) / f64::from(count)))).collect()
@@ -185,7 +185,7 @@ mod tests {
         (0..).zip(places).map(cell).collect()
     }
 
-    /// Catches a map that fills what was not scanned, and one with a gap at the seam.
+    /// Catches a map that fills what was not scanned, and one with a gap at the start.
     #[test]
     fn sectors_meet_and_leave_gaps() {
         assert_eq!(sectors(&cells(&[0.0, 90.0, 180.0, 270.0]))[0], (-45.0, 45.0));

@@ -1,4 +1,4 @@
-//! Curves around the ring: the damage index with its limits, and each discriminator in both repetitions.
+//! Curves along the ring: the damage index with its limits, and each discriminator in two repetitions.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -14,13 +14,13 @@ use crate::report::figures::axis::Axis;
 use crate::report::figures::chart::{self, Chart, Key, Sheet, Stroke, exponent_of, scaled_unit};
 use crate::report::pages::words;
 
-/// Shoulders that one picture of the index can hold.
+/// Most shoulders in one picture of the index.
 pub(crate) const SHOULDERS: usize = 2;
 
-/// Colours and strokes of the curves in one picture.
+/// Colours and strokes of the curves of one picture.
 const CURVES: [(RGBColor, Stroke); 2] = [(BLUE, Stroke::Plain), (VERMILLION, Stroke::Dashed)];
 
-/// One repetition: place and value of each planned tap, `None` where the value is absent.
+/// One repetition: position and value of each planned tap; `None` if the value is absent.
 type Turn = Vec<Option<Point>>;
 
 /// The axis along the ring or line.
@@ -37,8 +37,7 @@ pub(crate) fn along(geometry: Geometry, shoulders: &[Shoulder]) -> Axis {
     Axis::from_to("location", (first - 0.5, last + 0.5), 8)
 }
 
-/// The damage index of some shoulders of a tyre, at most [`SHOULDERS`], with the limits on it; indices up to
-/// `greatest` have room.
+/// The damage index of at most [`SHOULDERS`] shoulders of a tyre, with their limits; the axis has room for `greatest`.
 pub(crate) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], greatest: f64) -> Result<String> {
     let keys = CURVES.iter().zip(shoulders).map(|(&(color, stroke), shoulder)| Key {
         words: format!("{} {}", words::side(geometry), shoulder.number),
@@ -73,15 +72,14 @@ pub(crate) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], g
     })
 }
 
-/// The curve with its first point again at the end of the ring, where it lies at the beginning.
+/// The curve of a ring, with its first point repeated at the end.
 fn closed(geometry: Geometry, mut points: Vec<Option<Point>>) -> Vec<Option<Point>> {
     let first = points.first().copied().flatten().filter(|(place, _)| geometry == Geometry::Ring && *place < 1e-9);
     points.extend(first.map(|(_, y)| Some((360.0, y))));
     points
 }
 
-/// One discriminator around each shoulder of `tyre`, shoulder by shoulder on one scale; empty where it is absent from
-/// all of their taps.
+/// One discriminator along each shoulder of `tyre`, all on one scale; empty if all of their taps lack it.
 pub(crate) fn discriminator(
     geometry: Geometry,
     tyre: &Tyre,
@@ -155,7 +153,7 @@ fn shade(chart: &mut Chart<'_, '_>, shoulder: &Shoulder) -> Result<()> {
     Ok(())
 }
 
-/// From where to where each region of `shoulder` lies within `range`: over the seam of a ring in two parts.
+/// The range of each region of `shoulder` within `range`; in two parts if it lies across the start of a ring.
 pub(crate) fn spans(shoulder: &Shoulder, range: Point) -> Vec<Vec<Point>> {
     let steps = shoulder.cells.windows(2).map(|pair| pair[1].place - pair[0].place);
     let half = 0.5 * steps.fold(None, |least, step| least.filter(|least| *least < step).or(Some(step))).unwrap_or(1.0);
@@ -166,7 +164,7 @@ pub(crate) fn spans(shoulder: &Shoulder, range: Point) -> Vec<Vec<Point>> {
         };
         let places: Vec<f64> =
             shoulder.cells.iter().filter(|cell| is_inside(cell.location)).map(|cell| cell.place).collect();
-        // The end of a ring is its beginning: a cell there reaches over both.
+        // The end of a ring is its beginning, so a cell there extends over both.
         let runs = places.chunk_by(|a, b| b - a < 3.0 * half);
         let span = |run: &[f64]| Some((run.first()? - half, run.last()? + half));
         let clamped = |(from, to): Point| (from.clamp(range.0, range.1), to.clamp(range.0, range.1));

@@ -1,4 +1,4 @@
-//! The scale of the damage maps: which colour is which index, and where the limits lie.
+//! The scale of the damage maps: the colours of indices, and the limits.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -10,21 +10,21 @@ use crate::report::evidence::{Evidence, Limits};
 use crate::report::figures::chart::WIDTH;
 use crate::report::figures::colour::heat;
 
-/// Where the bar begins and ends.
+/// Left and right end of the bar.
 const LEFT: f64 = 62.0;
 const RIGHT: f64 = 330.0;
 const STEPS: u32 = 64;
-/// Width of a letter of the size that the limits are named in.
+/// Width of a letter in the names of limits.
 const LETTER: f64 = 5.4;
 
-/// The one scale of all maps of an archive: equal colours are equal indices.
+/// The scale that all maps of an archive share: equal colours are equal indices.
 pub(crate) struct Scale {
     greatest: f64,
     limits: Option<Limits>,
 }
 
 impl Scale {
-    /// From 0 to the greatest index of the archive, and beyond the reject limits.
+    /// From 0 to the highest index of the archive, and beyond the reject limits.
     pub(crate) fn new(evidence: &Evidence) -> Self {
         let cells = evidence.shoulders().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
         let offsets = evidence.shoulders().flat_map(|s| s.offsets.iter().flat_map(|map| map.index.iter().flatten()));
@@ -38,13 +38,14 @@ impl Scale {
         Self { greatest: self.greatest, limits }
     }
 
-    /// Least and greatest index.
+    /// Lowest and highest index.
     pub(crate) fn range(&self) -> (f64, f64) {
         (0.0, self.greatest)
     }
 }
 
-/// Draws the bar with its top at `top`: re-inspect limit above, reject limit below, so that their names never meet.
+/// Draws the bar with its top at `top`. The re-inspect limit is above, the reject limit below, so that their names
+/// never overlap.
 pub(crate) fn bar(area: &Area<'_>, scale: &Scale, top: f64) -> Result<()> {
     let bottom = top + 14.0;
     let x_of = |index: f64| LEFT + (RIGHT - LEFT) * (index / scale.greatest).clamp(0.0, 1.0);

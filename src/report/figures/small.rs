@@ -1,4 +1,4 @@
-//! A picture of half the width, with named columns instead of an axis: two of them stand side by side on a telephone.
+//! A picture of half the width, with named columns instead of an x axis; two fit side by side on a telephone.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -11,12 +11,12 @@ use crate::report::figures::inline;
 
 const SIZE: (u32, u32) = (180, 210);
 
-/// Columns beside each other over one scale.
+/// Columns side by side, on one scale.
 pub(crate) struct Small {
     pub title: String,
     /// Name and unit of the values.
     pub label: String,
-    /// Words below the columns, of which number k lies about x = k + 0.5.
+    /// Names of the columns; column k is centred at x = k + 0.5.
     pub columns: Vec<String>,
     pub y: Axis,
 }

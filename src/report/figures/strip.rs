@@ -1,4 +1,4 @@
-//! The damage map of a line: a straight strip, for what is no ring.
+//! The damage map of a line, as a straight strip.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -33,7 +33,7 @@ pub(crate) fn svg(title: &str, shoulder: &Shoulder, scale: &Scale) -> Result<Str
     Ok(inline::svg(&svg, title))
 }
 
-/// Left and right end of the location that comes as number `place`.
+/// Left and right end of the location number `place`.
 fn ends(shoulder: &Shoulder, place: f64) -> Point {
     let first = shoulder.cells.first().map_or(0.0, |cell| cell.place);
     let last = shoulder.cells.last().map_or(0.0, |cell| cell.place);
@@ -68,7 +68,7 @@ fn cells(area: &Area<'_>, shoulder: &Shoulder, scale: &Scale) -> Result<()> {
     Ok(())
 }
 
-/// Numbers of the regions above and of locations below.
+/// Numbers of the regions above, and of locations below.
 fn numbers(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     let middle = |place: f64| 0.5 * (ends(shoulder, place).0 + ends(shoulder, place).1);
     for region in &shoulder.regions {

@@ -1,4 +1,4 @@
-//! Force and sound of two taps: one of the damage and one of an ordinary location.
+//! Force and sound of two taps: one at the damage and one at an ordinary location.
 
 use anyhow::Result;
 use plotters::style::RGBColor;
@@ -13,26 +13,26 @@ use crate::report::evidence::{Cell, Shoulder, Tyre};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::chart::{self, Key, Sheet, Stroke};
 
-/// What is drawn of a channel: from before to after the trigger.
+/// Time range of the force, around the trigger.
 const FORCE_MS: (f64, f64) = (-0.5, 3.0);
 const SOUND_MS: (f64, f64) = (-1.0, 12.0);
 /// Most points of a curve.
 const POINTS: usize = 700;
 
-/// The two taps as pictures, and how they were chosen.
+/// Pictures of the two taps, and how these were chosen.
 pub(crate) struct Pair {
-    /// Force, then sound; what was not recorded is left out.
+    /// Force, then sound, if they were recorded.
     pub pictures: Vec<String>,
     /// Names of the two taps.
     pub words: String,
 }
 
-/// The tap at the greatest index of `tyre` and one at the most ordinary location of the same shoulder, in the first
-/// repetition under `condition` that has them; `None` where there are no two to compare.
+/// A tap at the highest index of `tyre` and one at the most ordinary location of the same shoulder, in the first
+/// repetition under `condition` that has both; `None` if there are no two.
 pub(crate) fn pair(reader: &Reader, geometry: Geometry, tyre: &Tyre, condition: Condition) -> Result<Option<Pair>> {
     let by_peak = |a: &&Shoulder, b: &&Shoulder| {
         let peak = |s: &Shoulder| s.peak().and_then(|cell| cell.index).unwrap_or(f64::NEG_INFINITY);
-        // The first of equals.
+        // Of equal ones, the first.
         peak(a).total_cmp(&peak(b)).then(b.number.cmp(&a.number))
     };
     let Some(shoulder) = tyre.shoulders.iter().max_by(by_peak) else { return Ok(None) };
@@ -70,7 +70,7 @@ fn picture(kind: Channel, window_ms: (f64, f64), signals: [&Signal; 2], names: &
         Channel::Sound => ("Sound", "sound, V"),
     };
     let extremes = extent(curves.iter().flatten().map(|point| point.1)).unwrap_or((0.0, 1.0));
-    // A record that ends early leaves no empty half of a picture.
+    // The axis ends with the records, so that no part of the picture is empty.
     let ends = extent(curves.iter().flatten().map(|point| point.0)).unwrap_or(window_ms);
     let sheet = Sheet {
         height: 226,

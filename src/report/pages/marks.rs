@@ -1,4 +1,4 @@
-//! What to mark on a casing: the regions of each shoulder, and why its verdict is what it is.
+//! What to mark on a casing: the regions of each shoulder, and the reasons of its verdict.
 
 use maud::{Markup, html};
 use tapline_store::Region;
@@ -72,7 +72,7 @@ pub(crate) fn regions(geometry: Geometry, tyre: &Tyre) -> Markup {
     }
 }
 
-/// Why there is nothing to mark: only what is judged can be sound.
+/// Why there is nothing to mark; only a judged shoulder can be sound.
 fn nothing(tyre: &Tyre) -> &'static str {
     let judged = tyre.shoulders.iter().filter(|shoulder| shoulder.limits.is_some()).count();
     match judged {
@@ -95,7 +95,7 @@ fn number(value: Option<f64>) -> String {
     value.map_or_else(|| "none".to_owned(), |value| format!("{value:.2}"))
 }
 
-/// The angle, and the location under it; where there are no angles the location alone.
+/// The angle, and the location there; without angles only the location.
 fn place(angle_deg: Option<f64>, location: u32) -> Markup {
     html! {
         @match angle_deg {
@@ -115,13 +115,13 @@ fn length(region: &Region) -> Markup {
     }
 }
 
-/// The three discriminators that speak the loudest.
+/// The three discriminators with the highest scores.
 fn loudest(shoulder: &Shoulder) -> String {
     let names = shoulder.evidence.iter().take(3).map(|&(which, score)| format!("{} {score:.1}", which.printed().0));
     names.collect::<Vec<_>>().join(", ")
 }
 
-/// How far from the belt edge a region lies: where it shows most, and from where to where it shows.
+/// Distance of a region from the belt edge: where it shows most, and its range.
 fn offset(region: &Region) -> Markup {
     html! {
         @match region.offset_best_mm {
@@ -136,7 +136,8 @@ fn offset(region: &Region) -> Markup {
     }
 }
 
-/// How bad a region is: by how much its strongest arc exceeds the limits, and how probable that is on a sound shoulder.
+/// Severity of a region: by how much its strongest arc exceeds the limits, and how probable that is on a sound
+/// shoulder.
 fn severity(shoulder: &Shoulder, region: &Region) -> String {
     let (Some(arc), Some(limits)) = (region.region_index, shoulder.limits) else { return "unknown".to_owned() };
     let is_damage = arc >= limits.reject && shoulder.reasons.contains(Reasons::DAMAGE);

@@ -1,4 +1,4 @@
-//! The pages: one a tyre, one a shift, and the words they are written in.
+//! The pages: one per tyre, one per shift, and their vocabulary.
 
 pub(super) mod marks;
 pub(super) mod page;

@@ -8,7 +8,7 @@ use tapline_wire::{TapState, Verdict};
 use crate::report::evidence::{Evidence, Shoulder, Tap, flags};
 use crate::report::pages::words::{self, counted};
 
-/// A page called `title`. All that it needs is in it.
+/// A page called `title`, which needs no other file.
 pub(crate) fn page(title: &str, body: &Markup) -> String {
     let style = include_str!("style.css").replace('\n', "");
     html! {
@@ -26,12 +26,12 @@ pub(crate) fn page(title: &str, body: &Markup) -> String {
     .into_string()
 }
 
-/// A figure of `pictures`: what it shows, and how it is read.
+/// A figure of `pictures` with the caption `what`.
 pub(crate) fn figure(pictures: Vec<String>, what: &Markup) -> Markup {
     grid("pictures", pictures, what)
 }
 
-/// The same of pictures of half the width.
+/// The same with pictures of half the width.
 pub(crate) fn small_figure(pictures: Vec<String>, what: &Markup) -> Markup {
     grid("pictures small", pictures, what)
 }
@@ -45,7 +45,7 @@ fn grid(class: &str, pictures: Vec<String>, what: &Markup) -> Markup {
     }
 }
 
-/// Name of the verdict in the style sheet.
+/// Class of the verdict in the style sheet.
 fn class(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Pass => "pass",
@@ -54,12 +54,12 @@ fn class(verdict: Verdict) -> &'static str {
     }
 }
 
-/// The verdict as a word in a line; its mark comes from the style sheet.
+/// The verdict as a word in the text; its mark comes from the style sheet.
 pub(crate) fn verdict_word(verdict: Verdict) -> Markup {
     html! { span class={ "word-" (class(verdict)) } { (verdict) } }
 }
 
-/// The verdict as a traffic light, with words.
+/// The verdict as a traffic light, with a caption.
 pub(crate) fn verdict_light(verdict: Verdict) -> Markup {
     html! {
         div class={ "verdict " (class(verdict)) } {
@@ -69,7 +69,7 @@ pub(crate) fn verdict_light(verdict: Verdict) -> Markup {
     }
 }
 
-/// Three lamps, each with a shape and a sign of its own; one is lit.
+/// Three lamps, each with its own shape and sign; one is lit.
 fn light(verdict: Verdict) -> Markup {
     let lit = |lamp: Verdict, color: &'static str| if lamp == verdict { color } else { "#3d3d3d" };
     let sign = |lamp: Verdict, color: &'static str| if lamp == verdict { color } else { "#6e6e6e" };
@@ -86,7 +86,7 @@ fn light(verdict: Verdict) -> Markup {
     }
 }
 
-/// What a page lacks, at its top; nothing where it lacks nothing.
+/// What the page lacks, for its top; empty if it lacks nothing.
 pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) -> Markup {
     let planned: usize = shoulders.iter().map(|(_, shoulder)| shoulder.taps.len()).sum();
     let count = |state| shoulders.iter().map(|(_, shoulder)| shoulder.count(state)).sum::<usize>();
@@ -95,7 +95,7 @@ pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) ->
     if missing + refused == 0 && open.is_empty() && evidence.config_problem.is_none() {
         return html! {};
     }
-    // A list that nobody would read is cut.
+    // Nobody would read a longer list.
     let shown = &open[..open.len().min(8)];
     html! {
         div class="notice" role="note" {
@@ -115,7 +115,7 @@ pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) ->
     }
 }
 
-/// What became of every planned tap, and which flags the archived ones carry.
+/// The states of the planned taps, and the flags of the archived ones.
 pub(crate) fn ledger(shoulders: &[(String, &Shoulder)], refusals: &[(String, usize)]) -> Markup {
     const STATES: [TapState; 3] = [TapState::Archived, TapState::Refused, TapState::Missing];
     let taps = || shoulders.iter().flat_map(|(_, shoulder)| &shoulder.taps);
@@ -157,7 +157,7 @@ pub(crate) fn ledger(shoulders: &[(String, &Shoulder)], refusals: &[(String, usi
     }
 }
 
-/// Where the numbers come from.
+/// The origin of the numbers.
 pub(crate) fn lineage(evidence: &Evidence) -> Markup {
     let recording = &evidence.recording;
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
@@ -185,7 +185,7 @@ pub(crate) fn lineage(evidence: &Evidence) -> Markup {
     }
 }
 
-/// First and last moment of `taps`, in words. Recordings from elsewhere have none: theirs is the epoch.
+/// First and last time of `taps`, as text. Recordings from elsewhere have no time; theirs is the epoch.
 pub(crate) fn when<'a>(taps: impl Iterator<Item = &'a Tap>) -> String {
     let times_ns: Vec<i64> = taps.filter_map(|tap| tap.time_ns).collect();
     let Some((first, last)) = times_ns.iter().min().zip(times_ns.iter().max()) else { return "not yet".to_owned() };

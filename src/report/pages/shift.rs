@@ -16,31 +16,31 @@ use crate::report::pages::page::{self, figure, small_figure, verdict_word};
 use crate::report::pages::tyre::boxes_words;
 use crate::report::pages::words::{body, side};
 
-/// Most tyres whose index is drawn: more would be too much for one page.
+/// Most tyres whose index is drawn.
 const DRAWN_MOST: usize = 60;
 
-/// What the page of a shift shows, gathered archive by archive.
+/// Contents of the page of a shift, collected archive by archive.
 #[derive(Default)]
 pub(crate) struct Shift {
-    /// Of the first archive, with the tyres of all.
+    /// The evidence of the first archive, with the tyres of all.
     evidence: Option<Evidence>,
-    /// The files of the tyres' pages.
+    /// File names of the tyres' pages.
     names: Vec<String>,
     refusals: BTreeMap<String, usize>,
     scores: ScorePool,
-    /// Whether something is scored.
+    /// Whether anything has a score.
     is_scored: bool,
 }
 
 impl Shift {
-    /// Gathers what is not in `evidence`, which is of the archive behind `reader`.
+    /// Collects what `evidence` lacks from its archive, behind `reader`.
     pub(crate) fn look_at(&mut self, reader: &Reader, evidence: &Evidence) -> Result<()> {
         let refusals = reader.refusals()?;
         for refusal in refusals {
             *self.refusals.entry(refusal.reason).or_default() += 1;
         }
         if evidence.has_truth {
-            // What the run prints at its end; a configuration that does not fit the plan has no score.
+            // The score that the run prints at its end. A configuration that does not fit the plan has none.
             let records: Vec<_> = evidence.tyres.iter().flat_map(Tyre::taps).filter_map(|tap| tap.found).collect();
             let (config, plan) = (&evidence.config.fuse, reader.plan());
             let fusion = match &evidence.reference {
@@ -66,7 +66,7 @@ impl Shift {
         }
     }
 
-    /// The page, called `title` or, where that is empty, after the archive; `None` where there is nothing to show.
+    /// The page, called `title`, or after the archive if that is empty; `None` if there is nothing to show.
     pub(crate) fn page(self, title: String) -> Result<Option<String>> {
         let Some(mut evidence) = self.evidence else { return Ok(None) };
         if !title.is_empty() {
@@ -79,7 +79,7 @@ impl Shift {
     }
 }
 
-/// The page of `evidence`; `names` are the files of its tyres' pages.
+/// The page of `evidence`; `names` are the file names of its tyres' pages.
 fn page(evidence: &Evidence, names: &[String], refusals: &[(String, usize)], score: Option<Score>) -> Result<String> {
     let geometry = evidence.geometry;
     let mut order: Vec<(&Tyre, &String)> = evidence.tyres.iter().zip(names).collect();

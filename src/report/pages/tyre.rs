@@ -1,4 +1,4 @@
-//! The page of one tyre: verdict, what to mark, and the pictures that the verdict rests on.
+//! The page of one tyre: verdict, what to mark, and the pictures behind the verdict.
 
 use std::collections::BTreeMap;
 
@@ -51,13 +51,13 @@ pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<
     Ok(page::page(&title, &body))
 }
 
-/// How often each reason of refusal is given for taps of `tyre`, the most frequent first.
+/// The reasons of refusals of taps of `tyre`, with their counts, the most frequent first.
 fn refusals(reader: &Reader, tyre: &Tyre) -> Result<Vec<(String, usize)>> {
     let refusals = reader.refusals()?;
     Ok(counted(refusals.iter().filter(|refusal| refusal.id.tyre == tyre.serial).map(|refusal| refusal.reason.as_str())))
 }
 
-/// How often each text comes, the most frequent first.
+/// Each text with its count, the most frequent first.
 fn counted<'a>(texts: impl Iterator<Item = &'a str>) -> Vec<(String, usize)> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     texts.for_each(|text| *counts.entry(text).or_default() += 1);
@@ -180,7 +180,7 @@ fn truth(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     )
 }
 
-/// What the boxplots show of `whom`.
+/// Caption of the boxplots of `whom`.
 pub(crate) fn boxes_words(whom: &str, conditions: &str) -> Markup {
     html! {
         strong { "Locations of " (whom) " that are known to be cracked, against those known to be sound." }

@@ -1,8 +1,8 @@
-//! The words of the pages: verdicts, reasons, flags and quantities, in the words of the shop floor.
+//! Names of verdicts, reasons, flags and quantities on the pages, as the shop floor calls them.
 
 use tapline_wire::{Geometry, Verdict};
 
-/// What is scanned at once.
+/// What one scan covers.
 pub(crate) fn side(geometry: Geometry) -> &'static str {
     match geometry {
         Geometry::Ring => "shoulder",
@@ -10,7 +10,7 @@ pub(crate) fn side(geometry: Geometry) -> &'static str {
     }
 }
 
-/// What carries the serial number.
+/// What has the serial number.
 pub(crate) fn body(geometry: Geometry) -> &'static str {
     match geometry {
         Geometry::Ring => "Tyre",
@@ -27,12 +27,12 @@ pub(crate) fn verdict(verdict: Verdict) -> &'static str {
     }
 }
 
-/// `count` things called `one`, or `more` of them.
+/// `count` and the noun: `one`, or `more` if it is plural.
 pub(crate) fn counted(count: usize, one: &str, more: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { more })
 }
 
-/// The moment `ns` after the Unix epoch, to the second.
+/// The time `ns` after the Unix epoch, to the second.
 pub(crate) fn moment(ns: i64) -> String {
     let seconds = ns.div_euclid(1_000_000_000);
     let known = jiff::Timestamp::from_second(seconds).ok();
@@ -43,7 +43,7 @@ pub(crate) fn moment(ns: i64) -> String {
 mod tests {
     use super::*;
 
-    /// Catches a moment that is off by a time zone or by its fraction.
+    /// Catches a time that is off by a time zone or by its fraction.
     #[test]
     fn moments_are_utc() {
         assert_eq!(moment(1_767_225_600_000_000_000), "2026-01-01 00:00:00 UTC");

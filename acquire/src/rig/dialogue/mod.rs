@@ -1,4 +1,4 @@
-//! What a station and its rig have said to each other, and what that means for the casing on the rig.
+//! The dialogue of a station and its rig, and what it means for the casing on the rig.
 //!
 //! This file has the state, its connection and its timeouts; `station` has what the station asks for, and `receive` what a
 //! line from the rig changes.
@@ -11,10 +11,10 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// A rig that has been silent for so long is asked whether it is there.
+/// A rig that has been silent for this long is pinged.
 const SILENCE_MAX: Duration = Duration::from_secs(10);
 
-/// Most alarms that wait for the station.
+/// Most alarms that are kept for the station.
 const ALARMS_MAX: usize = 16;
 
 /// How a station is connected to its rig.
@@ -22,19 +22,19 @@ const ALARMS_MAX: usize = 16;
 pub(crate) struct LinkConfig {
     pub address: String,
     pub station: u16,
-    /// Taps of a casing.
+    /// Taps per casing.
     pub tap_count: u64,
-    /// How long a rig with a casing on it may be away.
+    /// How long a rig with a casing on it may be disconnected.
     pub patience: Duration,
     /// How long the rig may take to answer.
     pub timeout: Duration,
 }
 
-/// The state of the dialogue, across connections.
+/// The state of the dialogue; it outlasts a connection.
 #[derive(Debug)]
 pub(crate) struct Dialogue {
     config: LinkConfig,
-    /// The connection; it exists before the rig has said hello.
+    /// The connection; it exists before the rig says hello.
     stream: Option<TcpStream>,
     /// Name of the rig, once it has said hello on this connection.
     rig_name: Option<String>,
@@ -46,12 +46,12 @@ pub(crate) struct Dialogue {
     loaded: Option<String>,
     /// The casing that the station has taken over.
     current: Option<Current>,
-    /// The end of a casing that the rig is not known to have received.
+    /// How a casing ended, until the rig is known to have received it.
     end_report: Option<EndReport>,
-    /// Since when the rig is away with the current casing.
+    /// When the rig disconnected with the current casing on it.
     away_since: Option<Instant>,
     last_received: Option<Instant>,
-    /// Unexpected lines of this second, and when it began.
+    /// Number of unexpected lines within this second, and when the second began.
     unexpected: (u32, Option<Instant>),
     last_id: u64,
     last_unknown_name: String,
@@ -77,11 +77,11 @@ enum Command {
 #[derive(Debug)]
 struct Current {
     id: u64,
-    /// As the rig calls it.
+    /// The serial as the rig spells it.
     serial: String,
     removal: Removal,
     step: Step,
-    /// The command to hit, sent once the impactor is in position.
+    /// The hit command, which is sent once the impactor is in position.
     hit: String,
 }
 
@@ -89,11 +89,11 @@ struct Current {
 struct EndReport {
     serial: String,
     line: String,
-    /// Whether it was sent on this connection, which may have broken since.
+    /// Whether it was sent on this connection; the connection may have failed since.
     is_sent: bool,
 }
 
-/// Why no more taps of a casing will come; empty as long as they may.
+/// Why no more taps of a casing will come; empty while they may.
 pub(crate) type Removal = Arc<OnceLock<String>>;
 
 /// How far the requested tap is.
@@ -105,7 +105,7 @@ enum Step {
     Failed(Tap, String),
 }
 
-/// A row of the plan and the attempt.
+/// The row of the plan, and the attempt.
 pub(crate) type Tap = (u32, u16);
 
 /// An impact as the rig reports it.
@@ -123,7 +123,7 @@ pub(crate) enum Progress {
     Failed(String),
 }
 
-/// A casing that the station takes over.
+/// A casing that the station has taken over.
 #[derive(Debug)]
 pub(crate) struct LoadedCasing {
     pub id: u64,
@@ -155,13 +155,13 @@ impl Dialogue {
         &self.config
     }
 
-    /// Notes a new connection, whose `stream` can be written to.
+    /// Records a new connection, whose `stream` can be written to.
     pub(super) fn connected(&mut self, stream: TcpStream) {
         self.stream = Some(stream);
         self.last_received = Some(Instant::now());
     }
 
-    /// Notes that the connection has ended.
+    /// Records that the connection has ended.
     pub(super) fn disconnected(&mut self) {
         self.stream = None;
         self.rig_name = None;
@@ -179,7 +179,7 @@ impl Dialogue {
         }
     }
 
-    /// Ends the connection; the thread that reads from it notices.
+    /// Ends the connection; the thread that reads from it will notice.
     pub(super) fn disconnect(&self) {
         if let Some(stream) = &self.stream
             && let Err(error) = stream.shutdown(Shutdown::Both)
@@ -202,10 +202,10 @@ impl Dialogue {
         }
     }
 
-    /// Ends a connection whose rig does not answer, and pings a silent rig.
+    /// Pings a silent rig.
     ///
     /// # Errors
-    /// Why the connection is to end.
+    /// The reason to end the connection: the rig has not answered in time.
     pub(super) fn check_timeouts(&mut self) -> Result<(), String> {
         let now = Instant::now();
         let timeout = self.config.timeout;
@@ -222,7 +222,7 @@ impl Dialogue {
         Ok(())
     }
 
-    /// Gives up the current casing if its rig has been away for too long; whether it did.
+    /// Gives up the current casing if its rig was disconnected for too long; returns whether it did.
     pub(super) fn end_patience(&mut self) -> bool {
         let patience = self.config.patience;
         let is_over = self.away_since.is_some_and(|since| since.elapsed() >= patience);
@@ -232,7 +232,7 @@ impl Dialogue {
         is_over
     }
 
-    /// Raises an alarm for a casing that was taken away before the station took it over, if there was one.
+    /// Raises an alarm if a casing was taken away before the station took it over.
     fn discard_loaded(&mut self) {
         if let Some(serial) = self.loaded.take() {
             let text = format!("casing {serial} was taken away before its scan began; it has no verdict");
@@ -257,7 +257,7 @@ impl Dialogue {
         }
     }
 
-    /// Sends `line`; a connection that does not take it is ended.
+    /// Sends `line`; ends the connection if that fails.
     fn send(&mut self, line: &str) {
         let Some(stream) = &mut self.stream else { return };
         if stream.write_all(format!("{line}\n").as_bytes()).is_err() {

@@ -1,4 +1,4 @@
-//! What a line from the rig changes.
+//! The effect of each line from the rig.
 
 use std::time::{Duration, Instant};
 
@@ -11,10 +11,10 @@ use crate::rig::protocol::{RigMessage, UNKNOWN, VERSION, one_line};
 const UNEXPECTED_MAX: u32 = 20;
 
 impl Dialogue {
-    /// Takes a line from the rig; whether something has changed for the station.
+    /// Handles a line from the rig; returns whether something has changed for the station.
     ///
     /// # Errors
-    /// Why the connection is to end.
+    /// The reason to end the connection.
     pub(crate) fn receive(&mut self, line: &str) -> Result<bool, String> {
         let now = Instant::now();
         self.last_received = Some(now);
@@ -83,8 +83,8 @@ impl Dialogue {
         }
     }
 
-    /// Takes in that a casing is on the rig: the current one again, one that has ended, or a new one. Whether something has
-    /// changed for the station.
+    /// Handles a casing on the rig: the current one again, one that has ended, or a new one. Returns whether something
+    /// has changed for the station.
     fn load(&mut self, serial: &str) -> bool {
         let station = self.config.station;
         if serial != UNKNOWN
@@ -121,7 +121,7 @@ impl Dialogue {
         true
     }
 
-    /// The casing that the answered `command` was for; an error if the rig answers another command, or none.
+    /// The casing for which `command` was sent. An error if the rig answers another command, or none was sent.
     fn answered(&mut self, command: Command, line: &str) -> Result<u64, String> {
         match self.pending.take() {
             Some(pending) if pending.command == command => Ok(pending.casing),
@@ -130,12 +130,12 @@ impl Dialogue {
         }
     }
 
-    /// The casing numbered `casing`, if it is on the rig and a tap of it is begun.
+    /// The casing `casing`, if it is on the rig and a tap of it has begun.
     fn begun(&mut self, casing: u64) -> Option<&mut Current> {
         self.current.as_mut().filter(|current| current.id == casing && matches!(current.step, Step::Begun(_)))
     }
 
-    /// Replaces the begun tap of `casing`, if there is one, by the `next` step.
+    /// Moves the tap of `casing` that has begun, if there is one, to the `next` step.
     fn advance(&mut self, casing: u64, next: impl FnOnce(Tap) -> Step) {
         if let Some(current) = self.begun(casing)
             && let Step::Begun(tap) = current.step

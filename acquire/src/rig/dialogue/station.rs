@@ -1,4 +1,4 @@
-//! What the station asks of its rig: casings, taps, and that it learns how a casing ended.
+//! The requests of the station: casings, taps, and reports of how casings ended.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ impl Dialogue {
         Some(LoadedCasing { id, name, removal })
     }
 
-    /// How far `tap` of the casing `id` is; the rig is commanded to make it as soon as it is free.
+    /// Progress of `tap` of the casing `id`. Commands the rig to make the tap as soon as the rig is free.
     pub(crate) fn tap(
         &mut self,
         id: u64,
@@ -54,7 +54,7 @@ impl Dialogue {
         Progress::UnderWay
     }
 
-    /// The impact of `tap` of the casing `id`, once the rig has hit.
+    /// The impact of `tap` of the casing `id`; `None` until the rig has hit.
     pub(crate) fn hit(&self, id: u64, tap: Tap) -> Option<Hit> {
         match &self.current {
             Some(Current { id: of, step: Step::Hit(at, hit), .. }) if *of == id && *at == tap => Some(*hit),
@@ -62,7 +62,7 @@ impl Dialogue {
         }
     }
 
-    /// Reports to the rig how the casing `id` ended, now or when it is back: `word`, its serial, and `why`.
+    /// Reports to the rig how the casing `id` ended, now or once it is connected again: `word`, the serial, and `why`.
     pub(crate) fn report_end(&mut self, id: u64, word: &str, why: &str) {
         let Some(current) = self.current.take_if(|current| current.id == id) else { return };
         let line = format!("{word} {}{why}", current.serial);
@@ -79,7 +79,7 @@ impl Dialogue {
         std::mem::take(&mut self.alarms)
     }
 
-    /// What the station waits for, for people.
+    /// What the station is waiting for, as text for people.
     pub(crate) fn waits_for(&self) -> String {
         let address = &self.config.address;
         match (&self.rig_name, &self.current, &self.pending) {
