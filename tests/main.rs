@@ -1,7 +1,7 @@
-//! The built program in a folder of its own, with its own shared memory, killed on purpose.
+//! The built program, run in its own folder with its own shared memory, and killed on purpose.
 //!
-//! One folder for each thing that people do with it: [`run`] a list of casings, leave a [`line`] on, read [`archives`], ask on
-//! the [`command_line`]; [`faults`] is what must not lose a tap meanwhile.
+//! One folder for each use: [`run`] a list of casings, leave a [`line`] on, read [`archives`], ask on the
+//! [`command_line`]. [`faults`] has what must not lose a tap meanwhile.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

@@ -1,4 +1,4 @@
-//! Taps that leave an archive for other programs: as a tap set they come back, as Universal Files they are read by pyuff.
+//! Exported taps: a tap set gives back the same archive, and pyuff reads Universal Files.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::sandbox::archives::{Contents, assert_same, bend, contents, table_byte
 use crate::sandbox::recordings;
 use tapline_testing::documents::csv_rows;
 
-/// Two tyres at two stations, a crack, taps that are taken again, and a closing tap at the end of every turn.
+/// Two tyres at two stations, a crack, taps that are taken again, and a closing tap in every turn.
 const SCAN: &str = "
 [scan]
 offsets_mm = [0.0, 5.0]
@@ -38,7 +38,7 @@ kind = \"double_hit\"
 fraction = 0.1
 ";
 
-/// The archive's content, but for the kind of source, which an export cannot keep.
+/// The archive's content, except for the kind of source, which an export cannot keep.
 pub(crate) fn as_from_a_tap_set(mut contents: Contents) -> Contents {
     for (header, _) in contents.taps.iter_mut().flatten() {
         header.source = SourceKind::TapSet.code();
@@ -56,7 +56,7 @@ fn run() -> Sandbox {
     sandbox
 }
 
-/// Catches anything that is lost, rounded, reordered or made up between an archive and its tap set: samples, scales,
+/// Catches anything that is lost, rounded, reordered or invented between an archive and its tap set: samples, scales,
 /// velocities, distances, angles, closing taps, stations, attempts, times, truth, and with them results and verdicts.
 #[test]
 fn an_exported_tap_set_gives_the_same_archive() {
@@ -85,7 +85,7 @@ fn comes_back(sandbox: &Sandbox, archive: &str, again: &str) {
     assert!(before.truth() == after.truth() && !before.truth().is_empty());
     assert_eq!(before.truth().values().any(|&is_cracked| is_cracked), archive == "run.h5");
     for table in ["discriminators", "damage", "regions", "verdicts", "ledger"] {
-        // A tap set does not tell of the attempts before the one that counts.
+        // A tap set does not record the attempts before the last one.
         let kept = |line: &str| match table {
             "ledger" => line.rsplitn(4, ',').last().unwrap().to_owned(),
             _ => line.to_owned(),
@@ -95,7 +95,7 @@ fn comes_back(sandbox: &Sandbox, archive: &str, again: &str) {
         };
         assert_eq!(table_of(archive), table_of(again), "{table}");
     }
-    // And once more: what came from a tap set is nothing else.
+    // And again: an export of what came from a tap set is the same.
     sandbox.run(&format!("export {again} taps --format wav --out set-again")).expect(0);
     let files = |folder: &str| {
         ["taps.csv", "truth.csv", "config.toml"].map(|f| fs::read(sandbox.path(folder).join(f)).unwrap())
@@ -103,8 +103,8 @@ fn comes_back(sandbox: &Sandbox, archive: &str, again: &str) {
     assert!(files("set") == files("set-again"));
 }
 
-/// Catches a refused tap that an export leaves out in silence, or that comes back with another reason; and 32-bit floats
-/// that are not what they were.
+/// Catches a refused tap that an export leaves out without a word, or that comes back with another reason; and 32-bit
+/// floats that change.
 #[test]
 fn refused_taps_and_floats_are_exported() {
     let sandbox = recordings::tap_set();
@@ -125,7 +125,7 @@ fn refused_taps_and_floats_are_exported() {
     assert_same(&before, &after);
     let reasons = ["run.h5", "again/A-17.h5"].map(|name| Reader::open(sandbox.path(name)).unwrap().refusals().unwrap());
     assert!(reasons[0].len() == 1 && reasons[0] == reasons[1], "{reasons:?}");
-    // A reason that is not what was written is not given out as if it were.
+    // A reason that was changed is not passed on.
     let reason_bytes = table_bytes(&sandbox.path("run.h5"), "refusals").len() / 24;
     bend(&sandbox.path("run.h5"), "refusals", 3 * reason_bytes);
     assert!(matches!(sandbox.run("verify run.h5").code, Some(1 | 3)));
@@ -135,11 +135,11 @@ fn refused_taps_and_floats_are_exported() {
     }
 }
 
-/// Catches a missing tap that is exported as if it were there or had never been planned.
+/// Catches a missing tap that is exported as if it were there, or as if it had never been planned.
 #[test]
 fn missing_taps_are_said_to_be_missing() {
     let sandbox = run();
-    // Half a casing: the plan of two shoulders, the taps of the first.
+    // Half a casing: the plan has two shoulders, and the first has taps.
     let whole = Reader::open(sandbox.path("run.h5")).unwrap();
     let mut writer =
         tapline_store::Writer::create(sandbox.path("half.h5"), whole.plan(), whole.plan().taps().len(), whole.config())
@@ -159,7 +159,7 @@ fn missing_taps_are_said_to_be_missing() {
     assert!(again.refusals().unwrap().iter().all(|refusal| refusal.reason == "missing in the archive"));
 }
 
-/// Catches one damaged tap that keeps all others in their archive, and one that leaves it as if it were whole.
+/// Catches one corrupt tap that blocks the export of all others, and one that is exported as if it were valid.
 #[test]
 fn damaged_taps_are_left_behind() {
     let sandbox = run();
@@ -180,13 +180,13 @@ fn damaged_taps_are_left_behind() {
     sandbox.run("run --taps wav --config wav/config.toml --out again").expect(3);
     let again = Reader::open(sandbox.path("again/CRACKED.h5")).unwrap();
     assert_eq!((again.ledger().count(TapState::Archived), again.ledger().count(TapState::Refused)), (123, 1));
-    // Rows of tables are under the seal: where one is not what was written, none is believed.
+    // Tables have a checksum: if one row was changed, no row is believed.
     bend(&sandbox.path("bent.h5"), "taps/header", 9 * 8);
     let done = sandbox.run("export bent.h5 taps --out sealed").expect(1);
     assert!(done.err.contains("seal") && !sandbox.path("sealed").exists(), "{done:?}");
 }
 
-/// Turns a bit in the middle of the packed samples of a tap.
+/// Flips a bit in the middle of the packed samples of a tap.
 fn bend_samples(archive: &Path, row: usize) {
     let file = hdf5::File::open(archive).unwrap();
     let chunk = file.dataset("taps/samples").unwrap().chunk_info(row).unwrap();
@@ -196,7 +196,7 @@ fn bend_samples(archive: &Path, row: usize) {
     fs::write(archive, bytes).unwrap();
 }
 
-/// Catches an export of nothing that ends as if it were one.
+/// Catches an empty export that seems to succeed.
 #[test]
 fn nothing_that_can_be_read_is_no_export() {
     let sandbox = run();
@@ -215,7 +215,7 @@ fn nothing_that_can_be_read_is_no_export() {
     }
 }
 
-/// Catches taps of other scales than the first, or another distance, that come back with the first one's.
+/// Catches taps with other scales or another distance than the first tap, that come back with those of the first.
 #[test]
 fn scales_are_kept_tap_by_tap() {
     let sandbox = run();
@@ -244,8 +244,8 @@ fn scales_are_kept_tap_by_tap() {
     }
 }
 
-/// Prints of each Universal File its types and units, and of its functions what names them; checks every sample against what
-/// h5py reads.
+/// Prints types and units of each Universal File, and the identification of its functions; compares every sample with
+/// what h5py reads.
 const PYUFF: &str = r#"
 import csv, sys, hdf5plugin, h5py, numpy as np, pyuff
 archive, folder, is_binary = h5py.File(sys.argv[1]), sys.argv[2], sys.argv[3] == "uff"
@@ -276,7 +276,8 @@ print(first["id1"]); print(first["id2"]); print(first["id3"]); print(first["id4"
 print(sorted(files), [len(uff.get_set_types()) for uff in files.values()])
 "#;
 
-/// Catches a Universal File that others cannot read, or read otherwise: values, units, axes, names, in either encoding.
+/// Catches a Universal File that other programs cannot read, or read differently: values, units, axes, names, in either
+/// encoding.
 #[test]
 fn pyuff_reads_what_was_recorded() {
     let Some(python) = tapline_testing::python_with("hdf5plugin, h5py, pyuff") else { return };
@@ -309,7 +310,8 @@ fn pyuff_reads_what_was_recorded() {
     }
 }
 
-/// Catches an export into files of others, of nothing, or in a format that it has not, that is not said to be one.
+/// Catches an export onto existing files, of nothing, or in a format that does not exist, without an error that says
+/// so.
 #[test]
 fn what_cannot_be_exported_is_said() {
     let sandbox = run();
@@ -342,13 +344,13 @@ fn what_cannot_be_exported_is_said() {
     assert!(left_over(&sandbox.path("")).is_empty(), "{:?}", left_over(&sandbox.path("")));
 }
 
-/// Drafts that an export has left behind.
+/// Drafts that an export left behind.
 fn left_over(folder: &Path) -> Vec<String> {
     let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     names.filter(|name| name.ends_with(".new")).collect()
 }
 
-/// Catches Parquet from the command line that is not the table: to a file, and to standard output.
+/// Catches Parquet from the command line that is not the table: to a file and to standard output.
 #[test]
 fn a_table_is_written_as_parquet() {
     let sandbox = run();

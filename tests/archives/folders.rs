@@ -1,4 +1,4 @@
-//! Verbs on folders: what stands for a folder, one damaged file among many, and what many become.
+//! Verbs on folders: which files of a folder count, one damaged file among many, and what becomes of many archives.
 
 use std::fs;
 use std::path::Path;
@@ -16,7 +16,7 @@ repetitions = 2
 reference = \"self\"
 ";
 
-/// Three casings in `out`, and the results of another judgement of one of them.
+/// Three casings in `out`, and other results of one of them.
 fn scanned() -> Sandbox {
     let sandbox = Sandbox::new();
     sandbox.write("scan.toml", SCAN);
@@ -31,14 +31,14 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Turns a bit in the middle of the file's tables.
+/// Flips a bit in the middle of the file's tables.
 fn damage(path: &Path) {
     let mut bytes = fs::read(path).unwrap();
     bytes[3000] ^= 1;
     fs::write(path, bytes).unwrap();
 }
 
-/// Catches a table that is several, has a header in its middle, or leaves a casing out.
+/// Catches a table that is written as several, has a header in its middle, or lacks a casing.
 #[test]
 fn a_table_of_a_folder_is_one() {
     let sandbox = scanned();
@@ -63,7 +63,8 @@ fn a_table_of_a_folder_is_one() {
     }
 }
 
-/// Catches taps of several casings that do not come back, and sets that cannot be one made one.
+/// Catches taps of several casings that do not come back, and archives that are combined although they cannot be one
+/// set.
 #[test]
 fn taps_of_a_folder_are_one_tap_set() {
     let sandbox = scanned();
@@ -87,7 +88,7 @@ fn taps_of_a_folder_are_one_tap_set() {
     assert!(done.err.contains("its configuration is another") && !sandbox.path("no").exists(), "{done:?}");
 }
 
-/// Catches one damaged file that ends a verb for all others, or goes without a word.
+/// Catches one damaged file that ends a verb for all others, or is not reported.
 #[test]
 fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     let sandbox = scanned();
@@ -111,7 +112,7 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     let results = with_one_damaged("reprocess out --from-samples").out;
     assert_eq!(results.lines().count(), 2, "{results}");
     with_one_damaged("diff out packed");
-    // Alone it ends the verb.
+    // The verb fails if it is the only file.
     sandbox.run("export out/SIM-0002.h5 verdicts").expect(1);
 }
 
@@ -143,7 +144,7 @@ fn results_are_taken_when_they_are_asked_for() {
 #[test]
 fn a_page_of_a_shift_is_of_all_days() {
     let sandbox = scanned();
-    // As a line lays them, and one that is under way.
+    // As a line arranges them, including one that is under way.
     for (name, place) in [("SIM-0001", "day/2026-11-23"), ("SIM-0002", "day/2026-11-24"), ("SIM-0003", "day/open")] {
         fs::create_dir_all(sandbox.path(place)).unwrap();
         fs::copy(sandbox.path(&format!("out/{name}.h5")), sandbox.path(&format!("{place}/{name}.h5"))).unwrap();
@@ -157,7 +158,7 @@ fn a_page_of_a_shift_is_of_all_days() {
     assert_eq!(rows[3]["file"], "2026-11-24/SIM-0002.h5");
 }
 
-/// Catches a reference that some casing of a list does not have, reported when the line is under way, or not how to go on.
+/// Catches a reference that does not suit a casing of a list and is reported too late, or without advice.
 #[test]
 fn a_shoulder_of_another_casing_is_no_reference() {
     let sandbox = scanned();

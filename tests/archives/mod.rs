@@ -1,4 +1,4 @@
-//! What is done with finished archives: exports, pages, results with other options.
+//! Work with finished archives: exports, pages, results with other options.
 
 pub(crate) mod export_taps;
 mod folders;

@@ -1,4 +1,4 @@
-//! The pages for people with Python: their code runs as it stands, in order, on an archive of the program.
+//! The pages for people with Python: their code runs as printed, in order, on an archive of the program.
 
 use std::fs;
 use std::process::Command;
@@ -6,7 +6,7 @@ use std::process::Command;
 use crate::sandbox::Sandbox;
 use tapline_testing::documents::{docs, text};
 
-/// The scan that the picture on the page is of.
+/// The scan of the picture on the page.
 const SCAN: &str = "
 [scan]
 locations = 100
@@ -20,7 +20,7 @@ crack = [{ shoulder = 2, first_location = 40, location_count = 9, depth_mm = 6.0
 reference = \"self\"
 ";
 
-/// The Python in a page, with each of its lines where it stands there, so that an error names the page's line.
+/// The Python code of a page, each line at its line number on the page, so that an error names that line.
 fn python_of(page: &str) -> String {
     let mut is_code = false;
     let lines = page.lines().map(|line| {
@@ -32,19 +32,19 @@ fn python_of(page: &str) -> String {
     lines.collect()
 }
 
-/// A folder with an archive, and the results of judging it again beside it.
+/// A folder with an archive, and newer results of it beside it.
 fn scanned() -> Sandbox {
     let sandbox = Sandbox::new();
     sandbox.write("line.toml", SCAN);
     sandbox.write("again.toml", "[process]\nf_c_hz = 600.0\n[fuse]\nreference = \"self\"\n");
     sandbox.run("run --config line.toml --out scanned").expect(0);
-    // A finished file stands for itself, wherever it is and whatever it is called.
+    // A finished file needs nothing else, wherever it is and whatever its name.
     fs::copy(sandbox.path("scanned/A-17.h5"), sandbox.path("run.h5")).unwrap();
     sandbox.run("reprocess run.h5 --config again.toml").expect(0);
     sandbox
 }
 
-/// What the page prints, run by `python` in the folder of `rig`.
+/// What the page prints if `python` runs it in the folder of `sandbox`.
 fn run_page(sandbox: &Sandbox, python: &std::ffi::OsStr, page: &str) -> String {
     let name = page.replace(".md", ".py");
     sandbox.write(&name, &python_of(&text(&docs(page))));
@@ -83,7 +83,7 @@ fn reading_archives_runs_as_it_stands() {
     assert!((10_000..150_000).contains(&kept), "{kept} bytes are committed");
 }
 
-/// Catches a page that computes checksums otherwise than the program, or finds no damage.
+/// Catches a page that computes checksums differently from the program, or finds no damage.
 #[test]
 fn checksums_are_computed_as_the_page_says() {
     let Some(python) = tapline_testing::python_with("h5py, hdf5plugin, blake3, xxhash") else { return };
@@ -106,7 +106,7 @@ fn checksums_are_computed_as_the_page_says() {
     assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
     let said = run_page(&sandbox, &python, "archive-layout.md");
     assert_eq!(said, "corrupt: [('discriminators', 7), ('root', 0)]\n");
-    // A byte of the last block of a tap, whose checksum stands in the head alone.
+    // A byte of the last block of a tap, whose checksum is only in the head.
     let block = "import h5py\nwith h5py.File('run.h5', 'r') as f:\n    chunk = f['taps/samples'].id.get_chunk_info(5)\n\
                  with open('run.h5', 'r+b') as f:\n    f.seek(chunk.byte_offset + chunk.size - 9)\n    \
                  byte = f.read(1)[0]\n    f.seek(-1, 1)\n    f.write(bytes([byte ^ 4]))\n";
@@ -116,7 +116,7 @@ fn checksums_are_computed_as_the_page_says() {
     assert_eq!(said, "corrupt: [('discriminators', 7), ('stored', 5), ('root', 0)]\n");
 }
 
-/// Catches a table of flags in the page's code that has fallen behind the program's.
+/// Catches a table of flags in the page's code that is out of date.
 #[test]
 fn words_on_the_page_are_the_program_s() {
     let page = text(&docs("reading-archives.md"));

@@ -1,4 +1,4 @@
-//! `report`: pages that stand alone, say what the tables say, and are the same each time.
+//! `report`: pages that need nothing else, agree with the tables, and are the same each time.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,7 +9,7 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::recordings::write_wav;
 use tapline_testing::documents::csv_rows;
 
-/// A cracked tyre with a name that would be markup, and a sound one with a file name that another folder would have.
+/// A cracked tyre whose name looks like markup, and a sound one whose name looks like a path into another folder.
 const SCAN: &str = r#"
 [scan]
 stations = 2
@@ -34,7 +34,7 @@ reference = "self"
 const CRACKED: &str = "tyre-_script___x_.html";
 const SOUND: &str = "tyre-.._B_2.html";
 
-/// The two as a run leaves them, in the folder `run`, and once more under names that are easier to write.
+/// Both archives as a run leaves them, in the folder `run`, and copies with simpler names.
 fn scanned() -> Sandbox {
     let sandbox = Sandbox::new();
     sandbox.write("scan.toml", SCAN);
@@ -49,14 +49,14 @@ fn page(sandbox: &Sandbox, name: &str) -> String {
     fs::read_to_string(sandbox.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// The pages in `folder` by name.
+/// The pages in `folder`, by name.
 fn pages(sandbox: &Sandbox, folder: &str) -> BTreeMap<String, String> {
     let files =
         fs::read_dir(sandbox.path(folder)).unwrap().map(|file| file.unwrap().file_name().into_string().unwrap());
     files.map(|name| (name.clone(), page(sandbox, &format!("{folder}/{name}")))).collect()
 }
 
-/// Checks that every element is closed in its order, every attribute in its quotes, and every `&` is an entity.
+/// Checks that every element is closed in order, every attribute is quoted, and every `&` begins an entity.
 fn assert_well_formed(name: &str, text: &str) {
     let mut open: Vec<&str> = Vec::new();
     let mut rest = text.strip_prefix("<!DOCTYPE html>").unwrap();
@@ -81,7 +81,7 @@ fn assert_well_formed(name: &str, text: &str) {
     assert_eq!(open, Vec::<&str>::new(), "{name}");
 }
 
-/// Catches a page that is no page, asks for something from elsewhere, runs anything, or is too large to be sent.
+/// Catches a page that is not well formed, loads something from elsewhere, runs a script, or is too large to send.
 #[test]
 fn pages_stand_alone() {
     let sandbox = scanned();
@@ -96,7 +96,7 @@ fn pages_stand_alone() {
     assert!(page(&sandbox, &format!("cracked-report/{CRACKED}")).contains("<h1>Tyre &lt;script&gt;&amp;&quot;x"));
 }
 
-/// A whole folder is a shift: a page for each of its tyres, and one for all, the worst first.
+/// A whole folder is a shift: it has a page for each tyre, and one for all, the worst first.
 #[test]
 fn a_folder_is_a_shift() {
     let sandbox = scanned();
@@ -117,14 +117,14 @@ fn assert_stand_alone(pages: &BTreeMap<String, String>) {
             assert!(!text.contains(outside), "{name} has {outside}");
         }
         assert!(text.contains("<meta name=\"viewport\"") && text.contains("@page"), "{name}");
-        // Whatever a page refers to is beside it, or in it.
+        // Whatever a page refers to is in the folder, or in the page.
         for target in text.split("href=\"").skip(1).map(|rest| rest.split('"').next().unwrap()) {
             assert!(target.starts_with("data:image/png;base64,") || pages.contains_key(target), "{name}: {target}");
         }
     }
 }
 
-/// Catches a page whose verdict, regions or limits are others than those of the tables.
+/// Catches a page whose verdict, regions or limits differ from the tables.
 #[test]
 fn pages_say_what_the_tables_say() {
     let sandbox = scanned();
@@ -154,17 +154,17 @@ fn pages_say_what_the_tables_say() {
     }
     assert!(cracked.contains("<p class=\"word\">REJECT</p>") && sound.contains("<p class=\"word\">PASS</p>"));
     assert!(sound.contains("no region of damage was found"));
-    // Of one tyre alone, that it is scored by itself: the run's own score is of both.
+    // A run of one tyre, so that its score is its own; the score of the other run is of both.
     sandbox.write("alone.toml", &SCAN.replace("[[scan.tyre]]\nserial = \"..\\\\B 2\"\nstation = 2\n", ""));
     let auc = sandbox.run("run --config alone.toml --out alone --json").json(0)["auc"]["index"].as_f64().unwrap();
     let shift = page(&sandbox, "cracked/shift.html");
     assert!(shift.contains(&format!("AUC of the index {auc:.4}")), "{auc}");
-    // Lineage, to the letter.
+    // Lineage, character by character.
     let digest = sandbox.run("verify cracked.h5 --json").json(0)["plan_digest"].as_str().unwrap().to_owned();
     assert!(cracked.contains(&digest) && cracked.contains("locations = 60"));
 }
 
-/// Catches a page that depends on the moment or the place it is written, and a draft left behind.
+/// Catches a page that depends on the time or place of writing, and a draft that is left behind.
 #[test]
 fn the_same_archive_gives_the_same_bytes() {
     let sandbox = scanned();
@@ -174,11 +174,11 @@ fn the_same_archive_gives_the_same_bytes() {
     assert_eq!(pages(&sandbox, "a"), pages(&sandbox, "deep/b"));
 }
 
-/// Catches an archive that is not whole being refused, passed, or shown without saying what is missing.
+/// Catches an incomplete archive that is refused, that passes, or whose page does not say what is missing.
 #[test]
 fn what_is_incomplete_is_shown() {
     let sandbox = scanned();
-    // Half a casing: the plan of two shoulders, the taps of the first.
+    // Half a casing: the plan has two shoulders, and the first has taps.
     let whole = Reader::open(sandbox.path("cracked.h5")).unwrap();
     let mut writer =
         Writer::create(sandbox.path("part.h5"), whole.plan(), whole.plan().taps().len(), whole.config()).unwrap();
@@ -199,8 +199,8 @@ fn what_is_incomplete_is_shown() {
     assert!(pages["shift.html"].contains("244 of 488 planned taps are missing."), "{}", pages["shift.html"]);
 }
 
-/// Catches a line drawn as a ring, degrees on what has none, a refusal without its reason, and an absent value that is
-/// drawn as 0 or bridged.
+/// Catches a line drawn as a ring, degrees where there are none, a refusal without its reason, and an absent value that
+/// is drawn as 0 or bridged.
 #[test]
 fn a_line_is_a_strip() {
     const ABSENT: u32 = 5;
@@ -226,12 +226,12 @@ fn a_line_is_a_strip() {
     let reason = &ledger[ABSENT as usize]["reason"];
     assert!(!reason.is_empty() && text.contains(&format!("<td>{reason}</td>")), "{reason}");
     assert!(!text.contains('°') && !text.contains("start mark"));
-    // The curve of a discriminator is broken there: two pieces, beside its sign in the key.
+    // The curve of a discriminator is interrupted there: two pieces, and its sample in the key.
     let f_max = text.split("aria-label=\"F_max, line 7\"").nth(1).unwrap().split("</svg>").next().unwrap();
     assert_eq!(f_max.matches("stroke=\"#0072B2\" stroke-width=\"6\"").count(), 3);
 }
 
-/// Catches a file that is no archive taken for one, and a folder made for nothing.
+/// Catches a file that is not an archive but is read as one, and a folder that is created for nothing.
 #[test]
 fn what_is_no_archive_leaves_nothing() {
     let sandbox = Sandbox::new();

@@ -1,4 +1,4 @@
-//! `tapline reprocess`, `explain` and `diff`: new results beside archives, and where numbers come from.
+//! `tapline reprocess`, `explain` and `diff`: new results beside archives, and the origin of numbers.
 
 use std::fs::{self, OpenOptions};
 use std::os::unix::fs::FileExt as _;
@@ -32,7 +32,7 @@ fn scanned(sandbox: &Sandbox) -> PathBuf {
     scan(sandbox, CONFIG)
 }
 
-/// The file of a run's one casing, put aside: what is made of it stands beside it.
+/// The file of a run's only casing, moved away; newer results are written beside it.
 fn scan(sandbox: &Sandbox, config: &str) -> PathBuf {
     sandbox.write("line.toml", config);
     sandbox.run("run --config line.toml --out run").expect(0);
@@ -47,7 +47,8 @@ fn again(sandbox: &Sandbox, arguments: &str) -> PathBuf {
     sandbox.path(done.out.trim())
 }
 
-/// Catches results that differ from the line's by a bit, or by the number of threads, and an archive that is changed by it.
+/// Catches results that differ by a bit from the line's, or depend on the number of threads, and an archive that is
+/// changed.
 #[test]
 fn the_same_lineage_gives_the_same_bits() {
     let sandbox = Sandbox::new();
@@ -66,7 +67,7 @@ fn the_same_lineage_gives_the_same_bits() {
         assert!(fs::read(&one).unwrap() == bytes, "{arguments} gives other bytes");
     }
     assert!(fs::read(&archive).unwrap() == before, "the archive has changed");
-    // Every other verb takes results for an archive.
+    // Every other verb reads results like an archive.
     for verb in ["verdicts", "damage", "discriminators"] {
         let of = |path: &PathBuf| sandbox.run(&format!("export {} {verb}", path.display())).expect(0).out;
         assert_eq!(of(&archive), of(&one), "{verb}");
@@ -76,7 +77,8 @@ fn the_same_lineage_gives_the_same_bits() {
     assert!(refused.code == Some(1) && refused.err.contains("results alone"), "{}", refused.err);
 }
 
-/// Catches a beginning of records that is another where only that is unpacked than on the line, which had all of them.
+/// Catches a difference between the beginning of a record that is unpacked alone, and the same beginning on the line,
+/// which had the whole record.
 #[test]
 fn beginnings_give_the_same_bits() {
     let sandbox = Sandbox::new();
@@ -88,17 +90,18 @@ fn beginnings_give_the_same_bits() {
     let whole = again(&sandbox, "run.h5 --config whole.toml");
     let printed = sandbox.run(&format!("diff run.h5 {}", whole.display())).expect(0).out;
     assert!(printed.contains("process.record_s: 0.1 -> 0.0"), "{printed}");
-    // The pulse lies in the beginning; the power is referred to the record's length.
+    // The pulse is in the beginning; the power is scaled to the record's length.
     assert!(printed.contains("f_max      the same") && printed.contains("e_f        328 differ"), "{printed}");
 }
 
-/// Catches options that change numbers and not the lineage, new weights that need the samples, and a difference that is not printed.
+/// Catches options that change numbers but not the lineage, new weights that need the samples, and a difference that is
+/// not printed.
 #[test]
 fn other_options_stand_beside() {
     let sandbox = Sandbox::new();
     let archive = scanned(&sandbox);
     sandbox.write("weights.toml", "[fuse]\nindex = \"dissertation\"\nreference = \"self\"\n");
-    // Where no reference is named, it is the archive's own.
+    // If no reference is named, the archive's own is used.
     sandbox.write("bands.toml", "[process]\nf_c_hz = 600.0\n");
     let weights = again(&sandbox, "run.h5 --config weights.toml");
     let bands = again(&sandbox, "run.h5 --config bands.toml");
@@ -124,7 +127,7 @@ fn other_options_stand_beside() {
     assert_eq!(said.lines().filter(|line| line.contains(" 1.5 ")).count(), 4, "four taps: {said}");
 }
 
-/// Catches new weights or limits for which samples are read: none is left.
+/// Catches samples that are read for new weights or limits: the archive has no valid ones left.
 #[test]
 fn new_weights_need_no_samples() {
     let sandbox = Sandbox::new();
@@ -151,7 +154,8 @@ fn new_weights_need_no_samples() {
     assert!(refused.code == Some(1) && refused.err.contains("the samples of plan row"), "{}", refused.err);
 }
 
-/// Catches work that is lost or done again when reprocessing is killed, and a half-made file that passes for whole.
+/// Catches work that is lost or repeated when reprocessing is killed, and an incomplete file that passes for a complete
+/// one.
 #[test]
 fn what_was_killed_goes_on() {
     let sandbox = Sandbox::new();
@@ -159,7 +163,7 @@ fn what_was_killed_goes_on() {
     let whole = again(&sandbox, "run.h5 --from-samples --jobs 1");
     let bytes = contents(&whole);
     fs::remove_file(&whole).unwrap();
-    // Killed later and later, until one has some of the taps and not all.
+    // Killed later and later, until one has some of the taps but not all.
     let mut pause = Duration::from_millis(2);
     let was_cut = (0..60).any(|_| {
         drop(fs::remove_file(&whole));
@@ -180,8 +184,8 @@ fn what_was_killed_goes_on() {
     assert_same(&contents(&whole), &bytes);
 }
 
-/// Catches a program that is killed, or that takes what is left for all there was, when the archive that it reads is cut short
-/// under it.
+/// Catches a program that dies by a signal, or that mistakes the rest for everything, when the archive that it reads is
+/// truncated.
 #[test]
 fn an_archive_that_is_cut_meanwhile_is_reported() {
     let sandbox = Sandbox::new();
@@ -201,13 +205,14 @@ fn an_archive_that_is_cut_meanwhile_is_reported() {
         assert_eq!(done.status.signal(), None, "{said}");
         let is_reported = done.status.code() != Some(0);
         assert!(!is_reported || said.contains(&format!("cut-{round}")), "{said}");
-        // The first are cut before they are opened.
+        // The first ones are truncated before they are opened.
         is_reported && round > 20
     });
     assert!(was_reported, "it was never cut while it was read");
 }
 
-/// Catches a reference that is missing, archives that cannot be compared, and places that are not there, reported without names.
+/// Catches a missing reference, archives that cannot be compared, and places that do not exist, if their error names
+/// nothing.
 #[test]
 fn what_cannot_be_done_is_an_error_with_names() {
     let sandbox = Sandbox::new();
@@ -230,7 +235,7 @@ fn what_cannot_be_done_is_an_error_with_names() {
     assert_eq!(names.collect::<Vec<_>>(), ["run.h5"], "what is refused leaves no file");
 }
 
-/// Catches results that pass for those of taps they were not made of.
+/// Catches results that pass for those of other taps.
 #[test]
 fn results_hold_to_their_taps() {
     let sandbox = Sandbox::new();
@@ -246,7 +251,7 @@ fn results_hold_to_their_taps() {
     assert!(done.code == Some(1) && done.err.contains("run.h5"), "{done:?}");
 }
 
-/// Catches two that write one name, of which one ends up with half an archive and says it is done.
+/// Catches two processes that write one file, so that one ends with half an archive and reports success.
 #[test]
 fn two_that_pack_under_one_name_do_no_harm() {
     let sandbox = Sandbox::new();

@@ -1,11 +1,11 @@
-//! `docs/dissertation.md`: every command that the page names can be run.
+//! `docs/dissertation.md`: every command on the page can be run.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::sandbox::Sandbox;
 
-/// Commands of the page: what stands between backquotes and begins with the name of a program.
+/// Commands of the page: texts in backquotes that begin with the name of a program.
 fn commands(program: &str) -> Vec<String> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/dissertation.md");
     let page = fs::read_to_string(page).unwrap();
@@ -27,7 +27,7 @@ fn the_programs_commands_run() {
     }
 }
 
-/// Catches a test that was renamed: each `cargo test -p CRATE NAME` names a module or a function of that crate's.
+/// Catches a test that was renamed: each `cargo test -p CRATE NAME` names a module or a function of that crate.
 #[test]
 fn the_tests_named_are_there() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

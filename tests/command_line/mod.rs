@@ -1,4 +1,4 @@
-//! Options, configurations and errors; the verbs that need no archive; the commands of the pages.
+//! Options, configurations and errors; the verbs that need no archive; the commands on the pages.
 
 mod dissertation;
 mod model;

@@ -14,7 +14,7 @@ fn names(answer: &Value) -> Vec<&str> {
     answer["flags"].as_array().unwrap().iter().map(|flag| flag["name"].as_str().unwrap()).collect()
 }
 
-/// Catches a rung, a unit or a scene mixed up between command line and model; the plate's numbers are scipy's.
+/// Catches a rung, a unit or a scene that is mixed up between command line and model; the plate's numbers are scipy's.
 #[test]
 fn each_rung_answers() {
     let sandbox = Sandbox::new();
@@ -40,7 +40,7 @@ fn each_rung_answers() {
     assert_ne!(ask("full"), sandbox.run(&format!("{SCENE} --rung full --mass-g 5 --e2-mpa 12")).json(0));
 }
 
-/// Catches a tolerance that is not kept, or a choice that does not say which rung it took and why.
+/// Catches a tolerance that is exceeded, and a choice that does not name its rung and the reason.
 #[test]
 fn a_tolerance_takes_the_cheapest_rung_that_keeps_it() {
     let sandbox = Sandbox::new();

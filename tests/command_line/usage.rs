@@ -75,7 +75,7 @@ fn an_export_does_not_destroy_its_archive() {
     assert!(!sandbox.path("ledger.csv.new").exists());
 }
 
-/// Catches an archive that a reference takes the place of, under its own name or by a link.
+/// Catches an archive that is overwritten by a reference, under its own name or through a link.
 #[test]
 fn a_reference_does_not_take_an_archives_place() {
     let sandbox = Sandbox::new();
@@ -93,7 +93,7 @@ fn a_reference_does_not_take_an_archives_place() {
     sandbox.run(&format!("reference x/SIM-0002.h5 {shoulder} --out r.json")).expect(0);
 }
 
-/// Catches a file put in the place of a device, which takes that from the whole machine, or of a link.
+/// Catches a file that replaces a device, which would take it from the whole machine, or a link.
 #[test]
 fn an_export_writes_to_pipes_and_where_links_lead() {
     let sandbox = Sandbox::new();
@@ -101,7 +101,7 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     sandbox.run("run --config c.toml --out x").expect(0);
     let ledger = sandbox.run("export x/SIM-0001.h5 ledger").expect(0).out;
 
-    // Opened to read and write it is there before the program is, and no one waits for anyone.
+    // Opened for reading and writing, so that neither this test nor the program waits for the other.
     mknodat(CWD, sandbox.path("pipe"), FileType::Fifo, Mode::RWXU, 0).unwrap();
     let mut pipe = fs::OpenOptions::new().read(true).write(true).open(sandbox.path("pipe")).unwrap();
     sandbox.run("export x/SIM-0001.h5 ledger --out pipe").expect(0);
@@ -113,7 +113,7 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
 
     sandbox.write("elsewhere.csv", &"longer than what is new\n".repeat(1000));
     symlink("elsewhere.csv", sandbox.path("link.csv")).unwrap();
-    // What fails leaves what was there.
+    // A failed export leaves the old file unchanged.
     fs::copy(sandbox.path("x/SIM-0001.h5"), sandbox.path("bent.h5")).unwrap();
     bend(&sandbox.path("bent.h5"), "discriminators", 0);
     sandbox.run("export bent.h5 discriminators --out link.csv").expect(1);
@@ -121,7 +121,7 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     sandbox.run("export x/SIM-0001.h5 ledger --out link.csv").expect(0);
     assert!(fs::symlink_metadata(sandbox.path("link.csv")).unwrap().is_symlink());
     assert_eq!(fs::read_to_string(sandbox.path("elsewhere.csv")).unwrap(), ledger);
-    // To a link, and to nothing yet.
+    // To a link, also to one whose target does not exist yet.
     symlink("link.csv", sandbox.path("links.csv")).unwrap();
     symlink("later.csv", sandbox.path("early.csv")).unwrap();
     for (link, file) in [("links.csv", "elsewhere.csv"), ("early.csv", "later.csv")] {
@@ -130,7 +130,7 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
         assert!(fs::symlink_metadata(sandbox.path(link)).unwrap().is_symlink());
         assert_eq!(fs::read_to_string(sandbox.path(file)).unwrap(), ledger, "{link}");
     }
-    // Whoever shares the output goes on behind it.
+    // Others that share the output continue after it.
     symlink("/dev/stdout", sandbox.path("out.csv")).unwrap();
     for out in ["/dev/stdout", "/dev/fd/1", "out.csv"] {
         let mut shared = fs::File::create(sandbox.path("shared.txt")).unwrap();
@@ -160,7 +160,7 @@ fn a_reader_that_leaves_is_no_failure() {
     assert_eq!(export.wait().unwrap().code(), Some(0));
 }
 
-/// All cells of Tables 4-6 and 8-10 within 1e-6 relative, of Table 11 within its rounding.
+/// All cells of Tables 4-6 and 8-10 are within 1e-6 relative, those of Table 11 within its rounding.
 #[test]
 fn the_dissertations_tables() {
     let Some(folder) = tapline_testing::shared("dissertation-tables") else { return };
@@ -189,7 +189,7 @@ fn the_dissertations_tables() {
     sandbox.run("model table 7").expect(1);
 }
 
-/// Catches an error that says its cause twice, or not at all.
+/// Catches an error that names its cause twice, or not at all.
 #[test]
 fn a_cause_is_printed_once() {
     let sandbox = Sandbox::new();

@@ -1,4 +1,4 @@
-//! Nothing is lost: stages, stations and the line itself are killed in the middle of a scan.
+//! Nothing is lost when stages, stations or the line itself are killed during a scan.
 
 use std::collections::BTreeMap;
 use std::process::Child;
@@ -13,7 +13,7 @@ use crate::sandbox::archives::{Contents, assert_same_casings, casings, finished,
 use crate::sandbox::stages::{signal, stage, stage_now};
 use tapline_testing::program::Done;
 
-/// Two stations, 2 shoulders of 40 locations each, twice: 164 taps a station.
+/// Two stations, 2 shoulders of 40 locations each, twice: 164 taps per station.
 const SCAN: &str = "
 [scan]
 stations = 2
@@ -24,7 +24,7 @@ locations = 40
 ";
 const TAPS_A_STATION: f32 = 164.0;
 
-/// A pace at which a run lasts some seconds: there is time to kill, also on a busy machine.
+/// A pace at which a run lasts some seconds, so that there is time to kill, even on a busy machine.
 const TAPS_PER_S: f32 = 60.0;
 
 fn paced() -> String {
@@ -37,7 +37,7 @@ fn undisturbed(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
     casings(&sandbox.path("quick"))
 }
 
-/// The finished files are complete, with the contents of an undisturbed run, and nothing else is left.
+/// Checks that the finished files are complete, with the contents of an undisturbed run, and that nothing else is left.
 fn assert_whole(sandbox: &Sandbox, out: &str, expected: &BTreeMap<String, Contents>) {
     for file in finished(&sandbox.path(out)).values() {
         sandbox.run(&format!("verify {}", file.display())).expect(0);
@@ -48,7 +48,7 @@ fn assert_whole(sandbox: &Sandbox, out: &str, expected: &BTreeMap<String, Conten
     assert_eq!(sandbox.left(), Vec::<String>::new());
 }
 
-/// The process that serves the second station; on one core, one serves both.
+/// The process of the second station; on one core, one process has both stations.
 fn second_acquire() -> &'static str {
     if std::thread::available_parallelism().unwrap().get() > 1 { "acquire-1" } else { "acquire-0" }
 }
@@ -122,7 +122,7 @@ fn fuse_and_a_station_are_killed_at_once() {
     kill_and_compare(&["fuse", second_acquire()]);
 }
 
-/// Each stage again and again, at moments that differ from run to run.
+/// Kills each stage again and again, at moments that differ from run to run.
 #[test]
 fn every_stage_is_killed_in_one_run() {
     let sandbox = Sandbox::new();
@@ -136,7 +136,7 @@ fn every_stage_is_killed_in_one_run() {
     assert_whole(&sandbox, "paced", &expected);
 }
 
-/// A stage that is killed when nearly everything is sent must not delay the end.
+/// A stage that is killed when nearly everything is sent does not delay the end.
 #[test]
 fn stages_are_killed_at_the_end() {
     for (words, when) in [("process", 0.9), ("fuse", 0.97), ("store", 0.99), ("acquire-0", 1.0), ("fuse", 1.0)] {
@@ -154,7 +154,7 @@ fn stages_are_killed_at_the_end() {
     }
 }
 
-/// A stage that another process ends, such as a service manager, is started again like one that was killed.
+/// A stage that another process ends, such as a service manager, is restarted like one that was killed.
 #[test]
 fn stages_that_another_process_ends_are_started_again() {
     let sandbox = Sandbox::new();
@@ -203,7 +203,7 @@ fn a_line_killed_at_its_start_leaves_no_one() {
     assert_whole(&sandbox, "paced", &expected);
 }
 
-/// A stage that dies again and again without getting anywhere ends the line, with its name and the reason.
+/// A stage that keeps dying without progress ends the line, with its name and the reason.
 #[test]
 fn a_stage_that_dies_again_and_again_ends_the_line() {
     let sandbox = Sandbox::new();
@@ -224,7 +224,7 @@ fn a_stage_that_dies_again_and_again_ends_the_line() {
     assert_eq!(sandbox.left(), Vec::<String>::new());
 }
 
-/// Four tyres at each of two stations, one after the other: stages and the line itself are killed over and over, while
+/// Four tyres at each of two stations, one after the other: stages and the line itself are killed repeatedly, while
 /// casings are opened, tapped, judged and closed.
 #[test]
 fn everyone_is_killed_while_casings_come_and_go() {
@@ -240,7 +240,7 @@ fn everyone_is_killed_while_casings_come_and_go() {
     let expected = casings(&sandbox.path("quick"));
     assert_eq!(expected.len(), 8);
     sandbox.write("paced.toml", &format!("{scan}\n[acquire]\ntaps_per_s = 40.0\n"));
-    // Other moments in every run of the tests, which are printed.
+    // The moments differ in every run of the tests; they are printed.
     let mut state = u64::from(std::process::id()) << 20 ^ tapline_wire::now_ns() as u64;
     let mut dice = |end: u64| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -274,7 +274,7 @@ fn everyone_is_killed_while_casings_come_and_go() {
     assert_whole(&sandbox, "paced", &expected);
 }
 
-/// Catches news that is lost with the one that had it: `store` is killed just as a finished file comes into its place.
+/// Catches a message that is lost with its sender: `store` is killed just when a finished file is renamed.
 #[test]
 fn store_is_killed_as_files_are_finished() {
     let sandbox = Sandbox::new();
@@ -310,7 +310,8 @@ fn store_is_killed_as_files_are_finished() {
     assert_whole(&sandbox, "killed", &expected);
 }
 
-/// Ctrl-C drains: everything sent is archived, the exit code is that of missing taps, and the same command goes on.
+/// Ctrl-C drains: everything sent is archived, the exit code is that of missing taps, and the same command continues
+/// the run.
 #[test]
 fn an_interrupted_run_is_resumed() {
     let sandbox = Sandbox::new();
@@ -337,7 +338,7 @@ fn an_interrupted_run_is_resumed() {
     assert_eq!(again["pace"]["taps"], 0, "nothing is left to do");
 }
 
-/// The line itself is killed: its stages end with it, and the next run clears what is left and goes on.
+/// The line itself is killed: its stages end with it, and the next run clears up and continues.
 #[test]
 fn a_killed_line_is_resumed() {
     let sandbox = Sandbox::new();
@@ -366,7 +367,7 @@ fn a_second_line_on_the_same_folder_is_refused() {
     finish(line).expect(0);
 }
 
-/// Where results cannot be written, the line ends at once with an error and leaves nothing.
+/// If results cannot be written, the line ends at once with an error and leaves nothing.
 #[test]
 fn a_folder_that_cannot_be_is_named() {
     let sandbox = Sandbox::new();
@@ -380,7 +381,7 @@ fn a_folder_that_cannot_be_is_named() {
     assert_eq!(sandbox.left(), Vec::<String>::new());
 }
 
-/// Too little shared memory is an error before the first tap, not a SIGBUS after it.
+/// Too little shared memory is an error before the first tap, not a SIGBUS later.
 #[test]
 fn too_little_shared_memory_is_an_error_at_the_start() {
     if tapline_wire::shm::free_bytes().unwrap() > 40_000_000_000 {

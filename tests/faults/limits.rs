@@ -1,4 +1,4 @@
-//! A line with too little of something ends at once with one error; with what that error asks for, it runs.
+//! A line that lacks a resource ends at once with one error; with the amount that the error asks for, it runs.
 
 use std::fs;
 use std::os::unix::process::CommandExt as _;
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crate::sandbox::Sandbox;
 use tapline_testing::program::Done;
 
-/// Two stations, a shoulder each, that take a few seconds.
+/// Two stations with a shoulder each, which take a few seconds.
 const SCAN: &str = "
 [scan]
 offsets_mm = [0.0]
@@ -19,7 +19,7 @@ locations = 24
 taps_per_s = 20.0
 ";
 
-/// Longest time after which a line that cannot start must have ended.
+/// Time within which a line that cannot start must end.
 const AT_ONCE: Duration = Duration::from_secs(10);
 
 fn limited(sandbox: &Sandbox, limit: &str, out: &str) -> Command {
@@ -37,7 +37,7 @@ fn limited(sandbox: &Sandbox, limit: &str, out: &str) -> Command {
     shell
 }
 
-/// Waits for the end, and ends what does not.
+/// Waits for the end of the process, and kills it if it does not end.
 fn finish(mut child: Child, patience: Duration) -> Done {
     let since = Instant::now();
     while child.try_wait().unwrap().is_none() {
@@ -50,14 +50,14 @@ fn finish(mut child: Child, patience: Duration) -> Done {
     Done::from(child.wait_with_output().unwrap())
 }
 
-/// The amount that is needed by the error, after `what`: in `12 of 34 needed`, 34.
+/// The amount that the error says is needed, after `what`: in `12 of 34 needed`, 34.
 fn needed<'a>(done: &'a Done, what: &str) -> &'a str {
     assert!(done.code == Some(1) && done.err.lines().count() == 1, "{done:?}");
     let (_, said) = done.err.split_once(what).unwrap_or_else(|| panic!("{what:?} is not said: {done:?}"));
     said.split_once(" of ").unwrap().1.split([' ', ';']).next().unwrap()
 }
 
-/// Catches limits at which a line stands still for ever without an error, and an error that asks for too little.
+/// Catches limits at which a line hangs without an error, and an error that asks for too little.
 #[test]
 fn too_few_descriptors_are_an_error_that_asks_for_enough() {
     let sandbox = Sandbox::new();
@@ -78,7 +78,7 @@ fn too_few_descriptors_are_an_error_that_asks_for_enough() {
     assert!((8..enough).contains(&most), "{most} of {enough}");
 }
 
-/// As it is with descriptors.
+/// The same for file descriptors.
 #[test]
 fn too_little_address_space_is_an_error_that_asks_for_enough() {
     let sandbox = Sandbox::new();
@@ -94,7 +94,7 @@ fn too_little_address_space_is_an_error_that_asks_for_enough() {
     finish(line, Duration::from_secs(60)).expect(0);
 }
 
-/// The line and its stages.
+/// The processes of the line and its stages.
 fn processes_of(line: &Child) -> Vec<u32> {
     let children = fs::read_to_string(format!("/proc/{0}/task/{0}/children", line.id())).unwrap_or_default();
     children.split_whitespace().filter_map(|pid| pid.parse().ok()).chain([line.id()]).collect()
@@ -104,7 +104,7 @@ fn descriptors(pid: u32) -> Option<usize> {
     Some(fs::read_dir(format!("/proc/{pid}/fd")).ok()?.count())
 }
 
-/// Catches a stage that a list of processes does not identify.
+/// Catches a stage that cannot be identified in a list of processes.
 #[test]
 fn processes_are_named_after_their_stages() {
     let sandbox = Sandbox::new();

@@ -1,4 +1,4 @@
-//! What must not lose a tap, and must be named: stages that are killed, disks that fail, limits, other users.
+//! Faults that must not lose a tap, and must be reported: killed stages, failing disks, limits, other users.
 
 mod disk;
 mod killed;

@@ -1,5 +1,5 @@
-//! A line on a machine with other users, who must neither see nor disturb it. Only root can act as another user: without
-//! root these tests are skipped.
+//! A line on a machine with other users, who must neither see nor disturb it. Only root can act as another user, so
+//! these tests are skipped without root.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _, chown, symlink};
@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Who runs the line, and who attacks it.
+/// The user who runs the line, and the one who attacks it.
 const VICTIM: u32 = 65_533;
 const OTHER: u32 = 65_534;
 
-/// One station, one shoulder that takes a few seconds.
+/// One station with one shoulder, which takes a few seconds.
 const SCAN: &str = "
 [scan]
 offsets_mm = [0.0]
@@ -26,22 +26,23 @@ locations = 40
 taps_per_s = 40.0
 ";
 
-/// A place that two users can reach: the program, and a folder of each.
+/// A place that two users can reach, with the program and a folder for each.
 struct Ground {
     folder: TempDir,
 }
 
 impl Ground {
-    /// `None`, with a notice, where nobody can be another user.
+    /// `None`, with a notice, if this process cannot act as another user.
     fn new() -> Option<Self> {
         if !rustix::process::geteuid().is_root() {
             tapline_testing::skip("nobody can be another user here (it takes root)");
             return None;
         }
-        // Its line's folder is in it, and has a short path for sockets.
+        // The folder of the line is inside it, and needs a short path for sockets.
         let ground = Self { folder: tempfile::Builder::new().prefix("a").tempdir().unwrap() };
         fs::set_permissions(ground.folder.path(), Permissions::from_mode(0o755)).unwrap();
-        // By another process: what is started meanwhile would have the copy open, which could not be started then.
+        // Copied by another process. Otherwise a process that is started meanwhile would hold the copy open, and the
+        // copy could not be started.
         let copied =
             Command::new("cp").arg(env!("CARGO_BIN_EXE_tapline")).arg(ground.path("tapline")).status().unwrap();
         assert!(copied.success());
@@ -49,7 +50,7 @@ impl Ground {
             fs::create_dir(ground.path(name)).unwrap();
             chown(ground.path(name), Some(user), Some(user)).unwrap();
         }
-        // As the system's own: everyone's, and sticky.
+        // Like the system's own temporary folder: writable for everyone, and sticky.
         fs::create_dir(ground.path("t")).unwrap();
         fs::set_permissions(ground.path("t"), Permissions::from_mode(0o1777)).unwrap();
         fs::write(ground.path("scan.toml"), SCAN).unwrap();
@@ -60,7 +61,7 @@ impl Ground {
         self.folder.path().join(name)
     }
 
-    /// The program of `user` in his folder, which works below the folder for temporary files that all share.
+    /// The program as run by `user` in his folder, with a temporary folder that all share.
     fn command(&self, user: u32, arguments: &str) -> Command {
         let mut command = Command::new(self.path("tapline"));
         let home = self.path(if user == VICTIM { "victim" } else { "other" });
@@ -70,7 +71,7 @@ impl Ground {
         command
     }
 
-    /// A run of the victim's, in its folder.
+    /// A run by the victim, in the victim's folder.
     fn run(&self, more: &str) -> Command {
         self.command(
             VICTIM,
@@ -78,14 +79,14 @@ impl Ground {
         )
     }
 
-    /// Starts it and waits until its line is there; the folder that it works in.
+    /// Starts a run and waits for its line; returns the folder of the line.
     fn start(&self, more: &str) -> (Child, PathBuf) {
         let child = self.run(more).spawn().unwrap();
         let deadline = Instant::now() + Duration::from_secs(30);
         while Instant::now() < deadline {
             let folders = fs::read_dir(self.path("t")).unwrap().flatten().map(|entry| entry.path());
             let folder = folders.filter(|f| f.metadata().is_ok_and(|there| there.uid() == VICTIM)).find(|folder| {
-                // Its stages are at work when they have opened their events.
+                // The stages are at work once they have opened their events.
                 segments(folder).iter().filter(|path| path.extension().is_some_and(|kind| kind == "data")).count() >= 3
             });
             if let Some(folder) = folder {
@@ -97,14 +98,14 @@ impl Ground {
     }
 }
 
-/// The files in shared memory of the line that works in `folder`.
+/// The shared-memory files of the line in `folder`.
 fn segments(folder: &Path) -> Vec<PathBuf> {
     let prefix = format!("{}_", folder.file_name().unwrap().to_str().unwrap().replacen('-', "_", 1));
     let files = fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
     files.filter(|path| path.file_name().unwrap().to_string_lossy().starts_with(&prefix)).collect()
 }
 
-/// Runs `script` in a shell of the other user.
+/// Runs `script` in a shell of the attacker.
 fn as_other(script: &str) -> Output {
     Command::new("sh").args(["-c", script]).current_dir("/").uid(OTHER).gid(OTHER).output().unwrap()
 }
@@ -134,7 +135,7 @@ fn nothing_of_a_line_is_open_to_another_user() {
             format!("rm -f {name}"),
         ] {
             let done = as_other(&script);
-            // What has gone meanwhile cannot be opened either.
+            // A file that has gone meanwhile cannot be opened either.
             assert!(!done.status.success() || !path.exists(), "{script} was allowed: {done:?}");
         }
     }
@@ -142,8 +143,8 @@ fn nothing_of_a_line_is_open_to_another_user() {
     assert!(!folder.exists() && segments(&folder).is_empty());
 }
 
-/// Catches a line that uses what another has put where lines of before had their folder or shared memory, or that is held
-/// up by it: names that can be foreseen.
+/// Catches a line that uses, or is blocked by, files that the attacker has placed where earlier lines had their folder
+/// or shared memory: predictable names.
 #[test]
 fn what_was_put_there_beforehand_is_not_used() {
     let Some(ground) = Ground::new() else { return };
@@ -170,7 +171,7 @@ fn what_was_put_there_beforehand_is_not_used() {
     assert_eq!(fs::read_link(foreseen).unwrap(), ground.path("victim/dear"));
 }
 
-/// Catches healing that another user can end: with his bytes in the management file no stage could come again.
+/// Catches a recovery that the attacker can prevent: with his bytes in the management file, no stage could start again.
 #[test]
 fn a_stage_heals_whatever_another_user_tries() {
     let Some(ground) = Ground::new() else { return };
@@ -185,7 +186,8 @@ fn a_stage_heals_whatever_another_user_tries() {
     assert_eq!((&end["is_complete"], &end["pace"]["restarts"]), (&Value::Bool(true), &Value::from(1)), "{end}");
 }
 
-/// Catches a lock or a folder of another user's that a line uses, follows, truncates, or blames on its own stages.
+/// Catches a lock or a folder of the attacker that a line uses, follows, truncates, or reports as a fault of its own
+/// stages.
 #[test]
 fn an_output_folder_of_another_is_refused_with_his_name() {
     let Some(ground) = Ground::new() else { return };
@@ -194,16 +196,16 @@ fn an_output_folder_of_another_is_refused_with_his_name() {
         let said = String::from_utf8_lossy(&done.stderr).into_owned();
         assert!(done.status.code() == Some(1) && said.contains(words), "{:?}: {said}", done.status);
     };
-    // His folder, which everyone may write to.
+    // The attacker's folder, to which everyone may write.
     let his = ground.path("t/his");
     assert!(as_other(&format!("mkdir -m 777 {}", his.display())).status.success());
     refused(&format!("--out {}", his.display()), "belongs to user 65534");
-    // His link to a folder of the victim's.
+    // The attacker's link to a folder of the victim.
     let link = ground.path("t/link");
     symlink(ground.path("victim"), &link).unwrap();
     std::os::unix::fs::lchown(&link, Some(OTHER), Some(OTHER)).unwrap();
     refused(&format!("--out {}", link.display()), "belongs to user 65534");
-    // Linked and made beforehand in a folder of the victim's that he could write to for a while.
+    // Links and files placed beforehand in a folder of the victim, to which the attacker could write for a while.
     let own = ground.path("victim/own");
     fs::create_dir(&own).unwrap();
     chown(&own, Some(VICTIM), Some(VICTIM)).unwrap();
@@ -213,7 +215,7 @@ fn an_output_folder_of_another_is_refused_with_his_name() {
     refused("--out own", "is a link");
     fs::remove_file(own.join(".line")).unwrap();
     assert!(fs::read_to_string(&dear).unwrap() == "dear");
-    // A line of root's was killed there.
+    // A line of root was killed there.
     fs::write(own.join(".line"), "pid = 1\n").unwrap();
     fs::set_permissions(own.join(".line"), Permissions::from_mode(0o600)).unwrap();
     refused("--out own", "of a line of another user");

@@ -1,4 +1,4 @@
-//! What a line that runs for months takes of its machine.
+//! Resources of a line that runs for months.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -9,7 +9,7 @@ use crate::line::file_of;
 use crate::sandbox::Sandbox;
 use crate::sandbox::running::Running;
 
-/// What a stage takes.
+/// Resources of a stage.
 #[derive(Debug, Clone, Copy, Default)]
 struct Takes {
     resident_kb: usize,
@@ -17,7 +17,7 @@ struct Takes {
     threads: usize,
 }
 
-/// What each process of the line takes, by its name, and the line's files in shared memory.
+/// Resources of each process of the line, by name, and the line's files in shared memory.
 fn taken(line: &Child) -> (BTreeMap<String, Takes>, BTreeSet<String>) {
     let children = fs::read_to_string(format!("/proc/{0}/task/{0}/children", line.id())).unwrap();
     let pids = children.split_whitespace().map(|pid| pid.parse().unwrap()).chain([line.id()]);
@@ -33,7 +33,7 @@ fn taken(line: &Child) -> (BTreeMap<String, Takes>, BTreeSet<String>) {
         (name, Takes { resident_kb: number("VmRSS:"), descriptors, threads: number("Threads:") })
     };
     let taken: BTreeMap<String, Takes> = pids.map(of).collect();
-    // Names of a line's shared memory begin with that of its folder, which every stage is given.
+    // The names of a line's shared memory begin with the name of its folder, which every stage is given.
     let maps = fs::read_to_string(format!("/proc/{}/maps", line.id())).unwrap();
     let name = maps.lines().find_map(|line| line.split_once("/dev/shm/").map(|(_, name)| name.to_owned())).unwrap();
     let prefix: String = name.splitn(3, '_').take(2).collect::<Vec<_>>().join("_");
@@ -41,10 +41,10 @@ fn taken(line: &Child) -> (BTreeMap<String, Takes>, BTreeSet<String>) {
     (taken, files.filter(|file| file.starts_with(&prefix)).collect())
 }
 
-/// Catches whatever grows with the number of casings: memory, descriptors, threads, shared memory.
+/// Catches anything that grows with the number of casings: memory, file descriptors, threads, shared memory.
 #[test]
 fn two_hundred_casings_leave_no_trace() {
-    /// What resident memory may waver by, in kB: a casing's taps, discriminators and file, and the allocator's habits.
+    /// Normal variation of resident memory, in kB: a casing's taps, discriminators and file, and the allocator.
     const WAVERS_KB: usize = 3_000;
     let sandbox = Sandbox::new();
     let station = |n: u32| format!("[[station]]\nnumber = {n}\nsource = \"simulated\"\n");
@@ -58,7 +58,7 @@ fn two_hundred_casings_leave_no_trace() {
     verdicts.extend(line.verdicts(10));
     let done = line.finish().expect(0);
     let more: Vec<&str> = done.out.lines().collect();
-    // Those that were under way at the end may have been closed too.
+    // Casings that were under way at the end may have been closed too.
     assert!(more.len() <= 4, "{more:?}");
     let files: BTreeSet<PathBuf> = verdicts.iter().map(file_of).collect();
     assert_eq!(files.len(), 200);
@@ -68,7 +68,7 @@ fn two_hundred_casings_leave_no_trace() {
         let is = after[name];
         eprintln!("{name}: {was:?}, and 130 casings later {is:?}");
         assert!(is.resident_kb <= was.resident_kb + WAVERS_KB, "{name}: {was:?} {is:?}");
-        // A file that is being opened or closed just then.
+        // A file may be opened or closed just then.
         assert!(is.descriptors <= was.descriptors + 8, "{name}: {was:?} {is:?}");
         assert!(is.threads <= was.threads + 1, "{name}: {was:?} {is:?}");
     }

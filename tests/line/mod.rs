@@ -1,4 +1,4 @@
-//! `tapline line`: casings come to its stations one by one, from a watched folder, a rig, or made up.
+//! `tapline line`: casings come to its stations one by one, from a watched folder, from a rig, or simulated.
 
 mod endurance;
 mod restarts;
@@ -17,7 +17,7 @@ use crate::archives::export_taps::as_from_a_tap_set;
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{Contents, assert_same, casings, contents, finished};
 
-/// Casings that take 50 taps: 2 shoulders of 24 locations.
+/// Casings of 50 taps: 2 shoulders of 24 locations.
 const SCAN: &str = "
 [scan]
 offsets_mm = [0.0]
@@ -27,21 +27,21 @@ locations = 24
 policy = \"fixed\"
 ";
 
-/// What a line has room for, where tap sets come.
+/// Limits of a line that takes tap sets.
 const ROOM: &str = "[line]\ntaps_max = 200\nrecord_samples_max = 40000\nscans_max = 4\n";
 
 fn file_of(verdict: &Value) -> PathBuf {
     PathBuf::from(verdict["file"].as_str().unwrap())
 }
 
-/// What the status of the line on `out` says of the casing at its first station; null where none is there.
+/// The casing at the first station, by the status of the line on `out`; null if there is none.
 fn casing_under_way(sandbox: &Sandbox) -> Value {
     let status = sandbox.run("status --out out --json");
     let status: Value = serde_json::from_str(status.out.trim()).unwrap_or_default();
     status["stations"][0]["casing"].clone()
 }
 
-/// How many taps of that casing are archived.
+/// Number of archived taps of that casing.
 fn archived(sandbox: &Sandbox) -> u64 {
     casing_under_way(sandbox)["archived"].as_u64().unwrap_or(0)
 }
@@ -55,7 +55,7 @@ fn all_finished(out: &Path) -> Vec<String> {
     names
 }
 
-/// Tap sets in the folder `sets`, and what a line must make of them: `A` is cracked, `B` sound.
+/// Tap sets in the folder `sets`, and the expected archives: `A` is cracked, `B` is sound.
 fn tap_sets(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
     let crack = "crack = [{ shoulder = 2, first_location = 10, location_count = 4, depth_mm = 6.0 }]";
     let tyres = format!("[[scan.tyre]]\nserial = \"A\"\n{crack}\n[[scan.tyre]]\nserial = \"B\"\n");
@@ -74,7 +74,7 @@ fn assert_made(verdict: &Value, made: &BTreeMap<String, Contents>) {
     assert!(verify(&file).unwrap().is_complete());
 }
 
-/// Two stations that take 50 taps for a casing.
+/// Two stations, with casings of 50 taps.
 fn slow_plant(sandbox: &Sandbox, casings_each: u32, taps_per_s: f64, more: &str) {
     let station = |n: u32| format!("[[station]]\nnumber = {n}\nsource = \"simulated\"\ncasings = {casings_each}\n");
     let head = format!("{SCAN}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = {taps_per_s}\n{more}\n");

@@ -1,4 +1,4 @@
-//! A line, or a stage of it, is killed, and what was under way goes on.
+//! A line, or one of its stages, is killed, and its work is continued.
 
 use std::fs;
 use std::time::Duration;
@@ -13,7 +13,7 @@ use crate::sandbox::archives::{assert_same, contents, under_way};
 use crate::sandbox::running::{Running, until};
 use crate::sandbox::stages::{signal, stage};
 
-/// Catches a casing that is lost, judged twice or begun anew after the line was killed in the middle of it.
+/// Catches a casing that is lost, judged twice or begun again after the line was killed during it.
 #[test]
 fn a_killed_line_goes_on_with_what_was_under_way() {
     let sandbox = Sandbox::new();
@@ -25,7 +25,7 @@ fn a_killed_line_goes_on_with_what_was_under_way() {
         fs::rename(sandbox.path("sets").join(casing), sandbox.path("inbox").join(casing)).unwrap();
     }
     let mut verdicts = Vec::new();
-    // In the middle of the first, and of the second.
+    // During the first casing, and during the second.
     for casing in ["A", "B"] {
         let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
         until("the casing is half tapped", || {
@@ -51,7 +51,7 @@ fn a_killed_line_goes_on_with_what_was_under_way() {
     );
 }
 
-/// Catches a stage whose death a line does not outlive, or that costs a tap of the casings under way.
+/// Catches a stage whose death ends the line, or costs a tap of the casings under way.
 #[test]
 fn stages_are_killed_while_casings_come() {
     let sandbox = Sandbox::new();
@@ -78,7 +78,7 @@ fn stages_are_killed_while_casings_come() {
     assert!(under_way(&sandbox.path("killed")).is_empty() && sandbox.left().is_empty());
 }
 
-/// Catches files under way that are put aside because of a comment, a hook or a station that was added since.
+/// Catches files under way that are put aside because a comment, a hook or a station was added since.
 #[test]
 fn a_line_goes_on_after_its_configuration_was_edited() {
     let sandbox = Sandbox::new();
@@ -97,8 +97,8 @@ fn a_line_goes_on_after_its_configuration_was_edited() {
     assert!(under_way(&sandbox.path("out")).is_empty() && !sandbox.path("out/left").exists());
 }
 
-/// Catches taps that a failed disk has lost after they were archived, and that nobody takes again: the file under way is put
-/// back to what it was a while before, as by a power cut of its disk.
+/// Catches archived taps that a disk has lost and that are not taken again. The file under way is replaced by an
+/// earlier state, as after a power cut of its disk.
 #[test]
 fn taps_that_a_disk_has_lost_are_taken_again() {
     let sandbox = Sandbox::new();
@@ -107,7 +107,7 @@ fn taps_that_a_disk_has_lost_are_taken_again() {
     let open = || under_way(&sandbox.path("out"))[0].clone();
     until("some taps are archived", || archived(&sandbox) > 5);
     fs::copy(open(), sandbox.path("before.h5")).unwrap();
-    // The first shoulder has 25.
+    // The first shoulder has 25 taps.
     until("the second shoulder is begun", || archived(&sandbox) > 28);
     line.signal(Signal::STOP);
     signal(stage(line.child(), "store"), Signal::KILL);

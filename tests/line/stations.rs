@@ -1,4 +1,4 @@
-//! Where casings come from: a watched folder, and a rig.
+//! Sources of casings: a watched folder, and a rig.
 
 use std::fs;
 use std::process::Command;
@@ -12,8 +12,8 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::archives::under_way;
 use crate::sandbox::running::{Running, until};
 
-/// Catches a verdict that waits for another casing, a file that cannot be opened while the line runs, a set that is left
-/// where it was, and one that cannot be read and ends the line.
+/// Catches a verdict that waits for another casing, a file that cannot be opened while the line runs, a set that stays
+/// where it was, and a line that ends because a set cannot be read.
 #[test]
 fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     let sandbox = Sandbox::new();
@@ -40,7 +40,7 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     sandbox.run(&format!("export {} verdicts", file.display())).expect(0);
     until("the set is done", || sandbox.path("inbox/done/A/taps.csv").is_file() && !sandbox.path("inbox/A").exists());
 
-    // What cannot be read is put aside with the reason, and another set comes all the same.
+    // A set that cannot be read is put aside with the reason, and the next one is still taken.
     fs::create_dir_all(sandbox.path("sets/bad")).unwrap();
     sandbox.write("sets/bad/scan.toml", "geometry = \"ring\"\n");
     sandbox.write("sets/bad/taps.csv", "file\n");
@@ -53,14 +53,14 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     assert_made(&second, &made);
     until("the set is done", || sandbox.path("inbox/done/B").is_dir());
 
-    // The very same set once more is done already: its recordings were judged.
+    // The same set again is done already: its recordings were judged.
     let done = line.interrupt().expect(0);
     assert!(done.out.is_empty() && done.err.contains("bad"), "{done:?}");
     assert_eq!(all_finished(&sandbox.path("out")), ["A", "B"]);
     assert!(under_way(&sandbox.path("out")).is_empty() && sandbox.left().is_empty());
 }
 
-/// Starts a rig; the configuration of a line with its station.
+/// Starts a rig, and writes the configuration of a line with its station.
 fn rig_and_plant(sandbox: &Sandbox, script: &str, more: &str) -> Running {
     sandbox.write("rig.toml", script);
     let mut machine = Running::start(sandbox, "rig --listen 127.0.0.1:0 --config rig.toml");
@@ -70,20 +70,20 @@ fn rig_and_plant(sandbox: &Sandbox, script: &str, more: &str) -> Running {
     machine
 }
 
-/// Of the rig's report a number.
+/// A number in the rig's report.
 fn reported(report: &str, what: &str) -> usize {
     let (_, rest) = report.split_once(&format!("{what}: ")).unwrap();
     rest.split([',', ' ']).next().unwrap().parse().unwrap()
 }
 
-/// Catches a serial that cannot be read or came before and holds up the line or replaces a file, and taps that are lost or
-/// made twice where the rig was switched off in the middle of each casing.
+/// Catches a serial that is unreadable or repeated and blocks the line or replaces a file, and taps that are lost or
+/// made twice because the rig was switched off during each casing.
 #[test]
 fn a_rig_that_is_switched_off_and_on_loses_nothing() {
     let sandbox = Sandbox::new();
     let script = "casings = 4\nserials = [\"R-1\", \"?\", \"R-1\", \"R 2\"]\nswitched_off = 1.0\noff_s = [0.05, 0.2]\n";
     let machine = rig_and_plant(&sandbox, script, "");
-    // Nobody knows whether a casing without a serial is the same as before: it counts as two.
+    // Nobody knows whether a casing without a serial is the same as before, so it counts as another.
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 5");
     let verdicts = line.verdicts(5);
     line.finish().expect(0);
@@ -107,11 +107,11 @@ fn a_rig_that_is_switched_off_and_on_loses_nothing() {
     expected.sort_unstable();
     assert_eq!(all_finished(&sandbox.path("out")), expected);
     assert_ne!(file_of(&verdicts[0]), file_of(&verdicts[3]));
-    // Every casing is known at the rig to be done, or the next line would tap it again.
+    // The rig knows that every casing is done; otherwise the next line would tap it again.
     assert_eq!(reported(&report, "closed"), 4, "{report:?}");
 }
 
-/// Catches a casing that was taken away half done and is passed, waited for, or in the way of the next.
+/// Catches a casing that was taken away before its last tap and passes, is waited for, or blocks the next.
 #[test]
 fn a_casing_that_is_taken_away_is_inspected_again() {
     let sandbox = Sandbox::new();
@@ -141,8 +141,8 @@ fn a_casing_that_is_taken_away_is_inspected_again() {
     assert_eq!(all_finished(&sandbox.path("out")), names);
 }
 
-/// Catches a casing that is given up because its rig was slower to come back than `store`; and one that nobody judges
-/// because its rig came back without it.
+/// Catches a casing that is given up because its rig came back later than `store`, and one that is never judged because
+/// its rig came back without it.
 #[test]
 fn a_rig_that_is_late_after_a_restart_goes_on() {
     for comes_back in [true, false] {

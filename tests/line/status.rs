@@ -1,4 +1,4 @@
-//! Looking on at a line that runs.
+//! The status of a running line.
 
 use std::io::{BufRead as _, BufReader};
 use std::time::Duration;
@@ -12,7 +12,7 @@ use crate::sandbox::archives::{assert_same, contents};
 use crate::sandbox::running::Running;
 use crate::sandbox::stages::{signal, stage};
 
-/// Catches a status that is none, or of another line; and one who looks on, or is frozen looking on, and is waited for.
+/// Catches a status that is missing, or of another line, and a line that waits for a viewer, running or frozen.
 #[test]
 fn who_looks_on_changes_nothing() {
     let sandbox = Sandbox::new();

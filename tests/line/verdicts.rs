@@ -1,4 +1,4 @@
-//! What becomes of a verdict: it is printed, and a command of the plant is run.
+//! What happens with a verdict: it is printed, and a command of the plant is run.
 
 use std::fs;
 
@@ -10,8 +10,8 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::running::{Running, lines_of, until};
 use crate::sandbox::stages::signal;
 
-/// Catches a command that is run twice for a casing, or not, or without what it is to know; and one that fails and ends
-/// something.
+/// Catches a command that is run twice for a casing, or not at all, or without its data; and a command that fails and
+/// ends something.
 #[test]
 fn a_command_is_run_at_each_verdict() {
     let sandbox = Sandbox::new();
@@ -36,7 +36,8 @@ fn a_command_is_run_at_each_verdict() {
     }
 }
 
-/// Catches a command that hangs, with what it has started, and keeps the line from ending; and a line that is silent about it.
+/// Catches a command that hangs, with its own children, and keeps the line from ending; and a line that does not report
+/// it.
 #[test]
 fn a_command_that_fails_is_an_alarm() {
     let sandbox = Sandbox::new();
@@ -47,7 +48,7 @@ fn a_command_that_fails_is_an_alarm() {
     line.interrupt().expect(0);
 }
 
-/// Catches a line that ends because nobody hears its verdicts any more.
+/// Catches a line that ends because nobody reads its verdicts any more.
 #[test]
 fn a_line_whose_reader_has_gone_goes_on() {
     let sandbox = Sandbox::new();

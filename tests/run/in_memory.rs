@@ -1,4 +1,4 @@
-//! A scan within one process against the same scan by the line's processes.
+//! A scan within one process, compared with the same scan by the processes of a line.
 
 #[path = "../../lab/src/in_memory.rs"]
 mod scanned;
@@ -13,7 +13,7 @@ use tapline_wire::{Discriminator, Discriminators};
 
 use crate::sandbox::Sandbox;
 
-/// Two stations, a tyre of each kind, and a rig whose faults have taps taken again: one retake is not always enough.
+/// Two stations, a tyre of each kind, and a rig whose faults cause retakes; one retake is not always enough.
 const SCAN: &str = "
 [acquire]
 retakes = 1
@@ -46,14 +46,14 @@ impl Config {
     }
 }
 
-/// The record with its values as bits, in which an absent value equals an absent value.
+/// The record with its values as bits, so that absent values compare equal.
 fn bits(record: &Discriminators) -> String {
     let values = Discriminator::ALL.map(|which| record.values.get(which).map(f64::to_bits));
     let velocity = record.velocity_measured_m_per_s.to_bits();
     format!("{:?} {} {:?} {velocity} {values:?}", record.id, record.plan_index, record.quality)
 }
 
-/// Catches a value, flag, attempt or order that is not that of the line's processes, and a result that depends on the
+/// Catches a value, flag, attempt or order that differs from the processes of a line, and a result that depends on the
 /// number of threads.
 #[test]
 fn a_scan_in_memory_finds_what_the_line_finds() {
@@ -69,18 +69,18 @@ fn a_scan_in_memory_finds_what_the_line_finds() {
     for thread_count in [1, 2, 5] {
         let (plan, mut found) = config.on(thread_count).discriminators().unwrap();
         assert!(plan.taps().iter().eq(casings.iter().flat_map(|casing| casing.plan().taps())));
-        // Each casing of the line has a plan of its own.
+        // On a line, each casing has its own plan.
         found.iter_mut().for_each(|record| record.plan_index %= 2 * 2 * 2 * 21);
         let found: Vec<String> = found.iter().map(bits).collect();
         assert_eq!(found.len(), 2 * 2 * 2 * 2 * 21);
         assert!(found == archived, "on {thread_count} threads");
     }
-    // The faults must have done their work, or retakes were not compared.
+    // Without faults, retakes would not be compared.
     let attempts = records.iter().filter(|record| record.id.attempt == 1).count();
     assert!((50..200).contains(&attempts), "{attempts} taps were taken again");
 }
 
-/// Catches a look at another record than the one whose discriminators stand beside it.
+/// Catches a record that is shown beside the discriminators of another.
 #[test]
 fn what_is_looked_at_is_the_record_that_counts() {
     let config: Config = toml::from_str(SCAN).unwrap();

@@ -1,4 +1,4 @@
-//! Recorded slabs with known or inferred cracks, scanned through the whole line with the configurations that ship.
+//! Recorded slabs with known or inferred cracks, scanned by a whole line with the configurations that ship.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,7 +8,7 @@ use tapline_testing::documents::csv_rows;
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::finished;
 
-/// How many lines on a slab got which verdict.
+/// Number of lines on a slab by verdict.
 #[derive(Debug, Default)]
 struct Slab {
     auc: f64,
@@ -17,7 +17,7 @@ struct Slab {
 }
 
 impl Slab {
-    /// What the configuration that ships finds on the slab; `None` without its recordings.
+    /// The verdicts of the shipped configuration on the slab; `None` without its recordings.
     fn scanned(set: &str) -> Option<Self> {
         let taps = tapline_testing::shared(set)?;
         let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(format!("{set}.toml"));
@@ -50,7 +50,7 @@ impl Slab {
     }
 }
 
-/// Catches cracked lines that pass, and sound ones that are called. The truth is inferred from a map published beside the
+/// Catches cracked lines that pass, and sound ones that do not. The truth is inferred from a map published with the
 /// data.
 #[test]
 fn fhwa_slab_with_inferred_truth() {

@@ -1,4 +1,4 @@
-//! A reference: made from archives, named by a run, kept in its archive; and what is refused on the way.
+//! A reference: made from archives, named by a run, kept in the archive; and what is refused.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use crate::sandbox::archives::finished;
 
 const SCAN: &str = "[scan]\noffsets_mm = [0.0, 10.0]\nvelocities_m_per_s = [1.5]\nshoulders = 2\n";
 
-/// Two sound tyres and one with a crack, in a run of their own.
+/// Two sound tyres and a cracked one, for a separate run.
 fn tyres(prefix: &str, cracked: bool) -> String {
     let crack = "crack = [{ shoulder = 1, first_location = 30, location_count = 6, depth_mm = 5.0 }]\n";
     let tyre = |k: u32, crack: &str| format!("[[scan.tyre]]\nserial = \"{prefix}{k}\"\n{crack}");
@@ -20,7 +20,7 @@ fn tyres(prefix: &str, cracked: bool) -> String {
 const SOUND: &str = "sound/S1.h5 sound/S2.h5";
 const CRACKED: &str = "cracked/C1.h5 cracked/C2.h5 cracked/C3.h5";
 
-/// A rig with `sound`, in which every tyre was its own reference, and `cracked`, likewise.
+/// A folder with the runs `sound` and `cracked`, in which every tyre was its own reference.
 fn scanned() -> Sandbox {
     let sandbox = Sandbox::new();
     sandbox.write("sound.toml", &format!("{SCAN}seed = 5\n{}", tyres("S", false)));
@@ -41,8 +41,8 @@ fn verdicts(sandbox: &Sandbox, archive: &str) -> Vec<(String, String, String)> {
     rows.map(|row| (format!("{}/{}", row[0], row[1]), row[3].clone(), row[4].clone())).collect()
 }
 
-/// Catches a reference that is not used or not marked, a sound tyre of another construction that is damaged for it, a
-/// crack that is missed, and an archive without the reference that its verdicts rest on.
+/// Catches a reference that is not used or not recorded, a sound tyre of another construction that counts as damaged, a
+/// crack that is missed, and an archive without the reference of its verdicts.
 #[test]
 fn tyres_are_judged_by_a_reference_of_others() {
     let sandbox = scanned();
@@ -66,7 +66,7 @@ fn tyres_are_judged_by_a_reference_of_others() {
     let reader = tapline_store::Reader::open(sandbox.path("by/C3.h5")).unwrap();
     assert_eq!(reader.reference(), Some(std::fs::read_to_string(sandbox.path("sound.json")).unwrap().as_str()));
     drop(reader);
-    // The same run again has nothing to do; by another reference it is another run.
+    // The same run again has nothing to do; with another reference it is another run.
     let again = "run --config cracked.toml --out by --reference sound.json --json";
     assert_eq!(sandbox.run(again).code, Some(0));
     assert_eq!(sandbox.run("reference sound/S1.h5 --shoulder S1/1 --shoulder S1/2 --out sound.json").code, Some(0));
@@ -74,7 +74,8 @@ fn tyres_are_judged_by_a_reference_of_others() {
     assert!(done.code == Some(1) && done.err.contains("another reference"), "{done:?}");
 }
 
-/// Catches a shoulder that is not judged because recordings of the other one are missing, at most taps or at a location.
+/// Catches a shoulder that is not judged because recordings of the other one are missing, at most taps or at a
+/// location.
 #[test]
 fn a_shoulder_without_its_recordings_leaves_the_other_alone() {
     let sandbox = scanned();
@@ -101,7 +102,7 @@ fn a_shoulder_without_its_recordings_leaves_the_other_alone() {
     }
 }
 
-/// Catches labels that are not read, cracked locations that are taken for sound ones, and directions that are not learned.
+/// Catches labels that are not read, cracked locations that count as sound, and directions that are not learned.
 #[test]
 fn a_labelled_reference_teaches() {
     let sandbox = scanned();
@@ -112,11 +113,11 @@ fn a_labelled_reference_teaches() {
     let done = sandbox.run("run --config later.toml --out later --json");
     assert_eq!(done.code, Some(0), "{done:?}");
     for (name, verdict, reasons) in verdicts(&sandbox, "later") {
-        // One in fifty sound shoulders is to be inspected again.
+        // One in fifty sound shoulders may be RE-INSPECT.
         assert_eq!(verdict == "REJECT", name == "L3/1", "{name} {verdict} {reasons}");
         assert!(reasons.contains("extrapolated"), "{name} {reasons}");
     }
-    // Five casings support 1/11 and no less, which is said once for all six shoulders.
+    // Five casings support 1/11 and no less; that is reported once for all six shoulders.
     let why = "reject_rate: 5 casings support 9.091 % without assumption";
     let remarks = |text: &str| text.lines().filter(|line| line.contains(why)).count();
     assert_eq!(remarks(&done.err), 1, "{done:?}");
@@ -127,7 +128,7 @@ fn a_labelled_reference_teaches() {
     assert_eq!((again.code, remarks(&again.out)), (Some(0), 1), "also when nothing is left to do: {again:?}");
 }
 
-/// Catches a run that is compared with nothing in particular, and errors that do not say what to do.
+/// Catches a run without a clear reference, and errors that do not say what to do.
 #[test]
 fn what_cannot_be_a_reference_is_refused() {
     let sandbox = scanned();
@@ -152,7 +153,7 @@ fn what_cannot_be_a_reference_is_refused() {
     refused("run --config sound.toml --out a --reference bad.json", &["bad.json", "no reference"]);
     refused(&format!("reference {SOUND} --out sound.txt"), &["sound.txt", ".json"]);
     refused(&format!("reference {SOUND} --shoulder S9/1 --out s.json"), &["S9/1"]);
-    // One that is named twice counts once.
+    // An archive that is named twice counts once.
     let once = sandbox.run("reference sound/S1.h5 sound/S1.h5 --out once.json");
     assert!(once.code == Some(0) && once.out.contains("2 shoulders: S1/1, S1/2"), "{once:?}");
     refused("reference missing.h5 --out s.json", &["missing.h5"]);
@@ -160,13 +161,14 @@ fn what_cannot_be_a_reference_is_refused() {
     let done = sandbox.run(&format!("reference {CRACKED} --out c.json"));
     assert!(done.code == Some(0) && done.err.contains("C3/1 did not pass"), "{done:?}");
     assert!(done.out.contains(" shoulders: C") && !done.out.contains("C3/1"), "{done:?}");
-    // One that is known to be cracked is not sound for being named; the truth of each location is asked for.
+    // Naming a shoulder that is known to be cracked does not make it sound; the error asks for the truth of each
+    // location.
     refused("reference cracked/C3.h5 --shoulder C3/1 --out named.json", &["C3/1 is known to be cracked", "--labelled"]);
     assert!(!sandbox.path("named.json").exists());
     assert_eq!(sandbox.run(&format!("reference {SOUND} --out sound.json")).code, Some(0));
     sandbox.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
     refused("run --config other.toml --out a --reference sound.json", &["f_c_hz = 550.0 there", "f_c_hz = 600.0 here"]);
-    // Nor do archives go together that were analysed otherwise.
+    // Archives that were analysed differently cannot be combined either.
     let done = sandbox.run("run --config other.toml --out other --reference self");
     assert_eq!(done.code, Some(0), "{done:?}");
     refused(

@@ -1,4 +1,4 @@
-//! What a whole simulated run leaves: an archive, its tables, and results that depend on nothing but their input.
+//! The results of a whole simulated run: an archive, its tables, and values that depend only on its input.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -91,7 +91,7 @@ fn results_depend_on_nothing_but_their_input() {
     assert_same_casings(&a, &casings(&sandbox.path("c")));
 }
 
-/// But for where and when the taps were made.
+/// The contents without the place and time of the taps.
 fn anywhere(mut casings: BTreeMap<String, Contents>) -> BTreeMap<String, Contents> {
     for casing in casings.values_mut() {
         for (header, _) in casing.taps.iter_mut().flatten() {
@@ -104,8 +104,8 @@ fn anywhere(mut casings: BTreeMap<String, Contents>) -> BTreeMap<String, Content
     casings
 }
 
-/// Catches a casing that is another's in part: its file is the same whichever came before it, wherever it was tapped, and
-/// with however many others.
+/// Catches a casing that depends on others: its file is the same whichever casing came before it, wherever it was
+/// tapped, and however many others there are.
 #[test]
 fn a_casing_does_not_depend_on_the_others() {
     let sandbox = Sandbox::new();
@@ -127,7 +127,7 @@ fn a_casing_does_not_depend_on_the_others() {
     assert_same_casings(&alone, &apart.into_iter().filter(|(name, _)| name == "A").collect());
 }
 
-/// Catches an altered row of any table that passes for what was written.
+/// Catches a changed row of any table that passes for the original.
 #[test]
 fn altered_rows_are_reported() {
     let sandbox = scanned();
@@ -154,14 +154,14 @@ fn altered_rows_are_reported() {
     }
 }
 
-/// Catches a scan that a log which cannot be written ends: a pipe whose reader has gone, or a full disk.
+/// Catches a scan that ends because the log cannot be written: a pipe whose reader has gone, or a full disk.
 #[test]
 fn a_log_that_is_full_ends_nothing() {
     let sandbox = scanned();
     let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let (_, broken) = std::io::pipe().unwrap();
     for (name, log) in [("full", Stdio::from(full)), ("broken", Stdio::from(broken))] {
-        // Errors are logged too, with their causes, where all is.
+        // `trace` also logs errors, with their causes.
         let mut run = sandbox.command(&format!("run --config scan.toml --stations 2 --out {name}"));
         let done = run.env("TAPLINE_LOG", "trace").stderr(log).output().unwrap();
         assert_eq!(done.status.code(), Some(0), "{name}");
@@ -174,7 +174,7 @@ fn a_log_that_is_full_ends_nothing() {
     assert_eq!(sandbox.command("verify gone.h5").stderr(full).output().unwrap().status.code(), Some(1));
 }
 
-/// A folder of results is not taken for another scan's.
+/// A folder of results is not continued by another scan.
 #[test]
 fn another_plan_or_configuration_is_refused() {
     let sandbox = scanned();
@@ -182,7 +182,7 @@ fn another_plan_or_configuration_is_refused() {
     let before = fs::read(sandbox.path("run/SOUND.h5")).unwrap();
     for (text, what) in [
         (SCAN.replace("locations = 60", "locations = 61"), "locations"),
-        // Same taps, but what is judged would not be what was asked for.
+        // The same taps, but another judgement than the one asked for.
         (format!("{SCAN}\n[fuse]\nre_inspect_rate = 0.01\n"), "re_inspect_rate"),
         (SCAN.replace("depth_mm = 6.0", "depth_mm = 7.0"), "depth_mm"),
         (SCAN.replace("\"SOUND\"", "\"OTHER\""), "OTHER"),
@@ -193,7 +193,7 @@ fn another_plan_or_configuration_is_refused() {
         assert!(done.err.contains(what) && done.err.contains("--out"), "{what}: {done:?}");
     }
     assert!(fs::read(sandbox.path("run/SOUND.h5")).unwrap() == before);
-    // Nor is one in which files of elsewhere lie.
+    // A folder with files of others is not used either.
     fs::create_dir(sandbox.path("mine")).unwrap();
     fs::write(sandbox.path("mine/mine.h5"), "mine").unwrap();
     let done = sandbox.run("run --config scan.toml --stations 2 --out mine").expect(1);
@@ -202,7 +202,7 @@ fn another_plan_or_configuration_is_refused() {
     sandbox.run("run --config scan.toml --stations 2 --out run").expect(0);
 }
 
-/// The README's snippet, run as it stands there, by a Python that has h5py.
+/// The README's snippet, run as printed, by a Python that has h5py.
 #[test]
 fn the_readme_snippet_reads_an_archive() {
     let Some(python) = tapline_testing::python_with("hdf5plugin, h5py") else { return };

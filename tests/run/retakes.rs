@@ -10,7 +10,7 @@ use crate::sandbox::stages::{signal, stage};
 use tapline_testing::documents::csv_rows;
 use tapline_testing::program::Done;
 
-/// A rig that does a tenth of its taps twice over and hears its neighbour in a tenth.
+/// A rig with a second hit in a tenth of its taps, and a neighbour's tap in another tenth.
 const FAULTY: &str = "
 [scan]
 offsets_mm = [0.0]
@@ -27,7 +27,7 @@ kind = \"neighbour\"
 fraction = 0.1
 ";
 
-/// How often each flag stands in the archive.
+/// Number of taps with each flag in the archive.
 fn flags(sandbox: &Sandbox, archive: &str) -> BTreeMap<String, u32> {
     let mut counts = BTreeMap::new();
     for row in csv_rows(&sandbox.run(&format!("export {archive} discriminators")).expect(0).out) {
@@ -38,8 +38,8 @@ fn flags(sandbox: &Sandbox, archive: &str) -> BTreeMap<String, u32> {
     counts
 }
 
-/// Catches a record of no use that is archived while there are retakes left, retakes without end, an attempt that the
-/// archive does not tell, and a policy that is not followed.
+/// Catches an unusable record that is archived while retakes are left, endless retakes, an attempt that the archive
+/// does not record, and a policy that is ignored.
 #[test]
 fn unusable_taps_are_taken_again() {
     let sandbox = Sandbox::new();
@@ -56,7 +56,7 @@ fn unusable_taps_are_taken_again() {
     assert_eq!(attempts, taken_again);
     sandbox.run("verify faulty/SIM-0001.h5").expect(0);
 
-    // Without retakes, the last record is the first, and stands with its flags.
+    // Without retakes, the first record is archived with its flags.
     sandbox.write("once.toml", &format!("[acquire]\nretakes = 0\n{FAULTY}"));
     let summary = sandbox.run("run --config once.toml --out once --json").json(0);
     assert_eq!(summary["pace"]["taken_again"], 0);
@@ -87,7 +87,8 @@ fn unusable_taps_are_taken_again() {
     }
 }
 
-/// Catches an attempt that is forgotten with the stage that knew of it: whoever is killed, the archive is the same.
+/// Catches an attempt that is forgotten with the stage that knew it: whichever stage is killed, the archive is the
+/// same.
 #[test]
 fn attempts_outlive_the_stages() {
     let sandbox = Sandbox::new();

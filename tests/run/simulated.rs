@@ -1,4 +1,4 @@
-//! What must be found on the simulated line, and what must not: every planted crack, and nothing on a sound tyre.
+//! What must be found on a simulated line, and what must not: every planted crack, and nothing on a sound tyre.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -19,15 +19,15 @@ const LOCATIONS: u32 = 100;
 const DAMAGED: &str = "DAMAGED";
 const SOUND: &str = "SOUND";
 
-/// A region may reach this far beyond the cracks: the mean of three spreads a crack by one, and where the casing's own
-/// smooth variation is high it carries the region on.
+/// A region may extend this far beyond the cracks. The mean of three spreads a crack by one location, and where the
+/// casing's own smooth variation is high, it extends the region.
 const REACH: u32 = 4;
 
 fn crack(shoulder: u16, first_location: u32, location_count: u32, depth_mm: f64, length_mm: f64) -> Crack {
     Crack { shoulder, first_location, location_count, depth_mm, length_mm, offset_mm: 0.0 }
 }
 
-/// The least crack that must be found: 3 locations wide, 12.7 mm deep, 20 mm long.
+/// The smallest crack that must be found: 3 locations wide, 12.7 mm deep, 20 mm long.
 fn least(shoulder: u16, first_location: u32) -> Crack {
     crack(shoulder, first_location, 3, 12.7, 20.0)
 }
@@ -35,16 +35,17 @@ fn least(shoulder: u16, first_location: u32) -> Crack {
 /// Cracks of one damaged tyre, its second shoulder sound or not.
 fn layout(seed: u64) -> Vec<Crack> {
     let cracks = match seed % 4 {
-        // The least ones alone, two of them three locations apart, one on every side of the seam for some seed.
+        // The smallest ones alone, two of them three locations apart; for some seed one lies across the start.
         0 => vec![least(1, 0), least(1, 6), least(1, 50)],
-        // Shallow and loud beside deep and faint, on one shoulder: the loud must not set the scale.
+        // Shallow and loud beside deep and faint, on one shoulder: the loud ones must not set the scale.
         1 => vec![least(1, 0), crack(1, 20, 4, 2.0, 20.0), crack(1, 40, 3, 3.0, 25.0), least(1, 60)],
         // Both shoulders, long arcs: 32 of 200 locations.
         2 => vec![crack(1, 0, 12, 12.7, 20.0), crack(2, 30, 10, 6.0, 22.0), least(1, 40), least(2, 70), least(2, 85)],
         // Five on one shoulder.
         _ => [0, 15, 33, 52, 80].map(|first| least(1, first)).to_vec(),
     };
-    // Turned, so that every part of the ring is cracked for some seed; by 97 (or -3) a least crack is over the seam.
+    // Rotated, so that every part of the ring is cracked for some seed; by 97 (or -3), a smallest crack lies across the
+    // start.
     let turn = u32::try_from(97 * seed % u64::from(LOCATIONS)).unwrap();
     cracks.into_iter().map(|c| Crack { first_location: (c.first_location + turn) % LOCATIONS, ..c }).collect()
 }
@@ -55,12 +56,12 @@ fn scan(seed: u64, cracks: &[Crack]) -> ScanConfig {
     ScanConfig { seed, tyre: vec![tyre(DAMAGED, cracks.to_vec()), tyre(SOUND, vec![])], ..ScanConfig::default() }
 }
 
-/// What was said of one shoulder.
+/// The judgement of one shoulder.
 #[derive(Debug, Clone, PartialEq)]
 struct Judged {
     verdict: Verdict,
     reasons: Reasons,
-    /// Region of each location, 0 outside.
+    /// Region of each location; 0 outside of all.
     regions: Vec<u32>,
 }
 
@@ -87,7 +88,7 @@ fn judged(scan: &ScanConfig) -> BTreeMap<(String, u16), Judged> {
     plan.scans().iter().enumerate().map(judge).collect()
 }
 
-/// What is wrong with what was said of the shoulder, one line each.
+/// The faults of a judgement of the shoulder, one per line.
 fn faults(judged: &Judged, shoulder: u16, cracks: &[Crack]) -> Vec<String> {
     let mut faults = Vec::new();
     let here: Vec<&Crack> = cracks.iter().filter(|c| c.shoulder == shoulder).collect();
@@ -117,7 +118,7 @@ fn faults(judged: &Judged, shoulder: u16, cracks: &[Crack]) -> Vec<String> {
     faults
 }
 
-/// Runs `faults_of` for all seeds on two threads; what it found, by seed.
+/// Runs `faults_of` for all seeds on two threads; returns the faults by seed.
 fn over_seeds(faults_of: impl Fn(u64) -> Vec<String> + Sync) -> Vec<String> {
     let next = AtomicU64::new(*SEEDS.start());
     let work = || {
@@ -146,8 +147,9 @@ fn faults_in_process(scan: &ScanConfig, cracks: &[Crack]) -> Vec<String> {
     judged(scan).iter().flat_map(of_shoulder).collect()
 }
 
-/// No cracked shoulder passes, few cracks are cut short, and few sound places are called: one in fifty sound shoulders is stated,
-/// and a casing that is its own reference tells less than a file of others.
+/// Checks that no cracked shoulder passes, that few cracks are found only in part, and that few sound places are
+/// called. One in fifty sound shoulders is the stated rate, and a casing that is its own reference shows less than a
+/// file of others.
 fn check(found: &[String]) {
     let shoulders = |is_it: &dyn Fn(&str) -> bool| -> BTreeSet<String> {
         let name = |fault: &String| fault.split(": ").take(2).collect::<Vec<_>>().join(": ");
@@ -162,8 +164,8 @@ fn check(found: &[String]) {
     assert!(6 * called.len() <= all, "{} called: {found:#?}", called.len());
 }
 
-/// Catches a crack that is missed or cut short, a region where nothing is, a sound shoulder that is not passed, and one
-/// crack that hides another: at x = 0 alone, at two velocities, at the default noise.
+/// Catches a crack that is missed or found in part, a region where nothing is, a sound shoulder that is not passed, and
+/// a crack that hides another: at x = 0 alone, at two velocities, with the default noise.
 #[test]
 fn every_planted_crack_is_found_and_nothing_else() {
     let found = over_seeds(|seed| {
@@ -174,7 +176,7 @@ fn every_planted_crack_is_found_and_nothing_else() {
     check(&found);
 }
 
-/// Catches a need for repetitions or for several velocities: one tap a location has to do.
+/// Catches a need for repetitions or for several velocities: one tap per location must be enough.
 #[test]
 fn one_turn_finds_them_too() {
     let found = over_seeds(|seed| {
@@ -186,7 +188,7 @@ fn one_turn_finds_them_too() {
     check(&found);
 }
 
-/// Catches many cracks that pass for the casing's own scatter, and PASS where they are the rule.
+/// Catches many cracks that count as the casing's own scatter, and PASS where cracks are the rule.
 #[test]
 fn a_tyre_full_of_cracks_does_not_pass() {
     let narrow = |shoulder| (0..14).map(move |k| least(shoulder, 7 * k));
@@ -215,7 +217,7 @@ fn config_file(seed: u64, cracks: &[Crack]) -> String {
     text
 }
 
-/// Marks the locations of the row of `export regions` with its number.
+/// Marks the locations of a row of `export regions` with its number.
 fn mark(regions: &mut [u32], row: &BTreeMap<String, String>) {
     let number = |column: &str| row[column].parse::<u32>().unwrap();
     let (mut location, last) = (number("first_location"), number("last_location"));
@@ -226,7 +228,8 @@ fn mark(regions: &mut [u32], row: &BTreeMap<String, String>) {
     }
 }
 
-/// The built program on the whole default plan (offsets, velocities, repetitions, stations) for every seed; prints a table.
+/// The built program with the whole default plan (offsets, velocities, repetitions, stations), for every seed; prints a
+/// table.
 #[test]
 #[ignore = "a minute, and 650 MB of disk at a time"]
 fn the_default_plan_finds_every_planted_crack() {

@@ -1,4 +1,4 @@
-//! Tap sets from elsewhere through the whole line: what is wrong is named, what is refused is in the ledger.
+//! Tap sets from elsewhere through a whole line: faults are reported, and refused taps are in the ledger.
 
 use std::fs;
 use std::path::Path;
@@ -25,7 +25,7 @@ fn a_clean_set_is_archived_bit_for_bit() {
     assert_eq!((row["offset_mm"].as_str(), row["velocity_m_per_s"].as_str()), ("5", "1.85"));
 }
 
-/// A set whose scales have changed since is not continued: its archive would mix units.
+/// A set whose scales have changed is not continued, because its archive would mix units.
 #[test]
 fn a_run_does_not_continue_with_a_changed_set() {
     let sandbox = tap_set();
@@ -37,7 +37,7 @@ fn a_run_does_not_continue_with_a_changed_set() {
     sandbox.run("run --taps taps --out set").expect(0);
 }
 
-/// A tap that cannot be read is refused by name; the others are archived, and the shoulder does not pass.
+/// A tap that cannot be read is refused, with the file's name; the others are archived, and the shoulder does not pass.
 #[test]
 fn bad_recordings_are_refused_into_the_ledger() {
     type Harm = fn(&Path);
@@ -69,7 +69,7 @@ fn bad_recordings_are_refused_into_the_ledger() {
     sandbox.run("verify set/A-17.h5").expect(3);
 }
 
-/// A sample that is not a number is found when the tap is read, and refused like the rest.
+/// A sample that is not a number is found when the tap is read, and the tap is refused.
 #[test]
 fn a_sample_that_is_not_a_number_is_refused() {
     let sandbox = tap_set();
@@ -95,7 +95,7 @@ fn a_sample_that_is_not_a_number_is_refused() {
     assert!(reason.contains("009.wav") && reason.contains("NaN") && reason.contains("2000"), "{reason}");
 }
 
-/// What is wrong with the tables stops the run before its first tap, with file, line and reason.
+/// Faults of the tables stop the run before its first tap, with file, line and reason.
 #[test]
 fn bad_tables_stop_before_the_first_tap() {
     type Change = fn(&str) -> String;
@@ -127,7 +127,7 @@ fn bad_tables_stop_before_the_first_tap() {
     assert!(done.err.contains("scan.toml") && done.err.contains("pre_triger_samples"), "{done:?}");
 }
 
-/// Catches a tap that was struck faster than the others of its set and is taken for one of a velocity of its own.
+/// Catches a tap that was faster than the others of its set and counts as one of another planned velocity.
 #[test]
 fn a_tap_of_another_velocity_than_its_set_is_flagged() {
     let sandbox = tap_set();

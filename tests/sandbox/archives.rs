@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use tapline_store::{OwnedSamples, Reader};
 use tapline_wire::{DamageCell, Discriminators, Judgement, Stamp, TapHeader, TapState};
 
-/// Everything in an archive that must not depend on when and how it was written.
+/// The contents of an archive that must not depend on when and how it was written.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Contents {
     pub states: Vec<TapState>,
@@ -17,7 +17,7 @@ pub(crate) struct Contents {
     pub judgements: Vec<Option<String>>,
 }
 
-/// Bytes of the archive's file that a table takes.
+/// The range of bytes of a table in the archive's file.
 pub(crate) fn table_bytes(archive: &Path, table: &str) -> Range<usize> {
     let file = hdf5::File::open(archive).unwrap();
     let table = file.dataset(table).unwrap();
@@ -33,7 +33,7 @@ pub(crate) fn bend(archive: &Path, table: &str, at: usize) {
     fs::write(archive, bytes).unwrap();
 }
 
-/// Reads an archive, without what depends on the sending: sequence, epoch and time of sending.
+/// Reads an archive, without what depends on transmission: sequence, epoch and time of sending.
 pub(crate) fn contents(archive: &Path) -> Contents {
     let reader = Reader::open(archive).unwrap();
     let rows = 0..reader.plan().taps().len() as u32;
@@ -41,7 +41,7 @@ pub(crate) fn contents(archive: &Path) -> Contents {
         let (header, samples) = reader.tap(row).unwrap()?;
         Some((TapHeader { stamp: Stamp::default(), sent_ns: 0, ..header }, samples))
     };
-    // As text, because absent values, which are NaN, are then equal.
+    // As text, so that absent values, which are NaN, compare equal.
     let found = |record: Discriminators| format!("{record:?}");
     let judged = |(judgement, cells): (Judgement, Vec<DamageCell>)| {
         format!("{:?} {cells:?}", Judgement { stamp: Stamp::default(), ..judgement })
@@ -54,7 +54,7 @@ pub(crate) fn contents(archive: &Path) -> Contents {
     }
 }
 
-/// The finished files of a run, by the names of their casings as the files have them.
+/// The finished files of a run, by the casings' names as in the file names.
 pub(crate) fn finished(out: &Path) -> BTreeMap<String, PathBuf> {
     let files = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path());
     let files = files.filter(|path| path.extension().is_some_and(|ending| ending == "h5"));
@@ -71,7 +71,7 @@ pub(crate) fn casings(out: &Path) -> BTreeMap<String, Contents> {
     finished(out).into_iter().map(|(name, path)| (name, contents(&path))).collect()
 }
 
-/// Panics with the first difference of two runs, and its casing.
+/// Panics with the first difference between two runs, and its casing.
 pub(crate) fn assert_same_casings(a: &BTreeMap<String, Contents>, b: &BTreeMap<String, Contents>) {
     assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
     for (name, contents) in a {
@@ -80,7 +80,7 @@ pub(crate) fn assert_same_casings(a: &BTreeMap<String, Contents>, b: &BTreeMap<S
     }
 }
 
-/// Panics with the first difference of two archives, without printing them.
+/// Panics with the first difference between two archives, without printing them.
 pub(crate) fn assert_same(a: &Contents, b: &Contents) {
     assert_eq!(a.states, b.states, "states");
     for (row, (a, b)) in a.taps.iter().zip(&b.taps).enumerate() {

@@ -1,4 +1,4 @@
-//! What the tests share: each runs the built program in a folder of its own, and looks at the files that it left.
+//! Shared by all tests: each runs the built program in its own folder, and examines the files that it leaves.
 
 pub(crate) mod archives;
 pub(crate) mod recordings;
@@ -12,7 +12,7 @@ use std::process::{Child, Command, Stdio};
 use tapline_testing::program::Done;
 use tempfile::TempDir;
 
-/// A fresh folder in which the built program is run.
+/// A new folder in which the built program runs.
 pub(crate) struct Sandbox {
     folder: TempDir,
 }
@@ -33,7 +33,7 @@ impl Sandbox {
 
     /// The program with `arguments`, split at spaces.
     ///
-    /// A run must name its reference; if a test names none, each tyre is its own.
+    /// A run must name its reference; if a test names none, each tyre is its own reference.
     pub(crate) fn command(&self, arguments: &str) -> Command {
         let mut command = self.plain(arguments);
         let is_judged = ["run ", "line "].iter().any(|verb| arguments.starts_with(verb));
@@ -47,7 +47,7 @@ impl Sandbox {
     pub(crate) fn plain(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tapline"));
         command.args(arguments.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
-        // A private folder with a short path, in which its lines work.
+        // A private folder with a short path, where lines have their folders.
         command.env("XDG_RUNTIME_DIR", self.folder.path());
         command
     }
@@ -66,12 +66,12 @@ impl Sandbox {
         Done::from(self.command(arguments).output().unwrap())
     }
 
-    /// Starts the program and goes on.
+    /// Starts the program without waiting for it.
     pub(crate) fn start(&self, arguments: &str) -> Child {
         self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
     }
 
-    /// Folders that lines have left; while one is there, shared memory may be too.
+    /// Folders that lines have left; while one exists, shared memory may exist too.
     pub(crate) fn left(&self) -> Vec<String> {
         let files = fs::read_dir(self.folder.path()).unwrap().flatten();
         files

@@ -1,4 +1,4 @@
-//! A program that is running, with what it prints and logs.
+//! A running program, with its output and its log.
 
 use std::io::{BufRead as _, BufReader, Read};
 use std::process::Child;
@@ -12,21 +12,21 @@ use tapline_testing::program::Done;
 use crate::sandbox::Sandbox;
 use crate::sandbox::stages::signal;
 
-/// How long a line may take for anything: a test must fail and not hang.
+/// How long a line may take for anything, so that a test fails instead of hanging.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A line, or a rig, that is running.
+/// A running line or rig.
 pub(crate) struct Running {
     /// `None` once its end has been waited for.
     child: Option<Child>,
     printed: Receiver<String>,
     log: Receiver<String>,
-    /// What of the log was read so far.
+    /// The log so far.
     log_text: String,
 }
 
 impl Drop for Running {
-    /// A test that fails leaves no line running, and shows its log.
+    /// A failed test leaves no line running, and prints its log.
     fn drop(&mut self) {
         if let Some(mut child) = self.child.take() {
             child.kill().unwrap();
@@ -61,7 +61,7 @@ impl Running {
         &self.log_text
     }
 
-    /// Waits for the next line that it prints.
+    /// Waits for the next line of output.
     pub(crate) fn line(&mut self) -> String {
         match self.printed.recv_timeout(PATIENCE) {
             Ok(line) => line,
@@ -69,12 +69,12 @@ impl Running {
         }
     }
 
-    /// Waits for the next line that it prints, up to `patience`.
+    /// Waits for the next line of output, at most for `patience`.
     pub(crate) fn line_within(&self, patience: Duration) -> Option<String> {
         self.printed.recv_timeout(patience).ok()
     }
 
-    /// The lines that it has printed and nobody has read.
+    /// The lines of output that were not read yet.
     pub(crate) fn lines_so_far(&self) -> Vec<String> {
         self.printed.try_iter().collect()
     }
@@ -86,12 +86,12 @@ impl Running {
         verdict
     }
 
-    /// Waits for as many verdicts.
+    /// Waits for `count` verdicts.
     pub(crate) fn verdicts(&mut self, count: usize) -> Vec<Value> {
         (0..count).map(|_| self.verdict()).collect()
     }
 
-    /// Waits until one line of the log has all of `words`.
+    /// Waits until a line of the log has all of `words`.
     pub(crate) fn wait_for_log(&mut self, words: &[&str]) {
         let since = Instant::now();
         loop {
@@ -111,13 +111,13 @@ impl Running {
         signal(i32::try_from(self.child().id()).unwrap(), which);
     }
 
-    /// Kills it; what it had printed and nobody has read.
+    /// Kills it; returns the output that was not read yet.
     pub(crate) fn kill(self) -> Vec<String> {
         self.signal(Signal::KILL);
         self.printed.iter().collect()
     }
 
-    /// Waits for the end: the whole log, and what it printed that nobody has read.
+    /// Waits for the end; returns the whole log, and the output that was not read yet.
     pub(crate) fn finish(mut self) -> Done {
         let (mut out, since) = (String::new(), Instant::now());
         loop {
@@ -133,14 +133,14 @@ impl Running {
         Done { code: status.code(), out, err: log }
     }
 
-    /// Ends it as Ctrl-C does.
+    /// Ends it by Ctrl-C.
     pub(crate) fn interrupt(self) -> Done {
         self.signal(Signal::INT);
         self.finish()
     }
 }
 
-/// The lines that come from a pipe.
+/// The lines of a pipe.
 pub(crate) fn lines_of(pipe: impl Read + Send + 'static) -> Receiver<String> {
     let (send, lines) = bounded(10_000);
     let read = move || BufReader::new(pipe).lines().map_while(Result::ok).try_for_each(|line| send.send(line));
@@ -148,7 +148,7 @@ pub(crate) fn lines_of(pipe: impl Read + Send + 'static) -> Receiver<String> {
     lines
 }
 
-/// Waits until it is so.
+/// Waits until `is_so`.
 pub(crate) fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let since = Instant::now();
     while !is_so() {

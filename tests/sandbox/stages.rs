@@ -1,10 +1,10 @@
-//! The stages of a line that runs: their processes, and signals to them.
+//! The stages of a running line: their processes, and signals to them.
 
 use std::fs;
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-/// The process that is the stage `name` (`store`, `acquire-0`) of the line `parent`, once it is there.
+/// The process of the stage `name` (`store`, `acquire-0`) of the line `parent`; waits for it.
 pub(crate) fn stage(parent: &Child, name: &str) -> i32 {
     let deadline = Instant::now() + Duration::from_secs(10);
     while Instant::now() < deadline {
@@ -16,7 +16,7 @@ pub(crate) fn stage(parent: &Child, name: &str) -> i32 {
     panic!("no stage {name:?}");
 }
 
-/// The process that is the stage `name` of the line `parent`, if it is there now.
+/// The process of the stage `name` of the line `parent`, if it exists now.
 pub(crate) fn stage_now(parent: &Child, name: &str) -> Option<i32> {
     fs::read_dir("/proc").unwrap().flatten().find_map(|entry| {
         let pid: i32 = entry.file_name().to_str()?.parse().ok()?;
@@ -28,7 +28,7 @@ pub(crate) fn stage_now(parent: &Child, name: &str) -> Option<i32> {
     })
 }
 
-/// Sends `signal` to a process, which must be there.
+/// Sends `signal` to a process, which must exist.
 pub(crate) fn signal(pid: i32, signal: rustix::process::Signal) {
     rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), signal).unwrap();
 }

@@ -1,4 +1,4 @@
-//! A file under way that is removed, moved, cut or taken by another, and a disk that hangs.
+//! A file under way that is removed, moved, truncated or replaced, and a disk that hangs.
 
 use std::fs::{self, File, OpenOptions};
 use std::time::Duration;
@@ -10,7 +10,7 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{finished, under_way};
 use crate::sandbox::stages::{signal, stage};
 
-/// Catches taps that are lost with a file that someone removes while it is written, or removes with its folder.
+/// Catches taps that are lost with a file that someone removes while it is written, alone or with its folder.
 #[test]
 fn a_removed_archive_is_written_again() {
     let sandbox = Sandbox::new();
@@ -33,7 +33,7 @@ fn a_removed_archive_is_written_again() {
     }
 }
 
-/// Catches a line that ends well although its file is gone for good.
+/// Catches a line that reports success although its file is gone.
 #[test]
 fn a_line_ended_without_its_archive_has_failed() {
     let sandbox = Sandbox::new();
@@ -46,7 +46,7 @@ fn a_line_ended_without_its_archive_has_failed() {
     assert!(done.err.contains("disk/run"), "{done:#?}");
 }
 
-/// Catches a file that is moved away, or another file in its place, without a word.
+/// Catches a file that is moved away, or replaced by another, without a report.
 #[test]
 fn a_moved_or_replaced_archive_is_waited_for() {
     let sandbox = Sandbox::new();
@@ -67,8 +67,8 @@ fn a_moved_or_replaced_archive_is_waited_for() {
     assert_whole(&sandbox, &expected);
 }
 
-/// Catches a file that is cut while it is written and written on, or gone on with afterwards; also one that has its length
-/// again when it is looked at.
+/// Catches a truncated file that is written to, or continued by the next run; also if it has its old length again when
+/// it is examined.
 #[test]
 fn a_line_does_not_continue_a_cut_archive() {
     for has_grown_again in [false, true] {
@@ -76,7 +76,7 @@ fn a_line_does_not_continue_a_cut_archive() {
         let expected = undisturbed(&sandbox);
         fs::create_dir(sandbox.path("disk")).unwrap();
         let (mut line, path) = start_on_disk(&sandbox);
-        // Archived taps are missed whatever the length is.
+        // After a while some taps are archived, and these are missed whatever the length is.
         std::thread::sleep(Duration::from_millis(if has_grown_again { 300 } else { 0 }));
         let file = OpenOptions::new().write(true).open(&path).unwrap();
         let bytes = file.metadata().unwrap().len();
@@ -92,7 +92,7 @@ fn a_line_does_not_continue_a_cut_archive() {
             assert!(done.code.is_some_and(|code| codes.contains(&code)), "{done:#?}");
             assert!(done.err.contains("SIM-0001.") || done.out.contains("INCOMPLETE"), "{done:#?}");
         }
-        // The next run puts it aside, logs that, and taps the casing anew.
+        // The next run puts it aside, logs that, and makes all taps of the casing again.
         let done = sandbox.run("run --config paced.toml --out disk/run").expect(0);
         assert!(done.err.contains("put aside") && done.err.contains("disk/run/left/SIM-0001."), "{done:#?}");
         assert_eq!(finished(&sandbox.path("disk/run/left")).len(), 1);
@@ -100,7 +100,7 @@ fn a_line_does_not_continue_a_cut_archive() {
     }
 }
 
-/// Catches a line that drops taps, or says nothing, while `store` hangs as on a disk that does not answer.
+/// Catches a line that loses taps, or reports nothing, while `store` hangs as on a disk that does not respond.
 #[test]
 fn a_store_that_hangs_is_reported_and_waited_for() {
     let sandbox = Sandbox::new();
@@ -117,7 +117,7 @@ fn a_store_that_hangs_is_reported_and_waited_for() {
     assert_whole(&sandbox, &expected);
 }
 
-/// Catches a second writer that gets at a file past the line's own lock.
+/// Catches a second writer that opens a file in spite of the line's lock.
 #[test]
 fn a_second_program_on_the_file_is_refused_by_name() {
     let sandbox = Sandbox::new();

@@ -1,4 +1,4 @@
-//! A disk that is full or read only is waited for.
+//! The line waits while a disk is full or read-only.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -16,11 +16,11 @@ use crate::sandbox::archives::{casings, finished};
 use crate::sandbox::running::Running;
 use crate::sandbox::stages::{signal, stage};
 
-/// A small disk of its own, taken away when dropped.
+/// A small separate disk, unmounted when dropped.
 struct Disk(PathBuf);
 
 impl Disk {
-    /// A disk of `size` in the folder `disk` of `sandbox`; `None`, with a notice, where none can be mounted.
+    /// A disk of `size` in the folder `disk` of `sandbox`; `None`, with a notice, if none can be mounted.
     fn new(sandbox: &Sandbox, size: &str) -> Option<Self> {
         let disk = Self(sandbox.path("disk"));
         fs::create_dir(&disk.0).unwrap();
@@ -41,13 +41,13 @@ impl Disk {
         assert!(self.mount(&format!("remount,{options}"), "tmpfs"), "{options}");
     }
 
-    /// Fills the disk but for `free_bytes`, with a file that can be removed.
+    /// Fills the disk except for `free_bytes`, with a file that can be removed.
     fn fill(&self, free_bytes: u64) -> PathBuf {
         let path = self.0.join("ballast");
         let disk = rustix::fs::statvfs(&self.0).unwrap();
         let bytes = disk.f_bavail * disk.f_frsize - free_bytes;
         match fs::write(&path, vec![1; usize::try_from(bytes).unwrap()]) {
-            // The line has been quicker.
+            // The line has filled it first.
             Err(error) if error.kind() == ErrorKind::StorageFull => {}
             written => written.unwrap(),
         }
@@ -57,14 +57,14 @@ impl Disk {
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        // What is still open there goes when it is closed.
+        // Lazily, because files may still be open there.
         if let Err(error) = Command::new("umount").arg("-l").arg(&self.0).stderr(Stdio::null()).status() {
             eprintln!("{}: {error}", self.0.display());
         }
     }
 }
 
-/// Starts it and fills the disk; returns when that is logged.
+/// Starts the run and fills the disk; returns when that is logged.
 fn start_and_fill(sandbox: &Sandbox, disk: &Disk) -> (Running, PathBuf, PathBuf) {
     let (mut line, file) = start_on_disk(sandbox);
     let ballast = disk.fill(200_000);
@@ -72,14 +72,15 @@ fn start_and_fill(sandbox: &Sandbox, disk: &Disk) -> (Running, PathBuf, PathBuf)
     (line, ballast, file)
 }
 
-/// Catches a tap that is lost, an archive that is left damaged, or a line that gives up when the disk is full for a while.
+/// Catches a tap that is lost, an archive that stays damaged, and a line that gives up when the disk is full for a
+/// while.
 #[test]
 fn a_line_waits_for_room_on_a_full_disk() {
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
     let Some(disk) = Disk::new(&sandbox, "64m") else { return };
     let (mut line, ballast, file) = start_and_fill(&sandbox, &disk);
-    // It is closed meanwhile, so that others can read it; code 3 is for the missing taps.
+    // The file is closed meanwhile, so that others can read it; exit code 3 is for the missing taps.
     sandbox.run(&format!("verify {}", file.display())).expect(3);
     fs::remove_file(ballast).unwrap();
     line.wait_for_log(&["WARN", "written again"]);
@@ -88,14 +89,15 @@ fn a_line_waits_for_room_on_a_full_disk() {
     assert_whole(&sandbox, &expected);
 }
 
-/// Catches a changed cause that is not logged, and a read-only disk that ends the line or is written to.
+/// Catches a change of cause that is not logged, and a read-only disk that ends the line or is written to.
 #[test]
 fn a_line_waits_for_a_read_only_disk() {
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
     let Some(disk) = Disk::new(&sandbox, "64m") else { return };
     let (mut line, _, _) = start_and_fill(&sandbox, &disk);
-    // No file is open there to be written, or the system would refuse; and with room the archive would be written at once.
+    // No file is open for writing there, or the system would refuse; and if there were room, the archive would be
+    // written at once.
     disk.remount("ro");
     disk.remount("ro,size=128m");
     line.wait_for_log(&["ERROR", "disk/run/open/SIM-0001.", "Read-only", "mount that disk"]);
@@ -105,7 +107,7 @@ fn a_line_waits_for_a_read_only_disk() {
     assert_whole(&sandbox, &expected);
 }
 
-/// Catches a line on a full disk that cannot be ended, loses what was safe, or ends as if all were well.
+/// Catches a line on a full disk that cannot be stopped, loses what was safe, or reports success.
 #[test]
 fn a_line_on_a_full_disk_ends_in_order() {
     let sandbox = Sandbox::new();
@@ -124,7 +126,7 @@ fn a_line_on_a_full_disk_ends_in_order() {
     assert_whole(&sandbox, &expected);
 }
 
-/// Catches a line that gives up, or never tries again, when a full disk has no room for the next of its files.
+/// Catches a line that gives up, or never tries again, if a full disk has no room for its next file.
 #[test]
 fn a_full_disk_holds_up_the_next_file() {
     let sandbox = Sandbox::new();
@@ -148,7 +150,7 @@ fn a_full_disk_holds_up_the_next_file() {
     assert_whole(&sandbox, &expected);
 }
 
-/// Catches a `store` killed on a full disk that does not take up the wait where it was.
+/// Catches a `store` that is killed on a full disk and does not continue to wait.
 #[test]
 fn store_is_killed_on_a_full_disk() {
     let sandbox = Sandbox::new();
@@ -163,7 +165,7 @@ fn store_is_killed_on_a_full_disk() {
     assert_whole(&sandbox, &expected);
 }
 
-/// Catches a casing that is begun where it cannot be without a clear word, or half begun and left there.
+/// Catches a casing that cannot be begun and is not reported clearly, or that is half begun and left there.
 #[test]
 fn places_where_no_archive_can_begin() {
     let sandbox = Sandbox::new();

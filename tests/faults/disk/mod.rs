@@ -1,4 +1,5 @@
-//! Nothing is lost to a disk: it is full, read only, gone, slow, or the file on it is cut, moved or taken by another.
+//! No disk fault loses a tap: the disk is full, read-only, gone or slow, or the file on it is truncated, moved or
+//! replaced.
 
 mod files;
 mod full;
@@ -12,7 +13,7 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{Contents, assert_same_casings, casings, finished};
 use crate::sandbox::running::Running;
 
-/// One station, 2 shoulders of 40 locations each: 82 taps, which unpacked take some 5 MB.
+/// One station, 2 shoulders of 40 locations each: 82 taps, some 5 MB unpacked.
 const SCAN: &str = "
 [scan]
 offsets_mm = [0.0]
@@ -21,7 +22,7 @@ repetitions = 1
 locations = 40
 ";
 
-/// At a pace at which it takes a second or more, so that the disk is changed while it is under way.
+/// The same scan at a pace that takes at least a second, so that the disk can be changed meanwhile.
 fn paced() -> String {
     format!("{SCAN}\n[acquire]\ntaps_per_s = 60.0\n")
 }
@@ -33,7 +34,8 @@ fn undisturbed(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
     casings(&sandbox.path("quick"))
 }
 
-/// Every file is complete and in its place, nothing else is left, and they have the contents of an undisturbed run.
+/// Checks that every file is complete and in its place, that nothing else is left, and that the contents are those of
+/// an undisturbed run.
 fn assert_whole(sandbox: &Sandbox, expected: &BTreeMap<String, Contents>) {
     let out = sandbox.path("disk/run");
     for file in finished(&out).values() {
@@ -48,7 +50,8 @@ fn assert_whole(sandbox: &Sandbox, expected: &BTreeMap<String, Contents>) {
     assert!(beside.is_empty(), "{beside:?}");
 }
 
-/// Starts a run into `disk/run` and waits until the first taps of its first casing are on the disk; the file under way.
+/// Starts a run into `disk/run`, and waits until the first taps of its first casing are on the disk; returns the file
+/// under way.
 fn start_on_disk(sandbox: &Sandbox) -> (Running, PathBuf) {
     let mut line = Running::start(sandbox, "run --config paced.toml --out disk/run --json");
     let open = sandbox.path("disk/run/open");
