@@ -1,8 +1,8 @@
-"""The seven discriminators of every tap of an archive, as a competent Python program has them: ARCHIVE, and how many seconds
-of each record are looked at (0 for all of it).
+"""Computes the method's seven discriminators of every tap of an archive, as a competent Python program does. Arguments: the
+archive, and how many seconds of each record are used (0 for all of it).
 
-Samples come through h5py in batches, into arrays that are allotted once; the transform is scipy.fft's, of 32-bit numbers, in
-batches. Prints the seconds from opening the file to the last tap, and sums by which the work can be seen to be done.
+h5py reads the samples in batches, into arrays that are allocated once; the transform is scipy.fft's, of 32-bit numbers, in
+batches. Prints the seconds from opening the file to the last tap, and sums that show that the work was done.
 """
 
 import sys
@@ -15,7 +15,7 @@ import scipy.fft
 try:
     import hdf5plugin  # noqa: F401
 except ImportError:
-    pass  # the system's own plugin of Blosc serves as well
+    pass  # the system's own Blosc plugin works too
 
 BATCH = 16
 

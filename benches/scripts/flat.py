@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Sends many casings through one line, and fits how memory, descriptors, shared memory and CPU go with their number.
+"""Sends many casings through one line, and fits memory, descriptors, shared memory and CPU against their number.
 
 usage: flat.py TAPLINE [CASINGS] [STATIONS]
-Prints a slope for 1000 casings with its 95 % interval, by stage; ends with 1 where one stands out of noise and matters.
+Prints the slope for 1000 casings with its 95 % interval, by stage; exits with 1 if a slope is significant and too large.
 """
 import json
 import math
@@ -26,7 +26,7 @@ locations = 20
 reference = "self"
 """
 
-# A slope is a trend when it is above noise and above this, for 1000 casings.
+# A significant slope is a trend if it exceeds this for 1000 casings.
 MATTERS = {"resident MB": 0.5, "descriptors": 0.5, "shared MB": 0.5, "CPU ms a tap": 0.05}
 
 
@@ -46,7 +46,7 @@ def shared_mb():
 
 
 def fit(points):
-    """Slope for 1000 of x and the half width of its 95 % interval."""
+    """Slope for 1000 of x, and half the width of its 95 % interval."""
     n = len(points)
     mean_x, mean_y = (sum(p[k] for p in points) / n for k in (0, 1))
     sxx = sum((x - mean_x) ** 2 for x, _ in points)

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Kills stages of a line, and the line itself, at random times, and compares every casing's file with an undisturbed one's.
+"""Kills stages of a line, and the line itself, at random times, and compares every casing's file with that of an undisturbed run.
 
 usage: kills.py TAPLINE [KILLS] [SEED] [WORK_FOLDER]
-Prints how many taps are lost, doubled or different; ends with 1 if any is.
+Prints how many taps are lost, doubled or different; exits with 1 if there are any.
 """
 import os
 import random
@@ -78,7 +78,7 @@ def main():
         out = os.path.join(folder, f"killed-{runs}")
         line = run(tapline, folder, out)
         begun = time.time()
-        # At most eight a run: one that never gets on shows nothing.
+        # At most eight per run, because a run without progress shows nothing.
         left = min(8, kills - done)
         while line.poll() is None:
             if time.time() - begun > 180:

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""What a line costs in real time: CPU a tap, and the time from a tap to its discriminators, by the number of stations.
+"""Cost of a line in real time: CPU per tap, and the time from a tap to its discriminators, by the number of stations.
 
 usage: quiet.py TAPLINE [STATIONS ...]
-Every station takes 2.5 taps a second for 24 s. CPU is that of all processes of the line from 8 s to 20 s after its start.
+Every station takes 2.5 taps a second for 24 s. CPU is the sum over all processes of the line, from 8 s to 20 s after its start.
 """
 import json
 import os

@@ -1,9 +1,9 @@
-"""Prints what c-blosc2 makes of the taps that the example `table` left in `target/codec`, on one thread.
+"""Prints ratio and speed of c-blosc2 on the taps that the example `table` left in `target/codec`, on one thread.
 
     pip install blosc2==4.14.1
     python3 codec/examples/c_blosc2.py
 
-The C library in the wheel is called directly, with a context that is made once: Python adds about a microsecond a tap.
+The C library in the wheel is called directly, with a context that is created once: Python adds about a microsecond per tap.
 """
 
 import ctypes
@@ -20,7 +20,7 @@ ALWAYS_SPLIT, NEVER_SPLIT = 1, 2
 # Of the chunk's header.
 OVERHEAD_BYTES = 64
 
-# name, codec, level, filter, split mode, bytes of a block (0: the library's choice)
+# name, codec, level, filter, split mode, bytes per block (0: the library's choice)
 SETTINGS = [
     ("lz4 level 5, never split", LZ4, 5, BIT_SHUFFLE, NEVER_SPLIT, 0),
     ("lz4 level 9, never split", LZ4, 9, BIT_SHUFFLE, NEVER_SPLIT, 0),
@@ -66,7 +66,7 @@ def library():
 
 
 def best_us(act, count):
-    """The mean over the taps of the shortest time of `act` on each, in microseconds."""
+    """Mean over the taps of the shortest time of `act` on each, in microseconds."""
     shortest = [float("inf")] * count
     for _ in range(ROUNDS):
         for k in range(count):

@@ -1,8 +1,8 @@
-"""Reference values of the `full` rung, from scipy alone: prints the rows of src/contact_tests.rs.
+"""Reference values of the `full` rung, from scipy alone: prints the rows of src/contact/ladder_tests.rs.
 
-Independent of the Rust code: the layer's shear and
-membrane are written out here, and the membrane coefficient is had by quadrature, not from its closed form. LSODA and
-DOP853 are different methods; each impact is run with both, and a row is printed only where they agree.
+Independent of the Rust code: the layer's shear and membrane are written out here, and the membrane coefficient is computed
+by quadrature instead of its closed form. Each impact is integrated by two methods, LSODA and DOP853, and a row is printed
+only if they agree.
 
     python3 full_reference.py [scenes [seed [plate]]]
 """
@@ -21,7 +21,7 @@ KAPPA = 5 / 6
 
 
 def chi_for(e):
-    """Root of chi (1 + e) = ln((1 + chi)/(1 - chi e)); plate_reference.py has it from an integration."""
+    """Root of chi (1 + e) = ln((1 + chi)/(1 - chi e)); plate_reference.py computes it by integration."""
     excess = lambda chi: (np.log1p(chi) - np.log1p(-chi * e) - chi * (1 + e)) / chi**2
     return brentq(excess, 1e-6, (1 - 1e-12) / e, xtol=1e-14)
 
@@ -42,7 +42,7 @@ def membrane_coefficient(nu):
 
 
 def layer(h, l, is_full=True):
-    """m_p, C, K, K_m of the full rung; of the plate rung when not `is_full`."""
+    """m_p, C, K, K_m of the full rung, or of the plate rung if not `is_full`."""
     m_p, damping, k_f = plate_of(h, l)
     if not is_full:
         return m_p, damping, k_f, 0.0
@@ -96,7 +96,7 @@ def impact(v, chi, k, plate, method):
 
 
 def refined(f, ts, values, dt):
-    """The largest value of f, sought within a step of the largest of its samples."""
+    """The largest value of f, searched within a step of its largest sample."""
     i = int(np.argmax(values))
     if i in (0, len(ts) - 1):
         return values[i]
@@ -114,7 +114,7 @@ if __name__ == "__main__":
         h, l = round(np.exp(rng.uniform(np.log(1.5e-3), np.log(40e-3))), 6), round(rng.uniform(8e-3, 50e-3), 6)
         try:
             one, other = (impact(v, chi_for(e), k_c(), layer(h, l, is_full), m) for m in ("DOP853", "LSODA"))
-        except ValueError as error:  # scipy cannot bracket an event that lies on the restart itself
+        except ValueError as error:  # scipy cannot bracket an event at the restart itself
             print(f"// ({v}, {e}, {h}, {l}): {error}", flush=True)
             continue
         if np.all(np.abs(one / other - 1) < 1e-6):

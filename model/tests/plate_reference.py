@@ -1,7 +1,7 @@
-"""Reference values of the `plate` and damped integral rungs, from scipy alone: prints the rows of src/impact_tests.rs.
+"""Reference values of the `plate` and damped integral rungs, from scipy alone: prints the rows of src/contact/impact_tests.rs.
 
-Independent of the Rust code: SI units, chi by integrating the contact itself, DOP853 with rtol 1e-10, every switch of
-the right-hand side an event at which the integration stops and starts again.
+Independent of the Rust code: SI units, chi by integrating the contact itself, DOP853 with rtol 1e-10. Every switch of
+the right-hand side is an event at which the integration stops and restarts.
 """
 
 import numpy as np

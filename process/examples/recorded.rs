@@ -1,4 +1,5 @@
-//! Prints the discriminators of recorded taps, as CSV with all digits: the near side of `tests/scipy_compare.py`.
+//! Prints the discriminators of recorded taps, as CSV with all digits; `tests/scipy_compare.py` compares them with
+//! scipy's.
 //!
 //! ```text
 //! cargo run --release -p tapline-process --example recorded -- f64 200000 500 sound a.wav b.wav

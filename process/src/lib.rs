@@ -1,4 +1,4 @@
-//! The seven discriminators of one tap, from its force and sound.
+//! The discriminators of one tap, from its force and sound.
 //!
 //! Definitions are those of the method's section 2; each file states the ones it implements and where it goes beyond
 //! them. A value that cannot be computed is absent, and a [`Quality`] flag says why.

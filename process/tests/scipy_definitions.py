@@ -1,4 +1,4 @@
-"""The seven discriminators as a user of numpy and scipy would write them; the other side of every comparison."""
+"""The discriminators as a user of numpy and scipy would write them, for comparison with the extractor."""
 import math
 
 import numpy as np
@@ -8,7 +8,7 @@ NAMES = ["f_max", "tau", "a_1", "a_2", "pr", "p_f", "e_f", "centroid"]
 
 
 def between(x, at):
-    """x at a fractional index, on the line between its neighbours."""
+    """x at a fractional index, interpolated linearly."""
     return float(np.interp(at, np.arange(len(x)), x))
 
 
@@ -21,7 +21,7 @@ def trapezoid(x, start, stop, fold=lambda v: v):
 
 
 def pulse(f):
-    """F_max, tau and onset in samples; None when the record does not hold the pulse."""
+    """F_max, tau and onset in samples; None if the pulse is not in the record."""
     k = int(np.argmax(f))
     f_max = f[k]
     if 0 < k < len(f) - 1:
@@ -41,7 +41,7 @@ def pulse(f):
 
 
 def discriminators(force, sound, fs, p, distance=0.0, f_c=550.0, f_hi=2000.0, f_lo=70.0, f_top=3000.0, follow=False):
-    """Values by name; force and sound are float64 arrays in N and V, or None. What is absent is missing."""
+    """Values by name, without those that are absent; force and sound are float64 arrays in N and V, or None."""
     found = {}
     m = math.floor(0.75 * p)
     tau = None

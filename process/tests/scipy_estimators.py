@@ -1,4 +1,4 @@
-"""Writes extractor/estimators_reference.rs: taps, settings of estimators, and what numpy and scipy find with them.
+"""Writes extractor/estimators_reference.rs: taps, settings of estimators, and the values of numpy and scipy.
 
     python3 scipy_estimators.py > extractor/estimators_reference.rs
 """
@@ -183,7 +183,7 @@ def discriminators(c, settings):
 
 
 def main():
-    print("//! Estimators' cases and what numpy and scipy find; written by `scipy_estimators.py`, not by hand.\n")
+    print("//! Cases of the estimators, with the values of numpy and scipy; written by `scipy_estimators.py`.\n")
     print("use tapline_wire::Discriminator;\n")
     print("use crate::signal::Case;\n")
     print("#[rustfmt::skip]\npub(crate) const CASES: &[(Case, &str, [Option<f64>; Discriminator::COUNT])] = &[")

@@ -1,4 +1,4 @@
-"""Writes extractor/reference.rs: cases with the values that numpy and scipy find in them.
+"""Writes extractor/reference.rs: cases with the values of numpy and scipy.
 
     python3 scipy_reference.py > extractor/reference.rs
 """
@@ -72,7 +72,7 @@ def rust(value):
 
 
 def main():
-    print("//! Cases and what numpy and scipy find in them; written by `scipy_reference.py`, not by hand.\n")
+    print("//! Cases with the values of numpy and scipy; written by `scipy_reference.py`.\n")
     print("use tapline_wire::Discriminator;\n")
     print("use crate::signal::Case;\n")
     print("#[rustfmt::skip]\npub(crate) const CASES: &[(Case, [Option<f64>; Discriminator::COUNT])] = &[")

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Damages copies of archives and puts each through every verb: no signal, no hang, no success with another outcome.
+"""Damages copies of archives and runs every verb on each: no signal, no hang, no success with a different outcome.
 
     tests/archives/damage.py --program target/debug/tapline --copies 1000 --jobs 2
 
-Finished archives, results of `tapline reprocess` and archives under way are damaged by flipped bits, by runs of zeros and
-by cuts. Of a damaged copy every verb must end by itself within --limit seconds, not by a signal, and where it ends with
-exit code 0 it must have said and written what it says and writes of the undamaged one. With an archive under way
-`tapline run` must go on to the verdicts of an undisturbed run, or end with an error. Needs Python 3.9 and nothing else.
+Finished archives, results of `tapline reprocess` and archives under way are damaged by flipped bits, runs of zeros and
+truncation. On a damaged copy, every verb must end by itself within --limit seconds, not by a signal. If it exits with 0, its
+output and files must be those for the undamaged archive. With an archive under way, `tapline run` must reach the verdicts of
+an undisturbed run, or end with an error. Needs only Python 3.9.
 """
 
 import argparse
@@ -38,7 +38,7 @@ TABLES = ["discriminators", "damage", "regions", "verdicts", "ledger"]
 
 
 def verbs(results):
-    """What is done with `A.h5`, or with the results beside it: the arguments of each command."""
+    """The arguments of each command that is run on `A.h5`, or on the results beside it."""
     name = results or "A.h5"
     commands = [["export", name, table] for table in TABLES]
     commands.append(["export", name, "verdicts", "--format", "parquet", "--out", "out/t.parquet"])
@@ -62,7 +62,7 @@ def verbs(results):
 
 
 def run(program, arguments, folder, limit):
-    """Exit code, or what went wrong; what was said on standard output and standard error."""
+    """Exit code, or what went wrong; standard output and standard error."""
     child = subprocess.Popen(
         [program, *arguments], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         start_new_session=True,
@@ -77,7 +77,7 @@ def run(program, arguments, folder, limit):
 
 
 def outcome(folder, said, before):
-    """A digest of what was said, and of every file that was not there before."""
+    """A digest of the output, and of every new file."""
     digest = hashlib.sha256(said)
     for path in sorted(folder.rglob("*")):
         if path.is_file() and path.relative_to(folder).as_posix() not in before:
@@ -93,7 +93,7 @@ def lay_out(folder, files):
 
 
 def damaged(content, dice):
-    """A copy, hurt in one of several ways, and how."""
+    """A copy, damaged in one of several ways, and the way."""
     content = bytearray(content)
     kind = dice.choice(["flip", "flips", "zeros", "zeros at the beginning", "ones", "noise", "cut", "flip at the beginning"])
     place = dice.randrange(len(content))
@@ -174,7 +174,7 @@ class Trial:
         return found
 
     def verb_trial(self, number):
-        """What is wrong with one damaged copy, through every verb."""
+        """What goes wrong with one damaged copy, for every verb."""
         dice = random.Random(number)
         kind = ["finished", "finished", "results", "unfinished"][number % 4]
         name, results, files = self.kinds[kind]
@@ -203,7 +203,7 @@ class Trial:
         return faults
 
     def run_trial(self, number):
-        """What is wrong with `tapline run` that finds a damaged archive under way."""
+        """What goes wrong if `tapline run` finds a damaged archive under way."""
         content, how = damaged(self.unfinished, random.Random(-1 - number))
         folder = self.work / f"run-{os.getpid()}"
         lay_out(folder, {"slow.toml": (CONFIG + "[acquire]\ntaps_per_s = 20.0\n").encode()})

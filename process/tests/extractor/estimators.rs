@@ -1,4 +1,4 @@
-//! The estimators beside the default ones, against numpy and scipy.
+//! The estimators other than the default ones, compared with numpy and scipy.
 
 use tapline_process::{Extractor, ProcessConfig, QualityConfig, Real};
 use tapline_wire::Discriminators;
@@ -16,7 +16,7 @@ fn extract<T: Real>(case: &Case, settings: &str) -> Discriminators {
     extractor.extract(&case.header(), case.recorded().samples())
 }
 
-/// Catches any other reading of an estimator, and a fall-back where there is no need of one or another than is said.
+/// Catches another reading of an estimator, and a fall-back that is wrong or not needed.
 #[test]
 fn double_precision_like_scipy() {
     for (case, settings, expected) in CASES {
@@ -24,7 +24,7 @@ fn double_precision_like_scipy() {
     }
 }
 
-/// Catches single precision that costs more digits than the 1e-4 it may.
+/// Catches single precision that is off by more than the allowed 1e-4.
 #[test]
 fn single_precision_like_scipy() {
     for (case, settings, expected) in CASES {
@@ -32,8 +32,8 @@ fn single_precision_like_scipy() {
     }
 }
 
-/// Catches an estimator that changes what it has no part in: force estimators leave the powers, spectra the force, bit for
-/// bit.
+/// Catches an estimator that changes unrelated values: force estimators keep the powers, and spectra keep the force,
+/// bit for bit.
 #[test]
 fn estimators_keep_to_their_part() {
     let case = Case { count: 4096, ..CASES[0].0 };
@@ -41,7 +41,7 @@ fn estimators_keep_to_their_part() {
     for of_force in ["f_max = 'polynomial'", "tau = 'impulse'", "droop_time_constant_s = 0.02"] {
         assert_eq!(values(&extract::<f32>(&case, of_force))[4..], plain[4..], "{of_force}");
     }
-    // Noise is taken off A_2 as well.
+    // Noise is subtracted from A_2 as well.
     assert_eq!(values(&extract::<f32>(&case, "subtract = 'noise'"))[..3], plain[..3]);
     for of_sound in ["spectrum = 'gate'", "band_edges = 'fractional'"] {
         assert_eq!(values(&extract::<f32>(&case, of_sound))[..4], plain[..4], "{of_sound}");

@@ -1,4 +1,4 @@
-//! Estimators' cases and what numpy and scipy find; written by `scipy_estimators.py`, not by hand.
+//! Cases of the estimators, with the values of numpy and scipy; written by `scipy_estimators.py`.
 
 use tapline_wire::Discriminator;
 

@@ -1,4 +1,4 @@
-//! Anything at all: headers and samples that mean nothing.
+//! Random headers and samples without meaning.
 
 use proptest::prelude::*;
 use tapline_process::{Extractor, ProcessConfig, Real};
@@ -48,7 +48,7 @@ fn any_i16() -> impl Strategy<Value = Vec<i16>> {
     prop_oneof![4 => any_length, 1 => prop::collection::vec(Just(i16::MIN), 0..240)]
 }
 
-/// A channel count of one to four for which `total` samples are whole records, more often than not.
+/// Sets a channel count of one to four for which `total` samples are mostly whole records.
 fn whole(mut header: TapHeader, total: usize) -> TapHeader {
     while (1..=4).contains(&header.channel_count) && !(total as u32).is_multiple_of(header.channel_count) {
         header.channel_count -= 1;
@@ -57,7 +57,7 @@ fn whole(mut header: TapHeader, total: usize) -> TapHeader {
     header
 }
 
-/// Estimators that are not the default, all of them in one or the other.
+/// Configurations that together use every estimator that is not the default.
 const OTHERS: [&str; 3] = [
     "f_max = 'polynomial'\ntau = 'impulse'\nspectrum = 'gate'\ngate_s = 0.01\nsubtract = 'both'\nband_edges = 'fractional'",
     "f_max = 'raw'\ntau = 'width_02'\nsubtract = 'noise'\ndroop_time_constant_s = 0.01",

@@ -1,4 +1,4 @@
-//! What must hold of any tap: how values follow the scale, the trigger and the channel's order.
+//! Laws of any tap: how values depend on the scale, the trigger and the order of channels.
 
 use tapline_process::{Extractor, Precision, ProcessConfig, ProcessExtractor};
 use tapline_wire::{Channel, Discriminator, Feature, Quality, Samples, TapId};
@@ -10,12 +10,12 @@ fn tap() -> Case {
     Case { noise: 0.0, count: 8192, ..CASES[0].0 }
 }
 
-/// 1 where a discriminator is taken from one of `features`.
+/// 1 for discriminators computed from one of `features`, 0 for the others.
 fn only(features: &[Feature]) -> [u8; Discriminator::COUNT] {
     Discriminator::ALL.map(|which| features.contains(&which.feature()).into())
 }
 
-/// Catches a power of the scale forgotten or applied twice: linear in F_max, A_1, A_2, quadratic in P_f, E_f.
+/// Catches a scale that is left out or applied twice: F_max, A_1, A_2 are linear in it, P_f, E_f quadratic.
 #[test]
 fn values_follow_the_scale() {
     let case = CASES[1].0;
@@ -33,13 +33,13 @@ fn values_follow_the_scale() {
     assert_close(&after, expected, 1e-12, "scaled");
 }
 
-/// Catches dependence on where the impact lies in the record (a window over the record would move PR by 0.2).
+/// Catches dependence on the position of the impact in the record (a window over the record would move PR by 0.2).
 #[test]
 fn values_stay_when_the_trigger_moves() {
     let early = Case { distance: 0.2, ..tap() }.extract::<f64>();
     let late = Case { distance: 0.2, p: 900, onset: tap().onset + 500.0, ..tap() }.extract::<f64>();
     let early = values(&early);
-    // The tail that leaves the record is down by 1e-4 of the 310 Hz mode.
+    // The part of the tail that leaves the record has fallen to 1e-4 for the 310 Hz mode.
     assert_close(&late, early, 1e-4, "later");
     let shared = [early[0], early[1], early[2]];
     for (x, y) in shared.into_iter().zip(values(&late)) {
@@ -48,7 +48,7 @@ fn values_stay_when_the_trigger_moves() {
     }
 }
 
-/// Catches an offset that reaches a value.
+/// Catches an offset that changes a value.
 #[test]
 fn values_stay_under_an_offset() {
     let plain = Case { is_i16: true, force_unit: 0.01, sound_unit: 1e-4, ..tap() };
@@ -61,7 +61,7 @@ fn values_stay_under_an_offset() {
     assert_close(&found, values(&expected), 1e-12, "offset");
 }
 
-/// Catches a distance that is not travelled, or travelled at another speed: both channels' shifts cancel.
+/// Catches a distance that is ignored, or a wrong speed of sound: the shifts of both channels cancel.
 #[test]
 fn microphone_distance_is_travelled() {
     let near = tap().extract::<f64>();
@@ -74,7 +74,7 @@ fn microphone_distance_is_travelled() {
     assert!(values(&deaf)[2].unwrap() < 0.5 * values(&far)[2].unwrap());
 }
 
-/// Catches an extractor that remembers: any order of taps, the same bits.
+/// Catches an extractor with memory: taps in any order give the same bits.
 #[test]
 fn results_do_not_depend_on_what_came_before() {
     let mut extractor = Extractor::<f32>::new(&ProcessConfig::default()).unwrap();
@@ -90,8 +90,8 @@ fn results_do_not_depend_on_what_came_before() {
     }
 }
 
-/// Catches a sample behind `record_s` that reaches a value or a flag, and a channel cut at another's end: the twin is the
-/// record that ended there.
+/// Catches a sample after `record_s` that changes a value or a flag, and a channel cut at another channel's end: the
+/// twin is a record that ended there.
 #[test]
 fn record_s_is_where_the_record_ends() {
     for (case, _) in CASES {
@@ -109,14 +109,14 @@ fn record_s_is_where_the_record_ends() {
         for found in [of(record_s).extract(&header, recorded.samples()), of(record_s).extract(&short, cut.samples())] {
             assert_eq!((values(&found), found.quality), (values(&expected), expected.quality), "{}", case.name);
         }
-        // A record that ends before is taken as it is.
+        // A record that ends earlier is used as it is.
         let of_all = of(1e9).extract(&header, recorded.samples());
         assert_eq!(values(&of_all), values(&of(0.0).extract(&header, recorded.samples())));
         assert_ne!(values(&of_all), values(&expected), "{}: nothing was cut", case.name);
     }
 }
 
-/// Catches an identity lost on the way, and a configuration's precision that is not heeded.
+/// Catches an identity that is lost, and a configured precision that is ignored.
 #[test]
 fn identity_and_precision_are_kept() {
     let (case, _) = CASES[0];
@@ -147,7 +147,7 @@ fn f_c_follows_tau_or_the_spectrum_is_absent() {
     let tau_s = values(&tap().extract::<f64>())[1].unwrap();
     let fixed = ProcessConfig { f_c_hz: 1.0 / (2.0 * tau_s), ..ProcessConfig::default() };
     assert_eq!(pr(tap(), &follows), pr(tap(), &fixed));
-    // 0.2 ms asks for 2.5 kHz and more, above f_hi: nothing is left of the band.
+    // 0.2 ms asks for at least 2.5 kHz, which is above f_hi: the band is empty.
     let (none, quality) = pr(Case { tau: 0.2e-3, ..tap() }, &follows);
     assert!(none.is_none() && quality.contains(Quality::NO_BAND), "{quality}");
     // Without tau, the fixed f_c and the flag that says so.
@@ -155,7 +155,7 @@ fn f_c_follows_tau_or_the_spectrum_is_absent() {
     assert_eq!(pr(no_force, &follows), pr(no_force, &ProcessConfig::default()));
 }
 
-/// Catches zeros and NaN in place of absent values: dead channels, broken scales, bad samples.
+/// Catches zeros and NaN instead of absent values: dead channels, broken scales, bad samples.
 #[test]
 fn bad_channels_take_only_their_own_values() {
     let case = tap();
@@ -210,7 +210,7 @@ fn bad_channels_take_only_their_own_values() {
     assert_eq!(present(&|h, _| h.sample_count = 8191), ([0; Discriminator::COUNT], Quality::REFUSED));
 }
 
-/// Catches noise on a dead hammer channel taken for an impact, in both formats.
+/// Catches noise on a dead hammer channel that counts as an impact, in both formats.
 #[test]
 fn noise_is_no_pulse() {
     for (is_i16, unit) in [(true, 0.01), (false, 1.0)] {

@@ -1,4 +1,4 @@
-//! The extractor against scipy, against a slow twin, against its own laws, and against garbage.
+//! The extractor, compared with scipy and a slow twin, and tested by its laws and with garbage.
 #![expect(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
 
 mod estimators;

@@ -1,6 +1,6 @@
-//! Taps of another rig than the simulated tyre's: closed-form pulses and ringing, of any rate, length, scale and format.
+//! Taps of another rig than the simulated one: closed-form pulses and ringing, of any rate, length, scale and format.
 //!
-//! Nothing here knows of contact models: rules that rest on what `tapline_model` happens to do would fail on it.
+//! Nothing here uses a contact model, so rules that depend on details of `tapline_model` fail on these taps.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,7 +8,7 @@ use tapline_wire::{SampleFormat, TapHeader, TapId};
 
 use crate::plant::{Tap, header, noise};
 
-/// Uniform numbers in [0, 1), from `seed` alone.
+/// Uniform numbers in [0, 1), determined by `seed`.
 fn dice(seed: usize) -> impl FnMut() -> f64 {
     let mut state = (seed as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d;
     move || {
@@ -19,7 +19,7 @@ fn dice(seed: usize) -> impl FnMut() -> f64 {
     }
 }
 
-/// A sine that rings down.
+/// A decaying sine.
 struct Mode {
     f_hz: f64,
     decay_per_s: f64,
@@ -54,7 +54,7 @@ pub(crate) fn tap(k: usize) -> Tap {
     let force: Vec<f64> = (0..n).map(|i| f_max_n * pulse(at(i))).collect();
     let sound: Vec<f64> = (0..n).map(|i| ringing(at(i) - distance_m / 343.0)).collect();
     let level_of = |channel: &[f64]| channel.iter().fold(0.0, |a: f64, x| if x.abs() > a { x.abs() } else { a });
-    // The converter: counts of 16 bits, newtons and volts as they are, or parts of a full scale that nobody wrote down.
+    // The converter: 16-bit counts, newtons and volts as floats, or fractions of an unknown full scale.
     let (force_peak, sound_peak) = (level_of(&force), level_of(&sound));
     let full_scale = [Some(222.0), None][k / 24 % 2];
     let (force_gain, force_unit) = match (format, full_scale) {

@@ -1,6 +1,6 @@
 //! Taps of two rigs, and faults planted in them.
 //!
-//! The simulated rig is that of the model's defaults: sound and cracked tyres, noise, hum and scatter as they ship.
+//! The simulated rig has the default settings of the model: sound and cracked tyres, noise, hum and scatter.
 
 use std::sync::LazyLock;
 
@@ -35,7 +35,7 @@ impl Tap {
         extractor.extract(&self.header, Samples::F32(&samples))
     }
 
-    /// In counts of 16 bits, half the full scale, whatever it was in before.
+    /// Converts to 16-bit counts at half the full scale.
     pub(crate) fn make_i16(&mut self) {
         if self.is_i16() {
             return;
@@ -52,13 +52,13 @@ impl Tap {
         self.header.sample_format == SampleFormat::I16.code()
     }
 
-    /// Samples of the pulse above 5 % of its peak.
+    /// Number of samples of the pulse above 5 % of its peak.
     pub(crate) fn pulse_samples(&self) -> usize {
         let level = 0.05 * peak(&self.force);
         self.force.iter().filter(|&&x| x > level).count()
     }
 
-    /// Samples of `time_s`.
+    /// Number of samples in `time_s`.
     pub(crate) fn lag(&self, time_s: f64) -> isize {
         (time_s * self.header.sample_rate_hz) as isize
     }
@@ -107,7 +107,7 @@ pub(crate) fn simulated(count: u32) -> Vec<Tap> {
     simulated_on(&SimulationConfig::default(), count)
 }
 
-/// The same on the rig of `config`.
+/// As [`simulated`], on the rig of `config`.
 pub(crate) fn simulated_on(config: &SimulationConfig, count: u32) -> Vec<Tap> {
     let tyre = |k: u32| {
         let serial = format!("T-{k}");
@@ -138,21 +138,21 @@ pub(crate) fn simulated_on(config: &SimulationConfig, count: u32) -> Vec<Tap> {
     (0..count).map(tap).collect()
 }
 
-/// Taps in which faults are planted; without those whose velocity happens to be off.
+/// Taps of the simulated rig, without those whose velocity happens to be off; faults are planted in them.
 pub(crate) static TAPS: LazyLock<Vec<Tap>> = LazyLock::new(|| {
     let mut taps = simulated(160);
     taps.retain(|tap| !tap.flags().contains(Quality::VELOCITY_OFF));
     taps
 });
 
-/// Taps of the other rig.
+/// Taps of the other rig; faults are planted in them.
 pub(crate) static OTHERS: LazyLock<Vec<Tap>> = LazyLock::new(|| (0..240).map(other_rig::tap).collect());
 
 pub(crate) fn peak(channel: &[f64]) -> f64 {
     channel.iter().fold(0.0, |a, x| if x.abs() > a { x.abs() } else { a })
 }
 
-/// Numbers of mean 0 and standard deviation 1, bell-shaped enough.
+/// Numbers of mean 0 and standard deviation 1 that are nearly normal.
 pub(crate) fn noise(seed: usize) -> impl Iterator<Item = f64> {
     let mut state = seed as u64;
     std::iter::repeat_with(move || {
@@ -164,7 +164,7 @@ pub(crate) fn noise(seed: usize) -> impl Iterator<Item = f64> {
     })
 }
 
-/// `channel` plus `part` of itself, `lag` samples later (earlier, when negative).
+/// Adds `part` of `channel` to itself, `lag` samples later, or earlier if `lag` is negative.
 pub(crate) fn add_echo(channel: &mut [f64], part: f64, lag: isize) {
     let once = channel.to_vec();
     for (i, x) in channel.iter_mut().enumerate() {
@@ -173,12 +173,12 @@ pub(crate) fn add_echo(channel: &mut [f64], part: f64, lag: isize) {
     }
 }
 
-/// Whether three samples in a row are as far from 0 as `level`, or further.
+/// Whether three samples in a row have at least the magnitude `level`.
 pub(crate) fn has_flat_top(channel: &[f64], level: f64) -> bool {
     channel.windows(3).any(|w| w.iter().all(|&x| x >= level) || w.iter().all(|&x| x <= -level))
 }
 
-/// Cuts `channel` at `part` of its peak; a cut of fewer than three samples is none.
+/// Clips `channel` at `part` of its peak; returns false if fewer than three samples are clipped.
 pub(crate) fn cut(channel: &mut [f64], part: f64) -> bool {
     let level = part * peak(channel);
     let is_flat = has_flat_top(channel, level);
@@ -186,14 +186,14 @@ pub(crate) fn cut(channel: &mut [f64], part: f64) -> bool {
     is_flat
 }
 
-/// `channel` from sample `cut` on, made whole with what is last in it.
+/// Removes the samples of `channel` before `cut`, and extends its end to the old length.
 pub(crate) fn begin_at(channel: &mut Vec<f64>, cut: usize) {
     let last = channel[channel.len() - cut..].to_vec();
     channel.drain(..cut);
     channel.extend(last);
 }
 
-/// What comes of planting a fault: `false` when this tap cannot have it.
+/// Outcome of planting a fault: `false` if this tap cannot have it.
 pub(crate) trait Planted {
     fn planted(self) -> bool;
 }
@@ -236,8 +236,8 @@ impl Flags {
     }
 }
 
-/// Fails unless `flag` is raised in 99 of 100 planted taps of either rig, and, of the simulated one, any but it and
-/// `also` in one at most.
+/// Checks that `flag` is raised in 99 of 100 planted taps of either rig, and that in the simulated rig any flag except
+/// it and `also` is raised in at most 1 of 100.
 #[track_caller]
 pub(crate) fn assert_flagged<P: Planted>(
     flag: Quality,

@@ -1,4 +1,4 @@
-//! Single precision against double, over taps of every kind.
+//! Single precision compared with double, for taps of every kind.
 
 use proptest::prelude::*;
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
@@ -10,8 +10,8 @@ use crate::signal::{Case, assert_close, values};
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Catches a sum that loses digits with the record's length, offset or scale, and a square that leaves the range
-    /// of `f32`: scales go from 1e-30 to 1e30.
+    /// Catches a sum that loses digits with the record's length, offset or scale, and a square out of the range of
+    /// `f32`: scales are from 1e-30 to 1e30.
     #[test]
     fn single_within_1e_4_of_double(
         (seed, count, p, lag) in (any::<u32>(), 1000..20_000_u32, 20..500_u32, 0.0..12.0_f64),
@@ -30,14 +30,15 @@ proptest! {
         let double = case.extract::<f64>();
         let single = case.extract::<f32>();
         prop_assert_eq!(single.quality, double.quality);
-        // In noise up to 5 % one clean tap in thousands looks like two hits; how rarely, the tests of that flag tell.
+        // With noise up to 5 %, one clean tap in thousands looks like two hits; the tests of that flag check how
+        // rarely.
         prop_assume!(!double.quality.contains(Quality::DOUBLE_HIT));
         prop_assert!(values(&double)[3..].iter().all(Option::is_some), "{:?}", double);
         assert_close(&single, values(&double), 1e-4, "single precision");
     }
 }
 
-/// A loud sound outside the bands must not drown the flexural band in the rounding of single precision.
+/// Rounding in single precision must not hide the flexural band beside a loud sound in other bands.
 #[test]
 fn a_faint_band_beside_a_loud_sound() {
     let count = 16_384_u32;

@@ -1,4 +1,4 @@
-//! Quality flags: faults planted in taps are flagged, and nothing else is.
+//! Quality flags: planted faults are flagged, and nothing else is.
 
 use std::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ use crate::other_rig;
 use crate::plant::*;
 use crate::signal::values;
 
-/// Catches a rule that takes physics, noise or the scatter of tyres for a fault: over cracks, too, where the layer
+/// Catches a rule that mistakes physics, noise or the scatter of tyres for a fault. Over cracks too, where the layer
 /// springs back, no flag is raised in more than one of a hundred taps.
 #[test]
 fn clean_taps_are_clean() {
@@ -27,7 +27,7 @@ fn clean_taps_are_clean() {
     assert!(flagged <= 20, "{flagged} of 2000 clean taps");
 }
 
-/// Catches a rule that fits nothing but the simulated tyre: other pulses, rates, formats and scales are clean too.
+/// Catches a rule that only fits the simulated tyre: other pulses, rates, formats and scales are clean too.
 #[test]
 fn clean_taps_of_another_rig_are_clean() {
     let flags: Vec<(usize, Quality)> = (1000..3000).map(|k| (k, other_rig::tap(k).flags())).collect();
@@ -36,7 +36,7 @@ fn clean_taps_of_another_rig_are_clean() {
     assert!(flagged.len() <= 20, "{} of 2000 clean taps: {flagged:?}", flagged.len());
 }
 
-/// Catches a rule that changes what it looks at: the values of clean taps are the same bits under any policy.
+/// Catches a rule that changes its input: the values of clean taps have the same bits under any policy.
 #[test]
 fn policies_do_not_touch_clean_taps() {
     let quality = QualityConfig {
@@ -53,14 +53,14 @@ fn policies_do_not_touch_clean_taps() {
     }
 }
 
-/// Catches a rule that knows only the converter's limit, or only one of the channels.
+/// Catches a rule that only knows the converter's limit, or only one of the channels.
 #[test]
 fn clipped() {
     for part in [0.5, 0.7, 0.9, 0.95] {
         assert_flagged(Quality::CLIPPED, &[], &format!("force cut at {part}"), |_, tap| cut(&mut tap.force, part));
     }
     for part in [0.5, 0.7, 0.9] {
-        // What is left stands less far out of the noise.
+        // The rest stands out less from the noise.
         assert_flagged(Quality::CLIPPED, &[Quality::LOW_SNR], &format!("sound cut at {part}"), |_, tap| {
             cut(&mut tap.sound, part)
         });
@@ -87,7 +87,7 @@ fn clipped() {
     }
 }
 
-/// Catches a cut pulse that is measured, and a baseline taken from the pulse.
+/// Catches a cut pulse that is measured, and a baseline computed from the pulse.
 #[test]
 fn late_trigger() {
     for late_s in [0.1e-3, 0.2e-3, 0.4e-3] {
@@ -101,7 +101,7 @@ fn late_trigger() {
         assert_flagged(Quality::LATE_TRIGGER, &[], &format!("pulse at {part} of the time before it"), |_, tap| {
             let early = ((1.0 - part) * f64::from(tap.header.pre_trigger_samples)) as usize;
             if part > 0.8 && early < tap.lag(2.1e-3) as usize {
-                // So little early that the mark alone is late, and the rise of a long pulse hides it.
+                // So little early that only the mark is late; the rise of a long pulse hides it.
                 tap.header.pre_trigger_samples += tap.lag(2.1e-3) as u32;
                 return;
             }
@@ -115,7 +115,7 @@ fn late_trigger() {
     assert_eq!(values(&cut.found(&ProcessConfig::default())), [None; Discriminator::COUNT]);
 }
 
-/// Catches a second hit that is missed because it is close, faint, far or greater than the first.
+/// Catches a second hit that is missed because it is close, faint, far or stronger than the first.
 #[test]
 fn double_hit() {
     for (part, lag_s) in [
@@ -129,7 +129,7 @@ fn double_hit() {
         (0.6, 1.5e-3),
         (0.1, 4e-3),
     ] {
-        // What is added has noise of its own.
+        // The added hit has its own noise.
         let also = if part > 1.0 { &[Quality::LOW_SNR][..] } else { &[Quality::CLIPPED] };
         assert_flagged(Quality::DOUBLE_HIT, also, &format!("{part} after {lag_s} s"), |_, tap| {
             let lag = tap.lag(lag_s);
@@ -141,8 +141,8 @@ fn double_hit() {
     }
 }
 
-/// Force in N at `RATE_HZ` of an impact upon the plate above a crack (Eqs. 21-22), by small steps: the slow twin of
-/// the model's, and one that goes on until the layer has come back.
+/// Force in N at `RATE_HZ` of an impact on the plate above a crack (Eqs. 21-22), in small steps: the slow twin of the
+/// model's, which goes on until the layer has come back.
 fn plate_force(scene: &Scene) -> Vec<f64> {
     const STEPS: usize = 64;
     let dt = 1.0 / (RATE_HZ * STEPS as f64);
@@ -165,8 +165,8 @@ fn plate_force(scene: &Scene) -> Vec<f64> {
     force
 }
 
-/// Catches the layer above a crack, which comes back and touches the impactor again, taken for a second hit: the worst
-/// cracks would then be the ones that are never judged.
+/// Catches a layer above a crack that springs back to the impactor and counts as a second hit. The worst cracks would
+/// then never be judged.
 #[test]
 fn a_layer_that_comes_back_is_no_second_hit() {
     for (h_m, l_m) in [(1e-3, 25.4e-3), (2.54e-3, 25.4e-3), (2.54e-3, 50.8e-3), (6.35e-3, 50.8e-3)] {
@@ -180,7 +180,7 @@ fn a_layer_that_comes_back_is_no_second_hit() {
             let found = tap.found(&ProcessConfig::default());
             assert!(!found.quality.contains(Quality::DOUBLE_HIT), "{h_m} {l_m}: {}", found.quality);
             assert!(found.values.get(Discriminator::FMax).is_some() && found.values.get(Discriminator::Pr).is_some());
-            // Nobody can tell without the impactor's mass.
+            // Without the impactor's mass, the two cannot be distinguished.
             let quality = QualityConfig { impactor_mass_kg: 0.0, ..QualityConfig::default() };
             let found = tap.found(&ProcessConfig { quality, ..ProcessConfig::default() });
             assert!(found.quality.contains(Quality::DOUBLE_HIT), "{h_m} {l_m}: {}", found.quality);
@@ -203,9 +203,9 @@ fn undersampled() {
     }
 }
 
-/// Catches a fault that the rig plants where it arises, in front of converter and noise, and that is not seen behind them.
+/// Catches a fault of the simulated rig, planted before converter and noise, that is not detected behind them.
 ///
-/// A clipped sound is seen where noise is 0.2 % of its peak or less; the default rig has more.
+/// A clipped sound is only detected if noise is at most 0.2 % of its peak; the default rig has more.
 #[test]
 fn the_rigs_own_faults_are_flagged() {
     let loud = SimulationConfig::default();
@@ -228,7 +228,7 @@ fn the_rigs_own_faults_are_flagged() {
     }
 }
 
-/// Catches hum that is missed for its frequency or phase, and hum that is taken for noise or a neighbour.
+/// Catches hum that is missed because of its frequency or phase, and hum that counts as noise or a neighbour.
 #[test]
 fn hum() {
     for f_hz in [50.0, 60.0, 49.8] {
@@ -243,7 +243,7 @@ fn hum() {
     }
 }
 
-/// Catches noise that is taken for a signal, or for anything else.
+/// Catches noise that counts as a signal, or as another fault.
 #[test]
 fn low_snr() {
     for part in [0.03, 0.1, 0.3] {
@@ -269,7 +269,7 @@ fn low_snr() {
     });
 }
 
-/// Catches a neighbour that is missed for its time or strength, and one heard before the tap.
+/// Catches a neighbour that is missed because of its time or strength, and one before the tap.
 #[test]
 fn neighbour() {
     for (part, lag_s) in [(0.25, 50e-3), (0.5, 50e-3), (1.0, 50e-3), (0.5, 100e-3), (0.25, 200e-3), (1.0, 250e-3)] {
@@ -285,7 +285,7 @@ fn neighbour() {
             tap.header.pre_trigger_samples >= 512
         });
     }
-    // Long before, it rings through all of the baseline.
+    // Long before the tap, it rings through the whole baseline.
     assert_flagged(Quality::NEIGHBOUR, &[Quality::LOW_SNR, Quality::HUM], "rings before", |k, tap| {
         let amplitude = 0.8 * peak(&tap.sound);
         for (i, x) in tap.sound.iter_mut().enumerate() {
@@ -296,7 +296,7 @@ fn neighbour() {
     });
 }
 
-/// Catches a missing channel, a missing baseline or a sample that is not a number, that passes without its flag.
+/// Catches a missing channel, a missing baseline, or a sample that is not a number, without its flag.
 #[test]
 fn missing_channel_no_baseline_and_not_a_number() {
     assert_flagged(Quality::NO_SOUND, &[], "no sound", |_, tap| {
@@ -324,7 +324,7 @@ fn missing_channel_no_baseline_and_not_a_number() {
     }
 }
 
-/// Catches a velocity that is not compared, and a rate that no casing's contact time agrees with.
+/// Catches a velocity that is not compared, and a rate that no contact time of a casing fits.
 #[test]
 fn velocity_off_and_rate_implausible() {
     for factor in [0.9, 0.95, 1.05, 1.2] {

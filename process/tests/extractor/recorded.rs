@@ -1,4 +1,4 @@
-//! Quality flags of recordings that come beside the repository.
+//! Quality flags of recordings that are stored beside the repository.
 
 use tapline_process::{Extractor, ProcessConfig};
 use tapline_wire::{Quality, SampleFormat, Samples};
@@ -6,7 +6,7 @@ use tapline_wire::{Quality, SampleFormat, Samples};
 use crate::plant::{Flags, N, RATE_HZ, TAPS, Tap, header, peak};
 use crate::signal::values;
 
-/// Path of a recording that comes beside the repository, and is not part of it.
+/// Contents of a recording beside the repository; `None` if it is not there.
 fn shared(file: &str) -> Option<Vec<u8>> {
     tapline_testing::shared(file).map(|path| std::fs::read(path).unwrap())
 }
@@ -15,7 +15,7 @@ fn u32_at(bytes: &[u8], at: usize) -> usize {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
 }
 
-/// Tag at `at` of a MATLAB 5 file: type, and the range of its data, which may lie in the tag itself.
+/// Element at `at` of a MATLAB 5 file: type, range of its data, which may be in the tag itself, and end.
 fn element(bytes: &[u8], at: usize) -> (usize, std::ops::Range<usize>, usize) {
     let (kind, size) = (u32_at(bytes, at), u32_at(bytes, at + 4));
     if kind >> 16 != 0 {
@@ -24,7 +24,7 @@ fn element(bytes: &[u8], at: usize) -> (usize, std::ops::Range<usize>, usize) {
     (kind, at + 8..at + 8 + size, at + 8 + size.next_multiple_of(8))
 }
 
-/// The array `name` of a MATLAB 5 file, of whatever numbers it is made.
+/// The array `name` of a MATLAB 5 file, of any numeric type.
 fn matlab_array(bytes: &[u8], name: &str) -> Vec<f32> {
     let mut at = 128;
     loop {
@@ -44,8 +44,8 @@ fn matlab_array(bytes: &[u8], name: &str) -> Vec<f32> {
     }
 }
 
-/// Catches a number made of a real record that has none in it: a pulse of two or three samples, cut at its beginning,
-/// without anything before it.
+/// Catches a value of a real record that contains none: a pulse of two or three samples, cut at its beginning, with
+/// nothing before it.
 #[test]
 fn the_recorded_bad_impact_is_refused_for_the_right_reasons() {
     let Some(file) = shared("vibrationtesting-impact/case1.mat") else { return };
@@ -61,8 +61,8 @@ fn the_recorded_bad_impact_is_refused_for_the_right_reasons() {
     }
 }
 
-/// Catches noise estimated where a real room is quiet by chance: background recorded by a microphone, most of it
-/// rumble below the bands, is flagged when it is loud and let pass when it is not.
+/// Catches noise that is underestimated because a real room is quiet by chance. Background recorded by a microphone,
+/// mostly rumble below the bands, is flagged if it is loud, and not if it is quiet.
 #[test]
 fn recorded_background() {
     let Some(file) = shared("pyuff-microphone/Sample_UFF58b_bin.uff") else { return };

@@ -1,4 +1,4 @@
-//! Cases and what numpy and scipy find in them; written by `scipy_reference.py`, not by hand.
+//! Cases with the values of numpy and scipy; written by `scipy_reference.py`.
 
 use tapline_wire::Discriminator;
 

@@ -1,11 +1,11 @@
-//! Closed-form taps, the same as `scipy_reference.py` makes.
+//! Closed-form taps, as `scipy_reference.py` makes them.
 
 use std::f64::consts::PI;
 
 use tapline_process::{Extractor, ProcessConfig, Real};
 use tapline_wire::{Channel, ChannelHeader, Discriminator, Discriminators, SampleFormat, Samples, TapHeader};
 
-/// A tap and the settings that it is looked at with; fields as in the script.
+/// A tap with the settings of its extraction; the fields are those of the script.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Case {
     pub name: &'static str,
@@ -28,7 +28,7 @@ pub(crate) struct Case {
     pub follow: bool,
 }
 
-/// Samples that own themselves.
+/// Owned samples.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Recorded {
     I16(Vec<i16>),
@@ -136,12 +136,12 @@ impl Case {
     }
 }
 
-/// The seven values in their order.
+/// The values in their order.
 pub(crate) fn values(found: &Discriminators) -> [Option<f64>; Discriminator::COUNT] {
     Discriminator::ALL.map(|which| found.values.get(which))
 }
 
-/// Fails unless `found` has the values of `expected`, each within `tolerance` of itself.
+/// Checks that `found` has the `expected` values, each within the relative `tolerance`.
 #[track_caller]
 pub(crate) fn assert_close(
     found: &Discriminators,

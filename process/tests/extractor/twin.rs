@@ -1,4 +1,4 @@
-//! A slow twin, written from the definitions and not from the code: whole lists instead of walks, the discrete
+//! A slow twin, written from the definitions instead of the code: whole lists instead of walks, and the discrete
 //! Fourier transform as a double loop.
 
 use std::f64::consts::PI;
@@ -21,7 +21,7 @@ fn crossings(x: &[f64], level: f64) -> Vec<f64> {
     (0..x.len() - 1).filter(is_crossing).map(|i| i as f64 + (level - x[i]) / (x[i + 1] - x[i])).collect()
 }
 
-/// Integral of `x` over [from, to] as a sum of what each segment has in it, on a fine grid of `parts` per sample.
+/// Integral of `fold(x)` over [from, to], as a sum of trapezoids over all segments.
 fn integral(x: &[f64], from: f64, to: f64, fold: fn(f64) -> f64) -> f64 {
     let line = |t: f64| {
         let i = (t as usize).min(x.len() - 2);
@@ -47,7 +47,7 @@ fn density(x: &[f64], rate: f64) -> Vec<(f64, f64)> {
     (0..=n / 2).map(bin).collect()
 }
 
-/// What the definitions give for a tap with force and sound, whose pulse and areas lie in the record.
+/// The definitions, applied to a tap with force and sound, whose pulse and areas are in the record.
 fn discriminators(case: &Case) -> [Option<f64>; Discriminator::COUNT] {
     let counts = case.recorded().counts();
     let n = case.count as usize;
@@ -93,7 +93,7 @@ fn discriminators(case: &Case) -> [Option<f64>; Discriminator::COUNT] {
     .map(Some)
 }
 
-/// Catches a difference that the few cases of scipy happen not to show, in records of any length, scale and offset.
+/// Any tap: catches a difference that the few cases of scipy do not show, for any length, scale and offset.
 fn any_case() -> impl Strategy<Value = Case> {
     let place = (any::<u32>(), 300..600_u32, 20..120_u32, 0.0..12.0_f64);
     let shape = (any::<bool>(), 0.8e-3..2.5e-3_f64, 0.0..0.4_f64, 0.0..0.02_f64, -0.5..0.5_f64, any::<bool>());
