@@ -40,8 +40,9 @@ pub fn periodogram(planner: &mut RealFftPlanner<f64>, mut signal: Vec<f64>, samp
     let density = 2.0 / (sample_rate_hz * count as f64);
     // The first bin, and the last of an even number of samples, have no negative frequency.
     let last = if count.is_multiple_of(2) { count / 2 } else { count };
-    let of = |(k, power): (usize, f64)| if k == 0 || k == last { 0.5 * density * power } else { density * power };
-    Ok(bins.iter().map(|bin| bin.norm_sqr()).enumerate().map(of).collect())
+    let one_sided =
+        |(k, power): (usize, f64)| if k == 0 || k == last { 0.5 * density * power } else { density * power };
+    Ok(bins.iter().map(|bin| bin.norm_sqr()).enumerate().map(one_sided).collect())
 }
 
 #[cfg(test)]
@@ -68,11 +69,11 @@ mod tests {
         }
         let mut samples = vec![0.0_f32; 5];
         samples.extend([3.0, 5.0, 4.0, 90.0, 8.0]);
-        let of = |samples: &[f32], kind| channel(&header, Samples::F32(samples), kind);
-        assert_eq!(of(&samples, Channel::Sound), Some(vec![-0.5, 0.5, 0.0, 43.0, 2.0]));
-        assert_eq!(of(&samples[..9], Channel::Sound), None);
+        let found = |samples: &[f32], kind| channel(&header, Samples::F32(samples), kind);
+        assert_eq!(found(&samples, Channel::Sound), Some(vec![-0.5, 0.5, 0.0, 43.0, 2.0]));
+        assert_eq!(found(&samples[..9], Channel::Sound), None);
         samples[9] = f32::NAN;
-        assert_eq!((of(&samples, Channel::Sound), of(&samples, Channel::Force)), (None, Some(vec![0.0; 5])));
+        assert_eq!((found(&samples, Channel::Sound), found(&samples, Channel::Force)), (None, Some(vec![0.0; 5])));
     }
 
     /// Catches a wrong scale or side: the density times the bin width adds up to the mean square (Parseval).

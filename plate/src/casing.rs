@@ -112,7 +112,7 @@ impl Casing {
     /// The properties at `angle_deg` and `offset_mm` of `shoulder`.
     pub(crate) fn place(&self, shoulder: u16, angle_deg: f64, offset_mm: f64) -> Place {
         let p = &self.population;
-        let of = self.shoulders[usize::from(shoulder == 2)];
+        let common = self.shoulders[usize::from(shoulder == 2)];
         let (shared, own) = (p.place_shared.sqrt(), (1.0 - p.place_shared).sqrt());
         let angle_deg = angle_deg.rem_euclid(360.0);
         let key = self.key(0, shoulder);
@@ -124,9 +124,9 @@ impl Casing {
         let louder = 1.0 + LOUDER_PER_MM * offset_mm.clamp(-50.0, 50.0);
         let softer = 1.0 - SOFTER_PER_MM * offset_mm.clamp(-50.0, 50.0);
         let mut modes = [Mode::default(); MODES];
-        for (mode, of) in modes.iter_mut().zip(of.modes) {
+        for (mode, usual) in modes.iter_mut().zip(common.modes) {
             let scatter = p.place_modes * (shared * here.normal() + own * beside.normal());
-            *mode = Mode { level_v_per_n_s: of.level_v_per_n_s * louder * scatter.exp(), ..of };
+            *mode = Mode { level_v_per_n_s: usual.level_v_per_n_s * louder * scatter.exp(), ..usual };
         }
         let layer = self.layer(shoulder, angle_deg, offset_mm);
         if let Some(layer) = layer {
@@ -141,8 +141,8 @@ impl Casing {
             }
         }
         Place {
-            stiffness_n_per_m1_5: of.stiffness * softer * (p.place_stiffness * field).exp(),
-            impedance_n_s_per_m: of.impedance,
+            stiffness_n_per_m1_5: common.stiffness * softer * (p.place_stiffness * field).exp(),
+            impedance_n_s_per_m: common.impedance,
             layer: layer.map(|layer| layer.layer),
             modes,
         }

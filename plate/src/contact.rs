@@ -240,14 +240,14 @@ mod tests {
     /// stiff layer that has an effect.
     #[test]
     fn a_softer_layer_is_touched_longer_and_pressed_less() {
-        let of = |stiffness_n_per_m: f64| {
+        let contact = |stiffness_n_per_m: f64| {
             let force = force(&Contact { layer: Some(Layer { stiffness_n_per_m, ..LAYER }), ..IMPACT }, 1);
             (peak(&force), touched(&force))
         };
-        let stiff = of(4e7);
+        let stiff = contact(4e7);
         let rigid = force(&IMPACT, 1);
         assert!((stiff.0 / peak(&rigid) - 1.0).abs() < 5e-3, "{stiff:?}");
-        let soft = [4e7, 1e6, 4e5, 2e5].map(of);
+        let soft = [4e7, 1e6, 4e5, 2e5].map(contact);
         assert!(soft.windows(2).all(|p| p[1].0 < p[0].0 && p[1].1 > p[0].1), "{soft:?}");
     }
 

@@ -82,12 +82,12 @@ fn a_record_depends_on_its_name_alone() {
 #[test]
 fn a_crack_lowers_the_force_and_lengthens_the_contact() {
     let p = exact();
-    let of = |length_mm: f64| {
+    let of_length = |length_mm: f64| {
         let crack = Crack { depth_mm: 10.0, length_mm, ..Crack::default() }.over(10, 5, 100);
         record(&p, &casing(&p, vec![crack]), &TAP)
     };
     let sound = record(&p, &casing(&p, Vec::new()), &TAP);
-    let all = [sound, of(8.0), of(14.0), of(20.0), of(25.0)];
+    let all = [sound, of_length(8.0), of_length(14.0), of_length(20.0), of_length(25.0)];
     let peaks = all.each_ref().map(|r| largest(&r.0));
     let touched = all.each_ref().map(|r| r.0.iter().filter(|&&f| f > 0.1 * largest(&r.0)).count());
     assert!(peaks.windows(2).all(|p| p[1] < p[0]), "{peaks:?}");

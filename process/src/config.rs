@@ -154,23 +154,23 @@ mod tests {
     /// Catches an estimator that no name selects, or that another name selects.
     #[test]
     fn estimators_by_name() {
-        let of = |text: &str| toml::from_str::<ProcessConfig>(text).unwrap();
+        let parsed = |text: &str| toml::from_str::<ProcessConfig>(text).unwrap();
         use {DurationEstimator as D, PeakEstimator as P, SpectrumEstimator as S, Subtraction as B};
         for (name, chosen) in [("raw", P::Raw), ("parabola", P::Parabola), ("polynomial", P::Polynomial)] {
-            assert_eq!(of(&format!("f_max = \"{name}\"")).f_max, chosen);
+            assert_eq!(parsed(&format!("f_max = \"{name}\"")).f_max, chosen);
         }
         for (name, chosen) in
             [("half_sine", D::HalfSine), ("width_02", D::Width02), ("width_50", D::Width50), ("impulse", D::Impulse)]
         {
-            assert_eq!(of(&format!("tau = \"{name}\"")).tau, chosen);
+            assert_eq!(parsed(&format!("tau = \"{name}\"")).tau, chosen);
         }
         for (name, chosen) in [("whole", S::Whole), ("gate", S::Gate)] {
-            assert_eq!(of(&format!("spectrum = \"{name}\"")).spectrum, chosen);
+            assert_eq!(parsed(&format!("spectrum = \"{name}\"")).spectrum, chosen);
         }
         for (name, chosen) in [("none", B::None), ("noise", B::Noise), ("hum", B::Hum), ("both", B::Both)] {
-            assert_eq!(of(&format!("subtract = \"{name}\"")).subtract, chosen);
+            assert_eq!(parsed(&format!("subtract = \"{name}\"")).subtract, chosen);
         }
-        assert_eq!(of("band_edges = \"fractional\"").band_edges, BandEdges::Fractional);
+        assert_eq!(parsed("band_edges = \"fractional\"").band_edges, BandEdges::Fractional);
         assert!(toml::from_str::<ProcessConfig>("tau = \"width_2\"").is_err());
     }
 

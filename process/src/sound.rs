@@ -120,8 +120,8 @@ mod tests {
             let [a, b, c] = cuts;
             prop_assume!(a < b && b < c);
             // Cutting at b adds a point on the line, which changes nothing.
-            let of = |from, to| area(|i| samples[i], from, to);
-            prop_assert!((of(a, b) + of(b, c) - of(a, c)).abs() < 1e-9);
+            let area_between = |from, to| area(|i| samples[i], from, to);
+            prop_assert!((area_between(a, b) + area_between(b, c) - area_between(a, c)).abs() < 1e-9);
         }
 
         /// Catches a wrong half weight at either end: the twin adds one trapezoid after the other.

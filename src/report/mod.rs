@@ -39,7 +39,7 @@ pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Res
             put(&folder, &name, &page)?;
             shift.add_page(name);
         }
-        shift.take(evidence);
+        shift.add_tyres(evidence);
     }
     let is_complete = outcome.end()?;
     // Last, because it links to the others.

@@ -71,8 +71,8 @@ fn taps_of_a_folder_are_one_tap_set() {
     sandbox.run("export out taps --out set").expect(0);
     sandbox.run("run --taps set --config set/config.toml --stations 3 --out again").expect(0);
     for table in ["discriminators", "damage", "verdicts"] {
-        let of = |folder: &str| sandbox.run(&format!("export {folder} {table}")).expect(0).out;
-        assert_eq!(of("again"), of("out"), "{table}");
+        let exported = |folder: &str| sandbox.run(&format!("export {folder} {table}")).expect(0).out;
+        assert_eq!(exported("again"), exported("out"), "{table}");
     }
     sandbox.run("export out taps --format uff --out uff").expect(0);
     assert_eq!(names(&sandbox.path("uff")).len(), 7);

@@ -69,8 +69,8 @@ fn the_same_lineage_gives_the_same_bits() {
     assert!(fs::read(&archive).unwrap() == before, "the archive has changed");
     // Every other verb reads results like an archive.
     for verb in ["verdicts", "damage", "discriminators"] {
-        let of = |path: &PathBuf| sandbox.run(&format!("export {} {verb}", path.display())).expect(0).out;
-        assert_eq!(of(&archive), of(&one), "{verb}");
+        let exported = |path: &PathBuf| sandbox.run(&format!("export {} {verb}", path.display())).expect(0).out;
+        assert_eq!(exported(&archive), exported(&one), "{verb}");
     }
     sandbox.run(&format!("report {} --out pages", one.display())).expect(0);
     let refused = sandbox.run(&format!("reprocess {}", one.display()));
@@ -135,8 +135,8 @@ fn new_weights_need_no_samples() {
     sandbox.write("weights.toml", "[fuse]\nindex = \"dissertation\"\nre_inspect_rate = 0.01\nreference = \"self\"\n");
     let judged = || {
         let results = again(&sandbox, "run.h5 --config weights.toml");
-        let of = |verb: &str| sandbox.run(&format!("export {} {verb}", results.display())).expect(0).out;
-        let found = (of("verdicts"), of("damage"));
+        let exported = |verb: &str| sandbox.run(&format!("export {} {verb}", results.display())).expect(0).out;
+        let found = (exported("verdicts"), exported("damage"));
         fs::remove_file(results).unwrap();
         found
     };

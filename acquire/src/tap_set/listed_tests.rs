@@ -118,12 +118,12 @@ fn stations_that_are_named_are_kept() {
     let dir = set(&rows());
     let header = HEADER.replace("repetition", "repetition,station");
     let named = |of_second: &str| {
-        let of = |(number, row): (usize, String)| match row {
+        let edited = |(number, row): (usize, String)| match row {
             row if row.contains(",A,1,") => format!("{row},7"),
             row if number == 4 => format!("{row},{of_second}"),
             row => format!("{row},"),
         };
-        let rows: Vec<String> = rows().into_iter().enumerate().map(of).collect();
+        let rows: Vec<String> = rows().into_iter().enumerate().map(edited).collect();
         fs::write(dir.path().join("taps.csv"), format!("{header}{}\n", rows.join("\n"))).unwrap();
         listed_tap_set(dir.path(), 2)
     };

@@ -66,7 +66,7 @@ impl View {
 
 /// The two bands of a spectrum, not yet in the signal's unit.
 #[derive(Debug, Clone, Copy)]
-struct Taken {
+struct RawBands {
     flexural: Folded,
     reference: Folded,
     centroid_hz: f64,
@@ -107,11 +107,11 @@ impl<T: Real> Spectrum<T> {
             0 => None,
             count => noise::of_bands(&mut self.plans, signal.get(..count)?, view.sample_rate_hz, bands),
         };
-        let taken = match (&view.gate, view.estimator) {
+        let raw = match (&view.gate, view.estimator) {
             (Some(gate), SpectrumEstimator::Gate) => self.gated(signal, gate.clone(), view, bands)?,
             _ => self.whole(signal, moments, view, bands)?,
         };
-        let Taken { flexural, reference, density, bin_width_hz, .. } = taken;
+        let RawBands { flexural, reference, density, bin_width_hz, .. } = raw;
         let has_power = reference.sum > 0.0;
         if !has_power {
             return None;
@@ -120,23 +120,23 @@ impl<T: Real> Spectrum<T> {
             pr: flexural.sum / reference.sum, // Eq. 52
             p_f: flexural.largest * density,
             e_f: flexural.sum * density * bin_width_hz,
-            centroid_hz: taken.centroid_hz,
+            centroid_hz: raw.centroid_hz,
             // E_f is the band's part of the mean square (Parseval).
-            is_faint: flexural.sum * density * bin_width_hz < FAINT * taken.mean_square,
+            is_faint: flexural.sum * density * bin_width_hz < FAINT * raw.mean_square,
         };
         match noise {
             None => Some(power),
-            Some(noise) => noise.subtracted(&power, taken.noise_share, reference.sum * density * bin_width_hz),
+            Some(noise) => noise.subtracted(&power, raw.noise_share, reference.sum * density * bin_width_hz),
         }
     }
 
-    fn whole(&mut self, signal: &mut [T], moments: Moments, view: &View, bands: &Bands) -> Option<Taken> {
+    fn whole(&mut self, signal: &mut [T], moments: Moments, view: &View, bands: &Bands) -> Option<RawBands> {
         let count = signal.len();
         let grid = Grid::new(count, view.sample_rate_hz);
         let (flexural, reference) = cells(&grid, view.edges, bands)?;
         let mean_square = square_about_mean(signal, moments);
         let powers = self.plans.powers(signal, end(&flexural, &reference));
-        Some(Taken {
+        Some(RawBands {
             centroid_hz: centroid_hz(&grid, &reference, powers, count),
             flexural: grid.fold(flexural, powers),
             reference: grid.fold(reference, powers),
@@ -150,14 +150,14 @@ impl<T: Real> Spectrum<T> {
 
     /// Transforms the samples in `gate` alone. The bins follow from the transform's own length, the density from the
     /// record's: |X|^2 of a transient does not depend on how much silence is transformed with it.
-    fn gated(&mut self, signal: &[T], gate: Range<usize>, view: &View, bands: &Bands) -> Option<Taken> {
+    fn gated(&mut self, signal: &[T], gate: Range<usize>, view: &View, bands: &Bands) -> Option<RawBands> {
         let noise_samples = gate::cut(signal.get(gate)?, &mut self.cut);
         let (whole, count) = (signal.len() as f64, self.cut.len());
         let grid = Grid::new(count, view.sample_rate_hz);
         let (flexural, reference) = cells(&grid, view.edges, bands)?;
         let mean_square = sum_of(&self.cut, |x| x * x) / whole;
         let powers = self.plans.powers(&mut self.cut, end(&flexural, &reference));
-        Some(Taken {
+        Some(RawBands {
             centroid_hz: centroid_hz(&grid, &reference, powers, count),
             flexural: grid.fold(flexural, powers),
             reference: grid.fold(reference, powers),

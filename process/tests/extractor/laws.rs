@@ -103,15 +103,18 @@ fn record_s_is_where_the_record_ends() {
             Recorded::I16(all) => Recorded::I16(all.chunks(whole).flat_map(|track| &track[..used]).copied().collect()),
             Recorded::F32(all) => Recorded::F32(all.chunks(whole).flat_map(|track| &track[..used]).copied().collect()),
         };
-        let of = |record_s| Extractor::<f32>::new(&ProcessConfig { record_s, ..case.config() }).unwrap();
+        let extractor = |record_s| Extractor::<f32>::new(&ProcessConfig { record_s, ..case.config() }).unwrap();
         let record_s = (f64::from(short.sample_count) - 0.5) / case.rate;
-        let expected = of(0.0).extract(&short, cut.samples());
-        for found in [of(record_s).extract(&header, recorded.samples()), of(record_s).extract(&short, cut.samples())] {
+        let expected = extractor(0.0).extract(&short, cut.samples());
+        for found in [
+            extractor(record_s).extract(&header, recorded.samples()),
+            extractor(record_s).extract(&short, cut.samples()),
+        ] {
             assert_eq!((values(&found), found.quality), (values(&expected), expected.quality), "{}", case.name);
         }
         // A record that ends earlier is used as it is.
-        let of_all = of(1e9).extract(&header, recorded.samples());
-        assert_eq!(values(&of_all), values(&of(0.0).extract(&header, recorded.samples())));
+        let of_all = extractor(1e9).extract(&header, recorded.samples());
+        assert_eq!(values(&of_all), values(&extractor(0.0).extract(&header, recorded.samples())));
         assert_ne!(values(&of_all), values(&expected), "{}: nothing was cut", case.name);
     }
 }
@@ -124,11 +127,11 @@ fn identity_and_precision_are_kept() {
     id.location = 17;
     let header = tapline_wire::TapHeader { id, plan_index: 5, velocity_measured_m_per_s: 1.85, ..case.header() };
     let recorded = case.recorded();
-    let of = |precision| {
+    let extracted = |precision| {
         let config = ProcessConfig { precision, ..case.config() };
         ProcessExtractor::new(&config).unwrap().extract(&header, recorded.samples())
     };
-    let (single, double) = (of(Precision::F32), of(Precision::F64));
+    let (single, double) = (extracted(Precision::F32), extracted(Precision::F64));
     assert_eq!((single.id.location, single.plan_index), (17, 5));
     assert!((single.velocity_measured_m_per_s - 1.85).abs() < 1e-15);
     assert_eq!(values(&double), values(&case.extract::<f64>()));

@@ -47,8 +47,8 @@ pub(crate) fn tap(k: usize) -> Tap {
         if is_haversine { s * s } else { s }
     };
     let ringing = |t: f64| {
-        let of = |mode: &Mode| mode.amplitude * (-mode.decay_per_s * t).exp() * (TAU * mode.f_hz * t).sin();
-        if t > 0.0 { modes.iter().map(of).sum() } else { 0.0 }
+        let value = |mode: &Mode| mode.amplitude * (-mode.decay_per_s * t).exp() * (TAU * mode.f_hz * t).sin();
+        if t > 0.0 { modes.iter().map(value).sum() } else { 0.0 }
     };
     let n = count as usize;
     let force: Vec<f64> = (0..n).map(|i| f_max_n * pulse(at(i))).collect();

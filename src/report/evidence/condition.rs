@@ -35,7 +35,7 @@ impl Condition {
     }
 
     /// Nearest to the belt edge first, then the fastest: the order of preference.
-    fn plainness(self) -> (i64, i64) {
+    fn preference(self) -> (i64, i64) {
         (self.offset_um.map_or(0, i64::abs), -self.velocity_um_per_s.unwrap_or(0))
     }
 }
@@ -45,7 +45,7 @@ impl Condition {
 pub(crate) fn strongest(config: &FuseConfig, tyre: &Tyre) -> Option<Condition> {
     let mut conditions: Vec<Condition> =
         tyre.taps().filter(|tap| tap.found.is_some()).map(|tap| tap.condition).collect();
-    conditions.sort_unstable_by_key(|condition| (condition.plainness(), *condition));
+    conditions.sort_unstable_by_key(|condition| (condition.preference(), *condition));
     conditions.dedup();
     let judged = conditions.iter().map(|&condition| (contrast(config, tyre, condition), condition));
     // Of equal ones, the first is preferred.
@@ -60,7 +60,7 @@ pub(crate) fn strongest(config: &FuseConfig, tyre: &Tyre) -> Option<Condition> {
 /// How far the regions stand out from the other locations, in robust standard deviations of those, averaged over the
 /// discriminators of the index. `None` if there are no regions, or nothing to compare.
 fn contrast(config: &FuseConfig, tyre: &Tyre, condition: Condition) -> Option<f64> {
-    let of = |&which: &Discriminator| {
+    let contrast_of = |&which: &Discriminator| {
         let (mut found, mut rest) = (Vec::new(), Vec::new());
         for shoulder in &tyre.shoulders {
             let means = location_means(shoulder, condition, which);
@@ -72,7 +72,7 @@ fn contrast(config: &FuseConfig, tyre: &Tyre, condition: Condition) -> Option<f6
         let (center, spread) = (median(&rest)?, spread(&rest).filter(|spread| *spread > 0.0)?);
         Some(config.directions.of(which).sign() * (mean(&found)? - center) / spread)
     };
-    mean(&config.discriminators.iter().filter_map(of).collect::<Vec<f64>>())
+    mean(&config.discriminators.iter().filter_map(contrast_of).collect::<Vec<f64>>())
 }
 
 /// The mean of a discriminator over the repetitions, by location; closing taps are left out.

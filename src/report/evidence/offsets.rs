@@ -5,8 +5,8 @@ use tapline_fuse::{Fusion, OffsetMap};
 /// The maps of each of `scan_count` scans, by number of the scan; none for a scan with fewer than two offsets.
 pub(crate) fn maps(fusion: &mut Fusion, scan_count: usize) -> Vec<Vec<OffsetMap>> {
     // A scan that is not in the plan has no map.
-    let of = |scan| fusion.by_offset(scan).unwrap_or_default();
-    (0..scan_count).map(of).map(|maps| if maps.len() < 2 { Vec::new() } else { maps }).collect()
+    let maps_of = |scan| fusion.by_offset(scan).unwrap_or_default();
+    (0..scan_count).map(maps_of).map(|maps| if maps.len() < 2 { Vec::new() } else { maps }).collect()
 }
 
 #[cfg(test)]

@@ -214,8 +214,8 @@ mod tests {
     /// Catches an exponent that does not fit the numbers, and one for numbers without a unit.
     #[test]
     fn units_carry_their_power_of_ten() {
-        let of = |greatest| exponent_of("N", (-0.5 * greatest, greatest));
-        assert_eq!((of(0.31), of(2.4e-8), of(45.0), of(0.0)), (-3, -9, 0, 0));
+        let exponent = |greatest| exponent_of("N", (-0.5 * greatest, greatest));
+        assert_eq!((exponent(0.31), exponent(2.4e-8), exponent(45.0), exponent(0.0)), (-3, -9, 0, 0));
         assert_eq!((exponent_of("", (0.0, 0.1)), exponent_of("N", (-0.1, 0.0))), (0, -3));
         assert_eq!((scaled_unit(-6, "V²/Hz").as_str(), scaled_unit(0, "N").as_str()), ("10⁻⁶ V²/Hz", "N"));
     }

@@ -157,7 +157,7 @@ fn shade(chart: &mut Chart<'_, '_>, shoulder: &Shoulder) -> Result<()> {
 pub(crate) fn spans(shoulder: &Shoulder, range: Point) -> Vec<Vec<Point>> {
     let steps = shoulder.cells.windows(2).map(|pair| pair[1].place - pair[0].place);
     let half = 0.5 * steps.fold(None, |least, step| least.filter(|least| *least < step).or(Some(step))).unwrap_or(1.0);
-    let of = |region: &Region| {
+    let spans_of = |region: &Region| {
         let (first, last) = (region.first_location, region.last_location);
         let is_inside = |location| {
             if first <= last { (first..=last).contains(&location) } else { location >= first || location <= last }
@@ -170,5 +170,5 @@ pub(crate) fn spans(shoulder: &Shoulder, range: Point) -> Vec<Vec<Point>> {
         let clamped = |(from, to): Point| (from.clamp(range.0, range.1), to.clamp(range.0, range.1));
         runs.filter_map(span).map(clamped).collect()
     };
-    shoulder.regions.iter().map(of).collect()
+    shoulder.regions.iter().map(spans_of).collect()
 }

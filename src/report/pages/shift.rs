@@ -59,7 +59,7 @@ impl Shift {
     }
 
     /// Adds the tyres of `evidence`.
-    pub(crate) fn take(&mut self, evidence: Evidence) {
+    pub(crate) fn add_tyres(&mut self, evidence: Evidence) {
         match &mut self.evidence {
             None => self.evidence = Some(evidence),
             Some(first) => first.join(evidence),

@@ -143,8 +143,8 @@ fn discriminators(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
 fn scans(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let Some(condition) = tyre.condition else { return Ok(html! {}) };
     let band_hz = spectra::band_hz(&evidence.config.process);
-    let of = |shoulder: &Shoulder| spectra::spectra(reader, shoulder, condition, band_hz);
-    let all = tyre.shoulders.iter().map(of).collect::<Result<Vec<_>>>()?;
+    let spectra_of = |shoulder: &Shoulder| spectra::spectra(reader, shoulder, condition, band_hz);
+    let all = tyre.shoulders.iter().map(spectra_of).collect::<Result<Vec<_>>>()?;
     let loudest = tapline_draw::stats::extent(all.iter().flat_map(|s| s.columns.iter().flatten().flatten().copied()));
     let Some((_, loudest_db)) = loudest else { return Ok(html! {}) };
     let mut pictures = Vec::new();
