@@ -5,13 +5,13 @@
 //!
 //! | | here | `tapline-model` |
 //! |---|---|---|
-//! | contact | Hertz with the damping of Hunt and Crossley, b a constant: restitution falls with velocity | damping by a restitution that is given, from a table |
-//! | target | an infinite plate, which takes energy by its impedance 8 sqrt(D m) | a mass that stands still |
-//! | crack | a round clamped plate that bends and shears, on the plate's impedance; less felt, it is stiffer at the same mass | a beam over a block, with cords beside it; less felt, it is stiffer and heavier |
-//! | sound | eight modes of the casing and three of the layer, heard by their deflection | five modes heard by their velocity and one of the layer |
-//! | what stays with a place | stiffness correlated along the ring, level of each mode by itself, in part shared by the offsets | a wave around the ring, and one spot a location |
-//! | gain | of each casing and turn, drifting within a turn, of microphone and force sensor | drifting within a turn, of the microphone |
-//! | what goes wrong | bounces and taps that land beside their place | faults of the rig |
+//! | contact | Hertz with the damping of Hunt and Crossley, b a constant: restitution falls with velocity | damping from a given restitution, by a table |
+//! | target | an infinite plate, which absorbs energy by its impedance 8 sqrt(D m) | a mass at rest |
+//! | crack | a round clamped plate that bends and shears, on the plate's impedance; a smaller effect makes it stiffer at the same mass | a beam over a block, with cords beside it; a smaller effect makes it stiffer and heavier |
+//! | sound | eight modes of the casing and three of the layer, which sound with their deflection | five modes, which sound with their velocity, and one of the layer |
+//! | properties of a place | stiffness correlated along the ring, an independent level of each mode, in part shared by the offsets | a wave around the ring, and a random part per location |
+//! | gain | of microphone and force sensor; by casing and turn, with drift within a turn | of the microphone, with drift within a turn |
+//! | faults | bounces, and taps beside their place | faults of the rig |
 //!
 //! # Sources
 //!
@@ -26,11 +26,11 @@
 //!
 //! # What is assumed
 //!
-//! Stiffness and density of the layer beyond that of rubber, what swings with it, all modes, all of [`Population`], how a
-//! crack fades towards the ends of its arc and of its reach, and how loud it is. The layer's modes are driven by the force
-//! as the casing's are, and do not act back on the contact; only the first one is in the contact at all. An infinite plate
-//! returns nothing to the impactor, so that no reflection from bead or rim comes while it is touched. The sound has no
-//! direct part, no room and no hum. Noise is white. All of it says what a method does with such casings, not what a plant
+//! Stiffness and density of the layer beyond those of rubber, the mass that moves with it, all modes, all of [`Population`],
+//! how a crack's effect falls towards the ends of its arc and of its reach, and how loud it is. The force drives the layer's
+//! modes like the casing's, and they do not act back on the contact; only the first of them is part of the contact. An
+//! infinite plate returns nothing to the impactor: no reflection from bead or rim arrives during the contact. The sound has
+//! no direct part, no room and no hum. Noise is white. Results show what a method does with such casings, not what a plant
 //! will see.
 //!
 //! # Example

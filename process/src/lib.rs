@@ -3,29 +3,29 @@
 //! Definitions are those of the method's section 2; each file states the ones it implements and where it goes beyond
 //! them. A value that cannot be computed is absent, and a [`Quality`] flag says why.
 //!
-//! | flag | what it takes away |
+//! | flag | what it drops |
 //! |---|---|
-//! | `REFUSED` | everything: the header does not describe the samples, or gives no sample rate |
-//! | `NON_FINITE` | what rests on the channel with the sample, or the scale, that is not a number |
+//! | `REFUSED` | everything: the header does not describe the samples, or has no sample rate |
+//! | `NON_FINITE` | what needs the channel whose scale, or one of whose samples, is not a number |
 //! | `NO_FORCE` | F_max, tau, A_1; A_2 starts at the onset that the sound itself shows |
 //! | `NO_SOUND` | A_1, A_2, PR, P_f, E_f |
 //! | `NO_BASELINE` | F_max, tau, A_1, A_2; the spectrum needs no baseline |
 //! | `NO_PULSE` | F_max, tau, A_1, A_2 |
-//! | `NO_ONSET` | A_1 and A_2; of a sound without any variation, or less than 6 sigma of it, PR, P_f and E_f too |
-//! | `NO_BAND` | PR, P_f, E_f; where noise is subtracted, also when a band holds no more than noise |
+//! | `NO_ONSET` | A_1 and A_2; if the sound does not vary, or by less than 6 sigma, PR, P_f and E_f too |
+//! | `NO_BAND` | PR, P_f, E_f; if noise is subtracted, also if a band has no more than noise |
 //!
 //! Other flags say that a value is doubtful. What they drop is set by the policies of [`QualityConfig`]; by default:
 //!
-//! | flag | rule | what it takes away |
+//! | flag | rule | what it drops |
 //! |---|---|---|
-//! | `CLIPPED` | three samples in a row at the converter's limit, or at an extreme that is left steeply, under noise too | of the force F_max, tau, A_1, A_2; of the sound nothing |
+//! | `CLIPPED` | three samples in a row at the converter's limit, or at an extreme that the signal leaves steeply, also under noise | for the force F_max, tau, A_1, A_2; for the sound nothing |
 //! | `LATE_TRIGGER` | fewer than 5 quiet samples before the pulse; or it lies in the baseline, or 15 % of it before the trigger | F_max, tau, A_1, A_2, and the powers if the pulse is cut; nothing if only the mark is late |
-//! | `DOUBLE_HIT` | the force rises again by 5 % of F_max and 8 sigma, and no layer that came back explains it | everything |
+//! | `DOUBLE_HIT` | the force rises again by 5 % of F_max and 8 sigma, and no returning layer explains it | everything |
 //! | `UNDERSAMPLED` | fewer than 8 samples above 10 % of F_max; a rate below 2 f_top | F_max, tau, A_1, A_2; PR, P_f, E_f |
 //! | `HUM` | a line at 50 or 60 Hz above 2 % of the sound's peak | nothing |
 //! | `LOW_SNR` | a peak below 50 sigma of the noise before the trigger, or after the ringing | nothing |
-//! | `NEIGHBOUR` | the sound's envelope rises again, or is loud before the tap, by 10 % of its peak and 6 sigma; or rings through the time before it | nothing where taking it again has not helped; by `drop` A_2, PR, P_f, E_f, and A_1 if it was before |
-//! | `VELOCITY_OFF` | measured and nominal velocity differ by more than 3 % | nothing |
+//! | `NEIGHBOUR` | the sound's envelope rises again, or is loud before the tap, by 10 % of its peak and 6 sigma; or rings through the time before it | nothing if a retake did not help; under the policy `drop` A_2, PR, P_f, E_f, and A_1 if it came before |
+//! | `VELOCITY_OFF` | measured and planned velocity differ by more than 3 % | nothing |
 //! | `RATE_IMPLAUSIBLE` | tau outside 0.35 to 4 ms | nothing |
 //!
 //! # Example

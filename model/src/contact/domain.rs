@@ -24,14 +24,14 @@ impl DomainCheck {
     }
 }
 
-/// The domain of one answer: five ratios with the bounds that its rung sets them.
+/// The domain of one answer: five ratios with the bounds of its rung.
 ///
-/// | name | ratio | bound | what it stands for |
+/// | name | ratio | bound | reason |
 /// |---|---|---|---|
-/// | `h_per_l` | h/l | closed, plate: to 0.2; full: to 0.5; integral: from 1 | a thin plate bends; shear makes it softer (by a seventh at 0.2) and beyond 0.5 it is no plate; no layer at all is what the integral model assumes |
+/// | `h_per_l` | h/l | closed, plate: to 0.2; full: to 0.5; integral: from 1 | a thin plate bends; shear softens it (by a seventh at 0.2), and beyond 0.5 it is no plate; the integral model assumes no layer at all |
 /// | `deflection_per_h` | deflection of the layer/h | closed, integral, plate: to 0.25; full: to 2 | the membrane carries part of the load (9 % at 0.25), later all of it |
-/// | `contact_radius_per_h` | sqrt(r alpha)/h | to 0.2 | Hertz's contact is upon a half-space |
-/// | `restitution` | e | closed: from 0.95; else from [`DampingLaw::restitution_min`] | the closed form has no damping in the contact; laws miss a small e |
+/// | `contact_radius_per_h` | sqrt(r alpha)/h | to 0.2 | Hertz's contact is on a half-space |
+/// | `restitution` | e | closed: from 0.95; else from [`DampingLaw::restitution_min`] | the closed form has no damping; laws are wrong for a small e |
 /// | `l_per_w` | l/w | closed, plate, full: to 1 | Table 1 of effective lengths ends at w/l = 1 |
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flags([DomainCheck; 5]);
