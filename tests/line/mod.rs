@@ -2,6 +2,7 @@
 
 mod endurance;
 mod restarts;
+mod second_readings;
 mod stations;
 mod status;
 mod verdicts;

@@ -14,6 +14,7 @@ mod off_velocity;
 mod rates;
 mod reasons;
 mod rig_faults;
+mod second_reading;
 
 /// All of `records` pushed, all scans ended.
 fn whole(config: &FuseConfig, plan: &Plan, records: &[Discriminators]) -> Fusion {
