@@ -1,6 +1,5 @@
 //! `fuse` on a line: judges each shoulder of an open casing as soon as it can be judged.
 
-use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -11,9 +10,6 @@ use tapline_wire::{
 };
 
 use crate::{Error, Fusion};
-
-/// Most remarks on references that are kept for the end.
-const REMARKS_MAX: usize = 16;
 
 /// Why `fuse` cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -38,8 +34,6 @@ pub struct Outcome {
     pub asked_count: u64,
     /// Records lost on the way here.
     pub lost_count: u64,
-    /// What references could not support; each text once, in the order of the texts.
-    pub remarks: Vec<String>,
 }
 
 /// Turns the discriminators of the casings on `line` into verdicts until told to stop; `begin` makes the fusion of a casing's
@@ -58,7 +52,6 @@ pub fn run(line: &Line, begin: &dyn Fn(&Plan) -> Result<Fusion, Error>) -> Resul
         begin,
         open: Vec::new(),
         outcome: Outcome::default(),
-        remarks: BTreeSet::new(),
     };
     match stage.serve() {
         Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => Ok(stage.into_outcome()),
@@ -75,7 +68,6 @@ struct StageLoop<'a> {
     begin: &'a dyn Fn(&Plan) -> Result<Fusion, Error>,
     open: Vec<OpenCasing>,
     outcome: Outcome,
-    remarks: BTreeSet<String>,
 }
 
 /// A casing that is open, as far as it is known here.
@@ -223,14 +215,6 @@ impl StageLoop<'_> {
                     Some(fusion) => fusion.judge(scan)?,
                     None => unjudged(&casing.plan, scan),
                 };
-                if let Some(fusion) = &mut casing.fusion {
-                    for text in fusion.remarks(scan)? {
-                        if self.remarks.len() < REMARKS_MAX && !self.remarks.contains(&text) {
-                            tracing::warn!("{text}");
-                            self.remarks.insert(text);
-                        }
-                    }
-                }
                 judgement.stamp = Stamp { casing: casing.number, mark: scan as u64, ..Stamp::default() };
                 self.verdicts.send(RecordKind::Data, judgement, &cells)?;
                 casing.is_judged[scan] = true;
@@ -242,7 +226,7 @@ impl StageLoop<'_> {
 
     fn into_outcome(self) -> Outcome {
         let lost_count = self.casings.lost() + self.settled.lost();
-        Outcome { lost_count, remarks: self.remarks.into_iter().collect(), ..self.outcome }
+        Outcome { lost_count, ..self.outcome }
     }
 }
 

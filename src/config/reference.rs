@@ -39,6 +39,11 @@ impl Fusions {
         }
     }
 
+    /// What of the stated rates the reference does not support, for people to read.
+    pub(crate) fn unsupported(&self) -> Vec<String> {
+        tapline_fuse::unsupported(&self.fuse, self.set.as_deref())
+    }
+
     /// The fusion of the taps of `plan`, if they are recorded and analysed like those of the reference.
     pub(crate) fn check(&self, plan: &Plan) -> Result<Fusion> {
         check_record_s(&self.process, &plan.recording)?;

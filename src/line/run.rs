@@ -39,6 +39,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     let setup = Setup::new(&job, arriving, &absolute(&job.out)?)?;
     // What cannot be judged, or not at once, is reported before anything is scanned.
     let listed = Listed::check(&job, &setup)?;
+    say_unsupported(&job)?;
     let mut folder = OutFolder::take(&job.out)?;
     RunFile::new(&job, &setup, &listed).check_or_write(folder.path())?;
     folder.clear_left(GONE_WITHIN)?;
@@ -74,6 +75,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     if let Some(plan) = setup.plan_of_stations(&job)? {
         drop(fusions.check(&plan)?);
     }
+    say_unsupported(&job)?;
     let mut folder = OutFolder::take(&job.out)?;
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
@@ -82,6 +84,12 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let audience = Audience { progress, on_verdict, as_json: args.json };
     let pace = operate(&setup, &mut folder, audience, args.casings)?;
     Ok(pace.refusals.is_empty())
+}
+
+/// Says which of the stated rates the reference does not support.
+fn say_unsupported(job: &Job) -> Result<()> {
+    job.fusions()?.unsupported().iter().for_each(|text| tracing::warn!("{text}"));
+    Ok(())
 }
 
 /// Runs the line that `setup` describes.

@@ -1,6 +1,6 @@
 //! What a run ends with: the verdict on every shoulder, how good they are where the truth is known, how fast it went.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::io::{self, Write as _};
 use std::sync::Arc;
 
@@ -78,7 +78,6 @@ struct Sum {
     counts: [usize; 3],
     is_judged: bool,
     flags: BTreeMap<&'static str, usize>,
-    remarks: BTreeSet<String>,
     scores: ScorePool,
     has_truth: bool,
     scored: usize,
@@ -112,7 +111,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
         verdicts: sum.verdicts,
         auc: sum.has_truth.then(|| Auc::new(&sum.scores.score(), sum.scored)),
         flags: Quality::ALL.iter().filter_map(|&(_, name)| Some((name, *sum.flags.get(name)?))).collect(),
-        remarks: sum.remarks.into_iter().collect(),
+        remarks: job.fusions()?.unsupported(),
         reference_is_self: job.config.fuse.reference == Some(Reference::Own),
         pace,
     };
@@ -154,9 +153,6 @@ fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
         }
     }
     let judgements = reader.judgements()?;
-    let extrapolated: Vec<usize> = (0..judgements.len())
-        .filter(|&scan| judgements[scan].as_ref().is_some_and(|(j, _)| j.reasons.contains(Reasons::EXTRAPOLATED)))
-        .collect();
     let records: Vec<_> = found.into_iter().flatten().collect();
     let fusion = || -> Result<Fusion> {
         Ok(match reader.reference() {
@@ -166,14 +162,6 @@ fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
             None => Fusion::new(&job.config.fuse, reader.plan())?,
         })
     };
-    // Found from the archive again, so that it is reported also when an earlier run reached the verdicts.
-    if !extrapolated.is_empty() && sum.remarks.is_empty() {
-        let mut fusion = fusion()?;
-        records.iter().try_for_each(|record| fusion.push(record))?;
-        for scan in extrapolated {
-            sum.remarks.extend(fusion.remarks(scan)?);
-        }
-    }
     if !reader.truth().is_empty() && sum.scored < SCORED_MAX {
         (sum.has_truth, sum.scored) = (true, sum.scored + 1);
         sum.scores.add(fusion()?, &records)?;

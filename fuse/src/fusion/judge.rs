@@ -129,16 +129,6 @@ impl Fusion {
         }
     }
 
-    /// What the reference of scan number `scan` can support and what it cannot, for people to read.
-    ///
-    /// # Errors
-    /// [`Error::NoSuchScan`].
-    pub fn remarks(&mut self, scan: usize) -> Result<Vec<String>, Error> {
-        self.check(scan)?;
-        let compared = self.compared(scan);
-        Ok(compared.found.as_ref().map(|found| found.fitted.remarks(&self.config)).unwrap_or_default())
-    }
-
     /// The damage index of every location of scan number `scan` at each offset that is known alone, in the order of the
     /// locations and of the offsets: what a scan at that offset only would have shown. With whatever has come.
     ///

@@ -332,6 +332,14 @@ impl ReferenceSet {
         Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
+    /// How many casings its shoulders are of.
+    pub(crate) fn casing_count(&self) -> usize {
+        let mut tyres: Vec<&str> = self.shoulders.iter().map(|shoulder| shoulder.tyre.as_str()).collect();
+        tyres.sort_unstable();
+        tyres.dedup();
+        tyres.len()
+    }
+
     /// Whether any of its locations is labelled as cracked.
     pub fn is_labelled(&self) -> bool {
         self.shoulders.iter().any(|s| s.is_cracked.as_ref().is_some_and(|labels| labels.contains(&true)))

@@ -2,12 +2,12 @@
 
 use rayon::prelude::*;
 
-use crate::FuseConfig;
 use crate::arcs::limits::Limits;
 use crate::arcs::statistic::ArcStatistic;
 use crate::arcs::white;
 use crate::index::{self, Index, Scores, Setup};
 use crate::shoulder::Shoulder;
+use crate::verdict::supported::supported_rate;
 use crate::verdict::whole_shoulder::Levels;
 
 /// A reference as it judges shoulders of one plan.
@@ -46,27 +46,7 @@ impl FittedReference {
 
     /// The least rate of false calls that it supports without assuming a distribution; `None` of fewer than two casings.
     pub(crate) fn supported_rate(&self) -> Option<f64> {
-        (self.casing_count > 1).then(|| 1.0 / (2.0 * self.casing_count as f64 + 1.0))
-    }
-
-    /// What of the rates that `config` states is not supported, for people to read.
-    pub(crate) fn remarks(&self, config: &FuseConfig) -> Vec<String> {
-        let percent = |rate: f64| format!("{:.3} %", 100.0 * rate).replace(".000", "");
-        let stated = [("re_inspect_rate", config.re_inspect_rate), ("reject_rate", config.reject_rate)];
-        let remark = |(name, rate): (&str, f64)| match (self.supported_rate(), self.casing_count) {
-            (Some(supported), count) if rate < supported => Some(format!(
-                "{name}: {count} casings support {} without assumption; {} is extrapolated",
-                percent(supported),
-                percent(rate)
-            )),
-            (Some(_), _) => None,
-            (None, 0) => Some(format!(
-                "{name}: a casing that is its own reference supports no rate; {} is that of white noise",
-                percent(rate)
-            )),
-            (None, _) => Some(format!("{name}: one casing supports no rate; {} is that of white noise", percent(rate))),
-        };
-        stated.into_iter().filter_map(remark).collect()
+        supported_rate(self.casing_count)
     }
 }
 

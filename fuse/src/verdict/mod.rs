@@ -1,5 +1,6 @@
 //! From what a shoulder shows to reasons and a verdict.
 
+pub(crate) mod supported;
 pub(crate) mod whole_shoulder;
 
 use tapline_wire::{Reasons, Verdict};

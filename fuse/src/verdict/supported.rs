@@ -1,0 +1,54 @@
+//! Which rates of false calls a reference supports.
+
+use crate::{FuseConfig, Reference, ReferenceSet};
+
+/// The least rate of false calls that `casing_count` casings support without assuming a distribution; `None` of fewer than two.
+pub(crate) fn supported_rate(casing_count: usize) -> Option<f64> {
+    (casing_count > 1).then(|| 1.0 / (2.0 * casing_count as f64 + 1.0))
+}
+
+/// What of the rates that `config` states is not supported by its reference, `set` where that is a file; for people to read.
+pub fn unsupported(config: &FuseConfig, set: Option<&ReferenceSet>) -> Vec<String> {
+    let casing_count = match (set, &config.reference) {
+        (Some(set), _) => set.casing_count(),
+        (None, Some(Reference::Shoulder { .. })) => 1,
+        (None, _) => 0,
+    };
+    let stated = [("re_inspect_rate", config.re_inspect_rate), ("reject_rate", config.reject_rate)];
+    stated.into_iter().filter_map(|(name, rate)| remark(casing_count, name, rate)).collect()
+}
+
+fn remark(casing_count: usize, name: &str, rate: f64) -> Option<String> {
+    let percent = |rate: f64| {
+        let digits = format!("{:.3}", 100.0 * rate);
+        format!("{} %", digits.trim_end_matches('0').trim_end_matches('.'))
+    };
+    let noise = format!("{} is that of white noise", percent(rate));
+    match supported_rate(casing_count) {
+        Some(supported) if rate < supported => Some(format!(
+            "{name}: {casing_count} casings support {} without assumption; {} is extrapolated",
+            percent(supported),
+            percent(rate)
+        )),
+        Some(_) => None,
+        None if casing_count == 0 => Some(format!(
+            "{name}: a casing that is its own reference supports no rate; {noise}. Damage all round does not show"
+        )),
+        None => Some(format!("{name}: one casing supports no rate; {noise}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_remark_tells_what_casings_support() {
+        // Catches a rate that nobody vouches for, one that is supported and remarked, and digits that say nothing.
+        assert_eq!(remark(12, "r", 0.05), None);
+        let text = "r: 12 casings support 4 % without assumption; 0.1 % is extrapolated";
+        assert_eq!(remark(12, "r", 0.001).as_deref(), Some(text));
+        assert!(remark(1, "r", 0.3).is_some_and(|text| text.contains("one casing supports no rate")));
+        assert!(remark(0, "r", 0.3).is_some_and(|text| text.contains("its own reference")));
+    }
+}
