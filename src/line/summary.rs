@@ -10,7 +10,7 @@ use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde::Serialize;
 use tapline_fuse::{Fusion, Reference, ReferenceSet, Score, ScorePool};
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Ledger, Quality, Reasons, TapState};
+use tapline_wire::{Discriminator, Ledger, Quality, TapState};
 
 use crate::config::job::Job;
 use crate::line::setup::Setup;
