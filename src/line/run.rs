@@ -39,7 +39,6 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     let setup = Setup::new(&job, arriving, &absolute(&job.out)?)?;
     // What cannot be judged, or not at once, is reported before anything is scanned.
     let listed = Listed::check(&job, &setup)?;
-    say_unsupported(&job)?;
     let mut folder = OutFolder::take(&job.out)?;
     RunFile::new(&job, &setup, &listed).check_or_write(folder.path())?;
     folder.clear_left(GONE_WITHIN)?;
@@ -49,6 +48,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         Pace::default()
     } else {
         setup.check_machine()?;
+        say_unsupported(&job)?;
         let progress = Progress::new(Some(listed.tap_count), &job.out);
         let audience = Audience { progress, on_verdict: None, as_json: args.json };
         operate(&setup, &mut folder, audience, Some(listed.names.len()))?
@@ -75,10 +75,10 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     if let Some(plan) = setup.plan_of_stations(&job)? {
         drop(fusions.check(&plan)?);
     }
-    say_unsupported(&job)?;
     let mut folder = OutFolder::take(&job.out)?;
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
+    say_unsupported(&job)?;
     let progress = Progress::new(None, &job.out);
     let on_verdict = job.config.line.on_verdict.as_deref().map(VerdictCommand::start).transpose()?;
     let audience = Audience { progress, on_verdict, as_json: args.json };
@@ -86,8 +86,11 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     Ok(pace.refusals.is_empty())
 }
 
-/// Says which of the stated rates the reference does not support.
+/// Says what the reference cannot show, and which of the stated rates it does not support.
 fn say_unsupported(job: &Job) -> Result<()> {
+    if job.config.fuse.reference == Some(tapline_fuse::Reference::Own) {
+        tracing::warn!("each casing is compared with itself: damage all round would not show");
+    }
     job.fusions()?.unsupported().iter().for_each(|text| tracing::warn!("{text}"));
     Ok(())
 }

@@ -131,7 +131,7 @@ fn nothing_of_a_line_is_open_to_another_user() {
         let name = path.display();
         for script in [
             format!("cat {name}"),
-            format!("dd if=/dev/zero of={name} bs=16 count=1 conv=notrunc"),
+            format!("dd if=/dev/zero of={name} bs=16 count=1 conv=notrunc,nocreat"),
             format!("rm -f {name}"),
         ] {
             let done = as_other(&script);

@@ -71,7 +71,7 @@ fn a_run_finds_the_crack_and_passes_the_sound_tyre() {
             "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,attempt,\
              f_max_n,tau_s,a_1_v_s,a_2_v_s,pr,p_f_v2_per_hz,e_f_v2,centroid_hz,quality"
         );
-        assert_eq!(header("damage"), "tyre,shoulder,location,angle_deg,damage_index,p_value");
+        assert_eq!(header("damage"), "tyre,shoulder,location,angle_deg,damage_index,first_index,p_value");
         let report = sandbox.run(&format!("verify run/{casing}.h5 --json")).json(0);
         assert_eq!(report["is_complete"], true);
     }

@@ -31,9 +31,9 @@ fn remark(casing_count: usize, name: &str, rate: f64) -> Option<String> {
             percent(rate)
         )),
         Some(_) => None,
-        None if casing_count == 0 => Some(format!(
-            "{name}: a casing that is its own reference supports no rate; {noise}. Damage all round does not show"
-        )),
+        None if casing_count == 0 => {
+            Some(format!("{name}: a casing that is its own reference supports no rate; {noise}"))
+        }
         None => Some(format!("{name}: one casing supports no rate; {noise}")),
     }
 }
