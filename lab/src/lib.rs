@@ -9,6 +9,7 @@
 //! - [`statistics`]: probability of detection, rates, gauge studies, resampling, held-out areas.
 
 pub mod estimators;
+mod evaluation;
 pub mod experiment;
 pub mod figures;
 mod in_memory;

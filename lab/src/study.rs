@@ -1,10 +1,8 @@
 //! `tapline-lab study`: a seeded Monte Carlo over simulated tyres, which compares indices, references and plans.
 
-mod auc;
 mod candidates;
 mod dataset;
 mod detection;
-mod draw;
 mod false_calls;
 mod gauge;
 mod judge;
@@ -12,10 +10,10 @@ mod page;
 mod parallel;
 mod pictures;
 mod plans;
+mod published;
 mod sets;
 mod size;
 mod summary;
-mod table;
 
 use std::fs;
 use std::io::{self, Write as _};
@@ -25,13 +23,13 @@ use anyhow::{Context as _, Result, ensure};
 use serde_json::{Map, Value};
 
 use self::candidates::{Candidate, SingleDiscriminator, Split};
-use self::detection::Detection;
 use self::false_calls::FalseCalls;
 use self::gauge::GaugeResult;
 use self::plans::PlanResult;
+use self::published::FoundOnSet;
 use self::size::Size;
 use self::summary::OfSet;
-use self::table::Table;
+use crate::evaluation::{Detection, Table};
 
 /// What a study is asked for.
 #[derive(Debug, clap::Args)]
@@ -72,6 +70,7 @@ struct Findings {
     calls: Vec<FalseCalls>,
     gauge: Vec<GaugeResult>,
     of_sets: Vec<OfSet>,
+    found: Vec<FoundOnSet>,
     tables: Vec<Table>,
 }
 
@@ -128,12 +127,14 @@ impl Findings {
         let calls = false_calls::false_calls(first, size, seed, threads)?;
         let gauge = gauge::gauge(first, size, seed, threads)?;
         let of_sets = summary::of_sets(&candidates, &alone, &names, seed);
+        let found = published::found_on_sets(&candidates, &names, seed);
         let tables = vec![
             about,
             summary::table(&of_sets),
             candidates::overlap_table(&candidates),
             false_calls::table(&calls)?,
             detection::table(&detection),
+            published::table(&detection, &found),
             gauge::table(&gauge),
             plans::table("plans_of_note", of_note, &tried, |t| t.is_on_front || is_named(t), seed),
             plans::table("plans", "Every part of the full plan", &tried, |_| true, seed).into_long(),
@@ -141,7 +142,7 @@ impl Findings {
             candidates::alone_table(&alone, seed),
             detection::targets_table(&detection),
         ];
-        Ok(Self { sets: names, candidates, alone, detection, plans: tried, calls, gauge, of_sets, tables })
+        Ok(Self { sets: names, candidates, alone, detection, plans: tried, calls, gauge, of_sets, found, tables })
     }
 
     /// Writes tables and figures into `folder`, and the page beside it.

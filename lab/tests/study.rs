@@ -111,9 +111,20 @@ fn committed_numbers_keep_their_limits() {
     }
     let default = &table("false_calls")[0]["index"];
     for row in table("gauge").iter().filter(|row| row["index"] == *default) {
-        // Worse than the 20 % of the index before, whose places shared a level: to be brought back.
-        assert!(number(&row["gauge_percent"]) <= if row["rigs"] == "1" { 40.0 } else { 72.0 }, "{row:?}");
+        // What two rigs differ by is to be brought down: a noisier one raises the index of sound places.
+        let most = match (row["parts_read"].as_str(), row["rigs"].as_str()) {
+            ("shoulders by strongest arc", "1") => 12.0,
+            ("shoulders by strongest arc", _) => 58.0,
+            (_, "1") => 42.0,
+            _ => 75.0,
+        };
+        assert!(number(&row["gauge_percent"]) <= most, "{row:?}");
     }
+    let published = table("published");
+    assert!(published[0]["published"] == "28" && number(&published[0]["here"]) <= 21.0, "{:?}", published[0]);
+    let rates: Vec<f64> = published[1..].iter().map(|row| number(&row["here"])).collect();
+    let mean = rates.iter().sum::<f64>() / rates.len() as f64;
+    assert!(rates.len() == 9 && mean >= 0.75 && rates.iter().all(|&rate| rate >= 0.55), "{rates:?}");
 }
 
 /// Catches too few tyres for halves of both kinds.

@@ -5,14 +5,12 @@ use anyhow::{Context as _, Result};
 use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_wire::Discriminator;
 
-use super::auc::Areas;
 use super::dataset::{Dataset, Turns};
-use super::false_calls::Call;
-use super::judge::{ComparedWith, ShoulderResult, alone, judge, overlap};
+use super::judge::{ComparedWith, alone, judge};
 use super::parallel::each;
 use super::sets::{Set, cracked, sound};
 use super::size::Size;
-use super::table::{Table, cell, ends};
+use crate::evaluation::{Areas, Call, ShoulderResult, Table, cell, ends, overlap};
 
 /// One set: sound tyres that are the reference, and others that are judged.
 #[derive(Debug)]

@@ -8,45 +8,22 @@ use anyhow::{Context as _, Result};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tapline_fuse::{FuseConfig, IndexKind};
-use tapline_wire::Verdict;
 
 use super::dataset::Dataset;
 use super::judge::{ComparedWith, judge};
 use super::parallel::each;
 use super::sets::{Set, sound};
 use super::size::Size;
-use super::table::{Table, cell, ends, yes_or_no};
+use crate::evaluation::{Call, Table, cell, ends, yes_or_no};
 
 /// What is called, and the rate that is stated for it.
 pub(super) const STATED: [(Call, f64); 3] = [(Call::NotPassed, 0.05), (Call::NotPassed, 0.02), (Call::Rejected, 0.001)];
 
-/// What is called false.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Call {
-    NotPassed,
-    Rejected,
-}
-
-impl Call {
-    pub(super) const ALL: [Self; 2] = [Self::NotPassed, Self::Rejected];
-
-    pub(super) fn name(self) -> &'static str {
-        ["not passed", "rejected"][self as usize]
-    }
-
-    pub(super) fn is(self, verdict: Verdict) -> bool {
-        match self {
-            Self::NotPassed => verdict != Verdict::Pass,
-            Self::Rejected => verdict == Verdict::Reject,
-        }
-    }
-
-    /// The default configuration with the rate `stated` for this.
-    fn config(self, stated: f64) -> FuseConfig {
-        match self {
-            Self::NotPassed => FuseConfig { re_inspect_rate: stated, ..FuseConfig::default() },
-            Self::Rejected => FuseConfig { reject_rate: stated, ..FuseConfig::default() },
-        }
+/// The default configuration with the rate `stated` for `call`.
+fn config_for(call: Call, stated: f64) -> FuseConfig {
+    match call {
+        Call::NotPassed => FuseConfig { re_inspect_rate: stated, ..FuseConfig::default() },
+        Call::Rejected => FuseConfig { reject_rate: stated, ..FuseConfig::default() },
     }
 }
 
@@ -86,7 +63,7 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> 
             .flat_map(|drawn| STATED.map(|(call, stated)| (call, stated, drawn)))
             .collect();
         let counted = each(&jobs, threads, |&(call, stated, drawn)| {
-            let config = FuseConfig { index, ..call.config(stated) };
+            let config = FuseConfig { index, ..config_for(call, stated) };
             let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
             let by = match drawn.is_empty() {
                 true => ComparedWith::Itself,

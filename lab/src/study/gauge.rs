@@ -1,19 +1,20 @@
-//! How well a rig repeats, and two rigs agree: gauge repeatability and reproducibility of the index.
+//! How well a rig repeats, and two rigs agree: gauge repeatability and reproducibility of what verdicts rest on.
 //!
-//! Parts are locations, operators two rigs, and a repeat is a whole scan with taps of its own. The second rig has its
+//! Parts are shoulders, read by their strongest arc, or locations, read by their index ([`Reading`]); operators are two rigs,
+//! and a repeat is a whole scan with taps of its own. The second rig has its
 //! microphone a tenth farther away, twice the noise in both channels, and a velocity that jitters half as much again.
 
-use crate::statistics::{Crossed, Gauge, OneWay, crossed, one_way};
+use crate::evaluation::{GAUGE_COLUMNS, Reading, ShoulderResult, Table, crossed_cells, one_way_cells};
+use crate::statistics::{Crossed, Gauge, OneWay, Refusal, crossed, one_way};
 use anyhow::Result;
 use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_model::SimulationConfig;
 
 use super::dataset::{Dataset, Turns};
-use super::judge::{ComparedWith, ShoulderResult, judge};
+use super::judge::{ComparedWith, judge};
 use super::parallel::each;
 use super::sets::{Set, cracked, sound};
 use super::size::Size;
-use super::table::{Cell, Table, cell};
 
 /// Sound tyres of the reference, scanned on the first rig.
 const REFERENCE: usize = 4;
@@ -23,9 +24,11 @@ const RIGS: usize = 2;
 #[derive(Debug)]
 pub(super) struct GaugeResult {
     pub index: IndexKind,
-    pub of_both: Result<Gauge, crate::statistics::Refusal>,
+    pub reading: Reading,
+    pub parts: usize,
+    pub of_both: Result<Gauge, Refusal>,
     /// Of the first rig alone.
-    pub of_one: Result<OneWay, crate::statistics::Refusal>,
+    pub of_one: Result<OneWay, Refusal>,
 }
 
 /// Scans the same tyres again and again on two rigs.
@@ -61,67 +64,53 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
         }
     }
     let by = reference.map_or(ComparedWith::Itself, ComparedWith::File);
-    each(&IndexKind::ALL, threads, |&index| {
+    let judged = each(&IndexKind::ALL, threads, |&index| {
         let config = FuseConfig { index, ..FuseConfig::default() };
-        let read = |scan: &Dataset| judge(&config, scan, &by);
-        let scans: Vec<Vec<ShoulderResult>> = scans.iter().map(read).collect::<Result<_>>()?;
-        let maps: Vec<Vec<f64>> =
-            scans.iter().map(|s| s.iter().flat_map(|j| j.index.iter().copied()).collect()).collect();
+        scans.iter().map(|scan| judge(&config, scan, &by)).collect::<Result<Vec<Vec<ShoulderResult>>>>()
+    })?;
+    let repeat_count = usize::from(size.gauge_scans);
+    let of = |(&index, scans): (&IndexKind, &Vec<Vec<ShoulderResult>>)| {
+        Reading::ALL.map(|reading| GaugeResult::new(index, reading, scans, repeat_count))
+    };
+    Ok(IndexKind::ALL.iter().zip(&judged).flat_map(of).collect())
+}
+
+impl GaugeResult {
+    /// Of `scans`, those of the first rig first.
+    fn new(index: IndexKind, reading: Reading, scans: &[Vec<ShoulderResult>], repeat_count: usize) -> Self {
+        let maps: Vec<Vec<f64>> = scans.iter().map(|scan| scan.iter().flat_map(|j| reading.of(j)).collect()).collect();
         let part_count = maps.first().map_or(0, Vec::len);
-        let repeat_count = usize::from(size.gauge_scans);
-        let reading = |part: usize, scan: usize| Some(maps[scan][part]).filter(|x| x.is_finite());
+        let value = |part: usize, scan: usize| Some(maps[scan][part]).filter(|x| x.is_finite());
         let of = |scan_count: usize| -> Vec<Option<f64>> {
-            (0..part_count).flat_map(|part| (0..scan_count).map(move |scan| reading(part, scan))).collect()
+            (0..part_count).flat_map(|part| (0..scan_count).map(move |scan| value(part, scan))).collect()
         };
         let study = Crossed { part_count, operator_count: RIGS, repeat_count };
-        Ok(GaugeResult {
+        Self {
             index,
+            reading,
+            parts: part_count,
             of_both: crossed(&of(RIGS * repeat_count), study),
             of_one: one_way(&of(repeat_count), part_count),
-        })
-    })
+        }
+    }
 }
 
 /// The table of them.
 pub(super) fn table(repeated: &[GaugeResult]) -> Table {
+    let columns: Vec<&'static str> =
+        ["index", "parts_read", "parts", "rigs"].into_iter().chain(GAUGE_COLUMNS).collect();
     let mut table = Table::new(
         "gauge",
-        "Gauge study of the index: parts are locations, operators two rigs, repeats whole scans; parts of the total \
-         standard deviation in per cent",
-        &[
-            "index",
-            "rigs",
-            "repeatability_percent",
-            "reproducibility_percent",
-            "gauge_percent",
-            "part_percent",
-            "ndc",
-            "remark",
-        ],
+        "Gauge study: operators are two rigs, repeats whole scans; parts of the total standard deviation in per cent. A verdict \
+         rests on the strongest arc of its shoulder; most locations are sound, and the index of these is scatter in units of \
+         its own standard deviation",
+        &columns,
     );
     for r in repeated {
-        let name = r.index.name();
-        let ndc = |ndc: Option<u64>| ndc.map_or(Cell::Empty, Cell::Count);
-        match &r.of_both {
-            Ok(g) => {
-                let parts = [g.repeatability, g.reproducibility, g.gauge, g.part].map(|c| cell(c.study_percent));
-                let remark = if g.is_pooled { "interaction pooled" } else { "" };
-                table.push([name.into(), RIGS.into()].into_iter().chain(parts).chain([ndc(g.ndc), remark.into()]));
-            }
-            Err(why) => table.push(refused(name, RIGS, &why.to_string())),
-        }
-        match &r.of_one {
-            Ok(g) => {
-                let [repeat, part] = [g.repeatability, g.part].map(|c| cell(c.study_percent));
-                table.push([name.into(), 1.into(), repeat.clone(), Cell::Empty, repeat, part, ndc(g.ndc), Cell::Empty]);
-            }
-            Err(why) => table.push(refused(name, 1, &why.to_string())),
+        for (rigs, cells) in [(RIGS, crossed_cells(&r.of_both)), (1, one_way_cells(&r.of_one))] {
+            let head = [r.index.name().into(), r.reading.name().into(), r.parts.into(), rigs.into()];
+            table.push(head.into_iter().chain(cells));
         }
     }
     table
-}
-
-fn refused(name: &str, rigs: usize, why: &str) -> Vec<Cell> {
-    let empty = (0..5).map(|_| Cell::Empty);
-    [name.into(), rigs.into()].into_iter().chain(empty).chain([why.into()]).collect()
 }

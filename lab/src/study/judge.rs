@@ -7,43 +7,7 @@ use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_wire::{Discriminator, Verdict};
 
 use super::dataset::Dataset;
-
-/// One shoulder.
-#[derive(Debug, Clone)]
-pub(super) struct ShoulderResult {
-    pub tyre: String,
-    pub shoulder: u16,
-    pub verdict: Verdict,
-    /// Damage index of each location; NaN where there is none.
-    pub index: Vec<f64>,
-    /// What the strongest arc must reach for the shoulder to be inspected again.
-    pub limit: f64,
-    /// Whether each location lies in a region.
-    pub is_called: Vec<bool>,
-    /// Whether each location is cracked.
-    pub is_cracked: Vec<bool>,
-}
-
-impl ShoulderResult {
-    /// Whether it has no crack.
-    pub(super) fn is_sound(&self) -> bool {
-        !self.is_cracked.contains(&true)
-    }
-
-    /// A passed shoulder that has nothing but an index.
-    #[cfg(test)]
-    pub(super) fn with_index(tyre: &str, index: &[f64], is_cracked: &[bool]) -> Self {
-        Self {
-            tyre: tyre.to_owned(),
-            shoulder: 1,
-            verdict: Verdict::Pass,
-            index: index.to_vec(),
-            limit: 1.0,
-            is_called: vec![false; index.len()],
-            is_cracked: is_cracked.to_vec(),
-        }
-    }
-}
+use crate::evaluation::ShoulderResult;
 
 /// What shoulders are compared with.
 #[derive(Debug, Clone)]
@@ -80,6 +44,7 @@ pub(super) fn judge(config: &FuseConfig, dataset: &Dataset, by: &ComparedWith) -
         Ok(ShoulderResult {
             verdict: Verdict::from_code(judgement.verdict).context("a shoulder has no verdict")?,
             index: cells.iter().map(|cell| cell.damage_index).collect(),
+            strongest_arc: judgement.strongest_arc,
             limit: judgement.limit_re_inspect,
             is_called: cells.iter().map(|cell| cell.region > 0).collect(),
             ..unjudged(dataset, number)
@@ -110,16 +75,9 @@ fn unjudged(dataset: &Dataset, number: usize) -> ShoulderResult {
         shoulder: scan.shoulder,
         verdict: Verdict::Pass,
         index: Vec::new(),
+        strongest_arc: f64::NAN,
         limit: f64::NAN,
         is_called: Vec::new(),
         is_cracked: scan.locations.iter().map(|&(location, _)| truth(location).unwrap_or(false)).collect(),
     }
-}
-
-/// Intersection of called and cracked locations over their union, all shoulders together; `None` where both are empty.
-pub(super) fn overlap(judged: &[ShoulderResult]) -> Option<f64> {
-    let places = || judged.iter().flat_map(|j| j.is_called.iter().zip(&j.is_cracked));
-    let both = places().filter(|&(&called, &cracked)| called && cracked).count();
-    let either = places().filter(|&(&called, &cracked)| called || cracked).count();
-    (either > 0).then(|| both as f64 / either as f64)
 }

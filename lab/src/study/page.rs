@@ -1,15 +1,14 @@
 //! The page: the tables, and conclusions in words that depend on their numbers.
 
+use crate::evaluation::{Call, Detection, Picture, Reading, cell, ends};
 use tapline_fuse::IndexKind;
 
 use super::Findings;
-use super::detection::Detection;
-use super::draw::Picture;
-use super::false_calls::{Call, FalseCalls, STATED};
+use super::false_calls::{FalseCalls, STATED};
 use super::gauge::GaugeResult;
 use super::plans::{COMPETITOR_CASING_S, PlanResult, cheapest};
+use super::published::{FoundOnSet, HONEYCOMB_A90_95_MM, SLABS_TPR, a90_95_mm};
 use super::summary::{OfSet, Rival};
-use super::table::{cell, ends};
 
 const HEAD: &str = include_str!("head.md");
 
@@ -52,6 +51,7 @@ fn heading(name: &str) -> &'static str {
         "overlap" => "Regions",
         "false_calls" => "False calls",
         "detection" => "Probability of detection",
+        "published" => "Published numbers of other structures",
         "gauge" => "Repeatability and reproducibility",
         "plans_of_note" => "Plans",
         _ => "More",
@@ -70,6 +70,7 @@ fn conclusions(found: &Findings) -> Vec<String> {
     ];
     lines.extend(called(&found.calls));
     lines.push(detected(&found.detection));
+    lines.extend(published(&found.detection, &found.found));
     lines.extend(repeated(&found.gauge));
     lines.extend(planned(&found.plans));
     lines
@@ -133,12 +134,41 @@ fn detected(detection: &[Detection]) -> String {
     format!("Finds by hit and miss: {}.", listed(&detection.iter().map(text).collect::<Vec<_>>()))
 }
 
+/// The study's numbers beside those of other structures.
+fn published(detection: &[Detection], found: &[FoundOnSet]) -> Vec<String> {
+    let a90_95 = a90_95_mm(detection).map(|mm| {
+        format!(
+            "a90/95 is {} mm here, on simulated rubber by length across the shoulder; {HONEYCOMB_A90_95_MM} mm is published for \
+             another structure, honeycomb panels tapped by machine (NRC Canada).",
+            cell(mm)
+        )
+    });
+    let rates = || found.iter().map(|of| of.found.rate);
+    let range = rates().min_by(f64::total_cmp).zip(rates().max_by(f64::total_cmp)).map(|(least, most)| {
+        format!(
+            "At 5 % false alarms {} to {} of the cracked locations are found, set by set; {} is published for another structure, \
+             concrete slabs (FHWA).",
+            cell(least),
+            cell(most),
+            cell(SLABS_TPR)
+        )
+    });
+    a90_95.into_iter().chain(range).collect()
+}
+
+/// What the gauge takes of what verdicts rest on, by the default index.
 fn repeated(gauge: &[GaugeResult]) -> Option<String> {
-    let of_both = gauge.iter().find(|g| g.index == IndexKind::default())?.of_both.as_ref().ok()?;
-    let categories = of_both.ndc.map_or_else(|| "none".to_owned(), |ndc| ndc.to_string());
+    let is_it = |g: &&GaugeResult| g.index == IndexKind::default() && g.reading == Reading::StrongestArc;
+    let found = gauge.iter().find(is_it)?;
+    let (both, one) = (found.of_both.as_ref().ok()?, found.of_one.as_ref().ok()?);
+    let categories = |ndc: Option<u64>| ndc.map_or_else(|| "none".to_owned(), |ndc| ndc.to_string());
     Some(format!(
-        "The gauge takes {} % of the total standard deviation of the default index; number of distinct categories: {categories}.",
-        cell(of_both.gauge.study_percent)
+        "The gauge takes {} % of the total standard deviation of the strongest arc of a shoulder with one rig, and {} % with two, \
+         of which the second is noisier; numbers of distinct categories: {} and {}.",
+        cell(one.repeatability.study_percent),
+        cell(both.gauge.study_percent),
+        categories(one.ndc),
+        categories(both.ndc)
     ))
 }
 

@@ -1,13 +1,10 @@
 //! What is drawn of the study: ROC, indices with intervals, probability of detection, and plans by time.
 
+use crate::evaluation::{Areas, Detection, Mark, Picture, Plot, axis};
 use plotters::style::RGBColor;
 use tapline_fuse::IndexKind;
 
-use super::auc::Areas;
 use super::candidates::{Candidate, SingleDiscriminator, best_alone, find};
-use super::detection::Detection;
-use super::draw::{Mark, Picture, Plot, axis};
-use super::judge::ShoulderResult;
 use super::plans::{COMPETITOR_CASING_S, PlanResult, cheapest};
 use tapline_draw::canvas::{INK, PALE_INK, Point};
 use tapline_draw::palette::COLORS;
@@ -24,29 +21,6 @@ pub(super) fn pictures(
     vec![roc(candidates, sets), indices(candidates, alone, sets, seed), pod(detection), by_time(plans)]
 }
 
-/// False and true positive rates of called locations, from the strictest limit to the loosest.
-pub(super) fn roc_points(judged: &[ShoulderResult]) -> Vec<Point> {
-    let places = judged.iter().flat_map(|j| j.index.iter().copied().zip(j.is_cracked.iter().copied()));
-    let mut places: Vec<(f64, bool)> = places.filter(|(x, _)| !x.is_nan()).collect();
-    places.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let cracked_all = places.iter().filter(|&&(_, is_cracked)| is_cracked).count() as f64;
-    let sound_all = places.len() as f64 - cracked_all;
-    let (mut sound, mut cracked) = (0.0, 0.0);
-    let mut points = vec![(0.0, 0.0)];
-    for tied in places.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq()) {
-        let rise = tied.iter().filter(|&&(_, is_cracked)| is_cracked).count() as f64;
-        cracked += rise;
-        sound += tied.len() as f64 - rise;
-        points.push((sound / sound_all, cracked / cracked_all));
-    }
-    // Where the curve goes on straight nothing is to be drawn.
-    let is_corner = |k: usize| {
-        let [a, b, c] = [points[k - 1], points[k], points[k + 1]];
-        ((b.0 - a.0) * (c.1 - a.1) - (b.1 - a.1) * (c.0 - a.0)).abs() > 1e-12
-    };
-    (0..points.len()).filter(|&k| k == 0 || k + 1 == points.len() || is_corner(k)).map(|k| points[k]).collect()
-}
-
 fn roc(candidates: &[Candidate], sets: &[&'static str]) -> Picture {
     let shown = [
         ("healthy", IndexKind::default(), "default, healthy reference"),
@@ -57,7 +31,7 @@ fn roc(candidates: &[Candidate], sets: &[&'static str]) -> Picture {
     let plot = |&set: &&'static str| {
         let curve = |(&(reference, index, _), color): (&(&str, IndexKind, &str), RGBColor)| {
             let candidate = find(candidates, set, reference, index)?;
-            Some(Mark::Line(roc_points(&candidate.judged), color, 1.75))
+            Some(Mark::Line(candidate.areas.roc_points(), color, 1.75))
         };
         Plot {
             name: set.to_owned(),
@@ -151,37 +125,6 @@ fn indices(candidates: &[Candidate], alone: &[SingleDiscriminator], sets: &[&'st
 }
 
 fn pod(detection: &[Detection]) -> Picture {
-    let plot = |d: &Detection| {
-        let (low, high) = (3.0, 31.0);
-        let sizes = || (0..=110_u32).map(|k| low + (high - low) * f64::from(k) / 110.0);
-        let at = |found: bool| -> Vec<Point> {
-            let targets = d.targets.iter().filter(|t| t.is_found == found);
-            targets.map(|t| (t.length_mm, if found { 1.0 } else { 0.0 })).collect()
-        };
-        let mut marks = vec![
-            Mark::Line(vec![(low, 0.9), (high, 0.9)], PALE_INK, 1.0),
-            Mark::Rings(at(true), COLORS[2], 2.5),
-            Mark::Rings(at(false), COLORS[3], 2.5),
-        ];
-        let mut name = d.class.clone();
-        if let Ok(h) = &d.hit_miss {
-            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, h.pod(x)?))).collect(), COLORS[0], 2.25));
-            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, h.pod_lower_95(x)?))).collect(), COLORS[0], 1.0));
-        } else {
-            name.push_str(": no curve by hit and miss");
-        }
-        if let Ok(a) = &d.a_hat {
-            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod(x)?))).collect(), COLORS[1], 2.25));
-            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod_lower_95(x)?))).collect(), COLORS[1], 1.0));
-        }
-        Plot {
-            name,
-            x: axis("Length across the shoulder in mm", (low, high), 8),
-            y: axis("Probability of detection", (-0.05, 1.05), 6),
-            rows: Vec::new(),
-            marks,
-        }
-    };
     Picture {
         name: "pod",
         beside: "detection",
@@ -194,7 +137,7 @@ fn pod(detection: &[Detection]) -> Picture {
             .collect(),
         columns: 2,
         height: 240.0,
-        plots: detection.iter().map(plot).collect(),
+        plots: detection.iter().map(|d| d.plot("Length across the shoulder in mm", (3.0, 31.0))).collect(),
     }
 }
 
@@ -240,18 +183,5 @@ fn by_time(plans: &[PlanResult]) -> Picture {
             rows: Vec::new(),
             marks,
         }],
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Catches a curve that does not end in the corners, and corners that are lost.
-    #[test]
-    fn a_curve_has_the_area_of_its_index() {
-        let index = [3.0, 2.0, 2.0, 1.0, f64::NAN];
-        let judged = ShoulderResult::with_index("T", &index, &[true, false, true, false, true]);
-        assert_eq!(roc_points(&[judged]), [(0.0, 0.0), (0.0, 0.5), (0.5, 1.0), (1.0, 1.0)]);
     }
 }

@@ -1,14 +1,13 @@
 //! Which offsets, velocities and repetitions are worth their time: parts of the full plan, from the same taps.
 
+use crate::evaluation::{Areas, Table, cell, ends, yes_or_no};
 use anyhow::{Context as _, Result};
 use tapline_fuse::FuseConfig;
 
-use super::auc::Areas;
 use super::candidates::Split;
 use super::dataset::Turns;
 use super::judge::judge;
 use super::parallel::each;
-use super::table::{Table, cell, ends, yes_or_no};
 
 /// Of a tap on the dissertation's rig: 170 s for a turn of 100 locations.
 const TAP_S: f64 = 1.7;

@@ -56,7 +56,7 @@ impl Size {
             reference_sizes: vec![2, 4, 8, 16],
             target_tyres: 32,
             target_reference: 8,
-            gauge_tyres: 4,
+            gauge_tyres: 8,
             gauge_scans: 3,
             set_count: usize::MAX,
             turns: turns(&OFFSETS_MM, &[VELOCITY_M_PER_S]),

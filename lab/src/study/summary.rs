@@ -1,11 +1,10 @@
 //! The default index beside what it must beat, set by set.
 
+use crate::evaluation::{Areas, Cell, Table, cell, ends};
 use tapline_fuse::IndexKind;
 use tapline_wire::Discriminator;
 
-use super::auc::Areas;
 use super::candidates::{Candidate, SingleDiscriminator, best_alone, find};
-use super::table::{Cell, Table, cell, ends};
 
 /// An area, and by how much that of the default index exceeds it.
 #[derive(Debug, Clone, Copy)]

@@ -1,4 +1,4 @@
-//! What the study finds, as tables: the same cells go to the terminal, to JSON, to CSV and onto the page.
+//! What is found, as tables: the same cells go to the terminal, to JSON, to CSV and onto the page.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -11,7 +11,7 @@ const DIGITS: usize = 4;
 
 /// One cell of a table.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Cell {
+pub(crate) enum Cell {
     Text(String),
     /// A finite number; shown to a few digits.
     Number(f64),
@@ -53,7 +53,7 @@ impl From<usize> for Cell {
 
 /// One table.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Table {
+pub(crate) struct Table {
     /// Name of its file, and its key in JSON.
     pub name: &'static str,
     /// What it shows.
@@ -65,24 +65,24 @@ pub(super) struct Table {
 }
 
 impl Table {
-    pub(super) fn new(name: &'static str, title: &'static str, columns: &[&'static str]) -> Self {
+    pub(crate) fn new(name: &'static str, title: &'static str, columns: &[&'static str]) -> Self {
         Self { name, title, columns: columns.to_vec(), rows: Vec::new(), is_long: false }
     }
 
     /// One that only files and JSON show.
-    pub(super) fn long(name: &'static str, title: &'static str, columns: &[&'static str]) -> Self {
+    pub(crate) fn long(name: &'static str, title: &'static str, columns: &[&'static str]) -> Self {
         Self::new(name, title, columns).into_long()
     }
 
-    pub(super) fn into_long(self) -> Self {
+    pub(crate) fn into_long(self) -> Self {
         Self { is_long: true, ..self }
     }
 
-    pub(super) fn push(&mut self, cells: impl IntoIterator<Item = Cell>) {
+    pub(crate) fn push(&mut self, cells: impl IntoIterator<Item = Cell>) {
         self.rows.push(cells.into_iter().collect());
     }
 
-    pub(super) fn csv(&self) -> Result<String> {
+    pub(crate) fn csv(&self) -> Result<String> {
         let mut out = csv::Writer::from_writer(Vec::new());
         out.write_record(&self.columns)?;
         self.rows.iter().try_for_each(|row| out.write_record(row.iter().map(ToString::to_string)))?;
@@ -90,7 +90,7 @@ impl Table {
     }
 
     /// Its rows as objects; a cell that is a number is one, an empty one is null.
-    pub(super) fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let value = |cell: &Cell| match cell {
             Cell::Empty => Value::Null,
             Cell::Text(text) => Value::from(text.as_str()),
@@ -104,7 +104,7 @@ impl Table {
     }
 
     /// For people at a terminal.
-    pub(super) fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let mut table = comfy_table::Table::new();
         table.load_style(UTF8_HORIZONTAL_ONLY);
         table.set_header(self.columns.iter().map(|column| column.replace('_', " ")));
@@ -115,7 +115,7 @@ impl Table {
     }
 
     /// As it stands on the page.
-    pub(super) fn markdown(&self) -> String {
+    pub(crate) fn markdown(&self) -> String {
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let head: Vec<String> = self.columns.iter().map(|column| column.replace('_', " ")).collect();
         let rule = format!("|{}\n", "---|".repeat(head.len()));
@@ -125,17 +125,17 @@ impl Table {
 }
 
 /// A number as a cell; absent is empty, and so is one that is not finite.
-pub(super) fn cell(value: impl Into<Option<f64>>) -> Cell {
+pub(crate) fn cell(value: impl Into<Option<f64>>) -> Cell {
     value.into().filter(|value| value.is_finite()).map_or(Cell::Empty, Cell::Number)
 }
 
 /// Whether something is so, as a cell.
-pub(super) fn yes_or_no(is_so: bool) -> Cell {
+pub(crate) fn yes_or_no(is_so: bool) -> Cell {
     if is_so { "yes" } else { "no" }.into()
 }
 
 /// Both ends of an interval as cells.
-pub(super) fn ends(interval: Option<(f64, f64)>) -> [Cell; 2] {
+pub(crate) fn ends(interval: Option<(f64, f64)>) -> [Cell; 2] {
     [cell(interval.map(|i| i.0)), cell(interval.map(|i| i.1))]
 }
 

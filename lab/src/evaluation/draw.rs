@@ -1,4 +1,4 @@
-//! The figures of the study.
+//! Figures of plots on axes.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -19,7 +19,7 @@ const NAME_ROOM: f64 = 26.0;
 
 /// What is drawn on a pair of axes.
 #[derive(Debug, Clone)]
-pub(super) enum Mark {
+pub(crate) enum Mark {
     /// A line through points, of a width in pixels.
     Line(Vec<Point>, RGBColor, f64),
     /// Dots of a radius in pixels.
@@ -32,7 +32,7 @@ pub(super) enum Mark {
 
 /// A pair of axes with what is on it.
 #[derive(Debug, Clone)]
-pub(super) struct Plot {
+pub(crate) struct Plot {
     pub name: String,
     pub x: Axis,
     pub y: Axis,
@@ -43,7 +43,7 @@ pub(super) struct Plot {
 
 /// One picture.
 #[derive(Debug, Clone)]
-pub(super) struct Picture {
+pub(crate) struct Picture {
     pub name: &'static str,
     /// Name of the table it stands beside.
     pub beside: &'static str,
@@ -56,13 +56,13 @@ pub(super) struct Picture {
     pub plots: Vec<Plot>,
 }
 
-pub(super) fn axis(label: &str, range: Point, label_count: usize) -> Axis {
+pub(crate) fn axis(label: &str, range: Point, label_count: usize) -> Axis {
     Axis { label: label.to_owned(), range, label_count }
 }
 
 impl Picture {
     /// The picture as SVG.
-    pub(super) fn svg(&self) -> Result<String> {
+    pub(crate) fn svg(&self) -> Result<String> {
         let rows = self.plots.len().div_ceil(self.columns);
         let height = HEAD + rows as f64 * self.row_height() + EDGE;
         let svg = canvas::svg((WIDTH as u32, height.ceil() as u32), |area| self.draw(area))?;

@@ -1,0 +1,18 @@
+//! What is found of judged shoulders whose truth is known, simulated or scanned in a plant: ROC curves, detection, false calls,
+//! gauge studies; and tables and figures of them.
+
+mod areas;
+mod call;
+mod detection;
+mod draw;
+mod gauge;
+mod shoulder;
+mod table;
+
+pub(crate) use areas::{Areas, FALSE_ALARMS, FoundAt};
+pub(crate) use call::Call;
+pub(crate) use detection::{DETECTION_COLUMNS, Detection, Target};
+pub(crate) use draw::{Mark, Picture, Plot, axis};
+pub(crate) use gauge::{GAUGE_COLUMNS, Reading, crossed_cells, one_way_cells, refused_cells};
+pub(crate) use shoulder::{ShoulderResult, overlap};
+pub(crate) use table::{Cell, Table, cell, ends, yes_or_no};

@@ -1,0 +1,25 @@
+//! What counts as a call on a shoulder.
+
+use tapline_wire::Verdict;
+
+/// What is called false where the shoulder is sound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Call {
+    NotPassed,
+    Rejected,
+}
+
+impl Call {
+    pub(crate) const ALL: [Self; 2] = [Self::NotPassed, Self::Rejected];
+
+    pub(crate) fn name(self) -> &'static str {
+        ["not passed", "rejected"][self as usize]
+    }
+
+    pub(crate) fn is(self, verdict: Verdict) -> bool {
+        match self {
+            Self::NotPassed => verdict != Verdict::Pass,
+            Self::Rejected => verdict == Verdict::Reject,
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Which cracks are found, against their size: by hit and miss, and by the response.
+
+use crate::statistics::{AHat, AtLeast, HitMiss, Refusal, Scale, Signal, a_hat, hit_miss};
+use tapline_draw::canvas::{PALE_INK, Point};
+use tapline_draw::palette::COLORS;
+
+use super::draw::{Mark, Plot, axis};
+use super::table::{Table, cell};
+
+/// Columns of [`Detection::push`].
+pub(crate) const DETECTION_COLUMNS: [&str; 8] =
+    ["class", "method", "targets", "found", "a50_mm", "a90_mm", "a90_95_mm", "remark"];
+
+/// One crack and what became of it.
+#[derive(Debug, Clone)]
+pub(crate) struct Target {
+    pub size_mm: f64,
+    /// Where it is known.
+    pub depth_mm: Option<f64>,
+    pub location_count: u32,
+    pub is_found: bool,
+    /// Greatest index along its arc; NaN where none of its locations has one.
+    pub response: f64,
+}
+
+/// The targets of a class, with both curves or why there is none.
+#[derive(Debug)]
+pub(crate) struct Detection {
+    pub class: String,
+    pub targets: Vec<Target>,
+    pub hit_miss: Result<HitMiss, Refusal>,
+    pub a_hat: Result<AHat, Refusal>,
+}
+
+impl Detection {
+    /// Fits both curves, the second to responses that are finds above `limit`; a target without a response was missed, and has no
+    /// part in the second.
+    pub(crate) fn new(class: String, targets: Vec<Target>, limit: f64) -> Self {
+        let sizes: Vec<f64> = targets.iter().map(|t| t.size_mm).collect();
+        let is_found: Vec<bool> = targets.iter().map(|t| t.is_found).collect();
+        let answered = targets.iter().filter(|t| t.response.is_finite());
+        let (answered_sizes, responses): (Vec<f64>, Vec<f64>) = answered.map(|t| (t.size_mm, t.response)).unzip();
+        let signal = Signal { scale: Scale::Linear, threshold: limit, noise: None, saturation: None };
+        Self {
+            class,
+            hit_miss: hit_miss(&sizes, &is_found),
+            a_hat: a_hat(&answered_sizes, &responses, signal),
+            targets,
+        }
+    }
+
+    /// How many of the targets were found.
+    pub(crate) fn found_count(&self) -> usize {
+        self.targets.iter().filter(|t| t.is_found).count()
+    }
+
+    /// Its two rows in a table of [`DETECTION_COLUMNS`].
+    pub(crate) fn push(&self, table: &mut Table) {
+        let mut push = |method: &str, sizes: Result<([Option<f64>; 3], AtLeast), String>| {
+            let (sizes, remark) = match sizes {
+                Ok((sizes, targets)) => (sizes, few(targets)),
+                Err(why) => ([None; 3], why),
+            };
+            let head = [self.class.clone().into(), method.into(), self.targets.len().into(), self.found_count().into()];
+            table.push(head.into_iter().chain(sizes.map(cell)).chain([remark.into()]));
+        };
+        let of_hits = self.hit_miss.as_ref().map(|h| ([h.a50, h.a90, h.a90_95_likelihood], h.targets));
+        push("hit or miss", of_hits.map_err(ToString::to_string));
+        let of_responses = self.a_hat.as_ref().map(|a| ([a.a50, a.a90, a.a90_95_likelihood], a.targets));
+        push("response", of_responses.map_err(ToString::to_string));
+    }
+
+    /// Both curves over sizes from `low` to `high` mm, with the targets; `label` says what the size is.
+    pub(crate) fn plot(&self, label: &str, (low, high): Point) -> Plot {
+        let sizes = || (0..=110_u32).map(|k| low + (high - low) * f64::from(k) / 110.0);
+        let at = |found: bool| -> Vec<Point> {
+            let targets = self.targets.iter().filter(|t| t.is_found == found);
+            targets.map(|t| (t.size_mm, if found { 1.0 } else { 0.0 })).collect()
+        };
+        let mut marks = vec![
+            Mark::Line(vec![(low, 0.9), (high, 0.9)], PALE_INK, 1.0),
+            Mark::Rings(at(true), COLORS[2], 2.5),
+            Mark::Rings(at(false), COLORS[3], 2.5),
+        ];
+        let mut name = self.class.clone();
+        if let Ok(h) = &self.hit_miss {
+            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, h.pod(x)?))).collect(), COLORS[0], 2.25));
+            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, h.pod_lower_95(x)?))).collect(), COLORS[0], 1.0));
+        } else {
+            name.push_str(": no curve by hit and miss");
+        }
+        if let Ok(a) = &self.a_hat {
+            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod(x)?))).collect(), COLORS[1], 2.25));
+            marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod_lower_95(x)?))).collect(), COLORS[1], 1.0));
+        }
+        Plot {
+            name,
+            x: axis(label, (low, high), 8),
+            y: axis("Probability of detection", (-0.05, 1.05), 6),
+            rows: Vec::new(),
+            marks,
+        }
+    }
+}
+
+/// That there are fewer targets than the handbook trusts.
+fn few(targets: AtLeast) -> String {
+    let AtLeast { count, wanted } = targets;
+    if targets.is_few() {
+        format!("{count} targets, of at least {wanted} that MIL-HDBK-1823A wants")
+    } else {
+        String::new()
+    }
+}

@@ -1,0 +1,51 @@
+//! Shoulders that were judged, with the truth about them.
+
+use tapline_wire::Verdict;
+
+/// One shoulder.
+#[derive(Debug, Clone)]
+pub(crate) struct ShoulderResult {
+    pub tyre: String,
+    pub shoulder: u16,
+    pub verdict: Verdict,
+    /// Damage index of each location; NaN where there is none.
+    pub index: Vec<f64>,
+    /// How far the strongest arc stands out; NaN where there is none.
+    pub strongest_arc: f64,
+    /// What the strongest arc must reach for the shoulder to be inspected again.
+    pub limit: f64,
+    /// Whether each location lies in a region.
+    pub is_called: Vec<bool>,
+    /// Whether each location is cracked.
+    pub is_cracked: Vec<bool>,
+}
+
+impl ShoulderResult {
+    /// Whether it has no crack.
+    pub(crate) fn is_sound(&self) -> bool {
+        !self.is_cracked.contains(&true)
+    }
+
+    /// A passed shoulder that has nothing but an index.
+    #[cfg(test)]
+    pub(crate) fn with_index(tyre: &str, index: &[f64], is_cracked: &[bool]) -> Self {
+        Self {
+            tyre: tyre.to_owned(),
+            shoulder: 1,
+            verdict: Verdict::Pass,
+            index: index.to_vec(),
+            strongest_arc: f64::NAN,
+            limit: 1.0,
+            is_called: vec![false; index.len()],
+            is_cracked: is_cracked.to_vec(),
+        }
+    }
+}
+
+/// Intersection of called and cracked locations over their union, all shoulders together; `None` where both are empty.
+pub(crate) fn overlap(judged: &[ShoulderResult]) -> Option<f64> {
+    let places = || judged.iter().flat_map(|j| j.is_called.iter().zip(&j.is_cracked));
+    let both = places().filter(|&(&called, &cracked)| called && cracked).count();
+    let either = places().filter(|&(&called, &cracked)| called || cracked).count();
+    (either > 0).then(|| both as f64 / either as f64)
+}
