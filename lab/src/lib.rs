@@ -1,6 +1,7 @@
 //! What a researcher runs beside the everyday program: `tapline-lab`.
 //!
 //! - [`study`]: simulated tyres by the hundred, and how good each index, reference and plan is.
+//! - [`pod`]: the same of casings that a plant has scanned and inspected.
 //! - [`experiment`]: chapter 5 of the dissertation done again on three simulated tyres.
 //! - [`figures`]: the figures of the dissertation's contact theory.
 //! - [`estimators`]: bias and spread of every estimator on taps whose truth is known.
@@ -14,6 +15,7 @@ pub mod experiment;
 pub mod figures;
 mod in_memory;
 pub mod picture;
+pub mod pod;
 pub mod stability;
 pub mod statistics;
 pub mod study;

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use tapline_lab::pod::PodArgs;
 use tapline_lab::study::StudyArgs;
-use tapline_lab::{estimators, experiment, figures, picture, stability, study};
+use tapline_lab::{estimators, experiment, figures, picture, pod, stability, study};
 
 /// What a researcher runs beside tapline: studies, figures and curves.
 #[derive(Debug, Parser)]
@@ -20,6 +21,9 @@ enum Verb {
     /// Judge many simulated tyres, and compare indices, references and plans: AUC with intervals, false calls,
     /// probability of detection, gauge studies, time on the rig.
     Study(StudyArgs),
+    /// Compare the archives of casings that a plant has scanned with what other means found in them: probability of
+    /// detection, ROC, false calls, gauge studies.
+    Pod(PodArgs),
     /// Repeat chapter 5 of the dissertation on three simulated tyres, and compare its claims with the results.
     Experiment {
         /// Folder to write figures (SVG), tables (CSV) and claims into, with a page beside it.
@@ -63,6 +67,7 @@ enum Verb {
 fn main() -> ExitCode {
     let done = match &Cli::parse().verb {
         Verb::Study(args) => study::study(args),
+        Verb::Pod(args) => pod::pod(args),
         Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Figures { out, figure } => figures::figures(out, *figure),
         Verb::Estimators { out } => estimators::write(out),

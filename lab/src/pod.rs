@@ -1,0 +1,128 @@
+//! `tapline-lab pod`: probability of detection, ROC, false calls and gauge studies from the archives of casings that a plant has
+//! scanned, by what other means found in them.
+//!
+//! A number that the data cannot support is not printed; a remark says which and why.
+
+mod archives;
+mod basis;
+mod calls;
+mod cracks;
+mod inspected;
+mod page;
+mod pictures;
+mod repeats;
+mod roc;
+mod truth;
+
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use serde_json::{Map, Value};
+
+use self::archives::Scans;
+use self::calls::CallRate;
+use self::repeats::Repeated;
+use self::roc::Roc;
+use self::truth::KnownTruth;
+use crate::evaluation::{Detection, Table};
+
+/// What is asked for.
+#[derive(Debug, clap::Args)]
+pub struct PodArgs {
+    /// Folder with finished archives, in sub-folders too.
+    pub folder: PathBuf,
+    /// What other means found: a CSV file with the columns tyre, shoulder, first_location, location_count and, where it is
+    /// known, size_mm; a row with location_count 0 states that a shoulder was inspected and is sound. What the archives
+    /// themselves know (simulated tyres, tap sets with truth) when left out.
+    #[arg(long)]
+    pub truth: Option<PathBuf>,
+    /// Seed of the intervals' random numbers.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Print the tables as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Folder to write tables (CSV), figures (SVG) and `page.md` into; made when it is not there.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// All that is found.
+#[derive(Debug)]
+struct Findings {
+    detections: Vec<Detection>,
+    rocs: [Roc; 2],
+    calls: Vec<CallRate>,
+    repeated: Vec<Repeated>,
+    tables: Vec<Table>,
+}
+
+/// Reads archives and truth, prints tables, and writes them with figures and a page where that is asked for.
+///
+/// # Errors
+/// A truth that contradicts itself or the archives, no archive that can be read, or an error of the file system.
+pub fn pod(args: &PodArgs) -> Result<()> {
+    let scans = Scans::read(&args.folder)?;
+    let truth = match &args.truth {
+        Some(file) => {
+            let truth = KnownTruth::read(file)?;
+            truth.check(&scans.extents()).with_context(|| file.display().to_string())?;
+            truth
+        }
+        None => scans.truth(),
+    };
+    let found = Findings::compute(&scans, &truth, args);
+    let mut out = io::stdout().lock();
+    if args.json {
+        let tables = found.tables.iter().map(|table| (table.name.to_owned(), table.json()));
+        writeln!(out, "{:#}", Value::Object(tables.collect::<Map<_, _>>()))?;
+    } else {
+        for table in found.tables.iter().filter(|table| !table.is_long) {
+            writeln!(out, "{}", table.text())?;
+        }
+    }
+    match &args.out {
+        Some(folder) => found.write(folder),
+        None => Ok(()),
+    }
+}
+
+impl Findings {
+    fn compute(scans: &Scans, truth: &KnownTruth, args: &PodArgs) -> Self {
+        let inspected = inspected::inspected(scans, truth);
+        let detections = cracks::detections(&inspected);
+        let rocs = roc::rocs(&inspected, args.seed);
+        let calls = calls::calls(&inspected);
+        let repeated = repeats::repeated(scans);
+        let tables = vec![
+            basis::table(scans, &inspected, args.truth.is_some()),
+            cracks::table(&detections),
+            roc::table(&rocs),
+            calls::table(&calls),
+            repeats::table(&repeated),
+            cracks::all(&inspected),
+            inspected::table(&inspected),
+        ];
+        Self { detections, rocs, calls, repeated, tables }
+    }
+
+    fn write(&self, folder: &Path) -> Result<()> {
+        let mut files = Vec::new();
+        for table in &self.tables {
+            files.push((format!("{}.csv", table.name), table.csv()?));
+        }
+        let pictures = pictures::pictures(self);
+        for picture in &pictures {
+            files.push((format!("{}.svg", picture.name), picture.svg()?));
+        }
+        files.push(("page.md".to_owned(), page::page(self, &pictures)));
+        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        for (name, text) in files {
+            let path = folder.join(name);
+            fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        }
+        Ok(())
+    }
+}

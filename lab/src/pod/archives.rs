@@ -1,0 +1,252 @@
+//! The shoulders of all finished archives of a folder.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, ensure};
+use tapline_store::{Judged, LEFT_FOLDER, OPEN_FOLDER, Reader};
+use tapline_wire::{DamageCell, Geometry, Judgement, Scan, Verdict};
+
+use super::truth::{Crack, Extent, Inspected, KnownTruth, Shoulder};
+use crate::evaluation::ShoulderResult;
+
+/// Depth of nested folders that are searched.
+const DEPTH_MAX: usize = 16;
+
+/// One shoulder as it was scanned and judged once.
+#[derive(Debug, Clone)]
+pub(super) struct Scanned {
+    /// Path of the archive within the folder.
+    pub archive: String,
+    pub station: u16,
+    /// When it was first tapped, in ns since the Unix epoch; 0 where no tap came.
+    pub tapped_ns: i64,
+    /// Tells recordings apart; `None` where no tap came.
+    pub recording: Option<[u8; 32]>,
+    pub extent: Extent,
+    /// Numbers of the locations of the map.
+    pub locations: Vec<u32>,
+    /// How far the strongest arc of each location's region stands out; NaN outside of regions.
+    pub region_index: Vec<f64>,
+    pub judgement: Judgement,
+    /// What was found; its truth is filled in later.
+    pub result: ShoulderResult,
+    /// What the archive itself knows of cracks.
+    pub known: Option<Vec<Crack>>,
+}
+
+/// What a folder has.
+#[derive(Debug, Default)]
+pub(super) struct Scans {
+    /// By casing and shoulder, the first scan first.
+    pub of_shoulder: BTreeMap<Shoulder, Vec<Scanned>>,
+    pub archive_count: usize,
+    /// Archives that could not be read, each with the reason.
+    pub unreadable: Vec<String>,
+    /// Files that have new results of archives (`tapline reprocess`).
+    pub results_count: usize,
+    /// Scans without a verdict.
+    pub unjudged_count: usize,
+    /// Scans of the same recording as another.
+    pub copy_count: usize,
+}
+
+impl Scanned {
+    /// Its casing and side.
+    pub(super) fn shoulder(&self) -> Shoulder {
+        (self.result.tyre.clone(), self.result.shoulder)
+    }
+
+    /// The places of its map that lie on `crack`.
+    pub(super) fn places_of(&self, crack: &Crack) -> impl Iterator<Item = usize> {
+        (0..self.locations.len()).filter(|&place| crack.covers(self.extent, self.locations[place]))
+    }
+}
+
+impl Scans {
+    /// Reads the finished archives of `folder` and its sub-folders.
+    ///
+    /// # Errors
+    /// A folder that cannot be read, or that has no archive that can.
+    pub(super) fn read(folder: &Path) -> Result<Self> {
+        let mut files = Vec::new();
+        look_into(folder, DEPTH_MAX, &mut files)?;
+        files.sort();
+        ensure!(!files.is_empty(), "{} has no finished archive (NAME.h5)", folder.display());
+        let mut scans = Self { archive_count: files.len(), ..Self::default() };
+        for path in &files {
+            let name = path.strip_prefix(folder).unwrap_or(path).display().to_string();
+            if let Err(error) = scans.add(path, &name) {
+                scans.unreadable.push(format!("{error:#}"));
+            }
+        }
+        if let Some(first) = scans.unreadable.first() {
+            ensure!(scans.unreadable.len() < files.len(), "none of {} archives can be read: {first}", files.len());
+        }
+        for shoulder in scans.of_shoulder.values_mut() {
+            shoulder.sort_by(|a, b| (a.tapped_ns, &a.archive).cmp(&(b.tapped_ns, &b.archive)));
+            // A copy is no second scan.
+            let before = shoulder.len();
+            let mut seen = Vec::new();
+            shoulder.retain(|scan| {
+                let is_copy = scan.recording.is_some() && seen.contains(&scan.recording);
+                seen.push(scan.recording);
+                !is_copy
+            });
+            scans.copy_count += before - shoulder.len();
+        }
+        Ok(scans)
+    }
+
+    fn add(&mut self, path: &Path, name: &str) -> Result<()> {
+        let reader = Reader::open(path)?;
+        if reader.is_results() {
+            self.results_count += 1;
+            return Ok(());
+        }
+        let times = reader.headers()?;
+        let recording = if times.iter().flatten().next().is_some() { Some(reader.raw_digest()?) } else { None };
+        for (scan, judged) in reader.plan().scans().iter().zip(reader.judgements()?) {
+            let Some(judged) = judged else {
+                self.unjudged_count += 1;
+                continue;
+            };
+            let tapped = scan.taps.iter().filter_map(|&row| times[row as usize].as_ref());
+            let scanned = Scanned {
+                archive: name.to_owned(),
+                tapped_ns: tapped.map(|header| header.tap_time_ns).min().unwrap_or(0),
+                recording,
+                ..scanned(&reader, scan, &judged).with_context(|| path.display().to_string())?
+            };
+            self.of_shoulder.entry(scanned.shoulder()).or_default().push(scanned);
+        }
+        Ok(())
+    }
+
+    /// Where the locations of each shoulder lie.
+    pub(super) fn extents(&self) -> BTreeMap<Shoulder, Extent> {
+        let first = |(shoulder, scans): (&Shoulder, &Vec<Scanned>)| Some((shoulder.clone(), scans.first()?.extent));
+        self.of_shoulder.iter().filter_map(first).collect()
+    }
+
+    /// What the archives themselves know; shoulders of which they do not know every location are not in it.
+    pub(super) fn truth(&self) -> KnownTruth {
+        let known = self.of_shoulder.iter().filter_map(|(shoulder, scans)| {
+            let cracks = scans.first()?.known.clone()?;
+            Some((shoulder.clone(), Inspected::of_archive(cracks)))
+        });
+        KnownTruth { shoulders: known.collect() }
+    }
+}
+
+fn scanned(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<Scanned> {
+    let geometry = reader.plan().geometry;
+    let locations: Vec<u32> = cells.iter().map(|cell| cell.location).collect();
+    let (first, last) = locations.first().zip(locations.last()).context("a shoulder has no location")?;
+    // Of a ring that was tapped in part the angles tell how many locations it has.
+    let last = ring_count(cells).filter(|_| geometry == Geometry::Ring).map_or(*last, |count| first + count - 1);
+    let extent = Extent { geometry, first: *first, last };
+    let truth = |location: &u32| reader.truth().get(&(scan.tyre, scan.shoulder, *location)).copied();
+    let known: Option<Vec<bool>> = locations.iter().map(truth).collect();
+    let result = ShoulderResult {
+        tyre: scan.tyre.to_string(),
+        shoulder: scan.shoulder,
+        verdict: Verdict::from_code(judgement.verdict).context("a shoulder has no verdict")?,
+        index: cells.iter().map(|cell| cell.damage_index).collect(),
+        strongest_arc: judgement.strongest_arc,
+        limit: judgement.limit_re_inspect,
+        is_called: cells.iter().map(|cell| cell.region > 0).collect(),
+        is_cracked: vec![false; cells.len()],
+    };
+    Ok(Scanned {
+        archive: String::new(),
+        station: scan.station,
+        tapped_ns: 0,
+        recording: None,
+        extent,
+        region_index: cells.iter().map(|cell| cell.region_index).collect(),
+        judgement: *judgement,
+        known: known.map(|known| cracks(extent, &locations, &known)),
+        locations,
+        result,
+    })
+}
+
+/// How many locations a ring has, by the angles of the first and the last that were tapped; `None` where they are not known, or
+/// no ring has such angles.
+fn ring_count(cells: &[DamageCell]) -> Option<u32> {
+    let (first, last) = (cells.first()?, cells.last()?);
+    let steps = last.location.checked_sub(first.location).filter(|&steps| steps > 0)?;
+    let count = 360.0 * f64::from(steps) / (last.angle_deg - first.angle_deg);
+    (count.is_finite() && count > f64::from(steps) && count < 1e6).then_some(count.round() as u32)
+}
+
+/// The runs of cracked locations; on a ring the last goes on at the first.
+fn cracks(extent: Extent, locations: &[u32], is_cracked: &[bool]) -> Vec<Crack> {
+    let count = is_cracked.len();
+    let Some(sound) = is_cracked.iter().position(|is| !is) else {
+        return vec![Crack::of_archive(extent.first, extent.count())];
+    };
+    // On a ring, from behind a sound location: no run goes over the end then.
+    let start = if extent.geometry == Geometry::Ring { sound } else { 0 };
+    let order: Vec<usize> = (0..count).map(|k| (start + k) % count).collect();
+    let runs = order.chunk_by(|&a, &b| is_cracked[a] == is_cracked[b]).filter(|run| is_cracked[run[0]]);
+    let crack = |run: &[usize]| {
+        let (first, last) = (locations[run[0]], locations[run[run.len() - 1]]);
+        let ahead = if last >= first { last - first } else { extent.count() - (first - last) };
+        Crack::of_archive(first, ahead + 1)
+    };
+    runs.map(crack).collect()
+}
+
+fn look_into(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
+    let context = || format!("cannot read {}", folder.display());
+    for entry in std::fs::read_dir(folder).with_context(context)? {
+        let entry = entry.with_context(context)?;
+        let name = entry.file_name();
+        let Some(name) = name.to_str().filter(|name| !name.starts_with('.')) else { continue };
+        let path = entry.path();
+        match path.is_dir() {
+            true if name == OPEN_FOLDER || name == LEFT_FOLDER || depth <= 1 => {}
+            true => look_into(&path, depth - 1, files)?,
+            false if path.extension().is_some_and(|ending| ending == "h5") => files.push(path),
+            false => {}
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a ring of which every second location was tapped that ends at the last of these.
+    #[test]
+    fn angles_tell_how_many_locations_a_ring_has() {
+        let cell = |(location, angle_deg): (u32, f64)| DamageCell { location, angle_deg, ..DamageCell::default() };
+        let of = |cells: &[(u32, f64)]| ring_count(&cells.iter().copied().map(cell).collect::<Vec<_>>());
+        assert_eq!(of(&[(0, 0.0), (2, 7.2), (98, 352.8)]), Some(100));
+        assert_eq!(of(&[(1, 5.0), (2, 8.6), (100, 361.4)]), Some(100));
+        assert_eq!(
+            (of(&[(0, f64::NAN), (9, f64::NAN)]), of(&[(0, 0.0)]), of(&[(0, 0.0), (9, 360.0)])),
+            (None, None, None)
+        );
+    }
+
+    /// Catches a crack over the seam that counts twice, one at the end of a line that goes on, and a ring without a sound
+    /// location.
+    #[test]
+    fn runs_of_cracked_locations_are_cracks() {
+        let of = |geometry, known: &str| -> Vec<(u32, u32)> {
+            let is_cracked: Vec<bool> = known.chars().map(|c| c == 'x').collect();
+            let locations: Vec<u32> = (1..).take(is_cracked.len()).collect();
+            let extent = Extent { geometry, first: 1, last: is_cracked.len() as u32 };
+            let cracks = cracks(extent, &locations, &is_cracked);
+            cracks.iter().map(|c| (c.first_location, c.location_count)).collect()
+        };
+        assert_eq!(of(Geometry::Ring, "x..xx..x"), [(4, 2), (8, 2)]);
+        assert_eq!(of(Geometry::Line, "x..xx..x"), [(1, 1), (4, 2), (8, 1)]);
+        assert_eq!(of(Geometry::Ring, "xxx"), [(1, 3)]);
+        assert_eq!(of(Geometry::Ring, "..."), []);
+    }
+}

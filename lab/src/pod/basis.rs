@@ -1,0 +1,58 @@
+//! What the numbers rest on, and what was left out.
+
+use super::archives::Scans;
+use super::inspected::InspectedShoulder;
+use crate::evaluation::{Cell, Table};
+
+/// The table of it.
+pub(super) fn table(scans: &Scans, inspected: &[InspectedShoulder], has_file: bool) -> Table {
+    let mut table = Table::new("basis", "What the numbers rest on", &["what", "count", "remark"]);
+    let mut push = |what: &str, count: usize, remark: String| table.push([what.into(), count.into(), remark.into()]);
+    let scan_count: usize = scans.of_shoulder.values().map(Vec::len).sum();
+    let sound_count = inspected.iter().filter(|shoulder| shoulder.is_sound()).count();
+    let cracks = || inspected.iter().flat_map(|shoulder| &shoulder.cracks);
+    let unsized_count = cracks().filter(|crack| crack.size_mm.is_none()).count();
+    let not_inspected: Vec<String> = (scans.of_shoulder.keys())
+        .filter(|&key| !inspected.iter().any(|shoulder| shoulder.scan.shoulder() == *key))
+        .map(|(tyre, shoulder)| format!("{tyre}/{shoulder}"))
+        .collect();
+    push("archives", scans.archive_count, String::new());
+    push("judged scans of shoulders", scan_count, String::new());
+    push("shoulders", scans.of_shoulder.len(), String::new());
+    push("cracked shoulders", inspected.len() - sound_count, String::new());
+    push("sound shoulders", sound_count, "inspected, and stated to be sound".to_owned());
+    push("cracks", cracks().count(), String::new());
+    if unsized_count > 0 {
+        push("cracks without a size", unsized_count, "they have no part in the probability of detection".to_owned());
+    }
+    if !not_inspected.is_empty() {
+        let file = if has_file { "the truth file has no row of them" } else { "their archives know no truth" };
+        let text = format!("not inspected: {file}; left out but for the gauge: {}", shortened(&not_inspected));
+        push("shoulders left out", not_inspected.len(), text);
+    }
+    let repeat_count = scan_count - scans.of_shoulder.len();
+    if repeat_count > 0 {
+        push("repeated scans", repeat_count, "of shoulders scanned before; for the gauge alone".to_owned());
+    }
+    for (what, count, remark) in [
+        ("copies", scans.copy_count, "scans with the same recording as another; left out"),
+        ("scans without a verdict", scans.unjudged_count, "left out"),
+        ("files of new results", scans.results_count, "results of `tapline reprocess`; left out"),
+    ] {
+        if count > 0 {
+            push(what, count, remark.to_owned());
+        }
+    }
+    for why in &scans.unreadable {
+        table.push(["archive left out".into(), Cell::Count(1), why.clone().into()]);
+    }
+    table
+}
+
+/// The first few of many names.
+fn shortened(names: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let rest = names.len().saturating_sub(SHOWN);
+    let shown = names[..names.len() - rest].join(" ");
+    if rest > 0 { format!("{shown} and {rest} more") } else { shown }
+}

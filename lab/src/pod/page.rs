@@ -1,0 +1,105 @@
+//! `page.md`: what is found in words, and the tables with their figures.
+
+use super::Findings;
+use super::calls::CallRate;
+use super::repeats::{Found, Repeated};
+use super::roc::Roc;
+use crate::evaluation::{Detection, Picture, cell, ends};
+
+const HEAD: &str = "# What was found of casings that were scanned and inspected
+
+Made by `tapline-lab pod`. How each number is computed, and what it needs, is on tapline's page `docs/pod.md`. Where the data do not support a
+number, the cell is empty and the remark says why.
+";
+
+/// The page; its files lie beside it.
+pub(super) fn page(found: &Findings, pictures: &[Picture]) -> String {
+    let mut page = format!("{HEAD}\n## In short\n\n");
+    for line in conclusions(found) {
+        page.push_str(&format!("- {line}\n"));
+    }
+    page.push('\n');
+    for table in found.tables.iter().filter(|table| !table.is_long) {
+        page.push_str(&format!("## {}\n\n{}\n", heading(table.name), table.title));
+        page.push_str(&format!("([{0}.csv]({0}.csv))\n\n{1}\n", table.name, table.markdown()));
+        for picture in pictures.iter().filter(|picture| picture.beside == table.name) {
+            page.push_str(&format!("![{}]({}.svg)\n\n", picture.title, picture.name));
+        }
+    }
+    let long: Vec<String> =
+        found.tables.iter().filter(|t| t.is_long).map(|t| format!("[{0}.csv]({0}.csv)", t.name)).collect();
+    page.push_str(&format!("Longer tables: {}.\n", long.join(", ")));
+    page
+}
+
+fn heading(name: &str) -> &'static str {
+    match name {
+        "basis" => "What the numbers rest on",
+        "detection" => "Probability of detection",
+        "roc" => "ROC",
+        "calls" => "False calls",
+        "gauge" => "Repeatability and reproducibility",
+        _ => "More",
+    }
+}
+
+fn conclusions(found: &Findings) -> Vec<String> {
+    let mut lines: Vec<String> = found.detections.iter().map(detected).collect();
+    if lines.is_empty() {
+        lines.push("No probability of detection: no crack has a size.".to_owned());
+    }
+    lines.extend(found.rocs.iter().filter_map(ranked));
+    lines.extend(found.calls.iter().filter_map(called));
+    lines.extend(found.repeated.iter().filter_map(repeated));
+    lines
+}
+
+fn detected(detection: &Detection) -> String {
+    let size = |name: &str, size_mm: Option<f64>| match size_mm {
+        Some(_) => format!("{name} {} mm", cell(size_mm)),
+        None => format!("no {name}"),
+    };
+    let sizes = match &detection.hit_miss {
+        Ok(curve) => format!("{}, {}", size("a90", curve.a90), size("a90/95", curve.a90_95_likelihood)),
+        Err(why) => format!("no a90, since {why}"),
+    };
+    let (found, all) = (detection.found_count(), detection.targets.len());
+    format!("Regions that reach the {}: {found} of {all} cracks found; by hit and miss {sizes}.", detection.class)
+}
+
+/// An interval in words.
+fn between(interval: Option<(f64, f64)>) -> String {
+    let [low, high] = ends(interval);
+    if interval.is_some() { format!("{low} to {high}") } else { "no interval".to_owned() }
+}
+
+fn ranked(roc: &Roc) -> Option<String> {
+    let found = roc.found.map_or_else(
+        || "no TPR at 5 % false alarms".to_owned(),
+        |found| format!("TPR at 5 % false alarms {} ({})", cell(found.rate), between(found.interval)),
+    );
+    Some(format!("AUC of {} {} ({}); {found}.", roc.things, cell(roc.auc?), between(roc.interval)))
+}
+
+fn called(calls: &CallRate) -> Option<String> {
+    let rate = calls.rate.as_ref().ok()?;
+    let stated = calls.stated.map_or_else(String::new, |stated| format!(", {} stated", cell(stated)));
+    let (kind, call) = (calls.kind(), calls.call.name());
+    Some(format!(
+        "{} of {} {kind} shoulders {call}: {} ({}){stated}.",
+        calls.calls,
+        calls.judged,
+        cell(rate.rate),
+        between(Some((rate.low, rate.high)))
+    ))
+}
+
+fn repeated(repeated: &Repeated) -> Option<String> {
+    let (gauge, across) = match &repeated.found {
+        Found::OfStations(gauge) => (gauge.as_ref().as_ref().ok()?.gauge, "across stations"),
+        Found::OfOne(gauge) => (gauge.as_ref().ok()?.repeatability, "at one station"),
+        Found::Nothing(_) => return None,
+    };
+    let percent = cell(gauge.study_percent);
+    Some(format!("The gauge takes {percent} % of the total standard deviation of {}, {across}.", repeated.quantity))
+}

@@ -1,0 +1,203 @@
+//! Gauge study of casings that were scanned again: stations are the operators, whole scans the repeats.
+//!
+//! Parts are shoulders, read by their strongest arc, and locations, read by their damage index: see [`Reading`].
+
+use std::collections::BTreeMap;
+
+use crate::evaluation::{GAUGE_COLUMNS, Reading, Table, crossed_cells, one_way_cells, refused_cells};
+use crate::statistics::{Crossed, Gauge, OneWay, Refusal, crossed, one_way};
+
+use super::archives::{Scanned, Scans};
+
+/// Parts that AIAG wants.
+const PARTS: usize = 10;
+
+/// What repeated scans find.
+#[derive(Debug)]
+pub(super) enum Found {
+    /// Several stations.
+    OfStations(Box<Result<Gauge, Refusal>>),
+    /// One station, or several that share no shoulder.
+    OfOne(Result<OneWay, Refusal>),
+    /// No scan that can be used.
+    Nothing(String),
+}
+
+/// The study of one kind of parts.
+#[derive(Debug)]
+pub(super) struct Repeated {
+    pub quantity: &'static str,
+    stations: Vec<u16>,
+    parts: usize,
+    repeats: usize,
+    pub found: Found,
+    remark: String,
+}
+
+/// The scans of a shoulder at one station.
+type AtStation<'a> = BTreeMap<u16, Vec<&'a Scanned>>;
+
+/// The studies of both kinds of parts: across stations where shoulders were scanned again at several, and at one.
+pub(super) fn repeated(scans: &Scans) -> Vec<Repeated> {
+    let by_station = |scans: &'_ Vec<Scanned>| {
+        let mut at: BTreeMap<u16, Vec<usize>> = BTreeMap::new();
+        scans.iter().enumerate().for_each(|(k, scan)| at.entry(scan.station).or_default().push(k));
+        at.retain(|_, scans| scans.len() >= 2);
+        at
+    };
+    let again: Vec<AtStation<'_>> = (scans.of_shoulder.values())
+        .map(|scans| {
+            by_station(scans).into_iter().map(|(s, ks)| (s, ks.into_iter().map(|k| &scans[k]).collect())).collect()
+        })
+        .filter(|at: &AtStation<'_>| !at.is_empty())
+        .collect();
+    let mut studies = Vec::new();
+    for reading in Reading::ALL {
+        if let Some(stations) = shared_stations(&again) {
+            studies.push(Repeated::across(reading, &again, stations));
+        }
+        studies.push(Repeated::at_one(reading, &again));
+    }
+    studies
+}
+
+/// The stations that most shoulders were scanned at twice or more, by how many shoulders share them; `None` where no two do.
+fn shared_stations(again: &[AtStation<'_>]) -> Option<Vec<u16>> {
+    let mut count: BTreeMap<u16, usize> = BTreeMap::new();
+    again.iter().flat_map(BTreeMap::keys).for_each(|&station| *count.entry(station).or_default() += 1);
+    let mut stations: Vec<u16> = count.keys().copied().collect();
+    stations.sort_by_key(|station| (std::cmp::Reverse(count[station]), *station));
+    let shared = |stations: &[u16]| again.iter().filter(|at| stations.iter().all(|s| at.contains_key(s))).count();
+    let best = (2..=stations.len()).map(|k| (shared(&stations[..k]) * k, k)).filter(|&(readings, _)| readings > 0);
+    best.max_by_key(|&(readings, k)| (readings, std::cmp::Reverse(k))).map(|(_, k)| {
+        let mut shared = stations[..k].to_vec();
+        shared.sort_unstable();
+        shared
+    })
+}
+
+impl Repeated {
+    /// The same shoulders, read again at each of `stations`.
+    fn across(reading: Reading, again: &[AtStation<'_>], stations: Vec<u16>) -> Self {
+        let shared: Vec<Vec<&[&Scanned]>> = (again.iter())
+            .filter_map(|at| stations.iter().map(|station| at.get(station).map(Vec::as_slice)).collect())
+            .collect();
+        let design = Design::new(reading, &shared);
+        let study = Crossed {
+            part_count: design.part_count,
+            operator_count: stations.len(),
+            repeat_count: design.repeat_count,
+        };
+        let found = Found::OfStations(Box::new(crossed(&design.readings, study)));
+        Self::new(reading, stations, &design, found)
+    }
+
+    /// Shoulders that were read again at one station, each at the one that read it most often.
+    fn at_one(reading: Reading, again: &[AtStation<'_>]) -> Self {
+        let most = |at: &AtStation<'_>| {
+            at.iter().max_by_key(|(s, scans)| (scans.len(), std::cmp::Reverse(**s))).map(|(s, _)| *s)
+        };
+        let mut stations: Vec<u16> = again.iter().filter_map(most).collect();
+        let at_one: Vec<Vec<&[&Scanned]>> =
+            again.iter().filter_map(|at| Some(vec![at.get(&most(at)?)?.as_slice()])).collect();
+        stations.sort_unstable();
+        stations.dedup();
+        let design = Design::new(reading, &at_one);
+        let found = match again.is_empty() {
+            true => Found::Nothing(
+                "no shoulder was scanned twice at one station: there is no repeat to judge a gauge by".into(),
+            ),
+            false => Found::OfOne(one_way(&design.readings, design.part_count)),
+        };
+        Self { stations, ..Self::new(reading, Vec::new(), &design, found) }
+    }
+
+    fn new(reading: Reading, stations: Vec<u16>, design: &Design, found: Found) -> Self {
+        let mut remarks = Vec::new();
+        if design.part_count > 0 && design.part_count < PARTS {
+            remarks.push(format!("{} parts, of at least {PARTS} that AIAG wants", design.part_count));
+        }
+        if design.left_out > 0 {
+            remarks.push(format!("{} parts left out that not every scan has a value of", design.left_out));
+        }
+        if let Some((low, high)) = &design.limits {
+            remarks.push(format!("limits lie between {low} and {high}: not all scans had one reference"));
+        }
+        Self {
+            quantity: reading.name(),
+            stations,
+            parts: design.part_count,
+            repeats: design.repeat_count,
+            found,
+            remark: remarks.join("; "),
+        }
+    }
+}
+
+/// The readings of a complete design, part by part, station by station.
+struct Design {
+    readings: Vec<Option<f64>>,
+    part_count: usize,
+    repeat_count: usize,
+    left_out: usize,
+    /// Least and greatest re-inspect limit where they differ.
+    limits: Option<(String, String)>,
+}
+
+impl Design {
+    /// Of `shoulders`, each with its scans at each station; of more scans than the least number the first ones count.
+    fn new(reading: Reading, shoulders: &[Vec<&[&Scanned]>]) -> Self {
+        let counts = shoulders.iter().flatten().map(|scans| scans.len());
+        let repeat_count = counts.min().unwrap_or(0);
+        let (mut readings, mut part_count, mut left_out) = (Vec::new(), 0, 0);
+        for stations in shoulders {
+            let scans: Vec<&Scanned> = stations.iter().flat_map(|scans| &scans[..repeat_count]).copied().collect();
+            let is_same = scans.iter().all(|scan| scan.locations == scans[0].locations);
+            let maps: Vec<Vec<f64>> = scans.iter().map(|scan| reading.of(&scan.result)).collect();
+            for part in 0..maps.first().map_or(0, Vec::len) {
+                // Other locations are other parts.
+                let values = maps.iter().map(|map| map.get(part).copied().filter(|x| is_same && x.is_finite()));
+                let values: Vec<Option<f64>> = values.collect();
+                match values.contains(&None) {
+                    true => left_out += 1,
+                    false => {
+                        readings.extend(values);
+                        part_count += 1;
+                    }
+                }
+            }
+        }
+        let limits = || shoulders.iter().flatten().flat_map(|scans| scans.iter()).map(|scan| scan.result.limit);
+        let range = limits().min_by(f64::total_cmp).zip(limits().max_by(f64::total_cmp));
+        let differ = range.filter(|(low, high)| high - low > 1e-9 * high.abs());
+        let limits = differ.map(|(low, high)| (format!("{low:.3}"), format!("{high:.3}")));
+        Self { readings, part_count, repeat_count, left_out, limits }
+    }
+}
+
+/// The table of them.
+pub(super) fn table(repeated: &[Repeated]) -> Table {
+    let columns: Vec<&'static str> =
+        ["parts_read", "stations", "parts", "repeats"].into_iter().chain(GAUGE_COLUMNS).collect();
+    let mut table = Table::new(
+        "gauge",
+        "Gauge study of casings that were scanned again: operators are stations, repeats whole scans; parts of the total standard \
+         deviation in per cent",
+        &columns,
+    );
+    for r in repeated {
+        let stations = r.stations.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
+        let mut row = vec![r.quantity.into(), stations.into(), r.parts.into(), r.repeats.into()];
+        row.extend(match &r.found {
+            Found::OfStations(gauge) => crossed_cells(gauge),
+            Found::OfOne(gauge) => one_way_cells(gauge),
+            Found::Nothing(why) => refused_cells(why),
+        });
+        if let Some(last) = row.last_mut() {
+            let remarks = [last.to_string(), r.remark.clone()];
+            *last = remarks.into_iter().filter(|remark| !remark.is_empty()).collect::<Vec<_>>().join("; ").into();
+        }
+        table.push(row);
+    }
+    table
+}

@@ -1,0 +1,89 @@
+//! ROC curves of shoulders, by their strongest arc, and of locations, by their damage index.
+
+use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, Table, cell, ends};
+
+use super::inspected::InspectedShoulder;
+
+/// Limits of shoulders that differ by more than this part have other references.
+const SAME_LIMIT: f64 = 0.01;
+
+/// One curve.
+#[derive(Debug)]
+pub(super) struct Roc {
+    /// What is called.
+    pub things: &'static str,
+    pub areas: Areas,
+    pub auc: Option<f64>,
+    pub interval: Option<(f64, f64)>,
+    pub found: Option<FoundAt>,
+    remark: String,
+}
+
+/// Both.
+pub(super) fn rocs(inspected: &[InspectedShoulder], seed: u64) -> [Roc; 2] {
+    let shoulders = inspected.iter().map(|shoulder| {
+        let result = &shoulder.scan.result;
+        (result.tyre.clone(), result.strongest_arc, !shoulder.is_sound())
+    });
+    let results = || inspected.iter().map(|shoulder| &shoulder.scan.result);
+    let locations = results().flat_map(|result| {
+        let places = result.index.iter().zip(&result.is_cracked);
+        places.map(|(&index, &is_cracked)| (result.tyre.clone(), index, is_cracked))
+    });
+    let limits = || results().map(|result| result.limit).filter(|limit| limit.is_finite());
+    let range = limits().min_by(f64::total_cmp).zip(limits().max_by(f64::total_cmp));
+    let pooled =
+        range.filter(|(low, high)| high > &((1.0 + SAME_LIMIT) * low)).map_or_else(String::new, |(low, high)| {
+            format!("limits lie between {} and {}: scores of different references are pooled", cell(low), cell(high))
+        });
+    let blind = results().flat_map(|result| &result.index).filter(|index| index.is_nan()).count();
+    let blind = if blind > 0 { format!("{blind} locations without an index are left out") } else { String::new() };
+    [
+        Roc::new("shoulders by strongest arc", Areas::of(shoulders), seed, vec![pooled.clone()]),
+        Roc::new("locations by damage index", Areas::of(locations), seed, vec![pooled, blind]),
+    ]
+}
+
+impl Roc {
+    fn new(things: &'static str, areas: Areas, seed: u64, mut remarks: Vec<String>) -> Self {
+        let auc = areas.auc();
+        let (interval, found) = (areas.by_tyres(seed), areas.found_at(FALSE_ALARMS, seed));
+        let [cracked, sound] = [true, false].map(|class| areas.count(class));
+        let [cracked_tyres, sound_tyres] = [true, false].map(|class| areas.tyre_count(class));
+        if auc.is_none() {
+            remarks.push(format!("no AUC: there are {cracked} cracked and {sound} sound, and 1 of each is needed"));
+        } else {
+            if interval.is_none() {
+                remarks.push(format!(
+                    "no interval: tyres with cracked ones are {cracked_tyres}, with sound ones {sound_tyres}; 2 of each are needed"
+                ));
+            }
+            if found.is_none() {
+                remarks
+                    .push(format!("no TPR at 5 % false alarms: there are {sound} sound, and 20 are needed to call 1"));
+            }
+        }
+        remarks.retain(|remark| !remark.is_empty());
+        Self { things, areas, auc, interval, found, remark: remarks.join("; ") }
+    }
+}
+
+/// The table of them.
+pub(super) fn table(rocs: &[Roc]) -> Table {
+    let mut table = Table::new(
+        "roc",
+        "Area under the ROC curve, and the true positive rate (TPR) at 5 % false alarms. Intervals draw whole tyres; of a perfect \
+         area or rate they are exact ones of as many independent tyres",
+        &["called", "cracked", "sound", "auc", "auc_low", "auc_high", "tpr_at_5", "tpr_low", "tpr_high", "remark"],
+    );
+    for roc in rocs {
+        let mut row =
+            vec![roc.things.into(), roc.areas.count(true).into(), roc.areas.count(false).into(), cell(roc.auc)];
+        row.extend(ends(roc.interval));
+        row.push(cell(roc.found.map(|found| found.rate)));
+        row.extend(ends(roc.found.and_then(|found| found.interval)));
+        row.push(roc.remark.clone().into());
+        table.push(row);
+    }
+    table
+}
