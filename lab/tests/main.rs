@@ -7,4 +7,5 @@ mod figures;
 mod sandbox;
 mod stability;
 mod statistics;
+mod rates;
 mod study;
