@@ -4,8 +4,8 @@
 
 mod experiment;
 mod figures;
+mod rates;
 mod sandbox;
 mod stability;
 mod statistics;
-mod rates;
 mod study;
