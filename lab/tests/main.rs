@@ -4,6 +4,7 @@
 
 mod experiment;
 mod figures;
+mod pod;
 mod rates;
 mod sandbox;
 mod stability;

@@ -6,6 +6,9 @@ mod hit_miss;
 mod rate;
 mod reference;
 
+pub(crate) use gauge::AIAG;
+pub(crate) use reference::{A_HAT, HIT_MISS};
+
 /// Whether two numbers are the same to a part `tolerance` of the second.
 fn is_near(got: f64, expected: f64, tolerance: f64) -> bool {
     (got - expected).abs() <= tolerance * expected.abs()

@@ -9,7 +9,7 @@ use super::reference::{CROSSED, CROSSED_ANOVA};
 /// Ten parts, three readings each by appraisers A, B and C: the worked example of AIAG, Measurement Systems Analysis,
 /// 4th edition (2010), chapter III B, and of Minitab's "Example of a crossed gage R&R study" (support.minitab.com).
 #[rustfmt::skip]
-const AIAG: [[f64; 9]; 10] = [
+pub(crate) const AIAG: [[f64; 9]; 10] = [
     [0.29, 0.41, 0.64, 0.08, 0.25, 0.07, 0.04, -0.11, -0.15],
     [-0.56, -0.68, -0.58, -0.47, -1.22, -0.68, -1.38, -1.13, -0.96],
     [1.34, 1.17, 1.27, 1.19, 0.94, 1.34, 0.88, 1.09, 0.67],

@@ -1,0 +1,247 @@
+//! `tapline-lab pod` on archives: its numbers against published examples and hand counts, what it leaves out, and its errors.
+
+mod made;
+
+use std::fs;
+
+use serde_json::Value;
+use tapline_testing::documents::text;
+
+use self::made::{Archive, Shoulder};
+use crate::sandbox::Sandbox;
+use crate::statistics::{A_HAT, AIAG, HIT_MISS};
+
+const HEAD: &str = "tyre,shoulder,first_location,location_count,size_mm\n";
+
+/// A ring whose greatest index, at locations 3 and 4, is `peak`.
+fn ring(peak: f64) -> [f64; 8] {
+    [0.1, 0.2, 0.3, peak, peak, 0.4, 0.5, 0.6]
+}
+
+/// The tables of `pod` on `casings` by the rows of a truth file.
+fn tables(sandbox: &Sandbox, rows: &str) -> Value {
+    fs::write(sandbox.path("truth.csv"), format!("{HEAD}{rows}")).unwrap();
+    sandbox.run("pod casings --truth truth.csv --json").json(0)
+}
+
+fn write(sandbox: &Sandbox, archives: &[Archive]) {
+    fs::create_dir_all(sandbox.path("casings")).unwrap();
+    for (number, archive) in archives.iter().enumerate() {
+        archive.write(&sandbox.path(&format!("casings/{number:03}.h5")));
+    }
+}
+
+/// The row of a table in JSON whose first cell is `first`.
+fn row<'a>(table: &'a Value, first: &str) -> &'a Value {
+    let rows = table.as_array().unwrap();
+    let first_of = |row: &Value| row.as_object().unwrap().values().any(|cell| cell == first);
+    rows.iter().find(|row| first_of(row)).unwrap_or_else(|| panic!("no {first}: {table:#}"))
+}
+
+/// To the four digits of a cell.
+fn is_near(cell: &Value, expected: f64) -> bool {
+    cell.as_f64().is_some_and(|got| (got - expected).abs() <= 6e-4 * expected.abs())
+}
+
+/// Catches a size that is paired with another crack's find, a bound that is Wald's or that of the other side, and misses that
+/// are forgotten: the study "as the handbook wants", of which statsmodels' GLM says what is expected.
+#[test]
+fn the_probability_of_detection_is_that_of_statsmodels() {
+    let case = &HIT_MISS[0];
+    let sandbox = Sandbox::new();
+    let (mut shoulders, mut rows) = (Vec::new(), String::new());
+    for (number, (size, &is_hit)) in case.sizes.iter().zip(case.is_hit).enumerate() {
+        shoulders.push(Shoulder::new(&format!("T{number:03}"), 1, &ring(if is_hit { 2.5 } else { 1.5 })));
+        rows.push_str(&format!("T{number:03},1,4,3,{size}\n"));
+    }
+    write(&sandbox, &[Archive::new(1, &shoulders)]);
+    let found = tables(&sandbox, &rows);
+    let detection = found["detection"].as_array().unwrap();
+    let hits = &detection[0];
+    assert!(hits["class"] == "re-inspect limit" && hits["method"] == "hit or miss", "{hits}");
+    assert_eq!(hits["targets"], case.sizes.len() as f64);
+    assert_eq!(hits["found"], case.is_hit.iter().filter(|&&is_hit| is_hit).count() as f64);
+    assert!(is_near(&hits["a50_mm"], case.a50) && is_near(&hits["a90_mm"], case.a90), "{hits}");
+    assert!(is_near(&hits["a90_95_mm"], case.a90_95_likelihood.unwrap()), "{hits}");
+    // No region reaches the reject limit, 3: no number, and why.
+    let rejected = &detection[2];
+    assert!(rejected["class"] == "reject limit" && rejected["a90_mm"].is_null(), "{rejected}");
+    assert!(rejected["remark"].as_str().unwrap().starts_with("none of the"), "{rejected}");
+}
+
+/// Catches a response that is not taken against the limit of its shoulder, a logarithm, and the bound of Wald: the study "linear,
+/// nothing cut off", of which scipy says what is expected. Half of the shoulders have all of it in another unit.
+#[test]
+fn the_response_is_that_of_scipy() {
+    let case = A_HAT.iter().find(|case| case.name == "linear, nothing cut off").unwrap();
+    let sandbox = Sandbox::new();
+    let (mut shoulders, mut rows) = (Vec::new(), String::new());
+    for (number, (size, response)) in case.sizes.iter().zip(case.responses).enumerate() {
+        let unit = if number % 2 == 0 { 1.0 } else { 0.1 };
+        let limits = [case.threshold, 2.0 * case.threshold].map(|limit| unit * limit);
+        let tyre = format!("T{number:03}");
+        shoulders.push(Shoulder { limits, ..Shoulder::new(&tyre, 1, &ring(unit * response)) });
+        rows.push_str(&format!("{tyre},1,2,3,{size}\n"));
+    }
+    write(&sandbox, &[Archive::new(1, &shoulders)]);
+    let found = tables(&sandbox, &rows);
+    let responses = &found["detection"][1];
+    assert!(responses["class"] == "re-inspect limit" && responses["method"] == "response", "{responses}");
+    assert!(is_near(&responses["a50_mm"], case.mu.exp()) && is_near(&responses["a90_mm"], case.a90), "{responses}");
+    assert!(is_near(&responses["a90_95_mm"], case.a90_95_likelihood), "{responses}");
+}
+
+/// Catches stations taken for repeats, parts for stations, and readings out of order: the worked example of AIAG, whose
+/// gauge takes 27.86 % and whose parts 96.04 % of the total, with four categories.
+#[test]
+fn the_gauge_is_that_of_aiag() {
+    let sandbox = Sandbox::new();
+    let mut archives = Vec::new();
+    // Later ones first: time orders them, not their names.
+    for repeat in (0..3_usize).rev() {
+        for station in 0..3_u16 {
+            let read = |(part, readings): (usize, &[f64; 9])| {
+                let strongest_arc = readings[3 * usize::from(station) + repeat];
+                Shoulder { strongest_arc, ..Shoulder::new(&format!("P{part}"), 1, &[f64::NAN; 4]) }
+            };
+            let shoulders: Vec<Shoulder> = AIAG.iter().enumerate().map(read).collect();
+            let at_ns = (10 * repeat) as i64 + i64::from(station) + 1;
+            archives.push(Archive { station: station + 1, ..Archive::new(at_ns, &shoulders) });
+        }
+    }
+    write(&sandbox, &archives);
+    // A copy of a recording is no fourth repeat.
+    fs::create_dir(sandbox.path("casings/copies")).unwrap();
+    fs::copy(sandbox.path("casings/000.h5"), sandbox.path("casings/copies/again.h5")).unwrap();
+    let found = sandbox.run("pod casings --json").json(0);
+    let gauge = &found["gauge"][0];
+    assert_eq!((&gauge["stations"], &gauge["parts"], &gauge["repeats"]), (&"1 2 3".into(), &10.0.into(), &3.0.into()));
+    for (column, percent) in [
+        ("repeatability_percent", 18.42),
+        ("reproducibility_percent", 20.90),
+        ("gauge_percent", 27.86),
+        ("part_percent", 96.04),
+        ("ndc", 4.0),
+    ] {
+        assert!(is_near(&gauge[column], percent), "{column}: {gauge}");
+    }
+    assert_eq!(row(&found["basis"], "copies")["count"], 10.0);
+    assert_eq!(row(&found["basis"], "repeated scans")["count"], 80.0);
+    // The archives know no truth, and no location has an index.
+    assert!(found["roc"][0]["auc"].is_null() && found["detection"][0]["a90_mm"].is_null());
+    let of_locations = found["gauge"].as_array().unwrap().iter().find(|r| r["parts"] == 0.0).unwrap();
+    assert!(of_locations["gauge_percent"].is_null() && !of_locations["remark"].is_null(), "{of_locations}");
+}
+
+/// 40 sound shoulders, of which 2 are inspected again and 1 of these is rejected, and 4 cracked ones; scipy's
+/// `binomtest(2, 40).proportion_ci()` is 0.0061136 to 0.169197, and of 1 in 40 0.00063273 to 0.131586. Catches calls over all
+/// shoulders, PASS counted, an approximate interval, shoulders without a row that count as sound, and second looks that count.
+#[test]
+fn false_calls_and_roc_are_those_of_hands() {
+    let sandbox = Sandbox::new();
+    let (mut shoulders, mut rows) = (Vec::new(), String::new());
+    for number in 0..40 {
+        let peak = [2.2, 3.5].get(number).copied().unwrap_or(1.0 - 0.01 * number as f64);
+        shoulders.push(Shoulder::new(&format!("S{number:02}"), 2, &ring(peak)));
+        rows.push_str(&format!("S{number:02},2,,0,\n"));
+    }
+    for (number, peak) in [5.0, 3.2, 2.1, 0.7].into_iter().enumerate() {
+        shoulders.push(Shoulder::new(&format!("C{number}"), 1, &ring(peak)));
+        rows.push_str(&format!("C{number},1,3,2,\n"));
+    }
+    // Nobody looked into these.
+    let unknown: Vec<Shoulder> = (0..3).map(|k| Shoulder::new(&format!("U{k}"), 1, &ring(4.0))).collect();
+    let again: Vec<Shoulder> = shoulders.iter().map(|s| Shoulder::new(&s.tyre, s.shoulder, &ring(9.0))).collect();
+    let archives = [Archive::new(20, &again), Archive::new(10, &[shoulders, unknown].concat())];
+    write(&sandbox, &archives);
+    let found = tables(&sandbox, &rows);
+    let calls = found["calls"].as_array().unwrap();
+    for (number, (kind, call, stated, counts, interval)) in [
+        ("sound", "not passed", Some(0.02), (2.0, 40.0), (0.006_113_6, 0.169_197)),
+        ("sound", "rejected", Some(0.001), (1.0, 40.0), (0.000_632_73, 0.131_586)),
+        ("cracked", "not passed", None, (3.0, 4.0), (0.194_120, 0.993_69)),
+        ("cracked", "rejected", None, (2.0, 4.0), (0.067_586, 0.932_41)),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let row = &calls[number];
+        assert!(row["shoulders"] == kind && row["call"] == call && row["stated"].as_f64() == stated, "{row}");
+        assert!(row["calls"] == counts.0 && row["judged"] == counts.1, "{row}");
+        assert!(is_near(&row["rate_low"], interval.0) && is_near(&row["rate_high"], interval.1), "{row}");
+    }
+    // 5 beats all 40 sound ones; 3.2 all but 3.5; 2.1 all but 3.5 and 2.2; 0.7 the nine below it and ties with one.
+    let roc = &found["roc"][0];
+    assert!(is_near(&roc["auc"], (40.0 + 39.0 + 38.0 + 9.5) / 160.0), "{roc}");
+    // Two of 40 false alarms are 5 %: all but 0.7 stand above the third.
+    assert!(is_near(&roc["tpr_at_5"], 0.75), "{roc}");
+    // 8 locations of 44 shoulders, of which each cracked one has two.
+    assert!(found["roc"][1]["cracked"] == 8.0 && found["roc"][1]["sound"] == 344.0, "{}", found["roc"][1]);
+    let left_out = row(&found["basis"], "shoulders left out");
+    assert_eq!(left_out["count"], 3.0);
+    assert!(left_out["remark"].as_str().unwrap().ends_with("U0/1 U1/1 U2/1"), "{left_out}");
+    assert_eq!(row(&found["basis"], "repeated scans")["count"], 44.0);
+    // No crack has a size.
+    assert!(
+        found["detection"][0]["remark"].as_str().unwrap().contains("no crack of an inspected shoulder has a size_mm")
+    );
+    assert_eq!(row(&found["basis"], "cracks without a size")["count"], 4.0);
+}
+
+/// Catches a truth of the archives that is not used, or used where a shoulder is known in part; a perfect area that is certain;
+/// limits of other references that are pooled silently; and a page that lacks a table or a figure.
+#[test]
+fn archives_tell_their_own_truth() {
+    let sandbox = Sandbox::new();
+    let mut shoulders = Vec::new();
+    for number in 0..24_u32 {
+        let is_cracked = number < 3;
+        let known = Some(if is_cracked { vec![3, 4] } else { Vec::new() });
+        let limits = if number == 5 { [2.4, 3.1] } else { made::LIMITS };
+        let index = ring(if is_cracked { 4.0 } else { 0.9 });
+        shoulders.push(Shoulder { known, limits, ..Shoulder::new(&format!("T{number:02}"), 1, &index) });
+    }
+    shoulders.push(Shoulder::new("X", 1, &ring(1.0)));
+    write(&sandbox, &[Archive::new(1, &shoulders)]);
+    let done = sandbox.run("pod casings --out found").expect(0);
+    assert!(done.out.contains("their archives know no truth") && done.out.contains("X/1"), "{}", done.out);
+    let page = text(&sandbox.path("found/page.md"));
+    for name in ["basis", "detection", "roc", "calls", "gauge", "cracks", "shoulders"] {
+        assert!(page.contains(&format!("({name}.csv)")), "{name}: {page}");
+        assert!(!text(&sandbox.path(&format!("found/{name}.csv"))).is_empty());
+    }
+    assert!(page.contains("![Cracked against sound ones that are called](roc.svg)"), "{page}");
+    assert!(text(&sandbox.path("found/roc.svg")).ends_with("</svg>\n"));
+    // 3 pairs of different tyres, all won: 0.2924 to 1. All 3 cracked tyres found: the same.
+    assert!(page.contains("AUC of shoulders by strongest arc 1 (0.2924 to 1)"), "{page}");
+    assert!(page.contains("TPR at 5 % false alarms 1 (0.2924 to 1)"), "{page}");
+    assert!(page.contains("limits lie between 2 and 2.4"), "{page}");
+    assert!(page.contains("no shoulder was scanned twice at one station"), "{page}");
+    assert!(page.contains("No probability of detection: no crack has a size."), "{page}");
+}
+
+/// Catches a row of a casing that was never scanned, or that lies outside of what was, taken in silence.
+#[test]
+fn what_is_wrong_is_named() {
+    let sandbox = Sandbox::new();
+    assert!(sandbox.run("pod casings").expect(1).err.contains("cannot read casings"));
+    write(&sandbox, &[Archive::new(1, &[Shoulder::new("A", 1, &ring(1.0))])]);
+    let refusal = |rows: &str| {
+        fs::write(sandbox.path("truth.csv"), format!("{HEAD}{rows}")).unwrap();
+        sandbox.run("pod casings --truth truth.csv").expect(1).err
+    };
+    for (rows, expected) in [
+        ("B,1,,0,\n", "truth.csv: line 2: tyre \"B\" is in none of the archives"),
+        ("A,2,,0,\n", "truth.csv: line 2: tyre A: shoulder is 2; the archives have 1"),
+        ("A,1,8,1,\n", "truth.csv: line 2: tyre A shoulder 1: first_location is 8; it must lie in 0 to 7"),
+        ("A,1,7,2,-3\n", "truth.csv: line 2: size_mm is \"-3\"; it must be a number above 0"),
+        ("A,1,7,2,\nA,1,7,2,\n", "truth.csv: line 3: names the crack of tyre A shoulder 1 at location 7 again"),
+    ] {
+        assert!(refusal(rows).contains(expected), "{rows}: {}", refusal(rows));
+    }
+    fs::write(sandbox.path("casings/broken.h5"), "no archive").unwrap();
+    let found = tables(&sandbox, "A,1,,0,\n");
+    assert!(row(&found["basis"], "archive left out")["remark"].as_str().unwrap().contains("broken.h5"), "{found}");
+    fs::remove_file(sandbox.path("casings/000.h5")).unwrap();
+    assert!(sandbox.run("pod casings").expect(1).err.contains("none of 1 archives can be read"));
+}
