@@ -251,7 +251,7 @@ impl Set {
         // Every second location at the belt edge and every third at 10 mm.
         let is_coarse = |tap: &PlannedTap| {
             let offset_mm = tap.id.offset_mm().unwrap_or(f64::NAN);
-            let is_of = |mm: f64, every: u32| offset_mm == mm && tap.id.location.is_multiple_of(every);
+            let is_of = |mm: f64, every: u32| (offset_mm - mm).abs() < 1e-6 && tap.id.location.is_multiple_of(every);
             tap.id.repetition == 0 && (is_of(0.0, 2) || is_of(10.0, 3))
         };
         let taps: Vec<PlannedTap> = plan.taps().iter().copied().filter(is_coarse).collect();
