@@ -129,6 +129,10 @@ struct VerdictRow<'a> {
     reasons: Reasons,
     /// Taps that are archived, refused and missing.
     counts: [u32; 3],
+    /// Taps that were asked for because of what others showed.
+    second_reading_count: u32,
+    /// From the first tap to the last; `None` where their times were not recorded.
+    scan_s: Option<f64>,
     /// The judgement and its number of regions; `None` if the scan is not judged.
     judged: Option<(Judgement, u32)>,
 }
@@ -150,6 +154,8 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
         Column::u32("archived_count", |row: &VerdictRow<'_>| row.counts[0]),
         Column::u32("refused_count", |row: &VerdictRow<'_>| row.counts[1]),
         Column::u32("missing_count", |row: &VerdictRow<'_>| row.counts[2]),
+        Column::u32("second_reading_count", |row: &VerdictRow<'_>| row.second_reading_count),
+        Column::f64("scan_s", "s", |row: &VerdictRow<'_>| row.scan_s),
         Column::maybe_u32("absent_count", |row: &VerdictRow<'_>| {
             row.judged.as_ref().map(|(judgement, _)| judgement.absent_count)
         }),
@@ -178,6 +184,13 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
     }
     let (geometry, ledger) = (reader.plan().geometry, reader.ledger());
     let scans = reader.plan().scans().iter().zip(ledger.scans()).zip(reader.judgements()?);
+    let headers = reader.headers()?;
+    let scan_s = |scan: &Scan| {
+        let of_row = |&row: &u32| headers[row as usize].as_ref().map(|header| header.tap_time_ns);
+        let times_ns = || scan.taps.iter().filter_map(of_row).filter(|&time_ns| time_ns != 0);
+        Some((times_ns().max()? - times_ns().min()?) as f64 * 1e-9)
+    };
+    let is_second = |&&row: &&u32| reader.plan().taps()[row as usize].is_second_reading();
     let rows = scans.map(|((scan, &state), judged)| {
         let known = judged.and_then(|(judgement, cells)| {
             let verdict = Verdict::from_code(judgement.verdict)?;
@@ -190,7 +203,15 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
         let taps = || scan.taps.iter().map(|&row| ledger.taps()[row as usize]);
         let counts = [TapState::Archived, TapState::Refused, TapState::Missing]
             .map(|state| count(taps().filter(|&of_tap| of_tap == state).count()));
-        VerdictRow { scan, verdict, reasons, counts, judged: known.map(|(_, judgement, regions)| (judgement, regions)) }
+        VerdictRow {
+            scan,
+            verdict,
+            reasons,
+            counts,
+            second_reading_count: count(scan.taps.iter().filter(is_second).count()),
+            scan_s: scan_s(scan),
+            judged: known.map(|(_, judgement, regions)| (judgement, regions)),
+        }
     });
     sink.rows(&columns, rows)
 }

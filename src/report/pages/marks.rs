@@ -13,16 +13,16 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
     html! {
         div class="scroll" { table class="cards" {
             thead { tr {
-                th { (words::side(geometry)) } th { "verdict" } th { "why" } th { "rests on" } th class="n" { "strongest arc" } th class="n" { "re-inspect at" } th class="n" { "reject at" }
+                th { (words::side(geometry)) } th { "verdict" } th { "why" } th class="n" { "strongest arc" } th class="n" { "re-inspect at" } th class="n" { "reject at" }
             } }
             tbody { @for shoulder in &tyre.shoulders { tr {
                 td data-label=(words::side(geometry)) { (shoulder.number) }
                 td data-label="verdict" { (verdict_word(shoulder.verdict)) }
                 td data-label="why" {
                     (shoulder.reasons.meaning()) " "
-                    @if !shoulder.regions.is_empty() && !shoulder.evidence.is_empty() { "Loudest at the peak: " (loudest(shoulder)) "." }
+                    @if !shoulder.regions.is_empty() && !shoulder.evidence.is_empty() { "Loudest at the peak: " (loudest(shoulder)) ". " }
+                    (rests_on(shoulder))
                 }
-                td data-label="rests on" { (rests_on(shoulder)) }
                 td class="n" data-label="strongest arc" {
                     (number(shoulder.strongest_arc))
                     @if let Some(first) = shoulder.first_strongest_arc { span class="at" { "first reading " (format!("{first:.2}")) } }
@@ -35,13 +35,11 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
 }
 
 /// The taps that a verdict rests on.
-fn rests_on(shoulder: &Shoulder) -> Markup {
+fn rests_on(shoulder: &Shoulder) -> String {
     let came = shoulder.taps.iter().filter(|tap| tap.found.is_some());
     let second = came.clone().filter(|tap| tap.is_second_reading).count();
-    html! {
-        (counted(came.count(), "tap", "taps"))
-        @if second > 0 { span class="at" { (second) " of them tapped again" } }
-    }
+    let again = if second > 0 { format!(", {second} of them a second reading") } else { String::new() };
+    format!("Rests on {}{again}.", counted(came.count(), "tap", "taps"))
 }
 
 /// The regions of every shoulder, as a list to take to the casing.
