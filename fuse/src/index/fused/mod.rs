@@ -6,8 +6,13 @@
 //! 3. The discriminators of a tap are summed by weights, and the sum is standardised by its condition and clipped again.
 //! 4. The taps of a place at one offset become their mean, of standard deviation 1 over sound places.
 
+mod level;
+mod offset_scale;
+
 use tapline_wire::{Direction, Discriminator};
 
+use crate::index::fused::level::{Level, Levels, QUARTILE_Z, START_FRACTION};
+use crate::index::fused::offset_scale::OffsetScale;
 use crate::index::weights::weights;
 use crate::index::{Index, Scores, Setup};
 use crate::shoulder::{Shoulder, Turn};
@@ -23,45 +28,11 @@ const SCORE_LOW: f64 = -1.0;
 /// Largest magnitude of a single tap's score: one rogue tap is no damage.
 const TAP_CLIP: f64 = 4.0;
 
-/// The quantile of a turn that its level is first guessed from: three quarters of a shoulder may be cracked.
-const START_FRACTION: f64 = 0.25;
-
 /// A place is left out of its turn's level when the mean of it and its neighbours exceeds this many standard deviations.
 const OUTLIER_SD: f64 = 2.0;
 
 /// How often outliers are sought.
 const ROUNDS: usize = 2;
-
-/// The standard normal distribution: the magnitude of its lower quartile, and a quantile far enough below to tell the scatter.
-const QUARTILE_Z: f64 = 0.674_49;
-const FAR_FRACTION: f64 = 0.066_807;
-const FAR_Z: f64 = 1.5;
-
-/// The levels of one shoulder, `[turn][discriminator]`.
-type Levels = Vec<Vec<Level>>;
-
-/// The signed logarithm of a discriminator at sound places of a turn.
-#[derive(Debug, Clone, Copy)]
-struct Level {
-    /// In the middle of the turn; NaN where the turn has none.
-    middle: f64,
-    /// What it rises by from the first to the last place: a gain may drift while the turn is made.
-    drift: f64,
-}
-
-impl Level {
-    fn constant(middle: f64) -> Self {
-        Self { middle, drift: 0.0 }
-    }
-
-    /// At `place` of `count`.
-    fn at(self, place: usize, count: usize) -> f64 {
-        self.middle + self.drift * ((place as f64 + 0.5) / count as f64 - 0.5)
-    }
-}
-
-/// Fewest sound places at either end of a turn that tell its drift.
-const DRIFT_PLACES_MIN: usize = 8;
 
 /// What a reference taught.
 #[derive(Debug, Clone)]
@@ -87,18 +58,6 @@ struct Scale {
     gap: f64,
     /// Median of sound places above the level that [`Fused::levels`] finds.
     residual: f64,
-}
-
-/// How the mean of a place's taps at one offset scatters.
-#[derive(Debug, Clone, Copy)]
-struct OffsetScale {
-    mean: f64,
-    /// Variance that stays with the place.
-    place_variance: f64,
-    /// Variance of one tap.
-    tap_variance: f64,
-    /// Whether that was told by repetitions, rather than supposed.
-    is_parted: bool,
 }
 
 impl Index for Fused {
@@ -177,106 +136,6 @@ impl Fused {
         let count = turn.values.len();
         let above = move |(place, y): (usize, f64)| Some(y - level.at(place, count)).filter(|y| y.is_finite());
         self.signed(turn, d).enumerate().map(above)
-    }
-
-    /// The turns of `casing` that have a level in common: shoulder and turn, by numbers.
-    fn groups(&self, casing: &[&Shoulder]) -> Vec<Vec<(usize, usize)>> {
-        let all = || (0..casing.len()).flat_map(|s| (0..casing[s].turns.len()).map(move |t| (s, t)));
-        if !self.setup.has_common_level {
-            return all().map(|turn| vec![turn]).collect();
-        }
-        let of = |condition| all().filter(|&(s, t)| casing[s].turns[t].condition == condition).collect();
-        (0..self.condition_count()).map(of).filter(|group: &Vec<_>| !group.is_empty()).collect()
-    }
-
-    /// A level for each turn and discriminator: what `level` makes of the values of its group at the places that are
-    /// `kept`, or what it was `before`, or NaN.
-    fn levels_by(
-        &self,
-        casing: &[&Shoulder],
-        kept: Option<&[Vec<bool>]>,
-        before: Option<&[Levels]>,
-        level: impl Fn(usize, usize, &mut [f64]) -> Option<f64>,
-    ) -> Vec<Levels> {
-        let width = self.setup.discriminators.len();
-        let mut levels: Vec<Levels> =
-            casing.iter().map(|s| vec![vec![Level::constant(f64::NAN); width]; s.turns.len()]).collect();
-        let mut values = Vec::new();
-        for group in self.groups(casing) {
-            for (d, _) in self.setup.discriminators.iter().enumerate() {
-                values.clear();
-                let mut total = 0;
-                for &(s, t) in &group {
-                    let turn = &casing[s].turns[t];
-                    let found = self.signed(turn, d).enumerate().filter(|(_, y)| y.is_finite());
-                    for (place, y) in found.filter(|&(place, _)| turn.tells_level_at(place)) {
-                        total += 1;
-                        if kept.is_none_or(|kept| kept[s][place]) {
-                            values.push(y);
-                        }
-                    }
-                }
-                let condition = casing[group[0].0].turns[group[0].1].condition;
-                // A level of a few places that are left is none.
-                let found = if 5 * values.len() >= total { level(condition, d, &mut values) } else { None };
-                for &(s, t) in &group {
-                    let drift = kept.map_or(0.0, |kept| self.drift(&casing[s].turns[t], d, &kept[s]));
-                    let found = found.map(|middle| Level { middle, drift });
-                    let level = &mut levels[s][t][d];
-                    *level = found.or_else(|| Some(before?[s][t][d])).unwrap_or(Level::constant(f64::NAN));
-                }
-            }
-        }
-        levels
-    }
-
-    /// What the sound places of `turn` rise by from its first third to its last, taken over all of it.
-    fn drift(&self, turn: &Turn, d: usize, kept: &[bool]) -> f64 {
-        let third = turn.values.len() / 3;
-        if self.setup.has_common_level || turn.controls.is_some() {
-            return 0.0;
-        }
-        let end = |places: std::ops::Range<usize>| {
-            let sound = self.signed(turn, d).enumerate().filter(|(place, y)| kept[*place] && y.is_finite());
-            let mut values: Vec<f64> = sound.filter(|(place, _)| places.contains(place)).map(|(_, y)| y).collect();
-            median(&mut values).filter(|_| values.len() >= DRIFT_PLACES_MIN)
-        };
-        let (first, last) = (end(0..third), end(turn.values.len() - third..turn.values.len()));
-        // The middles of the outer thirds lie two thirds of the turn apart.
-        first.zip(last).map_or(0.0, |(first, last)| 1.5 * (last - first))
-    }
-
-    fn medians(&self, casing: &[&Shoulder], kept: &[Vec<bool>], before: Option<&[Levels]>) -> Vec<Levels> {
-        self.levels_by(casing, Some(kept), before, |_, _, values| median(values))
-    }
-
-    /// Levels of shoulders of which nothing is known: the scatter below the lower quartile tells how far above it the median
-    /// of the sound places lies.
-    fn first_levels(&self, casing: &[&Shoulder]) -> Vec<Levels> {
-        self.levels_by(casing, None, None, |_, _, values| {
-            let (quartile, far) = (quantile(values, START_FRACTION)?, quantile(values, FAR_FRACTION)?);
-            Some(quartile + QUARTILE_Z * (quartile - far) / (FAR_Z - QUARTILE_Z))
-        })
-    }
-
-    /// The levels of the shoulders of one casing, any part of which may be cracked.
-    fn levels(&self, casing: &[&Shoulder]) -> Vec<Levels> {
-        let gap = |condition: usize, d: usize| self.scales[condition][d].map_or(0.0, |scale| scale.gap);
-        let mut levels = self.levels_by(casing, None, None, |condition, d, values| {
-            Some(quantile(values, START_FRACTION)? + gap(condition, d))
-        });
-        for _ in 0..ROUNDS {
-            let kept = self.inliers(casing, &levels);
-            levels = self.medians(casing, &kept, Some(&levels));
-        }
-        for (shoulder, levels) in casing.iter().zip(&mut levels) {
-            for (turn, levels) in shoulder.turns.iter().zip(levels) {
-                for (level, scale) in levels.iter_mut().zip(&self.scales[turn.condition]) {
-                    level.middle += scale.map_or(0.0, |scale| scale.residual);
-                }
-            }
-        }
-        levels
     }
 
     /// Places that do not stand out, by shoulder.
@@ -509,38 +368,6 @@ impl Fused {
             by_offset: self.by_offset(shoulder, levels),
             by_discriminator: self.by_discriminator(shoulder, levels),
             is_inlier,
-        }
-    }
-}
-
-impl OffsetScale {
-    /// Of the means of sound places, each of so many taps, and the variance of a tap about the mean of its place.
-    fn of(places: impl Iterator<Item = (f64, u32)>, tap_variance: Option<f64>, is_own: bool) -> Option<Self> {
-        let places: Vec<(f64, u32)> = places.collect();
-        let (mean, sd) = centre_and_sd(places.iter().map(|place| place.0).collect(), is_own)?;
-        let inverse = places.iter().map(|place| 1.0 / f64::from(place.1)).sum::<f64>() / places.len() as f64;
-        // Of places with one tap each nobody can tell what stays with the place: half of the variance is taken to.
-        let is_parted = tap_variance.is_some();
-        let tap_variance = tap_variance.unwrap_or(0.5 * sd * sd / inverse);
-        let of_taps = tap_variance * inverse;
-        let (place_variance, tap_variance) =
-            if of_taps < sd * sd { (sd * sd - of_taps, tap_variance) } else { (0.0, sd * sd / inverse) };
-        (sd > 1e-9).then_some(Self { mean, place_variance, tap_variance, is_parted })
-    }
-
-    /// Takes `tap_variance` for that of one tap where repetitions of the scan have not told it.
-    fn part(&mut self, tap_variance: f64) {
-        if !self.is_parted {
-            let all = self.place_variance + self.tap_variance;
-            self.tap_variance = if tap_variance < all { tap_variance } else { all };
-            self.place_variance = all - self.tap_variance;
-        }
-    }
-
-    fn score(self, mean: f64, count: u32) -> f64 {
-        match count {
-            0 => f64::NAN,
-            _ => (mean - self.mean) / (self.place_variance + self.tap_variance / f64::from(count)).sqrt(),
         }
     }
 }
