@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use tapline_wire::Discriminator;
 
 use crate::fusion::setup;
-use crate::reference::file::{KnownShoulder, Origin, ReferenceSet};
+use crate::reference::file::{Origin, ReferenceSet};
 use crate::reference::fitted::FittedReference;
+use crate::reference::known_shoulder::KnownShoulder;
 use crate::reference::pattern::Pattern;
 use crate::reference::summary::{ScaleLine, Summary};
 use crate::shoulder::velocity::Normalisation;

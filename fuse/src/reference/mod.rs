@@ -1,8 +1,9 @@
-//! What shoulders are compared with: `file` holds known shoulders, `build` makes such a file of archives, `fitted` is what
+//! What shoulders are compared with: `file` holds shoulders that are known (`known_shoulder`), `build` makes such a file of archives, `fitted` is what
 //! they teach for one plan.
 
 pub(crate) mod build;
 pub(crate) mod file;
 pub(crate) mod fitted;
+pub(crate) mod known_shoulder;
 pub(crate) mod pattern;
 pub(crate) mod summary;

@@ -1,7 +1,7 @@
 //! A reference file: what comes of it is what went in, what was changed is refused, and what it teaches is used.
 
 use proptest::prelude::*;
-use tapline_wire::{Reasons, Verdict};
+use tapline_wire::{Discriminator, Reasons, Verdict};
 
 use super::*;
 use crate::testing::{Casing, records, tyre};
