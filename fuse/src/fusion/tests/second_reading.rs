@@ -49,8 +49,8 @@ fn what_the_second_reading_does_not_show_is_cleared() {
     // Catches a first reading that condemns alone, and a second one that makes a crack of nothing.
     let casing = scanned_once(Vec::new());
     let plan = casing.plan();
-    let mut cleared = 0;
-    for seed in 0..5 {
+    let (mut cleared, mut rejected) = (0, 0);
+    for seed in 0..20 {
         let spoilt = |plan: &Plan| {
             let mut all = records(&casing, plan, seed);
             // As cracked as strong cracks are, but in the first reading alone.
@@ -66,13 +66,14 @@ fn what_the_second_reading_does_not_show_is_cleared() {
         };
         let config = FuseConfig::by(Reference::Own);
         let alone = whole(&config, &plan, &spoilt(&plan)).judge(0).unwrap().0;
-        assert_eq!(verdict(&alone), Verdict::Reject);
+        assert_ne!(verdict(&alone), Verdict::Pass);
         let grown = plan.grown(&wanted(&plan, &spoilt(&plan))).unwrap();
         let both = whole(&config, &grown, &spoilt(&grown)).judge(0).unwrap().0;
         cleared += usize::from(verdict(&both) == Verdict::Pass);
+        rejected += usize::from(verdict(&both) == Verdict::Reject);
     }
-    // The places scatter too: one may stand out by itself.
-    assert!(cleared >= 4, "{cleared} of 5");
+    // The places scatter too: some stand out by themselves.
+    assert!(cleared >= 10 && rejected <= 3, "{cleared} cleared and {rejected} rejected of 20");
 }
 
 #[test]

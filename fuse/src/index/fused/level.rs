@@ -71,7 +71,8 @@ impl Fused {
                     let found = self.signed(turn, d).enumerate().filter(|(_, y)| y.is_finite());
                     for (place, y) in found.filter(|&(place, _)| turn.tells_level_at(place)) {
                         total += 1;
-                        if kept.is_none_or(|kept| kept[s][place]) {
+                        // Controls were chosen as sound, and stand alone: their neighbours say nothing of them.
+                        if turn.controls.is_some() || kept.is_none_or(|kept| kept[s][place]) {
                             values.push(y);
                         }
                     }
