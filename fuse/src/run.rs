@@ -129,7 +129,8 @@ impl StageLoop<'_> {
             Some(RecordKind::Plan) => match Plan::decode(record) {
                 Ok(plan) => {
                     drop(place.map(|place| self.open.swap_remove(place)));
-                    let casing = self.begin(number, plan, record.header().room as usize);
+                    let casing =
+                        self.begin(number, plan, (record.header().room as usize).min(self.line.limits().casing.room));
                     self.open.push(casing);
                 }
                 Err(error) => tracing::error!(%error, number, "a casing's plan cannot be read; it is not judged"),

@@ -71,7 +71,7 @@ pub use plan::casing::{
 };
 pub use plan::codec::{decode_taps, encode_taps};
 pub use plan::digest::digest_of_parts;
-pub use plan::ledger::{Ledger, RETAKES_MAX, ScanState, TapState};
+pub use plan::ledger::{Ledger, RETAKES_MAX, ScanState, TapState, end_mark, split_end_mark};
 pub use plan::limits::{CasingLimits, Limits};
 pub use plan::parts::{PlannedTap, Purpose, Recording, Scan, Truth};
 pub use plan::{Plan, PlanError};

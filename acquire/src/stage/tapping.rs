@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use tapline_wire::{Ledger, LineError, PlannedTap, RecordKind, ScanState, TapState};
+use tapline_wire::{Ledger, LineError, PlannedTap, RecordKind, ScanState, TapState, end_mark};
 
 use crate::stage::outlet::Outlet;
 use crate::stage::station::{Next, SEND_AGAIN, grow};
@@ -209,7 +209,7 @@ impl Tapping {
             return Ok(Next::Now);
         }
         if self.ledger.scans().get(self.scan).is_some_and(|&state| state < ScanState::Ended) {
-            outlet.mark(self.number, RecordKind::End, self.scan as u64)?;
+            self.end(outlet, self.scan as u32)?;
         }
         self.scan += 1;
         if self.scan >= self.casing.taps.plan().scans().len() {
@@ -221,13 +221,24 @@ impl Tapping {
         Ok(Next::Now)
     }
 
+    /// Sends the end of scan number `scan`, as far as its plan has grown.
+    fn end(&self, outlet: &Outlet<'_>, scan: u32) -> Result<(), LineError> {
+        let tap_count = self.casing.taps.plan().taps().len();
+        outlet.mark(self.number, RecordKind::End, end_mark(scan, tap_count))
+    }
+
     /// Sends the ends of the scans again that the archive has not confirmed.
     fn send_ends(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
         if let Some(reason) = &self.gone {
             outlet.give_up(self.number, reason)?;
         } else {
             let open = (0..).zip(self.ledger.scans()).filter(|&(_, &state)| state < ScanState::Ended);
-            open.map(|(scan, _)| scan).try_for_each(|scan| outlet.mark(self.number, RecordKind::End, scan))?;
+            let open: Vec<u32> = open.map(|(scan, _)| scan).collect();
+            open.iter().try_for_each(|&scan| self.end(outlet, scan))?;
+            if open.is_empty() {
+                // A `store` that has lost the file answers that it does not know the casing.
+                outlet.mark(self.number, RecordKind::Barrier, self.barrier.into())?;
+            }
         }
         self.phase = Phase::Ending(Instant::now());
         Ok(Next::Within(SEND_AGAIN))

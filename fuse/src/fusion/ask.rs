@@ -7,15 +7,15 @@ use tapline_wire::{PlannedTap, Purpose};
 use crate::Error;
 use crate::arcs::regions::arcs_above;
 use crate::arcs::statistic::Arc;
-use crate::fusion::Fusion;
 use crate::fusion::compared::Compared;
 use crate::fusion::judge::View;
+use crate::fusion::{Fusion, Seen};
 
 /// Most arcs of a shoulder that are tapped again, the strongest first.
 const ARCS_MAX: usize = 4;
 
 /// Most places of an arc that are tapped again; a longer one shows at some of its places as well.
-const PLACES_MAX: usize = 12;
+pub(super) const PLACES_MAX: usize = 12;
 
 /// Fewest controls: places that do not stand out, which tell the level of a second reading.
 const CONTROLS_MIN: usize = 24;
@@ -40,17 +40,32 @@ impl Fusion {
         if room == 0 || self.config.confirm_rate <= self.config.re_inspect_rate {
             return Ok(Vec::new());
         }
+        // A casing that was taken away, or lacks taps for another reason, does not pass whatever a second reading says.
+        let is_refused = |seen: &Option<Seen>| seen.as_ref().is_some_and(|seen| seen.is_refused);
+        let rows = |&scan: &usize| self.plan.scans()[scan].taps.iter();
+        if self.who.casing(scan).iter().flat_map(rows).any(|&row| is_refused(&self.seen[row as usize])) {
+            return Ok(Vec::new());
+        }
         let compared = self.compared(scan);
+        let offset_count = compared.conditions.offsets_mm().len();
         let mut taps = Vec::new();
         for &scan in &compared.scans {
             let has_second =
                 self.plan.scans()[scan].taps.iter().any(|&row| self.plan.taps()[row as usize].is_second_reading());
-            let Some(view) = compared.view(scan).filter(|_| !has_second) else { continue };
+            // An index that looks at all offsets at once does not tell where to tap again.
+            let is_by_offset = |view: &View<'_>| view.scores.by_offset.len() == offset_count;
+            let Some(view) = compared.view(scan).filter(|view| !has_second && is_by_offset(view)) else { continue };
             let limit = view.fitted.limits.at(self.config.confirm_rate);
-            let mut arcs = arcs_above(&view.fitted.statistic, &view.shoulder.ring, &view.maps, limit);
+            let ring = &view.shoulder.ring;
+            let mut arcs = arcs_above(&view.fitted.statistic, ring, &view.maps, limit);
+            // Controls are none of them, also where not all are tapped again.
+            let mut is_near = vec![false; ring.len()];
+            for place in arcs.iter().flat_map(|arc| ring.from(arc.start).take(arc.length)) {
+                ring.with_neighbours(place).for_each(|near| is_near[near] = true);
+            }
             arcs.truncate(ARCS_MAX);
             loop {
-                let asked = self.taps_again(scan, &compared, &view, &arcs);
+                let asked = self.taps_again(scan, &compared, &view, &arcs, &is_near);
                 if taps.len() + asked.len() <= room {
                     taps.extend(asked);
                     break;
@@ -64,12 +79,15 @@ impl Fusion {
         Ok(taps)
     }
 
-    fn taps_again(&self, scan: usize, compared: &Compared, view: &View<'_>, arcs: &[Arc]) -> Vec<PlannedTap> {
+    fn taps_again(
+        &self,
+        scan: usize,
+        compared: &Compared,
+        view: &View<'_>,
+        arcs: &[Arc],
+        is_near: &[bool],
+    ) -> Vec<PlannedTap> {
         let ring = &view.shoulder.ring;
-        let mut is_near = vec![false; ring.len()];
-        for place in arcs.iter().flat_map(|arc| ring.from(arc.start).take(arc.length)) {
-            ring.with_neighbours(place).for_each(|near| is_near[near] = true);
-        }
         let has_value = |offset: usize, place: usize| view.scores.by_offset[offset][place].is_finite();
         let mut by_offset: BTreeMap<usize, Wanted> = BTreeMap::new();
         for arc in arcs {

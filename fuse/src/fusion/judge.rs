@@ -8,6 +8,7 @@ use tapline_wire::{DamageCell, Discriminator, Geometry, Judgement, Reasons, Reco
 use crate::arcs::regions::{arcs_above, damage_index};
 use crate::arcs::statistic::{Arc as RingArc, Maps};
 use crate::fusion::Fusion;
+use crate::fusion::ask::PLACES_MAX;
 use crate::fusion::compared::{Compared, Found};
 use crate::index::Scores;
 use crate::reference::fitted::FittedReference;
@@ -21,7 +22,8 @@ const REACH_FRACTION: f64 = 0.5;
 /// A suspect arc whose second reading alone stands out less is cleared.
 const CLEARED_SD: f64 = 1.0;
 
-/// One is rejected only if its second reading alone stands out so far: 1 % of readings that mean nothing do.
+/// One is rejected only if its second reading alone stands out so far: 1 % of readings of sound places do, and more of places that
+/// were chosen for their first one, of which a part stays.
 const CONFIRMED_SD: f64 = 2.33;
 
 /// Offsets that show this part of the most show it alike.
@@ -328,15 +330,21 @@ impl View<'_> {
             .map(|controls| controls.iter().filter(|is| **is).count())
             .collect();
         let control_count = *controls.iter().min()? as f64;
+        let is_control = |place: usize| {
+            self.shoulder.turns.iter().any(|turn| turn.controls.as_ref().is_some_and(|controls| controls[place]))
+        };
         let at = |offset: usize| {
-            let places = self.shoulder.ring.from(arc.start).take(arc.length);
+            let places = self.shoulder.ring.from(arc.start).take(arc.length).filter(|&place| !is_control(place));
             places.map(move |place| second.by_offset[offset][place]).filter(|score| score.is_finite())
         };
         let scores: Vec<f64> = self.fitted.statistic.offsets().iter().copied().flat_map(at).collect();
+        // An arc that was tapped again in a small part was not asked for.
+        let asked = arc.length.min(PLACES_MAX);
         let n = scores.len() as f64;
         // The median of the controls is known no better than they are many: its variance is pi/2 that of their mean.
         let level_variance = std::f64::consts::FRAC_PI_2 * n / control_count;
-        (n > 0.0).then(|| scores.iter().sum::<f64>() / n.sqrt() / (1.0 + level_variance).sqrt())
+        (2 * scores.len() >= asked && asked > 0)
+            .then(|| scores.iter().sum::<f64>() / n.sqrt() / (1.0 + level_variance).sqrt())
     }
 
     /// Mean score of each discriminator in `arc`, NaN where it says nothing.

@@ -1,6 +1,6 @@
 //! The state machine: taps and ends of scans in, in any order; verdicts out.
 
-mod ask;
+pub(crate) mod ask;
 mod compared;
 mod coverage;
 mod drift;

@@ -67,7 +67,9 @@ impl Levels {
     /// Mean over the turns of a shoulder of their levels above the reference's; `None` where one has no level.
     fn of(&self, shoulder: &Shoulder) -> Option<Vec<f64>> {
         let mean = |(d, &which): (usize, &Discriminator)| {
-            let above = shoulder.turns.iter().filter_map(|turn| {
+            // Of a second reading a few places are known, and those that stand out are many of them.
+            let whole = shoulder.turns.iter().filter(|turn| turn.controls.is_none());
+            let above = whole.filter_map(|turn| {
                 Some(level(turn.log(which))? - self.means[turn.condition][d]).filter(|above| above.is_finite())
             });
             let (sum, count) = above.fold((0.0, 0_u32), |(sum, count), x| (sum + x, count + 1));

@@ -1,7 +1,8 @@
 //! What the stage receives: taps, discriminators and verdicts, each put into the archive of its casing.
 
 use tapline_wire::{
-    AskTopic, DiscriminatorTopic, Quality, Received, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of, decode_taps,
+    AskTopic, DiscriminatorTopic, Quality, Received, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of,
+    decode_taps, split_end_mark,
 };
 
 use super::outcome::RunError;
@@ -169,10 +170,13 @@ impl StageLoop<'_> {
                 self.is_urgent = true;
             }
             Some(RecordKind::End) => {
-                let scan = u32::try_from(stamp.mark).unwrap_or(u32::MAX);
-                let outcome = self.retry_until_recovered(index, |writer| writer.end_scan(scan))?;
-                self.note(index, outcome, "an end", scan);
-                self.is_urgent = true;
+                let (scan, tap_count) = split_end_mark(stamp.mark);
+                // One that was sent before the plan has grown ends nothing: the station sends another.
+                if tap_count == self.open[index].writer.plan().taps().len() {
+                    let outcome = self.retry_until_recovered(index, |writer| writer.end_scan(scan))?;
+                    self.note(index, outcome, "an end", scan);
+                    self.is_urgent = true;
+                }
             }
             _ => {}
         }

@@ -62,6 +62,17 @@ impl ScanState {
     }
 }
 
+/// The mark of the end of scan number `scan`, of a casing with `tap_count` planned taps: an end that is older than the last taps of
+/// a plan ends nothing.
+pub fn end_mark(scan: u32, tap_count: usize) -> u64 {
+    (tap_count as u64) << 32 | u64::from(scan)
+}
+
+/// The scan and the number of planned taps of an [`end_mark`].
+pub fn split_end_mark(mark: u64) -> (u32, usize) {
+    ((mark & u64::from(u32::MAX)) as u32, (mark >> 32) as usize)
+}
+
 /// Most often that a tap may be taken again: what a snapshot has room for.
 pub const RETAKES_MAX: u16 = 63;
 

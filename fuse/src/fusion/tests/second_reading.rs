@@ -45,6 +45,18 @@ fn a_crack_is_tapped_again_beside_controls() {
 }
 
 #[test]
+fn what_cannot_pass_or_be_told_by_offset_is_not_tapped_again() {
+    // Catches a casing that was taken away and is waited for, and an index without offsets that is asked for one.
+    let casing = scanned_once(vec![(1, 40..44)]);
+    let plan = casing.plan();
+    let mut all = records(&casing, &plan, 3);
+    let config = FuseConfig { index: IndexKind::Dissertation, ..FuseConfig::by(Reference::Own) };
+    assert_eq!(whole(&config, &plan, &all).wanted(0, 10_000).unwrap(), []);
+    all[7] = refusal(&all[7]);
+    assert_eq!(wanted(&plan, &all), []);
+}
+
+#[test]
 fn what_the_second_reading_does_not_show_is_cleared() {
     // Catches a first reading that condemns alone, and a second one that makes a crack of nothing.
     let casing = scanned_once(Vec::new());
