@@ -57,7 +57,7 @@ pub enum Error {
     },
     /// The rings of a reference have another number of locations than those of the plan.
     #[error(
-        "the rings of the reference have {known} locations, those of the scan plan {planned}: arcs of theirs cannot be compared"
+        "the scan taps {planned} locations of a ring, which are not all among the {known} of the reference: arcs of the two cannot be compared"
     )]
     OtherLocations {
         /// Locations of the reference's rings.

@@ -236,7 +236,17 @@ fn stations(numbers: &[u16]) -> String {
 fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     let mut table = Table::new();
     table.load_style(UTF8_HORIZONTAL_ONLY);
-    table.set_header(["tyre", "shoulder", "station", "verdict", "why", "regions", "peak index", "at", "reject at"]);
+    table.set_header([
+        "tyre",
+        "shoulder",
+        "station",
+        "verdict",
+        "why",
+        "regions",
+        "strongest arc",
+        "most at",
+        "reject from",
+    ]);
     let cell = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:.2}"));
     for line in &summary.verdicts {
         table.add_row([
@@ -246,7 +256,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
             line.verdict.to_string(),
             line.reasons.clone(),
             line.regions.to_string(),
-            cell(line.peak_damage_index),
+            cell(line.strongest_arc),
             line.peak_location.map_or_else(String::new, |l| l.to_string()),
             cell(line.limit_reject),
         ]);

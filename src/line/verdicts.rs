@@ -37,6 +37,9 @@ pub(crate) struct ShoulderVerdict {
     pub regions: usize,
     pub peak_damage_index: Option<f64>,
     pub peak_location: Option<u32>,
+    /// How far the strongest arc stands out, which the limits are for.
+    pub strongest_arc: Option<f64>,
+    pub limit_re_inspect: Option<f64>,
     pub limit_reject: Option<f64>,
 }
 
@@ -82,11 +85,11 @@ impl CasingVerdict {
     fn line(&self, shoulder: &ShoulderVerdict) -> String {
         let ShoulderVerdict { tyre, shoulder: number, verdict, reasons, .. } = shoulder;
         let mut line = format!("{:<10} {tyre}/{number}", verdict.to_string());
-        if let (Some(peak), Some(at)) = (shoulder.peak_damage_index, shoulder.peak_location) {
-            line.push_str(&format!("  peak {peak:.2} at location {at}"));
+        if let (Some(arc), Some(limit)) = (shoulder.strongest_arc, shoulder.limit_reject) {
+            line.push_str(&format!("  strongest arc {arc:.2}, reject from {limit:.2}"));
         }
-        if let Some(limit) = shoulder.limit_reject {
-            line.push_str(&format!("  reject at {limit:.2}"));
+        if let Some(at) = shoulder.peak_location {
+            line.push_str(&format!(", most at location {at}"));
         }
         if !reasons.is_empty() {
             line.push_str(&format!("  ({reasons})"));
@@ -107,6 +110,8 @@ impl ShoulderVerdict {
             regions: 0,
             peak_damage_index: None,
             peak_location: None,
+            strongest_arc: None,
+            limit_re_inspect: None,
             limit_reject: None,
         };
         if let Some((judgement, cells)) = judged {
@@ -121,7 +126,10 @@ impl ShoulderVerdict {
             line.regions = regions(reader.plan().geometry, &cells).len();
             line.peak_damage_index = peak.map(|cell| cell.damage_index);
             line.peak_location = peak.map(|cell| cell.location);
-            line.limit_reject = Some(judgement.limit_reject).filter(|l| l.is_finite());
+            let known = |value: f64| Some(value).filter(|value| value.is_finite());
+            line.strongest_arc = known(judgement.strongest_arc);
+            line.limit_re_inspect = known(judgement.limit_re_inspect);
+            line.limit_reject = known(judgement.limit_reject);
         }
         line
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Plan;
+use crate::{Plan, Scan};
 
 /// How large a casing is, or the largest of several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -27,7 +27,7 @@ impl CasingLimits {
             taps: plan.taps().len(),
             room: plan.added().len(),
             scans: plan.scans().len(),
-            locations: plan.scans().iter().map(|scan| scan.locations.len()).max().unwrap_or(0),
+            locations: plan.scans().iter().map(|scan| locations_of(plan, scan)).max().unwrap_or(0),
             record_bytes: plan.recording.payload_bytes_max(),
         }
     }
@@ -58,6 +58,12 @@ impl CasingLimits {
         .find(|&(_, need, most)| need > most)
         .map(|(what, need, most)| format!("it has {need} {what}; this line has room for {most}"))
     }
+}
+
+/// Locations of `scan`: those that are tapped, or those whose truth is known, whichever are more.
+fn locations_of(plan: &Plan, scan: &Scan) -> usize {
+    let of_scan = (scan.tyre, scan.shoulder, 0)..=(scan.tyre, scan.shoulder, u32::MAX);
+    scan.locations.len().max(plan.truth().range(of_scan).count())
 }
 
 /// What a line has room for: the sizes of its topics follow from it, so all its processes must agree on it.
