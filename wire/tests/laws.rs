@@ -36,13 +36,14 @@ fn law_1_only_acquire_reads_a_clock_for_a_result() {
     }
     readers.sort();
     let allowed = [
-        "acquire/src/rig/dialogue.rs", // when a rig has hit: the time of a tap
-        "acquire/src/rig/tests.rs",    // what it is held to
-        "src/line/status.rs",          // how old a status is
-        "src/line/supervisor.rs",      // when a status was so
-        "store/src/stage/places.rs",   // names of files and folders
-        "wire/src/clock.rs",           // where it is read
-        "wire/src/stream/line.rs",     // tells a process's lives apart
+        "acquire/src/rig/dialogue/receive.rs", // when a rig has hit: the time of a tap
+        "acquire/src/rig/dialogue/station.rs", // the name of a casing whose serial is unreadable
+        "acquire/src/rig/tests.rs",            // what it is held to
+        "src/line/status.rs",                  // how old a status is
+        "src/line/supervisor.rs",              // when a status was so
+        "store/src/stage/places.rs",           // names of files and folders
+        "wire/src/clock.rs",                   // where it is read
+        "wire/src/stream/line.rs",             // tells a process's lives apart
     ];
     assert_eq!(readers, allowed);
 }
