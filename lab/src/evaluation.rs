@@ -6,6 +6,7 @@ mod call;
 mod detection;
 mod draw;
 mod gauge;
+mod page;
 mod shoulder;
 mod table;
 
@@ -14,5 +15,6 @@ pub(crate) use call::Call;
 pub(crate) use detection::{DETECTION_COLUMNS, Detection, Target};
 pub(crate) use draw::{Mark, Picture, Plot, axis};
 pub(crate) use gauge::{GAUGE_COLUMNS, Reading, crossed_cells, one_way_cells, refused_cells};
+pub(crate) use page::{page_of, print_tables};
 pub(crate) use shoulder::{ShoulderResult, overlap};
 pub(crate) use table::{Cell, Table, cell, ends, yes_or_no};

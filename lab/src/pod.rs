@@ -15,18 +15,16 @@ mod roc;
 mod truth;
 
 use std::fs;
-use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use serde_json::{Map, Value};
 
 use self::archives::Scans;
 use self::calls::CallRate;
 use self::repeats::Repeated;
 use self::roc::Roc;
 use self::truth::KnownTruth;
-use crate::evaluation::{Detection, Table};
+use crate::evaluation::{Detection, Table, print_tables};
 
 /// What is asked for.
 #[derive(Debug, clap::Args)]
@@ -74,15 +72,7 @@ pub fn pod(args: &PodArgs) -> Result<()> {
         None => scans.truth(),
     };
     let found = Findings::compute(&scans, &truth, args);
-    let mut out = io::stdout().lock();
-    if args.json {
-        let tables = found.tables.iter().map(|table| (table.name.to_owned(), table.json()));
-        writeln!(out, "{:#}", Value::Object(tables.collect::<Map<_, _>>()))?;
-    } else {
-        for table in found.tables.iter().filter(|table| !table.is_long) {
-            writeln!(out, "{}", table.text())?;
-        }
-    }
+    print_tables(&found.tables, args.json)?;
     match &args.out {
         Some(folder) => found.write(folder),
         None => Ok(()),

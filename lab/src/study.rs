@@ -16,11 +16,9 @@ mod size;
 mod summary;
 
 use std::fs;
-use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
-use serde_json::{Map, Value};
 
 use self::candidates::{Candidate, SingleDiscriminator, Split};
 use self::false_calls::FalseCalls;
@@ -29,7 +27,7 @@ use self::plans::PlanResult;
 use self::published::FoundOnSet;
 use self::size::Size;
 use self::summary::OfSet;
-use crate::evaluation::{Detection, Table};
+use crate::evaluation::{Detection, Table, print_tables};
 
 /// What a study is asked for.
 #[derive(Debug, clap::Args)]
@@ -83,15 +81,7 @@ pub fn study(args: &StudyArgs) -> Result<()> {
     ensure!(tyres >= 8, "--tyres is {tyres}; at least 8 are needed, for two sound and two cracked ones to be judged");
     let size = if args.quick { Size::quick(tyres) } else { Size::full_study(tyres) };
     let found = Findings::compute(&size, args.seed, args.threads)?;
-    let mut out = io::stdout().lock();
-    if args.json {
-        let tables = found.tables.iter().map(|table| (table.name.to_owned(), table.json()));
-        writeln!(out, "{:#}", Value::Object(tables.collect::<Map<_, _>>()))?;
-    } else {
-        for table in found.tables.iter().filter(|table| !table.is_long) {
-            writeln!(out, "{}", table.text())?;
-        }
-    }
+    print_tables(&found.tables, args.json)?;
     if let Some(folder) = &args.out {
         found.write(folder, args.seed)?;
     }

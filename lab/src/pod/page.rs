@@ -4,7 +4,7 @@ use super::Findings;
 use super::calls::CallRate;
 use super::repeats::{Found, Repeated};
 use super::roc::Roc;
-use crate::evaluation::{Detection, Picture, cell, ends};
+use crate::evaluation::{Detection, Picture, cell, ends, page_of};
 
 const HEAD: &str = "# What was found of casings that were scanned and inspected
 
@@ -14,22 +14,7 @@ number, the cell is empty and the remark says why.
 
 /// The page; its files lie beside it.
 pub(super) fn page(found: &Findings, pictures: &[Picture]) -> String {
-    let mut page = format!("{HEAD}\n## In short\n\n");
-    for line in conclusions(found) {
-        page.push_str(&format!("- {line}\n"));
-    }
-    page.push('\n');
-    for table in found.tables.iter().filter(|table| !table.is_long) {
-        page.push_str(&format!("## {}\n\n{}\n", heading(table.name), table.title));
-        page.push_str(&format!("([{0}.csv]({0}.csv))\n\n{1}\n", table.name, table.markdown()));
-        for picture in pictures.iter().filter(|picture| picture.beside == table.name) {
-            page.push_str(&format!("![{}]({}.svg)\n\n", picture.title, picture.name));
-        }
-    }
-    let long: Vec<String> =
-        found.tables.iter().filter(|t| t.is_long).map(|t| format!("[{0}.csv]({0}.csv)", t.name)).collect();
-    page.push_str(&format!("Longer tables: {}.\n", long.join(", ")));
-    page
+    page_of(HEAD, &conclusions(found), (&found.tables, pictures), heading, "")
 }
 
 fn heading(name: &str) -> &'static str {

@@ -1,6 +1,6 @@
 //! The page: the tables, and conclusions in words that depend on their numbers.
 
-use crate::evaluation::{Call, Detection, Picture, Reading, cell, ends};
+use crate::evaluation::{Call, Detection, Picture, Reading, cell, ends, page_of};
 use tapline_fuse::IndexKind;
 
 use super::Findings;
@@ -26,22 +26,9 @@ const NOT_SHOWN: &str = "## What is not shown
 
 /// The page that stands beside `folder`.
 pub(super) fn page(found: &Findings, pictures: &[Picture], folder: &str) -> String {
-    let mut page = format!("{HEAD}\n## In short\n\n");
-    for line in conclusions(found) {
-        page.push_str(&format!("- {line}\n"));
-    }
-    page.push('\n');
-    for table in found.tables.iter().filter(|table| !table.is_long) {
-        page.push_str(&format!("## {}\n\n{}\n", heading(table.name), table.title));
-        page.push_str(&format!("([{0}.csv]({folder}/{0}.csv))\n\n{1}\n", table.name, table.markdown()));
-        for picture in pictures.iter().filter(|picture| picture.beside == table.name) {
-            page.push_str(&format!("![{}]({folder}/{}.svg)\n\n", picture.title, picture.name));
-        }
-    }
-    let long: Vec<String> =
-        found.tables.iter().filter(|t| t.is_long).map(|t| format!("[{0}.csv]({folder}/{0}.csv)", t.name)).collect();
-    page.push_str(&format!("Longer tables: {}.\n\n{NOT_SHOWN}", long.join(", ")));
-    page
+    let folder = format!("{folder}/");
+    let page = page_of(HEAD, &conclusions(found), (&found.tables, pictures), heading, &folder);
+    format!("{page}\n{NOT_SHOWN}")
 }
 
 fn heading(name: &str) -> &'static str {

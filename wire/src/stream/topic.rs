@@ -94,7 +94,9 @@ pub trait Topic: std::fmt::Debug + 'static {
         false
     }
     /// How many processes publish on the topic.
-    fn publishers(limits: &Limits) -> usize;
+    fn publishers(_: &Limits) -> usize {
+        1
+    }
     /// Elements of the longest record, to `receiver` where the topic is addressed.
     fn elements_max(limits: &Limits, receiver: Option<Role>) -> usize;
 }
@@ -145,9 +147,6 @@ impl Topic for DiscriminatorTopic {
 
     fn sender(_: &Stamp) -> Role {
         Role::Process
-    }
-    fn publishers(_: &Limits) -> usize {
-        1
     }
     fn elements_max(_: &Limits, _: Option<Role>) -> usize {
         1
@@ -221,9 +220,6 @@ impl Topic for CasingTopic {
     fn sender(_: &Stamp) -> Role {
         Role::Store
     }
-    fn publishers(_: &Limits) -> usize {
-        1
-    }
     fn elements_max(limits: &Limits, receiver: Option<Role>) -> usize {
         opened_bytes_max(limits, receiver == Some(Role::Fuse))
     }
@@ -247,9 +243,6 @@ impl Topic for SettledTopic {
     fn sender(_: &Stamp) -> Role {
         Role::Store
     }
-    fn publishers(_: &Limits) -> usize {
-        1
-    }
     fn elements_max(_: &Limits, _: Option<Role>) -> usize {
         SETTLED_RECORDS_MAX
     }
@@ -269,9 +262,6 @@ impl Topic for DamageTopic {
 
     fn sender(_: &Stamp) -> Role {
         Role::Fuse
-    }
-    fn publishers(_: &Limits) -> usize {
-        1
     }
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
         limits.casing.locations.max(1)
@@ -293,10 +283,6 @@ impl Topic for AskTopic {
 
     fn sender(_: &Stamp) -> Role {
         Role::Fuse
-    }
-
-    fn publishers(_: &Limits) -> usize {
-        1
     }
 
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
@@ -322,9 +308,6 @@ impl Topic for StatusTopic {
 
     fn sender(_: &Stamp) -> Role {
         Role::Supervisor
-    }
-    fn publishers(_: &Limits) -> usize {
-        1
     }
     fn elements_max(_: &Limits, _: Option<Role>) -> usize {
         STATUS_BYTES_MAX
