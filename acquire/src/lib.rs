@@ -18,6 +18,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod capture;
 mod config;
 mod error;
 mod rig;
@@ -27,6 +28,7 @@ mod stage;
 mod stations;
 mod tap_set;
 
+pub use capture::{Crossing, NotTaps, Trigger, TriggerConfig};
 pub use config::{AcquireConfig, ScanConfig, ScanPolicy, TyreConfig};
 pub use error::Error;
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};
