@@ -85,6 +85,7 @@ mod tests {
                 heard.extend(numbers.map(|n| Some(n as i16)));
                 if lost > 0 {
                     ring.skip(lost);
+                    heard.fill(None);
                     heard.extend((0..lost).map(|_| None));
                 }
             }
