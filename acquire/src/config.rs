@@ -260,12 +260,17 @@ impl ScanConfig {
 
     /// What a tyre that is scanned so needs, when the rig of `simulation` records it.
     pub fn limits(&self, simulation: &SimulationConfig) -> CasingLimits {
+        self.limits_of(2 * size_of::<i16>() * simulation.sample_count as usize)
+    }
+
+    /// What a tyre that is scanned so needs, with records of so many bytes.
+    pub(crate) fn limits_of(&self, record_bytes: usize) -> CasingLimits {
         CasingLimits {
             taps: usize::try_from(self.taps_of_tyre()).unwrap_or(usize::MAX).saturating_add(self.room() as usize),
             room: self.room() as usize,
             scans: self.shoulders.into(),
             locations: self.locations as usize,
-            record_bytes: 2 * size_of::<i16>() * simulation.sample_count as usize,
+            record_bytes,
         }
     }
 

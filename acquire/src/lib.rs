@@ -28,7 +28,7 @@ mod stage;
 mod stations;
 mod tap_set;
 
-pub use capture::{Crossing, NotTaps, Trigger, TriggerConfig};
+pub use capture::{CaptureConfig, Crossing, NotTaps, Trigger, TriggerConfig};
 pub use config::{AcquireConfig, ScanConfig, ScanPolicy, TyreConfig};
 pub use error::Error;
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};

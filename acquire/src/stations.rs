@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use tapline_model::SimulationConfig;
 
+use crate::capture::by_hand::ByHand;
 use crate::simulated::listed::SimulatedTyres;
-use crate::{AcquireConfig, Arrivals, Error, FolderArrivals, RigArrivals, RigConfig, ScanConfig, Wake};
+use crate::{AcquireConfig, Arrivals, CaptureConfig, Error, FolderArrivals, RigArrivals, RigConfig, ScanConfig, Wake};
 
 /// Longest time that a rig may be given, in s: a day.
 const TIME_MAX_S: f64 = 86_400.0;
@@ -18,8 +19,10 @@ const TIME_MAX_S: f64 = 86_400.0;
 pub enum StationSource {
     /// Tap sets that are moved into a folder.
     Folder,
-    /// A rig, over TCP.
+    /// A rig, over TCP; its taps are simulated.
     Rig,
+    /// A sound card that hears the taps of a rig, or those that are made by hand.
+    Alsa,
     /// Simulated tyres, one after another.
     Simulated,
 }
@@ -29,6 +32,7 @@ impl StationSource {
         match self {
             Self::Folder => "folder",
             Self::Rig => "rig",
+            Self::Alsa => "alsa",
             Self::Simulated => "simulated",
         }
     }
@@ -44,8 +48,12 @@ pub struct StationConfig {
     pub source: StationSource,
     /// The watched folder.
     pub folder: Option<PathBuf>,
-    /// Host and port of the rig.
+    /// Host and port of the rig; without one a sound card hears taps in the order of the plan.
     pub rig: Option<String>,
+    /// The sound card, as ALSA names it.
+    pub device: Option<String>,
+    /// A file with the serial of the casing that is tapped without a rig.
+    pub serial_file: Option<PathBuf>,
     /// How long a rig may be away with a casing under way before that is given up, in s.
     #[serde(default = "rig_patience_s")]
     pub rig_patience_s: f64,
@@ -85,12 +93,21 @@ impl StationConfig {
         }
         let is = |source: StationSource| self.source == source;
         let folder = self.folder.as_ref().map(|folder| folder.display().to_string());
-        for (key, value, source) in [
-            ("folder", &folder, StationSource::Folder),
-            ("rig", &self.rig, StationSource::Rig),
-            ("casings", &self.casings.map(|casings| casings.to_string()), StationSource::Simulated),
+        let serial_file = self.serial_file.as_ref().map(|file| file.display().to_string());
+        let casings = self.casings.map(|casings| casings.to_string());
+        let is_rig_free = is(StationSource::Alsa) && self.rig.is_some();
+        for (key, value, source, is_needed) in [
+            ("folder", &folder, StationSource::Folder, is(StationSource::Folder)),
+            (
+                "rig",
+                &self.rig,
+                if is_rig_free { StationSource::Alsa } else { StationSource::Rig },
+                is(StationSource::Rig),
+            ),
+            ("device", &self.device, StationSource::Alsa, is(StationSource::Alsa)),
+            ("serial_file", &serial_file, StationSource::Alsa, false),
+            ("casings", &casings, StationSource::Simulated, false),
         ] {
-            let is_needed = is(source) && source != StationSource::Simulated;
             match value.as_deref() {
                 Some("") => return refuse(key, "\"\"".to_owned(), "a name".to_owned()),
                 Some(value) if !is(source) => {
@@ -102,6 +119,10 @@ impl StationConfig {
                 }
                 _ => {}
             }
+        }
+        if self.rig.is_some() && self.serial_file.is_some() {
+            let bound = "left out, as the rig tells the serial".to_owned();
+            return refuse("serial_file", serial_file.unwrap_or_default(), bound);
         }
         if let Some(rig) = self.rig.as_deref().filter(|rig| !is_address(rig)) {
             return refuse("rig", format!("{rig:?}"), "HOST:PORT, the port from 1 to 65535".to_owned());
@@ -122,13 +143,13 @@ fn is_address(text: &str) -> bool {
     text.rsplit_once(':').is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port > 0))
 }
 
-/// Checks every one of `stations`, and that no two have the same number, folder or rig.
+/// Checks every one of `stations`, and that no two have the same number, folder, rig or device.
 ///
 /// # Errors
 /// [`Error::Setting`] for the first that cannot be.
 pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
     let mut numbers = BTreeMap::new();
-    let mut sources: BTreeMap<(bool, &Path), u16> = BTreeMap::new();
+    let mut sources: BTreeMap<(&str, &Path), u16> = BTreeMap::new();
     for (place, station) in stations.iter().enumerate() {
         station.validate()?;
         let key = |field: &str| format!("station[{place}].{field}");
@@ -136,12 +157,14 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
             let bound = format!("another number than that of station[{first}]");
             return Err(Error::Setting { key: key("number"), value: station.number.to_string(), bound });
         }
-        let folder = station.folder.as_deref().map(|folder| (false, folder));
-        for source in folder.into_iter().chain(station.rig.as_deref().map(|rig| (true, Path::new(rig)))) {
-            if let Some(first) = sources.insert(source, station.number) {
-                let (is_rig, of) = source;
+        let named = [
+            ("folder", station.folder.as_deref()),
+            ("rig", station.rig.as_deref().map(Path::new)),
+            ("device", station.device.as_deref().map(Path::new)),
+        ];
+        for (field, of) in named.into_iter().filter_map(|(field, of)| Some((field, of?))) {
+            if let Some(first) = sources.insert((field, of), station.number) {
                 let bound = format!("another than that of the station with number {first}");
-                let field = if is_rig { "rig" } else { "folder" };
                 return Err(Error::Setting { key: key(field), value: of.display().to_string(), bound });
             }
         }
@@ -149,7 +172,7 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Opens where the casings of `station` come from; `wake` is called when a rig has answered.
+/// Opens where the casings of `station` come from; `wake` is called when a rig has answered, or a tap was heard.
 ///
 /// # Errors
 /// [`Error`] for a value out of its bounds, a folder that cannot be made, or a thread that cannot be had.
@@ -158,18 +181,28 @@ pub fn open_station(
     acquire: &AcquireConfig,
     scan: &ScanConfig,
     simulation: &SimulationConfig,
+    capture: &CaptureConfig,
     wake: Wake,
 ) -> Result<Box<dyn Arrivals>, Error> {
     station.validate()?;
     let number = station.number;
-    Ok(match (station.source, &station.folder, &station.rig) {
-        (StationSource::Folder, Some(folder), _) => Box::new(FolderArrivals::open(folder, number)?),
-        (StationSource::Rig, _, Some(address)) => {
+    // Only a sound card has a device.
+    let device = station.device.as_ref().map(|device| (device.clone(), capture.clone()));
+    if device.is_some() {
+        capture.validate()?;
+    }
+    Ok(match (station.source, &station.folder, &station.rig, &station.device) {
+        (StationSource::Folder, Some(folder), ..) => Box::new(FolderArrivals::open(folder, number)?),
+        (StationSource::Alsa, _, None, Some(device)) => {
+            Box::new(ByHand::open(device, station.serial_file.clone(), number, scan, capture, wake)?)
+        }
+        (StationSource::Rig | StationSource::Alsa, _, Some(address), _) => {
             let rig = RigConfig {
                 address: address.clone(),
                 patience_s: station.rig_patience_s,
                 timeout_s: station.rig_timeout_s,
                 retakes: acquire.retakes,
+                device,
             };
             Box::new(RigArrivals::open(&rig, number, scan, simulation, wake)?)
         }
@@ -219,6 +252,15 @@ mod tests {
                 one("source = \"rig\"\nrig = \"h:1\"\nfolder = \"x\""),
                 "station.folder is x; it must be left out, as source is not \"folder\"",
             ),
+            (one("source = \"alsa\""), "station.device is left out; it must be given, as source is \"alsa\""),
+            (
+                one("source = \"alsa\"\ndevice = \"hw:0\"\nrig = \"h:1\"\nserial_file = \"x\""),
+                "station.serial_file is x; it must be left out, as the rig tells the serial",
+            ),
+            (
+                one("source = \"rig\"\nrig = \"h:1\"\ndevice = \"hw:0\""),
+                "station.device is hw:0; it must be left out, as source is not \"alsa\"",
+            ),
             (one("source = \"rig\"\nrig = \"h:1\"\ncasings = 2"), "station.casings is 2; it must be left out"),
             (
                 one("source = \"rig\"\nrig = \"h:1\"\nrig_patience_s = nan"),
@@ -250,7 +292,8 @@ mod tests {
         let stations = stations(&text).unwrap();
         let open = |station| {
             let (scan, simulation) = (ScanConfig::default(), SimulationConfig::default());
-            open_station(station, &AcquireConfig::default(), &scan, &simulation, Arc::new(|| {})).unwrap()
+            let capture = CaptureConfig::default();
+            open_station(station, &AcquireConfig::default(), &scan, &simulation, &capture, Arc::new(|| {})).unwrap()
         };
         let mut opened: Vec<_> = stations.iter().map(open).collect();
         assert_eq!(opened.iter().map(|arrivals| arrivals.station()).collect::<Vec<_>>(), [4, 5, 6]);

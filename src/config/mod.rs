@@ -10,7 +10,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};
-use tapline_acquire::{AcquireConfig, ScanConfig, StationConfig, StationSource};
+use tapline_acquire::{AcquireConfig, CaptureConfig, ScanConfig, StationConfig, StationSource};
 use tapline_fuse::FuseConfig;
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
@@ -25,6 +25,8 @@ pub(crate) struct Config {
     pub scan: ScanConfig,
     /// The simulated tyre and its sensors.
     pub simulation: SimulationConfig,
+    /// How stations with a sound card hear.
+    pub capture: CaptureConfig,
     /// How taps are taken.
     pub acquire: AcquireConfig,
     /// The discriminators.
@@ -100,6 +102,7 @@ impl Config {
         };
         let of = |station: &StationConfig| match station.source {
             StationSource::Folder => tap_sets,
+            StationSource::Alsa => self.capture.limits(&self.scan.for_line()),
             StationSource::Rig | StationSource::Simulated => self.scan.for_line().limits(&self.simulation),
         };
         Ok(self.station.iter().map(of).fold(CasingLimits::default(), CasingLimits::and))

@@ -150,12 +150,14 @@ impl Setup {
                     let mut station = station.clone();
                     // Relative to where the line was started; its stages run elsewhere.
                     station.folder = station.folder.map(|folder| self.started_in.join(folder));
+                    station.serial_file = station.serial_file.map(|file| self.started_in.join(file));
                     let config = &job.config;
                     Ok(open_station(
                         &station,
                         &config.acquire,
                         &config.scan.for_line(),
                         &config.simulation,
+                        &config.capture,
                         wake.clone(),
                     )?)
                 })
@@ -178,6 +180,10 @@ fn limits_of(job: &Job, arriving: &Arriving) -> Result<Limits> {
     };
     stations.sort_unstable();
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
+    // Who listens shares its process with nobody.
+    let captures = *arriving == Arriving::Stations
+        && job.config.station.iter().any(|station| station.source == StationSource::Alsa);
+    let cores = if captures { stations.len() } else { cores };
     let processes = stations.len().min(cores.max(stations.len().div_ceil(STATIONS_PER_PROCESS)));
     Ok(Limits { acquire_count: u16::try_from(processes).context("too many stations")?, stations, casing: largest })
 }

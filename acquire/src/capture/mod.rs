@@ -1,6 +1,19 @@
-//! Live capture: a sound card that is heard without a pause, the taps that are found in it, and the station whose taps they are.
+//! Live capture: a device that is heard without a pause, the taps that are found in it, and the casings they are of.
+//!
+//! One thread for each station reads the device ([`device`]) into a ring of the last seconds ([`ring`]), and looks for taps in the
+//! force ([`trigger`]); [`ear`] holds both. A tap is copied once, from the ring into its loan, when the station takes it
+//! ([`heard`]). Who says which tap comes next is the rig, or, by hand, the order of the plan ([`by_hand`]).
 
+pub(crate) mod by_hand;
+mod config;
+mod device;
+pub(crate) mod ear;
+pub(crate) mod heard;
 mod ring;
 mod trigger;
 
+pub use config::CaptureConfig;
 pub use trigger::{Crossing, NotTaps, Trigger, TriggerConfig};
+
+#[cfg(all(test, feature = "alsa"))]
+mod tests;

@@ -36,7 +36,7 @@ pub struct TriggerConfig {
 
 impl Default for TriggerConfig {
     fn default() -> Self {
-        Self { level: 0.05, release: 0.5, pulse_min_s: 1e-4, pulse_max_s: 0.02, hold_off_s: 0.1 }
+        Self { level: 0.05, release: 0.5, pulse_min_s: 1e-4, pulse_max_s: 0.006, hold_off_s: 0.1 }
     }
 }
 

@@ -1,7 +1,8 @@
 //! A station whose casings lie on a rig: another process, or a machine, that speaks `docs/rig-protocol.md` over TCP.
 //!
 //! The station connects, and connects again whenever the connection is lost. The rig reports which casing is on it, and
-//! moves and hits on command. When it reports a hit, the samples of the tap are computed as those of a simulated line are.
+//! moves and hits on command. The samples of the tap are those that the station's device has heard since it was told to hit;
+//! without a device they are computed as those of a simulated line are.
 
 mod dialogue;
 mod link;
@@ -13,17 +14,26 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tapline_model::SimulationConfig;
-use tapline_wire::{CacheLine, Plan, Serial, SourceKind, TapHeader};
+use tapline_wire::{CacheLine, Plan, Serial, SourceKind, TapHeader, now_ns};
 
 use self::dialogue::{LinkConfig, Progress, Removal, Tap};
 use self::link::Link;
 use self::protocol::one_line;
 pub use self::script::{RigReport, RigScript, serve_rig};
+use crate::capture::CaptureConfig;
+use crate::capture::ear::Ear;
+use crate::capture::heard::HeardCasing;
 use crate::simulated::{Tyre, rig_of};
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, SimulatedLine, Source, Wake};
 
 /// How often to look without being woken; the rig wakes the station whenever something has changed.
 const LOOK_EVERY: Duration = Duration::from_secs(5);
+
+/// The same where what is heard has to come in time.
+const LISTEN_EVERY: Duration = Duration::from_millis(100);
+
+/// How long after a rig has hit its tap must be heard, its record apart.
+const HEARD_WITHIN: Duration = Duration::from_millis(500);
 
 /// How a station deals with its rig.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,12 +46,16 @@ pub struct RigConfig {
     pub timeout_s: f64,
     /// How often a failed move or hit is tried again before its tap is refused.
     pub retakes: u16,
+    /// The device that hears its taps; simulated ones where left out.
+    pub device: Option<(String, CaptureConfig)>,
 }
 
 /// The casings of a station's rig.
 #[derive(Debug)]
 pub struct RigArrivals {
     link: Arc<Link>,
+    /// What hears the taps; `None` where they are simulated.
+    ear: Option<Arc<Ear>>,
     station: u16,
     retakes: u16,
     scan: Arc<ScanConfig>,
@@ -84,10 +98,17 @@ impl RigArrivals {
             patience: seconds("rig_patience_s", rig.patience_s)?,
             timeout: seconds("rig_timeout_s", rig.timeout_s)?,
         };
-        let link = Link::start(config, wake)
-            .map_err(|source| Error::Thread { what: format!("the rig of station {station}"), source })?;
+        let no_thread = |what: &str, source| Error::Thread { what: format!("the {what} of station {station}"), source };
+        let ear = match &rig.device {
+            Some((device, config)) => {
+                Some(Ear::listen(device, config, station, wake.clone()).map_err(|source| no_thread("device", source))?)
+            }
+            None => None,
+        };
+        let link = Link::start(config, wake).map_err(|source| no_thread("rig", source))?;
         Ok(Self {
             link,
+            ear,
             station,
             retakes: rig.retakes,
             scan: Arc::new(scan.clone()),
@@ -100,6 +121,7 @@ impl RigArrivals {
 impl Drop for RigArrivals {
     fn drop(&mut self) {
         self.link.stop();
+        self.ear.iter().for_each(|ear| ear.stop());
     }
 }
 
@@ -115,16 +137,22 @@ impl Arrivals for RigArrivals {
             value: loaded.name.clone(),
             bound: error.bound(),
         })?;
-        let listed = self.scan.tyre.iter().find(|tyre| tyre.serial == loaded.name);
-        let cracks = listed.map_or_else(Vec::new, |tyre| tyre.crack.clone());
-        let tyre = Tyre { serial, station: self.station, cracks };
-        let line = SimulatedLine::for_tyre(&self.scan, &self.simulation, &tyre, 0)?;
+        let struck: Box<dyn Source> = match &self.ear {
+            Some(ear) => Box::new(HeardCasing::new(Arc::clone(ear), &self.scan, serial, self.station)?),
+            None => {
+                let listed = self.scan.tyre.iter().find(|tyre| tyre.serial == loaded.name);
+                let cracks = listed.map_or_else(Vec::new, |tyre| tyre.crack.clone());
+                let tyre = Tyre { serial, station: self.station, cracks };
+                Box::new(SimulatedLine::for_tyre(&self.scan, &self.simulation, &tyre, 0)?)
+            }
+        };
         self.open.push_back((loaded.id, loaded.name.clone()));
         let taps = RigCasing {
             link: Arc::clone(&self.link),
             id: loaded.id,
             removal: loaded.removal,
-            line,
+            ear: self.ear.clone(),
+            struck,
             retakes: self.retakes,
             failed: None,
         };
@@ -143,7 +171,8 @@ impl Arrivals for RigArrivals {
     }
 
     fn waits_for(&self) -> String {
-        self.link.dialogue().waits_for()
+        let fault = self.ear.as_ref().and_then(|ear| ear.fault());
+        fault.unwrap_or_else(|| self.link.dialogue().waits_for())
     }
 
     fn patience(&self) -> Option<Duration> {
@@ -151,11 +180,13 @@ impl Arrivals for RigArrivals {
     }
 
     fn take_alarms(&mut self) -> Vec<String> {
-        self.link.dialogue().take_alarms()
+        let mut alarms = self.link.dialogue().take_alarms();
+        alarms.extend(self.ear.iter().flat_map(|ear| ear.take_alarms()));
+        alarms
     }
 
     fn look_every(&self) -> Duration {
-        LOOK_EVERY
+        if self.ear.is_some() { LISTEN_EVERY } else { LOOK_EVERY }
     }
 }
 
@@ -165,7 +196,9 @@ struct RigCasing {
     link: Arc<Link>,
     id: u64,
     removal: Removal,
-    line: SimulatedLine,
+    ear: Option<Arc<Ear>>,
+    /// Its taps, once the rig has hit.
+    struck: Box<dyn Source>,
     retakes: u16,
     /// The tap that failed last, and how often.
     failed: Option<(Tap, u16)>,
@@ -175,15 +208,31 @@ impl RigCasing {
     fn refusal(&self, reason: String) -> Refusal {
         Refusal { file: format!("rig at {}", self.link.dialogue().config().address), line: 0, reason }
     }
+
+    /// Whether the tap that the rig reports was heard: once, and since the rig was told to hit.
+    fn heard(&mut self, tap: Tap) -> Readiness {
+        let Some(ear) = &self.ear else { return Readiness::Ready };
+        let Some(hit) = self.link.dialogue().hit(self.id, tap) else { return Readiness::NotYet };
+        ear.forget_before(hit.sent_ns);
+        let record = Duration::from_secs_f64(ear.config().record_s());
+        let waited = Duration::from_nanos(u64::try_from(now_ns() - hit.time_ns).unwrap_or(0));
+        let fault = match ear.tap_count() {
+            0 if waited > HEARD_WITHIN + record => "the rig has hit, and nothing was heard",
+            2.. => "the rig was told to hit once, and was heard more than once",
+            _ => return self.struck.poll(tap.0, tap.1),
+        };
+        self.link.dialogue().fail(self.id, tap, fault);
+        self.poll(tap.0, tap.1)
+    }
 }
 
 impl Source for RigCasing {
     fn plan(&self) -> &Plan {
-        self.line.plan()
+        self.struck.plan()
     }
 
     fn kind(&self) -> SourceKind {
-        self.line.kind()
+        self.struck.kind()
     }
 
     fn can_retake(&self) -> bool {
@@ -191,19 +240,19 @@ impl Source for RigCasing {
     }
 
     fn room(&self) -> u32 {
-        self.line.room()
+        self.struck.room()
     }
 
     fn grow(&mut self, plan: Plan) {
-        self.line.grow(plan);
+        self.struck.grow(plan);
     }
 
     fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
         if let Some(why) = self.removal.get() {
             return Readiness::Gone(why.clone());
         }
-        let Some(&tap) = self.line.plan().taps().get(row as usize) else {
-            return Readiness::Refused(crate::source::no_such_row(self.line.plan(), row));
+        let Some(&tap) = self.plan().taps().get(row as usize) else {
+            return Readiness::Refused(crate::source::no_such_row(self.plan(), row));
         };
         let to_move = || {
             let (angle_deg, offset_mm) = (tap.angle_deg.unwrap_or(0.0), tap.id.offset_mm().unwrap_or(0.0));
@@ -213,7 +262,7 @@ impl Source for RigCasing {
         // Bound first: the arms lock the dialogue again.
         let progress = self.link.dialogue().tap(self.id, (row, attempt), to_move, to_hit);
         match progress {
-            Progress::Hit => Readiness::Ready,
+            Progress::Hit => self.heard((row, attempt)),
             Progress::UnderWay => match self.removal.get() {
                 Some(why) => Readiness::Gone(why.clone()),
                 None => Readiness::NotYet,
@@ -236,12 +285,14 @@ impl Source for RigCasing {
         header: &mut TapHeader,
         buffer: &mut [CacheLine],
     ) -> Result<(), Refusal> {
-        self.line.render(row, attempt, header, buffer)?;
+        self.struck.render(row, attempt, header, buffer)?;
         let Some(hit) = self.link.dialogue().hit(self.id, (row, attempt)) else {
             return Err(self.refusal("the rig has not made this tap".to_owned()));
         };
         header.velocity_measured_m_per_s = hit.velocity_m_per_s;
-        header.tap_time_ns = hit.time_ns;
+        if self.ear.is_none() {
+            header.tap_time_ns = hit.time_ns;
+        }
         Ok(())
     }
 }

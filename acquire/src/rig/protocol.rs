@@ -118,25 +118,6 @@ fn text_of(mut line: Vec<u8>) -> ReadLine {
         .map_or_else(|_| ReadLine::Garbage("a line that is not UTF-8 text".to_owned()), ReadLine::Text)
 }
 
-/// A name for a casing whose serial could not be read at `now_ns`; never `last`.
-pub(super) fn unknown_name(station: u16, now_ns: i64, last: &str) -> String {
-    let mut second = now_ns.div_euclid(1_000_000_000);
-    loop {
-        let name = format!("unknown-{station}-{}", utc(second));
-        // Names stay different if two casings come within a second, or if the clock is set back.
-        if name.as_str() > last || name.len() != last.len() {
-            return name;
-        }
-        second += 1;
-    }
-}
-
-/// A time of day in UTC, from seconds since the Unix epoch: `20261123T064628Z`.
-fn utc(second: i64) -> String {
-    let time = jiff::Timestamp::from_second(second).unwrap_or(jiff::Timestamp::UNIX_EPOCH);
-    time.strftime("%Y%m%dT%H%M%SZ").to_string()
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

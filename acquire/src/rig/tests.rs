@@ -11,9 +11,9 @@ use std::time::Instant;
 use tapline_model::Crack;
 use tapline_wire::{cache_lines_for, now_ns};
 
-use super::protocol::unknown_name;
 use super::*;
 use crate::TyreConfig;
+use crate::source::unknown_name;
 
 /// Far longer than anything here takes.
 const LONG: Duration = Duration::from_secs(30);
@@ -55,7 +55,7 @@ impl Bench {
         let wake: Wake = Arc::new(move || {
             let _woken_already = wake.try_send(());
         });
-        let rig = RigConfig { address, patience_s, timeout_s: 5.0, retakes };
+        let rig = RigConfig { address, patience_s, timeout_s: 5.0, retakes, device: None };
         Self { arrivals: RigArrivals::open(&rig, 1, &scan(), &simulation(), wake).unwrap(), woken }
     }
 

@@ -209,7 +209,7 @@ fn simulated_serial(text: &str) -> Result<Serial, Error> {
 }
 
 /// Every tap in the order in which it is taken: tyre, shoulder, offset, velocity, repetition, full turn.
-fn taps_of(scan: &ScanConfig, tyres: &[Tyre]) -> Result<Vec<PlannedTap>, Error> {
+pub(crate) fn taps_of(scan: &ScanConfig, tyres: &[Tyre]) -> Result<Vec<PlannedTap>, Error> {
     let mut taps = Vec::new();
     for tyre in tyres {
         for shoulder in 1..=scan.shoulders {

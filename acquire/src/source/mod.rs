@@ -145,3 +145,22 @@ pub(crate) fn no_room(buffer: &[CacheLine], need_bytes: usize) -> Option<String>
     let got_bytes = size_of_val(buffer);
     (got_bytes < need_bytes).then(|| format!("the loan has {got_bytes} bytes; the samples need {need_bytes}"))
 }
+
+/// A name for a casing whose serial could not be read at `now_ns`; never `last`.
+pub(crate) fn unknown_name(station: u16, now_ns: i64, last: &str) -> String {
+    let mut second = now_ns.div_euclid(1_000_000_000);
+    loop {
+        let name = format!("unknown-{station}-{}", utc(second));
+        // Names stay different if two casings come within a second, or if the clock is set back.
+        if name.as_str() > last || name.len() != last.len() {
+            return name;
+        }
+        second += 1;
+    }
+}
+
+/// A time of day in UTC, from seconds since the Unix epoch: `20261123T064628Z`.
+fn utc(second: i64) -> String {
+    let time = jiff::Timestamp::from_second(second).unwrap_or(jiff::Timestamp::UNIX_EPOCH);
+    time.strftime("%Y%m%dT%H%M%SZ").to_string()
+}

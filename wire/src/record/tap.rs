@@ -96,6 +96,8 @@ pub enum SourceKind {
     Simulated,
     /// A folder of recordings.
     TapSet,
+    /// A device that is listened to.
+    Captured,
 }
 
 impl SourceKind {
@@ -104,6 +106,7 @@ impl SourceKind {
         match self {
             Self::Simulated => 1,
             Self::TapSet => 2,
+            Self::Captured => 3,
         }
     }
 
@@ -112,12 +115,13 @@ impl SourceKind {
         match self {
             Self::Simulated => "simulated",
             Self::TapSet => "tap set",
+            Self::Captured => "captured",
         }
     }
 
     /// The source that `code` stands for.
     pub fn from_code(code: u32) -> Option<Self> {
-        [Self::Simulated, Self::TapSet].into_iter().find(|c| c.code() == code)
+        [Self::Simulated, Self::TapSet, Self::Captured].into_iter().find(|c| c.code() == code)
     }
 }
 

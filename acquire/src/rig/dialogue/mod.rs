@@ -83,6 +83,8 @@ struct Current {
     step: Step,
     /// The hit command, which is sent once the impactor is in position.
     hit: String,
+    /// When it was sent.
+    hit_sent_ns: i64,
 }
 
 #[derive(Debug)]
@@ -112,6 +114,9 @@ pub(crate) type Tap = (u32, u16);
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Hit {
     pub velocity_m_per_s: f64,
+    /// When it was told to hit.
+    pub sent_ns: i64,
+    /// When it said that it has.
     pub time_ns: i64,
 }
 

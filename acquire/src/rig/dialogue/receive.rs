@@ -42,7 +42,10 @@ impl Dialogue {
             }
             RigMessage::Ready => {
                 let casing = self.answered(Command::Move, line)?;
-                let hit = self.begun(casing).map(|current| current.hit.clone());
+                let hit = self.begun(casing).map(|current| {
+                    current.hit_sent_ns = now_ns();
+                    current.hit.clone()
+                });
                 if let Some(hit) = hit {
                     self.command(Command::Hit, hit, casing);
                 }
@@ -50,7 +53,8 @@ impl Dialogue {
             }
             RigMessage::Hit(velocity_m_per_s) => {
                 let casing = self.answered(Command::Hit, line)?;
-                let hit = Hit { velocity_m_per_s, time_ns: now_ns() };
+                let sent_ns = self.begun(casing).map_or(0, |current| current.hit_sent_ns);
+                let hit = Hit { velocity_m_per_s, sent_ns, time_ns: now_ns() };
                 self.advance(casing, |tap| Step::Hit(tap, hit));
                 Ok(true)
             }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use tapline_wire::now_ns;
 
 use super::{Command, Current, Dialogue, EndReport, Hit, LoadedCasing, Progress, Removal, Step, Tap};
-use crate::rig::protocol::{UNKNOWN, unknown_name};
+use crate::rig::protocol::UNKNOWN;
+use crate::source::unknown_name;
 
 impl Dialogue {
     /// Takes over the casing on the rig, if there is a new one.
@@ -20,7 +21,8 @@ impl Dialogue {
         };
         let (id, removal) = (self.last_id, Removal::default());
         let step = Step::Idle;
-        self.current = Some(Current { id, serial, removal: Arc::clone(&removal), step, hit: String::new() });
+        self.current =
+            Some(Current { id, serial, removal: Arc::clone(&removal), step, hit: String::new(), hit_sent_ns: 0 });
         Some(LoadedCasing { id, name, removal })
     }
 
@@ -59,6 +61,17 @@ impl Dialogue {
         match &self.current {
             Some(Current { id: of, step: Step::Hit(at, hit), .. }) if *of == id && *at == tap => Some(*hit),
             _ => None,
+        }
+    }
+
+    /// Has `tap` of the casing `id`, which the rig says it has made, count as failed for the reason `why`.
+    pub(crate) fn fail(&mut self, id: u64, tap: Tap, why: &str) {
+        let station = self.config.station;
+        if let Some(current) = self.current.as_mut().filter(|current| current.id == id) {
+            tracing::warn!("station {station}: casing {}: {why}", current.serial);
+            let alarm = format!("casing {}: {why}", current.serial);
+            current.step = Step::Failed(tap, why.to_owned());
+            self.alarm(alarm);
         }
     }
 

@@ -1,0 +1,166 @@
+//! A station without a rig: somebody taps by hand, or a machine by itself, in the order of the plan.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use tapline_wire::{CacheLine, Plan, PlannedTap, Serial, SourceKind, TapHeader, now_ns};
+
+use crate::capture::CaptureConfig;
+use crate::capture::ear::Ear;
+use crate::capture::heard::HeardCasing;
+use crate::source::unknown_name;
+use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, Source, Wake};
+
+/// How often to look without being woken; a tap that was heard wakes the station.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// The casings that are tapped at a station without a rig: one after the other, each begins with its first tap.
+#[derive(Debug)]
+pub(crate) struct ByHand {
+    ear: Arc<Ear>,
+    station: u16,
+    scan: ScanConfig,
+    /// Holds the serial of the casing that is there.
+    serial_file: Option<PathBuf>,
+    last_unknown_name: String,
+    /// The tap that comes next, for people.
+    next_tap: Arc<Mutex<String>>,
+}
+
+impl ByHand {
+    /// Listens to `device` for `station`; `wake` is called when a tap was heard.
+    pub(crate) fn open(
+        device: &str,
+        serial_file: Option<PathBuf>,
+        station: u16,
+        scan: &ScanConfig,
+        capture: &CaptureConfig,
+        wake: Wake,
+    ) -> Result<Self, Error> {
+        scan.validate()?;
+        let ear = Ear::listen(device, capture, station, wake)
+            .map_err(|source| Error::Thread { what: format!("the device of station {station}"), source })?;
+        let (last_unknown_name, next_tap) = (String::new(), Arc::default());
+        Ok(Self { ear, station, scan: scan.clone(), serial_file, last_unknown_name, next_tap })
+    }
+
+    /// The serial in the file, or a name for a casing of which none is known.
+    fn name(&mut self) -> String {
+        if let Some(file) = &self.serial_file {
+            match std::fs::read_to_string(file) {
+                Ok(text) if Serial::new(text.trim()).is_ok() => return text.trim().to_owned(),
+                Ok(text) => tracing::error!("{}: {:?} is no serial", file.display(), text.trim()),
+                Err(error) => tracing::error!("{}: {error}", file.display()),
+            }
+        }
+        self.last_unknown_name = unknown_name(self.station, now_ns(), &self.last_unknown_name);
+        self.last_unknown_name.clone()
+    }
+}
+
+impl Drop for ByHand {
+    fn drop(&mut self) {
+        self.ear.stop();
+    }
+}
+
+impl Arrivals for ByHand {
+    fn station(&self) -> u16 {
+        self.station
+    }
+
+    fn next(&mut self) -> Result<Arrival, Error> {
+        if !self.ear.has_tap() {
+            "the first tap of a casing".clone_into(&mut self.next_tap.lock().unwrap_or_else(PoisonError::into_inner));
+            return Ok(Arrival::NotYet);
+        }
+        let name = self.name();
+        let serial = Serial::new(&name).map_err(|error| Error::Setting {
+            key: "the serial of a casing".to_owned(),
+            value: name.clone(),
+            bound: error.bound(),
+        })?;
+        let heard = HeardCasing::new(Arc::clone(&self.ear), &self.scan, serial, self.station)?;
+        Ok(Arrival::Casing(Casing {
+            name,
+            taps: Box::new(TappedByHand { heard, next_tap: Arc::clone(&self.next_tap) }),
+        }))
+    }
+
+    fn ended(&mut self, _name: &str, _end: &CasingEnd) {}
+
+    fn waits_for(&self) -> String {
+        let next_tap = self.next_tap.lock().unwrap_or_else(PoisonError::into_inner);
+        self.ear.fault().unwrap_or_else(|| format!("{next_tap}, at {}", self.ear.device()))
+    }
+
+    /// A casing that was left half tapped is not known again.
+    fn patience(&self) -> Option<Duration> {
+        Some(Duration::ZERO)
+    }
+
+    fn take_alarms(&mut self) -> Vec<String> {
+        self.ear.take_alarms()
+    }
+
+    fn look_every(&self) -> Duration {
+        LOOK_EVERY
+    }
+}
+
+/// A casing that is tapped in the order of its plan.
+#[derive(Debug)]
+struct TappedByHand {
+    heard: HeardCasing,
+    next_tap: Arc<Mutex<String>>,
+}
+
+impl Source for TappedByHand {
+    fn plan(&self) -> &Plan {
+        self.heard.plan()
+    }
+
+    fn kind(&self) -> SourceKind {
+        self.heard.kind()
+    }
+
+    fn can_retake(&self) -> bool {
+        self.heard.can_retake()
+    }
+
+    fn room(&self) -> u32 {
+        self.heard.room()
+    }
+
+    fn grow(&mut self, plan: Plan) {
+        self.heard.grow(plan);
+    }
+
+    fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
+        let readiness = self.heard.poll(row, attempt);
+        if readiness == Readiness::NotYet
+            && let Some(tap) = self.heard.plan().taps().get(row as usize)
+        {
+            *self.next_tap.lock().unwrap_or_else(PoisonError::into_inner) = place_of(tap);
+        }
+        readiness
+    }
+
+    fn render(
+        &mut self,
+        row: u32,
+        attempt: u16,
+        header: &mut TapHeader,
+        buffer: &mut [CacheLine],
+    ) -> Result<(), Refusal> {
+        self.heard.render(row, attempt, header, buffer)
+    }
+}
+
+/// Where to tap, for people.
+fn place_of(tap: &PlannedTap) -> String {
+    let angle = tap.angle_deg.map_or_else(String::new, |angle| format!(" ({angle} degrees)"));
+    let offset = tap.id.offset_mm().map_or_else(String::new, |offset| format!(", {offset} mm from the belt edge"));
+    format!("the tap at location {}{angle} of shoulder {}{offset}", tap.id.location, tap.id.shoulder)
+}

@@ -1,0 +1,162 @@
+//! What a station hears with: the table `[capture]`.
+
+use serde::{Deserialize, Serialize};
+use tapline_wire::{Channel, Recording, SampleFormat};
+
+use crate::capture::TriggerConfig;
+use crate::config::refuse;
+use crate::{Error, ScanConfig};
+
+/// What a device records, and what of it is a tap.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CaptureConfig {
+    /// Rate at which the device samples; it is not resampled.
+    pub sample_rate_hz: u32,
+    /// Bits of a sample: 16, 24 or 32. Of 32 the upper 24 are kept.
+    pub bits: u16,
+    /// Channels of the device.
+    pub channels: u16,
+    /// The channel with the force, from 1.
+    pub force_channel: u16,
+    /// The channel with the sound, from 1.
+    pub sound_channel: u16,
+    /// Samples of a record before the force reaches the trigger level.
+    pub pre_trigger_samples: u32,
+    /// Samples of a record, those before the trigger among them.
+    pub sample_count: u32,
+    /// Force at the greatest sample; unknown where left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_full_scale_n: Option<f64>,
+    /// Voltage of the sound at the greatest sample; unknown where left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sound_full_scale_v: Option<f64>,
+    /// From the place that is hit to the microphone; unknown where left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub microphone_distance_m: Option<f64>,
+    /// How long the last samples are kept for a station that is busy.
+    pub buffer_s: f64,
+    /// What a tap is.
+    pub trigger: TriggerConfig,
+}
+
+impl Default for CaptureConfig {
+    fn default() -> Self {
+        Self {
+            sample_rate_hz: 48_000,
+            bits: 16,
+            channels: 2,
+            force_channel: 1,
+            sound_channel: 2,
+            pre_trigger_samples: 512,
+            sample_count: 16_384,
+            force_full_scale_n: None,
+            sound_full_scale_v: None,
+            microphone_distance_m: None,
+            buffer_s: 10.0,
+            trigger: TriggerConfig::default(),
+        }
+    }
+}
+
+impl CaptureConfig {
+    /// Checks every value against its bounds.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for the first value out of bounds.
+    pub fn validate(&self) -> Result<(), Error> {
+        let within = |key: &str, value: u32, low: u32, high: u32| {
+            if (low..=high).contains(&value) {
+                return Ok(());
+            }
+            refuse(&format!("capture.{key}"), value, &format!("from {low} to {high}"))
+        };
+        within("sample_rate_hz", self.sample_rate_hz, 4000, 1_000_000)?;
+        if ![16, 24, 32].contains(&self.bits) {
+            return refuse("capture.bits", self.bits, "16, 24 or 32");
+        }
+        within("channels", self.channels.into(), 2, 64)?;
+        within("force_channel", self.force_channel.into(), 1, self.channels.into())?;
+        within("sound_channel", self.sound_channel.into(), 1, self.channels.into())?;
+        if self.force_channel == self.sound_channel {
+            return refuse("capture.sound_channel", self.sound_channel, "another than capture.force_channel");
+        }
+        within("sample_count", self.sample_count, 64, 4_000_000)?;
+        within("pre_trigger_samples", self.pre_trigger_samples, 16, self.sample_count - 16)?;
+        let scales = [
+            ("force_full_scale_n", self.force_full_scale_n),
+            ("sound_full_scale_v", self.sound_full_scale_v),
+            ("microphone_distance_m", self.microphone_distance_m),
+        ];
+        for (key, value) in scales.into_iter().filter_map(|(key, value)| Some((key, value?))) {
+            if !(value > 0.0 && value <= 1e6) {
+                return refuse(&format!("capture.{key}"), value, "above 0 and at most 1000000, or left out");
+            }
+        }
+        if !(0.1..=600.0).contains(&self.buffer_s) {
+            return refuse("capture.buffer_s", self.buffer_s, "from 0.1 to 600");
+        }
+        self.trigger.validate("capture.trigger")
+    }
+
+    /// What a tap of it is.
+    pub(crate) fn recording(&self) -> Recording {
+        Recording {
+            sample_rate_hz: self.sample_rate_hz.into(),
+            pre_trigger_samples: self.pre_trigger_samples,
+            sample_count_max: self.sample_count,
+            sample_format: if self.bits == 16 { SampleFormat::I16 } else { SampleFormat::F32 },
+            channels: vec![Channel::Force, Channel::Sound],
+        }
+    }
+
+    /// What a casing needs that is scanned by `scan` and heard so.
+    pub fn limits(&self, scan: &ScanConfig) -> tapline_wire::CasingLimits {
+        scan.limits_of(self.recording().payload_bytes_max())
+    }
+
+    /// The channels of the device that are kept, in the order of the record's.
+    pub(super) fn picked(&self) -> [usize; 2] {
+        [usize::from(self.force_channel) - 1, usize::from(self.sound_channel) - 1]
+    }
+
+    /// How long a record is.
+    pub(crate) fn record_s(&self) -> f64 {
+        f64::from(self.sample_count) / f64::from(self.sample_rate_hz)
+    }
+
+    /// Frames that the ring keeps: a few records at least.
+    pub(super) fn buffer_frames(&self) -> usize {
+        let of_time = (self.buffer_s * f64::from(self.sample_rate_hz)) as usize;
+        of_time.max(4 * self.sample_count as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a value that is let through, or refused without its key, value and bound.
+    #[test]
+    fn what_is_out_of_bounds_is_refused() {
+        let refusal = |text: &str| {
+            let config: CaptureConfig = toml::from_str(text).unwrap();
+            config.validate().unwrap_err().to_string()
+        };
+        for (text, want) in [
+            ("sample_rate_hz = 0", "capture.sample_rate_hz is 0; it must be from 4000 to 1000000"),
+            ("bits = 20", "capture.bits is 20; it must be 16, 24 or 32"),
+            ("channels = 1", "capture.channels is 1"),
+            ("sound_channel = 3", "capture.sound_channel is 3; it must be from 1 to 2"),
+            ("force_channel = 2", "capture.sound_channel is 2; it must be another than capture.force_channel"),
+            ("pre_trigger_samples = 16384", "capture.pre_trigger_samples is 16384"),
+            ("force_full_scale_n = 0.0", "capture.force_full_scale_n is 0"),
+            ("buffer_s = nan", "capture.buffer_s is NaN"),
+            ("trigger.level = 2.0", "capture.trigger.level is 2"),
+        ] {
+            let error = refusal(text);
+            assert!(error.contains(want), "{error:?} lacks {want:?}");
+        }
+        CaptureConfig::default().validate().unwrap();
+    }
+}

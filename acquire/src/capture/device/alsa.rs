@@ -1,0 +1,182 @@
+//! A sound card, through ALSA.
+
+use std::time::{Duration, Instant};
+
+use alsa::pcm::{Access, Format, HwParams, PCM};
+use alsa::{Direction, ValueOr};
+
+use super::{Chunk, Device};
+use crate::capture::CaptureConfig;
+
+/// What is read at once, about: a power of two is chosen, which every card can give.
+const PERIOD_S: f64 = 0.01;
+
+/// Periods that the card keeps while nobody reads.
+const PERIODS: alsa::pcm::Frames = 64;
+
+/// How long a read waits for samples before it returns without any.
+const WAIT_MS: u32 = 200;
+
+/// The card is taken for stopped when it has given nothing for this long.
+const SILENT_MAX: Duration = Duration::from_secs(5);
+
+/// How a sample lies in the card's buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Layout {
+    I16,
+    /// 24 bits in three bytes.
+    Packed24,
+    /// 24 bits at the lower end of four bytes.
+    Low24,
+    I32,
+}
+
+impl Layout {
+    fn format(self) -> Format {
+        match self {
+            Self::I16 => Format::S16LE,
+            Self::Packed24 => Format::S243LE,
+            Self::Low24 => Format::S24LE,
+            Self::I32 => Format::S32LE,
+        }
+    }
+
+    /// Those that hold samples of so many bits, the best first.
+    fn of_bits(bits: u16) -> &'static [Self] {
+        match bits {
+            16 => &[Self::I16],
+            24 => &[Self::Packed24, Self::Low24, Self::I32],
+            _ => &[Self::I32],
+        }
+    }
+}
+
+/// An open sound card.
+pub(super) struct SoundCard {
+    pcm: PCM,
+    layout: Layout,
+    channels: usize,
+    period_frames: usize,
+    rate_hz: f64,
+    /// When frames came last.
+    heard: Instant,
+    /// Parts of full scale, for formats that are not passed on as they are.
+    scaled: Vec<f32>,
+}
+
+impl SoundCard {
+    pub(super) fn open(name: &str, config: &CaptureConfig) -> Result<Self, String> {
+        let fault = |what: &str, error: alsa::Error| format!("{what}: {error}");
+        // A terminating zero ends a name in C.
+        if name.contains('\0') {
+            return Err(format!("{name:?} is no name of a device"));
+        }
+        let pcm = PCM::new(name, Direction::Capture, false).map_err(|e| fault("it cannot be opened", e))?;
+        let (layout, period_frames) = Self::set(&pcm, config)?;
+        pcm.prepare().and_then(|()| pcm.start()).map_err(|e| fault("it cannot be started", e))?;
+        Ok(Self {
+            pcm,
+            layout,
+            channels: config.channels.into(),
+            period_frames,
+            rate_hz: config.sample_rate_hz.into(),
+            heard: Instant::now(),
+            scaled: Vec::new(),
+        })
+    }
+
+    fn set(pcm: &PCM, config: &CaptureConfig) -> Result<(Layout, usize), String> {
+        let fault = |what: String| move |error: alsa::Error| format!("{what}: {error}");
+        let params = HwParams::any(pcm).map_err(fault("it has no parameters".to_owned()))?;
+        let access = Access::MMapInterleaved;
+        params.set_access(access).map_err(fault("its buffer cannot be mapped, frame by frame".to_owned()))?;
+        // Resampling would filter the sound.
+        params.set_rate_resample(false).map_err(fault("its resampling cannot be switched off".to_owned()))?;
+        let layout = Layout::of_bits(config.bits).iter().find(|layout| params.test_format(layout.format()).is_ok());
+        let Some(&layout) = layout else { return Err(format!("it has no samples of {} bits", config.bits)) };
+        params.set_format(layout.format()).map_err(fault(format!("it gives no samples of {} bits", config.bits)))?;
+        let channels = config.channels;
+        let (least, most) = (params.get_channels_min().unwrap_or(0), params.get_channels_max().unwrap_or(0));
+        params
+            .set_channels(channels.into())
+            .map_err(fault(format!("it has {least} to {most} channels, not {channels}")))?;
+        let rate = config.sample_rate_hz;
+        let (least, most) = (params.get_rate_min().unwrap_or(0), params.get_rate_max().unwrap_or(0));
+        params
+            .set_rate(rate, ValueOr::Nearest)
+            .map_err(fault(format!("it samples at {least} to {most} Hz, not at {rate}")))?;
+        let period = ((PERIOD_S * f64::from(rate)) as u32).next_power_of_two();
+        let period = params.set_period_size_near(period.into(), ValueOr::Nearest);
+        let period = period.map_err(fault("it has no periods".to_owned()))?;
+        params.set_buffer_size_near(PERIODS * period).map_err(fault("it has no buffer".to_owned()))?;
+        pcm.hw_params(&params).map_err(fault("it refuses these parameters".to_owned()))?;
+        Ok((layout, usize::try_from(period).unwrap_or(1).max(1)))
+    }
+
+    /// Starts again after samples were lost; returns how many, by the clock.
+    fn recover(&mut self, error: alsa::Error) -> Result<u64, String> {
+        self.pcm.try_recover(error, true).and_then(|()| self.pcm.start()).map_err(|e| e.to_string())?;
+        let lost = self.heard.elapsed().as_secs_f64() * self.rate_hz;
+        self.heard = Instant::now();
+        Ok((lost as u64).max(1))
+    }
+
+    /// Passes on a period of frames from the card's buffer; how many they were.
+    fn pass(&mut self, take: &mut dyn FnMut(Chunk<'_>)) -> Result<usize, alsa::Error> {
+        let (channels, scaled) = (self.channels, &mut self.scaled);
+        scaled.clear();
+        let mut as_f32 = |samples: &mut dyn Iterator<Item = f32>, count: usize| {
+            scaled.extend(samples);
+            take(Chunk::F32(scaled));
+            count / channels
+        };
+        match self.layout {
+            Layout::I16 => self.pcm.io_i16()?.mmap(self.period_frames, |samples| {
+                take(Chunk::I16(samples));
+                samples.len() / channels
+            }),
+            Layout::Packed24 => self.pcm.io_bytes().mmap(self.period_frames, |bytes| {
+                let of = |b: &[u8]| i32::from_le_bytes([0, b[0], b[1], b[2]]) as f32 / 2_147_483_648.0;
+                as_f32(&mut bytes.chunks_exact(3).map(of), bytes.len() / 3)
+            }),
+            Layout::Low24 => self.pcm.io_i32_s24()?.mmap(self.period_frames, |samples| {
+                // What stands in the upper byte is not defined.
+                let of = |&sample: &i32| (sample << 8) as f32 / 2_147_483_648.0;
+                as_f32(&mut samples.iter().map(of), samples.len())
+            }),
+            Layout::I32 => self.pcm.io_i32()?.mmap(self.period_frames, |samples| {
+                as_f32(&mut samples.iter().map(|&sample| sample as f32 / 2_147_483_648.0), samples.len())
+            }),
+        }
+    }
+}
+
+impl Device for SoundCard {
+    fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>)) -> Result<(), String> {
+        let available = match self.pcm.wait(Some(WAIT_MS)).and_then(|_| self.pcm.avail_update()) {
+            Ok(frames) => usize::try_from(frames).unwrap_or(0),
+            Err(error) => {
+                let lost = self.recover(error)?;
+                take(Chunk::Lost(lost));
+                return Ok(());
+            }
+        };
+        let mut left = available;
+        while left >= self.period_frames {
+            match self.pass(take) {
+                Ok(0) => break,
+                Ok(passed) => left = left.saturating_sub(passed),
+                Err(error) => {
+                    let lost = self.recover(error)?;
+                    take(Chunk::Lost(lost));
+                    return Ok(());
+                }
+            }
+            self.heard = Instant::now();
+        }
+        if self.heard.elapsed() > SILENT_MAX {
+            return Err(format!("it has given no samples for {} s", SILENT_MAX.as_secs()));
+        }
+        Ok(())
+    }
+}

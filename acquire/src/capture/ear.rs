@@ -1,0 +1,333 @@
+//! What one station hears: the last samples of its device, and the taps that were found in them.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use tapline_wire::{CacheLine, f32_of_mut, i16_of_mut, now_ns};
+
+use crate::Wake;
+use crate::capture::device::{self, Chunk};
+use crate::capture::ring::Ring;
+use crate::capture::{CaptureConfig, Crossing, NotTaps, Trigger};
+
+/// Most taps that wait to be taken.
+const TAPS_MAX: usize = 64;
+
+/// Most alarms that wait to be sent.
+const ALARMS_MAX: usize = 16;
+
+/// First and longest wait before a device is opened again.
+const BACK_OFF: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(5));
+
+/// Priority of the thread that listens, among those that run before all others.
+const PRIORITY: u8 = 50;
+
+/// Counts of a full-scale 16-bit sample.
+const COUNTS_FULL_SCALE: f32 = 32_768.0;
+
+/// A tap that was heard, all of its record.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct HeardTap {
+    /// Where the trigger found it.
+    pub(crate) crossing: Crossing,
+    /// When the force was half of its peak, ns since the Unix epoch.
+    pub(crate) time_ns: i64,
+}
+
+/// What a station hears.
+pub(crate) struct Ear {
+    device: String,
+    config: CaptureConfig,
+    state: Mutex<State>,
+    is_stopped: AtomicBool,
+    wake: Wake,
+}
+
+#[derive(Debug)]
+struct State {
+    samples: Samples,
+    /// Found, but their records are not whole yet.
+    begun: VecDeque<HeardTap>,
+    /// Whole, and not taken yet.
+    taps: VecDeque<HeardTap>,
+    alarms: Vec<String>,
+    /// Why the device is not heard.
+    fault: Option<String>,
+    not_taps: NotTaps,
+}
+
+#[derive(Debug)]
+enum Samples {
+    I16(Ring<i16>),
+    F32(Ring<f32>),
+}
+
+impl Samples {
+    fn end(&self) -> u64 {
+        match self {
+            Self::I16(ring) => ring.end(),
+            Self::F32(ring) => ring.end(),
+        }
+    }
+
+    fn has(&self, first: u64, count: usize) -> bool {
+        match self {
+            Self::I16(ring) => ring.has(first, count),
+            Self::F32(ring) => ring.has(first, count),
+        }
+    }
+}
+
+impl fmt::Debug for Ear {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Ear").field("device", &self.device).finish_non_exhaustive()
+    }
+}
+
+impl Ear {
+    /// Listens to `device` for station number `station` until [`Ear::stop`]; `wake` is called when a tap was heard.
+    ///
+    /// # Errors
+    /// When there is no thread to be had. A device that is not there is no error: it is tried again.
+    pub(crate) fn listen(device: &str, config: &CaptureConfig, station: u16, wake: Wake) -> std::io::Result<Arc<Self>> {
+        let samples = match config.bits {
+            16 => Samples::I16(Ring::new(2, config.buffer_frames())),
+            _ => Samples::F32(Ring::new(2, config.buffer_frames())),
+        };
+        let state = State {
+            samples,
+            begun: VecDeque::new(),
+            taps: VecDeque::new(),
+            alarms: Vec::new(),
+            fault: None,
+            not_taps: NotTaps::default(),
+        };
+        let ear = Arc::new(Self {
+            device: device.to_owned(),
+            config: config.clone(),
+            state: Mutex::new(state),
+            is_stopped: AtomicBool::new(false),
+            wake,
+        });
+        let of_thread = Arc::clone(&ear);
+        thread::Builder::new().name(format!("capture {station}")).spawn(move || of_thread.run(station))?;
+        Ok(ear)
+    }
+
+    /// Ends the thread; it may take a moment to notice.
+    pub(crate) fn stop(&self) {
+        self.is_stopped.store(true, Ordering::Relaxed);
+    }
+
+    pub(crate) fn device(&self) -> &str {
+        &self.device
+    }
+
+    pub(crate) fn config(&self) -> &CaptureConfig {
+        &self.config
+    }
+
+    /// Whether a tap waits to be taken.
+    pub(crate) fn has_tap(&self) -> bool {
+        !self.state().taps.is_empty()
+    }
+
+    /// The next tap whose samples are all there; those that came too late for that are passed over.
+    pub(crate) fn take_tap(&self) -> Option<HeardTap> {
+        let mut state = self.state();
+        while let Some(tap) = state.taps.pop_front() {
+            if self.is_whole(&state.samples, tap) {
+                return Some(tap);
+            }
+            state.alarm("a tap was heard and not taken in time: capture.buffer_s is too short, or samples were lost");
+        }
+        None
+    }
+
+    /// Forgets the taps before `time_ns`; returns how many they were.
+    pub(crate) fn forget_before(&self, time_ns: i64) -> usize {
+        let mut state = self.state();
+        let before = state.taps.len();
+        state.taps.retain(|tap| tap.time_ns >= time_ns);
+        before - state.taps.len()
+    }
+
+    /// How many taps wait.
+    pub(crate) fn tap_count(&self) -> usize {
+        self.state().taps.len()
+    }
+
+    /// Copies the record of `tap` into `buffer`, channel by channel; `false` where it is not there any more.
+    pub(crate) fn copy(&self, tap: HeardTap, buffer: &mut [CacheLine]) -> bool {
+        let (state, count) = (self.state(), self.config.sample_count as usize);
+        if !self.is_whole(&state.samples, tap) {
+            return false;
+        }
+        let first = self.first_frame(tap);
+        match &state.samples {
+            Samples::I16(ring) => ring.copy_to(first, &mut i16_of_mut(buffer)[..2 * count]),
+            Samples::F32(ring) => ring.copy_to(first, &mut f32_of_mut(buffer)[..2 * count]),
+        }
+        true
+    }
+
+    /// Number of the first frame of the record of `tap`.
+    fn first_frame(&self, tap: HeardTap) -> u64 {
+        tap.crossing.sample.saturating_sub(self.config.pre_trigger_samples.into())
+    }
+
+    /// Whether all of the record of `tap` is among `samples`.
+    fn is_whole(&self, samples: &Samples, tap: HeardTap) -> bool {
+        samples.has(self.first_frame(tap), self.config.sample_count as usize)
+    }
+
+    /// The alarms since the last call.
+    pub(crate) fn take_alarms(&self) -> Vec<String> {
+        std::mem::take(&mut self.state().alarms)
+    }
+
+    /// Why the device is not heard, if it is not.
+    pub(crate) fn fault(&self) -> Option<String> {
+        self.state().fault.clone()
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn run(&self, station: u16) {
+        prefer_this_thread(station);
+        let mut wait = BACK_OFF.0;
+        while !self.is_stopped.load(Ordering::Relaxed) {
+            let why = match device::open(&self.device, &self.config) {
+                Ok(mut device) => {
+                    tracing::info!("station {station}: listens to {}", self.device);
+                    self.state().fault = None;
+                    wait = BACK_OFF.0;
+                    self.follow(device.as_mut())
+                }
+                Err(why) => why,
+            };
+            if self.is_stopped.load(Ordering::Relaxed) {
+                return;
+            }
+            let text = format!("the device {} is not heard: {why}", self.device);
+            if self.state().fault.as_ref() != Some(&text) {
+                tracing::error!("station {station}: {text}; trying again");
+                let mut state = self.state();
+                state.alarm(&text);
+                state.fault = Some(text);
+                drop(state);
+                (self.wake)();
+            }
+            thread::sleep(wait);
+            wait = (2 * wait).min(BACK_OFF.1);
+        }
+    }
+
+    /// Listens until the device fails; returns why.
+    fn follow(&self, device: &mut dyn device::Device) -> String {
+        let mut trigger = Trigger::new(&self.config.trigger, self.config.sample_rate_hz.into());
+        // A device that is opened again goes on behind what was heard before.
+        trigger.skip(self.state().samples.end());
+        self.lost(&mut trigger, 1);
+        let mut force = Vec::new();
+        while !self.is_stopped.load(Ordering::Relaxed) {
+            let outcome = device.read(&mut |chunk| match chunk {
+                Chunk::Lost(frames) => {
+                    let text = format!("{} has lost about {frames} samples; a tap in them is not there", self.device);
+                    tracing::error!("{text}");
+                    self.state().alarm(&text);
+                    self.lost(&mut trigger, frames);
+                }
+                chunk => self.hear(&mut trigger, chunk, &mut force),
+            });
+            if let Err(why) = outcome {
+                return why;
+            }
+        }
+        "the station ends".to_owned()
+    }
+
+    /// Notes that `frames` were lost, and with them the taps that lie in them.
+    fn lost(&self, trigger: &mut Trigger, frames: u64) {
+        let mut state = self.state();
+        match &mut state.samples {
+            Samples::I16(ring) => ring.skip(frames),
+            Samples::F32(ring) => ring.skip(frames),
+        }
+        state.begun.clear();
+        trigger.skip(frames);
+    }
+
+    fn hear(&self, trigger: &mut Trigger, chunk: Chunk<'_>, force: &mut Vec<f32>) {
+        let (width, picked) = (usize::from(self.config.channels), self.config.picked());
+        let mut state = self.state();
+        force.clear();
+        match (&mut state.samples, chunk) {
+            (Samples::I16(ring), Chunk::I16(frames)) => {
+                ring.push(frames, width, &picked);
+                force.extend(frames.chunks_exact(width).map(|frame| f32::from(frame[picked[0]]) / COUNTS_FULL_SCALE));
+            }
+            (Samples::F32(ring), Chunk::F32(frames)) => {
+                ring.push(frames, width, &picked);
+                force.extend(frames.chunks_exact(width).map(|frame| frame[picked[0]]));
+            }
+            _ => return,
+        }
+        let end = state.samples.end();
+        let end_ns = now_ns();
+        trigger.push(force, |crossing| {
+            let ago_s = (end as f64 - crossing.time_samples) / f64::from(self.config.sample_rate_hz);
+            let time_ns = end_ns - (ago_s * 1e9) as i64;
+            state.begun.push_back(HeardTap { crossing, time_ns });
+        });
+        state.not_taps = trigger.not_taps();
+        let mut is_news = false;
+        while let Some(&tap) = state.begun.front() {
+            if self.first_frame(tap) + u64::from(self.config.sample_count) > end {
+                break;
+            }
+            state.begun.pop_front();
+            if state.taps.len() >= TAPS_MAX {
+                state.taps.pop_front();
+                state.alarm("a tap was heard that nobody waited for");
+            }
+            state.taps.push_back(tap);
+            is_news = true;
+        }
+        drop(state);
+        if is_news {
+            (self.wake)();
+        }
+    }
+}
+
+impl State {
+    fn alarm(&mut self, text: &str) {
+        if self.alarms.len() < ALARMS_MAX {
+            self.alarms.push(text.to_owned());
+        }
+    }
+}
+
+/// Has this thread run before all others where that is allowed, and says where it is not.
+fn prefer_this_thread(station: u16) {
+    use thread_priority::{
+        RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+        set_thread_priority_and_policy, thread_native_id,
+    };
+    let Ok(priority) = ThreadPriorityValue::try_from(PRIORITY) else { return };
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let set = set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(priority), policy);
+    match set {
+        Ok(()) => tracing::info!("station {station}: listens with real-time priority {PRIORITY}"),
+        Err(error) => tracing::warn!(
+            "station {station}: listens without real-time priority, which is not allowed here ({error:?}): raise the limit rtprio"
+        ),
+    }
+}

@@ -1,0 +1,98 @@
+//! A casing whose taps are heard: each is copied once, from what was heard into its loan.
+
+use std::sync::Arc;
+
+use tapline_wire::{CHANNELS_MAX, CacheLine, ChannelHeader, Geometry, Plan, Serial, SourceKind, TapHeader, Truth};
+
+use crate::capture::ear::{Ear, HeardTap};
+use crate::simulated::{Tyre, taps_of};
+use crate::source::{channel_headers, named, no_room, no_such_row};
+use crate::{Error, Readiness, Refusal, ScanConfig, Source};
+
+/// A casing whose taps are heard, in the order in which they are asked for.
+#[derive(Debug)]
+pub(crate) struct HeardCasing {
+    pub(crate) ear: Arc<Ear>,
+    plan: Plan,
+    room: u32,
+    channels: [ChannelHeader; CHANNELS_MAX],
+    /// The tap that was taken last: row, attempt, and where it was heard.
+    taken: Option<((u32, u16), HeardTap)>,
+}
+
+impl HeardCasing {
+    /// The casing `serial` on `station`, scanned by `scan`; what is cracked of it nobody knows.
+    pub(crate) fn new(ear: Arc<Ear>, scan: &ScanConfig, serial: Serial, station: u16) -> Result<Self, Error> {
+        let config = ear.config();
+        let taps = taps_of(scan, &[Tyre { serial, station, cracks: Vec::new() }])?;
+        let plan = Plan::new(Geometry::Ring, config.recording(), taps, Truth::new())?;
+        let counts = if config.bits == 16 { 32_768.0 } else { 1.0 };
+        let full_scales = [config.force_full_scale_n, config.sound_full_scale_v];
+        let channels = channel_headers(&plan.recording, &full_scales.map(|scale| scale.unwrap_or(1.0) / counts));
+        Ok(Self { ear, plan, room: scan.room(), channels, taken: None })
+    }
+
+    fn refusal(&self, reason: &str) -> Refusal {
+        Refusal { file: self.ear.device().to_owned(), line: 0, reason: reason.to_owned() }
+    }
+}
+
+impl Source for HeardCasing {
+    fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    fn kind(&self) -> SourceKind {
+        SourceKind::Captured
+    }
+
+    fn can_retake(&self) -> bool {
+        true
+    }
+
+    fn room(&self) -> u32 {
+        self.room
+    }
+
+    fn grow(&mut self, plan: Plan) {
+        self.plan = plan;
+    }
+
+    /// Takes the next tap that was heard for this one.
+    fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
+        if self.taken.is_some_and(|(of, _)| of == (row, attempt)) {
+            return Readiness::Ready;
+        }
+        match self.ear.take_tap() {
+            Some(tap) => {
+                self.taken = Some(((row, attempt), tap));
+                Readiness::Ready
+            }
+            None => Readiness::NotYet,
+        }
+    }
+
+    fn render(
+        &mut self,
+        row: u32,
+        attempt: u16,
+        header: &mut TapHeader,
+        buffer: &mut [CacheLine],
+    ) -> Result<(), Refusal> {
+        let kind = self.kind();
+        *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
+        if let Some(reason) = no_room(buffer, self.plan.recording.payload_bytes_max()) {
+            return Err(self.refusal(&reason));
+        }
+        let tap = self.taken.filter(|(of, _)| *of == (row, attempt)).map(|(_, tap)| tap);
+        let Some(tap) = tap else { return Err(self.refusal("the tap was not heard")) };
+        if !self.ear.copy(tap, buffer) {
+            return Err(self.refusal("samples of the tap were lost"));
+        }
+        header.tap_time_ns = tap.time_ns;
+        header.microphone_distance_m = self.ear.config().microphone_distance_m.unwrap_or(0.0);
+        header.sample_count = self.ear.config().sample_count;
+        header.channels = self.channels;
+        Ok(())
+    }
+}
