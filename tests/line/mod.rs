@@ -1,5 +1,6 @@
 //! `tapline line`: casings come to its stations one by one, from a watched folder, from a rig, or simulated.
 
+mod capture;
 mod endurance;
 mod restarts;
 mod second_readings;

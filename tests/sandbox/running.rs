@@ -38,7 +38,11 @@ impl Drop for Running {
 
 impl Running {
     pub(crate) fn start(sandbox: &Sandbox, arguments: &str) -> Self {
-        let mut child = sandbox.start(arguments);
+        Self::of(sandbox.start(arguments))
+    }
+
+    /// Follows `child`, whose output and log are pipes.
+    pub(crate) fn of(mut child: Child) -> Self {
         let printed = lines_of(child.stdout.take().unwrap());
         let log = lines_of(child.stderr.take().unwrap());
         Self { child: Some(child), printed, log, log_text: String::new() }

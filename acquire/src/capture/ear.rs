@@ -151,14 +151,16 @@ impl Ear {
     /// Forgets the taps before `time_ns`; returns how many they were.
     pub(crate) fn forget_before(&self, time_ns: i64) -> usize {
         let mut state = self.state();
-        let before = state.taps.len();
+        let before = state.taps.len() + state.begun.len();
         state.taps.retain(|tap| tap.time_ns >= time_ns);
-        before - state.taps.len()
+        state.begun.retain(|tap| tap.time_ns >= time_ns);
+        before - state.taps.len() - state.begun.len()
     }
 
-    /// How many taps wait.
+    /// How many taps were heard and not taken, with those whose records are not whole yet.
     pub(crate) fn tap_count(&self) -> usize {
-        self.state().taps.len()
+        let state = self.state();
+        state.taps.len() + state.begun.len()
     }
 
     /// Copies the record of `tap` into `buffer`, channel by channel; `false` where it is not there any more.

@@ -48,7 +48,7 @@ fn ear_process() {
     let (count, text) = text.split_once('\n').unwrap();
     let config: CaptureConfig = toml::from_str(text).unwrap();
     let (sender, woken) = std::sync::mpsc::channel();
-    let ear = Ear::listen("scan", &config, 1, Arc::new(move || drop(sender.send(())))).unwrap();
+    let ear = Ear::listen("scan", &config, 1, Arc::new(move || sender.send(()).unwrap_or_default())).unwrap();
     let mut buffer = vec![CacheLine::default(); cache_lines_for(config.recording().payload_bytes_max())];
     let samples = 2 * config.sample_count as usize;
     let mut out = std::io::stdout().lock();
@@ -295,14 +295,6 @@ fn every_format_is_heard_as_it_is() {
 fn what_is_no_tap_is_not_heard_and_what_is_one_is() {
     // Catches a click, a step, a rebound or a missed hit that shifts all taps behind it, and a clipped pulse that is not heard:
     // 2.5 taps a second.
-    let worst = play(600, 16_384, 16, &[0, 2, 5, 10, 15], |row| EACH[row % EACH.len()]);
-    assert!(worst < 0.1, "{worst} samples");
-}
-
-#[test]
-#[ignore = "takes minutes"]
-fn a_long_scan_is_heard_whole() {
-    // As above, 10 000 taps at 2.5 a second.
     let worst = play(10_000, 16_384, 16, &[0, 2, 5, 10, 15], |row| EACH[row % EACH.len()]);
     assert!(worst < 0.1, "{worst} samples");
 }

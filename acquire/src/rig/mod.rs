@@ -6,6 +6,7 @@
 
 mod dialogue;
 mod link;
+mod played;
 mod protocol;
 mod script;
 
@@ -213,7 +214,10 @@ impl RigCasing {
     fn heard(&mut self, tap: Tap) -> Readiness {
         let Some(ear) = &self.ear else { return Readiness::Ready };
         let Some(hit) = self.link.dialogue().hit(self.id, tap) else { return Readiness::NotYet };
-        ear.forget_before(hit.sent_ns);
+        let stray = ear.forget_before(hit.sent_ns);
+        if stray > 0 {
+            tracing::warn!(stray, "taps were heard that the rig was not asked for");
+        }
         let record = Duration::from_secs_f64(ear.config().record_s());
         let waited = Duration::from_nanos(u64::try_from(now_ns() - hit.time_ns).unwrap_or(0));
         let fault = match ear.tap_count() {

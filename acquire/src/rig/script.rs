@@ -2,15 +2,18 @@
 
 use std::io::{self, Write as _};
 use std::net::{TcpListener, TcpStream};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
+use tapline_model::SimulationConfig;
 use tapline_wire::Serial;
 
+use super::played::Player;
 use super::protocol::{LineReader, ReadLine, UNKNOWN, VERSION};
-use crate::Error;
+use crate::{Error, ScanConfig};
 
 /// How often a waiting rig checks whether it is to stop.
 const TICK: Duration = Duration::from_millis(20);
@@ -54,6 +57,16 @@ pub struct RigScript {
     pub swapped: f64,
     /// Fraction of hits that fail.
     pub failed_hits: f64,
+    /// Where the samples of its hits are written, for a station that listens: a pipe; nowhere if left out.
+    pub play: Option<PathBuf>,
+    /// Fraction of those hits that it reports and does not make.
+    pub missed_hits: f64,
+    /// Fraction of those hits that it makes twice.
+    pub double_hits: f64,
+    /// Locations of what is played, and the cracks of the casings it names; others are sound.
+    pub scan: ScanConfig,
+    /// What is played.
+    pub simulation: SimulationConfig,
 }
 
 impl Default for RigScript {
@@ -75,6 +88,11 @@ impl Default for RigScript {
             off_s: [0.0, 0.0],
             swapped: 0.0,
             failed_hits: 0.0,
+            play: None,
+            missed_hits: 0.0,
+            double_hits: 0.0,
+            scan: ScanConfig::default(),
+            simulation: SimulationConfig::default(),
         }
     }
 }
@@ -107,6 +125,8 @@ impl RigScript {
             ("switched_off", self.switched_off),
             ("swapped", self.swapped),
             ("failed_hits", self.failed_hits),
+            ("missed_hits", self.missed_hits),
+            ("double_hits", self.double_hits),
         ] {
             if !(0.0..=1.0).contains(&share) {
                 return refuse(key, share.to_string(), "from 0 to 1");
@@ -148,6 +168,10 @@ pub struct RigReport {
     pub hits: u64,
     /// Hits that failed.
     pub failed_hits: u64,
+    /// Hits that were reported and not made.
+    pub missed_hits: u64,
+    /// Hits that were made twice.
+    pub double_hits: u64,
 }
 
 /// Plays `script` for whoever connects to `listener`, one connection at a time, until its casings are done or `stop` is
@@ -159,9 +183,11 @@ pub struct RigReport {
 pub fn serve_rig(listener: &TcpListener, script: &RigScript, stop: &AtomicBool) -> Result<RigReport, Error> {
     script.validate()?;
     listener.set_nonblocking(true).map_err(Error::Rig)?;
+    let player = script.play.as_ref().map(|path| Player::start(path, &script.scan, &script.simulation)).transpose()?;
     let mut rig = Rig {
         script,
         stop,
+        player,
         dice: Dice(script.seed),
         report: RigReport::default(),
         on_it: None,
@@ -188,6 +214,7 @@ pub fn serve_rig(listener: &TcpListener, script: &RigScript, stop: &AtomicBool) 
 struct Rig<'a> {
     script: &'a RigScript,
     stop: &'a AtomicBool,
+    player: Option<Player>,
     dice: Dice,
     report: RigReport,
     on_it: Option<OnRig>,
@@ -261,6 +288,9 @@ impl Rig<'_> {
             self.before.clone_from(&serial);
         }
         let (is_removed, is_switched_off) = (self.dice.is(script.removed), self.dice.is(script.switched_off));
+        if let Some(Err(error)) = self.player.as_mut().map(|player| player.load(&serial)) {
+            tracing::error!("casing {serial} is not heard: {error}");
+        }
         self.on_it = Some(OnRig { serial: serial.clone(), hits: 0, is_removed, is_switched_off, at_hit: 1 });
         serial
     }
@@ -286,6 +316,7 @@ impl Rig<'_> {
             "move" if self.on_it.is_none() => say(stream, "error there is no casing")?,
             "move" => {
                 self.rest(self.script.move_s);
+                self.player.iter_mut().for_each(|player| player.go(rest));
                 say(stream, "ready")?;
             }
             "hit" => return self.hit(stream, rest),
@@ -335,6 +366,12 @@ impl Rig<'_> {
             return Ok(true);
         }
         self.report.hits += 1;
+        if let Some(player) = &mut self.player {
+            let (is_missed, is_double) = (self.dice.is(script.missed_hits), self.dice.is(script.double_hits));
+            self.report.missed_hits += u64::from(is_missed);
+            self.report.double_hits += u64::from(is_double && !is_missed);
+            player.hit(velocity, if is_missed { 0 } else { 1 + usize::from(is_double) });
+        }
         let measured = velocity * (1.0 + script.velocity_error * (2.0 * self.dice.uniform() - 1.0));
         say(stream, &format!("hit {measured}"))?;
         Ok(true)

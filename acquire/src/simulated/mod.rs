@@ -200,7 +200,7 @@ pub(crate) fn default_tyre(scan: &ScanConfig, serial: &str, station: u16, is_dam
     Ok(Tyre { serial: simulated_serial(serial)?, station, cracks })
 }
 
-fn simulated_serial(text: &str) -> Result<Serial, Error> {
+pub(crate) fn simulated_serial(text: &str) -> Result<Serial, Error> {
     Serial::new(text).map_err(|e| Error::Setting {
         key: "scan.tyre.serial".to_owned(),
         value: format!("{text:?}"),

@@ -1,0 +1,128 @@
+//! Stations that listen to a sound card: ALSA's plugin `file` plays what a simulated rig writes into a pipe.
+
+use std::fs::File;
+use std::io::Write as _;
+use std::process::{Command, Stdio};
+
+use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use tapline_model::SimulationConfig;
+use tapline_store::{Reader, verify};
+use tapline_wire::{CacheLine, TapHeader, cache_lines_for, i16_of_mut};
+
+use crate::line::{SCAN, file_of};
+use crate::sandbox::Sandbox;
+use crate::sandbox::running::Running;
+
+/// Samples of a record, in frames.
+const RECORD: usize = 4096;
+
+/// A sandbox whose sound card `name` plays what is written into the pipe `name`.pcm.
+fn sound_cards(sandbox: &Sandbox, names: &[&str]) {
+    let mut text = "pcm.null { type null }\n".to_owned();
+    for name in names {
+        let pipe = sandbox.path(&format!("{name}.pcm"));
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        text += &format!("pcm.{name} {{ type file slave.pcm null file /dev/null infile {pipe:?} format raw }}\n");
+    }
+    sandbox.write("asound.conf", &text);
+}
+
+fn start_line(sandbox: &Sandbox, casings: u32) -> Running {
+    let arguments = format!("line --config plant.toml --out out --json --casings {casings}");
+    let mut command = sandbox.command(&arguments);
+    command.env("ALSA_CONFIG_PATH", sandbox.path("asound.conf"));
+    Running::of(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
+}
+
+const CAPTURE: &str = "[capture]\nsample_rate_hz = 40960\npre_trigger_samples = 400\nsample_count = 3584\n\
+    force_full_scale_n = 222.0\nsound_full_scale_v = 5.0\nmicrophone_distance_m = 0.05\n[capture.trigger]\nlevel = 0.01\nhold_off_s = 0.05\n";
+
+const CRACKED: &str = "[[scan.tyre]]\nserial = \"A\"\ncrack = [{ shoulder = 2, first_location = 10, location_count = 4, depth_mm = 6.0 }]\n";
+
+/// Catches a tap that is missed, made twice or taken for another's, and a casing that is not judged as its taps are.
+#[test]
+fn a_rig_is_heard_through_a_sound_card() {
+    let sandbox = Sandbox::new();
+    sound_cards(&sandbox, &["shoulder"]);
+    let simulation = format!("[simulation]\nsample_count = {RECORD}\n");
+    let rig =
+        "casings = 2\nserials = [\"A\", \"B\"]\nplay = \"shoulder.pcm\"\nmissed_hits = 0.05\ndouble_hits = 0.05\n";
+    sandbox.write("rig.toml", &format!("{rig}{SCAN}{CRACKED}{simulation}"));
+    let mut machine = Running::start(&sandbox, "rig --listen 127.0.0.1:0 --config rig.toml");
+    let address = machine.line().strip_prefix("listening at ").unwrap().to_owned();
+    let station = format!("[[station]]\nnumber = 1\nsource = \"alsa\"\ndevice = \"shoulder\"\nrig = \"{address}\"\n");
+    sandbox.write("plant.toml", &format!("{SCAN}{CAPTURE}{station}"));
+    let mut line = start_line(&sandbox, 2);
+    let verdicts = line.verdicts(2);
+    let log = line.finish().expect(0).err;
+    let report = machine.finish().expect(0).out;
+    assert_eq!((&verdicts[0]["casing"], &verdicts[0]["shoulders"][1]["verdict"]), (&"A".into(), &"REJECT".into()));
+    assert_eq!((&verdicts[1]["casing"], &verdicts[1]["verdict"]), (&"B".into(), &"PASS".into()));
+    for verdict in &verdicts {
+        assert_eq!((&verdict["archived"], &verdict["refused"]), (&50.into(), &0.into()), "{verdict}");
+        assert!(verify(file_of(verdict)).unwrap().is_complete());
+        let reader = Reader::open(file_of(verdict)).unwrap();
+        // Each tap is of its own time, and in the order of the plan.
+        let times: Vec<i64> = (0..50).map(|row| reader.tap(row).unwrap().unwrap().0.tap_time_ns).collect();
+        assert!(times.is_sorted_by(|a, b| b - a > 50_000_000), "{times:?}");
+    }
+    eprintln!("{report}");
+    let logged = |words: &str| log.lines().filter(|line| line.contains(words)).count();
+    for (what, words) in [("missed_hits", "nothing was heard"), ("double_hits", "heard more than once")] {
+        let (_, rest) = report.split_once(&format!("{what}: ")).unwrap();
+        let made: usize = rest.split([',', ' ']).next().unwrap().parse().unwrap();
+        assert!(made > 0 && logged(words) >= made, "{made} {what}, {}", logged(words));
+    }
+}
+
+/// Catches taps by hand that are taken for those of other places, and a serial that is not read.
+#[test]
+fn taps_by_hand_come_in_the_order_of_the_plan() {
+    let sandbox = Sandbox::new();
+    sound_cards(&sandbox, &["hand"]);
+    let station = "[[station]]\nnumber = 3\nsource = \"alsa\"\ndevice = \"hand\"\nserial_file = \"serial.txt\"\n";
+    sandbox.write("plant.toml", &format!("{SCAN}{CAPTURE}{station}"));
+    sandbox.write("serial.txt", "A\n");
+    let scan: ScanConfig =
+        toml::from_str(&format!("{}{CRACKED}", SCAN.replace("[scan]", "")).replace("scan.tyre", "tyre")).unwrap();
+    let simulation = SimulationConfig { sample_count: RECORD as u32, ..SimulationConfig::default() };
+    let mut simulated = SimulatedLine::new(&scan, &simulation).unwrap();
+    let mut line = start_line(&sandbox, 1);
+    let mut pipe = File::create(sandbox.path("hand.pcm")).unwrap();
+    let mut header = TapHeader::default();
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(4 * RECORD)];
+    pipe.write_all(&[0; 4 * RECORD]).unwrap();
+    for row in 0..50 {
+        simulated.render(row, 0, &mut header, &mut buffer).unwrap();
+        let (force, sound) = i16_of_mut(&mut buffer)[..2 * RECORD].split_at(RECORD);
+        let frames = force.iter().zip(sound).flat_map(|(f, s)| [f.to_le_bytes(), s.to_le_bytes()]).flatten();
+        pipe.write_all(&frames.collect::<Vec<u8>>()).unwrap();
+    }
+    pipe.write_all(&[0; 4 * RECORD]).unwrap();
+    let verdict = line.verdict();
+    line.finish().expect(0);
+    assert_eq!((&verdict["casing"], &verdict["station"], &verdict["archived"]), (&"A".into(), &3.into(), &50.into()));
+    assert_eq!(
+        (&verdict["shoulders"][0]["verdict"], &verdict["shoulders"][1]["verdict"]),
+        (&"PASS".into(), &"REJECT".into())
+    );
+    let place = verdict["shoulders"][1]["peak_location"].as_u64().unwrap();
+    assert!((10..14).contains(&place), "{verdict}");
+    let table = sandbox.run(&format!("export {} discriminators", file_of(&verdict).display())).expect(0).out;
+    assert_eq!(table.lines().count(), 51);
+}
+
+/// Catches a sound card that is not there and ends the line, or that nobody hears of.
+#[test]
+fn a_missing_sound_card_is_told_and_waited_for() {
+    let sandbox = Sandbox::new();
+    sandbox.write("asound.conf", "pcm.null { type null }\n");
+    let station = "[[station]]\nnumber = 1\nsource = \"alsa\"\ndevice = \"absent\"\n";
+    sandbox.write("plant.toml", &format!("{SCAN}{CAPTURE}{station}"));
+    let mut line = start_line(&sandbox, 1);
+    line.wait_for_log(&["station 1", "absent", "not heard", "cannot be opened"]);
+    line.assert_runs();
+    let status = sandbox.run("status --out out").expect(0).out;
+    assert!(status.contains("absent is not heard"), "{status}");
+    line.interrupt();
+}
