@@ -1,9 +1,10 @@
 # Two commands: `make demo` and `make test`. Both install what is missing first (Debian, Ubuntu).
 
-PACKAGES = libhdf5-dev pkg-config python3-h5py hdf5-filter-plugin-blosc-serial
+PACKAGES = libasound2-dev libhdf5-dev pkg-config python3-h5py hdf5-filter-plugin-blosc-serial
 DEMO = demo
+LISTEN = target/listen
 
-.PHONY: setup python demo test gates bench
+.PHONY: setup python demo listen test gates bench
 
 # Rust, gcc and make are taken for granted; all else is asked for here, and only what is missing is installed.
 setup:
@@ -32,6 +33,11 @@ demo: setup
 	done
 	target/release/tapline report $(DEMO)/casings --out $(DEMO)/report
 	@echo "Each casing's archive is in $(DEMO)/casings; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
+
+# A scan through a sound card, which is a pipe here: two casings, in about two minutes.
+listen: setup
+	cargo build --release -p tapline
+	examples/listen/run.sh target/release/tapline $(LISTEN)
 
 test: setup
 	cargo test --workspace

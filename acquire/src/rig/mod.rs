@@ -12,7 +12,7 @@ mod script;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tapline_model::SimulationConfig;
 use tapline_wire::{CacheLine, Plan, Serial, SourceKind, TapHeader, now_ns};
@@ -32,6 +32,9 @@ const LOOK_EVERY: Duration = Duration::from_secs(5);
 
 /// The same where what is heard has to come in time.
 const LISTEN_EVERY: Duration = Duration::from_millis(100);
+
+/// How long a station whose hits are not heard waits before it has the rig hit again.
+const UNHEARD_PAUSE: Duration = Duration::from_secs(5);
 
 /// How long after a rig has hit its tap must be heard, its record apart.
 const HEARD_WITHIN: Duration = Duration::from_millis(500);
@@ -156,6 +159,7 @@ impl Arrivals for RigArrivals {
             struck,
             retakes: self.retakes,
             failed: None,
+            unheard: None,
         };
         Ok(Arrival::Casing(Casing { name: loaded.name, taps: Box::new(taps) }))
     }
@@ -203,6 +207,8 @@ struct RigCasing {
     retakes: u16,
     /// The tap that failed last, and how often.
     failed: Option<(Tap, u16)>,
+    /// Hits in a row of which nothing was heard, and since when.
+    unheard: Option<(u16, Instant)>,
 }
 
 impl RigCasing {
@@ -221,12 +227,26 @@ impl RigCasing {
         let record = Duration::from_secs_f64(ear.config().record_s());
         let waited = Duration::from_nanos(u64::try_from(now_ns() - hit.time_ns).unwrap_or(0));
         let fault = match ear.tap_count() {
-            0 if waited > HEARD_WITHIN + record => "the rig has hit, and nothing was heard",
-            2.. => "the rig was told to hit once, and was heard more than once",
-            _ => return self.struck.poll(tap.0, tap.1),
+            0 if waited > HEARD_WITHIN + record => {
+                let before = self.unheard.map_or(0, |(count, _)| count);
+                self.unheard = Some((before.saturating_add(1), Instant::now()));
+                "the rig has hit, and nothing was heard"
+            }
+            0 => return Readiness::NotYet,
+            1 => {
+                self.unheard = None;
+                return self.struck.poll(tap.0, tap.1);
+            }
+            _ => "the rig was told to hit once, and was heard more than once",
         };
         self.link.dialogue().fail(self.id, tap, fault);
         self.poll(tap.0, tap.1)
+    }
+
+    /// Whether the rig is to wait: its hits would not be heard.
+    fn is_deaf(&self) -> bool {
+        let is_unheard = |(count, since): (u16, Instant)| count > self.retakes && since.elapsed() < UNHEARD_PAUSE;
+        self.unheard.is_some_and(is_unheard) || self.ear.as_ref().is_some_and(|ear| ear.fault().is_some())
     }
 }
 
@@ -255,6 +275,9 @@ impl Source for RigCasing {
         if let Some(why) = self.removal.get() {
             return Readiness::Gone(why.clone());
         }
+        if self.is_deaf() {
+            return Readiness::NotYet;
+        }
         let Some(&tap) = self.plan().taps().get(row as usize) else {
             return Readiness::Refused(crate::source::no_such_row(self.plan(), row));
         };
@@ -273,7 +296,8 @@ impl Source for RigCasing {
             },
             Progress::Failed(why) => {
                 let failed = self.failed.take().filter(|(of, _)| *of == (row, attempt)).map_or(0, |(_, count)| count);
-                if failed >= self.retakes {
+                // What nobody hears is no fault of this tap: it waits until it is heard, or the casing is taken away.
+                if failed >= self.retakes && self.unheard.is_none() {
                     return Readiness::Refused(self.refusal(format!("the rig cannot make this tap: {why}")));
                 }
                 self.failed = Some(((row, attempt), failed + 1));

@@ -1,0 +1,18 @@
+#!/bin/sh
+# A scan end to end through ALSA: a simulated rig plays its hits into a sound card that is a pipe, and a line hears them.
+# Usage: run.sh TAPLINE FOLDER
+set -eu
+tapline=$(realpath "$1")
+here=$(realpath "$(dirname "$0")")
+mkdir -p "$2" && cd "$2"
+rm -rf casings shoulder.pcm && mkfifo shoulder.pcm
+cat >asound.conf <<END
+pcm.null { type null }
+pcm.shoulder { type file slave.pcm null file /dev/null infile "$PWD/shoulder.pcm" format raw }
+END
+export ALSA_CONFIG_PATH="$PWD/asound.conf"
+"$tapline" rig --listen 127.0.0.1:7001 --config "$here/rig.toml" &
+rig=$!
+trap 'kill $rig 2>/dev/null || true' EXIT
+"$tapline" line --config "$here/plant.toml" --reference self --out casings --casings 2
+"$tapline" export casings verdicts
