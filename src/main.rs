@@ -74,6 +74,10 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Line(args) => line::line(args),
         Verb::Status(args) => line::status::status(args),
         Verb::Rig { listen, config } => rig::rig(listen, config.as_deref()),
+        #[cfg(feature = "alsa")]
+        Verb::Devices { names } => verbs::devices::devices(names),
+        #[cfg(feature = "alsa")]
+        Verb::Monitor { config, station } => verbs::monitor::monitor(config, *station),
         Verb::Stage(args) => line::stage::stage(args),
         Verb::Export(args) => export::export(args),
         Verb::Reference(args) => reference::reference(args),

@@ -28,7 +28,9 @@ mod stage;
 mod stations;
 mod tap_set;
 
-pub use capture::{CaptureConfig, Crossing, NotTaps, Trigger, TriggerConfig};
+#[cfg(feature = "alsa")]
+pub use capture::{Abilities, SoundCardInfo, sound_cards};
+pub use capture::{CaptureConfig, Crossing, Monitor, MonitoredTap, NotTaps, Trigger, TriggerConfig};
 pub use config::{AcquireConfig, ScanConfig, ScanPolicy, TyreConfig};
 pub use error::Error;
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};

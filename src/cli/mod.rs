@@ -42,6 +42,22 @@ pub(crate) enum Verb {
         #[arg(long)]
         config: Option<PathBuf>,
     },
+    /// List the sound cards that a station can listen to, and what they can record.
+    #[cfg(feature = "alsa")]
+    Devices {
+        /// Names of devices, as ALSA spells them; all that it lists when left out.
+        names: Vec<String>,
+    },
+    /// Show what the sound card of a station gives: levels, the last tap, and what is found in it.
+    #[cfg(feature = "alsa")]
+    Monitor {
+        /// The configuration with the station.
+        #[arg(long)]
+        config: PathBuf,
+        /// Number of the station, where several listen.
+        #[arg(long)]
+        station: Option<u16>,
+    },
     /// One stage of a line, started by it.
     #[command(hide = true)]
     Stage(StageArgs),

@@ -1,9 +1,13 @@
 //! The verbs that work on archives, models and rigs, one file each.
 
+#[cfg(feature = "alsa")]
+pub(crate) mod devices;
 pub(crate) mod explain;
 pub(crate) mod export;
 pub(crate) mod model_contact;
 pub(crate) mod model_table;
+#[cfg(feature = "alsa")]
+pub(crate) mod monitor;
 pub(crate) mod reference;
 pub(crate) mod repack;
 pub(crate) mod reprocess;

@@ -187,6 +187,21 @@ impl Ear {
         samples.has(self.first_frame(tap), self.config.sample_count as usize)
     }
 
+    /// What was no tap.
+    pub(crate) fn not_taps(&self) -> NotTaps {
+        self.state().not_taps
+    }
+
+    /// The last `count` samples of the force and of the sound, parts of full scale; fewer where fewer have come.
+    pub(crate) fn latest(&self, count: usize) -> [Vec<f32>; 2] {
+        match &self.state().samples {
+            Samples::I16(ring) => {
+                ring.latest(count).map(|channel| channel.map(|x| f32::from(x) / COUNTS_FULL_SCALE).collect())
+            }
+            Samples::F32(ring) => ring.latest(count).map(Iterator::collect),
+        }
+    }
+
     /// The alarms since the last call.
     pub(crate) fn take_alarms(&self) -> Vec<String> {
         std::mem::take(&mut self.state().alarms)

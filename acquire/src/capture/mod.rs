@@ -9,10 +9,14 @@ mod config;
 mod device;
 pub(crate) mod ear;
 pub(crate) mod heard;
+mod monitor;
 mod ring;
 mod trigger;
 
 pub use config::CaptureConfig;
+#[cfg(feature = "alsa")]
+pub use device::{Abilities, SoundCardInfo, sound_cards};
+pub use monitor::{Monitor, MonitoredTap};
 pub use trigger::{Crossing, NotTaps, Trigger, TriggerConfig};
 
 #[cfg(all(test, feature = "alsa"))]

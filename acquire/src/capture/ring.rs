@@ -48,6 +48,14 @@ impl<S: Copy + Default> Ring<S> {
         first >= self.start && first + count as u64 <= self.end && self.end - first <= self.len() as u64
     }
 
+    /// The last `count` samples of the first two channels, the oldest first; fewer where fewer have come.
+    pub(super) fn latest(&self, count: usize) -> [impl Iterator<Item = S> + '_; 2] {
+        let count = (count as u64).min(self.end - self.start).min(self.len() as u64);
+        let frames = self.end - count..self.end;
+        [0, 1]
+            .map(|channel: usize| frames.clone().map(move |n| self.channels[channel][(n % self.len() as u64) as usize]))
+    }
+
     /// Copies frames from `first` on, channel by channel, into `to`: as many as it has room for. Only if [`Self::has`] them.
     pub(super) fn copy_to(&self, first: u64, to: &mut [S]) {
         let (len, count) = (self.len(), to.len() / self.channels.len().max(1));

@@ -15,6 +15,9 @@ const BASELINE_SAMPLES: usize = 64;
 /// the peak.
 const FLANK: (f64, f64) = (0.2, 0.8);
 
+/// Part of the peak at which a pulse begins.
+const ONSET: f32 = 0.02;
+
 /// The part of its greatest sample above which a pulse is fitted to find its peak.
 const TOP: f64 = 0.8;
 
@@ -64,7 +67,7 @@ impl TriggerConfig {
 /// Where a tap is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
-    /// The first sample at or above the level, counted from the start of the stream.
+    /// Where the pulse begins: the last sample below 2 % of its peak, counted from the start of the stream.
     pub sample: u64,
     /// Where the rising flank has half of the peak, in samples from the start of the stream.
     pub time_samples: f64,
@@ -196,9 +199,12 @@ impl Trigger {
         }
         let at = flank_at_half(&self.pulse[..last], before, baseline);
         let time_samples = crossing as f64 + at - before as f64;
+        let peak = self.pulse[before..last].iter().fold(0.0, |peak: f32, &x| peak.max(x - baseline));
+        let is_quiet = |&sample: &f32| sample - baseline < ONSET * peak;
+        let onset = self.pulse[..before].iter().rposition(is_quiet).unwrap_or(0);
         self.quiet_until = crossing + self.hold_off;
         self.restart();
-        Some(Crossing { sample: crossing, time_samples })
+        Some(Crossing { sample: crossing - (before - onset) as u64, time_samples })
     }
 
     fn restart(&mut self) {

@@ -71,6 +71,7 @@ impl SoundCard {
         if name.contains('\0') {
             return Err(format!("{name:?} is no name of a device"));
         }
+        let _messages = quietly();
         let pcm = PCM::new(name, Direction::Capture, false).map_err(|e| fault("it cannot be opened", e))?;
         let (layout, period_frames) = Self::set(&pcm, config)?;
         pcm.prepare().and_then(|()| pcm.start()).map_err(|e| fault("it cannot be started", e))?;
@@ -179,4 +180,67 @@ impl Device for SoundCard {
         }
         Ok(())
     }
+}
+
+/// Keeps what ALSA would print in this thread: the error that it returns says the same.
+fn quietly() -> Option<std::rc::Rc<std::cell::RefCell<alsa::Output>>> {
+    alsa::Output::local_error_handler().ok()
+}
+
+/// A device that ALSA knows, and what it can record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SoundCardInfo {
+    /// As `device` of a station names it.
+    pub name: String,
+    /// What ALSA says of it.
+    pub description: String,
+    /// What it can record, or why it cannot be asked.
+    pub abilities: Result<Abilities, String>,
+}
+
+/// What a device can record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Abilities {
+    /// Fewest and most channels.
+    pub channels: (u32, u32),
+    /// Lowest and highest rate.
+    pub rates_hz: (u32, u32),
+    /// Bits of its samples: of 16, 24 and 32.
+    pub bits: Vec<u16>,
+}
+
+/// The devices that can record: those that ALSA lists, or those of these `names`.
+///
+/// # Errors
+/// Why ALSA cannot list them.
+pub fn sound_cards(names: &[String]) -> Result<Vec<SoundCardInfo>, String> {
+    let info = |name: String, description: String| {
+        let abilities = abilities(&name);
+        SoundCardInfo { name, description, abilities }
+    };
+    if !names.is_empty() {
+        return Ok(names.iter().map(|name| info(name.clone(), String::new())).collect());
+    }
+    let hints = alsa::device_name::HintIter::new_str(None, "pcm").map_err(|error| error.to_string())?;
+    // One without a direction can do both.
+    let hints = hints.filter(|hint| hint.direction != Some(Direction::Playback));
+    let cards = hints.filter_map(|hint| Some(info(hint.name?, hint.desc.unwrap_or_default().replace('\n', ", "))));
+    // ALSA lists plugins too, whether or not there is a card for them; a card that another program uses is one.
+    Ok(cards.filter(|card| card.name != "null" && (card.abilities.is_ok() || card.name.contains("hw:"))).collect())
+}
+
+fn abilities(name: &str) -> Result<Abilities, String> {
+    if name.contains('\0') {
+        return Err("it is no name of a device".to_owned());
+    }
+    let _messages = quietly();
+    // Another program may have it open: then this does not wait.
+    let pcm = PCM::new(name, Direction::Capture, true).map_err(|error| error.to_string())?;
+    let params = HwParams::any(&pcm).map_err(|error| error.to_string())?;
+    let has = |bits: &u16| Layout::of_bits(*bits).iter().any(|layout| params.test_format(layout.format()).is_ok());
+    Ok(Abilities {
+        channels: (params.get_channels_min().unwrap_or(0), params.get_channels_max().unwrap_or(0)),
+        rates_hz: (params.get_rate_min().unwrap_or(0), params.get_rate_max().unwrap_or(0)),
+        bits: [16, 24, 32].into_iter().filter(has).collect(),
+    })
 }

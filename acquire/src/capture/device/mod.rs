@@ -3,10 +3,13 @@
 #[cfg(feature = "alsa")]
 mod alsa;
 
+#[cfg(feature = "alsa")]
+pub use self::alsa::{Abilities, SoundCardInfo, sound_cards};
 use crate::capture::CaptureConfig;
 
 /// What came from a device, frame by frame, a sample of each channel in a frame.
 #[derive(Debug, Clone, Copy)]
+#[cfg_attr(not(feature = "alsa"), expect(dead_code, reason = "no device is built in"))]
 pub(super) enum Chunk<'a> {
     /// Counts of a 16-bit converter.
     I16(&'a [i16]),
