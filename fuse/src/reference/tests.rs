@@ -232,3 +232,67 @@ fn a_plan_without_a_condition_in_common_is_refused() {
     assert_eq!(judged(&set, &file(), &part, 3).0, Verdict::Reject);
     assert_eq!(tyre().to_string(), "T1");
 }
+
+#[test]
+fn a_reference_is_cut_to_the_locations_of_the_scan() {
+    // Catches a coarse scan judged by arcs of places that it does not have.
+    let both = Casing { shoulder_count: 2, ..Casing::default() };
+    let shoulders = || (0..6).flat_map(|k| shoulders_of(&both, 100 + k, false, &format!("A{k}"))).collect::<Vec<_>>();
+    let whole = build_reference(&built(file()), shoulders()).unwrap();
+    let mut cut = whole.clone();
+    for shoulder in &mut cut.shoulders {
+        let keep = |place: usize| place % 2 == 0;
+        let mut place = 0;
+        let mut every_second = || {
+            place += 1;
+            keep(place - 1)
+        };
+        shoulder.locations.retain(|_| every_second());
+        shoulder.angles_deg = shoulder.angles_deg.iter().copied().step_by(2).collect();
+        for turn in &mut shoulder.turns {
+            turn.velocities_measured_m_per_s = turn.velocities_measured_m_per_s.iter().copied().step_by(2).collect();
+            turn.values.values_mut().for_each(|column| *column = column.iter().copied().step_by(2).collect());
+        }
+    }
+    let all = both.plan();
+    let coarse = |tap: &&tapline_wire::PlannedTap| tap.id.location % 2 == 0;
+    let taps: Vec<_> = all.taps().iter().filter(coarse).copied().collect();
+    let plan = Plan::new(all.geometry, all.recording.clone(), taps, all.truth().clone()).unwrap();
+    let judgement_by = |set: &ReferenceSet| {
+        let mut fusion = Fusion::with_reference(&file(), &plan, Arc::new(set.clone())).unwrap();
+        records(&both, &plan, 7).iter().for_each(|record| fusion.push(record).unwrap());
+        let judgement = fusion.judge(0).unwrap().0;
+        (judgement.limit_re_inspect, judgement.strongest_arc)
+    };
+    assert_eq!(judgement_by(&whole), judgement_by(&cut));
+}
+
+#[test]
+fn repetitions_of_a_reference_tell_what_stays_with_a_place() {
+    // Catches a second tap of a place that counts as if half of the scatter stayed with the place, where the reference knows that
+    // none does.
+    let of_taps = Casing { location_sd: 0.0, smooth: 0.0, offsets_mm: vec![0.0], ..Casing::default() };
+    let of_taps = Casing { velocities_m_per_s: vec![1.0], ..of_taps };
+    let set_of = |repetition_count: u16| {
+        let casing = Casing { repetition_count, ..of_taps.clone() };
+        let shoulders = (0..6).flat_map(|k| shoulders_of(&casing, 100 + k, false, &format!("A{k}"))).collect();
+        build_reference(&built(file()), shoulders).unwrap()
+    };
+    let casing = Casing { repetition_count: 1, cracks: vec![(1, 40..46)], shift: 1.0, ..of_taps.clone() };
+    let plan = casing.plan();
+    // What stands out is tapped again, so that the crack has two taps a place.
+    let peak_by = |set: &ReferenceSet| {
+        let of = |plan: &Plan| {
+            let mut fusion = Fusion::with_reference(&file(), plan, Arc::new(set.clone())).unwrap();
+            records(&casing, plan, 7).iter().for_each(|record| fusion.push(record).unwrap());
+            fusion.end(0).unwrap();
+            fusion
+        };
+        let grown = plan.grown(&of(&plan).wanted(0, 10_000).unwrap()).unwrap();
+        assert!(grown.taps().len() > plan.taps().len());
+        of(&grown).judge(0).unwrap().0.strongest_arc
+    };
+    let (supposed, told) = (peak_by(&set_of(1)), peak_by(&set_of(3)));
+    // Two taps of which half stays: 1 / sqrt(0.75); of which nothing stays: 1 / sqrt(0.5).
+    assert!(told > 1.1 * supposed, "{told} {supposed}");
+}

@@ -108,4 +108,30 @@ mod tests {
         assert_eq!(served.collect::<Vec<_>>(), [0, 1, 2, 0, 1]);
         assert_eq!(limits.acquire_of(3), None);
     }
+
+    /// Catches a line without room for what is known of locations that are not tapped, or for taps that are added.
+    #[test]
+    fn a_casing_needs_room_for_what_is_known_of_it() {
+        let id = |location: u32| {
+            let mut id = crate::TapId::default();
+            (id.tyre, id.shoulder, id.location) = (crate::Serial::new("A").unwrap(), 1, location);
+            id
+        };
+        let tap = |location| crate::PlannedTap { id: id(location), angle_deg: None, purpose: crate::Purpose::Scan };
+        let truth = (0..9).map(|location| ((crate::Serial::new("A").unwrap(), 1, location), false)).collect();
+        let recording = crate::Recording {
+            sample_rate_hz: 40_960.0,
+            pre_trigger_samples: 1,
+            sample_count_max: 100,
+            sample_format: crate::SampleFormat::I16,
+            channels: vec![crate::Channel::Force, crate::Channel::Sound],
+        };
+        let plan = Plan::new(crate::Geometry::Line, recording, vec![tap(2), tap(5)], truth).unwrap();
+        let need = CasingLimits::from_plan(&plan);
+        assert_eq!(need, CasingLimits { taps: 2, room: 0, scans: 1, locations: 9, record_bytes: 400 });
+        assert_eq!(need.exceeded_by(&plan, 0), None);
+        assert!(need.exceeded_by(&plan, 1).unwrap().contains("3 taps; this line has room for 2"));
+        let narrow = CasingLimits { locations: 2, ..need };
+        assert!(narrow.exceeded_by(&plan, 0).unwrap().contains("9 locations a scan"));
+    }
 }

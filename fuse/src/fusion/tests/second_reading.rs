@@ -96,3 +96,88 @@ fn a_sound_casing_wants_seldom_more() {
     let asked = (0..40).filter(|&seed| !wanted(&plan, &records(&casing, &plan, seed)).is_empty()).count();
     assert!((1..=20).contains(&asked), "{asked} of 40");
 }
+
+/// A cracked casing with its second reading: its plan, and its records.
+fn tapped_again(seed: u64) -> (Plan, Vec<Discriminators>) {
+    let casing = scanned_once(vec![(1, 40..44)]);
+    let plan = casing.plan();
+    let grown = plan.grown(&wanted(&plan, &records(&casing, &plan, seed))).unwrap();
+    let all = records(&casing, &grown, seed);
+    (grown, all)
+}
+
+/// `record` with all its values multiplied by `factor`, save those that are part of a whole.
+fn louder(record: &Discriminators, factor: f64) -> Discriminators {
+    let mut louder = *record;
+    for which in Discriminator::ALL.into_iter().filter(|&which| which != Discriminator::Pr) {
+        louder.values.set(which, record.values.get(which).map(|value| value * factor));
+    }
+    louder
+}
+
+#[test]
+fn suspects_have_no_say_in_the_level_of_their_second_reading() {
+    // Catches a level of all places that were tapped again: most of a second reading may be cracked.
+    let (plan, all) = tapped_again(3);
+    let is = |record: &Discriminators, purpose: Purpose| plan.taps()[record.plan_index as usize].purpose == purpose;
+    let raised: Vec<Discriminators> =
+        all.iter().map(|record| if is(record, Purpose::Suspect) { louder(record, 1.2) } else { *record }).collect();
+    let controls: BTreeSet<u32> =
+        plan.taps().iter().filter(|tap| tap.purpose == Purpose::Control).map(|tap| tap.id.location).collect();
+    let of = |records: &[Discriminators]| {
+        whole(&FuseConfig::by(Reference::Own), &plan, records).alone(0, Discriminator::Tau).unwrap()
+    };
+    let (before, after) = (of(&all), of(&raised));
+    for &control in &controls {
+        let change = (before[control as usize] - after[control as usize]).abs();
+        assert!(change < 0.1, "location {control}: {change}");
+    }
+    assert!((40..44).all(|location| after[location] > before[location] + 0.5), "{before:?} {after:?}");
+}
+
+#[test]
+fn the_gain_of_a_second_reading_is_no_damage() {
+    // Catches a second reading that moves the level of the whole shoulder, or what the reference is cut to.
+    let sound = Casing { shoulder_count: 2, ..scanned_once(Vec::new()) };
+    let known = (0..6).flat_map(|k| {
+        let plan = sound.plan();
+        let found = records(&sound, &plan, 100 + k);
+        let of = move |scan| crate::KnownShoulder::of(&plan, &found, scan, None).unwrap();
+        (0..2)
+            .map(of)
+            .map(move |shoulder| crate::KnownShoulder { tyre: format!("A{k}"), ..shoulder })
+            .collect::<Vec<_>>()
+    });
+    let built = crate::Built {
+        config: FuseConfig::by(Reference::File("sound.json".into())),
+        lineage: Vec::new(),
+        process: String::new(),
+        learns_directions: false,
+    };
+    let set = Arc::new(crate::build_reference(&built, known.collect()).unwrap());
+    let casing = Casing { cracks: vec![(1, 40..44)], ..sound.clone() };
+    let plan = casing.plan();
+    let judged = |plan: &Plan, all: &[Discriminators]| {
+        let mut fusion = Fusion::with_reference(&built.config, plan, Arc::clone(&set)).unwrap();
+        all.iter().for_each(|record| fusion.push(record).unwrap());
+        (0..2).for_each(|scan| fusion.end(scan).unwrap());
+        (fusion.judge(0).unwrap().0, fusion.wanted(0, 10_000).unwrap())
+    };
+    let taps = judged(&plan, &records(&casing, &plan, 7)).1;
+    assert!(!taps.is_empty());
+    let grown = plan.grown(&taps).unwrap();
+    let all = records(&casing, &grown, 7);
+    let is_second = |record: &Discriminators| grown.taps()[record.plan_index as usize].is_second_reading();
+    let raised: Vec<Discriminators> =
+        all.iter().map(|record| if is_second(record) { louder(record, 1.5) } else { *record }).collect();
+    let (before, after) = (judged(&grown, &all).0, judged(&grown, &raised).0);
+    assert_eq!((verdict(&before), before.reasons), (verdict(&after), after.reasons));
+    assert!(!after.reasons.contains(Reasons::LEVEL_OFF), "{}", after.reasons);
+    assert!((before.strongest_arc - after.strongest_arc).abs() < 1e-6);
+    assert!((before.limit_re_inspect - after.limit_re_inspect).abs() < 1e-12);
+    let first = judged(&plan, &all[..plan.taps().len()]).0;
+    assert!(
+        (first.limit_re_inspect - after.limit_re_inspect).abs() < 1e-12,
+        "the reference is cut to what was scanned first"
+    );
+}
