@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use tapline_model::SimulationConfig;
 
 use crate::capture::by_hand::ByHand;
+use crate::rig::stream::fault_of;
 use crate::simulated::listed::SimulatedTyres;
 use crate::{AcquireConfig, Arrivals, CaptureConfig, Error, FolderArrivals, RigArrivals, RigConfig, ScanConfig, Wake};
 
@@ -48,7 +49,7 @@ pub struct StationConfig {
     pub source: StationSource,
     /// The watched folder.
     pub folder: Option<PathBuf>,
-    /// Host and port of the rig; without one a sound card hears taps in the order of the plan.
+    /// Host and port of the rig, or `serial:PATH`; without one a sound card hears taps in the order of the plan.
     pub rig: Option<String>,
     /// The sound card, as ALSA names it.
     pub device: Option<String>,
@@ -124,8 +125,9 @@ impl StationConfig {
             let bound = "left out, as the rig tells the serial".to_owned();
             return refuse("serial_file", serial_file.unwrap_or_default(), bound);
         }
-        if let Some(rig) = self.rig.as_deref().filter(|rig| !is_address(rig)) {
-            return refuse("rig", format!("{rig:?}"), "HOST:PORT, the port from 1 to 65535".to_owned());
+        if let Some(rig) = self.rig.as_deref().filter(|rig| fault_of(rig).is_some()) {
+            let bound = "HOST:PORT, the port from 1 to 65535, or serial:PATH or serial:PATH@BAUD".to_owned();
+            return refuse("rig", format!("{rig:?}"), bound);
         }
         for (key, time_s) in [("rig_patience_s", self.rig_patience_s), ("rig_timeout_s", self.rig_timeout_s)] {
             if !(0.001..=TIME_MAX_S).contains(&time_s) {
@@ -137,10 +139,6 @@ impl StationConfig {
         }
         Ok(())
     }
-}
-
-fn is_address(text: &str) -> bool {
-    text.rsplit_once(':').is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port > 0))
 }
 
 /// Checks every one of `stations`, and that no two have the same number, folder, rig or device.
@@ -247,6 +245,7 @@ mod tests {
             (one("source = \"folder\""), "station.folder is left out; it must be given, as source is \"folder\""),
             (one("source = \"rig\""), "station.rig is left out; it must be given"),
             (one("source = \"rig\"\nrig = \"h:0\""), "station.rig is \"h:0\"; it must be HOST:PORT"),
+            (one("source = \"rig\"\nrig = \"serial:/dev/ttyUSB0@fast\""), "or serial:PATH@BAUD"),
             (one("source = \"rig\"\nrig = \"\""), "station.rig is \"\""),
             (
                 one("source = \"rig\"\nrig = \"h:1\"\nfolder = \"x\""),

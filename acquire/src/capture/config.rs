@@ -1,5 +1,7 @@
 //! What a station hears with: the table `[capture]`.
 
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 use tapline_wire::{Channel, Recording, SampleFormat};
 
@@ -121,8 +123,8 @@ impl CaptureConfig {
     }
 
     /// How long a record is.
-    pub(crate) fn record_s(&self) -> f64 {
-        f64::from(self.sample_count) / f64::from(self.sample_rate_hz)
+    pub(crate) fn record_time(&self) -> Duration {
+        Duration::from_secs(self.sample_count.into()) / self.sample_rate_hz.max(1)
     }
 
     /// Frames that the ring keeps: a few records at least.

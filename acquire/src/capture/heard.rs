@@ -5,7 +5,7 @@ use std::sync::Arc;
 use tapline_wire::{CHANNELS_MAX, CacheLine, ChannelHeader, Geometry, Plan, Serial, SourceKind, TapHeader, Truth};
 
 use crate::capture::ear::{Ear, HeardTap};
-use crate::simulated::{Tyre, taps_of};
+use crate::source::scan_taps::taps_of;
 use crate::source::{channel_headers, named, no_room, no_such_row};
 use crate::{Error, Readiness, Refusal, ScanConfig, Source};
 
@@ -24,7 +24,7 @@ impl HeardCasing {
     /// The casing `serial` on `station`, scanned by `scan`; what is cracked of it nobody knows.
     pub(crate) fn new(ear: Arc<Ear>, scan: &ScanConfig, serial: Serial, station: u16) -> Result<Self, Error> {
         let config = ear.config();
-        let taps = taps_of(scan, &[Tyre { serial, station, cracks: Vec::new() }])?;
+        let taps = taps_of(scan, std::iter::once((serial, station)))?;
         let plan = Plan::new(Geometry::Ring, config.recording(), taps, Truth::new())?;
         let counts = if config.bits == 16 { 32_768.0 } else { 1.0 };
         let full_scales = [config.force_full_scale_n, config.sound_full_scale_v];

@@ -1,7 +1,6 @@
 //! The connection to a rig: one thread connects, listens, and connects again when the connection is lost.
 
 use std::fmt;
-use std::net::{TcpStream, ToSocketAddrs as _};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -9,13 +8,11 @@ use std::time::Duration;
 
 use super::dialogue::{Dialogue, LinkConfig};
 use super::protocol::{LineReader, ReadLine};
+use super::stream::Stream;
 use crate::Wake;
 
 /// How long a read lasts before the thread checks its timeouts.
 const READ_TIMEOUT: Duration = Duration::from_millis(500);
-
-/// How long it may take to connect, and to write a line.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// First and longest wait before the next attempt to connect.
 const BACK_OFF: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
@@ -51,7 +48,7 @@ impl Link {
 
     /// Ends the thread; it may take a moment to notice.
     pub(crate) fn stop(&self) {
-        let dialogue = self.dialogue();
+        let mut dialogue = self.dialogue();
         self.is_stopped.store(true, Ordering::Relaxed);
         dialogue.disconnect();
         self.stopped.notify_all();
@@ -70,7 +67,7 @@ impl Link {
         let address = self.dialogue().config().address.clone();
         let mut back_off = BACK_OFF.0;
         while !self.is_stopped() {
-            match connect(&address) {
+            match Stream::open(&address) {
                 Ok(stream) => {
                     let reason = self.listen(stream);
                     let mut dialogue = self.dialogue();
@@ -104,13 +101,8 @@ impl Link {
     }
 
     /// Listens to the rig until the connection ends; why it did.
-    fn listen(&self, mut stream: TcpStream) -> String {
-        let prepared = stream
-            .set_nodelay(true)
-            .and_then(|()| stream.set_read_timeout(Some(READ_TIMEOUT)))
-            .and_then(|()| stream.set_write_timeout(Some(CONNECT_TIMEOUT)))
-            .and_then(|()| stream.try_clone());
-        match prepared {
+    fn listen(&self, mut stream: Stream) -> String {
+        match stream.split(READ_TIMEOUT) {
             Ok(writer) => {
                 let mut dialogue = self.dialogue();
                 if self.is_stopped() {
@@ -127,6 +119,9 @@ impl Link {
                 Err(error) => return error.to_string(),
             };
             let mut dialogue = self.dialogue();
+            if !dialogue.is_connected() {
+                return "the connection has failed".to_owned();
+            }
             let outcome = match line {
                 ReadLine::Text(line) => dialogue.receive(&line),
                 ReadLine::Nothing => Ok(false),
@@ -145,16 +140,4 @@ impl Link {
             }
         }
     }
-}
-
-fn connect(address: &str) -> Result<TcpStream, String> {
-    let addresses = address.to_socket_addrs().map_err(|error| error.to_string())?;
-    let mut reason = "the name has no address".to_owned();
-    for address in addresses {
-        match TcpStream::connect_timeout(&address, CONNECT_TIMEOUT) {
-            Ok(stream) => return Ok(stream),
-            Err(error) => reason = error.to_string(),
-        }
-    }
-    Err(reason)
 }

@@ -9,6 +9,7 @@ mod link;
 mod played;
 mod protocol;
 mod script;
+pub(crate) mod stream;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -42,7 +43,7 @@ const HEARD_WITHIN: Duration = Duration::from_millis(500);
 /// How a station deals with its rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigConfig {
-    /// Host and port of the rig.
+    /// Host and port of the rig, or `serial:PATH`.
     pub address: String,
     /// How long a rig may be away with a casing under way before that is given up, in s.
     pub patience_s: f64,
@@ -224,7 +225,7 @@ impl RigCasing {
         if stray > 0 {
             tracing::warn!(stray, "taps were heard that the rig was not asked for");
         }
-        let record = Duration::from_secs_f64(ear.config().record_s());
+        let record = ear.config().record_time();
         let waited = Duration::from_nanos(u64::try_from(now_ns() - hit.time_ns).unwrap_or(0));
         let fault = match ear.tap_count() {
             0 if waited > HEARD_WITHIN + record => {

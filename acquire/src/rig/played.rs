@@ -112,7 +112,7 @@ impl Player {
 fn write(path: &PathBuf, rate_hz: f64, hits: &Receiver<Vec<i16>>) -> io::Result<()> {
     let mut file = OpenOptions::new().write(true).open(path)?;
     let period = ((PERIOD_S * rate_hz) as usize).next_power_of_two();
-    let period_time = Duration::from_secs_f64(period as f64 / rate_hz);
+    let period_time = Duration::try_from_secs_f64(period as f64 / rate_hz).map_err(io::Error::other)?;
     let (mut left, mut due): (Vec<i16>, Instant) = (Vec::new(), Instant::now());
     loop {
         if left.is_empty() {

@@ -31,6 +31,10 @@ pub(crate) enum RigMessage {
     Hit(f64),
     /// The command failed, for this reason.
     Error(String),
+    /// It is stopped, for this reason, and does nothing until it says that it goes on.
+    Stopped(String),
+    /// It goes on.
+    Running,
     /// Answer to a ping.
     Pong,
 }
@@ -48,6 +52,8 @@ impl RigMessage {
             ("casing", serial) if !serial.is_empty() => Some(Self::Casing(serial.to_owned())),
             ("removed", "") => Some(Self::Removed),
             ("ready", "") => Some(Self::Ready),
+            ("stopped", why) => Some(Self::Stopped(one_line(why))),
+            ("running", "") => Some(Self::Running),
             ("pong", "") => Some(Self::Pong),
             ("hit", velocity) => velocity.parse().ok().filter(|v| (0.0..=1000.0).contains(v)).map(Self::Hit),
             ("error", why) => Some(Self::Error(one_line(why))),
@@ -136,6 +142,8 @@ mod tests {
             ("hit 1.85", RigMessage::Hit(1.85)),
             ("error no\u{7}air", RigMessage::Error("no air".to_owned())),
             ("pong", RigMessage::Pong),
+            ("stopped door open", RigMessage::Stopped("door open".to_owned())),
+            ("running", RigMessage::Running),
         ] {
             assert_eq!(RigMessage::parse(line), Some(want));
         }

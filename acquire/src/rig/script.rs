@@ -53,6 +53,8 @@ pub struct RigScript {
     pub switched_off: f64,
     /// Range of the time that it is off, in s.
     pub off_s: [f64; 2],
+    /// Fraction of casings during which its emergency stop is pressed, for as long as it is off otherwise.
+    pub stopped: f64,
     /// Fraction of those with another casing on the rig when it is switched on again.
     pub swapped: f64,
     /// Fraction of hits that fail.
@@ -86,6 +88,7 @@ impl Default for RigScript {
             removed: 0.0,
             switched_off: 0.0,
             off_s: [0.0, 0.0],
+            stopped: 0.0,
             swapped: 0.0,
             failed_hits: 0.0,
             play: None,
@@ -123,6 +126,7 @@ impl RigScript {
             ("repeated", self.repeated),
             ("removed", self.removed),
             ("switched_off", self.switched_off),
+            ("stopped", self.stopped),
             ("swapped", self.swapped),
             ("failed_hits", self.failed_hits),
             ("missed_hits", self.missed_hits),
@@ -164,6 +168,8 @@ pub struct RigReport {
     pub removed: u64,
     /// How often it was switched off.
     pub switched_off: u64,
+    /// How often its emergency stop was pressed.
+    pub stopped: u64,
     /// Hits.
     pub hits: u64,
     /// Hits that failed.
@@ -230,6 +236,7 @@ struct OnRig {
     hits: u64,
     is_removed: bool,
     is_switched_off: bool,
+    is_stopped: bool,
     /// The hit at which it happens.
     at_hit: u64,
 }
@@ -288,10 +295,12 @@ impl Rig<'_> {
             self.before.clone_from(&serial);
         }
         let (is_removed, is_switched_off) = (self.dice.is(script.removed), self.dice.is(script.switched_off));
+        let is_stopped = script.stopped > 0.0 && self.dice.is(script.stopped);
         if let Some(Err(error)) = self.player.as_mut().map(|player| player.load(&serial)) {
             tracing::error!("casing {serial} is not heard: {error}");
         }
-        self.on_it = Some(OnRig { serial: serial.clone(), hits: 0, is_removed, is_switched_off, at_hit: 1 });
+        self.on_it =
+            Some(OnRig { serial: serial.clone(), hits: 0, is_removed, is_switched_off, is_stopped, at_hit: 1 });
         serial
     }
 
@@ -351,6 +360,13 @@ impl Rig<'_> {
                 self.on_it = None;
             }
             return Ok(false);
+        }
+        if casing.hits == casing.at_hit && casing.is_stopped {
+            self.report.stopped += 1;
+            say(stream, "stopped emergency stop")?;
+            self.be_off();
+            say(stream, "running")?;
+            return Ok(true);
         }
         if casing.hits >= casing.at_hit && casing.is_removed {
             self.report.removed += 1;

@@ -386,3 +386,65 @@ fn scripts_have_bounds() {
         assert!(of(text).contains(want), "{} lacks {want}", of(text));
     }
 }
+
+#[test]
+fn a_rig_at_a_serial_port_is_asked_who_it_is() {
+    // Catches a port that waits for a greeting, lines that are cut, and a rig that is gone and is not told.
+    use serialport::SerialPort as _;
+
+    let (rig, port) = serialport::TTYPort::pair().unwrap();
+    let address = format!("serial:{}", port.name().unwrap());
+    drop(port);
+    let played = thread::spawn(move || {
+        let mut rig = rig;
+        rig.set_timeout(LONG).unwrap();
+        let mut lines = BufReader::new(rig.try_clone_native().unwrap()).lines();
+        // Nothing can be read before the station has opened its end.
+        let mut next = || lines.find_map(Result::ok).unwrap();
+        let mut say = |line: &str| rig.write_all(format!("{line}\n").as_bytes()).unwrap();
+        assert_eq!(next(), "hello");
+        say("hello press 1");
+        say("casing A-1");
+        assert_eq!(next(), "scan A-1 7");
+        loop {
+            let line = next();
+            match line.split(' ').next().unwrap() {
+                "move" => say("ready"),
+                "hit" => say("hit 1.85"),
+                "closed" => break,
+                _ => panic!("{line}"),
+            }
+        }
+        say("removed");
+    });
+    let mut bench = Bench::new(address, 30.0, 0);
+    let went = bench.scan_one();
+    assert_eq!((went.name.as_str(), went.taps, went.refused, went.gone), ("A-1", 7, 0, None));
+    played.join().unwrap();
+    let since = Instant::now();
+    while !bench.arrivals.waits_for().contains("the rig at serial:") {
+        assert!(since.elapsed() < LONG, "{}", bench.arrivals.waits_for());
+        bench.pause();
+    }
+}
+
+#[test]
+fn a_rig_that_is_stopped_makes_its_taps_when_it_goes_on() {
+    // Catches a stop that is taken for a fault of the tap, and a tap that is commanded while people are at the rig.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let script = RigScript {
+        casings: Some(1),
+        serials: vec!["A-1".to_owned()],
+        stopped: 1.0,
+        off_s: [0.5, 0.5],
+        ..RigScript::default()
+    };
+    let played = thread::spawn(move || serve_rig(&listener, &script, &AtomicBool::new(false)).unwrap());
+    let mut bench = Bench::new(address, 30.0, 0);
+    let went = bench.scan_one();
+    assert_eq!((went.taps, went.refused, went.gone), (7, 0, None));
+    assert_eq!(bench.arrivals.take_alarms(), ["the rig is stopped: emergency stop"]);
+    let report = played.join().unwrap();
+    assert_eq!((report.stopped, report.closed), (1, 1));
+}

@@ -4,11 +4,11 @@ pub(crate) mod listed;
 
 use tapline_model::{Crack, SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig, plant_cracks, truth};
 use tapline_wire::{
-    CHANNELS_MAX, CacheLine, Channel, ChannelHeader, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat,
-    Serial, SourceKind, TapHeader, TapId, Truth, i16_of_mut,
+    CHANNELS_MAX, CacheLine, Channel, ChannelHeader, Geometry, Plan, Recording, SampleFormat, Serial, SourceKind,
+    TapHeader, TapId, Truth, i16_of_mut,
 };
 
-use crate::config::Turn;
+use crate::source::scan_taps::taps_of;
 use crate::source::{channel_headers, named, no_room, no_such_row};
 use crate::{Error, Refusal, ScanConfig, Source};
 
@@ -174,7 +174,12 @@ pub(crate) fn plan_of(scan: &ScanConfig, simulation: &SimulationConfig, tyres: &
         sample_format: SampleFormat::I16,
         channels: vec![Channel::Force, Channel::Sound],
     };
-    Ok(Plan::new(Geometry::Ring, recording, taps_of(scan, tyres)?, truth_of(scan, tyres))?)
+    Ok(Plan::new(
+        Geometry::Ring,
+        recording,
+        taps_of(scan, tyres.iter().map(|tyre| (tyre.serial, tyre.station)))?,
+        truth_of(scan, tyres),
+    )?)
 }
 
 /// Station of tyre `number`, from 0.
@@ -205,42 +210,6 @@ pub(crate) fn simulated_serial(text: &str) -> Result<Serial, Error> {
         key: "scan.tyre.serial".to_owned(),
         value: format!("{text:?}"),
         bound: e.bound(),
-    })
-}
-
-/// Every tap in the order in which it is taken: tyre, shoulder, offset, velocity, repetition, full turn.
-pub(crate) fn taps_of(scan: &ScanConfig, tyres: &[Tyre]) -> Result<Vec<PlannedTap>, Error> {
-    let mut taps = Vec::new();
-    for tyre in tyres {
-        for shoulder in 1..=scan.shoulders {
-            for Turn { offset_mm, velocity_m_per_s, repetition, every } in scan.turns() {
-                let mut id = id_of(offset_mm, velocity_m_per_s)?;
-                (id.tyre, id.station, id.shoulder, id.repetition) = (tyre.serial, tyre.station, shoulder, repetition);
-                taps.extend(turn(scan, id, every));
-            }
-        }
-    }
-    Ok(taps)
-}
-
-fn id_of(offset_mm: f64, velocity_m_per_s: f64) -> Result<TapId, Error> {
-    let named = TapId::default().with_offset_mm(Some(offset_mm));
-    named.and_then(|id| id.with_velocity_m_per_s(Some(velocity_m_per_s))).map_err(|e| Error::Setting {
-        key: "scan.offsets_mm or scan.velocities_m_per_s".to_owned(),
-        value: format!("{offset_mm} or {velocity_m_per_s}"),
-        bound: e.bound(),
-    })
-}
-
-/// One full turn of `id` at `every` so many locations, with the first location again at its end.
-fn turn(scan: &ScanConfig, id: TapId, every: u32) -> impl Iterator<Item = PlannedTap> {
-    let locations = scan.locations;
-    let closing = scan.closing_tap.then_some(locations);
-    (0..locations).step_by(every as usize).chain(closing).map(move |location| {
-        let mut id = id;
-        id.location = location;
-        let angle_deg = 360.0 * f64::from(location) / f64::from(locations);
-        PlannedTap { id, angle_deg: Some(angle_deg), purpose: Purpose::closing_if(location == locations) }
     })
 }
 

@@ -7,9 +7,10 @@ mod receive;
 mod station;
 
 use std::io::Write as _;
-use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
+
+use crate::rig::stream::Stream;
 
 /// A rig that has been silent for this long is pinged.
 const SILENCE_MAX: Duration = Duration::from_secs(10);
@@ -35,9 +36,11 @@ pub(crate) struct LinkConfig {
 pub(crate) struct Dialogue {
     config: LinkConfig,
     /// The connection; it exists before the rig says hello.
-    stream: Option<TcpStream>,
+    stream: Option<Stream>,
     /// Name of the rig, once it has said hello on this connection.
     rig_name: Option<String>,
+    /// Why the rig is stopped, by its emergency stop for example.
+    stopped: Option<String>,
     /// Why there is no connection.
     fault: Option<String>,
     /// The command that the rig has not answered yet.
@@ -142,6 +145,7 @@ impl Dialogue {
             config,
             stream: None,
             rig_name: None,
+            stopped: None,
             fault: None,
             pending: None,
             loaded: None,
@@ -161,8 +165,12 @@ impl Dialogue {
     }
 
     /// Records a new connection, whose `stream` can be written to.
-    pub(super) fn connected(&mut self, stream: TcpStream) {
+    pub(super) fn connected(&mut self, stream: Stream) {
+        let is_to_be_asked = stream.has_no_connection();
         self.stream = Some(stream);
+        if is_to_be_asked {
+            self.send("hello");
+        }
         self.last_received = Some(Instant::now());
     }
 
@@ -170,6 +178,7 @@ impl Dialogue {
     pub(super) fn disconnected(&mut self) {
         self.stream = None;
         self.rig_name = None;
+        self.stopped = None;
         self.pending = None;
         self.loaded = None;
         self.unexpected = (0, None);
@@ -184,10 +193,14 @@ impl Dialogue {
         }
     }
 
+    pub(super) fn is_connected(&self) -> bool {
+        self.stream.is_some()
+    }
+
     /// Ends the connection; the thread that reads from it will notice.
-    pub(super) fn disconnect(&self) {
-        if let Some(stream) = &self.stream
-            && let Err(error) = stream.shutdown(Shutdown::Both)
+    pub(super) fn disconnect(&mut self) {
+        if let Some(stream) = self.stream.take()
+            && let Err(error) = stream.close()
         {
             tracing::debug!("the connection to a rig was not closed: {error}");
         }

@@ -58,6 +58,25 @@ impl Dialogue {
                 self.advance(casing, |tap| Step::Hit(tap, hit));
                 Ok(true)
             }
+            RigMessage::Stopped(why) => {
+                let LinkConfig { station, address, .. } = &self.config;
+                tracing::warn!("station {station}: the rig at {address} is stopped: {why}");
+                self.alarm(format!("the rig is stopped: {why}"));
+                // What it was told to do is not done: it is told again when it goes on.
+                if let Some(pending) = self.pending.take()
+                    && let Some(current) = self.begun(pending.casing)
+                {
+                    current.step = Step::Idle;
+                }
+                self.stopped = Some(why);
+                Ok(true)
+            }
+            RigMessage::Running => {
+                let LinkConfig { station, address, .. } = &self.config;
+                tracing::warn!("station {station}: the rig at {address} goes on");
+                self.stopped = None;
+                Ok(true)
+            }
             RigMessage::Pong => self.answered(Command::Ping, line).map(|_| true),
             RigMessage::Error(why) => {
                 let LinkConfig { station, address, .. } = &self.config;

@@ -35,7 +35,8 @@ impl Dialogue {
         to_hit: impl FnOnce() -> String,
     ) -> Progress {
         self.end_patience();
-        let is_free = self.rig_name.is_some() && self.away_since.is_none() && self.pending.is_none();
+        let is_free =
+            self.rig_name.is_some() && self.away_since.is_none() && self.pending.is_none() && self.stopped.is_none();
         let Some(current) = self.current.as_mut().filter(|current| current.id == id) else {
             return Progress::UnderWay;
         };
@@ -100,6 +101,9 @@ impl Dialogue {
             (None, None, _) => {
                 let fault = self.fault.as_ref().map_or_else(String::new, |fault| format!(": {fault}"));
                 format!("the rig at {address}{fault}")
+            }
+            (Some(name), ..) if let Some(why) = &self.stopped => {
+                format!("the rig {name:?} at {address} to go on: it is stopped ({why})")
             }
             (Some(name), Some(_), Some(pending)) => format!("the rig {name:?} at {address} to {}", pending.text),
             (Some(name), ..) => format!("a casing on the rig {name:?} at {address}"),
