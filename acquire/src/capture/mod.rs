@@ -19,5 +19,6 @@ pub use device::{Abilities, SoundCardInfo, sound_cards};
 pub use monitor::{Monitor, MonitoredTap};
 pub use trigger::{Crossing, NotTaps, Trigger, TriggerConfig};
 
-#[cfg(all(test, feature = "alsa"))]
+#[cfg(test)]
+#[cfg(feature = "alsa")]
 mod tests;

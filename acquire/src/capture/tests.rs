@@ -9,6 +9,8 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
+use std::sync::mpsc::sync_channel;
+use std::thread::Builder;
 use std::time::Duration;
 
 use rand::{RngExt as _, SeedableRng as _};
@@ -47,8 +49,8 @@ fn ear_process() {
     let Ok(text) = std::env::var("TAPLINE_TEST_CAPTURE") else { return };
     let (count, text) = text.split_once('\n').unwrap();
     let config: CaptureConfig = toml::from_str(text).unwrap();
-    let (sender, woken) = std::sync::mpsc::channel();
-    let ear = Ear::listen("scan", &config, 1, Arc::new(move || sender.send(()).unwrap_or_default())).unwrap();
+    let (sender, woken) = sync_channel(AHEAD);
+    let ear = Ear::listen("scan", &config, 1, Arc::new(move || sender.try_send(()).unwrap_or_default())).unwrap();
     let mut buffer = vec![CacheLine::default(); cache_lines_for(config.recording().payload_bytes_max())];
     let samples = 2 * config.sample_count as usize;
     let mut out = std::io::stdout().lock();
@@ -226,9 +228,9 @@ fn play(tap_count: usize, period: usize, bits: u16, noises: &[i32], planted: imp
     let is_hit = |row: usize| row < tap_count && planted(row) != Planted::Missed;
     let expected = (0..tap_count).filter(|&row| is_hit(row)).count();
     let (mut child, mut pipe) = ear(dir.path(), &config, expected);
-    let (sender, heard) = std::sync::mpsc::channel();
+    let (sender, heard) = sync_channel(4 * AHEAD);
     let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    let reader = std::thread::spawn(move || {
+    let reader = Builder::new().name("lines".to_owned()).spawn(move || {
         let taps = lines.map(Result::unwrap).filter(|line| line.starts_with("tap "));
         taps.for_each(|line| sender.send(line).unwrap());
     });
@@ -240,7 +242,8 @@ fn play(tap_count: usize, period: usize, bits: u16, noises: &[i32], planted: imp
         assert_eq!(trigger / period as u64, row as u64, "{:?}", planted(row));
         assert_eq!(words[3].parse(), Ok(window.hash(trigger, &config)), "tap {row}");
         if planted(row) != Planted::Clipped {
-            worst = worst.max((at - time).abs());
+            let error = (at - time).abs();
+            worst = if error > worst { error } else { worst };
         }
     };
     while !waited_for.is_empty() || !rows.is_empty() {
@@ -270,7 +273,7 @@ fn play(tap_count: usize, period: usize, bits: u16, noises: &[i32], planted: imp
     // It ends by itself when it has heard them all; what is still written then is of no use.
     drop(pipe);
     assert!(child.wait().unwrap().success());
-    reader.join().unwrap();
+    reader.unwrap().join().unwrap();
     assert_eq!(heard.try_iter().count(), 0);
     worst
 }

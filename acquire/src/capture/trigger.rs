@@ -358,7 +358,7 @@ mod tests {
             assert_eq!((found.len(), not_taps), (times.len(), NotTaps::default()), "noise {sd}");
             let errors = || found.iter().zip(&times).map(|(found, time)| found.time_samples - time);
             let rms = (errors().map(|e| e * e).sum::<f64>() / times.len() as f64).sqrt();
-            let worst = errors().fold(0.0, |worst: f64, e| worst.max(e.abs()));
+            let worst = errors().map(f64::abs).max_by(f64::total_cmp).unwrap();
             assert!(rms < 0.06 && worst < if sd > 1e-3 { 0.4 } else { 0.1 }, "noise {sd}: {rms}, {worst} samples");
             assert_eq!(found, crossings(&config, &stream, 7).0);
         }

@@ -395,7 +395,7 @@ fn a_rig_at_a_serial_port_is_asked_who_it_is() {
     let (rig, port) = serialport::TTYPort::pair().unwrap();
     let address = format!("serial:{}", port.name().unwrap());
     drop(port);
-    let played = thread::spawn(move || {
+    let played = thread::Builder::new().name("rig".to_owned()).spawn(move || {
         let mut rig = rig;
         rig.set_timeout(LONG).unwrap();
         let mut lines = BufReader::new(rig.try_clone_native().unwrap()).lines();
@@ -420,7 +420,7 @@ fn a_rig_at_a_serial_port_is_asked_who_it_is() {
     let mut bench = Bench::new(address, 30.0, 0);
     let went = bench.scan_one();
     assert_eq!((went.name.as_str(), went.taps, went.refused, went.gone), ("A-1", 7, 0, None));
-    played.join().unwrap();
+    played.unwrap().join().unwrap();
     let since = Instant::now();
     while !bench.arrivals.waits_for().contains("the rig at serial:") {
         assert!(since.elapsed() < LONG, "{}", bench.arrivals.waits_for());
@@ -440,11 +440,13 @@ fn a_rig_that_is_stopped_makes_its_taps_when_it_goes_on() {
         off_s: [0.5, 0.5],
         ..RigScript::default()
     };
-    let played = thread::spawn(move || serve_rig(&listener, &script, &AtomicBool::new(false)).unwrap());
+    let played = thread::Builder::new()
+        .name("rig".to_owned())
+        .spawn(move || serve_rig(&listener, &script, &AtomicBool::new(false)).unwrap());
     let mut bench = Bench::new(address, 30.0, 0);
     let went = bench.scan_one();
     assert_eq!((went.taps, went.refused, went.gone), (7, 0, None));
     assert_eq!(bench.arrivals.take_alarms(), ["the rig is stopped: emergency stop"]);
-    let report = played.join().unwrap();
+    let report = played.unwrap().join().unwrap();
     assert_eq!((report.stopped, report.closed), (1, 1));
 }

@@ -20,6 +20,9 @@ const WAIT_MS: u32 = 200;
 /// The card is taken for stopped when it has given nothing for this long.
 const SILENT_MAX: Duration = Duration::from_secs(5);
 
+/// Counts of a full-scale 32-bit sample.
+const FULL_SCALE: f32 = (1_u32 << 31) as f32;
+
 /// How a sample lies in the card's buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Layout {
@@ -137,16 +140,16 @@ impl SoundCard {
                 samples.len() / channels
             }),
             Layout::Packed24 => self.pcm.io_bytes().mmap(self.period_frames, |bytes| {
-                let of = |b: &[u8]| i32::from_le_bytes([0, b[0], b[1], b[2]]) as f32 / 2_147_483_648.0;
+                let of = |b: &[u8]| i32::from_le_bytes([0, b[0], b[1], b[2]]) as f32 / FULL_SCALE;
                 as_f32(&mut bytes.chunks_exact(3).map(of), bytes.len() / 3)
             }),
             Layout::Low24 => self.pcm.io_i32_s24()?.mmap(self.period_frames, |samples| {
                 // What stands in the upper byte is not defined.
-                let of = |&sample: &i32| (sample << 8) as f32 / 2_147_483_648.0;
+                let of = |&sample: &i32| (sample << 8) as f32 / FULL_SCALE;
                 as_f32(&mut samples.iter().map(of), samples.len())
             }),
             Layout::I32 => self.pcm.io_i32()?.mmap(self.period_frames, |samples| {
-                as_f32(&mut samples.iter().map(|&sample| sample as f32 / 2_147_483_648.0), samples.len())
+                as_f32(&mut samples.iter().map(|&sample| sample as f32 / FULL_SCALE), samples.len())
             }),
         }
     }
