@@ -42,5 +42,7 @@ pub use stage::outcome::{Outcome, RunError};
 pub use stage::run;
 pub use stations::{StationConfig, StationSource, open_station, validate_stations};
 pub use tap_set::TapSet;
+pub use tap_set::extras::Extras as TapExtras;
 pub use tap_set::listed::{TapSetList, listed_tap_set};
+pub use tap_set::taps_csv::{TapRow, tap_rows};
 pub use tap_set::watched_folder::FolderArrivals;

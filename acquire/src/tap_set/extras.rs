@@ -26,7 +26,7 @@ pub(crate) const COLUMNS: &[&str] = &[
 
 /// The values of the optional columns for one tap.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct Extras {
+pub struct Extras {
     /// Station that made the tap; without it the reader distributes casings over its stations.
     pub station: Option<u16>,
     /// How often the tap was taken before.

@@ -1,7 +1,7 @@
 //! A tap set: a folder of recordings, one WAV per tap, with two tables that describe them.
 
 pub(crate) mod casings;
-mod extras;
+pub(crate) mod extras;
 #[cfg(test)]
 mod fuzz_tests;
 pub(crate) mod listed;
@@ -9,7 +9,7 @@ mod raw16;
 mod recordings;
 pub(crate) mod scan_toml;
 mod table;
-mod taps_csv;
+pub(crate) mod taps_csv;
 mod text;
 mod truth_csv;
 pub(crate) mod watched_folder;

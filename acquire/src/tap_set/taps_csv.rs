@@ -23,7 +23,7 @@ const ANGLE_ROUNDING_DEG: f64 = 0.01;
 
 /// One row of the list.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct TapRow {
+pub struct TapRow {
     /// Line of the file, from 1.
     pub line: usize,
     /// Path of the recording, relative to the set's folder; empty if the list says why there is none.
@@ -38,6 +38,16 @@ pub(crate) struct TapRow {
 
 /// Reads the `text` of `file`.
 pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRow>, Error> {
+    let rows = tap_rows(file, text, geometry)?;
+    refuse_shared_recordings(file, &rows)?;
+    Ok(rows)
+}
+
+/// The taps that `text`, a table with the columns of `taps.csv`, lists; one recording may hold several of them.
+///
+/// # Errors
+/// [`Error`] with the line and column of `file` for the first cell out of bounds, and for a tap that is listed twice.
+pub fn tap_rows(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRow>, Error> {
     let mut rows = Vec::new();
     read_rows(file, text, (COLUMNS, extras::COLUMNS), |row| {
         rows.push(tap_row(row, geometry)?);
@@ -50,7 +60,6 @@ pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<T
         mark_closing_taps(&mut rows);
     }
     refuse_duplicates(file, &rows)?;
-    refuse_shared_recordings(file, &rows)?;
     Ok(rows)
 }
 
