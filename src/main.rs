@@ -27,7 +27,7 @@ use crate::archives::Which;
 use crate::cli::{Cli, ModelVerb, Verb};
 use crate::host::stderr::{print_line, with_causes};
 use crate::line::stage::{DISK_FAILED, DiskFailed};
-use crate::verbs::{explain, export, model_contact, model_table, reference, repack, reprocess, rig, verify};
+use crate::verbs::{explain, export, import, model_contact, model_table, reference, repack, reprocess, rig, verify};
 
 /// Ended, but incomplete: taps are missing, refused or damaged, an archive was left out, or contradicts itself.
 const INCOMPLETE: u8 = 3;
@@ -80,6 +80,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Monitor { config, station } => verbs::monitor::monitor(config, *station),
         Verb::Stage(args) => line::stage::stage(args),
         Verb::Export(args) => export::export(args),
+        Verb::Import(args) => import::import(args),
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archives, json } => verify::verify(archives, *json),
         Verb::Reprocess(args) => reprocess::reprocess(args),

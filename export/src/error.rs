@@ -49,6 +49,16 @@ pub enum Error {
         /// Taps planned.
         tap_count: usize,
     },
+    /// A file would be larger than its readers take.
+    #[error("{} would have a matrix of {bytes} bytes; MATLAB reads at most {most}: export fewer taps, or as wav", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Bytes of the matrix.
+        bytes: usize,
+        /// The bound.
+        most: usize,
+    },
     /// A tap set cannot represent something of the archive.
     #[error("{} cannot be a tap set: {what}", path.display())]
     NoTapSet {

@@ -44,6 +44,11 @@ impl Draft {
         Ok(path)
     }
 
+    /// The present path of the folder.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.draft
+    }
+
     /// Whether the folder has a file or folder `name`.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.draft.join(name).exists()

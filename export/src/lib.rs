@@ -1,13 +1,15 @@
 //! Exports archives in the formats of other programs: tables as CSV and, with the feature `parquet`, as Parquet; taps as tap sets
-//! of WAV files and as Universal Files (UFF).
+//! of WAV files, as Universal Files (UFF), and as MATLAB files.
 
 mod column;
 mod csv_file;
 mod error;
 mod folder;
 mod fortran;
+mod mat;
 #[cfg(feature = "parquet")]
 mod parquet_file;
+mod set_writer;
 mod tables;
 mod tap_set;
 mod taps;
@@ -16,8 +18,10 @@ mod uff;
 use std::{fmt, io};
 
 pub use error::{Error, Result};
+pub use mat::MatFolder;
+pub use set_writer::{Scales, TapSetWriter};
 pub use tap_set::{TapSetFolder, export_tap_set};
-pub use taps::TapCounts;
+pub use taps::{ListedTap, TapCounts};
 pub use uff::{UffEncoding, UffFolder, export_uff};
 
 use crate::column::Sink as _;

@@ -55,8 +55,10 @@ impl TapCounts {
     }
 }
 
-/// A planned tap and its record in the archive.
-pub(crate) struct ListedTap<'a> {
+/// A planned tap and its record.
+#[derive(Debug)]
+pub struct ListedTap<'a> {
+    /// The tap; at station 0 if that is not known.
     pub planned: &'a PlannedTap,
     /// The record, or why there is none.
     pub record: Result<(TapHeader, OwnedSamples), String>,
@@ -150,7 +152,7 @@ pub(crate) fn cells(tap: &ListedTap<'_>, file: &str) -> [String; 14] {
         known(tap.planned.angle_deg),
         id.repetition.to_string(),
         known(header.map(|header| header.velocity_measured_m_per_s)),
-        id.station.to_string(),
+        if id.station == 0 { String::new() } else { id.station.to_string() },
         tap.attempt.to_string(),
         tap.planned.purpose.name().to_owned(),
         header.map_or_else(String::new, |header| header.tap_time_ns.to_string()),
@@ -161,6 +163,15 @@ pub(crate) fn cells(tap: &ListedTap<'_>, file: &str) -> [String; 14] {
 /// A value as text; empty if it is absent.
 pub(crate) fn known(value: Option<f64>) -> String {
     value.filter(|value| value.is_finite()).map_or_else(String::new, number_text)
+}
+
+/// The samples of channel `channel` in newtons or volts.
+pub(crate) fn physical(samples: &OwnedSamples, channel: usize, sample_count: usize, unit_per_count: f64) -> Vec<f64> {
+    let range = channel * sample_count..(channel + 1) * sample_count;
+    match samples {
+        OwnedSamples::I16(planes) => planes[range].iter().map(|&count| f64::from(count) * unit_per_count).collect(),
+        OwnedSamples::F32(planes) => planes[range].iter().map(|&stored| f64::from(stored) * unit_per_count).collect(),
+    }
 }
 
 /// A name for each scan that every file system permits: of letters, digits, '-' and '_', different for each scan, and none that

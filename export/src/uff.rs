@@ -1,25 +1,25 @@
 //! The taps of an archive as Universal Files: dataset 58, functions of time, in SI units.
 //!
 //! There is one file for each shoulder, which has one verdict and is one test for programs that analyse vibration. Beside the files,
-//! `taps.csv` lists every planned tap, and its file or why it has none. A file begins with dataset 164 (SI units); then every
+//! `taps.csv` lists every planned tap, and its file or why it has none. A file begins with datasets 151 (header) and 164 (SI units); then every
 //! channel of every tap is a dataset, force in N and sound in V, with time 0 at the trigger. This format has six digits for the
 //! time step: the exact rate is in ID line 5.
 //!
-//! Source: the records of datasets 58, 58b and 164 as the Structural Dynamics Research Laboratory of the University of
+//! Source: the records of datasets 58, 58b, 151 and 164 as the Structural Dynamics Research Laboratory of the University of
 //! Cincinnati publishes them.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use tapline_wire::{Channel, TapHeader};
+use tapline_wire::{Channel, Scan, TapHeader};
 
 use crate::error::Context as _;
 use crate::folder::Draft;
 use crate::fortran::{exponent, plain};
-use crate::taps::{COLUMNS, ListedTap, TapCounts, Taps, cells, known, scan_names};
+use crate::taps::{COLUMNS, ListedTap, TapCounts, Taps, cells, known, physical, scan_names};
 use crate::{Error, Result};
-use tapline_store::{OwnedSamples, Reader};
+use tapline_store::Reader;
 
 /// The encoding of values in dataset 58.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -30,8 +30,9 @@ pub enum UffEncoding {
     Ascii,
 }
 
-/// The column after [`COLUMNS`]: number, in its file and from 1, of a tap's first dataset 58.
-const FIRST_FUNCTION: &str = "first_function";
+/// The column after [`COLUMNS`]: number, in its file and from 1, of a tap's first dataset 58; `tapline import` takes it for the part
+/// that the tap is.
+const PART: &str = "part";
 
 /// Writes the taps of the archive into the new folder `folder` as Universal Files.
 ///
@@ -64,7 +65,7 @@ impl UffFolder {
     pub fn begin(folder: &Path, encoding: UffEncoding) -> Result<Self> {
         let draft = Draft::new(folder)?;
         let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
-        list.write_record(COLUMNS.iter().chain(&[FIRST_FUNCTION]))?;
+        list.write_record(COLUMNS.iter().chain(&[PART]))?;
         Ok(Self { draft, list, encoding, counts: TapCounts::default(), last: folder.to_owned() })
     }
 
@@ -79,13 +80,18 @@ impl UffFolder {
         for (scan, name) in plan.scans().iter().zip(names) {
             let path = file_of(&name)?;
             let mut out = BufWriter::new(File::create(&path).context("create", &path)?);
-            write_units(&mut out).context("write", &path)?;
             let mut function_count = 0_u32;
+            let mut is_begun = false;
             for &row in &scan.taps {
                 let tap = taps.tap(row)?;
-                let mut first_function = String::new();
+                let mut part = String::new();
                 if let Ok((header, samples)) = &tap.record {
-                    first_function = (function_count + 1).to_string();
+                    if !is_begun {
+                        let written = write_header(&mut out, scan, &name, header.tap_time_ns);
+                        written.and_then(|()| write_units(&mut out)).context("write", &path)?;
+                        is_begun = true;
+                    }
+                    part = (function_count + 1).to_string();
                     for (k, (channel, unit_per_count)) in header.channels().enumerate() {
                         function_count += 1;
                         let values = physical(samples, k, header.sample_count as usize, unit_per_count);
@@ -93,7 +99,10 @@ impl UffFolder {
                         function.write(&mut out, self.encoding, &values).context("write", &path)?;
                     }
                 }
-                self.list.write_record(cells(&tap, &format!("{name}.uff")).iter().chain(&[first_function]))?;
+                self.list.write_record(cells(&tap, &format!("{name}.uff")).iter().chain(&[part]))?;
+            }
+            if !is_begun {
+                write_header(&mut out, scan, &name, 0).and_then(|()| write_units(&mut out)).context("write", &path)?;
             }
             out.flush().context("write", &path)?;
         }
@@ -116,13 +125,17 @@ impl UffFolder {
     }
 }
 
-/// The samples of channel `channel` in newtons or volts.
-fn physical(samples: &OwnedSamples, channel: usize, sample_count: usize, unit_per_count: f64) -> Vec<f64> {
-    let range = channel * sample_count..(channel + 1) * sample_count;
-    match samples {
-        OwnedSamples::I16(planes) => planes[range].iter().map(|&count| f64::from(count) * unit_per_count).collect(),
-        OwnedSamples::F32(planes) => planes[range].iter().map(|&stored| f64::from(stored) * unit_per_count).collect(),
-    }
+/// Dataset 151: what the file is; programs that import Universal Files show it, and some read none without it. Times are those of
+/// the first tap: a file of the same taps is the same.
+fn write_header(out: &mut impl Write, scan: &Scan, name: &str, tap_time_ns: i64) -> io::Result<()> {
+    let line = date_line(tap_time_ns);
+    let (date, time) = line.split_once(' ').unwrap_or(("", ""));
+    let program = format!("tapline {}", env!("CARGO_PKG_VERSION"));
+    let what = plain(&format!("taps of tyre {} shoulder {}", scan.tyre, scan.shoulder), 80);
+    writeln!(out, "{:6}\n{:6}{:74}", -1, 151, "")?;
+    writeln!(out, "{:<80}\n{what:<80}\n{program:<80}", plain(name, 80))?;
+    writeln!(out, "{date:<10}{time:<10}{:10}{:10}{:10}\n{date:<10}{time:<10}", 0, 0, 0)?;
+    writeln!(out, "{program:<80}\n{date:<10}{time:<10}\n{:6}", -1)
 }
 
 /// Dataset 164: SI units, with the factor 1 for lengths, forces and temperatures.

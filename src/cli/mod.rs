@@ -66,6 +66,11 @@ pub(crate) enum Verb {
     /// A folder stands for every finished archive in it. Of a folder, and of several files, it is one table, with a first
     /// column `file`; taps are one tap set.
     Export(ExportArgs),
+    /// Make a tap set of recordings of other programs: WAV, CSV, HDF5, MATLAB, Universal Files, TDMS.
+    ///
+    /// A file, a part of one, or what a trigger finds in a continuous record is a tap. A small configuration says which, and what
+    /// the recordings do not say of themselves.
+    Import(ImportArgs),
     /// Make a reference of shoulders of archives: stated to be sound, or labelled by what is known of them.
     Reference(ReferenceArgs),
     /// Check that archives hold all their plans ask for, that no tap or result in them was altered, and that they do not
@@ -291,6 +296,25 @@ pub(crate) struct StageArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(
+    after_help = "docs/import.md has every key of the configuration. `tapline import --example DIR` writes one that works."
+)]
+pub(crate) struct ImportArgs {
+    /// The recordings.
+    #[arg(required_unless_present = "example", conflicts_with = "example")]
+    pub files: Vec<PathBuf>,
+    /// What they are (TOML): names of files or a table, channels, rate, scales.
+    #[arg(long, required_unless_present = "example", conflicts_with = "example")]
+    pub config: Option<PathBuf>,
+    /// Folder for the tap set, which must be new or empty.
+    #[arg(long, required_unless_present = "example", conflicts_with = "example")]
+    pub out: Option<PathBuf>,
+    /// Write recordings and a configuration to start from into this folder, and print the command that imports them.
+    #[arg(long, value_name = "DIR")]
+    pub example: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
 #[command(after_help = EXPORT_FORMATS)]
 pub(crate) struct ExportArgs {
     /// Archives or files of results, or folders of archives.
@@ -313,7 +337,8 @@ const EXPORT_FORMATS: &str = "\
 A table as parquet has the columns and rows of the csv, typed, with units; sets of flags also as bits.
 Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again. Archives whose
 recordings or configurations differ are exported one by one.
-Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58), in N and V.
+Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58), in N and V; as mat one file a shoulder, with matrices force
+and sound in N and V, a column a tap.
 Taps that were refused, are missing or damaged are counted, and listed in taps.csv (column `refused`); then the exit code
 is 3. It is 3 too where one of several archives cannot be read: it is named, and the others are exported.";
 
@@ -347,6 +372,8 @@ pub(crate) enum Format {
     Uff,
     /// Taps as Universal Files, dataset 58.
     UffAscii,
+    /// Taps as MATLAB files of version 7.
+    Mat,
 }
 
 #[derive(Debug, Subcommand)]

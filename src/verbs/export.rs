@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use clap::ValueEnum as _;
-use tapline_export::{Error, Export, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder};
+use tapline_export::{Error, Export, MatFolder, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder};
 use tapline_store::Reader;
 
 use crate::archives::{Archives, Outcome};
@@ -16,7 +16,7 @@ use crate::host::atomic_file::write_atomically;
 const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];
 
 /// Formats of the taps.
-const OF_TAPS: [Format; 3] = [Format::Wav, Format::Uff, Format::UffAscii];
+const OF_TAPS: [Format; 4] = [Format::Wav, Format::Uff, Format::UffAscii, Format::Mat];
 
 /// Exports; whether nothing was missing.
 pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
@@ -76,6 +76,7 @@ fn write(archives: &Archives, table: Export, format: Format, out: impl Write + S
 enum TapFolder {
     Wav(Box<TapSetFolder>),
     Uff(Box<UffFolder>),
+    Mat(Box<MatFolder>),
 }
 
 impl TapFolder {
@@ -83,6 +84,7 @@ impl TapFolder {
         Ok(match format {
             Format::Uff => Self::Uff(Box::new(UffFolder::begin(folder, UffEncoding::Binary)?)),
             Format::UffAscii => Self::Uff(Box::new(UffFolder::begin(folder, UffEncoding::Ascii)?)),
+            Format::Mat => Self::Mat(Box::new(MatFolder::begin(folder)?)),
             _ => Self::Wav(Box::new(TapSetFolder::begin(folder)?)),
         })
     }
@@ -91,6 +93,7 @@ impl TapFolder {
         match self {
             Self::Wav(folder) => folder.add(reader),
             Self::Uff(folder) => folder.add(reader),
+            Self::Mat(folder) => folder.add(reader),
         }
     }
 
@@ -98,6 +101,7 @@ impl TapFolder {
         match self {
             Self::Wav(folder) => folder.finish(),
             Self::Uff(folder) => folder.finish(),
+            Self::Mat(folder) => folder.finish(),
         }
     }
 }

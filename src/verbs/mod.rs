@@ -4,6 +4,7 @@
 pub(crate) mod devices;
 pub(crate) mod explain;
 pub(crate) mod export;
+pub(crate) mod import;
 pub(crate) mod model_contact;
 pub(crate) mod model_table;
 #[cfg(feature = "alsa")]

@@ -258,7 +258,7 @@ for row in rows:
 for k, row in enumerate(rows):
     uff = files[row["file"]]
     for channel, (unit, kind) in enumerate([("N", 13), ("V", 0)]):
-        function = uff.read_sets(int(row["first_function"]) + channel)
+        function = uff.read_sets(int(row["part"]) + 1 + channel)
         want = samples[k, channel] * header[k]["unit_per_count"][channel]
         assert len(function["data"]) == len(want) == function["num_pts"]
         largest = max(largest, np.abs(function["data"] - want).max() / np.abs(want).max())
@@ -268,10 +268,12 @@ for k, row in enumerate(rows):
         assert abs(function["abscissa_inc"] * rate_hz - 1) < 1e-5
         assert abs(function["x"][header[k]["pre_trigger_samples"]]) < 1e-6
         assert function["rsp_node"] == int(row["location"]) and function["ver_num"] == int(row["repetition"])
-units = files[rows[0]["file"]].read_sets(0)
+about = files[rows[0]["file"]].read_sets(0)
+print(about["type"], about["description"], about["date_db_created"], about["program"].split()[0])
+units = files[rows[0]["file"]].read_sets(1)
 print(units["type"], units["units_code"], units["length"], units["force"], units["temp_offset"])
 print(largest < (6e-8 if is_binary else 1e-11))
-first = files[rows[0]["file"]].read_sets(2)
+first = files[rows[0]["file"]].read_sets(3)
 print(first["id1"]); print(first["id2"]); print(first["id3"]); print(first["id4"]); print(first["id5"])
 print(sorted(files), [len(uff.get_set_types()) for uff in files.values()])
 "#;
@@ -297,6 +299,8 @@ fn pyuff_reads_what_was_recorded() {
         assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
         let said = String::from_utf8(out.stdout).unwrap();
         let said: Vec<&str> = said.lines().collect();
+        assert_eq!(said[0], "151 taps of tyre CRACKED shoulder 1 01-JAN-26 tapline");
+        let said = &said[1..];
         assert_eq!(said[..2], ["164 1 1.0 1.0 273.15", "True"]);
         assert_eq!(said[2], "sound tyre CRACKED shoulder 1 location 0");
         assert_eq!(said[3], "offset_mm 0 velocity_m_per_s 1.85 angle_deg 0 repetition 0");
@@ -306,7 +310,7 @@ fn pyuff_reads_what_was_recorded() {
         let (rate, distance) = (header.sample_rate_hz, header.microphone_distance_m);
         assert_eq!(said[6], format!("sample_rate_hz {rate} microphone_distance_m {distance} plan {plan}"));
         let names = ["CRACKED-1", "CRACKED-2"].map(|name| format!("'{name}.uff'"));
-        assert_eq!(said[7], format!("[{}] [125, 125]", names.join(", ")));
+        assert_eq!(said[7], format!("[{}] [126, 126]", names.join(", ")));
     }
 }
 
@@ -321,7 +325,7 @@ fn what_cannot_be_exported_is_said() {
             assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
         }
     };
-    fails("export run.h5 taps --format csv --out x", &["--format csv", "taps", "wav or uff or uff-ascii"]);
+    fails("export run.h5 taps --format csv --out x", &["--format csv", "taps", "wav or uff or uff-ascii or mat"]);
     fails("export run.h5 damage --format uff --out x", &["--format uff", "damage", "csv or parquet"]);
     fails("export run.h5 taps", &["--out"]);
     fs::create_dir(sandbox.path("full")).unwrap();

@@ -1,0 +1,222 @@
+//! The taps of an archive as MATLAB files of version 7, which MATLAB, Octave and scipy open.
+//!
+//! There is one file for each shoulder. `force` (N) and `sound` (V) are matrices of floats with a column for each tap; each column of
+//! the list of taps that is a number is a row vector with an element for each of these. A tap with fewer samples than the longest
+//! ends with NaN. Beside the files, `taps.csv` lists every planned tap, with its column or why it has none.
+//!
+//! Source: MathWorks, *MAT-File Format*.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use tapline_store::Reader;
+use tapline_wire::{Channel, Scan};
+
+use crate::error::Context as _;
+use crate::folder::Draft;
+use crate::taps::{COLUMNS, ListedTap, TapCounts, Taps, cells, known, physical, scan_names};
+use crate::{Error, Result};
+
+/// The column after [`COLUMNS`]: the column of a tap in the matrices of its file, from 1.
+const PART: &str = "part";
+
+/// Most bytes of a variable: MATLAB reads no more from a file of this version.
+const VARIABLE_BYTES_MAX: usize = (1 << 31) - 1;
+
+const MI_INT8: u32 = 1;
+const MI_INT32: u32 = 5;
+const MI_UINT32: u32 = 6;
+const MI_SINGLE: u32 = 7;
+const MI_DOUBLE: u32 = 9;
+const MI_MATRIX: u32 = 14;
+const MI_COMPRESSED: u32 = 15;
+const MX_DOUBLE: u32 = 6;
+const MX_SINGLE: u32 = 7;
+
+/// A folder of MATLAB files of the taps of one archive or of many, added archive by archive. It appears when it is finished.
+#[derive(Debug)]
+pub struct MatFolder {
+    draft: Draft,
+    list: csv::Writer<File>,
+    counts: TapCounts,
+    last: PathBuf,
+}
+
+impl MatFolder {
+    /// Begins the folder `folder`.
+    ///
+    /// # Errors
+    /// [`Error::FolderNotEmpty`], or an error of writing.
+    pub fn begin(folder: &Path) -> Result<Self> {
+        let draft = Draft::new(folder)?;
+        let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
+        list.write_record(COLUMNS.iter().chain(&[PART]))?;
+        Ok(Self { draft, list, counts: TapCounts::default(), last: folder.to_owned() })
+    }
+
+    /// Adds the taps of an archive.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] if a matrix would have more bytes than MATLAB reads, or an error of reading or writing.
+    pub fn add(&mut self, reader: &Reader) -> Result<()> {
+        let (plan, taps) = (reader.plan(), Taps::new(reader));
+        let names = scan_names(plan, |name| self.draft.has(&format!("{name}.mat")));
+        for (scan, name) in plan.scans().iter().zip(names) {
+            let name = format!("{name}.mat");
+            let path = self.draft.path(&name)?;
+            let mut columns = Columns::default();
+            for &row in &scan.taps {
+                let tap = taps.tap(row)?;
+                let part = columns.take(&tap, &path)?;
+                self.list.write_record(cells(&tap, &name).iter().chain(&[part]))?;
+            }
+            columns.write(reader, scan, &path).context("write", &path)?;
+        }
+        self.counts = self.counts.and(taps.counts());
+        reader.path().clone_into(&mut self.last);
+        Ok(())
+    }
+
+    /// Finishes the folder, and returns the counts of its taps.
+    ///
+    /// # Errors
+    /// [`Error::NoSamples`] if it has no tap, or an error of writing.
+    pub fn finish(self) -> Result<TapCounts> {
+        let Self { draft, mut list, counts, last } = self;
+        list.flush().map_err(|error| Error::Csv(error.into()))?;
+        drop(list);
+        let counts = counts.if_any(&last)?;
+        draft.finish()?;
+        Ok(counts)
+    }
+}
+
+/// What the variables of a file hold: a column, or an element, for each tap.
+#[derive(Default)]
+struct Columns {
+    force: Vec<Vec<f32>>,
+    sound: Vec<Vec<f32>>,
+    sample_count_max: usize,
+    numbers: Vec<[f64; 8]>,
+}
+
+/// Names of the row vectors, in the order of their numbers.
+const NUMBERS: [&str; 8] = [
+    "location",
+    "angle_deg",
+    "offset_mm",
+    "velocity_m_per_s",
+    "velocity_measured_m_per_s",
+    "repetition",
+    "sample_count",
+    "microphone_distance_m",
+];
+
+impl Columns {
+    /// Takes a tap, and returns its column; none if it has no samples.
+    fn take(&mut self, tap: &ListedTap<'_>, path: &Path) -> Result<String> {
+        let Ok((header, samples)) = &tap.record else { return Ok(String::new()) };
+        let (id, count) = (&tap.planned.id, header.sample_count as usize);
+        for (k, (channel, unit_per_count)) in header.channels().enumerate() {
+            #[expect(clippy::cast_possible_truncation, reason = "24 bits hold a 16-bit count's value finely enough")]
+            let values = physical(samples, k, count, unit_per_count).into_iter().map(|value| value as f32).collect();
+            match channel {
+                Channel::Force => self.force.push(values),
+                Channel::Sound => self.sound.push(values),
+            }
+        }
+        let unknown = f64::NAN;
+        self.numbers.push([
+            id.location.into(),
+            tap.planned.angle_deg.unwrap_or(unknown),
+            id.offset_mm().unwrap_or(unknown),
+            id.velocity_m_per_s().unwrap_or(unknown),
+            header.velocity_measured_m_per_s,
+            id.repetition.into(),
+            header.sample_count.into(),
+            header.microphone_distance_m,
+        ]);
+        self.sample_count_max = self.sample_count_max.max(count);
+        let bytes = self.sample_count_max.saturating_mul(self.numbers.len()).saturating_mul(size_of::<f32>());
+        if bytes > VARIABLE_BYTES_MAX {
+            return Err(Error::TooLarge { path: path.to_owned(), bytes, most: VARIABLE_BYTES_MAX });
+        }
+        Ok(known(Some(self.numbers.len() as f64)))
+    }
+
+    fn write(&self, reader: &Reader, scan: &Scan, path: &Path) -> io::Result<()> {
+        let mut out = BufWriter::new(File::create(path)?);
+        let about = format!("MATLAB 5.0 MAT-file, taps of {} shoulder {}, by tapline", scan.tyre, scan.shoulder);
+        let plain: String = about.chars().map(|c| if c == ' ' || c.is_ascii_graphic() { c } else { '_' }).collect();
+        write!(out, "{plain:<116.116}")?;
+        out.write_all(&[0; 8])?;
+        // Version 0x0100, and how a reader tells the order of bytes.
+        out.write_all(&[0, 1])?;
+        out.write_all(b"IM")?;
+        let recording = &reader.plan().recording;
+        let scalar = |value: f64| std::iter::once(value.to_le_bytes());
+        variable(&mut out, "sample_rate_hz", (1, 1), MX_DOUBLE, MI_DOUBLE, scalar(recording.sample_rate_hz))?;
+        let before = f64::from(recording.pre_trigger_samples);
+        variable(&mut out, "pre_trigger_samples", (1, 1), MX_DOUBLE, MI_DOUBLE, scalar(before))?;
+        let tap_count = self.numbers.len();
+        for (place, name) in NUMBERS.iter().enumerate() {
+            let numbers = self.numbers.iter().map(|numbers| numbers[place].to_le_bytes());
+            variable(&mut out, name, (1, tap_count), MX_DOUBLE, MI_DOUBLE, numbers)?;
+        }
+        for (name, channel) in [("force", &self.force), ("sound", &self.sound)] {
+            if channel.len() == tap_count {
+                let padded = |column: &Vec<f32>| {
+                    let missing = self.sample_count_max - column.len();
+                    column.clone().into_iter().chain(std::iter::repeat_n(f32::NAN, missing))
+                };
+                let values = channel.iter().flat_map(padded).map(f32::to_le_bytes);
+                variable(&mut out, name, (self.sample_count_max, tap_count), MX_SINGLE, MI_SINGLE, values)?;
+            }
+        }
+        out.flush()
+    }
+}
+
+/// Writes a matrix of `shape`, whose values come column by column, packed.
+fn variable<const N: usize>(
+    out: &mut BufWriter<File>,
+    name: &str,
+    (rows, columns): (usize, usize),
+    class: u32,
+    kind: u32,
+    values: impl Iterator<Item = [u8; N]>,
+) -> io::Result<()> {
+    let word = |value: usize| u32::try_from(value).map_err(|_too_large| io::Error::other("a matrix is too large"));
+    let (value_bytes, name_bytes) = (word(rows * columns * N)?, word(name.len())?);
+    let padded = |bytes: u32| bytes.next_multiple_of(8);
+    // Flags, shape, name and values, each with a tag of 8 bytes.
+    let matrix_bytes = 16 + 16 + (8 + padded(name_bytes)) + (8 + padded(value_bytes));
+    let mut head: Vec<u8> = Vec::new();
+    for value in [MI_MATRIX, matrix_bytes, MI_UINT32, 8, class, 0, MI_INT32, 8, word(rows)?, word(columns)?] {
+        head.extend(value.to_le_bytes());
+    }
+    head.extend([MI_INT8, name_bytes].map(u32::to_le_bytes).concat());
+    head.extend(name.as_bytes());
+    head.resize(head.len().next_multiple_of(8), 0);
+    head.extend([kind, value_bytes].map(u32::to_le_bytes).concat());
+    // How long it is packed is known at its end.
+    let tag_at = out.stream_position()?;
+    out.write_all(&[MI_COMPRESSED, 0].map(u32::to_le_bytes).concat())?;
+    let mut packed = ZlibEncoder::new(&mut *out, Compression::fast());
+    packed.write_all(&head)?;
+    for value in values {
+        packed.write_all(&value)?;
+    }
+    packed.write_all(&vec![0; (padded(value_bytes) - value_bytes) as usize])?;
+    packed.finish()?;
+    let end = out.stream_position()?;
+    let bytes =
+        u32::try_from(end - tag_at - 8).map_err(|_too_large| io::Error::other("a packed matrix is too large"))?;
+    out.seek(SeekFrom::Start(tag_at + 4))?;
+    out.write_all(&bytes.to_le_bytes())?;
+    out.seek(SeekFrom::Start(end))?;
+    Ok(())
+}

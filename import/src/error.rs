@@ -1,0 +1,131 @@
+//! Why recordings cannot be imported.
+
+use std::path::PathBuf;
+
+/// Why nothing can be imported.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file cannot be read at all.
+    #[error("{}: cannot be read: {source}", file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The example cannot be written.
+    #[error("{}: cannot be written: {reason}", file.display())]
+    Unwritable {
+        /// The file or folder.
+        file: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The configuration or the table breaks the rules of its form, or has a value out of bounds.
+    #[error("{}{}: {reason}", file.display(), line.map(|line| format!(" line {line}")).unwrap_or_default())]
+    Text {
+        /// The configuration, the table, or the recording whose name it is.
+        file: PathBuf,
+        /// Line, from 1, where one is at fault.
+        line: Option<usize>,
+        /// Thing, value and bound.
+        reason: String,
+    },
+    /// A recording cannot be used, and so nothing is known of its taps.
+    #[error("{}: {fault}", file.display())]
+    Recording {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        fault: Fault,
+    },
+    /// Not one tap can be imported.
+    #[error("none of the {tap_count} taps can be imported: {reasons}")]
+    NoTap {
+        /// Taps that are named.
+        tap_count: usize,
+        /// The first few reasons.
+        reasons: String,
+    },
+    /// The tap set cannot be written.
+    #[error(transparent)]
+    Export(#[from] tapline_export::Error),
+    /// What was written is no tap set.
+    #[error("the tap set: {0}")]
+    TapSet(#[from] tapline_acquire::Error),
+}
+
+/// What is wrong with a recording, or a channel of it.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Fault {
+    /// The system refuses.
+    #[error("cannot be read: {0}")]
+    Io(#[from] std::io::Error),
+    /// The file breaks the rules of its format.
+    #[error("{0}")]
+    Broken(String),
+    /// It is valid, but nothing that is read here.
+    #[error("{0}")]
+    Unsupported(String),
+    /// There is no such channel, or part.
+    #[error("has no {what} {name}; it has {known}")]
+    Missing {
+        /// `channel`, `part`, ...
+        what: &'static str,
+        /// The name or number that was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// It has no samples.
+    #[error("has no samples")]
+    Empty,
+    /// It has, or says it has, more than are taken.
+    #[error("has {samples} samples a channel; at most {most} are taken")]
+    TooMany {
+        /// How many.
+        samples: u64,
+        /// The bound.
+        most: u64,
+    },
+    /// A sample is no number that a tap set can hold.
+    #[error("sample {sample} (from 0) is {value}; it must be a finite 32-bit float")]
+    NotFinite {
+        /// Its place.
+        sample: usize,
+        /// What it is.
+        value: String,
+    },
+    /// What it says contradicts the configuration, or the taps before it.
+    #[error("{what} is {value}; {bound}")]
+    Contradiction {
+        /// The thing.
+        what: &'static str,
+        /// Its value here.
+        value: String,
+        /// What it must be.
+        bound: String,
+    },
+}
+
+/// What a fallible call of this crate returns.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// The fault that `what` of a file breaks its format.
+pub(crate) fn broken<T>(what: impl Into<String>) -> Result<T, Fault> {
+    Err(Fault::Broken(what.into()))
+}
+
+/// The first names of a list, for an error.
+pub(crate) fn some_of<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    const MOST: usize = 12;
+    let mut names = names.into_iter();
+    let mut text = names.by_ref().take(MOST).map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ");
+    let more = names.count();
+    if more > 0 {
+        text += &format!(" and {more} more");
+    }
+    if text.is_empty() { "none".to_owned() } else { text }
+}

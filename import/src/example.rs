@@ -1,0 +1,87 @@
+//! An example of recordings to import: what a simulated tyre sounds like, as a recorder would write it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use hound::{SampleFormat, WavSpec, WavWriter};
+use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use tapline_model::SimulationConfig;
+use tapline_wire::{CacheLine, Samples, TapHeader, cache_lines_for};
+
+use crate::error::{Error, Result};
+
+/// Locations of the example, and samples of each tap: enough to show a crack, in a megabyte or two.
+const LOCATIONS: u32 = 30;
+const SAMPLE_COUNT: u32 = 4096;
+
+/// Writes an example into the new or empty folder `folder`, and returns the files to import and the configuration for them.
+///
+/// # Errors
+/// [`Error::Unwritable`], also for a folder that is not empty.
+pub fn write_example(folder: &Path) -> Result<(Vec<PathBuf>, PathBuf)> {
+    let unwritable =
+        |file: &Path, reason: &dyn ToString| Error::Unwritable { file: file.to_owned(), reason: reason.to_string() };
+    if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
+        return Err(unwritable(folder, &"it has files in it; it must be new or empty"));
+    }
+    let recordings = folder.join("recordings");
+    fs::create_dir_all(&recordings).map_err(|error| unwritable(&recordings, &error))?;
+    let scan = ScanConfig {
+        offsets_mm: vec![0.0],
+        velocities_m_per_s: vec![1.85],
+        repetitions: 1,
+        locations: LOCATIONS,
+        shoulders: 1,
+        closing_tap: false,
+        ..ScanConfig::default()
+    };
+    let simulation = SimulationConfig { sample_count: SAMPLE_COUNT, ..SimulationConfig::default() };
+    let mut line = SimulatedLine::new(&scan, &simulation)?;
+    let recording = line.plan().recording.clone();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a rate of the simulation, in whole hertz"
+    )]
+    let spec = WavSpec {
+        channels: 2,
+        sample_rate: recording.sample_rate_hz.round() as u32,
+        bits_per_sample: 16,
+        sample_format: SampleFormat::Int,
+    };
+    let mut header = TapHeader::default();
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(recording.payload_bytes_max())];
+    let taps = line.plan().taps().to_vec();
+    let mut files = Vec::new();
+    for (row, tap) in (0..).zip(&taps) {
+        let file = recordings.join(format!("A-17_{}_{:03}.wav", tap.id.shoulder, tap.id.location));
+        line.render(row, 0, &mut header, &mut buffer).map_err(|refusal| unwritable(&file, &refusal))?;
+        let Some(Samples::I16(samples)) = Samples::view(&header, &buffer) else {
+            return Err(unwritable(&file, &"the simulation gives no counts"));
+        };
+        let (force, sound) = samples.split_at(header.sample_count as usize);
+        let written = WavWriter::create(&file, spec).and_then(|mut out| {
+            for (&force, &sound) in force.iter().zip(sound) {
+                out.write_sample(force)?;
+                out.write_sample(sound)?;
+            }
+            out.finalize()
+        });
+        written.map_err(|error| unwritable(&file, &error))?;
+        files.push(file);
+    }
+    let config = folder.join("import.toml");
+    let text = format!(
+        "# The recordings of a shoulder, one WAV a tap: channel 1 is the force, channel 2 the microphone.
+name = \"{{tyre}}_{{shoulder}}_{{location}}.wav\"
+channels = {{ force = 1, sound = 2 }}
+pre_trigger_samples = {}     # samples in each file before the impact
+force_full_scale_n = {:?}   # newtons of a full-scale sample; leave it out if it is not known
+sound_full_scale_v = {:?}     # volts of a full-scale sample; the same
+tap = {{ offset_mm = 0.0, velocity_m_per_s = 1.85 }}
+",
+        recording.pre_trigger_samples, simulation.force_full_scale_n, simulation.sound_full_scale_v
+    );
+    fs::write(&config, text).map_err(|error| unwritable(&config, &error))?;
+    Ok((files, config))
+}

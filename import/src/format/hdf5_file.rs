@@ -1,0 +1,187 @@
+//! HDF5 files, and MATLAB files of version 7.3, which are HDF5.
+
+use std::path::Path;
+
+use hdf5::types::{FloatSize, IntSize, TypeDescriptor, VarLenAscii, VarLenUnicode};
+use hdf5::{Dataset, File, Group, H5Type, Location};
+use ndarray::s;
+
+use crate::error::{Fault, broken, some_of};
+use crate::format::{Line, PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, whole};
+use crate::series::{Series, checked_count};
+
+/// Attributes that name a unit.
+const UNIT_NAMES: [&str; 3] = ["unit", "units", "unit_string"];
+
+/// An HDF5 file.
+#[derive(Debug)]
+pub(crate) struct Hdf5File {
+    file: File,
+}
+
+impl Hdf5File {
+    pub(crate) fn open(path: &Path) -> Result<Self, Fault> {
+        let file = File::open(path).map_err(fault_of)?;
+        Ok(Self { file })
+    }
+
+    /// The dataset of a channel, and the number of its line, if one is picked.
+    fn dataset(&self, part: &str, channel: &Pick) -> Result<(Dataset, Option<usize>), Fault> {
+        let line_of_part = part.parse::<usize>().ok().filter(|_| !has(&self.file, part));
+        let group = match part {
+            part if part.is_empty() || line_of_part.is_some() => self.file.as_group().map_err(fault_of)?,
+            part => match self.file.dataset(part) {
+                Ok(dataset) => {
+                    return match channel {
+                        Pick::Number(number) => Ok((dataset, Some(*number))),
+                        Pick::Name(name) => Err(Fault::Unsupported(format!(
+                            "part {part:?} is a dataset, which has no channel {name:?}: give channels by number"
+                        ))),
+                    };
+                }
+                Err(_) if has(&self.file, part) => self.file.group(part).map_err(fault_of)?,
+                Err(_) => {
+                    let known = names(&self.file.as_group().map_err(fault_of)?)?;
+                    let known = some_of(known.iter().map(String::as_str));
+                    return Err(Fault::Missing { what: "part", name: format!("{part:?}"), known });
+                }
+            },
+        };
+        match channel {
+            Pick::Name(name) if has(&group, name) => {
+                let dataset = group.dataset(name);
+                Ok((dataset.map_err(|_| Fault::Unsupported(format!("{name:?} is no dataset")))?, line_of_part))
+            }
+            Pick::Number(number) => {
+                // The lines of the only dataset, or the datasets in the order of their names.
+                let names = channels(&group)?;
+                let place = if names.len() == 1 {
+                    Some((0, Some(*number)))
+                } else {
+                    number.checked_sub(1).map(|n| (n, line_of_part))
+                };
+                let found = place.and_then(|(place, line)| names.get(place).map(|name| (name, line)));
+                let Some((name, line)) = found else { return Err(missing(channel, &names)) };
+                Ok((group.dataset(name).map_err(fault_of)?, line))
+            }
+            Pick::Name(_) => Err(missing(channel, &channels(&group)?)),
+        }
+    }
+
+    /// The number that is called one of `names`: a scalar of the file or of the part, or an attribute of `of` or of the file.
+    fn number(&self, part: &str, of: &Location, names: &[&str]) -> Option<f64> {
+        let attribute = |place: &Location, name: &str| {
+            let attribute = place.attr(name).ok()?;
+            if attribute.size() == 1 { attribute.read_raw::<f64>().ok()?.first().copied() } else { None }
+        };
+        names.iter().find_map(|name| {
+            let inner = if part.is_empty() { (*name).to_owned() } else { format!("{part}/{name}") };
+            let scalar = [inner.as_str(), name].into_iter().find_map(|path| {
+                let dataset = has(&self.file, path).then(|| self.file.dataset(path).ok()).flatten()?;
+                if dataset.size() == 1 { dataset.read_raw::<f64>().ok()?.first().copied() } else { None }
+            });
+            let group = self.file.group(part).ok();
+            let of_group = || group.as_deref().and_then(|group| attribute(group, name));
+            attribute(of, name).or_else(of_group).or(scalar).or_else(|| attribute(&self.file, name))
+        })
+    }
+}
+
+fn has(group: &Group, path: &str) -> bool {
+    // The library asks that each step of a path be there before the next is asked for.
+    let mut upto = String::new();
+    path.trim_matches('/').split('/').all(|step| {
+        upto = if upto.is_empty() { step.to_owned() } else { format!("{upto}/{step}") };
+        !step.is_empty() && group.link_exists(&upto)
+    })
+}
+
+fn fault_of(error: hdf5::Error) -> Fault {
+    let text = error.to_string();
+    Fault::Broken(format!("is no sound HDF5: {}", text.lines().next().unwrap_or_default()))
+}
+
+fn missing(channel: &Pick, known: &[String]) -> Fault {
+    Fault::Missing { what: "channel", name: channel.to_string(), known: some_of(known.iter().map(String::as_str)) }
+}
+
+fn names(group: &Group) -> Result<Vec<String>, Fault> {
+    let mut names = group.member_names().map_err(fault_of)?;
+    names.sort();
+    Ok(names)
+}
+
+/// Names of the datasets of a group that are no scalars.
+fn channels(group: &Group) -> Result<Vec<String>, Fault> {
+    let is_channel = |name: &String| group.dataset(name).is_ok_and(|dataset| dataset.size() > 1);
+    Ok(names(group)?.into_iter().filter(is_channel).collect())
+}
+
+impl Recorded for Hdf5File {
+    fn parts(&self, depth: usize) -> Result<Vec<String>, Fault> {
+        let mut found = vec![String::new()];
+        for _ in 0..depth {
+            let mut deeper = Vec::new();
+            for part in &found {
+                let Ok(group) = self.file.group(if part.is_empty() { "/" } else { part }) else { continue };
+                let below = names(&group)?;
+                deeper.extend(
+                    below.into_iter().map(|name| if part.is_empty() { name } else { format!("{part}/{name}") }),
+                );
+            }
+            found = deeper;
+        }
+        Ok(found)
+    }
+
+    fn series(&mut self, part: &str, channel: &Pick, time_axis: Option<u8>) -> Result<Series, Fault> {
+        let (dataset, number) = self.dataset(part, channel)?;
+        let shape: Vec<u64> = dataset.shape().iter().map(|&n| n as u64).collect();
+        let line = line_of(&shape, number, time_axis)?;
+        checked_count(line.sample_count)?;
+        let kind = dataset.dtype().and_then(|kind| kind.to_descriptor()).map_err(fault_of)?;
+        let mut series = match kind {
+            TypeDescriptor::Integer(IntSize::U1) => integers::<i8>(&dataset, line, 8)?,
+            TypeDescriptor::Integer(IntSize::U2) => integers::<i16>(&dataset, line, 16)?,
+            TypeDescriptor::Integer(IntSize::U4) => integers::<i32>(&dataset, line, 32)?,
+            TypeDescriptor::Integer(IntSize::U8) => integers::<i64>(&dataset, line, 64)?,
+            TypeDescriptor::Float(FloatSize::U4) => Series::of_floats(read(&dataset, line)?)?,
+            TypeDescriptor::Float(FloatSize::U8) => Series::of_doubles(&read(&dataset, line)?)?,
+            other => {
+                return Err(Fault::Unsupported(format!(
+                    "channel {channel} holds values of type {other}; signed integers and floats are read"
+                )));
+            }
+        };
+        series.sample_rate_hz = self.number(part, &dataset, &RATE_NAMES);
+        series.pre_trigger_samples = self.number(part, &dataset, &[PRE_TRIGGER_NAME]).and_then(whole);
+        series.unit = UNIT_NAMES.iter().find_map(|name| text(&dataset, name));
+        Ok(series)
+    }
+}
+
+fn integers<T: H5Type + Clone + Into<i64>>(dataset: &Dataset, line: Line, bits: u32) -> Result<Series, Fault> {
+    Ok(Series::of_integers(read::<T>(dataset, line)?.into_iter().map(Into::into), bits))
+}
+
+/// The samples of a line of a dataset.
+fn read<T: H5Type + Clone>(dataset: &Dataset, line: Line) -> Result<Vec<T>, Fault> {
+    let Line { time_axis, place, sample_count } = line;
+    let read = match (dataset.ndim(), time_axis) {
+        (1, _) => dataset.read_raw(),
+        (_, 0) => dataset.read_slice_1d(s![.., place]).map(|samples| samples.to_vec()),
+        _ => dataset.read_slice_1d(s![place, ..]).map(|samples| samples.to_vec()),
+    };
+    let samples = read.map_err(fault_of)?;
+    if samples.len() as u64 != sample_count {
+        return broken(format!("{} has {} samples where its shape has {sample_count}", dataset.name(), samples.len()));
+    }
+    Ok(samples)
+}
+
+/// The attribute `name`, if it is text.
+fn text(place: &Location, name: &str) -> Option<String> {
+    let attribute = place.attr(name).ok()?;
+    let unicode = attribute.read_scalar::<VarLenUnicode>().map(|text| text.to_string());
+    unicode.or_else(|_| attribute.read_scalar::<VarLenAscii>().map(|text| text.to_string())).ok()
+}

@@ -1,0 +1,169 @@
+//! Wrong configurations, tables and names: errors that name the file, the thing, its value and its bound.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use hound::{SampleFormat, WavSpec, WavWriter};
+use tapline_import::import;
+use tempfile::TempDir;
+
+const CONFIG: &str =
+    "name = \"{tyre}_{shoulder}_{location}.wav\"\nchannels = { force = 1, sound = 2 }\npre_trigger_samples = 4\n";
+
+/// A WAV of two channels.
+fn wav(path: &Path, sample_rate: u32, sample_count: u32) {
+    let spec = WavSpec { channels: 2, sample_rate, bits_per_sample: 16, sample_format: SampleFormat::Int };
+    let mut out = WavWriter::create(path, spec).unwrap();
+    for k in 0..sample_count {
+        out.write_sample(i16::try_from(k % 100).unwrap()).unwrap();
+        out.write_sample(-5_i16).unwrap();
+    }
+    out.finalize().unwrap();
+}
+
+struct Case {
+    folder: TempDir,
+    files: Vec<PathBuf>,
+}
+
+impl Case {
+    /// Recordings of these names, and a configuration.
+    fn new(config: &str, names: &[&str]) -> Self {
+        let folder = TempDir::new().unwrap();
+        fs::write(folder.path().join("import.toml"), config).unwrap();
+        let files: Vec<PathBuf> = names.iter().map(|name| folder.path().join(name)).collect();
+        files.iter().for_each(|file| wav(file, 40_960, 32));
+        Self { folder, files }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn import(&self) -> Result<tapline_import::Imported, String> {
+        import(&self.files, &self.path("import.toml"), &self.path("set")).map_err(|error| error.to_string())
+    }
+
+    fn fails(&self, parts: &[&str]) {
+        let error = self.import().unwrap_err();
+        for part in parts {
+            assert!(error.contains(part), "{error:?} lacks {part:?}");
+        }
+        assert!(!self.path("set").exists(), "a set is left behind: {error}");
+        let drafts = fs::read_dir(self.folder.path())
+            .unwrap()
+            .flatten()
+            .filter(|f| f.file_name().to_string_lossy().ends_with(".new"));
+        assert_eq!(drafts.count(), 0, "a draft is left behind");
+    }
+}
+
+/// Catches a fault of the configuration that is let through, or told without its key, value and bound.
+#[test]
+fn faults_of_the_configuration_are_told() {
+    for (from, to, parts) in [
+        ("channels", "chanels", &["import.toml line 2: unknown field `chanels`"][..]),
+        ("force = 1, sound = 2", "", &["import.toml: channels is empty; it must name force, sound or both"]),
+        ("sound = 2", "light = 2", &["import.toml line 2: unknown field `light`"]),
+        ("sound = 2", "sound = 3", &["A_1_0.wav: has no channel number 3 (from 1); it has \"1\", \"2\""]),
+        ("sound = 2", "sound = \"mic\"", &["A_1_0.wav: has no channel \"mic\"; it has \"1\", \"2\""]),
+        ("sound = 2", "sound = 0", &["has no channel number 0"]),
+        ("= 4", "= 4\nsample_rate_hz = 0", &["sample_rate_hz is 0; it must be from 1 to 1000000000"]),
+        (
+            "= 4",
+            "= 4\nsample_rate_hz = 44100",
+            &["A_1_0.wav: the sample rate is 40960 Hz; by the configuration it is 44100 Hz"],
+        ),
+        ("= 4", "= 4\nforce_full_scale_n = -1", &["force_full_scale_n is -1; it must be above 0"]),
+        ("= 4", "= 4\ntime_axis = 3", &["time_axis is 3; it must be 1"]),
+        ("= 4", "= 4\ntable = \"taps.csv\"", &["there are name and table"]),
+        ("= 4", "= 4\nplan = { locations = 3 }", &["there is a plan, but no [cut]"]),
+        (
+            "= 4",
+            "= 4\ncut = { sample_count = 4 }",
+            &["cut.sample_count is 4; it must be above pre_trigger_samples = 4"],
+        ),
+        (
+            "= 4",
+            "= 4\ncut = { sample_count = 9, trigger = { level = 2.0 } }",
+            &["cut.trigger.level is 2; it must be from"],
+        ),
+        ("= 4", "= 40", &["A_1_0.wav: the number of samples is 32; the trigger is at sample 40"]),
+        (
+            "pre_trigger_samples = 4",
+            "",
+            &["A_1_0.wav: does not say which sample is the trigger: set pre_trigger_samples in"],
+        ),
+        ("= 4", "= 4\ntap = { speed = 1 }", &["unknown column \"speed\""]),
+        ("{shoulder}", "{_}", &["A_1_0.wav: a tap has no shoulder; it must come from"]),
+        (
+            "{location}.wav",
+            "{location}.txt",
+            &["A_1_0.wav: \"A_1_0.wav\" does not fit name = \"{tyre}_{shoulder}_{location}.txt\""],
+        ),
+        ("{tyre}", "{colour}", &["{colour} must be one of tyre, shoulder"]),
+    ] {
+        assert!(CONFIG.contains(from));
+        Case::new(&CONFIG.replace(from, to), &["A_1_0.wav", "A_1_1.wav"]).fails(parts);
+    }
+    Case::new(CONFIG, &["A_3_0.wav"]).fails(&["A_3_0.wav: shoulder is \"3\"; it must be a whole number from 1 to 2"]);
+    Case::new(CONFIG, &["A_1_0.wav", "A_1_00.wav"]).fails(&[
+        "A_1_00.wav: is the tap tyre A shoulder 1",
+        "again, after",
+        "A_1_0.wav",
+    ]);
+}
+
+/// Catches a table whose faults have no line, a recording that no row names, and a row without a recording.
+#[test]
+fn faults_of_a_table_are_told() {
+    let config = "table = \"taps.csv\"\nchannels = { force = 1, sound = 2 }\npre_trigger_samples = 4\ntap = { tyre = \"A\", shoulder = 1 }\n";
+    for (table, parts) in [
+        ("file,location\na.wav,0\nb.wav,x\n", &["taps.csv line 3: location is \"x\"; it must be a whole number"][..]),
+        ("file,location\n\na.wav,0\nc.wav,1\n", &["taps.csv line 4: file is \"c.wav\"; it must be one of the 2 files"]),
+        ("file,location\na.wav,0\n", &["taps.csv: has no row for ", "b.wav"]),
+        ("file,location\na.wav,0\nb.wav,\n", &["taps.csv line 3: a tap has no location"]),
+        (
+            "file,location\na.wav,0\nb.wav,1\na.wav,2\n",
+            &["taps.csv line 4: names ", "a.wav again; a recording is one tap, unless [cut]"],
+        ),
+        (
+            "file,location\na.wav,0\nb.wav,0\n",
+            &["taps.csv line 3: is the tap tyre A shoulder 1", "again, after line 2"],
+        ),
+        ("file,location,colour\na.wav,0,red\nb.wav,1,red\n", &["taps.csv: unknown column \"colour\""]),
+        ("file,location\na.wav\n", &["taps.csv line 2: "]),
+        ("file,location,part\na.wav,0,x\nb.wav,1,\n", &["a WAV has no parts, and so no \"x\""]),
+        ("", &["taps.csv"]),
+    ] {
+        let case = Case::new(config, &["a.wav", "b.wav"]);
+        fs::write(case.path("taps.csv"), table).unwrap();
+        match case.import() {
+            // A part that is not there concerns one tap; the other is imported.
+            Ok(imported) => assert!(imported.refused.iter().any(|reason| reason.contains(parts[0])), "{imported:?}"),
+            Err(_) => case.fails(parts),
+        }
+    }
+}
+
+/// Catches one recording that cannot be read and stops all others, or is left out without a word; and one of another rate.
+#[test]
+fn a_recording_that_cannot_be_read_is_refused_in_the_set() {
+    let case = Case::new(CONFIG, &["A_1_0.wav", "A_1_1.wav", "A_1_2.wav", "A_1_3.wav"]);
+    fs::write(case.path("A_1_1.wav"), "no WAV at all").unwrap();
+    wav(&case.path("A_1_2.wav"), 44_100, 32);
+    let imported = case.import().unwrap();
+    assert_eq!(imported.written, 2);
+    let [one, two] = imported.refused.as_slice() else { panic!("{imported:?}") };
+    assert!(one.contains("A_1_1.wav: is no WAV: it does not start with RIFF and WAVE"), "{one}");
+    assert!(two.contains("A_1_2.wav: the sample rate is 44100 Hz; by what was read before it is 40960 Hz"), "{two}");
+    let list = fs::read_to_string(case.path("set/taps.csv")).unwrap();
+    assert!(list.lines().nth(2).unwrap().contains("is no WAV"), "{list}");
+    case_again(&case);
+}
+
+/// A set is not mixed with another.
+fn case_again(case: &Case) {
+    let error = case.import().unwrap_err();
+    assert!(error.contains("set is a folder with files in it"), "{error}");
+}

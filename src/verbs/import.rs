@@ -1,0 +1,45 @@
+//! `tapline import`: a tap set of recordings of other programs.
+
+use std::io::{self, Write as _};
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use tapline_import::{Imported, write_example};
+
+use crate::cli::ImportArgs;
+use crate::host::stderr::print_line;
+
+/// Most refused taps that are printed; the set lists all.
+const REFUSED_MAX: usize = 10;
+
+/// Imports; whether every tap could be read.
+pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
+    let (config, out) = match (&args.example, &args.config, &args.out) {
+        (Some(folder), ..) => return example(folder),
+        (None, Some(config), Some(out)) => (config, out),
+        _ => bail!("--config and --out are needed"),
+    };
+    let Imported { written, refused, unscaled } = tapline_import::import(&args.files, config, out)?;
+    for reason in refused.iter().take(REFUSED_MAX) {
+        print_line(&format!("refused: {reason}"));
+    }
+    if !unscaled.is_empty() {
+        let channels = unscaled.join(" and ");
+        print_line(&format!(
+            "the scale of {channels} is not known: a full-scale sample (1.0 of floats) counts as 1 N or 1 V"
+        ));
+    }
+    let why = if refused.is_empty() { "" } else { "; taps.csv lists them with the reason" };
+    writeln!(io::stdout().lock(), "{}: {written} taps written, {} refused{why}", out.display(), refused.len())?;
+    Ok(refused.is_empty())
+}
+
+fn example(folder: &Path) -> Result<bool> {
+    let (files, config) = write_example(folder)?;
+    let (folder, config) = (folder.display(), config.display());
+    let mut out = io::stdout().lock();
+    writeln!(out, "{} recordings of a simulated shoulder. Import and judge them:", files.len())?;
+    writeln!(out, "tapline import {folder}/recordings/*.wav --config {config} --out my-taps")?;
+    writeln!(out, "tapline run --taps my-taps --reference self --out mine")?;
+    Ok(true)
+}
