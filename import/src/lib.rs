@@ -100,7 +100,7 @@ fn read<'a>(
     let series: Vec<Series> = all.into_iter().map(|(_, series)| series).collect();
     match &config.cut {
         None => {
-            check_pre_trigger(&series, config, alike, &record.file)?;
+            check_pre_trigger(&series, config, alike)?;
             let channels = series.into_iter().map(|series| series.samples).collect();
             Ok(vec![Ok(Tap { channels, scales })])
         }
@@ -173,7 +173,7 @@ fn rate_of(all: &[(Channel, Series)], config: &Config, alike: &mut Alike) -> Res
     }
 }
 
-fn check_pre_trigger(series: &[Series], config: &Config, alike: &mut Alike, file: &Path) -> Result<(), Fault> {
+fn check_pre_trigger(series: &[Series], config: &Config, alike: &mut Alike) -> Result<(), Fault> {
     let told = series.iter().find_map(|series| series.pre_trigger_samples);
     let Some(before) = config.pre_trigger_samples.or(told) else {
         return Err(Fault::Unsupported(format!(
@@ -183,7 +183,7 @@ fn check_pre_trigger(series: &[Series], config: &Config, alike: &mut Alike, file
     };
     let known = *alike.pre_trigger_samples.get_or_insert(before);
     if known != before {
-        let bound = format!("in {} before they are {known}", file.display());
+        let bound = format!("by what was read before they are {known}");
         return Err(Fault::Contradiction { what: "the samples before the trigger", value: before.to_string(), bound });
     }
     Ok(())
@@ -285,7 +285,18 @@ impl<'a> Set<'a> {
             (header, samples)
         });
         match &record {
-            Ok(_) => self.imported.written += 1,
+            Ok(_) => {
+                self.imported.written += 1;
+                for (channel, _) in self.config.channels() {
+                    let scale = match channel {
+                        Channel::Force => scales.force_full_scale_n,
+                        Channel::Sound => scales.sound_full_scale_v,
+                    };
+                    if scale.is_none() && !self.imported.unscaled.contains(&channel.name()) {
+                        self.imported.unscaled.push(channel.name());
+                    }
+                }
+            }
             Err(reason) => self.imported.refused.push(reason.clone()),
         }
         let listed = ListedTap { planned: tap, record, attempt: extras.attempt };
@@ -304,8 +315,7 @@ impl<'a> Set<'a> {
         }
         let units = self.alike.units.clone();
         let mut remarks = vec![("source", "imported by tapline")];
-        for (channel, unit) in &units {
-            self.imported.unscaled.push(channel.name());
+        for (channel, unit) in units.iter().filter(|(channel, _)| self.imported.unscaled.contains(&channel.name())) {
             let key = match channel {
                 Channel::Force => "force_unit",
                 Channel::Sound => "sound_unit",

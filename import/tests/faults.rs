@@ -167,3 +167,50 @@ fn case_again(case: &Case) {
     let error = case.import().unwrap_err();
     assert!(error.contains("set is a folder with files in it"), "{error}");
 }
+
+/// Catches data that are read as something else because nothing here reads them: each is refused by its name.
+#[test]
+fn what_is_not_read_is_refused_by_name() {
+    let text = |text: &str| [&u32::try_from(text.len()).unwrap().to_le_bytes(), text.as_bytes()].concat();
+    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    let tdms = |index: Vec<u8>, properties: Vec<u8>| {
+        let about = [words(&[1]), text("/'g'/'force'"), index, properties].concat();
+        let offsets = [about.len() as u64 + 64, about.len() as u64].map(u64::to_le_bytes).concat();
+        [b"TDSm".to_vec(), words(&[14, 4713]), offsets, about, vec![0; 64]].concat()
+    };
+    let daqmx = words(&[0x1269, 0xffff_ffff, 1, 32, 0, 1, 3, 0, 0, 0, 0, 1, 2]);
+    let integers = |kind: u32, count: u32| words(&[20, kind, 1, count, 0]);
+    let scale = |kind: &str| {
+        let count = [text("NI_Number_Of_Scales"), words(&[7, 1])].concat();
+        [words(&[2]), count, text("NI_Scale[0]_Scale_Type"), words(&[0x20]), text(kind)].concat()
+    };
+    let mat = [b"MATLAB 5.0 MAT-file".to_vec(), vec![b' '; 105], vec![0, 3], b"IM".to_vec()].concat();
+    for (file, bytes, want) in [
+        ("0.tdms", tdms(daqmx, words(&[0])), "\"force\" holds raw data of DAQmx"),
+        (
+            "0.tdms",
+            tdms(integers(2, 32), scale("Thermocouple")),
+            "channel \"force\" has 1 scales, the first Thermocouple; one,",
+        ),
+        ("0.tdms", tdms(integers(6, 32), words(&[0])), "channel \"force\" holds unsigned integers of 16 bits; signed"),
+        ("0.tdms", tdms(integers(2, 32), words(&[0])), "does not say its sample rate: set sample_rate_hz in"),
+        ("0.mat", mat, "its version is not 5 to 7.3"),
+        ("0.mat", vec![0; 200], "(version 4 is not read: save it again in MATLAB)"),
+        ("0.h5", vec![7; 200], "is no sound HDF5: "),
+        ("0.uff", b"    -1\n    15\n    -1\n".to_vec(), "has no dataset 58"),
+        ("0.csv", b"1,2\n3,4\n".to_vec(), "its first line has no names but numbers"),
+        ("0.csv", b"t,force\n0,1\n1,x\n".to_vec(), "line 3: force is \"x\"; it must be a number"),
+        ("0.wav", b"RF64    WAVE".to_vec(), "RF64 and RIFX are not read"),
+        ("0.ogg", vec![1], "its ending is none that is read: wav, csv"),
+        ("0.csv", vec![], "has no samples"),
+    ] {
+        let case = Case::new(
+            "name = \"{location}.{_}\"\nchannels = { force = \"force\" }\npre_trigger_samples = 1\ntap = { tyre = \"A\", shoulder = 1 }\n",
+            &[],
+        );
+        fs::write(case.path(file), bytes).unwrap();
+        let done = import(&[case.path(file)], &case.path("import.toml"), &case.path("set"));
+        let error = done.unwrap_err().to_string();
+        assert!(error.contains(want) && error.contains(file), "{error:?} lacks {want:?}");
+    }
+}

@@ -18,14 +18,16 @@ fn parts_are_where_the_page_says() {
         let part = cells[2].trim_matches('`');
         let named: BTreeSet<String> = cells[3].split('`').skip(1).step_by(2).map(str::to_owned).collect();
         let mut found = BTreeSet::new();
-        for folder in ["wire", "model", "codec", "acquire", "process", "fuse", "store", "export", "draw", "lab"] {
+        for folder in
+            ["wire", "model", "codec", "acquire", "process", "fuse", "store", "export", "import", "draw", "lab"]
+        {
             find(&root.join(folder).join("src"), root, part, &mut found);
         }
         find(&root.join("src"), root, part, &mut found);
         assert_eq!(found, named, "{part}");
         count += 1;
     }
-    assert_eq!(count, 4, "the rows of the page");
+    assert_eq!(count, 5, "the rows of the page");
 }
 
 /// Adds the sources below `folder` that name `part` outside their tests and comments.

@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each crate's sources, and how many layers its modules may have.
-const CRATES: [(&str, usize); 10] = [
+const CRATES: [(&str, usize); 11] = [
     ("wire/src", 3),
     ("model/src", 3),
     ("codec/src", 4),
@@ -18,6 +18,7 @@ const CRATES: [(&str, usize); 10] = [
     ("process/src", 7),
     ("store/src", 5),
     ("export/src", 5),
+    ("import/src", 5),
     ("draw/src", 2),
     ("lab/src", 3),
     ("src", 5),

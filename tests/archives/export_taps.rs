@@ -47,7 +47,7 @@ pub(crate) fn as_from_a_tap_set(mut contents: Contents) -> Contents {
 }
 
 /// A run of the simulated line: `run.h5` is the cracked tyre, `sound.h5` the other.
-fn run() -> Sandbox {
+pub(crate) fn run() -> Sandbox {
     let sandbox = Sandbox::new();
     sandbox.write("scan.toml", SCAN);
     sandbox.run("run --config scan.toml --stations 2 --out run").expect(0);
@@ -165,7 +165,7 @@ fn damaged_taps_are_left_behind() {
     let sandbox = run();
     fs::copy(sandbox.path("run.h5"), sandbox.path("bent.h5")).unwrap();
     bend_samples(&sandbox.path("bent.h5"), 7);
-    for format in ["wav", "uff"] {
+    for format in ["wav", "uff", "mat"] {
         let done = sandbox.run(&format!("export bent.h5 taps --format {format} --out {format}")).expect(3);
         let said = format!(
             "{format}: 123 taps written, 0 refused, 0 missing, 1 damaged; taps.csv lists them with the reason\n"
@@ -208,7 +208,7 @@ fn nothing_that_can_be_read_is_no_export() {
     writer.put_discriminators(&whole.discriminators().unwrap()[0].unwrap()).unwrap();
     writer.finish().unwrap();
     bend_samples(&sandbox.path("one.h5"), 0);
-    for format in ["wav", "uff"] {
+    for format in ["wav", "uff", "mat"] {
         let done = sandbox.run(&format!("export one.h5 taps --format {format} --out {format}")).expect(1);
         assert!(done.err.contains("readable samples of none of its 124 planned taps"), "{done:?}");
         assert!(!sandbox.path(format).exists());
@@ -365,4 +365,39 @@ fn a_table_is_written_as_parquet() {
     assert!(to_file == to_stdout);
     let has = |text: &str| to_file.windows(text.len()).any(|window| window == text.as_bytes());
     assert!(Discriminator::ALL.into_iter().all(|which| has(which.column())) && has("quality_bits"));
+}
+
+/// Compares the matrices of each MATLAB file with what h5py reads of the archive.
+const SCIPY: &str = r#"
+import csv, hdf5plugin, h5py, numpy as np, scipy.io
+archive = h5py.File("run.h5")
+samples, header = archive["taps/samples"], archive["taps/header"]
+files, count = {}, 0
+for k, row in enumerate(csv.DictReader(open("mat/taps.csv", encoding="utf-8"))):
+    if row["file"] not in files:
+        files[row["file"]] = scipy.io.loadmat("mat/" + row["file"])
+    mat, column = files[row["file"]], int(row["part"]) - 1
+    for channel, name in enumerate(["force", "sound"]):
+        want = samples[k, channel] * header[k]["unit_per_count"][channel]
+        assert mat[name].dtype == np.float32 and (mat[name][:, column] == want.astype("f4")).all()
+    for name in ["location", "angle_deg", "offset_mm", "velocity_m_per_s", "velocity_measured_m_per_s", "repetition"]:
+        assert mat[name][0, column] == float(row[name]), name
+    assert mat["sample_count"][0, column] == samples.shape[2]
+    assert mat["sample_rate_hz"] == header[k]["sample_rate_hz"]
+    assert mat["pre_trigger_samples"] == header[k]["pre_trigger_samples"]
+    count += 1
+print(sorted(files), count, [mat["force"].shape for mat in files.values()])
+"#;
+
+/// Catches a MATLAB file that other programs cannot read, or read differently: values, columns, names, scalars.
+#[test]
+fn scipy_reads_what_was_recorded() {
+    let Some(python) = tapline_testing::python_with("hdf5plugin, h5py, scipy") else { return };
+    let sandbox = run();
+    let done = sandbox.run("export run.h5 taps --format mat --out mat").expect(0);
+    assert_eq!(done.out, "mat: 124 taps written, 0 refused, 0 missing\n");
+    let out = Command::new(&python).args(["-c", SCIPY]).current_dir(sandbox.path("")).output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let said = String::from_utf8(out.stdout).unwrap();
+    assert_eq!(said.trim(), "['CRACKED-1.mat', 'CRACKED-2.mat'] 124 [(4096, 62), (4096, 62)]");
 }

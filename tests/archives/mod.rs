@@ -2,6 +2,7 @@
 
 pub(crate) mod export_taps;
 mod folders;
+mod import;
 mod python_pages;
 mod report;
 mod reprocess;

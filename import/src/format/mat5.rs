@@ -3,6 +3,7 @@
 //! Source: MathWorks, *MAT-File Format*. No crate that reads these files keeps 32-bit integers, bounds memory, and passes over
 //! variables of other classes.
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -19,6 +20,9 @@ const HEADER_BYTES: u64 = 128;
 /// Most bytes of one variable, unpacked.
 const VARIABLE_BYTES_MAX: u64 = 8 * SAMPLES_MAX;
 
+/// Most variables that are kept: the channels, and the scalars of rate and trigger.
+const READ_MAX: usize = 4;
+
 /// Deepest structure within structures.
 const DEPTH_MAX: usize = 4;
 
@@ -32,8 +36,8 @@ pub(crate) struct Mat5 {
     file: BufReader<File>,
     is_big_endian: bool,
     variables: Vec<Variable>,
-    /// The variable that was read last, which usually has the next channel or tap too.
-    last: Option<(usize, Array)>,
+    /// The variables that were read last, which usually have the next taps too.
+    read: VecDeque<(usize, Array)>,
 }
 
 /// Where a variable is.
@@ -91,7 +95,7 @@ impl Mat5 {
                 return Err(Fault::Unsupported(what.to_owned()));
             }
         };
-        let mut mat = Self { file, is_big_endian, variables: Vec::new(), last: None };
+        let mut mat = Self { file, is_big_endian, variables: Vec::new(), read: VecDeque::new() };
         let mut at = HEADER_BYTES;
         while at + 8 <= file_bytes {
             mat.file.seek(SeekFrom::Start(at))?;
@@ -167,14 +171,17 @@ impl Mat5 {
 
     /// The variable at `place` of the list.
     fn array(&mut self, place: usize) -> Result<&Array, Fault> {
-        let is_last = matches!(&self.last, Some((last, _)) if *last == place);
-        if !is_last {
-            let Variable { at, bytes, is_packed, .. } = self.variables[place];
-            let unpacked = self.unpacked(at, bytes, is_packed, VARIABLE_BYTES_MAX)?;
-            let array = Array::parse(&unpacked, self.is_big_endian, 0)?.1;
-            self.last = Some((place, array));
+        if let Some(at) = self.read.iter().position(|(known, _)| *known == place) {
+            return Ok(&self.read[at].1);
         }
-        match &self.last {
+        let Variable { at, bytes, is_packed, .. } = self.variables[place];
+        let unpacked = self.unpacked(at, bytes, is_packed, VARIABLE_BYTES_MAX)?;
+        let array = Array::parse(&unpacked, self.is_big_endian, 0)?.1;
+        while self.read.len() >= READ_MAX {
+            self.read.pop_front();
+        }
+        self.read.push_back((place, array));
+        match self.read.back() {
             Some((_, array)) => Ok(array),
             None => broken("has no such variable"),
         }

@@ -20,12 +20,11 @@ const HAS_NEW_OBJECTS: u32 = 1 << 2;
 const HAS_RAW_DATA: u32 = 1 << 3;
 const IS_INTERLEAVED: u32 = 1 << 5;
 const IS_BIG_ENDIAN: u32 = 1 << 6;
-const HAS_DAQMX: u32 = 1 << 7;
 
 /// Index of an object without raw data, and of one whose data are as in the segment before.
 const NO_RAW_DATA: u32 = 0xffff_ffff;
 const AS_BEFORE: u32 = 0;
-const DAQMX_INDEXES: [u32; 2] = [0x1269, 0x1369];
+const DAQMX_INDEXES: [u32; 3] = [0x1269, 0x126a, 0x1369];
 
 /// Most groups and channels: those of a hundred thousand taps.
 const OBJECTS_MAX: usize = 300_000;
@@ -38,6 +37,7 @@ const BLOCK_BYTES: usize = 1 << 20;
 pub(crate) struct Tdms {
     file: BufReader<File>,
     objects: Vec<Object>,
+    places: HashMap<Vec<String>, usize>,
     segments: Vec<Segment>,
 }
 
@@ -47,7 +47,6 @@ struct Object {
     path: Vec<String>,
     properties: BTreeMap<String, Property>,
     kind: Option<u32>,
-    is_daqmx: bool,
     sample_count: u64,
 }
 
@@ -226,7 +225,8 @@ impl Tdms {
             tdms.segment(contents, metadata, at + LEAD_IN_BYTES + raw, segment_bytes - raw)?;
             at += LEAD_IN_BYTES + segment_bytes;
         }
-        Ok(Self { file, objects: tdms.objects, segments: tdms.segments })
+        let places = tdms.objects.iter().enumerate().map(|(place, object)| (object.path.clone(), place)).collect();
+        Ok(Self { file, objects: tdms.objects, places, segments: tdms.segments })
     }
 
     /// Places of the channels of the group `part`, or of all.
@@ -314,8 +314,8 @@ impl Tdms {
     fn property(&self, place: usize, name: &str) -> Option<&Property> {
         let path = &self.objects[place].path;
         (0..=path.len()).rev().find_map(|depth| {
-            let object = self.objects.iter().find(|object| object.path[..] == path[..depth])?;
-            object.properties.get(name)
+            let place = self.places.get(&path[..depth])?;
+            self.objects[*place].properties.get(name)
         })
     }
 
@@ -371,11 +371,6 @@ impl Recorded for Tdms {
         let place = self.place(part, channel)?;
         let object = &self.objects[place];
         let name = &object.path[1];
-        if object.is_daqmx {
-            return Err(Fault::Unsupported(format!(
-                "channel {name:?} holds raw data of DAQmx with its own scales; save it scaled, as floats"
-            )));
-        }
         let integers = |integers: Vec<i64>, bits| Series::of_integers(integers, bits);
         let mut series = match object.kind.unwrap_or(0) {
             0 => return Err(Fault::Empty),
@@ -446,9 +441,6 @@ impl Builder {
         if contents & HAS_RAW_DATA == 0 || raw_bytes == 0 {
             return Ok(());
         }
-        if contents & HAS_DAQMX != 0 {
-            return Ok(());
-        }
         let mut chunk_bytes = 0_u64;
         for piece in &self.order {
             chunk_bytes = chunk_bytes.saturating_add(piece.bytes);
@@ -503,12 +495,13 @@ impl Builder {
             }
             AS_BEFORE => match self.last.get(&place) {
                 Some(&piece) => self.set(piece),
-                None if self.objects[place].is_daqmx => {}
                 None => return broken(format!("{:?} has data as before, but none before", self.objects[place].path)),
             },
             index if DAQMX_INDEXES.contains(&index) => {
-                self.objects[place].is_daqmx = true;
-                skip_daqmx(metadata)?;
+                return Err(Fault::Unsupported(format!(
+                    "{} holds raw data of DAQmx with its own scales, which are not read: save it scaled, as floats",
+                    some_of(self.objects[place].path.last().map(String::as_str))
+                )));
             }
             _ => {
                 let (kind, axes, count) = (metadata.u32()?, metadata.u32()?, metadata.u64()?);
@@ -547,16 +540,4 @@ impl Builder {
             }
         }
     }
-}
-
-/// Passes over the index of raw data of DAQmx: type, axes, count, scalers and widths.
-fn skip_daqmx(metadata: &mut Metadata<'_>) -> Result<(), Fault> {
-    metadata.take(4 + 4 + 8)?;
-    for _ in 0..metadata.u32()? {
-        metadata.take(5 * 4)?;
-    }
-    for _ in 0..metadata.u32()? {
-        metadata.take(4)?;
-    }
-    Ok(())
 }
