@@ -45,7 +45,7 @@ impl Draft {
     }
 
     /// The present path of the folder.
-    pub(crate) fn folder(&self) -> &Path {
+    pub(crate) fn present(&self) -> &Path {
         &self.draft
     }
 

@@ -104,7 +104,7 @@ impl TapSetWriter {
 
     /// The present path of the set, in which it can be looked at before it is finished.
     pub fn folder(&self) -> &Path {
-        self.draft.folder()
+        self.draft.present()
     }
 
     /// Whether the set has a file or folder `name`.

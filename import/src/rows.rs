@@ -39,11 +39,11 @@ struct Named {
 pub(crate) fn records(files: &[PathBuf], config: &Config) -> Result<Vec<Record>> {
     let mut list = List::default();
     match (&config.name, &config.table) {
-        (_, Some(table)) => list.from_table(files, config, &config.path.with_file_name("").join(table))?,
+        (_, Some(table)) => list.add_by_table(files, config, &config.path.with_file_name("").join(table))?,
         (Some(name), _) => {
             let pattern = Pattern::new(name, is_recording).map_err(|reason| config.refuse(reason))?;
             for file in files {
-                list.from_name(file, &pattern, config)?;
+                list.add_by_name(file, &pattern, config)?;
             }
         }
         (None, None) => {
@@ -106,7 +106,7 @@ impl List {
         Ok(())
     }
 
-    fn from_name(&mut self, file: &Path, pattern: &Pattern, config: &Config) -> Result<()> {
+    fn add_by_name(&mut self, file: &Path, pattern: &Pattern, config: &Config) -> Result<()> {
         let steps = file.components().filter_map(|step| match step {
             Component::Normal(name) => Some(name.to_string_lossy()),
             _ => None,
@@ -140,7 +140,7 @@ impl List {
         Ok(())
     }
 
-    fn from_table(&mut self, files: &[PathBuf], config: &Config, table: &Path) -> Result<()> {
+    fn add_by_table(&mut self, files: &[PathBuf], config: &Config, table: &Path) -> Result<()> {
         let text = text_of(table, TABLE_BYTES_MAX)?;
         let refuse = |line: Option<u64>, reason: String| {
             let line = line.and_then(|line| usize::try_from(line).ok());

@@ -48,17 +48,18 @@ fn import_damaged(case: &Path, damaged: &Path, bytes: &[u8]) -> Result<(), Strin
     let set = TempDir::new().unwrap();
     let began = Instant::now();
     let done = import(&[damaged.to_owned()], &case.join("import.toml"), &set.path().join("set"));
+    check(damaged, began, done)
+}
+
+/// The error of an import, which must have come in time, name the file and be short.
+#[expect(clippy::panic_in_result_fn, reason = "the error is what is tested")]
+fn check<T>(damaged: &Path, began: Instant, done: tapline_import::Result<T>) -> Result<(), String> {
     assert!(began.elapsed() < PATIENCE, "{}: it took {:?}", damaged.display(), began.elapsed());
-    match done {
-        Ok(_) => Ok(()),
-        Err(error) => {
-            let error = error.to_string();
-            let name = damaged.file_name().unwrap().to_string_lossy();
-            assert!(error.contains(&*name) || error.contains("taps.csv"), "{error:?} does not name {name}");
-            assert!(error.len() < 4000, "an error of {} bytes", error.len());
-            Err(error)
-        }
-    }
+    let Err(error) = done else { return Ok(()) };
+    let (error, name) = (error.to_string(), damaged.file_name().unwrap().to_string_lossy());
+    assert!(error.contains(&*name) || error.contains("taps.csv"), "{error:?} does not name {name}");
+    assert!(error.len() < 4000, "an error of {} bytes", error.len());
+    Err(error)
 }
 
 /// The first recording of a case, alone in a folder with its configuration.

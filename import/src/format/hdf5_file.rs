@@ -7,7 +7,7 @@ use hdf5::{Dataset, File, Group, H5Type, Location};
 use ndarray::s;
 
 use crate::error::{Fault, broken, some_of};
-use crate::format::{Line, PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, whole};
+use crate::format::{Line, PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, picked_twice, whole};
 use crate::series::{Series, checked_count};
 
 /// Attributes that name a unit.
@@ -50,15 +50,20 @@ impl Hdf5File {
         match channel {
             Pick::Name(name) if has(&group, name) => {
                 let dataset = group.dataset(name);
-                Ok((dataset.map_err(|_| Fault::Unsupported(format!("{name:?} is no dataset")))?, line_of_part))
+                Ok((
+                    dataset.map_err(|_no_dataset| Fault::Unsupported(format!("{name:?} is no dataset")))?,
+                    line_of_part,
+                ))
             }
             Pick::Number(number) => {
                 // The lines of the only dataset, or the datasets in the order of their names.
                 let names = channels(&group)?;
-                let place = if names.len() == 1 {
-                    Some((0, Some(*number)))
-                } else {
-                    number.checked_sub(1).map(|n| (n, line_of_part))
+                if names.len() == 1 && line_of_part.is_some() {
+                    return Err(picked_twice(part));
+                }
+                let place = match names.len() {
+                    1 => Some((0, Some(*number))),
+                    _ => number.checked_sub(1).map(|place| (place, line_of_part)),
                 };
                 let found = place.and_then(|(place, line)| names.get(place).map(|name| (name, line)));
                 let Some((name, line)) = found else { return Err(missing(channel, &names)) };

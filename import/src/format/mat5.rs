@@ -11,7 +11,7 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 
 use crate::error::{Fault, broken, some_of};
-use crate::format::{PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, whole};
+use crate::format::{PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, picked_twice, whole};
 use crate::series::{SAMPLES_MAX, Series, checked_count};
 
 /// Bytes before the first variable.
@@ -206,7 +206,7 @@ impl Mat5 {
             [inner.as_str(), name].into_iter().find_map(|path| {
                 let big = self.is_big_endian;
                 let array = self.find(path).ok()??;
-                if array.shape.iter().product::<u64>() == 1 { array.double(big) } else { None }
+                if array.shape.iter().all(|&n| n == 1) { array.double(big) } else { None }
             })
         })
     }
@@ -401,6 +401,7 @@ impl Recorded for Mat5 {
             Pick::Name(name) if group.is_empty() => (name.clone(), line_of_part),
             Pick::Name(name) => (format!("{group}.{name}"), None),
             Pick::Number(number) if is_part => (group.to_owned(), Some(*number)),
+            Pick::Number(_) if line_of_part.is_some() => return Err(picked_twice(part)),
             Pick::Number(number) => {
                 let arrays: Vec<&Variable> = self.variables.iter().collect();
                 match arrays.as_slice() {

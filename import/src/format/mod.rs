@@ -135,6 +135,11 @@ fn no_parts(part: &str, what: &str) -> Result<(), Fault> {
     if part.is_empty() { Ok(()) } else { Err(Fault::Unsupported(format!("a {what} has no parts, and so no {part:?}"))) }
 }
 
+/// The fault that both part and channel pick a line of one matrix.
+fn picked_twice(part: &str) -> Fault {
+    Fault::Unsupported(format!("part {part:?} is a line of each channel's matrix, so give channels by their names"))
+}
+
 /// The line of a matrix that is one channel, or one tap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Line {

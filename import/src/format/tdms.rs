@@ -222,7 +222,8 @@ impl Tdms {
             let mut metadata = Vec::new();
             file.by_ref().take(raw).read_to_end(&mut metadata)?;
             let metadata = Metadata { bytes: &metadata, is_big_endian };
-            tdms.segment(contents, metadata, at + LEAD_IN_BYTES + raw, segment_bytes - raw)?;
+            let raw_data = (at + LEAD_IN_BYTES + raw, segment_bytes - raw);
+            tdms.segment(contents, metadata, raw_data, next != u64::MAX)?;
             at += LEAD_IN_BYTES + segment_bytes;
         }
         let places = tdms.objects.iter().enumerate().map(|(place, object)| (object.path.clone(), place)).collect();
@@ -428,7 +429,13 @@ struct Builder {
 }
 
 impl Builder {
-    fn segment(&mut self, contents: u32, mut metadata: Metadata<'_>, at: u64, raw_bytes: u64) -> Result<(), Fault> {
+    fn segment(
+        &mut self,
+        contents: u32,
+        mut metadata: Metadata<'_>,
+        (at, raw_bytes): (u64, u64),
+        is_ended: bool,
+    ) -> Result<(), Fault> {
         if contents & HAS_METADATA != 0 {
             if contents & HAS_NEW_OBJECTS != 0 {
                 self.order.clear();
@@ -457,9 +464,10 @@ impl Builder {
             return broken("a segment interleaves channels of different lengths");
         }
         let chunk_count = raw_bytes / chunk_bytes;
-        if chunk_count == 0 {
+        // A program that did not end a segment may have left a part of a chunk.
+        if chunk_count == 0 || is_ended && raw_bytes % chunk_bytes != 0 {
             return broken(format!(
-                "is cut short: samples at byte {at} have {raw_bytes} bytes; {chunk_bytes} are promised"
+                "is cut short: samples at byte {at} have {raw_bytes} bytes; chunks of {chunk_bytes} are promised"
             ));
         }
         for piece in &self.order {

@@ -120,7 +120,9 @@ impl Uff {
         let (dof, form) = (self.needed()?, self.needed()?);
         let abscissa = self.needed()?;
         let ordinate = self.needed()?;
-        (self.needed()?, self.needed()?);
+        // Denominator and third axis.
+        self.needed()?;
+        self.needed()?;
         let kind_of_abscissa = integer(&abscissa, 0, 10)?;
         if ![0, 17].contains(&kind_of_abscissa) && [0, 1].contains(&integer(&dof, 0, 5)?) {
             return Err(Fault::Unsupported(format!(
