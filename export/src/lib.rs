@@ -9,7 +9,6 @@ mod fortran;
 mod mat;
 #[cfg(feature = "parquet")]
 mod parquet_file;
-mod set_writer;
 mod tables;
 mod tap_set;
 mod taps;
@@ -19,7 +18,7 @@ use std::{fmt, io};
 
 pub use error::{Error, Result};
 pub use mat::MatFolder;
-pub use set_writer::{Scales, TapSetWriter};
+pub use tap_set::writer::{Scales, TapSetWriter};
 pub use tap_set::{TapSetFolder, export_tap_set};
 pub use taps::{ListedTap, TapCounts};
 pub use uff::{UffEncoding, UffFolder, export_uff};

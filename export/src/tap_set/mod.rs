@@ -6,13 +6,15 @@
 //! refused; the maximum of samples, if no archived tap has as many; and recordings with a sample that is not a number, which
 //! tap sets do not permit.
 
+pub(crate) mod writer;
+
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use tapline_wire::{Channel, Geometry, Recording, SampleFormat, Serial, TapHeader, csv_cell};
 
-use crate::set_writer::{Scales, TapSetWriter};
+use crate::tap_set::writer::{Scales, TapSetWriter};
 use crate::taps::{ListedTap, TapCounts, Taps, scan_names};
 use crate::{Error, Result};
 use tapline_store::Reader;
