@@ -197,6 +197,7 @@ impl Station {
             microphone_distance_m: self.rig.microphone_distance_m(),
             pre_trigger_samples: recording.pre_trigger_samples,
             sample_count: recording.sample_count_max,
+            planned_sample_count: recording.sample_count_max,
             sample_format: SampleFormat::F32.code(),
             channel_count: 2,
             source: SourceKind::Simulated.code(),

@@ -3,7 +3,7 @@
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
 use crate::force::{Pulse, PulseFinder};
-use crate::quality::{self, ForceRecord, QualityReport, SoundRecord, check_force, check_sound};
+use crate::quality::{self, ForceRecord, QualityReport, SoundRecord, check_force, check_sound, fill_means, stands_still};
 use crate::signal::baseline::{Medians, baseline_count};
 use crate::signal::blocks::Blocks;
 use crate::signal::extent::Extent;
@@ -27,6 +27,10 @@ pub struct Extractor<T: Real> {
     medians: Medians,
     finder: PulseFinder,
     blocks: Blocks,
+    /// Of the force, see [`fill_means`].
+    means: Vec<f32>,
+    /// [`balance`](quality::balance) of the last tap's force, where it has one.
+    force_balance: Option<f64>,
     signal: Vec<T>,
     spectrum: Spectrum<T>,
     /// Whether the last tap's flexural band was too faint for single precision.
@@ -46,6 +50,8 @@ impl<T: Real> Extractor<T> {
             medians: Medians::default(),
             finder: PulseFinder::new(config.f_max, config.tau),
             blocks: Blocks::default(),
+            means: Vec::new(),
+            force_balance: None,
             signal: Vec::new(),
             spectrum: Spectrum::new(),
             is_faint: false,
@@ -58,6 +64,7 @@ impl<T: Real> Extractor<T> {
     pub fn extract(&mut self, header: &TapHeader, samples: Samples<'_>) -> Discriminators {
         let mut found = Found::default();
         self.is_faint = false;
+        self.force_balance = None;
         match samples {
             Samples::I16(samples) => self.extract_counts(header, samples, &mut found),
             Samples::F32(samples) => self.extract_counts(header, samples, &mut found),
@@ -93,6 +100,8 @@ impl<T: Real> Extractor<T> {
         }
         force_report.apply(&mut found.0);
         sound_report.apply(&mut found.0);
+        let planned = self.config.samples_looked_at(header.planned_sample_count, header.sample_rate_hz);
+        quality::check_length(used, planned, &self.config.quality).apply(&mut found.0);
         quality::check_velocity(header, &self.config.quality).apply(&mut found.0);
     }
 
@@ -113,6 +122,8 @@ impl<T: Real> Extractor<T> {
         let before = &track.samples[..baseline_count.unwrap_or(track.samples.len())];
         let base = self.medians.median(before);
         let noise = self.medians.noise_counts(before, base);
+        fill_means(track.samples, &mut self.means);
+        self.force_balance = Some(quality::balance(extent, base)).filter(|_| !extent.is_constant());
         self.finder.set_droop(self.config.droop_time_constant_s * record.sample_rate_hz);
         let pulse = match baseline_count {
             Some(_) => self.finder.find(track, extent, base, noise).ok_or(Quality::NO_PULSE),
@@ -129,10 +140,14 @@ impl<T: Real> Extractor<T> {
             sample_rate_hz,
             velocity_m_per_s,
             pulse: pulse.ok(),
+            means: &self.means,
         };
         let channel_flags = report.flags();
         *report = check_force(&force, &self.config.quality);
         report.note(channel_flags);
+        if baseline_count.is_some_and(|count| stands_still(track.samples, extent, base, count)) {
+            report.raise_on_pulse(Quality::DROPOUT, self.config.quality.dropout);
+        }
         report.pulse_dropped_for().map_or(pulse, Err)
     }
 
@@ -175,11 +190,18 @@ impl<T: Real> Extractor<T> {
             noise: baseline.map(|(_, noise)| noise),
             baseline_count,
             onset: pulse.ok().map(|pulse| pulse.onset_samples + travel_samples),
+            has_distance: microphone_distance_m > 0.0,
             sample_rate_hz: record.sample_rate_hz,
             f_top_hz: self.config.f_top_hz,
             known: found.0.quality,
         };
         *report = check_sound(&sound, &mut self.blocks, &self.config.quality);
+        if let Some(of_force) = self.force_balance {
+            let of_sound = quality::balance(extent, base);
+            if quality::are_swapped(of_force, of_sound) {
+                report.raise(Quality::SWAPPED, self.config.quality.swapped, &Discriminator::ALL);
+            }
+        }
 
         let hum = self.subtract_hum(baseline_count, record.sample_rate_hz);
 

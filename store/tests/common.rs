@@ -80,7 +80,7 @@ pub(crate) fn header(plan: &Plan, row: u32, sample_count: u32) -> TapHeader {
         channel_count: u32::try_from(plan.recording.channels.len()).unwrap(),
         source: SourceKind::Simulated.code(),
         retakes_left: 0,
-        reserved: 0,
+        planned_sample_count: plan.recording.sample_count_max,
         channels,
     }
 }

@@ -118,7 +118,7 @@ pub(crate) fn named(plan: &Plan, row: u32, attempt: u16, kind: SourceKind, old: 
         channel_count: u32::try_from(recording.channels.len()).unwrap_or(0),
         source: kind.code(),
         retakes_left: 0,
-        reserved: 0,
+        planned_sample_count: recording.sample_count_max,
         channels: Default::default(),
     })
 }

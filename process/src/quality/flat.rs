@@ -9,7 +9,7 @@ const _: () = assert!(STRETCH.is_multiple_of(RUN), "probes go on from stretch to
 /// Differences below this fraction of the greatest one are rounding of single precision.
 const GRID: f64 = 1e-5;
 /// The lesser extreme counts only if it reaches this fraction of the greater: the silence between impacts is flat too.
-const SHARE: f64 = 0.3;
+pub(crate) const SHARE: f64 = 0.3;
 /// Spread of a flat top under noise, from its lowest to its highest sample, in standard deviations of the noise.
 const BAND_SIGMAS: f64 = 6.0;
 /// Where that spread exceeds this fraction of the extreme, noise hides whether the top is flat.

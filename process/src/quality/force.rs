@@ -1,18 +1,30 @@
 //! Rules on the force: is it one complete pulse of one impact?
 
+use std::f64::consts::FRAC_2_PI;
+
 use tapline_wire::{Discriminator, Quality};
 
 use super::flat::{OF_PULSE, is_flat};
+use super::sound::MAINS_HZ;
+use super::spike::has_spike;
 use super::{OF_SPECTRUM, QualityConfig, QualityReport};
 use crate::force::{NOISE_SIGMAS, Pulse};
 use crate::signal::baseline::Medians;
 use crate::signal::extent::{Extent, position};
+use crate::signal::hum::Hum;
 use crate::signal::record::{Count, Track};
+use crate::signal::wide::Kernel;
 
 /// Standard deviations of the noise that a second pulse must exceed; the greatest noise of a whole record does not.
 const SECOND_SIGMAS: f64 = 6.0;
 /// Standard deviations of the noise by which the force must rise again; a difference of two samples has sqrt(2) of one.
 const RISE_SIGMAS: f64 = 8.0;
+/// Longest stretch after the pulse in which hum is looked for.
+const HUM_S: f64 = 0.25;
+/// Fewest periods of hum by which it is known: a record of 50 ms has two.
+const HUM_PERIODS: f64 = 1.9;
+/// Largest part of the squares that hum may leave.
+const HUM_LEFT: f64 = 0.3;
 /// Fraction of the peak from which on samples belong to the pulse.
 const FOOT: f64 = 0.1;
 /// Fewest samples above the foot for a peak to be trusted (case 13).
@@ -47,6 +59,35 @@ pub(crate) struct ForceRecord<'a, C> {
     pub velocity_m_per_s: Option<f64>,
     /// The pulse, where one was found.
     pub pulse: Option<Pulse>,
+    /// Means of every [`MEAN_OF`] samples, counts.
+    pub means: &'a [f32],
+}
+
+/// Samples of a mean: a pulse has [`PULSE_SAMPLES`] or more.
+pub(crate) const MEAN_OF: usize = PULSE_SAMPLES;
+
+/// Fills `means` with those of every [`MEAN_OF`] of `samples`.
+pub(crate) fn fill_means<C: Count>(samples: &[C], means: &mut Vec<f32>) {
+    let (rows, _) = samples.as_chunks::<MEAN_OF>();
+    means.resize(rows.len(), 0.0);
+    Means { rows, means }.wide();
+}
+
+struct Means<'a, C> {
+    rows: &'a [[C; MEAN_OF]],
+    means: &'a mut [f32],
+}
+
+impl<C: Count> Kernel for Means<'_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (mean, row) in self.means.iter_mut().zip(self.rows) {
+            let [a, b, c, d, e, f, g, h] = row.map(C::exact_f32);
+            *mean = (((a + e) + (b + f)) + ((c + g) + (d + h))) / MEAN_OF as f32;
+        }
+    }
 }
 
 /// Checks a force; without a pulse only a late trigger can be found.
@@ -61,6 +102,8 @@ pub(crate) fn check_force<C: Count>(force: &ForceRecord<'_, C>, config: &Quality
     };
     if is_flat(force.track.samples, shape.level, force.extent, force.base, (force.noise, OF_PULSE)) {
         report.raise_on_pulse(Quality::CLIPPED, config.clipped_force);
+    } else if has_spike(force.track.samples, shape.begin..shape.end, (shape.peak, force.noise), config.spike_ratio_max) {
+        report.raise_on_pulse(Quality::SPIKE, config.spike); // a clipped pulse has corners of its own
     }
     if shape.end - shape.begin < PULSE_SAMPLES {
         report.raise_on_pulse(Quality::UNDERSAMPLED, config.undersampled);
@@ -74,17 +117,25 @@ pub(crate) fn check_force<C: Count>(force: &ForceRecord<'_, C>, config: &Quality
             report.raise(Quality::LATE_TRIGGER, config.late_trigger, &OF_SPECTRUM);
         }
     }
-    if is_double(force, &shape, config) {
+    let hum = hum(force, &shape, config);
+    if hum.is_some() {
+        report.raise_on_pulse(Quality::HUM, config.hum);
+    }
+    if is_double(force, &shape, hum.unwrap_or(0.0), config) {
         report.raise_on_pulse(Quality::DOUBLE_HIT, config.double_hit);
         report.raise(Quality::DOUBLE_HIT, config.double_hit, &OF_SPECTRUM);
     }
     // A pulse that is cut, has few samples or is not alone says nothing about the rate.
-    let is_whole = report.flags().is_empty();
+    let is_whole = Quality::HUM.contains(report.flags());
     if shape.peak < config.snr_min * force.noise {
         report.raise_on_pulse(Quality::LOW_SNR, config.low_snr);
     }
     let tau_s = force.pulse.map(|pulse| pulse.tau_samples / force.sample_rate_hz);
-    if is_whole && tau_s.is_some_and(|tau_s| !(config.tau_min_s..=config.tau_max_s).contains(&tau_s)) {
+    let has_tau = tau_s.is_none_or(|tau_s| (config.tau_min_s..=config.tau_max_s).contains(&tau_s));
+    let impulse_ratio = force.pulse.and_then(|pulse| impulse_ratio(force, &shape, pulse, config));
+    let has_impulse =
+        impulse_ratio.is_none_or(|ratio| (config.impulse_ratio_min..=config.impulse_ratio_max).contains(&ratio));
+    if is_whole && !(has_tau && has_impulse) {
         let all_but_f_max = &Discriminator::ALL[1..];
         report.raise(Quality::RATE_IMPLAUSIBLE, config.rate_implausible, all_but_f_max);
     }
@@ -171,27 +222,71 @@ fn is_up_before_trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) 
     is_behind || height > TRIGGERED * shape.peak + SECOND_SIGMAS * force.noise
 }
 
-/// Whether there is a second pulse beside the greatest that is not the layer returning.
-fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, config: &QualityConfig) -> bool {
+/// Impulse of a half-sine of the pulse's height and width, over mass times velocity of the impactor; `None` if mass, velocity
+/// or the force's scale is not known.
+fn impulse_ratio<C: Count>(
+    force: &ForceRecord<'_, C>,
+    shape: &Shape<C>,
+    pulse: Pulse,
+    config: &QualityConfig,
+) -> Option<f64> {
+    let m_v = config.impactor_mass_kg * force.velocity_m_per_s?;
+    let is_known = m_v > 0.0 && shape.peak * force.track.unit_per_count.abs() > UNSCALED_N;
+    let impulse = FRAC_2_PI * pulse.f_max_n * pulse.tau_samples / force.sample_rate_hz;
+    is_known.then_some(impulse / m_v)
+}
+
+/// Amplitude in counts of hum in the force after the pulse, where it exceeds `hum_ratio_max` of the peak.
+///
+/// After the pulse a force is silent, so that a fit of a sine to two periods tells hum from whatever else there is.
+fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, config: &QualityConfig) -> Option<f64> {
+    let means_per_s = force.sample_rate_hz / MEAN_OF as f64;
+    let first = shape.peak_at / MEAN_OF + (config.tau_max_s * means_per_s) as usize + 1;
+    let after = force.means.get(first..)?;
+    let after = &after[..after.len().min((HUM_S * means_per_s) as usize)];
+    let extent = Extent::find(after)?;
+    // Most taps end here: the sine is no higher than what there is.
+    let least = config.hum_ratio_max * shape.peak;
+    if 0.5 * f64::from(extent.largest - extent.least) <= least {
+        return None;
+    }
+    let count = after.len() as f64;
+    let mean = after.iter().map(|&x| f64::from(x)).sum::<f64>() / count;
+    let spread = after.iter().map(|&x| (f64::from(x) - mean).powi(2)).sum::<f64>();
+    let lines = MAINS_HZ.map(|f_hz| f_hz / means_per_s).into_iter().filter_map(|turns| {
+        let sine = Hum::fit(|i| f64::from(after[i]), after.len(), turns).filter(|_| turns * count >= HUM_PERIODS)?;
+        let left = after.iter().enumerate().map(|(i, &x)| (f64::from(x) - sine.at(i)).powi(2)).sum::<f64>();
+        Some(sine.amplitude()).filter(|&amplitude| amplitude > least && left < HUM_LEFT * spread)
+    });
+    lines.max_by(f64::total_cmp)
+}
+
+/// Whether there is a second pulse beside the greatest that is not the layer returning; `hum` in counts is none.
+fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, hum: f64, config: &QualityConfig) -> bool {
     let samples = force.track.samples;
-    let (share, sigmas) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * force.noise);
-    let limit = if share > sigmas { share } else { sigmas };
+    let limit = |noise: f64| {
+        let (share, sigmas) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * noise);
+        (if share > sigmas { share } else { sigmas }) + 2.0 * hum
+    };
     // Before: backwards from the pulse to where it is below the limit, and from there to the record's beginning.
-    let foot = samples[..shape.begin].iter().rposition(|&x| shape.height(x, force.base) < limit);
-    if foot.is_some_and(|foot| greatest(&samples[..foot], force, shape) > limit) {
+    let of_sample = limit(force.noise);
+    let foot = samples[..shape.begin].iter().rposition(|&x| shape.height(x, force.base) < of_sample);
+    if foot.is_some_and(|foot| greatest(&samples[..foot], force, shape) > of_sample) {
         return true;
     }
-    // After: the smallest value so far, and whether the force rises from it again.
+    // After: the smallest mean so far, and whether the force rises from it again. Means show a hit that noise hides.
+    let of_mean = limit(force.noise / (MEAN_OF as f64).sqrt());
+    let first = shape.peak_at / MEAN_OF + 1;
     let mut valley = (shape.peak, shape.peak_at);
-    let mut at = shape.peak_at;
-    while at < samples.len() && valley.0 > 0.0 && shape.height(samples[at], force.base) <= valley.0 + limit {
-        let height = shape.height(samples[at], force.base);
-        valley = if height < valley.0 { (height, at) } else { valley };
-        at += 1;
+    for (number, &mean) in force.means.iter().enumerate().skip(first) {
+        let height = shape.sign * (f64::from(mean) - force.base);
+        let floor = if valley.0 > 0.0 { valley.0 } else { 0.0 };
+        if height > floor + of_mean {
+            return is_whole_impact(force, shape, valley.1, config);
+        }
+        valley = if height < valley.0 { (height, number * MEAN_OF) } else { valley };
     }
-    let rises = at < samples.len() && valley.0 > 0.0;
-    let rises = rises || greatest(&samples[at..], force, shape) > limit;
-    rises && is_whole_impact(force, shape, valley.1, config)
+    false
 }
 
 /// The greatest height in `samples`, counts.

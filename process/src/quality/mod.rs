@@ -8,10 +8,13 @@ mod flat;
 mod force;
 mod report;
 mod sound;
+mod spike;
+mod still;
 
-pub(crate) use force::{ForceRecord, check_force};
+pub(crate) use force::{ForceRecord, check_force, fill_means};
 pub(crate) use report::QualityReport;
 pub(crate) use sound::{SoundRecord, check_sound};
+pub(crate) use still::stands_still;
 
 use std::sync::LazyLock;
 
@@ -19,6 +22,8 @@ use serde::{Deserialize, Serialize};
 use tapline_wire::{Discriminator, Discriminators, Feature, Quality, TapHeader};
 
 use crate::Error;
+use crate::signal::extent::Extent;
+use crate::signal::record::Count;
 
 /// What becomes of the features that a flag affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -85,19 +90,30 @@ quality_config! {
         /// scale of the force, is not known: then every second pulse is a second hit.
         impactor_mass_kg = 0.0045;
         /// Largest second pulse of one hit, as a ratio to F_max.
-        double_hit_ratio_max = 0.05;
+        double_hit_ratio_max = 0.02;
+        /// Largest deviation of a single sample of the pulse from those beside it, as a ratio to F_max.
+        spike_ratio_max = 0.03;
+        /// Smallest impulse of an impact, 2/pi F_max tau, as a ratio to mass times velocity of the impactor. It is 1 + e, and a fifth
+        /// more for the shape of the pulse, e being the restitution.
+        impulse_ratio_min = 1.1;
+        /// Largest impulse of an impact, likewise.
+        impulse_ratio_max = 2.6;
         /// Shortest contact time of a casing.
         tau_min_s = 0.35e-3;
         /// Longest contact time of a casing.
         tau_max_s = 4e-3;
         /// Smallest ratio of a channel's peak to the standard deviation of its noise.
         snr_min = 50.0;
-        /// Largest amplitude of hum, as a ratio to the sound's peak.
+        /// Largest amplitude of hum, as a ratio to the peak of its channel.
         hum_ratio_max = 0.02;
         /// Largest rise of the sound's envelope that is not another tap, as a ratio to the sound's peak.
         neighbour_ratio_max = 0.1;
         /// Largest difference between measured and planned velocity, as a ratio to the planned one.
         velocity_error_max = 0.03;
+        /// Shortest record, as a ratio to the planned one: the sound's powers are averages over the record.
+        record_ratio_min = 0.98;
+        /// Longest time from when the force says that the sound begins until it is heard.
+        sound_delay_max_s = 0.45e-3;
     }
     policies {
         /// A clipped force affects F_max and tau, and with them A_1 and A_2.
@@ -110,14 +126,24 @@ quality_config! {
         double_hit = Retake, DOUBLE_HIT drops [FMax];
         /// Too few samples of the pulse affect F_max, tau, A_1 and A_2; too low a rate for the bands affects PR, P_f and E_f.
         undersampled = Drop, UNDERSAMPLED drops [FMax, Pr];
-        /// Hum affects the sound's five features.
-        hum = Keep, HUM drops [Pr];
+        /// Hum affects the features of its channel.
+        hum = Keep, HUM drops [FMax, Pr];
         /// Noise affects the features of its channel.
         low_snr = Keep, LOW_SNR drops [FMax, Pr];
         /// Another station's tap affects A_2, PR, P_f and E_f, and A_1 too if it came first.
         neighbour = RetakeOrKeep, NEIGHBOUR drops [Pr];
         /// A velocity that is off affects every feature that depends on it: all but PR.
         velocity_off = Keep, VELOCITY_OFF drops [FMax, A2];
+        /// A record that is cut affects A_2, PR, P_f and E_f.
+        cut = Retake, CUT drops [Pr];
+        /// A dropout affects the features of its channel.
+        dropout = Retake, DROPOUT drops [FMax, Pr];
+        /// Swapped channels affect every feature.
+        swapped = Retake, SWAPPED drops [Pr];
+        /// A sound that does not belong to the force's clock affects the areas.
+        sound_late = Retake, SOUND_LATE drops [A2];
+        /// A spike affects F_max and tau, and with them A_1 and A_2.
+        spike = Retake, SPIKE drops [FMax];
         /// A wrong sample rate affects all but F_max.
         rate_implausible = Keep, RATE_IMPLAUSIBLE drops [Pr];
         /// No pulse, no onset or a sample that is not a number: the features that need it are absent under any policy.
@@ -149,6 +175,16 @@ impl QualityConfig {
             ("snr_min", self.snr_min, self.snr_min >= 0.0, "not below 0"),
             ("hum_ratio_max", self.hum_ratio_max, self.hum_ratio_max > 0.0, "above 0"),
             ("neighbour_ratio_max", self.neighbour_ratio_max, self.neighbour_ratio_max > 0.0, "above 0"),
+            ("spike_ratio_max", self.spike_ratio_max, self.spike_ratio_max > 0.0, "above 0"),
+            ("impulse_ratio_min", self.impulse_ratio_min, self.impulse_ratio_min >= 0.0, "not below 0"),
+            (
+                "impulse_ratio_max",
+                self.impulse_ratio_max,
+                self.impulse_ratio_max > self.impulse_ratio_min,
+                "above impulse_ratio_min",
+            ),
+            ("record_ratio_min", self.record_ratio_min, (0.0..=1.0).contains(&self.record_ratio_min), "from 0 to 1"),
+            ("sound_delay_max_s", self.sound_delay_max_s, self.sound_delay_max_s > 0.0, "above 0"),
             ("velocity_error_max", self.velocity_error_max, self.velocity_error_max >= 0.0, "not below 0"),
         ] {
             let is_good = value.is_finite() && is_good;
@@ -168,6 +204,33 @@ pub(crate) static OF_SPECTRUM: LazyLock<Vec<Discriminator>> =
 
 fn all_with(is_wanted: impl Fn(Feature) -> bool) -> Vec<Discriminator> {
     Discriminator::ALL.into_iter().filter(|which| is_wanted(which.feature())).collect()
+}
+
+/// Smallest of the two ways to the extremes over the greater, from which on a channel rings; and the greatest of a pulse.
+const RINGING_BALANCE: f64 = 0.05;
+const PULSE_BALANCE: f64 = 0.1;
+/// Factor by which the balance of a ringing exceeds that of the pulse beside it.
+const BALANCE_RATIO: f64 = 2.0;
+
+/// How evenly a channel swings around `base`: 0 for a pulse to one side, 1 for equal ways to both.
+pub(crate) fn balance<C: Count>(extent: Extent<C>, base: f64) -> f64 {
+    let (above, below) = (extent.largest.into() - base, base - extent.least.into());
+    if above > below { below / above } else { above / below }
+}
+
+/// Whether force and sound look swapped, by their balances: a force is a pulse to one side, and a sound swings to both.
+pub(crate) fn are_swapped(of_force: f64, of_sound: f64) -> bool {
+    of_sound < PULSE_BALANCE && of_force > RINGING_BALANCE && of_force > BALANCE_RATIO * of_sound
+}
+
+/// Checks the length of a record, of which `used` samples are looked at, and would be `planned`; 0 if that is not known.
+pub(crate) fn check_length(used: u32, planned: u32, config: &QualityConfig) -> QualityReport {
+    let mut report = QualityReport::default();
+    if f64::from(used) < config.record_ratio_min * f64::from(planned) {
+        report.raise(Quality::CUT, config.cut, &[Discriminator::A2]);
+        report.raise(Quality::CUT, config.cut, &OF_SPECTRUM);
+    }
+    report
 }
 
 /// Checks the velocity; no flag is raised if the measured or the planned one is not known.

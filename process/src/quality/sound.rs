@@ -6,6 +6,7 @@ use num_complex::Complex;
 use tapline_wire::{Discriminator, Quality};
 
 use super::flat::is_clipped;
+use super::still::stands_still;
 use super::{OF_SOUND, OF_SPECTRUM, Policy, QualityConfig, QualityReport};
 use crate::Real;
 use crate::signal::blocks::{Block, Blocks, folded_blocks, mean_of, samples_per_block};
@@ -14,10 +15,9 @@ use crate::signal::record::{Count, Track};
 
 /// Blocks after the onset in which a casing falls silent: 100 ms.
 const RINGING_BLOCKS: usize = 100;
-/// Blocks per step of the envelope, 5 ms: half a period of the lowest audible mode.
-const STEP_BLOCKS: usize = 5;
-/// The same where there is hum, of which half a period is 10 ms at 50 Hz.
-const HUM_STEP_BLOCKS: usize = 10;
+/// Blocks per step of the envelope, 10 ms: half a period of hum, and more than the beats of a casing's modes. In steps of
+/// 5 ms the envelope of one tap may rise by its beats.
+const STEP_BLOCKS: usize = 10;
 /// Fewest steps of the envelope from which the rule is applied.
 const STEPS_MIN: usize = 4;
 /// Factor by which the envelope rises above its smallest value so far if there is another tap; that of one tap falls.
@@ -26,10 +26,14 @@ const RISE: f64 = 1.35;
 const TAP_SIGMAS: f64 = 6.0;
 /// Ratio of the noise before a tap to the noise after it that noise alone does not reach.
 const STEADY: f64 = 3.0;
+/// Fraction of the peak from which on a sound has begun, and the greatest that can be waited for: a casing's low modes take
+/// 0.4 ms to a seventh.
+const ONSET: f64 = 0.02;
+const ONSET_MAX: f64 = 0.15;
 /// Blocks just before the onset that are not searched for another tap, because the onset is known to a fraction of one.
 const GUARD_BLOCKS: usize = 2;
 /// Frequencies of the mains, Hz.
-const MAINS_HZ: [f64; 2] = [50.0, 60.0];
+pub(super) const MAINS_HZ: [f64; 2] = [50.0, 60.0];
 /// Fewest blocks in which hum can be distinguished from ringing: 2.5 periods at 50 Hz.
 const HUM_BLOCKS: usize = 50;
 /// Upper bound of the rounding of a sum of some hundred terms.
@@ -53,6 +57,8 @@ pub(crate) struct SoundRecord<'a, C, T> {
     pub baseline_count: Option<usize>,
     /// Onset of the sound according to the force, samples; `None` without a force.
     pub onset: Option<f64>,
+    /// Whether the distance from impact to microphone is known.
+    pub has_distance: bool,
     pub sample_rate_hz: f64,
     /// Highest frequency that a feature uses, Hz.
     pub f_top_hz: f64,
@@ -97,6 +103,9 @@ pub(crate) fn check_sound<C: Count, T: Real>(
     if sound.sample_rate_hz < 2.0 * sound.f_top_hz {
         report.raise(Quality::UNDERSAMPLED, config.undersampled, &OF_SPECTRUM);
     }
+    if sound.baseline_count.is_some_and(|count| stands_still(sound.track.samples, sound.extent, sound.base, count)) {
+        report.raise(Quality::DROPOUT, config.dropout, &OF_SOUND);
+    }
     let is_late = sound.is_late(blocks);
     if is_late {
         report.raise(Quality::LATE_TRIGGER, config.late_trigger, &[Discriminator::A2]);
@@ -127,6 +136,10 @@ pub(crate) fn check_sound<C: Count, T: Real>(
     if is_due && noise.is_some_and(|noise| peak < TAP_SIGMAS * noise) {
         report.raise(Quality::NO_ONSET, Policy::Drop, &OF_SOUND);
     }
+    let faint = greater(ONSET * peak, TAP_SIGMAS * noise.unwrap_or(0.0)) + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
+    if !is_late && faint < ONSET_MAX * peak && is_silent_until(sound, config.sound_delay_max_s, faint) {
+        report.raise(Quality::SOUND_LATE, config.sound_late, &[Discriminator::A1, Discriminator::A2]);
+    }
     // A second hit is heard too; it is not another station's tap.
     if sound.known.contains(Quality::DOUBLE_HIT) {
         return report;
@@ -136,9 +149,8 @@ pub(crate) fn check_sound<C: Count, T: Real>(
     if is_ringing_before || (can_hear_before && is_before(sound, blocks.all(), limit)) {
         report.raise(Quality::NEIGHBOUR, config.neighbour, &OF_SOUND);
     }
-    let step_blocks = if hum.is_some() { HUM_STEP_BLOCKS } else { STEP_BLOCKS };
     // A baseline within the ringing hides how the envelope falls.
-    if !is_late && is_after(sound, blocks.all(), step_blocks, limit) {
+    if !is_late && is_after(sound, blocks.all(), limit) {
         report.raise(Quality::NEIGHBOUR, config.neighbour, &[Discriminator::A2]);
         report.raise(Quality::NEIGHBOUR, config.neighbour, &OF_SPECTRUM);
     }
@@ -252,9 +264,17 @@ fn is_before<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], limit
     blocks.get(..count).is_some_and(|before| before.iter().any(|block| block.peak > limit))
 }
 
+/// Whether the sound stays below `limit` until `delay_s` after the onset. False where the onset is not known, as it is not
+/// without the distance that the sound travels.
+fn is_silent_until<C: Count, T: Real>(sound: &SoundRecord<'_, C, T>, delay_s: f64, limit: f64) -> bool {
+    let Some(onset) = sound.onset.filter(|&onset| onset >= 0.0 && sound.has_distance) else { return false };
+    let last = (onset + delay_s * sound.sample_rate_hz) as usize;
+    sound.signal.get(onset as usize..=last).is_some_and(|first| first.iter().all(|x| x.widened().abs() <= limit))
+}
+
 /// Whether the envelope rises again; after a tap it falls.
-fn is_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], step_blocks: usize, limit: f64) -> bool {
-    let steps = blocks.get(sound.onset_block(blocks)..).unwrap_or_default().chunks_exact(step_blocks);
+fn is_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], limit: f64) -> bool {
+    let steps = blocks.get(sound.onset_block(blocks)..).unwrap_or_default().chunks_exact(STEP_BLOCKS);
     if steps.len() < STEPS_MIN {
         return false;
     }

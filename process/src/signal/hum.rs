@@ -63,6 +63,11 @@ impl Hum {
         }
     }
 
+    /// Amplitude of the sine.
+    pub(crate) fn amplitude(&self) -> f64 {
+        self.cosine.hypot(self.sine)
+    }
+
     /// Level and hum at sample `n`.
     pub(crate) fn at(&self, n: usize) -> f64 {
         let (sin, cos) = (self.omega * n as f64).sin_cos();

@@ -126,7 +126,7 @@ impl HeaderRow {
             channel_count: u32::try_from(recording.channels.len()).unwrap_or(u32::MAX),
             source: self.source,
             retakes_left: 0, // an archived tap is final
-            reserved: 0,
+            planned_sample_count: recording.sample_count_max,
             channels,
         }
     }

@@ -61,11 +61,16 @@ flags! {
         LATE_TRIGGER = 10, "late_trigger": "the trigger came too late";
         DOUBLE_HIT = 11, "double_hit": "the impactor hit twice";
         UNDERSAMPLED = 12, "undersampled": "too few samples for the pulse or the bands";
-        HUM = 13, "hum": "mains hum in the sound";
+        HUM = 13, "hum": "mains hum in the sound or the force";
         LOW_SNR = 14, "low_snr": "not far enough out of the noise";
         NEIGHBOUR = 15, "neighbour": "another tap is heard in the record";
         VELOCITY_OFF = 16, "velocity_off": "struck at another velocity than was meant";
-        RATE_IMPLAUSIBLE = 17, "rate_implausible": "a contact time that no casing has";
+        RATE_IMPLAUSIBLE = 17, "rate_implausible": "a contact time or an impulse that no casing has";
+        CUT = 18, "cut": "the record is shorter than was planned";
+        DROPOUT = 19, "dropout": "a channel stands still where it has noise";
+        SWAPPED = 20, "swapped": "the channels look swapped";
+        SOUND_LATE = 21, "sound_late": "the sound begins later than the force says";
+        SPIKE = 22, "spike": "single samples stand out of the pulse";
     }
 }
 
@@ -94,12 +99,16 @@ flags! {
             "The reference has no tap at an offset and velocity that was scanned: what was tapped there is not judged.";
         EXTRAPOLATED = 12, "extrapolated":
             "The stated rates of false calls are less than so few reference casings support: they rest on an assumed distribution.";
+        FORCE_OFF = 13, "force_off":
+            "The force of a part of the scan is off as no crack and no velocity explains: the gain of its sensor changed.";
+        VELOCITY_UNKNOWN = 14, "velocity_unknown":
+            "No impact velocity was measured: a wrong one would not show.";
     }
 }
 
 impl Reasons {
     /// Those that say how a verdict was reached and ask for nothing: PASS stays PASS.
-    pub const REMARKS: Self = Self::SELF_REFERENCE.union(Self::EXTRAPOLATED);
+    pub const REMARKS: Self = Self::SELF_REFERENCE.union(Self::EXTRAPOLATED).union(Self::VELOCITY_UNKNOWN);
 }
 
 #[cfg(test)]

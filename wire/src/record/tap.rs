@@ -142,7 +142,7 @@ pub struct ChannelHeader {
 /// Samples are planar, `[channel][sample]`, `channel_count * sample_count` of them, as the converter gave them.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("tapline.TapHeader.v2")]
+#[type_name("tapline.TapHeader.v3")]
 pub struct TapHeader {
     /// Which record of which publisher this is; `stamp.kind` says whether it is a tap at all.
     pub stamp: Stamp,
@@ -176,8 +176,8 @@ pub struct TapHeader {
     pub source: u32,
     /// How many more times the source can take this tap again if the record is of no use.
     pub retakes_left: u32,
-    /// Keeps the layout free of padding.
-    pub reserved: u32,
+    /// Samples of one channel that the record was to have, 0 where that is not known.
+    pub planned_sample_count: u32,
     /// Kinds and scales of the channels in use.
     pub channels: [ChannelHeader; CHANNELS_MAX],
 }

@@ -1,0 +1,329 @@
+//! Wrong data is told: faults planted in the taps of two simulators that share no code, and how many of them are flagged.
+//!
+//! Each fault must be flagged in 99 of 100 faulty taps, and no flag may be raised in more than 1 of 100 clean ones. Run it with
+//! `cargo test -p tapline-plate --test wrong_data -- --nocapture` to see the shares.
+#![expect(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
+use std::f64::consts::TAU;
+use std::sync::LazyLock;
+
+use tapline_model::{SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig, plant_cracks};
+use tapline_plate::{Casing, Crack, Population, Rig, Tap as PlateTap};
+use tapline_process::{ProcessConfig, ProcessExtractor};
+use tapline_wire::{
+    Channel, ChannelHeader, Discriminator, Discriminators, Quality, SampleFormat, Samples, Serial, TapHeader, TapId,
+};
+
+/// Taps of each simulator.
+const COUNT: u32 = 400;
+const RATE_HZ: f64 = 40_960.0;
+const VELOCITIES: [f64; 3] = [1.2, 1.5, 1.85];
+
+/// A tap with its two channels in counts.
+#[derive(Debug, Clone)]
+struct Tap {
+    header: TapHeader,
+    force: Vec<f64>,
+    sound: Vec<f64>,
+}
+
+impl Tap {
+    fn found(&self) -> Discriminators {
+        let mut extractor = ProcessExtractor::new(&ProcessConfig::default()).unwrap();
+        let both = self.force.iter().chain(&self.sound);
+        if self.header.sample_format == SampleFormat::I16.code() {
+            let counts: Vec<i16> = both.map(|x| x.round().clamp(-32_768.0, 32_767.0) as i16).collect();
+            return extractor.extract(&self.header, Samples::I16(&counts));
+        }
+        let samples: Vec<f32> = both.map(|&x| x as f32).collect();
+        extractor.extract(&self.header, Samples::F32(&samples))
+    }
+
+    fn pulse_at(&self) -> usize {
+        (0..self.force.len()).max_by(|&i, &j| self.force[i].total_cmp(&self.force[j])).unwrap()
+    }
+
+    /// Number of samples of the pulse above 5 % of its peak.
+    fn pulse_samples(&self) -> usize {
+        let level = 0.05 * peak(&self.force);
+        self.force.iter().filter(|&&x| x > level).count()
+    }
+}
+
+fn peak(channel: &[f64]) -> f64 {
+    channel.iter().map(|x| x.abs()).max_by(f64::total_cmp).unwrap()
+}
+
+fn header(format: SampleFormat, count: u32, pre_trigger_samples: u32, velocity: (f64, f64), units: [f64; 2]) -> TapHeader {
+    let mut header = TapHeader {
+        id: TapId::default().with_velocity_m_per_s(Some(velocity.0)).unwrap(),
+        sample_rate_hz: RATE_HZ,
+        velocity_nominal_m_per_s: velocity.0,
+        velocity_measured_m_per_s: velocity.1,
+        pre_trigger_samples,
+        sample_count: count,
+        planned_sample_count: count,
+        sample_format: format.code(),
+        channel_count: 2,
+        ..TapHeader::default()
+    };
+    for ((slot, kind), unit_per_count) in header.channels.iter_mut().zip([Channel::Force, Channel::Sound]).zip(units) {
+        *slot = ChannelHeader { code: kind.code(), unit_per_count, reserved: 0 };
+    }
+    header
+}
+
+/// Taps of the model's sound and cracked tyres, in 16-bit counts, 400 ms each.
+static OF_MODEL: LazyLock<Vec<Tap>> = LazyLock::new(|| {
+    let config = SimulationConfig::default();
+    let tyre = |k: u32| {
+        let serial = format!("T-{k}");
+        SimulatedTyre { cracks: if k.is_multiple_of(2) { plant_cracks(3, &serial, 100, 8) } else { vec![] }, serial }
+    };
+    let tyres: Vec<_> = (0..8).map(tyre).collect();
+    let mut rig = SimulatedRig::new(&config, 21, &tyres).unwrap();
+    let mut samples = vec![0_i16; rig.sample_total()];
+    let tap = |k: u32| {
+        let velocity_m_per_s = VELOCITIES[k as usize % 3];
+        let tap = SimulatedTap {
+            tyre_serial: &tyres[k as usize % 8].serial,
+            shoulder: 1,
+            offset_mm: 5.0 * f64::from(k / 8 % 4),
+            velocity_m_per_s,
+            location: k * 37 % 100,
+            location_count: 100,
+            repetition: (k / 100) as u16,
+            attempt: 0,
+        };
+        let measured = rig.render(&tap, &mut samples).velocity_measured_m_per_s;
+        let (force, sound) = samples.split_at(samples.len() / 2);
+        let units = [config.force_full_scale_n, config.sound_full_scale_v].map(|full| full / 32_768.0);
+        let (count, before) = (config.sample_count, config.pre_trigger_samples);
+        Tap {
+            header: TapHeader {
+                microphone_distance_m: config.microphone_distance_m,
+                ..header(SampleFormat::I16, count, before, (velocity_m_per_s, measured), units)
+            },
+            force: force.iter().map(|&x| f64::from(x)).collect(),
+            sound: sound.iter().map(|&x| f64::from(x)).collect(),
+        }
+    };
+    (0..COUNT).map(tap).collect()
+});
+
+/// Taps of the plate's sound and cracked casings of a rough population, as floats, 50 ms and 200 ms each.
+static OF_PLATE: LazyLock<Vec<Tap>> = LazyLock::new(|| {
+    let population = Population { rogue: 0.0, ..Population::rough() };
+    let mut rig = Rig::new(&population, RATE_HZ, 256).unwrap();
+    let tap = |k: u32| {
+        let number = k % 16;
+        let size = f64::from(number / 4);
+        let crack = Crack { depth_mm: 4.0 + 2.0 * size, length_mm: 14.0 + 4.0 * size, arc_deg: 360.0, ..Crack::default() };
+        let cracks = if number % 2 == 0 { vec![crack] } else { vec![] };
+        let casing = Casing::new(&population, 4, Serial::new(&format!("P-{number}")).unwrap(), cracks).unwrap();
+        let velocity_m_per_s = VELOCITIES[k as usize % 3];
+        let tap = PlateTap {
+            shoulder: 1,
+            offset_mm: 5.0 * f64::from(k / 16 % 4),
+            velocity_m_per_s,
+            location: k * 37 % 100,
+            location_count: 100,
+            repetition: (k / 100) as u16,
+            attempt: 0,
+        };
+        let count = [2048_u32, 8192][k as usize / 5 % 2];
+        let (mut force, mut sound) = (vec![0.0; count as usize], vec![0.0; count as usize]);
+        let measured = rig.record(&casing, &tap, &mut force, &mut sound);
+        Tap {
+            header: TapHeader {
+                microphone_distance_m: rig.microphone_distance_m(),
+                ..header(SampleFormat::F32, count, 256, (velocity_m_per_s, measured), [1.0; 2])
+            },
+            force: force.into_iter().map(f64::from).collect(),
+            sound: sound.into_iter().map(f64::from).collect(),
+        }
+    };
+    (0..COUNT).map(tap).collect()
+});
+
+/// Plants a fault in tap number k of either simulator, false where that tap cannot have it, and checks that one of the flags
+/// of `flag` is raised.
+#[track_caller]
+fn assert_flagged(flag: Quality, what: &str, plant: impl Fn(usize, &mut Tap) -> bool) {
+    for (name, taps) in [("model", &*OF_MODEL), ("plate", &*OF_PLATE)] {
+        let planted = taps.iter().enumerate().filter_map(|(k, tap)| {
+            let mut tap = tap.clone();
+            plant(k, &mut tap).then(|| tap.found().quality)
+        });
+        let flags: Vec<Quality> = planted.collect();
+        assert!(flags.len() >= 100, "{what}, {name}: only {} taps can have it", flags.len());
+        let told = flags.iter().filter(|flags| flags.intersects(flag)).count() as f64 / flags.len() as f64;
+        eprintln!("{what}, {name}: {flag} in {told:.4} of {} taps", flags.len());
+        assert!(told >= 0.99, "{what}, {name}: {flag} in {told} of taps");
+    }
+}
+
+/// Catches a flag that cries wolf: no flag in more than 1 of 100 clean taps, over cracks too, of either simulator.
+#[test]
+fn clean_taps_are_clean() {
+    for (name, taps) in [("model", &*OF_MODEL), ("plate", &*OF_PLATE)] {
+        let flags: Vec<Quality> = taps.iter().map(|tap| tap.found().quality).collect();
+        for &(flag, flag_name) in Quality::ALL {
+            let raised = flags.iter().filter(|quality| quality.contains(flag)).count();
+            if raised > 0 {
+                eprintln!("{name}: {flag_name} in {raised} of {} clean taps", taps.len());
+            }
+            assert!(100 * raised <= taps.len(), "{name}: {flag_name} in {raised} of {} clean taps", taps.len());
+        }
+    }
+}
+
+/// Catches a short record that is compared with whole ones: its powers are averages over another time.
+#[test]
+fn a_record_that_is_cut() {
+    for part in [0.9, 0.5, 0.25, 0.0625] {
+        assert_flagged(Quality::CUT, &format!("{part} of the record"), |_, tap| {
+            let count = (part * tap.force.len() as f64) as usize;
+            tap.force.truncate(count);
+            tap.sound.truncate(count);
+            tap.header.sample_count = count as u32;
+            count > tap.header.pre_trigger_samples as usize
+        });
+    }
+}
+
+/// Catches a stretch of zeros, or of the last value, that counts as signal, in either channel and at any time.
+#[test]
+fn dropouts() {
+    for (duration_s, holds) in [(1e-3, false), (3e-3, false), (20e-3, false), (1e-3, true), (10e-3, true)] {
+        for of_force in [false, true] {
+            let what = format!("{duration_s} s of {} in the {}", ["zeros", "one value"][usize::from(holds)], [
+                "sound", "force",
+            ][usize::from(of_force)]);
+            // What holds the value of the peak looks as clipping does.
+            let flag = if holds { Quality::DROPOUT | Quality::CLIPPED } else { Quality::DROPOUT };
+            assert_flagged(flag, &what, |k, tap| {
+                let channel = if of_force { &mut tap.force } else { &mut tap.sound };
+                let last = (0.1 * RATE_HZ).min(channel.len() as f64);
+                let from = ((k as f64 * 0.618).fract() * last) as usize;
+                let until = channel.len().min(from + (duration_s * RATE_HZ) as usize);
+                let value = if holds { channel[from] } else { 0.0 };
+                channel[from..until].fill(value);
+                until - from >= 20
+            });
+        }
+    }
+}
+
+/// Catches cables that are swapped.
+#[test]
+fn swapped_channels() {
+    assert_flagged(Quality::SWAPPED, "swapped channels", |_, tap| {
+        std::mem::swap(&mut tap.force, &mut tap.sound);
+        true
+    });
+    assert_flagged(Quality::SWAPPED, "swapped channels, one of them turned", |_, tap| {
+        std::mem::swap(&mut tap.force, &mut tap.sound);
+        tap.sound.iter_mut().for_each(|x| *x = -*x);
+        true
+    });
+}
+
+/// Catches a sound whose clock is not the force's.
+#[test]
+fn a_sound_that_is_late() {
+    for late_s in [0.5e-3, 0.7e-3, 1e-3, 3e-3] {
+        assert_flagged(Quality::SOUND_LATE, &format!("{late_s} s late"), |_, tap| {
+            let late = (late_s * RATE_HZ).ceil() as usize;
+            let first = tap.sound[..late].to_vec();
+            tap.sound.truncate(tap.force.len() - late);
+            tap.sound.splice(0..0, first);
+            true
+        });
+    }
+}
+
+/// Catches a single sample that decides on F_max or tau.
+#[test]
+fn spikes_on_the_pulse() {
+    for part in [0.1, -0.1, 0.2, -0.3, 0.5, 1.0, 4.0] {
+        assert_flagged(Quality::SPIKE, &format!("a spike of {part}"), |k, tap| {
+            let place = tap.pulse_at() + k % 25 - 12;
+            tap.force[place] += part * peak(&tap.force);
+            true
+        });
+    }
+}
+
+/// Catches hum that shifts F_max and is not looked for in the force.
+#[test]
+fn hum_in_the_force() {
+    for f_hz in [50.0, 60.0, 49.8] {
+        for part in [0.03, 0.1] {
+            assert_flagged(Quality::HUM, &format!("{part} of hum at {f_hz} Hz in the force"), |k, tap| {
+                let amplitude = part * peak(&tap.force);
+                let hum = |i: usize| amplitude * (TAU * f_hz * i as f64 / RATE_HZ + 0.7 * k as f64).sin();
+                tap.force.iter_mut().enumerate().for_each(|(i, x)| *x += hum(i));
+                true
+            });
+        }
+    }
+}
+
+/// Catches a faint second hit.
+#[test]
+fn double_hits_from_3_percent() {
+    for part in [0.03, 0.05, 0.2] {
+        for lag_s in [1.5e-3, 3e-3, 8e-3, 20e-3] {
+            assert_flagged(Quality::DOUBLE_HIT, &format!("{part} again after {lag_s} s"), |_, tap| {
+                let lag = (lag_s * RATE_HZ) as usize;
+                let is_apart = tap.pulse_samples() + 8 < lag;
+                for channel in [&mut tap.force, &mut tap.sound] {
+                    let once = channel.clone();
+                    channel[lag..].iter_mut().zip(once).for_each(|(x, before)| *x += part * before);
+                }
+                is_apart
+            });
+        }
+    }
+}
+
+/// Catches a sample rate that was written down wrong by a factor of 2.
+#[test]
+fn a_wrong_sample_rate() {
+    for factor in [0.5, 2.0] {
+        assert_flagged(Quality::RATE_IMPLAUSIBLE, &format!("the rate times {factor}"), |_, tap| {
+            tap.header.sample_rate_hz *= factor;
+            true
+        });
+    }
+}
+
+/// Catches a flag whose values enter a verdict as if they were good.
+#[test]
+fn what_is_spoilt_is_absent() {
+    let absent = |flag: Quality, plant: &dyn Fn(&mut Tap), which: &[Discriminator]| {
+        let mut tap = OF_MODEL[0].clone();
+        plant(&mut tap);
+        let found = tap.found();
+        assert!(found.quality.contains(flag), "{found:?}");
+        for d in Discriminator::ALL {
+            assert_eq!(found.values.get(d).is_none(), which.contains(&d), "{flag} {d:?}: {found:?}");
+        }
+    };
+    use Discriminator::{A1, A2, Centroid, Ef, FMax, Pf, Pr, Tau};
+    absent(
+        Quality::CUT,
+        &|tap| {
+            tap.force.truncate(8192);
+            tap.sound.truncate(8192);
+            tap.header.sample_count = 8192;
+        },
+        &[A2, Pr, Pf, Ef, Centroid],
+    );
+    absent(Quality::DROPOUT, &|tap| tap.sound[900..960].fill(0.0), &[A1, A2, Pr, Pf, Ef, Centroid]);
+    absent(Quality::DROPOUT, &|tap| tap.force[900..960].fill(0.0), &[FMax, Tau, A1, A2]);
+    absent(Quality::SWAPPED, &|tap| std::mem::swap(&mut tap.force, &mut tap.sound), &Discriminator::ALL);
+    absent(Quality::SOUND_LATE, &|tap| tap.sound.rotate_right(30), &[A1, A2]);
+    absent(Quality::SPIKE, &|tap| tap.force[530] += 0.3 * peak(&tap.force), &[FMax, Tau, A1, A2]);
+}

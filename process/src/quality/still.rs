@@ -1,0 +1,108 @@
+//! Dropouts: stretches of one value in a channel whose noise never stands still for so long.
+
+use super::flat::SHARE;
+use crate::signal::extent::Extent;
+use crate::signal::record::Count;
+
+/// Fewest equal samples in a row that count as a dropout, 0.3 ms at 40 kHz.
+const RUN_MIN: f64 = 12.0;
+/// Of noise in which a sample equals the one before with probability p, a run of r equal samples begins at a given sample with
+/// probability p^(r - 1). A dropout is a run of probability exp(-40): of rumble, whose samples follow each other, a longer
+/// record than any has none.
+const LN_IMPROBABLE: f64 = -40.0;
+/// Fewest pairs of neighbours from which p is computed.
+const PAIRS_MIN: usize = 16;
+/// Most samples before the trigger that are looked at.
+const QUIET_MAX: usize = 4096;
+/// Samples between the places that are probed, each of which looks at five samples: every run of [`RUN_MIN`] has one.
+const STEP: usize = 8;
+
+/// Whether the channel stands still somewhere although its first `quiet_count` samples have noise.
+///
+/// A run at an extreme is not a dropout but clipping.
+pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64, quiet_count: usize) -> bool {
+    let Some(run_min) = shortest_dropout(&samples[..quiet_count.min(QUIET_MAX).min(samples.len())]) else {
+        return false;
+    };
+    let (above, below) = (extent.largest.into() - base, base - extent.least.into());
+    let extreme = SHARE * if above > below { above } else { below };
+    let mut after = 0;
+    for (number, probe) in samples.windows(5).step_by(STEP).enumerate() {
+        let level = probe[0];
+        if probe[1] != level || probe[2] != level || probe[4] != level || number * STEP < after {
+            continue;
+        }
+        let at = number * STEP;
+        let from = at - samples[..at].iter().rev().take_while(|&&x| x == level).count();
+        after = at + samples[at..].iter().take_while(|&&x| x == level).count();
+        let is_end = level == extent.largest || level == extent.least;
+        let is_clipped = is_end && (level.into() - base).abs() >= extreme;
+        if (after - from) as f64 >= run_min && !is_clipped {
+            return true;
+        }
+    }
+    false
+}
+
+/// Fewest equal samples in a row that the noise of `quiet` does not explain; `None` if it has too little noise to say.
+fn shortest_dropout<C: Count>(quiet: &[C]) -> Option<f64> {
+    let (mut equal_count, mut run, mut longest) = (0_usize, 0_usize, 0_usize);
+    for pair in quiet.windows(2) {
+        let is_equal = usize::from(pair[0] == pair[1]);
+        equal_count += is_equal;
+        run = (run + 1) * is_equal;
+        longest = if run > longest { run } else { longest };
+    }
+    // Without the longest run, which may itself be a dropout.
+    let pair_count = quiet.len().checked_sub(1 + longest).filter(|&count| count >= PAIRS_MIN)?;
+    let p = (equal_count - longest + 1) as f64 / (pair_count + 2) as f64;
+    let run_min = 1.0 + LN_IMPROBABLE / p.ln();
+    Some(if run_min > RUN_MIN { run_min } else { RUN_MIN })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether noise of `sigma` counts stands still, with `value` in `hole`.
+    fn still(sigma: f64, hole: std::ops::Range<usize>, value: i16) -> bool {
+        let mut state = 3_u32;
+        let mut hiss = || {
+            let mut uniform = || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                f64::from(state) / 4_294_967_296.0 - 0.5
+            };
+            sigma * (0..12).map(|_| uniform()).sum::<f64>()
+        };
+        let mut samples: Vec<i16> = (0..20_000).map(|_| (100.0 + hiss()).round() as i16).collect();
+        samples[15_000] = 5000;
+        samples[hole].fill(value);
+        stands_still(&samples, Extent::find(&samples).unwrap(), 100.0, 384)
+    }
+
+    /// Catches a dropout that is missed because of its place, its length or its value, and one in the quiet time itself.
+    #[test]
+    fn a_channel_that_stands_still_is_found() {
+        for from in [0, 3, 100, 380, 7000, 19_900] {
+            for value in [0, 100, 90] {
+                assert!(still(20.0, from..from + 40, value), "{from} {value}");
+            }
+        }
+        assert!((0..STEP).all(|shift| still(20.0, 5000 + shift..5012 + shift, 0)), "the shortest, at every place");
+    }
+
+    /// Catches quiet noise taken for a dropout, and a channel without noise that is said to stand still.
+    #[test]
+    fn noise_of_any_strength_is_none() {
+        for sigma in [0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 2.0, 20.0] {
+            assert!(!still(sigma, 0..0, 0), "{sigma}");
+        }
+        assert!(!still(0.0, 5000..9000, 100) && !still(20.0, 5000..5008, 0));
+    }
+
+    /// Catches clipping that counts as a dropout.
+    #[test]
+    fn a_run_at_an_extreme_is_clipping() {
+        assert!(!still(20.0, 14_990..15_010, 5000));
+    }
+}
