@@ -102,11 +102,16 @@ pub(crate) fn check_force<C: Count>(force: &ForceRecord<'_, C>, config: &Quality
     };
     if is_flat(force.track.samples, shape.level, force.extent, force.base, (force.noise, OF_PULSE)) {
         report.raise_on_pulse(Quality::CLIPPED, config.clipped_force);
-    } else if has_spike(force.track.samples, shape.begin..shape.end, (shape.peak, force.noise), config.spike_ratio_max) {
-        report.raise_on_pulse(Quality::SPIKE, config.spike); // a clipped pulse has corners of its own
     }
-    if shape.end - shape.begin < PULSE_SAMPLES {
+    let pulse = shape.begin..shape.end;
+    if pulse.len() < PULSE_SAMPLES {
         report.raise_on_pulse(Quality::UNDERSAMPLED, config.undersampled);
+    }
+    // A pulse that is clipped or has few samples has corners of its own.
+    if report.flags().is_empty()
+        && has_spike(force.track.samples, pulse, (shape.peak, force.noise), config.spike_ratio_max)
+    {
+        report.raise_on_pulse(Quality::SPIKE, config.spike);
     }
     match trigger(force, &shape) {
         Trigger::Good => {}
@@ -241,7 +246,7 @@ fn impulse_ratio<C: Count>(
 /// After the pulse a force is silent, so that a fit of a sine to two periods tells hum from whatever else there is.
 fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, config: &QualityConfig) -> Option<f64> {
     let means_per_s = force.sample_rate_hz / MEAN_OF as f64;
-    let first = shape.peak_at / MEAN_OF + (config.tau_max_s * means_per_s) as usize + 1;
+    let first = (shape.peak_at / MEAN_OF + 1).saturating_add((config.tau_max_s * means_per_s) as usize);
     let after = force.means.get(first..)?;
     let after = &after[..after.len().min((HUM_S * means_per_s) as usize)];
     let extent = Extent::find(after)?;

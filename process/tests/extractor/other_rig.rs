@@ -34,7 +34,11 @@ pub(crate) fn tap(k: usize) -> Tap {
     let count = [16_384_u32, 16_384, 8192][k / 4 % 3];
     let format = if (k / 12).is_multiple_of(2) { SampleFormat::I16 } else { SampleFormat::F32 };
     let pre_trigger_samples = between(100.0, 2000.0) as u32;
-    let (tau_s, f_max_n, is_haversine) = (between(0.5e-3, 3e-3), between(20.0, 200.0), between(0.0, 1.0) < 0.5);
+    let (tau_s, restitution, is_haversine) = (between(0.5e-3, 3e-3), between(0.2, 0.9), between(0.0, 1.0) < 0.5);
+    // The impactor of 4.5 g leaves with its restitution.
+    let velocity_m_per_s = [1.2, 1.5, 1.85][k % 3];
+    let mean = if is_haversine { 0.5 } else { 2.0 / PI };
+    let f_max_n = (1.0 + restitution) * 4.5e-3 * velocity_m_per_s / (mean * tau_s);
     let onset = f64::from(pre_trigger_samples) - between(0.0, 1.0);
     let distance_m = between(0.0, 0.5);
     let modes: Vec<Mode> = (0..2 + k % 4)
@@ -68,7 +72,6 @@ pub(crate) fn tap(k: usize) -> Tap {
     let with_noise = |channel: &[f64], gain: f64, sigma: f64, seed: usize| -> Vec<f64> {
         channel.iter().zip(noise(seed)).map(|(x, e)| gain * (x + sigma * e)).collect()
     };
-    let velocity_m_per_s = [1.2, 1.5, 1.85][k % 3];
     let mut header = TapHeader {
         id: TapId::default().with_velocity_m_per_s(Some(velocity_m_per_s)).unwrap(),
         velocity_measured_m_per_s: velocity_m_per_s * between(0.98, 1.02),
