@@ -7,30 +7,35 @@ use crate::fusion::Fusion;
 impl Fusion {
     /// Whether scan number `scan` lacks what the index asks for, although its channels are recorded: a discriminator is absent
     /// from more than half of the planned taps, or one and the same at more than half of those that have it, or a location
-    /// lacks more than half of what its taps should have given.
+    /// lacks more than half of what its taps should have given, or two neighbours one discriminator of most of their taps.
     pub(super) fn lacks_features(&self, scan: usize) -> bool {
         let channels = &self.plan.recording.channels;
         let recorded = |which: &Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
         let asked: Vec<Discriminator> = self.config.discriminators.iter().copied().filter(recorded).collect();
         let locations = &self.plan.scans()[scan].locations;
-        // Of each location what was given and what was due.
-        let mut planned = vec![(0_usize, 0_usize); locations.len()];
+        // Of each location how often each was given, and was due.
+        let mut planned = vec![(vec![0_usize; asked.len()], 0_usize); locations.len()];
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); asked.len()];
         let mut tap_count = 0;
         for (row, id) in self.entering(scan) {
             let Ok(place) = locations.binary_search_by_key(&id.location, |&(location, _)| location) else { continue };
             tap_count += 1;
-            let mut given = 0;
-            for (which, values) in asked.iter().zip(&mut values) {
+            let (given, due) = &mut planned[place];
+            *due += 1;
+            for ((which, values), given) in asked.iter().zip(&mut values).zip(given) {
                 let value = self.seen[row as usize].as_ref().and_then(|seen| seen.values.get(*which));
-                given += usize::from(value.is_some());
+                *given += usize::from(value.is_some());
                 values.extend(value);
             }
-            let (given_here, due) = &mut planned[place];
-            (*given_here, *due) = (*given_here + given, *due + asked.len());
         }
+        // What is absent at one location may be chance, where that has a tap or two.
+        let lacks_one: Vec<bool> =
+            planned.iter().map(|(given, due)| given.iter().any(|given| 2 * given < *due)).collect();
+        let ring = &self.rings[scan];
+        let is_block = |place: usize| ring.with_neighbours(place).filter(|&near| lacks_one[near]).count() > 1;
         values.iter().any(|values| 2 * values.len() < tap_count || has_majority(values))
-            || planned.iter().any(|&(given, due)| 2 * given < due)
+            || planned.iter().any(|(given, due)| 2 * given.iter().sum::<usize>() < asked.len() * due)
+            || (0..planned.len()).any(|place| lacks_one[place] && is_block(place))
     }
 }
 

@@ -228,6 +228,12 @@ impl Fusion {
         if self.plan.geometry == Geometry::Ring && !self.rings[scan].is_whole() {
             reasons.insert(Reasons::LOCATION_BLIND);
         }
+        if compared.is_force_off(scan) {
+            reasons.insert(Reasons::FORCE_OFF);
+        }
+        if self.has_no_velocity(scan) {
+            reasons.insert(Reasons::VELOCITY_UNKNOWN);
+        }
         if self.has_unknown_condition(scan, compared) {
             reasons.insert(Reasons::CONDITION_UNKNOWN);
         }

@@ -4,6 +4,7 @@ pub(crate) mod ask;
 mod compared;
 mod coverage;
 mod drift;
+mod force;
 mod judge;
 
 pub(crate) use compared::setup;

@@ -24,7 +24,8 @@ mod tests {
     fn only_no_reason_passes() {
         // Catches a verdict that forgets a reason: all sets of flags.
         let known = Reasons::ALL.iter().fold(0, |bits, (flag, _)| bits | flag.bits());
-        let remarks = Reasons::SELF_REFERENCE.bits() | Reasons::EXTRAPOLATED.bits();
+        let remarks = [Reasons::SELF_REFERENCE, Reasons::EXTRAPOLATED, Reasons::VELOCITY_UNKNOWN];
+        let remarks = remarks.iter().fold(0, |bits, flag| bits | flag.bits());
         for bits in 0..=known {
             let reasons = Reasons::from_bits_retain(bits);
             let expected = if reasons.contains(Reasons::DAMAGE) {
