@@ -382,7 +382,7 @@ static SCANS: LazyLock<[(&str, Vec<Scanned>); 2]> = LazyLock::new(|| {
         let found = modelled(&plan, SimulatedTyre { serial, cracks }, &process);
         (plan, found)
     };
-    [("model", (0..12).map(model).collect()), ("plate", (0..60).map(plate).collect())]
+    [("model", (0..16).map(model).collect()), ("plate", (0..60).map(plate).collect())]
 });
 
 /// The taps of `plan` by the model, 50 ms each.
@@ -419,9 +419,14 @@ fn modelled(plan: &Plan, tyre: SimulatedTyre, process: &ProcessConfig) -> Vec<Di
 
 /// Counts the shoulders of each simulator that have `reason` after `spoil` was done to their taps.
 fn told(reason: Reasons, what: &str, spoil: impl Fn(&mut Discriminators)) -> [f64; 2] {
+    told_of(reason, what, 1, spoil)
+}
+
+/// The same of every `step`th casing: of 2, the sound ones.
+fn told_of(reason: Reasons, what: &str, step: usize, spoil: impl Fn(&mut Discriminators)) -> [f64; 2] {
     SCANS.each_ref().map(|(name, scans)| {
         let (mut told_count, mut count) = (0, 0);
-        for (plan, found) in scans {
+        for (plan, found) in scans.iter().step_by(step) {
             let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), plan).unwrap();
             for mut tap in found.iter().copied() {
                 spoil(&mut tap);
@@ -459,7 +464,8 @@ fn a_force_gain_that_changes_within_a_scan() {
         ];
         for (place, is_there) in places {
             let what = format!("gain {gain} at {place}");
-            let shares = told(Reasons::FORCE_OFF, &what, |tap| off(tap, is_there(&tap.id)));
+            // A crack in the same place takes force too: whether the gain is off there as well, nothing tells.
+            let shares = told_of(Reasons::FORCE_OFF, &what, 2, |tap| off(tap, is_there(&tap.id)));
             assert!(shares.iter().all(|share| *share >= 0.99), "{what}: {shares:?}");
         }
     }

@@ -7,10 +7,12 @@ use crate::fusion::compared::Compared;
 use crate::shoulder::{Shoulder, Turn};
 use crate::stats::median;
 
-/// Least change of the impulse, as a logarithm, that is off: of scans in which the force of a half is 20 % off, either half
-/// lies 9 % from the middle.
-const IMPULSE_OFF: f64 = 0.08;
-/// Most that the contact time changes meanwhile. A crack that takes a tenth of the force lengthens the contact too.
+/// Least rise of the impulse, as a logarithm, that is off. Where the force of a half is 20 % off, one half lies 9 % above the
+/// median.
+const RISE_OFF: f64 = 0.08;
+/// Least fall that is off, likewise: a layer over a crack takes up to 15 % of the impulse.
+const FALL_OFF: f64 = 0.17;
+/// Most that the contact time changes meanwhile; most cracks lengthen it further.
 const TAU_SAME: f64 = 0.035;
 
 /// How far F_max tau and tau lie from a level, as logarithms.
@@ -37,7 +39,8 @@ impl Impulse {
 
     /// Whether only the gain of the sensor explains how far it lies from `level`.
     fn is_off(self, level: Self) -> bool {
-        (self.impulse - level.impulse).abs() > IMPULSE_OFF && (self.tau - level.tau).abs() < TAU_SAME
+        let (change, tau_change) = (self.impulse - level.impulse, self.tau - level.tau);
+        (change > RISE_OFF || change < -FALL_OFF) && tau_change.abs() < TAU_SAME
     }
 }
 
