@@ -22,14 +22,15 @@ pub(crate) struct Leaving {
     reach: f64,
     /// Factor by which the fall there must exceed a parabola's.
     margin: f64,
+    /// By how much a fall half way must exceed that of a fourth power, as a part of how much a straight line does: what was
+    /// cut has a corner.
+    corner: f64,
 }
 
 /// For a force: a single pulse is close to a parabola far beyond its top.
-pub(crate) const OF_PULSE: Leaving = Leaving { reach: 1.0, margin: 1.15 };
-/// For a sound: several modes may add up to a top that is flatter than a parabola.
-const OF_RINGING: Leaving = Leaving { reach: 0.5, margin: 1.5 };
-/// Part of a fall that what was cut has fallen half way: along a straight line it is a half, along a fourth power a third.
-const CORNER: f64 = 0.38;
+pub(crate) const OF_PULSE: Leaving = Leaving { reach: 1.0, margin: 1.15, corner: 0.28 };
+/// For a sound: several modes may add up to a top that is flatter than a parabola, and turns beside it.
+const OF_RINGING: Leaving = Leaving { reach: 0.5, margin: 1.5, corner: f64::NEG_INFINITY };
 /// Samples that noise may have lifted out of a flat top, to either side.
 const JOINED_MAX: usize = 32;
 /// Samples beside a flat top from which the converter's step is found.
@@ -94,13 +95,15 @@ fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, (noise, lea
     let reach = if half * leaving.reach > 2.0 { (half * leaving.reach).round() as usize } else { 2 };
     let (Some(before), Some(behind)) = (from.checked_sub(reach), samples.get(after + reach - 1)) else { return false };
     let least = leaving.margin * ((half + reach as f64) / (half - 0.5)).powi(2) * band;
-    let has_corner = |at: Option<&C>, end: C| at.is_some_and(|&at| below(at) > CORNER * below(end));
     let half_way = reach.div_ceil(2);
+    let fallen = below(samples[from - half_way]) / below(samples[before])
+        + below(samples[after + half_way - 1]) / below(*behind);
+    let (straight, gentle) =
+        (half_way as f64 / reach as f64, ((half + half_way as f64) / (half + reach as f64)).powi(4));
     after - from > RUN
         && below(samples[before]) > least
         && below(*behind) > least
-        && has_corner(samples.get(from - half_way), samples[before])
-        && has_corner(samples.get(after + half_way - 1), *behind)
+        && 0.5 * fallen - gentle > leaving.corner * (straight - gentle)
 }
 
 /// Whether the signal leaves the level, at which it stays from `from` to before `after`, by more than rounding
