@@ -13,8 +13,8 @@ use tapline_model::{SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig,
 use tapline_plate::{Casing, Crack, Population, Rig, ScanShape, Tap as PlateTap, Tyre, discriminators};
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{
-    CacheLine, Channel, ChannelHeader, Discriminator, Discriminators, Plan, PlannedTap, Quality, Reasons, SampleFormat, Samples, Serial, TapHeader, TapId,
-    cache_lines_for,
+    CacheLine, Channel, ChannelHeader, Discriminator, Discriminators, Plan, PlannedTap, Quality, Reasons, SampleFormat,
+    Samples, Serial, TapHeader, TapId, cache_lines_for,
 };
 
 /// Taps of each simulator.
@@ -57,7 +57,13 @@ fn peak(channel: &[f64]) -> f64 {
     channel.iter().map(|x| x.abs()).max_by(f64::total_cmp).unwrap()
 }
 
-fn header(format: SampleFormat, count: u32, pre_trigger_samples: u32, velocity: (f64, f64), units: [f64; 2]) -> TapHeader {
+fn header(
+    format: SampleFormat,
+    count: u32,
+    pre_trigger_samples: u32,
+    velocity: (f64, f64),
+    units: [f64; 2],
+) -> TapHeader {
     let mut header = TapHeader {
         id: TapId::default().with_velocity_m_per_s(Some(velocity.0)).unwrap(),
         sample_rate_hz: RATE_HZ,
@@ -121,7 +127,8 @@ static OF_PLATE: LazyLock<Vec<Tap>> = LazyLock::new(|| {
     let tap = |k: u32| {
         let number = k % 16;
         let size = f64::from(number / 4);
-        let crack = Crack { depth_mm: 4.0 + 2.0 * size, length_mm: 14.0 + 4.0 * size, arc_deg: 360.0, ..Crack::default() };
+        let crack =
+            Crack { depth_mm: 4.0 + 2.0 * size, length_mm: 14.0 + 4.0 * size, arc_deg: 360.0, ..Crack::default() };
         let cracks = if number % 2 == 0 { vec![crack] } else { vec![] };
         let casing = Casing::new(&population, 4, Serial::new(&format!("P-{number}")).unwrap(), cracks).unwrap();
         let velocity_m_per_s = VELOCITIES[k as usize % 3];
@@ -200,9 +207,11 @@ fn a_record_that_is_cut() {
 fn dropouts() {
     for (duration_s, holds) in [(1e-3, false), (3e-3, false), (20e-3, false), (1e-3, true), (10e-3, true)] {
         for of_force in [false, true] {
-            let what = format!("{duration_s} s of {} in the {}", ["zeros", "one value"][usize::from(holds)], [
-                "sound", "force",
-            ][usize::from(of_force)]);
+            let what = format!(
+                "{duration_s} s of {} in the {}",
+                ["zeros", "one value"][usize::from(holds)],
+                ["sound", "force",][usize::from(of_force)]
+            );
             // What holds the value of the peak looks as clipping does.
             let flag = if holds { Quality::DROPOUT | Quality::CLIPPED } else { Quality::DROPOUT };
             assert_flagged(flag, &what, |k, tap| {
@@ -504,8 +513,7 @@ fn a_force_that_is_missing_in_a_block() {
 #[test]
 fn a_velocity_that_was_never_measured() {
     let some = |tap: &mut Discriminators| {
-        tap.velocity_measured_m_per_s =
-            if tap.id.location == 3 { tap.velocity_measured_m_per_s } else { f64::NAN };
+        tap.velocity_measured_m_per_s = if tap.id.location == 3 { tap.velocity_measured_m_per_s } else { f64::NAN };
     };
     assert!(told(Reasons::VELOCITY_UNKNOWN, "velocities at one location", some).iter().all(|share| *share < 0.01));
     let none = |tap: &mut Discriminators| tap.velocity_measured_m_per_s = f64::NAN;

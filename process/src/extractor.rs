@@ -3,7 +3,9 @@
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
 use crate::force::{Pulse, PulseFinder};
-use crate::quality::{self, ForceRecord, QualityReport, SoundRecord, check_force, check_sound, fill_means, stands_still};
+use crate::quality::{
+    self, ForceRecord, QualityReport, SoundRecord, check_force, check_sound, fill_means, stands_still,
+};
 use crate::signal::baseline::{Medians, baseline_count};
 use crate::signal::blocks::Blocks;
 use crate::signal::extent::Extent;

@@ -332,7 +332,9 @@ fn velocity_off_and_rate_implausible() {
             tap.header.velocity_measured_m_per_s = factor * tap.header.id.velocity_m_per_s().unwrap();
         });
     }
-    for (factor, also) in [(10.0, &[][..]), (0.1, &[Quality::UNDERSAMPLED, Quality::NEIGHBOUR, Quality::SOUND_LATE][..])] {
+    for (factor, also) in
+        [(10.0, &[][..]), (0.1, &[Quality::UNDERSAMPLED, Quality::NEIGHBOUR, Quality::SOUND_LATE][..])]
+    {
         assert_flagged(Quality::RATE_IMPLAUSIBLE, also, &format!("rate times {factor}"), |_, tap| {
             tap.header.sample_rate_hz *= factor;
         });
