@@ -129,7 +129,7 @@ static OF_PLATE: LazyLock<Vec<Tap>> = LazyLock::new(|| {
         let size = f64::from(number / 4);
         let crack =
             Crack { depth_mm: 4.0 + 2.0 * size, length_mm: 14.0 + 4.0 * size, arc_deg: 360.0, ..Crack::default() };
-        let cracks = if number % 2 == 0 { vec![crack] } else { vec![] };
+        let cracks = if number.is_multiple_of(2) { vec![crack] } else { vec![] };
         let casing = Casing::new(&population, 4, Serial::new(&format!("P-{number}")).unwrap(), cracks).unwrap();
         let velocity_m_per_s = VELOCITIES[k as usize % 3];
         let tap = PlateTap {
@@ -216,7 +216,7 @@ fn dropouts() {
             let flag = if holds { Quality::DROPOUT | Quality::CLIPPED } else { Quality::DROPOUT };
             assert_flagged(flag, &what, |k, tap| {
                 let channel = if of_force { &mut tap.force } else { &mut tap.sound };
-                let last = (0.1 * RATE_HZ).min(channel.len() as f64);
+                let last = channel.len().min((0.1 * RATE_HZ) as usize) as f64;
                 let from = ((k as f64 * 0.618).fract() * last) as usize;
                 let until = channel.len().min(from + (duration_s * RATE_HZ) as usize);
                 let value = if holds { channel[from] } else { 0.0 };

@@ -40,7 +40,7 @@ impl Impulse {
     /// Whether only the gain of the sensor explains how far it lies from `level`.
     fn is_off(self, level: Self) -> bool {
         let (change, tau_change) = (self.impulse - level.impulse, self.tau - level.tau);
-        (change > RISE_OFF || change < -FALL_OFF) && tau_change.abs() < TAU_SAME
+        !(-FALL_OFF..=RISE_OFF).contains(&change) && tau_change.abs() < TAU_SAME
     }
 }
 

@@ -256,7 +256,8 @@ mod tests {
                 let samples: Vec<i16> = (0..400).map(|i| (height(i) + hiss(sigma)).round() as i16).collect();
                 let top = *samples.iter().max().unwrap();
                 let extent = Extent::find(&samples).unwrap();
-                flagged += u32::from(is_flat(&samples, top, extent, 0.0, (sigma.max(0.3), OF_PULSE)));
+                flagged +=
+                    u32::from(is_flat(&samples, top, extent, 0.0, (if sigma > 0.0 { sigma } else { 0.3 }, OF_PULSE)));
             }
             assert!(flagged <= 4, "{amplitude} {sigma}: {flagged} of 400");
         }
