@@ -241,7 +241,7 @@ fn a_reference_is_cut_to_the_locations_of_the_scan() {
     let whole = build_reference(&built(file()), shoulders()).unwrap();
     let mut cut = whole.clone();
     for shoulder in &mut cut.shoulders {
-        let keep = |place: usize| place % 2 == 0;
+        let keep = |place: usize| place.is_multiple_of(2);
         let mut place = 0;
         let mut every_second = || {
             place += 1;
@@ -255,7 +255,7 @@ fn a_reference_is_cut_to_the_locations_of_the_scan() {
         }
     }
     let all = both.plan();
-    let coarse = |tap: &&tapline_wire::PlannedTap| tap.id.location % 2 == 0;
+    let coarse = |tap: &&tapline_wire::PlannedTap| tap.id.location.is_multiple_of(2);
     let taps: Vec<_> = all.taps().iter().filter(coarse).copied().collect();
     let plan = Plan::new(all.geometry, all.recording.clone(), taps, all.truth().clone()).unwrap();
     let judgement_by = |set: &ReferenceSet| {

@@ -54,7 +54,7 @@ impl Shown {
             let all = values.iter().enumerate().map(|(sample, &value)| (ms(sample), value));
             all.filter(|(time, _)| (from..=to).contains(time)).collect()
         };
-        let peak = |values: &[f64]| values.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
+        let peak = |values: &[f64]| greatest(values.iter().copied());
         let quiet = &sound[..before / 2];
         let noise = (quiet.iter().map(|x| x * x).sum::<f64>() / quiet.len().max(1) as f64).sqrt();
         Self {
@@ -96,7 +96,7 @@ impl Scope {
     /// Takes the levels of what is heard now.
     pub(crate) fn look(&mut self, monitor: &Monitor, capture: &CaptureConfig) {
         let latest = monitor.latest((LEVEL_S * f64::from(capture.sample_rate_hz)) as usize);
-        self.levels = latest.map(|channel| channel.iter().fold(0.0, |peak: f64, &x| peak.max(f64::from(x).abs())));
+        self.levels = latest.map(|channel| greatest(channel.into_iter().map(f64::from)));
         (self.fault, self.not_taps) = (monitor.fault(), monitor.not_taps());
     }
 
@@ -161,9 +161,14 @@ impl Scope {
     }
 }
 
+/// The greatest magnitude of `values`, 0 of none.
+fn greatest(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(f64::abs).max_by(f64::total_cmp).unwrap_or(0.0)
+}
+
 fn curve(frame: &mut Frame<'_>, area: Rect, title: &str, points: &[(f64, f64)], (from, to): (f64, f64)) {
     let points: Vec<(f64, f64)> = points.iter().map(|&(time, value)| (time, 100.0 * value)).collect();
-    let most = points.iter().fold(1e-3_f64, |most, (_, value)| most.max(value.abs()));
+    let most = greatest(points.iter().map(|point| point.1).chain([1e-3]));
     let least = if points.iter().any(|(_, value)| *value < -0.1 * most) { -most } else { -0.1 * most };
     let data = Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line).data(&points);
     let label = |value: f64| Line::from(format!("{value:.1}"));
