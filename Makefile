@@ -34,7 +34,7 @@ demo: setup
 	target/release/tapline report $(DEMO)/casings --out $(DEMO)/report
 	@echo "Each casing's archive is in $(DEMO)/casings; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
 
-# A scan through a sound card, which is a pipe here: two casings, in about two minutes.
+# A scan through a sound card, which is a pipe here: two casings, in about three minutes once built.
 listen: setup
 	cargo build --release -p tapline
 	examples/listen/run.sh target/release/tapline $(LISTEN)

@@ -15,4 +15,4 @@ export ALSA_CONFIG_PATH="$PWD/asound.conf"
 rig=$!
 trap 'kill $rig 2>/dev/null || true' EXIT
 "$tapline" line --config "$here/plant.toml" --reference self --out casings --casings 2
-"$tapline" export casings verdicts
+echo "Each casing has its archive in $PWD/casings."
