@@ -41,7 +41,8 @@ fn main() -> ExitCode {
         .with_target(false)
         // Where the log cannot be written it would panic, in the middle of a scan.
         .log_internal_errors(false);
-    let filter = filter.unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));
+    let level = if draws(&cli.verb) { LevelFilter::OFF } else { LevelFilter::WARN };
+    let filter = filter.unwrap_or_else(|| Targets::new().with_default(level));
     tracing_subscriber::registry().with(filter).with(log).init();
     match begin().and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
@@ -56,6 +57,16 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Whether `verb` draws on the terminal, where a log would stand in the picture.
+fn draws(verb: &Verb) -> bool {
+    #[cfg(feature = "alsa")]
+    if matches!(verb, Verb::Monitor { .. }) {
+        return true;
+    }
+    let _shows_text = verb;
+    false
 }
 
 /// What comes before every verb.

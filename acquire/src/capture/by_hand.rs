@@ -1,8 +1,11 @@
 //! A station without a rig: somebody taps by hand, or a machine by itself, in the order of the plan.
+//!
+//! Each tap that is heard is the next one. So nothing is asked for again: whoever taps would be one place ahead.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use tapline_wire::{CacheLine, Plan, PlannedTap, Serial, SourceKind, TapHeader, now_ns};
 
@@ -23,6 +26,8 @@ pub(crate) struct ByHand {
     scan: ScanConfig,
     /// Holds the serial of the casing that is there.
     serial_file: Option<PathBuf>,
+    /// When that was written for the casing before.
+    serial_written: Option<SystemTime>,
     last_unknown_name: String,
     /// The tap that comes next, for people.
     next_tap: Arc<Mutex<String>>,
@@ -42,14 +47,22 @@ impl ByHand {
         let ear = Ear::listen(device, capture, station, wake)
             .map_err(|source| Error::Thread { what: format!("the device of station {station}"), source })?;
         let (last_unknown_name, next_tap) = (String::new(), Arc::default());
-        Ok(Self { ear, station, scan: scan.clone(), serial_file, last_unknown_name, next_tap })
+        let (scan, serial_written) = (scan.clone(), None);
+        Ok(Self { ear, station, scan, serial_file, serial_written, last_unknown_name, next_tap })
     }
 
     /// The serial in the file, or a name for a casing of which none is known.
     fn name(&mut self) -> String {
         if let Some(file) = &self.serial_file {
+            let written = std::fs::metadata(file).and_then(|metadata| metadata.modified()).ok();
             match std::fs::read_to_string(file) {
-                Ok(text) if Serial::new(text.trim()).is_ok() => return text.trim().to_owned(),
+                Ok(_) if written == self.serial_written => {
+                    tracing::error!("{}: it still has the serial of the casing before", file.display());
+                }
+                Ok(text) if Serial::new(text.trim()).is_ok() => {
+                    self.serial_written = written;
+                    return text.trim().to_owned();
+                }
                 Ok(text) => tracing::error!("{}: {:?} is no serial", file.display(), text.trim()),
                 Err(error) => tracing::error!("{}: {error}", file.display()),
             }
@@ -84,7 +97,12 @@ impl Arrivals for ByHand {
         let heard = HeardCasing::new(Arc::clone(&self.ear), &self.scan, serial, self.station)?;
         Ok(Arrival::Casing(Casing {
             name,
-            taps: Box::new(TappedByHand { heard, next_tap: Arc::clone(&self.next_tap) }),
+            taps: Box::new(TappedByHand {
+                losses_before: self.ear.loss_count(),
+                heard,
+                made: BTreeSet::new(),
+                next_tap: Arc::clone(&self.next_tap),
+            }),
         }))
     }
 
@@ -113,6 +131,10 @@ impl Arrivals for ByHand {
 #[derive(Debug)]
 struct TappedByHand {
     heard: HeardCasing,
+    /// Rows that were made.
+    made: BTreeSet<u32>,
+    /// How often taps had been lost when it began.
+    losses_before: u64,
     next_tap: Arc<Mutex<String>>,
 }
 
@@ -126,19 +148,27 @@ impl Source for TappedByHand {
     }
 
     fn can_retake(&self) -> bool {
-        self.heard.can_retake()
-    }
-
-    fn room(&self) -> u32 {
-        self.heard.room()
-    }
-
-    fn grow(&mut self, plan: Plan) {
-        self.heard.grow(plan);
+        false
     }
 
     fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
+        if self.heard.ear.loss_count() != self.losses_before {
+            return Readiness::Gone(
+                "samples were lost while it was tapped: nobody knows which tap is missing".to_owned(),
+            );
+        }
+        if self.made.contains(&row) && !self.heard.has_taken(row) {
+            let file = self.heard.ear.device().to_owned();
+            return Readiness::Refused(Refusal {
+                file,
+                line: 0,
+                reason: "its samples are not kept any more".to_owned(),
+            });
+        }
         let readiness = self.heard.poll(row, attempt);
+        if readiness == Readiness::Ready {
+            self.made.insert(row);
+        }
         if readiness == Readiness::NotYet
             && let Some(tap) = self.heard.plan().taps().get(row as usize)
         {

@@ -5,7 +5,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tapline_wire::{CacheLine, f32_of_mut, i16_of_mut, now_ns};
 
@@ -36,6 +36,8 @@ pub(crate) struct HeardTap {
     pub(crate) crossing: Crossing,
     /// When the force was half of its peak, ns since the Unix epoch.
     pub(crate) time_ns: i64,
+    /// The same by a clock that nobody sets.
+    at: Instant,
 }
 
 /// What a station hears.
@@ -57,6 +59,8 @@ struct State {
     alarms: Vec<String>,
     /// Why the device is not heard.
     fault: Option<String>,
+    /// How often taps were lost, or may have been.
+    loss_count: u64,
     not_taps: NotTaps,
 }
 
@@ -104,6 +108,7 @@ impl Ear {
             taps: VecDeque::new(),
             alarms: Vec::new(),
             fault: None,
+            loss_count: 0,
             not_taps: NotTaps::default(),
         };
         let ear = Arc::new(Self {
@@ -133,7 +138,13 @@ impl Ear {
 
     /// Whether a tap waits to be taken.
     pub(crate) fn has_tap(&self) -> bool {
-        !self.state().taps.is_empty()
+        let state = self.state();
+        state.taps.iter().any(|tap| self.is_whole(&state.samples, *tap))
+    }
+
+    /// How often taps were lost, or may have been.
+    pub(crate) fn loss_count(&self) -> u64 {
+        self.state().loss_count
     }
 
     /// The next tap whose samples are all there; those that came too late for that are passed over.
@@ -143,17 +154,18 @@ impl Ear {
             if self.is_whole(&state.samples, tap) {
                 return Some(tap);
             }
+            state.loss_count += 1;
             state.alarm("a tap was heard and not taken in time: capture.buffer_s is too short, or samples were lost");
         }
         None
     }
 
-    /// Forgets the taps before `time_ns`; returns how many they were.
-    pub(crate) fn forget_before(&self, time_ns: i64) -> usize {
+    /// Forgets the taps before `time`; returns how many they were.
+    pub(crate) fn forget_before(&self, time: Instant) -> usize {
         let mut state = self.state();
         let before = state.taps.len() + state.begun.len();
-        state.taps.retain(|tap| tap.time_ns >= time_ns);
-        state.begun.retain(|tap| tap.time_ns >= time_ns);
+        state.taps.retain(|tap| tap.at >= time);
+        state.begun.retain(|tap| tap.at >= time);
         before - state.taps.len() - state.begun.len()
     }
 
@@ -185,6 +197,11 @@ impl Ear {
     /// Whether all of the record of `tap` is among `samples`.
     fn is_whole(&self, samples: &Samples, tap: HeardTap) -> bool {
         samples.has(self.first_frame(tap), self.config.sample_count as usize)
+    }
+
+    /// Whether the record of `tap` is still there.
+    pub(crate) fn has(&self, tap: HeardTap) -> bool {
+        self.is_whole(&self.state().samples, tap)
     }
 
     /// What was no tap.
@@ -223,9 +240,12 @@ impl Ear {
             let why = match device::open(&self.device, &self.config) {
                 Ok(mut device) => {
                     tracing::info!("station {station}: listens to {}", self.device);
-                    self.state().fault = None;
-                    wait = BACK_OFF.0;
-                    self.follow(device.as_mut())
+                    let why = self.follow(device.as_mut());
+                    // A fault is over with the first samples, not with a device that opens.
+                    if self.state().fault.is_none() {
+                        wait = BACK_OFF.0;
+                    }
+                    why
                 }
                 Err(why) => why,
             };
@@ -278,6 +298,7 @@ impl Ear {
             Samples::F32(ring) => ring.skip(frames),
         }
         state.begun.clear();
+        state.loss_count += 1;
         trigger.skip(frames);
     }
 
@@ -296,12 +317,15 @@ impl Ear {
             }
             _ => return,
         }
+        state.fault = None;
         let end = state.samples.end();
-        let end_ns = now_ns();
+        let (end_ns, end_at) = (now_ns(), Instant::now());
         trigger.push(force, |crossing| {
             let ago_s = (end as f64 - crossing.time_samples) / f64::from(self.config.sample_rate_hz);
             let time_ns = end_ns - (ago_s * 1e9) as i64;
-            state.begun.push_back(HeardTap { crossing, time_ns });
+            let ago = Duration::try_from_secs_f64(ago_s).unwrap_or_default();
+            let at = end_at.checked_sub(ago).unwrap_or(end_at);
+            state.begun.push_back(HeardTap { crossing, time_ns, at });
         });
         state.not_taps = trigger.not_taps();
         let mut is_news = false;
@@ -312,6 +336,7 @@ impl Ear {
             state.begun.pop_front();
             if state.taps.len() >= TAPS_MAX {
                 state.taps.pop_front();
+                state.loss_count += 1;
                 state.alarm("a tap was heard that nobody waited for");
             }
             state.taps.push_back(tap);

@@ -32,6 +32,11 @@ impl HeardCasing {
         Ok(Self { ear, plan, room: scan.room(), channels, taken: None })
     }
 
+    /// Whether the tap that was taken last is of plan row `row`, and still there.
+    pub(crate) fn has_taken(&self, row: u32) -> bool {
+        self.taken.is_some_and(|((of, _), tap)| of == row && self.ear.has(tap))
+    }
+
     fn refusal(&self, reason: &str) -> Refusal {
         Refusal { file: self.ear.device().to_owned(), line: 0, reason: reason.to_owned() }
     }
@@ -60,7 +65,7 @@ impl Source for HeardCasing {
 
     /// Takes the next tap that was heard for this one.
     fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
-        if self.taken.is_some_and(|(of, _)| of == (row, attempt)) {
+        if self.taken.is_some_and(|(of, tap)| of == (row, attempt) && self.ear.has(tap)) {
             return Readiness::Ready;
         }
         match self.ear.take_tap() {

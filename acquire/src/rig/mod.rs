@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tapline_model::SimulationConfig;
-use tapline_wire::{CacheLine, Plan, Serial, SourceKind, TapHeader, now_ns};
+use tapline_wire::{CacheLine, Plan, Serial, SourceKind, TapHeader};
 
 use self::dialogue::{LinkConfig, Progress, Removal, Tap};
 use self::link::Link;
@@ -33,6 +33,9 @@ const LOOK_EVERY: Duration = Duration::from_secs(5);
 
 /// The same where what is heard has to come in time.
 const LISTEN_EVERY: Duration = Duration::from_millis(100);
+
+/// Why a hit of which nothing was heard is made again.
+const UNHEARD: &str = "the rig has hit, and nothing was heard";
 
 /// How long a station whose hits are not heard waits before it has the rig hit again.
 const UNHEARD_PAUSE: Duration = Duration::from_secs(5);
@@ -160,6 +163,7 @@ impl Arrivals for RigArrivals {
             struck,
             retakes: self.retakes,
             failed: None,
+            heard: None,
             unheard: None,
         };
         Ok(Arrival::Casing(Casing { name: loaded.name, taps: Box::new(taps) }))
@@ -208,6 +212,8 @@ struct RigCasing {
     retakes: u16,
     /// The tap that failed last, and how often.
     failed: Option<(Tap, u16)>,
+    /// The tap that was heard last.
+    heard: Option<Tap>,
     /// Hits in a row of which nothing was heard, and since when.
     unheard: Option<(u16, Instant)>,
 }
@@ -221,25 +227,33 @@ impl RigCasing {
     fn heard(&mut self, tap: Tap) -> Readiness {
         let Some(ear) = &self.ear else { return Readiness::Ready };
         let Some(hit) = self.link.dialogue().hit(self.id, tap) else { return Readiness::NotYet };
-        let stray = ear.forget_before(hit.sent_ns);
+        // Asked for again, as after a stage has died: it is still there.
+        if self.heard == Some(tap) && self.struck.poll(tap.0, tap.1) == Readiness::Ready {
+            return Readiness::Ready;
+        }
+        let stray = ear.forget_before(hit.sent);
         if stray > 0 {
             tracing::warn!(stray, "taps were heard that the rig was not asked for");
         }
         let record = ear.config().record_time();
-        let waited = Duration::from_nanos(u64::try_from(now_ns() - hit.time_ns).unwrap_or(0));
+        let waited = hit.at.elapsed();
         let fault = match ear.tap_count() {
             0 if waited > HEARD_WITHIN + record => {
                 let before = self.unheard.map_or(0, |(count, _)| count);
                 self.unheard = Some((before.saturating_add(1), Instant::now()));
-                "the rig has hit, and nothing was heard"
+                UNHEARD
             }
             0 => return Readiness::NotYet,
             1 => {
-                self.unheard = None;
-                return self.struck.poll(tap.0, tap.1);
+                let readiness = self.struck.poll(tap.0, tap.1);
+                if readiness == Readiness::Ready {
+                    (self.heard, self.unheard) = (Some(tap), None);
+                }
+                return readiness;
             }
             _ => "the rig was told to hit once, and was heard more than once",
         };
+        self.heard = None;
         self.link.dialogue().fail(self.id, tap, fault);
         self.poll(tap.0, tap.1)
     }
@@ -298,10 +312,13 @@ impl Source for RigCasing {
             Progress::Failed(why) => {
                 let failed = self.failed.take().filter(|(of, _)| *of == (row, attempt)).map_or(0, |(_, count)| count);
                 // What nobody hears is no fault of this tap: it waits until it is heard, or the casing is taken away.
+                if why != UNHEARD {
+                    self.unheard = None;
+                }
                 if failed >= self.retakes && self.unheard.is_none() {
                     return Readiness::Refused(self.refusal(format!("the rig cannot make this tap: {why}")));
                 }
-                self.failed = Some(((row, attempt), failed + 1));
+                self.failed = Some(((row, attempt), failed.saturating_add(1)));
                 self.poll(row, attempt)
             }
         }

@@ -5,7 +5,7 @@ use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream, ToSocketAddrs as _};
 use std::time::Duration;
 
-use serialport::SerialPort;
+use serialport::{ClearBuffer, SerialPort};
 
 /// How long it may take to connect, and to write a line.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
@@ -41,7 +41,10 @@ impl Stream {
             Some(port) => {
                 let (path, baud_rate) = serial_port(port)?;
                 let port = serialport::new(path, baud_rate).timeout(CONNECT_TIMEOUT).open();
-                port.map(Self::Serial).map_err(|error| error.to_string())
+                let port = port.map_err(|error| error.to_string())?;
+                // What was said before is nothing to this station.
+                port.clear(ClearBuffer::Input).map_err(|error| error.to_string())?;
+                Ok(Self::Serial(port))
             }
             None => connect(address).map(Self::Tcp),
         }

@@ -77,6 +77,8 @@ pub(crate) struct Scope {
     levels: [f64; 2],
     fault: Option<String>,
     not_taps: NotTaps,
+    /// What was no tap before it began to count.
+    not_taps_before: Option<NotTaps>,
     count: u64,
     last: Option<Shown>,
 }
@@ -84,7 +86,7 @@ pub(crate) struct Scope {
 impl Scope {
     pub(crate) fn new(device: &str) -> Self {
         let (levels, not_taps) = ([0.0; 2], NotTaps::default());
-        Self { device: device.to_owned(), levels, fault: None, not_taps, count: 0, last: None }
+        Self { device: device.to_owned(), levels, fault: None, not_taps, not_taps_before: None, count: 0, last: None }
     }
 
     /// Shows `tap` until the next one.
@@ -97,7 +99,12 @@ impl Scope {
     pub(crate) fn look(&mut self, monitor: &Monitor, capture: &CaptureConfig) {
         let latest = monitor.latest((LEVEL_S * f64::from(capture.sample_rate_hz)) as usize);
         self.levels = latest.map(|channel| greatest(channel.into_iter().map(f64::from)));
-        (self.fault, self.not_taps) = (monitor.fault(), monitor.not_taps());
+        let all = monitor.not_taps();
+        let before = *self.not_taps_before.get_or_insert(all);
+        // Another trigger level begins at 0.
+        let since = |all: u64, before: u64| all.checked_sub(before).unwrap_or(all);
+        let (clicks, steps) = (since(all.clicks, before.clicks), since(all.steps, before.steps));
+        (self.fault, self.not_taps) = (monitor.fault(), NotTaps { clicks, steps });
     }
 
     pub(crate) fn draw(&self, frame: &mut Frame<'_>, capture: &CaptureConfig) {

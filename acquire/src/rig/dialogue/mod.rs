@@ -15,6 +15,9 @@ use crate::rig::stream::Stream;
 /// A rig that has been silent for this long is pinged.
 const SILENCE_MAX: Duration = Duration::from_secs(10);
 
+/// How often a rig at a serial port is asked who it is: a board that starts does not hear it.
+const ASK_AGAIN: Duration = Duration::from_secs(1);
+
 /// Most alarms that are kept for the station.
 const ALARMS_MAX: usize = 16;
 
@@ -54,6 +57,8 @@ pub(crate) struct Dialogue {
     /// When the rig disconnected with the current casing on it.
     away_since: Option<Instant>,
     last_received: Option<Instant>,
+    /// When a rig at a port was last asked who it is.
+    asked: Option<Instant>,
     /// Number of unexpected lines within this second, and when the second began.
     unexpected: (u32, Option<Instant>),
     last_id: u64,
@@ -87,7 +92,7 @@ struct Current {
     /// The hit command, which is sent once the impactor is in position.
     hit: String,
     /// When it was sent.
-    hit_sent_ns: i64,
+    hit_sent: Option<Instant>,
 }
 
 #[derive(Debug)]
@@ -117,10 +122,11 @@ pub(crate) type Tap = (u32, u16);
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Hit {
     pub velocity_m_per_s: f64,
-    /// When it was told to hit.
-    pub sent_ns: i64,
-    /// When it said that it has.
+    /// When it said that it has, ns since the Unix epoch.
     pub time_ns: i64,
+    /// When it was told to hit, and when it said that it has.
+    pub sent: Instant,
+    pub at: Instant,
 }
 
 /// How far a requested tap is.
@@ -153,6 +159,7 @@ impl Dialogue {
             end_report: None,
             away_since: None,
             last_received: None,
+            asked: None,
             unexpected: (0, None),
             last_id: 0,
             last_unknown_name: String::new(),
@@ -169,7 +176,7 @@ impl Dialogue {
         let is_to_be_asked = stream.has_no_connection();
         self.stream = Some(stream);
         if is_to_be_asked {
-            self.send("hello");
+            self.ask();
         }
         self.last_received = Some(Instant::now());
     }
@@ -177,6 +184,11 @@ impl Dialogue {
     /// Records that the connection has ended.
     pub(super) fn disconnected(&mut self) {
         self.stream = None;
+        self.forget_rig();
+    }
+
+    /// Forgets what the rig has said, and what it was told: it begins anew.
+    pub(super) fn forget_rig(&mut self) {
         self.rig_name = None;
         self.stopped = None;
         self.pending = None;
@@ -191,6 +203,17 @@ impl Dialogue {
                 current.step = Step::Idle;
             }
         }
+    }
+
+    /// Whether there is no connection, but a port.
+    pub(super) fn is_serial(&self) -> bool {
+        self.stream.as_ref().is_some_and(Stream::has_no_connection)
+    }
+
+    /// Asks who is at the other end of a port.
+    fn ask(&mut self) {
+        self.asked = Some(Instant::now());
+        self.send("hello");
     }
 
     pub(super) fn is_connected(&self) -> bool {
@@ -231,7 +254,11 @@ impl Dialogue {
             return Err(format!("the rig has not answered {:?} within {timeout:?}", pending.text));
         }
         let silence = self.last_received.map_or(Duration::ZERO, |at| now.duration_since(at));
-        if self.rig_name.is_none() && silence >= timeout {
+        let is_unasked = self.asked.is_some_and(|at| now.duration_since(at) >= ASK_AGAIN);
+        if self.rig_name.is_none() && is_unasked && self.is_serial() {
+            self.ask();
+        }
+        if self.rig_name.is_none() && silence >= timeout && !self.is_serial() {
             return Err(format!("the rig has not said hello within {timeout:?}"));
         }
         if self.rig_name.is_some() && silence >= SILENCE_MAX && self.pending.is_none() {

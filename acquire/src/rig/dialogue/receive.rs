@@ -19,9 +19,22 @@ impl Dialogue {
         let now = Instant::now();
         self.last_received = Some(now);
         let Some(message) = RigMessage::parse(line) else {
+            if self.rig_name.is_none() && self.is_serial() {
+                // What a board says while it starts.
+                return Ok(false);
+            }
             return Err(format!("the rig has said {:?}, which means nothing here", one_line(line)));
         };
         if self.rig_name.is_none() {
+            return self.receive_hello(message, line);
+        }
+        // An answer that was on its way when the rig stopped: its tap is made when it goes on.
+        if self.stopped.is_some() && matches!(message, RigMessage::Ready | RigMessage::Hit(_) | RigMessage::Error(_)) {
+            return Ok(false);
+        }
+        // A board that has started again.
+        if self.is_serial() && matches!(message, RigMessage::Hello { .. }) {
+            self.forget_rig();
             return self.receive_hello(message, line);
         }
         // A line from the rig shows that it has received what was sent before on this connection.
@@ -43,7 +56,7 @@ impl Dialogue {
             RigMessage::Ready => {
                 let casing = self.answered(Command::Move, line)?;
                 let hit = self.begun(casing).map(|current| {
-                    current.hit_sent_ns = now_ns();
+                    current.hit_sent = Some(Instant::now());
                     current.hit.clone()
                 });
                 if let Some(hit) = hit {
@@ -53,8 +66,8 @@ impl Dialogue {
             }
             RigMessage::Hit(velocity_m_per_s) => {
                 let casing = self.answered(Command::Hit, line)?;
-                let sent_ns = self.begun(casing).map_or(0, |current| current.hit_sent_ns);
-                let hit = Hit { velocity_m_per_s, sent_ns, time_ns: now_ns() };
+                let sent = self.begun(casing).and_then(|current| current.hit_sent).unwrap_or(now);
+                let hit = Hit { velocity_m_per_s, time_ns: now_ns(), sent, at: now };
                 self.advance(casing, |tap| Step::Hit(tap, hit));
                 Ok(true)
             }
@@ -63,7 +76,7 @@ impl Dialogue {
                 tracing::warn!("station {station}: the rig at {address} is stopped: {why}");
                 self.alarm(format!("the rig is stopped: {why}"));
                 // What it was told to do is not done: it is told again when it goes on.
-                if let Some(pending) = self.pending.take()
+                if let Some(pending) = self.pending.take_if(|pending| pending.command != Command::Ping)
                     && let Some(current) = self.begun(pending.casing)
                 {
                     current.step = Step::Idle;
@@ -102,6 +115,7 @@ impl Dialogue {
                 self.send(&format!("error version {version} is not spoken here, but {VERSION}"));
                 Err(format!("the rig speaks version {version} of the protocol; this station speaks {VERSION}"))
             }
+            _ if self.is_serial() => Ok(false),
             _ => Err(format!("the rig has said {:?} before hello", one_line(line))),
         }
     }

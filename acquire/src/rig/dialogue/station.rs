@@ -22,7 +22,7 @@ impl Dialogue {
         let (id, removal) = (self.last_id, Removal::default());
         let step = Step::Idle;
         self.current =
-            Some(Current { id, serial, removal: Arc::clone(&removal), step, hit: String::new(), hit_sent_ns: 0 });
+            Some(Current { id, serial, removal: Arc::clone(&removal), step, hit: String::new(), hit_sent: None });
         Some(LoadedCasing { id, name, removal })
     }
 
@@ -106,6 +106,8 @@ impl Dialogue {
                 format!("the rig {name:?} at {address} to go on: it is stopped ({why})")
             }
             (Some(name), Some(_), Some(pending)) => format!("the rig {name:?} at {address} to {}", pending.text),
+            (Some(_), Some(Current { step: Step::Hit(..), .. }), None) => "its hit to be heard".to_owned(),
+            (Some(name), Some(_), None) => format!("the rig {name:?} at {address}, to try again"),
             (Some(name), ..) => format!("a casing on the rig {name:?} at {address}"),
         }
     }
