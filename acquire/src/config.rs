@@ -1,5 +1,7 @@
 //! The tables `[acquire]` and `[scan]` of a configuration.
 
+pub(crate) mod scan_taps;
+
 use serde::{Deserialize, Serialize};
 use tapline_model::{Crack, SimulationConfig};
 use tapline_wire::{CasingLimits, RETAKES_MAX, Serial};

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use tapline_wire::{CHANNELS_MAX, CacheLine, ChannelHeader, Geometry, Plan, Serial, SourceKind, TapHeader, Truth};
 
 use crate::capture::ear::{Ear, HeardTap};
-use crate::source::scan_taps::taps_of;
+use crate::config::scan_taps::taps_of;
 use crate::source::{channel_headers, named, no_room, no_such_row};
 use crate::{Error, Readiness, Refusal, ScanConfig, Source};
 

@@ -8,7 +8,7 @@ use tapline_wire::{
     TapHeader, TapId, Truth, i16_of_mut,
 };
 
-use crate::source::scan_taps::taps_of;
+use crate::config::scan_taps::taps_of;
 use crate::source::{channel_headers, named, no_room, no_such_row};
 use crate::{Error, Refusal, ScanConfig, Source};
 

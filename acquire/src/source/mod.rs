@@ -1,7 +1,6 @@
 //! What a source of taps is: asked for a tap by its row in the plan, it renders that tap in place.
 
 pub(crate) mod arrivals;
-pub(crate) mod scan_taps;
 
 use std::fmt;
 

@@ -262,7 +262,9 @@ fn c17_an_impact_too_fast() {
     let off = |part: f64| taps(17, |tap| tap.velocity_m_per_s = Some((1.85, 1.85 * (1.0 + part))), |_| {});
     assert_flagged(&off(0.05), Quality::VELOCITY_OFF, &[]);
     assert_flagged(&off(-0.05), Quality::VELOCITY_OFF, &[]);
-    assert!(extracted(&off(0.02), &ProcessConfig::default()).iter().all(|f| f.quality.is_empty()));
+    // The force of these taps has no unit, so `rate_implausible` may speak of their impulse.
+    let nearly = extracted(&off(0.02), &ProcessConfig::default());
+    assert!(nearly.iter().all(|f| Quality::RATE_IMPLAUSIBLE.contains(f.quality)));
     let mut dropping = ProcessConfig::default();
     dropping.quality.velocity_off = Policy::Drop;
     for found in extracted(&off(0.05), &dropping) {
