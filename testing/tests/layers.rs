@@ -14,7 +14,7 @@ const CRATES: [(&str, usize); 11] = [
     ("wire/src", 3),
     ("model/src", 3),
     ("codec/src", 4),
-    ("acquire/src", 5),
+    ("acquire/src", 6),
     ("process/src", 7),
     ("store/src", 5),
     ("export/src", 5),
