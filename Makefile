@@ -7,8 +7,8 @@ LISTEN = target/listen
 .PHONY: setup python demo listen test gates bench
 
 # Rust, gcc and make are taken for granted; all else is asked for here, and only what is missing is installed.
-setup:
-	@missing=""; for package in $(PACKAGES); do \
+define install
+	@missing=""; for package in $(1); do \
 	  dpkg-query -W -f='$${Status}' $$package 2>/dev/null | grep -q 'install ok installed' || missing="$$missing $$package"; \
 	done; \
 	if [ -n "$$missing" ]; then \
@@ -16,10 +16,15 @@ setup:
 	  if [ "$$(id -u)" = 0 ]; then sudo=""; else sudo="sudo"; fi; \
 	  $$sudo apt-get update -qq && DEBIAN_FRONTEND=noninteractive $$sudo apt-get install -y -qq --no-install-recommends $$missing; \
 	fi
+endef
 
-# What tests read files back with, in a folder of its own. With TAPLINE_REQUIRE_ALL=1 no test is skipped.
+setup:
+	$(call install,$(PACKAGES))
+
+# What tests read files and pages back with, Python's part in a folder of its own. With TAPLINE_REQUIRE_ALL=1 no test is skipped.
 PYTHON = target/python/bin/python
 python: setup
+	$(call install,chromium)
 	@test -x $(PYTHON) || python3 -m venv target/python
 	@$(PYTHON) -m pip install -q --disable-pip-version-check -r tests/python.txt
 

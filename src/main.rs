@@ -9,9 +9,11 @@ mod config;
 mod host;
 mod line;
 mod report;
+#[cfg(feature = "serve")]
+mod serve;
+mod shown;
 mod verbs;
 
-use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -19,12 +21,10 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Context as _;
 use clap::Parser as _;
 use tracing::level_filters::LevelFilter;
-use tracing_subscriber::filter::Targets;
-use tracing_subscriber::layer::SubscriberExt as _;
-use tracing_subscriber::util::SubscriberInitExt as _;
 
 use crate::archives::Which;
 use crate::cli::{Cli, ModelVerb, Verb};
+use crate::host::log::{self, LogFormat};
 use crate::host::stderr::{print_line, with_causes};
 use crate::line::stage::{DISK_FAILED, DiskFailed};
 use crate::verbs::{explain, export, import, model_contact, model_table, reference, repack, reprocess, rig, verify};
@@ -34,16 +34,7 @@ const INCOMPLETE: u8 = 3;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let filter = std::env::var("TAPLINE_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
-    let log = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        // Where the log cannot be written it would panic, in the middle of a scan.
-        .log_internal_errors(false);
-    let level = if draws(&cli.verb) { LevelFilter::OFF } else { LevelFilter::WARN };
-    let filter = filter.unwrap_or_else(|| Targets::new().with_default(level));
-    tracing_subscriber::registry().with(filter).with(log).init();
+    log::start(cli.log, if draws(&cli.verb) { LevelFilter::OFF } else { LevelFilter::WARN });
     match begin().and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
@@ -53,7 +44,10 @@ fn main() -> ExitCode {
             if error.is::<DiskFailed>() {
                 return ExitCode::from(DISK_FAILED);
             }
-            print_line(&format!("tapline: {}", with_causes(&error)));
+            match cli.log {
+                LogFormat::Text => print_line(&format!("tapline: {}", with_causes(&error))),
+                LogFormat::Json => tracing::error!("{}", with_causes(&error)),
+            }
             ExitCode::FAILURE
         }
     }
@@ -89,6 +83,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Devices { names } => verbs::devices::devices(names),
         #[cfg(feature = "alsa")]
         Verb::Monitor { config, station } => verbs::monitor::monitor(config, *station),
+        Verb::Calibrate { verb } => verbs::calibrate::calibrate(verb),
         Verb::Stage(args) => line::stage::stage(args),
         Verb::Export(args) => export::export(args),
         Verb::Import(args) => import::import(args),
@@ -100,7 +95,9 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
             explain::explain(archives, results.which(), shoulder.as_deref(), *location)
         }
         Verb::Diff { before, after, results } => explain::diff(before, after, Which::results_if(*results)),
-        Verb::Report { archives, out, results } => report::report(archives, results.which(), out.as_deref()),
+        Verb::Report { archives, out, config, shift, results } => {
+            report::report(archives, results.which(), out.as_deref(), config.as_deref(), shift.clone())
+        }
         Verb::Model(ModelVerb::Table { number, effective_length }) => model_table::model(*number, *effective_length),
         Verb::Model(ModelVerb::Contact(args)) => model_contact::contact(args),
     }

@@ -1,5 +1,6 @@
 //! The tables `[acquire]` and `[scan]` of a configuration.
 
+pub(crate) mod calibration;
 pub(crate) mod scan_taps;
 
 use serde::{Deserialize, Serialize};

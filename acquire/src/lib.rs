@@ -30,7 +30,10 @@ mod tap_set;
 
 #[cfg(feature = "alsa")]
 pub use capture::{Abilities, SoundCardInfo, sound_cards};
-pub use capture::{CaptureConfig, Crossing, Monitor, MonitoredTap, NotTaps, Trigger, TriggerConfig};
+pub use capture::{
+    CaptureConfig, Crossing, DeviceName, Monitor, MonitoredTap, NotTaps, Trigger, TriggerConfig, UldaqConfig,
+};
+pub use config::calibration::{CALIBRATION_FILE, CalibrationFile, ChannelScale};
 pub use config::{AcquireConfig, ScanConfig, ScanPolicy, TyreConfig};
 pub use error::Error;
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};

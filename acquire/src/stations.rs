@@ -6,7 +6,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use tapline_model::SimulationConfig;
 
+use crate::capture::DeviceName;
 use crate::capture::by_hand::ByHand;
+use crate::config::calibration::CalibrationFile;
+use crate::config::refuse;
 use crate::rig::stream::fault_of;
 use crate::simulated::listed::SimulatedTyres;
 use crate::{AcquireConfig, Arrivals, CaptureConfig, Error, FolderArrivals, RigArrivals, RigConfig, ScanConfig, Wake};
@@ -24,6 +27,8 @@ pub enum StationSource {
     Rig,
     /// A sound card that hears the taps of a rig, or those that are made by hand.
     Alsa,
+    /// A data acquisition module that hears them.
+    Uldaq,
     /// Simulated tyres, one after another.
     Simulated,
 }
@@ -34,6 +39,7 @@ impl StationSource {
             Self::Folder => "folder",
             Self::Rig => "rig",
             Self::Alsa => "alsa",
+            Self::Uldaq => "uldaq",
             Self::Simulated => "simulated",
         }
     }
@@ -49,18 +55,23 @@ pub struct StationConfig {
     pub source: StationSource,
     /// The watched folder.
     pub folder: Option<PathBuf>,
-    /// Host and port of the rig, or `serial:PATH`; without one a sound card hears taps in the order of the plan.
+    /// Host and port of the rig, or `serial:PATH`; without one a device hears taps in the order of the plan.
     pub rig: Option<String>,
-    /// The sound card, as ALSA names it.
+    /// The sound card, as ALSA names it, or the data acquisition module.
     pub device: Option<String>,
     /// A file with the serial of the casing that is tapped without a rig.
     pub serial_file: Option<PathBuf>,
+    /// A file of what full-scale samples of the device are worth, made by `tapline calibrate`; unknown without.
+    pub calibration: Option<PathBuf>,
     /// How long a rig may be away with a casing under way before that is given up, in s.
     #[serde(default = "rig_patience_s")]
     pub rig_patience_s: f64,
     /// How long a rig may take to answer before the connection is made anew, in s.
     #[serde(default = "rig_timeout_s")]
     pub rig_timeout_s: f64,
+    /// The same where it has to find its home, in s.
+    #[serde(default = "rig_home_timeout_s")]
+    pub rig_home_timeout_s: f64,
     /// How many simulated tyres come; without end when left out.
     pub casings: Option<u64>,
     /// Number of the first simulated tyre.
@@ -76,11 +87,24 @@ fn rig_timeout_s() -> f64 {
     10.0
 }
 
+fn rig_home_timeout_s() -> f64 {
+    60.0
+}
+
 fn first_casing() -> u64 {
     1
 }
 
 impl StationConfig {
+    /// The table `capture` with what the samples of this station are worth.
+    ///
+    /// # Errors
+    /// As [`CalibrationFile::read`].
+    pub fn heard_with(&self, capture: &CaptureConfig) -> Result<CaptureConfig, Error> {
+        let calibration = self.calibration.as_deref().map(CalibrationFile::read).transpose()?.unwrap_or_default();
+        Ok(CaptureConfig { calibration, ..capture.clone() })
+    }
+
     /// Checks every value against its bounds.
     ///
     /// # Errors
@@ -95,18 +119,16 @@ impl StationConfig {
         let is = |source: StationSource| self.source == source;
         let folder = self.folder.as_ref().map(|folder| folder.display().to_string());
         let serial_file = self.serial_file.as_ref().map(|file| file.display().to_string());
+        let calibration = self.calibration.as_ref().map(|file| file.display().to_string());
         let casings = self.casings.map(|casings| casings.to_string());
-        let is_rig_free = is(StationSource::Alsa) && self.rig.is_some();
+        let device = if is(StationSource::Uldaq) { StationSource::Uldaq } else { StationSource::Alsa };
+        let is_rig_free = is(device) && self.rig.is_some();
         for (key, value, source, is_needed) in [
             ("folder", &folder, StationSource::Folder, is(StationSource::Folder)),
-            (
-                "rig",
-                &self.rig,
-                if is_rig_free { StationSource::Alsa } else { StationSource::Rig },
-                is(StationSource::Rig),
-            ),
-            ("device", &self.device, StationSource::Alsa, is(StationSource::Alsa)),
-            ("serial_file", &serial_file, StationSource::Alsa, false),
+            ("rig", &self.rig, if is_rig_free { device } else { StationSource::Rig }, is(StationSource::Rig)),
+            ("device", &self.device, device, is(device)),
+            ("serial_file", &serial_file, device, false),
+            ("calibration", &calibration, device, false),
             ("casings", &casings, StationSource::Simulated, false),
         ] {
             match value.as_deref() {
@@ -129,7 +151,11 @@ impl StationConfig {
             let bound = "HOST:PORT, the port from 1 to 65535, or serial:PATH or serial:PATH@BAUD".to_owned();
             return refuse("rig", format!("{rig:?}"), bound);
         }
-        for (key, time_s) in [("rig_patience_s", self.rig_patience_s), ("rig_timeout_s", self.rig_timeout_s)] {
+        for (key, time_s) in [
+            ("rig_patience_s", self.rig_patience_s),
+            ("rig_timeout_s", self.rig_timeout_s),
+            ("rig_home_timeout_s", self.rig_home_timeout_s),
+        ] {
             if !(0.001..=TIME_MAX_S).contains(&time_s) {
                 return refuse(key, time_s.to_string(), format!("from 0.001 to {TIME_MAX_S}"));
             }
@@ -138,6 +164,12 @@ impl StationConfig {
             return refuse("first_casing", "0".to_owned(), "at least 1".to_owned());
         }
         Ok(())
+    }
+
+    /// What it listens to, if it does.
+    pub fn device_name(&self) -> Option<DeviceName> {
+        let name = self.device.clone()?;
+        Some(if self.source == StationSource::Uldaq { DeviceName::Uldaq(name) } else { DeviceName::Alsa(name) })
     }
 }
 
@@ -184,23 +216,27 @@ pub fn open_station(
 ) -> Result<Box<dyn Arrivals>, Error> {
     station.validate()?;
     let number = station.number;
-    // Only a sound card has a device.
-    let device = station.device.as_ref().map(|device| (device.clone(), capture.clone()));
+    let capture = station.heard_with(capture)?;
+    let device = station.device_name();
     if device.is_some() {
         capture.validate()?;
     }
-    Ok(match (station.source, &station.folder, &station.rig, &station.device) {
+    if station.source == StationSource::Uldaq && capture.bits == 16 {
+        refuse("capture.bits", capture.bits, "24 or 32, as source is \"uldaq\"")?;
+    }
+    Ok(match (station.source, &station.folder, &station.rig, &device) {
         (StationSource::Folder, Some(folder), ..) => Box::new(FolderArrivals::open(folder, number)?),
-        (StationSource::Alsa, _, None, Some(device)) => {
-            Box::new(ByHand::open(device, station.serial_file.clone(), number, scan, capture, wake)?)
+        (StationSource::Alsa | StationSource::Uldaq, _, None, Some(device)) => {
+            Box::new(ByHand::open(device, station.serial_file.clone(), number, scan, &capture, wake)?)
         }
-        (StationSource::Rig | StationSource::Alsa, _, Some(address), _) => {
+        (StationSource::Rig | StationSource::Alsa | StationSource::Uldaq, _, Some(address), _) => {
             let rig = RigConfig {
                 address: address.clone(),
                 patience_s: station.rig_patience_s,
                 timeout_s: station.rig_timeout_s,
+                home_timeout_s: station.rig_home_timeout_s,
                 retakes: acquire.retakes,
-                device,
+                device: device.map(|device| (device, capture.clone())),
             };
             Box::new(RigArrivals::open(&rig, number, scan, simulation, wake)?)
         }
@@ -256,6 +292,7 @@ mod tests {
                 one("source = \"alsa\"\ndevice = \"hw:0\"\nrig = \"h:1\"\nserial_file = \"x\""),
                 "station.serial_file is x; it must be left out, as the rig tells the serial",
             ),
+            (one("source = \"uldaq\""), "station.device is left out; it must be given, as source is \"uldaq\""),
             (
                 one("source = \"rig\"\nrig = \"h:1\"\ndevice = \"hw:0\""),
                 "station.device is hw:0; it must be left out, as source is not \"alsa\"",
@@ -300,5 +337,17 @@ mod tests {
         assert!(matches!(opened[1].next().unwrap(), Arrival::NotYet) && opened[1].waits_for().contains("127.0.0.1:1"));
         assert!(matches!(opened[2].next().unwrap(), Arrival::Casing(casing) if casing.name == "S6-1"));
         assert!(matches!(opened[2].next().unwrap(), Arrival::Ended));
+    }
+
+    /// Catches samples of 24 bits that are cut to 16, and a source that is taken for a sound card.
+    #[test]
+    fn a_module_gives_more_than_16_bits() {
+        let text = "[[station]]\nnumber = 1\nsource = \"uldaq\"\ndevice = \"DT9837A\"\n";
+        let station = stations(text).unwrap().remove(0);
+        assert_eq!(station.device_name(), Some(DeviceName::Uldaq("DT9837A".to_owned())));
+        let (scan, simulation) = (ScanConfig::default(), SimulationConfig::default());
+        let (acquire, capture) = (AcquireConfig::default(), CaptureConfig::default());
+        let error = open_station(&station, &acquire, &scan, &simulation, &capture, Arc::new(|| {})).unwrap_err();
+        assert_eq!(error.to_string(), "capture.bits is 16; it must be 24 or 32, as source is \"uldaq\"");
     }
 }

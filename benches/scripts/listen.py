@@ -18,7 +18,6 @@ import time
 CAPTURE = """
 [capture]
 sample_rate_hz = 40960
-force_full_scale_n = 222.0
 [capture.trigger]
 level = 0.02
 [scan]

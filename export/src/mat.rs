@@ -1,6 +1,7 @@
 //! The taps of an archive as MATLAB files of version 7, which MATLAB, Octave and scipy open.
 //!
-//! There is one file for each shoulder. `force` (N) and `sound` (V) are matrices of floats with a column for each tap; each column of
+//! There is one file for each shoulder. `force` and `sound` are matrices of floats with a column for each tap, in `force_unit` and
+//! `sound_unit` (FS is part of full scale, where the scale is not known); each column of
 //! the list of taps that is a number is a row vector with an element for each of these. A tap with fewer samples than the longest
 //! ends with NaN. Beside the files, `taps.csv` lists every planned tap, with its column or why it has none.
 //!
@@ -28,11 +29,13 @@ const VARIABLE_BYTES_MAX: usize = (1 << 31) - 1;
 
 const MI_INT8: u32 = 1;
 const MI_INT32: u32 = 5;
+const MI_UINT16: u32 = 4;
 const MI_UINT32: u32 = 6;
 const MI_SINGLE: u32 = 7;
 const MI_DOUBLE: u32 = 9;
 const MI_MATRIX: u32 = 14;
 const MI_COMPRESSED: u32 = 15;
+const MX_CHAR: u32 = 4;
 const MX_DOUBLE: u32 = 6;
 const MX_SINGLE: u32 = 7;
 
@@ -166,8 +169,14 @@ impl Columns {
             let numbers = self.numbers.iter().map(|numbers| numbers[place].to_le_bytes());
             variable(&mut out, name, (1, tap_count), MX_DOUBLE, MI_DOUBLE, numbers)?;
         }
-        for (name, channel) in [("force", &self.force), ("sound", &self.sound)] {
+        for (channel, name, unit_name) in
+            [(Channel::Force, "force", "force_unit"), (Channel::Sound, "sound", "sound_unit")]
+        {
+            let unit = recording.calibration.unit(channel).name();
+            let channel = if channel == Channel::Force { &self.force } else { &self.sound };
             if channel.len() == tap_count {
+                let letters = unit.encode_utf16().map(u16::to_le_bytes);
+                variable(&mut out, unit_name, (1, unit.len()), MX_CHAR, MI_UINT16, letters)?;
                 let padded = |column: &Vec<f32>| {
                     let missing = self.sample_count_max - column.len();
                     column.clone().into_iter().chain(std::iter::repeat_n(f32::NAN, missing))

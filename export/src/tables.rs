@@ -1,8 +1,8 @@
 //! The tables of an archive: their columns and rows.
 
 use tapline_wire::{
-    DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, ScanState, TapState,
-    Verdict,
+    Channel, DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, ScanState,
+    TapState, Verdict,
 };
 
 use crate::Export;
@@ -62,13 +62,19 @@ struct FoundRow<'a> {
 fn discriminators(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
     let mut columns = tap_columns(name, |row: &FoundRow<'_>| row.tap);
     columns.push(Column::u16("attempt", |row: &FoundRow<'_>| row.found.id.attempt));
-    columns.extend(
-        Discriminator::ALL.map(|which| {
-            Column::f64(which.column(), which.unit(), move |row: &FoundRow<'_>| row.found.values.get(which))
-        }),
-    );
+    let recording = &reader.plan().recording;
+    columns.extend(Discriminator::ALL.map(|which| {
+        // Archives of one table may differ in the others: they have columns of their own.
+        let unit = which.fixed_unit().unwrap_or_default();
+        Column::f64(which.column(), unit, move |row: &FoundRow<'_>| row.found.values.get(which))
+    }));
     columns.push(Column::text("quality", |row: &FoundRow<'_>| row.found.quality.to_string()));
     columns.push(Column::bits("quality_bits", |row: &FoundRow<'_>| row.found.quality.bits()));
+    for (name, channel) in [("force_unit", Channel::Force), ("sound_unit", Channel::Sound)] {
+        let has_it = recording.channels.contains(&channel);
+        let unit = has_it.then(|| recording.calibration.unit(channel).name().to_owned());
+        columns.push(Column::maybe_text(name, move |_| unit.clone()));
+    }
     let found = reader.plan().taps().iter().zip(reader.discriminators()?);
     sink.rows(&columns, found.filter_map(|(tap, found)| Some(FoundRow { tap, found: found? })))
 }

@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use tapline_wire::{Channel, Scan, TapHeader};
+use tapline_wire::{Channel, Scan, TapHeader, Unit};
 
 use crate::error::Context as _;
 use crate::folder::Draft;
@@ -238,11 +238,15 @@ impl Function<'_> {
         let first_s = -f64::from(header.pre_trigger_samples) * step_s;
         let numbers: String = [first_s, step_s, 0.0].map(|value| exponent(value, 13, 5, 'E')).concat();
         writeln!(out, "{kind:10}{value_count:10}{:10}{numbers}", 1)?;
-        // Types: 17 time, 13 excitation force, 0 a type that the list lacks.
-        let (kind, label, unit) = match self.channel {
-            Channel::Force => (13, "Force", "N"),
-            Channel::Sound => (0, "Sound", "V"),
+        // Types: 17 time, 13 excitation force, 15 pressure, 0 a type that the list lacks.
+        let unit = self.reader.plan().recording.calibration.unit(self.channel);
+        let (kind, label) = match (self.channel, unit) {
+            (Channel::Force, Unit::Newton) => (13, "Force"),
+            (Channel::Force, _) => (0, "Force"),
+            (Channel::Sound, Unit::Pascal) => (15, "Sound"),
+            (Channel::Sound, _) => (0, "Sound"),
         };
+        let unit = unit.name();
         for (kind, label, unit) in [(17, "Time", "s"), (kind, label, unit), (0, "NONE", "NONE"), (0, "NONE", "NONE")] {
             writeln!(out, "{kind:10}{:5}{:5}{:5} {label:<20} {unit:<20}", 0, 0, 0)?;
         }

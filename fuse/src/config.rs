@@ -141,6 +141,8 @@ pub struct FuseConfig {
     /// Whether F_max and tau are brought from the measured to the planned velocity, by powers of it that are fitted to the
     /// reference; nothing is changed where it does not tell the powers, or a velocity was not measured.
     pub normalise_velocity: bool,
+    /// Whether no casing passes whose channels have no calibration, or had an expired one when it was tapped.
+    pub requires_calibration: bool,
     /// Which way each discriminator moves with damage.
     pub directions: Directions,
 }
@@ -156,6 +158,7 @@ impl Default for FuseConfig {
             confirm_rate: 0.2,
             reject_rate: 1e-3,
             normalise_velocity: false,
+            requires_calibration: false,
             directions: Directions::default(),
         }
     }

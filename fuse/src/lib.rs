@@ -26,6 +26,7 @@
 //!     sample_count_max: 16_384,
 //!     sample_format: SampleFormat::I16,
 //!     channels: vec![],
+//!     calibration: tapline_wire::Calibration::stated(),
 //! };
 //! let tyre = Serial::new("T1")?;
 //! let planned = |location| {

@@ -104,6 +104,7 @@ pub(crate) fn recording() -> Recording {
         sample_count_max: 16_384,
         sample_format: SampleFormat::I16,
         channels: vec![],
+        calibration: tapline_wire::Calibration::stated(),
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use tapline_acquire::TriggerConfig;
-use tapline_wire::{Channel, Geometry};
+use tapline_wire::{Channel, Geometry, Unit};
 
 use crate::error::{Error, Result};
 use crate::format::Pick;
@@ -30,6 +30,7 @@ pub(crate) struct Config {
     pub pre_trigger_samples: Option<u32>,
     pub force_full_scale_n: Option<f64>,
     pub sound_full_scale_v: Option<f64>,
+    pub sound_full_scale_pa: Option<f64>,
     pub microphone_distance_m: Option<f64>,
     pub time_axis: Option<u8>,
     /// Columns that are the same for all taps.
@@ -101,10 +102,21 @@ impl Config {
         let positive = f64::MIN_POSITIVE..=1e12;
         in_bounds("sample_rate_hz", self.sample_rate_hz, 1.0..=1e9)?;
         in_bounds("force_full_scale_n", self.force_full_scale_n, positive.clone())?;
-        in_bounds("sound_full_scale_v", self.sound_full_scale_v, positive)?;
+        in_bounds("sound_full_scale_v", self.sound_full_scale_v, positive.clone())?;
+        in_bounds("sound_full_scale_pa", self.sound_full_scale_pa, positive)?;
+        if let Some((_, pascals)) = self.sound_full_scale_v.zip(self.sound_full_scale_pa) {
+            return Err(format!(
+                "sound_full_scale_pa is {pascals}; it must be left out, as sound_full_scale_v is given"
+            ));
+        }
         in_bounds("microphone_distance_m", self.microphone_distance_m, 0.0..=1e3)?;
         if let Some(axis) = self.time_axis.filter(|axis| ![1, 2].contains(axis)) {
             return Err(format!("time_axis is {axis}; it must be 1 (samples run down columns) or 2 (along rows)"));
+        }
+        if let (Some(force), Some(sound)) = (&self.channels.force, &self.channels.sound)
+            && force == sound
+        {
+            return Err(format!("channels.sound is {sound}; it must be another than channels.force"));
         }
         if self.channels().next().is_none() {
             return Err(
@@ -161,10 +173,13 @@ impl Config {
     }
 
     /// What a full-scale sample of `channel` is, where it is known.
-    pub(crate) fn full_scale(&self, channel: Channel) -> Option<f64> {
+    pub(crate) fn full_scale(&self, channel: Channel) -> Option<(f64, Unit)> {
         match channel {
-            Channel::Force => self.force_full_scale_n,
-            Channel::Sound => self.sound_full_scale_v,
+            Channel::Force => self.force_full_scale_n.map(|n| (n, Unit::Newton)),
+            Channel::Sound => {
+                let pascals = self.sound_full_scale_pa.map(|pa| (pa, Unit::Pascal));
+                self.sound_full_scale_v.map(|v| (v, Unit::Volt)).or(pascals)
+            }
         }
     }
 }

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use tapline_acquire::{TapRow, TapSet};
 use tapline_export::{ListedTap, Scales, TapSetWriter};
 use tapline_store::OwnedSamples;
-use tapline_wire::{Channel, Recording, SampleFormat, TapHeader};
+use tapline_wire::{Calibration, Channel, Recording, SampleFormat, TapHeader};
 
 use crate::config::{Config, TAP_SAMPLES_MAX};
 use crate::format::Recorded;
@@ -121,11 +121,11 @@ fn scales_of(all: &[(Channel, Series)], config: &Config, alike: &mut Alike) -> R
     let mut scales = Scales { microphone_distance_m: config.microphone_distance_m, ..Scales::default() };
     for (channel, series) in all {
         let unit = series.unit.as_deref();
-        let of_unit = unit.and_then(|unit| si_units_of(*channel, unit)).map(|si| si * series.full_scale);
+        let of_unit =
+            unit.and_then(|unit| si_units_of(*channel, unit)).map(|(si, unit)| (si * series.full_scale, unit));
         let scale = config.full_scale(*channel).or(of_unit);
-        match channel {
-            Channel::Force => scales.force_full_scale_n = scale,
-            Channel::Sound => scales.sound_full_scale_v = scale,
+        if let Some((full_scale, unit)) = scale {
+            scales.set(*channel, Some(full_scale), unit);
         }
         if scale.is_some() {
             continue;
@@ -211,6 +211,7 @@ impl<'a> Set<'a> {
             sample_count_max: 0,
             sample_format: if self.alike.is_float == Some(false) { SampleFormat::I16 } else { SampleFormat::F32 },
             channels: self.config.channels().map(|(channel, _)| channel).collect(),
+            calibration: Calibration::default(),
         }
     }
 
@@ -277,9 +278,11 @@ impl<'a> Set<'a> {
         let mut scales = Scales::default();
         let record = read.map(|(samples, of_tap)| {
             // A table may say it of each tap.
+            let has_own = extras.sound_full_scale_v.or(extras.sound_full_scale_pa).is_some();
             scales = Scales {
                 force_full_scale_n: extras.force_full_scale_n.or(of_tap.force_full_scale_n),
-                sound_full_scale_v: extras.sound_full_scale_v.or(of_tap.sound_full_scale_v),
+                sound_full_scale_v: extras.sound_full_scale_v.or(of_tap.sound_full_scale_v.filter(|_| !has_own)),
+                sound_full_scale_pa: extras.sound_full_scale_pa.or(of_tap.sound_full_scale_pa.filter(|_| !has_own)),
                 microphone_distance_m: extras.microphone_distance_m.or(of_tap.microphone_distance_m),
             };
             (header, samples)
@@ -288,11 +291,7 @@ impl<'a> Set<'a> {
             Ok(_) => {
                 self.imported.written += 1;
                 for (channel, _) in self.config.channels() {
-                    let scale = match channel {
-                        Channel::Force => scales.force_full_scale_n,
-                        Channel::Sound => scales.sound_full_scale_v,
-                    };
-                    if scale.is_none() && !self.imported.unscaled.contains(&channel.name()) {
+                    if scales.of(channel).is_none() && !self.imported.unscaled.contains(&channel.name()) {
                         self.imported.unscaled.push(channel.name());
                     }
                 }

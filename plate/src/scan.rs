@@ -77,6 +77,7 @@ impl ScanShape {
             sample_count_max: sample_count as u32,
             sample_format: SampleFormat::F32,
             channels: vec![Channel::Force, Channel::Sound],
+            calibration: tapline_wire::Calibration::computed(),
         };
         let mut taps = Vec::with_capacity(tyres.len() * self.tap_count());
         let mut truth = Truth::new();

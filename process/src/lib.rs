@@ -64,6 +64,7 @@
 //!
 //! [`Quality`]: tapline_wire::Quality
 
+pub mod calibration;
 mod config;
 mod error;
 mod estimator;

@@ -1,18 +1,25 @@
 //! The command line, parsed before anything is opened.
 
+pub(crate) mod calibrate;
 pub(crate) mod model;
 
+#[cfg(feature = "serve")]
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::archives::Which;
 use crate::cli::model::{ContactArgs, Length};
+use crate::host::log::LogFormat;
 
 /// Finds hidden cracks in truck-tyre casings by tapping them and listening.
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 100, after_help = EXIT_CODES)]
 pub(crate) struct Cli {
+    /// How the log is written, on standard error; TAPLINE_LOG says what is in it (error, warn, info, debug).
+    #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value_t)]
+    pub log: LogFormat,
     #[command(subcommand)]
     pub verb: Verb,
 }
@@ -57,6 +64,11 @@ pub(crate) enum Verb {
         /// Number of the station, where several listen.
         #[arg(long)]
         station: Option<u16>,
+    },
+    /// Find what full-scale samples of a station are worth, in N, V or Pa, and keep it in a file.
+    Calibrate {
+        #[command(subcommand)]
+        verb: calibrate::CalibrateVerb,
     },
     /// One stage of a line, started by it.
     #[command(hide = true)]
@@ -141,6 +153,12 @@ pub(crate) enum Verb {
         /// folder, when left out.
         #[arg(long)]
         out: Option<PathBuf>,
+        /// A configuration whose table `[report]` is printed, in place of the archive's.
+        #[arg(long)]
+        config: Option<PathBuf>,
+        /// Name of the shift, on its page.
+        #[arg(long)]
+        shift: Option<String>,
         #[command(flatten)]
         results: ResultsArgs,
     },
@@ -268,6 +286,14 @@ pub(crate) struct LineArgs {
     /// End after so many casings.
     #[arg(long)]
     pub casings: Option<usize>,
+    /// Serve a page of the running line, /metrics and /healthz over HTTP at this address.
+    #[cfg(feature = "serve")]
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub serve: Option<SocketAddr>,
+    /// File with the token that viewers of the page must have; needed for an address that other machines can reach.
+    #[cfg(feature = "serve")]
+    #[arg(long, value_name = "FILE", requires = "serve")]
+    pub serve_token_file: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -337,8 +363,8 @@ const EXPORT_FORMATS: &str = "\
 A table as parquet has the columns and rows of the csv, typed, with units; sets of flags also as bits.
 Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again. Archives whose
 recordings or configurations differ are exported one by one.
-Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58), in N and V; as mat one file a shoulder, with matrices force
-and sound in N and V, a column a tap.
+Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58); as mat one file a shoulder, with matrices force and
+sound, a column a tap. Both name the units; FS is part of full scale, where the scale is not known.
 Taps that were refused, are missing or damaged are counted, and listed in taps.csv (column `refused`); then the exit code
 is 3. It is 3 too where one of several archives cannot be read: it is named, and the others are exported.";
 

@@ -53,6 +53,7 @@ impl Job {
         config.fuse.validate()?;
         config.store.validate()?;
         config.line.validate()?;
+        config.report.validate()?;
         if args.stations == Some(0) {
             bail!("--stations is 0; at least one is needed");
         }

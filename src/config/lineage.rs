@@ -32,8 +32,8 @@ struct MadeBy<'a> {
 pub(crate) fn made_by(config: &Config) -> Result<String> {
     let made_by = MadeBy { program: env!("CARGO_PKG_VERSION"), sources: SOURCES.into_iter().collect(), config };
     let mut table = toml::Table::try_from(made_by).context("the options do not fit TOML")?;
-    // How casings come, and where verdicts are published, affects no result.
-    for part in ["line", "station"] {
+    // How casings come, where verdicts are published and what is printed with them affects no result.
+    for part in ["line", "station", "report"] {
         table.remove(part);
     }
     let mut lines = Vec::new();
@@ -114,11 +114,12 @@ mod tests {
             Value::Integer(number) => [number + 1, number - 1, number + 2, 4096].map(Value::Integer).to_vec(),
             Value::Float(number) => [number * 1.01, number * 0.5, number + 0.25, 0.5].map(Value::Float).to_vec(),
             Value::String(_) => WORDS.iter().map(|&word| Value::String(word.to_owned())).collect(),
-            // Lists that are empty by default: a tyre, a fault.
+            // Lists that are empty by default: a tyre, a fault, a channel.
             Value::Array(all) if all.is_empty() => {
-                ["serial = \"B\"", "kind = \"double_hit\"\nfraction = 0.1", "kind = \"double_hit\"\nlocation = 3"]
-                    .map(|text| Value::Array(vec![Value::Table(toml::from_str(text).unwrap())]))
-                    .to_vec()
+                let tables =
+                    ["serial = \"B\"", "kind = \"double_hit\"\nfraction = 0.1", "kind = \"double_hit\"\nlocation = 3"]
+                        .map(|text| Value::Array(vec![Value::Table(toml::from_str(text).unwrap())]));
+                tables.into_iter().chain([Value::Array(vec![Value::String("force".to_owned())])]).collect()
             }
             Value::Array(all) => {
                 let shorter = all.iter().skip(1).cloned().collect();
@@ -165,7 +166,7 @@ mod tests {
         assert_ne!(key(&config), without);
         let mut usual = toml::Table::try_from(&config).unwrap();
         // How casings come, and where verdicts are published, affects no result.
-        for part in ["line", "station"] {
+        for part in ["line", "station", "report"] {
             usual.remove(part);
         }
         let (mut count, mut stuck) = (0, Vec::new());

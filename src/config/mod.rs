@@ -4,6 +4,7 @@ pub(crate) mod job;
 pub(crate) mod lineage;
 pub(crate) mod reference;
 mod renamed;
+pub(crate) mod report;
 
 use std::fs;
 use std::path::Path;
@@ -16,6 +17,8 @@ use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
 use tapline_store::StoreConfig;
 use tapline_wire::CasingLimits;
+
+use crate::config::report::ReportConfig;
 
 /// A configuration file: every key has a default, and unknown keys are refused.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -39,6 +42,8 @@ pub(crate) struct Config {
     pub line: LineConfig,
     /// Its stations.
     pub station: Vec<StationConfig>,
+    /// What stands on reports.
+    pub report: ReportConfig,
 }
 
 /// A line that never ends: the table `[line]`.
@@ -102,7 +107,7 @@ impl Config {
         };
         let of = |station: &StationConfig| match station.source {
             StationSource::Folder => tap_sets,
-            StationSource::Alsa => self.capture.limits(&self.scan.for_line()),
+            StationSource::Alsa | StationSource::Uldaq => self.capture.limits(&self.scan.for_line()),
             StationSource::Rig | StationSource::Simulated => self.scan.for_line().limits(&self.simulation),
         };
         Ok(self.station.iter().map(of).fold(CasingLimits::default(), CasingLimits::and))

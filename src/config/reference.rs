@@ -67,12 +67,13 @@ impl Fusions {
     }
 }
 
-/// All that discriminators depend on: rate and channels of the records, and the table `[process]` with every default.
+/// All that discriminators depend on: rate, channels and units of the records, and the table `[process]` with every default.
 pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
+    let units: Vec<&str> = recording.channels.iter().map(|&c| recording.calibration.unit(c).name()).collect();
     let rate_hz = recording.sample_rate_hz;
     let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
-    Ok(format!("sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\n{config}"))
+    Ok(format!("sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\n{config}"))
 }
 
 /// Checks that the analysed beginning of each record reaches beyond its trigger.
@@ -111,7 +112,7 @@ pub(crate) fn differences(was: &str, is: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use tapline_wire::{Channel, SampleFormat};
+    use tapline_wire::{Calibration, Channel, SampleFormat};
 
     use super::*;
 
@@ -125,6 +126,7 @@ mod tests {
             sample_count_max: 16_384,
             sample_format: SampleFormat::I16,
             channels: vec![Channel::Force, Channel::Sound],
+            calibration: Calibration::stated(),
         };
         let config = ProcessConfig::default();
         let was = process_of(&config, &recording).unwrap();
@@ -133,7 +135,12 @@ mod tests {
         let faster = Recording { sample_rate_hz: 48_000.0, ..recording.clone() };
         assert_eq!(difference(&config, &faster), "sample_rate_hz = 40960.0 there, sample_rate_hz = 48000.0 here");
         let deaf = Recording { channels: vec![Channel::Force], ..recording.clone() };
-        assert_eq!(difference(&config, &deaf), "channels = [\"force\", \"sound\"] there, channels = [\"force\"] here");
+        assert_eq!(
+            difference(&config, &deaf),
+            "channels = [\"force\", \"sound\"], units = [\"N\", \"V\"] there, channels = [\"force\"], units = [\"N\"] here"
+        );
+        let unscaled = Recording { calibration: Calibration::default(), ..recording.clone() };
+        assert_eq!(difference(&config, &unscaled), "units = [\"N\", \"V\"] there, units = [\"FS\", \"FS\"] here");
         let other = ProcessConfig { f_c_hz: 600.0, f_hi_hz: 1900.0, ..config };
         assert_eq!(
             difference(&other, &recording),

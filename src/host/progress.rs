@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::host::log::{self, LogFormat};
 use crate::host::stderr::print_line;
 
 /// Time between plain lines.
@@ -31,7 +32,8 @@ impl Progress {
 
     /// Of `total` taps, after printing what begins.
     pub(crate) fn begin(total: Option<usize>, what: &str) -> Self {
-        let bar = total.filter(|_| std::io::stderr().is_terminal()).map(bar);
+        let is_drawn = std::io::stderr().is_terminal() && log::format() == LogFormat::Text;
+        let bar = total.filter(|_| is_drawn).map(bar);
         let progress = Self { total, last: None, bar, printed_at: Instant::now() };
         progress.print(what);
         progress
@@ -41,7 +43,7 @@ impl Progress {
     pub(crate) fn print(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.suspend(|| print_line(text)),
-            None => print_line(text),
+            None => say(text),
         }
     }
 
@@ -66,7 +68,7 @@ impl Progress {
             bar.set_message(format!("{rate:.0} taps/s{}", left(left_s)));
         } else if self.printed_at.elapsed() >= LINE_EVERY {
             self.printed_at = Instant::now();
-            print_line(&format!("{settled} of {total} taps, {rate:.0} taps/s{}", left(left_s)));
+            say(&format!("{settled} of {total} taps, {rate:.0} taps/s{}", left(left_s)));
         }
         is_news
     }
@@ -75,6 +77,14 @@ impl Progress {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
+    }
+}
+
+/// Prints a line; into a log for programs as an event.
+fn say(text: &str) {
+    match log::format() {
+        LogFormat::Text => print_line(text),
+        LogFormat::Json => tracing::info!(target: log::SAID, "{text}"),
     }
 }
 

@@ -16,6 +16,5 @@ pub(crate) mod status;
 mod store_silence;
 mod summary;
 pub(crate) mod supervisor;
-pub(crate) mod verdicts;
 
 pub(crate) use self::run::{line, run};

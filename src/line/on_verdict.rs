@@ -11,7 +11,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Receiver, Sender, TrySendError, bounded};
 use rustix::process::{Pid, Signal, kill_process_group};
 
-use crate::line::verdicts::CasingVerdict;
+use crate::shown::verdict::CasingVerdict;
 
 /// Verdicts that may wait for the command.
 const WAITING_MAX: usize = 256;

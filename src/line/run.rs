@@ -9,7 +9,7 @@ use std::time::Duration;
 use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 use tapline_store::{digest_of, hex_of};
-use tapline_wire::{Line, LineAddress, Role, Services};
+use tapline_wire::{Line, LineAddress, Recording, Role, Services};
 
 use crate::cli::{LineArgs, RunArgs};
 use crate::config::job::Job;
@@ -21,7 +21,7 @@ use crate::line::out_folder::OutFolder;
 use crate::line::process_name::name_process;
 use crate::line::setup::{Arriving, Setup};
 use crate::line::summary::summarise;
-use crate::line::supervisor::{Audience, Pace, Supervisor};
+use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
 
 /// How long stages of an earlier line may take to end with it: as any stage, and a little more.
 const GONE_WITHIN: Duration = Duration::from_secs(25);
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         setup.check_machine()?;
         say_unsupported(&job)?;
         let progress = Progress::new(Some(listed.tap_count), &job.out);
-        let audience = Audience { progress, on_verdict: None, as_json: args.json };
+        let audience = Audience { progress, on_verdict: None, as_json: args.json, show: None };
         operate(&setup, &mut folder, audience, Some(listed.names.len()))?
     };
     drop(folder);
@@ -72,18 +72,59 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     );
     let setup = Setup::new(&job, Arriving::Stations, &absolute(&job.out)?)?;
     let fusions = job.fusions()?;
-    if let Some(plan) = setup.plan_of_stations(&job)? {
+    check_calibrations(&job)?;
+    for plan in setup.plans_of_stations(&job)? {
         drop(fusions.check(&plan)?);
     }
+    // What cannot be served is refused before a line begins.
+    let (show, shown_at) = show_on_page(args)?;
     let mut folder = OutFolder::take(&job.out)?;
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
     say_unsupported(&job)?;
     let progress = Progress::new(None, &job.out);
+    shown_at.iter().for_each(|address| progress.print(&format!("the line is shown at {address}")));
     let on_verdict = job.config.line.on_verdict.as_deref().map(VerdictCommand::start).transpose()?;
-    let audience = Audience { progress, on_verdict, as_json: args.json };
+    let audience = Audience { progress, on_verdict, as_json: args.json, show };
     let pace = operate(&setup, &mut folder, audience, args.casings)?;
     Ok(pace.refusals.is_empty())
+}
+
+/// Checks that stations which listen have a valid calibration, where the line passes no casing without one; else says which have none.
+fn check_calibrations(job: &Job) -> Result<()> {
+    let today = jiff::Timestamp::now().to_zoned(jiff::tz::TimeZone::UTC).date().to_string();
+    for station in job.config.station.iter().filter(|station| station.device.is_some()) {
+        let Recording { channels, calibration, .. } = station.heard_with(&job.config.capture)?.recording();
+        for channel in channels {
+            let fault = match &calibration.of(channel).certificate {
+                None => "has no calibration".to_owned(),
+                Some(certificate) => match certificate.valid_until.as_ref().filter(|until| **until < today) {
+                    Some(until) => format!("has a calibration that was valid until {until}; today is {today}"),
+                    None => continue,
+                },
+            };
+            let fault = format!("the {} of station {} {fault}", channel.name(), station.number);
+            ensure!(!job.config.fuse.requires_calibration, "{fault}, and fuse.requires_calibration is set");
+            tracing::warn!("{fault}");
+        }
+    }
+    Ok(())
+}
+
+/// Starts to serve the page of the line, where `args` ask for it; who is to be given each status, and the page's address.
+#[cfg(feature = "serve")]
+fn show_on_page(args: &LineArgs) -> Result<(Option<ShowStatus>, Option<String>)> {
+    let Some(address) = args.serve else { return Ok((None, None)) };
+    let server = crate::serve::Server::start(address, args.serve_token_file.as_deref())?;
+    let address = server.url();
+    Ok((Some(Box::new(move |status| server.show(status))), Some(address)))
+}
+
+/// This build has no page.
+#[cfg(not(feature = "serve"))]
+#[expect(clippy::unnecessary_wraps, reason = "as where there is a page")]
+fn show_on_page(_: &LineArgs) -> Result<(Option<ShowStatus>, Option<String>)> {
+    Ok((None, None))
 }
 
 /// Says what the reference cannot show, and which of the stated rates it does not support.

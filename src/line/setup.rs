@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::{Arrivals, StationSource, Wake, listed_simulated, listed_tap_set, open_station};
 use tapline_store::{Places, StoreRun};
-use tapline_wire::{Limits, LineAddress, Plan, line_bytes};
+use tapline_wire::{Limits, LineAddress, Plan, Truth, line_bytes};
 
 use crate::config::job::Job;
 use crate::line::limits::{self, Needs};
@@ -121,14 +121,22 @@ impl Setup {
         }
     }
 
-    /// The plan of a casing of the stations that tap by the table `[scan]`; `None` where all judge tap sets.
-    pub(crate) fn plan_of_stations(&self, job: &Job) -> Result<Option<Plan>> {
-        if job.config.station.iter().all(|station| station.source == StationSource::Folder) {
-            return Ok(None);
-        }
+    /// The plans that casings of the stations have which tap by the table `[scan]`, one for each kind of record.
+    pub(crate) fn plans_of_stations(&self, job: &Job) -> Result<Vec<Plan>> {
         let list = listed_simulated(&job.config.scan.for_line(), &job.config.simulation)?;
-        let mut casings = list.listed();
-        Ok(casings.next().transpose()?.map(|(_name, _station, plan)| plan))
+        let Some((_name, _station, simulated)) = list.listed().next().transpose()? else { return Ok(Vec::new()) };
+        let mut plans: Vec<Plan> = Vec::new();
+        for station in &job.config.station {
+            let recording = match station.source {
+                StationSource::Folder => continue,
+                StationSource::Alsa | StationSource::Uldaq => station.heard_with(&job.config.capture)?.recording(),
+                StationSource::Rig | StationSource::Simulated => simulated.recording.clone(),
+            };
+            if plans.iter().all(|plan| plan.recording != recording) {
+                plans.push(Plan::new(simulated.geometry, recording, simulated.taps().to_vec(), Truth::new())?);
+            }
+        }
+        Ok(plans)
     }
 
     /// The stations of the `acquire` process with number `acquire`.
@@ -151,6 +159,7 @@ impl Setup {
                     // Relative to where the line was started; its stages run elsewhere.
                     station.folder = station.folder.map(|folder| self.started_in.join(folder));
                     station.serial_file = station.serial_file.map(|file| self.started_in.join(file));
+                    station.calibration = station.calibration.map(|file| self.started_in.join(file));
                     let config = &job.config;
                     Ok(open_station(
                         &station,
@@ -181,8 +190,7 @@ fn limits_of(job: &Job, arriving: &Arriving) -> Result<Limits> {
     stations.sort_unstable();
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
     // Who listens shares its process with nobody.
-    let captures = *arriving == Arriving::Stations
-        && job.config.station.iter().any(|station| station.source == StationSource::Alsa);
+    let captures = *arriving == Arriving::Stations && job.config.station.iter().any(|station| station.device.is_some());
     let cores = if captures { stations.len() } else { cores };
     let processes = stations.len().min(cores.max(stations.len().div_ceil(STATIONS_PER_PROCESS)));
     Ok(Limits { acquire_count: u16::try_from(processes).context("too many stations")?, stations, casing: largest })

@@ -11,6 +11,7 @@ use tapline_wire::{Line, LineAddress, Role};
 
 use crate::cli::StageArgs;
 use crate::config::job::Job;
+use crate::host::log::{self, LogFormat};
 use crate::host::signals::stop_flag;
 use crate::line::process_name::{name_process, stage_name};
 use crate::line::setup::Setup;
@@ -112,5 +113,9 @@ fn peak_memory_bytes() -> u64 {
 pub(crate) fn arguments(stage: &str, folder: &Path) -> Result<Vec<String>> {
     let folder = folder.to_str().with_context(|| format!("{} is not valid UTF-8", folder.display()))?;
     let own = std::process::id().to_string();
-    Ok(["stage", stage, "--line", folder, "--child", &own].map(str::to_owned).into())
+    let mut arguments: Vec<String> = ["stage", stage, "--line", folder, "--child", &own].map(str::to_owned).into();
+    if log::format() == LogFormat::Json {
+        arguments.extend(["--log", "json"].map(str::to_owned));
+    }
+    Ok(arguments)
 }

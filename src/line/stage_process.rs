@@ -1,9 +1,11 @@
 //! The stage processes of a line: started, restarted when something kills them, ended in order.
 
 use std::cell::Cell;
+use std::collections::VecDeque;
 use std::io::Read as _;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
 use rustix::process::{Pid, Signal, kill_process};
@@ -13,6 +15,9 @@ use crate::line::stage::{DISK_FAILED, StageReport};
 
 /// A stage that is restarted this often without a single settled tap in between has failed.
 const RESTARTS_MAX: u32 = 10;
+
+/// A stage that is restarted so often within such a time is restarted too often.
+const UNSTEADY: (usize, Duration) = (3, Duration::from_secs(60));
 
 /// A stage of the line, across restarts.
 #[derive(Debug)]
@@ -27,6 +32,8 @@ pub(crate) struct StageProcess {
     /// Whether it ended since the disk of the archive has failed.
     pub(crate) awaits_disk: bool,
     fruitless_restarts: u32,
+    /// When it was last restarted, as often as [`UNSTEADY`] counts.
+    restarted_at: VecDeque<Instant>,
     pub(crate) restart_count: u32,
     pub(crate) report: Option<StageReport>,
 }
@@ -43,6 +50,7 @@ impl StageProcess {
             is_killed: Cell::new(false),
             awaits_disk: false,
             fruitless_restarts: 0,
+            restarted_at: VecDeque::new(),
             restart_count: 0,
             report: None,
         };
@@ -121,7 +129,20 @@ impl StageProcess {
         tracing::error!(stage = self.name, "{why}; it is started again");
         self.fruitless_restarts += 1;
         self.restart_count += 1;
+        self.restarted_at.truncate(UNSTEADY.0 - 1);
+        self.restarted_at.push_front(Instant::now());
         self.spawn()
+    }
+
+    /// What is wrong with it at this moment.
+    pub(crate) fn trouble(&self) -> Option<String> {
+        let (count, within) = UNSTEADY;
+        if self.child.is_none() && !self.is_asked_to_end.get() {
+            return Some(format!("{} does not run", self.name));
+        }
+        let is_unsteady =
+            self.restarted_at.len() == count && self.restarted_at.back().is_some_and(|at| at.elapsed() < within);
+        is_unsteady.then(|| format!("{} was started again {count} times within {} s", self.name, within.as_secs()))
     }
 
     /// Starts it again after its disk was repaired.

@@ -11,7 +11,7 @@ use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
 use crate::line::stage::{StageReport, arguments};
 use crate::line::stage_process::StageProcess;
-use crate::line::status::StageStatus;
+use crate::shown::status::StageStatus;
 
 /// `store`, `fuse` and `process`, in this order, come before the sources.
 const DOWNSTREAM: [&str; 3] = ["store", "fuse", "process"];
@@ -192,6 +192,11 @@ impl<'a> Stages<'a> {
     /// The alarms since this was last called.
     pub(crate) fn take_alarms(&mut self) -> Vec<String> {
         std::mem::take(&mut self.alarms)
+    }
+
+    /// What is wrong with them at this moment.
+    pub(crate) fn troubles(&self) -> impl Iterator<Item = String> {
+        self.all.iter().filter_map(StageProcess::trouble)
     }
 
     pub(crate) fn statuses(&self) -> Vec<StageStatus> {

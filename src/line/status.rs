@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -10,85 +9,21 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use comfy_table::Table;
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
-use serde::{Deserialize, Serialize};
-use tapline_wire::{Line, Role, STATUS_BYTES_MAX, StatusTopic, Subscriber, now_ns};
+use jiff::{Timestamp, tz::TimeZone};
+use tapline_wire::{Line, Role, StatusTopic, Subscriber, now_ns};
 
 use crate::cli::StatusArgs;
 use crate::host::signals::stop_flag;
 use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
-use crate::line::verdicts::CasingVerdict;
+use crate::shown::casing::CasingStatus;
+use crate::shown::status::Status;
 
 /// How long a running line may take to show its status.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(15);
 
 /// A line that has shown nothing for this long is stuck.
 const STANDS_AFTER_NS: i64 = 30_000_000_000;
-
-/// The state of a line.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Status {
-    pub out: PathBuf,
-    pub pid: u32,
-    /// When it was taken, in ns since the Unix epoch.
-    pub at_ns: i64,
-    pub is_ending: bool,
-    /// Whether the archive cannot be written, so that the line waits.
-    pub is_held: bool,
-    pub taps_per_s: f64,
-    pub settled_count: u64,
-    pub closed_count: u64,
-    pub lost_count: u64,
-    pub stations: Vec<StationStatus>,
-    pub stages: Vec<StageStatus>,
-    /// The last verdicts, the newest first.
-    pub verdicts: Vec<CasingVerdict>,
-    /// What someone should look at, the newest first.
-    pub alarms: Vec<String>,
-}
-
-/// The state of a station.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct StationStatus {
-    pub number: u16,
-    /// The casing that it taps.
-    pub casing: Option<CasingStatus>,
-    /// What it waits for; empty while it taps.
-    pub waits_for: String,
-}
-
-/// The progress of a casing.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct CasingStatus {
-    pub name: String,
-    pub planned: usize,
-    pub archived: usize,
-    pub refused: usize,
-}
-
-/// The state of a stage.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct StageStatus {
-    pub name: String,
-    pub pid: Option<u32>,
-    pub restarts: u32,
-}
-
-impl Status {
-    /// The status as bytes for shared memory. Where it is too long, old verdicts are left out.
-    pub(crate) fn encode(&self) -> Vec<u8> {
-        let mut status = self.clone();
-        loop {
-            let bytes = serde_json::to_vec(&status).unwrap_or_default(); // it has no key that is no text
-            if bytes.len() <= STATUS_BYTES_MAX {
-                return bytes;
-            }
-            if status.verdicts.pop().is_none() && status.alarms.pop().is_none() {
-                return Vec::new();
-            }
-        }
-    }
-}
 
 /// `tapline status`: shows how a running line is, once or until it ends.
 pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
@@ -148,17 +83,14 @@ fn text(status: &Status) -> String {
         status.closed_count
     );
     let mut add = |line: &str| text.push_str(line);
-    if status.is_ending {
-        add("\nIt is ending.");
-    }
-    if status.is_held {
-        add("\nThe archive cannot be written: the line waits. Its log has the reason.");
+    for trouble in &status.troubles {
+        add(&format!("\nTROUBLE {trouble}"));
     }
     if status.lost_count > 0 {
         add(&format!("\n{} records were lost in transit; their taps are taken again.", status.lost_count));
     }
     let age_ns = now_ns().saturating_sub(status.at_ns);
-    if status.stations.iter().any(|s| s.casing.is_some()) && age_ns > STANDS_AFTER_NS {
+    if age_ns > STANDS_AFTER_NS {
         add(&format!("\nIt has shown nothing for {} s.", age_ns / 1_000_000_000));
     }
     let mut table = Table::new();
@@ -186,7 +118,7 @@ fn text(status: &Status) -> String {
         text.push_str(&format!("\nRestarts: {}", restarts.join(", ")));
     }
     for alarm in &status.alarms {
-        text.push_str(&format!("\nALARM {alarm}"));
+        text.push_str(&format!("\nALARM {} {}", moment(alarm.at_ns), alarm.text));
     }
     if !status.verdicts.is_empty() {
         text.push_str("\nLast verdicts:");
@@ -202,4 +134,10 @@ fn text(status: &Status) -> String {
         ));
     }
     text
+}
+
+/// The local time `at_ns` after the Unix epoch, to the second.
+fn moment(at_ns: i64) -> String {
+    let time = Timestamp::from_nanosecond(at_ns.into()).map(|time| time.to_zoned(TimeZone::system()));
+    time.map_or_else(|_| "at an unknown time".to_owned(), |time| time.strftime("%Y-%m-%d %H:%M:%S").to_string())
 }

@@ -24,6 +24,11 @@ impl StoreSilence {
         false
     }
 
+    /// Whether it has been long, and goes on.
+    pub(crate) fn is_long(&self) -> bool {
+        self.is_reported
+    }
+
     /// Ends the silence: `store` has reported.
     pub(crate) fn end(&mut self) {
         let now = Instant::now();

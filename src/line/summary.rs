@@ -16,7 +16,7 @@ use crate::config::job::Job;
 use crate::line::setup::Setup;
 use crate::line::stage::Work;
 use crate::line::supervisor::Pace;
-use crate::line::verdicts::ShoulderVerdict;
+use crate::shown::verdict::ShoulderVerdict;
 
 /// Casings over which the index is scored again against the truth: it takes as long as to judge them eight times.
 const SCORED_MAX: usize = 64;

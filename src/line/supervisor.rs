@@ -1,6 +1,6 @@
 //! The process that starts the others: it tends them, follows what `store` reports of the casings, and informs people.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,9 +8,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use tapline_store::Reader;
 use tapline_wire::{
-    CasingHeader, CasingTopic, Line, LineAddress, Publisher, Received, RecordKind, Stamp, StatusTopic, Subscriber,
-    WaitTopic, decode_opened, now_ns,
+    CasingHeader, CasingTopic, Ledger, Line, LineAddress, Publisher, Received, RecordKind, Stamp, StatusTopic,
+    Subscriber, WaitTopic, decode_opened, now_ns,
 };
 
 use crate::host::progress::Progress;
@@ -20,15 +21,19 @@ use crate::line::progress_rate::ProgressRate;
 use crate::line::setup::Setup;
 use crate::line::stage::StageReport;
 use crate::line::stages::Stages;
-use crate::line::status::{CasingStatus, StationStatus, Status};
 use crate::line::store_silence::StoreSilence;
-use crate::line::verdicts::CasingVerdict;
+use crate::shown::casing::{CasingStatus, Layout, retaken};
+use crate::shown::status::{Alarm, StationStatus, Status};
+use crate::shown::verdict::{CasingVerdict, calibration, since_last_tap_s};
 
 /// How long a stage may take to end after it was asked to.
 const END_WITHIN: Duration = Duration::from_secs(20);
 
 /// How often the stages are looked at, and the status is shown if it has changed.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+/// How often the status is shown if nothing has changed, so that who looks on knows that the line goes on.
+const SHOW_EVERY: Duration = Duration::from_secs(1);
 
 /// How often viewers that have died are looked for.
 const CLEAR_EVERY: Duration = Duration::from_secs(60);
@@ -61,9 +66,26 @@ struct Open {
     number: u64,
     name: String,
     header: CasingHeader,
-    /// Whether its ledger was received since this process began.
-    is_received: bool,
+    layout: Layout,
+    /// `None` until one is received.
+    ledger: Option<Ledger>,
 }
+
+impl Open {
+    fn status(&self) -> CasingStatus {
+        CasingStatus {
+            name: self.name.clone(),
+            planned: self.header.tap_count as usize,
+            archived: self.header.archived_count as usize,
+            refused: self.header.refused_count as usize,
+            retaken: self.ledger.as_ref().map_or(0, retaken),
+            shoulders: self.layout.shoulders(self.ledger.as_ref()),
+        }
+    }
+}
+
+/// Who is shown each status, beside viewers in shared memory; whether they still can be.
+pub(crate) type ShowStatus = Box<dyn Fn(&str) -> bool>;
 
 /// Where verdicts and progress are published.
 pub(crate) struct Audience {
@@ -72,6 +94,7 @@ pub(crate) struct Audience {
     pub on_verdict: Option<VerdictCommand>,
     /// Whether verdicts are printed as JSON.
     pub as_json: bool,
+    pub show: Option<ShowStatus>,
 }
 
 /// A line that runs.
@@ -85,12 +108,11 @@ pub(crate) struct Supervisor<'a> {
     stop: Arc<AtomicBool>,
     audience: Audience,
     is_list: bool,
-    stations: Vec<u16>,
     open: Vec<Open>,
-    /// What each station reports that it waits for; nothing while it taps.
-    awaited: BTreeMap<u16, String>,
     shown: Status,
     shown_at: Instant,
+    /// When it was last asked whether there is something to show.
+    looked_at: Instant,
     is_news: bool,
     /// Files of a list that are known to be closed: `store` reports each again when a station asks again.
     known: BTreeSet<PathBuf>,
@@ -119,21 +141,22 @@ impl<'a> Supervisor<'a> {
         let casings = Subscriber::open(line)?;
         let waits = Subscriber::open(line)?;
         let status_out = Publisher::open(line)?;
+        let station = |&number: &u16| StationStatus { number, ..StationStatus::default() };
+        let stations = setup.limits.stations.iter().map(station).collect();
         let mut supervisor = Self {
             line,
             casings,
             waits,
             status_out,
             stages: Stages::start(line, setup, address, folder)?,
-            awaited: BTreeMap::new(),
             cleared_at: Instant::now(),
             stop,
             audience,
             is_list: setup.is_list(),
-            stations: setup.limits.stations.clone(),
             open: Vec::new(),
-            shown: Status { out: setup.out.clone(), pid: std::process::id(), ..Status::default() },
+            shown: Status { out: setup.out.clone(), pid: std::process::id(), stations, ..Status::default() },
             shown_at: Instant::now(),
+            looked_at: Instant::now(),
             is_news: true,
             known: BTreeSet::new(),
             settled_closed: 0,
@@ -180,19 +203,24 @@ impl<'a> Supervisor<'a> {
             let number = header.stamp.casing;
             match record.kind() {
                 Some(RecordKind::Plan) => {
+                    let (name, layout) = match decode_opened(&record) {
+                        Ok((name, taps)) => (name, Layout::new(&taps)),
+                        Err(error) => (error.to_string(), Layout::default()),
+                    };
                     // It comes again after `store` was restarted, and when the plan has grown.
-                    if !self.open.iter().any(|casing| casing.number == number) {
-                        let name = decode_opened(&record).map_or_else(|error| error.to_string(), |(name, _)| name);
-                        self.open.push(Open { number, name, header, is_received: false });
+                    match self.open.iter_mut().find(|casing| casing.number == number) {
+                        Some(casing) => casing.layout = layout,
+                        None => self.open.push(Open { number, name, header, layout, ledger: None }),
                     }
                 }
                 Some(RecordKind::Ledger) => {
                     if let Some(casing) = self.open.iter_mut().find(|casing| casing.number == number) {
                         casing.header = header;
-                        if !std::mem::replace(&mut casing.is_received, true) {
+                        if casing.ledger.is_none() {
                             // Settled before this process started.
                             self.settled_before += (header.archived_count + header.refused_count) as usize;
                         }
+                        casing.ledger = Ledger::decode(&header, &record).or(casing.ledger.take());
                     }
                 }
                 Some(RecordKind::Closed) => self.closed(&header, PathBuf::from(text_of(&record)))?,
@@ -201,6 +229,7 @@ impl<'a> Supervisor<'a> {
                     let reason = text_of(&record);
                     self.alarm(format!("station {}: {reason}", header.station));
                     self.pace.refused += 1;
+                    self.shown.refused_count += 1;
                     if self.is_list || self.pace.refusals.len() < SHOWN_MAX {
                         self.pace.refusals.push(reason);
                     }
@@ -214,7 +243,10 @@ impl<'a> Supervisor<'a> {
             let text = String::from_utf8_lossy(&record).into_owned();
             match record.kind() {
                 Some(RecordKind::Refusal) => self.alarm(format!("station {station}: {text}")),
-                _ => drop(self.awaited.insert(station, text)),
+                _ => {
+                    let station = self.shown.stations.iter_mut().find(|shown| shown.number == station);
+                    station.into_iter().for_each(|station| station.waits_for.clone_from(&text));
+                }
             }
             self.is_news = true;
         }
@@ -262,9 +294,13 @@ impl<'a> Supervisor<'a> {
             return Ok(());
         }
         let mut is_printed = true;
-        match CasingVerdict::read(&name, &path) {
-            Ok(verdict) => {
-                let Audience { progress, on_verdict, as_json } = &self.audience;
+        let read = || -> Result<_> {
+            let reader = Reader::open(&path)?;
+            Ok((CasingVerdict::read(&name, &reader)?, reader))
+        };
+        match read() {
+            Ok((verdict, reader)) => {
+                let Audience { progress, on_verdict, as_json, .. } = &self.audience;
                 if let Err(error) = progress.beside(|| verdict.print(*as_json)) {
                     tracing::error!(
                         casing = name,
@@ -276,6 +312,7 @@ impl<'a> Supervisor<'a> {
                 if let Some(command) = on_verdict {
                     command.run(&verdict);
                 }
+                self.note_judged(&verdict, &reader);
                 self.shown.verdicts.truncate(SHOWN_MAX - 1);
                 self.shown.verdicts.insert(0, verdict);
             }
@@ -291,6 +328,28 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
+    /// Counts a casing whose verdict was told, and keeps for viewers how it was.
+    fn note_judged(&mut self, verdict: &CasingVerdict, reader: &Reader) {
+        match since_last_tap_s(reader) {
+            Ok(latency_s) => latency_s.into_iter().for_each(|latency_s| self.shown.latency.note(latency_s)),
+            Err(error) => tracing::warn!("{}: cannot read the times of its taps: {error:#}", verdict.file.display()),
+        }
+        let ledger = reader.ledger();
+        let last = CasingStatus {
+            name: verdict.casing.clone(),
+            planned: ledger.taps().len(),
+            archived: verdict.archived,
+            refused: verdict.refused,
+            retaken: retaken(ledger),
+            shoulders: Layout::new(reader.plan().taps()).shoulders(Some(ledger)),
+        };
+        if let Some(station) = self.shown.stations.iter_mut().find(|station| station.number == verdict.station) {
+            station.tally.add(verdict, last.retaken);
+            station.last = Some(last);
+            (station.calibrated_on, station.is_calibration_expired) = calibration(reader);
+        }
+    }
+
     /// Handles the loss of an open casing's file: its station taps it again.
     fn lost_file(&mut self, number: u64, reason: &str) {
         let Some(place) = self.open.iter().position(|casing| casing.number == number) else { return };
@@ -300,7 +359,7 @@ impl<'a> Supervisor<'a> {
 
     fn alarm(&mut self, text: String) {
         self.shown.alarms.truncate(SHOWN_MAX - 1);
-        self.shown.alarms.insert(0, text);
+        self.shown.alarms.insert(0, Alarm { at_ns: now_ns(), text });
         self.is_news = true;
     }
 
@@ -326,11 +385,11 @@ impl<'a> Supervisor<'a> {
     }
 
     fn show_if_due(&mut self) -> Result<()> {
-        if self.shown_at.elapsed() < LOOK_EVERY {
+        if self.looked_at.elapsed() < LOOK_EVERY {
             return Ok(());
         }
-        self.shown_at = Instant::now();
-        if self.is_news || !self.open.is_empty() {
+        self.looked_at = Instant::now();
+        if self.is_news || !self.open.is_empty() || self.shown_at.elapsed() > SHOW_EVERY {
             self.show()?;
         }
         // Viewers that were killed are cleared away too.
@@ -344,28 +403,36 @@ impl<'a> Supervisor<'a> {
     /// Shows the status to viewers.
     fn show(&mut self) -> Result<()> {
         (self.shown_at, self.is_news) = (Instant::now(), false);
-        let station = |&number: &u16| {
-            let of = |casing: &&Open| casing.header.station == u32::from(number);
+        for station in &mut self.shown.stations {
+            let of = |casing: &&Open| casing.header.station == u32::from(station.number);
             // The one that is tapped is the one that was opened last.
-            let casing = self.open.iter().rev().find(of).map(|casing| CasingStatus {
-                name: casing.name.clone(),
-                planned: casing.header.tap_count as usize,
-                archived: casing.header.archived_count as usize,
-                refused: casing.header.refused_count as usize,
-            });
-            let waits_for = self.awaited.get(&number).cloned().unwrap_or_default();
-            StationStatus { number, waits_for, casing }
-        };
-        self.shown.stations = self.stations.iter().map(station).collect();
+            station.casing = self.open.iter().rev().find(of).map(Open::status);
+        }
         self.shown.stages = self.stages.statuses();
         self.shown.is_held = self.open.iter().any(|casing| casing.header.is_stalled != 0);
         self.shown.lost_count = self.open.iter().map(|casing| casing.header.lost_count).max().unwrap_or(0);
         self.shown.settled_count = self.settled() as u64;
         self.shown.taps_per_s = self.rate.taps_per_s();
+        self.shown.troubles = self.troubles();
         self.shown.at_ns = now_ns();
         let text = self.shown.encode();
-        self.status_out.send(RecordKind::Data, Stamp::default(), &text)?;
+        self.status_out.send(RecordKind::Data, Stamp::default(), text.as_bytes())?;
+        if self.audience.show.as_ref().is_some_and(|show| !show(&text)) {
+            self.audience.show = None;
+            self.alarm("the page of the line is not served any more; the line goes on".to_owned());
+        }
         Ok(())
+    }
+
+    /// What keeps the line from going on as it should.
+    fn troubles(&self) -> Vec<String> {
+        let of_line = [
+            (self.shown.is_ending, "the line is ending"),
+            (self.shown.is_held, "the archive cannot be written: the line waits; its log has the reason"),
+            (self.silence.is_long(), "store does not answer: its disk is slow or hangs"),
+        ];
+        let of_line = of_line.into_iter().filter(|(is_so, _)| *is_so).map(|(_, text)| text.to_owned());
+        of_line.chain(self.stages.troubles()).collect()
     }
 
     fn into_pace(self) -> Pace {

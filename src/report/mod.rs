@@ -13,6 +13,7 @@ use anyhow::{Context as _, Result};
 use tapline_store::Reader;
 
 use crate::archives::{Archives, Outcome, Which};
+use crate::config::Config;
 use crate::host::atomic_file::write_atomically;
 use crate::report::evidence::{Evidence, Tyre};
 use crate::report::pages::shift::Shift;
@@ -21,14 +22,25 @@ use crate::report::pages::shift::Shift;
 const SHIFT: &str = "shift.html";
 
 /// Writes the pages of the archives at `paths` into the folder `out`, or into one named after the first archive.
-pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Result<bool> {
+pub(crate) fn report(
+    paths: &[PathBuf],
+    which: Which,
+    out: Option<&Path>,
+    config: Option<&Path>,
+    shift_name: Option<String>,
+) -> Result<bool> {
+    let printed = config.map(|path| Config::read(path).map(|(config, _)| config.report)).transpose()?;
     let archives = Archives::find(paths, which)?;
     let folder = out.map_or_else(|| default_folder(&paths[0]), Path::to_owned);
     let mut outcome = Outcome::new(&archives);
     let (mut shift, mut names) = (Shift::default(), Names::default());
     for file in &archives.files {
         let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
-        let Some(evidence) = outcome.take(file, Evidence::read(&reader))? else { continue };
+        let Some(mut evidence) = outcome.take(file, Evidence::read(&reader))? else { continue };
+        if let Some(printed) = &printed {
+            evidence.config.report.clone_from(printed);
+        }
+        evidence.config.report.validate()?;
         // If one of its pages cannot be made, the archive is left out of the shift too.
         let pages =
             evidence.tyres.iter().map(|tyre| pages::tyre::page(&reader, &evidence, tyre)).collect::<Result<Vec<_>>>();
@@ -44,7 +56,7 @@ pub(crate) fn report(paths: &[PathBuf], which: Which, out: Option<&Path>) -> Res
     let is_complete = outcome.end()?;
     // Last, because it links to the others.
     let title = if archives.is_many { title_of(paths) } else { String::new() };
-    if let Some(page) = shift.page(title)? {
+    if let Some(page) = shift.page(title, shift_name.as_deref())? {
         put(&folder, SHIFT, &page)?;
     }
     Ok(is_complete)

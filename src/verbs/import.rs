@@ -26,7 +26,7 @@ pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
     if !unscaled.is_empty() {
         let channels = unscaled.join(" and ");
         print_line(&format!(
-            "the scale of {channels} is not known: a full-scale sample (1.0 of floats) counts as 1 N or 1 V"
+            "the scale of {channels} is not known: values are parts of full scale (FS), 1.0 of floats"
         ));
     }
     let why = if refused.is_empty() { "" } else { "; taps.csv lists them with the reason" };

@@ -1,5 +1,6 @@
 //! The verbs that work on archives, models and rigs, one file each.
 
+pub(crate) mod calibrate;
 #[cfg(feature = "alsa")]
 pub(crate) mod devices;
 pub(crate) mod explain;

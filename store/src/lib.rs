@@ -17,7 +17,9 @@
 //!
 //! ```
 //! use tapline_store::{Reader, Writer};
-//! use tapline_wire::{Channel, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId, TapState};
+//! use tapline_wire::{
+//!     Calibration, Channel, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId, TapState,
+//! };
 //!
 //! let mut id = TapId::default();
 //! (id.tyre, id.station, id.shoulder) = (Serial::new("A1")?, 1, 1);
@@ -27,6 +29,7 @@
 //!     sample_count_max: 256,
 //!     sample_format: SampleFormat::I16,
 //!     channels: vec![Channel::Force, Channel::Sound],
+//!     calibration: Calibration::stated(),
 //! };
 //! let taps = vec![PlannedTap { id, angle_deg: Some(0.0), purpose: Purpose::Scan }];
 //! let plan = Plan::new(Geometry::Ring, recording, taps, Default::default())?;

@@ -1,6 +1,6 @@
 //! What the unit tests share.
 
-use tapline_wire::{Channel, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId};
+use tapline_wire::{Calibration, Channel, Geometry, Plan, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId};
 
 /// A plan of two shoulders of a tyre "A" at station 3, a tap each.
 pub(crate) fn two_scans() -> Plan {
@@ -15,6 +15,7 @@ pub(crate) fn two_scans() -> Plan {
         sample_count_max: 32,
         sample_format: SampleFormat::I16,
         channels: vec![Channel::Force, Channel::Sound],
+        calibration: Calibration::stated(),
     };
     Plan::new(Geometry::Ring, recording, vec![tap(1), tap(2)], [].into()).unwrap()
 }

@@ -23,6 +23,7 @@ pub(crate) fn plan(sample_format: SampleFormat) -> Plan {
         sample_count_max: 32,
         sample_format,
         channels,
+        calibration: tapline_wire::Calibration::stated(),
     })
 }
 

@@ -14,7 +14,7 @@ use crate::sandbox::Sandbox;
 const CONFIG: &str = "table = \"taps.csv\"\npre_trigger_samples = 512\nmicrophone_distance_m = DISTANCE\n";
 
 /// Discriminators in the export of a table.
-const FOUND: [&str; 8] = ["f_max_n", "tau_s", "a_1_v_s", "a_2_v_s", "pr", "p_f_v2_per_hz", "e_f_v2", "centroid_hz"];
+const FOUND: [&str; 8] = ["f_max", "tau_s", "a_1", "a_2", "pr", "p_f", "e_f", "centroid_hz"];
 
 /// Writes the counts of an archive as HDF5, TDMS and MATLAB files with integers, and as CSV in N and V.
 const WRITE: &str = r#"

@@ -164,6 +164,44 @@ fn pages_say_what_the_tables_say() {
     assert!(cracked.contains(&digest) && cracked.contains("locations = 60"));
 }
 
+/// Catches a page that nobody could sign or take to the casing: without serial and number on each sheet, plant, operator, room for a
+/// signature, millimetres along the tread, or where angles begin; and a length that counts locations.
+#[test]
+fn a_page_can_be_signed() {
+    let sandbox = scanned();
+    sandbox.write(
+        "plant.toml",
+        "[report]\nplant = \"<North>\"\nline = \"2\"\noperator = \"A. Smith\"\nprocedure = \"QP-17\"\nstart_mark = \"valve\"\n\
+         tread_circumference_mm = 3600\na90_95_mm = 12.5\na90_95_source = \"study 3\"\n",
+    );
+    sandbox.run("report cracked.h5 --out a --config plant.toml --shift early").expect(0);
+    let (tyre, shift) = (page(&sandbox, &format!("a/{CRACKED}")), page(&sandbox, "a/shift.html"));
+    for (text, of) in [(&tyre, "Tyre \\3c script"), (&shift, "Shift: \\3c North\\3e , line 2, shift early")] {
+        assert_well_formed("a", text);
+        assert!(text.contains("counter(page) \" of \" counter(pages)") && text.contains(of), "{of}");
+        for part in [
+            "&lt;North&gt;, line 2",
+            "A. Smith",
+            "QP-17",
+            "signature</th>",
+            "12.5 mm and more, 90 % are found",
+            "study 3",
+        ] {
+            assert!(text.contains(part), "{part}");
+        }
+    }
+    let region = &csv_rows(&sandbox.run("export cracked.h5 regions").expect(0).out)[0];
+    let deg = |column: &str| region[column].parse::<f64>().unwrap();
+    let length = (deg("end_deg") - deg("start_deg")).rem_euclid(360.0);
+    // 3600 mm round the tread are 10 mm a degree.
+    for deg in [deg("start_deg"), deg("end_deg"), length] {
+        assert!(tyre.contains(&format!(">{deg:.1}°<span class=\"at\">{:.0} mm</span>", 10.0 * deg)), "{deg}");
+    }
+    assert!(tyre.contains("0°: valve") && tyre.contains(" times the rest"));
+    let error = sandbox.run("report cracked.h5 --out b --config missing.toml").expect(1).err;
+    assert!(error.contains("cannot read the configuration missing.toml"), "{error}");
+}
+
 /// Catches a page that depends on the time or place of writing, and a draft that is left behind.
 #[test]
 fn the_same_archive_gives_the_same_bytes() {

@@ -17,13 +17,13 @@ use crate::sandbox::running::Running;
 const RECORD: usize = 4096;
 
 /// Configures the sound card `name`, which plays what is written into the pipe `name`.pcm: it is there once that is.
-fn sound_card(sandbox: &Sandbox, name: &str) {
+pub(crate) fn sound_card(sandbox: &Sandbox, name: &str) {
     let pipe = sandbox.path(&format!("{name}.pcm"));
     let card = format!("pcm.{name} {{ type file slave.pcm null file /dev/null infile {pipe:?} format raw }}");
     sandbox.write("asound.conf", &format!("pcm.null {{ type null }}\n{card}\n"));
 }
 
-fn plug_in(sandbox: &Sandbox, name: &str) {
+pub(crate) fn plug_in(sandbox: &Sandbox, name: &str) {
     assert!(Command::new("mkfifo").arg(sandbox.path(&format!("{name}.pcm"))).status().unwrap().success());
 }
 
@@ -35,7 +35,7 @@ fn start_line(sandbox: &Sandbox, casings: u32) -> Running {
 }
 
 const CAPTURE: &str = "[capture]\nsample_rate_hz = 40960\npre_trigger_samples = 400\nsample_count = 3584\n\
-    force_full_scale_n = 222.0\nsound_full_scale_v = 5.0\nmicrophone_distance_m = 0.05\n[capture.trigger]\nlevel = 0.01\nhold_off_s = 0.05\n";
+    microphone_distance_m = 0.05\n[capture.trigger]\nlevel = 0.01\nhold_off_s = 0.05\n";
 
 const CRACKED: &str = "[[scan.tyre]]\nserial = \"A\"\ncrack = [{ shoulder = 2, first_location = 10, location_count = 4, depth_mm = 6.0 }]\n";
 

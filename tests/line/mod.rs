@@ -1,7 +1,9 @@
 //! `tapline line`: casings come to its stations one by one, from a watched folder, from a rig, or simulated.
 
+mod calibrate;
 mod capture;
 mod endurance;
+mod page;
 mod restarts;
 mod second_readings;
 mod stations;

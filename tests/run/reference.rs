@@ -61,7 +61,7 @@ fn tyres_are_judged_by_a_reference_of_others() {
     let (first, last): (u32, u32) = (region[3].parse().unwrap(), region[4].parse().unwrap());
     assert!((28..=31).contains(&first) && (34..=37).contains(&last), "{regions}");
     let p_value: f64 = region[14].parse().unwrap();
-    assert!(p_value <= 0.01 && region[15] == "0", "the belt edge sees it best: {regions}");
+    assert!(p_value <= 0.01 && region[16] == "0", "the belt edge sees it: {regions}");
 
     let reader = tapline_store::Reader::open(sandbox.path("by/C3.h5")).unwrap();
     assert_eq!(reader.reference(), Some(std::fs::read_to_string(sandbox.path("sound.json")).unwrap().as_str()));

@@ -20,7 +20,7 @@ fn a_clean_set_is_archived_bit_for_bit() {
     let planar: Vec<i16> = (0..2).flat_map(|c| wav.iter().skip(c).step_by(2).copied()).collect();
     assert_eq!(samples, tapline_store::OwnedSamples::I16(planar));
     let row = &csv_rows(&sandbox.run("export set/A-17.h5 discriminators").expect(0).out)[7];
-    let f_max_n: f64 = row["f_max_n"].parse().unwrap();
+    let f_max_n: f64 = row["f_max"].parse().unwrap();
     assert!((f_max_n / (0.14 * 1.06 * 222.0) - 1.0).abs() < 0.02, "{f_max_n}");
     assert_eq!((row["offset_mm"].as_str(), row["velocity_m_per_s"].as_str()), ("5", "1.85"));
 }

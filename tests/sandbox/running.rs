@@ -13,7 +13,7 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::stages::signal;
 
 /// How long a line may take for anything, so that a test fails instead of hanging.
-const PATIENCE: Duration = Duration::from_secs(60);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A running line or rig.
 pub(crate) struct Running {
@@ -97,6 +97,11 @@ impl Running {
 
     /// Waits until a line of the log has all of `words`.
     pub(crate) fn wait_for_log(&mut self, words: &[&str]) {
+        drop(self.log_line(words));
+    }
+
+    /// Waits for the line of the log that has all of `words`.
+    pub(crate) fn log_line(&mut self, words: &[&str]) -> String {
         let since = Instant::now();
         loop {
             let Ok(line) = self.log.recv_timeout(PATIENCE.saturating_sub(since.elapsed())) else {
@@ -106,7 +111,7 @@ impl Running {
             self.log_text.push('\n');
             if words.iter().all(|word| line.contains(word)) {
                 eprintln!("{words:?} was logged after {:.2} s", since.elapsed().as_secs_f64());
-                return;
+                return line;
             }
         }
     }

@@ -75,6 +75,7 @@ pub use plan::ledger::{Ledger, RETAKES_MAX, ScanState, TapState, end_mark, split
 pub use plan::limits::{CasingLimits, Limits};
 pub use plan::parts::{PlannedTap, Purpose, Recording, Scan, Truth};
 pub use plan::{Plan, PlanError};
+pub use record::calibration::{Calibration, Certificate, ChannelCalibration, METHOD_BYTES_MAX, Unit};
 pub use record::damage::{DamageCell, Judgement, Verdict};
 pub use record::discriminators::{Direction, Discriminator, Discriminators, Feature, Values};
 pub use record::flags::{Quality, Reasons};

@@ -38,11 +38,15 @@ fn law_1_only_acquire_reads_a_clock_for_a_result() {
     let allowed = [
         "acquire/src/capture/by_hand.rs",      // the name of a casing without a serial
         "acquire/src/capture/ear.rs",          // when a tap was heard
+        "acquire/src/capture/heard.rs",        // the day of a casing, on which its calibration is valid or not
         "acquire/src/rig/dialogue/receive.rs", // when a rig has hit: the time of a tap
         "acquire/src/rig/dialogue/station.rs", // the name of a casing whose serial is unreadable
         "acquire/src/rig/tests.rs",            // what it is held to
         "src/line/status.rs",                  // how old a status is
         "src/line/supervisor.rs",              // when a status was so
+        "src/serve/metrics.rs",                // how old a status and a calibration are
+        "src/serve/mod.rs",                    // whether the line still shows itself
+        "src/shown/verdict.rs",                // when a verdict was told
         "store/src/stage/places.rs",           // names of files and folders
         "wire/src/clock.rs",                   // where it is read
         "wire/src/stream/line.rs",             // tells a process's lives apart

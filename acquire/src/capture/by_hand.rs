@@ -9,9 +9,9 @@ use std::time::{Duration, SystemTime};
 
 use tapline_wire::{CacheLine, Plan, PlannedTap, Serial, SourceKind, TapHeader, now_ns};
 
-use crate::capture::CaptureConfig;
 use crate::capture::ear::Ear;
 use crate::capture::heard::HeardCasing;
+use crate::capture::{CaptureConfig, DeviceName};
 use crate::source::unknown_name;
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, Source, Wake};
 
@@ -36,7 +36,7 @@ pub(crate) struct ByHand {
 impl ByHand {
     /// Listens to `device` for `station`; `wake` is called when a tap was heard.
     pub(crate) fn open(
-        device: &str,
+        device: &DeviceName,
         serial_file: Option<PathBuf>,
         station: u16,
         scan: &ScanConfig,
@@ -193,4 +193,58 @@ fn place_of(tap: &PlannedTap) -> String {
     let angle = tap.angle_deg.map_or_else(String::new, |angle| format!(" ({angle} degrees)"));
     let offset = tap.id.offset_mm().map_or_else(String::new, |offset| format!(", {offset} mm from the belt edge"));
     format!("the tap at location {}{angle} of shoulder {}{offset}", tap.id.location, tap.id.shoulder)
+}
+
+#[cfg(test)]
+mod tests {
+    use tapline_wire::cache_lines_for;
+
+    use super::*;
+    use crate::capture::fake::{Cable, Step, config, frames, frames_of, record};
+
+    /// Whether the tap of `row` is there, with the samples of the one that began at frame `tap`.
+    fn is_tap(casing: &mut Casing, row: u32, tap: u64) -> bool {
+        let mut samples = vec![CacheLine::default(); cache_lines_for(config(16).recording().payload_bytes_max())];
+        casing.taps.poll(row, 0) == Readiness::Ready
+            && casing.taps.render(row, 0, &mut TapHeader::default(), &mut samples).is_ok()
+            && frames_of(&mut samples, 16) == record(tap)
+    }
+
+    fn casing(station: &mut ByHand) -> Casing {
+        match station.next().unwrap() {
+            Arrival::Casing(casing) => casing,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Catches taps behind a gap that are taken for those of other places, and a casing that is never ended.
+    #[test]
+    fn the_scan_ends_where_samples_are_lost() {
+        for gap in [vec![Step::Lost(1000)], vec![Step::Fails("it was pulled out"), Step::Opens]] {
+            let cable = Cable::new(&config(16));
+            let mut station = ByHand {
+                ear: Arc::clone(&cable.ear),
+                station: 3,
+                scan: ScanConfig::default(),
+                serial_file: None,
+                serial_written: None,
+                last_unknown_name: String::new(),
+                next_tap: Arc::default(),
+            };
+            assert!(matches!(station.next().unwrap(), Arrival::NotYet));
+            // Of the third tap only the pulse comes before the gap.
+            cable.play([Step::Frames(frames(0..3100, &[1000, 2000, 3000]))]);
+            let mut first = casing(&mut station);
+            assert!(is_tap(&mut first, 0, 1000) && is_tap(&mut first, 1, 2000));
+            assert_eq!(first.taps.poll(2, 0), Readiness::NotYet);
+            cable.play(gap.into_iter().chain([Step::Frames(frames(4100..6000, &[5000]))]));
+            let why = "samples were lost while it was tapped: nobody knows which tap is missing";
+            for row in 0..4 {
+                assert_eq!(first.taps.poll(row, 0), Readiness::Gone(why.to_owned()));
+            }
+            // What is tapped from now on is another casing's.
+            assert!(is_tap(&mut casing(&mut station), 0, 5000));
+            assert_eq!(cable.ear.take_alarms().len(), 1);
+        }
+    }
 }

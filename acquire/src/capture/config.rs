@@ -6,8 +6,25 @@ use serde::{Deserialize, Serialize};
 use tapline_wire::{Channel, Recording, SampleFormat};
 
 use crate::capture::TriggerConfig;
+use crate::config::calibration::CalibrationFile;
 use crate::config::refuse;
 use crate::{Error, ScanConfig};
+
+/// What a data acquisition module is told, besides.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct UldaqConfig {
+    /// Volts at the greatest sample: 10 or 1.
+    pub range_v: f64,
+    /// The channels whose sensors the module supplies: force, sound. They are AC-coupled, the others DC-coupled.
+    pub iepe: Vec<Channel>,
+}
+
+impl Default for UldaqConfig {
+    fn default() -> Self {
+        Self { range_v: 10.0, iepe: Vec::new() }
+    }
+}
 
 /// What a device records, and what of it is a tap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,12 +44,6 @@ pub struct CaptureConfig {
     pub pre_trigger_samples: u32,
     /// Samples of a record, those before the trigger among them.
     pub sample_count: u32,
-    /// Force at the greatest sample; unknown where left out.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub force_full_scale_n: Option<f64>,
-    /// Voltage of the sound at the greatest sample; unknown where left out.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub sound_full_scale_v: Option<f64>,
     /// From the place that is hit to the microphone; unknown where left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub microphone_distance_m: Option<f64>,
@@ -40,6 +51,11 @@ pub struct CaptureConfig {
     pub buffer_s: f64,
     /// What a tap is.
     pub trigger: TriggerConfig,
+    /// What the samples of this device are worth: from the calibration file of its station.
+    #[serde(skip)]
+    pub calibration: CalibrationFile,
+    /// What a data acquisition module is told, besides.
+    pub uldaq: UldaqConfig,
 }
 
 impl Default for CaptureConfig {
@@ -52,11 +68,11 @@ impl Default for CaptureConfig {
             sound_channel: 2,
             pre_trigger_samples: 512,
             sample_count: 16_384,
-            force_full_scale_n: None,
-            sound_full_scale_v: None,
             microphone_distance_m: None,
             buffer_s: 10.0,
             trigger: TriggerConfig::default(),
+            calibration: CalibrationFile::default(),
+            uldaq: UldaqConfig::default(),
         }
     }
 }
@@ -85,30 +101,27 @@ impl CaptureConfig {
         }
         within("sample_count", self.sample_count, 64, 4_000_000)?;
         within("pre_trigger_samples", self.pre_trigger_samples, 16, self.sample_count - 16)?;
-        let scales = [
-            ("force_full_scale_n", self.force_full_scale_n),
-            ("sound_full_scale_v", self.sound_full_scale_v),
-            ("microphone_distance_m", self.microphone_distance_m),
-        ];
-        for (key, value) in scales.into_iter().filter_map(|(key, value)| Some((key, value?))) {
-            if !(value > 0.0 && value <= 1e6) {
-                return refuse(&format!("capture.{key}"), value, "above 0 and at most 1000000, or left out");
-            }
+        if let Some(distance_m) = self.microphone_distance_m.filter(|m| !(*m > 0.0 && *m <= 1e3)) {
+            return refuse("capture.microphone_distance_m", distance_m, "above 0 and at most 1000, or left out");
         }
         if !(0.1..=600.0).contains(&self.buffer_s) {
             return refuse("capture.buffer_s", self.buffer_s, "from 0.1 to 600");
+        }
+        if ![1.0, 10.0].contains(&self.uldaq.range_v) {
+            return refuse("capture.uldaq.range_v", self.uldaq.range_v, "1 or 10");
         }
         self.trigger.validate("capture.trigger")
     }
 
     /// What a tap of it is.
-    pub(crate) fn recording(&self) -> Recording {
+    pub fn recording(&self) -> Recording {
         Recording {
             sample_rate_hz: self.sample_rate_hz.into(),
             pre_trigger_samples: self.pre_trigger_samples,
             sample_count_max: self.sample_count,
             sample_format: if self.bits == 16 { SampleFormat::I16 } else { SampleFormat::F32 },
             channels: vec![Channel::Force, Channel::Sound],
+            calibration: self.calibration.calibration(None),
         }
     }
 
@@ -152,9 +165,10 @@ mod tests {
             ("sound_channel = 3", "capture.sound_channel is 3; it must be from 1 to 2"),
             ("force_channel = 2", "capture.sound_channel is 2; it must be another than capture.force_channel"),
             ("pre_trigger_samples = 16384", "capture.pre_trigger_samples is 16384"),
-            ("force_full_scale_n = 0.0", "capture.force_full_scale_n is 0"),
+            ("microphone_distance_m = 0.0", "capture.microphone_distance_m is 0"),
             ("buffer_s = nan", "capture.buffer_s is NaN"),
             ("trigger.level = 2.0", "capture.trigger.level is 2"),
+            ("uldaq.range_v = 5.0", "capture.uldaq.range_v is 5; it must be 1 or 10"),
         ] {
             let error = refusal(text);
             assert!(error.contains(want), "{error:?} lacks {want:?}");

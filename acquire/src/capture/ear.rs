@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 use tapline_wire::{CacheLine, f32_of_mut, i16_of_mut, now_ns};
 
 use crate::Wake;
-use crate::capture::device::{self, Chunk};
+use crate::capture::device::{self, Chunk, Device};
 use crate::capture::ring::Ring;
-use crate::capture::{CaptureConfig, Crossing, NotTaps, Trigger};
+use crate::capture::{CaptureConfig, Crossing, DeviceName, NotTaps, Trigger};
 
 /// Most taps that wait to be taken.
 const TAPS_MAX: usize = 64;
@@ -52,6 +52,8 @@ pub(crate) struct Ear {
 #[derive(Debug)]
 struct State {
     samples: Samples,
+    /// The trigger level, a part of full scale.
+    level: f64,
     /// Found, but their records are not whole yet.
     begun: VecDeque<HeardTap>,
     /// Whole, and not taken yet.
@@ -97,13 +99,31 @@ impl Ear {
     ///
     /// # Errors
     /// When there is no thread to be had. A device that is not there is no error: it is tried again.
-    pub(crate) fn listen(device: &str, config: &CaptureConfig, station: u16, wake: Wake) -> std::io::Result<Arc<Self>> {
+    pub(crate) fn listen(
+        device: &DeviceName,
+        config: &CaptureConfig,
+        station: u16,
+        wake: Wake,
+    ) -> std::io::Result<Arc<Self>> {
+        let opened = (device.clone(), config.clone());
+        Self::listen_to(&device.to_string(), config, station, wake, move || device::open(&opened.0, &opened.1))
+    }
+
+    /// The same of whatever `open` opens.
+    pub(super) fn listen_to(
+        device: &str,
+        config: &CaptureConfig,
+        station: u16,
+        wake: Wake,
+        open: impl FnMut() -> Result<Box<dyn Device>, String> + Send + 'static,
+    ) -> std::io::Result<Arc<Self>> {
         let samples = match config.bits {
             16 => Samples::I16(Ring::new(2, config.buffer_frames())),
             _ => Samples::F32(Ring::new(2, config.buffer_frames())),
         };
         let state = State {
             samples,
+            level: config.trigger.level,
             begun: VecDeque::new(),
             taps: VecDeque::new(),
             alarms: Vec::new(),
@@ -119,13 +139,18 @@ impl Ear {
             wake,
         });
         let of_thread = Arc::clone(&ear);
-        thread::Builder::new().name(format!("capture {station}")).spawn(move || of_thread.run(station))?;
+        thread::Builder::new().name(format!("capture {station}")).spawn(move || of_thread.run(station, open))?;
         Ok(ear)
     }
 
     /// Ends the thread; it may take a moment to notice.
     pub(crate) fn stop(&self) {
         self.is_stopped.store(true, Ordering::Relaxed);
+    }
+
+    /// Has taps found at another trigger `level`.
+    pub(crate) fn set_level(&self, level: f64) {
+        self.state().level = level;
     }
 
     pub(crate) fn device(&self) -> &str {
@@ -233,11 +258,11 @@ impl Ear {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn run(&self, station: u16) {
+    fn run(&self, station: u16, mut open: impl FnMut() -> Result<Box<dyn Device>, String>) {
         prefer_this_thread(station);
         let mut wait = BACK_OFF.0;
         while !self.is_stopped.load(Ordering::Relaxed) {
-            let why = match device::open(&self.device, &self.config) {
+            let why = match open() {
                 Ok(mut device) => {
                     tracing::info!("station {station}: listens to {}", self.device);
                     let why = self.follow(device.as_mut());
@@ -267,7 +292,7 @@ impl Ear {
     }
 
     /// Listens until the device fails; returns why.
-    fn follow(&self, device: &mut dyn device::Device) -> String {
+    fn follow(&self, device: &mut dyn Device) -> String {
         let mut trigger = Trigger::new(&self.config.trigger, self.config.sample_rate_hz.into());
         // A device that is opened again goes on behind what was heard before.
         trigger.skip(self.state().samples.end());
@@ -320,6 +345,7 @@ impl Ear {
         state.fault = None;
         let end = state.samples.end();
         let (end_ns, end_at) = (now_ns(), Instant::now());
+        trigger.set_level(state.level);
         trigger.push(force, |crossing| {
             let ago_s = (end as f64 - crossing.time_samples) / f64::from(self.config.sample_rate_hz);
             let time_ns = end_ns - (ago_s * 1e9) as i64;
@@ -373,3 +399,7 @@ fn prefer_this_thread(station: u16) {
         ),
     }
 }
+
+#[cfg(test)]
+#[path = "ear_tests.rs"]
+mod tests;

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use tapline_wire::{CHANNELS_MAX, CacheLine, ChannelHeader, Geometry, Plan, Serial, SourceKind, TapHeader, Truth};
+use tapline_wire::{
+    CHANNELS_MAX, CacheLine, Channel, ChannelHeader, Geometry, Plan, Serial, SourceKind, TapHeader, Truth, now_ns,
+};
 
 use crate::capture::ear::{Ear, HeardTap};
 use crate::config::scan_taps::taps_of;
@@ -25,10 +27,12 @@ impl HeardCasing {
     pub(crate) fn new(ear: Arc<Ear>, scan: &ScanConfig, serial: Serial, station: u16) -> Result<Self, Error> {
         let config = ear.config();
         let taps = taps_of(scan, std::iter::once((serial, station)))?;
-        let plan = Plan::new(Geometry::Ring, config.recording(), taps, Truth::new())?;
+        let mut recording = config.recording();
+        recording.calibration = config.calibration.calibration(Some(now_ns()));
+        let plan = Plan::new(Geometry::Ring, recording, taps, Truth::new())?;
         let counts = if config.bits == 16 { 32_768.0 } else { 1.0 };
-        let full_scales = [config.force_full_scale_n, config.sound_full_scale_v];
-        let channels = channel_headers(&plan.recording, &full_scales.map(|scale| scale.unwrap_or(1.0) / counts));
+        let per_count = [Channel::Force, Channel::Sound].map(|channel| config.calibration.full_scale(channel) / counts);
+        let channels = channel_headers(&plan.recording, &per_count);
         Ok(Self { ear, plan, room: scan.room(), channels, taken: None })
     }
 

@@ -8,12 +8,15 @@ pub(crate) mod by_hand;
 mod config;
 mod device;
 pub(crate) mod ear;
+#[cfg(test)]
+pub(crate) mod fake;
 pub(crate) mod heard;
 mod monitor;
 mod ring;
 mod trigger;
 
-pub use config::CaptureConfig;
+pub use config::{CaptureConfig, UldaqConfig};
+pub use device::DeviceName;
 #[cfg(feature = "alsa")]
 pub use device::{Abilities, SoundCardInfo, sound_cards};
 pub use monitor::{Monitor, MonitoredTap};

@@ -6,7 +6,7 @@ use tapline_wire::{CacheLine, Serial, TapHeader, cache_lines_for};
 
 use crate::capture::ear::Ear;
 use crate::capture::heard::HeardCasing;
-use crate::capture::{CaptureConfig, NotTaps};
+use crate::capture::{CaptureConfig, DeviceName, NotTaps, TriggerConfig};
 use crate::{Error, Readiness, ScanConfig, Source as _, Wake};
 
 /// Listens to a device as a station would.
@@ -27,14 +27,14 @@ pub struct MonitoredTap {
 }
 
 impl Monitor {
-    /// Listens to `device`; `wake` is called when a tap was heard.
+    /// Listens to `device` of `station`; `wake` is called when a tap was heard.
     ///
     /// # Errors
     /// [`Error`] for a value out of its bounds, and when there is no thread to be had. A device that is not there is no
     /// error: see [`Monitor::fault`].
-    pub fn listen(device: &str, config: &CaptureConfig, wake: Wake) -> Result<Self, Error> {
+    pub fn listen(device: &DeviceName, config: &CaptureConfig, station: u16, wake: Wake) -> Result<Self, Error> {
         config.validate()?;
-        let ear = Ear::listen(device, config, 0, wake)
+        let ear = Ear::listen(device, config, station, wake)
             .map_err(|source| Error::Thread { what: format!("the device {device}"), source })?;
         // Nobody knows where the taps are made.
         let nowhere = ScanConfig { locations: 1, shoulders: 1, ..ScanConfig::default() };
@@ -55,6 +55,16 @@ impl Monitor {
     /// What was no tap.
     pub fn not_taps(&self) -> NotTaps {
         self.ear.not_taps()
+    }
+
+    /// Has taps found at another trigger `level`, a part of full scale.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a level out of its bounds: it stays what it was.
+    pub fn set_level(&self, level: f64) -> Result<(), Error> {
+        TriggerConfig { level, ..TriggerConfig::default() }.validate("capture.trigger")?;
+        self.ear.set_level(level);
+        Ok(())
     }
 
     /// Why the device is not heard, if it is not.

@@ -124,6 +124,12 @@ impl Trigger {
         }
     }
 
+    /// Has taps found at another `level`, a part of full scale, from the next sample on.
+    pub fn set_level(&mut self, level: f64) {
+        self.release *= level as f32 / self.level;
+        self.level = level as f32;
+    }
+
     /// What was no tap until now.
     pub fn not_taps(&self) -> NotTaps {
         self.not_taps

@@ -22,9 +22,9 @@ use self::dialogue::{LinkConfig, Progress, Removal, Tap};
 use self::link::Link;
 use self::protocol::one_line;
 pub use self::script::{RigReport, RigScript, serve_rig};
-use crate::capture::CaptureConfig;
 use crate::capture::ear::Ear;
 use crate::capture::heard::HeardCasing;
+use crate::capture::{CaptureConfig, DeviceName};
 use crate::simulated::{Tyre, rig_of};
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, SimulatedLine, Source, Wake};
 
@@ -52,10 +52,12 @@ pub struct RigConfig {
     pub patience_s: f64,
     /// How long a rig may take to answer before the connection is made anew, in s.
     pub timeout_s: f64,
+    /// The same where it has to find its home, in s.
+    pub home_timeout_s: f64,
     /// How often a failed move or hit is tried again before its tap is refused.
     pub retakes: u16,
     /// The device that hears its taps; simulated ones where left out.
-    pub device: Option<(String, CaptureConfig)>,
+    pub device: Option<(DeviceName, CaptureConfig)>,
 }
 
 /// The casings of a station's rig.
@@ -105,6 +107,7 @@ impl RigArrivals {
             tap_count: scan.taps_per_tyre(),
             patience: seconds("rig_patience_s", rig.patience_s)?,
             timeout: seconds("rig_timeout_s", rig.timeout_s)?,
+            home_timeout: seconds("rig_home_timeout_s", rig.home_timeout_s)?,
         };
         let no_thread = |what: &str, source| Error::Thread { what: format!("the {what} of station {station}"), source };
         let ear = match &rig.device {

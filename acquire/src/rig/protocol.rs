@@ -35,6 +35,8 @@ pub(crate) enum RigMessage {
     Stopped(String),
     /// It goes on.
     Running,
+    /// It has found the place that it counts angles from.
+    Homed,
     /// Answer to a ping.
     Pong,
 }
@@ -54,6 +56,7 @@ impl RigMessage {
             ("ready", "") => Some(Self::Ready),
             ("stopped", why) => Some(Self::Stopped(one_line(why))),
             ("running", "") => Some(Self::Running),
+            ("homed", "") => Some(Self::Homed),
             ("pong", "") => Some(Self::Pong),
             ("hit", velocity) => velocity.parse().ok().filter(|v| (0.0..=1000.0).contains(v)).map(Self::Hit),
             ("error", why) => Some(Self::Error(one_line(why))),
@@ -144,6 +147,7 @@ mod tests {
             ("pong", RigMessage::Pong),
             ("stopped door open", RigMessage::Stopped("door open".to_owned())),
             ("running", RigMessage::Running),
+            ("homed", RigMessage::Homed),
         ] {
             assert_eq!(RigMessage::parse(line), Some(want));
         }

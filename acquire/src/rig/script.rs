@@ -39,6 +39,8 @@ pub struct RigScript {
     pub gap_s: [f64; 2],
     /// Time in s to move to a location.
     pub move_s: f64,
+    /// Time in s to find its home.
+    pub home_s: f64,
     /// Time in s to hit.
     pub hit_s: f64,
     /// Largest relative error of the velocity.
@@ -81,6 +83,7 @@ impl Default for RigScript {
             pattern: "RIG-{}".to_owned(),
             gap_s: [0.0, 0.0],
             move_s: 0.0,
+            home_s: 0.0,
             hit_s: 0.0,
             velocity_error: 0.01,
             unknown: 0.0,
@@ -140,6 +143,7 @@ impl RigScript {
             ("gap_s", self.gap_s[0], self.gap_s[1]),
             ("off_s", self.off_s[0], self.off_s[1]),
             ("move_s", self.move_s, self.move_s),
+            ("home_s", self.home_s, self.home_s),
             ("hit_s", self.hit_s, self.hit_s),
         ] {
             if !(0.0..=TIME_MAX_S).contains(&from) || !(from..=TIME_MAX_S).contains(&to) {
@@ -170,6 +174,8 @@ pub struct RigReport {
     pub switched_off: u64,
     /// How often its emergency stop was pressed.
     pub stopped: u64,
+    /// How often it has found its home.
+    pub homed: u64,
     /// Hits.
     pub hits: u64,
     /// Hits that failed.
@@ -197,6 +203,7 @@ pub fn serve_rig(listener: &TcpListener, script: &RigScript, stop: &AtomicBool) 
         dice: Dice(script.seed),
         report: RigReport::default(),
         on_it: None,
+        is_homed: false,
         before: String::new(),
         next_at: Instant::now(),
     };
@@ -224,6 +231,8 @@ struct Rig<'a> {
     dice: Dice,
     report: RigReport,
     on_it: Option<OnRig>,
+    /// Whether it knows its position: not after it was off, or stopped.
+    is_homed: bool,
     /// Serial of the previous casing.
     before: String,
     /// When the next casing comes.
@@ -252,6 +261,7 @@ impl Rig<'_> {
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
         stream.set_read_timeout(Some(TICK))?;
+        self.is_homed = false;
         say(&mut stream, &format!("hello {} {VERSION}", self.script.name))?;
         if let Some(casing) = &self.on_it {
             say(&mut stream, &format!("casing {}", casing.serial))?;
@@ -322,7 +332,14 @@ impl Rig<'_> {
                     casing.at_hit = at_hit;
                 }
             }
+            "home" => {
+                self.rest(self.script.home_s);
+                self.is_homed = true;
+                self.report.homed += 1;
+                say(stream, "homed")?;
+            }
             "move" if self.on_it.is_none() => say(stream, "error there is no casing")?,
+            "move" if !self.is_homed => say(stream, "error it was not homed")?,
             "move" => {
                 self.rest(self.script.move_s);
                 self.player.iter_mut().for_each(|player| player.go(rest));
@@ -363,6 +380,7 @@ impl Rig<'_> {
         }
         if casing.hits == casing.at_hit && casing.is_stopped {
             self.report.stopped += 1;
+            self.is_homed = false;
             say(stream, "stopped emergency stop")?;
             self.be_off();
             say(stream, "running")?;

@@ -13,6 +13,7 @@ use tapline_wire::{cache_lines_for, now_ns};
 
 use super::*;
 use crate::TyreConfig;
+use crate::capture::fake::{Cable, Step, config, frames, frames_of, record};
 use crate::source::unknown_name;
 
 /// Far longer than anything here takes.
@@ -51,12 +52,15 @@ struct Went {
 
 impl Bench {
     fn new(address: String, patience_s: f64, retakes: u16) -> Self {
+        Self::of(&RigConfig { address, patience_s, timeout_s: 5.0, home_timeout_s: 5.0, retakes, device: None })
+    }
+
+    fn of(rig: &RigConfig) -> Self {
         let (wake, woken) = sync_channel(1);
         let wake: Wake = Arc::new(move || {
             let _woken_already = wake.try_send(());
         });
-        let rig = RigConfig { address, patience_s, timeout_s: 5.0, retakes, device: None };
-        Self { arrivals: RigArrivals::open(&rig, 1, &scan(), &simulation(), wake).unwrap(), woken }
+        Self { arrivals: RigArrivals::open(rig, 1, &scan(), &simulation(), wake).unwrap(), woken }
     }
 
     fn pause(&self) {
@@ -84,6 +88,16 @@ impl Bench {
                 readiness => return readiness,
             }
             assert!(since.elapsed() < LONG, "no tap; {}", self.arrivals.waits_for());
+        }
+    }
+
+    /// Asks for a tap until the rig is told to do `command` for it.
+    fn until_told(&self, casing: &mut Casing, row: u32, command: &str) {
+        let since = Instant::now();
+        while !self.arrivals.waits_for().ends_with(&format!(" to {command}")) {
+            assert_eq!(casing.taps.poll(row, 0), Readiness::NotYet);
+            assert!(since.elapsed() < LONG, "not told; {}", self.arrivals.waits_for());
+            self.pause();
         }
     }
 
@@ -163,7 +177,7 @@ fn casings_on_a_rig_are_scanned() {
     let (went, report) = played(&script, 30.0, 3);
     let want = |name: &str| Went { name: name.to_owned(), taps: 7, refused: 0, gone: None };
     assert_eq!(went, [want("A-1"), want("T 2"), want("RIG-3")]);
-    assert_eq!((report.casings, report.closed, report.hits), (3, 3, 21));
+    assert_eq!((report.casings, report.closed, report.hits, report.homed), (3, 3, 21, 1));
 }
 
 /// Catches a serial that stops the station, and unknown casings of one name.
@@ -237,6 +251,17 @@ impl ByHand {
         self.stream.write_all(lines.as_bytes()).unwrap();
     }
 
+    /// Answers what must be the command to home with `answer`, and that to move for the tap of `row` comes.
+    fn is_homed(&mut self, bench: &Bench, casing: &mut Casing, row: u32, answer: &str) {
+        assert_eq!(casing.taps.poll(row, 0), Readiness::NotYet);
+        assert_eq!(self.hear(), "home");
+        assert!(bench.arrivals.waits_for().ends_with(" to home"), "{}", bench.arrivals.waits_for());
+        self.say(answer);
+        let command = format!("move 1 {row} {} 5", row * 60);
+        bench.until_told(casing, row, &command);
+        assert_eq!(self.hear(), command);
+    }
+
     fn hear(&mut self) -> String {
         let mut line = String::new();
         self.heard.read_line(&mut line).unwrap();
@@ -258,8 +283,7 @@ fn the_words_are_those_of_the_protocol() {
     rig.say("hello rig-7 1\ncasing T 1\r\n");
     assert_eq!(rig.hear(), "scan T 1 7");
     let mut casing = bench.casing();
-    assert_eq!(casing.taps.poll(2, 0), Readiness::NotYet);
-    assert_eq!(rig.hear(), "move 1 2 120 5");
+    rig.is_homed(&bench, &mut casing, 2, "homed\n");
     assert_eq!(casing.taps.poll(2, 0), Readiness::NotYet);
     assert!(bench.arrivals.waits_for().ends_with(" to move 1 2 120 5"), "{}", bench.arrivals.waits_for());
     assert!(render(&mut *casing.taps, 2).unwrap_err().reason.contains("has not made this tap"));
@@ -323,7 +347,7 @@ fn patience_ends() {
     rig.say("hello rig 1\ncasing T\n");
     assert_eq!(rig.hear(), "scan T 7");
     let mut again = bench.casing();
-    assert_eq!((again.taps.poll(0, 0), rig.hear()), (Readiness::NotYet, "move 1 0 0 5".to_owned()));
+    rig.is_homed(&bench, &mut again, 0, "homed\n");
     bench.arrivals.ended("T", &CasingEnd::Closed { file: "x.h5".into() });
     rig.say("ready\n");
     assert_eq!(casing.taps.poll(0, 0), Readiness::Gone(why));
@@ -409,6 +433,7 @@ fn a_rig_at_a_serial_port_is_asked_who_it_is() {
         loop {
             let line = next();
             match line.split(' ').next().unwrap() {
+                "home" => say("homed"),
                 "move" => say("ready"),
                 "hit" => say("hit 1.85"),
                 "closed" => break,
@@ -448,5 +473,142 @@ fn a_rig_that_is_stopped_makes_its_taps_when_it_goes_on() {
     assert_eq!((went.taps, went.refused, went.gone), (7, 0, None));
     assert_eq!(bench.arrivals.take_alarms(), ["the rig is stopped: emergency stop"]);
     let report = played.unwrap().join().unwrap();
-    assert_eq!((report.stopped, report.closed), (1, 1));
+    assert_eq!((report.stopped, report.closed, report.homed), (1, 1, 2));
+}
+
+/// A station that hears its rig through a cable, and a rig whose casing it has taken over.
+fn heard_bench() -> (Bench, Cable, ByHand, Casing) {
+    let (listener, mut bench) = by_hand(30.0);
+    let cable = Cable::new(&config(16));
+    bench.arrivals.ear = Some(Arc::clone(&cable.ear));
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "scan T 7");
+    let casing = bench.casing();
+    (bench, cable, rig, casing)
+}
+
+/// Hits when it is told to, and reports the hit once `play` has played it.
+fn strike(rig: &mut ByHand, play: impl FnOnce()) {
+    rig.say("ready\n");
+    assert_eq!(rig.hear(), "hit 1.85");
+    // Longer than what is played lasts: all of it was heard after the command.
+    thread::sleep(Duration::from_millis(100));
+    play();
+    rig.say("hit 1.85\n");
+}
+
+#[test]
+fn a_tap_in_a_gap_is_made_again() {
+    // Catches a tap of which half was lost and that is taken, or given up.
+    let (bench, cable, mut rig, mut casing) = heard_bench();
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    let gap = [Step::Frames(frames(1000..1700, &[1500])), Step::Lost(100), Step::Frames(frames(1800..2800, &[]))];
+    strike(&mut rig, || cable.play(gap));
+    let again = thread::Builder::new().name("rig".to_owned()).spawn(move || {
+        assert_eq!(rig.hear(), "move 1 0 0 5");
+        strike(&mut rig, || cable.play([Step::Frames(frames(2800..4800, &[4000]))]));
+        (rig, cable)
+    });
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    let mut samples = vec![CacheLine::default(); cache_lines_for(config(16).recording().payload_bytes_max())];
+    casing.taps.render(0, 0, &mut TapHeader::default(), &mut samples).unwrap();
+    assert_eq!(frames_of(&mut samples, 16), record(4000));
+    let (_rig, cable) = again.unwrap().join().unwrap();
+    assert_eq!(cable.ear.take_alarms(), ["fake has lost about 100 samples; a tap in them is not there"]);
+}
+
+#[test]
+fn no_hit_is_asked_for_while_the_device_is_not_heard() {
+    // Catches a rig that hits while nobody listens, and one that is not told to go on.
+    let (bench, cable, mut rig, mut casing) = heard_bench();
+    cable.play([Step::Frames(frames(0..1000, &[])), Step::Fails("it was pulled out")]);
+    // Once it cannot be opened either, the ear has said so.
+    cable.play([Step::Fails("it is not there"), Step::Opens]);
+    assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet);
+    assert!(bench.arrivals.waits_for().contains("fake is not heard"), "{}", bench.arrivals.waits_for());
+    rig.stream.set_read_timeout(Some(Duration::from_millis(300))).unwrap();
+    let mut line = String::new();
+    assert!(rig.heard.read_line(&mut line).is_err() && line.is_empty(), "{line:?}");
+    rig.stream.set_read_timeout(Some(LONG)).unwrap();
+    cable.play([Step::Frames(frames(1000..2000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+}
+
+#[test]
+fn a_rig_is_homed_before_it_moves_and_after_it_was_stopped() {
+    // Catches a rig that moves before it knows where it is, a stop after which it is taken to know it still, and an answer from
+    // before the stop that counts.
+    let (listener, mut bench) = by_hand(30.0);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "scan T 7");
+    let mut casing = bench.casing();
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    rig.say("ready\n");
+    assert_eq!(rig.hear(), "hit 1.85");
+    rig.say("hit 1.85\n");
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    // It stays homed.
+    bench.until_told(&mut casing, 1, "move 1 1 60 5");
+    assert_eq!(rig.hear(), "move 1 1 60 5");
+    rig.say("stopped door\nrunning\n");
+    bench.until_told(&mut casing, 1, "home");
+    assert_eq!(rig.hear(), "home");
+    rig.say("stopped door\nhomed\nrunning\n");
+    let since = Instant::now();
+    while bench.arrivals.waits_for().ends_with(" to home") {
+        bench.pause();
+        assert!(since.elapsed() < LONG);
+    }
+    bench.until_told(&mut casing, 1, "home");
+    rig.is_homed(&bench, &mut casing, 1, "homed\n");
+}
+
+#[test]
+fn a_rig_without_a_home_is_used_as_it_is() {
+    // Catches a rig that does not know the command and is asked for ever, or whose casing is given up.
+    let (listener, mut bench) = by_hand(30.0);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "scan T 7");
+    let mut casing = bench.casing();
+    rig.is_homed(&bench, &mut casing, 0, "error home is no command\n");
+    rig.say("ready\n");
+    assert_eq!(rig.hear(), "hit 1.85");
+    rig.say("hit 1.85\n");
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    bench.until_told(&mut casing, 1, "move 1 1 60 5");
+}
+
+#[test]
+fn a_rig_may_take_its_own_time_to_home_and_no_more() {
+    // Catches a rig that homes slowly and is cut off, and one that never answers and is waited for.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let times = |timeout_s, home_timeout_s| RigConfig {
+        address: address.clone(),
+        patience_s: 30.0,
+        timeout_s,
+        home_timeout_s,
+        retakes: 0,
+        device: None,
+    };
+    for (rig, is_patient) in [(times(0.2, 30.0), true), (times(30.0, 0.2), false)] {
+        let mut bench = Bench::of(&rig);
+        let mut rig = ByHand::accept(&listener);
+        rig.say("hello rig 1\ncasing T\n");
+        assert_eq!(rig.hear(), "scan T 7");
+        let mut casing = bench.casing();
+        assert_eq!((casing.taps.poll(0, 0), rig.hear()), (Readiness::NotYet, "home".to_owned()));
+        if is_patient {
+            // Longer than it takes to look at the time.
+            thread::sleep(Duration::from_millis(1200));
+            rig.say("homed\n");
+            bench.until_told(&mut casing, 0, "move 1 0 0 5");
+        } else {
+            assert_eq!(rig.hear(), "", "it is still connected");
+        }
+    }
 }

@@ -4,8 +4,8 @@ pub(crate) mod listed;
 
 use tapline_model::{Crack, SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig, plant_cracks, truth};
 use tapline_wire::{
-    CHANNELS_MAX, CacheLine, Channel, ChannelHeader, Geometry, Plan, Recording, SampleFormat, Serial, SourceKind,
-    TapHeader, TapId, Truth, i16_of_mut,
+    CHANNELS_MAX, CacheLine, Calibration, Channel, ChannelHeader, Geometry, Plan, Recording, SampleFormat, Serial,
+    SourceKind, TapHeader, TapId, Truth, i16_of_mut,
 };
 
 use crate::config::scan_taps::taps_of;
@@ -173,6 +173,7 @@ pub(crate) fn plan_of(scan: &ScanConfig, simulation: &SimulationConfig, tyres: &
         sample_count_max: simulation.sample_count,
         sample_format: SampleFormat::I16,
         channels: vec![Channel::Force, Channel::Sound],
+        calibration: Calibration::computed(),
     };
     Ok(Plan::new(
         Geometry::Ring,

@@ -2,10 +2,12 @@
 //!
 //! Each column may be missing, and each cell may be empty; then the set, or its reader, decides.
 
-use tapline_wire::{Geometry, Purpose, RETAKES_MAX, csv_text};
+use tapline_wire::{Channel, Geometry, Purpose, RETAKES_MAX, Unit, csv_text};
 
 use crate::Error;
-use crate::tap_set::scan_toml::{FULL_SCALE_MAX, MICROPHONE_DISTANCE_M_MAX};
+use crate::config::calibration::FULL_SCALE_MAX;
+use crate::tap_set::scales::FullScale;
+use crate::tap_set::scan_toml::MICROPHONE_DISTANCE_M_MAX;
 use crate::tap_set::table::Row;
 
 /// The measured velocity; `velocity_m_per_s` is then the planned one.
@@ -20,6 +22,7 @@ pub(crate) const COLUMNS: &[&str] = &[
     "tap_time_ns",
     "force_full_scale_n",
     "sound_full_scale_v",
+    "sound_full_scale_pa",
     "microphone_distance_m",
     "refused",
 ];
@@ -39,6 +42,8 @@ pub struct Extras {
     pub force_full_scale_n: Option<f64>,
     /// Volts of a full-scale sample of this tap, if it differs from the set's.
     pub sound_full_scale_v: Option<f64>,
+    /// Pascals of it, where it is not in volts.
+    pub sound_full_scale_pa: Option<f64>,
     /// Distance from impact to microphone in m, if it differs from the set's.
     pub microphone_distance_m: Option<f64>,
     /// Why the tap has no recording.
@@ -46,6 +51,17 @@ pub struct Extras {
 }
 
 impl Extras {
+    /// What a full-scale sample of `channel` is worth, where the list says it of this tap.
+    pub(crate) fn full_scale(&self, channel: Channel) -> Option<FullScale> {
+        match channel {
+            Channel::Force => self.force_full_scale_n.map(|n| (n, Unit::Newton)),
+            Channel::Sound => {
+                let pascals = self.sound_full_scale_pa.map(|pa| (pa, Unit::Pascal));
+                self.sound_full_scale_v.map(|v| (v, Unit::Volt)).or(pascals)
+            }
+        }
+    }
+
     /// Reads the optional columns of `row`.
     pub(crate) fn from_row(row: &Row<'_>, geometry: Geometry) -> Result<Self, Error> {
         let short = |column, low, high: u16| -> Result<Option<u16>, Error> {
@@ -70,6 +86,7 @@ impl Extras {
             tap_time_ns: time_ns(row)?,
             force_full_scale_n: full_scale("force_full_scale_n")?,
             sound_full_scale_v: full_scale("sound_full_scale_v")?,
+            sound_full_scale_pa: full_scale("sound_full_scale_pa")?,
             microphone_distance_m: row.number("microphone_distance_m", (0.0, true), MICROPHONE_DISTANCE_M_MAX)?,
             refused: Some(csv_text(row.text("refused"))).filter(|reason| !reason.is_empty()).map(str::to_owned),
         })

@@ -7,6 +7,7 @@ mod fuzz_tests;
 pub(crate) mod listed;
 mod raw16;
 mod recordings;
+pub(crate) mod scales;
 pub(crate) mod scan_toml;
 mod table;
 pub(crate) mod taps_csv;
@@ -21,11 +22,10 @@ use std::io::{Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
 
-use tapline_wire::{CacheLine, Channel, Plan, SampleFormat, SourceKind, TapHeader};
+use tapline_wire::{CacheLine, Plan, SampleFormat, SourceKind, TapHeader};
 
 use crate::source::{channel_headers, named, no_room, no_such_row};
 use crate::tap_set::casings::{SetCasing, casings_of, check_station_count};
-use crate::tap_set::extras::Extras;
 use crate::tap_set::recordings::{Recordings, check_format, check_shape};
 use crate::tap_set::scan_toml::ScanToml;
 use crate::tap_set::taps_csv::TapRow;
@@ -147,7 +147,8 @@ impl Source for TapSet {
         header.tap_time_ns = extras.tap_time_ns;
         header.velocity_measured_m_per_s = velocity_measured_m_per_s.unwrap_or(f64::NAN);
         header.microphone_distance_m = extras.microphone_distance_m.unwrap_or(scan.microphone_distance_m);
-        header.channels = channel_headers(recording, &scales_of(scan, extras, recording.sample_format));
+        let full_scales = self.set.scales().of_tap(&scan.channels, extras);
+        header.channels = channel_headers(recording, &per_count(&full_scales, recording.sample_format));
         if let Some(reason) = self.fault(row).or_else(|| no_room(buffer, recording.payload_bytes_max())) {
             return Err(self.refusal(row, reason));
         }
@@ -164,20 +165,13 @@ fn header(file: impl Read + Seek, name: &str, file_bytes: u64, scan: &ScanToml) 
     }
 }
 
-/// Newtons or volts of one stored unit of a tap, by channel.
-fn scales_of(scan: &ScanToml, extras: &Extras, format: SampleFormat) -> Vec<f64> {
+/// What one stored unit is worth, by channel.
+fn per_count(full_scales: &[f64], format: SampleFormat) -> Vec<f64> {
     let full_scale_stored = match format {
         SampleFormat::I16 => COUNTS_FULL_SCALE,
         SampleFormat::F32 => 1.0,
     };
-    let full_scale = |&channel: &Channel| {
-        let of_tap = match channel {
-            Channel::Force => extras.force_full_scale_n,
-            Channel::Sound => extras.sound_full_scale_v,
-        };
-        of_tap.unwrap_or_else(|| scan.full_scale(channel)) / full_scale_stored
-    };
-    scan.channels.iter().map(full_scale).collect()
+    full_scales.iter().map(|full_scale| full_scale / full_scale_stored).collect()
 }
 
 #[cfg(test)]

@@ -4,8 +4,9 @@ use std::collections::HashSet;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use tapline_wire::{Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, Truth, digest_of_parts};
+use tapline_wire::{Calibration, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, Truth, digest_of_parts};
 
+use crate::tap_set::scales::Scales;
 use crate::tap_set::scan_toml::{self, ScanToml};
 use crate::tap_set::taps_csv::{self, TapRow};
 use crate::tap_set::wav::{self, WavFault, WavHeader};
@@ -24,6 +25,7 @@ pub(crate) struct Recordings {
     dir: PathBuf,
     scan: ScanToml,
     scan_text: String,
+    scales: Scales,
     taps: Vec<TapRow>,
     /// The header of each recording, or why it cannot be used.
     headers: Vec<Result<WavHeader, String>>,
@@ -42,6 +44,7 @@ impl Recordings {
         let scan = scan_toml::parse(&scan_file, &scan_text)?;
         let taps_file = dir.join("taps.csv");
         let taps = taps_csv::parse(&taps_file, &need(&taps_file)?, scan.geometry)?;
+        let scales = Scales::read(dir, &scan, &taps_file, &taps)?;
         let truth_file = dir.join("truth.csv");
         let truth = text::read(&truth_file)?.map_or(Ok(Truth::new()), |text| truth_csv::parse(&truth_file, &text))?;
         let header = |row: &TapRow| header_of(dir, row, &scan).map_err(|fault| fault.to_string());
@@ -49,7 +52,7 @@ impl Recordings {
         if headers.iter().all(Result::is_err) {
             return Err(no_usable_tap(taps_file, &taps, headers));
         }
-        Ok(Self { dir: dir.to_owned(), scan, scan_text, taps, headers, truth })
+        Ok(Self { dir: dir.to_owned(), scan, scan_text, scales, taps, headers, truth })
     }
 
     pub(crate) fn dir(&self) -> &Path {
@@ -75,6 +78,11 @@ impl Recordings {
         &self.scan
     }
 
+    /// What the samples are worth.
+    pub(crate) fn scales(&self) -> &Scales {
+        &self.scales
+    }
+
     pub(crate) fn geometry(&self) -> Geometry {
         self.scan.geometry
     }
@@ -93,7 +101,9 @@ impl Recordings {
         let is_of = |&(tyre, shoulder, _): &(Serial, u16, u32)| shoulders.contains(&(tyre, shoulder));
         let truth = self.truth.iter().filter(|(place, _)| is_of(place)).map(|(&place, &is)| (place, is)).collect();
         let headers = || rows.iter().map(|&row| &self.headers[row as usize]);
-        let recording = recording_of(&self.scan, headers);
+        let mut recording = recording_of(&self.scan, headers);
+        let of_plan = rows.iter().map(|&row| &self.taps[row as usize]);
+        recording.calibration = self.scales.calibration(&self.scan.channels, of_plan);
         Ok(Plan::from_source(self.scan.geometry, recording, taps, truth, self.digest(rows))?)
     }
 
@@ -108,7 +118,8 @@ impl Recordings {
             about
         });
         let about: Vec<Vec<u8>> = about.collect();
-        let parts = std::iter::once(self.scan_text.as_bytes()).chain(about.iter().map(Vec::as_slice));
+        let scales = format!("{:?}", self.scales);
+        let parts = [self.scan_text.as_bytes(), scales.as_bytes()].into_iter().chain(about.iter().map(Vec::as_slice));
         digest_of_parts(parts)
     }
 }
@@ -179,6 +190,7 @@ where
         sample_count_max: longest.unwrap_or_else(|| scan.pre_trigger_samples.saturating_add(1)),
         sample_format,
         channels: scan.channels.clone(),
+        calibration: Calibration::default(),
     }
 }
 

@@ -3,19 +3,22 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use tapline_wire::{Channel, Geometry};
+use tapline_wire::{Channel, Geometry, Unit};
 use toml::{Spanned, Value};
 
 use crate::Error;
+use crate::config::calibration::FULL_SCALE_MAX;
+use crate::tap_set::scales::FullScale;
 use crate::tap_set::text;
 
-const KNOWN: [&str; 12] = [
+const KNOWN: [&str; 13] = [
     "geometry",
     "channels",
     "sample_rate_hz",
     "pre_trigger_samples",
     "force_full_scale_n",
     "sound_full_scale_v",
+    "sound_full_scale_pa",
     "microphone_distance_m",
     "sound_unit",
     "force_unit",
@@ -24,14 +27,12 @@ const KNOWN: [&str; 12] = [
     "licence",
 ];
 
-/// Free text about the recordings; no computation uses it.
+/// Text about the recordings. Of a channel without a full scale, a unit of [`Unit`] is that of a sample of 1; no computation
+/// uses the rest.
 const REMARKS: [&str; 5] = ["sound_unit", "force_unit", "description", "source", "licence"];
 
 /// Largest number of samples per second; far above any converter, so that times in samples stay exact.
 const SAMPLE_RATE_HZ_MAX: f64 = 1e9;
-
-/// Largest value of a full-scale sample, in newtons or volts.
-pub(crate) const FULL_SCALE_MAX: f64 = 1e12;
 
 /// Largest distance of the microphone in m.
 pub(crate) const MICROPHONE_DISTANCE_M_MAX: f64 = 1e3;
@@ -43,19 +44,29 @@ pub(crate) struct ScanToml {
     pub channels: Vec<Channel>,
     pub sample_rate_hz: f64,
     pub pre_trigger_samples: u32,
-    pub force_full_scale_n: f64,
-    pub sound_full_scale_v: f64,
+    pub force_full_scale: Option<FullScale>,
+    pub sound_full_scale: Option<FullScale>,
     pub microphone_distance_m: f64,
     pub remarks: BTreeMap<String, String>,
 }
 
 impl ScanToml {
-    /// Physical value of a full-scale sample of `channel`.
-    pub(crate) fn full_scale(&self, channel: Channel) -> f64 {
+    /// What a full-scale sample of `channel` is worth, where it is stated.
+    pub(crate) fn full_scale(&self, channel: Channel) -> Option<FullScale> {
         match channel {
-            Channel::Force => self.force_full_scale_n,
-            Channel::Sound => self.sound_full_scale_v,
+            Channel::Force => self.force_full_scale,
+            Channel::Sound => self.sound_full_scale,
         }
+    }
+
+    /// The unit that a remark names, where it is one of `channel`.
+    pub(crate) fn named_unit(&self, channel: Channel) -> Option<Unit> {
+        let unit = Unit::from_name(self.remarks.get(&format!("{}_unit", channel.name()))?)?;
+        let units = match channel {
+            Channel::Force => &[Unit::Newton][..],
+            Channel::Sound => &[Unit::Volt, Unit::Pascal][..],
+        };
+        Some(unit).filter(|unit| units.contains(unit))
     }
 }
 
@@ -100,8 +111,8 @@ impl Keys<'_> {
             pre_trigger_samples: self
                 .count("pre_trigger_samples")?
                 .ok_or_else(|| required("pre_trigger_samples", "the samples before the trigger"))?,
-            force_full_scale_n: self.number("force_full_scale_n", any.clone())?.unwrap_or(1.0),
-            sound_full_scale_v: self.number("sound_full_scale_v", any)?.unwrap_or(1.0),
+            force_full_scale: self.number("force_full_scale_n", any.clone())?.map(|n| (n, Unit::Newton)),
+            sound_full_scale: self.sound_full_scale(any)?,
             microphone_distance_m: self
                 .number("microphone_distance_m", 0.0..=MICROPHONE_DISTANCE_M_MAX)?
                 .unwrap_or(0.0),
@@ -171,6 +182,17 @@ impl Keys<'_> {
         }
     }
 
+    /// In volts or in pascals.
+    fn sound_full_scale(&self, any: std::ops::RangeInclusive<f64>) -> Result<Option<FullScale>, Error> {
+        let volts = self.number("sound_full_scale_v", any.clone())?.map(|v| (v, Unit::Volt));
+        match (volts, self.number("sound_full_scale_pa", any)?, self.value("sound_full_scale_pa")) {
+            (Some(_), Some(_), Some(value)) => {
+                Err(self.refuse("sound_full_scale_pa", value, "left out, as sound_full_scale_v is given".to_owned()))
+            }
+            (volts, pascals, _) => Ok(volts.or(pascals.map(|pa| (pa, Unit::Pascal)))),
+        }
+    }
+
     fn count(&self, key: &'static str) -> Result<Option<u32>, Error> {
         let Some(value) = self.value(key) else { return Ok(None) };
         let count = value.as_integer().and_then(|i| u32::try_from(i).ok());
@@ -212,9 +234,9 @@ mod tests {
         assert_eq!(scan.geometry, Geometry::Ring);
         assert_eq!(scan.channels, [Channel::Force, Channel::Sound]);
         assert_eq!(scan.pre_trigger_samples, 512);
-        let numbers =
-            [scan.sample_rate_hz, scan.force_full_scale_n, scan.sound_full_scale_v, scan.microphone_distance_m];
-        assert_eq!(numbers.map(f64::to_bits), [40960.0, 1.0, 1.0, 0.0].map(f64::to_bits));
+        let numbers = [scan.sample_rate_hz, scan.microphone_distance_m];
+        assert_eq!(numbers.map(f64::to_bits), [40960.0, 0.0].map(f64::to_bits));
+        assert_eq!([Channel::Force, Channel::Sound].map(|channel| scan.full_scale(channel)), [None; 2]);
     }
 
     /// Catches full scales that are swapped, and free text that is refused.
@@ -223,8 +245,11 @@ mod tests {
         let more = "force_full_scale_n = 222.0\nsound_full_scale_v = 5\nmicrophone_distance_m = 0.05\n\
                     sound_unit = \"V\"\nforce_unit = \"N\"\ndescription = \"d\"\nsource = \"s\"\nlicence = \"CC0\"\n";
         let scan = parsed(&format!("{GOOD}{more}")).unwrap();
-        assert_eq!(scan.full_scale(Channel::Force).to_bits(), 222f64.to_bits());
-        assert_eq!(scan.full_scale(Channel::Sound).to_bits(), 5f64.to_bits());
+        assert_eq!(scan.full_scale(Channel::Force), Some((222.0, Unit::Newton)));
+        assert_eq!(scan.full_scale(Channel::Sound), Some((5.0, Unit::Volt)));
+        assert_eq!(scan.named_unit(Channel::Force), Some(Unit::Newton));
+        let pascals = parsed(&format!("{GOOD}sound_full_scale_pa = 20.0\n")).unwrap();
+        assert_eq!(pascals.full_scale(Channel::Sound), Some((20.0, Unit::Pascal)));
         assert_eq!(scan.remarks.len(), REMARKS.len());
     }
 
@@ -246,6 +271,11 @@ mod tests {
             ("pre_trigger_samples = 512", "", "the key pre_trigger_samples is missing"),
             ("geometry = \"ring\"", "", "the key geometry is missing; it must be \"ring\" or \"line\""),
             ("= 512", "= 512\nforce_full_scale_n = 0", "line 5: force_full_scale_n is 0; it must be a number above 0"),
+            (
+                "= 512",
+                "= 512\nsound_full_scale_v = 1\nsound_full_scale_pa = 1",
+                "line 6: sound_full_scale_pa is 1; it must be left out",
+            ),
             ("= 512", "= 512\nsource = 3", "line 5: source is 3; it must be text"),
             ("= 512", "= 512\ngeometry = \"line\"", "line 5: duplicate key"),
             ("= 512", "= ", "scan.toml line 4: "),

@@ -95,11 +95,6 @@ impl<'a> Row<'a> {
         self.line
     }
 
-    /// Whether the table has `column`.
-    pub(crate) fn has(&self, column: &'static str) -> bool {
-        self.table.places.iter().any(|(name, _)| *name == column)
-    }
-
     /// The text in `column`; empty if the table has no such column.
     pub(crate) fn text(&self, column: &'static str) -> &'a str {
         let place = self.table.places.iter().find(|(name, _)| *name == column);

@@ -30,7 +30,7 @@ pub struct TapRow {
     pub file: String,
     /// The tap; at station 0 if the list names none.
     pub tap: PlannedTap,
-    /// Measured velocity; without a column for it, the planned one.
+    /// Measured velocity; of a tap set without a column for it, the other one.
     pub velocity_measured_m_per_s: Option<f64>,
     /// The values of the optional columns.
     pub extras: Extras,
@@ -38,7 +38,11 @@ pub struct TapRow {
 
 /// Reads the `text` of `file`.
 pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRow>, Error> {
-    let rows = tap_rows(file, text, geometry)?;
+    let mut rows = tap_rows(file, text, geometry)?;
+    // A list with one velocity says how fast each tap was.
+    if !text.lines().next().is_some_and(|header| header.contains(MEASURED)) {
+        rows.iter_mut().for_each(|row| row.velocity_measured_m_per_s = row.tap.id.velocity_m_per_s());
+    }
     refuse_shared_recordings(file, &rows)?;
     Ok(rows)
 }
@@ -70,8 +74,7 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
     // A ring is a shoulder of a casing, and a casing has two; a slab may have any number of lines.
     let shoulder_max = if geometry == Geometry::Ring { 2 } else { u32::from(u16::MAX) };
     let velocity_m_per_s = row.number("velocity_m_per_s", (0.0, false), 1000.0)?;
-    let velocity_measured_m_per_s =
-        if row.has(MEASURED) { row.number(MEASURED, (0.0, true), 1000.0)? } else { velocity_m_per_s };
+    let velocity_measured_m_per_s = row.number(MEASURED, (0.0, true), 1000.0)?;
     let mut id = TapId::default()
         .with_offset_mm(row.number("offset_mm", (-2000.0, true), 2000.0)?)
         .map_err(|e| refuse_id(row, "offset_mm", &e))?
@@ -237,6 +240,9 @@ mod tests {
         assert_eq!(rows[0].tap.id.velocity_m_per_s(), Some(1.85));
         assert_eq!((rows[0].velocity_measured_m_per_s, rows[1].velocity_measured_m_per_s), (Some(2.03), None));
         assert_eq!(ring("a.wav,T,1,,1.85,0,,0\n")[0].velocity_measured_m_per_s, Some(1.85));
+        let listed =
+            tap_rows(Path::new("taps.csv"), &format!("{HEADER}a.wav,T,1,,1.85,0,,0\n"), Geometry::Ring).unwrap();
+        assert_eq!(listed[0].velocity_measured_m_per_s, None, "of recordings that are imported it is not known");
     }
 
     /// Catches an optional column that is mistaken for another, required, or invented where its cell is empty, and a
@@ -245,11 +251,11 @@ mod tests {
     fn what_an_archive_knows_is_taken() {
         let header = HEADER.replace(
             "repetition",
-            "repetition,station,attempt,purpose,tap_time_ns,force_full_scale_n,sound_full_scale_v,microphone_distance_m,refused",
+            "repetition,station,attempt,purpose,tap_time_ns,force_full_scale_n,sound_full_scale_v,sound_full_scale_pa,microphone_distance_m,refused",
         );
         let parsed = |rows: &str| parse(Path::new("taps.csv"), &format!("{header}{rows}"), Geometry::Ring);
         let rows = parsed(
-            "a.wav,T,1,,,0,0,0,7,2,closing,-5,222,5,0.05,\n,T,1,,,1,360,0,7,,scan,,,,,no wire\nc.wav,T,1,,,2,360,1,7,,,,,,,\n",
+            "a.wav,T,1,,,0,0,0,7,2,closing,-5,222,5,,0.05,\n,T,1,,,1,360,0,7,,scan,,,,,,no wire\nc.wav,T,1,,,2,360,1,7,,,,,,,,\n",
         );
         let rows = rows.unwrap();
         let first = Extras {
@@ -259,6 +265,7 @@ mod tests {
             tap_time_ns: -5,
             force_full_scale_n: Some(222.0),
             sound_full_scale_v: Some(5.0),
+            sound_full_scale_pa: None,
             microphone_distance_m: Some(0.05),
             refused: None,
         };
@@ -273,14 +280,15 @@ mod tests {
         assert_eq!((&rows[1].extras, rows[1].file.as_str()), (&refused, ""));
         assert_eq!(rows[2].extras, Extras { station: Some(7), ..Extras::default() });
         for (row, want) in [
-            (",T,1,,,0,0,0,7,,,,,,,", "line 2: file is \"\""),
-            ("a.wav,T,1,,,0,0,0,0,,,,,,,", "station is \"0\"; it must be a whole number from 1 to 65535"),
-            ("a.wav,T,1,,,0,0,0,,64,,,,,,", "attempt is \"64\"; it must be a whole number from 0 to 63"),
-            ("a.wav,T,1,,,0,0,0,,,2,,,,,", "purpose is \"2\""),
-            ("a.wav,T,1,,,0,0,0,,,,1.5,,,,", "tap_time_ns is \"1.5\"; it must be a whole number of ns"),
-            ("a.wav,T,1,,,0,0,0,,,,,0,,,", "force_full_scale_n is \"0\"; it must be a number above 0"),
-            ("a.wav,T,1,,,0,0,0,,,,,,nan,,", "sound_full_scale_v is \"nan\""),
-            ("a.wav,T,1,,,0,0,0,,,,,,,-1,", "microphone_distance_m is \"-1\"; it must be a number from 0 to 1000"),
+            (",T,1,,,0,0,0,7,,,,,,,,", "line 2: file is \"\""),
+            ("a.wav,T,1,,,0,0,0,0,,,,,,,,", "station is \"0\"; it must be a whole number from 1 to 65535"),
+            ("a.wav,T,1,,,0,0,0,,64,,,,,,,", "attempt is \"64\"; it must be a whole number from 0 to 63"),
+            ("a.wav,T,1,,,0,0,0,,,2,,,,,,", "purpose is \"2\""),
+            ("a.wav,T,1,,,0,0,0,,,,1.5,,,,,", "tap_time_ns is \"1.5\"; it must be a whole number of ns"),
+            ("a.wav,T,1,,,0,0,0,,,,,0,,,,", "force_full_scale_n is \"0\"; it must be a number above 0"),
+            ("a.wav,T,1,,,0,0,0,,,,,,nan,,,", "sound_full_scale_v is \"nan\""),
+            ("a.wav,T,1,,,0,0,0,,,,,,,-2,,", "sound_full_scale_pa is \"-2\""),
+            ("a.wav,T,1,,,0,0,0,,,,,,,,-1,", "microphone_distance_m is \"-1\"; it must be a number from 0 to 1000"),
         ] {
             let error = parsed(row).unwrap_err().to_string();
             assert!(error.contains(want), "{error:?} lacks {want:?}");

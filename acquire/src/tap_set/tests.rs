@@ -298,6 +298,17 @@ fn what_an_archive_knows_comes_back() {
                 b.wav,T,2,0,1.5,1,3.6,0,3,,,,,,\n\
                 ,T,1,,,0,,0,3,1,,,,,\"two bounces, no more\"\n";
     fs::write(dir.path().join("taps.csv"), format!("{header}{rows}")).unwrap();
+    let error = TapSet::open(dir.path(), 1).unwrap_err().to_string();
+    assert!(
+        error.contains("line 3: force_full_scale_n is \"\"; it must be in N, as that of the other taps"),
+        "{error}"
+    );
+    let scan = dir.path().join("scan.toml");
+    let scaled = fs::read_to_string(&scan).unwrap() + "force_full_scale_n = 3.0\nsound_full_scale_pa = 4.0\n";
+    fs::write(&scan, &scaled).unwrap();
+    let error = TapSet::open(dir.path(), 1).unwrap_err().to_string();
+    assert!(error.contains("line 2: sound_full_scale_v or sound_full_scale_pa is \"V\"; it must be in Pa"), "{error}");
+    fs::write(&scan, scaled.replace("_pa", "_v")).unwrap();
     let mut set = open(&dir);
     assert_eq!(set.plan().stations(), [3]);
     let (first, _) = render(&mut set, 0).unwrap();
@@ -306,7 +317,7 @@ fn what_an_archive_knows_comes_back() {
     assert_eq!((first.id.attempt, first.tap_time_ns, first.id.station), (9, 77, 3));
     let (second, _) = render(&mut set, 1).unwrap();
     let scales: Vec<f64> = second.channels().map(|(_, unit_per_count)| unit_per_count).collect();
-    assert_eq!((scales, second.microphone_distance_m), (vec![1.0 / 32768.0; 2], 0.0), "the set's own");
+    assert_eq!((scales, second.microphone_distance_m), (vec![3.0 / 32768.0, 4.0 / 32768.0], 0.0), "the set's own");
     assert_eq!((second.id.attempt, second.tap_time_ns), (3, 0), "the one that was asked for");
     assert_eq!(refusal(&mut set, 2), "two bounces, no more");
     assert_eq!(set.refusals().count(), 1);

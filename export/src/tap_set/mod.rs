@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use tapline_wire::{Channel, Geometry, Recording, SampleFormat, Serial, TapHeader, csv_cell};
+use tapline_wire::{Geometry, Recording, SampleFormat, Serial, TapHeader, csv_cell};
 
 use crate::tap_set::writer::{Scales, TapSetWriter};
 use crate::taps::{ListedTap, TapCounts, Taps, scan_names};
@@ -22,7 +22,7 @@ use tapline_store::Reader;
 /// Counts of a full-scale 16-bit sample.
 const COUNTS_FULL_SCALE: f64 = 32_768.0;
 
-/// Largest full scale, in newtons or volts, that a tap set may have.
+/// Largest full scale that a tap set may have.
 const FULL_SCALE_MAX: f64 = 1e12;
 
 /// Writes the taps of the archive into the new folder `folder` as a tap set, with the configuration of the run and the
@@ -196,6 +196,7 @@ impl TapSetFolder {
                 count => format!("{count} tapline archives, scan plan {:016x} first", alike.plan_digest),
             };
             set.describe(alike.geometry, &alike.recording, &[("source", &source)])?;
+            set.certify(&alike.recording)?;
             set.write("config.toml", &alike.config)?;
             if let Some(reference) = &alike.reference {
                 set.write("reference.json", reference)?;
@@ -227,10 +228,7 @@ fn scales_of(reader: &Reader, tap: &ListedTap<'_>, header: &TapHeader) -> Result
                 format!("the {name} of {id} has full scale {full_scale}; above 0 to {FULL_SCALE_MAX} can be stated");
             return Err(no_tap_set(reader, what));
         }
-        match channel {
-            Channel::Force => scales.force_full_scale_n = Some(full_scale),
-            Channel::Sound => scales.sound_full_scale_v = Some(full_scale),
-        }
+        scales.set(channel, Some(full_scale), reader.plan().recording.calibration.unit(channel));
     }
     Ok(scales)
 }

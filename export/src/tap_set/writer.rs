@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 
 use hound::{SampleFormat as Kind, WavSpec, WavWriter};
 use tapline_store::OwnedSamples;
-use tapline_wire::{Geometry, Recording};
+use tapline_wire::{Channel, Geometry, Recording, Unit};
 
 use crate::folder::Draft;
 use crate::taps::{COLUMNS, ListedTap, cells, known};
 use crate::{Error, Result};
 
 /// Columns of values that are in `scan.toml`, and in the list for taps that differ from it.
-const OWN_COLUMNS: [&str; 3] = ["force_full_scale_n", "sound_full_scale_v", "microphone_distance_m"];
+const OWN_COLUMNS: [&str; 4] =
+    ["force_full_scale_n", "sound_full_scale_v", "sound_full_scale_pa", "microphone_distance_m"];
 
 /// What a full-scale sample of a tap means, and where its microphone was; `None` where it is not known.
 ///
@@ -23,23 +24,43 @@ pub struct Scales {
     pub force_full_scale_n: Option<f64>,
     /// Volts of a full-scale sample.
     pub sound_full_scale_v: Option<f64>,
+    /// Pascals of a full-scale sample, where the sound is not in volts.
+    pub sound_full_scale_pa: Option<f64>,
     /// Distance from impact to microphone.
     pub microphone_distance_m: Option<f64>,
 }
 
 impl Scales {
-    fn values(&self) -> [Option<f64>; 3] {
-        [self.force_full_scale_n, self.sound_full_scale_v, self.microphone_distance_m]
+    fn values(&self) -> [Option<f64>; 4] {
+        [self.force_full_scale_n, self.sound_full_scale_v, self.sound_full_scale_pa, self.microphone_distance_m]
+    }
+
+    /// Says what a full-scale sample of `channel` is worth, in `unit`.
+    pub fn set(&mut self, channel: Channel, full_scale: Option<f64>, unit: Unit) {
+        match (channel, unit) {
+            (_, Unit::FullScale) => {}
+            (Channel::Force, _) => self.force_full_scale_n = full_scale,
+            (Channel::Sound, Unit::Pascal) => self.sound_full_scale_pa = full_scale,
+            (Channel::Sound, _) => self.sound_full_scale_v = full_scale,
+        }
+    }
+
+    /// What a full-scale sample of `channel` is worth, where it is known.
+    pub fn of(&self, channel: Channel) -> Option<f64> {
+        match channel {
+            Channel::Force => self.force_full_scale_n,
+            Channel::Sound => self.sound_full_scale_v.or(self.sound_full_scale_pa),
+        }
     }
 
     /// The cells of [`OWN_COLUMNS`]: empty where a tap has the values of the set.
-    fn cells(&self, of_set: &Self) -> [String; 3] {
+    fn cells(&self, of_set: &Self) -> [String; 4] {
         let own = |value: Option<f64>, of: Option<f64>| {
             let is_same = value.map(f64::to_bits) == of.map(f64::to_bits);
             if is_same { String::new() } else { known(value) }
         };
-        let ([force, sound, distance], [of_force, of_sound, of_distance]) = (self.values(), of_set.values());
-        [own(force, of_force), own(sound, of_sound), own(distance, of_distance)]
+        let (values, of_set) = (self.values(), of_set.values());
+        std::array::from_fn(|k| own(values[k], of_set[k]))
     }
 }
 
@@ -69,7 +90,7 @@ impl TapSetWriter {
     /// # Errors
     /// An error of writing.
     pub fn add(&mut self, file: &str, recording: &Recording, tap: &ListedTap<'_>, scales: &Scales) -> Result<()> {
-        let mut own = [const { String::new() }; 3];
+        let mut own = [const { String::new() }; 4];
         if let Ok((_, samples)) = &tap.record {
             write_wav(&self.draft.path(file)?, recording, samples)?;
             own = scales.cells(self.scales.get_or_insert(*scales));
@@ -100,6 +121,25 @@ impl TapSetWriter {
             text += &format!("{name} = {}\n", toml_text(remark));
         }
         self.draft.write("scan.toml", &text)
+    }
+
+    /// Writes where the scales come from, where `recording` has certificates of them.
+    ///
+    /// # Errors
+    /// An error of writing.
+    pub fn certify(&mut self, recording: &Recording) -> Result<()> {
+        let scales = self.scales.unwrap_or_default();
+        let mut text = String::new();
+        for &channel in &recording.channels {
+            let of = recording.calibration.of(channel);
+            let Some((certificate, full_scale)) = of.certificate.as_ref().zip(scales.of(channel)) else { continue };
+            let certificate = toml::to_string(certificate).unwrap_or_default(); // texts and numbers cannot fail
+            let (name, unit) = (channel.name(), of.unit.name());
+            text += &format!(
+                "[{name}]\nunit = {unit:?}\nfull_scale = {full_scale:?}\n[{name}.certificate]\n{certificate}\n"
+            );
+        }
+        if text.is_empty() { Ok(()) } else { self.draft.write("calibration.toml", &text) }
     }
 
     /// The present path of the set, in which it can be looked at before it is finished.

@@ -234,8 +234,25 @@ impl Fusion {
         if self.has_no_velocity(scan) {
             reasons.insert(Reasons::VELOCITY_UNKNOWN);
         }
+        reasons.insert(self.calibration_reasons());
         if self.has_unknown_condition(scan, compared) {
             reasons.insert(Reasons::CONDITION_UNKNOWN);
+        }
+        reasons
+    }
+
+    /// What the calibration of the channels gives reason for.
+    fn calibration_reasons(&self) -> Reasons {
+        let recording = &self.plan.recording;
+        let mut reasons = Reasons::default();
+        if !recording.calibration.is_certified(&recording.channels) {
+            reasons.insert(Reasons::NOT_CALIBRATED);
+        }
+        if recording.calibration.is_expired(&recording.channels) {
+            reasons.insert(Reasons::CALIBRATION_EXPIRED);
+        }
+        if self.config.requires_calibration && !reasons.is_empty() {
+            reasons.insert(Reasons::CALIBRATION_REQUIRED);
         }
         reasons
     }

@@ -7,15 +7,15 @@ const HEAD: &str = include_str!("head.md");
 
 /// A table of the page: rows of which table and quantity it shows, and what stands above it.
 const TABLES: [(&str, &str, &str); 9] = [
-    ("force", "f_max_n", "## F_max"),
+    ("force", "f_max", "## F_max"),
     ("force", "tau_s", "## tau, beside the time of contact"),
-    ("clip", "f_max_n", "## F_max of a clipped force"),
+    ("clip", "f_max", "## F_max of a clipped force"),
     ("clip", "tau_s", "## tau of a clipped force, from the width at 10 % of that F_max"),
-    ("droop", "f_max_n", "## F_max behind a coupling"),
+    ("droop", "f_max", "## F_max behind a coupling"),
     ("droop", "tau_s", "## tau behind a coupling"),
     ("sound", "pr", "## PR"),
-    ("sound", "p_f_v2_per_hz", "## P_f"),
-    ("sound", "e_f_v2", "## E_f"),
+    ("sound", "p_f", "## P_f"),
+    ("sound", "e_f", "## E_f"),
 ];
 
 /// The page of `rows`: a line a cell, a column an estimator, bias and spread in % of the truth.

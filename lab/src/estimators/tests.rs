@@ -40,16 +40,16 @@ fn the_table_of_estimators_is_not_stale() {
 fn default_estimators_keep_their_limits() {
     // Greatest bias and spread in % of the truth over all signals at 41 kHz without a fault, by noise in dB.
     const LIMITS: [(&str, &str, Option<u32>, f64, f64); 9] = [
-        ("f_max_n", "parabola", None, 0.05, 0.1),
-        ("f_max_n", "parabola", Some(60), 0.05, 0.2),
-        ("f_max_n", "parabola", Some(40), 0.7, 1.0),
+        ("f_max", "parabola", None, 0.05, 0.1),
+        ("f_max", "parabola", Some(60), 0.05, 0.2),
+        ("f_max", "parabola", Some(40), 0.7, 1.0),
         // Of a skewed pulse, alike at all noises: a fifth to a quarter short.
         ("tau_s", "half_sine", None, 25.0, 0.05),
         ("tau_s", "half_sine", Some(40), 25.0, 1.3),
         ("pr", "whole", None, 0.001, 0.001),
         ("pr", "whole", Some(60), 0.1, 0.2),
-        ("e_f_v2", "whole", Some(60), 0.1, 0.2),
-        ("p_f_v2_per_hz", "whole", Some(60), 0.8, 1.2),
+        ("e_f", "whole", Some(60), 0.1, 0.2),
+        ("p_f", "whole", Some(60), 0.8, 1.2),
     ];
     let is_wanted = |cell: &Cell| {
         let is_plain = cell.rate_hz == 40_960 && cell.fault.is_empty();

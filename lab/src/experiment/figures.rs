@@ -6,7 +6,7 @@ mod rings;
 
 use anyhow::Result;
 use plotters::style::RGBColor;
-use tapline_wire::Discriminator;
+use tapline_wire::{Calibration, Discriminator};
 
 pub(super) use groups::repeats;
 
@@ -80,15 +80,16 @@ fn cell(value: impl Into<Option<f64>>) -> String {
 }
 
 /// How a discriminator is written on a picture: symbol, unit, and how many of that unit the SI unit is.
-fn shown(which: Discriminator) -> (&'static str, &'static str, f64) {
-    let (symbol, per_si, unit) = which.printed();
+fn shown(which: Discriminator) -> (&'static str, String, f64) {
+    let (per_si, unit) = which.printed_unit(&Calibration::computed());
     // A simulated sound is some millivolts.
-    match unit {
-        "V s" => (symbol, "mV s", 1e3),
-        "V\u{b2}/Hz" => (symbol, "mV\u{b2}/Hz", 1e6),
-        "V\u{b2}" => (symbol, "mV\u{b2}", 1e6),
-        unit => (symbol, unit, per_si),
-    }
+    let (unit, per_si) = match unit.as_str() {
+        "V s" => ("mV s".to_owned(), 1e3),
+        "V\u{b2}/Hz" => ("mV\u{b2}/Hz".to_owned(), 1e6),
+        "V\u{b2}" => ("mV\u{b2}".to_owned(), 1e6),
+        _ => (unit, per_si),
+    };
+    (which.printed(), unit, per_si)
 }
 
 /// Its symbol with its unit.

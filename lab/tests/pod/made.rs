@@ -93,6 +93,7 @@ impl Archive {
             sample_count_max: 32,
             sample_format: SampleFormat::I16,
             channels: vec![Channel::Sound],
+            calibration: tapline_wire::Calibration::computed(),
         };
         Plan::new(Geometry::Ring, recording, taps, truth).unwrap()
     }

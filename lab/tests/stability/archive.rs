@@ -18,6 +18,7 @@ fn archived_plan() -> Plan {
         sample_count_max: 256,
         sample_format: SampleFormat::I16,
         channels: vec![Channel::Force, Channel::Sound],
+        calibration: tapline_wire::Calibration::computed(),
     };
     let taps = (0..=4).map(|l| planned(tyre("T1"), 1, l, 4)).collect();
     Plan::new(Geometry::Ring, recording, taps, Truth::new()).unwrap()
@@ -56,7 +57,7 @@ fn c43_a_factor_of_a_thousand() {
     Reader::open_unfinished(&path).unwrap();
     let units = || {
         let table = hdf5::File::open(&path).unwrap().dataset("discriminators").unwrap();
-        table.attr("units_f_max_n").unwrap().read_scalar::<FixedUnicode<32>>().unwrap().to_string()
+        table.attr("units_f_max").unwrap().read_scalar::<FixedUnicode<32>>().unwrap().to_string()
     };
     assert_eq!(units(), "N");
     let refuses = |change: &dyn Fn(&hdf5::Dataset)| {
@@ -69,7 +70,7 @@ fn c43_a_factor_of_a_thousand() {
     };
     refuses(&|table| {
         let units: FixedUnicode<32> = "mN".parse().unwrap();
-        table.attr("units_f_max_n").unwrap().write_scalar(&units).unwrap();
+        table.attr("units_f_max").unwrap().write_scalar(&units).unwrap();
     });
     refuses(&|table| table.delete_attr("units").unwrap());
 }

@@ -41,6 +41,7 @@ fn recording() -> Recording {
         sample_count_max: 16_384,
         sample_format: SampleFormat::I16,
         channels: vec![],
+        calibration: tapline_wire::Calibration::computed(),
     }
 }
 

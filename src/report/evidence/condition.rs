@@ -75,6 +75,29 @@ fn contrast(config: &FuseConfig, tyre: &Tyre, condition: Condition) -> Option<f6
     mean(&config.discriminators.iter().filter_map(contrast_of).collect::<Vec<f64>>())
 }
 
+/// By how much the discriminators of the index change in region number `region` of `shoulder`: the mean there over the median
+/// outside of all regions, those that stand out most first. Empty where there is nothing outside.
+pub(crate) fn changes(
+    config: &FuseConfig,
+    shoulder: &Shoulder,
+    condition: Condition,
+    region: u32,
+) -> Vec<(Discriminator, f64)> {
+    let change_of = |&which: &Discriminator| {
+        let means = location_means(shoulder, condition, which);
+        let of = |number: u32| -> Vec<f64> {
+            let cells = shoulder.cells.iter().filter(|cell| cell.region == number);
+            cells.filter_map(|cell| means.get(&cell.location).copied()).collect()
+        };
+        let (rest, found) = (of(0), mean(&of(region))?);
+        let (center, spread) = (median(&rest)?, spread(&rest).filter(|spread| *spread > 0.0)?);
+        Some((which, found / center, ((found - center) / spread).abs())).filter(|_| center > 0.0)
+    };
+    let mut changes: Vec<_> = config.discriminators.iter().filter_map(change_of).collect();
+    changes.sort_by(|a, b| b.2.total_cmp(&a.2));
+    changes.into_iter().map(|(which, ratio, _)| (which, ratio)).collect()
+}
+
 /// The mean of a discriminator over the repetitions, by location; closing taps are left out.
 pub(crate) fn location_means(shoulder: &Shoulder, condition: Condition, which: Discriminator) -> BTreeMap<u32, f64> {
     let mut values: BTreeMap<u32, Vec<f64>> = BTreeMap::new();

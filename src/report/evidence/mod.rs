@@ -12,8 +12,8 @@ use anyhow::Result;
 use tapline_fuse::{Fusion, OffsetMap, ReferenceSet};
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
-    DamageCell, Discriminator, Discriminators, Geometry, Judgement, Quality, Reasons, Recording, Scan, ScanState,
-    Serial, SourceKind, TapState, Verdict, digest_of_parts,
+    DamageCell, Discriminators, Geometry, Quality, Reasons, Recording, Scan, ScanState, Serial, SourceKind, TapState,
+    Verdict, digest_of_parts,
 };
 
 use crate::config::Config;
@@ -64,9 +64,6 @@ pub(crate) struct Shoulder {
     /// RE-INSPECT if nothing is judged, because no verdict is no PASS.
     pub verdict: Verdict,
     pub reasons: Reasons,
-    /// The evidence of damage where the index is highest: the mean score of each discriminator that indicates damage,
-    /// the highest first.
-    pub evidence: Vec<(Discriminator, f64)>,
     /// Probabilities that a sound shoulder is not passed, and that it is rejected, for which the limits were set.
     pub rates: Option<[f64; 2]>,
     /// Indices from which on a location is suspect, and from which on it is damage.
@@ -248,7 +245,6 @@ fn shoulder(
         station: scan.station,
         verdict,
         reasons,
-        evidence: judgement.map_or_else(Vec::new, |judgement| evidence(&judgement)),
         rates: judgement
             .map(|j| [j.re_inspect_rate, j.reject_rate])
             .filter(|rates| rates.iter().all(|r| r.is_finite())),
@@ -260,14 +256,6 @@ fn shoulder(
         taps,
         offsets: Vec::new(),
     }
-}
-
-/// The discriminators that indicate damage at the peak, the highest score first.
-fn evidence(judgement: &Judgement) -> Vec<(Discriminator, f64)> {
-    let all = Discriminator::ALL.into_iter().zip(judgement.evidence);
-    let mut known: Vec<_> = all.filter(|(_, score)| score.is_finite() && *score > 0.0).collect();
-    known.sort_by(|a, b| b.1.total_cmp(&a.1));
-    known
 }
 
 /// Positions of the locations of one shoulder in pictures.

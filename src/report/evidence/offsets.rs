@@ -28,6 +28,7 @@ mod tests {
             sample_count_max: 1000,
             sample_format: SampleFormat::I16,
             channels: Vec::new(),
+            calibration: tapline_wire::Calibration::stated(),
         };
         let tap = |offset_mm, location| {
             let id = TapId::new(1, Serial::new("A").unwrap(), 1, location).with_offset_mm(Some(offset_mm)).unwrap();

@@ -4,7 +4,6 @@ use anyhow::Result;
 use tapline_draw::boxplot::BoxStats;
 use tapline_draw::canvas::{BLUE, VERMILLION};
 use tapline_draw::stats::extent;
-use tapline_fuse::auc;
 use tapline_wire::Discriminator;
 
 use crate::report::evidence::condition::location_means;
@@ -27,16 +26,16 @@ struct Classes {
 pub(crate) fn pictures(evidence: &Evidence, tyres: &[Tyre]) -> Result<Vec<String>> {
     let mut pictures = Vec::new();
     for which in Discriminator::ALL {
-        let (name, per_si, unit) = which.printed();
+        let name = which.printed();
+        let (per_si, unit) = which.printed_unit(&evidence.recording.calibration);
         let classes = classes(tyres, |tyre, shoulder| {
             let means = tyre.condition.map(|condition| location_means(shoulder, condition, which)).unwrap_or_default();
             shoulder.cells.iter().map(|cell| means.get(&cell.location).map(|value| value * per_si)).collect()
         });
-        let sign = evidence.config.fuse.directions.of(which).sign();
-        pictures.extend(picture(name, unit, &classes, sign)?);
+        pictures.extend(picture(name, &unit, &classes)?);
     }
     let index = classes(tyres, |_, shoulder| shoulder.cells.iter().map(|cell| cell.index).collect());
-    pictures.extend(picture("index", "", &index, 1.0)?);
+    pictures.extend(picture("index", "", &index)?);
     Ok(pictures)
 }
 
@@ -54,18 +53,16 @@ fn classes(tyres: &[Tyre], values: impl Fn(&Tyre, &Shoulder) -> Vec<Option<f64>>
     classes
 }
 
-fn picture(name: &str, unit: &str, classes: &Classes, sign: f64) -> Result<Option<String>> {
-    let pooled = || classes.sound.iter().map(|v| (v, false)).chain(classes.cracked.iter().map(|v| (v, true)));
-    let (scores, labels): (Vec<f64>, Vec<bool>) =
-        pooled().map(|(value, is_cracked)| (sign * value, is_cracked)).unzip();
-    let (Some(auc), Some(extremes)) = (auc(&scores, &labels), extent(pooled().map(|(value, _)| *value))) else {
+fn picture(name: &str, unit: &str, classes: &Classes) -> Result<Option<String>> {
+    let pooled = classes.sound.iter().chain(&classes.cracked).copied();
+    let Some(extremes) = extent(pooled).filter(|_| !classes.sound.is_empty() && !classes.cracked.is_empty()) else {
         return Ok(None);
     };
     let exponent = exponent_of(unit, extremes);
     let scale = 10f64.powi(-exponent);
     let unit = scaled_unit(exponent, unit);
     let small = Small {
-        title: format!("{name}: AUC {auc:.3}"),
+        title: name.to_owned(),
         label: if unit.is_empty() { name.to_owned() } else { format!("{name}, {unit}") },
         columns: vec![format!("sound {}", classes.sound.len()), format!("cracked {}", classes.cracked.len())],
         y: Axis::around("", (extremes.0 * scale, extremes.1 * scale), 5),

@@ -9,6 +9,7 @@ pub(super) mod inline;
 pub(super) mod polar;
 pub(super) mod rounds;
 pub(super) mod scale;
+pub(super) mod sketch;
 pub(super) mod small;
 pub(super) mod strip;
 pub(super) mod taps;

@@ -9,7 +9,7 @@ use tapline_store::Region;
 use tapline_wire::{Discriminator, Discriminators, Geometry};
 
 use crate::report::evidence::condition::Condition;
-use crate::report::evidence::{Shoulder, Tyre};
+use crate::report::evidence::{Evidence, Shoulder, Tyre};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::chart::{self, Chart, Key, Sheet, Stroke, exponent_of, scaled_unit};
 use crate::report::pages::words;
@@ -81,18 +81,20 @@ fn closed(geometry: Geometry, mut points: Vec<Option<Point>>) -> Vec<Option<Poin
 
 /// One discriminator along each shoulder of `tyre`, all on one scale; empty if all of their taps lack it.
 pub(crate) fn discriminator(
-    geometry: Geometry,
+    evidence: &Evidence,
     tyre: &Tyre,
     condition: Condition,
     which: Discriminator,
 ) -> Result<Vec<String>> {
-    let (name, per_si, unit) = which.printed();
+    let geometry = evidence.geometry;
+    let name = which.printed();
+    let (per_si, unit) = which.printed_unit(&evidence.recording.calibration);
     let turns: Vec<_> = tyre.shoulders.iter().map(|shoulder| turns(shoulder, condition, which, per_si)).collect();
     let values = turns.iter().flatten().flat_map(|turn| turn.iter().flatten().map(|point| point.1));
     let Some(extremes) = extent(values) else { return Ok(Vec::new()) };
-    let exponent = exponent_of(unit, extremes);
+    let exponent = exponent_of(&unit, extremes);
     let scale = 10f64.powi(-exponent);
-    let unit = scaled_unit(exponent, unit);
+    let unit = scaled_unit(exponent, &unit);
     let label = if unit.is_empty() { name.to_owned() } else { format!("{name}, {unit}") };
     let picture = |(shoulder, turns): (&Shoulder, Vec<Turn>)| {
         let key = |(&(color, stroke), order): (&(RGBColor, Stroke), usize)| Key {

@@ -5,7 +5,7 @@ use plotters::style::RGBColor;
 use tapline_draw::canvas::{BLUE, VERMILLION};
 use tapline_draw::stats::extent;
 use tapline_store::Reader;
-use tapline_wire::{Channel, Geometry};
+use tapline_wire::{Channel, Geometry, Unit};
 
 use crate::report::evidence::condition::Condition;
 use crate::report::evidence::samples::{Signal, signal};
@@ -54,21 +54,28 @@ pub(crate) fn pair(reader: &Reader, geometry: Geometry, tyre: &Tyre, condition: 
     let mut pictures = Vec::new();
     for (kind, window_ms) in [(Channel::Force, FORCE_MS), (Channel::Sound, SOUND_MS)] {
         let signals = [signal(reader, of_ordinary.row, kind)?, signal(reader, of_peak.row, kind)?];
+        let unit = reader.plan().recording.calibration.unit(kind);
         if let [Some(sound), Some(cracked)] = signals {
-            pictures.push(picture(kind, window_ms, [&sound, &cracked], &names)?);
+            pictures.push(picture((kind, unit), window_ms, [&sound, &cracked], &names)?);
         }
     }
     let words = format!("{} {}", crate::report::pages::words::side(geometry), shoulder.number);
     Ok((!pictures.is_empty()).then_some(Pair { pictures, words }))
 }
 
-fn picture(kind: Channel, window_ms: (f64, f64), signals: [&Signal; 2], names: &[String; 2]) -> Result<String> {
+fn picture(
+    (kind, unit): (Channel, Unit),
+    window_ms: (f64, f64),
+    signals: [&Signal; 2],
+    names: &[String; 2],
+) -> Result<String> {
     const STYLES: [(RGBColor, Stroke); 2] = [(BLUE, Stroke::Plain), (VERMILLION, Stroke::Dashed)];
     let curves = signals.map(|signal| signal.between(window_ms.0, window_ms.1, POINTS));
-    let (title, label) = match kind {
-        Channel::Force => ("Force", "force, N"),
-        Channel::Sound => ("Sound", "sound, V"),
+    let title = match kind {
+        Channel::Force => "Force",
+        Channel::Sound => "Sound",
     };
+    let label = format!("{}, {}", kind.name(), unit.name());
     let extremes = extent(curves.iter().flatten().map(|point| point.1)).unwrap_or((0.0, 1.0));
     // The axis ends with the records, so that no part of the picture is empty.
     let ends = extent(curves.iter().flatten().map(|point| point.0)).unwrap_or(window_ms);

@@ -2,9 +2,10 @@
 
 use maud::{Markup, html};
 use tapline_store::Region;
-use tapline_wire::{Geometry, Reasons};
+use tapline_wire::{Discriminator, Geometry, Reasons};
 
-use crate::report::evidence::{Shoulder, Tyre};
+use crate::report::evidence::{Evidence, Shoulder, Tyre, condition};
+use crate::report::figures::sketch;
 use crate::report::pages::page::verdict_word;
 use crate::report::pages::words::{self, counted};
 
@@ -19,8 +20,7 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
                 td data-label=(words::side(geometry)) { (shoulder.number) }
                 td data-label="verdict" { (verdict_word(shoulder.verdict)) }
                 td data-label="why" {
-                    (shoulder.reasons.meaning()) " "
-                    @if !shoulder.regions.is_empty() && !shoulder.evidence.is_empty() { "Loudest at the peak: " (loudest(shoulder)) ". " }
+                    (words::reasons(geometry, shoulder.reasons)) " "
                     (rests_on(shoulder))
                 }
                 td class="n" data-label="strongest arc" {
@@ -43,14 +43,19 @@ fn rests_on(shoulder: &Shoulder) -> String {
 }
 
 /// The regions of every shoulder, as a list to take to the casing.
-pub(crate) fn regions(geometry: Geometry, tyre: &Tyre) -> Markup {
+pub(crate) fn regions(evidence: &Evidence, tyre: &Tyre) -> Markup {
+    let (geometry, printed) = (evidence.geometry, &evidence.config.report);
+    let mm_per_deg = printed.tread_circumference_mm.map(|mm| mm / 360.0);
+    let mark = printed.start_mark.as_deref().unwrap_or("start mark");
+    let seen_from = printed.seen_from.as_deref().unwrap_or("the side of shoulder 1");
     let count: usize = tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum();
     html! {
         h2 { "What to mark" }
         @if count == 0 {
             p { (nothing(tyre)) }
         } @else {
-            p { (counted(count, "region", "regions")) ", counted along the " (words::side(geometry)) ". " (how(geometry)) }
+            p { (counted(count, "region", "regions")) ", counted along the " (words::side(geometry)) ". " (how(geometry, mark, seen_from)) }
+            @if geometry == Geometry::Ring { (sketch::casing(mark, seen_from)) }
             div class="scroll" { table class="cards" {
                 thead { tr {
                     th { (words::side(geometry)) } th { "region" } th { "from" } th { "to" } th { "length" } th { "worst at" } th { "offset" } th { "severity" }
@@ -58,12 +63,12 @@ pub(crate) fn regions(geometry: Geometry, tyre: &Tyre) -> Markup {
                 tbody { @for shoulder in &tyre.shoulders { @for region in &shoulder.regions { tr {
                     td data-label=(words::side(geometry)) { (shoulder.number) }
                     td data-label="region" { (region.region) }
-                    td data-label="from" { (place(region.start_deg, region.first_location)) }
-                    td data-label="to" { (place(region.end_deg, region.last_location)) }
-                    td data-label="length" { (length(region)) }
-                    td data-label="worst at" { (place(region.peak_angle_deg, region.peak_location)) }
+                    td data-label="from" { (place(region.start_deg, mm_per_deg, region.first_location)) }
+                    td data-label="to" { (place(region.end_deg, mm_per_deg, region.last_location)) }
+                    td data-label="length" { (length(region, mm_per_deg)) }
+                    td data-label="worst at" { (place(region.peak_angle_deg, mm_per_deg, region.peak_location)) }
                     td data-label="offset" { (offset(region)) }
-                    td data-label="severity" { (severity(shoulder, region)) }
+                    td data-label="severity" { (severity(shoulder, region)) @if let Some(changes) = changes(evidence, tyre, shoulder, region) { span class="at wrap" { (changes) } } }
                 } } } }
             } }
         }
@@ -80,12 +85,13 @@ fn nothing(tyre: &Tyre) -> &'static str {
     }
 }
 
-fn how(geometry: Geometry) -> &'static str {
+fn how(geometry: Geometry, mark: &str, seen_from: &str) -> String {
     match geometry {
-        Geometry::Ring => {
-            "Angles are those of the tapped locations, clockwise from the start mark; the damage may reach half a step farther."
-        }
-        Geometry::Line => "Numbers are those of the tapped locations.",
+        Geometry::Ring => format!(
+            "Angles are those of the tapped locations on both shoulders, clockwise from the {mark}, seen from {seen_from}; the \
+             damage may reach half a step farther."
+        ),
+        Geometry::Line => "Numbers are those of the tapped locations.".to_owned(),
     }
 }
 
@@ -93,30 +99,49 @@ fn number(value: Option<f64>) -> String {
     value.map_or_else(|| "none".to_owned(), |value| format!("{value:.2}"))
 }
 
-/// The angle, and the location there; without angles only the location.
-fn place(angle_deg: Option<f64>, location: u32) -> Markup {
+/// The angle, the way along the tread, and the location there; without angles only the location.
+fn place(angle_deg: Option<f64>, mm_per_deg: Option<f64>, location: u32) -> Markup {
     html! {
         @match angle_deg {
-            Some(deg) => { (format!("{deg:.1}°")) span class="at" { "location " (location) } }
+            Some(deg) => {
+                (format!("{deg:.1}°"))
+                @if let Some(mm) = mm_per_deg { span class="at" { (format!("{:.0} mm", mm * deg)) } }
+                span class="at" { "location " (location) }
+            }
             None => { "location " (location) }
         }
     }
 }
 
-fn length(region: &Region) -> Markup {
+/// From the first to the last location of a region; a single location has no length.
+fn length(region: &Region, mm_per_deg: Option<f64>) -> Markup {
     let locations = counted(region.extent_locations as usize, "location", "locations");
+    let degrees = region.start_deg.zip(region.end_deg).map(|(start, end)| (end - start).rem_euclid(360.0));
     html! {
-        @match region.extent_deg {
-            Some(deg) => { (format!("{deg:.1}°")) span class="at" { (locations) } }
+        @match degrees.filter(|_| region.extent_locations > 1) {
+            Some(deg) => {
+                (format!("{deg:.1}°"))
+                @if let Some(mm) = mm_per_deg { span class="at" { (format!("{:.0} mm", mm * deg)) } }
+                span class="at" { (locations) }
+            }
             None => (locations),
         }
     }
 }
 
-/// The three discriminators with the highest scores.
-fn loudest(shoulder: &Shoulder) -> String {
-    let names = shoulder.evidence.iter().take(3).map(|&(which, score)| format!("{} {score:.1}", which.printed().0));
-    names.collect::<Vec<_>>().join(", ")
+/// What changes most in a region, against the rest of the shoulder; `None` where nothing is known of either.
+fn changes(evidence: &Evidence, tyre: &Tyre, shoulder: &Shoulder, region: &Region) -> Option<String> {
+    let changes = condition::changes(&evidence.config.fuse, shoulder, tyre.condition?, region.region);
+    let word = |&(which, ratio): &(Discriminator, f64)| {
+        let change = match ratio {
+            ratio if ratio >= 2.0 => format!("{ratio:.1} times the rest"),
+            ratio if ratio >= 1.0 => format!("{:.0} % above the rest", 100.0 * (ratio - 1.0)),
+            ratio => format!("{:.0} % below the rest", 100.0 * (1.0 - ratio)),
+        };
+        format!("{} {change}", which.printed())
+    };
+    let shown: Vec<String> = changes.iter().take(3).map(word).collect();
+    (!shown.is_empty()).then(|| shown.join(", "))
 }
 
 /// Distance of a region from the belt edge: where it shows most, and its range.

@@ -6,11 +6,12 @@ use tapline_fuse::Reference;
 use tapline_wire::{TapState, Verdict};
 
 use crate::report::evidence::{Evidence, Shoulder, Tap, flags};
+use crate::report::pages::paper::Paper;
 use crate::report::pages::words::{self, counted};
 
 /// A page called `title`, which needs no other file.
-pub(crate) fn page(title: &str, body: &Markup) -> String {
-    let style = include_str!("style.css").replace('\n', "");
+pub(crate) fn page(title: &str, paper: &Paper, body: &Markup) -> String {
+    let style = include_str!("style.css").replace('\n', "") + &paper.style();
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -154,6 +155,52 @@ pub(crate) fn ledger(shoulders: &[(String, &Shoulder)], refusals: &[(String, usi
                 }
             } }
         }
+    }
+}
+
+/// Who made the scan, by what, and what its verdicts rest on: rows of the list at the top.
+pub(crate) fn made_by(evidence: &Evidence) -> Markup {
+    let printed = &evidence.config.report;
+    let recording = &evidence.recording;
+    html! {
+        @if !printed.place().is_empty() { dt { "Plant" } dd { (printed.place()) } }
+        @for (name, text) in [("Operator", &printed.operator), ("Procedure", &printed.procedure)] {
+            @if let Some(text) = text { dt { (name) } dd { (text) } }
+        }
+        dt { "Calibration" } dd {
+            @for (order, &channel) in recording.channels.iter().enumerate() {
+                @if order > 0 { "; " }
+                (channel.name()) " "
+                @match &recording.calibration.of(channel).certificate {
+                    Some(certificate) => {
+                        "in " (recording.calibration.unit(channel).name()) ", " (certificate.method)
+                        @if let Some(until) = &certificate.valid_until { ", " (certificate.date) ", valid until " (until) }
+                    }
+                    None if recording.calibration.unit(channel).is_known() => { "in " (recording.calibration.unit(channel).name()) ", not calibrated" }
+                    None => "not calibrated: parts of full scale (FS)",
+                }
+            }
+        }
+        dt { "Rests on" } dd {
+            @match (&evidence.config.fuse.reference, &evidence.reference) {
+                (Some(Reference::Own), _) => "itself alone: damage all round would not show",
+                (Some(reference), Some(set)) => {
+                    (reference) ", " (counted(set.summary.casing_count, "casing", "casings")) " known to be sound"
+                    @match set.summary.supported_rate {
+                        Some(rate) => { ", which support a rate of false calls of " (number(100.0 * rate)) " %" }
+                        None => ", which supports no rate of false calls",
+                    }
+                }
+                (Some(reference), None) => (reference),
+                (None, _) => "nothing that is named",
+            }
+            @match (printed.a90_95_mm, &printed.a90_95_source) {
+                (Some(mm), Some(source)) => { ". Of cracks of " (number(mm)) " mm and more, 90 % are found, with 95 % confidence (" (source) ")" }
+                _ => { ". The smallest crack that is surely found is not known here (" code { "tapline-lab pod" } " tells it)" }
+            }
+            "."
+        }
+        dt { "Program" } dd { "tapline " (evidence.written_by.as_deref().unwrap_or("(unknown)")) }
     }
 }
 

@@ -13,6 +13,7 @@ use crate::report::evidence::{Evidence, Shoulder, Tyre};
 use crate::report::figures::scale::Scale;
 use crate::report::figures::{boxes, rounds};
 use crate::report::pages::page::{self, figure, small_figure, verdict_word};
+use crate::report::pages::paper::{self, Paper};
 use crate::report::pages::tyre::boxes_words;
 use crate::report::pages::words::{body, side};
 
@@ -67,7 +68,7 @@ impl Shift {
     }
 
     /// The page, called `title`, or after the archive if that is empty; `None` if there is nothing to show.
-    pub(crate) fn page(self, title: String) -> Result<Option<String>> {
+    pub(crate) fn page(self, title: String, shift: Option<&str>) -> Result<Option<String>> {
         let Some(mut evidence) = self.evidence else { return Ok(None) };
         if !title.is_empty() {
             evidence.archive = title;
@@ -75,12 +76,24 @@ impl Shift {
         let mut refusals: Vec<(String, usize)> = self.refusals.into_iter().collect();
         refusals.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
         let score = self.is_scored.then(|| self.scores.score());
-        page(&evidence, &self.names, &refusals, score).map(Some)
+        page(&evidence, &self.names, &refusals, score, shift).map(Some)
     }
 }
 
 /// The page of `evidence`; `names` are the file names of its tyres' pages.
-fn page(evidence: &Evidence, names: &[String], refusals: &[(String, usize)], score: Option<Score>) -> Result<String> {
+fn page(
+    evidence: &Evidence,
+    names: &[String],
+    refusals: &[(String, usize)],
+    score: Option<Score>,
+    shift: Option<&str>,
+) -> Result<String> {
+    let shift = shift.map(|name| format!("shift {name}"));
+    let place = Some(evidence.config.report.place()).filter(|place| !place.is_empty());
+    let name = match (place, shift) {
+        (None, None) => evidence.archive.clone(),
+        (place, shift) => place.into_iter().chain(shift).collect::<Vec<_>>().join(", "),
+    };
     let geometry = evidence.geometry;
     let mut order: Vec<(&Tyre, &String)> = evidence.tyres.iter().zip(names).collect();
     order.sort_by(|(a, _), (b, _)| {
@@ -98,7 +111,7 @@ fn page(evidence: &Evidence, names: &[String], refusals: &[(String, usize)], sco
     let body = html! {
         header {
             p class="kind" { "tapline, report on a shift" }
-            h1 { (evidence.archive) }
+            h1 { (name) }
             (page::notices(evidence, &named))
             dl {
                 dt { "Tapped" } dd { (page::when(taps())) }
@@ -107,6 +120,7 @@ fn page(evidence: &Evidence, names: &[String], refusals: &[(String, usize)], sco
                         (evidence.tyres.iter().filter(|tyre| tyre.verdict() == verdict).count()) " " (verdict_word(verdict)) " \u{a0} "
                     }
                 }
+                (page::made_by(evidence))
             }
         }
         (overview(evidence, &order))
@@ -114,25 +128,31 @@ fn page(evidence: &Evidence, names: &[String], refusals: &[(String, usize)], sco
         (truth(evidence, score)?)
         section { h2 { "Taps" } (page::ledger(&named, refusals)) }
         section { h2 { "Lineage" } (page::lineage(evidence)) }
+        (paper::signature(evidence.config.report.operator.as_deref()))
     };
-    Ok(page::page(&format!("Shift {}", evidence.archive), &body))
+    let paper = Paper {
+        top_left: format!("Shift: {name}"),
+        top_right: format!("{} tyres", evidence.tyres.len()),
+        bottom_left: format!("tapped {}", page::when(taps())),
+    };
+    Ok(page::page(&format!("Shift {name}"), &paper, &body))
 }
 
 fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
     let geometry = evidence.geometry;
     html! {
         h2 { "Overview" }
-        div class="scroll" { table {
+        div class="scroll" { table class="cards" {
             thead { tr {
                 th { (body(geometry)) } th { "verdict" } th { "by " (side(geometry)) } th class="n" { "regions" } th class="n" { "peak index" } th class="n" { "station" }
             } }
             tbody { @for (tyre, name) in order { tr {
-                td class="tyre" { a href=(name) { (tyre.serial) } }
-                td { (verdict_word(tyre.verdict())) }
-                td { @for shoulder in &tyre.shoulders { (shoulder.number) ": " (shoulder.verdict) " " br; } }
-                td class="n" { (tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum::<usize>()) }
-                td class="n" { (tyre.peak().map_or_else(|| "none".to_owned(), |peak| format!("{peak:.2}"))) }
-                td class="n" { (tyre.stations().iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")) }
+                td class="tyre" data-label=(body(geometry)) { a href=(name) { (tyre.serial) } }
+                td data-label="verdict" { (verdict_word(tyre.verdict())) }
+                td data-label={ "by " (side(geometry)) } { @for shoulder in &tyre.shoulders { (shoulder.number) ": " (shoulder.verdict) " " br; } }
+                td class="n" data-label="regions" { (tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum::<usize>()) }
+                td class="n" data-label="peak index" { (tyre.peak().map_or_else(|| "none".to_owned(), |peak| format!("{peak:.2}"))) }
+                td class="n" data-label="station" { (tyre.stations().iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")) }
             } } }
         } }
     }
@@ -169,7 +189,7 @@ fn truth(evidence: &Evidence, score: Option<Score>) -> Result<Markup> {
             @if let Some(score) = score {
                 p { "All taps together, every offset and velocity standardised by itself: AUC of the index " (number(score.index)) " over " (score.cracked_count) " cracked and " (score.sound_count) " sound locations; alone "
                     @for (order, (which, alone)) in Discriminator::ALL.into_iter().zip(score.discriminators).enumerate() {
-                        @if order > 0 { ", " } (which.printed().0) " " (number(alone))
+                        @if order > 0 { ", " } (which.printed()) " " (number(alone))
                     } "." }
             }
         }

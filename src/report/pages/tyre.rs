@@ -6,13 +6,14 @@ use anyhow::Result;
 use maud::{Markup, html};
 use tapline_fuse::Direction;
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Geometry};
+use tapline_wire::{Channel, Discriminator, Geometry};
 
 use crate::report::evidence::{Evidence, Shoulder, Tyre, spectra};
 use crate::report::figures::scale::Scale;
 use crate::report::figures::{boxes, bscan, polar, rounds, strip, taps};
 use crate::report::pages::marks;
 use crate::report::pages::page::{self, figure, small_figure};
+use crate::report::pages::paper::{self, Paper};
 use crate::report::pages::words::{body, side};
 
 /// The page of `tyre`.
@@ -33,10 +34,12 @@ pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<
                 dt { "Tapped" } dd { (page::when(tyre.taps())) }
                 dt { "Station" } dd { (stations.join(", ")) }
                 dt { "Taps" } dd { (archived) " of " (tyre.taps().count()) }
+                (page::made_by(evidence))
             }
         }
         (marks::verdicts(geometry, tyre))
-        (marks::regions(geometry, tyre))
+        (marks::regions(evidence, tyre))
+        (paper::signature(evidence.config.report.operator.as_deref()))
         (maps(evidence, tyre)?)
         (discriminators(evidence, tyre)?)
         (scans(reader, evidence, tyre)?)
@@ -48,7 +51,12 @@ pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<
         }
         section { h2 { "Lineage" } (page::lineage(evidence)) }
     };
-    Ok(page::page(&title, &body))
+    let paper = Paper {
+        top_left: title.clone(),
+        top_right: evidence.config.report.place(),
+        bottom_left: format!("tapped {}", page::when(tyre.taps())),
+    };
+    Ok(page::page(&title, &paper, &body))
 }
 
 /// The reasons of refusals of taps of `tyre`, with their counts, the most frequent first.
@@ -119,8 +127,8 @@ fn discriminators(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let Some(condition) = tyre.condition else { return Ok(html! {}) };
     let (mut pictures, mut absent, mut shown) = (Vec::new(), Vec::new(), Vec::new());
     for which in Discriminator::ALL {
-        let drawn = rounds::discriminator(evidence.geometry, tyre, condition, which)?;
-        let words = format!("{} {}", which.printed().0, which.meaning());
+        let drawn = rounds::discriminator(evidence, tyre, condition, which)?;
+        let words = format!("{} {}", which.printed(), which.meaning());
         if drawn.is_empty() {
             absent.push(words)
         } else {
@@ -130,7 +138,7 @@ fn discriminators(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     }
     let falls = |which: &Discriminator| evidence.config.fuse.directions.of(*which) == Direction::Falls;
     let falling: Vec<&str> =
-        Discriminator::ALL.iter().filter(|which| falls(which)).map(|&which| which.printed().0).collect();
+        Discriminator::ALL.iter().filter(|which| falls(which)).map(|&which| which.printed()).collect();
     let falling = if falling.is_empty() { "nothing".to_owned() } else { falling.join(", ") };
     let what = html! {
         strong { "The discriminators along the " (side(evidence.geometry)) ", repetition by repetition (" (condition.words()) ")." }
@@ -154,7 +162,7 @@ fn scans(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     }
     let what = html! {
         strong { "B-scan: the sound's power density by location and frequency (" (condition.words()) ", first repetition)." }
-        " Dark is loud, in dB re 1 V²/Hz; pale is " (bscan::DEPTH_DB) " dB or more below the loudest. Cracks show as dark columns; the vermilion bars on top are the regions. Grey: no tap. "
+        " Dark is loud, in dB re 1 " (evidence.recording.calibration.unit(Channel::Sound).name()) "²/Hz; pale is " (bscan::DEPTH_DB) " dB or more below the loudest. Cracks show as dark columns; the vermilion bars on top are the regions. Grey: no tap. "
         "Offset and velocity are those under which the regions stand out the farthest or, without regions, the fastest next to the belt edge."
     };
     Ok(html! { section { h2 { "Spectra" } (figure(pictures, &what)) } })
@@ -184,7 +192,7 @@ fn truth(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
 pub(crate) fn boxes_words(whom: &str, conditions: &str) -> Markup {
     html! {
         strong { "Locations of " (whom) " that are known to be cracked, against those known to be sound." }
-        " A box holds the middle half of the locations, with their median; whiskers reach the farthest values within 1.5 heights of the box, and rings are values beyond. The AUC is the probability that a cracked location lies beyond a sound one in the configured direction: 1 separates them fully, 0.5 not at all. Values are means over repetitions " (conditions) "; the index is that of all taps."
+        " A box holds the middle half of the locations, with their median; whiskers reach the farthest values within 1.5 heights of the box, and rings are values beyond. Values are means over repetitions " (conditions) "; the index is that of all taps."
     }
 }
 

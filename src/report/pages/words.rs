@@ -1,6 +1,6 @@
 //! Names of verdicts, reasons, flags and quantities on the pages, as the shop floor calls them.
 
-use tapline_wire::{Geometry, Verdict};
+use tapline_wire::{Geometry, Reasons, Verdict};
 
 /// What one scan covers.
 pub(crate) fn side(geometry: Geometry) -> &'static str {
@@ -15,6 +15,21 @@ pub(crate) fn body(geometry: Geometry) -> &'static str {
     match geometry {
         Geometry::Ring => "Tyre",
         Geometry::Line => "Piece",
+    }
+}
+
+/// What `reasons` mean, in the words for what was tapped.
+pub(crate) fn reasons(geometry: Geometry, reasons: Reasons) -> String {
+    let meaning = reasons.meaning();
+    match geometry {
+        Geometry::Ring => meaning,
+        // Slabs have lines, and no way round.
+        Geometry::Line => meaning
+            .replace("casings", "pieces")
+            .replace("casing", "piece")
+            .replace("a part of the ring", "a part of the line")
+            .replace("all around", "everywhere")
+            .replace("sound shoulders", "sound lines"),
     }
 }
 

@@ -4,13 +4,13 @@ mod scope;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind};
-use tapline_acquire::{CaptureConfig, Monitor, StationConfig};
+use tapline_acquire::{CaptureConfig, DeviceName, Monitor, StationConfig};
 use tapline_process::Extractor;
 use tapline_wire::Samples;
 
@@ -26,19 +26,23 @@ const LEVEL_STEP: f64 = 1.25;
 /// Shows what the sound card of station `number` of the configuration gives: of its only such station when left out.
 pub(crate) fn monitor(config: &Path, number: Option<u16>) -> Result<bool> {
     let (config, _) = Config::read(config)?;
-    let device = device_of(&config.station, number)?;
+    let (number, device) = device_of(&config.station, number)?;
     let mut extractor = Extractor::<f64>::new(&config.process)?;
     let mut terminal = ratatui::try_init().context("cannot draw: this is no terminal")?;
-    let outcome = follow(&mut terminal, &device, config.capture, &mut extractor);
+    let outcome = follow(&mut terminal, (number, &device), config.capture, &mut extractor);
     ratatui::try_restore().context("cannot leave the terminal as it was")?;
     outcome.map(|()| true)
 }
 
-fn device_of(stations: &[StationConfig], number: Option<u16>) -> Result<String> {
+/// Number and device of station `number` of `stations`, or of the only one that has a device.
+pub(crate) fn device_of(stations: &[StationConfig], number: Option<u16>) -> Result<(u16, DeviceName)> {
     let mut listening =
         stations.iter().filter(|station| station.device.is_some() && number.is_none_or(|n| n == station.number));
     match (listening.next(), listening.next(), number) {
-        (Some(station), None, _) => station.device.clone().ok_or_else(|| anyhow!("the station has no device")),
+        (Some(station), None, _) => {
+            let device = station.device_name().ok_or_else(|| anyhow!("the station has no device"))?;
+            Ok((station.number, device))
+        }
         (None, _, Some(number)) => bail!("station {number} of the configuration has no device"),
         (None, _, None) => bail!("no station of the configuration has a device"),
         (Some(_), Some(_), _) => bail!("several stations of the configuration have a device: name one with --station"),
@@ -48,12 +52,14 @@ fn device_of(stations: &[StationConfig], number: Option<u16>) -> Result<String> 
 /// Listens, and draws until it is asked to end.
 fn follow(
     terminal: &mut DefaultTerminal,
-    device: &str,
+    (number, device): (u16, &DeviceName),
     mut capture: CaptureConfig,
     extractor: &mut Extractor<f64>,
 ) -> Result<()> {
-    let (mut monitor, mut woken) = listen(device, &capture)?;
-    let mut scope = Scope::new(device);
+    let (wake, woken) = sync_channel(1);
+    let wake = Arc::new(move || wake.try_send(()).unwrap_or_default());
+    let mut monitor = Monitor::listen(device, &capture, number, wake)?;
+    let mut scope = Scope::new(&device.to_string());
     loop {
         while let Some(tap) = monitor.take() {
             if let Some(samples) = Samples::view(&tap.header, &tap.samples) {
@@ -73,29 +79,19 @@ fn follow(
             if key.kind != KeyEventKind::Press {
                 continue;
             }
-            let level = capture.trigger.level;
+            let mut level = capture.trigger.level;
             match key.code {
                 KeyCode::Char('q') | KeyCode::Esc => return Ok(()),
                 KeyCode::Char('c') if key.modifiers.contains(event::KeyModifiers::CONTROL) => return Ok(()),
-                KeyCode::Up | KeyCode::Char('+') => capture.trigger.level = level * LEVEL_STEP,
-                KeyCode::Down | KeyCode::Char('-') => capture.trigger.level = level / LEVEL_STEP,
-                KeyCode::Char('r') => scope = Scope::new(device),
+                KeyCode::Up | KeyCode::Char('+') => level *= LEVEL_STEP,
+                KeyCode::Down | KeyCode::Char('-') => level /= LEVEL_STEP,
+                KeyCode::Char('r') => scope = Scope::new(&device.to_string()),
                 _ => continue,
             }
-            if capture.validate().is_err() {
+            // One out of its bounds is not taken.
+            if monitor.set_level(level).is_ok() {
                 capture.trigger.level = level;
-            }
-            if capture.trigger.level.to_bits() != level.to_bits() {
-                // A device is open once only.
-                drop(monitor);
-                (monitor, woken) = listen(device, &capture)?;
             }
         }
     }
-}
-
-fn listen(device: &str, capture: &CaptureConfig) -> Result<(Monitor, Receiver<()>)> {
-    let (wake, woken) = sync_channel(1);
-    let wake = Arc::new(move || wake.try_send(()).unwrap_or_default());
-    Ok((Monitor::listen(device, capture, wake)?, woken))
 }

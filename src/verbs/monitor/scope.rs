@@ -7,7 +7,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph, Wrap};
 use tapline_acquire::{CaptureConfig, Monitor, NotTaps};
-use tapline_wire::{Channel, Discriminator, Discriminators, Samples, TapHeader};
+use tapline_wire::{Channel, Discriminator, Discriminators, Samples, TapHeader, Unit};
 
 /// Time before and after the trigger that is drawn of the force, and of the sound.
 const FORCE_MS: (f64, f64) = (-1.0, 5.0);
@@ -29,7 +29,7 @@ pub(crate) struct Shown {
     sound_peak: f64,
     /// Peak of the sound by its noise before the trigger.
     snr: f64,
-    f_max: Option<f64>,
+    f_max: Option<(f64, Unit)>,
     tau_s: Option<f64>,
     flags: String,
 }
@@ -47,6 +47,7 @@ impl Shown {
             Samples::I16(samples) => samples.iter().map(|&x| f64::from(x) / full_scale).collect(),
             Samples::F32(samples) => samples.iter().map(|&x| f64::from(x) / full_scale).collect(),
         };
+        let unit = capture.calibration.force.as_ref().map(|scale| scale.unit).unwrap_or_default();
         let (force, sound) = all.split_at(all.len() / 2);
         let before = (header.pre_trigger_samples as usize).min(force.len());
         let ms = |sample: usize| (sample as f64 - before as f64) / header.sample_rate_hz * 1e3;
@@ -63,7 +64,7 @@ impl Shown {
             force_peak: peak(force),
             sound_peak: peak(sound),
             snr: peak(sound) / noise,
-            f_max: found.values.get(Discriminator::FMax),
+            f_max: found.values.get(Discriminator::FMax).map(|f_max| (f_max, unit)),
             tau_s: found.values.get(Discriminator::Tau),
             flags: found.quality.to_string(),
         }
@@ -101,7 +102,7 @@ impl Scope {
         self.levels = latest.map(|channel| greatest(channel.into_iter().map(f64::from)));
         let all = monitor.not_taps();
         let before = *self.not_taps_before.get_or_insert(all);
-        // Another trigger level begins at 0.
+        // A device that is opened again begins at 0.
         let since = |all: u64, before: u64| all.checked_sub(before).unwrap_or(all);
         let (clicks, steps) = (since(all.clicks, before.clicks), since(all.steps, before.steps));
         (self.fault, self.not_taps) = (monitor.fault(), NotTaps { clicks, steps });
@@ -131,7 +132,7 @@ impl Scope {
         let (of_force, of_sound) = self.last.as_ref().map_or((&[][..], &[][..]), |tap| (&tap.force, &tap.sound));
         curve(frame, force, "force, % of full scale", of_force, FORCE_MS);
         curve(frame, sound, "sound, % of full scale", of_sound, SOUND_MS);
-        let text = Paragraph::new(self.numbers(capture)).wrap(Wrap { trim: true }).block(Block::bordered());
+        let text = Paragraph::new(self.numbers()).wrap(Wrap { trim: true }).block(Block::bordered());
         frame.render_widget(text, numbers);
     }
 
@@ -145,13 +146,13 @@ impl Scope {
     }
 
     /// What was found in the last tap, and the keys.
-    fn numbers(&self, capture: &CaptureConfig) -> Vec<Line<'static>> {
+    fn numbers(&self) -> Vec<Line<'static>> {
         let keys = Line::from("up, down: trigger level   r: count anew   q: end").dim();
         let Some(tap) = &self.last else { return vec![Line::from("no tap was heard yet"), keys] };
-        let force = match (capture.force_full_scale_n, tap.f_max) {
-            (Some(_), Some(newtons)) => format!("{newtons:.2} N"),
-            (None, Some(_)) => format!("{:.1} % of full scale", 100.0 * tap.force_peak),
-            (_, None) => "absent".to_owned(),
+        let force = match tap.f_max {
+            Some((value, unit)) if unit.is_known() => format!("{value:.2} {}", unit.name()),
+            Some(_) => format!("{:.1} % of full scale", 100.0 * tap.force_peak),
+            None => "absent".to_owned(),
         };
         let tau = tap.tau_s.map_or("absent".to_owned(), |tau_s| format!("{:.3} ms", 1e3 * tau_s));
         let flags = if tap.flags.is_empty() { "none".to_owned() } else { tap.flags.clone() };

@@ -16,7 +16,7 @@ use crate::file::draft::{self, folder_of, remove_dead_drafts};
 use crate::format::fields::fixed;
 use crate::format::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, Key, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
-    TruthRow, attribute, format_name, table, unit_of, units_of,
+    TruthRow, attribute, channel_units, format_name, table, units_of,
 };
 use crate::format::lineage::{Lineage, hex_of};
 use crate::format::scan_rows::first_cells;
@@ -74,6 +74,8 @@ fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
     write_number(file, attribute::BEGUN_TAPS, &(plan.taps().len() as u64))?;
     create_text(file, table::CONFIG, lineage.config_toml)?;
     create_text(file, table::MADE_BY, lineage.made_by)?;
+    let calibration = serde_json::to_string(&plan.recording.calibration);
+    create_text(file, table::CALIBRATION, &calibration.map_err(|error| hdf5::Error::from(error.to_string()))?)?;
     if let Some(reference) = lineage.reference {
         create_text(file, table::REFERENCE, reference)?;
     }
@@ -113,7 +115,7 @@ fn fill(file: &File, path: &Path, plan: &Plan, taps_max: usize, lineage: Lineage
     for (name, note, units) in NOTES.into_iter().filter(|(name, ..)| is_own(name)) {
         let dataset = file.dataset(name)?;
         write_text(&dataset, attribute::NOTE, note)?;
-        write_units(&dataset, &units_of(name, units))?;
+        write_units(&dataset, &units_of(name, units, &plan.recording.calibration))?;
     }
     write_text(file, attribute::NX_CLASS, "NXroot")?;
     write_text(file, attribute::NX_DEFAULT, table::TAPS)?;
@@ -194,8 +196,7 @@ fn create_samples(file: &File, plan: &Plan, taps_max: usize, codec: Codec) -> hd
     write_text(&dataset, attribute::CODEC, codec.name())?;
     let channels: Vec<&str> = recording.channels.iter().map(|c| c.name()).collect();
     write_text(&dataset, attribute::CHANNELS, &channels.join(","))?;
-    let units: Vec<&str> = recording.channels.iter().map(|&c| unit_of(c)).collect();
-    write_text(&dataset, attribute::CHANNEL_UNITS, &units.join(","))?;
+    write_text(&dataset, attribute::CHANNEL_UNITS, &channel_units(recording))?;
     write_text(&dataset, attribute::SAMPLE_FORMAT, format_name(recording.sample_format))?;
     write_number(&dataset, attribute::SAMPLE_RATE_HZ, &recording.sample_rate_hz)?;
     write_number(&dataset, attribute::PRE_TRIGGER_SAMPLES, &recording.pre_trigger_samples)

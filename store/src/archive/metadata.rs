@@ -15,6 +15,7 @@ pub(crate) struct Metadata {
     pub source_digest: u64,
     pub config: Vec<u8>,
     pub made_by: Vec<u8>,
+    pub calibration: Vec<u8>,
     pub reference: Option<Vec<u8>>,
     /// Rows of the plan as it was begun.
     pub begun_count: usize,
@@ -49,8 +50,8 @@ impl Metadata {
         add(&file.attr(attribute::FORMAT_VERSION)?.read_scalar::<u32>()?.to_le_bytes());
         let Some(config) = read_bounded::<u8>(file, table::CONFIG)? else { return Ok(None) };
         let Some(made_by) = read_bounded::<u8>(file, table::MADE_BY)? else { return Ok(None) };
-        add(&config);
-        add(&made_by);
+        let Some(calibration) = read_bounded::<u8>(file, table::CALIBRATION)? else { return Ok(None) };
+        [&config, &made_by, &calibration].into_iter().for_each(|text| add(text));
         let names = file.attr_names()?;
         let has = |name: &str| names.iter().any(|known| known == name);
         if has(attribute::RAW) {
@@ -84,6 +85,7 @@ impl Metadata {
             source_digest,
             config,
             made_by,
+            calibration,
             reference,
             begun_count,
             plan,

@@ -28,7 +28,7 @@ const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
 
 /// Tries before a lock is believed: for a moment, a process that is being started holds the locks of the process that
 /// starts it.
-const LOCK_TRIES: u32 = 20;
+const LOCK_TRIES: u32 = 200;
 const LOCK_PAUSE: Duration = Duration::from_millis(10);
 
 /// What an archive is opened for.
@@ -59,8 +59,10 @@ impl Archive {
         let metadata = read_metadata(&file, path)?;
         let raw = open_raw(&file, path)?;
         let taps_file = raw.as_ref().map_or(&file, |raw| &raw.file);
-        check_units(&file, taps_file, path)?;
-        let Planned { plan, begun } = read_plan(&metadata, taps_file, path)?;
+        let calibration = serde_json::from_slice(&metadata.calibration)
+            .map_err(|error| Error::damaged(path, format!("its calibration is none: {error}")))?;
+        check_units(&file, taps_file, &calibration, path)?;
+        let Planned { plan, begun } = read_plan(&metadata, calibration, taps_file, path)?;
         if let Some(raw) = raw.as_ref().filter(|raw| raw.plan.digest() != plan.digest()) {
             let (archived, given) = (raw.plan.digest(), plan.digest());
             return Err(Error::OtherPlan { path: raw.path.clone(), archived, given });

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use hdf5::File;
-use tapline_wire::{Channel, Geometry, Plan, PlanError, PlannedTap, Recording, SampleFormat, Truth};
+use tapline_wire::{Calibration, Channel, Geometry, Plan, PlanError, PlannedTap, Recording, SampleFormat, Truth};
 
 use crate::archive::metadata::Metadata;
 use crate::error::{Context, Error, Result};
@@ -22,12 +22,17 @@ pub(super) struct Planned {
 }
 
 /// The plan in `metadata`, with the recording that the samples in `taps_file` have.
-pub(super) fn read_plan(metadata: &Metadata, taps_file: &File, path: &Path) -> Result<Planned> {
+pub(super) fn read_plan(
+    metadata: &Metadata,
+    calibration: Calibration,
+    taps_file: &File,
+    path: &Path,
+) -> Result<Planned> {
     let geometry = [Geometry::Ring, Geometry::Line]
         .into_iter()
         .find(|&g| g.name() == metadata.geometry)
         .ok_or_else(|| Error::damaged(path, format!("its geometry is {:?}", metadata.geometry)))?;
-    let recording = read_recording(taps_file, path)?;
+    let recording = Recording { calibration, ..read_recording(taps_file, path)? };
     let taps_in = |rows: Range<usize>| -> Result<Vec<PlannedTap>> {
         let tap =
             |k: usize| metadata.plan[k].to_tap().map_err(|e| Error::damaged(path, format!("row {k} of its plan: {e}")));
@@ -93,6 +98,7 @@ fn read_recording(file: &File, path: &Path) -> Result<Recording> {
         sample_count_max: sample_count_max
             .ok_or_else(|| Error::damaged(path, format!("its samples have shape {shape:?}")))?,
         sample_format,
+        calibration: Calibration::default(),
         channels: channels.ok_or_else(|| Error::damaged(path, format!("its channels are {names:?}")))?,
     })
 }

@@ -5,10 +5,10 @@
 use std::path::Path;
 
 use hdf5::{Dataset, File};
-use tapline_wire::Channel;
+use tapline_wire::{Calibration, Channel};
 
 use crate::error::{Context, Error, Result};
-use crate::format::layout::{NOTES, attribute, table, unit_of, units_of};
+use crate::format::layout::{NOTES, attribute, table, units_of};
 use crate::h5::text::{read_text, write_text};
 
 /// Writes `units`, a list as in [`NOTES`], as attributes of `dataset`; nothing if it is empty.
@@ -20,16 +20,16 @@ pub(crate) fn write_units(dataset: &Dataset, units: &str) -> hdf5::Result<()> {
     by_field(units).try_for_each(|(name, unit)| write_text(dataset, &name, unit))
 }
 
-/// Checks that every table's numbers are in the units of this program: a force in mN would go unseen in every ratio within a
+/// Checks that every table's numbers are in the units that its calibration says: a force in mN would go unseen in every ratio within a
 /// tyre, and be a thousand times that of another tyre.
 ///
 /// # Errors
 /// [`Error::OtherUnits`] with the table and both units, or what the library returns.
-pub(crate) fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<()> {
+pub(crate) fn check_units(file: &File, taps_file: &File, calibration: &Calibration, path: &Path) -> Result<()> {
     for (name, _, units) in NOTES.into_iter().filter(|(_, _, units)| !units.is_empty()) {
         let file = if name.starts_with(table::TAPS) { taps_file } else { file };
         let table = file.dataset(name).context("find a table", path)?;
-        let units = units_of(name, units);
+        let units = units_of(name, units, calibration);
         for (attribute, known) in std::iter::once((attribute::UNITS.to_owned(), &*units)).chain(by_field(&units)) {
             let archived = read_text(&table, &attribute).unwrap_or_default();
             if archived != known {
@@ -38,18 +38,18 @@ pub(crate) fn check_units(file: &File, taps_file: &File, path: &Path) -> Result<
             }
         }
     }
-    check_channels(taps_file, path)
+    check_channels(taps_file, calibration, path)
 }
 
 /// Checks that each channel of `taps_file` is in its unit.
-fn check_channels(taps_file: &File, path: &Path) -> Result<()> {
+fn check_channels(taps_file: &File, calibration: &Calibration, path: &Path) -> Result<()> {
     let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
     let [names, archived] =
         [attribute::CHANNELS, attribute::CHANNEL_UNITS].map(|name| read_text(&samples, name).unwrap_or_default());
     let mut units = archived.split(',');
     for name in names.split(',') {
         let channel = [Channel::Force, Channel::Sound].into_iter().find(|channel| channel.name() == name);
-        let known = channel.map_or("", unit_of);
+        let known = channel.map_or("", |channel| calibration.unit(channel).name());
         let is_known = units.next() == Some(known);
         if !is_known {
             let known = known.to_owned();
@@ -81,15 +81,21 @@ mod tests {
         create(&path, &two_scans(), 2, "".into()).unwrap();
         let file = File::open_rw(&path).unwrap();
         for (name, attribute, other) in [
-            (table::DISCRIMINATORS, "units_f_max_n", "mN"),
+            (table::DISCRIMINATORS, "units_f_max", "mN"),
             (table::HEADER, "units_sample_rate_hz", "kHz"),
             (table::SAMPLES, attribute::CHANNEL_UNITS, "N,mV"),
         ] {
-            assert!(check_units(&file, &file, &path).is_ok());
+            assert!(check_units(&file, &file, &two_scans().recording.calibration, &path).is_ok());
             let attribute = file.dataset(name).unwrap().attr(attribute).unwrap();
             let known: FixedUnicode<32> = attribute.read_scalar().unwrap();
             attribute.write_scalar(&other.parse::<FixedUnicode<32>>().unwrap()).unwrap();
-            assert!(matches!(check_units(&file, &file, &path), Err(Error::OtherUnits { .. })), "{name} in {other}");
+            assert!(
+                matches!(
+                    check_units(&file, &file, &two_scans().recording.calibration, &path),
+                    Err(Error::OtherUnits { .. })
+                ),
+                "{name} in {other}"
+            );
             attribute.write_scalar(&known).unwrap();
         }
     }

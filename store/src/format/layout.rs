@@ -11,7 +11,7 @@ use std::mem::offset_of;
 
 use hdf5::H5Type;
 use hdf5::types::{CompoundField, CompoundType, FixedAscii, FixedUnicode, TypeDescriptor};
-use tapline_wire::{CHANNELS_MAX, Channel, Discriminator, SERIAL_BYTES, SampleFormat};
+use tapline_wire::{CHANNELS_MAX, Calibration, Discriminator, Recording, SERIAL_BYTES, SampleFormat};
 
 use crate::format::lineage::Digest;
 
@@ -35,6 +35,8 @@ pub(crate) mod table {
     pub(crate) const CONFIG: &str = "config";
     /// What the results were computed by, as lines of text.
     pub(crate) const MADE_BY: &str = "made_by";
+    /// What the channels' samples are worth, as JSON.
+    pub(crate) const CALIBRATION: &str = "calibration";
     /// Bytes of the reference file, UTF-8; only if the run had one.
     pub(crate) const REFERENCE: &str = "reference";
     pub(crate) const PLAN: &str = "plan";
@@ -91,12 +93,12 @@ pub(crate) mod attribute {
 }
 
 /// The units of `table` as a list: of its fields, or of the dataset's own numbers. `noted` is its list in [`NOTES`], to which
-/// those of the discriminators are added.
-pub(crate) fn units_of(table: &str, noted: &'static str) -> Cow<'static, str> {
+/// those of the discriminators are added for taps of `calibration`.
+pub(crate) fn units_of(table: &str, noted: &'static str, calibration: &Calibration) -> Cow<'static, str> {
     if table != table::DISCRIMINATORS {
         return noted.into();
     }
-    let each = Discriminator::ALL.map(|which| format!("{} {}", which.column(), which.unit()));
+    let each = Discriminator::ALL.map(|which| format!("{} {}", which.column(), which.unit(calibration)));
     format!("{noted}, {}", each.join(", ")).into()
 }
 
@@ -109,7 +111,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     ),
     (
         table::HEADER,
-        "a sample times unit_per_count is N or V; plan_index 4294967295 is a tap that is not there; source 1 simulated, 2 tap set; samples_digest is the BLAKE3 of the samples that are meant",
+        "a sample times unit_per_count is in channel_units; plan_index 4294967295 is a tap that is not there; source 1 simulated, 2 tap set; samples_digest is the BLAKE3 of the samples that are meant",
         "sample_rate_hz Hz, velocity_measured_m_per_s m/s, microphone_distance_m m, tap_time_ns ns, sent_ns ns, epoch_ns ns",
     ),
     (
@@ -317,12 +319,10 @@ pub(crate) fn format_name(format: SampleFormat) -> &'static str {
     }
 }
 
-/// Unit of a channel's samples once they are scaled.
-pub(crate) fn unit_of(channel: Channel) -> &'static str {
-    match channel {
-        Channel::Force => "N",
-        Channel::Sound => "V",
-    }
+/// Units of the channels' samples once they are scaled, in their order.
+pub(crate) fn channel_units(recording: &Recording) -> String {
+    let units: Vec<&str> = recording.channels.iter().map(|&c| recording.calibration.unit(c).name()).collect();
+    units.join(",")
 }
 
 #[cfg(test)]

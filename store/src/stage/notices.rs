@@ -159,6 +159,7 @@ fn send_due(
         let header = casing.header();
         let plan = match receiver.role {
             Role::Fuse => casing.writer.plan().encode(),
+            Role::Supervisor => encode_opened(&casing.name, casing.writer.plan().taps()),
             _ => encode_opened(&casing.name, casing.writer.plan().added()),
         };
         if !receiver.publisher.try_send(RecordKind::Plan, header, &plan)? {
@@ -174,7 +175,7 @@ fn send_due(
             }
             casing.supervisor_sent_at = Some(Instant::now());
         }
-        let has_taps = matches!(receiver.role, Role::Acquire(_));
+        let has_taps = receiver.role != Role::Fuse;
         let (mut header, ledger) = casing.ledger(lost_count, is_held);
         let mut loan = receiver.publisher.loan(ledger.encoded_bytes(has_taps, true))?;
         loan.fill(|to, bytes| {

@@ -24,8 +24,9 @@ pub fn casing_number(file_name: &str) -> u64 {
 /// Header of what `store` says of one casing; `stamp.casing` names it.
 ///
 /// Behind it follow, by [`crate::RecordKind`]: for `Plan` the plan ([`Plan::encode`]) to `fuse`, and to others the casing's
-/// name with the taps that were added to its plan ([`encode_opened`]); for `Ledger` a byte for the state and attempt of every tap and one for the state of every scan, of which the
-/// supervisor gets none and `fuse` only the scans; for `Closed` the path of the file; for `Refusal` why a proposal is refused.
+/// name with taps of its plan ([`encode_opened`]), to a station those that were added, to the supervisor all; for `Ledger` a byte
+/// for the state and attempt of every tap and one for the state of every scan, of which `fuse` gets only the scans; for `Closed`
+/// the path of the file; for `Refusal` why a proposal is refused.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("tapline.CasingHeader.v1")]
@@ -77,10 +78,10 @@ pub fn decode_proposal(bytes: &[u8]) -> Result<(String, Plan, u32), PlanError> {
     Ok((name, Plan::decode(plan)?, u32::from_le_bytes(*room)))
 }
 
-/// What `store` says of an open casing to a station: its name, and the taps that were added to its plan.
-pub fn encode_opened(name: &str, added: &[PlannedTap]) -> Vec<u8> {
+/// What `store` says of an open casing: its name, and to a station the taps that were added to its plan, to the supervisor all.
+pub fn encode_opened(name: &str, taps: &[PlannedTap]) -> Vec<u8> {
     let mut bytes = named(name);
-    bytes.extend(encode_taps(added));
+    bytes.extend(encode_taps(taps));
     bytes
 }
 
@@ -112,11 +113,10 @@ pub(crate) fn proposal_bytes_max(limits: &Limits) -> usize {
     4 + NAME_BYTES_MAX + 4 + Plan::encoded_bytes_max(&limits.casing)
 }
 
-/// Bytes of the longest record about a casing; to `fuse`, which needs the plan, or to others.
-pub(crate) fn opened_bytes_max(limits: &Limits, has_plan: bool) -> usize {
-    let opened = 4 + NAME_BYTES_MAX + limits.casing.room * TAP_BYTES;
-    let others = (limits.casing.taps + limits.casing.scans).max(opened).max(PATH_BYTES_MAX).max(REASON_BYTES_MAX);
-    if has_plan { others.max(Plan::encoded_bytes_max(&limits.casing)) } else { others }
+/// Bytes of the longest record about a casing that carries so many `taps`, and no plan.
+pub(crate) fn opened_bytes_max(limits: &Limits, taps: usize) -> usize {
+    let opened = 4 + NAME_BYTES_MAX + taps * TAP_BYTES;
+    opened.max(limits.casing.taps + limits.casing.scans).max(PATH_BYTES_MAX).max(REASON_BYTES_MAX)
 }
 
 impl Stamped for CasingHeader {

@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    CasingLimits, Channel, Geometry, Plan, PlanError, PlannedTap, Purpose, Recording, SampleFormat, Serial, TapId,
-    Truth,
+    Calibration, CasingLimits, Channel, Geometry, Plan, PlanError, PlannedTap, Purpose, Recording, SampleFormat,
+    Serial, TapId, Truth,
 };
 
 /// What is not a row: few values, written as JSON.
@@ -17,6 +17,7 @@ struct Head {
     sample_count_max: u32,
     sample_format: SampleFormat,
     channels: Vec<Channel>,
+    calibration: Calibration,
     source_digest: u64,
     truth_count: usize,
     /// Taps of the plan as it was begun; others follow, which were added.
@@ -24,7 +25,7 @@ struct Head {
 }
 
 /// Bytes that a head needs at most.
-const HEAD_BYTES_MAX: usize = 1024;
+const HEAD_BYTES_MAX: usize = 4096;
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -87,6 +88,7 @@ impl Plan {
             sample_count_max: recording.sample_count_max,
             sample_format: recording.sample_format,
             channels: recording.channels.clone(),
+            calibration: recording.calibration.clone(),
             source_digest: self.source_digest(),
             truth_count: self.truth().len(),
             begun_count: self.begun_count,
@@ -128,6 +130,7 @@ impl Plan {
             sample_count_max: head.sample_count_max,
             sample_format: head.sample_format,
             channels: head.channels,
+            calibration: head.calibration,
         };
         let geometry = if head.is_ring { Geometry::Ring } else { Geometry::Line };
         let begun = Self::from_source(geometry, recording, begun.to_vec(), truth, head.source_digest)?;
@@ -158,6 +161,7 @@ mod tests {
             sample_count_max: 4096,
             sample_format: SampleFormat::F32,
             channels: vec![Channel::Force, Channel::Sound],
+            calibration: Calibration::computed(),
         };
         let truth = Truth::from([((tyre, 1, 3), true), ((tyre, 2, 4), false)]);
         Plan::from_source(Geometry::Ring, recording, taps.collect(), truth, 99).unwrap()

@@ -30,8 +30,9 @@ pub(crate) fn digest_of(geometry: Geometry, recording: &Recording, taps: &[Plann
     hasher.update(recording.pre_trigger_samples.to_le_bytes());
     hasher.update(recording.sample_count_max.to_le_bytes());
     hasher.update((recording.channels.len() as u64).to_le_bytes());
-    for channel in &recording.channels {
+    for &channel in &recording.channels {
         hasher.update(channel.code().to_le_bytes());
+        hasher.update([recording.calibration.unit(channel) as u8]);
     }
     hasher.update(source_digest.to_le_bytes());
     for tap in taps {
@@ -57,7 +58,7 @@ fn first_bits(hasher: Sha256) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Channel, Purpose, Serial};
+    use crate::{Calibration, Channel, Purpose, Serial};
 
     /// Catches a field that the digest leaves out.
     #[test]
@@ -68,6 +69,7 @@ mod tests {
             sample_count_max: 1024,
             sample_format: SampleFormat::I16,
             channels: vec![Channel::Force, Channel::Sound],
+            calibration: Calibration::stated(),
         };
         let tap = PlannedTap {
             id: TapId::new(1, Serial::new("A").unwrap(), 1, 5),
@@ -89,6 +91,7 @@ mod tests {
             of(&Recording { pre_trigger_samples: 65, ..recording.clone() }, tap),
             of(&Recording { sample_count_max: 1025, ..recording.clone() }, tap),
             of(&Recording { sample_format: SampleFormat::F32, ..recording.clone() }, tap),
+            of(&Recording { calibration: Calibration::default(), ..recording.clone() }, tap),
             of(&Recording { channels: vec![Channel::Sound], ..recording.clone() }, tap),
             of(&recording, named(|id| id.station = 2)),
             of(&recording, named(|id| id.location = 6)),

@@ -125,6 +125,7 @@ mod tests {
             sample_count_max: 100,
             sample_format: crate::SampleFormat::I16,
             channels: vec![crate::Channel::Force, crate::Channel::Sound],
+            calibration: crate::Calibration::stated(),
         };
         let plan = Plan::new(crate::Geometry::Line, recording, vec![tap(2), tap(5)], truth).unwrap();
         let need = CasingLimits::from_plan(&plan);

@@ -306,6 +306,7 @@ mod tests {
             sample_count_max: 4096,
             sample_format: SampleFormat::I16,
             channels: vec![Channel::Force, Channel::Sound],
+            calibration: crate::Calibration::stated(),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::record::calibration::Calibration;
 use crate::record::id::{Serial, TapId};
 use crate::record::tap::{Channel, SampleFormat};
 
@@ -85,6 +86,8 @@ pub struct Recording {
     pub sample_format: SampleFormat,
     /// Channels, in the order of the samples.
     pub channels: Vec<Channel>,
+    /// What the samples are worth.
+    pub calibration: Calibration,
 }
 
 impl Recording {

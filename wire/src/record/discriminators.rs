@@ -5,6 +5,7 @@ use std::fmt;
 use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
+use crate::record::calibration::Calibration;
 use crate::{Channel, Quality, TapId};
 
 /// Which way a discriminator moves where there is a crack.
@@ -43,14 +44,14 @@ pub enum Feature {
 struct Attributes {
     /// In configurations and summaries.
     name: &'static str,
-    /// Name with unit: the column in tables and archives.
+    /// The column in tables and archives: with the unit, unless that follows from the scale of a channel.
     column: &'static str,
-    /// The unit of that column, `1` where it has none.
-    unit: &'static str,
+    /// The unit of that column.
+    unit: UnitOf,
     /// In plain letters, as the source has it.
     symbol: &'static str,
-    /// As pages print it: symbol, how many of the printed unit make one SI unit, and that unit.
-    printed: (&'static str, f64, &'static str),
+    /// Its symbol as pages print it.
+    printed: &'static str,
     /// In words.
     meaning: &'static str,
     /// What it is taken from.
@@ -59,6 +60,22 @@ struct Attributes {
     channels: &'static [Channel],
     /// Which way it moves where there is a crack, unless a configuration says otherwise.
     direction: Direction,
+}
+
+/// What a discriminator is measured in.
+#[derive(Debug, Clone, Copy)]
+enum UnitOf {
+    /// Always the same: the unit; how many of the printed unit make one of it; the printed unit.
+    Fixed(&'static str, f64, &'static str),
+    /// A power of a channel's unit, times the rest.
+    Scaled(Channel, Power, &'static str),
+}
+
+/// A power of a channel's unit.
+#[derive(Debug, Clone, Copy)]
+enum Power {
+    First,
+    Second,
 }
 
 macro_rules! discriminators {
@@ -84,46 +101,46 @@ macro_rules! discriminators {
 }
 
 discriminators! {
-    /// Peak force, N.
+    /// Peak force, N where the force is scaled.
     FMax {
-        name: "f_max", column: "f_max_n", unit: "N", symbol: "F_max", printed: ("F_max", 1.0, "N"),
+        name: "f_max", column: "f_max", unit: UnitOf::Scaled(Channel::Force, Power::First, ""), symbol: "F_max", printed: "F_max",
         meaning: "peak force", feature: Feature::Pulse, channels: &[Channel::Force], direction: Direction::Falls,
     }
     /// Contact time, s.
     Tau {
-        name: "tau", column: "tau_s", unit: "s", symbol: "tau", printed: ("\u{3c4}", 1e3, "ms"),
+        name: "tau", column: "tau_s", unit: UnitOf::Fixed("s", 1e3, "ms"), symbol: "tau", printed: "\u{3c4}",
         meaning: "contact time", feature: Feature::Pulse, channels: &[Channel::Force], direction: Direction::Rises,
     }
-    /// Initial area of the sound, V s.
+    /// Initial area of the sound, V s or Pa s where it is scaled.
     A1 {
-        name: "a_1", column: "a_1_v_s", unit: "V s", symbol: "A_1", printed: ("A\u{2081}", 1.0, "V s"),
+        name: "a_1", column: "a_1", unit: UnitOf::Scaled(Channel::Sound, Power::First, " s"), symbol: "A_1", printed: "A\u{2081}",
         meaning: "initial area of the sound", feature: Feature::SoundArea, channels: &[Channel::Force, Channel::Sound], direction: Direction::Rises,
     }
-    /// Ringing area of the sound, V s.
+    /// Ringing area of the sound, V s or Pa s where it is scaled.
     A2 {
-        name: "a_2", column: "a_2_v_s", unit: "V s", symbol: "A_2", printed: ("A\u{2082}", 1.0, "V s"),
+        name: "a_2", column: "a_2", unit: UnitOf::Scaled(Channel::Sound, Power::First, " s"), symbol: "A_2", printed: "A\u{2082}",
         meaning: "ringing area of the sound", feature: Feature::SoundArea, channels: &[Channel::Sound], direction: Direction::Rises,
     }
     /// Power ratio, dimensionless.
     ///
     /// Deviation: sections 5.4.3-5.4.4 treat it as falling; Table 13 and recorded taps say that it rises.
     Pr {
-        name: "pr", column: "pr", unit: "1", symbol: "PR", printed: ("PR", 1.0, ""),
+        name: "pr", column: "pr", unit: UnitOf::Fixed("1", 1.0, ""), symbol: "PR", printed: "PR",
         meaning: "power ratio", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
-    /// Largest flexural power density, V^2/Hz.
+    /// Largest flexural power density, V^2/Hz or Pa^2/Hz where the sound is scaled.
     Pf {
-        name: "p_f", column: "p_f_v2_per_hz", unit: "V^2/Hz", symbol: "P_f", printed: ("P_f", 1.0, "V\u{b2}/Hz"),
+        name: "p_f", column: "p_f", unit: UnitOf::Scaled(Channel::Sound, Power::Second, "/Hz"), symbol: "P_f", printed: "P_f",
         meaning: "largest flexural density", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
-    /// Flexural energy, V^2.
+    /// Flexural energy, V^2 or Pa^2 where the sound is scaled.
     Ef {
-        name: "e_f", column: "e_f_v2", unit: "V^2", symbol: "E_f", printed: ("E_f", 1.0, "V\u{b2}"),
+        name: "e_f", column: "e_f", unit: UnitOf::Scaled(Channel::Sound, Power::Second, ""), symbol: "E_f", printed: "E_f",
         meaning: "flexural energy", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
     /// Spectral centroid of the sound, Hz; none of the source's seven.
     Centroid {
-        name: "centroid", column: "centroid_hz", unit: "Hz", symbol: "f_s", printed: ("f_s", 1.0, "Hz"),
+        name: "centroid", column: "centroid_hz", unit: UnitOf::Fixed("Hz", 1.0, "Hz"), symbol: "f_s", printed: "f_s",
         meaning: "spectral centroid of the sound", feature: Feature::SoundSpectrum, channels: &[Channel::Sound],
         direction: Direction::Rises,
     }
@@ -139,14 +156,18 @@ impl Discriminator {
         self.attributes().name
     }
 
-    /// Name with unit: the column in tables and archives.
+    /// The column in tables and archives: with the unit, unless that follows from the scale of a channel.
     pub fn column(self) -> &'static str {
         self.attributes().column
     }
 
-    /// Unit of that column, `1` where it has none.
-    pub fn unit(self) -> &'static str {
-        self.attributes().unit
+    /// Unit of that column for taps of `calibration`, `1` where it has none.
+    pub fn unit(self, calibration: &Calibration) -> String {
+        match self.attributes().unit {
+            UnitOf::Fixed(unit, ..) => unit.to_owned(),
+            UnitOf::Scaled(channel, Power::First, rest) => format!("{}{rest}", calibration.unit(channel).name()),
+            UnitOf::Scaled(channel, Power::Second, rest) => format!("{}^2{rest}", calibration.unit(channel).name()),
+        }
     }
 
     /// Its symbol in plain letters.
@@ -154,9 +175,25 @@ impl Discriminator {
         self.attributes().symbol
     }
 
-    /// As pages print it: its symbol, how many of the printed unit make one SI unit, and that unit.
-    pub fn printed(self) -> (&'static str, f64, &'static str) {
+    /// Unit of that column where it does not follow from the scale of a channel.
+    pub fn fixed_unit(self) -> Option<&'static str> {
+        match self.attributes().unit {
+            UnitOf::Fixed(unit, ..) => Some(unit),
+            UnitOf::Scaled(..) => None,
+        }
+    }
+
+    /// Its symbol as pages print it.
+    pub fn printed(self) -> &'static str {
         self.attributes().printed
+    }
+
+    /// How many of the unit that pages print make one of [`Discriminator::unit`], and that unit.
+    pub fn printed_unit(self, calibration: &Calibration) -> (f64, String) {
+        match self.attributes().unit {
+            UnitOf::Fixed(_, printed_count, printed) => (printed_count, printed.to_owned()),
+            UnitOf::Scaled(..) => (1.0, self.unit(calibration).replace("^2", "\u{b2}")),
+        }
     }
 
     /// What it is, in words.
@@ -210,7 +247,7 @@ impl Default for Values {
 }
 
 impl Values {
-    /// The value of `which` in SI units, `None` when absent.
+    /// The value of `which` in its [unit](Discriminator::unit), `None` when absent.
     #[inline] // asked for tens of thousands of times a tyre, from another crate
     pub fn get(&self, which: Discriminator) -> Option<f64> {
         Some(self.0[which as usize]).filter(|v| v.is_finite())

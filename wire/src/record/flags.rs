@@ -103,12 +103,22 @@ flags! {
             "The force of a part of the scan is off as no crack and no velocity explains: the gain of its sensor changed.";
         VELOCITY_UNKNOWN = 14, "velocity_unknown":
             "No impact velocity was measured: a wrong one would not show.";
+        NOT_CALIBRATED = 15, "not_calibrated":
+            "There is no calibration of a channel: a sensor that changed would not show.";
+        CALIBRATION_EXPIRED = 16, "calibration_expired":
+            "The calibration of a channel had expired when the casing was tapped.";
+        CALIBRATION_REQUIRED = 17, "calibration_required":
+            "This line passes no casing without a valid calibration.";
     }
 }
 
 impl Reasons {
     /// Those that say how a verdict was reached and ask for nothing: PASS stays PASS.
-    pub const REMARKS: Self = Self::SELF_REFERENCE.union(Self::EXTRAPOLATED).union(Self::VELOCITY_UNKNOWN);
+    pub const REMARKS: Self = Self::SELF_REFERENCE
+        .union(Self::EXTRAPOLATED)
+        .union(Self::VELOCITY_UNKNOWN)
+        .union(Self::NOT_CALIBRATED)
+        .union(Self::CALIBRATION_EXPIRED);
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The records that cross between stages, and the names and flags they carry.
 
+pub(crate) mod calibration;
 pub(crate) mod damage;
 pub(crate) mod discriminators;
 pub(crate) mod flags;

@@ -5,7 +5,8 @@ use iceoryx2::prelude::ZeroCopySend;
 use crate::plan::casing::{REASON_BYTES_MAX, opened_bytes_max, proposal_bytes_max};
 use crate::plan::codec::TAP_BYTES;
 use crate::{
-    CacheLine, CasingHeader, DamageCell, Discriminators, Judgement, Limits, Stamp, Stamped, TapHeader, cache_lines_for,
+    CacheLine, CasingHeader, DamageCell, Discriminators, Judgement, Limits, Plan, Stamp, Stamped, TapHeader,
+    cache_lines_for,
 };
 
 /// A participant of a line.
@@ -221,7 +222,12 @@ impl Topic for CasingTopic {
         Role::Store
     }
     fn elements_max(limits: &Limits, receiver: Option<Role>) -> usize {
-        opened_bytes_max(limits, receiver == Some(Role::Fuse))
+        let casing = &limits.casing;
+        match receiver {
+            Some(Role::Fuse) => opened_bytes_max(limits, 0).max(Plan::encoded_bytes_max(casing)),
+            Some(Role::Supervisor) => opened_bytes_max(limits, casing.taps),
+            _ => opened_bytes_max(limits, casing.room),
+        }
     }
 }
 

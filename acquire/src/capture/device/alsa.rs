@@ -139,14 +139,12 @@ impl SoundCard {
                 take(Chunk::I16(samples));
                 samples.len() / channels
             }),
-            Layout::Packed24 => self.pcm.io_bytes().mmap(self.period_frames, |bytes| {
-                let of = |b: &[u8]| i32::from_le_bytes([0, b[0], b[1], b[2]]) as f32 / FULL_SCALE;
-                as_f32(&mut bytes.chunks_exact(3).map(of), bytes.len() / 3)
-            }),
+            Layout::Packed24 => self
+                .pcm
+                .io_bytes()
+                .mmap(self.period_frames, |bytes| as_f32(&mut bytes.chunks_exact(3).map(of_packed24), bytes.len() / 3)),
             Layout::Low24 => self.pcm.io_i32_s24()?.mmap(self.period_frames, |samples| {
-                // What stands in the upper byte is not defined.
-                let of = |&sample: &i32| (sample << 8) as f32 / FULL_SCALE;
-                as_f32(&mut samples.iter().map(of), samples.len())
+                as_f32(&mut samples.iter().map(|&sample| of_low24(sample)), samples.len())
             }),
             Layout::I32 => self.pcm.io_i32()?.mmap(self.period_frames, |samples| {
                 as_f32(&mut samples.iter().map(|&sample| sample as f32 / FULL_SCALE), samples.len())
@@ -183,6 +181,16 @@ impl Device for SoundCard {
         }
         Ok(())
     }
+}
+
+/// A part of full scale, of the three bytes of a sample, the lowest first.
+fn of_packed24(bytes: &[u8]) -> f32 {
+    i32::from_le_bytes([0, bytes[0], bytes[1], bytes[2]]) as f32 / FULL_SCALE
+}
+
+/// A part of full scale, of the lower three bytes of `sample`: what stands in the upper one is not defined.
+fn of_low24(sample: i32) -> f32 {
+    (sample << 8) as f32 / FULL_SCALE
 }
 
 /// Keeps what ALSA would print in this thread: the error that it returns says the same.
@@ -246,4 +254,23 @@ fn abilities(name: &str) -> Result<Abilities, String> {
         rates_hz: (params.get_rate_min().unwrap_or(0), params.get_rate_max().unwrap_or(0)),
         bits: [16, 24, 32].into_iter().filter(has).collect(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches bytes in another order, a sign that is lost, and what stands beside a sample taken for a part of it.
+    #[test]
+    fn samples_of_24_bits_are_read_as_they_lie() {
+        for count in [-8_388_608_i32, -8_388_607, -1, 0, 1, 0x12_34_56, 8_388_607] {
+            let want = count as f32 / 8_388_608.0;
+            assert_eq!(of_packed24(&count.to_le_bytes()[..3]).to_bits(), want.to_bits(), "{count}");
+            for beside in [0, 0x5a, 0xff] {
+                let [low, middle, high, _] = count.to_le_bytes();
+                let lying = i32::from_le_bytes([low, middle, high, beside]);
+                assert_eq!(of_low24(lying).to_bits(), want.to_bits(), "{count} beside {beside}");
+            }
+        }
+    }
 }

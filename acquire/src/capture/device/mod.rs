@@ -2,14 +2,34 @@
 
 #[cfg(feature = "alsa")]
 mod alsa;
+#[cfg(feature = "uldaq")]
+mod uldaq;
+
+use std::fmt;
 
 #[cfg(feature = "alsa")]
 pub use self::alsa::{Abilities, SoundCardInfo, sound_cards};
 use crate::capture::CaptureConfig;
 
+/// A device that can be listened to: its name, by what drives it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum DeviceName {
+    /// A sound card, as ALSA names it.
+    Alsa(String),
+    /// A data acquisition module, by its product or its number.
+    Uldaq(String),
+}
+
+impl fmt::Display for DeviceName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Self::Alsa(name) | Self::Uldaq(name)) = self;
+        f.write_str(name)
+    }
+}
+
 /// What came from a device, frame by frame, a sample of each channel in a frame.
 #[derive(Debug, Clone, Copy)]
-#[cfg_attr(not(feature = "alsa"), expect(dead_code, reason = "no device is built in"))]
+#[cfg_attr(not(any(feature = "alsa", test)), expect(dead_code, reason = "only sound cards give all of it"))]
 pub(super) enum Chunk<'a> {
     /// Counts of a 16-bit converter.
     I16(&'a [i16]),
@@ -28,16 +48,20 @@ pub(super) trait Device {
     fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>)) -> Result<(), String>;
 }
 
-/// Opens the sound card `name`.
+/// Opens the device `name`.
 ///
 /// # Errors
 /// Why it cannot be opened as `config` wants it.
-#[cfg(feature = "alsa")]
-pub(super) fn open(name: &str, config: &CaptureConfig) -> Result<Box<dyn Device>, String> {
-    Ok(Box::new(alsa::SoundCard::open(name, config)?))
-}
-
-#[cfg(not(feature = "alsa"))]
-pub(super) fn open(name: &str, _config: &CaptureConfig) -> Result<Box<dyn Device>, String> {
-    Err(format!("cannot open {name}: this program was built without the feature alsa"))
+pub(super) fn open(name: &DeviceName, config: &CaptureConfig) -> Result<Box<dyn Device>, String> {
+    match name {
+        #[cfg(feature = "alsa")]
+        DeviceName::Alsa(name) => Ok(Box::new(alsa::SoundCard::open(name, config)?)),
+        #[cfg(feature = "uldaq")]
+        DeviceName::Uldaq(name) => Ok(Box::new(uldaq::DaqModule::open(name, config)?)),
+        #[cfg(not(all(feature = "alsa", feature = "uldaq")))]
+        _ => {
+            let _wanted = config;
+            Err(format!("this program was built without what drives it: {name:?}"))
+        }
+    }
 }

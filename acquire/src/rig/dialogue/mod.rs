@@ -32,6 +32,8 @@ pub(crate) struct LinkConfig {
     pub patience: Duration,
     /// How long the rig may take to answer.
     pub timeout: Duration,
+    /// The same where it has to find its home.
+    pub home_timeout: Duration,
 }
 
 /// The state of the dialogue; it outlasts a connection.
@@ -44,6 +46,8 @@ pub(crate) struct Dialogue {
     rig_name: Option<String>,
     /// Why the rig is stopped, by its emergency stop for example.
     stopped: Option<String>,
+    /// Whether the rig knows its position, as far as it can: else it is told to home before it moves.
+    is_homed: bool,
     /// Why there is no connection.
     fault: Option<String>,
     /// The command that the rig has not answered yet.
@@ -77,6 +81,7 @@ struct PendingCommand {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Command {
+    Home,
     Move,
     Hit,
     Ping,
@@ -152,6 +157,7 @@ impl Dialogue {
             stream: None,
             rig_name: None,
             stopped: None,
+            is_homed: false,
             fault: None,
             pending: None,
             loaded: None,
@@ -191,6 +197,7 @@ impl Dialogue {
     pub(super) fn forget_rig(&mut self) {
         self.rig_name = None;
         self.stopped = None;
+        self.is_homed = false;
         self.pending = None;
         self.loaded = None;
         self.unexpected = (0, None);
@@ -251,6 +258,7 @@ impl Dialogue {
         let now = Instant::now();
         let timeout = self.config.timeout;
         if let Some(pending) = self.pending.as_ref().filter(|pending| now >= pending.deadline) {
+            let timeout = self.timeout_of(pending.command);
             return Err(format!("the rig has not answered {:?} within {timeout:?}", pending.text));
         }
         let silence = self.last_received.map_or(Duration::ZERO, |at| now.duration_since(at));
@@ -310,9 +318,13 @@ impl Dialogue {
         }
     }
 
+    fn timeout_of(&self, command: Command) -> Duration {
+        if command == Command::Home { self.config.home_timeout } else { self.config.timeout }
+    }
+
     fn command(&mut self, command: Command, text: String, casing: u64) {
         self.send(&text);
-        let deadline = Instant::now() + self.config.timeout;
+        let deadline = Instant::now() + self.timeout_of(command);
         self.pending = Some(PendingCommand { command, text, deadline, casing });
     }
 }

@@ -28,8 +28,10 @@ impl Dialogue {
         if self.rig_name.is_none() {
             return self.receive_hello(message, line);
         }
+        let is_of_motion =
+            matches!(message, RigMessage::Homed | RigMessage::Ready | RigMessage::Hit(_) | RigMessage::Error(_));
         // An answer that was on its way when the rig stopped: its tap is made when it goes on.
-        if self.stopped.is_some() && matches!(message, RigMessage::Ready | RigMessage::Hit(_) | RigMessage::Error(_)) {
+        if self.stopped.is_some() && is_of_motion {
             return Ok(false);
         }
         // A board that has started again.
@@ -39,8 +41,7 @@ impl Dialogue {
         }
         // A line from the rig shows that it has received what was sent before on this connection.
         self.end_report.take_if(|report| report.is_sent);
-        let may_answer =
-            matches!(message, RigMessage::Ready | RigMessage::Hit(_) | RigMessage::Error(_) | RigMessage::Pong);
+        let may_answer = is_of_motion || message == RigMessage::Pong;
         if !may_answer || self.pending.is_none() {
             self.count_unexpected(now)?;
         }
@@ -51,6 +52,11 @@ impl Dialogue {
                 self.discard_loaded();
                 self.end_report = None;
                 self.remove_current("it was taken away from the rig before its last tap");
+                Ok(true)
+            }
+            RigMessage::Homed => {
+                self.answered(Command::Home, line)?;
+                self.is_homed = true;
                 Ok(true)
             }
             RigMessage::Ready => {
@@ -81,6 +87,8 @@ impl Dialogue {
                 {
                     current.step = Step::Idle;
                 }
+                // Whoever freed it may have turned it.
+                self.is_homed = false;
                 self.stopped = Some(why);
                 Ok(true)
             }
@@ -95,6 +103,8 @@ impl Dialogue {
                 let LinkConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} reports {why:?}");
                 if let Some(pending) = self.pending.take() {
+                    // It has no home to find. One that cannot find it says that it is stopped, or refuses to move.
+                    self.is_homed |= pending.command == Command::Home;
                     self.advance(pending.casing, |tap| Step::Failed(tap, why));
                 }
                 Ok(true)

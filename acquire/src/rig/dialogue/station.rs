@@ -51,6 +51,10 @@ impl Dialogue {
             _ if !is_free => return Progress::UnderWay,
             _ => {}
         }
+        if !self.is_homed {
+            self.command(Command::Home, "home".to_owned(), id);
+            return Progress::UnderWay;
+        }
         current.step = Step::Begun(tap);
         current.hit = to_hit();
         self.command(Command::Move, to_move(), id);

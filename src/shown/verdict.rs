@@ -1,18 +1,22 @@
 //! The verdict on a casing when its file is closed: that on each shoulder, for people and for programs.
 
 use std::io::{self, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
-use tapline_store::{Reader, regions};
-use tapline_wire::{DamageCell, Judgement, Reasons, Scan, TapState, Verdict};
+use tapline_store::{Reader, Region, regions};
+use tapline_wire::{
+    Calibration, Channel, DamageCell, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns, now_ns,
+};
 
 /// The result of one casing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CasingVerdict {
     /// The kind of this line of JSON: `verdict`.
     pub kind: String,
+    /// When it was told, in ns since the Unix epoch.
+    pub at_ns: i64,
     /// The casing's name.
     pub casing: String,
     pub station: u16,
@@ -35,6 +39,8 @@ pub(crate) struct ShoulderVerdict {
     pub verdict: Verdict,
     pub reasons: String,
     pub regions: usize,
+    /// The regions: where damage lies.
+    pub arcs: Vec<DamageArc>,
     pub peak_damage_index: Option<f64>,
     pub peak_location: Option<u32>,
     /// How far the strongest arc stands out, which the limits are for.
@@ -43,21 +49,51 @@ pub(crate) struct ShoulderVerdict {
     pub limit_reject: Option<f64>,
 }
 
+/// Where a region of damage lies. Angles are in degrees, clockwise from the start mark, and absent on a line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct DamageArc {
+    pub first_location: u32,
+    /// On a ring it may be less than the first.
+    pub last_location: u32,
+    pub peak_location: u32,
+    /// Angle of the first location.
+    pub start_deg: Option<f64>,
+    /// Angle of the last location.
+    pub end_deg: Option<f64>,
+    pub peak_deg: Option<f64>,
+    /// Its extent, in which each location counts as one step.
+    pub extent_deg: Option<f64>,
+}
+
+impl From<Region> for DamageArc {
+    fn from(region: Region) -> Self {
+        Self {
+            first_location: region.first_location,
+            last_location: region.last_location,
+            peak_location: region.peak_location,
+            start_deg: region.start_deg,
+            end_deg: region.end_deg,
+            peak_deg: region.peak_angle_deg,
+            extent_deg: region.extent_deg,
+        }
+    }
+}
+
 impl CasingVerdict {
-    /// The verdict in the finished file at `path`, of the casing `name`.
-    pub(crate) fn read(name: &str, path: &Path) -> Result<Self> {
-        let reader = Reader::open(path)?;
+    /// The verdict in the finished file of the casing `name`.
+    pub(crate) fn read(name: &str, reader: &Reader) -> Result<Self> {
         let (plan, ledger) = (reader.plan(), reader.ledger());
         let judgements = reader.judgements()?;
         let shoulders: Vec<ShoulderVerdict> = plan
             .scans()
             .iter()
             .zip(judgements)
-            .map(|(scan, judged)| ShoulderVerdict::new(&reader, scan, judged))
+            .map(|(scan, judged)| ShoulderVerdict::new(reader, scan, judged))
             .collect();
         let worst = shoulders.iter().map(|s| s.verdict).max().unwrap_or(Verdict::ReInspect);
         Ok(Self {
             kind: "verdict".to_owned(),
+            at_ns: now_ns(),
             casing: name.to_owned(),
             station: plan.scans().first().map_or(0, |scan| scan.station),
             verdict: worst,
@@ -65,7 +101,7 @@ impl CasingVerdict {
             archived: ledger.count(TapState::Archived),
             refused: ledger.count(TapState::Refused),
             missing: ledger.count(TapState::Missing),
-            file: path.to_owned(),
+            file: reader.path().to_owned(),
         })
     }
 
@@ -108,6 +144,7 @@ impl ShoulderVerdict {
             verdict: Verdict::ReInspect,
             reasons: Reasons::NOT_ENDED.to_string(),
             regions: 0,
+            arcs: Vec::new(),
             peak_damage_index: None,
             peak_location: None,
             strongest_arc: None,
@@ -123,7 +160,8 @@ impl ShoulderVerdict {
                 .max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
             line.verdict = Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect);
             line.reasons = judgement.reasons.to_string();
-            line.regions = regions(reader.plan().geometry, &cells).len();
+            line.arcs = regions(reader.plan().geometry, &cells).into_iter().map(DamageArc::from).collect();
+            line.regions = line.arcs.len();
             line.peak_damage_index = peak.map(|cell| cell.damage_index);
             line.peak_location = peak.map(|cell| cell.location);
             let known = |value: f64| Some(value).filter(|value| value.is_finite());
@@ -133,4 +171,23 @@ impl ShoulderVerdict {
         }
         line
     }
+}
+
+/// Time since the last tap of a finished casing was sent, in seconds, on this machine since it was started; `None` where no tap
+/// is archived.
+pub(crate) fn since_last_tap_s(reader: &Reader) -> Result<Option<f64>> {
+    let sent_ns = reader.headers()?.into_iter().flatten().map(|header| header.sent_ns).max();
+    Ok(sent_ns.map(|sent_ns| monotonic_ns().saturating_sub(sent_ns) as f64 / 1e9))
+}
+
+/// Day of the oldest certificate of the casing's calibrations, and whether one had expired; computed samples need none.
+pub(crate) fn calibration(reader: &Reader) -> (Option<String>, bool) {
+    let recording = &reader.plan().recording;
+    let channels = [Channel::Force, Channel::Sound];
+    let computed = Calibration::computed();
+    let certificates = channels.iter().filter_map(|&channel| {
+        let certificate = recording.calibration.of(channel).certificate.as_ref();
+        certificate.filter(|_| recording.calibration.of(channel) != computed.of(channel))
+    });
+    (certificates.map(|certificate| certificate.date.clone()).min(), recording.calibration.is_expired(&channels))
 }

@@ -1,0 +1,102 @@
+//! Arguments of `tapline calibrate`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+use tapline_wire::Channel;
+
+/// How a channel is calibrated.
+#[derive(Debug, Subcommand)]
+pub(crate) enum CalibrateVerb {
+    /// Force, by blows on a sensor that tells their peak.
+    #[cfg(feature = "alsa")]
+    Blows {
+        /// Peaks that the other sensor told, N: one for all blows, or one for each, separated by commas.
+        #[arg(long, value_delimiter = ',', required = true, allow_negative_numbers = true)]
+        known_n: Vec<f64>,
+        /// How many blows, where one peak is given for all.
+        #[arg(long, default_value_t = 5)]
+        count: usize,
+        #[command(flatten)]
+        heard: HeardArgs,
+        #[command(flatten)]
+        written: WrittenArgs,
+    },
+    /// Sound, by the tone of an acoustic calibrator.
+    #[cfg(feature = "alsa")]
+    Tone {
+        /// Sound pressure of the tone, Pa (root of the mean square): 1.0024 is 94 dB.
+        #[arg(long, allow_negative_numbers = true)]
+        known_pa: f64,
+        /// Its frequency, Hz; it is looked for within 2 %.
+        #[arg(long, default_value_t = 1000.0)]
+        frequency_hz: f64,
+        /// How long to listen, s.
+        #[arg(long, default_value_t = 2.0)]
+        listen_s: f64,
+        #[command(flatten)]
+        heard: HeardArgs,
+        #[command(flatten)]
+        written: WrittenArgs,
+    },
+    /// Either channel, by data sheets: sensitivity of the sensor, gain, and voltage of a full-scale sample.
+    State {
+        /// The channel.
+        #[arg(long)]
+        channel: ChannelArg,
+        /// Voltage of a full-scale sample at the input of the sound card or converter.
+        #[arg(long, allow_negative_numbers = true)]
+        full_scale_v: f64,
+        /// Sensitivity of the sensor, mV/N or mV/Pa. A sound without it is in volts.
+        #[arg(long, allow_negative_numbers = true)]
+        sensitivity_mv: Option<f64>,
+        /// Gain between sensor and input.
+        #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+        gain: f64,
+        #[command(flatten)]
+        written: WrittenArgs,
+    },
+}
+
+/// What is listened to.
+#[derive(Debug, Args)]
+pub(crate) struct HeardArgs {
+    /// The configuration with the station.
+    #[arg(long)]
+    pub config: PathBuf,
+    /// Number of the station, where several listen.
+    #[arg(long)]
+    pub station: Option<u16>,
+    /// How long to wait for what is to be heard, s.
+    #[arg(long, default_value_t = 60.0)]
+    pub patience_s: f64,
+}
+
+/// Where the calibration is kept.
+#[derive(Debug, Args)]
+pub(crate) struct WrittenArgs {
+    /// The calibration file of the station; its other channel stays as it is.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// For how many days it is valid.
+    #[arg(long, default_value_t = 365)]
+    pub valid_days: u16,
+}
+
+/// A channel, as people name it.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum ChannelArg {
+    /// The impactor's force.
+    Force,
+    /// The microphone.
+    Sound,
+}
+
+impl From<ChannelArg> for Channel {
+    fn from(channel: ChannelArg) -> Self {
+        match channel {
+            ChannelArg::Force => Self::Force,
+            ChannelArg::Sound => Self::Sound,
+        }
+    }
+}

@@ -1,0 +1,283 @@
+//! The page of a running line, its metrics and its health over HTTP.
+//!
+//! It is one more viewer of the line's status. Everything happens on a thread of its own, which is handed each new status and
+//! keeps only the newest: however slow or many its clients are, the line does not notice.
+//!
+//! - here: the thread, its connections, and what is answered at which path
+//! - `access`: who may look
+//! - `metrics`: numbers for Prometheus
+//! - `reports`: the reports of the last casings
+
+mod access;
+mod metrics;
+mod reports;
+
+use std::convert::Infallible;
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::Arc;
+use std::thread::{Builder, JoinHandle};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
+use axum::extract::{Form, Query, Request, State};
+use axum::http::header::{
+    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
+};
+use axum::http::{HeaderValue, StatusCode};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::sse::{Event, Sse};
+use axum::response::{IntoResponse as _, Response};
+use axum::routing::get;
+use axum::{BoxError, Router};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use tapline_wire::now_ns;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Semaphore, watch};
+use tokio_stream::StreamExt as _;
+use tokio_stream::wrappers::WatchStream;
+
+use crate::serve::access::{Access, Login};
+use crate::serve::metrics::Room;
+use crate::serve::reports::{Reports, Wanted};
+use crate::shown::status::Status;
+
+/// Most connections at once; more wait in the system's queue.
+const CONNECTIONS_MAX: usize = 64;
+
+/// Most of them that follow the line.
+const FOLLOWERS_MAX: usize = 16;
+
+/// How long a client may take to send the head of a request.
+const HEAD_WITHIN: Duration = Duration::from_secs(10);
+
+/// A client that has taken nothing for so long is gone, in milliseconds.
+const GONE_AFTER_MS: u32 = 30_000;
+
+/// How long clients have to receive the last status, and reports to end.
+const END_WITHIN: Duration = Duration::from_millis(300);
+
+/// A line that has shown nothing for so long hangs: it shows itself every second.
+const SILENT_AFTER_NS: i64 = 5_000_000_000;
+
+/// What browsers may do with the answers: load the page's own script and style, and nothing else.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; \
+                      form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
+
+/// A status as text; empty before the first.
+type Shown = Arc<str>;
+
+/// Serves the page until it is dropped.
+#[derive(Debug)]
+pub(crate) struct Server {
+    /// `None` once this is dropped.
+    statuses: Option<watch::Sender<Shown>>,
+    url: String,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What all answers are made of.
+#[derive(Debug, Clone)]
+struct App {
+    statuses: watch::Receiver<Shown>,
+    access: Arc<Access>,
+    followers: Arc<Semaphore>,
+    reports: Arc<Reports>,
+    room: Arc<Room>,
+}
+
+impl Server {
+    /// Listens at `address`, for those who have the token in `token_file`, or on the loopback for everyone.
+    pub(crate) fn start(address: SocketAddr, token_file: Option<&Path>) -> Result<Self> {
+        let access = Arc::new(Access::new(address, token_file)?);
+        let listener = std::net::TcpListener::bind(address)
+            .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
+            .with_context(|| format!("--serve: cannot listen at {address}"))?;
+        let url = format!("http://{}", listener.local_addr().context("--serve")?);
+        let (sender, statuses) = watch::channel(Shown::from(""));
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .thread_name("serve-files")
+            .max_blocking_threads(2)
+            .build()
+            .context("--serve: cannot start")?;
+        let followers = Arc::new(Semaphore::new(FOLLOWERS_MAX));
+        let app = App { statuses, access, followers, reports: Arc::default(), room: Arc::default() };
+        let serve = move || {
+            if let Err(error) = runtime.block_on(serve(listener, app)) {
+                tracing::error!("the page of the line is not served: {error}");
+            }
+            runtime.shutdown_timeout(END_WITHIN);
+        };
+        let thread = Builder::new().name("serve".to_owned()).spawn(serve).context("cannot start the thread serve")?;
+        Ok(Self { statuses: Some(sender), url, thread: Some(thread) })
+    }
+
+    /// The page's address.
+    pub(crate) fn url(&self) -> String {
+        self.url.clone()
+    }
+
+    /// Hands a new status to whoever looks on, without waiting for them; whether the page is still served.
+    pub(crate) fn show(&self, status: &str) -> bool {
+        self.statuses.iter().for_each(|statuses| drop(statuses.send_replace(status.into())));
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // Its streams end with the last status.
+        drop(self.statuses.take());
+        if let Some(thread) = self.thread.take() {
+            drop(thread.join());
+        }
+    }
+}
+
+async fn serve(listener: std::net::TcpListener, app: App) -> std::io::Result<()> {
+    let listener = TcpListener::from_std(listener)?;
+    let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let mut statuses = app.statuses.clone();
+    let ended = async { while statuses.changed().await.is_ok() {} };
+    tokio::pin!(ended);
+    let router = router(app);
+    loop {
+        let next = async { (Arc::clone(&places).acquire_owned().await, listener.accept().await) };
+        let (place, stream) = tokio::select! {
+            (place, accepted) = next => match accepted {
+                Ok((stream, _)) => (place, stream),
+                Err(error) => {
+                    // Too many open files, for example.
+                    tracing::debug!(%error, "a viewer cannot connect");
+                    tokio::time::sleep(Duration::from_millis(200)).await;
+                    continue;
+                }
+            },
+            () = &mut ended => break,
+        };
+        end_if_gone(&stream);
+        let service = TowerToHyperService::new(router.clone());
+        tokio::spawn(async move {
+            let mut http = hyper::server::conn::http1::Builder::new();
+            let http = http.timer(TokioTimer::new()).header_read_timeout(HEAD_WITHIN);
+            if let Err(error) = http.serve_connection(TokioIo::new(stream), service).await {
+                tracing::debug!(%error, "a viewer has gone");
+            }
+            drop(place);
+        });
+    }
+    tokio::time::sleep(END_WITHIN).await;
+    Ok(())
+}
+
+/// Has the system end the connection when the client takes nothing any more: it was frozen, or its network is away.
+fn end_if_gone(stream: &TcpStream) {
+    let set = rustix::net::sockopt::set_tcp_user_timeout(stream, GONE_AFTER_MS);
+    if let Err(error) = set.map_err(std::io::Error::from).and_then(|()| stream.set_nodelay(true)) {
+        tracing::debug!(%error, "a viewer's connection cannot be set up");
+    }
+}
+
+fn router(app: App) -> Router {
+    let file = |kind: &'static str, text: &'static str| get(async move || ([(CONTENT_TYPE, kind)], text));
+    Router::new()
+        .route("/", file("text/html; charset=utf-8", include_str!("page/index.html")))
+        .route("/app.js", file("text/javascript; charset=utf-8", include_str!("page/app.js")))
+        .route("/app.css", file("text/css; charset=utf-8", include_str!("page/app.css")))
+        .route("/login", file("text/html; charset=utf-8", include_str!("page/login.html")).post(login))
+        .route("/events", get(events))
+        .route("/report", get(report))
+        .route("/metrics", get(numbers))
+        .route("/healthz", get(health))
+        .layer(from_fn_with_state(app.clone(), guard))
+        .with_state(app)
+}
+
+/// Answers whoever may look, and tells browsers what they may do with the answer.
+async fn guard(State(app): State<App>, request: Request, next: Next) -> Response {
+    let (head, body) = request.into_parts();
+    let mut answer = match app.access.refusal(&head).await {
+        None => next.run(Request::from_parts(head, body)).await,
+        Some(refusal) => refusal,
+    };
+    let fixed = [
+        (CONTENT_SECURITY_POLICY, POLICY),
+        (X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (CACHE_CONTROL, "no-store"),
+        (REFERRER_POLICY, "no-referrer"),
+    ];
+    for (name, value) in fixed {
+        answer.headers_mut().entry(name).or_insert(HeaderValue::from_static(value));
+    }
+    answer
+}
+
+async fn login(State(app): State<App>, Form(login): Form<Login>) -> Response {
+    app.access.login(&login).await
+}
+
+/// Every new status, as server-sent events; those that the client has no time for are left out.
+async fn events(State(app): State<App>) -> Response {
+    let Ok(place) = Arc::clone(&app.followers).try_acquire_owned() else {
+        return refuse(StatusCode::SERVICE_UNAVAILABLE, format!("{FOLLOWERS_MAX} pages follow this line already"));
+    };
+    let statuses = WatchStream::new(app.statuses).filter(|status| !status.is_empty()).map(move |status| {
+        let _until_the_stream_ends = &place;
+        Ok::<_, Infallible>(Event::default().data(status))
+    });
+    Sse::new(statuses).into_response()
+}
+
+async fn report(State(app): State<App>, Query(wanted): Query<Wanted>) -> Response {
+    let status = app.status().unwrap_or_default();
+    app.reports.page(&status, wanted).await
+}
+
+async fn numbers(State(app): State<App>) -> Response {
+    let Some(status) = app.status() else {
+        return refuse(StatusCode::SERVICE_UNAVAILABLE, "the line starts".to_owned());
+    };
+    let free_bytes = Arc::clone(&app.room).free_bytes(status.out.clone()).await;
+    match metrics::text(&status, free_bytes) {
+        Ok(text) => ([(CONTENT_TYPE, metrics::CONTENT)], text).into_response(),
+        Err(error) => refuse(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
+    }
+}
+
+/// 200 while the line goes on, else 503 with the reasons.
+async fn health(State(app): State<App>) -> Response {
+    let Some(status) = app.status() else {
+        return refuse(StatusCode::SERVICE_UNAVAILABLE, "the line starts".to_owned());
+    };
+    let mut troubles = status.troubles;
+    let age_ns = now_ns().saturating_sub(status.at_ns);
+    if age_ns > SILENT_AFTER_NS {
+        troubles.push(format!("the line has shown nothing for {} s", age_ns / 1_000_000_000));
+    }
+    match troubles.as_slice() {
+        [] => "ok\n".into_response(),
+        _ => refuse(StatusCode::SERVICE_UNAVAILABLE, troubles.join("\n")),
+    }
+}
+
+impl App {
+    /// The newest status; `None` before the first.
+    fn status(&self) -> Option<Status> {
+        serde_json::from_str(&self.statuses.borrow()).ok()
+    }
+}
+
+/// An answer that says in a line why there is no other.
+fn refuse(code: StatusCode, why: String) -> Response {
+    (code, format!("{why}\n")).into_response()
+}
+
+/// Runs `work`, which may wait for a disk, beside the answers; an error if it fails or takes longer than `patience`.
+async fn beside<T: Send + 'static>(
+    patience: Duration,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, BoxError> {
+    Ok(tokio::time::timeout(patience, tokio::task::spawn_blocking(work)).await??)
+}

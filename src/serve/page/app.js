@@ -1,0 +1,389 @@
+// The page of a running line: it shows each status that the line sends, and that none comes any more.
+'use strict';
+(() => {
+  // The line shows itself every second.
+  const SILENT_AFTER_MS = 3000;
+  const RECONNECT_MS = 2000;
+  // A verdict is on its station's light for so long, unless a casing comes; later it is in the list.
+  const LIT_MS = 10 * 60 * 1000;
+  const ALARM_NEW_MS = 10 * 60 * 1000;
+  const STATES = {
+    pass: 'PASS', 're-inspect': 'RE-INSPECT', reject: 'REJECT',
+    scanning: 'SCANNING', judging: 'JUDGING', idle: 'NO CASING', unknown: 'NO SIGNAL',
+  };
+  const SVG = 'http://www.w3.org/2000/svg';
+  const byId = (id) => document.getElementById(id);
+  const cards = new Map();
+  let status = null;
+  let receivedAt = 0;
+  let isLive = false;
+  let lostSince = new Date();
+  let lostWhy = 'There is no connection to the line';
+  let toldNs = null;
+
+  function make(name, attributes = {}, ...children) {
+    const node = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+    node.append(...children);
+    return node;
+  }
+  function draw(name, attributes = {}, text) {
+    const node = document.createElementNS(SVG, name);
+    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+    if (text !== undefined) node.textContent = text;
+    return node;
+  }
+  // What has not changed is left alone: screen readers and the focus stay where they are.
+  function put(node, text) {
+    if (node.textContent !== text) node.textContent = text;
+  }
+  function set(node, name, value) {
+    if (node.getAttribute(name) !== value) node.setAttribute(name, value);
+  }
+  function keyed(node, key, build) {
+    if (node.dataset.key === key) return;
+    node.dataset.key = key;
+    node.replaceChildren(...build());
+  }
+
+  // A shape, and a sign in it, for each state: colour alone tells nothing.
+  function sign(state) {
+    const svg = draw('svg', { viewBox: '0 0 48 48', 'aria-hidden': 'true' });
+    const shape = {
+      pass: ['circle', { cx: 24, cy: 24, r: 21, fill: '#00674b' }],
+      're-inspect': ['polygon', { points: '24,3 46,44 2,44', fill: '#f0b400' }],
+      reject: ['polygon', { points: '15,3 33,3 45,15 45,33 33,45 15,45 3,33 3,15', fill: '#b3001b' }],
+    }[state];
+    const mark = {
+      pass: ['M13 25 L21 33 L36 16', '#fff'],
+      're-inspect': ['M24 16 L24 30 M24 35 L24 39', '#000'],
+      reject: ['M15 15 L33 33 M33 15 L15 33', '#fff'],
+    }[state];
+    if (shape) {
+      svg.append(draw(shape[0], { ...shape[1], stroke: mark[1], 'stroke-width': 2 }));
+      svg.append(draw('path', { d: mark[0], stroke: mark[1], 'stroke-width': 6, fill: 'none' }));
+    } else if (state === 'unknown') {
+      svg.append(draw('rect', { x: 4, y: 4, width: 40, height: 40, fill: 'none', stroke: 'currentColor', 'stroke-width': 3, 'stroke-dasharray': '6 4' }));
+      svg.append(draw('text', { x: 24, y: 35, 'text-anchor': 'middle', 'font-size': 32, 'font-weight': 800, fill: 'currentColor' }, '?'));
+    } else if (state === 'idle') {
+      svg.append(draw('path', { d: 'M8 24 L40 24', stroke: 'currentColor', 'stroke-width': 6 }));
+    } else {
+      svg.append(draw('circle', { cx: 24, cy: 24, r: 19, fill: 'none', stroke: 'currentColor', 'stroke-width': 6, 'stroke-dasharray': '10 5' }));
+    }
+    return svg;
+  }
+
+  const kindOf = (verdict) => verdict.toLowerCase();
+  const moment = (ns) => new Date(ns / 1e6).toLocaleTimeString([], { hour: '2-digit', minute: '2-digit', second: '2-digit' });
+  // By the clock of the line, which the browser's may differ from.
+  const ageMs = (ns) => status.at_ns / 1e6 + (performance.now() - receivedAt) - ns / 1e6;
+  function ago(ns) {
+    const s = Math.max(0, Math.round(ageMs(ns) / 1000));
+    if (s < 60) return `${s} s ago`;
+    if (s < 3600) return `${Math.round(s / 60)} min ago`;
+    return `at ${moment(ns)}`;
+  }
+  const degrees = (deg) => `${Math.round(deg)}°`;
+  const reasonsOf = (shoulder) => shoulder.reasons.split('|').join(', ').replaceAll('_', ' ');
+  function placeOf(arc) {
+    if (arc.start_deg === null || arc.end_deg === null) return `locations ${arc.first_location} to ${arc.last_location}`;
+    const [from, to] = ends(arc);
+    return to - from >= 359.9 ? 'all round' : `${degrees((from + 360) % 360)} to ${degrees(to % 360)}`;
+  }
+  // Half way to the neighbours of the first and of the last location.
+  function ends(arc) {
+    const span = (((arc.end_deg - arc.start_deg) % 360) + 360) % 360;
+    const half = Math.max(0, ((arc.extent_deg ?? span) - span) / 2);
+    return [arc.start_deg - half, arc.start_deg + span + half];
+  }
+
+  // Angles are clockwise from the top, as on the casing's report.
+  const CENTRE = 130;
+  function at(radius, deg) {
+    const angle = (deg * Math.PI) / 180;
+    return `${(CENTRE + radius * Math.sin(angle)).toFixed(2)} ${(CENTRE - radius * Math.cos(angle)).toFixed(2)}`;
+  }
+  function sweep(radius, from, to) {
+    const end = Math.min(to, from + 359.9);
+    const large = end - from > 180 ? 1 : 0;
+    return `M${at(radius, from)} A${radius} ${radius} 0 ${large} 1 ${at(radius, end)}`;
+  }
+  function sector(low, high, from, to) {
+    const end = Math.min(to, from + 359.9);
+    const large = end - from > 180 ? 1 : 0;
+    return `M${at(high, from)} A${high} ${high} 0 ${large} 1 ${at(high, end)} L${at(low, end)} A${low} ${low} 0 ${large} 0 ${at(low, from)} Z`;
+  }
+  // The range of each location: half way to its neighbours, and at most half of the usual step, so that what is not scanned
+  // stays empty.
+  function sectors(angles) {
+    const order = angles.map((deg, place) => [deg, place]).sort((a, b) => a[0] - b[0]);
+    const count = order.length;
+    const step = (a, b) => (((order[b][0] - order[a][0]) % 360) + 360) % 360;
+    const steps = order.slice(1).map((_, k) => step(k, k + 1)).sort((a, b) => a - b);
+    const usual = steps.length ? steps[Math.floor(steps.length / 2)] || 360 : 360;
+    const half = (of) => 0.5 * (of > 0 && of < usual ? of : usual);
+    const found = new Array(count);
+    order.forEach(([deg, place], k) => {
+      found[place] = [deg - half(step((k + count - 1) % count, k)), deg + half(step(k, (k + 1) % count))];
+    });
+    return found;
+  }
+
+  function ring(shoulder) {
+    const count = shoulder.locations.length;
+    const isRing = shoulder.angles_deg.length === count && count > 0;
+    const svg = draw('svg', { viewBox: isRing ? '10 10 240 240' : '0 0 260 90', role: 'img' });
+    const places = draw('g', {});
+    if (isRing) {
+      sectors(shoulder.angles_deg).forEach(([from, to]) => places.append(draw('path', { class: 'place', d: sector(62, 92, from, to) })));
+      svg.append(draw('path', { class: 'zero', d: `M${at(94, 0)} L${at(103, -4)} L${at(103, 4)} Z` }));
+    } else {
+      const width = 250 / Math.max(count, 1);
+      for (let k = 0; k < count; k += 1) {
+        places.append(draw('rect', { class: 'place', x: (5 + k * width).toFixed(2), y: 40, width: width.toFixed(2), height: 26 }));
+      }
+    }
+    const arcs = draw('g', {});
+    const mid = draw('text', { class: 'mid', x: CENTRE, y: isRing ? CENTRE + 11 : 26 });
+    const lamp = draw('g', {});
+    svg.append(places, arcs, lamp, mid);
+    const caption = make('figcaption');
+    return { figure: make('figure', {}, svg, caption), svg, places, arcs, lamp, mid, caption, isRing };
+  }
+
+  const CLASS = (character) => ({ 0: 'place', 9: 'place all', r: 'place refused' })[character] ?? 'place part';
+
+  function showRing(of, shoulder, judged, isMany) {
+    [...shoulder.locations].forEach((character, k) => set(of.places.children[k], 'class', CLASS(character)));
+    const done = [...shoulder.locations].filter((character) => character === '9' || character === 'r').length;
+    const refused = [...shoulder.locations].filter((character) => character === 'r').length;
+    const count = shoulder.locations.length;
+    const name = isMany ? `${shoulder.tyre}/${shoulder.shoulder}` : `Shoulder ${shoulder.shoulder}`;
+    const arcs = judged ? judged.arcs : [];
+    // A location that has some of its taps counts by what it has, in eighths.
+    const parts = [...shoulder.locations].reduce((sum, character) => sum + (character === '9' || character === 'r' ? 1 : Number(character) / 8), 0);
+    const percent = `${count ? Math.floor((100 * parts) / count) : 0} %`;
+    put(of.mid, judged ? judged.verdict : isLive ? percent : '?');
+    set(of.mid, 'class', judged ? 'mid mid-verdict' : 'mid');
+    set(of.mid, 'y', String(of.isRing ? CENTRE + (judged ? 33 : 11) : 26));
+    keyed(of.lamp, judged && of.isRing ? judged.verdict : '', () => {
+      if (!judged || !of.isRing) return [];
+      const lamp = sign(kindOf(judged.verdict));
+      for (const [name, value] of Object.entries({ x: CENTRE - 27, y: CENTRE - 42, width: 54, height: 54 })) lamp.setAttribute(name, value);
+      return [lamp];
+    });
+    const where = arcs.map(placeOf).join(', ');
+    const why = judged && judged.verdict !== 'PASS' ? reasonsOf(judged) : '';
+    put(of.caption, [name, where || why].filter(Boolean).join(': '));
+    const refusals = refused ? `, ${refused} with a refused tap` : '';
+    const told = judged ? `${judged.verdict}${where ? `, damage at ${where}` : ''}` : `${done} of ${count} locations tapped`;
+    set(of.svg, 'aria-label', `${name}: ${told}${refusals}`);
+    keyed(of.arcs, JSON.stringify(arcs), () => (of.isRing ? arcs.filter((arc) => arc.start_deg !== null) : []).flatMap((arc) => {
+      const [from, to] = ends(arc);
+      const peak = arc.peak_deg ?? (from + to) / 2;
+      // Words are wider than high.
+      const [x, y] = at(112 + 14 * Math.abs(Math.sin((peak * Math.PI) / 180)), peak).split(' ');
+      return [
+        draw('path', { class: 'arc', d: sweep(99, from, to), 'data-from': from.toFixed(1), 'data-to': to.toFixed(1), 'data-peak': peak.toFixed(1) }),
+        draw('text', { class: 'deg', x, y: Number(y) + 6 }, degrees(peak)),
+      ];
+    }));
+  }
+
+  function card(number) {
+    const parts = {
+      article: make('article', { class: 'station', id: `station-${number}`, 'aria-labelledby': `station-${number}-name` }),
+      sign: make('span', {}), word: make('span', { class: 'word' }), casing: make('p', { class: 'casing' }),
+      note: make('p', { class: 'note' }), rings: make('div', { class: 'rings' }), facts: make('dl', { class: 'facts' }),
+      waits: make('p', { class: 'waits' }), before: make('p', { class: 'before' }), due: make('p', { class: 'due' }), drawn: [],
+    };
+    parts.article.append(
+      make('h2', { id: `station-${number}-name` }, `Station ${number}`),
+      make('div', { class: 'light' }, make('p', { class: 'sign' }, parts.sign, parts.word), parts.casing, parts.note),
+      parts.rings, parts.facts, parts.waits, parts.before, parts.due,
+    );
+    return parts;
+  }
+
+  // What a station's light shows: the casing that is there, or the verdict on the one that just was.
+  function stateOf(station) {
+    if (!isLive) return { state: 'unknown' };
+    const { casing, last } = station;
+    if (casing) {
+      const isTapped = casing.planned > 0 && casing.archived + casing.refused >= casing.planned;
+      return { state: isTapped ? 'judging' : 'scanning', casing };
+    }
+    const verdict = verdictOf(station);
+    if (verdict && last && ageMs(verdict.at_ns) < LIT_MS) return { state: kindOf(verdict.verdict), casing: last, verdict };
+    return { state: 'idle' };
+  }
+  function verdictOf(station) {
+    return status.verdicts.find((verdict) => verdict.station === station.number && verdict.casing === station.last?.name);
+  }
+
+  function showStation(station) {
+    if (!cards.has(station.number)) cards.set(station.number, card(station.number));
+    const parts = cards.get(station.number);
+    const { state, casing, verdict } = stateOf(station);
+    set(parts.article, 'data-state', state);
+    set(parts.article, 'data-casing', casing ? casing.name : '');
+    keyed(parts.sign, state, () => [sign(state)]);
+    put(parts.word, STATES[state]);
+    put(parts.casing, casing ? casing.name : '\u00a0');
+    const settled = casing ? casing.archived + casing.refused : 0;
+    put(parts.note, verdict ? ago(verdict.at_ns) : casing ? `${settled} of ${casing.planned} taps` : '\u00a0');
+
+    // Without news the last picture stays, greyed.
+    const shown = casing ?? (isLive ? null : station.casing ?? station.last);
+    const shoulders = shown ? shown.shoulders : [];
+    const layout = JSON.stringify(shoulders.map((of) => [of.tyre, of.shoulder, of.locations.length, of.angles_deg]));
+    keyed(parts.rings, layout, () => {
+      parts.drawn = shoulders.map(ring);
+      return parts.drawn.map((of) => of.figure);
+    });
+    const isMany = new Set(shoulders.map((of) => of.tyre)).size > 1;
+    shoulders.forEach((shoulder, k) => {
+      const judged = verdict?.shoulders.find((of) => of.tyre === shoulder.tyre && of.shoulder === shoulder.shoulder);
+      showRing(parts.drawn[k], shoulder, judged, isMany);
+    });
+
+    const { tally } = station;
+    const open = station.casing ?? { refused: 0, retaken: 0 };
+    const facts = [
+      ['So far: PASS', tally.verdicts[0]], ['RE-INSPECT', tally.verdicts[1]], ['REJECT', tally.verdicts[2]],
+      ['taps refused', tally.refused + open.refused], ['missing', tally.missing], ['taken again', tally.retaken + open.retaken],
+    ].filter(([, value], k) => k < 3 || value > 0);
+    keyed(parts.facts, JSON.stringify(facts), () => facts.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
+    const waits = isLive && station.waits_for && !station.waits_for.startsWith('nothing') ? `Waits for ${station.waits_for}` : '';
+    put(parts.waits, waits);
+    const before = isLive && !verdict ? verdictOf(station) : undefined;
+    keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Before: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
+    put(parts.due, station.is_calibration_expired ? `▲ The calibration of ${station.calibrated_on ?? 'this station'} has expired` : '');
+    return parts.article;
+  }
+
+  function shouldersOf(verdict) {
+    const isMany = new Set(verdict.shoulders.map((of) => of.tyre)).size > 1;
+    return verdict.shoulders.map((of) => {
+      const name = isMany ? `${of.tyre}/${of.shoulder}` : String(of.shoulder);
+      const why = of.arcs.length ? of.arcs.map(placeOf).join(', ') : reasonsOf(of);
+      return make('p', {}, `${name}: ${of.verdict}${why ? `, ${why}` : ''}`);
+    });
+  }
+  function reportsOf(verdict) {
+    const tyres = [...new Set(verdict.shoulders.map((of) => of.tyre))];
+    return tyres.slice(0, 4).map((tyre, k) => {
+      const query = new URLSearchParams({ file: verdict.file, tyre: String(k) });
+      const name = tyres.length > 1 ? tyre : 'report';
+      return make('p', {}, make('a', { href: `/report?${query}`, target: '_blank', rel: 'noopener', 'aria-label': `Report of ${tyre}` }, name));
+    });
+  }
+  function row(verdict) {
+    const kind = kindOf(verdict.verdict);
+    const cell = (label, name, ...children) => make('td', { 'data-label': label, class: name }, ...children);
+    return make('tr', { 'data-casing': verdict.casing, 'data-verdict': verdict.verdict },
+      cell('Time', 'time', moment(verdict.at_ns)), cell('Station', 'number', String(verdict.station)), cell('Casing', 'serial', verdict.casing),
+      cell('Verdict', 'kind', make('span', { class: 'verdict' }, sign(kind), verdict.verdict)),
+      cell('Shoulders', 'shoulders', ...shouldersOf(verdict)), cell('Report', 'report', ...reportsOf(verdict)));
+  }
+
+  function showBanner() {
+    const lines = [];
+    if (!isLive) {
+      lines.push(['lost', `✖ ${lostWhy} since ${lostSince.toLocaleTimeString()}. No verdict is known; what is below is old.`]);
+    } else {
+      status.troubles.forEach((trouble) => lines.push(['trouble', `▲ ${trouble}`]));
+      const [alarm] = status.alarms;
+      if (alarm && ageMs(alarm.at_ns) < ALARM_NEW_MS) lines.push(['alarm', `▲ Alarm, ${moment(alarm.at_ns)}: ${alarm.text}`]);
+    }
+    keyed(byId('banner'), JSON.stringify(lines), () => lines.map(([kind, text]) => make('p', { class: kind }, text)));
+  }
+
+  function showAlarms() {
+    const { alarms } = status;
+    byId('alarms').hidden = alarms.length === 0;
+    byId('alarm-count').hidden = alarms.length === 0;
+    put(byId('alarm-count'), `▲ ${alarms.length} ${alarms.length === 1 ? 'alarm' : 'alarms'}`);
+    const items = alarms.map((alarm) => [`${new Date(alarm.at_ns / 1e6).toLocaleString()}: ${alarm.text}`, ageMs(alarm.at_ns) < ALARM_NEW_MS]);
+    keyed(byId('alarm-list'), JSON.stringify(items), () => items.map(([text, isNew]) => make('li', { class: isNew ? 'new' : '' }, `▲ ${text}`)));
+  }
+
+  function showNumbers() {
+    const taps = status.stations.reduce((sum, { tally, casing }) => [
+      sum[0] + tally.archived + (casing?.archived ?? 0), sum[1] + tally.refused + (casing?.refused ?? 0), sum[2] + tally.missing,
+    ], [0, 0, 0]);
+    const numbers = [
+      ['taps/s', status.taps_per_s.toFixed(1)], ['casings judged', status.closed_count], ['taps archived', taps[0]],
+      ['refused', taps[1]], ['missing', taps[2]],
+    ];
+    keyed(byId('numbers'), JSON.stringify(numbers), () => numbers.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
+  }
+
+  // Verdicts that fell since the page was opened are read out, the oldest first.
+  function announce() {
+    const fresh = toldNs === null ? [] : status.verdicts.filter((verdict) => verdict.at_ns > toldNs).reverse();
+    toldNs = Math.max(toldNs ?? 0, ...status.verdicts.map((verdict) => verdict.at_ns));
+    for (const verdict of fresh) {
+      const damage = verdict.shoulders.filter((of) => of.arcs.length).map((of) => `shoulder ${of.shoulder}: damage at ${of.arcs.map(placeOf).join(', ')}`);
+      byId('news').append(make('p', {}, [`Station ${verdict.station}, casing ${verdict.casing}: ${verdict.verdict}`, ...damage].join('. ')));
+    }
+    while (byId('news').children.length > 8) byId('news').firstChild.remove();
+  }
+
+  function show() {
+    document.body.dataset.link = isLive ? 'live' : 'lost';
+    put(byId('link-mark'), isLive ? '●' : '✖');
+    put(byId('link-text'), isLive ? 'live' : 'no signal');
+    showBanner();
+    if (!status) return;
+    const name = status.out.split('/').filter(Boolean).pop() ?? 'Line';
+    put(byId('title'), name);
+    document.title = isLive ? name : `No signal: ${name}`;
+    showNumbers();
+    showAlarms();
+    const articles = status.stations.map(showStation);
+    const box = byId('stations');
+    if (articles.length !== box.children.length || articles.some((article, k) => article !== box.children[k])) box.replaceChildren(...articles);
+    byId('no-verdicts').hidden = status.verdicts.length > 0;
+    put(byId('verdicts-title'), isLive ? 'Last verdicts' : 'Last verdicts before the signal was lost');
+    keyed(byId('verdict-list'), JSON.stringify(status.verdicts.map((verdict) => [verdict.casing, verdict.at_ns])), () => status.verdicts.map(row));
+  }
+
+  function lose(why) {
+    if (isLive) {
+      lostSince = new Date();
+      isLive = false;
+    }
+    lostWhy = why;
+    show();
+  }
+
+  function connect() {
+    const source = new EventSource('/events');
+    source.onmessage = (message) => {
+      status = JSON.parse(message.data);
+      receivedAt = performance.now();
+      isLive = true;
+      announce();
+      show();
+    };
+    source.onerror = async () => {
+      lose('There is no connection to the line');
+      // The browser tries again by itself, unless it was refused.
+      if (source.readyState !== EventSource.CLOSED) return;
+      const answer = await fetch('/healthz').catch(() => null);
+      if (answer?.status === 401) {
+        location.assign('/login');
+        return;
+      }
+      setTimeout(connect, RECONNECT_MS);
+    };
+  }
+
+  setInterval(() => {
+    if (isLive && performance.now() - receivedAt > SILENT_AFTER_MS) lose('The line shows nothing');
+    else if (status) show();
+  }, 1000);
+  show();
+  connect();
+})();

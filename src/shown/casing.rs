@@ -1,0 +1,174 @@
+//! How far a casing is: its taps counted, and where on its shoulders they lie.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use tapline_wire::{Ledger, PlannedTap, Serial, TapState};
+
+/// The progress of a casing.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CasingStatus {
+    pub name: String,
+    pub planned: usize,
+    pub archived: usize,
+    pub refused: usize,
+    /// How often one of its taps was taken again.
+    pub retaken: u64,
+    pub shoulders: Vec<ShoulderStatus>,
+}
+
+/// The progress around a shoulder, or along a line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ShoulderStatus {
+    pub tyre: String,
+    pub shoulder: u16,
+    /// Angle of each location in degrees, clockwise from the start mark; empty on a line, and where angles are unknown.
+    pub angles_deg: Vec<f64>,
+    /// One character for each location: how many of its taps there are, from `0`, none, to `9`, all; `r` where one is refused.
+    pub locations: String,
+}
+
+/// Where the taps of a casing's plan lie.
+#[derive(Debug, Default)]
+pub(crate) struct Layout {
+    shoulders: Vec<Shoulder>,
+    /// For each row of the plan its shoulder, and its place among the shoulder's locations. Taps that close a ring have none.
+    places: Vec<Option<(usize, usize)>>,
+}
+
+#[derive(Debug)]
+struct Shoulder {
+    tyre: Serial,
+    number: u16,
+    angles_deg: Vec<f64>,
+    location_count: usize,
+}
+
+/// The locations of a shoulder, each with its angle where that is known.
+type Locations = BTreeMap<u32, Option<f64>>;
+
+/// The taps at one location.
+#[derive(Debug, Clone, Copy, Default)]
+struct Count {
+    planned: usize,
+    settled: usize,
+    refused: usize,
+}
+
+impl Layout {
+    /// The layout of all `taps` of a plan.
+    pub(crate) fn new(taps: &[PlannedTap]) -> Self {
+        let mut scans: Vec<((Serial, u16), Locations)> = Vec::new();
+        let mut scan_of = Vec::with_capacity(taps.len());
+        for tap in taps {
+            let key = (tap.id.tyre, tap.id.shoulder);
+            // Neighbouring rows are mostly of the same shoulder, which was seen last.
+            let scan = scans.iter().rposition(|(known, _)| *known == key).unwrap_or_else(|| {
+                scans.push((key, BTreeMap::new()));
+                scans.len() - 1
+            });
+            scan_of.push(scan);
+            if !tap.is_closing() {
+                scans[scan].1.insert(tap.id.location, tap.angle_deg);
+            }
+        }
+        let place_of: Vec<BTreeMap<u32, usize>> =
+            scans.iter().map(|(_, locations)| locations.keys().copied().zip(0..).collect()).collect();
+        let place = |(tap, &scan): (&PlannedTap, &usize)| {
+            let place = place_of[scan].get(&tap.id.location).filter(|_| !tap.is_closing());
+            place.map(|&place| (scan, place))
+        };
+        let places = taps.iter().zip(&scan_of).map(place).collect();
+        let shoulder = |((tyre, number), locations): ((Serial, u16), Locations)| Shoulder {
+            tyre,
+            number,
+            // A tenth of a degree is finer than any picture of it.
+            angles_deg: locations
+                .values()
+                .map(|angle| angle.map(|deg| (deg * 10.0).round() / 10.0))
+                .collect::<Option<_>>()
+                .unwrap_or_default(),
+            location_count: locations.len(),
+        };
+        Self { shoulders: scans.into_iter().map(shoulder).collect(), places }
+    }
+
+    /// The shoulders as `ledger` has their taps; none is there before the first ledger.
+    pub(crate) fn shoulders(&self, ledger: Option<&Ledger>) -> Vec<ShoulderStatus> {
+        let mut counts: Vec<Vec<Count>> =
+            self.shoulders.iter().map(|shoulder| vec![Count::default(); shoulder.location_count]).collect();
+        for (row, place) in self.places.iter().enumerate() {
+            let Some((shoulder, place)) = *place else { continue };
+            let count = &mut counts[shoulder][place];
+            // The plan may have grown since the ledger.
+            let state = ledger.and_then(|ledger| ledger.taps().get(row)).copied().unwrap_or(TapState::Missing);
+            count.planned += 1;
+            count.settled += usize::from(state.is_settled());
+            count.refused += usize::from(state == TapState::Refused);
+        }
+        let of = |(shoulder, counts): (&Shoulder, Vec<Count>)| ShoulderStatus {
+            tyre: shoulder.tyre.to_string(),
+            shoulder: shoulder.number,
+            angles_deg: shoulder.angles_deg.clone(),
+            locations: counts.into_iter().map(Count::character).collect(),
+        };
+        self.shoulders.iter().zip(counts).map(of).collect()
+    }
+}
+
+impl Count {
+    fn character(self) -> char {
+        match self {
+            Self { refused: 1.., .. } => 'r',
+            Self { settled: 0, .. } => '0',
+            Self { settled, planned, .. } if settled >= planned => '9',
+            Self { settled, planned, .. } => char::from_digit((8 * settled / planned).max(1) as u32, 10).unwrap_or('1'),
+        }
+    }
+}
+
+/// How often the taps of `ledger` were taken again.
+pub(crate) fn retaken(ledger: &Ledger) -> u64 {
+    (0..ledger.taps().len()).map(|row| u64::from(ledger.attempt(row))).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use tapline_wire::{Purpose, TapId};
+
+    use super::*;
+
+    fn tap(shoulder: u16, location: u32, repetition: u16, angle_deg: Option<f64>) -> PlannedTap {
+        let mut id = TapId::new(1, Serial::new("A").unwrap(), shoulder, location);
+        id.repetition = repetition;
+        PlannedTap { id, angle_deg, purpose: Purpose::Scan }
+    }
+
+    /// Catches a location that looks done while one of its taps is to come, at another angle than it has, or of another shoulder;
+    /// a refused tap that looks done; and a tap that closes a ring shown as a location.
+    #[test]
+    fn each_location_shows_how_many_of_its_taps_there_are() {
+        let mut taps = Vec::new();
+        for repetition in 0..2 {
+            taps.extend([2, 0, 1].map(|place| tap(1, place, repetition, Some(f64::from(place) * 120.04))));
+        }
+        taps.push(PlannedTap { purpose: Purpose::Closing, ..tap(1, 3, 0, Some(0.0)) });
+        taps.push(tap(2, 7, 0, None));
+        let layout = Layout::new(&taps);
+        let mut ledger = Ledger::empty(taps.len(), 2);
+        assert_eq!(layout.shoulders(None), layout.shoulders(Some(&ledger)));
+        for (row, state) in
+            [(0, TapState::Archived), (1, TapState::Archived), (4, TapState::Archived), (2, TapState::Refused)]
+        {
+            ledger.set_tap(row, state, 0);
+        }
+        ledger.set_tap(7, TapState::Archived, 3);
+        let shown = layout.shoulders(Some(&ledger));
+        assert_eq!((shown[0].locations.as_str(), &shown[0].angles_deg), ("9r4", &vec![0.0, 120.0, 240.1]));
+        assert_eq!((shown[1].locations.as_str(), shown[1].angles_deg.len()), ("9", 0));
+        assert_eq!(retaken(&ledger), 3);
+        // A plan that has grown has taps that an old ledger does not know.
+        let grown = Layout::new(&[taps, vec![tap(2, 7, 1, None)]].concat());
+        assert_eq!(grown.shoulders(Some(&ledger))[1].locations, "4");
+    }
+}

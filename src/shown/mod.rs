@@ -1,0 +1,6 @@
+//! The state of a line as everybody is shown it: in shared memory (`tapline status`), on its page, as metrics, and its verdicts.
+
+pub(crate) mod casing;
+pub(crate) mod latency;
+pub(crate) mod status;
+pub(crate) mod verdict;

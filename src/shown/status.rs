@@ -1,0 +1,141 @@
+//! The status of a line: what it is doing, and what people should know of it.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use tapline_wire::{STATUS_BYTES_MAX, Verdict};
+
+use crate::shown::casing::CasingStatus;
+use crate::shown::latency::Latency;
+use crate::shown::verdict::CasingVerdict;
+
+/// The state of a line.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Status {
+    pub out: PathBuf,
+    pub pid: u32,
+    /// When it was taken, in ns since the Unix epoch.
+    pub at_ns: i64,
+    pub is_ending: bool,
+    /// Whether the archive cannot be written, so that the line waits.
+    pub is_held: bool,
+    /// What keeps the line from going on as it should at this moment; empty while it does.
+    pub troubles: Vec<String>,
+    pub taps_per_s: f64,
+    pub settled_count: u64,
+    pub closed_count: u64,
+    /// Casings, tap sets and proposals that were refused.
+    pub refused_count: u64,
+    pub lost_count: u64,
+    pub latency: Latency,
+    pub stations: Vec<StationStatus>,
+    pub stages: Vec<StageStatus>,
+    /// The last verdicts, the newest first.
+    pub verdicts: Vec<CasingVerdict>,
+    /// What someone should look at, the newest first.
+    pub alarms: Vec<Alarm>,
+}
+
+/// Something that a person should look at.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Alarm {
+    /// When it was raised, in ns since the Unix epoch.
+    pub at_ns: i64,
+    pub text: String,
+}
+
+/// The state of a station.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct StationStatus {
+    pub number: u16,
+    /// The casing that it taps.
+    pub casing: Option<CasingStatus>,
+    /// The casing before, as it was when its verdict was told.
+    pub last: Option<CasingStatus>,
+    /// What it waits for; empty while it taps.
+    pub waits_for: String,
+    pub tally: Tally,
+    /// Day of the oldest calibration that its last casing was judged by, as `2026-11-24`.
+    pub calibrated_on: Option<String>,
+    /// Whether a calibration had expired when that was tapped.
+    pub is_calibration_expired: bool,
+}
+
+/// What a station has done since the line was started, in closed casings.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Tally {
+    /// Casings by verdict: PASS, RE-INSPECT, REJECT.
+    pub verdicts: [u64; 3],
+    pub archived: u64,
+    pub refused: u64,
+    pub missing: u64,
+    /// How often a tap was taken again.
+    pub retaken: u64,
+}
+
+impl Tally {
+    /// Adds a casing that is closed.
+    pub(crate) fn add(&mut self, verdict: &CasingVerdict, retaken: u64) {
+        let place = Verdict::ALL.iter().position(|&kind| kind == verdict.verdict).unwrap_or(0);
+        self.verdicts[place] += 1;
+        self.archived += verdict.archived as u64;
+        self.refused += verdict.refused as u64;
+        self.missing += verdict.missing as u64;
+        self.retaken += retaken;
+    }
+}
+
+/// The state of a stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct StageStatus {
+    pub name: String,
+    pub pid: Option<u32>,
+    pub restarts: u32,
+}
+
+impl Status {
+    /// The status as text for shared memory. Where it is too long, the places of taps are left out, and then old verdicts.
+    pub(crate) fn encode(&self) -> String {
+        let mut status = self.clone();
+        loop {
+            let text = serde_json::to_string(&status).unwrap_or_default(); // it has no key that is no text
+            if text.len() <= STATUS_BYTES_MAX {
+                return text;
+            }
+            let casings = status.stations.iter_mut().flat_map(|station| [&mut station.casing, &mut station.last]);
+            let shoulders = casings.flatten().map(|casing| std::mem::take(&mut casing.shoulders));
+            let had_places = shoulders.fold(false, |had, shoulders| had | !shoulders.is_empty());
+            if !had_places && status.verdicts.pop().is_none() && status.alarms.pop().is_none() {
+                return String::new();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::shown::casing::ShoulderStatus;
+
+    use super::*;
+
+    /// Catches a status that is not shown at all because of its rings, and one that loses verdicts for them.
+    #[test]
+    fn a_status_that_is_too_long_is_shown_without_rings() {
+        let ring = |locations: usize| ShoulderStatus {
+            tyre: "A".to_owned(),
+            shoulder: 1,
+            angles_deg: vec![359.9; locations],
+            locations: "9".repeat(locations),
+        };
+        let status = |locations| {
+            let casing = Some(CasingStatus { shoulders: vec![ring(locations)], ..CasingStatus::default() });
+            let station = StationStatus { casing, ..StationStatus::default() };
+            let alarm = Alarm { at_ns: 1, text: "text".to_owned() };
+            Status { stations: vec![station], alarms: vec![alarm], ..Status::default() }
+        };
+        let read = |status: &Status| serde_json::from_str::<Status>(&status.encode()).unwrap();
+        assert_eq!(read(&status(100)), status(100));
+        let short = read(&status(60_000));
+        assert_eq!((short.alarms.len(), short.stations[0].casing.as_ref().unwrap().shoulders.len()), (1, 0));
+    }
+}

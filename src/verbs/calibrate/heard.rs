@@ -1,0 +1,198 @@
+//! Calibrations that are heard: the station's sound card records what is known.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail, ensure};
+use tapline_acquire::{CaptureConfig, Monitor};
+use tapline_process::Extractor;
+use tapline_process::calibration::{of_blows, of_tone};
+use tapline_wire::{Discriminator, Quality, Samples, Unit};
+
+use crate::cli::calibrate::HeardArgs;
+use crate::config::Config;
+use crate::host::stderr::print_line;
+use crate::verbs::calibrate::Found;
+use crate::verbs::monitor::device_of;
+
+/// Largest standard deviation of blows that are a calibration, as part of the scale.
+const SPREAD_MAX: f64 = 0.05;
+
+/// Most that a tone may have beside itself, as part of the whole, and most that its level may change.
+const REST_MAX: f64 = 0.1;
+const DRIFT_MAX: f64 = 0.02;
+
+/// Peak from which a channel counts as clipped, and below which too few bits tell it, as parts of full scale.
+const CLIPPED: f64 = 0.98;
+const PEAK_MIN: f64 = 0.01;
+
+/// Flags that make a blow no measure of the force.
+const SPOILT: Quality = Quality::DOUBLE_HIT
+    .union(Quality::SPIKE)
+    .union(Quality::DROPOUT)
+    .union(Quality::UNDERSAMPLED)
+    .union(Quality::LATE_TRIGGER);
+
+/// A device that is listened to.
+struct Listening {
+    monitor: Monitor,
+    woken: Receiver<()>,
+    until: Instant,
+    patience_s: f64,
+    device: String,
+    config: Config,
+}
+
+impl Listening {
+    fn to(heard: &HeardArgs) -> Result<Self> {
+        ensure!(
+            (0.1..=86_400.0).contains(&heard.patience_s),
+            "--patience-s is {}; it must be from 0.1 to 86400",
+            heard.patience_s
+        );
+        let (config, _) = Config::read(&heard.config)?;
+        let (number, device) = device_of(&config.station, heard.station)?;
+        // Parts of full scale are to be heard, whatever was known before.
+        let capture = CaptureConfig { calibration: Default::default(), ..config.capture.clone() };
+        let (wake, woken) = sync_channel(1);
+        let monitor =
+            Monitor::listen(&device, &capture, number, Arc::new(move || wake.try_send(()).unwrap_or_default()))?;
+        let until = Instant::now() + Duration::from_millis((1e3 * heard.patience_s) as u64);
+        Ok(Self { monitor, woken, until, patience_s: heard.patience_s, device: device.to_string(), config })
+    }
+
+    /// What came of the device, for people who wonder why it was not enough.
+    fn heard(&self) -> String {
+        let capture = &self.config.capture;
+        let [force, sound] = self.monitor.latest((capture.buffer_s * f64::from(capture.sample_rate_hz)) as usize);
+        let extremes = |samples: &[f32]| {
+            let [least, greatest] = [false, true].map(|is_greatest| {
+                let extreme = samples.iter().copied().reduce(|a, b| if (b > a) == is_greatest { b } else { a });
+                100.0 * extreme.unwrap_or(0.0)
+            });
+            format!("from {least:.1} to {greatest:.1} %")
+        };
+        let not_taps = self.monitor.not_taps();
+        format!(
+            "{} was heard, the force {} and the sound {} of full scale; the trigger level is {:.1} % above the rest, and {} pulses were too \
+             short and {} too long for a tap",
+            self.device,
+            extremes(&force),
+            extremes(&sound),
+            100.0 * capture.trigger.level,
+            not_taps.clicks,
+            not_taps.steps
+        )
+    }
+
+    /// Waits a moment, unless patience is at an end.
+    fn wait(&self, for_what: &str) -> Result<()> {
+        if Instant::now() >= self.until {
+            let fault = self.monitor.fault().unwrap_or_else(|| self.heard());
+            bail!("{for_what} within {} s: {fault}", self.patience_s);
+        }
+        // Whether it was woken or waited long enough, it looks again.
+        let _woken = self.woken.recv_timeout(Duration::from_millis(100));
+        Ok(())
+    }
+}
+
+/// The scale of the force by blows whose peaks another sensor told.
+pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<Found> {
+    let bad = known_n.iter().find(|n| !(**n > 0.0 && **n <= 1e6));
+    ensure!(bad.is_none(), "--known-n is {}; it must be above 0 and at most 1000000", bad.copied().unwrap_or_default());
+    let known_n = if let [one] = known_n { vec![*one; count] } else { known_n.to_vec() };
+    ensure!((2..=1000).contains(&known_n.len()), "{} blows are asked for; there must be from 2 to 1000", known_n.len());
+    let mut listening = Listening::to(heard)?;
+    let mut extractor = Extractor::<f64>::new(&listening.config.process)?;
+    let mut peaks = Vec::new();
+    while peaks.len() < known_n.len() {
+        let Some(tap) = listening.monitor.take() else {
+            listening.wait(&format!("{} of {} blows were heard", peaks.len(), known_n.len()))?;
+            continue;
+        };
+        let Some(samples) = Samples::view(&tap.header, &tap.samples) else { continue };
+        let found = extractor.extract(&tap.header, samples);
+        let spoilt = found.quality & SPOILT;
+        match found.values.get(Discriminator::FMax) {
+            Some(peak) if spoilt.is_empty() && (PEAK_MIN..CLIPPED).contains(&peak) => {
+                peaks.push(peak);
+                print_line(&format!("blow {}: {:.2} % of full scale", peaks.len(), 100.0 * peak));
+            }
+            Some(peak) => print_line(&format!(
+                "not counted, strike again: {:.2} % of full scale, flags {spoilt}; it must have none, and be from {:.0} to {:.0} %",
+                100.0 * peak,
+                100.0 * PEAK_MIN,
+                100.0 * CLIPPED
+            )),
+            None => print_line(&format!("not counted, strike again: the force has no peak, flags {}", found.quality)),
+        }
+    }
+    let Some(found) = of_blows(&peaks, &known_n) else { bail!("the blows tell no scale") };
+    ensure!(
+        found.spread <= SPREAD_MAX,
+        "the scale differs from blow to blow by {:.1} % (standard deviation); at most {:.0} % is a calibration",
+        100.0 * found.spread,
+        100.0 * SPREAD_MAX
+    );
+    let method = format!("{} blows, standard deviation {:.2} %", peaks.len(), 100.0 * found.spread);
+    Ok(Found { unit: Unit::Newton, full_scale: found.full_scale_n, method, sensitivity_mv_per_unit: None, gain: None })
+}
+
+/// The scale of the sound by a tone of `known_pa`.
+pub(super) fn tone(known_pa: f64, frequency_hz: f64, listen_s: f64, heard: &HeardArgs) -> Result<Found> {
+    let rate_hz;
+    let samples = {
+        let listening = Listening::to(heard)?;
+        let capture = &listening.config.capture;
+        rate_hz = f64::from(capture.sample_rate_hz);
+        ensure!(
+            known_pa > 0.0 && known_pa <= 20.0,
+            "--known-pa is {known_pa}; it must be above 0 and at most 20, which is 120 dB: 94 dB is 1.0024 Pa"
+        );
+        let most = 0.45 * rate_hz;
+        ensure!(
+            (20.0..=most).contains(&frequency_hz),
+            "--frequency-hz is {frequency_hz}; it must be from 20 to {most}, as the rate is {rate_hz} Hz"
+        );
+        let (least, most) = (100.0 / frequency_hz, 0.9 * capture.buffer_s);
+        ensure!(
+            (least..=most).contains(&listen_s),
+            "--listen-s is {listen_s}; it must be from {least} (100 periods) to {most} (capture.buffer_s is {})",
+            capture.buffer_s
+        );
+        let count = (listen_s * rate_hz) as usize;
+        loop {
+            let [_, sound] = listening.monitor.latest(count);
+            if sound.len() >= count {
+                break sound;
+            }
+            listening.wait(&format!("{} of {count} samples were heard", sound.len()))?;
+        }
+    };
+    let peak = samples.iter().map(|x| f64::from(x.abs())).max_by(f64::total_cmp).unwrap_or(0.0);
+    ensure!(
+        (PEAK_MIN..CLIPPED).contains(&peak),
+        "the sound reaches {:.2} % of full scale; it must be from {:.0} to {:.0} %: change the gain",
+        100.0 * peak,
+        100.0 * PEAK_MIN,
+        100.0 * CLIPPED
+    );
+    let Some(tone) = of_tone(&samples, rate_hz, frequency_hz) else { bail!("there is no tone near {frequency_hz} Hz") };
+    ensure!(
+        tone.rest <= REST_MAX,
+        "{:.0} % of the sound is not the tone at {:.1} Hz; at most {:.0} % may be: is the calibrator on and tight?",
+        100.0 * tone.rest,
+        tone.frequency_hz,
+        100.0 * REST_MAX
+    );
+    ensure!(
+        tone.drift <= DRIFT_MAX,
+        "the level of the tone changes by {:.1} %; at most {:.0} % may be",
+        100.0 * tone.drift,
+        100.0 * DRIFT_MAX
+    );
+    let method = format!("tone of {known_pa} Pa at {:.1} Hz, rest {:.2} %", tone.frequency_hz, 100.0 * tone.rest);
+    Ok(Found { unit: Unit::Pascal, full_scale: known_pa / tone.rms, method, sensitivity_mv_per_unit: None, gain: None })
+}

@@ -1,0 +1,89 @@
+//! `tapline calibrate`: what full-scale samples of a station are worth, kept in a file that its configuration names.
+
+#[cfg(feature = "alsa")]
+mod heard;
+
+use std::io::Write as _;
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use jiff::{Timestamp, ToSpan as _, tz::TimeZone};
+use tapline_acquire::{CalibrationFile, ChannelScale};
+use tapline_wire::{Certificate, Channel, Unit};
+
+use crate::cli::calibrate::{CalibrateVerb, WrittenArgs};
+use crate::host::atomic_file::write_atomically;
+
+/// Calibrates a channel, and writes it into the file of its station.
+pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
+    match verb {
+        #[cfg(feature = "alsa")]
+        CalibrateVerb::Blows { known_n, count, heard, written } => {
+            keep(written, Channel::Force, heard::blows(known_n, *count, heard)?)
+        }
+        #[cfg(feature = "alsa")]
+        CalibrateVerb::Tone { known_pa, frequency_hz, listen_s, heard, written } => {
+            keep(written, Channel::Sound, heard::tone(*known_pa, *frequency_hz, *listen_s, heard)?)
+        }
+        CalibrateVerb::State { channel, full_scale_v, sensitivity_mv, gain, written } => {
+            let channel = Channel::from(*channel);
+            keep(written, channel, stated(channel, *full_scale_v, *sensitivity_mv, *gain)?)
+        }
+    }
+}
+
+/// What was found of a channel.
+struct Found {
+    unit: Unit,
+    full_scale: f64,
+    method: String,
+    sensitivity_mv_per_unit: Option<f64>,
+    gain: Option<f64>,
+}
+
+fn stated(channel: Channel, full_scale_v: f64, sensitivity_mv: Option<f64>, gain: f64) -> Result<Found> {
+    for (name, value) in
+        [("--full-scale-v", Some(full_scale_v)), ("--sensitivity-mv", sensitivity_mv), ("--gain", Some(gain))]
+    {
+        ensure!(
+            value.is_none_or(|value| value > 0.0 && value <= 1e9),
+            "{name} is {}; it must be above 0 and at most 1e9",
+            value.unwrap_or_default()
+        );
+    }
+    let (unit, full_scale) = match (channel, sensitivity_mv) {
+        (Channel::Force, Some(mv_per_n)) => (Unit::Newton, full_scale_v / gain / (1e-3 * mv_per_n)),
+        (Channel::Sound, Some(mv_per_pa)) => (Unit::Pascal, full_scale_v / gain / (1e-3 * mv_per_pa)),
+        (Channel::Sound, None) => (Unit::Volt, full_scale_v / gain),
+        (Channel::Force, None) => bail!("--sensitivity-mv is missing: without it a force has no newtons"),
+    };
+    let method = format!("stated: {full_scale_v} V at full scale");
+    Ok(Found { unit, full_scale, method, sensitivity_mv_per_unit: sensitivity_mv, gain: Some(gain) })
+}
+
+/// Writes what was `found` of `channel`, today.
+fn keep(written: &WrittenArgs, channel: Channel, found: Found) -> Result<bool> {
+    let WrittenArgs { out, valid_days } = written;
+    let mut file = if out.exists() { CalibrationFile::read(out)? } else { CalibrationFile::default() };
+    let today = Timestamp::now().to_zoned(TimeZone::UTC).date();
+    let until =
+        today.checked_add(i64::from(*valid_days).days()).context("--valid-days ends after the last date there is")?;
+    let Found { unit, full_scale, method, sensitivity_mv_per_unit, gain } = found;
+    let (date, valid_until) = (today.to_string(), Some(until.to_string()));
+    let certificate = Certificate { method, date, valid_until, sensitivity_mv_per_unit, gain };
+    let said = format!("{}: {full_scale:.6} {} at full scale ({})", channel.name(), unit.name(), certificate.method);
+    let scale = Some(ChannelScale { unit, full_scale, certificate });
+    match channel {
+        Channel::Force => file.force = scale,
+        Channel::Sound => file.sound = scale,
+    }
+    write(out, &file)?;
+    writeln!(std::io::stdout(), "{said}\n{}: valid until {until}", out.display())?;
+    Ok(true)
+}
+
+fn write(out: &Path, file: &CalibrationFile) -> Result<()> {
+    file.validate(&out.display().to_string())?;
+    let text = toml::to_string(file).context("the calibration does not fit TOML")?;
+    write_atomically(out, |mut file| file.write_all(text.as_bytes()))
+}

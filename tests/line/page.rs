@@ -1,0 +1,347 @@
+//! The page of a running line, its metrics and its health.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::os::unix::fs::PermissionsExt as _;
+use std::process::Command;
+use std::time::Duration;
+
+use rustix::process::Signal;
+use serde_json::Value;
+use tapline_testing::program::Done;
+use tapline_wire::now_ns;
+
+use crate::line::{ROOM, all_finished, file_of, slow_plant, tap_sets};
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::{assert_same, contents};
+use crate::sandbox::browser::Browser;
+use crate::sandbox::running::{PATIENCE, Running, until};
+use crate::sandbox::stages::{signal, stage};
+
+/// Answer of a page.
+#[derive(Debug)]
+struct Answer {
+    code: u16,
+    head: String,
+    body: String,
+}
+
+impl Answer {
+    /// The value of a header.
+    fn header(&self, name: &str) -> Option<&str> {
+        let lines = self.head.lines().filter_map(|line| line.split_once(": "));
+        lines.into_iter().find(|(key, _)| key.eq_ignore_ascii_case(name)).map(|(_, value)| value)
+    }
+}
+
+/// Where the line serves its page, after it has said so.
+fn address_of(line: &mut Running) -> String {
+    let said = line.log_line(&["the line is shown at http://"]);
+    said.rsplit_once("http://").unwrap().1.trim().to_owned()
+}
+
+/// Asks for `path` with more `headers`, a line each.
+fn ask(address: &str, path: &str, headers: &str) -> Answer {
+    send(address, &format!("GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n"))
+}
+
+fn send(address: &str, request: &str) -> Answer {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut text = String::new();
+    stream.read_to_string(&mut text).unwrap();
+    let (head, body) = text.split_once("\r\n\r\n").unwrap();
+    let code = head.split(' ').nth(1).unwrap().parse().unwrap();
+    Answer { code, head: head.to_owned(), body: body.to_owned() }
+}
+
+/// Follows the line at `address`, and takes nothing.
+fn follow(address: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).unwrap();
+    write!(stream, "GET /events HTTP/1.1\r\nHost: {address}\r\n\r\n").unwrap();
+    stream
+}
+
+/// Catches a page that shows a verdict late, elsewhere than where the crack is, not in words, or still when the line has gone;
+/// and a page that its own policy keeps from working.
+#[test]
+fn a_browser_shows_each_verdict_and_where_the_crack_is() {
+    let sandbox = Sandbox::new();
+    let Some(mut browser) = Browser::start(&sandbox) else { return };
+    tap_sets(&sandbox);
+    let station = "[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n";
+    sandbox.write("plant.toml", &format!("[acquire]\ntaps_per_s = 25\n{ROOM}{station}"));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --serve 127.0.0.1:0");
+    let address = address_of(&mut line);
+    until("the inbox is made", || sandbox.path("inbox/failed").is_dir());
+    browser.open(&format!("http://{address}/"));
+    let state = "document.getElementById('station-1')?.dataset.state";
+    until("there is no casing", || browser.value(state) == "idle");
+    // The page itself notes when what is to be seen changed.
+    browser.value(
+        "window.seen = [];
+         new MutationObserver(() => {
+           const { state, casing } = document.getElementById('station-1').dataset;
+           if (seen.at(-1)?.state !== state) seen.push({ state, casing, atMs: Date.now() });
+         }).observe(document.getElementById('stations'), { attributes: true, subtree: true }); 0",
+    );
+    let mut ring = Vec::new();
+    fs::rename(sandbox.path("sets/A"), sandbox.path("inbox/A")).unwrap();
+    let told = loop {
+        if let Some(said) = line.line_within(Duration::from_millis(100)) {
+            break said;
+        }
+        ring.push(browser.value("document.querySelectorAll('#station-1 .place.all').length").as_u64().unwrap());
+    };
+    let told_ms = now_ns() / 1_000_000;
+    let verdict: Value = serde_json::from_str(&told).unwrap();
+    assert_eq!((&verdict["casing"], &verdict["verdict"]), (&"A".into(), &"REJECT".into()), "{told}");
+    until("the page shows the verdict", || browser.value(state) == "reject");
+
+    let seen = browser.value("seen");
+    let seen: Vec<(&str, i64)> = seen
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|step| (step["state"].as_str().unwrap(), step["atMs"].as_i64().unwrap()))
+        .collect();
+    let (_, shown_ms) = *seen.iter().find(|(state, _)| *state == "reject").unwrap();
+    eprintln!("shown {} ms after it was told; {seen:?}; {ring:?} locations", shown_ms - told_ms);
+    assert!(shown_ms - told_ms < 1000, "{seen:?}, told {told_ms}");
+    assert!(seen.iter().any(|(state, _)| *state == "scanning"), "{seen:?}");
+    // The ring has filled in meanwhile.
+    assert!(ring.is_sorted() && ring.iter().any(|&count| count > 0 && count < 48), "{ring:?}");
+    // The crack is at the locations 10 to 13 of 24, of the second shoulder alone.
+    let arcs = browser.value("[...document.querySelectorAll('#station-1 figure')].map((ring) => [...ring.querySelectorAll('.arc')].map((arc) => [+arc.dataset.from, +arc.dataset.peak, +arc.dataset.to]))");
+    assert_eq!((arcs[0].as_array().unwrap().len(), arcs[1].as_array().unwrap().len()), (0, 1), "{arcs}");
+    let [from, peak, to] = [0, 1, 2].map(|k| arcs[1][0][k].as_f64().unwrap());
+    assert!((150.0..=195.0).contains(&peak), "{arcs}");
+    assert!(from > 115.0 && from < peak && to > peak && to < 230.0, "{arcs}");
+    let text = browser.value("document.getElementById('station-1').innerText").to_string();
+    assert!(text.contains("REJECT") && text.contains("Shoulder 2: "), "{text}");
+    // It is in the list, with the report, and is read out.
+    let row = browser.value("document.querySelector('#verdict-list tr').innerText").to_string();
+    assert!(row.contains("REJECT") && row.contains("2: REJECT, "), "{row}");
+    let news = browser.value("document.getElementById('news').innerText").to_string();
+    assert!(news.contains("casing A: REJECT. shoulder 2: damage at "), "{news}");
+    let report = browser.value("document.querySelector('#verdict-list a').getAttribute('href')");
+    let report = ask(&address, report.as_str().unwrap(), "");
+    assert!(report.code == 200 && report.body.contains("REJECT") && report.body.contains("</html>"), "{}", report.head);
+
+    // A line that has gone, however, shows no verdict.
+    drop(line.kill());
+    until("the page says that it knows nothing", || browser.value(state) == "unknown");
+    assert_eq!(browser.value("document.body.dataset.link"), "lost");
+    let words =
+        browser.value("[...document.querySelectorAll('.word, .mid, .arc')].map((node) => node.textContent).join()");
+    assert!(!words.to_string().contains("REJECT"), "{words}");
+    let banner = browser.value("document.getElementById('banner').innerText").to_string();
+    assert!(banner.contains("No verdict is known"), "{banner}");
+}
+
+/// Catches a line that waits for pages that take nothing, or for more of them than it serves, and pages without a bound.
+#[test]
+fn pages_that_take_nothing_change_nothing() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 2, 60.0, "");
+    let mut alone = Running::start(&sandbox, "line --config plant.toml --out alone --json --casings 4");
+    alone.verdicts(4);
+    alone.finish().expect(0);
+    let mut line =
+        Running::start(&sandbox, "line --config plant.toml --out watched --json --casings 4 --serve 127.0.0.1:0");
+    let address = address_of(&mut line);
+    let frozen: Vec<TcpStream> = (0..40).map(|_| follow(&address)).collect();
+    // Some ask for nothing at all.
+    let silent: Vec<TcpStream> = (0..20).map(|_| TcpStream::connect(&address).unwrap()).collect();
+    until("there are too many", || ask(&address, "/events", "").code == 503);
+    let verdicts = line.verdicts(4);
+    line.finish().expect(0);
+    drop((frozen, silent));
+    for verdict in &verdicts {
+        let file = file_of(verdict);
+        let there = sandbox.path("alone").join(file.strip_prefix(sandbox.path("watched")).unwrap());
+        assert_same(&contents(&file), &contents(&there));
+    }
+    assert_eq!(all_finished(&sandbox.path("watched")), all_finished(&sandbox.path("alone")));
+}
+
+/// Catches a text that is no metrics, numbers that are not those of the line, and series that grow with its casings.
+#[test]
+fn the_metrics_are_those_of_the_line() {
+    let Some(python) = tapline_testing::python_with("prometheus_client") else { return };
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 2, 100.0, "");
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --serve 127.0.0.1:0");
+    let address = address_of(&mut line);
+    let script = "import sys, json\nfrom prometheus_client.openmetrics.parser import text_string_to_metric_families as parse\n\
+                  print(json.dumps([[s.name, s.labels, s.value] for f in parse(sys.stdin.read()) for s in f.samples]))";
+    let scrape = || -> Vec<(String, Value, f64)> {
+        let answer = ask(&address, "/metrics", "");
+        assert!(answer.header("content-type").unwrap().starts_with("application/openmetrics-text"), "{answer:?}");
+        sandbox.write("metrics.txt", &answer.body);
+        let text = fs::File::open(sandbox.path("metrics.txt")).unwrap();
+        let parsed = Done::from(Command::new(&python).args(["-c", script]).stdin(text).output().unwrap());
+        serde_json::from_value(parsed.json(0)).unwrap()
+    };
+    // Their order means nothing.
+    let names = |series: &[(String, Value, f64)]| -> BTreeSet<String> {
+        series.iter().map(|(name, labels, _)| format!("{name} {labels}")).collect()
+    };
+    line.verdict();
+    // The status is shown a moment after the verdict.
+    until("a verdict is counted", || {
+        scrape().iter().any(|(name, _, value)| name == "tapline_verdicts_total" && *value > 0.0)
+    });
+    let first = scrape();
+    line.verdicts(3);
+    let sum =
+        |series: &[(String, Value, f64)], name: &str| series.iter().filter(|s| s.0 == name).map(|s| s.2).sum::<f64>();
+    let mut last = first.clone();
+    until("all verdicts are counted", || {
+        last = scrape();
+        sum(&last, "tapline_verdicts_total") > 3.5
+    });
+    assert_eq!(names(&first), names(&last));
+    assert!(first.len() < 80, "{first:?}");
+    let of = |name: &str| sum(&last, name);
+    let is_close = |a: f64, b: f64| (a - b).abs() < 1e-9;
+    assert!(
+        is_close(of("tapline_taps_total"), 200.0) && is_close(of("tapline_verdict_latency_seconds_count"), 4.0),
+        "{last:?}"
+    );
+    assert!(
+        of("tapline_verdict_latency_seconds_sum") > 0.0 && of("tapline_verdict_latency_seconds_sum") < 40.0,
+        "{last:?}"
+    );
+    for name in ["tapline_disk_free_bytes", "tapline_shm_free_bytes", "tapline_resident_memory_bytes"] {
+        assert!(of(name) > 1e6, "{name}: {last:?}");
+    }
+    let stages = last.iter().filter(|s| s.0 == "tapline_resident_memory_bytes").count();
+    assert_eq!(stages, last.iter().filter(|s| s.0 == "tapline_stage_restarts_total").count() + 1, "{last:?}");
+    line.interrupt().expect(0);
+}
+
+/// Catches a health that is good while `store` hangs or a stage dies again and again, and one that stays bad.
+#[test]
+fn the_health_is_that_of_the_line() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 10, 2.0, "");
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --serve 127.0.0.1:0");
+    let address = address_of(&mut line);
+    let health = || ask(&address, "/healthz", "");
+    until("the line is well", || health().code == 200);
+    let store = stage(line.child(), "store");
+    until("a casing is under way", || sandbox.run("status --out out --json").out.contains("\"archived\":2"));
+    signal(store, Signal::STOP);
+    until("store is missed", || health().code == 503);
+    assert!(health().body.contains("store does not answer"), "{:?}", health());
+    signal(store, Signal::CONT);
+    until("store is back", || health().code == 200);
+    for count in 1..=3 {
+        let fuse = stage(line.child(), "fuse");
+        signal(fuse, Signal::KILL);
+        until("fuse is started again", || stage(line.child(), "fuse") != fuse);
+        until("it is counted", || {
+            ask(&address, "/metrics", "").body.contains(&format!("stage_restarts_total{{stage=\"fuse\"}} {count}"))
+        });
+    }
+    let ill = health();
+    assert!(ill.code == 503 && ill.body.contains("fuse was started again 3 times"), "{ill:?}");
+    line.interrupt().expect(0);
+}
+
+/// Catches a page that others can read without the token, or by a name of theirs for this machine, a token that is not taken,
+/// a file that anyone can ask for, and answers without the headers that bind a browser.
+#[test]
+fn only_who_may_sees_the_line() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 1, 50.0, "");
+    let refused = sandbox.run("line --config plant.toml --out out --serve 0.0.0.0:0").expect(1);
+    assert!(refused.err.contains("--serve-token-file") && !sandbox.path("out").exists(), "{refused:?}");
+
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out near --json --serve 127.0.0.1:0");
+    let address = address_of(&mut line);
+    let busy = sandbox.run(&format!("line --config plant.toml --out out --serve {address}")).expect(1);
+    assert!(busy.err.contains(&format!("cannot listen at {address}")), "{busy:?}");
+    let page = ask(&address, "/", "");
+    assert!(page.code == 200 && page.header("x-content-type-options") == Some("nosniff"), "{page:?}");
+    assert!(page.header("cache-control") == Some("no-store"), "{page:?}");
+    let policy = page.header("content-security-policy").unwrap();
+    assert!(policy.contains("default-src 'none'") && !policy.contains("unsafe"), "{policy}");
+    // A name that leads here, but is of elsewhere.
+    let rebound = send(&address, "GET /events HTTP/1.1\r\nHost: elsewhere.example:80\r\nConnection: close\r\n\r\n");
+    assert_eq!(rebound.code, 403, "{rebound:?}");
+    for path in ["/report?file=/etc/passwd", "/report?file=plant.toml", "/nothing"] {
+        assert_eq!(ask(&address, path, "").code, 404, "{path}");
+    }
+    for method in ["POST", "PUT", "DELETE"] {
+        let answer = send(&address, &format!("{method} / HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n"));
+        assert_eq!(answer.code, 405, "{answer:?}");
+    }
+    line.interrupt().expect(0);
+
+    sandbox.write("token", "a-token-of-20-letters\n");
+    fs::set_permissions(sandbox.path("token"), fs::Permissions::from_mode(0o600)).unwrap();
+    let mut line = Running::start(
+        &sandbox,
+        "line --config plant.toml --out far --json --serve 0.0.0.0:0 --serve-token-file token",
+    );
+    let address = address_of(&mut line).replace("0.0.0.0", "127.0.0.1");
+    for path in ["/events", "/metrics", "/healthz", "/app.js", "/report?file=x"] {
+        assert_eq!(ask(&address, path, "").code, 401, "{path}");
+    }
+    assert_eq!(ask(&address, "/", "").header("location"), Some("/login"));
+    assert!(ask(&address, "/login", "").body.contains("<form"));
+    assert_eq!(ask(&address, "/metrics", "Authorization: Bearer a-token-of-20-letterz\r\n").code, 401);
+    until("the line is well", || {
+        ask(&address, "/healthz", "Authorization: Bearer a-token-of-20-letters\r\n").code == 200
+    });
+    let form = "token=a-token-of-20-letters";
+    let posted = format!(
+        "POST /login HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\nContent-Type: application/x-www-form-urlencoded\r\n\
+         Content-Length: {}\r\n\r\n{form}",
+        form.len()
+    );
+    for answer in [ask(&address, "/?token=a-token-of-20-letters", ""), send(&address, &posted)] {
+        let cookie = answer.header("set-cookie").unwrap();
+        assert!(answer.code == 303 && cookie.contains("HttpOnly") && !cookie.contains("a-token"), "{answer:?}");
+        let cookie = format!("Cookie: {}\r\n", cookie.split(';').next().unwrap());
+        assert_eq!(ask(&address, "/app.js", &cookie).code, 200);
+    }
+    let wrong = ask(&address, "/?token=a-token-of-20-letterz", "");
+    assert!(wrong.header("set-cookie").is_none() && wrong.code == 303, "{wrong:?}");
+    line.interrupt().expect(0);
+}
+
+/// Catches an event that is no line of JSON, of the line itself or of one of its stages, and an error at the end that is none.
+#[test]
+fn a_log_for_programs_is_a_line_of_json_for_each_event() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 2, 50.0, "");
+    let mut line = Running::start(
+        &sandbox,
+        "--log json line --config plant.toml --out out --json --reference self --serve 127.0.0.1:0",
+    );
+    let said = line.log_line(&["the line is shown at"]);
+    assert_eq!(serde_json::from_str::<Value>(&said).unwrap()["level"], "INFO", "{said}");
+    line.verdict();
+    signal(stage(line.child(), "process"), Signal::KILL);
+    line.wait_for_log(&["was killed by signal 9"]);
+    line.verdict();
+    let done = line.interrupt().expect(0);
+    let events: Vec<Value> =
+        done.err.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("{line}"))).collect();
+    assert!(events.len() >= 4, "{events:?}");
+    for event in &events {
+        let has_text = |key: &str| event[key].as_str().is_some_and(|text| !text.is_empty());
+        assert!(["timestamp", "level", "message"].into_iter().all(has_text), "{event}");
+    }
+    let killed = events.iter().find(|event| event["message"].as_str().unwrap().contains("was killed")).unwrap();
+    assert_eq!((&killed["level"], &killed["stage"]), (&"ERROR".into(), &"process".into()));
+    let failed = sandbox.run("export nothing.h5 verdicts --log json").expect(1);
+    let error: Value = serde_json::from_str(failed.err.trim()).unwrap();
+    assert!(error["level"] == "ERROR" && error["message"].as_str().unwrap().contains("nothing.h5"), "{error}");
+}

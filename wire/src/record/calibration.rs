@@ -1,0 +1,169 @@
+//! What the samples of a channel are worth, and who says so.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Channel;
+
+/// Longest text of a certificate in bytes.
+pub const METHOD_BYTES_MAX: usize = 160;
+
+/// The unit of a channel's samples once they are scaled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+pub enum Unit {
+    /// Part of full scale: nobody said what a sample is worth.
+    #[default]
+    #[serde(rename = "FS")]
+    FullScale,
+    /// Newton.
+    #[serde(rename = "N")]
+    Newton,
+    /// Volt.
+    #[serde(rename = "V")]
+    Volt,
+    /// Pascal.
+    #[serde(rename = "Pa")]
+    Pascal,
+}
+
+impl Unit {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::FullScale, Self::Newton, Self::Volt, Self::Pascal];
+
+    /// Name in tables, files and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FullScale => "FS",
+            Self::Newton => "N",
+            Self::Volt => "V",
+            Self::Pascal => "Pa",
+        }
+    }
+
+    /// The unit of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|unit| unit.name() == name)
+    }
+
+    /// Whether a sample is worth something outside of the recording.
+    pub fn is_known(self) -> bool {
+        self != Self::FullScale
+    }
+}
+
+/// Where the scale of a channel comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Certificate {
+    /// What was done, in words; at most [`METHOD_BYTES_MAX`] bytes.
+    pub method: String,
+    /// Day of the calibration, as `2026-11-24`.
+    pub date: String,
+    /// Last day on which it holds; for ever where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub valid_until: Option<String>,
+    /// Sensitivity of the sensor, mV/N or mV/Pa, where it is known apart from the rest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensitivity_mv_per_unit: Option<f64>,
+    /// Gain of the amplifier behind it, likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+}
+
+/// Unit and certificate of one channel.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ChannelCalibration {
+    /// The unit of its samples once they are scaled.
+    pub unit: Unit,
+    /// Where the scale comes from; `None` where it is unknown, or only stated.
+    pub certificate: Option<Certificate>,
+}
+
+/// What the samples of a casing are worth.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Calibration {
+    /// Of the force.
+    pub force: ChannelCalibration,
+    /// Of the sound.
+    pub sound: ChannelCalibration,
+    /// Day on which the casing was tapped, as `2026-11-24`; `None` where nobody knows.
+    pub tapped_on: Option<String>,
+}
+
+impl Calibration {
+    /// Newtons and volts without a certificate: somebody stated a scale.
+    pub fn stated() -> Self {
+        let of = |unit| ChannelCalibration { unit, certificate: None };
+        Self { force: of(Unit::Newton), sound: of(Unit::Volt), tapped_on: None }
+    }
+
+    /// Newtons and volts that are exact because the samples were computed.
+    pub fn computed() -> Self {
+        let certificate = Certificate {
+            method: "computed".to_owned(),
+            date: "1970-01-01".to_owned(),
+            valid_until: None,
+            sensitivity_mv_per_unit: None,
+            gain: None,
+        };
+        let of = |unit| ChannelCalibration { unit, certificate: Some(certificate.clone()) };
+        Self { force: of(Unit::Newton), sound: of(Unit::Volt), tapped_on: None }
+    }
+
+    /// Of `channel`.
+    pub fn of(&self, channel: Channel) -> &ChannelCalibration {
+        match channel {
+            Channel::Force => &self.force,
+            Channel::Sound => &self.sound,
+        }
+    }
+
+    /// Of `channel`, to change it.
+    pub fn of_mut(&mut self, channel: Channel) -> &mut ChannelCalibration {
+        match channel {
+            Channel::Force => &mut self.force,
+            Channel::Sound => &mut self.sound,
+        }
+    }
+
+    /// The unit of `channel`.
+    pub fn unit(&self, channel: Channel) -> Unit {
+        self.of(channel).unit
+    }
+
+    /// Whether each of `channels` has a certificate.
+    pub fn is_certified(&self, channels: &[Channel]) -> bool {
+        channels.iter().all(|&channel| self.of(channel).certificate.is_some())
+    }
+
+    /// Whether the certificate of one of `channels` no longer held on the day of the taps. Where that day is unknown, none had
+    /// expired.
+    pub fn is_expired(&self, channels: &[Channel]) -> bool {
+        // Dates of this form are in order as texts.
+        let is_over = |&channel: &Channel| {
+            let until = self.of(channel).certificate.as_ref().and_then(|certificate| certificate.valid_until.as_ref());
+            self.tapped_on.as_ref().zip(until).is_some_and(|(tapped_on, until)| tapped_on > until)
+        };
+        channels.iter().any(is_over)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a certificate that expires on its last day, that of a channel that is not there, and one that never expires.
+    #[test]
+    fn a_certificate_holds_until_its_last_day() {
+        let mut calibration = Calibration::computed();
+        let both = [Channel::Force, Channel::Sound];
+        calibration.of_mut(Channel::Sound).certificate.as_mut().unwrap().valid_until = Some("2026-11-24".to_owned());
+        for (day, is_expired) in [("2026-11-24", false), ("2026-11-25", true), ("2027-01-01", true)] {
+            calibration.tapped_on = Some(day.to_owned());
+            assert_eq!(calibration.is_expired(&both), is_expired, "{day}");
+            assert!(!calibration.is_expired(&[Channel::Force]) && calibration.is_certified(&both));
+        }
+        calibration.tapped_on = None;
+        assert!(!calibration.is_expired(&both));
+        assert!(!Calibration::stated().is_certified(&[Channel::Sound]));
+    }
+}
