@@ -19,7 +19,7 @@ use tapline_model::SimulationConfig;
 use tapline_wire::{CacheLine, TapHeader, cache_lines_for, f32_of_mut, i16_of_mut};
 
 use super::ear::Ear;
-use super::{CaptureConfig, TriggerConfig};
+use super::{CaptureConfig, DeviceName, TriggerConfig};
 use crate::{ScanConfig, SimulatedLine, Source as _};
 
 /// Frames that are written at once; ALSA reads as many, and a pipe passes them on whole.
@@ -50,7 +50,8 @@ fn ear_process() {
     let (count, text) = text.split_once('\n').unwrap();
     let config: CaptureConfig = toml::from_str(text).unwrap();
     let (sender, woken) = sync_channel(AHEAD);
-    let ear = Ear::listen("scan", &config, 1, Arc::new(move || sender.try_send(()).unwrap_or_default())).unwrap();
+    let device = DeviceName::Alsa("scan".to_owned());
+    let ear = Ear::listen(&device, &config, 1, Arc::new(move || sender.try_send(()).unwrap_or_default())).unwrap();
     let mut buffer = vec![CacheLine::default(); cache_lines_for(config.recording().payload_bytes_max())];
     let samples = 2 * config.sample_count as usize;
     let mut out = std::io::stdout().lock();
@@ -235,7 +236,7 @@ fn play(tap_count: usize, period: usize, bits: u16, noises: &[i32], planted: imp
         taps.for_each(|line| sender.send(line).unwrap());
     });
     let (mut scan, mut window, mut worst) = (Scan::new(tap_count, period), Window::default(), 0.0_f64);
-    let (mut waited_for, mut left, mut rows) = (VecDeque::new(), Vec::new(), 0..tap_count);
+    let (mut waited_for, mut left) = (VecDeque::new(), Vec::new());
     let mut check = |line: &str, window: &Window, (row, time): (usize, f64)| {
         let words: Vec<&str> = line.split(' ').collect();
         let (trigger, at): (u64, f64) = (words[1].parse().unwrap(), words[2].parse().unwrap());
@@ -246,33 +247,29 @@ fn play(tap_count: usize, period: usize, bits: u16, noises: &[i32], planted: imp
             worst = if error > worst { error } else { worst };
         }
     };
-    while !waited_for.is_empty() || !rows.is_empty() {
-        if let Some(row) = rows.next() {
-            let noise = noises[row * noises.len() / tap_count];
-            let (clean, frames) = scan.tap(row, noise, planted(row));
-            window.push(&frames, (2 * AHEAD + 4) * period);
-            left.extend_from_slice(&frames);
-            if is_hit(row) {
-                waited_for.push_back((row, (row * period) as f64 + half_of_peak(&clean)));
-            }
-        } else {
-            // Silence behind the last tap.
-            left.resize(left.len() + period, [scan.offset * 256, 0]);
+    for row in 0..tap_count {
+        let noise = noises[row * noises.len() / tap_count];
+        let (clean, frames) = scan.tap(row, noise, planted(row));
+        window.push(&frames, (2 * AHEAD + 4) * period);
+        left.extend_from_slice(&frames);
+        if is_hit(row) {
+            waited_for.push_back((row, (row * period) as f64 + half_of_peak(&clean)));
+        }
+        if row + 1 == tap_count {
+            // Silence behind the last tap, up to a whole piece: no more, for it is played as fast as it is heard.
+            left.resize((left.len() + period).next_multiple_of(PIECE), [scan.offset * 256, 0]);
         }
         let whole = left.len() / PIECE * PIECE;
-        // Who has heard all taps listens no more.
-        let is_heard = pipe.write_all(&bytes_of(&left[..whole], bits)).is_ok();
-        assert!(is_heard || rows.is_empty());
+        pipe.write_all(&bytes_of(&left[..whole], bits)).unwrap();
         left.drain(..whole);
-        while let Ok(line) =
-            if waited_for.len() > AHEAD { heard.recv().map_err(drop) } else { heard.try_recv().map_err(drop) }
-        {
-            check(&line, &window, waited_for.pop_front().expect("a tap that was not planted"));
+        let may_wait = if row + 1 == tap_count { 0 } else { AHEAD };
+        while waited_for.len() > may_wait {
+            check(&heard.recv().expect("a tap that was heard"), &window, waited_for.pop_front().unwrap());
         }
     }
-    // It ends by itself when it has heard them all; what is still written then is of no use.
-    drop(pipe);
+    // It ends by itself when it has heard them all. At the end of the pipe ALSA would play what it has once more.
     assert!(child.wait().unwrap().success());
+    drop(pipe);
     reader.unwrap().join().unwrap();
     assert_eq!(heard.try_iter().count(), 0);
     worst
