@@ -8,14 +8,11 @@ use crate::Error;
 use crate::arcs::regions::arcs_above;
 use crate::arcs::statistic::Arc;
 use crate::fusion::compared::Compared;
-use crate::fusion::judge::View;
+use crate::fusion::judge::{PLACES_MAX, View};
 use crate::fusion::{Fusion, Seen};
 
 /// Most arcs of a shoulder that are tapped again, the strongest first.
 const ARCS_MAX: usize = 4;
-
-/// Most places of an arc that are tapped again; a longer one shows at some of its places as well.
-pub(super) const PLACES_MAX: usize = 12;
 
 /// Fewest controls: places that do not stand out, which tell the level of a second reading.
 const CONTROLS_MIN: usize = 24;

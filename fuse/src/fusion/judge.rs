@@ -8,13 +8,15 @@ use tapline_wire::{DamageCell, Discriminator, Geometry, Judgement, Reasons, Reco
 use crate::arcs::regions::{arcs_above, damage_index};
 use crate::arcs::statistic::{Arc as RingArc, Maps};
 use crate::fusion::Fusion;
-use crate::fusion::ask::PLACES_MAX;
 use crate::fusion::compared::{Compared, Found};
 use crate::index::Scores;
 use crate::reference::fitted::FittedReference;
 use crate::shoulder::Shoulder;
 use crate::verdict::verdict_of;
 use crate::{Error, FuseConfig};
+
+/// Most places of an arc that are tapped again; a longer one shows at some of its places as well.
+pub(super) const PLACES_MAX: usize = 12;
 
 /// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
 const REACH_FRACTION: f64 = 0.5;

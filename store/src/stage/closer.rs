@@ -1,6 +1,5 @@
 //! A thread that seals, syncs and renames finished files, so that the other casings need not wait.
 
-use std::path::PathBuf;
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -8,7 +7,7 @@ use crossbeam::channel::{Receiver, Sender, bounded};
 use tapline_wire::{CasingHeader, Waker};
 
 use super::RunError;
-use super::markers::Marker;
+use super::markers::{Closed, Marker};
 use super::open_casing::OpenCasing;
 use super::places::Places;
 use crate::error::{Error, Result};
@@ -22,17 +21,6 @@ const TRY_EVERY: Duration = Duration::from_millis(500);
 
 /// Time after which the attempts end and the whole stage waits for its disk; meanwhile other files wait to be closed.
 const TRY_FOR: Duration = Duration::from_secs(60);
-
-/// A file that has its final name.
-#[derive(Debug)]
-pub(super) struct Closed {
-    pub header: CasingHeader,
-    /// Number of the `acquire` process whose casing it was.
-    pub acquire: Option<u16>,
-    pub path: PathBuf,
-    /// Its marker: see [`super::markers`].
-    pub marker: PathBuf,
-}
 
 struct ToClose {
     header: CasingHeader,

@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use tapline_wire::{CasingHeader, Stamp, casing_number};
 
-use super::closer::Closed;
 use super::open_casing::OpenCasing;
 use super::places::{name_of_open, stem_of};
 use super::{Result, RunError, StageLoop};
@@ -17,6 +16,17 @@ use crate::read::reader::Reader;
 
 /// Extension of a marker, which otherwise has the name of the unfinished file.
 const ENDING: &str = "closed";
+
+/// A file that has its final name.
+#[derive(Debug)]
+pub(super) struct Closed {
+    pub header: CasingHeader,
+    /// Number of the `acquire` process whose casing it was.
+    pub acquire: Option<u16>,
+    pub path: PathBuf,
+    /// Its marker.
+    pub marker: PathBuf,
+}
 
 /// The contents of a marker.
 #[derive(Debug, Serialize, Deserialize)]
