@@ -69,7 +69,7 @@ pub use read::regions::{Region, regions};
 pub use read::samples::{ReadBuffer, Taps};
 pub use read::verify::{Problem, Report, verify};
 pub use repack::{Repacked, repack};
-pub use stage::{LEFT_FOLDER, OPEN_FOLDER, Outcome, Places, RunError, StoreRun, run};
+pub use stage::{LEFT_FOLDER, OPEN_FOLDER, Outcome, Places, RunError, StoreRun, UNTOLD_FOLDER, Untold, casing_id, run};
 pub use tapline_codec::Codec;
 pub use write::Writer;
 pub use write::finish::Finishing;
