@@ -9,6 +9,7 @@ use tapline_wire::{CasingHeader, Stamp, casing_number};
 
 use super::open_casing::OpenCasing;
 use super::places::{name_of_open, stem_of};
+use super::unreported::Unreported;
 use super::{Result, RunError, StageLoop};
 use crate::error::{Context as _, Error};
 use crate::file::draft::rename_new;
@@ -92,10 +93,12 @@ impl StageLoop<'_> {
                 continue;
             };
             let open = marker.with_extension("h5");
+            let path = contents.path.clone();
+            let closed = contents.closed(marker);
             if open.exists() {
-                self.rename_finished(&open, contents.path.clone())?;
+                self.rename_finished(&open, &closed.header, path)?;
             }
-            self.note_closed(contents.closed(marker));
+            self.note_closed(closed);
         }
         Ok(())
     }
@@ -107,12 +110,16 @@ impl StageLoop<'_> {
         let header = OpenCasing::header_of(casing_number(&stem), Reader::open(open)?.plan());
         let contents = Marker::new(&header, &path);
         let marker = contents.write(open)?;
-        self.rename_finished(open, path)?;
+        self.rename_finished(open, &header, path)?;
         self.note_closed(contents.closed(marker));
         Ok(())
     }
 
-    fn rename_finished(&self, open: &Path, path: PathBuf) -> Result<(), RunError> {
+    fn rename_finished(&self, open: &Path, header: &CasingHeader, path: PathBuf) -> Result<(), RunError> {
+        if self.run.notes_unreported {
+            // Its name shows that the file was not told yet: a note that is there already is replaced.
+            Unreported::new(header, &name_of_open(&stem_of(open)), &path, &self.run.places).write(&self.run.places)?;
+        }
         match rename_new(open, &path) {
             // Without an atomic rename, a crash may have left both names.
             Err(Error::Exists { .. }) => {
