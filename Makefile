@@ -4,7 +4,13 @@ PACKAGES = libasound2-dev libhdf5-dev pkg-config python3-h5py hdf5-filter-plugin
 DEMO = demo
 LISTEN = target/listen
 
-.PHONY: setup python demo listen test gates bench
+# Where `make install` puts things, and where the built programs are.
+PREFIX = /usr/local
+DESTDIR =
+BINARIES = target/release
+PACKAGED = target/package
+
+.PHONY: setup python demo listen test gates bench install packaged package
 
 # Rust, gcc and make are taken for granted; all else is asked for here, and only what is missing is installed.
 define install
@@ -34,9 +40,9 @@ demo: setup
 	@rm -rf $(DEMO)/casings && mkdir -p $(DEMO)
 	target/release/tapline run --stations 2 --config examples/demo.toml --out $(DEMO)/casings
 	@for table in verdicts regions damage discriminators; do \
-	  target/release/tapline export $(DEMO)/casings $$table --out $(DEMO)/$$table.csv || exit 1; \
+	  target/release/tapline export $(DEMO)/casings $$table --force --out $(DEMO)/$$table.csv || exit 1; \
 	done
-	target/release/tapline report $(DEMO)/casings --out $(DEMO)/report
+	target/release/tapline report $(DEMO)/casings --force --out $(DEMO)/report
 	@echo "Each casing's archive is in $(DEMO)/casings; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
 
 # A scan through a sound card, which is a pipe here: two casings, in about three minutes once built.
@@ -54,3 +60,29 @@ gates: setup
 
 bench: setup
 	cargo bench --bench '*'
+
+# What is made of the built program: manual pages, completions, a complete configuration.
+packaged:
+	@rm -rf $(PACKAGED) && mkdir -p $(PACKAGED)/completions
+	@$(BINARIES)/tapline man $(PACKAGED)/man
+	@$(BINARIES)/tapline completions bash > $(PACKAGED)/completions/tapline.bash
+	@$(BINARIES)/tapline completions zsh > $(PACKAGED)/completions/_tapline
+	@$(BINARIES)/tapline completions fish > $(PACKAGED)/completions/tapline.fish
+	@$(BINARIES)/tapline config --example > $(PACKAGED)/line.toml
+
+# After `cargo build --release -p tapline`, for example as `sudo make install`. A configuration that is there stays.
+install: packaged
+	install -D -m 755 $(BINARIES)/tapline $(DESTDIR)$(PREFIX)/bin/tapline
+	install -d $(DESTDIR)$(PREFIX)/share/man/man1
+	install -m 644 $(PACKAGED)/man/*.1 $(DESTDIR)$(PREFIX)/share/man/man1/
+	install -D -m 644 $(PACKAGED)/completions/tapline.bash $(DESTDIR)$(PREFIX)/share/bash-completion/completions/tapline
+	install -D -m 644 $(PACKAGED)/completions/_tapline $(DESTDIR)$(PREFIX)/share/zsh/site-functions/_tapline
+	install -D -m 644 $(PACKAGED)/completions/tapline.fish $(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d/tapline.fish
+	install -D -m 644 $(PACKAGED)/line.toml $(DESTDIR)$(PREFIX)/share/doc/tapline/examples/line.toml
+	install -D -m 644 packaging/tapline.service $(DESTDIR)$(PREFIX)/lib/systemd/system/tapline.service
+	sed -i 's|/usr/bin/tapline|$(PREFIX)/bin/tapline|' $(DESTDIR)$(PREFIX)/lib/systemd/system/tapline.service
+
+# A Debian package, in target/debian, of the built program; needs cargo-deb.
+package: packaged
+	cargo deb -p tapline --no-build --no-strip
+

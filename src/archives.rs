@@ -11,7 +11,8 @@ use std::time::SystemTime;
 use anyhow::{Context as _, Result, bail};
 use tapline_store::{LEFT_FOLDER, OPEN_FOLDER, Reader};
 
-use crate::host::stderr::print_line;
+use tapline_host::messages::print_line;
+use tapline_host::progress::{Progress, Unit};
 
 /// Ending of an archive's name.
 const ENDING: &str = "h5";
@@ -50,6 +51,11 @@ pub(crate) struct ArchiveFile {
 }
 
 impl ArchiveFile {
+    /// Its size; 0 where it cannot be had.
+    fn bytes(&self) -> u64 {
+        self.path.metadata().map_or(0, |there| there.len())
+    }
+
     /// Name of the casing whose archive it is: that of the file without its ending.
     pub(crate) fn casing(&self) -> String {
         self.name.file_stem().unwrap_or_default().to_string_lossy().into_owned()
@@ -215,6 +221,46 @@ fn newest(results: Vec<(PathBuf, PathBuf)>) -> Vec<PathBuf> {
     newest.into_values().map(|(_, path)| path).collect()
 }
 
+/// How far a verb is that reads archives, by their bytes.
+#[derive(Debug)]
+pub(crate) struct ArchiveProgress {
+    progress: Progress,
+    /// Bytes of the archives that are done, and of the one that is under way.
+    done_bytes: u64,
+    bytes: u64,
+}
+
+impl ArchiveProgress {
+    pub(crate) fn new(archives: &Archives) -> Self {
+        let total = archives.files.iter().map(ArchiveFile::bytes).sum();
+        Self { progress: Progress::new(Some(total), Unit::Bytes), done_bytes: 0, bytes: 0 }
+    }
+
+    /// Notes that `file` comes next.
+    pub(crate) fn begin(&mut self, file: &ArchiveFile) {
+        tracing::info!("reading {}", file.path.display());
+        self.done_bytes += std::mem::replace(&mut self.bytes, file.bytes());
+        self.progress.update(self.done_bytes);
+    }
+
+    /// Notes that this part of it, from 0 to 1, is done.
+    pub(crate) fn note_part(&mut self, part: f64) {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::cast_precision_loss,
+            reason = "a part of a count, for people to see"
+        )]
+        let of_file = (self.bytes as f64 * part.clamp(0.0, 1.0)) as u64;
+        self.progress.update(self.done_bytes + of_file);
+    }
+
+    /// Has `write` write something else to the terminal.
+    pub(crate) fn beside<R>(&self, write: impl FnOnce() -> R) -> R {
+        self.progress.beside(write)
+    }
+}
+
 /// The outcome over many files: one that fails is named, and the others are done.
 #[derive(Debug)]
 pub(crate) struct Outcome {
@@ -246,7 +292,7 @@ impl Outcome {
             return Err(error);
         }
         self.failed += 1;
-        let (path, why) = (file.path.display().to_string(), crate::host::stderr::with_causes(&error));
+        let (path, why) = (file.path.display().to_string(), tapline_host::messages::with_causes(error.as_ref()));
         print_line(&if why.contains(&path) { format!("tapline: {why}") } else { format!("tapline: {path}: {why}") });
         Ok(None)
     }

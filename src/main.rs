@@ -6,7 +6,6 @@
 mod archives;
 mod cli;
 mod config;
-mod host;
 mod line;
 mod report;
 #[cfg(feature = "serve")]
@@ -20,23 +19,28 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Context as _;
-use clap::Parser as _;
+use clap::{CommandFactory as _, Parser as _};
+use tapline_host::log;
+use tapline_host::messages::print_failure;
+use tapline_host::signals::{end_on_signals, wait_if_ending};
 use tracing::level_filters::LevelFilter;
 
 use crate::archives::Which;
 use crate::cli::{Cli, ModelVerb, Verb};
-use crate::host::log::{self, LogFormat};
-use crate::host::stderr::{print_line, with_causes};
 use crate::line::stage::{DISK_FAILED, DiskFailed};
-use crate::verbs::{explain, export, import, model_contact, model_table, reference, repack, reprocess, rig, verify};
+use crate::verbs::{
+    diff, explain, export, import, model_contact, model_table, reference, repack, reprocess, rig, verify,
+};
 
 /// Ended, but incomplete: taps are missing, refused or damaged, an archive was left out, or contradicts itself.
 const INCOMPLETE: u8 = 3;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    log::start(cli.log, if draws(&cli.verb) { LevelFilter::OFF } else { LevelFilter::WARN });
-    match begin().and_then(|()| dispatch(&cli.verb)) {
+    log::start(cli.log, draws(&cli.verb).then_some(LevelFilter::OFF));
+    let done = begin(&cli.verb).and_then(|()| dispatch(&cli.verb));
+    wait_if_ending();
+    match done {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
         Err(error) => {
@@ -45,10 +49,7 @@ fn main() -> ExitCode {
             if error.is::<DiskFailed>() {
                 return ExitCode::from(DISK_FAILED);
             }
-            match cli.log {
-                LogFormat::Text => print_line(&format!("tapline: {}", with_causes(&error))),
-                LogFormat::Json => tracing::error!("{}", with_causes(&error)),
-            }
+            print_failure("tapline", error.as_ref());
             ExitCode::FAILURE
         }
     }
@@ -64,12 +65,20 @@ fn draws(verb: &Verb) -> bool {
     false
 }
 
+/// Whether `verb` ends in good order, and listens to signals itself.
+fn ends_in_order(verb: &Verb) -> bool {
+    draws(verb) || matches!(verb, Verb::Run(_) | Verb::Line(_) | Verb::Status(_) | Verb::Rig { .. } | Verb::Stage(_))
+}
+
 /// What comes before every verb.
-fn begin() -> anyhow::Result<()> {
+fn begin(verb: &Verb) -> anyhow::Result<()> {
     // A write beyond the limit of a file's size then fails with a reason, where it would end the process without one.
     let is_beyond = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(rustix::process::Signal::XFSZ.as_raw(), is_beyond)
         .context("cannot listen to signals")?;
+    if !ends_in_order(verb) {
+        end_on_signals().context("cannot listen to signals")?;
+    }
     Ok(())
 }
 
@@ -79,27 +88,33 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Run(args) => line::run(args),
         Verb::Line(args) => line::line(args),
         Verb::Status(args) => line::status::status(args),
-        Verb::Rig { listen, config } => rig::rig(listen, config.as_deref()),
+        Verb::Rig { listen, config, json } => rig::rig(listen, config.as_deref(), *json),
         #[cfg(feature = "alsa")]
-        Verb::Devices { names } => verbs::devices::devices(names),
+        Verb::Devices { names, json } => verbs::devices::devices(names, *json),
         #[cfg(feature = "alsa")]
         Verb::Monitor { config, station } => verbs::monitor::monitor(config, *station),
         Verb::Calibrate { verb } => verbs::calibrate::calibrate(verb),
+        Verb::Config(args) => verbs::config::config(args),
+        Verb::Completions { shell } => verbs::generated::completions(Cli::command(), *shell),
+        Verb::Man { folder, force } => verbs::generated::man(Cli::command(), folder, force.existing()),
         Verb::Stage(args) => line::stage::stage(args),
         Verb::Export(args) => export::export(args),
         Verb::Import(args) => import::import(args),
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archives, json } => verify::verify(archives, *json),
         Verb::Reprocess(args) => reprocess::reprocess(args),
-        Verb::Repack { archives, codec, out } => repack::repack(archives, (*codec).into(), out),
-        Verb::Explain { archives, shoulder, location, results } => {
-            explain::explain(archives, results.which(), shoulder.as_deref(), *location)
+        Verb::Repack { archives, codec, out, json } => repack::repack(archives, (*codec).into(), out, *json),
+        Verb::Explain { archives, shoulder, location, results, json } => {
+            explain::explain(archives, results.which(), shoulder.as_deref(), *location, *json)
         }
-        Verb::Diff { before, after, results } => explain::diff(before, after, Which::results_if(*results)),
-        Verb::Report { archives, out, config, shift, results } => {
-            report::report(archives, results.which(), out.as_deref(), config.as_deref(), shift.clone())
+        Verb::Diff { before, after, results, json } => diff::diff(before, after, Which::results_if(*results), *json),
+        Verb::Report { archives, out, config, shift, results, force, json } => {
+            let written = report::Written { existing: force.existing(), as_json: *json };
+            report::report(archives, results.which(), out.as_deref(), config.as_deref(), shift.clone(), written)
         }
-        Verb::Model(ModelVerb::Table { number, effective_length }) => model_table::model(*number, *effective_length),
+        Verb::Model(ModelVerb::Table { number, effective_length, json }) => {
+            model_table::model(*number, *effective_length, *json)
+        }
         Verb::Model(ModelVerb::Contact(args)) => model_contact::contact(args),
     }
 }

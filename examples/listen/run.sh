@@ -11,8 +11,8 @@ pcm.null { type null }
 pcm.shoulder { type file slave.pcm null file /dev/null infile "$PWD/shoulder.pcm" format raw }
 END
 export ALSA_CONFIG_PATH="$PWD/asound.conf"
-"$tapline" calibrate state --channel force --full-scale-v 5 --sensitivity-mv 22.5 --out calibration.toml
-"$tapline" calibrate state --channel sound --full-scale-v 5 --out calibration.toml
+"$tapline" calibrate state --channel force --full-scale-v 5 --sensitivity-mv 22.5 --out calibration.toml --force
+"$tapline" calibrate state --channel sound --full-scale-v 5 --out calibration.toml --force
 "$tapline" rig --listen 127.0.0.1:7001 --config "$here/rig.toml" &
 rig=$!
 trap 'kill $rig 2>/dev/null || true' EXIT

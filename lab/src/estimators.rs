@@ -6,15 +6,18 @@ mod sound;
 
 use std::path::Path;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 use serde::{Deserialize, Serialize};
+use tapline_host::progress::{Progress, Unit};
 use tapline_process::{Extractor, ProcessConfig, QualityConfig, Real};
 use tapline_wire::{Channel, ChannelHeader, Discriminator, SampleFormat, Samples, TapHeader};
 
 use page::markdown;
+
+use crate::written::WrittenArgs;
 
 /// Sample rates of the study: the rig's, and one at which a pulse has ten samples.
 const RATES_HZ: [u32; 2] = [40_960, 10_240];
@@ -72,24 +75,25 @@ pub(crate) struct Row {
 ///
 /// # Errors
 /// A computation that fails, or an error of the file system.
-pub fn write(out: &Path) -> Result<()> {
+pub fn write(out: &Path, written: WrittenArgs) -> Result<()> {
+    written.check(&out.join("estimators.md"))?;
     let rows = measure(|_| true)?;
-    let write = |name: &str, text: String| {
-        let path = out.join(name);
-        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
-    };
-    write("estimators.csv", csv(&rows)?)?;
-    write("estimators.md", markdown(&rows))
+    written.write(&[(out.join("estimators.csv"), csv(&rows)?), (out.join("estimators.md"), markdown(&rows))])
 }
 
 /// Measures the cells that `is_wanted`.
 pub(crate) fn measure(is_wanted: impl Fn(&Cell) -> bool) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
-    for cell in force::cells().into_iter().filter(&is_wanted) {
-        rows.extend(force::measure(&cell)?);
+    let wanted = |cells: Vec<Cell>| cells.into_iter().filter(&is_wanted).collect::<Vec<_>>();
+    let (of_force, of_sound) = (wanted(force::cells()), wanted(sound::cells()));
+    let mut progress = Progress::new(Some((of_force.len() + of_sound.len()) as u64), Unit::Things("cells"));
+    for (number, cell) in (0..).zip(&of_force) {
+        progress.update(number);
+        rows.extend(force::measure(cell)?);
     }
-    for cell in sound::cells().into_iter().filter(&is_wanted) {
-        rows.extend(sound::measure(&cell)?);
+    for (number, cell) in (of_force.len() as u64..).zip(&of_sound) {
+        progress.update(number);
+        rows.extend(sound::measure(cell)?);
     }
     Ok(rows)
 }

@@ -8,14 +8,13 @@ mod index;
 mod spectrum;
 mod tyres;
 
-use std::fs;
-use std::io::{self, Write as _};
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use tapline_wire::Discriminator;
 
 use self::dataset::Experiment;
+use crate::written::WrittenArgs;
 
 /// The discriminators of the source, which knows no others.
 const SEVEN: [Discriminator; 7] = {
@@ -27,9 +26,10 @@ const SEVEN: [Discriminator; 7] = {
 ///
 /// # Errors
 /// A folder without a name, a computation that fails, or an error of the file system.
-pub fn experiment(out: &Path, seed: u64) -> Result<()> {
+pub fn experiment(out: &Path, seed: u64, written: WrittenArgs) -> Result<()> {
     let name = out.file_name().and_then(|name| name.to_str());
     let folder = name.with_context(|| format!("--out is {}; it must end with the name of a folder", out.display()))?;
+    written.check(&out.with_added_extension("md"))?;
     let experiment = Experiment::take(seed)?;
     let figures = figures::figures(&experiment)?;
     let claims = claims::claims(&experiment)?;
@@ -41,12 +41,5 @@ pub fn experiment(out: &Path, seed: u64) -> Result<()> {
     files.push((out.join("claims.csv"), claims::csv(&claims)?));
     let titles: Vec<(&str, &str)> = figures.iter().map(|figure| (figure.name, figure.picture.title.as_str())).collect();
     files.push((out.with_added_extension("md"), claims::page(&claims, &titles, folder)));
-
-    fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
-    let mut out_text = io::stdout().lock();
-    for (path, text) in files {
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        writeln!(out_text, "{}", path.display())?;
-    }
-    Ok(())
+    written.write(&files)
 }

@@ -6,30 +6,27 @@ mod labels;
 #[cfg(test)]
 mod slips;
 
-use std::fs;
-use std::io::{self, Write as _};
 use std::path::Path;
 
 use self::curves::{Figure, figure};
-use anyhow::{Context as _, Result};
+use anyhow::Result;
+
+use crate::written::WrittenArgs;
 
 /// Writes figure `only`, or all of them, into the folder `out`.
 ///
 /// # Errors
 /// A number of no figure, a model outside of its domain, or an error of the file system.
-pub fn figures(out: &Path, only: Option<u8>) -> Result<()> {
+pub fn figures(out: &Path, only: Option<u8>, written: WrittenArgs) -> Result<()> {
     let numbers = only.map_or_else(|| Figure::NUMBERS.to_vec(), |number| vec![number]);
     let figures = numbers.into_iter().map(figure).collect::<Result<Vec<_>, _>>()?;
-    fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
-    let mut out_text = io::stdout().lock();
+    let mut files = Vec::new();
     for figure in &figures {
         for (extension, text) in [("svg", draw::svg(figure)?), ("csv", csv(figure)?)] {
-            let path = out.join(format!("fig{}.{extension}", figure.number));
-            fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-            writeln!(out_text, "{}", path.display())?;
+            files.push((out.join(format!("fig{}.{extension}", figure.number)), text));
         }
     }
-    Ok(())
+    written.write(&files)
 }
 
 /// One row a point, in SI units.

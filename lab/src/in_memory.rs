@@ -9,6 +9,7 @@ use std::thread::{Builder, available_parallelism, scope};
 
 use anyhow::{Context as _, Result};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use tapline_host::progress::{Progress, Unit};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{CacheLine, Discriminators, Plan, Quality, Samples, TapHeader, cache_lines_for};
@@ -55,6 +56,8 @@ impl InMemoryScan<'_> {
             0 => available_parallelism().map_or(1, NonZeroUsize::get),
             count => count,
         };
+        let progress = Progress::new(Some(plan.taps().len() as u64), Unit::Things("taps"));
+        let progress = Mutex::new((progress, 0));
         let to_do = Mutex::new((0_u32..).step_by(TAPS_AT_A_TIME).zip(results.chunks_mut(TAPS_AT_A_TIME)));
         scope(|threads| {
             let work = || -> Result<()> {
@@ -63,9 +66,13 @@ impl InMemoryScan<'_> {
                     // In a statement of its own, so that the lock is released before the work is done.
                     let next = to_do.lock().unwrap_or_else(PoisonError::into_inner).next();
                     let Some((first_row, places)) = next else { return Ok(()) };
+                    let count = places.len() as u64;
                     for (row, place) in (first_row..).zip(places) {
                         *place = Some(maker.take(row, &look)?);
                     }
+                    let (progress, done) = &mut *progress.lock().unwrap_or_else(PoisonError::into_inner);
+                    *done += count;
+                    progress.update(*done);
                 }
             };
             let start = |k| Builder::new().name(format!("scan-{k}")).spawn_scoped(threads, work);

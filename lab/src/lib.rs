@@ -7,6 +7,7 @@
 //! - [`estimators`]: bias and spread of every estimator on taps whose truth is known.
 //! - [`stability`]: breakdown curves, how wrong a number gets as a disturbance grows.
 //! - [`picture`]: the README's picture, two shoulders of an archive.
+//! - [`written`]: the files that a verb writes.
 //! - [`statistics`]: probability of detection, rates, gauge studies, resampling, held-out areas.
 
 pub mod estimators;
@@ -19,3 +20,4 @@ pub mod pod;
 pub mod stability;
 pub mod statistics;
 pub mod study;
+pub mod written;

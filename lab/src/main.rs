@@ -3,15 +3,24 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use anyhow::{Context as _, Result};
+use clap::{CommandFactory as _, Parser, Subcommand};
+use tapline_host::arguments::{ForceArgs, LogArgs};
+use tapline_host::atomic_file::check_folder;
+use tapline_host::messages::print_failure;
+use tapline_host::signals::{end_on_signals, wait_if_ending};
+use tapline_host::{generated, log};
 use tapline_lab::pod::PodArgs;
 use tapline_lab::study::StudyArgs;
+use tapline_lab::written::WrittenArgs;
 use tapline_lab::{estimators, experiment, figures, picture, pod, stability, study};
 
 /// What a researcher runs beside tapline: studies, figures and curves.
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 100)]
 struct Cli {
+    #[command(flatten)]
+    log: LogArgs,
     #[command(subcommand)]
     verb: Verb,
 }
@@ -32,6 +41,8 @@ enum Verb {
         /// Seed of all random numbers.
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        #[command(flatten)]
+        written: WrittenArgs,
     },
     /// Draw the dissertation's figures of the contact theory, as SVG and CSV.
     Figures {
@@ -41,18 +52,24 @@ enum Verb {
         /// The one figure to draw; all when left out.
         #[arg(long)]
         figure: Option<u8>,
+        #[command(flatten)]
+        written: WrittenArgs,
     },
     /// Measure bias and spread of every estimator, and write `estimators.csv` and `estimators.md`.
     Estimators {
         /// Folder to write into.
         #[arg(long, default_value = "docs")]
         out: PathBuf,
+        #[command(flatten)]
+        written: WrittenArgs,
     },
     /// Draw the breakdown curves: how wrong each discriminator and each contact model gets as a disturbance grows.
     Stability {
         /// Folder to write into; made when it is not there.
         #[arg(long, default_value = "docs/stability")]
         out: PathBuf,
+        #[command(flatten)]
+        written: WrittenArgs,
     },
     /// Draw a damaged and a sound shoulder of an archive, and a tap of each.
     Picture {
@@ -61,26 +78,54 @@ enum Verb {
         /// File to write (SVG).
         #[arg(long, default_value = "picture.svg")]
         out: PathBuf,
+        #[command(flatten)]
+        written: WrittenArgs,
+    },
+    /// Print what completes verbs and options at the prompt of a shell.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Write the manual pages, one a verb.
+    Man {
+        /// Folder to write into; made when it is not there.
+        folder: PathBuf,
+        #[command(flatten)]
+        force: ForceArgs,
     },
 }
 
 fn main() -> ExitCode {
-    let done = match &Cli::parse().verb {
-        Verb::Study(args) => study::study(args),
-        Verb::Pod(args) => pod::pod(args),
-        Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
-        Verb::Figures { out, figure } => figures::figures(out, *figure),
-        Verb::Estimators { out } => estimators::write(out),
-        Verb::Stability { out } => stability::write(out),
-        Verb::Picture { archive, out } => picture::write(archive, out),
-    };
+    let cli = Cli::parse();
+    log::start(cli.log, None);
+    let done = end_on_signals().context("cannot listen to signals").and_then(|()| dispatch(&cli.verb));
+    wait_if_ending();
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            use std::io::Write as _;
-            // If standard error is closed, ignore it.
-            drop(writeln!(std::io::stderr(), "tapline-lab: {error:#}"));
+            print_failure("tapline-lab", error.as_ref());
             ExitCode::FAILURE
+        }
+    }
+}
+
+fn dispatch(verb: &Verb) -> Result<()> {
+    match verb {
+        Verb::Study(args) => study::study(args),
+        Verb::Pod(args) => pod::pod(args),
+        Verb::Experiment { out, seed, written } => experiment::experiment(out, *seed, *written),
+        Verb::Figures { out, figure, written } => figures::figures(out, *figure, *written),
+        Verb::Estimators { out, written } => estimators::write(out, *written),
+        Verb::Stability { out, written } => stability::write(out, *written),
+        Verb::Picture { archive, out, written } => picture::write(archive, out, *written),
+        Verb::Completions { shell } => generated::completions(Cli::command(), *shell, &mut std::io::stdout().lock())
+            .context("cannot write to standard output"),
+        Verb::Man { folder, force } => {
+            check_folder(folder, force.existing())?;
+            let failed = |(path, error): (PathBuf, std::io::Error)| {
+                anyhow::Error::from(error).context(format!("cannot write {}", path.display()))
+            };
+            generated::manual(Cli::command(), folder).map(drop).map_err(failed)
         }
     }
 }

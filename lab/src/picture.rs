@@ -17,6 +17,7 @@ use tapline_wire::{DamageCell, Geometry, Judgement, Scan, SourceKind, Verdict};
 
 use self::ring::Ring;
 use self::tap::Tap;
+use crate::written::WrittenArgs;
 use tapline_draw::canvas::{self, Area, BLUE, INK, PALE_INK, Point, VERMILLION};
 
 /// Okabe and Ito's sky blue.
@@ -47,14 +48,11 @@ impl Shoulder<'_> {
 ///
 /// # Errors
 /// An archive that cannot be read or drawn, or an error of the file system.
-pub fn write(archive: &Path, out: &Path) -> Result<()> {
+pub fn write(archive: &Path, out: &Path, written: WrittenArgs) -> Result<()> {
     let reader = Reader::open(archive)?;
     ensure!(reader.plan().geometry == Geometry::Ring, "{} holds no ring, and this draws rings", archive.display());
     let svg = draw(&reader)?;
-    if let Some(folder) = out.parent() {
-        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    }
-    std::fs::write(out, svg).with_context(|| format!("cannot write {}", out.display()))
+    written.write(&[(out.to_owned(), svg)])
 }
 
 fn draw(reader: &Reader) -> Result<String> {

@@ -14,10 +14,11 @@ mod repeats;
 mod roc;
 mod truth;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use tapline_host::arguments::ForceArgs;
+use tapline_host::atomic_file::{Existing, check_folder, write_texts};
 
 use self::archives::Scans;
 use self::calls::CallRate;
@@ -45,6 +46,8 @@ pub struct PodArgs {
     /// Folder to write tables (CSV), figures (SVG) and `page.md` into; made when it is not there.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub force: ForceArgs,
 }
 
 /// All that is found.
@@ -62,6 +65,9 @@ struct Findings {
 /// # Errors
 /// A truth that contradicts itself or the archives, no archive that can be read, or an error of the file system.
 pub fn pod(args: &PodArgs) -> Result<()> {
+    if let Some(folder) = &args.out {
+        check_folder(folder, args.force.existing())?;
+    }
     let scans = Scans::read(&args.folder)?;
     let truth = match &args.truth {
         Some(file) => {
@@ -74,7 +80,7 @@ pub fn pod(args: &PodArgs) -> Result<()> {
     let found = Findings::compute(&scans, &truth, args);
     print_tables(&found.tables, args.json)?;
     match &args.out {
-        Some(folder) => found.write(folder),
+        Some(folder) => found.write(folder, args.force.existing()),
         None => Ok(()),
     }
 }
@@ -98,7 +104,7 @@ impl Findings {
         Self { detections, rocs, calls, repeated, tables }
     }
 
-    fn write(&self, folder: &Path) -> Result<()> {
+    fn write(&self, folder: &Path, existing: Existing) -> Result<()> {
         let mut files = Vec::new();
         for table in &self.tables {
             files.push((format!("{}.csv", table.name), table.csv()?));
@@ -108,11 +114,7 @@ impl Findings {
             files.push((format!("{}.svg", picture.name), picture.svg()?));
         }
         files.push(("page.md".to_owned(), page::page(self, &pictures)));
-        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        for (name, text) in files {
-            let path = folder.join(name);
-            fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        }
-        Ok(())
+        let files: Vec<_> = files.into_iter().map(|(name, text)| (folder.join(name), text)).collect();
+        Ok(write_texts(&files, existing)?)
     }
 }

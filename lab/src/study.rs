@@ -15,10 +15,12 @@ mod sets;
 mod size;
 mod summary;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
+use tapline_host::arguments::ForceArgs;
+use tapline_host::atomic_file::{Existing, check_folder, check_writable, write_texts};
+use tapline_host::messages::say;
 
 use self::candidates::{Candidate, SingleDiscriminator, Split};
 use self::false_calls::FalseCalls;
@@ -51,11 +53,29 @@ pub struct StudyArgs {
     /// Folder to write tables (CSV) and figures (SVG) into, with a page beside it; made when it is not there.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub force: ForceArgs,
 }
 
 /// Tyres of a set when nothing else is asked for.
 const TYRES: usize = 16;
 const TYRES_QUICK: usize = 8;
+
+/// Steps of a study that are done with the first set alone: plans, detection, false calls, gauge.
+const PARTS_OF_ONE_SET: usize = 4;
+
+/// A step of a study, which people are told of.
+struct Step {
+    number: usize,
+    count: usize,
+}
+
+impl Step {
+    fn begin(&mut self, what: &str) {
+        self.number += 1;
+        say(&format!("step {} of {}: {what}", self.number, self.count));
+    }
+}
 
 /// All that is found.
 #[derive(Debug)]
@@ -80,10 +100,14 @@ pub fn study(args: &StudyArgs) -> Result<()> {
     let tyres = args.tyres.unwrap_or(if args.quick { TYRES_QUICK } else { TYRES });
     ensure!(tyres >= 8, "--tyres is {tyres}; at least 8 are needed, for two sound and two cracked ones to be judged");
     let size = if args.quick { Size::quick(tyres) } else { Size::full_study(tyres) };
+    if let Some(folder) = &args.out {
+        check_folder(folder, args.force.existing())?;
+        check_writable(&folder.with_added_extension("md"), args.force.existing())?;
+    }
     let found = Findings::compute(&size, args.seed, args.threads)?;
     print_tables(&found.tables, args.json)?;
     if let Some(folder) = &args.out {
-        found.write(folder, args.seed)?;
+        found.write(folder, args.seed, args.force.existing())?;
     }
     Ok(())
 }
@@ -95,11 +119,14 @@ impl Findings {
         let names: Vec<&'static str> = all.iter().map(|set| set.name).collect();
         let (mut candidates, mut alone) = (Vec::new(), Vec::new());
         let mut tried = Vec::new();
+        let mut step = Step { number: 0, count: all.len() + PARTS_OF_ONE_SET };
         for (number, set) in (0..).zip(&all) {
+            step.begin(&format!("the set {}", set.name));
             // The first set is scanned by the full plan, of which its own is a part.
             let turns = if number == 0 { &size.full } else { &size.turns };
             let split = Split::scan(set, number, size, turns, seed, threads)?;
             if number == 0 {
+                step.begin("plans");
                 tried = plans::plans(&split, &size.full, threads)?;
             }
             let split = split.with(&size.turns)?;
@@ -107,6 +134,7 @@ impl Findings {
             candidates.extend(of_set);
             alone.extend(alone_of_set);
         }
+        step.begin("probability of detection");
         let detection = detection::detection(first, size, seed, threads)?;
         let cheapest = plans::cheapest(&tried).map(|t| t.turns.clone());
         let full = tried.last().map(|t| t.turns.clone());
@@ -114,7 +142,9 @@ impl Findings {
         let of_note = "The full plan, the cheapest within 0.01 AUC of it, and those that no plan beats in time and AUC";
         let mut about = Table::new("sets", "The simulated sets", &["set", "about"]);
         all.iter().for_each(|set| about.push([set.name.into(), set.about.into()]));
+        step.begin("false calls");
         let calls = false_calls::false_calls(first, size, seed, threads)?;
+        step.begin("gauge study");
         let gauge = gauge::gauge(first, size, seed, threads)?;
         let of_sets = summary::of_sets(&candidates, &alone, &names, seed);
         let found = published::found_on_sets(&candidates, &names, seed);
@@ -136,7 +166,7 @@ impl Findings {
     }
 
     /// Writes tables and figures into `folder`, and the page beside it.
-    fn write(&self, folder: &Path, seed: u64) -> Result<()> {
+    fn write(&self, folder: &Path, seed: u64, existing: Existing) -> Result<()> {
         let name = folder.file_name().and_then(|name| name.to_str());
         let name =
             name.with_context(|| format!("--out is {}; it must end with the name of a folder", folder.display()))?;
@@ -150,10 +180,6 @@ impl Findings {
             files.push((folder.join(format!("{}.svg", picture.name)), picture.svg()?));
         }
         files.push((folder.with_added_extension("md"), page::page(self, &pictures, name)));
-        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        for (path, text) in files {
-            fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        }
-        Ok(())
+        Ok(write_texts(&files, existing)?)
     }
 }

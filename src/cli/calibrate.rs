@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
+use tapline_host::arguments::ForceArgs;
 use tapline_wire::Channel;
 
 /// How a channel is calibrated.
@@ -81,6 +82,11 @@ pub(crate) struct WrittenArgs {
     /// For how many days it is valid.
     #[arg(long, default_value_t = 365)]
     pub valid_days: u16,
+    #[command(flatten)]
+    pub force: ForceArgs,
+    /// Print the calibration as JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// A channel, as people name it.

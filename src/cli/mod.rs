@@ -11,15 +11,14 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::archives::Which;
 use crate::cli::model::{ContactArgs, Length};
-use crate::host::log::LogFormat;
+use tapline_host::arguments::{ForceArgs, LogArgs};
 
 /// Finds hidden cracks in truck-tyre casings by tapping them and listening.
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 100, after_help = EXIT_CODES)]
 pub(crate) struct Cli {
-    /// How the log is written, on standard error; TAPLINE_LOG says what is in it (error, warn, info, debug).
-    #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value_t)]
-    pub log: LogFormat,
+    #[command(flatten)]
+    pub log: LogArgs,
     #[command(subcommand)]
     pub verb: Verb,
 }
@@ -48,12 +47,18 @@ pub(crate) enum Verb {
         /// What it does (TOML); defaults hold for what is left out.
         #[arg(long)]
         config: Option<PathBuf>,
+        /// Print the address, and at the end what it did, as lines of JSON.
+        #[arg(long)]
+        json: bool,
     },
     /// List the sound cards that a station can listen to, and what they can record.
     #[cfg(feature = "alsa")]
     Devices {
         /// Names of devices, as ALSA spells them; all that it lists when left out.
         names: Vec<String>,
+        /// Print a line of JSON for each.
+        #[arg(long)]
+        json: bool,
     },
     /// Show what the sound card of a station gives: levels, the last tap, and what is found in it.
     #[cfg(feature = "alsa")]
@@ -69,6 +74,20 @@ pub(crate) enum Verb {
     Calibrate {
         #[command(subcommand)]
         verb: calibrate::CalibrateVerb,
+    },
+    /// Print a complete configuration with comments, or check one.
+    Config(ConfigArgs),
+    /// Print what completes tapline's verbs and options at the prompt of a shell.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Write the manual pages, one a verb.
+    Man {
+        /// Folder to write into; made when it is not there.
+        folder: PathBuf,
+        #[command(flatten)]
+        force: ForceArgs,
     },
     /// One stage of a line, started by it.
     #[command(hide = true)]
@@ -111,9 +130,12 @@ pub(crate) enum Verb {
         /// What packs the samples of the new ones.
         #[arg(long, value_enum)]
         codec: PackedBy,
-        /// The new archive; of a folder, or of several files, a folder for them.
+        /// The new archive; of a folder, or of several files, a folder for them. No archive is replaced.
         #[arg(long)]
         out: PathBuf,
+        /// Print a line of JSON for each archive.
+        #[arg(long)]
+        json: bool,
     },
     /// Show what an archive's numbers are made of and by: recorded taps, sources of the program, options, reference.
     Explain {
@@ -124,10 +146,13 @@ pub(crate) enum Verb {
         #[arg(long, value_name = "TYRE/SHOULDER")]
         shoulder: Option<String>,
         /// Of this location of it the index, and what was found in every tap.
-        #[arg(long)]
+        #[arg(long, requires = "shoulder")]
         location: Option<u32>,
         #[command(flatten)]
         results: ResultsArgs,
+        /// Print a line of JSON for each archive.
+        #[arg(long)]
+        json: bool,
     },
     /// Show what changed from one archive's numbers to another's of the same taps: options and sources first, then numbers.
     ///
@@ -140,6 +165,9 @@ pub(crate) enum Verb {
         /// Of the second folder take the newest results of `tapline reprocess`: it may be the same folder.
         #[arg(long)]
         results: bool,
+        /// Print a line of JSON for each pair of archives.
+        #[arg(long)]
+        json: bool,
     },
     /// Write what archives hold as pages to read and print: one a tyre, and one of the whole shift.
     ///
@@ -161,6 +189,11 @@ pub(crate) enum Verb {
         shift: Option<String>,
         #[command(flatten)]
         results: ResultsArgs,
+        #[command(flatten)]
+        force: ForceArgs,
+        /// Print a line of JSON for each page.
+        #[arg(long)]
+        json: bool,
     },
     /// The contact models.
     #[command(subcommand)]
@@ -209,6 +242,11 @@ pub(crate) struct ReferenceArgs {
     /// File to write, whose name ends in .json.
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub force: ForceArgs,
+    /// Print what the reference is as JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What packs samples.
@@ -257,6 +295,21 @@ pub(crate) struct ReprocessArgs {
     /// results of the same lineage have already are not read again.
     #[arg(long)]
     pub from_samples: bool,
+    /// Print a line of JSON for each archive.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What is done with a configuration.
+#[derive(Debug, Args)]
+#[group(required = true)]
+pub(crate) struct ConfigArgs {
+    /// Print a complete configuration, every key with its default and what it means.
+    #[arg(long)]
+    pub example: bool,
+    /// Check this configuration: every key, value and bound.
+    #[arg(long, value_name = "FILE")]
+    pub check: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -338,6 +391,9 @@ pub(crate) struct ImportArgs {
     /// Write recordings and a configuration to start from into this folder, and print the command that imports them.
     #[arg(long, value_name = "DIR")]
     pub example: Option<PathBuf>,
+    /// Print what was imported as JSON.
+    #[arg(long, conflicts_with = "example")]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -357,6 +413,11 @@ pub(crate) struct ExportArgs {
     /// File to write a table into, standard output when left out; for the taps a folder, which must be new or empty.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub force: ForceArgs,
+    /// Print what was written as JSON.
+    #[arg(long, requires = "out")]
+    pub json: bool,
 }
 
 const EXPORT_FORMATS: &str = "\
@@ -411,6 +472,9 @@ pub(crate) enum ModelVerb {
         /// How the effective length of a crack is had: as the printed tables used it, or as the text describes it.
         #[arg(long, value_enum, default_value_t = Length::Published)]
         effective_length: Length,
+        /// Print it as JSON, an object a row.
+        #[arg(long)]
+        json: bool,
     },
     /// Print what one contact does, on a rung of the ladder of models or on the cheapest that is true enough.
     Contact(ContactArgs),

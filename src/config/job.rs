@@ -48,12 +48,7 @@ impl Job {
             config.scan.stations = stations;
             config_toml = with_value(&config_toml, "scan", "stations", i64::from(stations).into())?;
         }
-        config.acquire.validate()?;
-        config.process.validate()?;
-        config.fuse.validate()?;
-        config.store.validate()?;
-        config.line.validate()?;
-        config.report.validate()?;
+        config.validate()?;
         if args.stations == Some(0) {
             bail!("--stations is 0; at least one is needed");
         }

@@ -118,6 +118,19 @@ impl Config {
         Ok((config, text))
     }
 
+    /// Checks the values of the tables against their bounds.
+    ///
+    /// # Errors
+    /// Names the first key that is out of them.
+    pub(crate) fn validate(&self) -> Result<()> {
+        self.acquire.validate()?;
+        self.process.validate()?;
+        self.fuse.validate()?;
+        self.store.validate()?;
+        self.line.validate()?;
+        self.report.validate()
+    }
+
     /// What the largest casing of any station needs.
     pub(crate) fn station_limits(&self) -> Result<CasingLimits> {
         let tap_sets = CasingLimits {

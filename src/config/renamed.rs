@@ -2,6 +2,7 @@
 
 use anyhow::{Error, Result};
 use serde::de::DeserializeOwned;
+use tapline_host::similar::did_you_mean;
 
 /// One name that is no longer read.
 struct Renamed {
@@ -48,10 +49,21 @@ const RENAMED: [Renamed; 16] = [
 /// # Errors
 /// What is wrong and where; for each name that was renamed also the new one.
 pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
-    toml::from_str(text).map_err(|error| match hints(text, &RENAMED).join("; ") {
-        hints if hints.is_empty() => error.into(),
-        hints => Error::from(error).context(hints),
+    toml::from_str(text).map_err(|error| {
+        let mut hints = hints(text, &RENAMED);
+        if hints.is_empty() {
+            hints.extend(meant(error.message()));
+        }
+        if hints.is_empty() { error.into() } else { Error::from(error).context(hints.join("; ")) }
     })
+}
+
+/// What was meant by the name that a `message` of the reader refuses: it quotes that first, and then those it knows.
+fn meant(message: &str) -> Option<String> {
+    let is_of_name = ["unknown field", "unknown variant"].iter().any(|begin| message.starts_with(begin));
+    let mut names = message.split('`').skip(1).step_by(2).filter(|_| is_of_name);
+    let name = names.next()?;
+    did_you_mean(name, names)
 }
 
 /// What to write in place of each name of `renamed` that is in `text`.
@@ -103,6 +115,20 @@ mod tests {
         let fault = |key: &str| format!("[[simulation.fault]]\nkind = \"hum\"\n{key} = 0.1\n");
         assert!(parse::<Config>(&fault("fraction")).is_ok());
         assert!(refusal(&fault("share")).contains("simulation.fault.share is now simulation.fault.fraction"));
+    }
+
+    /// Catches a slip in a key, an index or a discriminator without the name that was meant, and a hint that leads astray.
+    #[test]
+    fn what_was_meant_by_a_slip_is_said() {
+        for (text, meant) in [
+            ("[process]\nf_hi = 1.0", "did you mean \"f_hi_hz\"?"),
+            ("[fuse]\nindex = \"fusde\"", "did you mean \"fused\"?"),
+            ("[fuse]\ndiscriminators = [\"f_max\", \"tua\"]", "did you mean \"tau\"?"),
+            ("[fusion]", "did you mean \"fuse\"?"),
+        ] {
+            assert!(refusal(text).contains(meant), "{}", refusal(text));
+        }
+        assert!(!refusal("[process]\ncolour = 1.0").contains("did you mean"));
     }
 
     /// Catches a value whose new name is not named, a hint for a value that was not renamed, and one for another table.

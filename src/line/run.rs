@@ -13,15 +13,15 @@ use tapline_wire::{Line, LineAddress, Recording, Role, Services};
 
 use crate::cli::{LineArgs, RunArgs};
 use crate::config::job::Job;
-use crate::host::atomic_file::write_atomically;
-use crate::host::progress::Progress;
-use crate::host::signals::stop_flag;
 use crate::line::out_folder::OutFolder;
 use crate::line::process_name::name_process;
 use crate::line::setup::{Arriving, Setup};
 use crate::line::summary::summarise;
 use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
 use crate::wires::{self, Wires};
+use tapline_host::atomic_file::{Existing, write_atomically};
+use tapline_host::progress::{Progress, Unit};
+use tapline_host::signals::stop_flag;
 
 /// How long stages of an earlier line may take to end with it: as any stage, and a little more.
 const GONE_WITHIN: Duration = Duration::from_secs(25);
@@ -49,12 +49,19 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     } else {
         setup.check_machine()?;
         say_unsupported(&job)?;
-        let progress = Progress::new(Some(listed.tap_count), &job.out);
+        let progress = scanning(listed.tap_count, &job.out);
         let audience = Audience { progress, wires: None, as_json: args.json, show: None };
         operate(&setup, &mut folder, audience, Some(listed.names.len()))?
     };
     drop(folder);
     summarise(&job, &setup, &listed.names, pace, args.json)
+}
+
+/// Progress of a scan of `tap_count` taps.
+fn scanning(tap_count: usize, out: &Path) -> Progress {
+    let progress = Progress::new(Some(tap_count as u64), Unit::Things("taps"));
+    progress.print(&format!("scanning {tap_count} taps into {}", out.display()));
+    progress
 }
 
 /// `tapline line`: casings as they come, until it is asked to stop.
@@ -83,7 +90,8 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
     say_unsupported(&job)?;
-    let progress = Progress::new(None, &job.out);
+    let progress = Progress::new(None, Unit::Things("taps"));
+    progress.print(&format!("waiting for casings; results go into {}", job.out.display()));
     shown_at.iter().for_each(|address| progress.print(&format!("the line is shown at {address}")));
     folder.make_unreported()?;
     let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places())?;
@@ -142,7 +150,7 @@ fn say_unsupported(job: &Job) -> Result<()> {
 /// Runs the line that `setup` describes.
 fn operate(setup: &Setup, folder: &mut OutFolder, audience: Audience, count: Option<usize>) -> Result<Pace> {
     name_process("tapline-line");
-    let stop = stop_flag()?;
+    let stop = stop_flag().context("cannot listen to signals")?;
     let workplace = Workplace { address: LineAddress::fresh()? };
     let address = &workplace.address;
     folder.enter(address)?;
@@ -249,7 +257,7 @@ impl RunFile {
                     bail!("{} has results of something else: give another --out", folder.display());
                 }
                 let text = toml::to_string(self)?;
-                return write_atomically(&path, |mut file| file.write_all(text.as_bytes()));
+                return Ok(write_atomically(&path, Existing::Keep, |mut file| file.write_all(text.as_bytes()))?);
             }
             Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
         };

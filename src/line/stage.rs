@@ -11,10 +11,10 @@ use tapline_wire::{Line, LineAddress, Role};
 
 use crate::cli::StageArgs;
 use crate::config::job::Job;
-use crate::host::log::{self, LogFormat};
-use crate::host::signals::stop_flag;
 use crate::line::process_name::{name_process, stage_name};
 use crate::line::setup::Setup;
+use tapline_host::log;
+use tapline_host::signals::stop_flag;
 
 /// Exit code of a stage that has closed its files on a disk that has failed: the supervisor starts it again when the disk is
 /// back.
@@ -52,7 +52,9 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
     let _lock = address.lock_folder()?;
     let setup = Setup::read(&address)?;
     let job = Job::of_copy(&setup.config_toml, setup.reference.clone(), setup.out.clone())?;
-    let join = |role| -> Result<Line> { Ok(Line::join(&address, role, &setup.limits, stop_flag()?)?) };
+    let join = |role| -> Result<Line> {
+        Ok(Line::join(&address, role, &setup.limits, stop_flag().context("cannot listen to signals")?)?)
+    };
     let work = match args.stage.split_once('-') {
         None if args.stage == "process" => {
             Work::Process(tapline_process::run(&join(Role::Process)?, &job.config.process)?)
@@ -113,9 +115,6 @@ fn peak_memory_bytes() -> u64 {
 pub(crate) fn arguments(stage: &str, folder: &Path) -> Result<Vec<String>> {
     let folder = folder.to_str().with_context(|| format!("{} is not valid UTF-8", folder.display()))?;
     let own = std::process::id().to_string();
-    let mut arguments: Vec<String> = ["stage", stage, "--line", folder, "--child", &own].map(str::to_owned).into();
-    if log::format() == LogFormat::Json {
-        arguments.extend(["--log", "json"].map(str::to_owned));
-    }
-    Ok(arguments)
+    let arguments = ["stage", stage, "--line", folder, "--child", &own].map(str::to_owned);
+    Ok(arguments.into_iter().chain(log::arguments()).collect())
 }

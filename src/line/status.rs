@@ -7,17 +7,16 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use comfy_table::Table;
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use jiff::{Timestamp, tz::TimeZone};
+use tapline_host::table::{break_last_column, table};
 use tapline_wire::{Line, Role, StatusTopic, Subscriber, now_ns};
 
 use crate::cli::StatusArgs;
-use crate::host::signals::stop_flag;
 use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
 use crate::shown::casing::CasingStatus;
 use crate::shown::status::Status;
+use tapline_host::signals::stop_flag;
 
 /// How long a running line may take to show its status.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(15);
@@ -31,7 +30,7 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
         bail!("no line runs on {}", args.out.display());
     };
     let setup = Setup::read(&found.address)?;
-    let stop = stop_flag()?;
+    let stop = stop_flag().context("cannot listen to signals")?;
     let line = Line::join(&found.address, Role::Viewer(std::process::id()), &setup.limits, Arc::clone(&stop))?;
     let shown = Subscriber::<StatusTopic>::open(&line)?;
     let since = Instant::now();
@@ -93,9 +92,7 @@ fn text(status: &Status) -> String {
     if age_ns > STANDS_AFTER_NS {
         add(&format!("\nIt has shown nothing for {} s.", age_ns / 1_000_000_000));
     }
-    let mut table = Table::new();
-    table.load_style(UTF8_HORIZONTAL_ONLY);
-    table.set_header(["station", "casing", "taps", "refused", "waits for"]);
+    let mut table = table(["station", "casing", "taps", "refused", "waits for"]);
     for station in &status.stations {
         let of = |value: &dyn Fn(&CasingStatus) -> String| station.casing.as_ref().map_or_else(String::new, value);
         table.add_row([
@@ -106,6 +103,7 @@ fn text(status: &Status) -> String {
             station.waits_for.clone(),
         ]);
     }
+    break_last_column(&mut table);
     let written = write!(text, "\n{table}");
     debug_assert!(written.is_ok(), "texts take all that is written to them");
     let restarts: Vec<String> = status

@@ -5,10 +5,10 @@ use std::io::{self, Write as _};
 use std::sync::Arc;
 
 use anyhow::Result;
-use comfy_table::Table;
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde::Serialize;
 use tapline_fuse::{Fusion, Reference, ReferenceSet, Score, ScorePool};
+use tapline_host::colour::Colour;
+use tapline_host::table::{break_last_column, table};
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Ledger, Quality, TapState};
 
@@ -234,33 +234,20 @@ fn stations(numbers: &[u16]) -> String {
 }
 
 fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
-    let mut table = Table::new();
-    table.load_style(UTF8_HORIZONTAL_ONLY);
-    table.set_header([
-        "tyre",
-        "shoulder",
-        "station",
-        "verdict",
-        "why",
-        "regions",
-        "strongest arc",
-        "most at",
-        "reject from",
-    ]);
+    let mut table = table(["shoulder", "verdict", "arcs", "strongest / limit", "at", "why"]);
     let cell = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:.2}"));
     for line in &summary.verdicts {
         table.add_row([
-            line.tyre.clone(),
-            line.shoulder.to_string(),
-            line.station.to_string(),
+            format!("{}/{}", line.tyre, line.shoulder),
             line.verdict.to_string(),
-            line.reasons.clone(),
             line.regions.to_string(),
-            cell(line.strongest_arc),
+            format!("{} / {}", cell(line.strongest_arc), cell(line.limit_reject)),
             line.peak_location.map_or_else(String::new, |l| l.to_string()),
-            cell(line.limit_reject),
+            // Parted by spaces, at which lines are broken.
+            line.reasons.replace('|', ", "),
         ]);
     }
+    break_last_column(&mut table);
     writeln!(out, "{table}")?;
     if let Some(auc) = &summary.auc {
         let text = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
@@ -287,7 +274,10 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     }
     print_pace(out, &summary.pace)?;
     let Summary { casings, unfinished, archived, refused, missing, .. } = summary;
-    let state = if summary.is_complete { "complete" } else { "INCOMPLETE" };
+    let state = match summary.is_complete {
+        true => Colour::Good.on_stdout("complete"),
+        false => Colour::Bad.on_stdout("INCOMPLETE"),
+    };
     writeln!(
         out,
         "{} is {state}: {} of {casings} casings finished; {archived} taps archived, {refused} refused, {missing} missing.",

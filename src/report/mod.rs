@@ -10,16 +10,26 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use serde_json::json;
 use tapline_store::Reader;
 
-use crate::archives::{Archives, Outcome, Which};
+use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
-use crate::host::atomic_file::write_atomically;
 use crate::report::evidence::{Evidence, Tyre};
 use crate::report::pages::shift::Shift;
+use tapline_host::atomic_file::{Existing, check_folder, write_atomically};
 
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";
+
+/// How pages are written.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Written {
+    /// What becomes of pages that are there.
+    pub existing: Existing,
+    /// Whether their paths are printed as JSON.
+    pub as_json: bool,
+}
 
 /// Writes the pages of the archives at `paths` into the folder `out`, or into one named after the first archive.
 pub(crate) fn report(
@@ -28,13 +38,17 @@ pub(crate) fn report(
     out: Option<&Path>,
     config: Option<&Path>,
     shift_name: Option<String>,
+    written: Written,
 ) -> Result<bool> {
     let printed = config.map(|path| Config::read(path).map(|(config, _)| config.report)).transpose()?;
     let archives = Archives::find(paths, which)?;
     let folder = out.map_or_else(|| default_folder(&paths[0]), Path::to_owned);
+    check_folder(&folder, written.existing)?;
     let mut outcome = Outcome::new(&archives);
+    let mut progress = ArchiveProgress::new(&archives);
     let (mut shift, mut names) = (Shift::default(), Names::default());
     for file in &archives.files {
+        progress.begin(file);
         let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
         let Some(mut evidence) = outcome.take(file, Evidence::read(&reader))? else { continue };
         if let Some(printed) = &printed {
@@ -48,16 +62,17 @@ pub(crate) fn report(
         let Some(()) = outcome.take(file, shift.look_at(&reader, &evidence))? else { continue };
         for (tyre, page) in evidence.tyres.iter().zip(pages) {
             let name = names.name_for(tyre);
-            put(&folder, &name, &page)?;
+            progress.beside(|| put(&folder, &name, &page, written))?;
             shift.add_page(name);
         }
         shift.add_tyres(evidence);
     }
+    drop(progress);
     let is_complete = outcome.end()?;
     // Last, because it links to the others.
     let title = if archives.is_many { title_of(paths) } else { String::new() };
     if let Some(page) = shift.page(title, shift_name.as_deref())? {
-        put(&folder, SHIFT, &page)?;
+        put(&folder, SHIFT, &page, written)?;
     }
     Ok(is_complete)
 }
@@ -76,11 +91,12 @@ fn title_of(paths: &[PathBuf]) -> String {
 }
 
 /// Writes a page and prints its path.
-fn put(folder: &Path, name: &str, page: &str) -> Result<()> {
+fn put(folder: &Path, name: &str, page: &str, written: Written) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let path = folder.join(name);
-    write_atomically(&path, |mut file| file.write_all(page.as_bytes()))?;
-    writeln!(io::stdout().lock(), "{}", path.display())?;
+    write_atomically(&path, written.existing, |mut file| file.write_all(page.as_bytes()))?;
+    let path = path.display().to_string();
+    writeln!(io::stdout().lock(), "{}", if written.as_json { json!({ "page": path }).to_string() } else { path })?;
     Ok(())
 }
 

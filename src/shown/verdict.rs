@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
+use tapline_host::colour::Colour;
 use tapline_store::{Reader, Region, casing_id, regions};
 use tapline_wire::{Calibration, Channel, DamageCell, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
 
@@ -121,7 +122,12 @@ impl CasingVerdict {
 
     fn line(&self, shoulder: &ShoulderVerdict) -> String {
         let ShoulderVerdict { tyre, shoulder: number, verdict, reasons, .. } = shoulder;
-        let mut line = format!("{:<10} {tyre}/{number}", verdict.to_string());
+        let colour = match verdict {
+            Verdict::Pass => Colour::Good,
+            Verdict::ReInspect => Colour::Doubtful,
+            Verdict::Reject => Colour::Bad,
+        };
+        let mut line = format!("{} {tyre}/{number}", colour.on_stdout(&format!("{:<10}", verdict.to_string())));
         if let (Some(arc), Some(limit)) = (shoulder.strongest_arc, shoulder.limit_reject) {
             line.push_str(&format!("  strongest arc {arc:.2}, reject from {limit:.2}"));
         }

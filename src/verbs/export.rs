@@ -4,13 +4,15 @@ use std::io::{self, BufWriter, IsTerminal as _, Write};
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use clap::ValueEnum as _;
+use clap::ValueEnum;
+use serde_json::json;
 use tapline_export::{Error, Export, MatFolder, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder};
 use tapline_store::Reader;
 
-use crate::archives::{Archives, Outcome};
+use crate::archives::{ArchiveProgress, Archives, Outcome};
 use crate::cli::{ExportArgs, Format, What};
-use crate::host::atomic_file::write_atomically;
+use tapline_host::atomic_file::{check_writable, write_atomically};
+use tapline_host::signals::note_folder;
 
 /// Formats of a table.
 const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];
@@ -36,11 +38,15 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
         }
         None => quiet_pipe(write(&archives, table, format, BufWriter::new(io::stdout()))),
         Some(path) => {
+            check_writable(path, args.force.existing())?;
             let mut is_complete = false;
-            write_atomically(path, |file| {
+            write_atomically(path, args.force.existing(), |file| {
                 is_complete = write(&archives, table, format, BufWriter::new(file))?;
                 anyhow::Ok(())
             })?;
+            if args.json {
+                print_json(args, path, format, is_complete, TapCounts::default())?;
+            }
             Ok(is_complete)
         }
     }
@@ -56,7 +62,9 @@ fn write(archives: &Archives, table: Export, format: Format, out: impl Write + S
         _ => TableFile::csv(table, out),
     };
     let mut outcome = Outcome::new(archives);
+    let mut progress = ArchiveProgress::new(archives);
     for archive in &archives.files {
+        progress.begin(archive);
         let name = archive.name.to_string_lossy();
         let reader = Reader::open(&archive.path).map_err(Error::from);
         let added = reader.and_then(|reader| file.add(&reader, archives.is_many.then_some(&*name)));
@@ -111,11 +119,17 @@ fn taps(args: &ExportArgs) -> Result<bool> {
     let Some(folder) = &args.out else {
         bail!("taps are many files; name a new or empty folder for them with --out");
     };
+    if args.force.force {
+        bail!("--force does not go with taps: {} must be a new or empty folder", folder.display());
+    }
     let archives = Archives::find(&args.archives, args.results.which())?;
     let mut outcome = Outcome::new(&archives);
+    let mut progress = ArchiveProgress::new(&archives);
+    note_folder(folder);
     // If nothing can be read, no folder is left.
     let mut out = None;
     for archive in &archives.files {
+        progress.begin(archive);
         let Some(reader) = outcome.take(archive, Reader::open(&archive.path))? else { continue };
         let out = match &mut out {
             Some(out) => out,
@@ -124,9 +138,15 @@ fn taps(args: &ExportArgs) -> Result<bool> {
         // Some taps of the archive may be in the folder already: they are removed.
         out.add(&reader)?;
     }
+    drop(progress);
     let is_complete = outcome.end()?;
     let counts = out.map(TapFolder::finish).transpose()?.unwrap_or_default();
     let TapCounts { written, refused, missing, damaged } = counts;
+    if args.json {
+        let is_complete = is_complete && refused + missing + damaged == 0;
+        print_json(args, folder, format, is_complete, counts)?;
+        return Ok(is_complete);
+    }
     let hurt = if damaged == 0 { String::new() } else { format!(", {damaged} damaged") };
     let is_listed = refused + missing + damaged > 0;
     let why = if is_listed { "; taps.csv lists them with the reason" } else { "" };
@@ -141,10 +161,27 @@ fn allowed(args: &ExportArgs, formats: &[Format]) -> Result<Format> {
     if formats.contains(&format) {
         return Ok(format);
     }
-    let name = |format: &Format| format.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
-    let what = args.what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
     let known = formats.iter().map(name).collect::<Vec<_>>().join(" or ");
-    bail!("--format {} does not go with {what}; it must be {known}", name(&format))
+    bail!("--format {} does not go with {}; it must be {known}", name(&format), name(&args.what))
+}
+
+/// What was written, as JSON.
+fn print_json(args: &ExportArgs, out: &Path, format: Format, is_complete: bool, counts: TapCounts) -> Result<()> {
+    let mut text = json!({
+        "out": out.display().to_string(), "what": name(&args.what), "format": name(&format), "is_complete": is_complete,
+    });
+    if args.what == What::Taps {
+        let TapCounts { written, refused, missing, damaged } = counts;
+        for (key, count) in [("written", written), ("refused", refused), ("missing", missing), ("damaged", damaged)] {
+            text[key] = count.into();
+        }
+    }
+    Ok(writeln!(io::stdout().lock(), "{text}")?)
+}
+
+/// How the command line spells a value.
+fn name(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
 /// A reader that ends early, like `head`, is no failure.

@@ -4,10 +4,12 @@ use std::io::{self, Write as _};
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use serde_json::json;
 use tapline_import::{Imported, write_example};
 
 use crate::cli::ImportArgs;
-use crate::host::stderr::print_line;
+use tapline_host::messages::say;
+use tapline_host::signals::note_folder;
 
 /// Most refused taps that are printed; the set lists all.
 const REFUSED_MAX: usize = 10;
@@ -19,15 +21,21 @@ pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
         (None, Some(config), Some(out)) => (config, out),
         _ => bail!("--config and --out are needed"),
     };
+    note_folder(out);
     let Imported { written, refused, unscaled } = tapline_import::import(&args.files, config, out)?;
+    if args.json {
+        let text = json!({
+            "out": out.display().to_string(), "written": written, "refused": refused, "unscaled": unscaled,
+        });
+        writeln!(io::stdout().lock(), "{text}")?;
+        return Ok(refused.is_empty());
+    }
     for reason in refused.iter().take(REFUSED_MAX) {
-        print_line(&format!("refused: {reason}"));
+        say(&format!("refused: {reason}"));
     }
     if !unscaled.is_empty() {
         let channels = unscaled.join(" and ");
-        print_line(&format!(
-            "the scale of {channels} is not known: values are parts of full scale (FS), 1.0 of floats"
-        ));
+        say(&format!("the scale of {channels} is not known: values are parts of full scale (FS), 1.0 of floats"));
     }
     let why = if refused.is_empty() { "" } else { "; taps.csv lists them with the reason" };
     writeln!(io::stdout().lock(), "{}: {written} taps written, {} refused{why}", out.display(), refused.len())?;

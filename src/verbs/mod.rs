@@ -1,10 +1,13 @@
 //! The verbs that work on archives, models and rigs, one file each.
 
 pub(crate) mod calibrate;
+pub(crate) mod config;
 #[cfg(feature = "alsa")]
 pub(crate) mod devices;
+pub(crate) mod diff;
 pub(crate) mod explain;
 pub(crate) mod export;
+pub(crate) mod generated;
 pub(crate) mod import;
 pub(crate) mod model_contact;
 pub(crate) mod model_table;

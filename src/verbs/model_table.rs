@@ -1,18 +1,27 @@
 //! `tapline model table`: tables of the dissertation.
 
-use std::io;
+use std::io::{self, Write as _};
 
 use anyhow::Result;
+use serde_json::{Value, json};
 use tapline_model::EffectiveLength;
 
 use crate::cli::model::Length;
 
-pub(crate) fn model(number: u8, length: Length) -> Result<bool> {
+pub(crate) fn model(number: u8, length: Length, as_json: bool) -> Result<bool> {
     let rule = match length {
         Length::Published => EffectiveLength::Published,
         Length::Table1 => EffectiveLength::Table1,
     };
     let table = tapline_model::table(number, rule)?;
+    if as_json {
+        let row = |row: &Vec<f64>| {
+            let cells = table.columns.iter().zip(row).map(|(column, &value)| ((*column).to_owned(), json!(value)));
+            Value::Object(cells.collect())
+        };
+        writeln!(io::stdout(), "{:#}", Value::Array(table.rows.iter().map(row).collect()))?;
+        return Ok(true);
+    }
     let mut out = csv::Writer::from_writer(io::stdout().lock());
     out.write_record(&table.columns)?;
     for row in &table.rows {

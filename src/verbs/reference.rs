@@ -5,9 +5,9 @@ use std::io::{self, Write as _};
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
-use comfy_table::Table;
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
+use serde_json::{Value, json};
 use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference};
+use tapline_host::table::table;
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Discriminators, Verdict};
 
@@ -15,8 +15,8 @@ use crate::archives::{Archives, Outcome};
 use crate::cli::ReferenceArgs;
 use crate::config::Config;
 use crate::config::reference::{differences, process_of};
-use crate::host::atomic_file::write_atomically;
-use crate::host::stderr::print_line;
+use tapline_host::atomic_file::{check_writable, write_atomically};
+use tapline_host::messages::say;
 
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {
@@ -25,6 +25,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
             args.out.display()
         );
     }
+    check_writable(&args.out, args.force.existing())?;
     let mut wanted: BTreeSet<&str> = args.shoulders.iter().map(String::as_str).collect();
     let names_none = wanted.is_empty();
     let mut built: Option<Built> = None;
@@ -58,7 +59,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let is_wanted = |name: &str, has_passed: bool| match names_none {
             true => {
                 if !has_passed && !args.labelled {
-                    print_line(&format!(
+                    say(&format!(
                         "{name} did not pass and is left out; name it by --shoulder if it is known to be sound"
                     ));
                 }
@@ -83,8 +84,11 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     built.lineage = lineage;
     let set = build_reference(&built, shoulders)?;
     let text = set.text()?;
-    write_atomically(&args.out, |mut file| file.write_all(text.as_bytes()))?;
-    print(&args.out, &set)?;
+    write_atomically(&args.out, args.force.existing(), |mut file| file.write_all(text.as_bytes()))?;
+    match args.json {
+        true => writeln!(io::stdout(), "{:#}", of(&args.out, &set))?,
+        false => print(&args.out, &set)?,
+    }
     Ok(is_complete)
 }
 
@@ -124,7 +128,7 @@ fn take(
             bail!("{}: it is not known of every location of {name} whether it is cracked", path.display());
         }
         if shoulders.iter().any(|s| s.tyre == shoulder.tyre && s.shoulder == shoulder.shoulder) {
-            print_line(&format!(
+            say(&format!(
                 "{}: {name} is left out, as an earlier file has it too; to take another, name the files in place of the folder",
                 path.display()
             ));
@@ -135,11 +139,33 @@ fn take(
     Ok(())
 }
 
+/// What a reference is, as JSON.
+fn of(path: &Path, set: &ReferenceSet) -> Value {
+    let summary = &set.summary;
+    let moves = |which| if set.directions.of(which) == Direction::Rises { "rises" } else { "falls" };
+    let discriminators: Vec<Value> = Discriminator::ALL
+        .into_iter()
+        .map(|which| json!({ "name": which.name(), "moves": moves(which), "auc_if_rising": set.auc.get(which.name()) }))
+        .collect();
+    json!({
+        "out": path.display().to_string(),
+        "digest": set.digest(),
+        "shoulders": set.shoulders.iter().map(|s| format!("{}/{}", s.tyre, s.shoulder)).collect::<Vec<_>>(),
+        "discriminators": discriminators,
+        "sound_count": summary.sound_count,
+        "cracked_count": summary.cracked_count,
+        "casing_count": summary.casing_count,
+        "limit_re_inspect": summary.limit_re_inspect,
+        "re_inspect_rate": summary.re_inspect_rate,
+        "limit_reject": summary.limit_reject,
+        "reject_rate": summary.reject_rate,
+        "supported_rate": summary.supported_rate,
+    })
+}
+
 fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
     let mut out = io::stdout().lock();
-    let mut table = Table::new();
-    table.load_style(UTF8_HORIZONTAL_ONLY);
-    table.set_header(["discriminator", "moves", "AUC by that", "spread of a tap, %", "between casings, %"]);
+    let mut table = table(["discriminator", "moves", "AUC by that", "spread of a tap, %", "between casings, %"]);
     for which in Discriminator::ALL {
         let of_it = || set.summary.scales.iter().filter(move |line| line.discriminator == which);
         let mean = |values: Vec<f64>| {

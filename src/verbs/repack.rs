@@ -5,15 +5,18 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use serde_json::json;
+use tapline_host::signals::note_folder;
 use tapline_store::{Codec, Repacked};
 
-use crate::archives::{Archives, Outcome, Which};
+use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::cli::PackedBy;
 
 /// Packs the archive at `paths` into the file `out`; several into the folder `out`, under their names.
-pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path) -> Result<bool> {
+pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool) -> Result<bool> {
     let archives = Archives::find(paths, Which::Casings)?;
     let mut outcome = Outcome::new(&archives);
+    let mut progress = ArchiveProgress::new(&archives);
     for file in &archives.files {
         let to = if archives.is_many { out.join(&file.name) } else { out.to_owned() };
         if archives.is_many
@@ -21,15 +24,25 @@ pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path) -> Result<bool
         {
             fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         }
-        if let Some(repacked) = outcome.take(file, tapline_store::repack(&file.path, &to, codec))? {
-            print(&to, &repacked)?;
+        progress.begin(file);
+        note_folder(&to);
+        let repacked = tapline_store::repack_with(&file.path, &to, codec, |part| progress.note_part(part));
+        if let Some(repacked) = outcome.take(file, repacked)? {
+            progress.beside(|| print(&file.path, &to, &repacked, as_json))?;
         }
     }
     outcome.end()
 }
 
-fn print(out: &Path, repacked: &Repacked) -> Result<()> {
+fn print(archive: &Path, out: &Path, repacked: &Repacked, as_json: bool) -> Result<()> {
     let &Repacked { sample_bytes, before_bytes, after_bytes } = repacked;
+    if as_json {
+        let text = json!({
+            "archive": archive.display().to_string(), "out": out.display().to_string(), "sample_bytes": sample_bytes,
+            "before_bytes": before_bytes, "after_bytes": after_bytes,
+        });
+        return Ok(writeln!(io::stdout(), "{text}")?);
+    }
     let mb = |bytes: u64| format!("{:.1} MB", bytes as f64 / 1e6);
     #[expect(clippy::cast_precision_loss, reason = "a ratio for people to read")]
     let ratio = sample_bytes as f64 / after_bytes as f64;

@@ -13,6 +13,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
+use serde_json::json;
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key};
@@ -23,7 +24,8 @@ use crate::cli::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
 use crate::config::reference::{check_record_s, check_reference};
-use crate::host::progress::Progress;
+use tapline_host::progress::{Progress, Unit};
+use tapline_host::signals::note_folder;
 
 /// Most threads that may be asked for.
 const JOBS_MAX: usize = 1024;
@@ -122,6 +124,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let raw_digest = task.reader.raw_digest()?;
     let key = lineage_key(&raw_digest, &task.made_by, task.reference.as_deref());
     let out = beside(archive, &key);
+    note_folder(&out);
     let lineage = Lineage {
         config_toml: &task.config_toml,
         reference: task.reference.as_deref(),
@@ -133,7 +136,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         && there.is_results()
         && there.lineage_key()? == key
     {
-        writeln!(std::io::stdout(), "{}", out.display()).context("cannot print where the results are")?;
+        print(args, archive, &out, &key, is_complete(&there))?;
         return Ok(is_complete(&there));
     }
     let plan = task.reader.plan();
@@ -142,9 +145,9 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let mut writer = match Writer::results(&out, (task.reader.path(), raw_digest), plan, lineage) {
         // The same results were made before.
         Err(tapline_store::Error::Finished { .. }) => {
-            writeln!(std::io::stdout(), "{}", out.display()).context("cannot print where the results are")?;
-            let ledger = Reader::open(&out)?.ledger().clone();
-            return Ok(ledger.is_judged() && ledger.count(TapState::Missing) == 0);
+            let is_complete = is_complete(&Reader::open(&out)?);
+            print(args, archive, &out, &key, is_complete)?;
+            return Ok(is_complete);
         }
         writer => writer?,
     };
@@ -152,10 +155,8 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let settled_before = settled(&writer);
     let is_old = of_discriminators(task.reader.made_by()) == of_discriminators(&task.made_by) && !args.from_samples;
     let how = if is_old { "from its discriminators" } else { "from its samples" };
-    let mut progress = Progress::begin(
-        Some(plan.taps().len()),
-        &format!("judging {} again {how}, into {}", archive.display(), out.display()),
-    );
+    let mut progress = Progress::new(Some(plan.taps().len() as u64), Unit::Things("taps"));
+    progress.print(&format!("judging {} again {how}, into {}", archive.display(), out.display()));
     refuse(&task.reader, &mut writer)?;
     if is_old {
         for found in task.reader.discriminators()?.into_iter().flatten() {
@@ -164,7 +165,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     } else {
         extract(&task.reader.taps()?, &task.config.process, &mut writer, jobs, |writer| {
             let settled = settled(writer);
-            progress.update(settled, settled - settled_before, begin);
+            progress.update_since(settled as u64, (settled - settled_before) as u64, begin);
         })?;
     }
     judge(&task.reader, &mut writer, &mut fusion)?;
@@ -176,8 +177,21 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
     let rate = done as f64 / took_s;
     progress.print(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..KEY_DIGITS]));
-    writeln!(std::io::stdout(), "{}", out.display()).context("cannot print where the results are")?;
+    print(args, archive, &out, &key, is_complete)?;
     Ok(is_complete)
+}
+
+/// Prints where the results of an archive are.
+fn print(args: &ReprocessArgs, archive: &Path, out: &Path, key: &str, is_complete: bool) -> Result<()> {
+    let text = match args.json {
+        true => json!({
+            "archive": archive.display().to_string(), "results": out.display().to_string(), "lineage": key,
+            "is_complete": is_complete,
+        })
+        .to_string(),
+        false => out.display().to_string(),
+    };
+    writeln!(std::io::stdout(), "{text}").context("cannot print where the results are")
 }
 
 /// The file of the results of lineage `key`, beside `archive`.

@@ -5,12 +5,13 @@ use std::net::TcpListener;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use tapline_acquire::{RigScript, serve_rig};
+use serde_json::json;
+use tapline_acquire::{RigReport, RigScript, serve_rig};
 
-use crate::host::signals::stop_flag;
+use tapline_host::signals::stop_flag;
 
 /// Serves stations that connect to `listen`, by the script in `config`, until it is asked to stop or the script ends.
-pub(crate) fn rig(listen: &str, config: Option<&Path>) -> Result<bool> {
+pub(crate) fn rig(listen: &str, config: Option<&Path>, as_json: bool) -> Result<bool> {
     let script: RigScript = match config {
         Some(path) => {
             let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -21,9 +22,42 @@ pub(crate) fn rig(listen: &str, config: Option<&Path>) -> Result<bool> {
     script.validate()?;
     let listener = TcpListener::bind(listen).with_context(|| format!("cannot listen at {listen}"))?;
     let address = listener.local_addr().context("cannot find the address that is listened at")?;
-    writeln!(std::io::stdout(), "listening at {address}").context("cannot write to standard output")?;
-    let stop = stop_flag()?;
+    // Before anybody knows of the rig, and may end it.
+    let stop = stop_flag().context("cannot listen to signals")?;
+    let listening = json!({ "kind": "listening", "address": address.to_string() });
+    print(if as_json { listening.to_string() } else { format!("listening at {address}") })?;
     let report = serve_rig(&listener, &script, &stop)?;
-    writeln!(std::io::stdout(), "{report:?}").context("cannot write to standard output")?;
+    let counts = counts_of(&report);
+    print(match as_json {
+        true => {
+            let mut text = json!({ "kind": "report" });
+            counts.into_iter().for_each(|(name, count)| text[name] = count.into());
+            text.to_string()
+        }
+        false => counts.map(|(name, count)| format!("{} {count}", name.replace('_', " "))).join(", "),
+    })?;
     Ok(true)
+}
+
+fn print(text: String) -> Result<()> {
+    writeln!(std::io::stdout(), "{text}").context("cannot write to standard output")
+}
+
+/// What the rig did, each count by its name.
+fn counts_of(report: &RigReport) -> [(&'static str, u64); 11] {
+    let RigReport { casings, closed, refused, removed, switched_off, stopped, homed, .. } = *report;
+    let RigReport { hits, failed_hits, missed_hits, double_hits, .. } = *report;
+    [
+        ("casings", casings),
+        ("closed", closed),
+        ("refused", refused),
+        ("removed", removed),
+        ("switched_off", switched_off),
+        ("stopped", stopped),
+        ("homed", homed),
+        ("hits", hits),
+        ("failed_hits", failed_hits),
+        ("missed_hits", missed_hits),
+        ("double_hits", double_hits),
+    ]
 }

@@ -5,23 +5,28 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use serde_json::{Value, json};
+use tapline_host::colour::Colour;
 use tapline_wire::TapState;
 
-use crate::archives::{Archives, Outcome, Which};
+use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 
 /// Checks the archives at `paths`.
 pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
     let archives = Archives::find(paths, Which::All)?;
+    let mut progress = ArchiveProgress::new(&archives);
     if !archives.is_many {
         let Some(file) = archives.files.first() else { return Ok(false) };
-        return check(&file.path, as_json, false);
+        progress.begin(file);
+        return check(&file.path, as_json, false, &mut progress);
     }
     let mut outcome = Outcome::new(&archives);
     let mut hurt = 0;
     for file in &archives.files {
-        let is_complete = outcome.take(file, check(&file.path, as_json, true))?;
+        progress.begin(file);
+        let is_complete = outcome.take(file, check(&file.path, as_json, true, &mut progress))?;
         hurt += usize::from(is_complete != Some(true));
     }
+    drop(progress);
     outcome.note(hurt == 0 && archives.unfinished.is_empty());
     sum_up(&archives, hurt, as_json)?;
     // An archive that cannot be read is incomplete, also if none can be read.
@@ -68,9 +73,20 @@ fn print_json(out: &mut impl Write, report: &Value, is_of_many: bool) -> io::Res
 }
 
 /// Checks an archive, and prints the report.
-fn check(archive: &Path, as_json: bool, is_of_many: bool) -> Result<bool> {
+fn check(archive: &Path, as_json: bool, is_of_many: bool, progress: &mut ArchiveProgress) -> Result<bool> {
+    let checked = tapline_store::verify_with(archive, |part| progress.note_part(part));
+    progress.beside(|| print(archive, checked, as_json, is_of_many))
+}
+
+/// Prints what was found in an archive; whether it is complete.
+fn print(
+    archive: &Path,
+    checked: tapline_store::Result<tapline_store::Report>,
+    as_json: bool,
+    is_of_many: bool,
+) -> Result<bool> {
     use tapline_store::Error;
-    let report = match tapline_store::verify(archive) {
+    let report = match checked {
         Err(
             error
             @ (Error::Damaged { .. } | Error::Hdf5 { .. } | Error::NotAnArchive { .. } | Error::OtherUnits { .. }),
@@ -104,7 +120,10 @@ fn check(archive: &Path, as_json: bool, is_of_many: bool) -> Result<bool> {
         writeln!(out, "{problem}")?;
     }
     let judged = if report.is_judged() { "all scans judged" } else { "scans without verdict" };
-    let state = if is_complete { "complete" } else { "INCOMPLETE" };
+    let state = match is_complete {
+        true => Colour::Good.on_stdout("complete"),
+        false => Colour::Bad.on_stdout("INCOMPLETE"),
+    };
     writeln!(
         out,
         "{}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {} problems",

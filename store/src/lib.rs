@@ -67,8 +67,8 @@ pub use format::lost::Lost;
 pub use read::reader::{Judged, OwnedSamples, Reader, Refusal};
 pub use read::regions::{Region, regions};
 pub use read::samples::{ReadBuffer, Taps};
-pub use read::verify::{Problem, Report, verify};
-pub use repack::{Repacked, repack};
+pub use read::verify::{Problem, Report, verify, verify_with};
+pub use repack::{Repacked, repack, repack_with};
 pub use stage::{
     LEFT_FOLDER, OPEN_FOLDER, Outcome, Places, RunError, StoreRun, UNREPORTED_FOLDER, Unreported, casing_id, run,
 };

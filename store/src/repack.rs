@@ -18,12 +18,15 @@ use crate::format::lineage::Lineage;
 use crate::h5::table::Table;
 use crate::read::reader::Reader;
 use crate::read::samples::ReadBuffer;
-use crate::read::verify::verify;
+use crate::read::verify::verify_with;
 use crate::write::finish::close_and_seal;
 use crate::write::packer::{Shape, pack};
 
 /// Taps that are packed together, by several threads.
 const BATCH_TAPS: usize = 64;
+
+/// Part of the time that goes by while an archive is checked before it is repacked.
+const CHECKED_PART: f64 = 0.3;
 
 /// Bytes before and after repacking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,9 +44,22 @@ pub struct Repacked {
 /// The new file appears complete or not at all, and its results have the same lineage.
 ///
 /// # Errors
-/// [`Error::Exists`] if `to` exists, [`Error::ResultsAlone`] if `from` has no samples of its own, [`Error::Damaged`] if [`verify()`]
+/// [`Error::Exists`] if `to` exists, [`Error::ResultsAlone`] if `from` has no samples of its own, [`Error::Damaged`] if [`crate::verify()`]
 /// finds a problem in it, or what the system returns.
 pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Result<Repacked> {
+    repack_with(from, to, codec, |_part| ())
+}
+
+/// As [`repack`]; `on_part` is called every few taps with the part of the work that is done, from 0 to 1.
+///
+/// # Errors
+/// As [`repack`].
+pub fn repack_with(
+    from: impl AsRef<Path>,
+    to: impl AsRef<Path>,
+    codec: Codec,
+    mut on_part: impl FnMut(f64),
+) -> Result<Repacked> {
     let (from, to) = (from.as_ref(), to.as_ref());
     let reader = Reader::open(from)?;
     if reader.is_results() {
@@ -52,20 +68,20 @@ pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Res
     if to.try_exists().context("look for", to)? {
         return Err(Error::Exists { path: to.to_owned() });
     }
-    if let Some(problem) = verify(from)?.problems.first() {
+    if let Some(problem) = verify_with(from, |part| on_part(part * CHECKED_PART))?.problems.first() {
         return Err(reader.archive().damaged(format!("it is not repacked: {problem}")));
     }
     remove_dead_drafts(to);
     let draft = draft::begin(to).context("create", to)?;
     // The name is reserved for this draft, but an archive is created where no file is.
     fs::remove_file(&draft).context("create", &draft)?;
-    let sample_bytes = fill(&reader, &draft, codec)?;
+    let sample_bytes = fill(&reader, &draft, codec, |part| on_part(CHECKED_PART + part * (1.0 - CHECKED_PART)))?;
     draft::publish(draft, to)?;
     let length = |path: &Path| Ok::<_, Error>(fs::metadata(path).context("measure", path)?.len());
     Ok(Repacked { sample_bytes, before_bytes: length(from)?, after_bytes: length(to)? })
 }
 
-fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
+fn fill(reader: &Reader, draft: &Path, codec: Codec, on_part: impl FnMut(f64)) -> Result<u64> {
     let lineage = Lineage {
         config_toml: reader.config(),
         reference: reader.reference(),
@@ -78,7 +94,7 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec) -> Result<u64> {
     let mut new = Archive::open(draft, Access::Write)?;
     new.grow_to(old.plan().clone());
     copy(old.plan_rows(), new.plan_rows(), draft)?;
-    let sample_bytes = copy_taps(reader, &new)?;
+    let sample_bytes = copy_taps(reader, &new, on_part)?;
     copy(old.discriminators(), new.discriminators(), draft)?;
     copy(old.refusals(), new.refusals(), draft)?;
     copy(old.damage(), new.damage(), draft)?;
@@ -100,7 +116,7 @@ fn copy<R: ChecksummedRow>(from: &Table<R>, to: &Table<R>, path: &Path) -> Resul
 }
 
 /// Packs the samples of every archived tap and writes them with their headers.
-fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
+fn copy_taps(reader: &Reader, new: &Archive, mut on_part: impl FnMut(f64)) -> Result<u64> {
     let recording = &reader.plan().recording;
     let rows = new.samples();
     let shape = Shape {
@@ -115,6 +131,7 @@ fn copy_taps(reader: &Reader, new: &Archive) -> Result<u64> {
     let mut buffer = ReadBuffer::default();
     let mut sample_bytes = 0;
     for batch in numbers.chunks(BATCH_TAPS) {
+        on_part(batch.first().map_or(0.0, |&first| f64::from(first)) / numbers.len() as f64);
         let mut samples: BTreeMap<u32, Vec<u8>> = BTreeMap::new();
         for &row in batch {
             if let Some((_, of_tap)) = taps.read(row, &mut buffer)? {

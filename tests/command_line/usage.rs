@@ -116,9 +116,9 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     // A failed export leaves the old file unchanged.
     fs::copy(sandbox.path("x/SIM-0001.h5"), sandbox.path("bent.h5")).unwrap();
     bend(&sandbox.path("bent.h5"), "discriminators", 0);
-    sandbox.run("export bent.h5 discriminators --out link.csv").expect(1);
+    sandbox.run("export bent.h5 discriminators --out link.csv --force").expect(1);
     assert!(fs::read_to_string(sandbox.path("elsewhere.csv")).unwrap().starts_with("longer than"));
-    sandbox.run("export x/SIM-0001.h5 ledger --out link.csv").expect(0);
+    sandbox.run("export x/SIM-0001.h5 ledger --out link.csv --force").expect(0);
     assert!(fs::symlink_metadata(sandbox.path("link.csv")).unwrap().is_symlink());
     assert_eq!(fs::read_to_string(sandbox.path("elsewhere.csv")).unwrap(), ledger);
     // To a link, also to one whose target does not exist yet.
@@ -126,7 +126,7 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     symlink("later.csv", sandbox.path("early.csv")).unwrap();
     for (link, file) in [("links.csv", "elsewhere.csv"), ("early.csv", "later.csv")] {
         fs::write(sandbox.path("elsewhere.csv"), "").unwrap();
-        sandbox.run(&format!("export x/SIM-0001.h5 ledger --out {link}")).expect(0);
+        sandbox.run(&format!("export x/SIM-0001.h5 ledger --out {link} --force")).expect(0);
         assert!(fs::symlink_metadata(sandbox.path(link)).unwrap().is_symlink());
         assert_eq!(fs::read_to_string(sandbox.path(file)).unwrap(), ledger, "{link}");
     }

@@ -3,7 +3,6 @@
 use std::fmt::{self, Display, Formatter};
 
 use anyhow::Result;
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use serde_json::{Map, Value};
 
 /// Digits of a number: more than any of its intervals knows.
@@ -105,9 +104,7 @@ impl Table {
 
     /// For people at a terminal.
     pub(crate) fn text(&self) -> String {
-        let mut table = comfy_table::Table::new();
-        table.load_style(UTF8_HORIZONTAL_ONLY);
-        table.set_header(self.columns.iter().map(|column| column.replace('_', " ")));
+        let mut table = tapline_host::table::table(self.columns.iter().map(|column| column.replace('_', " ")));
         self.rows.iter().for_each(|row| {
             table.add_row(row);
         });

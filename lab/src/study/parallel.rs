@@ -6,6 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread::{available_parallelism, scope};
 
 use anyhow::{Context as _, Result};
+use tapline_host::progress::{Progress, Unit};
 
 /// The results of `work` on each of `things`, in their order; 0 threads means one for every core.
 ///
@@ -18,6 +19,7 @@ pub(super) fn each<T: Sync, R: Send>(
 ) -> Result<Vec<R>> {
     let count = if thread_count == 0 { available_parallelism().map_or(1, NonZeroUsize::get) } else { thread_count };
     let next = AtomicUsize::new(0);
+    let progress = Mutex::new((Progress::new(Some(things.len() as u64), Unit::Things("comparisons")), 0));
     let done: Vec<Mutex<Option<Result<R>>>> = things.iter().map(|_| Mutex::new(None)).collect();
     scope(|threads| {
         for _ in 0..count {
@@ -28,6 +30,9 @@ pub(super) fn each<T: Sync, R: Send>(
                 } {
                     let result = work(thing);
                     *place.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+                    let (progress, done) = &mut *progress.lock().unwrap_or_else(PoisonError::into_inner);
+                    *done += 1;
+                    progress.update(*done);
                 }
             });
         }

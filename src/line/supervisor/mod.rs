@@ -15,7 +15,6 @@ use tapline_wire::{
     Subscriber, WaitTopic, decode_opened, now_ns,
 };
 
-use crate::host::progress::Progress;
 use crate::line::out_folder::OutFolder;
 use crate::line::progress_rate::ProgressRate;
 use crate::line::setup::Setup;
@@ -25,6 +24,7 @@ use crate::line::store_silence::StoreSilence;
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::status::{Alarm, StationStatus, Status};
 use crate::wires::Wires;
+use tapline_host::progress::Progress;
 
 /// How long a stage may take to end after it was asked to.
 const END_WITHIN: Duration = Duration::from_secs(20);
@@ -262,7 +262,11 @@ impl<'a> Supervisor<'a> {
         }
         let settled = self.settled();
         let since = self.rate.note(settled);
-        if self.audience.progress.update(settled, settled.saturating_sub(self.settled_before), since) {
+        if self.audience.progress.update_since(
+            settled as u64,
+            settled.saturating_sub(self.settled_before) as u64,
+            since,
+        ) {
             self.stages.note_progress();
         }
         if self.silence.has_become_long(!self.open.is_empty()) {

@@ -12,9 +12,9 @@ use tapline_wire::{Discriminator, Quality, Samples, Unit};
 
 use crate::cli::calibrate::HeardArgs;
 use crate::config::Config;
-use crate::host::stderr::print_line;
 use crate::verbs::calibrate::Found;
 use crate::verbs::monitor::device_of;
+use tapline_host::messages::print_line;
 
 /// Largest standard deviation of blows that are a calibration, as part of the scale.
 const SPREAD_MAX: f64 = 0.05;

@@ -8,11 +8,12 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use jiff::{Timestamp, ToSpan as _, tz::TimeZone};
+use serde_json::json;
 use tapline_acquire::{CalibrationFile, ChannelScale};
 use tapline_wire::{Certificate, Channel, Unit};
 
 use crate::cli::calibrate::{CalibrateVerb, WrittenArgs};
-use crate::host::atomic_file::write_atomically;
+use tapline_host::atomic_file::{Existing, WriteError, write_atomically};
 
 /// Calibrates a channel, and writes it into the file of its station.
 pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
@@ -63,7 +64,7 @@ fn stated(channel: Channel, full_scale_v: f64, sensitivity_mv: Option<f64>, gain
 
 /// Writes what was `found` of `channel`, today.
 fn keep(written: &WrittenArgs, channel: Channel, found: Found) -> Result<bool> {
-    let WrittenArgs { out, valid_days } = written;
+    let WrittenArgs { out, valid_days, force, json: as_json } = written;
     let mut file = if out.exists() { CalibrationFile::read(out)? } else { CalibrationFile::default() };
     let today = Timestamp::now().to_zoned(TimeZone::UTC).date();
     let until =
@@ -72,18 +73,28 @@ fn keep(written: &WrittenArgs, channel: Channel, found: Found) -> Result<bool> {
     let (date, valid_until) = (today.to_string(), Some(until.to_string()));
     let certificate = Certificate { method, date, valid_until, sensitivity_mv_per_unit, gain };
     let said = format!("{}: {full_scale:.6} {} at full scale ({})", channel.name(), unit.name(), certificate.method);
-    let scale = Some(ChannelScale { unit, full_scale, certificate });
-    match channel {
-        Channel::Force => file.force = scale,
-        Channel::Sound => file.sound = scale,
+    let printed = json!({
+        "file": out.display().to_string(), "channel": channel.name(), "unit": unit.name(), "full_scale": full_scale,
+        "method": certificate.method, "date": certificate.date, "valid_until": certificate.valid_until,
+    });
+    let place = match channel {
+        Channel::Force => &mut file.force,
+        Channel::Sound => &mut file.sound,
+    };
+    if place.is_some() && force.existing() == Existing::Keep {
+        let exists = WriteError::Exists { path: out.clone() };
+        return Err(anyhow::Error::from(exists).context(format!("the {} is calibrated", channel.name())));
     }
+    *place = Some(ChannelScale { unit, full_scale, certificate });
     write(out, &file)?;
-    writeln!(std::io::stdout(), "{said}\n{}: valid until {until}", out.display())?;
+    let said = if *as_json { printed.to_string() } else { format!("{said}\n{}: valid until {until}", out.display()) };
+    writeln!(std::io::stdout(), "{said}")?;
     Ok(true)
 }
 
 fn write(out: &Path, file: &CalibrationFile) -> Result<()> {
     file.validate(&out.display().to_string())?;
     let text = toml::to_string(file).context("the calibration does not fit TOML")?;
-    write_atomically(out, |mut file| file.write_all(text.as_bytes()))
+    // Its other channel is in the text too.
+    Ok(write_atomically(out, Existing::Replace, |mut file| file.write_all(text.as_bytes()))?)
 }

@@ -87,7 +87,15 @@ impl Report {
 /// # Errors
 /// As [`crate::Reader::open_unfinished`]: a file whose seal, plan or structure is damaged is not checked further.
 pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
-    verify_file(&Archive::open(path.as_ref(), Access::ReadUnfinished)?)
+    verify_with(path, |_part| ())
+}
+
+/// As [`verify`]; `on_part` is called after each tap with the part of the work that is done, from 0 to 1.
+///
+/// # Errors
+/// As [`verify`].
+pub fn verify_with(path: impl AsRef<Path>, on_part: impl FnMut(f64)) -> Result<Report> {
+    verify_file(&Archive::open(path.as_ref(), Access::ReadUnfinished)?, on_part)
 }
 
 impl Report {
@@ -103,7 +111,7 @@ impl Report {
     }
 }
 
-fn verify_file(archive: &Archive) -> Result<Report> {
+fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report> {
     let plan = archive.plan();
     let mut report = Report::empty(plan);
     let context = "read a table";
@@ -115,6 +123,7 @@ fn verify_file(archive: &Archive) -> Result<Report> {
     let (mut buffer, locations) = (ReadBuffer::default(), file.locations()?);
     for (plan_index, tap) in (0..).zip(plan.taps()) {
         let k = plan_index as usize;
+        on_part(f64::from(plan_index) / plan.taps().len() as f64);
         let mut complain = |what: String| report.problems.push(Problem::Tap { plan_index, id: tap.id, what });
         let rows = [
             ("ledger row", ledger[k].is_valid(k)),

@@ -1,6 +1,5 @@
 //! The log, on standard error.
 
-use std::io::IsTerminal as _;
 use std::sync::OnceLock;
 
 use clap::ValueEnum;
@@ -10,9 +9,12 @@ use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
+use crate::arguments::LogArgs;
+use crate::colour;
+
 /// How events are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub(crate) enum LogFormat {
+pub enum LogFormat {
     /// Lines for people.
     #[default]
     Text,
@@ -20,23 +22,25 @@ pub(crate) enum LogFormat {
     Json,
 }
 
-/// The format of this process, which the stages of a line are started with too.
-static FORMAT: OnceLock<LogFormat> = OnceLock::new();
+/// How this process was asked to log, which the stages of a line are started with too.
+static ASKED: OnceLock<LogArgs> = OnceLock::new();
 
 /// Target of events that people read as plain lines: a log for programs has them whatever its level is.
-pub(crate) const SAID: &str = "said";
+pub const SAID: &str = "said";
 
-/// Starts the log of this process, with events of `level` and above unless `TAPLINE_LOG` says otherwise.
-pub(crate) fn start(format: LogFormat, level: LevelFilter) {
-    let format = *FORMAT.get_or_init(|| format);
+/// Starts the log of this process, with events of the level that `args` ask for, or of `level`, and above unless `TAPLINE_LOG`
+/// says otherwise.
+pub fn start(args: LogArgs, level: Option<LevelFilter>) {
+    let args = *ASKED.get_or_init(|| args);
+    let level = level.unwrap_or_else(|| args.level());
     let filter = std::env::var("TAPLINE_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
     let log = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_target(false)
         // Where the log cannot be written it would panic, in the middle of a scan.
         .log_internal_errors(false);
-    let log = match format {
-        LogFormat::Text => log.with_ansi(std::io::stderr().is_terminal()).boxed(),
+    let log = match args.log {
+        LogFormat::Text => log.with_ansi(colour::is_shown(&std::io::stderr())).boxed(),
         LogFormat::Json => log.with_ansi(false).json().flatten_event(true).boxed(),
     };
     // Whatever strangers send to the OPC UA server would be an error of the line's.
@@ -46,6 +50,19 @@ pub(crate) fn start(format: LogFormat, level: LevelFilter) {
 }
 
 /// The format of the log of this process.
-pub(crate) fn format() -> LogFormat {
-    FORMAT.get().copied().unwrap_or_default()
+pub fn format() -> LogFormat {
+    ASKED.get().map(|args| args.log).unwrap_or_default()
+}
+
+/// Whether errors alone are to be said.
+pub fn is_quiet() -> bool {
+    ASKED.get().is_some_and(|args| args.quiet)
+}
+
+/// The arguments with which another process of this program logs the same.
+pub fn arguments() -> Vec<String> {
+    let Some(args) = ASKED.get() else { return Vec::new() };
+    let log = ["--log", "json"].into_iter().filter(|_| args.log == LogFormat::Json);
+    let verbose = std::iter::repeat_n("-v", args.verbose.into());
+    log.chain(verbose).chain(args.quiet.then_some("-q")).map(str::to_owned).collect()
 }

@@ -1,0 +1,48 @@
+//! Arguments that many verbs share.
+
+use clap::{ArgAction, Args};
+use tracing::level_filters::LevelFilter;
+
+use crate::atomic_file::Existing;
+use crate::log::LogFormat;
+
+/// How much a program says while it works, and how.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct LogArgs {
+    /// How the log is written, on standard error; TAPLINE_LOG says what is in it (error, warn, info, debug).
+    #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value_t)]
+    pub log: LogFormat,
+    /// Say more on standard error: -v what is done, -vv all of it.
+    #[arg(short, long, global = true, action = ArgAction::Count, conflicts_with = "quiet")]
+    pub verbose: u8,
+    /// Print errors alone on standard error: no progress, no remarks, no warnings.
+    #[arg(short, long, global = true)]
+    pub quiet: bool,
+}
+
+impl LogArgs {
+    /// The level from which on events are logged.
+    pub fn level(&self) -> LevelFilter {
+        match (self.quiet, self.verbose) {
+            (true, _) => LevelFilter::ERROR,
+            (false, 0) => LevelFilter::WARN,
+            (false, 1) => LevelFilter::INFO,
+            (false, _) => LevelFilter::DEBUG,
+        }
+    }
+}
+
+/// What becomes of files that stand where a verb writes.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct ForceArgs {
+    /// Write also where something is already: it is replaced. No archive is.
+    #[arg(long)]
+    pub force: bool,
+}
+
+impl ForceArgs {
+    /// What becomes of a file that exists.
+    pub fn existing(self) -> Existing {
+        if self.force { Existing::Replace } else { Existing::Keep }
+    }
+}

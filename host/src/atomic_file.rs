@@ -1,0 +1,189 @@
+//! Files that are written completely or not at all.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::os::fd::AsFd as _;
+use std::path::{Path, PathBuf};
+
+use crate::signals::note_folder;
+
+/// Source: HDF5 File Format Specification Version 3.0, section II.A.
+const HDF5_SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
+
+/// Links that are followed, one to the next; the system follows as many.
+const LINKS_MAX: usize = 40;
+
+/// What becomes of a file that stands where another is to be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Existing {
+    /// It stays, and nothing is written.
+    Keep,
+    /// It is replaced by the new one, once that is complete.
+    Replace,
+}
+
+/// Why a file was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// Something is there.
+    #[error("{} exists already: name another, or replace it by --force", path.display())]
+    Exists {
+        /// Where.
+        path: PathBuf,
+    },
+    /// An HDF5 file is there.
+    #[error("{} is an HDF5 file, as archives are; nothing takes its place", path.display())]
+    IsHdf5 {
+        /// Where.
+        path: PathBuf,
+    },
+    /// It cannot be written.
+    #[error("cannot write {}", path.display())]
+    Failed {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+}
+
+/// Has `write` fill the file at `path`. What stands there, or where a link there leads, is replaced at the end where `existing`
+/// says so, and stays if that fails; no archive is replaced. A pipe, a device and what is open already, as `/dev/stdout` is, are
+/// written to.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn write_atomically<E>(
+    path: &Path,
+    existing: Existing,
+    write: impl FnOnce(File) -> Result<(), E>,
+) -> Result<(), WriteError>
+where
+    E: Into<Box<dyn std::error::Error + Send + Sync>>,
+{
+    let failed = |source| WriteError::Failed { path: path.to_owned(), source };
+    let io = |error: io::Error| failed(error.into());
+    let place = match place_of(path) {
+        Place::Standard(fd) => return write(fd.map_err(io)?).map_err(|error| failed(error.into())),
+        // A file in the place of a device would take the device from everyone on the machine.
+        Place::There => {
+            let file = OpenOptions::new().append(true).open(path).map_err(io)?;
+            return write(file).map_err(|error| failed(error.into()));
+        }
+        Place::File(place) => place,
+    };
+    check_free(path, &place, existing)?;
+    let draft = place.with_added_extension(format!("{}.new", std::process::id()));
+    note_folder(&draft);
+    let file = File::create(&draft).map_err(io)?;
+    tracing::debug!("writing {}, which becomes {}", draft.display(), place.display());
+    let written =
+        write(file).map_err(|error| failed(error.into())).and_then(|()| publish(path, &place, &draft, existing));
+    // A half-written draft is of no use; where it cannot be removed, the error above is the one that counts.
+    written.inspect_err(|_| drop(fs::remove_file(&draft)))
+}
+
+/// Checks that a file may be written at `path`, before the work for it is done.
+///
+/// # Errors
+/// [`WriteError::Exists`] and [`WriteError::IsHdf5`].
+pub fn check_writable(path: &Path, existing: Existing) -> Result<(), WriteError> {
+    match place_of(path) {
+        Place::File(place) => check_free(path, &place, existing),
+        Place::Standard(_) | Place::There => Ok(()),
+    }
+}
+
+/// Checks that files may be written into the folder `path`: it is new or empty, or what is there may be replaced.
+///
+/// # Errors
+/// [`WriteError::Exists`].
+pub fn check_folder(path: &Path, existing: Existing) -> Result<(), WriteError> {
+    let has_files = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
+    match existing {
+        Existing::Keep if has_files => Err(WriteError::Exists { path: path.to_owned() }),
+        Existing::Keep | Existing::Replace => Ok(()),
+    }
+}
+
+/// Writes each text to its path, in folders that are made where they are not there; none, if one may not be written.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn write_texts(files: &[(PathBuf, String)], existing: Existing) -> Result<(), WriteError> {
+    files.iter().try_for_each(|(path, _)| check_writable(path, existing))?;
+    for (path, text) in files {
+        if let Some(folder) = path.parent() {
+            let failed = |error: io::Error| WriteError::Failed { path: folder.to_owned(), source: error.into() };
+            fs::create_dir_all(folder).map_err(failed)?;
+        }
+        write_atomically(path, existing, |mut file| file.write_all(text.as_bytes()))?;
+    }
+    Ok(())
+}
+
+fn check_free(path: &Path, place: &Path, existing: Existing) -> Result<(), WriteError> {
+    let path = path.to_owned();
+    if is_hdf5(place) {
+        return Err(WriteError::IsHdf5 { path });
+    }
+    match existing {
+        Existing::Keep if place.symlink_metadata().is_ok() => Err(WriteError::Exists { path }),
+        Existing::Keep | Existing::Replace => Ok(()),
+    }
+}
+
+/// Gives the draft its name; where nothing may be replaced, not even what has come meanwhile.
+fn publish(path: &Path, place: &Path, draft: &Path, existing: Existing) -> Result<(), WriteError> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    let renamed = match existing {
+        Existing::Replace => fs::rename(draft, place),
+        Existing::Keep => match renameat_with(CWD, draft, CWD, place, RenameFlags::NOREPLACE) {
+            Err(rustix::io::Errno::EXIST) => return Err(WriteError::Exists { path: path.to_owned() }),
+            // A file system that does not know the flag.
+            Err(rustix::io::Errno::INVAL) => fs::rename(draft, place),
+            renamed => renamed.map_err(io::Error::from),
+        },
+    };
+    renamed.map_err(|error| WriteError::Failed { path: path.to_owned(), source: error.into() })
+}
+
+/// Where a path leads.
+enum Place {
+    /// To this program's own output, which whoever has it too goes on with behind what is written.
+    Standard(io::Result<File>),
+    /// To what is there to be written to: a device, a pipe, or what some process has open.
+    There,
+    /// To a plain file, or where one may be.
+    File(PathBuf),
+}
+
+fn place_of(path: &Path) -> Place {
+    let mut place = path.to_owned();
+    for _ in 0..LINKS_MAX {
+        let folder = place.parent().unwrap_or(Path::new("")).to_owned();
+        // What processes have open looks like links to where it was when it was opened.
+        let of_processes = folder.canonicalize().ok().filter(|folder| folder.starts_with("/proc"));
+        if let Some(folder) = of_processes {
+            let is_own = Path::new("/proc/self/fd").canonicalize().is_ok_and(|own| own == folder);
+            return match place.file_name().and_then(|name| name.to_str()) {
+                Some("1") if is_own => Place::Standard(io::stdout().as_fd().try_clone_to_owned().map(File::from)),
+                Some("2") if is_own => Place::Standard(io::stderr().as_fd().try_clone_to_owned().map(File::from)),
+                _ => Place::There,
+            };
+        }
+        let Ok(next) = place.read_link() else { break };
+        place = folder.join(next);
+    }
+    match fs::metadata(&place) {
+        Ok(there) if !there.is_file() && !there.is_dir() => Place::There,
+        _ => Place::File(place),
+    }
+}
+
+/// Whether an HDF5 file is at `path`, by how it begins.
+fn is_hdf5(path: &Path) -> bool {
+    let mut begin = [0; HDF5_SIGNATURE.len()];
+    let is_file = fs::metadata(path).is_ok_and(|there| there.is_file());
+    is_file && File::open(path).and_then(|mut file| file.read_exact(&mut begin)).is_ok() && begin == HDF5_SIGNATURE
+}

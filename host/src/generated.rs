@@ -1,0 +1,53 @@
+//! What is made of the description of a program's arguments: completions for shells, and manual pages.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Command;
+use clap_complete::{Shell, generate};
+use clap_mangen::Man;
+
+/// Writes the completions of `command` for `shell` to `out`.
+///
+/// # Errors
+/// That `out` cannot be written.
+pub fn completions(mut command: Command, shell: Shell, out: &mut impl Write) -> io::Result<()> {
+    let name = command.get_name().to_owned();
+    // It writes into memory, because it panics where it cannot write.
+    let mut text = Vec::new();
+    generate(shell, &mut command, name, &mut text);
+    out.write_all(&text)
+}
+
+/// Writes the manual pages of `command`, a page a verb, into `folder`, which is made if it is not there. The paths of the pages.
+///
+/// # Errors
+/// What the system returns, with the path.
+pub fn manual(command: Command, folder: &Path) -> Result<Vec<PathBuf>, (PathBuf, io::Error)> {
+    fs::create_dir_all(folder).map_err(|error| (folder.to_owned(), error))?;
+    let mut pages = Vec::new();
+    let name = command.get_name().to_owned();
+    write_page(command, [&name, &name], folder, &mut pages)?;
+    Ok(pages)
+}
+
+/// Writes the page of `command`, and those of its verbs. Its names are that of its page, and how it is called.
+fn write_page(
+    command: Command,
+    [name, called]: [&str; 2],
+    folder: &Path,
+    pages: &mut Vec<PathBuf>,
+) -> Result<(), (PathBuf, io::Error)> {
+    let command = command.disable_help_subcommand(true).display_name(name.to_owned()).bin_name(called.to_owned());
+    for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
+        let [name, called] = [(name, "-"), (called, " ")].map(|(of, mark)| format!("{of}{mark}{}", verb.get_name()));
+        write_page(verb.clone(), [&name, &called], folder, pages)?;
+    }
+    let page = folder.join(format!("{name}.1"));
+    let mut text = Vec::new();
+    let written = Man::new(command).title(name.to_uppercase()).render(&mut text);
+    written.and_then(|()| fs::write(&page, &text)).map_err(|error| (page.clone(), error))?;
+    pages.push(page);
+    Ok(())
+}

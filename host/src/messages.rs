@@ -1,0 +1,45 @@
+//! Messages to people on standard error, which may be a full disk or a pipe whose reader has gone: that ends nothing.
+
+use std::error::Error;
+use std::io::Write as _;
+
+use crate::log::{self, LogFormat, SAID};
+
+/// Writes `text` and a line's end.
+pub fn print_line(text: &str) {
+    // If standard error is closed or full, nothing can be done about it.
+    drop(writeln!(std::io::stderr(), "{text}"));
+}
+
+/// Tells people `text`, unless they asked for errors alone; into a log for programs it goes as an event.
+pub fn say(text: &str) {
+    match log::format() {
+        LogFormat::Text if log::is_quiet() => {}
+        LogFormat::Text => print_line(text),
+        LogFormat::Json => tracing::info!(target: SAID, "{text}"),
+    }
+}
+
+/// Prints the error that has ended the program called `program`.
+pub fn print_failure(program: &str, error: &(dyn Error + 'static)) {
+    let text = with_causes(error);
+    match log::format() {
+        LogFormat::Text => {
+            let is_coloured = crate::colour::is_shown(&std::io::stderr());
+            let program = crate::colour::Colour::Bad.paint(program, is_coloured);
+            print_line(&format!("{program}: {text}"));
+        }
+        LogFormat::Json => tracing::error!("{text}"),
+    }
+}
+
+/// The error with its causes, each once: many errors name their cause themselves.
+pub fn with_causes(error: &(dyn Error + 'static)) -> String {
+    std::iter::successors(Some(error), |&error| error.source()).fold(String::new(), |text, cause| {
+        match cause.to_string() {
+            cause if text.is_empty() => cause,
+            cause if text.ends_with(&cause) => text,
+            cause => format!("{text}: {cause}"),
+        }
+    })
+}

@@ -1,0 +1,31 @@
+//! What was probably meant by a name that is none.
+
+/// How alike two names must be, from 0 to 1, to be taken for each other's slip.
+const ALIKE: f64 = 0.8;
+
+/// The one of `known` that is most like `name`, if one is alike enough.
+pub fn most_like<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let score = |known: &str| strsim::jaro_winkler(name, known);
+    let alike = known.into_iter().map(|known| (score(known), known)).filter(|(score, _)| *score >= ALIKE);
+    alike.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, known)| known)
+}
+
+/// `did you mean "KNOWN"?`, if one of `known` is like `name`.
+pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    most_like(name, known).map(|known| format!("did you mean {known:?}?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a slip without help, and help that leads astray.
+    #[test]
+    fn a_slip_is_recognised_and_a_stranger_is_not() {
+        let known = ["f_max", "f_hi_hz", "tau", "velocities_m_per_s"];
+        assert_eq!(most_like("f_hi", known), Some("f_hi_hz"));
+        assert_eq!(most_like("velocity_m_per_s", known), Some("velocities_m_per_s"));
+        assert_eq!(did_you_mean("tua", known).as_deref(), Some("did you mean \"tau\"?"));
+        assert_eq!(most_like("colour", known), None);
+    }
+}

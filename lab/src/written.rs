@@ -1,0 +1,44 @@
+//! Files that a verb writes, and what it prints of them.
+
+use std::io::{self, Write as _};
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result};
+use clap::Args;
+use serde_json::json;
+use tapline_host::arguments::ForceArgs;
+use tapline_host::atomic_file::{check_writable, write_texts};
+
+/// How a verb writes its files.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct WrittenArgs {
+    #[command(flatten)]
+    force: ForceArgs,
+    /// Print a line of JSON for each file.
+    #[arg(long)]
+    json: bool,
+}
+
+impl WrittenArgs {
+    /// Checks, before the work is done, that a file that is always among those written may be.
+    ///
+    /// # Errors
+    /// That it is there and is not to be replaced.
+    pub(crate) fn check(self, path: &std::path::Path) -> Result<()> {
+        Ok(check_writable(path, self.force.existing())?)
+    }
+
+    /// Writes texts to their paths, all of them or none where one may not be written, and prints the paths.
+    ///
+    /// # Errors
+    /// An error of the file system, or a file that is not to be replaced.
+    pub(crate) fn write(self, files: &[(PathBuf, String)]) -> Result<()> {
+        write_texts(files, self.force.existing())?;
+        let mut out = io::stdout().lock();
+        files.iter().try_for_each(|(path, _)| {
+            let path = path.display().to_string();
+            writeln!(out, "{}", if self.json { json!({ "file": path }).to_string() } else { path })
+                .context("cannot write to standard output")
+        })
+    }
+}

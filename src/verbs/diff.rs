@@ -1,0 +1,235 @@
+//! `tapline diff`: what changed between the numbers of two archives of the same taps.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use serde::Serialize;
+use serde_json::json;
+use tapline_store::{Judged, Reader};
+use tapline_wire::{Discriminator, Discriminators, Scan, Verdict};
+
+use crate::archives::{ArchiveFile, Archives, Outcome, Which, of_archive};
+use crate::config::lineage::changes;
+use crate::verbs::explain::print;
+
+/// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. Where one is a folder,
+/// the casings are paired by name; `which` files of the folder `after` are meant.
+pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> Result<bool> {
+    if !before.is_dir() && !after.is_dir() {
+        let difference = Difference::between(before, after)?;
+        print(&if as_json { line_of(&difference)? } else { difference.to_string() })?;
+        return Ok(true);
+    }
+    let (befores, afters) = (Archives::find(&[before], Which::Casings)?, Archives::find(&[after], which)?);
+    let mut partners: BTreeMap<String, &ArchiveFile> =
+        afters.files.iter().map(|file| (casing_of(file), file)).collect();
+    let mut outcome = Outcome::new(&Archives { is_many: true, ..befores.clone() });
+    let alone = |file: &ArchiveFile| {
+        let path = file.path.display().to_string();
+        print(&if as_json { format!("{}\n", json!({ "alone": path })) } else { format!("{path}: without a partner\n") })
+    };
+    for file in &befores.files {
+        let Some(other) = partners.remove(&casing_of(file)) else {
+            alone(file)?;
+            outcome.note(false);
+            continue;
+        };
+        let Some(difference) = outcome.take(file, Difference::between(&file.path, &other.path))? else { continue };
+        print(&match as_json {
+            true => line_of(&difference)?,
+            false => format!("{} -> {}\n{difference}", file.path.display(), other.path.display()),
+        })?;
+    }
+    // Beside a single file, the other casings of the folder do not count.
+    if before.is_dir() && after.is_dir() {
+        for file in partners.values() {
+            alone(file)?;
+            outcome.note(false);
+        }
+    }
+    outcome.end()
+}
+
+fn line_of(difference: &Difference) -> Result<String> {
+    Ok(format!("{}\n", serde_json::to_string(difference)?))
+}
+
+/// Name of the casing of an archive, or of a file of results.
+fn casing_of(file: &ArchiveFile) -> String {
+    let name = file.casing();
+    match of_archive(&file.path) {
+        Some(of) => of.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        None => name,
+    }
+}
+
+/// What changed from one archive to another.
+#[derive(Debug, Serialize)]
+struct Difference {
+    before: String,
+    after: String,
+    is_lineage_same: bool,
+    /// Options and sources: key, and its value before and after.
+    lineage: Vec<(String, String, String)>,
+    is_raw_same: bool,
+    is_reference_same: bool,
+    /// Taps that are in one of them alone.
+    taps_alone: usize,
+    discriminators: Vec<DiscriminatorDifference>,
+    /// Taps whose flags differ.
+    flags_differ: usize,
+    shoulders: Vec<ShoulderDifference>,
+}
+
+#[derive(Debug, Serialize)]
+struct DiscriminatorDifference {
+    name: &'static str,
+    /// Taps whose values differ.
+    differ: usize,
+    /// By which part of the value before at most.
+    relative_max: f64,
+}
+
+/// How a verdict changed; absent where a shoulder is not judged.
+#[derive(Debug, Serialize)]
+struct ShoulderDifference {
+    shoulder: String,
+    verdict_before: Option<String>,
+    verdict_after: Option<String>,
+    reasons_before: Option<String>,
+    reasons_after: Option<String>,
+    /// Locations whose damage index differs.
+    locations_differ: usize,
+    /// By how much at most.
+    index_max: Option<f64>,
+}
+
+impl Difference {
+    fn between(before: &Path, after: &Path) -> Result<Self> {
+        let (a, b) = (Reader::open(before)?, Reader::open(after)?);
+        if a.plan().digest() != b.plan().digest() {
+            bail!(
+                "{} holds scan plan {:016x} and {} {:016x}: their taps cannot be compared one by one",
+                before.display(),
+                a.plan().digest(),
+                after.display(),
+                b.plan().digest()
+            );
+        }
+        let (found_a, found_b) = (a.discriminators()?, b.discriminators()?);
+        let both = || found_a.iter().zip(&found_b).filter_map(|(a, b)| Some((a.as_ref()?, b.as_ref()?)));
+        let judged = a.plan().scans().iter().zip(a.judgements()?).zip(b.judgements()?);
+        Ok(Self {
+            before: before.display().to_string(),
+            after: after.display().to_string(),
+            is_lineage_same: a.lineage_key()? == b.lineage_key()?,
+            lineage: changes(a.made_by(), b.made_by()),
+            is_raw_same: a.raw_digest()? == b.raw_digest()?,
+            is_reference_same: a.reference() == b.reference(),
+            taps_alone: found_a.iter().zip(&found_b).filter(|(a, b)| a.is_some() != b.is_some()).count(),
+            discriminators: Discriminator::ALL.map(|which| DiscriminatorDifference::of(which, both())).into(),
+            flags_differ: both().filter(|(a, b)| a.quality != b.quality).count(),
+            shoulders: judged.map(|((scan, a), b)| ShoulderDifference::of(scan, a.as_ref(), b.as_ref())).collect(),
+        })
+    }
+}
+
+impl DiscriminatorDifference {
+    fn of<'a>(which: Discriminator, both: impl Iterator<Item = (&'a Discriminators, &'a Discriminators)>) -> Self {
+        let (mut differ, mut relative_max) = (0, 0.0);
+        for (a, b) in both {
+            let (a, b) = (a.values.get(which), b.values.get(which));
+            if a.map(f64::to_bits) != b.map(f64::to_bits) {
+                differ += 1;
+                if let (Some(a), Some(b)) = (a, b) {
+                    let relative = (b - a).abs() / a.abs();
+                    relative_max = if relative > relative_max { relative } else { relative_max };
+                }
+            }
+        }
+        Self { name: which.name(), differ, relative_max }
+    }
+}
+
+impl ShoulderDifference {
+    fn of(scan: &Scan, a: Option<&Judged>, b: Option<&Judged>) -> Self {
+        let verdict = |judged: Option<&Judged>| {
+            judged.map(|(judgement, _)| {
+                Verdict::from_code(judgement.verdict).map_or("unknown".to_owned(), |verdict| verdict.to_string())
+            })
+        };
+        let reasons = |judged: Option<&Judged>| judged.map(|(judgement, _)| judgement.reasons.to_string());
+        let cells = |judged: Option<&Judged>| judged.map(|(_, cells)| cells.clone()).unwrap_or_default();
+        let differences: Vec<f64> = cells(a)
+            .iter()
+            .zip(&cells(b))
+            .filter(|(a, b)| a.damage_index.to_bits() != b.damage_index.to_bits())
+            .map(|(a, b)| (b.damage_index - a.damage_index).abs())
+            .collect();
+        Self {
+            shoulder: format!("{}/{}", scan.tyre, scan.shoulder),
+            verdict_before: verdict(a),
+            verdict_after: verdict(b),
+            reasons_before: reasons(a),
+            reasons_after: reasons(b),
+            locations_differ: differences.len(),
+            index_max: differences.into_iter().max_by(f64::total_cmp),
+        }
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "lineage    {}", if self.is_lineage_same { "the same" } else { "another:" })?;
+        for (key, before, after) in &self.lineage {
+            writeln!(f, "           {key}: {before} -> {after}")?;
+        }
+        if !self.is_raw_same {
+            writeln!(f, "           what was recorded differs, samples or headers")?;
+        }
+        if !self.is_reference_same {
+            writeln!(f, "           the reference files differ")?;
+        }
+        if self.taps_alone > 0 {
+            writeln!(f, "taps       {} are in one of them alone", self.taps_alone)?;
+        }
+        for DiscriminatorDifference { name, differ, relative_max } in &self.discriminators {
+            match differ {
+                0 => writeln!(f, "{name:<10} the same")?,
+                _ => writeln!(f, "{name:<10} {differ} differ, by {relative_max:.1e} of their value at most")?,
+            }
+        }
+        if self.flags_differ > 0 {
+            writeln!(f, "quality    {} taps have other flags", self.flags_differ)?;
+        }
+        self.shoulders.iter().try_for_each(|shoulder| writeln!(f, "{}  {shoulder}", shoulder.shoulder))
+    }
+}
+
+impl fmt::Display for ShoulderDifference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (was, is) = match (&self.verdict_before, &self.verdict_after) {
+            (None, None) => return f.write_str("not judged in either"),
+            (Some(_), None) => return f.write_str("judged in the first alone"),
+            (None, Some(_)) => return f.write_str("judged in the second alone"),
+            (Some(was), Some(is)) => (was, is),
+        };
+        match was == is {
+            true => f.write_str(was)?,
+            false => write!(f, "{was} -> {is}")?,
+        }
+        if let (Some(was), Some(is)) = (&self.reasons_before, &self.reasons_after)
+            && was != is
+        {
+            write!(f, ", reasons {was} -> {is}")?;
+        }
+        match self.index_max {
+            None => f.write_str(", index the same"),
+            Some(largest) => {
+                write!(f, ", index differs at {} locations, by {largest:.2e} at most", self.locations_differ)
+            }
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! `tapline completions` and `tapline man`: what is made of the description of the command line.
+
+use std::io;
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use clap::Command;
+use clap_complete::Shell;
+use tapline_host::atomic_file::{Existing, check_folder};
+
+/// Prints the completions for `shell`.
+pub(crate) fn completions(command: Command, shell: Shell) -> Result<bool> {
+    let printed = tapline_host::generated::completions(command, shell, &mut io::stdout().lock());
+    printed.context("cannot write to standard output")?;
+    Ok(true)
+}
+
+/// Writes the manual pages into `folder`.
+pub(crate) fn man(command: Command, folder: &Path, existing: Existing) -> Result<bool> {
+    check_folder(folder, existing)?;
+    tapline_host::generated::manual(command, folder)
+        .map_err(|(path, error)| anyhow::Error::from(error).context(format!("cannot write {}", path.display())))?;
+    Ok(true)
+}

@@ -1,0 +1,45 @@
+//! What is made of the description of the command line: completions, manual pages, the example of a configuration.
+
+use std::fs;
+
+use crate::sandbox::Sandbox;
+
+/// Catches completions without a verb or an option.
+#[test]
+fn every_shell_has_completions() {
+    let sandbox = Sandbox::new();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let text = sandbox.run(&format!("completions {shell}")).expect(0).out;
+        for word in ["reprocess", "from-samples", "quiet"] {
+            assert!(text.contains(word), "{word} is not in the completions for {shell}");
+        }
+    }
+}
+
+/// Catches a verb without a page, and a page that is no manual page.
+#[test]
+fn every_verb_has_a_manual_page() {
+    let sandbox = Sandbox::new();
+    sandbox.run("man pages").expect(0);
+    let page = |name: &str| fs::read_to_string(sandbox.path(&format!("pages/{name}.1"))).unwrap();
+    let help = sandbox.run("--help").expect(0).out;
+    let verbs = help.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    let verbs: Vec<&str> = verbs.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(verbs.contains(&"line") && verbs.len() > 15, "{verbs:?}");
+    for verb in verbs.into_iter().filter(|&verb| verb != "help") {
+        assert!(page(&format!("tapline-{verb}")).contains(".TH"), "{verb}");
+    }
+    assert!(page("tapline-model-contact").contains("tapline model contact"));
+    assert!(!sandbox.path("pages/tapline-stage.1").exists(), "nobody starts a stage");
+}
+
+/// Catches an example that no run takes.
+#[test]
+fn the_example_of_a_configuration_is_one() {
+    let sandbox = Sandbox::new();
+    sandbox.write("example.toml", &sandbox.run("config --example").expect(0).out);
+    assert!(sandbox.run("config --check example.toml").expect(0).out.contains("example.toml is a configuration"));
+    sandbox.write("wrong.toml", "[fuse]\nre_inspect_rate = 2.0\n");
+    assert!(sandbox.run("config --check wrong.toml").expect(1).err.contains("re_inspect_rate"));
+    sandbox.run("config").expect(2);
+}
