@@ -46,6 +46,7 @@ pub struct PodArgs {
     /// Folder to write tables (CSV), figures (SVG) and `page.md` into; made when it is not there.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// Whether files that are there are replaced.
     #[command(flatten)]
     pub force: ForceArgs,
 }

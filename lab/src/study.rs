@@ -53,6 +53,7 @@ pub struct StudyArgs {
     /// Folder to write tables (CSV) and figures (SVG) into, with a page beside it; made when it is not there.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// Whether files that are there are replaced.
     #[command(flatten)]
     pub force: ForceArgs,
 }

@@ -58,11 +58,11 @@ fn content(path: &Path) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// Catches a draft that stays when a verb is asked to end, at whatever moment: each verb that writes is ended later and later,
+/// Catches a draft that stays when a verb is asked to end, at whatever moment: each verb that writes is ended later and later (each time twice as late),
 /// until it ends by itself before the signal comes.
 #[test]
 fn nothing_half_written_stays_after_a_signal() {
-    let sandbox = scanned(&SMALL.replace("repetitions = 1", "repetitions = 24"));
+    let sandbox = scanned(&SMALL.replace("repetitions = 1", "repetitions = 8"));
     for command in [
         "export x discriminators --out v.csv",
         "export x taps --out taps",
@@ -89,7 +89,7 @@ fn nothing_half_written_stays_after_a_signal() {
                 }
             }
             ended += 1;
-            wait = wait * 3 / 2;
+            wait *= 2;
             for out in ["taps", "mats", "pages", "y"] {
                 drop(fs::remove_dir_all(sandbox.path(out)));
             }

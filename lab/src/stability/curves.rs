@@ -110,7 +110,7 @@ fn noise() -> Curve {
     Curve {
         name: "snr",
         title: "White noise on both channels",
-        x_label: "Noise sd / peak (1 / SNR)",
+        x_label: "Standard deviation of the noise / peak (1 / SNR)",
         is_x_log: true,
         sentence: "Root mean square error over 8 records. At a noise of 1 % A_2, which integrates the magnitude of the noise to the end of the record, is 60 % off, P_f 4 %, all others less than 1.5 %. From 3 % on the powers rise with the square of the noise; at 30 % no pulse is found.",
         columns: names(),
@@ -122,7 +122,7 @@ pub(crate) fn clipping() -> Curve {
     Curve {
         name: "clipping",
         title: "Both channels cut off below their peak",
-        x_label: "Clipping level / peak",
+        x_label: "Level at which it is cut off / peak",
         is_x_log: false,
         sentence: "F_max loses the part that is cut off, and A_1 and the powers fall with it; tau and PR stay within 5 %. No value shows the clipping, but the flag does, here without noise at any level.",
         columns: names(),
@@ -201,9 +201,9 @@ pub(crate) fn restitution() -> Curve {
     };
     Curve {
         name: "restitution",
-        title: "Restitution that a damping law returns, e to 0",
+        title: "How well a damping law returns the restitution asked of it",
         x_label: "Restitution asked for",
-        is_x_log: true,
+        is_x_log: false,
         sentence: "The exact law returns the restitution that is asked for, down to 0.1, where all laws end. Eq. 12 returns 0.66 for 0.1.",
         columns: vec!["exact", "gonthier", "flores", "lankarani_nikravesh"],
         rows: decades(0.1, 0.999, 25).into_iter().map(at).collect(),
@@ -219,8 +219,8 @@ fn rungs(scene: &Scene) -> Vec<f64> {
 fn depth() -> Curve {
     Curve {
         name: "depth",
-        title: "Peak force over a shallow crack, h to 0",
-        x_label: "Depth h, mm (l = 25.4 mm)",
+        title: "Peak force over a crack ever nearer to the surface",
+        x_label: "Depth h of the crack, mm (length l = 25.4 mm)",
         is_x_log: true,
         sentence: "Compared with the full rung, the closed form lacks half of the force below 2 mm and all of it at 0.1 mm. The integral model, which has no crack, gives up to seven times too much. The plate is within 12 % down to 0.8 mm, where the membrane begins to carry.",
         columns: vec!["closed", "integral", "plate"],
@@ -235,8 +235,8 @@ fn length() -> Curve {
     let at = |l: f64| modelled(l, rungs(&Scene { l_m: 1e-3 * l, h_m: 2.54e-3, ..Scene::default() }));
     Curve {
         name: "length",
-        title: "Peak force over a short crack, l to 0",
-        x_label: "Length l, mm (h = 2.54 mm)",
+        title: "Peak force over an ever shorter crack",
+        x_label: "Length l of the crack, mm (depth h = 2.54 mm)",
         is_x_log: true,
         sentence: "As l goes to 0 all three approach the full rung, but slowly, since shear softens a layer that is shorter than it is thick (the flag of h/l is raised there). The closed form is within a tenth only where the curves cross.",
         columns: vec!["closed", "integral", "plate"],

@@ -1,18 +1,31 @@
-//! A curve as a picture: error on a logarithmic axis, one colour and one mark a column.
+//! A curve as a picture: error on a logarithmic axis, one colour and one mark a column, and grey where a flag is raised.
+
+mod marks;
 
 use anyhow::{Result, anyhow};
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use tapline_wire::Discriminator;
+
+use self::marks::mark;
 use super::curves::{Curve, Row};
 
 /// Size of a picture.
-const SIZE: (u32, u32) = (820, 460);
-/// Errors below this are drawn on the floor: 0 has no logarithm.
-const FLOOR: f64 = -9.0;
-/// Highest error drawn, as a power of ten.
-const TOP: f64 = 2.0;
-/// Okabe and Ito's colours, which colour-blind people distinguish, with black as the last.
-const COLOURS: [RGBColor; 7] = [
+const SIZE: (u32, u32) = (1070, 560);
+/// Right edge of the axes; the names stand behind it.
+const RIGHT: i32 = 700;
+/// Height of the first name, and from one to the next.
+const NAMES: (i32, i32) = (76, 28);
+/// Most powers of ten that an axis has: what is below is drawn on its lowest line.
+const DECADES_MAX: f64 = 7.0;
+/// Room above the greatest error, as a power of ten.
+const ABOVE: f64 = 0.15;
+/// Every which point has a mark, where there are many.
+const MARKED: usize = 16;
+/// Okabe and Ito's colours, which colour-blind people distinguish, with black and grey as the last.
+const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -20,10 +33,14 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(230, 159, 0),
     RGBColor(86, 180, 233),
     RGBColor(0, 0, 0),
+    RGBColor(110, 110, 110),
 ];
+/// Ground where a flag is raised.
+const FLAGGED: RGBColor = RGBColor(228, 228, 228);
 
-/// Colour of what is flagged.
-const FLAG: RGBColor = RGBColor(120, 120, 120);
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 /// The picture of `curve` as SVG.
 pub(crate) fn svg(curve: &Curve) -> Result<String> {
@@ -32,74 +49,209 @@ pub(crate) fn svg(curve: &Curve) -> Result<String> {
     Ok(text)
 }
 
-fn fill(curve: &Curve, text: &mut String) -> Result<(), Box<dyn std::error::Error>> {
+fn fill(curve: &Curve, text: &mut String) -> Drawn {
     let root = SVGBackend::with_string(text, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
-    let place = |x: f64| if curve.is_x_log { x.log10() } else { x };
-    let xs: Vec<f64> = curve.rows.iter().map(|row| place(row.x)).collect();
-    let (Some(first), Some(last)) = (xs.first(), xs.last()) else { return Err("no rows".into()) };
+    let scale = Scale::of(curve).ok_or("no errors")?;
     let mut chart = ChartBuilder::on(&root)
-        .caption(curve.title, ("sans-serif", 20))
-        .margin(12)
-        .margin_right(190)
-        .x_label_area_size(44)
-        .y_label_area_size(64)
-        .build_cartesian_2d(*first..*last, FLOOR..TOP)?;
-    let power = |k: &f64| format!("1e{k:.0}");
-    let plain = |x: &f64| if curve.is_x_log { short(10_f64.powf(*x)) } else { short(*x) };
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(RGBColor(225, 225, 225))
-        .y_labels(12)
-        .x_desc(curve.x_label)
-        .y_desc("Relative error")
-        .x_label_formatter(&plain)
-        .y_label_formatter(&power)
-        .draw()?;
-    for (number, name) in curve.columns.iter().enumerate() {
-        let colour = COLOURS[number % COLOURS.len()];
-        let at = |row: &Row| (place(row.x), row.errors[number]);
-        let level = |error: f64| if error > 0.0 { error.log10().clamp(FLOOR, TOP) } else { FLOOR };
-        let points: Vec<(f64, f64)> = curve.rows.iter().map(at).collect();
-        // An absent value parts the line.
-        for run in points.split(|(_, error)| !error.is_finite()).filter(|run| !run.is_empty()) {
-            let line: Vec<(f64, f64)> = run.iter().map(|&(x, e)| (x, level(e))).collect();
-            chart.draw_series([PathElement::new(line, colour.stroke_width(2))])?;
-        }
-        let marked = points.iter().enumerate().filter(|(k, (_, e))| e.is_finite() && k % 4 == number % 4);
-        chart.draw_series(
-            marked.map(|(_, &(x, e))| Circle::new((x, level(e)), 3 + (number as i32 % 2), colour.filled())),
-        )?;
-        // The names stand beside the picture, in the order of the columns.
-        let row = 60 + 24 * number as i32;
-        root.draw(&PathElement::new(vec![(646, row), (674, row)], colour.stroke_width(3)))?;
-        root.draw(&Text::new((*name).to_owned(), (682, row - 7), ("sans-serif", 14)))?;
+        .caption(curve.title, ("sans-serif", 22))
+        .margin(14)
+        .margin_right(SIZE.0 as i32 - RIGHT)
+        .x_label_area_size(52)
+        .y_label_area_size(84)
+        .build_cartesian_2d(scale.x.0..scale.x.1, scale.powers.0..scale.powers.1)?;
+    let flags = draw_flags(curve, &scale, &mut chart)?;
+    draw_axes(curve, &scale, &mut chart)?;
+    for number in 0..curve.columns.len() {
+        draw_column(curve, number, &scale, &mut chart, &root)?;
     }
-    // A row of squares along the floor: where a flag is raised.
-    let flagged = curve.rows.iter().filter(|row| !row.flags.is_empty()).map(|row| place(row.x));
-    let side = 3;
-    chart
-        .draw_series(flagged.map(|x| {
-            EmptyElement::at((x, FLOOR)) + Rectangle::new([(-side, -3 * side), (side, -side)], FLAG.filled())
-        }))?;
-    if curve.rows.iter().any(|row| !row.flags.is_empty()) {
-        let row = 60 + 24 * curve.columns.len() as i32;
-        root.draw(&Rectangle::new([(657, row - side), (663, row + side)], FLAG.filled()))?;
-        root.draw(&Text::new("flagged", (682, row - 7), ("sans-serif", 14)))?;
-    }
+    draw_names(curve, &scale, &flags, &root)?;
     root.present()?;
     Ok(())
 }
 
-/// A number as an axis wants it.
-fn short(x: f64) -> String {
-    let size = x.abs();
-    if !(1e-12..10.0).contains(&size) {
-        format!("{x:.0}")
-    } else if size >= 0.1 {
-        format!("{x:.2}")
-    } else {
-        format!("{x:.0e}")
+/// What the axes span: the data, and no more.
+struct Scale {
+    is_x_log: bool,
+    x: (f64, f64),
+    /// Powers of ten of the errors, from a whole one to a little above the greatest.
+    powers: (f64, f64),
+}
+
+impl Scale {
+    fn of(curve: &Curve) -> Option<Self> {
+        let errors = curve.rows.iter().flat_map(|row| &row.errors).copied().filter(|e| e.is_finite() && *e > 0.0);
+        let (least, greatest) = errors.fold((f64::INFINITY, 0.0_f64), |(low, high), e| (low.min(e), high.max(e)));
+        let place = |x: f64| if curve.is_x_log { x.log10() } else { x };
+        let (first, last) = (curve.rows.first()?, curve.rows.last()?);
+        (greatest > 0.0).then(|| {
+            let high = greatest.log10() + ABOVE;
+            let low = least.log10().floor().clamp((high - DECADES_MAX).ceil(), (high - 1.0).floor());
+            Self { is_x_log: curve.is_x_log, x: (place(first.x), place(last.x)), powers: (low, high) }
+        })
+    }
+
+    /// Where a value stands on the axis.
+    fn place(&self, x: f64) -> f64 {
+        if self.is_x_log { x.log10() } else { x }
+    }
+
+    /// Where an error stands; what is too small for the axis stands on its lowest line.
+    fn level(&self, error: f64) -> f64 {
+        let (low, high) = self.powers;
+        if error > 0.0 { error.log10().clamp(low, high) } else { low }
+    }
+}
+
+fn draw_axes(curve: &Curve, scale: &Scale, chart: &mut Chart<'_>) -> Drawn {
+    let percent = |power: &f64| match power + 2.0 {
+        digits if digits >= 0.0 => format!("{:.0} %", 10_f64.powf(digits)),
+        digits if digits > -5.0 => format!("{:.*} %", -digits as usize, 10_f64.powf(digits)),
+        digits => format!("1e{digits:.0} %"),
+    };
+    let plain = |x: &f64| number(if curve.is_x_log { 10_f64.powf(*x) } else { *x });
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(RGBColor(205, 205, 205))
+        .label_style(("sans-serif", 16))
+        .axis_desc_style(("sans-serif", 17))
+        .x_labels(8)
+        .y_labels(DECADES_MAX as usize + 1)
+        .x_desc(curve.x_label)
+        .y_desc("Relative error")
+        .x_label_formatter(&plain)
+        .y_label_formatter(&percent)
+        .draw()?;
+    Ok(())
+}
+
+/// Draws the ground of the places at which a flag is raised; the flags, in the order in which they come.
+fn draw_flags(curve: &Curve, scale: &Scale, chart: &mut Chart<'_>) -> Result<Vec<String>, Box<dyn std::error::Error>> {
+    let mut flags: Vec<String> = Vec::new();
+    let (low, high) = scale.powers;
+    let places: Vec<f64> = curve.rows.iter().map(|row| scale.place(row.x)).collect();
+    // Each place reaches half-way to those beside it.
+    let halfway = |a: usize, b: usize| match (places.get(a), places.get(b)) {
+        (Some(a), Some(b)) => f64::midpoint(*a, *b),
+        (Some(a), None) | (None, Some(a)) => *a,
+        (None, None) => 0.0,
+    };
+    for (number, row) in curve.rows.iter().enumerate().filter(|(_, row)| !row.flags.is_empty()) {
+        let (from, to) = (halfway(number.wrapping_sub(1), number), halfway(number, number + 1));
+        chart.draw_series([Rectangle::new([(from, low), (to, high)], FLAGGED.filled())])?;
+        for flag in row.flags.split('|').map(|flag| flag.replace('_', " ")) {
+            if !flags.contains(&flag) {
+                flags.push(flag);
+            }
+        }
+    }
+    Ok(flags)
+}
+
+fn draw_column(curve: &Curve, number: usize, scale: &Scale, chart: &mut Chart<'_>, root: &Area<'_>) -> Drawn {
+    let colour = COLOURS[number % COLOURS.len()];
+    let at = |row: &Row| (scale.place(row.x), row.errors[number]);
+    let points: Vec<(f64, f64)> = curve.rows.iter().map(at).collect();
+    // An absent value parts the line.
+    for run in points.split(|(_, error)| !error.is_finite()).filter(|run| !run.is_empty()) {
+        let line: Vec<(f64, f64)> = run.iter().map(|&(x, e)| (x, scale.level(e))).collect();
+        chart.draw_series([PathElement::new(line, colour.stroke_width(2))])?;
+    }
+    // Of many points few have a mark, each column at others, so that lines which lie on each other show both.
+    let step = points.len().div_ceil(MARKED);
+    let is_marked = |k: usize| step == 1 || k % step == number % step;
+    for &(x, error) in points.iter().enumerate().filter(|(k, _)| is_marked(*k)).map(|(_, point)| point) {
+        if error.is_finite() {
+            mark(root, number, chart.backend_coord(&(x, scale.level(error))), colour)?;
+        }
+    }
+    Ok(())
+}
+
+/// The names of the columns, each behind its line and mark, and what the grey ground means.
+fn draw_names(curve: &Curve, scale: &Scale, flags: &[String], root: &Area<'_>) -> Drawn {
+    let style = ("sans-serif", 16).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
+    let (left, step) = (RIGHT + 16, NAMES.1);
+    let mut row = NAMES.0;
+    for (number, name) in curve.columns.iter().enumerate() {
+        let colour = COLOURS[number % COLOURS.len()];
+        root.draw(&PathElement::new(vec![(left, row), (left + 36, row)], colour.stroke_width(2)))?;
+        mark(root, number, (left + 18, row), colour)?;
+        let is_below =
+            curve.rows.iter().all(|row| row.errors[number].is_nan() || row.errors[number].log10() < scale.powers.0);
+        let name = if is_below { format!("{}, below", in_words(name)) } else { in_words(name) };
+        root.draw(&Text::new(name, (left + 46, row), style.clone()))?;
+        row += step;
+    }
+    if flags.is_empty() {
+        return Ok(());
+    }
+    row += step / 2;
+    root.draw(&Rectangle::new([(left, row - 9), (left + 36, row + 9)], FLAGGED.filled()))?;
+    root.draw(&Text::new("a flag is raised:", (left + 46, row), style.clone()))?;
+    for flag in flags {
+        row += step - 6;
+        root.draw(&Text::new(flag.clone(), (left + 46, row), style.clone()))?;
+    }
+    Ok(())
+}
+
+/// What a column of the table is, for people.
+fn in_words(column: &str) -> String {
+    if let Some(which) = Discriminator::ALL.into_iter().find(|which| which.name() == column) {
+        return format!("{}: {}", which.symbol(), which.meaning());
+    }
+    match column {
+        "closed" => "closed form",
+        "integral" => "integral, no crack",
+        "plate" => "plate in time",
+        "f_max_closed" => "peak force, closed form",
+        "tau_closed" => "contact time, closed form",
+        "d_max_closed" => "deflection, closed form",
+        "f_max_full" => "peak force, full rung",
+        "contact_time_full" => "contact time, full rung",
+        "d_max_full" => "deflection, full rung",
+        "exact" => "exact law",
+        "gonthier" => "Gonthier",
+        "flores" => "Flores",
+        "lankarani_nikravesh" => "Lankarani-Nikravesh",
+        other => other,
+    }
+    .to_owned()
+}
+
+/// A number as an axis wants it, to two digits.
+fn number(x: f64) -> String {
+    let text = |digits: usize| format!("{x:.digits$}").trim_end_matches('0').trim_end_matches('.').to_owned();
+    match x.abs() {
+        size if size >= 10.0 => format!("{x:.0}"),
+        size if size >= 1.0 => text(1),
+        size if size >= 0.1 => text(2),
+        size if size >= 1e-3 => text(3),
+        size if size < 1e-12 => "0".to_owned(),
+        _ => format!("{x:.0e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::curves::{clipping, offset};
+    use super::*;
+
+    /// Catches an axis that is not fitted to its data, a column without its name in words, and a flag that is not shown.
+    #[test]
+    fn a_picture_shows_what_its_table_has() {
+        let clipped = clipping();
+        let text = svg(&clipped).unwrap();
+        for name in ["F_max: peak force", "spectral centroid", "a flag is raised:", "clipped"] {
+            assert!(text.contains(name), "{name}");
+        }
+        let scale = Scale::of(&clipped).unwrap();
+        assert!(scale.powers.1 < 0.0 && scale.x.0 < 0.401 && scale.x.1 > 0.999, "{:?}", (scale.powers, scale.x));
+        assert!(Scale::of(&offset()).unwrap().powers.1 < -6.0, "an error that is rounding fills the picture");
+        assert!(!svg(&offset()).unwrap().contains("a flag is raised"));
+        let sizes = text.split("font-size=\"").skip(1).filter_map(|rest| rest.split('"').next()?.parse::<f64>().ok());
+        assert!(sizes.clone().count() > 10 && sizes.into_iter().all(|size| size >= 12.0), "{text}");
     }
 }
