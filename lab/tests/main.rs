@@ -4,6 +4,7 @@
 
 mod experiment;
 mod figures;
+mod overwriting;
 mod pod;
 mod rates;
 mod sandbox;
