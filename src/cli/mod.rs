@@ -1,17 +1,18 @@
 //! The command line, parsed before anything is opened.
 
+pub(crate) mod archives;
 pub(crate) mod calibrate;
+pub(crate) mod line;
 pub(crate) mod model;
 
-#[cfg(feature = "serve")]
-use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
-
-use crate::archives::Which;
-use crate::cli::model::{ContactArgs, Length};
+use clap::{Args, Parser, Subcommand};
 use tapline_host::arguments::{ForceArgs, LogArgs};
+
+use crate::cli::archives::{ExportArgs, ImportArgs, PackedBy, ReferenceArgs, ReprocessArgs, ResultsArgs};
+use crate::cli::line::{LineArgs, RunArgs, StageArgs, StatusArgs};
+use crate::cli::model::{ContactArgs, Length};
 
 /// Finds hidden cracks in truck-tyre casings by tapping them and listening.
 #[derive(Debug, Parser)]
@@ -200,106 +201,6 @@ pub(crate) enum Verb {
     Model(ModelVerb),
 }
 
-#[derive(Debug, Args)]
-pub(crate) struct SourceArgs {
-    /// Configuration file (TOML); defaults hold for what it leaves out.
-    #[arg(long)]
-    pub config: Option<PathBuf>,
-    /// Folder of recorded taps (a tap set) to scan instead of simulated tyres.
-    #[arg(long)]
-    pub taps: Option<PathBuf>,
-    /// Folder for the results, one file a casing; `simulated`, or the name of the tap set, in this folder when left out.
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
-    /// makes one), TYRE/SHOULDER of the casing itself, or `self`: each tyre with itself, where damage all round does not show.
-    #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
-    pub reference: Option<String>,
-    /// Stations: how many are simulated, or over how many the shoulders of a tap set are shared out.
-    #[arg(long)]
-    pub stations: Option<u16>,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct ReferenceArgs {
-    /// Archives to take shoulders from, or folders of them.
-    #[arg(required = true)]
-    pub archives: Vec<PathBuf>,
-    #[command(flatten)]
-    pub results: ResultsArgs,
-    /// A shoulder to take, several times for several; when left out, all that passed, or with --labelled all.
-    #[arg(long = "shoulder", value_name = "TYRE/SHOULDER")]
-    pub shoulders: Vec<String>,
-    /// Take what the archives know of each location for its label; without it every shoulder is taken to be sound.
-    #[arg(long)]
-    pub labelled: bool,
-    /// Learn from the labels which way each discriminator moves with damage, where they show it.
-    #[arg(long, requires = "labelled")]
-    pub learn_directions: bool,
-    /// Configuration file, for directions and rate of false calls; that of the first archive when left out.
-    #[arg(long)]
-    pub config: Option<PathBuf>,
-    /// File to write, whose name ends in .json.
-    #[arg(long)]
-    pub out: PathBuf,
-    #[command(flatten)]
-    pub force: ForceArgs,
-    /// Print what the reference is as JSON.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// What packs samples.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum PackedBy {
-    /// Nothing: read by every HDF5 program.
-    None,
-    /// Blosc with LZ4: fast.
-    Lz4,
-    /// Blosc with Zstandard: smaller.
-    Zstd,
-    /// Deflate: read by every HDF5 program, slow to write.
-    Gzip,
-}
-
-/// Which files of a folder a verb takes.
-#[derive(Debug, Clone, Copy, Args)]
-pub(crate) struct ResultsArgs {
-    /// Of folders take, of each casing, the newest results of `tapline reprocess` instead of its archive.
-    #[arg(long)]
-    results: bool,
-}
-
-impl ResultsArgs {
-    pub(crate) fn which(self) -> Which {
-        Which::results_if(self.results)
-    }
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct ReprocessArgs {
-    /// The archives, or folders of them.
-    #[arg(required = true)]
-    pub archives: Vec<PathBuf>,
-    /// Configuration file whose tables `process` and `fuse` take the place of the archive's, whole: an option that it does not
-    /// name has its default, but for the reference. Without this file each archive's own are taken.
-    #[arg(long)]
-    pub config: Option<PathBuf>,
-    /// What shoulders are compared with, in place of the configuration's reference, as for `tapline run`.
-    #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
-    pub reference: Option<String>,
-    /// Threads; one for every core when left out. They change no result.
-    #[arg(long, default_value_t = 0)]
-    pub jobs: usize,
-    /// Read the samples even where the archive's own discriminators were made by the same options and sources; taps that
-    /// results of the same lineage have already are not read again.
-    #[arg(long)]
-    pub from_samples: bool,
-    /// Print a line of JSON for each archive.
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// What is done with a configuration.
 #[derive(Debug, Args)]
 #[group(required = true)]
@@ -310,157 +211,6 @@ pub(crate) struct ConfigArgs {
     /// Check this configuration: every key, value and bound.
     #[arg(long, value_name = "FILE")]
     pub check: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct RunArgs {
-    #[command(flatten)]
-    pub source: SourceArgs,
-    /// Print verdicts, and the summary at the end, as lines of JSON.
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct LineArgs {
-    /// Configuration file (TOML) with the stations.
-    #[arg(long)]
-    pub config: PathBuf,
-    /// Folder for the results: a folder a day, a file a casing; made when it is not there.
-    #[arg(long)]
-    pub out: PathBuf,
-    /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
-    /// makes one), or `self`: each tyre with itself, where damage all round does not show.
-    #[arg(long, value_name = "FILE.json|self")]
-    pub reference: Option<String>,
-    /// Print verdicts as lines of JSON.
-    #[arg(long)]
-    pub json: bool,
-    /// End after so many casings.
-    #[arg(long)]
-    pub casings: Option<usize>,
-    /// Serve a page of the running line, /metrics and /healthz over HTTP at this address.
-    #[cfg(feature = "serve")]
-    #[arg(long, value_name = "ADDRESS:PORT")]
-    pub serve: Option<SocketAddr>,
-    /// File with the token that viewers of the page must have; needed for an address that other machines can reach.
-    #[cfg(feature = "serve")]
-    #[arg(long, value_name = "FILE", requires = "serve")]
-    pub serve_token_file: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct StatusArgs {
-    /// Folder that the line writes its results to.
-    #[arg(long)]
-    pub out: PathBuf,
-    /// Go on showing it until the line ends.
-    #[arg(long)]
-    pub follow: bool,
-    /// Print it as a line of JSON.
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct StageArgs {
-    /// Which: store, fuse, process, or acquire-NUMBER.
-    pub stage: String,
-    /// Private folder of the line.
-    #[arg(long)]
-    pub line: PathBuf,
-    /// Number of the process that started this one, with which it ends.
-    #[arg(long)]
-    pub child: i32,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    after_help = "docs/import.md has every key of the configuration. `tapline import --example DIR` writes one that works."
-)]
-pub(crate) struct ImportArgs {
-    /// The recordings.
-    #[arg(required_unless_present = "example", conflicts_with = "example")]
-    pub files: Vec<PathBuf>,
-    /// What they are (TOML): names of files or a table, channels, rate, scales.
-    #[arg(long, required_unless_present = "example", conflicts_with = "example")]
-    pub config: Option<PathBuf>,
-    /// Folder for the tap set, which must be new or empty.
-    #[arg(long, required_unless_present = "example", conflicts_with = "example")]
-    pub out: Option<PathBuf>,
-    /// Write recordings and a configuration to start from into this folder, and print the command that imports them.
-    #[arg(long, value_name = "DIR")]
-    pub example: Option<PathBuf>,
-    /// Print what was imported as JSON.
-    #[arg(long, conflicts_with = "example")]
-    pub json: bool,
-}
-
-#[derive(Debug, Args)]
-#[command(after_help = EXPORT_FORMATS)]
-pub(crate) struct ExportArgs {
-    /// Archives or files of results, or folders of archives.
-    #[arg(required = true)]
-    pub archives: Vec<PathBuf>,
-    /// What to write.
-    #[arg(value_enum, value_name = "WHAT")]
-    pub what: What,
-    /// Format; csv for a table and wav for the taps when left out.
-    #[arg(long, value_enum)]
-    pub format: Option<Format>,
-    #[command(flatten)]
-    pub results: ResultsArgs,
-    /// File to write a table into, standard output when left out; for the taps a folder, which must be new or empty.
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    #[command(flatten)]
-    pub force: ForceArgs,
-    /// Print what was written as JSON.
-    #[arg(long, requires = "out")]
-    pub json: bool,
-}
-
-const EXPORT_FORMATS: &str = "\
-A table as parquet has the columns and rows of the csv, typed, with units; sets of flags also as bits.
-Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again. Archives whose
-recordings or configurations differ are exported one by one.
-Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58); as mat one file a shoulder, with matrices force and
-sound, a column a tap. Both name the units; FS is part of full scale, where the scale is not known.
-Taps that were refused, are missing or damaged are counted, and listed in taps.csv (column `refused`); then the exit code
-is 3. It is 3 too where one of several archives cannot be read: it is named, and the others are exported.";
-
-/// What of an archive can be written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum What {
-    /// What was found in every tap.
-    Discriminators,
-    /// The damage index of every location.
-    Damage,
-    /// The arcs of damage.
-    Regions,
-    /// The verdict on every shoulder.
-    Verdicts,
-    /// What became of every planned tap.
-    Ledger,
-    /// The samples of every tap.
-    Taps,
-}
-
-/// In what format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Format {
-    /// A table as text.
-    Csv,
-    /// A table with types and units, compressed by snappy.
-    Parquet,
-    /// Taps as a tap set, one WAV each.
-    Wav,
-    /// Taps as Universal Files, dataset 58b.
-    Uff,
-    /// Taps as Universal Files, dataset 58.
-    UffAscii,
-    /// Taps as MATLAB files of version 7.
-    Mat,
 }
 
 #[derive(Debug, Subcommand)]

@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result, bail};
 use tapline_acquire::validate_stations;
 use tapline_fuse::{Reference, ReferenceSet};
 
-use crate::cli::{LineArgs, SourceArgs};
+use crate::cli::line::{LineArgs, SourceArgs};
 use crate::config::Config;
 use crate::config::lineage::made_by;
 use crate::config::reference::{Fusions, ReferenceFile};

@@ -8,10 +8,13 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
+use tapline_host::atomic_file::{Existing, write_atomically};
+use tapline_host::progress::{Progress, Unit};
+use tapline_host::signals::stop_flag;
 use tapline_store::{digest_of, hex_of};
 use tapline_wire::{Line, LineAddress, Recording, Role, Services};
 
-use crate::cli::{LineArgs, RunArgs};
+use crate::cli::line::{LineArgs, RunArgs};
 use crate::config::job::Job;
 use crate::line::out_folder::OutFolder;
 use crate::line::process_name::name_process;
@@ -19,9 +22,6 @@ use crate::line::setup::{Arriving, Setup};
 use crate::line::summary::summarise;
 use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
 use crate::wires::{self, Wires};
-use tapline_host::atomic_file::{Existing, write_atomically};
-use tapline_host::progress::{Progress, Unit};
-use tapline_host::signals::stop_flag;
 
 /// How long stages of an earlier line may take to end with it: as any stage, and a little more.
 const GONE_WITHIN: Duration = Duration::from_secs(25);

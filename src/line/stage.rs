@@ -7,14 +7,14 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::Wake;
+use tapline_host::log;
+use tapline_host::signals::stop_flag;
 use tapline_wire::{Line, LineAddress, Role};
 
-use crate::cli::StageArgs;
+use crate::cli::line::StageArgs;
 use crate::config::job::Job;
 use crate::line::process_name::{name_process, stage_name};
 use crate::line::setup::Setup;
-use tapline_host::log;
-use tapline_host::signals::stop_flag;
 
 /// Exit code of a stage that has closed its files on a disk that has failed: the supervisor starts it again when the disk is
 /// back.

@@ -8,15 +8,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
 use jiff::{Timestamp, tz::TimeZone};
+use tapline_host::signals::stop_flag;
 use tapline_host::table::{break_last_column, table};
 use tapline_wire::{Line, Role, StatusTopic, Subscriber, now_ns};
 
-use crate::cli::StatusArgs;
+use crate::cli::line::StatusArgs;
 use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
 use crate::shown::casing::CasingStatus;
 use crate::shown::status::Status;
-use tapline_host::signals::stop_flag;
 
 /// How long a running line may take to show its status.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(15);

@@ -11,13 +11,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use serde_json::json;
+use tapline_host::atomic_file::{Existing, check_folder, write_atomically};
 use tapline_store::Reader;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
 use crate::report::evidence::{Evidence, Tyre};
 use crate::report::pages::shift::Shift;
-use tapline_host::atomic_file::{Existing, check_folder, write_atomically};
 
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";

@@ -7,12 +7,12 @@ use anyhow::{Result, bail};
 use clap::ValueEnum;
 use serde_json::json;
 use tapline_export::{Error, Export, MatFolder, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder};
+use tapline_host::atomic_file::{check_writable, write_atomically};
+use tapline_host::signals::note_folder;
 use tapline_store::Reader;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome};
-use crate::cli::{ExportArgs, Format, What};
-use tapline_host::atomic_file::{check_writable, write_atomically};
-use tapline_host::signals::note_folder;
+use crate::cli::archives::{ExportArgs, Format, What};
 
 /// Formats of a table.
 const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];

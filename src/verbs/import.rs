@@ -5,11 +5,11 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use serde_json::json;
-use tapline_import::{Imported, write_example};
-
-use crate::cli::ImportArgs;
 use tapline_host::messages::say;
 use tapline_host::signals::note_folder;
+use tapline_import::{Imported, write_example};
+
+use crate::cli::archives::ImportArgs;
 
 /// Most refused taps that are printed; the set lists all.
 const REFUSED_MAX: usize = 10;

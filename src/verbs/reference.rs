@@ -7,16 +7,16 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use serde_json::{Value, json};
 use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference};
+use tapline_host::atomic_file::{check_writable, write_atomically};
+use tapline_host::messages::say;
 use tapline_host::table::table;
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Discriminators, Verdict};
 
 use crate::archives::{Archives, Outcome};
-use crate::cli::ReferenceArgs;
+use crate::cli::archives::ReferenceArgs;
 use crate::config::Config;
 use crate::config::reference::{differences, process_of};
-use tapline_host::atomic_file::{check_writable, write_atomically};
-use tapline_host::messages::say;
 
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {

@@ -10,7 +10,7 @@ use tapline_host::signals::note_folder;
 use tapline_store::{Codec, Repacked};
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
-use crate::cli::PackedBy;
+use crate::cli::archives::PackedBy;
 
 /// Packs the archive at `paths` into the file `out`; several into the folder `out`, under their names.
 pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool) -> Result<bool> {

@@ -15,17 +15,17 @@ use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
 use serde_json::json;
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
+use tapline_host::progress::{Progress, Unit};
+use tapline_host::signals::note_folder;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key};
 use tapline_wire::{Discriminators, ScanState, TapHeader, TapState};
 
 use crate::archives::{Archives, KEY_DIGITS, Outcome, Which};
-use crate::cli::ReprocessArgs;
+use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
 use crate::config::reference::{check_record_s, check_reference};
-use tapline_host::progress::{Progress, Unit};
-use tapline_host::signals::note_folder;
 
 /// Most threads that may be asked for.
 const JOBS_MAX: usize = 1024;

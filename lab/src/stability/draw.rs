@@ -6,7 +6,6 @@ use anyhow::{Result, anyhow};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-
 use tapline_wire::Discriminator;
 
 use self::marks::mark;

@@ -20,13 +20,13 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail, ensure};
 use rustix::fs::{FlockOperation, OFlags};
 use rustix::io::Errno;
+use tapline_host::messages::print_line;
 use tapline_store::{OPEN_FOLDER, UNREPORTED_FOLDER};
 use tapline_wire::LineAddress;
 
 use crate::line::out_folder::access::{FolderId, id_of, make_all, make_inner, open_checked, open_folder};
 use crate::line::out_folder::lock::{Entry, LOCK, check_lock, lock_refused, open_lock, read_entry, take_lock};
 use crate::line::out_folder::process::ProcessName;
-use tapline_host::messages::print_line;
 
 /// How long stages of a line that was killed are waited for before people are informed.
 const REPORT_AFTER: Duration = Duration::from_millis(500);

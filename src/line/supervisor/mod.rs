@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use tapline_host::progress::Progress;
 use tapline_wire::{
     CasingHeader, CasingTopic, Ledger, Line, LineAddress, Publisher, Received, RecordKind, Stamp, StatusTopic,
     Subscriber, WaitTopic, decode_opened, now_ns,
@@ -24,7 +25,6 @@ use crate::line::store_silence::StoreSilence;
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::status::{Alarm, StationStatus, Status};
 use crate::wires::Wires;
-use tapline_host::progress::Progress;
 
 /// How long a stage may take to end after it was asked to.
 const END_WITHIN: Duration = Duration::from_secs(20);

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail, ensure};
 use tapline_acquire::{CaptureConfig, Monitor};
+use tapline_host::messages::print_line;
 use tapline_process::Extractor;
 use tapline_process::calibration::{of_blows, of_tone};
 use tapline_wire::{Discriminator, Quality, Samples, Unit};
@@ -14,7 +15,6 @@ use crate::cli::calibrate::HeardArgs;
 use crate::config::Config;
 use crate::verbs::calibrate::Found;
 use crate::verbs::monitor::device_of;
-use tapline_host::messages::print_line;
 
 /// Largest standard deviation of blows that are a calibration, as part of the scale.
 const SPREAD_MAX: f64 = 0.05;

@@ -10,10 +10,10 @@ use anyhow::{Context as _, Result, bail, ensure};
 use jiff::{Timestamp, ToSpan as _, tz::TimeZone};
 use serde_json::json;
 use tapline_acquire::{CalibrationFile, ChannelScale};
+use tapline_host::atomic_file::{Existing, WriteError, write_atomically};
 use tapline_wire::{Certificate, Channel, Unit};
 
 use crate::cli::calibrate::{CalibrateVerb, WrittenArgs};
-use tapline_host::atomic_file::{Existing, WriteError, write_atomically};
 
 /// Calibrates a channel, and writes it into the file of its station.
 pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {

@@ -1,0 +1,89 @@
+//! Options of `tapline run`, `line` and `status`, and of the stages that they start.
+
+#[cfg(feature = "serve")]
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::Args;
+
+#[derive(Debug, Args)]
+pub(crate) struct SourceArgs {
+    /// Configuration file (TOML); defaults hold for what it leaves out.
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Folder of recorded taps (a tap set) to scan instead of simulated tyres.
+    #[arg(long)]
+    pub taps: Option<PathBuf>,
+    /// Folder for the results, one file a casing; `simulated`, or the name of the tap set, in this folder when left out.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
+    /// makes one), TYRE/SHOULDER of the casing itself, or `self`: each tyre with itself, where damage all round does not show.
+    #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
+    pub reference: Option<String>,
+    /// Stations: how many are simulated, or over how many the shoulders of a tap set are shared out.
+    #[arg(long)]
+    pub stations: Option<u16>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    pub source: SourceArgs,
+    /// Print verdicts, and the summary at the end, as lines of JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct LineArgs {
+    /// Configuration file (TOML) with the stations.
+    #[arg(long)]
+    pub config: PathBuf,
+    /// Folder for the results: a folder a day, a file a casing; made when it is not there.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
+    /// makes one), or `self`: each tyre with itself, where damage all round does not show.
+    #[arg(long, value_name = "FILE.json|self")]
+    pub reference: Option<String>,
+    /// Print verdicts as lines of JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// End after so many casings.
+    #[arg(long)]
+    pub casings: Option<usize>,
+    /// Serve a page of the running line, /metrics and /healthz over HTTP at this address.
+    #[cfg(feature = "serve")]
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub serve: Option<SocketAddr>,
+    /// File with the token that viewers of the page must have; needed for an address that other machines can reach.
+    #[cfg(feature = "serve")]
+    #[arg(long, value_name = "FILE", requires = "serve")]
+    pub serve_token_file: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct StatusArgs {
+    /// Folder that the line writes its results to.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Go on showing it until the line ends.
+    #[arg(long)]
+    pub follow: bool,
+    /// Print it as a line of JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct StageArgs {
+    /// Which: store, fuse, process, or acquire-NUMBER.
+    pub stage: String,
+    /// Private folder of the line.
+    #[arg(long)]
+    pub line: PathBuf,
+    /// Number of the process that started this one, with which it ends.
+    #[arg(long)]
+    pub child: i32,
+}
