@@ -171,7 +171,7 @@ impl ShoulderExplanation {
             Ok(LocationExplanation {
                 location,
                 damage_index: cell.map(|cell| cell.damage_index),
-                region: cell.map(|cell| cell.region.into()),
+                region: cell.map(|cell| cell.region),
                 taps,
             })
         };

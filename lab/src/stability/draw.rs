@@ -6,6 +6,7 @@ use anyhow::{Result, anyhow};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use tapline_draw::stats::extent;
 use tapline_wire::Discriminator;
 
 use self::marks::mark;
@@ -60,7 +61,7 @@ fn fill(curve: &Curve, text: &mut String) -> Drawn {
         .y_label_area_size(84)
         .build_cartesian_2d(scale.x.0..scale.x.1, scale.powers.0..scale.powers.1)?;
     let flags = draw_flags(curve, &scale, &mut chart)?;
-    draw_axes(curve, &scale, &mut chart)?;
+    draw_axes(curve, &mut chart)?;
     for number in 0..curve.columns.len() {
         draw_column(curve, number, &scale, &mut chart, &root)?;
     }
@@ -80,14 +81,12 @@ struct Scale {
 impl Scale {
     fn of(curve: &Curve) -> Option<Self> {
         let errors = curve.rows.iter().flat_map(|row| &row.errors).copied().filter(|e| e.is_finite() && *e > 0.0);
-        let (least, greatest) = errors.fold((f64::INFINITY, 0.0_f64), |(low, high), e| (low.min(e), high.max(e)));
+        let (least, greatest) = extent(errors)?;
         let place = |x: f64| if curve.is_x_log { x.log10() } else { x };
         let (first, last) = (curve.rows.first()?, curve.rows.last()?);
-        (greatest > 0.0).then(|| {
-            let high = greatest.log10() + ABOVE;
-            let low = least.log10().floor().clamp((high - DECADES_MAX).ceil(), (high - 1.0).floor());
-            Self { is_x_log: curve.is_x_log, x: (place(first.x), place(last.x)), powers: (low, high) }
-        })
+        let high = greatest.log10() + ABOVE;
+        let low = least.log10().floor().clamp((high - DECADES_MAX).ceil(), (high - 1.0).floor());
+        Some(Self { is_x_log: curve.is_x_log, x: (place(first.x), place(last.x)), powers: (low, high) })
     }
 
     /// Where a value stands on the axis.
@@ -102,7 +101,7 @@ impl Scale {
     }
 }
 
-fn draw_axes(curve: &Curve, scale: &Scale, chart: &mut Chart<'_>) -> Drawn {
+fn draw_axes(curve: &Curve, chart: &mut Chart<'_>) -> Drawn {
     let percent = |power: &f64| match power + 2.0 {
         digits if digits >= 0.0 => format!("{:.0} %", 10_f64.powf(digits)),
         digits if digits > -5.0 => format!("{:.*} %", -digits as usize, 10_f64.powf(digits)),
