@@ -65,7 +65,15 @@ impl MatFolder {
     /// # Errors
     /// [`Error::TooLarge`] if a matrix would have more bytes than MATLAB reads, or an error of reading or writing.
     pub fn add(&mut self, reader: &Reader) -> Result<()> {
-        let (plan, taps) = (reader.plan(), Taps::new(reader));
+        self.add_with(reader, &|_part| ())
+    }
+
+    /// As `add`; `on_part` is called before each tap with the part of them that is done, from 0 to 1.
+    ///
+    /// # Errors
+    /// As `add`.
+    pub fn add_with(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> Result<()> {
+        let (plan, taps) = (reader.plan(), Taps::with(reader, on_part));
         let names = scan_names(plan, |name| self.draft.has(&format!("{name}.mat")));
         for (scan, name) in plan.scans().iter().zip(names) {
             let name = format!("{name}.mat");

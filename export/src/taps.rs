@@ -70,12 +70,18 @@ pub struct ListedTap<'a> {
 pub(crate) struct Taps<'a> {
     reader: &'a Reader,
     damaged_count: Cell<usize>,
+    on_part: &'a dyn Fn(f64),
 }
 
 impl<'a> Taps<'a> {
     /// The taps of an archive.
     pub(crate) fn new(reader: &'a Reader) -> Self {
-        Self { reader, damaged_count: Cell::new(0) }
+        Self::with(reader, &|_part| ())
+    }
+
+    /// The taps of an archive; `on_part` is called before each with the part of them that is done, from 0 to 1.
+    pub(crate) fn with(reader: &'a Reader, on_part: &'a dyn Fn(f64)) -> Self {
+        Self { reader, damaged_count: Cell::new(0), on_part }
     }
 
     /// Counts of the taps by state; of corrupt taps, those read so far.
@@ -88,6 +94,7 @@ impl<'a> Taps<'a> {
 
     /// The tap in plan row `row`.
     pub(crate) fn tap(&self, row: u32) -> Result<ListedTap<'a>> {
+        (self.on_part)(f64::from(row) / self.reader.plan().taps().len() as f64);
         let record = match self.reader.tap(row).map_err(what_is_damaged) {
             Ok(Some(tap)) => Ok(tap),
             Ok(None) if self.reader.ledger().taps()[row as usize] == TapState::Missing => Err(MISSING.to_owned()),

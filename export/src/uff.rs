@@ -74,7 +74,15 @@ impl UffFolder {
     /// # Errors
     /// An error of reading or writing.
     pub fn add(&mut self, reader: &Reader) -> Result<()> {
-        let (plan, taps, draft) = (reader.plan(), Taps::new(reader), &self.draft);
+        self.add_with(reader, &|_part| ())
+    }
+
+    /// As `add`; `on_part` is called before each tap with the part of them that is done, from 0 to 1.
+    ///
+    /// # Errors
+    /// As `add`.
+    pub fn add_with(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> Result<()> {
+        let (plan, taps, draft) = (reader.plan(), Taps::with(reader, on_part), &self.draft);
         let file_of = |name: &str| draft.path(&format!("{name}.uff"));
         let names = scan_names(plan, |name| draft.has(&format!("{name}.uff")));
         for (scan, name) in plan.scans().iter().zip(names) {

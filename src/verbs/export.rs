@@ -1,5 +1,6 @@
 //! `tapline export`: tables and taps for other programs.
 
+use std::cell::RefCell;
 use std::io::{self, BufWriter, IsTerminal as _, Write};
 use std::path::Path;
 
@@ -97,11 +98,11 @@ impl TapFolder {
         })
     }
 
-    fn add(&mut self, reader: &Reader) -> tapline_export::Result<()> {
+    fn add(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> tapline_export::Result<()> {
         match self {
-            Self::Wav(folder) => folder.add(reader),
-            Self::Uff(folder) => folder.add(reader),
-            Self::Mat(folder) => folder.add(reader),
+            Self::Wav(folder) => folder.add_with(reader, on_part),
+            Self::Uff(folder) => folder.add_with(reader, on_part),
+            Self::Mat(folder) => folder.add_with(reader, on_part),
         }
     }
 
@@ -136,7 +137,8 @@ fn taps(args: &ExportArgs) -> Result<bool> {
             none => none.insert(TapFolder::begin(folder, format)?),
         };
         // Some taps of the archive may be in the folder already: they are removed.
-        out.add(&reader)?;
+        let shown = RefCell::new(&mut progress);
+        out.add(&reader, &|part| shown.borrow_mut().note_part(part))?;
     }
     drop(progress);
     let is_complete = outcome.end()?;

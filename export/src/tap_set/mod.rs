@@ -115,9 +115,17 @@ impl TapSetFolder {
     /// # Errors
     /// [`Error::NoTapSet`], also if the archive does not fit those before, or an error of reading or writing.
     pub fn add(&mut self, reader: &Reader) -> Result<()> {
+        self.add_with(reader, &|_part| ())
+    }
+
+    /// As `add`; `on_part` is called before each tap with the part of them that is done, from 0 to 1.
+    ///
+    /// # Errors
+    /// As `add`.
+    pub fn add_with(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> Result<()> {
         let plan = reader.plan();
         self.check(reader)?;
-        let taps = Taps::new(reader);
+        let taps = Taps::with(reader, on_part);
         let names = scan_names(plan, |name| self.set.has(name));
         for (row, &scan) in (0..).zip(&plan.scan_of_tap()) {
             let tap = taps.tap(row)?;
