@@ -5,7 +5,9 @@ const ALIKE: f64 = 0.8;
 
 /// The one of `known` that is most like `name`, if one is alike enough.
 pub fn most_like<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let score = |known: &str| strsim::jaro_winkler(name, known);
+    // One letter too many, too few, wrong, or in its neighbour's place counts little, also in a short name.
+    let is_one_off = |known: &str| known.len() > 2 && strsim::damerau_levenshtein(name, known) == 1;
+    let score = |known: &str| if is_one_off(known) { 1.0 } else { strsim::jaro_winkler(name, known) };
     let alike = known.into_iter().map(|known| (score(known), known)).filter(|(score, _)| *score >= ALIKE);
     alike.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, known)| known)
 }
