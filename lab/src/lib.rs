@@ -7,6 +7,7 @@
 //! - [`estimators`]: bias and spread of every estimator on taps whose truth is known.
 //! - [`stability`]: breakdown curves, how wrong a number gets as a disturbance grows.
 //! - [`picture`]: the README's picture, two shoulders of an archive.
+//! - [`simulated`]: casings of two simulators, tapped and judged.
 //! - [`statistics`]: probability of detection, rates, gauge studies, resampling, held-out areas.
 
 pub mod estimators;
@@ -16,6 +17,7 @@ pub mod figures;
 mod in_memory;
 pub mod picture;
 pub mod pod;
+pub mod simulated;
 pub mod stability;
 pub mod statistics;
 pub mod study;
