@@ -32,19 +32,10 @@ pub(crate) struct InMemoryScan<'a> {
 }
 
 impl InMemoryScan<'_> {
-    /// The plan, and the discriminators of each of its rows.
-    ///
-    /// # Errors
-    /// For a value of the configuration that is out of its bounds, and when a thread cannot be started.
-    pub(crate) fn discriminators(&self) -> Result<(Plan, Vec<Discriminators>)> {
-        let (plan, taps) = self.taps(|_, _| ())?;
-        Ok((plan, taps.into_iter().map(|(found, ())| found).collect()))
-    }
-
     /// The plan, and of each of its rows the discriminators beside what `look` makes of the record they are from.
     ///
     /// # Errors
-    /// As [`InMemoryScan::discriminators`].
+    /// As [`InMemoryScan::read`].
     pub(crate) fn taps<T: Send>(
         &self,
         look: impl Fn(&TapHeader, Samples<'_>) -> T + Sync,
@@ -60,7 +51,8 @@ impl InMemoryScan<'_> {
     /// that has no retake left it must make something. Each thread has a `reader` of its own.
     ///
     /// # Errors
-    /// As [`InMemoryScan::discriminators`], those of `reader`, and for a tap of which nothing was made.
+    /// For a value of the configuration that is out of its bounds, when a thread cannot be started, those of `reader`, and for a tap
+    /// of which nothing was made.
     pub(crate) fn read<R, T: Send>(
         &self,
         reader: impl Fn() -> Result<R> + Sync,
