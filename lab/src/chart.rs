@@ -103,7 +103,11 @@ pub fn chart(args: &ChartArgs) -> Result<()> {
     let mut panels = Vec::new();
     for entry in wanted {
         bench.progress.begin(entry.name, (entry.expected_s)(&bench.size));
-        panels.push((entry.measure)(&bench).with_context(|| format!("cannot measure the panel {}", entry.name))?);
+        let panel = (entry.measure)(&bench).with_context(|| format!("cannot measure the panel {}", entry.name))?;
+        // One that needs what is not here has nothing to show; the notice stays.
+        if !panel.facets.is_empty() {
+            panels.push(panel);
+        }
     }
     let files = files(&panels, &bench.skipped.borrow(), &Provenance::here(args.seed, args.quick))?;
     fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;

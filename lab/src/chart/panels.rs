@@ -7,6 +7,7 @@ mod index;
 mod plans;
 mod recording;
 mod references;
+mod slabs;
 mod spectrum;
 mod transport;
 
@@ -31,11 +32,12 @@ pub(crate) struct Entry {
 }
 
 /// All panels, in the order of the page: what a scan costs and finds comes first, then what each part of it does.
-pub(crate) const PANELS: [Entry; 9] = [
+pub(crate) const PANELS: [Entry; 10] = [
     plans::ENTRY,
     recording::ENTRY,
     references::ENTRY,
     index::ENTRY,
+    slabs::ENTRY,
     spectrum::ENTRY,
     force::ENTRY,
     contact::ENTRY,
