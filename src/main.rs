@@ -13,6 +13,7 @@ mod report;
 mod serve;
 mod shown;
 mod verbs;
+mod wires;
 
 use std::process::ExitCode;
 use std::sync::Arc;

@@ -57,6 +57,7 @@
 mod arcs;
 mod config;
 mod error;
+mod evidence;
 mod fusion;
 mod index;
 mod reference;

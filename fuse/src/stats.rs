@@ -1,6 +1,6 @@
 //! Medians, quantiles, robust spreads, and the tails of the normal and Student's distribution.
 
-use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
+use statrs::distribution::{ChiSquared, ContinuousCDF as _, FisherSnedecor, Normal, StudentsT};
 
 /// Standard deviations of a normal distribution per median absolute deviation.
 const SIGMA_PER_MAD: f64 = 1.4826;
@@ -92,19 +92,19 @@ pub(crate) fn mean_and_sd(values: &[f64]) -> Option<(f64, f64)> {
     Some((mean, (squares / (values.len() - 1) as f64).sqrt()))
 }
 
-/// Probability that a standard normal value exceeds `z`.
-pub(crate) fn normal_tail(z: f64) -> f64 {
-    Normal::standard().sf(z)
+/// Probability that the sum of the squares of `dof` standard normal values exceeds `x`.
+pub(crate) fn chi_squared_tail(x: f64, dof: f64) -> f64 {
+    ChiSquared::new(dof).map_or(f64::NAN, |of| of.sf(x))
+}
+
+/// Probability that Fisher's F with `dof` and `below` degrees of freedom exceeds `f`.
+pub(crate) fn f_tail(f: f64, dof: f64, below: f64) -> f64 {
+    FisherSnedecor::new(dof, below).map_or(f64::NAN, |of| of.sf(f))
 }
 
 /// The z that a standard normal value exceeds with `probability`.
 pub(crate) fn normal_quantile(probability: f64) -> f64 {
     -Normal::standard().inverse_cdf(probability.clamp(1e-300, 1.0))
-}
-
-/// Probability that Student's t with `dof` degrees of freedom exceeds `t`.
-pub(crate) fn t_tail(t: f64, dof: f64) -> f64 {
-    StudentsT::new(0.0, 1.0, dof).map_or(f64::NAN, |t_of| t_of.sf(t))
 }
 
 /// The t that Student's t with `dof` degrees of freedom exceeds with `probability`.

@@ -65,7 +65,6 @@
 //! [`Quality`]: tapline_wire::Quality
 
 pub mod calibration;
-mod config;
 mod error;
 mod estimator;
 mod extractor;
@@ -76,9 +75,9 @@ mod sound;
 mod spectrum;
 mod stage;
 
-pub use config::{Precision, ProcessConfig};
 pub use error::Error;
 pub use estimator::{BandEdges, DurationEstimator, PeakEstimator, SpectrumEstimator, Subtraction};
+pub use extractor::config::{Precision, ProcessConfig};
 pub use extractor::{Extractor, ProcessExtractor};
 pub use quality::{Policy, QualityConfig};
 pub use signal::real::Real;

@@ -5,6 +5,7 @@ pub(crate) mod lineage;
 pub(crate) mod reference;
 mod renamed;
 pub(crate) mod report;
+pub(crate) mod wires;
 
 use std::fs;
 use std::path::Path;
@@ -19,6 +20,7 @@ use tapline_store::StoreConfig;
 use tapline_wire::CasingLimits;
 
 use crate::config::report::ReportConfig;
+use crate::config::wires::{ModbusConfig, MqttConfig, OpcUaConfig};
 
 /// A configuration file: every key has a default, and unknown keys are refused.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -59,11 +61,28 @@ pub(crate) struct LineConfig {
     pub record_samples_max: usize,
     /// Most shoulders, or lines of a slab, that such a casing has.
     pub scans_max: usize,
+    /// Verdicts to an MQTT broker.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mqtt: Option<MqttConfig>,
+    /// Verdicts to OPC UA clients.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub opcua: Option<OpcUaConfig>,
+    /// Verdicts to controllers, over Modbus TCP.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub modbus: Option<ModbusConfig>,
 }
 
 impl Default for LineConfig {
     fn default() -> Self {
-        Self { on_verdict: None, taps_max: 8192, record_samples_max: 65_536, scans_max: 64 }
+        Self {
+            on_verdict: None,
+            taps_max: 8192,
+            record_samples_max: 65_536,
+            scans_max: 64,
+            mqtt: None,
+            opcua: None,
+            modbus: None,
+        }
     }
 }
 
@@ -78,7 +97,10 @@ impl LineConfig {
         };
         check("taps_max", self.taps_max, 1_000_000)?;
         check("record_samples_max", self.record_samples_max, 8_000_000)?;
-        check("scans_max", self.scans_max, 1000)
+        check("scans_max", self.scans_max, 1000)?;
+        self.mqtt.iter().try_for_each(MqttConfig::validate)?;
+        self.opcua.iter().try_for_each(OpcUaConfig::validate)?;
+        self.modbus.iter().try_for_each(ModbusConfig::validate)
     }
 }
 

@@ -39,7 +39,9 @@ pub(crate) fn start(format: LogFormat, level: LevelFilter) {
         LogFormat::Text => log.with_ansi(std::io::stderr().is_terminal()).boxed(),
         LogFormat::Json => log.with_ansi(false).json().flatten_event(true).boxed(),
     };
-    let filter = filter.unwrap_or_else(|| Targets::new().with_default(level)).with_target(SAID, LevelFilter::INFO);
+    // Whatever strangers send to the OPC UA server would be an error of the line's.
+    let usual = || Targets::new().with_default(level).with_target("opcua", LevelFilter::OFF);
+    let filter = filter.unwrap_or_else(usual).with_target(SAID, LevelFilter::INFO);
     tracing_subscriber::registry().with(filter).with(log).init();
 }
 

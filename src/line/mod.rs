@@ -3,7 +3,6 @@
 //! `tapline run` ends when its list of casings does; `tapline line` goes on for ever. They are the same but for that.
 
 pub(crate) mod limits;
-mod on_verdict;
 pub(crate) mod out_folder;
 pub(crate) mod process_name;
 mod progress_rate;

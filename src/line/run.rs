@@ -16,12 +16,12 @@ use crate::config::job::Job;
 use crate::host::atomic_file::write_atomically;
 use crate::host::progress::Progress;
 use crate::host::signals::stop_flag;
-use crate::line::on_verdict::VerdictCommand;
 use crate::line::out_folder::OutFolder;
 use crate::line::process_name::name_process;
 use crate::line::setup::{Arriving, Setup};
 use crate::line::summary::summarise;
 use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
+use crate::wires::{self, Wires};
 
 /// How long stages of an earlier line may take to end with it: as any stage, and a little more.
 const GONE_WITHIN: Duration = Duration::from_secs(25);
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         setup.check_machine()?;
         say_unsupported(&job)?;
         let progress = Progress::new(Some(listed.tap_count), &job.out);
-        let audience = Audience { progress, on_verdict: None, as_json: args.json, show: None };
+        let audience = Audience { progress, wires: None, as_json: args.json, show: None };
         operate(&setup, &mut folder, audience, Some(listed.names.len()))?
     };
     drop(folder);
@@ -73,6 +73,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let setup = Setup::new(&job, Arriving::Stations, &absolute(&job.out)?)?;
     let fusions = job.fusions()?;
     check_calibrations(&job)?;
+    wires::check(&job.config.line)?;
     for plan in setup.plans_of_stations(&job)? {
         drop(fusions.check(&plan)?);
     }
@@ -84,8 +85,10 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     say_unsupported(&job)?;
     let progress = Progress::new(None, &job.out);
     shown_at.iter().for_each(|address| progress.print(&format!("the line is shown at {address}")));
-    let on_verdict = job.config.line.on_verdict.as_deref().map(VerdictCommand::start).transpose()?;
-    let audience = Audience { progress, on_verdict, as_json: args.json, show };
+    folder.make_unreported()?;
+    let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places())?;
+    said.iter().for_each(|text| progress.print(text));
+    let audience = Audience { progress, wires: Some(wires), as_json: args.json, show };
     let pace = operate(&setup, &mut folder, audience, args.casings)?;
     Ok(pace.refusals.is_empty())
 }

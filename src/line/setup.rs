@@ -99,6 +99,7 @@ impl Setup {
         StoreRun {
             places: self.places(),
             skips_finished: self.is_list(),
+            notes_unreported: !self.is_list(),
             config_toml: self.config_toml.clone(),
             reference: self.reference.clone(),
             made_by: job.made_by().to_owned(),

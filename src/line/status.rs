@@ -117,6 +117,11 @@ fn text(status: &Status) -> String {
     if !restarts.is_empty() {
         text.push_str(&format!("\nRestarts: {}", restarts.join(", ")));
     }
+    let waiting = status.sinks.iter().filter(|sink| sink.waiting > 0);
+    let waiting: Vec<String> = waiting.map(|sink| format!("{} {}", sink.name, sink.waiting)).collect();
+    if !waiting.is_empty() {
+        text.push_str(&format!("\nVerdicts that wait to be acknowledged: {}", waiting.join(", ")));
+    }
     for alarm in &status.alarms {
         text.push_str(&format!("\nALARM {} {}", moment(alarm.at_ns), alarm.text));
     }

@@ -28,6 +28,8 @@ pub(crate) struct Status {
     pub refused_count: u64,
     pub lost_count: u64,
     pub latency: Latency,
+    /// Where verdicts go, but for standard output.
+    pub sinks: Vec<SinkStatus>,
     pub stations: Vec<StationStatus>,
     pub stages: Vec<StageStatus>,
     /// The last verdicts, the newest first.
@@ -59,6 +61,16 @@ pub(crate) struct StationStatus {
     pub calibrated_on: Option<String>,
     /// Whether a calibration had expired when that was tapped.
     pub is_calibration_expired: bool,
+}
+
+/// How it stands with one of those who are told verdicts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SinkStatus {
+    pub name: String,
+    /// Verdicts that it has not acknowledged.
+    pub waiting: u64,
+    /// What is wrong with it at this moment.
+    pub trouble: Option<String>,
 }
 
 /// What a station has done since the line was started, in closed casings.

@@ -5,17 +5,17 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
-use tapline_store::{Reader, Region, regions};
-use tapline_wire::{
-    Calibration, Channel, DamageCell, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns, now_ns,
-};
+use tapline_store::{Reader, Region, casing_id, regions};
+use tapline_wire::{Calibration, Channel, DamageCell, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
 
 /// The result of one casing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CasingVerdict {
     /// The kind of this line of JSON: `verdict`.
     pub kind: String,
-    /// When it was told, in ns since the Unix epoch.
+    /// Its name: no other casing has it, and it is told under it however often.
+    pub id: String,
+    /// When the casing's file was finished, in ns since the Unix epoch.
     pub at_ns: i64,
     /// The casing's name.
     pub casing: String,
@@ -80,8 +80,8 @@ impl From<Region> for DamageArc {
 }
 
 impl CasingVerdict {
-    /// The verdict in the finished file of the casing `name`.
-    pub(crate) fn read(name: &str, reader: &Reader) -> Result<Self> {
+    /// The verdict in the file of the casing `name` with this `number`, which was finished at `at_ns`.
+    pub(crate) fn read(name: &str, number: u64, at_ns: i64, reader: &Reader) -> Result<Self> {
         let (plan, ledger) = (reader.plan(), reader.ledger());
         let judgements = reader.judgements()?;
         let shoulders: Vec<ShoulderVerdict> = plan
@@ -93,7 +93,8 @@ impl CasingVerdict {
         let worst = shoulders.iter().map(|s| s.verdict).max().unwrap_or(Verdict::ReInspect);
         Ok(Self {
             kind: "verdict".to_owned(),
-            at_ns: now_ns(),
+            id: casing_id(number),
+            at_ns,
             casing: name.to_owned(),
             station: plan.scans().first().map_or(0, |scan| scan.station),
             verdict: worst,

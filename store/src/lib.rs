@@ -69,7 +69,9 @@ pub use read::regions::{Region, regions};
 pub use read::samples::{ReadBuffer, Taps};
 pub use read::verify::{Problem, Report, verify};
 pub use repack::{Repacked, repack};
-pub use stage::{LEFT_FOLDER, OPEN_FOLDER, Outcome, Places, RunError, StoreRun, run};
+pub use stage::{
+    LEFT_FOLDER, OPEN_FOLDER, Outcome, Places, RunError, StoreRun, UNREPORTED_FOLDER, Unreported, casing_id, run,
+};
 pub use tapline_codec::Codec;
 pub use write::Writer;
 pub use write::finish::Finishing;

@@ -9,6 +9,7 @@ mod second_readings;
 mod stations;
 mod status;
 mod verdicts;
+mod wires;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -22,10 +22,10 @@ use crate::sandbox::stages::{signal, stage};
 
 /// Answer of a page.
 #[derive(Debug)]
-struct Answer {
-    code: u16,
+pub(super) struct Answer {
+    pub code: u16,
     head: String,
-    body: String,
+    pub body: String,
 }
 
 impl Answer {
@@ -37,13 +37,13 @@ impl Answer {
 }
 
 /// Where the line serves its page, after it has said so.
-fn address_of(line: &mut Running) -> String {
+pub(super) fn address_of(line: &mut Running) -> String {
     let said = line.log_line(&["the line is shown at http://"]);
     said.rsplit_once("http://").unwrap().1.trim().to_owned()
 }
 
 /// Asks for `path` with more `headers`, a line each.
-fn ask(address: &str, path: &str, headers: &str) -> Answer {
+pub(super) fn ask(address: &str, path: &str, headers: &str) -> Answer {
     send(address, &format!("GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n"))
 }
 

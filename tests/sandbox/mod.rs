@@ -1,6 +1,7 @@
 //! Shared by all tests: each runs the built program in its own folder, and examines the files that it leaves.
 
 pub(crate) mod archives;
+pub(crate) mod broker;
 pub(crate) mod browser;
 pub(crate) mod recordings;
 pub(crate) mod running;

@@ -2,6 +2,7 @@
 
 pub(crate) mod outcome;
 mod outlet;
+mod pace;
 mod station;
 mod tapping;
 
@@ -13,7 +14,8 @@ use tapline_wire::{
 
 use crate::stage::outcome::{Outcome, RunError};
 use crate::stage::outlet::Outlet;
-use crate::stage::station::{Next, Station};
+use crate::stage::pace::Next;
+use crate::stage::station::Station;
 use crate::{AcquireConfig, Arrivals};
 
 /// How long a process that is asked to end waits until what it has sent is archived.

@@ -6,11 +6,9 @@ use std::time::{Duration, Instant};
 use tapline_wire::{CasingHeader, Ledger, LineError, PlannedTap};
 
 use crate::stage::outlet::Outlet;
-use crate::stage::tapping::{Pace, Tapping};
+use crate::stage::pace::{Next, Pace, SEND_AGAIN};
+use crate::stage::tapping::{Tapping, grow};
 use crate::{Arrival, Arrivals, Casing, CasingEnd, RunError, Source};
-
-/// How long a proposal, a barrier or an end may go unanswered before it is sent again: its receiver may have died.
-pub(crate) const SEND_AGAIN: Duration = Duration::from_secs(1);
 
 /// How soon to look for the answer to a proposal without being notified: `store` may have notified before this process
 /// listened.
@@ -21,15 +19,6 @@ const REPORT_EVERY: Duration = Duration::from_millis(500);
 
 /// Most alarms that wait to be sent.
 const ALARMS_MAX: usize = 16;
-
-/// When to call [`Station::step`] again if nothing wakes the process.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Next {
-    /// At once: it has made progress.
-    Now,
-    /// After this time at most.
-    Within(Duration),
-}
 
 /// One station.
 #[derive(Debug)]
@@ -299,17 +288,6 @@ impl Station {
             Work::Tapping(tapping) => tapping.drain(outlet),
             _ => Ok(true),
         }
-    }
-}
-
-/// Has the source of `casing` plan the taps that were `added` to its first ones.
-pub(crate) fn grow(casing: &mut Casing, added: &[PlannedTap]) {
-    if casing.taps.plan().added() == added {
-        return;
-    }
-    match casing.taps.plan().begun().grown(added) {
-        Ok(plan) => casing.taps.grow(plan),
-        Err(error) => tracing::error!(casing = casing.name, %error, "taps that are asked for besides are not planned"),
     }
 }
 

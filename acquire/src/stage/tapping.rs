@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use tapline_wire::{Ledger, LineError, PlannedTap, RecordKind, ScanState, TapState, end_mark};
 
 use crate::stage::outlet::Outlet;
-use crate::stage::station::{Next, SEND_AGAIN, grow};
+use crate::stage::pace::{Next, Pace, SEND_AGAIN};
 use crate::{Casing, Readiness};
 
 /// A casing that is being tapped.
@@ -34,32 +34,6 @@ enum Phase {
     Barrier(Instant),
     /// The ends of the scans were sent at this time; the archive is to confirm them.
     Ending(Instant),
-}
-
-/// When the next tap of a station is due.
-pub(crate) struct Pace<'a> {
-    period: Option<Duration>,
-    next_due: &'a mut Instant,
-}
-
-impl<'a> Pace<'a> {
-    pub(crate) fn new(period: Option<Duration>, next_due: &'a mut Instant) -> Self {
-        Self { period, next_due }
-    }
-
-    /// Time until the next tap is due; `None` if it is.
-    fn time_left(&self) -> Option<Duration> {
-        self.period?;
-        self.next_due.checked_duration_since(Instant::now()).filter(|early| !early.is_zero())
-    }
-
-    /// Notes that a tap was taken. After a delay the next tap is due a period from now; taps that were missed are not made up for
-    /// in a burst.
-    fn taken(&mut self) {
-        let Some(period) = self.period else { return };
-        let now = Instant::now();
-        *self.next_due = if *self.next_due + period > now { *self.next_due } else { now } + period;
-    }
 }
 
 impl Tapping {
@@ -260,5 +234,16 @@ impl Tapping {
             }
         };
         Ok(self.ledger.barrier == barrier)
+    }
+}
+
+/// Has the source of `casing` plan the taps that were `added` to its first ones.
+pub(crate) fn grow(casing: &mut Casing, added: &[PlannedTap]) {
+    if casing.taps.plan().added() == added {
+        return;
+    }
+    match casing.taps.plan().begun().grown(added) {
+        Ok(plan) => casing.taps.grow(plan),
+        Err(error) => tracing::error!(casing = casing.name, %error, "taps that are asked for besides are not planned"),
     }
 }

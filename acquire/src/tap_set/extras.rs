@@ -6,8 +6,7 @@ use tapline_wire::{Channel, Geometry, Purpose, RETAKES_MAX, Unit, csv_text};
 
 use crate::Error;
 use crate::config::calibration::FULL_SCALE_MAX;
-use crate::tap_set::scales::FullScale;
-use crate::tap_set::scan_toml::MICROPHONE_DISTANCE_M_MAX;
+use crate::tap_set::scan_toml::{FullScale, MICROPHONE_DISTANCE_M_MAX};
 use crate::tap_set::table::Row;
 
 /// The measured velocity; `velocity_m_per_s` is then the planned one.

@@ -8,11 +8,8 @@ use crate::Error;
 use crate::config::calibration::{CALIBRATION_FILE, CalibrationFile, day_of};
 use crate::config::refuse;
 use crate::tap_set::extras::Extras;
-use crate::tap_set::scan_toml::ScanToml;
+use crate::tap_set::scan_toml::{FullScale, ScanToml};
 use crate::tap_set::taps_csv::TapRow;
-
-/// A stated full scale: its value and the unit that it is in.
-pub(crate) type FullScale = (f64, Unit);
 
 /// The scales of a set.
 #[derive(Debug)]

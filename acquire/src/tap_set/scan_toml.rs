@@ -8,7 +8,6 @@ use toml::{Spanned, Value};
 
 use crate::Error;
 use crate::config::calibration::FULL_SCALE_MAX;
-use crate::tap_set::scales::FullScale;
 use crate::tap_set::text;
 
 const KNOWN: [&str; 13] = [
@@ -33,6 +32,9 @@ const REMARKS: [&str; 5] = ["sound_unit", "force_unit", "description", "source",
 
 /// Largest number of samples per second; far above any converter, so that times in samples stay exact.
 const SAMPLE_RATE_HZ_MAX: f64 = 1e9;
+
+/// A stated full scale: its value and the unit that it is in.
+pub(crate) type FullScale = (f64, Unit);
 
 /// Largest distance of the microphone in m.
 pub(crate) const MICROPHONE_DISTANCE_M_MAX: f64 = 1e3;

@@ -19,16 +19,17 @@ const N: usize = 16;
 /// The identity matrix: a product with it transposes a matrix whose rows are in reverse order.
 const IDENTITY: i64 = 0x8040_2010_0804_0201_u64.cast_signed();
 
-/// Converts as many groups as fill whole vectors, and returns their number; `None` on a processor without GFNI.
-pub(super) fn to_planes(samples: &[u8], planes: &mut [u8]) -> Option<usize> {
-    let simd = V3::try_new().filter(|_| is_x86_feature_detected!("gfni"))?;
+/// Converts as many groups as fill whole vectors, and returns their number; `None` for samples
+/// of other than two bytes, and on a processor without GFNI.
+pub(super) fn to_planes(element_bytes: usize, samples: &[u8], planes: &mut [u8]) -> Option<usize> {
+    let simd = V3::try_new().filter(|_| element_bytes == 2 && is_x86_feature_detected!("gfni"))?;
     // SAFETY: the processor has AVX2, or there would be no `simd`, and GFNI.
     Some(unsafe { lay_out(simd, samples, planes) })
 }
 
 /// The inverse of [`to_planes`].
-pub(super) fn from_planes(planes: &[u8], samples: &mut [u8]) -> Option<usize> {
-    let simd = V3::try_new().filter(|_| is_x86_feature_detected!("gfni"))?;
+pub(super) fn from_planes(element_bytes: usize, planes: &[u8], samples: &mut [u8]) -> Option<usize> {
+    let simd = V3::try_new().filter(|_| element_bytes == 2 && is_x86_feature_detected!("gfni"))?;
     // SAFETY: as above.
     Some(unsafe { take_back(simd, planes, samples) })
 }

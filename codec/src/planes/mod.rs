@@ -24,7 +24,8 @@ pub(crate) fn to_planes(element_bytes: usize, samples: &[u8], planes: &mut [u8])
         return planes.copy_from_slice(samples);
     }
     #[cfg(target_arch = "x86_64")]
-    let done = wide::to_planes(element_bytes, samples, planes);
+    let done = affine::to_planes(element_bytes, samples, planes)
+        .unwrap_or_else(|| wide::to_planes(element_bytes, samples, planes));
     #[cfg(not(target_arch = "x86_64"))]
     let done = 0;
     let plane_bytes = samples.len() / (GROUP * element_bytes);
@@ -46,7 +47,8 @@ pub(crate) fn from_planes(element_bytes: usize, planes: &[u8], samples: &mut [u8
         return samples.copy_from_slice(planes);
     }
     #[cfg(target_arch = "x86_64")]
-    let done = wide::from_planes(element_bytes, planes, samples);
+    let done = affine::from_planes(element_bytes, planes, samples)
+        .unwrap_or_else(|| wide::from_planes(element_bytes, planes, samples));
     #[cfg(not(target_arch = "x86_64"))]
     let done = 0;
     let plane_bytes = planes.len() / (GROUP * element_bytes);

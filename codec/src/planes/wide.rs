@@ -5,7 +5,7 @@ use std::arch::x86_64::__m256i;
 use pulp::x86::V3;
 use pulp::{NullaryFnOnce, cast};
 
-use super::{BITS, GROUP, affine};
+use super::{BITS, GROUP};
 
 /// Bytes of half a vector; AVX2 moves bytes within halves.
 pub(super) const HALF: usize = 16;
@@ -15,16 +15,6 @@ pub(super) const GROUPS: usize = 2 * HALF;
 
 /// Converts as many groups as fill whole vectors, and returns their number.
 pub(super) fn to_planes(element_bytes: usize, samples: &[u8], planes: &mut [u8]) -> usize {
-    if element_bytes == 2
-        && let Some(done) = affine::to_planes(samples, planes)
-    {
-        return done;
-    }
-    lay_out(element_bytes, samples, planes)
-}
-
-/// The same without GFNI.
-fn lay_out(element_bytes: usize, samples: &[u8], planes: &mut [u8]) -> usize {
     match (V3::try_new(), element_bytes) {
         (Some(simd), 2) => simd.vectorize(ToPlanes::<16> { simd, samples, planes }),
         (Some(simd), 4) => simd.vectorize(ToPlanes::<32> { simd, samples, planes }),
@@ -34,16 +24,6 @@ fn lay_out(element_bytes: usize, samples: &[u8], planes: &mut [u8]) -> usize {
 
 /// The inverse of [`to_planes`].
 pub(super) fn from_planes(element_bytes: usize, planes: &[u8], samples: &mut [u8]) -> usize {
-    if element_bytes == 2
-        && let Some(done) = affine::from_planes(planes, samples)
-    {
-        return done;
-    }
-    take_back(element_bytes, planes, samples)
-}
-
-/// The same without GFNI.
-fn take_back(element_bytes: usize, planes: &[u8], samples: &mut [u8]) -> usize {
     match (V3::try_new(), element_bytes) {
         (Some(simd), 2) => simd.vectorize(FromPlanes::<16> { simd, planes, samples }),
         (Some(simd), 4) => simd.vectorize(FromPlanes::<32> { simd, planes, samples }),
@@ -183,10 +163,10 @@ mod tests {
             let samples: Vec<u8> = (0..16 * count as u32).map(|k| (k.wrapping_mul(k) >> 3) as u8).collect();
             let mut planes = [vec![9; samples.len()], vec![9; samples.len()]];
             let mut back = [vec![7; samples.len()], vec![7; samples.len()]];
-            let done = lay_out(2, &samples, &mut planes[0]);
+            let done = to_planes(2, &samples, &mut planes[0]);
             assert_eq!(to_planes(2, &samples, &mut planes[1]), done);
             assert_eq!(planes[0], planes[1]);
-            assert_eq!(take_back(2, &planes[0], &mut back[0]), done);
+            assert_eq!(from_planes(2, &planes[0], &mut back[0]), done);
             assert_eq!(from_planes(2, &planes[0], &mut back[1]), done);
             assert_eq!(back[0], back[1]);
             assert_eq!(back[0][..16 * done], samples[..16 * done]);

@@ -1,7 +1,7 @@
 //! The limit of a shoulder's strongest arc for a stated rate of false calls.
 
 use crate::arcs::white::White;
-use crate::stats::{normal_quantile, normal_tail, t_quantile, t_tail};
+use crate::stats::{chi_squared_tail, f_tail, normal_quantile, t_quantile};
 
 /// Euler's constant: the mean of the standard Gumbel distribution.
 const EULER: f64 = 0.577_215_664_9;
@@ -11,6 +11,9 @@ const PRIOR_COUNT: f64 = 8.0;
 
 /// Degrees of freedom of a shoulder that is its own reference.
 const OWN_DOF: f64 = 20.0;
+
+/// Largest limit of one.
+const OWN_MAX: f64 = 1e3;
 
 /// How the strongest arcs of sound shoulders are distributed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +29,9 @@ pub(crate) enum Limits {
     },
     /// By white rings, whose scatter is known as well as from a few shoulders' own.
     Own {
-        /// As many independent values have the same median of their greatest as such a ring has of its strongest arc.
+        /// How many discriminators each arc is the evidence of.
+        width: f64,
+        /// As many independent arcs have the same median of their strongest as such a ring has.
         count: f64,
     },
 }
@@ -36,7 +41,9 @@ impl Limits {
     pub(crate) fn by(found: &[f64], white: White) -> Self {
         let m = found.len() as f64;
         if found.len() < 2 {
-            return Self::Own { count: 0.5_f64.ln() / (-normal_tail(white.median)).ln_1p() };
+            let width = white.width as f64;
+            let tail = chi_squared_tail(white.median.powi(2), width);
+            return Self::Own { width, count: 0.5_f64.ln() / (-tail).ln_1p() };
         }
         let mean = found.iter().sum::<f64>() / m;
         let squares: f64 = found.iter().map(|x| (x - mean).powi(2)).sum();
@@ -53,7 +60,14 @@ impl Limits {
                 let widened = (1.0 + 1.0 / count).sqrt() * t_quantile(rate, dof) / normal_quantile(rate);
                 mean + gumbel(sd, rate) * widened
             }
-            Self::Own { count } => t_quantile(-((-rate).ln_1p() / count).exp_m1(), OWN_DOF),
+            Self::Own { .. } => {
+                let (mut low, mut high) = (0.0, OWN_MAX);
+                for _ in 0..60 {
+                    let middle = 0.5 * (low + high);
+                    if self.probability(middle) > rate { low = middle } else { high = middle }
+                }
+                0.5 * (low + high)
+            }
         }
     }
 
@@ -70,7 +84,11 @@ impl Limits {
                 }
                 (0.5 * (low + high)).exp()
             }
-            Self::Own { count } => -((-t_tail(value, OWN_DOF)).ln_1p() * count).exp_m1(),
+            Self::Own { .. } if value.is_nan() || value <= 0.0 => 1.0,
+            Self::Own { width, count } => {
+                let tail = f_tail(value.powi(2) / width, width, OWN_DOF);
+                -((-tail).ln_1p() * count).exp_m1()
+            }
         }
     }
 }
@@ -94,7 +112,7 @@ mod tests {
         // shoulders beyond the limit as the rate says.
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut arc = || 3.0 - 0.5 * (-rng.random_range(1e-12..1.0_f64).ln()).ln();
-        let white = White { median: 3.2, sd: 0.5 * std::f64::consts::PI / 6.0_f64.sqrt() };
+        let white = White { median: 3.2, sd: 0.5 * std::f64::consts::PI / 6.0_f64.sqrt(), width: 1 };
         for (rate, count) in [(0.1, 4000), (0.02, 20_000)] {
             let mut exceeded = 0;
             for _ in 0..count {
@@ -109,7 +127,7 @@ mod tests {
     #[test]
     fn a_probability_is_the_rate_of_its_limit() {
         // Catches a limit and a probability of two distributions, and one that rises with the value.
-        let white = White { median: 3.0, sd: 0.5 };
+        let white = White { median: 3.0, sd: 0.5, width: 6 };
         for limits in [Limits::by(&[2.5, 3.0, 3.5, 2.8, 3.1], white), Limits::by(&[], white)] {
             for rate in [0.2, 0.02, 1e-3, 1e-6] {
                 let back = limits.probability(limits.at(rate));

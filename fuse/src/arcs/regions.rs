@@ -1,6 +1,7 @@
 //! The regions of a shoulder: arcs that stand out, one after the other.
 
 use crate::arcs::statistic::{Arc, ArcStatistic, Maps};
+use crate::evidence::ABSENT;
 use crate::shoulder::ring::Ring;
 
 /// Most arcs that are looked for; more would be damage all round.
@@ -14,7 +15,7 @@ pub(crate) fn arcs_above(statistic: &ArcStatistic, ring: &Ring, maps: &Maps, lim
         && found.len() < ARCS_MAX
     {
         for place in ring.from(arc.start).take(arc.length) {
-            left.iter_mut().for_each(|map| map[place] = f64::NAN);
+            left.iter_mut().for_each(|map| map[place] = ABSENT);
         }
         found.push(arc);
     }

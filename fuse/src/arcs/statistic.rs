@@ -1,5 +1,6 @@
-//! How far an arc stands out: the sum of its scores over what such a sum scatters by on sound shoulders.
+//! How far an arc stands out: the evidence of the sum of its scores, by what such a sum scatters by on sound shoulders.
 
+use crate::evidence::{ABSENT, Scatter, Sum, Vector, has_value};
 use crate::index::Scores;
 use crate::shoulder::ring::Ring;
 use crate::stats::{mean_and_sd, median};
@@ -10,7 +11,7 @@ pub(crate) const ARC_MAX: usize = 20;
 /// Fewest places that tell how the sum of several offsets scatters.
 const PLACES_MIN: usize = 8;
 
-/// How scores become one value a place, and values the evidence of an arc.
+/// How the scores of offsets become those of a place, and those of places the evidence of an arc.
 ///
 /// A crack begins at the belt edge and reaches inwards: what it does shows at the first offset, or the first two, and so on.
 /// So the sums are those over the first offset, the first two, ..., all of them.
@@ -22,15 +23,15 @@ pub(crate) struct ArcStatistic {
     depths: Vec<Depth>,
 }
 
-/// The sum over the first offsets.
+/// The sum over the first offsets, of each discriminator.
 #[derive(Debug, Clone)]
 struct Depth {
     /// Of the sum over all of them.
-    mean: f64,
+    mean: Vector,
     /// Mean correlation of two of the offsets.
-    correlation: f64,
-    /// By length of the arc, from 1: standard deviation of its sum over that of as many independent values, at least 1.
-    excess: Vec<f64>,
+    correlation: Vector,
+    /// By length of the arc, from 1: how its sum over the root of its length scatters.
+    by_length: Vec<Scatter>,
 }
 
 /// An arc and how far it stands out.
@@ -40,54 +41,60 @@ pub(crate) struct Arc {
     pub(crate) start: usize,
     /// How many places it has.
     pub(crate) length: usize,
+    /// How many offsets it is a sum over, less one.
+    depth: usize,
     /// Standard deviations above sound shoulders.
     pub(crate) value: f64,
 }
 
-/// One value a place and depth, `[depth][place]`, of standard deviation 1 on sound shoulders; NaN where nothing is known.
-pub(crate) type Maps = Vec<Vec<f64>>;
+/// Scores of the places of a shoulder, `[depth][place]`, each of standard deviation 1 on sound ones; NaN where nothing is known.
+pub(crate) type Maps = Vec<Vec<Vector>>;
 
 impl ArcStatistic {
-    /// What the `sound` places of the reference's shoulders teach; `is_own` where any of them may be cracked: then only what
-    /// lies below the median counts.
+    /// What the sound places of the reference's shoulders teach; `is_own` where any of them may be cracked: then what lies below
+    /// the median tells how far they scatter.
     pub(crate) fn fit(offsets: Vec<usize>, reference: &[(&Ring, Scores)], is_own: bool) -> Self {
         let mut statistic = Self { offsets, depths: Vec::new() };
         for depth in 1..=statistic.offsets.len() {
-            let full: Vec<f64> = (reference.iter())
-                .flat_map(|(ring, scores)| (0..ring.len()).map(|place| statistic.sum(depth, scores, place)))
-                .filter(|&(_, count)| count == depth)
-                .map(|(sum, count)| sum / (count as f64).sqrt())
-                .collect();
-            let scatter = if full.len() < PLACES_MIN { None } else { spread(&full, is_own) };
-            let (mean, sd) = scatter.unwrap_or((0.0, 1.0));
-            let correlation = if depth > 1 { (sd * sd - 1.0) / (depth as f64 - 1.0) } else { 0.0 };
-            // Each offset has standard deviation 1: a sum cannot scatter less than that of opposite ones.
-            let least = if depth > 1 { -0.9 / (depth as f64 - 1.0) } else { 0.0 };
-            statistic.depths.push(Depth {
-                mean,
-                correlation: correlation.clamp(least, 1.0),
-                excess: vec![1.0; ARC_MAX],
-            });
+            statistic.depths.push(statistic.depth(depth, reference, is_own));
         }
         let maps: Vec<(&Ring, Maps)> = reference.iter().map(|(ring, scores)| (*ring, statistic.maps(scores))).collect();
-        for depth in 0..statistic.depths.len() {
-            for length in 1..=ARC_MAX {
-                let mut sums = Vec::new();
-                for (ring, maps) in &maps {
-                    let of_length = |arc: &(Arc, usize)| arc.0.length == length;
-                    sums.extend(arcs(ring, &maps[depth], length).filter(of_length).map(|(arc, _)| arc.value));
-                }
-                let sd = if sums.len() < PLACES_MIN { None } else { spread(&sums, is_own) };
-                statistic.depths[depth].excess[length - 1] = sd.map_or(1.0, |(_, sd)| if sd > 1.0 { sd } else { 1.0 });
+        for (number, depth) in statistic.depths.iter_mut().enumerate() {
+            let mut sums = vec![Vec::new(); ARC_MAX];
+            for (ring, maps) in &maps {
+                arcs(ring, &maps[number], ARC_MAX).for_each(|(_, length, sum)| sums[length - 1].push(sum));
             }
+            depth.by_length = scatter_by_length(&sums, is_own);
         }
         statistic
+    }
+
+    /// How the sums over the first `depth` offsets of sound places lie; how arcs scatter is not told yet.
+    fn depth(&self, depth: usize, reference: &[(&Ring, Scores)], is_own: bool) -> Depth {
+        let (mut mean, mut correlation) = ([0.0; ABSENT.len()], [0.0; ABSENT.len()]);
+        for d in 0..ABSENT.len() {
+            let places = reference.iter().flat_map(|(ring, scores)| (0..ring.len()).map(move |place| (scores, place)));
+            let sums = places.map(|(scores, place)| self.sum(depth, scores, place, d));
+            let full: Vec<f64> =
+                sums.filter(|&(_, count)| count == depth).map(|(sum, count)| sum / (count as f64).sqrt()).collect();
+            let scatter = if full.len() < PLACES_MIN { None } else { spread(&full, is_own) };
+            let (centre, sd) = scatter.unwrap_or((0.0, 1.0));
+            mean[d] = centre;
+            if depth > 1 {
+                // Each offset has standard deviation 1: a sum cannot scatter less than that of opposite ones.
+                let pairs = depth as f64 - 1.0;
+                correlation[d] = ((sd * sd - 1.0) / pairs).clamp(-0.9 / pairs, 1.0);
+            }
+        }
+        Depth { mean, correlation, by_length: Vec::new() }
     }
 
     /// The same without what arcs of the reference scatter more than independent values do.
     pub(crate) fn of_white(&self) -> Self {
         let mut white = self.clone();
-        white.depths.iter_mut().for_each(|depth| depth.excess.fill(1.0));
+        for depth in &mut white.depths {
+            depth.by_length = vec![depth.by_length[0].clone(); ARC_MAX];
+        }
         white
     }
 
@@ -103,74 +110,111 @@ impl ArcStatistic {
 
     /// Mean correlation of two offsets.
     pub(crate) fn correlation(&self) -> f64 {
-        self.depths.last().map_or(0.0, |depth| depth.correlation)
+        let Some(depth) = self.depths.last() else { return 0.0 };
+        let of: Vec<f64> = depth.by_length[0].used().map(|d| depth.correlation[d]).collect();
+        if of.is_empty() { 0.0 } else { of.iter().sum::<f64>() / of.len() as f64 }
     }
 
-    /// The sum of the scores of the first `depth` offsets at `place`, and how many of them there are.
-    fn sum(&self, depth: usize, scores: &Scores, place: usize) -> (f64, usize) {
-        let values = self.offsets[..depth].iter().map(|&offset| scores.by_offset[offset][place]);
+    /// How a place scatters at one offset.
+    pub(crate) fn of_place(&self) -> Option<&Scatter> {
+        self.depths.first()?.by_length.first()
+    }
+
+    /// The sum of the scores of discriminator number `d` over the first `depth` offsets at `place`, and how many there are.
+    fn sum(&self, depth: usize, scores: &Scores, place: usize, d: usize) -> (f64, usize) {
+        let values = self.offsets[..depth].iter().map(|&offset| scores.by_offset[offset][place][d]);
         values.filter(|value| value.is_finite()).fold((0.0, 0), |(sum, count), value| (sum + value, count + 1))
     }
 
-    /// The values of the places of a shoulder.
+    /// The scores of the places of a shoulder.
     pub(crate) fn maps(&self, scores: &Scores) -> Maps {
         let place_count = scores.by_offset.first().map_or(0, Vec::len);
         let of = |(number, depth): (usize, &Depth)| {
-            let value = |place: usize| {
-                let (sum, count) = self.sum(number + 1, scores, place);
-                let n = count as f64;
-                // Where offsets are missing, the sum of the others scatters as that of so many.
-                (sum / n.sqrt() - depth.mean) / (1.0 + (n - 1.0) * depth.correlation).sqrt()
+            let value = |place: usize| -> Vector {
+                std::array::from_fn(|d| {
+                    let (sum, count) = self.sum(number + 1, scores, place, d);
+                    let n = count as f64;
+                    // Where offsets are missing, the sum of the others scatters as that of so many.
+                    (sum / n.sqrt() - depth.mean[d]) / (1.0 + (n - 1.0) * depth.correlation[d]).sqrt()
+                })
             };
             (0..place_count).map(value).collect()
         };
         self.depths.iter().enumerate().map(of).collect()
     }
 
-    /// Shows every arc of at most [`ARC_MAX`] places, depth by depth.
-    pub(crate) fn for_arcs(&self, ring: &Ring, maps: &Maps, mut see: impl FnMut(Arc)) {
-        for (depth, map) in self.depths.iter().zip(maps) {
-            for (arc, _) in arcs(ring, map, ARC_MAX) {
-                see(Arc { value: arc.value / depth.excess[arc.length - 1], ..arc });
-            }
-        }
-    }
-
-    /// The value of the arc of `place` and its neighbours at each depth that `place` has a value at.
+    /// The evidence of the arc of `place` and its neighbours at each depth that `place` has a value at.
     pub(crate) fn about(&self, ring: &Ring, maps: &Maps, place: usize) -> impl Iterator<Item = f64> {
-        self.depths.iter().zip(maps).filter(move |(_, map)| map[place].is_finite()).map(move |(depth, map)| {
-            let near = ring.with_neighbours(place).map(|near| map[near]).filter(|value| value.is_finite());
-            let (sum, count) = near.fold((0.0, 0_usize), |(sum, count), value| (sum + value, count + 1));
-            sum / (count as f64).sqrt() / depth.excess[count - 1]
+        let of_depth = self.depths.iter().zip(maps).filter(move |(_, map)| has_value(&map[place]));
+        of_depth.map(move |(depth, map)| {
+            let mut sum = Sum::default();
+            let near = ring.with_neighbours(place).filter(|&near| has_value(&map[near]));
+            let count = near.map(|near| sum.add(&map[near])).count();
+            depth.by_length[count - 1].evidence(&sum.over_root())
         })
     }
 
     /// The arc that stands out most; the first and shortest of equals. `None` where no place has a value.
     pub(crate) fn strongest(&self, ring: &Ring, maps: &Maps) -> Option<Arc> {
         let mut strongest: Option<Arc> = None;
-        self.for_arcs(ring, maps, |arc| {
-            if strongest.is_none_or(|best| arc.value > best.value) {
-                strongest = Some(arc);
+        for (number, (depth, map)) in self.depths.iter().zip(maps).enumerate() {
+            for (start, length, sum) in arcs(ring, map, ARC_MAX) {
+                let (scatter, best) =
+                    (&depth.by_length[length - 1], strongest.map_or(f64::NEG_INFINITY, |arc| arc.value));
+                if scatter.bound(&sum) > best {
+                    let value = scatter.evidence(&sum);
+                    if value > best {
+                        strongest = Some(Arc { start, length, depth: number, value });
+                    }
+                }
             }
-        });
+        }
         strongest
+    }
+
+    /// The weights that show most of `arc` in `maps`.
+    pub(crate) fn weights(&self, ring: &Ring, maps: &Maps, arc: Arc) -> Vector {
+        let mut sum = Sum::default();
+        ring.from(arc.start).take(arc.length).for_each(|place| sum.add(&maps[arc.depth][place]));
+        self.depths[arc.depth].by_length[arc.length - 1].weights(&sum.over_root())
     }
 }
 
-/// The arcs of at most `longest` neighbours that begin and end with a value, each with how many values it has; its own value
-/// is their sum over the root of their count.
-fn arcs<'a>(ring: &'a Ring, map: &'a [f64], longest: usize) -> impl Iterator<Item = (Arc, usize)> + 'a {
-    (0..map.len()).filter(|&start| map[start].is_finite()).flat_map(move |start| {
-        let (mut sum, mut count) = (0.0, 0_usize);
+/// The arcs of at most `longest` neighbours that begin and end with a value: first place, length, and the sum of their scores over
+/// the root of their count.
+fn arcs<'a>(ring: &'a Ring, map: &'a [Vector], longest: usize) -> impl Iterator<Item = (usize, usize, Vector)> + 'a {
+    (0..map.len()).filter(|&start| has_value(&map[start])).flat_map(move |start| {
+        let mut sum = Sum::default();
         ring.from(start).take(longest).enumerate().filter_map(move |(number, place)| {
-            let value = map[place];
-            if !value.is_finite() {
-                return None;
-            }
-            (sum, count) = (sum + value, count + 1);
-            Some((Arc { start, length: number + 1, value: sum / (count as f64).sqrt() }, count))
+            sum.add(&map[place]);
+            has_value(&map[place]).then(|| (start, number + 1, sum.over_root()))
         })
     })
+}
+
+/// How arcs scatter by their length, from their `sums` on sound shoulders.
+fn scatter_by_length(sums: &[Vec<Vector>], is_own: bool) -> Vec<Scatter> {
+    let of_length = |sums: &Vec<Vector>| match is_own {
+        true => Scatter::of_own(sums.iter().copied()),
+        false => Scatter::of(sums.iter().copied()),
+    };
+    let unit = || Scatter::new(&faer::Mat::identity(ABSENT.len(), ABSENT.len()));
+    let place = if sums[0].len() < PLACES_MIN { unit() } else { of_length(&sums[0]) };
+    let longer = sums.iter().enumerate().map(|(number, sums)| {
+        if sums.len() < PLACES_MIN {
+            return place.clone();
+        }
+        // Long arcs share places: few of them are independent, and what those do not tell is that of a place.
+        let independent = sums.len() as f64 / (number as f64 + 1.0);
+        let width = place.used().count() as f64;
+        let scatter = of_length(sums).mixed(&place, width / (width + independent));
+        // The level of a shoulder takes away what long arcs have in common; that says nothing of a shoulder that is cracked.
+        let at_least = |d: usize| {
+            if scatter.deviation(d) < place.deviation(d) { place.deviation(d) / scatter.deviation(d) } else { 1.0 }
+        };
+        scatter.scaled(&std::array::from_fn(at_least))
+    });
+    longer.collect()
 }
 
 /// Mean and standard deviation; of the lower half alone where the upper may be damage.
@@ -196,7 +240,14 @@ mod tests {
         Ring::of(geometry, &locations, None)
     }
 
+    fn vector(value: f64) -> Vector {
+        let mut vector = ABSENT;
+        vector[0] = value;
+        vector
+    }
+
     fn scores(by_offset: Vec<Vec<f64>>) -> Scores {
+        let by_offset = by_offset.into_iter().map(|of_offset| of_offset.into_iter().map(vector).collect()).collect();
         Scores { by_offset, ..Scores::default() }
     }
 

@@ -2,21 +2,23 @@
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::arcs::statistic::ArcStatistic;
+use crate::evidence::has_value;
 use crate::index::Scores;
 use crate::shoulder::ring::Ring;
 use crate::stats::{mean_and_sd, median};
 
-/// How many rings are drawn: the standard deviation of their strongest arcs is known to 3 %.
-const RING_COUNT: usize = 600;
+/// How many rings are drawn: the standard deviation of their strongest arcs is known to 5 %.
+const RING_COUNT: usize = 200;
 
 /// How the strongest arcs of rings of noise are distributed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct White {
     pub(crate) median: f64,
     pub(crate) sd: f64,
+    /// How many discriminators they are the evidence of.
+    pub(crate) width: usize,
 }
 
 /// The strongest arc of rings of noise that have values where `pattern` has.
@@ -29,17 +31,21 @@ pub(crate) fn strongest_arcs(statistic: &ArcStatistic, ring: &Ring, pattern: &Sc
     let common = statistic.correlation().clamp(0.0, 1.0);
     let mut drawn = pattern.clone();
     let mut found = Vec::with_capacity(RING_COUNT);
+    let place_scatter = statistic.of_place()?;
     for _ in 0..RING_COUNT {
         for place in 0..ring.len() {
-            let shared: f64 = StandardNormal.sample(&mut rng);
+            let shared = place_scatter.draw(&mut rng);
             for (drawn, pattern) in drawn.by_offset.iter_mut().zip(&pattern.by_offset) {
-                if pattern[place].is_finite() {
-                    let own: f64 = StandardNormal.sample(&mut rng);
-                    drawn[place] = common.sqrt() * shared + (1.0 - common).sqrt() * own;
+                if has_value(&pattern[place]) {
+                    let own = place_scatter.draw(&mut rng);
+                    let of_both =
+                        |d: usize| common.sqrt() * shared[d] + (1.0 - common).sqrt() * own[d] + 0.0 * pattern[place][d];
+                    drawn[place] = std::array::from_fn(of_both);
                 }
             }
         }
         found.extend(statistic.strongest(ring, &statistic.maps(&drawn)).map(|arc| arc.value));
     }
-    Some(White { sd: mean_and_sd(&found)?.1, median: median(&mut found)? })
+    let width = place_scatter.used().count();
+    Some(White { sd: mean_and_sd(&found)?.1, median: median(&mut found)?, width })
 }

@@ -7,15 +7,13 @@ use tapline_wire::{PlannedTap, Purpose};
 use crate::Error;
 use crate::arcs::regions::arcs_above;
 use crate::arcs::statistic::Arc;
+use crate::evidence::{Sum, has_value};
 use crate::fusion::compared::Compared;
-use crate::fusion::judge::View;
+use crate::fusion::judge::{PLACES_MAX, View};
 use crate::fusion::{Fusion, Seen};
 
 /// Most arcs of a shoulder that are tapped again, the strongest first.
 const ARCS_MAX: usize = 4;
-
-/// Most places of an arc that are tapped again; a longer one shows at some of its places as well.
-pub(super) const PLACES_MAX: usize = 12;
 
 /// Fewest controls: places that do not stand out, which tell the level of a second reading.
 const CONTROLS_MIN: usize = 24;
@@ -88,15 +86,15 @@ impl Fusion {
         is_near: &[bool],
     ) -> Vec<PlannedTap> {
         let ring = &view.shoulder.ring;
-        let has_value = |offset: usize, place: usize| view.scores.by_offset[offset][place].is_finite();
+        let is_known = |offset: usize, place: usize| has_value(&view.scores.by_offset[offset][place]);
         let mut by_offset: BTreeMap<usize, Wanted> = BTreeMap::new();
         for arc in arcs {
             let Some(offset) = strongest_offset(view, *arc) else { continue };
-            let places: Vec<usize> = ring.from(arc.start).take(arc.length).filter(|&p| has_value(offset, p)).collect();
+            let places: Vec<usize> = ring.from(arc.start).take(arc.length).filter(|&p| is_known(offset, p)).collect();
             by_offset.entry(offset).or_default().suspects.extend(spread(&places, PLACES_MAX));
         }
         // What was tapped and gave nothing; a shoulder of which much is so has another fault.
-        let is_blind = |place: &usize| view.maps.iter().all(|map| map[*place].is_nan());
+        let is_blind = |place: &usize| view.maps.iter().all(|map| !has_value(&map[*place]));
         let blind: Vec<usize> = (0..ring.len()).filter(is_blind).collect();
         if let Some(&edge) = view.fitted.statistic.offsets().first().filter(|_| 10 * blind.len() <= ring.len()) {
             for place in blind {
@@ -106,7 +104,7 @@ impl Fusion {
         }
         for (&offset, wanted) in &mut by_offset {
             let is_sound =
-                |place: &usize| !is_near[*place] && view.scores.is_inlier[*place] && has_value(offset, *place);
+                |place: &usize| !is_near[*place] && view.scores.is_inlier[*place] && is_known(offset, *place);
             let sound: Vec<usize> = (0..ring.len()).filter(is_sound).collect();
             wanted.controls.extend(spread(&sound, CONTROLS_MIN.max(2 * wanted.suspects.len())));
         }
@@ -156,11 +154,11 @@ impl Fusion {
 
 /// The offset at which `arc` stands out most.
 fn strongest_offset(view: &View<'_>, arc: Arc) -> Option<usize> {
+    let scatter = view.fitted.statistic.of_place()?;
     let of_offset = |&offset: &usize| {
-        let places = view.shoulder.ring.from(arc.start).take(arc.length);
-        let scores = places.map(|place| view.scores.by_offset[offset][place]).filter(|score| score.is_finite());
-        let (sum, count) = scores.fold((0.0, 0_u32), |(sum, count), score| (sum + score, count + 1));
-        (count > 0).then(|| (offset, sum / f64::from(count).sqrt()))
+        let mut sum = Sum::default();
+        view.shoulder.ring.from(arc.start).take(arc.length).for_each(|p| sum.add(&view.scores.by_offset[offset][p]));
+        Some((offset, scatter.evidence(&sum.over_root()))).filter(|(_, evidence)| !evidence.is_nan())
     };
     let each = view.fitted.statistic.offsets().iter().filter_map(of_offset);
     each.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(offset, _)| offset)

@@ -45,7 +45,7 @@ impl Impulse {
 }
 
 impl Compared {
-    /// Whether the force of a part of scan number `scan` is off: of three neighbours in a turn, by their median, or of a turn
+    /// Whether the force of a part of scan number `scan` is off: of three neighbours in a turn and those beside them, by medians, or of a turn
     /// among those of its velocity.
     pub(super) fn is_force_off(&self, scan: usize) -> bool {
         let shoulder = self.scans.iter().position(|&s| s == scan).map(|number| &self.shoulders[number]);
@@ -74,7 +74,9 @@ fn has_places_off(shoulder: &Shoulder, turn: &Turn) -> bool {
         let near: Vec<Impulse> = shoulder.ring.with_neighbours(*place).filter_map(|near| at[near]).collect();
         near.len() == 3 && Impulse::median(near.into_iter()).is_some_and(|found| found.is_off(level))
     };
-    (0..shoulder.place_count()).any(|place| off(&place))
+    let off: Vec<bool> = (0..shoulder.place_count()).map(|place| off(&place)).collect();
+    // Two rogue taps side by side move the median of three twice, and a gain that is off moves it for longer.
+    (0..off.len()).any(|place| off[place] && shoulder.ring.with_neighbours(place).all(|near| off[near]))
 }
 
 impl Fusion {

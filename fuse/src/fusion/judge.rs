@@ -7,14 +7,17 @@ use tapline_wire::{DamageCell, Discriminator, Geometry, Judgement, Reasons, Reco
 
 use crate::arcs::regions::{arcs_above, damage_index};
 use crate::arcs::statistic::{Arc as RingArc, Maps};
+use crate::evidence::Sum;
 use crate::fusion::Fusion;
-use crate::fusion::ask::PLACES_MAX;
 use crate::fusion::compared::{Compared, Found};
 use crate::index::Scores;
 use crate::reference::fitted::FittedReference;
 use crate::shoulder::Shoulder;
 use crate::verdict::verdict_of;
 use crate::{Error, FuseConfig};
+
+/// Most places of an arc that are tapped again; a longer one shows at some of its places as well.
+pub(super) const PLACES_MAX: usize = 12;
 
 /// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
 const REACH_FRACTION: f64 = 0.5;
@@ -356,18 +359,21 @@ impl View<'_> {
         let is_control = |place: usize| {
             self.shoulder.turns.iter().any(|turn| turn.controls.as_ref().is_some_and(|controls| controls[place]))
         };
-        let at = |offset: usize| {
+        // The first reading alone chooses what is looked at in the second one.
+        let statistic = &self.fitted.statistic;
+        let weights = statistic.weights(&self.shoulder.ring, self.first_maps.as_ref()?, arc);
+        let mut sum = Sum::default();
+        for &offset in statistic.offsets() {
             let places = self.shoulder.ring.from(arc.start).take(arc.length).filter(|&place| !is_control(place));
-            places.map(move |place| second.by_offset[offset][place]).filter(|score| score.is_finite())
-        };
-        let scores: Vec<f64> = self.fitted.statistic.offsets().iter().copied().flat_map(at).collect();
+            places.for_each(|place| sum.add(&second.by_offset[offset][place]));
+        }
+        let count = (0..weights.len()).map(|d| sum.count(d)).max()? as usize;
         // An arc that was tapped again in a small part was not asked for.
         let asked = arc.length.min(PLACES_MAX);
-        let n = scores.len() as f64;
         // The median of the controls is known no better than they are many: its variance is pi/2 that of their mean.
-        let level_variance = std::f64::consts::FRAC_PI_2 * n / control_count;
-        (2 * scores.len() >= asked && asked > 0)
-            .then(|| scores.iter().sum::<f64>() / n.sqrt() / (1.0 + level_variance).sqrt())
+        let level_variance = std::f64::consts::FRAC_PI_2 * count as f64 / control_count;
+        let value = statistic.of_place()?.along(&weights, &sum.over_root()) / (1.0 + level_variance).sqrt();
+        (2 * count >= asked && asked > 0 && !value.is_nan()).then_some(value)
     }
 
     /// Mean score of each discriminator in `arc`, NaN where it says nothing.
@@ -389,10 +395,11 @@ impl View<'_> {
         let offsets_mm = compared.conditions.offsets_mm();
         for region in 1..=cells.iter().map(|cell| cell.region).max().unwrap_or(0) {
             let shown = self.fitted.statistic.offsets().iter().filter_map(|&offset| {
+                let mut sum = Sum::default();
                 let of_region = cells.iter().zip(self.scores.by_offset.get(offset)?);
-                let scores = of_region.filter(|(cell, score)| cell.region == region && score.is_finite());
-                let (sum, count) = scores.fold((0.0, 0_u32), |(sum, count), (_, score)| (sum + score, count + 1));
-                Some((offsets_mm[offset]?, sum / f64::from(count).sqrt())).filter(|_| count > 0)
+                of_region.filter(|(cell, _)| cell.region == region).for_each(|(_, scores)| sum.add(scores));
+                let evidence = self.fitted.statistic.of_place()?.evidence(&sum.over_root());
+                Some((offsets_mm[offset]?, evidence)).filter(|_| !evidence.is_nan())
             });
             let mut shown: Vec<(f64, f64)> = shown.collect();
             shown.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));

@@ -2,6 +2,7 @@
 
 use tapline_wire::Direction;
 
+use crate::evidence::{ABSENT, Vector};
 use crate::index::{Index, Scores, Setup};
 use crate::shoulder::Shoulder;
 use crate::stats::mean_and_sd;
@@ -94,7 +95,11 @@ impl Index for Extremes {
     fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores> {
         let of = |shoulder: &&Shoulder| {
             let place_count = shoulder.place_count();
-            let standardised = |value: Option<f64>| value.map_or(f64::NAN, |value| (value - self.mean) / self.sd);
+            let standardised = |value: Option<f64>| -> Vector {
+                let mut scores = ABSENT;
+                scores[0] = value.map_or(f64::NAN, |value| (value - self.mean) / self.sd);
+                scores
+            };
             let width = self.setup.discriminators.len();
             let mut scores = Scores {
                 by_offset: vec![self.values(shoulder).into_iter().map(standardised).collect()],
@@ -113,10 +118,6 @@ impl Index for Extremes {
 
     fn as_printed(&self, shoulder: &Shoulder) -> Option<Vec<Option<f64>>> {
         Some(self.values(shoulder))
-    }
-
-    fn weights(&self) -> Vec<f64> {
-        vec![1.0 / self.setup.discriminators.len() as f64; self.setup.discriminators.len()]
     }
 
     fn sigma(&self, _: usize, _: usize) -> Option<f64> {

@@ -1,20 +1,19 @@
-//! The damage index: what the taps of a place show, one number an offset, behind one trait.
+//! The damage index: what the taps of a place show, one score an offset and discriminator, behind one trait.
 //!
 //! | file | index |
 //! |---|---|
-//! | `fused` | the default: levels by turn, weights that know repeatability and correlation |
+//! | `fused` | the default: levels by turn, scatter that knows repeatability and correlation |
 //! | `dissertation` | Eqs. 55-56 as printed |
 
-pub(crate) mod covariance;
 mod dissertation;
 mod fused;
-mod weights;
 
 use std::fmt::Debug;
 
 use tapline_wire::{Direction, Discriminator};
 
 use crate::IndexKind;
+use crate::evidence::{ABSENT, Vector};
 use crate::shoulder::Shoulder;
 
 /// What an index is to be fitted for.
@@ -36,9 +35,9 @@ pub(crate) struct Setup {
 /// What an index says of the places of one shoulder.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Scores {
-    /// `[offset][place]`, greater the more likely there is damage: mean 0 and standard deviation 1 over sound places; NaN
-    /// where no tap says anything.
-    pub(crate) by_offset: Vec<Vec<f64>>,
+    /// `[offset][place]`, greater the more likely there is damage: each of mean 0 and standard deviation 1 over sound places;
+    /// NaN where no tap says anything. An index of one number has it in the first place.
+    pub(crate) by_offset: Vec<Vec<Vector>>,
     /// Mean score of each discriminator by place, in the order of [`Setup::discriminators`]; NaN where it is absent.
     pub(crate) by_discriminator: Vec<Vec<f64>>,
     /// Places that are not left out of the level of their turns, as ones that stand out are.
@@ -49,7 +48,7 @@ impl Scores {
     /// Hides what is not `kept`, by place.
     pub(crate) fn hide(&mut self, kept: &[bool]) {
         for of_offset in &mut self.by_offset {
-            of_offset.iter_mut().zip(kept).filter(|(_, kept)| !**kept).for_each(|(score, _)| *score = f64::NAN);
+            of_offset.iter_mut().zip(kept).filter(|(_, kept)| !**kept).for_each(|(score, _)| *score = ABSENT);
         }
     }
 }
@@ -64,9 +63,6 @@ pub(crate) trait Index: Debug + Send + Sync {
     fn as_printed(&self, _shoulder: &Shoulder) -> Option<Vec<Option<f64>>> {
         None
     }
-
-    /// What each discriminator counts, in the order of [`Setup::discriminators`]; they sum to 1.
-    fn weights(&self) -> Vec<f64>;
 
     /// Robust standard deviation of discriminator number `d` in `condition` about the level of its turn, as a fraction of it;
     /// `None` where the index has no such scale.

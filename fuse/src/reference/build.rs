@@ -127,7 +127,6 @@ fn summed_up(config: &FuseConfig, pattern: &Pattern, shoulders: &[Shoulder], fit
     Summary {
         scales,
         discriminators: config.discriminators.iter().map(|which| which.name().to_owned()).collect(),
-        weights: fitted.index.weights(),
         sound_count: places().count() - cracked_count,
         cracked_count,
         casing_count: fitted.casing_count,

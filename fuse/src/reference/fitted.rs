@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use crate::arcs::limits::Limits;
 use crate::arcs::statistic::ArcStatistic;
 use crate::arcs::white;
+use crate::evidence::has_value;
 use crate::index::{self, Index, Scores, Setup};
 use crate::shoulder::Shoulder;
 use crate::verdict::supported::supported_rate;
@@ -70,8 +71,7 @@ fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Le
     // An index that looks at all offsets at once has one score a place.
     let is_one = scores.iter().all(|scores| scores.by_offset.len() == 1);
     let mut offsets = if is_one { vec![0] } else { offsets.to_vec() };
-    offsets
-        .retain(|&offset| scores.iter().any(|scores| scores.by_offset[offset].iter().any(|score| score.is_finite())));
+    offsets.retain(|&offset| scores.iter().any(|scores| scores.by_offset[offset].iter().any(has_value)));
     let statistic = ArcStatistic::fit(offsets, &rings, setup.is_own);
     Some((index, statistic, scores))
 }

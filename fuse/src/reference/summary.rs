@@ -3,16 +3,14 @@
 use serde::{Deserialize, Serialize};
 use tapline_wire::Discriminator;
 
-/// Scales, weights and limits of a reference.
+/// Scales and limits of a reference.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Summary {
     /// Scale of every discriminator in every condition.
     pub scales: Vec<ScaleLine>,
-    /// Names of the discriminators in the order of `weights`.
+    /// Names of the discriminators that enter the index.
     pub discriminators: Vec<String>,
-    /// What each counts in the index; they sum to 1.
-    pub weights: Vec<f64>,
     /// Locations that are taken to be sound.
     pub sound_count: usize,
     /// Locations that are labelled as cracked.

@@ -58,7 +58,6 @@ fn a_reference_comes_back_as_it_went() {
     // What the casing was made with: scatter 0.5 of a location and 1 of a tap, in hundredths of its level.
     let spread = set.summary.scales.iter().map(|s| s.spread).sum::<f64>() / 24.0;
     assert!((0.009..0.014).contains(&spread), "{spread}");
-    assert!((set.summary.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{:?}", set.summary.weights);
     assert_eq!((set.summary.casing_count, set.summary.supported_rate, set.summary.strongest.len()), (1, None, 0));
 }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::DurationEstimator;
-use crate::sound::area;
+use crate::signal::area::area;
 
 /// Where `value`, joined by straight lines, first crosses `level` on either side of `peak_at`, going outwards. `None`
 /// if the record ends before that, or if the peak is not above the level.

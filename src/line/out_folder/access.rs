@@ -6,7 +6,6 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail, ensure};
 use rustix::fs::{AtFlags, CWD, FileType, Mode, OFlags, Stat};
 use rustix::io::Errno;
-use tapline_store::OPEN_FOLDER;
 
 /// Which folder it is, whatever its path leads to by now.
 pub(super) type FolderId = (u64, u64);
@@ -51,17 +50,17 @@ fn owned_by(stat: &Stat) -> String {
     )
 }
 
-/// Makes the folder for results under way, or checks the one that is there.
-pub(super) fn make_open(folder: &OwnedFd, path: &Path) -> Result<()> {
-    let name = path.join(OPEN_FOLDER);
-    match rustix::fs::mkdirat(folder, OPEN_FOLDER, Mode::from_raw_mode(0o777)) {
+/// Makes the folder `inner` of the line's own files, or checks the one that is there.
+pub(super) fn make_inner(folder: &OwnedFd, path: &Path, inner: &str) -> Result<()> {
+    let name = path.join(inner);
+    match rustix::fs::mkdirat(folder, inner, Mode::from_raw_mode(0o777)) {
         Ok(()) | Err(Errno::EXIST) => {}
         Err(error) => return Err(error).with_context(|| format!("cannot make the folder {}", name.display())),
     }
-    let stat = rustix::fs::statat(folder, OPEN_FOLDER, AtFlags::SYMLINK_NOFOLLOW)
+    let stat = rustix::fs::statat(folder, inner, AtFlags::SYMLINK_NOFOLLOW)
         .with_context(|| format!("cannot look at {}", name.display()))?;
     let is_folder = FileType::from_raw_mode(stat.st_mode) == FileType::Directory;
-    ensure!(is_folder, "{} is not a folder: a line keeps what is under way there", name.display());
+    ensure!(is_folder, "{} is not a folder: a line keeps files of its own there", name.display());
     let is_ours = stat.st_uid == rustix::process::geteuid().as_raw();
     ensure!(is_ours, "{}: {}", name.display(), owned_by(&stat));
     ensure!(stat.st_mode & 0o002 == 0, "everyone may write to {}: chmod o-w it", name.display());

@@ -1,8 +1,8 @@
 //! The folder that a line writes to: held by one line at a time, which is found by it.
 //!
-//! Beside the results it has the folder `open`, for those under way, and while a line runs the file `.line`: the lock, and
-//! in it where the line is found, so that the next line finds and clears what a killed one has left, and `tapline status`
-//! finds the one that runs. Only who owns the folder may use it, as its owner could put anything in the place of a result;
+//! Beside the results it has the folder `open`, for those under way, `unreported`, for verdicts that are still to be told, and while a
+//! line runs the file `.line`: the lock, and in it where the line is found, so that the next line finds and clears what a killed one
+//! has left, and `tapline status` finds the one that runs. Only who owns the folder may use it, as its owner could put anything in the place of a result;
 //! nor may everyone be able to write in it, unless it is sticky. `.line` is of its user alone; results and `open` are as
 //! the user's umask has it.
 
@@ -20,11 +20,11 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail, ensure};
 use rustix::fs::{FlockOperation, OFlags};
 use rustix::io::Errno;
-use tapline_store::OPEN_FOLDER;
+use tapline_store::{OPEN_FOLDER, UNREPORTED_FOLDER};
 use tapline_wire::LineAddress;
 
 use crate::host::stderr::print_line;
-use crate::line::out_folder::access::{FolderId, id_of, make_all, make_open, open_checked, open_folder};
+use crate::line::out_folder::access::{FolderId, id_of, make_all, make_inner, open_checked, open_folder};
 use crate::line::out_folder::lock::{Entry, LOCK, check_lock, lock_refused, open_lock, read_entry, take_lock};
 use crate::line::out_folder::process::ProcessName;
 
@@ -62,7 +62,7 @@ impl OutFolder {
         make_all(&path)?;
         let folder = open_checked(&path)?;
         let lock = take_lock(&folder, &path)?;
-        make_open(&folder, &path)?;
+        make_inner(&folder, &path, OPEN_FOLDER)?;
         let left = read_entry(&lock).and_then(|entry| LineAddress::at(&entry.left.or(entry.folder)?).ok());
         let left_path = left.as_ref().map(|address| address.root().to_owned());
         let entry = Entry { process: ProcessName::own()?, folder: None, left: left_path };
@@ -70,6 +70,14 @@ impl OutFolder {
         let folder = Self { path, id, entry, left, lock: Some(lock) };
         folder.write()?;
         Ok(folder)
+    }
+
+    /// Makes the folder for notes of verdicts that are still to be told, if it is not there.
+    ///
+    /// # Errors
+    /// That somebody else could change what is in it; an error of the system.
+    pub(crate) fn make_unreported(&self) -> Result<()> {
+        make_inner(&open_checked(&self.path)?, &self.path, UNREPORTED_FOLDER)
     }
 
     /// The folder, absolute.

@@ -1,16 +1,15 @@
 //! A thread that seals, syncs and renames finished files, so that the other casings need not wait.
 
-use std::path::PathBuf;
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 use crossbeam::channel::{Receiver, Sender, bounded};
 use tapline_wire::{CasingHeader, Waker};
 
-use super::RunError;
-use super::markers::Marker;
+use super::markers::{Closed, Marker};
 use super::open_casing::OpenCasing;
-use super::places::Places;
+use super::unreported::Unreported;
+use super::{RunError, StoreRun};
 use crate::error::{Error, Result};
 use crate::write::Writer;
 
@@ -22,17 +21,6 @@ const TRY_EVERY: Duration = Duration::from_millis(500);
 
 /// Time after which the attempts end and the whole stage waits for its disk; meanwhile other files wait to be closed.
 const TRY_FOR: Duration = Duration::from_secs(60);
-
-/// A file that has its final name.
-#[derive(Debug)]
-pub(super) struct Closed {
-    pub header: CasingHeader,
-    /// Number of the `acquire` process whose casing it was.
-    pub acquire: Option<u16>,
-    pub path: PathBuf,
-    /// Its marker: see [`super::markers`].
-    pub marker: PathBuf,
-}
 
 struct ToClose {
     header: CasingHeader,
@@ -56,13 +44,13 @@ impl std::fmt::Debug for ToClose {
 }
 
 impl Closer {
-    pub(super) fn start(waker: Waker, places: &Places) -> Result<Self, RunError> {
-        let places = places.clone();
+    pub(super) fn start(waker: Waker, run: &StoreRun) -> Result<Self, RunError> {
+        let run = run.clone();
         let (to_close, waiting) = bounded::<Box<ToClose>>(WAITING_MAX);
         let (done, closed) = bounded(WAITING_MAX);
         let work = move || {
             for file in waiting {
-                if done.send(close(*file, &places)).is_err() {
+                if done.send(close(*file, &run)).is_err() {
                     return;
                 }
                 waker.wake();
@@ -104,15 +92,20 @@ impl Drop for Closer {
     }
 }
 
-fn close(file: ToClose, places: &Places) -> Result<Closed> {
+fn close(file: ToClose, run: &StoreRun) -> Result<Closed> {
     let ToClose { header, writer, name } = file;
     // Names are chosen by this thread alone: two files never get the same.
-    let path = places.finish(&name)?;
+    let path = run.places.finish(&name)?;
     let open = writer.path().to_owned();
     let (finishing, since) = (writer.finish_at(&path)?, Instant::now());
+    let unreported = run.notes_unreported.then(|| Unreported::new(&header, &name, &path, &run.places));
+    let rename = || {
+        let marker = Marker::new(&header, &path).write(&open)?;
+        unreported.iter().try_for_each(|note| note.write(&run.places))?;
+        finishing.complete().map(|()| marker)
+    };
     loop {
-        let renamed = Marker::new(&header, &path).write(&open).and_then(|marker| finishing.complete().map(|()| marker));
-        match renamed {
+        match rename() {
             Ok(marker) => return Ok(Closed { header, acquire: None, path, marker }),
             Err(error) if error.is_file_system_failure() => return Err(error),
             Err(error) if !error.is_recoverable() || since.elapsed() > TRY_FOR => return Err(error),

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use tapline_wire::{CasingHeader, Stamp, casing_number};
 
-use super::closer::Closed;
 use super::open_casing::OpenCasing;
 use super::places::{name_of_open, stem_of};
+use super::unreported::Unreported;
 use super::{Result, RunError, StageLoop};
 use crate::error::{Context as _, Error};
 use crate::file::draft::rename_new;
@@ -17,6 +17,17 @@ use crate::read::reader::Reader;
 
 /// Extension of a marker, which otherwise has the name of the unfinished file.
 const ENDING: &str = "closed";
+
+/// A file that has its final name.
+#[derive(Debug)]
+pub(super) struct Closed {
+    pub header: CasingHeader,
+    /// Number of the `acquire` process whose casing it was.
+    pub acquire: Option<u16>,
+    pub path: PathBuf,
+    /// Its marker.
+    pub marker: PathBuf,
+}
 
 /// The contents of a marker.
 #[derive(Debug, Serialize, Deserialize)]
@@ -82,10 +93,12 @@ impl StageLoop<'_> {
                 continue;
             };
             let open = marker.with_extension("h5");
+            let path = contents.path.clone();
+            let closed = contents.closed(marker);
             if open.exists() {
-                self.rename_finished(&open, contents.path.clone())?;
+                self.rename_finished(&open, &closed.header, path)?;
             }
-            self.note_closed(contents.closed(marker));
+            self.note_closed(closed);
         }
         Ok(())
     }
@@ -97,12 +110,16 @@ impl StageLoop<'_> {
         let header = OpenCasing::header_of(casing_number(&stem), Reader::open(open)?.plan());
         let contents = Marker::new(&header, &path);
         let marker = contents.write(open)?;
-        self.rename_finished(open, path)?;
+        self.rename_finished(open, &header, path)?;
         self.note_closed(contents.closed(marker));
         Ok(())
     }
 
-    fn rename_finished(&self, open: &Path, path: PathBuf) -> Result<(), RunError> {
+    fn rename_finished(&self, open: &Path, header: &CasingHeader, path: PathBuf) -> Result<(), RunError> {
+        if self.run.notes_unreported {
+            // Its name shows that the file was not told yet: a note that is there already is replaced.
+            Unreported::new(header, &name_of_open(&stem_of(open)), &path, &self.run.places).write(&self.run.places)?;
+        }
         match rename_new(open, &path) {
             // Without an atomic rename, a crash may have left both names.
             Err(Error::Exists { .. }) => {

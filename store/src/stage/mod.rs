@@ -7,6 +7,7 @@
 //! - `outage`: while an archive cannot be written
 //! - `open_casing`: one open casing
 //! - `places`, `closer`, `markers`: paths of the files, and how a finished file gets its name
+//! - `unreported`: which verdicts are still to be told
 
 mod closer;
 mod flush;
@@ -18,6 +19,7 @@ mod outcome;
 mod places;
 mod proposals;
 mod receive;
+mod unreported;
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -30,6 +32,7 @@ use tapline_wire::{
 
 pub use self::outcome::{Outcome, RunError};
 pub use self::places::{LEFT_FOLDER, OPEN_FOLDER, Places};
+pub use self::unreported::{UNREPORTED_FOLDER, Unreported, casing_id};
 
 use self::closer::Closer;
 use self::notices::Notices;
@@ -55,6 +58,8 @@ pub struct StoreRun {
     /// Whether a casing with a finished file is skipped, because the same run is continued; else it is another casing with the
     /// same serial, or is to be judged again.
     pub skips_finished: bool,
+    /// Whether each finished casing has a note ([`Unreported`]) until its verdict is told.
+    pub notes_unreported: bool,
     /// The configuration, verbatim.
     pub config_toml: String,
     /// The reference file, verbatim.
@@ -142,7 +147,7 @@ impl<'a> StageLoop<'a> {
             proposals: Subscriber::open(line)?,
             settled: Publisher::open(line)?,
             notices: Notices::open(line)?,
-            closer: Closer::start(line.waker()?, &run.places)?,
+            closer: Closer::start(line.waker()?, run)?,
             open: Vec::new(),
             is_held: false,
             looked_at: now,

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use tapline_wire::{CasingHeader, CasingTopic, Line, LineError, Publisher, RecordKind, Role, Stamp, encode_opened};
 
-use super::closer::Closed;
+use super::markers::Closed;
 use super::open_casing::{Due, OpenCasing};
 use super::{Result, RunError, StageLoop, markers};
 

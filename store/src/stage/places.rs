@@ -8,6 +8,7 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 use tapline_wire::{NAME_BYTES_MAX, now_ns};
 
+use super::unreported::UNREPORTED_FOLDER;
 use crate::error::{Context as _, Result};
 
 /// Folder of the unfinished files, within the output folder.
@@ -43,7 +44,14 @@ impl Places {
     /// What the system returns.
     pub fn create(&self) -> Result<()> {
         let open = self.out.join(OPEN_FOLDER);
-        fs::create_dir_all(&open).context("create", &open)
+        fs::create_dir_all(&open).context("create", &open)?;
+        let unreported = self.unreported_folder();
+        if self.is_dated { fs::create_dir_all(&unreported).context("create", &unreported) } else { Ok(()) }
+    }
+
+    /// The folder of the notes of verdicts that are still to be told.
+    pub fn unreported_folder(&self) -> PathBuf {
+        self.out.join(UNREPORTED_FOLDER)
     }
 
     /// The folder of the unfinished files.

@@ -14,11 +14,8 @@ use rustix::fs::{AtFlags, CWD, FileType, FlockOperation, Mode, OFlags};
 use rustix::io::Errno;
 
 use crate::LineError;
-use crate::stream::cleanup::{SHM, named, reap, remove, segments};
+use crate::stream::cleanup::{SHM, Svc, named, reap, remove, segments};
 use crate::stream::folder;
-
-/// How processes of a line share memory.
-pub(crate) type Svc = ipc_threadsafe::Service;
 
 /// Where one line is found: two lines with different addresses never meet.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -8,7 +8,8 @@ use std::time::Duration;
 use iceoryx2::node::NodeView as _;
 use iceoryx2::prelude::*;
 
-use crate::stream::address::Svc;
+/// How processes of a line share memory.
+pub(crate) type Svc = ipc_threadsafe::Service;
 
 /// Where shared memory lives.
 pub(crate) const SHM: &str = "/dev/shm";

@@ -7,7 +7,7 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::event::PortFactory as EventService;
 
-use crate::stream::address::Svc;
+use crate::stream::cleanup::Svc;
 use crate::{Limits, LineError, Role};
 
 /// A reason to wake up.

@@ -11,7 +11,7 @@ use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
 
-use crate::stream::address::Svc;
+use crate::stream::cleanup::Svc;
 use crate::stream::cleanup::reap;
 use crate::stream::event::{Pending, Signal, Waker, event_service};
 use crate::{Limits, LineAddress, LineError, Role};

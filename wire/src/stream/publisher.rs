@@ -12,7 +12,7 @@ use iceoryx2::port::{BackpressureAction, SendError};
 use iceoryx2::prelude::*;
 use iceoryx2::sample_mut::SampleMut;
 
-use crate::stream::address::Svc;
+use crate::stream::cleanup::Svc;
 use crate::stream::service::{Service, failed, open};
 use crate::stream::shm;
 use crate::stream::topic::{LOANED, publisher_bytes};

@@ -4,7 +4,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::event::PortFactory as EventService;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
 
-use crate::stream::address::Svc;
+use crate::stream::cleanup::Svc;
 use crate::stream::error::LineError;
 use crate::stream::event::event_service;
 use crate::stream::line::Line;

@@ -10,7 +10,7 @@ use iceoryx2::port::subscriber::Subscriber as Port;
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
 
-use crate::stream::address::Svc;
+use crate::stream::cleanup::Svc;
 use crate::stream::service::{Service, failed, open};
 use crate::{Delivery, Line, LineError, RecordKind, Role, Signal, Stamped, Topic};
 

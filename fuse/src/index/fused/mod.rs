@@ -1,35 +1,37 @@
-//! The default index: levels by turn, robust scales, and weights that know repeatability and correlation.
+//! The default index: levels by turn, robust scales, and means of taps that no rogue tap decides.
 //!
 //! 1. The logarithm of a value is signed so that damage raises it, and taken against the level of its turn: what multiplies
 //!    a whole turn, as a gain that has drifted, is no damage.
 //! 2. It is divided by the scatter of the reference in its condition and clipped.
-//! 3. The discriminators of a tap are summed by weights, and the sum is standardised by its condition and clipped again.
-//! 4. The taps of a place at one offset become their mean, of standard deviation 1 over sound places.
+//! 3. The tap of a place that stands out most counts no more than the next one bears out: a crack shows in several.
+//! 4. The taps of a place at one offset become their mean, each discriminator of standard deviation 1 over sound places.
 
 mod level;
 mod offset_scale;
 
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
 use tapline_wire::{Direction, Discriminator};
 
+use crate::evidence::{ABSENT, Scatter, Sum, Vector};
 use crate::index::fused::level::{Level, Levels, QUARTILE_Z, START_FRACTION};
 use crate::index::fused::offset_scale::OffsetScale;
-use crate::index::weights::weights;
 use crate::index::{Index, Scores, Setup};
 use crate::shoulder::{Shoulder, Turn};
 use crate::stats::{Spread, mean_and_sd, median, quantile};
 
-/// Greatest score of a single discriminator.
-const SCORE_HIGH: f64 = 6.0;
+/// Largest magnitude of the score of one discriminator of a tap.
+const SCORE_MAX: f64 = 6.0;
 
-/// Least score of a single discriminator: a value sounder than its level says nothing. A crack may move one of them the other
-/// way, as P_f where it lowers the force more than it raises the sound, and that is not to outweigh what the others say.
-const SCORE_LOW: f64 = -1.0;
+/// Largest evidence of a single tap that no other of its place bears out: one rogue tap is no damage.
+const TAP_EVIDENCE_MAX: f64 = 4.0;
 
-/// Largest magnitude of a single tap's score: one rogue tap is no damage.
-const TAP_CLIP: f64 = 4.0;
+/// Part of sound places that are left out of the level of their turns because they and their neighbours stand out most: those
+/// beyond two standard deviations of one score.
+const OUTLIER_FRACTION: f64 = 0.0228;
 
-/// A place is left out of its turn's level when the mean of it and its neighbours exceeds this many standard deviations.
-const OUTLIER_SD: f64 = 2.0;
+/// How many places of noise are drawn to find how far that part stands out.
+const DRAWN_COUNT: usize = 2000;
 
 /// How often outliers are sought.
 const ROUNDS: usize = 2;
@@ -40,13 +42,14 @@ pub(crate) struct Fused {
     setup: Setup,
     /// `[condition][discriminator]`; `None` where the reference has too few values, or they do not vary.
     scales: Vec<Vec<Option<Scale>>>,
-    weights: Vec<f64>,
-    /// Of the weighted sum of a tap, by condition.
-    taps: Vec<Option<Spread>>,
-    /// By offset.
-    offsets: Vec<Option<OffsetScale>>,
-    /// Standard deviation of the mean of a place and its neighbours, all offsets together.
-    neighbours_sd: f64,
+    /// Of the scores of one tap.
+    tap_scatter: Scatter,
+    /// `[offset][discriminator]`.
+    offsets: Vec<Vec<Option<OffsetScale>>>,
+    /// Of the mean of a place and its neighbours, all offsets together.
+    near_scatter: Scatter,
+    /// The evidence of such a mean that [`OUTLIER_FRACTION`] of sound places exceed.
+    near_limit: f64,
 }
 
 /// Of one discriminator in one condition, in logarithms.
@@ -60,6 +63,12 @@ struct Scale {
     residual: f64,
 }
 
+/// Mean scores of the taps of each place at each offset, and how many taps, `[offset][place][discriminator]`.
+type TapMeans = Vec<Vec<Means>>;
+
+/// Mean and count of each discriminator.
+type Means = [(f64, u32); ABSENT.len()];
+
 impl Index for Fused {
     fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores> {
         let levels = self.levels(casing);
@@ -68,10 +77,6 @@ impl Index for Fused {
             self.scores_by(shoulder, levels, inliers)
         };
         casing.iter().zip(&levels).zip(inliers).map(of).collect()
-    }
-
-    fn weights(&self) -> Vec<f64> {
-        self.weights.clone()
     }
 
     fn sigma(&self, condition: usize, d: usize) -> Option<f64> {
@@ -85,10 +90,10 @@ impl Fused {
         let mut fused = Self {
             setup: setup.clone(),
             scales: Vec::new(),
-            weights: Vec::new(),
-            taps: Vec::new(),
+            tap_scatter: Scatter::default(),
             offsets: Vec::new(),
-            neighbours_sd: 1.0,
+            near_scatter: Scatter::default(),
+            near_limit: f64::INFINITY,
         };
         let mut kept = sound.to_vec();
         let mut levels = match setup.is_own {
@@ -102,13 +107,6 @@ impl Fused {
                 levels = fused.medians(shoulders, &kept, Some(&levels));
             }
             fused.scales = fused.scales_of(shoulders, &kept, &levels);
-            let rows: Vec<Vec<f64>> = (shoulders.iter().zip(&kept).zip(&levels))
-                .flat_map(|((shoulder, kept), levels)| {
-                    let means = fused.by_discriminator(shoulder, levels);
-                    (0..kept.len()).filter(|&place| kept[place]).map(|p| means[p].clone()).collect::<Vec<_>>()
-                })
-                .collect();
-            fused.weights = weights(&rows, setup.discriminators.len());
             fused.standardise(shoulders, &kept, &levels);
         }
         // The reference is looked at as a casing will be, so that both have the same level by the same rule.
@@ -117,7 +115,7 @@ impl Fused {
         fused.residuals(shoulders, &kept, &mut levels);
         fused.standardise(shoulders, &kept, &levels);
         fused.part_by_repeats(shoulders, &kept);
-        fused.offsets.iter().any(Option::is_some).then_some(fused)
+        fused.offsets.iter().flatten().any(Option::is_some).then_some(fused)
     }
 
     fn condition_count(&self) -> usize {
@@ -140,24 +138,30 @@ impl Fused {
 
     /// Places that do not stand out, by shoulder.
     fn inliers(&self, casing: &[&Shoulder], levels: &[Levels]) -> Vec<Vec<bool>> {
-        let limit = OUTLIER_SD * self.neighbours_sd;
-        let of = |(shoulder, levels): (&&Shoulder, &Levels)| {
-            let near = self.near_means(shoulder, levels);
-            near.into_iter().map(|value| value.is_none_or(|value| value <= limit)).collect()
+        let is_inlier = |near: Vector| {
+            let evidence = self.near_scatter.evidence(&near);
+            evidence.is_nan() || evidence <= self.near_limit
         };
-        casing.iter().zip(levels).map(of).collect()
+        let of = |(shoulder, levels)| self.near_means(shoulder, levels).into_iter().map(is_inlier).collect();
+        casing.iter().copied().zip(levels).map(of).collect()
     }
 
     /// The mean over offsets of each place and its neighbours.
-    fn near_means(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Option<f64>> {
+    fn near_means(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vector> {
         let scores = self.by_offset(shoulder, levels);
-        let mean = |place: usize| {
-            let values = scores.iter().map(|of_offset| of_offset[place]).filter(|value| value.is_finite());
-            let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
-            (count > 0).then(|| sum / f64::from(count))
-        };
-        let means: Vec<Option<f64>> = (0..shoulder.place_count()).map(mean).collect();
-        shoulder.ring.mean_of_3(&means)
+        let mut means = vec![ABSENT; shoulder.place_count()];
+        for d in 0..self.setup.discriminators.len() {
+            let mean = |place: usize| {
+                let values = scores.iter().map(|of_offset| of_offset[place][d]).filter(|value| value.is_finite());
+                let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
+                (count > 0).then(|| sum / f64::from(count))
+            };
+            let of_places: Vec<Option<f64>> = (0..shoulder.place_count()).map(mean).collect();
+            for (of_place, mean) in means.iter_mut().zip(shoulder.ring.mean_of_3(&of_places)) {
+                of_place[d] = mean.unwrap_or(f64::NAN);
+            }
+        }
+        means
     }
 
     fn scales_of(&self, shoulders: &[&Shoulder], kept: &[Vec<bool>], levels: &[Levels]) -> Vec<Vec<Option<Scale>>> {
@@ -205,111 +209,120 @@ impl Fused {
         }
     }
 
-    /// Scores of the discriminators of the taps of a turn, `[discriminator][place]`.
-    fn turn_scores(&self, turn: &Turn, levels: &[Level]) -> Vec<Vec<f64>> {
-        // Where a shoulder is its own reference, what lies below the level tells how what lies above scatters.
-        let low = if self.setup.is_own { -SCORE_HIGH } else { SCORE_LOW };
-        let of = |d: usize| match self.scales[turn.condition][d] {
-            Some(scale) => {
-                let z = |y: Option<f64>| y.map_or(f64::NAN, |y| (y / scale.sigma).clamp(low, SCORE_HIGH));
-                self.above(turn, d, levels[d]).map(z).collect()
+    /// Scores of the taps of a turn, by place.
+    fn turn_scores(&self, turn: &Turn, levels: &[Level]) -> Vec<Vector> {
+        let mut scores = vec![ABSENT; turn.values.len()];
+        for (d, scale) in self.scales[turn.condition].iter().enumerate() {
+            let Some(scale) = scale else { continue };
+            for (scores, y) in scores.iter_mut().zip(self.above(turn, d, levels[d])) {
+                scores[d] = y.map_or(f64::NAN, |y| (y / scale.sigma).clamp(-SCORE_MAX, SCORE_MAX));
             }
-            None => vec![f64::NAN; turn.values.len()],
-        };
-        (0..self.setup.discriminators.len()).map(of).collect()
+        }
+        scores
     }
 
     /// Mean score of each discriminator over the taps of a place, `[place][discriminator]`.
     fn by_discriminator(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<f64>> {
-        let width = self.setup.discriminators.len();
-        let mut sums = vec![vec![(0.0, 0_u32); width]; shoulder.place_count()];
+        let mut sums = vec![Sum::default(); shoulder.place_count()];
         for (turn, levels) in shoulder.turns.iter().zip(levels) {
-            for (d, scores) in self.turn_scores(turn, levels).iter().enumerate() {
-                for (sums, score) in sums.iter_mut().zip(scores).filter(|(_, score)| score.is_finite()) {
-                    sums[d] = (sums[d].0 + score, sums[d].1 + 1);
+            sums.iter_mut().zip(self.turn_scores(turn, levels)).for_each(|(sum, scores)| sum.add(&scores));
+        }
+        sums.into_iter().map(|sum| sum.mean()[..self.setup.discriminators.len()].to_vec()).collect()
+    }
+
+    /// The scores of every tap, `[turn][place]`, in which the tap of a place that stands out most counts no more than the next
+    /// one bears out.
+    fn borne_out(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
+        let mut scores: Vec<Vec<Vector>> =
+            shoulder.turns.iter().zip(levels).map(|(turn, levels)| self.turn_scores(turn, levels)).collect();
+        for place in 0..shoulder.place_count() {
+            let (mut most, mut next, mut turn_of_most) = (TAP_EVIDENCE_MAX, TAP_EVIDENCE_MAX, None);
+            for (turn, scores) in scores.iter().enumerate() {
+                // Most taps are far from the limit, as a bound tells at once.
+                let bound = self.tap_scatter.bound(&scores[place]);
+                let evidence = if bound > next { self.tap_scatter.evidence(&scores[place]) } else { 0.0 };
+                if evidence > most {
+                    (next, most, turn_of_most) = (most, evidence, Some(turn));
+                } else if evidence > next {
+                    next = evidence;
                 }
             }
-        }
-        let mean = |(sum, count): (f64, u32)| if count > 0 { sum / f64::from(count) } else { f64::NAN };
-        sums.into_iter().map(|sums| sums.into_iter().map(mean).collect()).collect()
-    }
-
-    /// The weighted sum of each tap of a turn, by place; NaN where every discriminator that counts is absent.
-    fn weighted(&self, turn: &Turn, levels: &[Level]) -> Vec<f64> {
-        let mut sums = vec![(0.0, 0.0); turn.values.len()];
-        for (scores, &weight) in self.turn_scores(turn, levels).iter().zip(&self.weights) {
-            for (sum, score) in sums.iter_mut().zip(scores).filter(|(_, score)| score.is_finite()) {
-                *sum = (sum.0 + weight * score, sum.1 + weight);
+            if let Some(turn) = turn_of_most {
+                scores[turn][place].iter_mut().for_each(|score| *score *= next / most);
             }
         }
-        // What is there fills up the weight of what is not.
-        sums.into_iter().map(|(sum, weight)| if weight > 0.0 { sum / weight } else { f64::NAN }).collect()
+        scores
     }
 
-    /// Mean of the standardised taps of each place at each offset and how many they are, `[offset][place]`.
-    fn tap_means(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<(f64, u32)>> {
-        let mut sums = vec![vec![(0.0, 0_u32); shoulder.place_count()]; self.setup.offset_count];
-        for (turn, levels) in shoulder.turns.iter().zip(levels) {
-            let Some(spread) = self.taps[turn.condition] else { continue };
+    /// The means of the taps of each place at each offset.
+    fn tap_means(&self, shoulder: &Shoulder, levels: &Levels) -> TapMeans {
+        let mut sums = vec![vec![Sum::default(); shoulder.place_count()]; self.setup.offset_count];
+        for (turn, scores) in shoulder.turns.iter().zip(self.borne_out(shoulder, levels)) {
             let sums = &mut sums[self.setup.offset_of[turn.condition]];
-            for (sum, value) in sums.iter_mut().zip(self.weighted(turn, levels)).filter(|(_, v)| v.is_finite()) {
-                let score = ((value - spread.centre) / spread.sigma).clamp(-TAP_CLIP, TAP_CLIP);
-                *sum = (sum.0 + score, sum.1 + 1);
-            }
+            sums.iter_mut().zip(scores).for_each(|(sum, scores)| sum.add(&scores));
         }
-        for sum in sums.iter_mut().flatten() {
-            sum.0 /= f64::from(sum.1);
-        }
-        sums
+        let of_offset = |sums: Vec<Sum>| {
+            sums.into_iter().map(|sum| std::array::from_fn(|d| (sum.mean()[d], sum.count(d)))).collect()
+        };
+        sums.into_iter().map(of_offset).collect()
     }
 
     /// `[offset][place]`, as [`Scores::by_offset`].
-    fn by_offset(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<f64>> {
-        let means = self.tap_means(shoulder, levels);
-        let of = |(means, scale): (Vec<(f64, u32)>, &Option<OffsetScale>)| {
-            let score = |(mean, count): (f64, u32)| scale.map_or(f64::NAN, |scale| scale.score(mean, count));
+    fn by_offset(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
+        let of = |(means, scales): (Vec<Means>, &Vec<Option<OffsetScale>>)| {
+            let score = |means: Means| {
+                let mut scores = ABSENT;
+                for ((score, (mean, count)), scale) in scores.iter_mut().zip(means).zip(scales) {
+                    *score = scale.map_or(f64::NAN, |scale| scale.score(mean, count));
+                }
+                scores
+            };
             means.into_iter().map(score).collect()
         };
-        means.into_iter().zip(&self.offsets).map(of).collect()
+        self.tap_means(shoulder, levels).into_iter().zip(&self.offsets).map(of).collect()
     }
 
-    /// Fits what comes after the weights.
+    /// Fits what comes after the scales.
     fn standardise(&mut self, shoulders: &[&Shoulder], kept: &[Vec<bool>], levels: &[Levels]) {
-        let mut by_condition = vec![Vec::new(); self.condition_count()];
+        let mut taps = Vec::new();
         for ((shoulder, kept), levels) in shoulders.iter().zip(kept).zip(levels) {
             for (turn, levels) in shoulder.turns.iter().zip(levels) {
-                let values =
-                    self.weighted(turn, levels).into_iter().zip(kept).filter(|(v, kept)| **kept && v.is_finite());
-                by_condition[turn.condition].extend(values.map(|(value, _)| value));
+                let scores = self.turn_scores(turn, levels).into_iter().zip(kept);
+                taps.extend(scores.filter(|(_, kept)| **kept).map(|(scores, _)| scores));
             }
         }
-        let spread = if self.setup.is_own { Spread::below_zero } else { Spread::of };
-        self.taps = by_condition.iter_mut().map(|values| spread(values)).collect();
+        self.tap_scatter = self.scatter_of(taps);
 
-        let means: Vec<Vec<Vec<(f64, u32)>>> =
+        let means: Vec<TapMeans> =
             shoulders.iter().zip(levels).map(|(shoulder, levels)| self.tap_means(shoulder, levels)).collect();
+        let width = self.setup.discriminators.len();
+        let deviations = self.within_variances(shoulders, kept, levels, &means);
         self.offsets = (0..self.setup.offset_count)
             .map(|offset| {
-                let places = || {
-                    means.iter().zip(kept).flat_map(|(means, kept)| {
-                        means[offset]
-                            .iter()
-                            .zip(kept)
-                            .filter(|(mean, kept)| **kept && mean.1 > 0)
-                            .map(|(mean, _)| *mean)
-                    })
+                let of = |d: usize| {
+                    let places = means.iter().zip(kept).flat_map(|(means, kept)| means[offset].iter().zip(kept));
+                    let sound = places.filter(|(means, kept)| **kept && means[d].1 > 0).map(|(means, _)| means[d]);
+                    OffsetScale::of(sound, deviations[offset][d], self.setup.is_own)
                 };
-                let deviations = self.within_variance(shoulders, kept, levels, &means, offset);
-                OffsetScale::of(places(), deviations, self.setup.is_own)
+                (0..width).map(of).collect()
             })
             .collect();
-        let near: Vec<f64> = (shoulders.iter().zip(levels).zip(kept))
-            .flat_map(|((shoulder, levels), kept)| {
-                let near = self.near_means(shoulder, levels);
-                near.into_iter().zip(kept).filter(|(_, kept)| **kept).filter_map(|(value, _)| value).collect::<Vec<_>>()
-            })
-            .collect();
-        self.neighbours_sd = centre_and_sd(near, self.setup.is_own).map_or(1.0, |(_, sd)| sd);
+        let sound = (shoulders.iter().zip(levels).zip(kept)).flat_map(|((shoulder, levels), kept)| {
+            let near = self.near_means(shoulder, levels).into_iter().zip(kept.clone());
+            near.filter(|(_, kept)| *kept).map(|(near, _)| near)
+        });
+        let near = self.scatter_of(sound.collect());
+        // By what two discriminators do together a level that is a little off would show everywhere.
+        self.near_scatter = near.uncorrelated();
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let mut drawn: Vec<f64> = (0..DRAWN_COUNT).map(|_| self.near_scatter.evidence(&near.draw(&mut rng))).collect();
+        drawn.retain(|evidence| evidence.is_finite());
+        self.near_limit = quantile(&mut drawn, 1.0 - OUTLIER_FRACTION).unwrap_or(f64::INFINITY);
+    }
+
+    fn scatter_of(&self, places: Vec<Vector>) -> Scatter {
+        let places = places.into_iter();
+        if self.setup.is_own { Scatter::of_own(places) } else { Scatter::of(places) }
     }
 
     /// Parts the variance of places that the scan taps once into what stays with the place and what comes with the tap, by the
@@ -322,45 +335,42 @@ impl Fused {
         let all: Vec<&Shoulder> = all.iter().collect();
         let mut levels = Vec::new();
         for_casings(&all, |casing| levels.extend(self.levels(casing)));
-        let means: Vec<_> =
+        let width = self.setup.discriminators.len();
+        let means: Vec<TapMeans> =
             all.iter().zip(&levels).map(|(shoulder, levels)| self.tap_means(shoulder, levels)).collect();
-        for offset in 0..self.offsets.len() {
-            let tap_variance = self.within_variance(&all, kept, &levels, &means, offset);
-            if let Some((scale, tap_variance)) = self.offsets[offset].as_mut().zip(tap_variance) {
-                scale.part(tap_variance);
+        let variances = self.within_variances(&all, kept, &levels, &means);
+        for (scale, variance) in self.offsets.iter_mut().flatten().zip(variances.iter().flat_map(|v| &v[..width])) {
+            if let Some((scale, variance)) = scale.as_mut().zip(*variance) {
+                scale.part(variance);
             }
         }
     }
 
-    /// Variance of taps about the mean of their place at one offset; `None` where no place has two.
-    fn within_variance(
+    /// Variance of each discriminator of taps about the mean of their place, by offset; `None` where no place has two.
+    fn within_variances(
         &self,
         shoulders: &[&Shoulder],
         kept: &[Vec<bool>],
         levels: &[Levels],
-        means: &[Vec<Vec<(f64, u32)>>],
-        offset: usize,
-    ) -> Option<f64> {
-        let (mut squares, mut tap_count) = (0.0, 0_u32);
+        means: &[TapMeans],
+    ) -> Vec<[Option<f64>; ABSENT.len()]> {
+        let mut squares = vec![[(0.0, 0_u32); ABSENT.len()]; self.setup.offset_count];
         for (((shoulder, kept), levels), means) in shoulders.iter().zip(kept).zip(levels).zip(means) {
-            for (turn, levels) in shoulder.turns.iter().zip(levels) {
-                let Some(spread) = self.taps[turn.condition] else { continue };
-                if self.setup.offset_of[turn.condition] != offset {
-                    continue;
-                }
-                for ((value, &(mean, count)), _) in
-                    self.weighted(turn, levels).into_iter().zip(&means[offset]).zip(kept).filter(|(_, kept)| **kept)
-                {
-                    if value.is_finite() && count > 1 {
-                        let score = ((value - spread.centre) / spread.sigma).clamp(-TAP_CLIP, TAP_CLIP);
-                        // Each place's taps have lost one degree of freedom to their mean.
-                        squares += (score - mean).powi(2) * f64::from(count) / f64::from(count - 1);
-                        tap_count += 1;
+            for (turn, scores) in shoulder.turns.iter().zip(self.borne_out(shoulder, levels)) {
+                let offset = self.setup.offset_of[turn.condition];
+                for ((scores, means), _) in scores.iter().zip(&means[offset]).zip(kept).filter(|(_, kept)| **kept) {
+                    for ((sum, score), &(mean, count)) in squares[offset].iter_mut().zip(scores).zip(means) {
+                        if score.is_finite() && count > 1 {
+                            // Each place's taps have lost one degree of freedom to their mean.
+                            let square = (score - mean).powi(2) * f64::from(count) / f64::from(count - 1);
+                            *sum = (sum.0 + square, sum.1 + 1);
+                        }
                     }
                 }
             }
         }
-        (tap_count > 0).then(|| squares / f64::from(tap_count))
+        let variance = |(sum, count): (f64, u32)| (count > 0).then(|| sum / f64::from(count));
+        squares.into_iter().map(|of_offset| of_offset.map(variance)).collect()
     }
 
     fn scores_by(&self, shoulder: &Shoulder, levels: &Levels, is_inlier: Vec<bool>) -> Scores {

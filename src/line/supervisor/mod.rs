@@ -1,5 +1,7 @@
 //! The process that starts the others: it tends them, follows what `store` reports of the casings, and informs people.
 
+mod closed;
+
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -8,14 +10,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use tapline_store::Reader;
 use tapline_wire::{
     CasingHeader, CasingTopic, Ledger, Line, LineAddress, Publisher, Received, RecordKind, Stamp, StatusTopic,
     Subscriber, WaitTopic, decode_opened, now_ns,
 };
 
 use crate::host::progress::Progress;
-use crate::line::on_verdict::VerdictCommand;
 use crate::line::out_folder::OutFolder;
 use crate::line::progress_rate::ProgressRate;
 use crate::line::setup::Setup;
@@ -24,7 +24,7 @@ use crate::line::stages::Stages;
 use crate::line::store_silence::StoreSilence;
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::status::{Alarm, StationStatus, Status};
-use crate::shown::verdict::{CasingVerdict, calibration, since_last_tap_s};
+use crate::wires::Wires;
 
 /// How long a stage may take to end after it was asked to.
 const END_WITHIN: Duration = Duration::from_secs(20);
@@ -90,8 +90,8 @@ pub(crate) type ShowStatus = Box<dyn Fn(&str) -> bool>;
 /// Where verdicts and progress are published.
 pub(crate) struct Audience {
     pub progress: Progress,
-    /// The command that a plant has run at each verdict.
-    pub on_verdict: Option<VerdictCommand>,
+    /// Whom a plant has told of verdicts; none of a list's.
+    pub wires: Option<Wires>,
     /// Whether verdicts are printed as JSON.
     pub as_json: bool,
     pub show: Option<ShowStatus>,
@@ -171,6 +171,7 @@ impl<'a> Supervisor<'a> {
 
     /// Runs the line until `count` casings are closed or refused, or, if it never ends, until it is asked to stop.
     pub(crate) fn until_done(mut self, count: Option<usize>) -> Result<Pace> {
+        self.tell_left();
         let is_over = |s: &Self| count.is_some_and(|count| s.pace.closed + s.pace.refused >= count);
         while !is_over(&self) && !self.stop.load(Ordering::Relaxed) {
             self.line.wait(LOOK_EVERY)?;
@@ -183,6 +184,7 @@ impl<'a> Supervisor<'a> {
             self.audience.progress.print("stopping: waiting for what is under way to be archived");
         }
         self.shown.is_ending = true;
+        self.audience.wires.iter().for_each(Wires::end);
         self.show()?;
         // While sources wait for what they sent, downstream stages that die are still replaced.
         for which in self.stages.ending_order() {
@@ -190,8 +192,8 @@ impl<'a> Supervisor<'a> {
         }
         self.receive()?;
         self.audience.progress.finish();
-        // The command has the last verdicts before the line is reported to be over.
-        drop(self.audience.on_verdict.take());
+        // Whoever is told verdicts has the last ones before the line is reported to be over.
+        drop(self.audience.wires.take());
         Ok(self.into_pace())
     }
 
@@ -210,7 +212,11 @@ impl<'a> Supervisor<'a> {
                     // It comes again after `store` was restarted, and when the plan has grown.
                     match self.open.iter_mut().find(|casing| casing.number == number) {
                         Some(casing) => casing.layout = layout,
-                        None => self.open.push(Open { number, name, header, layout, ledger: None }),
+                        None => {
+                            let station = u16::try_from(header.station).unwrap_or(u16::MAX);
+                            self.audience.wires.iter().for_each(|wires| wires.opened(station));
+                            self.open.push(Open { number, name, header, layout, ledger: None });
+                        }
                     }
                 }
                 Some(RecordKind::Ledger) => {
@@ -223,7 +229,7 @@ impl<'a> Supervisor<'a> {
                         casing.ledger = Ledger::decode(&header, &record).or(casing.ledger.take());
                     }
                 }
-                Some(RecordKind::Closed) => self.closed(&header, PathBuf::from(text_of(&record)))?,
+                Some(RecordKind::Closed) => self.closed(&header, PathBuf::from(text_of(&record))),
                 Some(RecordKind::Refusal) if number != 0 => self.lost_file(number, &text_of(&record)),
                 Some(RecordKind::Refusal) => {
                     let reason = text_of(&record);
@@ -250,10 +256,8 @@ impl<'a> Supervisor<'a> {
             }
             self.is_news = true;
         }
-        while let Some(failure) = self.audience.on_verdict.as_ref().and_then(VerdictCommand::take_failure) {
-            self.alarm(failure);
-        }
-        for alarm in self.stages.take_alarms() {
+        let of_wires = self.audience.wires.as_ref().map(Wires::take_alarms).unwrap_or_default();
+        for alarm in self.stages.take_alarms().into_iter().chain(of_wires) {
             self.alarm(alarm);
         }
         let settled = self.settled();
@@ -265,89 +269,6 @@ impl<'a> Supervisor<'a> {
             self.alarm("store does not answer".to_owned());
         }
         Ok(())
-    }
-
-    fn closed(&mut self, header: &CasingHeader, path: PathBuf) -> Result<()> {
-        let number = header.stamp.casing;
-        let place = self.open.iter().position(|casing| casing.number == number && number != 0);
-        let name = match place {
-            Some(place) => self.open.swap_remove(place).name,
-            // It was finished before this process started.
-            None => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        };
-        let is_again = if self.is_list {
-            !self.known.insert(path.clone())
-        } else {
-            self.shown.verdicts.iter().any(|verdict| verdict.file == path)
-        };
-        if is_again {
-            return Ok(());
-        }
-        // A line that never ends counts only those that it has judged itself.
-        self.pace.closed += usize::from(self.is_list || number != 0);
-        self.settled_closed += header.tap_count as usize;
-        if number == 0 {
-            self.settled_before += header.tap_count as usize;
-            if !self.is_list {
-                tracing::warn!(casing = name, "exactly these recordings were judged before: {}", path.display());
-            }
-            return Ok(());
-        }
-        let mut is_printed = true;
-        let read = || -> Result<_> {
-            let reader = Reader::open(&path)?;
-            Ok((CasingVerdict::read(&name, &reader)?, reader))
-        };
-        match read() {
-            Ok((verdict, reader)) => {
-                let Audience { progress, on_verdict, as_json, .. } = &self.audience;
-                if let Err(error) = progress.beside(|| verdict.print(*as_json)) {
-                    tracing::error!(
-                        casing = name,
-                        "cannot print the verdict, which is in {}: {error:#}",
-                        path.display()
-                    );
-                    is_printed = false;
-                }
-                if let Some(command) = on_verdict {
-                    command.run(&verdict);
-                }
-                self.note_judged(&verdict, &reader);
-                self.shown.verdicts.truncate(SHOWN_MAX - 1);
-                self.shown.verdicts.insert(0, verdict);
-            }
-            Err(error) => {
-                tracing::error!("{}: cannot read the verdict: {error:#}", path.display());
-                self.alarm(format!("{}: cannot read the verdict", path.display()));
-            }
-        }
-        if !is_printed {
-            self.alarm(format!("{name}: the verdict could not be printed; it is in its file"));
-        }
-        self.shown.closed_count += 1;
-        Ok(())
-    }
-
-    /// Counts a casing whose verdict was told, and keeps for viewers how it was.
-    fn note_judged(&mut self, verdict: &CasingVerdict, reader: &Reader) {
-        match since_last_tap_s(reader) {
-            Ok(latency_s) => latency_s.into_iter().for_each(|latency_s| self.shown.latency.note(latency_s)),
-            Err(error) => tracing::warn!("{}: cannot read the times of its taps: {error:#}", verdict.file.display()),
-        }
-        let ledger = reader.ledger();
-        let last = CasingStatus {
-            name: verdict.casing.clone(),
-            planned: ledger.taps().len(),
-            archived: verdict.archived,
-            refused: verdict.refused,
-            retaken: retaken(ledger),
-            shoulders: Layout::new(reader.plan().taps()).shoulders(Some(ledger)),
-        };
-        if let Some(station) = self.shown.stations.iter_mut().find(|station| station.number == verdict.station) {
-            station.tally.add(verdict, last.retaken);
-            station.last = Some(last);
-            (station.calibrated_on, station.is_calibration_expired) = calibration(reader);
-        }
     }
 
     /// Handles the loss of an open casing's file: its station taps it again.
@@ -413,6 +334,10 @@ impl<'a> Supervisor<'a> {
         self.shown.lost_count = self.open.iter().map(|casing| casing.header.lost_count).max().unwrap_or(0);
         self.shown.settled_count = self.settled() as u64;
         self.shown.taps_per_s = self.rate.taps_per_s();
+        if let Some(wires) = &self.audience.wires {
+            wires.show(&self.shown.stations);
+            self.shown.sinks = wires.statuses();
+        }
         self.shown.troubles = self.troubles();
         self.shown.at_ns = now_ns();
         let text = self.shown.encode();
@@ -432,7 +357,9 @@ impl<'a> Supervisor<'a> {
             (self.silence.is_long(), "store does not answer: its disk is slow or hangs"),
         ];
         let of_line = of_line.into_iter().filter(|(is_so, _)| *is_so).map(|(_, text)| text.to_owned());
-        of_line.chain(self.stages.troubles()).collect()
+        let of_wires = self.audience.wires.as_ref().and_then(Wires::trouble);
+        let of_sinks = self.shown.sinks.iter().filter_map(|sink| sink.trouble.clone());
+        of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_sinks).collect()
     }
 
     fn into_pace(self) -> Pace {

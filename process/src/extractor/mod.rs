@@ -1,17 +1,20 @@
 //! One tap in, its discriminators out: the state machine that owns plans and scratch.
 
+pub(crate) mod config;
+
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
 use crate::force::{Pulse, PulseFinder};
 use crate::quality::{
     self, ForceRecord, QualityReport, SoundRecord, check_force, check_sound, fill_means, stands_still,
 };
+use crate::signal::area::area;
 use crate::signal::baseline::{Medians, baseline_count};
 use crate::signal::blocks::Blocks;
 use crate::signal::extent::Extent;
 use crate::signal::hum::Hum;
 use crate::signal::record::{Count, Record, Track};
-use crate::sound::{SOUND_M_PER_S, area, deviation, magnitude_area, magnitude_of_noise, onset_without_force};
+use crate::sound::{SOUND_M_PER_S, deviation, magnitude_area, magnitude_of_noise, onset_without_force};
 use crate::spectrum::{Bands, Spectrum, View};
 use crate::{Error, Precision, ProcessConfig, Real, SpectrumEstimator};
 

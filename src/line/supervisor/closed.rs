@@ -1,0 +1,129 @@
+//! What happens when the file of a casing is closed: its verdict is printed, handed to the wires, and shown.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use tapline_store::{Reader, Unreported};
+use tapline_wire::{CasingHeader, now_ns};
+
+use crate::shown::casing::{CasingStatus, Layout, retaken};
+use crate::shown::verdict::{CasingVerdict, calibration, since_last_tap_s};
+
+use super::{SHOWN_MAX, Supervisor};
+
+impl Supervisor<'_> {
+    pub(super) fn closed(&mut self, header: &CasingHeader, path: PathBuf) {
+        let number = header.stamp.casing;
+        let place = self.open.iter().position(|casing| casing.number == number && number != 0);
+        let was_open = place.is_some();
+        let name = match place {
+            Some(place) => self.open.swap_remove(place).name,
+            // It was finished before this process started.
+            None => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        };
+        let is_again = match (self.is_list, number) {
+            (true, _) => !self.known.insert(path.clone()),
+            (false, 0) => self.shown.verdicts.iter().any(|verdict| verdict.file == path),
+            (false, _) => false,
+        };
+        if is_again {
+            return;
+        }
+        let told = Unreported { number, name, station: 0, at_ns: now_ns(), file: path };
+        let told = if self.is_list || number == 0 { Some(told) } else { self.take_up(told) };
+        let Some(told) = told else { return };
+        // A line that never ends counts only those that it has judged itself.
+        self.pace.closed += usize::from(self.is_list || number != 0);
+        self.settled_closed += header.tap_count as usize;
+        if number == 0 {
+            self.settled_before += header.tap_count as usize;
+            if !self.is_list {
+                tracing::warn!(
+                    casing = told.name,
+                    "exactly these recordings were judged before: {}",
+                    told.file.display()
+                );
+            }
+            return;
+        }
+        self.tell(&told, was_open);
+    }
+
+    /// The note of a casing that is closed; `None` if its verdict was told before.
+    fn take_up(&mut self, told: Unreported) -> Option<Unreported> {
+        match self.audience.wires.as_ref()?.take_up(told.number) {
+            Ok(note) => note,
+            Err(error) => {
+                tracing::error!(casing = told.name, "its verdict is only printed: {error:#}");
+                self.alarm(format!("casing {}: its verdict is only printed: {error:#}", told.name));
+                Some(told)
+            }
+        }
+    }
+
+    /// Tells the verdicts that an earlier line had no time to print.
+    pub(super) fn tell_left(&mut self) {
+        while let Some(note) = self.audience.wires.as_ref().and_then(|wires| wires.next_unprinted()) {
+            self.pace.closed += 1;
+            self.tell(&note, false);
+        }
+    }
+
+    /// Tells the verdict on the casing of `note`; `was_open` says whether it has just left its station.
+    fn tell(&mut self, note: &Unreported, was_open: bool) {
+        let path = self.shown.out.join(&note.file);
+        let read = || -> Result<_> {
+            let reader = Reader::open(&path)?;
+            Ok((CasingVerdict::read(&note.name, note.number, note.at_ns, &reader)?, reader))
+        };
+        match read() {
+            Ok((verdict, reader)) => {
+                if was_open {
+                    let of = |casing: &super::Open| casing.header.station == u32::from(verdict.station);
+                    let is_busy = self.open.iter().any(of);
+                    self.audience.wires.iter().for_each(|wires| wires.judged(&verdict, is_busy));
+                }
+                self.print(&verdict);
+                self.note_judged(&verdict, &reader);
+                self.shown.verdicts.truncate(SHOWN_MAX - 1);
+                self.shown.verdicts.insert(0, verdict);
+            }
+            Err(error) => {
+                tracing::error!("{}: cannot read the verdict: {error:#}", path.display());
+                self.alarm(format!("{}: cannot read the verdict", path.display()));
+            }
+        }
+        self.audience.wires.iter().for_each(|wires| wires.printed(note.number));
+        self.shown.closed_count += 1;
+    }
+
+    fn print(&mut self, verdict: &CasingVerdict) {
+        let as_json = self.audience.as_json;
+        let Err(error) = self.audience.progress.beside(|| verdict.print(as_json)) else { return };
+        let (name, file): (_, &Path) = (&verdict.casing, &verdict.file);
+        tracing::error!(casing = name, "cannot print the verdict, which is in {}: {error:#}", file.display());
+        self.alarm(format!("{name}: the verdict could not be printed; it is in its file"));
+    }
+
+    /// Counts a casing whose verdict was told, and keeps for viewers how it was.
+    fn note_judged(&mut self, verdict: &CasingVerdict, reader: &Reader) {
+        match since_last_tap_s(reader) {
+            Ok(latency_s) => latency_s.into_iter().for_each(|latency_s| self.shown.latency.note(latency_s)),
+            Err(error) => tracing::warn!("{}: cannot read the times of its taps: {error:#}", verdict.file.display()),
+        }
+        let ledger = reader.ledger();
+        let last = CasingStatus {
+            name: verdict.casing.clone(),
+            planned: ledger.taps().len(),
+            archived: verdict.archived,
+            refused: verdict.refused,
+            retaken: retaken(ledger),
+            shoulders: Layout::new(reader.plan().taps()).shoulders(Some(ledger)),
+        };
+        if let Some(station) = self.shown.stations.iter_mut().find(|station| station.number == verdict.station) {
+            station.tally.add(verdict, last.retaken);
+            station.last = Some(last);
+            (station.calibrated_on, station.is_calibration_expired) = calibration(reader);
+        }
+    }
+}

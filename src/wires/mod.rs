@@ -1,0 +1,184 @@
+//! Verdicts on their way out: to the command of the plant, and over its wires.
+//!
+//! Each wire carries two things. *Verdicts*: every one, until it is acknowledged, also after the line was killed. *What stands* at a
+//! station now: a casing's verdict until the next one comes, and "no verdict" whenever that is in doubt. Each wire has a thread
+//! of its own; whatever hangs at its other end, the line does not wait.
+//!
+//! - here: all of them are started, told what the line does, and ended
+//! - `outbox`: who has still to be told which verdict
+//! - `now`: what stands at each station
+//! - `on_verdict`: the command
+//! - `credentials`: names and passwords, in files
+//! - `message`: verdicts and what stands as JSON
+//! - `mqtt`, `opcua`, `modbus`: the wires
+//! - `wire`: a wire's thread
+
+#[cfg(feature = "plant")]
+mod credentials;
+#[cfg(feature = "plant")]
+mod message;
+#[cfg(feature = "plant")]
+mod modbus;
+#[cfg(feature = "plant")]
+mod mqtt;
+#[cfg(feature = "plant")]
+mod now;
+mod on_verdict;
+#[cfg(feature = "plant")]
+mod opcua;
+mod outbox;
+#[cfg(feature = "plant")]
+mod wire;
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use tapline_store::{Places, Unreported};
+
+use crate::config::LineConfig;
+use crate::shown::status::{SinkStatus, StationStatus};
+use crate::shown::verdict::CasingVerdict;
+use crate::wires::on_verdict::VerdictCommand;
+use crate::wires::outbox::{Outbox, Sink};
+
+/// Whoever is told verdicts. When it is dropped, what waits is told first, for a while; the rest is after the next start.
+#[derive(Debug)]
+pub(crate) struct Wires {
+    outbox: Arc<Outbox>,
+    #[cfg(feature = "plant")]
+    now: Arc<now::Now>,
+    // Only held: both end when they are dropped.
+    _command: Option<VerdictCommand>,
+    #[cfg(feature = "plant")]
+    _wires: Vec<wire::Wire>,
+}
+
+impl Wires {
+    /// Starts what `config` names, for a line with these stations and files; and says where what is served is found.
+    pub(crate) fn start(config: &LineConfig, stations: &[u16], places: &Places) -> Result<(Self, Vec<String>)> {
+        let is_there = [
+            (Sink::Print, true),
+            (Sink::Command, config.on_verdict.is_some()),
+            (Sink::Mqtt, config.mqtt.is_some()),
+            (Sink::OpcUa, config.opcua.is_some()),
+            (Sink::Modbus, config.modbus.is_some()),
+        ];
+        let outbox =
+            Outbox::open(places, is_there.iter().filter(|(_, is_so)| *is_so).map(|&(sink, _)| sink).collect())?;
+        let command =
+            config.on_verdict.as_deref().map(|command| VerdictCommand::start(command, &outbox)).transpose()?;
+        Self::with_plant(config, stations, outbox, command)
+    }
+
+    #[cfg(feature = "plant")]
+    fn with_plant(
+        config: &LineConfig,
+        stations: &[u16],
+        outbox: Arc<Outbox>,
+        command: Option<VerdictCommand>,
+    ) -> Result<(Self, Vec<String>)> {
+        let now = Arc::new(now::Now::new(stations));
+        let plant = wire::Plant { outbox: Arc::clone(&outbox), now: Arc::clone(&now), stations: stations.into() };
+        let (mut wires, mut said) = (Vec::new(), Vec::new());
+        if let Some(config) = &config.mqtt {
+            wires.push(mqtt::start(config, &plant)?);
+        }
+        if let Some(config) = &config.opcua {
+            let (wire, address) = opcua::start(config, &plant)?;
+            said.push(format!("verdicts are served over OPC UA at {address}"));
+            wires.push(wire);
+        }
+        if let Some(config) = &config.modbus {
+            let (wire, address) = modbus::start(config, &plant)?;
+            said.push(format!("verdicts are served over Modbus TCP at {address}"));
+            wires.push(wire);
+        }
+        Ok((Self { outbox, now, _command: command, _wires: wires }, said))
+    }
+
+    #[cfg(not(feature = "plant"))]
+    #[expect(clippy::unnecessary_wraps, reason = "as where there are wires")]
+    fn with_plant(
+        _: &LineConfig,
+        _: &[u16],
+        outbox: Arc<Outbox>,
+        command: Option<VerdictCommand>,
+    ) -> Result<(Self, Vec<String>)> {
+        Ok((Self { outbox, _command: command }, Vec::new()))
+    }
+
+    /// Takes up the casing `number`, whose file has its name now. `None` if its verdict was told before.
+    pub(crate) fn take_up(&self, number: u64) -> Result<Option<Unreported>> {
+        self.outbox.take_up(number)
+    }
+
+    /// The oldest verdict that an earlier line has not printed.
+    pub(crate) fn next_unprinted(&self) -> Option<Unreported> {
+        self.outbox.next(Sink::Print, None)
+    }
+
+    /// Notes that a verdict was printed.
+    pub(crate) fn printed(&self, number: u64) {
+        self.outbox.acknowledge(Sink::Print, number);
+    }
+
+    /// The alarms since this was last called.
+    pub(crate) fn take_alarms(&self) -> Vec<String> {
+        self.outbox.take_alarms()
+    }
+
+    /// How it stands with each of them.
+    pub(crate) fn statuses(&self) -> Vec<SinkStatus> {
+        self.outbox.statuses()
+    }
+
+    /// What cannot be told to anyone.
+    pub(crate) fn trouble(&self) -> Option<String> {
+        self.outbox.trouble()
+    }
+}
+
+/// What the line does; without wires nobody looks.
+#[cfg(feature = "plant")]
+impl Wires {
+    /// A casing has come to `station`.
+    pub(crate) fn opened(&self, station: u16) {
+        self.now.opened(station);
+    }
+
+    /// A casing is judged; `is_busy` says whether its station has another one already.
+    pub(crate) fn judged(&self, verdict: &CasingVerdict, is_busy: bool) {
+        self.now.judged(&Arc::new(verdict.clone()), is_busy);
+    }
+
+    /// The line shows itself.
+    pub(crate) fn show(&self, stations: &[StationStatus]) {
+        self.now.show(stations);
+    }
+
+    /// The line ends.
+    pub(crate) fn end(&self) {
+        self.now.end();
+    }
+}
+
+#[cfg(not(feature = "plant"))]
+#[expect(clippy::unused_self, reason = "as where there are wires")]
+impl Wires {
+    pub(crate) fn opened(&self, _: u16) {}
+    pub(crate) fn judged(&self, _: &CasingVerdict, _: bool) {}
+    pub(crate) fn show(&self, _: &[StationStatus]) {}
+    pub(crate) fn end(&self) {}
+}
+
+/// Refuses wires that this build does not have.
+pub(crate) fn check(config: &LineConfig) -> Result<()> {
+    let named =
+        [("mqtt", config.mqtt.is_some()), ("opcua", config.opcua.is_some()), ("modbus", config.modbus.is_some())];
+    if let Some((name, _)) = named.into_iter().find(|(_, is_named)| *is_named && !cfg!(feature = "plant")) {
+        anyhow::bail!(
+            "[line.{name}]: this build of tapline has no MQTT, OPC UA or Modbus: build it with the feature `plant`"
+        );
+    }
+    Ok(())
+}

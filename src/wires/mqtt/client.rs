@@ -1,0 +1,184 @@
+//! What the wire needs of an MQTT client, and the one that it has: another client is another implementation of two small traits.
+
+use std::time::Duration;
+
+use anyhow::{Context as _, Error, Result, anyhow, bail};
+use rumqttc::mqttbytes::v5::{ConnectReturnCode, Packet, PubAckReason, PublishProperties};
+use rumqttc::{
+    AsyncClient, Event, EventLoop, LastWill, MqttOptions, Outgoing, PublishNoticeError, PublishOptions, PublishResult,
+    QoS, TlsConfiguration, Transport,
+};
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use tokio::time::timeout;
+
+use crate::wires::credentials::Credentials;
+
+/// A broker that has not heard of a client for one and a half times as long publishes its will, in seconds.
+const KEEP_ALIVE_S: u16 = 5;
+
+/// How long it may take to connect.
+const CONNECT_WITHIN: Duration = Duration::from_secs(5);
+
+/// How long a broker may take to acknowledge.
+const ACKNOWLEDGE_WITHIN: Duration = Duration::from_secs(10);
+
+/// How long a connection may take to be closed.
+const CLOSE_WITHIN: Duration = Duration::from_millis(500);
+
+/// Requests that wait for the connection at once: one is published at a time.
+const REQUESTS_MAX: usize = 4;
+
+/// What is published.
+#[derive(Debug, Clone)]
+pub(super) struct Message {
+    pub topic: String,
+    pub payload: String,
+    /// Whether the broker keeps it for those who subscribe later.
+    pub is_retained: bool,
+    /// After how many seconds the broker forgets it; never, if `None`.
+    pub expires_after_s: Option<u32>,
+}
+
+/// What has become of a message that the broker has acknowledged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Receipt {
+    Taken,
+    /// Nobody subscribes to its topic: it is gone.
+    NoSubscriber,
+}
+
+/// Makes connections to a broker.
+pub(super) trait Client {
+    type Connection: Connection;
+
+    /// Connects under `name`. When the connection is lost, the broker publishes `will`.
+    async fn connect(&self, name: &str, will: &Message) -> Result<Self::Connection>;
+}
+
+/// A connection to a broker, which starts without anything of an earlier one.
+pub(super) trait Connection {
+    /// Publishes `message`, and waits until the broker has acknowledged it.
+    async fn publish(&mut self, message: &Message) -> Result<Receipt>;
+
+    /// Waits until the connection is lost; why.
+    async fn lost(&mut self) -> Error;
+
+    /// Ends the connection, without the will.
+    async fn close(self);
+}
+
+/// The client of the crate `rumqttc-v5-next`. It speaks MQTT 5.
+pub(super) struct RumqttClient {
+    pub host: String,
+    pub port: u16,
+    /// Certificates (PEM) of who vouches for the broker.
+    pub ca: Option<Vec<u8>>,
+    pub credentials: Option<Credentials>,
+}
+
+/// Its connection, which a task of its own keeps alive.
+pub(super) struct RumqttConnection {
+    client: AsyncClient,
+    task: JoinHandle<()>,
+    lost: oneshot::Receiver<Error>,
+}
+
+impl Client for RumqttClient {
+    type Connection = RumqttConnection;
+
+    async fn connect(&self, name: &str, will: &Message) -> Result<RumqttConnection> {
+        let mut options = MqttOptions::new(name, (self.host.as_str(), self.port));
+        options.set_keep_alive(KEEP_ALIVE_S).set_clean_start(true).set_connect_timeout(CONNECT_WITHIN);
+        options.set_last_will(LastWill::new(
+            &will.topic,
+            will.payload.clone(),
+            QoS::AtLeastOnce,
+            will.is_retained,
+            None,
+        ));
+        if let Some(ca) = &self.ca {
+            let tls = TlsConfiguration::Simple { ca: ca.clone(), alpn: None, client_auth: None };
+            options.set_transport(Transport::tls_with_config(tls));
+        }
+        if let Some(Credentials { user, password }) = &self.credentials {
+            options.set_credentials(user, password.clone());
+        }
+        let (client, mut events) = AsyncClient::builder(options).capacity(REQUESTS_MAX).try_build()?;
+        timeout(CONNECT_WITHIN, connected(&mut events)).await.context("it does not answer")??;
+        let (lose, lost) = oneshot::channel();
+        let task = tokio::task::spawn_local(async move {
+            let why = keep(&mut events).await;
+            // Nobody may wait for it any more.
+            drop(lose.send(why));
+        });
+        Ok(RumqttConnection { client, task, lost })
+    }
+}
+
+/// Waits for the broker to accept the connection.
+async fn connected(events: &mut EventLoop) -> Result<()> {
+    loop {
+        if let Event::Incoming(Packet::ConnAck(answer)) = events.poll().await? {
+            return match answer.code {
+                ConnectReturnCode::Success => Ok(()),
+                code => Err(anyhow!("it refuses the connection: {code:?}")),
+            };
+        }
+    }
+}
+
+/// Keeps a connection alive until it is lost, and says why it was.
+async fn keep(events: &mut EventLoop) -> Error {
+    loop {
+        match events.poll().await {
+            Ok(Event::Outgoing(Outgoing::Disconnect)) => return anyhow!("it was closed"),
+            Ok(_) => {}
+            Err(error) => return error.into(),
+        }
+    }
+}
+
+impl Connection for RumqttConnection {
+    async fn publish(&mut self, message: &Message) -> Result<Receipt> {
+        let properties =
+            PublishProperties { message_expiry_interval: message.expires_after_s, ..PublishProperties::default() };
+        let options = PublishOptions::at_least_once().retain(message.is_retained).properties(properties);
+        let publish = async {
+            let sent = self.client.publish_tracked(message.topic.clone(), message.payload.clone(), options).await?;
+            Ok::<_, Error>(sent.wait_async().await)
+        };
+        let answer = tokio::select! {
+            answer = timeout(ACKNOWLEDGE_WITHIN, publish) => answer,
+            why = &mut self.lost => return Err(why.unwrap_or_else(|_| anyhow!("the connection was lost"))),
+        };
+        let seconds = ACKNOWLEDGE_WITHIN.as_secs();
+        let reason = match answer.with_context(|| format!("it has acknowledged nothing for {seconds} s"))?? {
+            Ok(PublishResult::Qos1(answer)) => answer.reason,
+            Err(PublishNoticeError::V5PubAck(reason)) => reason,
+            Ok(other) => bail!("it acknowledges with {other:?}"),
+            Err(error) => return Err(error.into()),
+        };
+        match reason {
+            PubAckReason::Success => Ok(Receipt::Taken),
+            PubAckReason::NoMatchingSubscribers => Ok(Receipt::NoSubscriber),
+            reason => bail!("it refuses what is published to {}: {reason:?}", message.topic),
+        }
+    }
+
+    async fn lost(&mut self) -> Error {
+        (&mut self.lost).await.unwrap_or_else(|_| anyhow!("the connection was lost"))
+    }
+
+    async fn close(mut self) {
+        if self.client.disconnect().await.is_ok() {
+            drop(timeout(CLOSE_WITHIN, self.lost()).await);
+        }
+    }
+}
+
+impl Drop for RumqttConnection {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}

@@ -1,0 +1,200 @@
+//! Verdicts to an MQTT broker.
+//!
+//! Each station has a connection of its own, since a connection has one last will, and that must clear the topic on which the
+//! station's last verdict is retained. Nothing is remembered from one connection to the next but the outbox.
+//!
+//! - here: what is published when
+//! - `client`: the MQTT client
+
+mod client;
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::fs;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Error, Result};
+use tokio::task::LocalSet;
+use tokio::time::timeout;
+
+use crate::config::wires::MqttConfig;
+use crate::wires::credentials::Credentials;
+use crate::wires::message;
+use crate::wires::mqtt::client::{Client, Connection, Message, Receipt, RumqttClient};
+use crate::wires::now::Standing;
+use crate::wires::outbox::Sink;
+use crate::wires::wire::{News, Plant, Wire};
+
+/// How often what stands at a station is published, if it does not change.
+const SHOW_EVERY: Duration = Duration::from_secs(5);
+
+/// After how many seconds a broker forgets what stood at a station.
+const STANDS_FOR_S: u32 = 15;
+
+/// When a verdict is published again to which nobody has subscribed.
+const TELL_AGAIN_AFTER: Duration = Duration::from_secs(1);
+
+/// Time until the next attempt to connect: at first, and at most.
+const CONNECT_AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(5));
+
+/// How long verdicts may take that are still to be told when the line ends.
+const END_WITHIN: Duration = Duration::from_secs(2);
+
+/// Starts to publish the verdicts of `plant`.
+pub(super) fn start(config: &MqttConfig, plant: &Plant) -> Result<Wire> {
+    let (host, port) = config.host_and_port()?;
+    let read = |path: &std::path::PathBuf| {
+        fs::read(path).with_context(|| format!("line.mqtt.ca_file = \"{}\": cannot read it", path.display()))
+    };
+    let credentials = config.credentials_file.as_ref();
+    let client = RumqttClient {
+        host: host.trim_start_matches('[').trim_end_matches(']').to_owned(),
+        port,
+        ca: config.ca_file.as_ref().map(read).transpose()?,
+        credentials: credentials.map(|path| Credentials::read("line.mqtt.credentials_file", path)).transpose()?,
+    };
+    let (config, plant_of_wire) = (config.clone(), plant.clone());
+    Wire::start(Sink::Mqtt, plant, || Ok(move |news| publish(client, config, plant_of_wire, news)))
+}
+
+/// Publishes until the wire ends, each station over its own connections.
+async fn publish(client: RumqttClient, config: MqttConfig, plant: Plant, news: News) -> Result<()> {
+    let (client, troubles) = (Rc::new(client), Rc::<RefCell<_>>::default());
+    let all = LocalSet::new();
+    for &station in plant.stations.iter() {
+        let mut lane = Lane {
+            station,
+            topic: format!("{}/station/{station}", config.topic),
+            name: format!("{}-{station}", config.client),
+            broker: config.broker.clone(),
+            needs_subscriber: config.needs_subscriber,
+            client: Rc::clone(&client),
+            plant: plant.clone(),
+            news: news.clone(),
+            troubles: Rc::clone(&troubles),
+            shown: None,
+            tell_at: Instant::now(),
+        };
+        all.spawn_local(async move { lane.run().await });
+    }
+    all.await;
+    Ok(())
+}
+
+/// What is published of one station.
+struct Lane<C> {
+    station: u16,
+    /// How its topics begin.
+    topic: String,
+    /// Name of its connection.
+    name: String,
+    broker: String,
+    needs_subscriber: bool,
+    client: Rc<C>,
+    plant: Plant,
+    news: News,
+    /// What is wrong with each station's connection.
+    troubles: Rc<RefCell<BTreeMap<u16, String>>>,
+    /// What was last published of what stands at the station, and when.
+    shown: Option<(String, Instant)>,
+    /// When verdicts may be published again.
+    tell_at: Instant,
+}
+
+impl<C: Client> Lane<C> {
+    /// Publishes until the wire ends, over as many connections as it takes.
+    async fn run(&mut self) {
+        let mut patience = CONNECT_AGAIN_AFTER.0;
+        loop {
+            let will = self.standing(&Standing::NoSignal);
+            let why = match Rc::clone(&self.client).connect(&self.name, &will).await {
+                Ok(mut connection) => {
+                    (self.shown, patience) = (None, CONNECT_AGAIN_AFTER.0);
+                    match self.serve(&mut connection).await {
+                        Ok(()) => return connection.close().await,
+                        Err(error) => error,
+                    }
+                }
+                Err(error) => error,
+            };
+            let why: &Error = &why;
+            self.set_trouble(Some(format!("mqtt: no connection to {}: {why:#}", self.broker)));
+            if timeout(patience, self.news.ended()).await.is_ok() {
+                return;
+            }
+            patience = (patience * 2).clamp(patience, CONNECT_AGAIN_AFTER.1);
+        }
+    }
+
+    /// Publishes over `connection` until the wire ends.
+    async fn serve(&mut self, connection: &mut C::Connection) -> Result<()> {
+        loop {
+            self.show(connection).await?;
+            self.tell(connection).await?;
+            tokio::select! {
+                biased;
+                why = connection.lost() => return Err(why),
+                goes_on = self.news.next() => if !goes_on { break },
+            }
+        }
+        self.tell_at = Instant::now();
+        // What is not told by then is told after the next start.
+        drop(timeout(END_WITHIN, self.tell(connection)).await);
+        self.shown = None;
+        self.show(connection).await
+    }
+
+    /// Publishes what stands at the station, if that has changed or was not published of late.
+    async fn show(&mut self, connection: &mut C::Connection) -> Result<()> {
+        let message = self.standing(&self.plant.now.at(self.station).0);
+        let is_known = |(shown, at): &(String, Instant)| *shown == message.payload && at.elapsed() < SHOW_EVERY;
+        if !self.shown.as_ref().is_some_and(is_known) {
+            connection.publish(&message).await?;
+            self.shown = Some((message.payload, Instant::now()));
+        }
+        Ok(())
+    }
+
+    /// Publishes the verdicts that are still to be told.
+    async fn tell(&mut self, connection: &mut C::Connection) -> Result<()> {
+        if Instant::now() < self.tell_at {
+            return Ok(());
+        }
+        self.set_trouble(None);
+        let outbox = Arc::clone(&self.plant.outbox);
+        while let Some(note) = outbox.next(Sink::Mqtt, Some(self.station)) {
+            let Some(verdict) = outbox.read(&note) else { continue };
+            let topic = format!("{}/verdict", self.topic);
+            let payload = message::verdict(&verdict);
+            let message = Message { topic, payload, is_retained: false, expires_after_s: None };
+            let receipt = connection.publish(&message).await?;
+            if receipt == Receipt::NoSubscriber && self.needs_subscriber {
+                self.set_trouble(Some(format!("mqtt: nobody subscribes to {}, so verdicts wait", message.topic)));
+                self.tell_at = Instant::now() + TELL_AGAIN_AFTER;
+                break;
+            }
+            outbox.acknowledge(Sink::Mqtt, note.number);
+            // However many wait, the station shows what stands now.
+            self.show(connection).await?;
+        }
+        Ok(())
+    }
+
+    fn standing(&self, standing: &Standing) -> Message {
+        // The last word of a line that has gone stays.
+        let expires_after_s = (*standing != Standing::NoSignal).then_some(STANDS_FOR_S);
+        let payload = message::standing(self.station, standing);
+        Message { topic: format!("{}/now", self.topic), payload, is_retained: true, expires_after_s }
+    }
+
+    fn set_trouble(&self, trouble: Option<String>) {
+        let mut troubles = self.troubles.borrow_mut();
+        match trouble {
+            Some(text) => drop(troubles.insert(self.station, text)),
+            None => drop(troubles.remove(&self.station)),
+        }
+        self.plant.outbox.set_trouble(Sink::Mqtt, troubles.values().next().cloned());
+    }
+}

@@ -1,0 +1,128 @@
+//! What stands at each station at this moment, for those who only look: no verdict in place of one that is in doubt.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::shown::status::StationStatus;
+use crate::shown::verdict::CasingVerdict;
+
+/// A line that has shown nothing for so long hangs: it shows itself every second.
+const SILENT_AFTER: Duration = Duration::from_secs(5);
+
+/// How long a verdict stands where no other casing comes.
+const STANDS_FOR: Duration = Duration::from_secs(600);
+
+/// What stands at a station.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Standing {
+    /// The line starts, ends or hangs.
+    NoSignal,
+    /// No casing, or none that was judged of late.
+    Ready,
+    /// A casing is tapped or judged.
+    Busy,
+    /// The last casing is judged, and no other has come.
+    Judged(Arc<CasingVerdict>),
+}
+
+#[derive(Debug, Default)]
+struct Station {
+    is_busy: bool,
+    verdict: Option<(Instant, Arc<CasingVerdict>)>,
+    judged_count: u64,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    /// When the line last showed itself; `None` before that.
+    at: Option<Instant>,
+    is_ended: bool,
+    /// How often it has shown itself.
+    beats: u64,
+    stations: BTreeMap<u16, Station>,
+    latest: Option<Arc<CasingVerdict>>,
+}
+
+/// What stands at each station.
+#[derive(Debug)]
+pub(crate) struct Now {
+    state: Mutex<State>,
+}
+
+impl Now {
+    pub(crate) fn new(stations: &[u16]) -> Self {
+        let stations = stations.iter().map(|&number| (number, Station::default())).collect();
+        Self { state: Mutex::new(State { stations, ..State::default() }) }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A casing has come to `station`: the last verdict stands no longer.
+    pub(crate) fn opened(&self, station: u16) {
+        if let Some(station) = self.state().stations.get_mut(&station) {
+            (station.is_busy, station.verdict) = (true, None);
+        }
+    }
+
+    /// The casing at a station is judged; `is_busy` says whether another one is under way there.
+    pub(crate) fn judged(&self, verdict: &Arc<CasingVerdict>, is_busy: bool) {
+        let mut state = self.state();
+        state.latest = Some(Arc::clone(verdict));
+        if let Some(station) = state.stations.get_mut(&verdict.station) {
+            station.judged_count += 1;
+            station.is_busy = is_busy;
+            station.verdict = (!is_busy).then(|| (Instant::now(), Arc::clone(verdict)));
+        }
+    }
+
+    /// The line shows itself, with its stations.
+    pub(crate) fn show(&self, shown: &[StationStatus]) {
+        let mut state = self.state();
+        state.at = Some(Instant::now());
+        state.beats += 1;
+        for shown in shown {
+            if let Some(station) = state.stations.get_mut(&shown.number) {
+                station.is_busy = shown.casing.is_some();
+                station.verdict.take_if(|(at, _)| shown.casing.is_some() || at.elapsed() > STANDS_FOR);
+            }
+        }
+    }
+
+    /// The line ends: it shows nothing more.
+    pub(crate) fn end(&self) {
+        self.state().is_ended = true;
+    }
+
+    /// Whether the line goes on.
+    pub(crate) fn is_alive(&self) -> bool {
+        let state = self.state();
+        !state.is_ended && state.at.is_some_and(|at| at.elapsed() < SILENT_AFTER)
+    }
+
+    /// How often the line has shown itself: at least once a second while it goes on.
+    pub(crate) fn beats(&self) -> u64 {
+        self.state().beats
+    }
+
+    /// What stands at `station`, and how many casings it has judged since the line was started.
+    pub(crate) fn at(&self, station: u16) -> (Standing, u64) {
+        let is_alive = self.is_alive();
+        let state = self.state();
+        let Some(station) = state.stations.get(&station).filter(|_| is_alive) else { return (Standing::NoSignal, 0) };
+        let standing = match &station.verdict {
+            _ if station.is_busy => Standing::Busy,
+            Some((at, verdict)) if at.elapsed() < STANDS_FOR => Standing::Judged(Arc::clone(verdict)),
+            _ => Standing::Ready,
+        };
+        (standing, station.judged_count)
+    }
+
+    /// The last verdict of any station, while the line goes on.
+    pub(crate) fn latest(&self) -> Option<Arc<CasingVerdict>> {
+        let is_alive = self.is_alive();
+        self.state().latest.clone().filter(|_| is_alive)
+    }
+}

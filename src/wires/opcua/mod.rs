@@ -1,0 +1,211 @@
+//! Verdicts to OPC UA clients, in the shape of OPC 40001-101 (Machinery Result Transfer).
+//!
+//! - here: the server, and its life
+//! - `methods`: what clients call: results, and acknowledging them
+//! - `nodes`, `names`: the address space
+//! - `result`: a verdict as a result, and as an event
+
+mod methods;
+mod names;
+mod nodes;
+mod result;
+
+use std::fs::DirBuilder;
+use std::net::SocketAddr;
+use std::os::unix::fs::DirBuilderExt as _;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context as _, Result, anyhow};
+use opcua::nodes::Event;
+use opcua::server::diagnostics::NamespaceMetadata;
+use opcua::server::node_manager::memory::{SimpleNodeManager, simple_node_manager};
+use opcua::server::{ANONYMOUS_USER_TOKEN_ID, Server, ServerBuilder, ServerEndpoint, ServerHandle, ServerUserToken};
+use opcua::types::{DataValue, StatusCode, Variant};
+
+use crate::config::wires::OpcUaConfig;
+use crate::shown::verdict::CasingVerdict;
+use crate::wires::credentials::Credentials;
+use crate::wires::now::Standing;
+use crate::wires::opcua::names::{LINE_NAMESPACE, Namespaces, RESULT_NAMESPACE};
+use crate::wires::opcua::result::{ResultReady, evaluation, result};
+use crate::wires::outbox::Sink;
+use crate::wires::wire::{News, Plant, Wire};
+
+/// Most clients at once.
+const SESSIONS_MAX: usize = 16;
+
+/// How long a client may take to send its first message, in seconds.
+const HELLO_WITHIN_S: u32 = 5;
+
+/// Names of the node managers.
+const TYPES: &str = "types";
+const LINE: &str = "line";
+
+/// The user of the configuration, among the server's tokens.
+const USER: &str = "user";
+
+/// A server that is set up, and not run yet.
+struct Prepared {
+    server: Server,
+    handle: ServerHandle,
+    namespaces: Namespaces,
+}
+
+/// Starts to serve the verdicts of `plant`; and where.
+pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String)> {
+    let context = || format!("line.opcua.listen = \"{}\": cannot listen there", config.listen);
+    let listener = std::net::TcpListener::bind(config.listen)
+        .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
+        .with_context(context)?;
+    let address = listener.local_addr().with_context(context)?;
+    let credentials = config.credentials_file.as_deref();
+    let credentials = credentials.map(|path| Credentials::read("line.opcua.credentials_file", path)).transpose()?;
+    // Without certificates the server makes their folder all the same.
+    let scratch = tempfile::tempdir().context("cannot make a folder for the OPC UA server")?;
+    let builder = builder(address, config.pki_folder.as_deref(), credentials, scratch.path())?;
+    let wire = Wire::start(Sink::OpcUa, plant, || {
+        let (prepared, plant) = (prepare(builder, plant)?, plant.clone());
+        Ok(move |news| async move {
+            let _until_the_end = scratch;
+            serve(listener, prepared, plant, news).await
+        })
+    })?;
+    Ok((wire, format!("opc.tcp://{address}")))
+}
+
+/// The server's options.
+fn builder(
+    address: SocketAddr,
+    pki: Option<&Path>,
+    credentials: Option<Credentials>,
+    scratch: &Path,
+) -> Result<ServerBuilder> {
+    let mut builder = ServerBuilder::new()
+        .application_name("tapline")
+        .application_uri("urn:tapline:line:server")
+        .product_uri("urn:tapline")
+        .host(address.ip().to_string())
+        .port(address.port())
+        .discovery_urls(vec!["/".to_owned()])
+        .hello_timeout(HELLO_WITHIN_S)
+        .max_sessions(SESSIONS_MAX)
+        .trust_client_certs(false)
+        .diagnostics_enabled(false)
+        .with_node_manager(simple_node_manager(namespace(RESULT_NAMESPACE), TYPES))
+        .with_node_manager(simple_node_manager(namespace(LINE_NAMESPACE), LINE));
+    let user = match credentials {
+        Some(Credentials { user, password }) => {
+            builder = builder.add_user_token(USER, ServerUserToken::user_pass(user, password));
+            USER.to_owned()
+        }
+        None => ANONYMOUS_USER_TOKEN_ID.to_owned(),
+    };
+    let endpoint = match pki {
+        Some(folder) => {
+            // The key is read by its user alone.
+            let made = DirBuilder::new().recursive(true).mode(0o700).create(folder.join("private"));
+            made.with_context(|| format!("line.opcua.pki_folder = \"{}\": cannot make it", folder.display()))?;
+            builder = builder.pki_dir(folder).create_sample_keypair(true);
+            builder = builder.certificate_path("own/cert.der").private_key_path("private/private.pem");
+            ServerEndpoint::new_basic256sha256_sign_encrypt("/", &[user])
+        }
+        None => {
+            builder = builder.pki_dir(scratch);
+            ServerEndpoint::new_none("/", &[user])
+        }
+    };
+    Ok(builder.add_endpoint("line", endpoint))
+}
+
+fn namespace(uri: &str) -> NamespaceMetadata {
+    NamespaceMetadata { namespace_uri: uri.to_owned(), ..NamespaceMetadata::default() }
+}
+
+/// Sets the server up.
+fn prepare(builder: ServerBuilder, plant: &Plant) -> Result<Prepared> {
+    let (server, handle) = builder.build().map_err(|error| anyhow!("the server cannot be set up: {error}"))?;
+    let index = |uri: &str| handle.get_namespace_index(uri).context("a namespace is missing");
+    let namespaces = Namespaces { result: index(RESULT_NAMESPACE)?, line: index(LINE_NAMESPACE)? };
+    let manager =
+        |name| handle.node_managers().get_by_name::<SimpleNodeManager>(name).context("a node manager is missing");
+    let (types, line) = (manager(TYPES)?, manager(LINE)?);
+    nodes::add_types(&mut *types.address_space().write(), namespaces);
+    nodes::add_line(&mut *line.address_space().write(), namespaces, &plant.stations);
+    for &station in plant.stations.iter() {
+        show(&line, namespaces, plant, station);
+    }
+    methods::add(&line, namespaces, plant);
+    Ok(Prepared { server, handle, namespaces })
+}
+
+/// Has clients read what stands at `station`.
+fn show(line: &SimpleNodeManager, namespaces: Namespaces, plant: &Plant, station: u16) {
+    let read = |name: &str, value: fn(&Standing, u64) -> Result<Variant, StatusCode>| {
+        let now = Arc::clone(&plant.now);
+        line.inner().add_read_callback(namespaces.of_station(station, name), move |_, _, _| {
+            let (standing, judged_count) = now.at(station);
+            if standing == Standing::NoSignal {
+                return Err(StatusCode::BadNoCommunication);
+            }
+            value(&standing, judged_count).map(DataValue::new_now)
+        });
+    };
+    read("State", |standing, _| {
+        Ok(match standing {
+            Standing::NoSignal => "no_signal",
+            Standing::Ready => "ready",
+            Standing::Busy => "busy",
+            Standing::Judged(_) => "judged",
+        }
+        .into())
+    });
+    read("ResultEvaluation", |standing, _| {
+        Ok(match standing {
+            Standing::Judged(verdict) => evaluation(verdict.verdict),
+            _ => 0,
+        }
+        .into())
+    });
+    read("JudgedCount", |_, judged_count| Ok(judged_count.into()));
+    read("Result", |standing, _| match standing {
+        Standing::Judged(verdict) => Ok(result(verdict)),
+        _ => Err(StatusCode::BadNoData),
+    });
+}
+
+/// Serves clients until the wire ends.
+async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant, mut news: News) -> Result<()> {
+    let Prepared { server, handle, namespaces } = prepared;
+    let listener = tokio::net::TcpListener::from_std(listener)?;
+    let mut ended = news.clone();
+    let run = server.run_with(listener);
+    tokio::pin!(run);
+    let tell = async {
+        let mut told = plant.outbox.newest();
+        while news.next().await {
+            for note in plant.outbox.newer(Sink::OpcUa, told) {
+                told = Some((note.at_ns, note.number));
+                if let Some(verdict) = plant.outbox.read(&note) {
+                    notify(&handle, namespaces, &verdict);
+                }
+            }
+        }
+    };
+    tokio::select! {
+        ran = &mut run => return ran.map_err(|error| anyhow!("the server has ended: {error}")),
+        () = tell => {}
+        () = ended.ended() => {}
+    }
+    handle.cancel();
+    drop(tokio::time::timeout(super::wire::END_WITHIN, run).await);
+    Ok(())
+}
+
+/// Tells clients that have subscribed to it that a verdict is ready.
+fn notify(handle: &ServerHandle, namespaces: Namespaces, verdict: &CasingVerdict) {
+    let source = nodes::management(namespaces);
+    let event = ResultReady::new(verdict, namespaces.of_line("casing-judged"), &source, namespaces.result);
+    // Who has subscribed to the events of the whole server gets it too.
+    handle.subscriptions().notify_events(std::iter::once((&event as &dyn Event, &source)));
+}

@@ -1,0 +1,358 @@
+//! Who has still to be told which verdict.
+//!
+//! `store` leaves a note of each casing before it gives the finished file its name; the note stays until every sink has
+//! acknowledged the verdict. Work to do = notes - acknowledgements, after a `kill -9` as ever. An acknowledgement is a word at the end
+//! of the note's name (`5c0f….print.mqtt`), so that it needs no room on the disk and is there or not; the last one removes the
+//! note. What the note is about, the casing's file says.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs;
+#[cfg(feature = "plant")]
+use std::ops::Bound;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result};
+use serde::{Deserialize, Serialize};
+use tapline_store::{Places, Reader, Unreported, casing_id};
+use tapline_wire::now_ns;
+
+use crate::shown::status::SinkStatus;
+use crate::shown::verdict::CasingVerdict;
+
+/// Most verdicts that may wait at once; those beyond stay on the disk for the next start of the line.
+const WAITING_MAX: usize = 100_000;
+
+/// Most alarms that wait to be taken.
+const ALARMS_MAX: usize = 64;
+
+/// A verdict that waits for so long is reported.
+const LATE_AFTER_NS: i64 = 60_000_000_000;
+
+/// How long files of an earlier line that have no name yet may take to get it.
+const NAMED_WITHIN: Duration = Duration::from_secs(10);
+
+/// Where verdicts go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub(crate) enum Sink {
+    /// Standard output.
+    Print,
+    /// The command `on_verdict`.
+    Command,
+    Mqtt,
+    OpcUa,
+    Modbus,
+}
+
+impl Sink {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Print => "print",
+            Self::Command => "on_verdict",
+            Self::Mqtt => "mqtt",
+            Self::OpcUa => "opcua",
+            Self::Modbus => "modbus",
+        }
+    }
+}
+
+/// The place of a verdict among others: when its casing was finished, and the casing's number.
+type Place = (i64, u64);
+
+/// Called when there is something new to tell.
+type Wake = Box<dyn Fn() + Send>;
+
+/// A verdict that somebody has not acknowledged.
+#[derive(Debug)]
+struct Waiting {
+    note: Unreported,
+    /// Name of the note.
+    file_name: String,
+    /// Who is still to acknowledge it.
+    owed: Vec<Sink>,
+    /// Whether its file could not be read: it is not told before the next start of the line.
+    is_unreadable: bool,
+}
+
+#[derive(Default)]
+struct State {
+    waiting: BTreeMap<Place, Waiting>,
+    /// Notes of casings whose files did not have their names when the line was started.
+    unnamed: Vec<Unreported>,
+    troubles: BTreeMap<Sink, String>,
+    alarms: Vec<String>,
+    wakes: Vec<Wake>,
+    is_full: bool,
+}
+
+/// The verdicts that are still to be told.
+pub(crate) struct Outbox {
+    places: Places,
+    sinks: Vec<Sink>,
+    opened_at: Instant,
+    /// Held for moments: the line itself waits for it.
+    state: Mutex<State>,
+    /// Held while notes are renamed and removed; a disk that hangs keeps only sinks waiting.
+    disk: Mutex<()>,
+}
+
+impl fmt::Debug for Outbox {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Outbox").field("sinks", &self.sinks).finish_non_exhaustive()
+    }
+}
+
+impl Outbox {
+    /// What an earlier line has left to tell, and what will be, to each of `sinks`.
+    pub(crate) fn open(places: &Places, sinks: Vec<Sink>) -> Result<Arc<Self>> {
+        let (state, disk) = (Mutex::default(), Mutex::default());
+        let outbox = Self { places: places.clone(), sinks, opened_at: Instant::now(), state, disk };
+        for (path, id, acknowledged) in outbox.notes()? {
+            let note = match Unreported::read(&path) {
+                Ok(note) if note.id() == id => note,
+                Ok(_) | Err(_) => {
+                    // `store` writes them whole: something else has put it there.
+                    tracing::error!("{} is no note of a verdict; it stays where it is", path.display());
+                    continue;
+                }
+            };
+            match outbox.file_of(&note).exists() {
+                true => outbox.add(note, &acknowledged),
+                false => outbox.state().unnamed.push(note),
+            }
+        }
+        Ok(Arc::new(outbox))
+    }
+
+    /// Every note: its path, the casing's id, and the names of those who have acknowledged it.
+    fn notes(&self) -> Result<Vec<(PathBuf, String, Vec<String>)>> {
+        let folder = self.places.unreported_folder();
+        let mut notes = Vec::new();
+        for entry in fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))? {
+            let entry = entry.with_context(|| format!("cannot read {}", folder.display()))?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let mut words = name.split('.').map(str::to_owned);
+            let id = words.next().unwrap_or_default();
+            let acknowledged: Vec<String> = words.collect();
+            if acknowledged.iter().any(|word| word == "new") {
+                // A draft that was never finished: its casing's file has no name yet, and gets another note.
+                drop(fs::remove_file(entry.path()));
+                continue;
+            }
+            notes.push((entry.path(), id, acknowledged));
+        }
+        Ok(notes)
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn add(&self, note: Unreported, acknowledged: &[String]) {
+        let mut file_name = note.id();
+        acknowledged.iter().for_each(|name| file_name = format!("{file_name}.{name}"));
+        let is_owed = |sink: &&Sink| acknowledged.iter().all(|name| name != sink.name());
+        let owed: Vec<Sink> = self.sinks.iter().filter(is_owed).copied().collect();
+        if owed.is_empty() {
+            // Only those who are not configured any more have not acknowledged it.
+            return self.remove(&file_name);
+        }
+        let mut state = self.state();
+        if state.waiting.len() >= WAITING_MAX {
+            if !std::mem::replace(&mut state.is_full, true) {
+                let text =
+                    format!("{WAITING_MAX} verdicts wait to be told: further ones are told after the next start");
+                tracing::error!("{text}");
+                state.alarms.push(text);
+            }
+            return;
+        }
+        let key = (note.at_ns, note.number);
+        state.waiting.insert(key, Waiting { note, file_name, owed, is_unreadable: false });
+        state.wakes.iter().for_each(|wake| wake());
+    }
+
+    /// Takes up the casing `number`, whose file has its name now. `None` if it was told before.
+    pub(crate) fn take_up(&self, number: u64) -> Result<Option<Unreported>> {
+        if let Some(waiting) = self.state().waiting.values().find(|waiting| waiting.note.number == number) {
+            return Ok(Some(waiting.note.clone()).filter(|_| waiting.owed.contains(&Sink::Print)));
+        }
+        let path = self.places.unreported_folder().join(casing_id(number));
+        if !path.try_exists().with_context(|| format!("cannot look for {}", path.display()))? {
+            return Ok(None);
+        }
+        let note = Unreported::read(&path)?;
+        self.state().unnamed.retain(|unnamed| unnamed.number != number);
+        self.add(note.clone(), &[]);
+        Ok(Some(note))
+    }
+
+    /// The oldest verdict that `sink` is to be told; of one station, if it asks for one.
+    pub(crate) fn next(&self, sink: Sink, station: Option<u16>) -> Option<Unreported> {
+        let of = |waiting: &&Waiting| station.is_none_or(|station| waiting.note.station == station);
+        self.state().owed(sink).find(of).map(|waiting| waiting.note.clone())
+    }
+
+    /// The verdict on the casing `number`, if `sink` is to be told of it.
+    #[cfg(feature = "plant")]
+    pub(crate) fn find(&self, sink: Sink, number: u64) -> Option<Unreported> {
+        self.state().owed(sink).find(|waiting| waiting.note.number == number).map(|waiting| waiting.note.clone())
+    }
+
+    /// Ids of the verdicts that `sink` is to be told, the oldest first, at most so many.
+    #[cfg(feature = "plant")]
+    pub(crate) fn ids(&self, sink: Sink, most: usize) -> Vec<String> {
+        self.state().owed(sink).take(most).map(|waiting| waiting.note.id()).collect()
+    }
+
+    /// The place of the newest verdict, for [`Outbox::newer`].
+    #[cfg(feature = "plant")]
+    pub(crate) fn newest(&self) -> Option<Place> {
+        self.state().waiting.keys().next_back().copied()
+    }
+
+    /// The verdicts after `place` that `sink` is to be told, the oldest first.
+    #[cfg(feature = "plant")]
+    pub(crate) fn newer(&self, sink: Sink, place: Option<Place>) -> Vec<Unreported> {
+        let after = place.map_or(Bound::Unbounded, Bound::Excluded);
+        let state = self.state();
+        let newer = state.waiting.range((after, Bound::Unbounded)).map(|(_, waiting)| waiting);
+        newer.filter(|waiting| waiting.owed.contains(&sink)).map(|waiting| waiting.note.clone()).collect()
+    }
+
+    /// The verdict that `note` is about. Where it cannot be read, `note` is not told before the next start of the line.
+    pub(crate) fn read(&self, note: &Unreported) -> Option<Arc<CasingVerdict>> {
+        let path = self.file_of(note);
+        let read = Reader::open(&path).map_err(anyhow::Error::from);
+        match read.and_then(|reader| CasingVerdict::read(&note.name, note.number, note.at_ns, &reader)) {
+            Ok(verdict) => Some(Arc::new(verdict)),
+            Err(error) => {
+                tracing::error!("the verdict on casing {} cannot be told: {error:#}", note.name);
+                let mut state = self.state();
+                if let Some(waiting) = state.waiting.get_mut(&(note.at_ns, note.number)) {
+                    waiting.is_unreadable = true;
+                }
+                state.alarm(format!("casing {}: its verdict cannot be told: {error:#}", note.name));
+                None
+            }
+        }
+    }
+
+    /// The file of the casing that `note` is about.
+    pub(crate) fn file_of(&self, note: &Unreported) -> PathBuf {
+        self.places.out().join(&note.file)
+    }
+
+    /// Notes that `sink` has the verdict on the casing `number`; whether it was to be told.
+    pub(crate) fn acknowledge(&self, sink: Sink, number: u64) -> bool {
+        let _turn = self.disk.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state();
+        let Some((&key, waiting)) = state.waiting.iter_mut().find(|(_, waiting)| waiting.note.number == number) else {
+            return false;
+        };
+        let Some(place) = waiting.owed.iter().position(|owed| *owed == sink) else { return false };
+        waiting.owed.swap_remove(place);
+        let before = waiting.file_name.clone();
+        if waiting.owed.is_empty() {
+            state.waiting.remove(&key);
+            drop(state);
+            self.remove(&before);
+        } else {
+            waiting.file_name = format!("{before}.{}", sink.name());
+            let after = waiting.file_name.clone();
+            drop(state);
+            let folder = self.places.unreported_folder();
+            report(&before, fs::rename(folder.join(&before), folder.join(after)));
+        }
+        true
+    }
+
+    fn remove(&self, file_name: &str) {
+        report(file_name, fs::remove_file(self.places.unreported_folder().join(file_name)));
+    }
+
+    /// Has `wake` called when there is something new to tell.
+    pub(crate) fn wake_by(&self, wake: Wake) {
+        self.state().wakes.push(wake);
+    }
+
+    /// Says that something is wrong with `sink`, or nothing any more; what is new is an alarm too.
+    pub(crate) fn set_trouble(&self, sink: Sink, trouble: Option<String>) {
+        let mut state = self.state();
+        match trouble {
+            Some(text) => {
+                if state.troubles.insert(sink, text.clone()).is_none() {
+                    tracing::warn!("{text}");
+                    state.alarm(text);
+                }
+            }
+            None => drop(state.troubles.remove(&sink)),
+        }
+    }
+
+    pub(crate) fn alarm(&self, text: String) {
+        self.state().alarm(text);
+    }
+
+    /// The alarms since this was last called.
+    pub(crate) fn take_alarms(&self) -> Vec<String> {
+        std::mem::take(&mut self.state().alarms)
+    }
+
+    /// How it stands with each sink but standard output.
+    pub(crate) fn statuses(&self) -> Vec<SinkStatus> {
+        let state = self.state();
+        let now_ns = now_ns();
+        let of = |sink: Sink| {
+            let (count, oldest) = (state.owed(sink).count(), state.owed(sink).next());
+            let age_ns = oldest.map_or(0, |oldest| now_ns.saturating_sub(oldest.note.at_ns));
+            let late = (age_ns > LATE_AFTER_NS).then(|| {
+                format!(
+                    "{}: {count} verdicts are not acknowledged, the oldest for {} s",
+                    sink.name(),
+                    age_ns / 1_000_000_000
+                )
+            });
+            let trouble = state.troubles.get(&sink).cloned().or(late);
+            SinkStatus { name: sink.name().to_owned(), waiting: count as u64, trouble }
+        };
+        self.sinks.iter().filter(|sink| **sink != Sink::Print).map(|&sink| of(sink)).collect()
+    }
+
+    /// What cannot be told.
+    pub(crate) fn trouble(&self) -> Option<String> {
+        let state = self.state();
+        let unreadable = state.waiting.values().filter(|waiting| waiting.is_unreadable).map(|waiting| &waiting.note);
+        let unnamed = state.unnamed.iter().filter(|_| self.opened_at.elapsed() > NAMED_WITHIN);
+        let notes: Vec<&Unreported> = unreadable.chain(unnamed).collect();
+        let first = notes.first()?;
+        let file = self.file_of(first);
+        Some(format!(
+            "{} verdicts cannot be told: the first one's file, {}, is not there or damaged",
+            notes.len(),
+            file.display()
+        ))
+    }
+}
+
+impl State {
+    /// The verdicts that `sink` is to be told, the oldest first.
+    fn owed(&self, sink: Sink) -> impl Iterator<Item = &Waiting> {
+        self.waiting.values().filter(move |waiting| !waiting.is_unreadable && waiting.owed.contains(&sink))
+    }
+
+    fn alarm(&mut self, text: String) {
+        if self.alarms.len() < ALARMS_MAX {
+            self.alarms.push(text);
+        }
+    }
+}
+
+/// Reports a note that cannot be changed: after the next start of the line its verdict is told again, under the same id.
+fn report(note: &str, changed: std::io::Result<()>) {
+    if let Err(error) = changed {
+        tracing::error!("cannot keep the acknowledgement of the verdict {note}: {error}; it will be told again");
+    }
+}

@@ -1,0 +1,124 @@
+//! The thread of a wire, and what it works on.
+
+use std::future::Future;
+use std::sync::Arc;
+use std::thread::{Builder, JoinHandle};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
+use rustix::net::sockopt;
+use tokio::net::TcpStream;
+use tokio::sync::watch;
+
+use crate::wires::now::Now;
+use crate::wires::outbox::{Outbox, Sink};
+
+/// How often a wire looks for something new, if it is not woken before.
+pub(super) const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+/// How long what a wire has begun may take when it ends.
+pub(super) const END_WITHIN: Duration = Duration::from_millis(300);
+
+/// A connection whose other end has not answered for so long is ended.
+const GONE_AFTER: Duration = Duration::from_secs(20);
+
+/// What a wire tells of.
+#[derive(Debug, Clone)]
+pub(super) struct Plant {
+    pub outbox: Arc<Outbox>,
+    pub now: Arc<Now>,
+    pub stations: Arc<[u16]>,
+}
+
+/// Tells a wire of news, and of its end.
+#[derive(Debug, Clone)]
+pub(super) struct News {
+    count: watch::Receiver<u64>,
+    end: watch::Receiver<()>,
+}
+
+impl News {
+    /// Waits for something new, or for the time to look for it; whether the wire is to go on.
+    pub(super) async fn next(&mut self) -> bool {
+        tokio::select! {
+            biased;
+            () = ended(&mut self.end) => false,
+            _ = self.count.changed() => true,
+            () = tokio::time::sleep(LOOK_EVERY) => true,
+        }
+    }
+
+    /// Waits until the wire is to end.
+    pub(super) async fn ended(&mut self) {
+        ended(&mut self.end).await;
+    }
+}
+
+async fn ended(end: &mut watch::Receiver<()>) {
+    while end.changed().await.is_ok() {}
+}
+
+/// A wire, which ends when this is dropped.
+#[derive(Debug)]
+pub(super) struct Wire {
+    end: Option<watch::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Wire {
+    /// Has a thread of its own do the work for `sink` that `prepare` returns.
+    pub(super) fn start<W, F>(sink: Sink, plant: &Plant, prepare: impl FnOnce() -> Result<W>) -> Result<Self>
+    where
+        W: FnOnce(News) -> F + Send + 'static,
+        F: Future<Output = Result<()>>,
+    {
+        let name = sink.name();
+        let (wake, count) = watch::channel(0);
+        plant.outbox.wake_by(Box::new(move || wake.send_modify(|count| *count += 1)));
+        let (end, ending) = watch::channel(());
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.with_context(|| format!("cannot start {name}"))?;
+        let work = {
+            let _inside = runtime.enter();
+            prepare()?
+        };
+        let (news, outbox) = (News { count, end: ending }, Arc::clone(&plant.outbox));
+        let work = move || {
+            // A wire ends by itself only where it cannot go on.
+            if let Err(error) = runtime.block_on(work(news)) {
+                let text = format!("{name}: verdicts are not told any more: {error:#}");
+                tracing::error!("{text}");
+                outbox.set_trouble(sink, Some(text));
+            }
+            runtime.shutdown_timeout(END_WITHIN);
+        };
+        let thread = Builder::new().name(name.to_owned()).spawn(work);
+        let thread = thread.with_context(|| format!("cannot start the thread {name}"))?;
+        Ok(Self { end: Some(end), thread: Some(thread) })
+    }
+}
+
+impl Drop for Wire {
+    fn drop(&mut self) {
+        drop(self.end.take());
+        if let Some(thread) = self.thread.take() {
+            drop(thread.join());
+        }
+    }
+}
+
+/// Has the system end a connection whose other end is gone: it was switched off, or its network is away.
+pub(super) fn end_if_gone(stream: &TcpStream) {
+    let set = || -> std::io::Result<()> {
+        stream.set_nodelay(true)?;
+        sockopt::set_socket_keepalive(stream, true)?;
+        sockopt::set_tcp_keepidle(stream, GONE_AFTER / 2)?;
+        sockopt::set_tcp_keepintvl(stream, GONE_AFTER / 4)?;
+        sockopt::set_tcp_keepcnt(stream, 2)?;
+        sockopt::set_tcp_user_timeout(stream, u32::try_from(GONE_AFTER.as_millis()).unwrap_or(u32::MAX))?;
+        Ok(())
+    };
+    if let Err(error) = set() {
+        tracing::debug!(%error, "a connection cannot be set up");
+    }
+}

@@ -1,0 +1,134 @@
+//! Verdicts over Modbus TCP, with an independent client.
+
+use std::io::Write as _;
+use std::os::fd::OwnedFd;
+use std::process::Stdio;
+
+use serde_json::{Value, json};
+
+use crate::line::slow_plant;
+use crate::line::wires::{address_of, by_id, client, unreported};
+use crate::sandbox::Sandbox;
+use crate::sandbox::running::{Running, until};
+
+const TABLE: &str = "[line.modbus]\nlisten = \"127.0.0.1:0\"\n";
+
+fn said(client: &mut Running) -> Value {
+    let line: Value = serde_json::from_str(&client.line()).unwrap();
+    assert!(line.get("lost").is_none(), "{line}");
+    line
+}
+
+/// Catches a verdict that is lost, changed, told twice or again after it was acknowledged, and one that stands when the next casing has come.
+#[test]
+fn a_controller_acknowledges_each_verdict() {
+    let Some(python) = tapline_testing::python_with("pymodbus") else { return };
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 2, 60.0, TABLE);
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    let address = address_of(&mut line, "Modbus");
+    let mut forgetful = client(&python, "modbus.py", &[&address, "2", "--no-acknowledge"]);
+    let printed = line.verdicts(4);
+    let (mut mails, mut states) = (Vec::new(), Vec::new());
+    while mails.len() < 2 || !states.iter().any(|now: &Value| now["count"] == 2) {
+        let said = said(&mut forgetful);
+        match said.get("mail") {
+            Some(mail) => mails.push(mail.clone()),
+            None => states.extend(said.get("now").filter(|now| now["station"] == 1).cloned()),
+        }
+    }
+    // The first of each station stays until it is acknowledged, whatever stands there.
+    let first = |station: u64| printed.iter().find(|verdict| verdict["station"] == station).unwrap();
+    for (mail, station) in mails.iter().zip([1, 2]) {
+        assert_eq!((&mail["id"], mail["number"].as_u64()), (&first(station)["id"], Some(1)), "{mails:?}");
+    }
+    assert!(states.iter().any(|now| now["busy"] == 1), "{states:?}");
+    for now in &states {
+        let marks = ["ok", "re_inspect", "not_ok"].map(|key| now[key].as_u64().unwrap());
+        // At most one, and none while a casing is under way.
+        assert!(marks.iter().sum::<u64>() <= now["ready"].as_u64().unwrap(), "{now}");
+        assert_eq!(
+            now["ready"].as_u64().unwrap() + now["busy"].as_u64().unwrap(),
+            u64::from(now["beats"] == true),
+            "{now}"
+        );
+    }
+    let last = printed.iter().rev().find(|verdict| verdict["station"] == 1).unwrap();
+    let mark = match last["verdict"].as_str().unwrap() {
+        "PASS" => "ok",
+        "REJECT" => "not_ok",
+        _ => "re_inspect",
+    };
+    assert_eq!(states.last().unwrap()[mark], 1, "{states:?}");
+    assert_eq!(unreported(&sandbox).len(), 4);
+    drop(line.kill());
+
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    let address = address_of(&mut line, "Modbus");
+    let mut client = client(&python, "modbus.py", &[&address, "2"]);
+    let mut mails = Vec::new();
+    while mails.len() < 4 {
+        let said = said(&mut client);
+        mails.extend(said.get("mail").cloned());
+        // What the line before has judged stands no longer.
+        if let Some(now) = said.get("now") {
+            assert_eq!(
+                [&now["ok"], &now["re_inspect"], &now["not_ok"], &now["count"]],
+                [0, 0, 0, 0].map(|k| json!(k)).each_ref()
+            );
+        }
+    }
+    let (mails, printed) = (by_id(&mails), by_id(&printed));
+    assert!(mails.keys().eq(printed.keys()), "{mails:?}");
+    for (id, mail) in &mails {
+        let verdict = &printed[id];
+        assert_eq!((&mail["verdict"], &mail["casing"]), (&verdict["verdict"], &verdict["casing"]));
+        assert_eq!(mail["at_ms"].as_i64().unwrap(), verdict["at_ns"].as_i64().unwrap() / 1_000_000);
+    }
+    until("nothing is left to tell", || unreported(&sandbox).is_empty());
+    line.interrupt().expect(0);
+}
+
+/// Catches a heartbeat that goes on, and a verdict that stands, while the line itself hangs: nobody takes what it prints.
+#[test]
+fn a_line_that_hangs_has_no_heartbeat() {
+    let Some(python) = tapline_testing::python_with("pymodbus") else { return };
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 2, 100.0, TABLE);
+    let (read, write) = std::io::pipe().unwrap();
+    fill(&write);
+    let mut command = sandbox.command("line --config plant.toml --out out --json");
+    let mut child = command.stdout(Stdio::from(OwnedFd::from(write))).stderr(Stdio::piped()).spawn().unwrap();
+    drop(command);
+    // What it logs is followed as ever; what it prints goes into the full pipe.
+    child.stdout = Some(std::process::ChildStdout::from(OwnedFd::from(std::io::pipe().unwrap().0)));
+    let mut line = Running::of(child);
+    let address = address_of(&mut line, "Modbus");
+    let mut client = client(&python, "modbus.py", &[&address, "2"]);
+    let mut wait_for = |wanted: &dyn Fn(&Value) -> bool| loop {
+        let said = said(&mut client);
+        if let Some(now) = said.get("now").filter(|now| wanted(now)) {
+            return now.clone();
+        }
+    };
+    wait_for(&|now| now["busy"] == 1);
+    // The first verdict cannot be printed.
+    let hung = wait_for(&|now| now["beats"] == false);
+    let none = ["ready", "busy", "ok", "re_inspect", "not_ok"].map(|key| hung[key].as_u64());
+    assert_eq!(none, [Some(0); 5], "{hung}");
+    let printed = crate::sandbox::running::lines_of(read);
+    wait_for(&|now| now["beats"] == true);
+    drop(printed);
+    line.signal(rustix::process::Signal::KILL);
+    drop(line.kill());
+}
+
+/// Fills a pipe, so that nothing more goes into it.
+fn fill(mut pipe: &std::io::PipeWriter) {
+    let flags = rustix::fs::fcntl_getfl(pipe).unwrap();
+    rustix::fs::fcntl_setfl(pipe, flags | rustix::fs::OFlags::NONBLOCK).unwrap();
+    for line in [[b'\n'; 4096].as_slice(), b"\n"] {
+        while pipe.write(line).is_ok() {}
+    }
+    rustix::fs::fcntl_setfl(pipe, flags).unwrap();
+}
