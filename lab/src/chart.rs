@@ -4,6 +4,7 @@ mod casings;
 mod cost;
 mod draw;
 mod front;
+mod off;
 mod page;
 mod panel;
 mod panels;

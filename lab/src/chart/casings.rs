@@ -41,7 +41,12 @@ pub(crate) struct Group {
 pub(crate) fn expected_s(size: &Size) -> f64 {
     let casings = size.casings.reference + size.casings.sound + 2 * size.casings.cracked;
     let taps = casings as f64 * if size.is_full { 4800.0 } else { 1600.0 };
-    5e-5 * taps * (Simulator::ALL.len() * POPULATIONS.len()) as f64 * size.seed_count as f64
+    2.5e-5 * taps * (Simulator::ALL.len() * populations(size).len()) as f64 * size.seed_count as f64
+}
+
+/// The populations; a short chart has the smooth one alone.
+fn populations(size: &Size) -> &'static [(Scene, [Scene; 2])] {
+    if size.is_full { &POPULATIONS } else { &POPULATIONS[..1] }
 }
 
 /// All groups. Their taps are those of the full plan, recorded for 0.05 s.
@@ -54,9 +59,10 @@ pub(crate) fn groups(bench: &Bench) -> Result<Vec<Group>> {
         ..ScanShape::default()
     };
     let mut groups = Vec::new();
-    let all = (Simulator::ALL.len() * POPULATIONS.len()) as f64 * bench.size.seed_count as f64;
+    let populations = populations(&bench.size);
+    let all = (Simulator::ALL.len() * populations.len()) as f64 * bench.size.seed_count as f64;
     for simulator in Simulator::ALL {
-        for (sound, cracked) in POPULATIONS {
+        for &(sound, cracked) in populations {
             for seed in bench.seeds() {
                 let set = |scene: Scene, tyres: Vec<Tyre>| -> Result<Set> {
                     let sets = simulate(simulator, scene, &shape, &tyres, seed, &[Reading::default()])?;

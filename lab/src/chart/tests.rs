@@ -6,14 +6,11 @@ use std::path::Path;
 use tapline_testing::documents::{csv_rows, docs, text};
 
 use super::front::{Standing, Tolerance, standing};
+use super::off::{self, OFF};
 use super::panel::Facet;
 use super::panels::{Entry, PANELS};
 use super::point::{Cost, Error, Failure, Point};
 use super::{Bench, ChartArgs};
-
-/// Defaults that have left their fronts in the committed atlas: panel, facet, default, and why they are what they are. One that is
-/// back on its front must go from here.
-const OFF: [(&str, &str, &str, &str); 0] = [];
 
 /// Panels whose errors are computed again: they take seconds, and depend on the seeds alone.
 const AGAIN: [&str; 4] = ["spectrum", "force", "contact", "codecs"];
@@ -56,7 +53,7 @@ fn defaults_are_on_their_fronts() {
             }
         }
     }
-    let known: Vec<_> = OFF.iter().map(|(panel, facet, name, _)| (*panel, *facet, *name)).collect();
+    let known: Vec<_> = OFF.iter().map(|off| (off.panel, off.facet, off.default)).collect();
     let off: Vec<_> = off.iter().map(|(panel, facet, name)| (panel.as_str(), facet.as_str(), name.as_str())).collect();
     for of in &off {
         assert!(known.contains(of), "{of:?} has left its front: change the default, or say why not");
@@ -95,8 +92,7 @@ fn errors_measured_anew_leave_defaults_on_their_fronts() {
             assert_eq!(points.len(), known.points.len(), "{name}: a point of the atlas is gone");
             let wide = Tolerance { cost: 2.0 * tolerance.cost, error: 3.0 * tolerance.error };
             for default in with_known_costs.iter().filter(|point| point.is_default) {
-                let is_known =
-                    OFF.iter().any(|(p, f, d, _)| (*p, *f, *d) == (panel.name, *name, default.name.as_str()));
+                let is_known = off::why(panel.name, name, &default.name).is_some();
                 let now = standing(default, &with_known_costs, wide);
                 assert!(is_known || now == Standing::OnFront, "{name}: {}: {now:?}", default.name);
             }

@@ -1,6 +1,7 @@
 //! What pages say of points and defaults.
 
 use super::front::Standing;
+use super::off;
 use super::panel::{Facet, Panel};
 use super::point::Point;
 
@@ -25,6 +26,8 @@ pub(crate) struct DefaultRow {
     pub default: String,
     pub is_on_front: bool,
     pub words: String,
+    /// Why it stays though it is off.
+    pub why: Option<&'static str>,
 }
 
 /// All defaults of `panels`.
@@ -36,6 +39,7 @@ pub(crate) fn defaults(panels: &[Panel]) -> Vec<DefaultRow> {
             default: default.name.clone(),
             is_on_front: standing == Standing::OnFront,
             words: words(facet, &standing),
+            why: off::why(panel.name, facet.name, &default.name).filter(|_| standing != Standing::OnFront),
         };
         facet.standings().into_iter().map(row).collect()
     };

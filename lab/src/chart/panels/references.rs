@@ -15,7 +15,7 @@ use crate::chart::point::{Cost, Error, Point};
 use crate::simulated::{Judging, ScanTaps, Simulator, Times};
 
 pub(super) const ENTRY: Entry =
-    Entry { name: "references", expected_s: |size| if size.is_full { 90.0 } else { 3.0 }, uses_casings: true, measure };
+    Entry { name: "references", expected_s: |size| if size.is_full { 50.0 } else { 3.0 }, uses_casings: true, measure };
 
 fn measure(bench: &Bench) -> Result<Panel> {
     let groups = bench.groups()?;

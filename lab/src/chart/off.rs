@@ -1,0 +1,29 @@
+//! Defaults that are off their fronts, and why they stay what they are.
+
+/// A default that another point beats by more than the noise, and that stays nevertheless.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Off {
+    pub panel: &'static str,
+    /// Name of the facet.
+    pub facet: &'static str,
+    /// Name of its point.
+    pub default: &'static str,
+    /// Why it stays.
+    pub why: &'static str,
+}
+
+/// All of them. A test asks for a line here when the committed atlas shows a default off its front, and that the line goes when it is
+/// back.
+pub(crate) const OFF: [Off; 1] = [Off {
+    panel: "force",
+    facet: "tau",
+    default: "tau = \"half_sine\"",
+    why: "the error here is a common factor, which an index divides out; of the estimators that cost as little none finds more cracks \
+          (tau alone, and the index, beside it)",
+}];
+
+/// Why `default` of `facet` stays, where it is known to be off.
+pub(crate) fn why(panel: &str, facet: &str, default: &str) -> Option<&'static str> {
+    let of = |off: &&Off| off.panel == panel && off.facet == facet && off.default == default;
+    OFF.iter().find(of).map(|off| off.why)
+}
