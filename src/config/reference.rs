@@ -67,13 +67,15 @@ impl Fusions {
     }
 }
 
-/// All that discriminators depend on: rate, channels and units of the records, and the table `[process]` with every default.
+/// All that discriminators depend on: rate, channels, units and analysed length of the records, and the table `[process]` with
+/// every default.
 pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
     let units: Vec<&str> = recording.channels.iter().map(|&c| recording.calibration.unit(c).name()).collect();
     let rate_hz = recording.sample_rate_hz;
+    let analysed_s = f64::from(config.samples_looked_at(recording.sample_count_max, rate_hz)) / rate_hz;
     let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
-    Ok(format!("sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\n{config}"))
+    Ok(format!("sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\nanalysed_s = {analysed_s:?}\n{config}"))
 }
 
 /// Checks that the analysed beginning of each record reaches beyond its trigger.
@@ -146,9 +148,11 @@ mod tests {
             difference(&other, &recording),
             "f_c_hz = 550.0, f_hi_hz = 2000.0 there, f_c_hz = 600.0, f_hi_hz = 1900.0 here"
         );
-        // The length of records and the type of their samples do not count.
-        let longer = Recording { sample_count_max: 32_768, sample_format: SampleFormat::F32, ..recording };
-        assert_eq!(process_of(&ProcessConfig::default(), &longer).unwrap(), was);
+        let longer = Recording { sample_count_max: 32_768, sample_format: SampleFormat::F32, ..recording.clone() };
+        assert_eq!(difference(&config, &longer), "analysed_s = 0.4 there, analysed_s = 0.8 here");
+        // What is not analysed of longer records, and the type of their samples, do not count.
+        let short = ProcessConfig { record_s: 0.2, ..config };
+        assert_eq!(process_of(&short, &longer).unwrap(), process_of(&short, &recording).unwrap());
         assert!(check_record_s(&config, &longer).is_ok());
         let refused = check_record_s(&ProcessConfig { record_s: 0.0125, ..config }, &longer).unwrap_err().to_string();
         assert_eq!(

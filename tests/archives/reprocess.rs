@@ -100,10 +100,10 @@ fn beginnings_give_the_same_bits() {
 fn other_options_stand_beside() {
     let sandbox = Sandbox::new();
     let archive = scanned(&sandbox);
-    sandbox.write("weights.toml", "[fuse]\nindex = \"dissertation\"\nreference = \"self\"\n");
+    sandbox.write("index.toml", "[fuse]\nindex = \"dissertation\"\nreference = \"self\"\n");
     // If no reference is named, the archive's own is used.
     sandbox.write("bands.toml", "[process]\nf_c_hz = 600.0\n");
-    let weights = again(&sandbox, "run.h5 --config weights.toml");
+    let weights = again(&sandbox, "run.h5 --config index.toml");
     let bands = again(&sandbox, "run.h5 --config bands.toml");
     let key = |path: &PathBuf| Reader::open(path).unwrap().lineage_key().unwrap();
     assert!(key(&archive) != key(&weights) && key(&weights) != key(&bands) && key(&archive) != key(&bands));
@@ -129,12 +129,12 @@ fn other_options_stand_beside() {
 
 /// Catches samples that are read for new weights or limits: the archive has no valid ones left.
 #[test]
-fn new_weights_need_no_samples() {
+fn another_index_needs_no_samples() {
     let sandbox = Sandbox::new();
     let archive = scanned(&sandbox);
-    sandbox.write("weights.toml", "[fuse]\nindex = \"dissertation\"\nre_inspect_rate = 0.01\nreference = \"self\"\n");
+    sandbox.write("index.toml", "[fuse]\nindex = \"dissertation\"\nre_inspect_rate = 0.01\nreference = \"self\"\n");
     let judged = || {
-        let results = again(&sandbox, "run.h5 --config weights.toml");
+        let results = again(&sandbox, "run.h5 --config index.toml");
         let exported = |verb: &str| sandbox.run(&format!("export {} {verb}", results.display())).expect(0).out;
         let found = (exported("verdicts"), exported("damage"));
         fs::remove_file(results).unwrap();

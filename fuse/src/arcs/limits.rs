@@ -7,7 +7,7 @@ use crate::stats::{chi_squared_tail, f_tail, normal_quantile, t_quantile};
 const EULER: f64 = 0.577_215_664_9;
 
 /// What the spread of white rings counts beside that of the reference's shoulders, in shoulders.
-const PRIOR_COUNT: f64 = 8.0;
+const PRIOR_COUNT: f64 = 4.0;
 
 /// Degrees of freedom of a shoulder that is its own reference.
 const OWN_DOF: f64 = 20.0;

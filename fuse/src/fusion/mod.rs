@@ -6,6 +6,7 @@ mod coverage;
 mod drift;
 mod force;
 mod judge;
+mod reasons;
 
 pub(crate) use compared::setup;
 pub use judge::OffsetMap;
