@@ -75,7 +75,9 @@ pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Resul
     let rate_hz = recording.sample_rate_hz;
     let analysed_s = f64::from(config.samples_looked_at(recording.sample_count_max, rate_hz)) / rate_hz;
     let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
-    Ok(format!("sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\nanalysed_s = {analysed_s:?}\n{config}"))
+    Ok(format!(
+        "sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\nanalysed_s = {analysed_s:?}\n{config}"
+    ))
 }
 
 /// Checks that the analysed beginning of each record reaches beyond its trigger.

@@ -11,6 +11,10 @@ pub(crate) const ARC_MAX: usize = 20;
 /// Fewest places that tell how the sum of several offsets scatters.
 const PLACES_MIN: usize = 8;
 
+/// What the mean variance of few arcs of one casing is widened by, times their count: found on sound casings of two simulators
+/// (`docs/rates.md`).
+const OWN_WIDENING: f64 = 4.0;
+
 /// How the scores of offsets become those of a place, and those of places the evidence of an arc.
 ///
 /// A crack begins at the belt edge and reaches inwards: what it does shows at the first offset, or the first two, and so on.
@@ -204,10 +208,16 @@ fn scatter_by_length(sums: &[Vec<Vector>], is_own: bool) -> Vec<Scatter> {
         if sums.len() < PLACES_MIN {
             return place.clone();
         }
-        // Long arcs share places: few of them are independent, and what those do not tell is that of a place.
+        // Long arcs share places: few of them are independent.
         let independent = sums.len() as f64 / (number as f64 + 1.0);
-        let width = place.used().count() as f64;
-        let scatter = of_length(sums).mixed(&place, width / (width + independent));
+        let scatter = match is_own {
+            true => widened(&place, &of_length(sums), independent),
+            // What those do not tell is that of a place.
+            false => {
+                let width = place.used().count() as f64;
+                of_length(sums).mixed(&place, width / (width + independent))
+            }
+        };
         // The level of a shoulder takes away what long arcs have in common; that says nothing of a shoulder that is cracked.
         let at_least = |d: usize| {
             if scatter.deviation(d) < place.deviation(d) { place.deviation(d) / scatter.deviation(d) } else { 1.0 }
@@ -215,6 +225,17 @@ fn scatter_by_length(sums: &[Vec<Vector>], is_own: bool) -> Vec<Scatter> {
         scatter.scaled(&std::array::from_fn(at_least))
     });
     longer.collect()
+}
+
+/// The scatter of a `place`, as much wider as arcs of one casing are; so few of them tell no correlation.
+///
+/// Each discriminator is widened as its own arcs are, and no less than all of them are in the mean, which is known better; that is
+/// taken for more by [`OWN_WIDENING`] over the count of `independent` arcs.
+fn widened(place: &Scatter, arcs: &Scatter, independent: f64) -> Scatter {
+    let ratio = |d: usize| (arcs.deviation(d) / place.deviation(d)).powi(2);
+    let width = place.used().count() as f64;
+    let mean = place.used().map(ratio).sum::<f64>() / width * (1.0 + OWN_WIDENING / independent);
+    place.scaled(&std::array::from_fn(|d| if ratio(d) > mean { ratio(d) } else { mean }.sqrt()))
 }
 
 /// Mean and standard deviation; of the lower half alone where the upper may be damage.
