@@ -62,7 +62,7 @@ fn defaults(panels: &[Panel]) -> Markup {
                 tbody { @for row in &rows {
                     tr class=[(!row.is_on_front).then_some("off")] {
                         td { a href={ "#" (row.panel) } { (row.panel) } } td { (row.facet) } td { (row.default) }
-                        td { (row.words) @if let Some(why) = row.why { ". It stays: " (why) "." } }
+                        td { (row.words) @if let Some(why) = row.why { ". Why: " (why) "." } }
                     }
                 } }
             } }
@@ -185,7 +185,7 @@ pub(crate) fn markdown(panels: &[Panel], skipped: &[Skipped], provenance: &Prove
     }
     page.push_str("\n## The defaults\n\n| panel | facet | default | where it stands |\n|---|---|---|---|\n");
     for row in words::defaults(panels) {
-        let why = row.why.map(|why| format!(". It stays: {why}.")).unwrap_or_default();
+        let why = row.why.map(|why| format!(". Why: {why}.")).unwrap_or_default();
         let words = if row.is_on_front { row.words } else { format!("**{}**{why}", row.words) };
         page.push_str(&format!("| {} | {} | {} | {words} |\n", row.panel, row.facet, row.default));
     }

@@ -131,7 +131,9 @@ fn the_committed_atlas_is_whole() {
         for column in
             ["cpu", "build", "commit", "date", "n", "seeds", "truth", "cost", "cost_quantity", "error_quantity"]
         {
-            assert!(!row[column].is_empty(), "{column}: {row:?}");
+            // Recorded taps have no seed.
+            let is_due = column != "seeds" || row["panel"] != "slabs";
+            assert!(!is_due || !row[column].is_empty(), "{column}: {row:?}");
         }
         assert_ne!(row["commit"], "unknown");
     }

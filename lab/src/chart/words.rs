@@ -26,7 +26,7 @@ pub(crate) struct DefaultRow {
     pub default: String,
     pub is_on_front: bool,
     pub words: String,
-    /// Why it stays though it is off.
+    /// Why it is what it is, though it is off.
     pub why: Option<&'static str>,
 }
 

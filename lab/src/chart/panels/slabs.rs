@@ -137,8 +137,8 @@ fn measure(bench: &Bench) -> Result<Panel> {
             "Each line is compared with all lines of its slab, as the shipped configurations do. The cost is that of reading a tap, all \
              discriminators, and judging it. Intervals draw whole lines; there is one recording of each, and no seed."
                 .to_owned(),
-            "These records are 5 and 10 ms long, and ring until they end: here a shorter record is no better. It is the tyres' ringing, over after \
-             25 ms or so, that makes most of a record of 0.4 s useless."
+            "These records are 5 and 10 ms long, and ring until they end. Within the wide intervals of so few lines no part of them is \
+             better than all. It is the tyres' ringing, over after 25 ms or so, that makes most of a record of 0.4 s useless."
                 .to_owned(),
         ],
         facets,
