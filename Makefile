@@ -4,7 +4,7 @@ PACKAGES = libasound2-dev libhdf5-dev pkg-config python3-h5py hdf5-filter-plugin
 DEMO = demo
 LISTEN = target/listen
 
-.PHONY: setup python demo listen test gates bench
+.PHONY: setup python demo listen test gates bench atlas
 
 # Rust, gcc and make are taken for granted; all else is asked for here, and only what is missing is installed.
 define install
@@ -54,3 +54,7 @@ gates: setup
 
 bench: setup
 	cargo bench --bench '*'
+
+# Speed against accuracy of everything that can be chosen, measured on this machine: docs/atlas.
+atlas: setup
+	cargo run --release -p tapline-lab -- chart

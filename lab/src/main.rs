@@ -4,9 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use tapline_lab::chart::ChartArgs;
 use tapline_lab::pod::PodArgs;
 use tapline_lab::study::StudyArgs;
-use tapline_lab::{estimators, experiment, figures, picture, pod, stability, study};
+use tapline_lab::{chart, estimators, experiment, figures, picture, pod, stability, study};
 
 /// What a researcher runs beside tapline: studies, figures and curves.
 #[derive(Debug, Parser)]
@@ -21,6 +22,8 @@ enum Verb {
     /// Judge many simulated tyres, and compare indices, references and plans: AUC with intervals, false calls,
     /// probability of detection, gauge studies, time on the rig.
     Study(StudyArgs),
+    /// Chart speed against accuracy of all that can be chosen, from contact model to scan plan, with every default marked.
+    Chart(ChartArgs),
     /// Compare the archives of casings that a plant has scanned with what other means found in them: probability of
     /// detection, ROC, false calls, gauge studies.
     Pod(PodArgs),
@@ -65,8 +68,14 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
+    match chart::is_consumer() {
+        Ok(false) => {}
+        Ok(true) => return ExitCode::SUCCESS,
+        Err(error) => return failed(&error),
+    }
     let done = match &Cli::parse().verb {
         Verb::Study(args) => study::study(args),
+        Verb::Chart(args) => chart::chart(args),
         Verb::Pod(args) => pod::pod(args),
         Verb::Experiment { out, seed } => experiment::experiment(out, *seed),
         Verb::Figures { out, figure } => figures::figures(out, *figure),
@@ -76,11 +85,13 @@ fn main() -> ExitCode {
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            use std::io::Write as _;
-            // If standard error is closed, ignore it.
-            drop(writeln!(std::io::stderr(), "tapline-lab: {error:#}"));
-            ExitCode::FAILURE
-        }
+        Err(error) => failed(&error),
     }
+}
+
+fn failed(error: &anyhow::Error) -> ExitCode {
+    use std::io::Write as _;
+    // If standard error is closed, ignore it.
+    drop(writeln!(std::io::stderr(), "tapline-lab: {error:#}"));
+    ExitCode::FAILURE
 }
