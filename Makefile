@@ -10,7 +10,7 @@ DESTDIR =
 BINARIES = target/release
 PACKAGED = target/package
 
-.PHONY: setup python demo listen test gates bench install packaged package
+.PHONY: setup python demo listen test gates bench install packaged package atlas
 
 # Rust, gcc and make are taken for granted; all else is asked for here, and only what is missing is installed.
 define install
@@ -86,3 +86,6 @@ install: packaged
 package: packaged
 	cargo deb -p tapline --no-build --no-strip
 
+# Speed against accuracy of everything that can be chosen, measured on this machine: docs/atlas.
+atlas: setup
+	cargo run --release -p tapline-lab -- chart

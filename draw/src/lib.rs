@@ -4,6 +4,7 @@
 //! - [`boxplot`]: boxes with whiskers, by Tukey's rule.
 //! - [`canvas`]: lines and letters, as SVG.
 //! - [`palette`]: colours of curves, which colour-blind people distinguish.
+//! - [`scale`]: where a value lies along an axis, and its ticks.
 //! - [`stats`]: summary statistics of a list of values.
 //! - [`record`]: one channel of a record in its unit, and the density of its power.
 
@@ -12,4 +13,5 @@ pub mod boxplot;
 pub mod canvas;
 pub mod palette;
 pub mod record;
+pub mod scale;
 pub mod stats;

@@ -1,6 +1,9 @@
 //! Bias and spread of the estimators of `process`, on pulses of every rung and on sounds of the simulated rig.
 
 mod force;
+
+pub(crate) use self::force::{extract_force, pulse_records};
+
 mod page;
 mod sound;
 
@@ -38,19 +41,31 @@ pub(crate) struct Cell {
 }
 
 /// The defaults, with every value kept: what is studied is the estimator, not the flag that would hide it.
-fn plain() -> ProcessConfig {
+pub(crate) fn plain() -> ProcessConfig {
     ProcessConfig { quality: QualityConfig::keeping(), ..ProcessConfig::default() }
 }
 
 impl Cell {
-    /// Random numbers of this cell alone, so that it can be measured again without the others (FNV-1a of its name).
-    fn generator(&self) -> ChaCha8Rng {
+    /// Random numbers of this cell alone, so that it can be measured again without the others (FNV-1a of its name); each seed has
+    /// its own.
+    fn generator(&self, seed: u64) -> ChaCha8Rng {
         let name = format!("{self:?}");
-        ChaCha8Rng::seed_from_u64(
+        let mut generator = ChaCha8Rng::seed_from_u64(
             name.bytes()
                 .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)),
-        )
+        );
+        generator.set_stream(seed);
+        generator
     }
+}
+
+/// How much of a pulse is measured.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Effort {
+    /// Of noise and triggers; that of the page is 0.
+    pub seed: u64,
+    /// Taps of a cell.
+    pub taps: u32,
 }
 
 /// What an estimator made of a cell.
@@ -89,13 +104,18 @@ pub(crate) fn measure(is_wanted: impl Fn(&Cell) -> bool) -> Result<Vec<Row>> {
     let mut progress = Progress::new(Some((of_force.len() + of_sound.len()) as u64), Unit::Things("cells"));
     for (number, cell) in (0..).zip(&of_force) {
         progress.update(number);
-        rows.extend(force::measure(cell)?);
+        rows.extend(force::measure(cell, force::EFFORT)?);
     }
     for (number, cell) in (of_force.len() as u64..).zip(&of_sound) {
         progress.update(number);
         rows.extend(sound::measure(cell)?);
     }
     Ok(rows)
+}
+
+/// Measures one cell of a pulse.
+pub(crate) fn measure_one(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
+    force::measure(cell, effort)
 }
 
 /// The rows as CSV.

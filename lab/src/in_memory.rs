@@ -7,7 +7,7 @@ use std::num::NonZeroUsize;
 use std::sync::{Mutex, PoisonError};
 use std::thread::{Builder, available_parallelism, scope};
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_host::progress::{Progress, Unit};
 use tapline_model::SimulationConfig;
@@ -33,25 +33,34 @@ pub(crate) struct InMemoryScan<'a> {
 }
 
 impl InMemoryScan<'_> {
-    /// The plan, and the discriminators of each of its rows.
-    ///
-    /// # Errors
-    /// For a value of the configuration that is out of its bounds, and when a thread cannot be started.
-    pub(crate) fn discriminators(&self) -> Result<(Plan, Vec<Discriminators>)> {
-        let (plan, taps) = self.taps(|_, _| ())?;
-        Ok((plan, taps.into_iter().map(|(found, ())| found).collect()))
-    }
-
     /// The plan, and of each of its rows the discriminators beside what `look` makes of the record they are from.
     ///
     /// # Errors
-    /// As [`InMemoryScan::discriminators`].
+    /// As [`InMemoryScan::read`].
     pub(crate) fn taps<T: Send>(
         &self,
         look: impl Fn(&TapHeader, Samples<'_>) -> T + Sync,
     ) -> Result<(Plan, Vec<(Discriminators, T)>)> {
+        let read = |extractor: &mut ProcessExtractor, header: &TapHeader, samples: Samples<'_>| {
+            let found = extractor.extract(header, samples);
+            (!found.quality.contains(Quality::RETAKE)).then(|| (found, look(header, samples)))
+        };
+        self.read(|| Ok(ProcessExtractor::new(self.process)?), read)
+    }
+
+    /// The plan, and what `read` makes of the record of each of its rows. A tap of which it makes nothing is taken again; of one
+    /// that has no retake left it must make something. Each thread has a `reader` of its own.
+    ///
+    /// # Errors
+    /// For a value of the configuration that is out of its bounds, when a thread cannot be started, those of `reader`, and for a tap
+    /// of which nothing was made.
+    pub(crate) fn read<R, T: Send>(
+        &self,
+        reader: impl Fn() -> Result<R> + Sync,
+        read: impl Fn(&mut R, &TapHeader, Samples<'_>) -> Option<T> + Sync,
+    ) -> Result<(Plan, Vec<T>)> {
         let plan = SimulatedLine::new(self.scan, self.simulation)?.plan().clone();
-        let mut results: Vec<Option<(Discriminators, T)>> = plan.taps().iter().map(|_| None).collect();
+        let mut results: Vec<Option<T>> = plan.taps().iter().map(|_| None).collect();
         let thread_count = match self.thread_count {
             0 => available_parallelism().map_or(1, NonZeroUsize::get),
             count => count,
@@ -62,13 +71,14 @@ impl InMemoryScan<'_> {
         scope(|threads| {
             let work = || -> Result<()> {
                 let mut maker = TapMaker::new(self)?;
+                let mut reader = reader()?;
                 loop {
                     // In a statement of its own, so that the lock is released before the work is done.
                     let next = to_do.lock().unwrap_or_else(PoisonError::into_inner).next();
                     let Some((first_row, places)) = next else { return Ok(()) };
                     let count = places.len() as u64;
                     for (row, place) in (first_row..).zip(places) {
-                        *place = Some(maker.take(row, &look)?);
+                        *place = Some(maker.take(row, |header, samples| read(&mut reader, header, samples))?);
                     }
                     let (progress, done) = &mut *progress.lock().unwrap_or_else(PoisonError::into_inner);
                     *done += count;
@@ -87,10 +97,9 @@ impl InMemoryScan<'_> {
     }
 }
 
-/// One thread's rig and extractor.
+/// One thread's rig.
 struct TapMaker {
     line: SimulatedLine,
-    extractor: ProcessExtractor,
     header: TapHeader,
     buffer: Vec<CacheLine>,
     retakes: u16,
@@ -100,22 +109,19 @@ impl TapMaker {
     fn new(scan: &InMemoryScan<'_>) -> Result<Self> {
         let line = SimulatedLine::new(scan.scan, scan.simulation)?;
         let buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
-        let extractor = ProcessExtractor::new(scan.process)?;
-        Ok(Self { line, extractor, header: TapHeader::default(), buffer, retakes: scan.retakes })
+        Ok(Self { line, header: TapHeader::default(), buffer, retakes: scan.retakes })
     }
 
-    /// Takes the tap in plan row `row`, and again while its record is unusable and a retake is left.
-    fn take<T>(&mut self, row: u32, look: impl Fn(&TapHeader, Samples<'_>) -> T) -> Result<(Discriminators, T)> {
-        let mut attempt = 0;
-        loop {
+    /// Takes the tap in plan row `row`, and again while `read` makes nothing of it and a retake is left.
+    fn take<T>(&mut self, row: u32, mut read: impl FnMut(&TapHeader, Samples<'_>) -> Option<T>) -> Result<T> {
+        for attempt in 0..=self.retakes {
             self.line.render(row, attempt, &mut self.header, &mut self.buffer)?;
-            self.header.retakes_left = self.retakes.saturating_sub(attempt).into();
+            self.header.retakes_left = (self.retakes - attempt).into();
             let samples = Samples::view(&self.header, &self.buffer).context("a record does not fit its header")?;
-            let found = self.extractor.extract(&self.header, samples);
-            if !found.quality.contains(Quality::RETAKE) {
-                return Ok((found, look(&self.header, samples)));
+            if let Some(made) = read(&self.header, samples) {
+                return Ok(made);
             }
-            attempt += 1; // none is left, and none asked for, after `retakes`
         }
+        bail!("nothing was made of tap {row} and its retakes")
     }
 }

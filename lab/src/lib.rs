@@ -2,14 +2,17 @@
 //!
 //! - [`study`]: simulated tyres by the hundred, and how good each index, reference and plan is.
 //! - [`pod`]: the same of casings that a plant has scanned and inspected.
+//! - [`chart`]: the atlas, speed against accuracy of all that can be chosen.
 //! - [`experiment`]: chapter 5 of the dissertation done again on three simulated tyres.
 //! - [`figures`]: the figures of the dissertation's contact theory.
 //! - [`estimators`]: bias and spread of every estimator on taps whose truth is known.
 //! - [`stability`]: breakdown curves, how wrong a number gets as a disturbance grows.
 //! - [`picture`]: the README's picture, two shoulders of an archive.
+//! - [`simulated`]: casings of two simulators, tapped and judged.
 //! - [`written`]: the files that a verb writes.
 //! - [`statistics`]: probability of detection, rates, gauge studies, resampling, held-out areas.
 
+pub mod chart;
 pub mod estimators;
 mod evaluation;
 pub mod experiment;
@@ -17,6 +20,7 @@ pub mod figures;
 mod in_memory;
 pub mod picture;
 pub mod pod;
+pub mod simulated;
 pub mod stability;
 pub mod statistics;
 pub mod study;

@@ -10,10 +10,11 @@ use tapline_host::atomic_file::check_folder;
 use tapline_host::messages::print_failure;
 use tapline_host::signals::{end_on_signals, wait_if_ending};
 use tapline_host::{generated, log};
+use tapline_lab::chart::ChartArgs;
 use tapline_lab::pod::PodArgs;
 use tapline_lab::study::StudyArgs;
 use tapline_lab::written::WrittenArgs;
-use tapline_lab::{estimators, experiment, figures, picture, pod, stability, study};
+use tapline_lab::{chart, estimators, experiment, figures, picture, pod, stability, study};
 
 /// What a researcher runs beside tapline: studies, figures and curves.
 #[derive(Debug, Parser)]
@@ -30,6 +31,8 @@ enum Verb {
     /// Judge many simulated tyres, and compare indices, references and plans: AUC with intervals, false calls,
     /// probability of detection, gauge studies, time on the rig.
     Study(StudyArgs),
+    /// Chart speed against accuracy of all that can be chosen, from contact model to scan plan, with every default marked.
+    Chart(ChartArgs),
     /// Compare the archives of casings that a plant has scanned with what other means found in them: probability of
     /// detection, ROC, false calls, gauge studies.
     Pod(PodArgs),
@@ -96,6 +99,14 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
+    match chart::is_consumer() {
+        Ok(false) => {}
+        Ok(true) => return ExitCode::SUCCESS,
+        Err(error) => {
+            print_failure("tapline-lab", error.as_ref());
+            return ExitCode::FAILURE;
+        }
+    }
     let cli = Cli::parse();
     log::start(cli.log, None);
     let done = end_on_signals().context("cannot listen to signals").and_then(|()| dispatch(&cli.verb));
@@ -112,6 +123,7 @@ fn main() -> ExitCode {
 fn dispatch(verb: &Verb) -> Result<()> {
     match verb {
         Verb::Study(args) => study::study(args),
+        Verb::Chart(args) => chart::chart(args),
         Verb::Pod(args) => pod::pod(args),
         Verb::Experiment { out, seed, written } => experiment::experiment(out, *seed, *written),
         Verb::Figures { out, figure, written } => figures::figures(out, *figure, *written),

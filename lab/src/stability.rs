@@ -6,6 +6,8 @@ mod curves;
 mod draw;
 mod tap;
 
+pub(crate) use self::tap::{COUNT, PRE_TRIGGER, RATE_HZ, Tap, add_hum, add_offset};
+
 use std::path::Path;
 
 use anyhow::Result;

@@ -5,6 +5,7 @@
 //!   rate.** The curves fitted here fall to 0 with the size. But a rig that calls sound places cracked at a rate f finds
 //!   even the smallest crack at that rate, by chance. So state f with its interval, from places known to be sound, beside
 //!   every a90, and do not use a curve below f.
+//! - [`mean_interval`]: the interval of a mean of few values.
 //! - [`crossed`] and [`one_way()`]: gauge repeatability and reproducibility by analysis of variance.
 //! - [`auc_interval`] and [`auc_left_out`]: intervals of the area under the ROC curve, by blocks of a ring and by tyres left out.
 //! - [`nor_rmse`] and [`within_over_healthy`]: repeatability of two turns around a ring.
@@ -19,6 +20,7 @@ mod bound;
 mod few;
 mod gauge;
 mod hit_miss;
+mod mean;
 mod newton;
 mod normal;
 mod one_way;
@@ -35,6 +37,7 @@ pub use bootstrap::{Bootstrap, auc_interval};
 pub use few::AtLeast;
 pub use gauge::{Component, Crossed, Gauge, POOLED_ABOVE, crossed};
 pub use hit_miss::{HIT_MISS_TARGETS, HitMiss, hit_miss};
+pub use mean::mean_interval;
 pub use one_way::{OneWay, one_way};
 pub use rate::{Rate, clopper_pearson};
 pub use refusal::Refusal;

@@ -11,9 +11,12 @@ mod parallel;
 mod pictures;
 mod plans;
 mod published;
+mod readings;
 mod sets;
 mod size;
 mod summary;
+
+pub(crate) use self::readings::by_readings;
 
 use std::path::{Path, PathBuf};
 

@@ -30,9 +30,12 @@ impl Sandbox {
     }
 }
 
-/// The files in `folder`, and the page beside it, by name.
+/// The files in `folder`, and the page beside it where there is one, by name.
 pub(crate) fn files(folder: &Path) -> BTreeMap<String, String> {
     let inside = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let page = folder.with_added_extension("md");
-    inside.chain([page]).map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), text(&path))).collect()
+    inside
+        .chain(Some(page).filter(|page| page.is_file()))
+        .map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), text(&path)))
+        .collect()
 }

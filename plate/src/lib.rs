@@ -1,4 +1,4 @@
-//! A second simulator of tapped casings, for tests alone.
+//! A second simulator of tapped casings, for tests and for the lab.
 //!
 //! What holds on one simulator may be a property of that simulator. This one shares no code and no physics with
 //! `tapline-model`, so that a method tuned on one can be tested on the other.
@@ -67,5 +67,5 @@ pub use crack::Crack;
 pub use error::Error;
 pub use population::Population;
 pub use rig::{Rig, Tap};
-pub use scan::{ScanShape, Tyre, discriminators};
+pub use scan::{ScanShape, Tyre, discriminators, taps};
 pub use tap_set::write_tap_set;

@@ -118,8 +118,7 @@ impl ScanShape {
 /// The discriminators of every tap of `plan`, in its order; an unusable tap is taken again up to `retakes` times.
 ///
 /// # Errors
-/// [`Error`] if the plan has other records than force and sound as 32-bit numbers, or a tyre that is not among `tyres`;
-/// also the errors of [`Casing::new`], [`Rig::new`] and the extractor.
+/// As [`taps`], and the errors of the extractor.
 pub fn discriminators(
     population: &Population,
     seed: u64,
@@ -128,23 +127,53 @@ pub fn discriminators(
     process: &ProcessConfig,
     retakes: u16,
 ) -> Result<Vec<Discriminators>, Error> {
+    let read = |extractor: &mut ProcessExtractor, header: &TapHeader, samples: &[f32]| {
+        let found = extractor.extract(header, Samples::F32(samples));
+        (!found.quality.contains(Quality::RETAKE)).then_some(found)
+    };
+    taps(population, seed, tyres, plan, retakes, || Ok(ProcessExtractor::new(process)?), read)
+}
+
+/// What `read` makes of the record of every tap of `plan`, in its order: force and sound, one after the other. A tap of which it
+/// makes nothing is taken again; after `retakes` times, which the header counts down, it must make something of it. Each thread
+/// has a `reader` of its own.
+///
+/// # Errors
+/// [`Error`] if the plan has other records than force and sound as 32-bit numbers, a tyre that is not among `tyres`, or a tap of
+/// which nothing was made; also the errors of [`Casing::new`], [`Rig::new`] and `reader`.
+pub fn taps<R, T: Send>(
+    population: &Population,
+    seed: u64,
+    tyres: &[Tyre],
+    plan: &Plan,
+    retakes: u16,
+    reader: impl Fn() -> Result<R, Error> + Sync,
+    read: impl Fn(&mut R, &TapHeader, &[f32]) -> Option<T> + Sync,
+) -> Result<Vec<T>, Error> {
     check(&plan.recording)?;
-    let scans: Vec<Vec<Discriminators>> = plan
+    let scans: Vec<Vec<(u32, T)>> = plan
         .scans()
         .par_iter()
         .map(|scan| {
             let tyre = tyres.iter().find(|tyre| tyre.serial == scan.tyre);
             let tyre = tyre.ok_or_else(|| Error::Recording { what: format!("tyre {}", scan.tyre) })?;
             let casing = Casing::new(population, seed, scan.tyre, tyre.cracks.clone())?;
-            let mut station = Station::new(population, plan, process)?;
-            Ok(scan.taps.iter().map(|&row| station.take(&casing, plan, scan, row, retakes)).collect())
+            let mut station = Station::new(population, plan)?;
+            let mut reader = reader()?;
+            let take = |&row: &u32| {
+                let made = station
+                    .take(&casing, plan, scan, row, retakes, |header, samples| read(&mut reader, header, samples));
+                Ok((
+                    row,
+                    made.ok_or_else(|| Error::Recording { what: format!("tap {row}, of which nothing is made") })?,
+                ))
+            };
+            scan.taps.iter().map(take).collect()
         })
         .collect::<Result<_, Error>>()?;
-    let mut all = vec![Discriminators::default(); plan.taps().len()];
-    for found in scans.into_iter().flatten() {
-        all[found.plan_index as usize] = found;
-    }
-    Ok(all)
+    let mut all: Vec<(u32, T)> = scans.into_iter().flatten().collect();
+    all.sort_by_key(|&(row, _)| row);
+    Ok(all.into_iter().map(|(_, made)| made).collect())
 }
 
 /// Refuses a recording that the simulator cannot make.
@@ -171,24 +200,30 @@ pub(crate) fn tap_of(plan: &Plan, scan: &Scan, row: u32, attempt: u16) -> Tap {
     }
 }
 
-/// A rig with its extractor.
+/// A rig with room for a record.
 struct Station {
     rig: Rig,
-    extractor: ProcessExtractor,
     samples: Vec<f32>,
 }
 
 impl Station {
-    fn new(population: &Population, plan: &Plan, process: &ProcessConfig) -> Result<Self, Error> {
+    fn new(population: &Population, plan: &Plan) -> Result<Self, Error> {
         let recording = &plan.recording;
         Ok(Self {
             rig: Rig::new(population, recording.sample_rate_hz, recording.pre_trigger_samples)?,
-            extractor: ProcessExtractor::new(process)?,
             samples: vec![0.0; 2 * recording.sample_count_max as usize],
         })
     }
 
-    fn take(&mut self, casing: &Casing, plan: &Plan, scan: &Scan, row: u32, retakes: u16) -> Discriminators {
+    fn take<T>(
+        &mut self,
+        casing: &Casing,
+        plan: &Plan,
+        scan: &Scan,
+        row: u32,
+        retakes: u16,
+        mut read: impl FnMut(&TapHeader, &[f32]) -> Option<T>,
+    ) -> Option<T> {
         let recording = &plan.recording;
         let mut header = TapHeader {
             id: plan.taps()[row as usize].id,
@@ -207,18 +242,13 @@ impl Station {
         for (channel, of) in header.channels.iter_mut().zip(&recording.channels) {
             *channel = ChannelHeader { code: of.code(), unit_per_count: 1.0, ..ChannelHeader::default() };
         }
-        let mut attempt = 0;
-        loop {
+        (0..=retakes).find_map(|attempt| {
             let (force, sound) = self.samples.split_at_mut(recording.sample_count_max as usize);
             header.id.attempt = attempt;
-            header.retakes_left = retakes.saturating_sub(attempt).into();
+            header.retakes_left = (retakes - attempt).into();
             header.velocity_measured_m_per_s = self.rig.record(casing, &tap_of(plan, scan, row, attempt), force, sound);
-            let found = self.extractor.extract(&header, Samples::F32(&self.samples));
-            if !found.quality.contains(Quality::RETAKE) {
-                return found;
-            }
-            attempt += 1; // after `retakes` there are none left, and none is asked for
-        }
+            read(&header, &self.samples)
+        })
     }
 }
 

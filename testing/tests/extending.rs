@@ -27,7 +27,7 @@ fn parts_are_where_the_page_says() {
         assert_eq!(found, named, "{part}");
         count += 1;
     }
-    assert_eq!(count, 5, "the rows of the page");
+    assert_eq!(count, 6, "the rows of the page");
 }
 
 /// Adds the sources below `folder` that name `part` outside their tests and comments.

@@ -20,7 +20,7 @@ const CRATES: [(&str, usize); 11] = [
     ("export/src", 5),
     ("import/src", 5),
     ("draw/src", 2),
-    ("lab/src", 3),
+    ("lab/src", 4),
     ("src", 5),
 ];
 

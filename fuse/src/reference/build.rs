@@ -59,7 +59,9 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
     let config = FuseConfig { index: IndexKind::default(), directions: set.directions, ..of.config.clone() };
     config.validate()?;
     let setup = setup(&config, &pattern.conditions, false, false);
-    let fitted = FittedReference::fit(setup, &pattern.conditions.offsets_inwards(), &known);
+    // What is found here is remembered: a scan like the reference's own asks for the same.
+    let offsets = pattern.conditions.offsets_inwards();
+    let fitted = set.fitted(&setup, &offsets, &pattern, &Normalisation::default());
     let fitted = fitted.ok_or_else(|| refuse("its sound locations are too few, or nothing of them varies"))?;
     set.summary = summed_up(&config, &pattern, &known, &fitted);
     Ok(set.signed())

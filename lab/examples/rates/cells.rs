@@ -3,17 +3,44 @@
 use std::fmt;
 use std::io::Write;
 use std::str::FromStr;
-use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
+use clap::ValueEnum;
 use rayon::prelude::*;
-use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, Reference, ReferenceSet, auc, build_reference};
+use tapline_fuse::{FuseConfig, Reference, auc};
+use tapline_lab::simulated::{Judged, Judging, ScanTaps, Scene, Times, judge, reference};
 use tapline_lab::statistics::clopper_pearson;
-use tapline_wire::{Discriminator, Discriminators, Plan, Reasons, Verdict};
+use tapline_plate::ScanShape;
+use tapline_wire::{Discriminator, Reasons, Verdict};
 
-use crate::scenes::Scene;
-use crate::sets::{Cache, Policy, Set, Times};
+use crate::cache::Cache;
+
+/// How a casing is scanned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Policy {
+    /// All taps and no others.
+    Fixed,
+    /// All taps, and what stands out again.
+    Full,
+    /// Some of the taps, and what stands out again.
+    Adaptive,
+}
+
+impl Policy {
+    /// The taps of a scan with so many repetitions of `shape`.
+    fn taps(self, shape: &ScanShape, repetitions: u16) -> ScanTaps {
+        let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, repetitions);
+        match self {
+            Self::Fixed => full,
+            Self::Full => full.confirmed(),
+            Self::Adaptive => {
+                let velocity = shape.velocities_m_per_s.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN);
+                ScanTaps::adaptive(velocity)
+            }
+        }
+    }
+}
 
 /// What shoulders are compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,20 +89,6 @@ pub(crate) struct Asked {
     pub(crate) times: Times,
 }
 
-/// A shoulder that was judged.
-#[derive(Debug)]
-struct Judged {
-    /// What its casing took, s.
-    scan_s: f64,
-    is_asked: bool,
-    verdict: u32,
-    reasons: Reasons,
-    index: Vec<f64>,
-    /// Ring mean of each discriminator by itself, in the direction of damage.
-    alone: Vec<Vec<f64>>,
-    is_cracked: Vec<bool>,
-}
-
 /// What is counted of a cell.
 #[derive(Debug)]
 pub(crate) struct Cell {
@@ -111,105 +124,17 @@ pub(crate) fn judge_cell(
         if config.reject_rate > config.re_inspect_rate {
             config.reject_rate = config.re_inspect_rate;
         }
-        // Where taps are made again, the reference has as many repetitions more.
-        let known_repetitions = if asked.policy == Policy::Fixed { repetitions } else { 2 * repetitions };
-        let reference = known.map(|set| reference(&config, &set, by.casings(), known_repetitions)).transpose()?;
+        let taps = asked.policy.taps(&set.shape, repetitions);
+        let reference = known.map(|known| reference(&config, &known, by.casings(), &taps)).transpose()?;
+        let judging = Judging { config, reference, taps, times: asked.times };
         let per_part = casings.div_ceil(rayon::current_num_threads());
         let parts: Vec<_> = (0..casings).step_by(per_part).map(|k| k..casings.min(k + per_part)).collect();
-        let of_part = |casings: &std::ops::Range<usize>| {
-            judge(&config, &set, (casings.clone(), repetitions), asked, scene, &reference)
-        };
+        let of_part = |casings: &std::ops::Range<usize>| judge(&judging, &set, casings.clone(), scene);
         let found: Vec<Vec<Judged>> = parts.par_iter().map(of_part).collect::<Result<_>>()?;
         judged.extend(found.into_iter().flatten());
         seconds += begun.elapsed().as_secs_f64();
     }
     Ok(Cell { scene, by, repetitions, judged, seconds })
-}
-
-fn reference(config: &FuseConfig, set: &Set, casings: usize, repetitions: u16) -> Result<Arc<ReferenceSet>> {
-    let (plan, records) = set.part(0..casings, repetitions, Policy::Fixed, Scene::SoundSmooth)?;
-    let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(&plan, &records, scan, None));
-    let built = Built { config: config.clone(), lineage: Vec::new(), process: String::new(), learns_directions: false };
-    let shoulders: Option<Vec<_>> = shoulders.collect();
-    Ok(Arc::new(build_reference(&built, shoulders.context("a shoulder is not planned")?)?))
-}
-
-/// The shoulders that count of some casings of `set`.
-fn judge(
-    config: &FuseConfig,
-    set: &Set,
-    (casings, repetitions): (std::ops::Range<usize>, u16),
-    asked: Asked,
-    scene: Scene,
-    reference: &Option<Arc<ReferenceSet>>,
-) -> Result<Vec<Judged>> {
-    let first_casing = casings.start;
-    let (mut plan, mut records) = set.part(casings, repetitions, asked.policy, scene)?;
-    let whole = |plan: &Plan, records: &[Discriminators]| -> Result<Fusion> {
-        let mut fusion = match reference {
-            None => Fusion::new(config, plan)?,
-            Some(set) => Fusion::with_reference(config, plan, set.clone())?,
-        };
-        records.iter().try_for_each(|record| fusion.push(record))?;
-        (0..plan.scans().len()).try_for_each(|number| fusion.end(number))?;
-        Ok(fusion)
-    };
-    let mut fusion = whole(&plan, &records)?;
-    if asked.policy != Policy::Fixed {
-        let mut wanted = Vec::new();
-        for casing in (0..plan.scans().len()).step_by(2) {
-            wanted.extend(fusion.wanted(casing, usize::MAX)?);
-        }
-        records.extend(set.again(&wanted, first_casing, &plan)?);
-        plan = plan.grown(&wanted)?;
-        fusion = whole(&plan, &records)?;
-    }
-    let both_count = scene.is_sound() && !scene.changes_a_turn();
-    let wanted = plan.scans().iter().enumerate().filter(|(_, scan)| both_count || scan.shoulder == 1);
-    wanted
-        .map(|(number, scan)| {
-            let (judgement, cells) = fusion.judge(number)?;
-            let truth = |location| plan.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
-            Ok(Judged {
-                scan_s: asked.times.of(&plan, scan.tyre),
-                is_asked: scan.taps.iter().any(|&row| plan.taps()[row as usize].is_second_reading()),
-                verdict: judgement.verdict,
-                reasons: judgement.reasons,
-                index: cells.iter().map(|cell| cell.damage_index).collect(),
-                alone: if asked.policy == Policy::Fixed {
-                    Discriminator::ALL.map(|which| alone(&plan, &records, number, which)).to_vec()
-                } else {
-                    Vec::new()
-                },
-                is_cracked: cells.iter().map(|cell| truth(cell.location).unwrap_or(false)).collect(),
-            })
-        })
-        .collect()
-}
-
-/// The mean over turns and three neighbours of one discriminator's logarithm, less each turn's median.
-fn alone(plan: &Plan, records: &[Discriminators], scan: usize, which: Discriminator) -> Vec<f64> {
-    let scan = &plan.scans()[scan];
-    let count = scan.locations.len();
-    let mut sums = vec![(0.0, 0.0); count];
-    for turn in scan.taps.chunks(count) {
-        let logs: Vec<f64> = turn
-            .iter()
-            .map(|&row| records[row as usize].values.get(which).filter(|&x| x > 0.0).map_or(f64::NAN, f64::ln))
-            .collect();
-        let mut sorted: Vec<f64> = logs.iter().copied().filter(|x| x.is_finite()).collect();
-        sorted.sort_by(f64::total_cmp);
-        let Some(&median) = sorted.get(sorted.len() / 2) else { continue };
-        for (sum, log) in sums.iter_mut().zip(logs).filter(|(_, log)| log.is_finite()) {
-            *sum = (sum.0 + which.direction().sign() * (log - median), sum.1 + 1.0);
-        }
-    }
-    let at = |place: usize| sums[place % count];
-    let mean = |place: usize| {
-        let three = [at(place + count - 1), at(place), at(place + 1)];
-        three.iter().map(|s| s.0).sum::<f64>() / three.iter().map(|s| s.1).sum::<f64>()
-    };
-    (0..count).map(mean).collect()
 }
 
 impl Cell {

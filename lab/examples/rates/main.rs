@@ -13,9 +13,8 @@
 //! values = numpy.fromfile("plate-smooth-sound-1-0123456789abcdef.f64", "<f8").reshape(head["shape"])
 //! ```
 
+mod cache;
 mod cells;
-mod scenes;
-mod sets;
 
 use std::io::{self, Write as _};
 use std::path::PathBuf;
@@ -23,11 +22,11 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
 use clap::Parser;
+use tapline_lab::simulated::{Scene, Simulator, Times, Tyre};
 use tapline_plate::{ScanShape, write_tap_set};
 
-use cells::{Asked, By, Cell, judge_cell};
-use scenes::{Scene, Simulator};
-use sets::{Cache, Policy, Times};
+use cache::Cache;
+use cells::{Asked, By, Cell, Policy, judge_cell};
 
 /// Judges simulated casings and counts the verdicts.
 #[derive(Debug, Parser)]
@@ -157,8 +156,8 @@ fn main() -> Result<()> {
 fn write_taps(args: &Args, shape: &ScanShape, folder: &std::path::Path) -> Result<()> {
     ensure!(args.simulator == Simulator::Plate, "--write-taps is of the simulator plate");
     let scene = args.scene.first().copied().context("--scene is empty")?;
-    let tyres = scene.tyres(shape.location_count, 2, args.seed)?;
-    let tyres: Vec<_> = tyres.iter().map(scenes::Tyre::of_plate).collect();
+    let tyres = scene.tyres(shape.location_count, 2, args.seed);
+    let tyres: Vec<_> = tyres.iter().map(Tyre::of_plate).collect();
     let shape = ScanShape { record_s: scene.record_s(shape.record_s), ..shape.clone() };
     Ok(write_tap_set(folder, &scene.population(), args.seed, &tyres, &shape.plan(&tyres)?)?)
 }

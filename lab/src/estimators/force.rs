@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use anyhow::{Result, bail};
 use tapline_model::{Impact, Rung, Scene};
 use tapline_process::{DurationEstimator, Extractor, PeakEstimator, ProcessConfig};
-use tapline_wire::{Channel, Discriminator};
+use tapline_wire::{Channel, Discriminator, Values};
 
-use super::{Cell, Errors, Estimator, RATES_HZ, Row, add_noise, amount, extract, uniform};
+use super::{Cell, Effort, Errors, Estimator, RATES_HZ, Row, add_noise, amount, extract, uniform};
 
-/// Taps of each cell.
-const TAPS: u32 = 300;
+/// Taps of each cell of the page.
+pub(super) const EFFORT: Effort = Effort { seed: 0, taps: 300 };
 /// Samples before the impact.
 const PRE_TRIGGER: u32 = 200;
 /// Depth of the crack that the plates lie over: as deep as thin-plate theory goes.
@@ -127,18 +127,35 @@ fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
     })
 }
 
-pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
+/// The records of `cell`, in N.
+pub(crate) fn pulse_records(cell: &Cell, effort: Effort) -> Result<Vec<Vec<f32>>> {
+    records(&Pulse::named(&cell.signal)?, cell, effort)
+}
+
+fn records(pulse: &Pulse, cell: &Cell, effort: Effort) -> Result<Vec<Vec<f32>>> {
+    let mut generator = cell.generator(effort.seed);
+    let mut made = |_| {
+        let mut samples = record(pulse, cell, uniform(&mut generator)?)?;
+        add_noise(&mut samples, pulse.f_max_n(), cell.snr_db, &mut generator);
+        clip(&mut samples, pulse, cell)?;
+        Ok(samples)
+    };
+    (0..effort.taps).map(&mut made).collect()
+}
+
+/// What `extractor` finds in a record of [`pulse_records`].
+pub(crate) fn extract_force(extractor: &mut Extractor<f64>, samples: &[f32], rate_hz: u32) -> Option<Values> {
+    extract(extractor, Channel::Force, samples, rate_hz, PRE_TRIGGER).ok()
+}
+
+pub(super) fn measure(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
     let pulse = Pulse::named(&cell.signal)?;
     let estimators = estimators(cell)?;
     let mut extractors = Vec::new();
     for estimator in &estimators {
         extractors.push((Extractor::<f64>::new(&estimator.config)?, [Errors::default(), Errors::default()]));
     }
-    let mut generator = cell.generator();
-    for _ in 0..TAPS {
-        let mut samples = record(&pulse, cell, uniform(&mut generator)?)?;
-        add_noise(&mut samples, pulse.f_max_n(), cell.snr_db, &mut generator);
-        clip(&mut samples, &pulse, cell)?;
+    for samples in records(&pulse, cell, effort)? {
         for (extractor, [f_max, tau]) in &mut extractors {
             let found = extract(extractor, Channel::Force, &samples, cell.rate_hz, PRE_TRIGGER)?;
             f_max.push(found.get(Discriminator::FMax), pulse.f_max_n());

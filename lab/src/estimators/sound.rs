@@ -72,7 +72,7 @@ pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
     let mut reference = Extractor::<f64>::new(&super::plain())?;
     let truth = powers(&mut reference, &clean, cell.rate_hz)?;
     let peak = clean.iter().map(|x| f64::from(x.abs())).max_by(f64::total_cmp).unwrap_or(f64::NAN);
-    let mut generator = cell.generator();
+    let mut generator = cell.generator(0);
     let mut taps = Vec::new();
     // Without random numbers all taps are the same one.
     for _ in 0..if cell.snr_db.is_none() && cell.fault.is_empty() { 1 } else { TAPS } {

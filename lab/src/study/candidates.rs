@@ -11,6 +11,7 @@ use super::parallel::each;
 use super::sets::{Set, cracked, sound};
 use super::size::Size;
 use crate::evaluation::{Areas, Call, ShoulderResult, Table, cell, ends, overlap};
+use crate::simulated::Reading;
 
 /// One set: sound tyres that are the reference, and others that are judged.
 #[derive(Debug)]
@@ -42,6 +43,19 @@ pub(super) struct SingleDiscriminator {
 impl Split {
     /// Scans the tyres of `set`, which is number `number`.
     pub(super) fn scan(set: &Set, number: u64, size: &Size, turns: &Turns, seed: u64, threads: usize) -> Result<Self> {
+        let read = Self::scan_read(set, number, size, turns, (seed, threads), &[Reading::default()])?;
+        read.into_iter().next().context("one reading gives one split")
+    }
+
+    /// The same, by each of `readings`.
+    pub(super) fn scan_read(
+        set: &Set,
+        number: u64,
+        size: &Size,
+        turns: &Turns,
+        (seed, threads): (u64, usize),
+        readings: &[Reading],
+    ) -> Result<Vec<Self>> {
         let (half, quarter) = (size.tyres / 2, size.tyres / 4);
         let names = |part: &str, count: usize| -> Vec<String> {
             (0..count).map(|k| format!("{}-{part}-{k:03}", set.name)).collect()
@@ -52,8 +66,10 @@ impl Split {
         let with_cracks = with_cracks.into_iter().zip(1000 * number..);
         let with_cracks = with_cracks.map(|(s, k)| cracked(s, &set.cracks, size.location_count, seed, k));
         let tyres = reference.iter().cloned().chain(without).map(sound).chain(with_cracks).collect();
-        let dataset = Dataset::scan(&set.simulation, tyres, turns, (seed, size.location_count, threads))?;
-        Ok(Self { name: set.name, dataset, reference, judged })
+        let numbers = (seed, size.location_count, threads);
+        let datasets = Dataset::scan_read(&set.simulation, tyres, turns, numbers, readings)?;
+        let split = |dataset| Self { name: set.name, dataset, reference: reference.clone(), judged: judged.clone() };
+        Ok(datasets.into_iter().map(split).collect())
     }
 
     /// The same tyres, of which only `turns` were made.

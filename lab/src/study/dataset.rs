@@ -10,6 +10,7 @@ use tapline_process::ProcessConfig;
 use tapline_wire::{Discriminators, Plan, PlannedTap, Truth};
 
 use crate::in_memory::InMemoryScan;
+use crate::simulated::{Reader, Reading};
 
 /// A plan and the discriminators of each of its taps.
 #[derive(Debug, Clone)]
@@ -48,8 +49,20 @@ impl Dataset {
         simulation: &SimulationConfig,
         tyres: Vec<TyreConfig>,
         turns: &Turns,
-        (seed, location_count, thread_count): (u64, u32, usize),
+        numbers: (u64, u32, usize),
     ) -> Result<Self> {
+        let read = Self::scan_read(simulation, tyres, turns, numbers, &[Reading::default()])?;
+        read.into_iter().next().context("one reading gives one dataset")
+    }
+
+    /// The same, by each of `readings`.
+    pub(super) fn scan_read(
+        simulation: &SimulationConfig,
+        tyres: Vec<TyreConfig>,
+        turns: &Turns,
+        (seed, location_count, thread_count): (u64, u32, usize),
+        readings: &[Reading],
+    ) -> Result<Vec<Self>> {
         let scan = ScanConfig {
             seed,
             offsets_mm: turns.offsets_mm.clone(),
@@ -62,9 +75,14 @@ impl Dataset {
         };
         let process = ProcessConfig::default();
         let retakes = AcquireConfig::default().retakes;
-        let (plan, records) =
-            InMemoryScan { scan: &scan, simulation, process: &process, retakes, thread_count }.discriminators()?;
-        Ok(Self { plan, records })
+        let scan = InMemoryScan { scan: &scan, simulation, process: &process, retakes, thread_count };
+        let (plan, taps) =
+            scan.read(|| Reader::new(readings), |reader, header, samples| reader.read(header, samples))?;
+        let dataset = |number: usize| {
+            let records = taps.iter().map(|of_tap| of_tap[number]).collect();
+            Self { plan: plan.clone(), records }
+        };
+        Ok((0..readings.len()).map(dataset).collect())
     }
 
     /// Its taps that `is_wanted`, as a plan of their own.

@@ -1,7 +1,8 @@
 //! The course of one impact: a damped Hertz contact on a rigid target or on the plate above a crack.
 
+use crate::contact::compliance::Compliance;
 use crate::contact::ode::{State, Step, Stepping, integrate, locate, runge_kutta_4};
-use crate::{Error, Scene, chi_for_restitution};
+use crate::{DampedContact, Error, Scene, chi_for_restitution};
 
 /// The outcome of an impact after 20 ms; a longer contact is cut off there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -165,6 +166,13 @@ impl Impact {
             }
         });
         Ok(Self { plate, ..thin })
+    }
+
+    /// The same without its layer where that is known to change no quantity of the contact by more than `tolerance`, relative:
+    /// a crack so deep is a sound casing. `rigid` is the contact on a target that does not move, in its own units.
+    pub fn without_rigid_layer(self, rigid: &DampedContact, loss_tangent: f64, tolerance: f64) -> Self {
+        let is_rigid = Compliance::is_rigid(&self, rigid, loss_tangent, tolerance);
+        Self { plate: self.plate.filter(|_| !is_rigid), ..self }
     }
 
     /// Units of length and time, L and T.

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use crate::contact::compliance::Compliance;
 use crate::tyre::casing::{Landing, place};
 use crate::tyre::converter::Converter;
 use crate::tyre::fault::{distort_force, distort_sound, draw_fault, velocity_ratio};
@@ -216,16 +215,14 @@ impl SimulatedRig {
             self.history_n.clear();
             return 1.0;
         }
-        let mut impact = Impact {
+        let impact = Impact {
             k_c_n_per_m1_5: self.contact.k_c_n_per_m1_5 * drawn.stiffness,
             velocity_m_per_s: drawn.velocity_m_per_s,
             plate,
             ..self.contact
         };
-        if Compliance::is_rigid(&impact, &self.rigid, self.scene.loss_tangent(), TOLERANCE) {
-            impact.plate = None;
-        }
-        impact.force_history(&mut self.history_n)
+        let needed = impact.without_rigid_layer(&self.rigid, self.scene.loss_tangent(), TOLERANCE);
+        needed.force_history(&mut self.history_n)
     }
 
     fn force_signal(&mut self, drawn: &DrawnTap, dt: f64) {

@@ -3,7 +3,8 @@
 //! 1. The logarithm of a value is signed so that damage raises it, and taken against the level of its turn: what multiplies
 //!    a whole turn, as a gain that has drifted, is no damage.
 //! 2. It is divided by the scatter of the reference in its condition and clipped.
-//! 3. The tap of a place that stands out most counts no more than the next one bears out: a crack shows in several.
+//! 3. The tap of a place that stands out most counts no more than the next one there or beside it bears out: a crack shows in
+//!    several.
 //! 4. The taps of a place at one offset become their mean, each discriminator of standard deviation 1 over sound places.
 
 mod level;
@@ -13,7 +14,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use tapline_wire::{Direction, Discriminator};
 
-use crate::evidence::{ABSENT, Scatter, Sum, Vector};
+use crate::evidence::{ABSENT, Scatter, Sum, Vector, has_value};
 use crate::index::fused::level::{Level, Levels, QUARTILE_Z, START_FRACTION};
 use crate::index::fused::offset_scale::OffsetScale;
 use crate::index::{Index, Scores, Setup};
@@ -23,7 +24,7 @@ use crate::stats::{Spread, mean_and_sd, median, quantile};
 /// Largest magnitude of the score of one discriminator of a tap.
 const SCORE_MAX: f64 = 6.0;
 
-/// Largest evidence of a single tap that no other of its place bears out: one rogue tap is no damage.
+/// Largest evidence of a single tap that no other of its place or its neighbours bears out: one rogue tap is no damage.
 const TAP_EVIDENCE_MAX: f64 = 4.0;
 
 /// Part of sound places that are left out of the level of their turns because they and their neighbours stand out most: those
@@ -231,24 +232,25 @@ impl Fused {
     }
 
     /// The scores of every tap, `[turn][place]`, in which the tap of a place that stands out most counts no more than the next
-    /// one bears out.
+    /// one bears out: another of that place, or one of a neighbour.
     fn borne_out(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
         let mut scores: Vec<Vec<Vector>> =
             shoulder.turns.iter().zip(levels).map(|(turn, levels)| self.turn_scores(turn, levels)).collect();
+        // Most taps are far from the limit, as a bound tells at once.
+        let stands_out = |scores: &Vector| {
+            let is_near = has_value(scores) && self.tap_scatter.bound(scores) > TAP_EVIDENCE_MAX;
+            if is_near { self.tap_scatter.evidence(scores) } else { 0.0 }
+        };
+        let evidence: Vec<Vec<f64>> = scores.iter().map(|turn| turn.iter().map(stands_out).collect()).collect();
         for place in 0..shoulder.place_count() {
-            let (mut most, mut next, mut turn_of_most) = (TAP_EVIDENCE_MAX, TAP_EVIDENCE_MAX, None);
-            for (turn, scores) in scores.iter().enumerate() {
-                // Most taps are far from the limit, as a bound tells at once.
-                let bound = self.tap_scatter.bound(&scores[place]);
-                let evidence = if bound > next { self.tap_scatter.evidence(&scores[place]) } else { 0.0 };
-                if evidence > most {
-                    (next, most, turn_of_most) = (most, evidence, Some(turn));
-                } else if evidence > next {
-                    next = evidence;
-                }
-            }
-            if let Some(turn) = turn_of_most {
-                scores[turn][place].iter_mut().for_each(|score| *score *= next / most);
+            let of_place = evidence.iter().enumerate().map(|(turn, evidence)| (turn, evidence[place]));
+            let Some((turn_of_most, most)) = of_place.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+            let near = shoulder.ring.with_neighbours(place);
+            let others = near.flat_map(|near| evidence.iter().enumerate().map(move |(turn, e)| (turn, near, e[near])));
+            let others = others.filter(|&(turn, near, _)| (turn, near) != (turn_of_most, place)).map(|(.., e)| e);
+            let next = others.fold(TAP_EVIDENCE_MAX, f64::max);
+            if most > next {
+                scores[turn_of_most][place].iter_mut().for_each(|score| *score *= next / most);
             }
         }
         scores

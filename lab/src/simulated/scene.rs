@@ -1,6 +1,5 @@
 //! The scenes: which casings, of what population, with which cracks and gains.
 
-use anyhow::Result;
 use clap::ValueEnum;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -14,7 +13,7 @@ const NOISE_TIMES: f64 = 8.0;
 
 /// What simulates the casings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-pub(crate) enum Simulator {
+pub enum Simulator {
     /// `tapline-model`.
     Model,
     /// `tapline-plate`.
@@ -23,7 +22,7 @@ pub(crate) enum Simulator {
 
 /// What is judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Scene {
+pub enum Scene {
     /// Sound casings of even stiffness.
     SoundSmooth,
     /// Sound casings with rogue taps, drifts and places that differ.
@@ -56,34 +55,44 @@ pub(crate) enum Scene {
 
 /// A crack, by what both simulators know of it.
 #[derive(Debug, Clone, Serialize)]
-pub(crate) struct Crack {
-    pub(crate) first: u32,
-    pub(crate) count: u32,
-    pub(crate) location_count: u32,
-    pub(crate) depth_mm: f64,
-    pub(crate) length_mm: f64,
+pub struct Crack {
+    /// Its first location.
+    pub first: u32,
+    /// How many it has.
+    pub count: u32,
+    /// Locations of the ring.
+    pub location_count: u32,
+    /// Depth under the surface.
+    pub depth_mm: f64,
+    /// Length across the shoulder, which is the length that bends.
+    pub length_mm: f64,
     /// Part of the loosened layer's compliance that is felt; of the plate alone.
-    pub(crate) severity: f64,
+    pub severity: f64,
 }
 
 /// A casing; its cracks are in shoulder 1.
 #[derive(Debug, Clone, Serialize)]
-pub(crate) struct Tyre {
-    pub(crate) serial: String,
-    pub(crate) cracks: Vec<Crack>,
+pub struct Tyre {
+    /// Serial number; with the seed it determines the casing.
+    pub serial: String,
+    /// Its cracks; a sound casing has none.
+    pub cracks: Vec<Crack>,
 }
 
 impl Tyre {
-    pub(crate) fn sound(serial: String) -> Self {
+    /// A casing without a crack.
+    pub fn sound(serial: String) -> Self {
         Self { serial, cracks: Vec::new() }
     }
 
-    pub(crate) fn is_cracked(&self, shoulder: u16, location: u32) -> bool {
+    /// Whether a crack lies at `location` of `shoulder`.
+    pub fn is_cracked(&self, shoulder: u16, location: u32) -> bool {
         shoulder == 1
             && self.cracks.iter().any(|c| (location + c.location_count - c.first) % c.location_count < c.count)
     }
 
-    pub(crate) fn of_plate(&self) -> tapline_plate::Tyre {
+    /// The casing as `plate` has it.
+    pub fn of_plate(&self) -> tapline_plate::Tyre {
         let crack = |c: &Crack| {
             tapline_plate::Crack {
                 shoulder: 1,
@@ -99,7 +108,8 @@ impl Tyre {
         tapline_plate::Tyre { serial, cracks: self.cracks.iter().map(crack).collect() }
     }
 
-    pub(crate) fn of_model(&self) -> tapline_acquire::TyreConfig {
+    /// The casing as `model` has it.
+    pub fn of_model(&self) -> tapline_acquire::TyreConfig {
         let crack = |c: &Crack| tapline_model::Crack {
             shoulder: 1,
             first_location: c.first,
@@ -116,8 +126,22 @@ impl Tyre {
     }
 }
 
+impl Simulator {
+    /// Both of them.
+    pub const ALL: [Self; 2] = [Self::Plate, Self::Model];
+
+    /// Its name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Model => "model",
+            Self::Plate => "plate",
+        }
+    }
+}
+
 impl Scene {
-    pub(crate) const ALL: [Self; 14] = [
+    /// All of them.
+    pub const ALL: [Self; 14] = [
         Self::SoundSmooth,
         Self::SoundRough,
         Self::Gain08,
@@ -135,17 +159,17 @@ impl Scene {
     ];
 
     /// Whether its casings have no crack.
-    pub(crate) fn is_sound(self) -> bool {
+    pub fn is_sound(self) -> bool {
         self.cracks().is_none()
     }
 
     /// Whether one turn of shoulder 1 is changed, so that shoulder 2 does not count.
-    pub(crate) fn changes_a_turn(self) -> bool {
+    pub fn changes_a_turn(self) -> bool {
         matches!(self, Self::Gain08 | Self::Gain12 | Self::GainDrift)
     }
 
     /// The set that its casings are taken of: scenes that differ after the simulation alone share one.
-    pub(crate) fn set_name(self) -> &'static str {
+    pub fn set_name(self) -> &'static str {
         match self {
             Self::SoundSmooth | Self::Gain08 | Self::Gain12 | Self::GainDrift => "sound-smooth",
             Self::SoundRough => "sound-rough",
@@ -162,7 +186,7 @@ impl Scene {
     }
 
     /// The sound scene whose population and rig its reference has.
-    pub(crate) fn reference_scene(self) -> Self {
+    pub fn reference_scene(self) -> Self {
         match self {
             Self::SoundRough | Self::FaintRough | Self::StrongRough => Self::SoundRough,
             Self::SoundNoise | Self::FaintNoise => Self::SoundNoise,
@@ -170,7 +194,8 @@ impl Scene {
         }
     }
 
-    pub(crate) fn population(self) -> Population {
+    /// Casings and rig, as `plate` has them.
+    pub fn population(self) -> Population {
         match self.reference_scene() {
             Self::SoundRough => Population::rough(),
             Self::SoundNoise => Population::smooth().with_noise(NOISE_TIMES),
@@ -178,8 +203,8 @@ impl Scene {
         }
     }
 
-    /// The nearest that `tapline-model` has to that population.
-    pub(crate) fn simulation(self) -> SimulationConfig {
+    /// The nearest that `model` has to that population.
+    pub fn simulation(self) -> SimulationConfig {
         let plain = SimulationConfig::default();
         let fault = |kind| PlantedFault { kind, fraction: 0.005 };
         match self.reference_scene() {
@@ -199,7 +224,8 @@ impl Scene {
         }
     }
 
-    pub(crate) fn record_s(self, record_s: f64) -> f64 {
+    /// Length of a record where `record_s` is usual.
+    pub fn record_s(self, record_s: f64) -> f64 {
         if self == Self::Short { 0.5 * record_s } else { record_s }
     }
 
@@ -219,7 +245,7 @@ impl Scene {
     }
 
     /// `count` casings of the group of `seed`.
-    pub(crate) fn tyres(self, location_count: u32, count: usize, seed: u64) -> Result<Vec<Tyre>> {
+    pub fn tyres(self, location_count: u32, count: usize, seed: u64) -> Vec<Tyre> {
         let name = self.set_name();
         let tyre = |number: usize| {
             let serial = format!("{name}-{number:03}");
@@ -227,11 +253,11 @@ impl Scene {
             let mut rng = ChaCha8Rng::seed_from_u64(of);
             Tyre { serial, cracks: self.cracks().map(|draw| draw(&mut rng, location_count)).unwrap_or_default() }
         };
-        Ok((0..count).map(tyre).collect())
+        (0..count).map(tyre).collect()
     }
 
     /// What becomes of `value` at `location` of the turn that the scene changes.
-    pub(crate) fn changed(self, which: Discriminator, value: f64, turn: f64) -> f64 {
+    pub fn changed(self, which: Discriminator, value: f64, turn: f64) -> f64 {
         let gain = match self {
             Self::Gain08 => 0.8,
             Self::Gain12 => 1.2,

@@ -1,0 +1,186 @@
+//! `tapline-lab chart`: the atlas, speed against accuracy of everything that can be chosen, and every default on its front.
+
+mod casings;
+mod cost;
+mod draw;
+mod front;
+mod off;
+mod page;
+mod panel;
+mod panels;
+mod point;
+mod progress;
+mod provenance;
+mod size;
+mod stability;
+mod table;
+mod words;
+
+use std::cell::{OnceCell, RefCell};
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result, bail, ensure};
+
+use self::casings::Group;
+use self::panel::{Panel, Skipped};
+use self::panels::{Entry, PANELS};
+use self::progress::Progress;
+use self::provenance::Provenance;
+use self::size::Size;
+
+/// What a chart is asked for.
+#[derive(Debug, clap::Args)]
+pub struct ChartArgs {
+    /// Folder to write the page, pictures (SVG) and the table of points (CSV) into; made when it is not there. It is docs/atlas
+    /// when left out, and must be named for some panels alone.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// First of the seeds of all random numbers.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Do little of everything, to see that it works.
+    #[arg(long)]
+    pub quick: bool,
+    /// Panels to measure, by name; all when left out.
+    #[arg(long, value_delimiter = ',')]
+    pub panel: Vec<String>,
+    /// Folder of recorded tap sets; what needs them is left out, with a notice, where they are not there.
+    #[arg(long, default_value = "../shared/data")]
+    pub recordings: PathBuf,
+}
+
+/// What panels measure with.
+pub(crate) struct Bench {
+    size: Size,
+    seed: u64,
+    progress: Progress,
+    recordings: PathBuf,
+    groups: OnceCell<Vec<Group>>,
+    skipped: RefCell<Vec<Skipped>>,
+}
+
+impl Bench {
+    /// The casings that several panels judge.
+    fn groups(&self) -> Result<&[Group]> {
+        if let Some(groups) = self.groups.get() {
+            return Ok(groups);
+        }
+        let groups = casings::groups(self)?;
+        Ok(self.groups.get_or_init(|| groups))
+    }
+
+    /// Leaves something out, with a notice.
+    fn skip(&self, panel: &'static str, why: &str) {
+        self.progress.print(&format!("chart: NOTICE: {panel}: {why}"));
+        self.skipped.borrow_mut().push(Skipped { panel, why: why.to_owned() });
+    }
+
+    /// The seeds.
+    fn seeds(&self) -> impl Iterator<Item = u64> + use<> {
+        self.seed..self.seed + self.size.seed_count
+    }
+}
+
+/// Measures the panels that are asked for, and writes page, pictures and table.
+///
+/// # Errors
+/// A panel that there is not, a computation that fails, or an error of the file system.
+pub fn chart(args: &ChartArgs) -> Result<()> {
+    let folder = match (&args.out, args.panel.is_empty()) {
+        (Some(out), _) => out.clone(),
+        (None, true) => PathBuf::from("docs/atlas"),
+        (None, false) => {
+            bail!("--panel without --out: some panels alone do not replace docs/atlas; name a folder for them")
+        }
+    };
+    let wanted = wanted(&args.panel)?;
+    let bench = Bench::new(args, &wanted);
+    if wanted.iter().any(|entry| entry.uses_casings) {
+        bench.progress.begin("casings", casings::expected_s(&bench.size));
+        bench.groups()?;
+    }
+    let mut panels = Vec::new();
+    for entry in wanted {
+        bench.progress.begin(entry.name, (entry.expected_s)(&bench.size));
+        let panel = (entry.measure)(&bench).with_context(|| format!("cannot measure the panel {}", entry.name))?;
+        // One that needs what is not here has nothing to show; the notice stays.
+        if !panel.facets.is_empty() {
+            panels.push(panel);
+        }
+    }
+    let files = files(&panels, &bench.skipped.borrow(), &Provenance::here(args.seed, args.quick))?;
+    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    for (name, text) in files {
+        let path = folder.join(name);
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    bench.progress.end();
+    print_defaults(&panels)?;
+    Ok(())
+}
+
+impl Bench {
+    fn new(args: &ChartArgs, wanted: &[&Entry]) -> Self {
+        let size = if args.quick { Size::quick() } else { Size::full() };
+        let casings_s = if wanted.iter().any(|entry| entry.uses_casings) { casings::expected_s(&size) } else { 0.0 };
+        let total_s = casings_s + wanted.iter().map(|entry| (entry.expected_s)(&size)).sum::<f64>();
+        Self {
+            size,
+            seed: args.seed,
+            progress: Progress::new(total_s),
+            recordings: args.recordings.clone(),
+            groups: OnceCell::new(),
+            skipped: RefCell::default(),
+        }
+    }
+}
+
+/// The files of a chart: name and contents.
+fn files(panels: &[Panel], skipped: &[Skipped], provenance: &Provenance) -> Result<Vec<(String, String)>> {
+    let mut files = vec![
+        ("index.html".to_owned(), page::html(panels, skipped, provenance)?),
+        ("README.md".to_owned(), page::markdown(panels, skipped, provenance)),
+        ("points.csv".to_owned(), table::csv(panels, provenance)?),
+    ];
+    for panel in panels {
+        files.push((format!("{}.svg", panel.name), draw::sheet(panel, false)?));
+        files.push((format!("{}-narrow.svg", panel.name), draw::sheet(panel, true)?));
+        for table in &panel.tables {
+            files.push((format!("{}.csv", table.name), table.csv()?));
+        }
+    }
+    Ok(files)
+}
+
+/// Prints each default with where it stands.
+fn print_defaults(panels: &[Panel]) -> Result<()> {
+    let mut out = io::stdout().lock();
+    for row in words::defaults(panels) {
+        writeln!(out, "{}, {}: {}: {}", row.panel, row.facet, row.default, row.words)?;
+    }
+    Ok(())
+}
+
+/// The panels called `names`; all of none.
+fn wanted(names: &[String]) -> Result<Vec<&'static Entry>> {
+    for name in names {
+        let known: Vec<&str> = PANELS.iter().map(|entry| entry.name).collect();
+        ensure!(known.contains(&name.as_str()), "--panel is {name}; there are {}", known.join(", "));
+    }
+    Ok(PANELS.iter().filter(|entry| names.is_empty() || names.iter().any(|name| name == entry.name)).collect())
+}
+
+/// Whether this process was started by the panel `transport` to be a consumer; it is then done with being one.
+///
+/// # Errors
+/// Those of the consumer.
+pub fn is_consumer() -> Result<bool> {
+    let Ok(role) = std::env::var(panels::ROLE) else { return Ok(false) };
+    panels::consume(&role)?;
+    Ok(true)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,182 @@
+//! Where the names of points stand: beside their points, over no other name.
+
+use tapline_draw::canvas::Point as Place;
+
+use super::{LINE_PX, TEXT_PX, width_of};
+
+/// Distances that are tried, from the edge of the point.
+const REACHES: [f64; 9] = [3.0, 8.0, 16.0, 26.0, 38.0, 54.0, 74.0, 98.0, 126.0];
+/// Directions that are tried.
+const DIRECTIONS: usize = 16;
+/// Distance from which on a line leads from point to name.
+const LEADER_FROM: f64 = 9.0;
+/// How often all names are placed anew, given all others.
+const PASSES: usize = 4;
+
+/// A name and its point.
+#[derive(Debug, Clone)]
+pub(super) struct Named {
+    pub text: String,
+    pub is_bold: bool,
+    pub place: Place,
+    /// Radius of the point's mark.
+    pub radius: f64,
+    /// Names of lower rank are placed first.
+    pub rank: (bool, bool),
+}
+
+/// A line that a name should not stand on, and how bad that is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line {
+    pub ends: (Place, Place),
+    pub cost: f64,
+}
+
+/// Where names may stand.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    pub left: f64,
+    pub right: f64,
+    pub top: f64,
+    pub bottom: f64,
+}
+
+/// A name that stands somewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Placed {
+    pub middle: Place,
+    /// From the point to the name.
+    pub leader: Option<(Place, Place)>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Box {
+    left: f64,
+    right: f64,
+    top: f64,
+    bottom: f64,
+}
+
+impl Box {
+    fn around((x, y): Place, half_width: f64, half_height: f64) -> Self {
+        Self { left: x - half_width, right: x + half_width, top: y - half_height, bottom: y + half_height }
+    }
+
+    fn meets(&self, other: &Self) -> bool {
+        self.left < other.right && other.left < self.right && self.top < other.bottom && other.top < self.bottom
+    }
+
+    /// Whether the line from `a` to `b` comes near: by points along it.
+    fn is_crossed(&self, (a, b): (Place, Place)) -> bool {
+        (0..=40).map(|k| f64::from(k) / 40.0).any(|t| {
+            let (x, y) = (a.0 + t * (b.0 - a.0), a.1 + t * (b.1 - a.1));
+            (self.left..self.right).contains(&x) && (self.top..self.bottom).contains(&y)
+        })
+    }
+}
+
+/// A place that a name may have.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    of: Box,
+    placed: Placed,
+    /// Of its distance, and of the lines that it stands on.
+    badness: f64,
+}
+
+/// A place for each of `names`; `None` for one that has none without standing on another.
+pub(super) fn place(names: &[Named], lines: &[Line], room: &Room) -> Vec<Option<Placed>> {
+    let mark = |name: &Named| Box::around(name.place, name.radius + 2.0, name.radius + 2.0);
+    let marks: Vec<Box> = names.iter().map(mark).collect();
+    let candidates: Vec<Vec<Candidate>> = names.iter().map(|name| candidates(name, lines, room)).collect();
+    let mut order: Vec<usize> = (0..names.len()).collect();
+    order.sort_by_key(|&k| names[k].rank);
+    let mut chosen: Vec<Option<Candidate>> = vec![None; names.len()];
+    for _ in 0..PASSES {
+        for &k in &order {
+            let others: Vec<Candidate> =
+                chosen.iter().enumerate().filter(|(other, _)| *other != k).filter_map(|(_, c)| *c).collect();
+            let costs =
+                candidates[k].iter().filter_map(|candidate| Some((cost(candidate, k, &marks, &others)?, candidate)));
+            chosen[k] = costs.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, candidate)| *candidate);
+        }
+    }
+    chosen.into_iter().map(|candidate| candidate.map(|candidate| candidate.placed)).collect()
+}
+
+fn candidates(name: &Named, lines: &[Line], room: &Room) -> Vec<Candidate> {
+    let half_width = 0.5 * width_of(&name.text, TEXT_PX, name.is_bold) + 1.0;
+    let half_height = 0.5 * LINE_PX - 1.0;
+    let (x, y) = name.place;
+    let mut all = Vec::new();
+    for reach in REACHES {
+        for direction in 0..DIRECTIONS {
+            let (sin, cos) = (std::f64::consts::TAU * direction as f64 / DIRECTIONS as f64).sin_cos();
+            // Its edge, not its middle, lies so far off.
+            let away = name.radius + reach;
+            let middle = (x + cos * away + stretched(cos) * half_width, y + sin * away + stretched(sin) * half_height);
+            let of = Box::around(middle, half_width, half_height);
+            if of.left < room.left || of.right > room.right || of.top < room.top || of.bottom > room.bottom {
+                continue;
+            }
+            let near = (x.clamp(of.left, of.right), y.clamp(of.top, of.bottom));
+            let from = (x + cos * (name.radius + 1.0), y + sin * (name.radius + 1.0));
+            let leader = (reach >= LEADER_FROM).then_some((from, near));
+            let on_lines: f64 = lines.iter().filter(|line| of.is_crossed(line.ends)).map(|line| line.cost).sum();
+            all.push(Candidate { of, placed: Placed { middle, leader }, badness: reach + on_lines });
+        }
+    }
+    all
+}
+
+/// A direction's part, drawn towards whole sides, so that names stand at corners and edges of their points.
+fn stretched(part: f64) -> f64 {
+    (1.5 * part).clamp(-1.0, 1.0)
+}
+
+/// How bad a place is; `None` where it stands on another name.
+fn cost(candidate: &Candidate, own: usize, marks: &[Box], others: &[Candidate]) -> Option<f64> {
+    if others.iter().any(|other| other.of.meets(&candidate.of)) {
+        return None;
+    }
+    let on_marks = marks.iter().enumerate().filter(|(k, mark)| *k != own && mark.meets(&candidate.of)).count();
+    let crossing = |of: &Box, leader: &Option<(Place, Place)>| leader.is_some_and(|leader| of.is_crossed(leader));
+    let crossed = others.iter().filter(|other| crossing(&candidate.of, &other.placed.leader)).count()
+        + others.iter().filter(|other| crossing(&other.of, &candidate.placed.leader)).count();
+    let through = candidate
+        .placed
+        .leader
+        .map_or(0, |leader| marks.iter().enumerate().filter(|(k, mark)| *k != own && mark.is_crossed(leader)).count());
+    Some(candidate.badness + 60.0 * on_marks as f64 + 80.0 * crossed as f64 + 25.0 * through as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches names on names, on points of others, or outside of the room; a dozen points in a heap all have one.
+    #[test]
+    fn names_do_not_stand_on_names() {
+        let room = Room { left: 0.0, right: 420.0, top: 0.0, bottom: 330.0 };
+        let named = |k: u32| Named {
+            text: format!("point number {k}"),
+            is_bold: k == 0,
+            place: (200.0 + f64::from(k * 37 % 11) * 4.0, 150.0 + f64::from(k * 53 % 13) * 4.0),
+            radius: 4.5,
+            rank: (k > 0, k > 3),
+        };
+        let names: Vec<Named> = (0..12).map(named).collect();
+        let boxes: Vec<Box> = place(&names, &[], &room)
+            .into_iter()
+            .zip(&names)
+            .map(|(placed, name)| {
+                let half = 0.5 * width_of(&name.text, TEXT_PX, name.is_bold);
+                Box::around(placed.expect("there is room").middle, half, 0.5 * TEXT_PX)
+            })
+            .collect();
+        for (k, a) in boxes.iter().enumerate() {
+            assert!(a.left >= room.left && a.right <= room.right && a.top >= room.top && a.bottom <= room.bottom);
+            assert!(boxes[..k].iter().all(|b| !a.meets(b)), "{k}: {a:?} {boxes:?}");
+        }
+    }
+}

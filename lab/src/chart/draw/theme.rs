@@ -1,0 +1,31 @@
+//! Light and dark: a picture is drawn for white paper, and a style sheet gives its colours others on a dark screen.
+
+/// The colours of a dark screen, by those of paper. Print is light whatever the screen is.
+pub(crate) const DARK_STYLE: &str = include_str!("dark.css");
+
+/// `svg` with a style of its own, for those that stand alone.
+pub(crate) fn themed(svg: &str) -> String {
+    match svg.split_once('>') {
+        Some((head, rest)) => format!("{head}>\n<style>\n{DARK_STYLE}</style>{rest}"),
+        None => svg.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plotters::style::RGBColor;
+    use tapline_draw::canvas::{GRID, INK, PALE_INK};
+    use tapline_draw::palette::COLORS;
+
+    /// Catches a colour that keeps its light value on a dark screen, where ink would be unseen.
+    #[test]
+    fn every_colour_has_a_dark_one() {
+        let white = RGBColor(255, 255, 255);
+        for RGBColor(r, g, b) in COLORS.into_iter().chain([INK, PALE_INK, GRID, white]) {
+            let name = format!("#{r:02X}{g:02X}{b:02X}");
+            assert!(DARK_STYLE.contains(&format!("[fill=\"{name}\"]")), "{name}");
+            assert!(DARK_STYLE.contains(&format!("[stroke=\"{name}\"]")), "{name}");
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! A panel of the chart: one question, with a facet for each pair of a cost and an error that answers it.
+
+use super::front::{Standing, Tolerance, front, standing};
+use super::point::Point;
+use crate::evaluation::Table;
+
+/// What is along an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Quantity {
+    /// In words.
+    pub label: &'static str,
+    /// Its unit; empty for a pure number.
+    pub unit: &'static str,
+    /// Whether its axis is logarithmic.
+    pub is_log: bool,
+}
+
+impl Quantity {
+    pub(crate) const fn log(label: &'static str, unit: &'static str) -> Self {
+        Self { label, unit, is_log: true }
+    }
+
+    pub(crate) const fn linear(label: &'static str, unit: &'static str) -> Self {
+        Self { label, unit, is_log: false }
+    }
+
+    /// Label and unit, as an axis has them.
+    pub(crate) fn words(&self) -> String {
+        if self.unit.is_empty() { self.label.to_owned() } else { format!("{}, {}", self.label, self.unit) }
+    }
+}
+
+/// Something published, or needed, drawn across a facet: a band of costs.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Guide {
+    pub label: &'static str,
+    pub cost: (f64, f64),
+}
+
+/// One pair of axes with its points.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Facet {
+    /// In the table of points, unique within the panel.
+    pub name: &'static str,
+    /// Over its axes.
+    pub title: String,
+    pub cost: Quantity,
+    pub error: Quantity,
+    /// What is called a difference.
+    pub tolerance: Tolerance,
+    /// Against what the errors are.
+    pub truth: String,
+    pub seeds: Vec<u64>,
+    /// What the families of points are, by their numbers.
+    pub families: Vec<&'static str>,
+    pub guides: Vec<Guide>,
+    pub points: Vec<Point>,
+}
+
+impl Facet {
+    /// For each point, whether it is on the front.
+    pub(crate) fn front(&self) -> Vec<bool> {
+        front(&self.points)
+    }
+
+    /// Each default with where it stands.
+    pub(crate) fn standings(&self) -> Vec<(&Point, Standing)> {
+        let defaults = self.points.iter().filter(|point| point.is_default);
+        defaults.map(|default| (default, standing(default, &self.points, self.tolerance))).collect()
+    }
+}
+
+/// One question and its answer.
+#[derive(Debug, Clone)]
+pub(crate) struct Panel {
+    /// Name of its files, and in the table of points.
+    pub name: &'static str,
+    /// In words.
+    pub title: &'static str,
+    /// What it answers.
+    pub question: &'static str,
+    /// What was measured and how, and what does not show in the picture.
+    pub notes: Vec<String>,
+    pub facets: Vec<Facet>,
+    /// Tables beside the picture.
+    pub tables: Vec<Table>,
+}
+
+/// What could not be measured here, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Skipped {
+    pub panel: &'static str,
+    pub why: String,
+}

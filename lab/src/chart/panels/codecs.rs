@@ -1,0 +1,228 @@
+//! Codecs: processor time of packing against what is left of the bytes, on simulated and on recorded taps.
+
+use std::io::{Read as _, Write as _};
+use std::path::Path;
+
+use anyhow::{Context as _, Result, ensure};
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use tapline_acquire::{ScanConfig, SimulatedLine, Source, TapSet};
+use tapline_codec::{Codec, pack, unpack};
+use tapline_model::SimulationConfig;
+use tapline_wire::{CacheLine, TapHeader, bytes_of, cache_lines_for};
+
+use super::Entry;
+use crate::chart::Bench;
+use crate::chart::cost::{Workload, by_turns};
+use crate::chart::front::Tolerance;
+use crate::chart::panel::{Facet, Panel, Quantity};
+use crate::chart::point::{Cost, Error, Point};
+use crate::evaluation::{Table, cell};
+
+pub(super) const ENTRY: Entry =
+    Entry { name: "codecs", expected_s: |size| if size.is_full { 25.0 } else { 3.0 }, uses_casings: false, measure };
+
+/// Bytes that costs are of: those of a tap of the simulated rig.
+const UNIT_BYTES: f64 = 65_536.0;
+
+/// Parts of a set of taps that are compared in pairs.
+const PARTS: usize = 8;
+
+/// A recorded set: folder, name of the facet, and what it is.
+const RECORDED: [(&str, &str, &str); 3] = [
+    ("fhwa-slab-bj", "fhwa", "Recorded: FHWA slab, 200 kHz, 32-bit numbers"),
+    ("ntu-slab-06cm", "ntu-06", "Recorded: NTU slab, 6 cm, 1 MHz, 32-bit numbers"),
+    ("ntu-slab-10cm", "ntu-10", "Recorded: NTU slab, 10 cm, 625 kHz, 32-bit numbers"),
+];
+
+/// Taps of one source, as bytes.
+struct Taps {
+    element_bytes: usize,
+    all: Vec<Vec<u8>>,
+}
+
+fn measure(bench: &Bench) -> Result<Panel> {
+    let scan =
+        ScanConfig { seed: bench.seed, offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+    let mut line = SimulatedLine::new(&scan, &SimulationConfig::default())?;
+    let mut table = Table::new(
+        "codecs",
+        "Ratio of bytes before and after packing, and processor time in us of packing and unpacking 64 KiB, medians",
+        &["taps", "codec", "ratio", "pack_us", "unpack_us", "n"],
+    );
+    let mut facets = vec![facet(
+        bench,
+        "simulated",
+        "Simulated: 41 kHz, 16-bit counts",
+        &taps(&mut line, bench.size.taps)?,
+        &mut table,
+    )?];
+    for (place, (folder, name, title)) in RECORDED.into_iter().enumerate() {
+        bench.progress.at((place + 1) as f64 / (RECORDED.len() + 1) as f64);
+        let path = bench.recordings.join(folder);
+        if path.is_dir() {
+            let mut set = TapSet::open(&path, 1).with_context(|| format!("cannot read {}", path.display()))?;
+            facets.push(facet(bench, name, title, &taps(&mut set, bench.size.taps)?, &mut table)?);
+        } else {
+            bench.skip("codecs", &absent(&path));
+        }
+    }
+    Ok(Panel {
+        name: "codecs",
+        title: "How are samples packed?",
+        question: "Archived bytes against the processor time of packing them: simulated taps flatter every codec.",
+        notes: vec![
+            "What a codec leaves of a tap depends on the converter behind it. Simulated counts have quiet high bits; recorded 32-bit \
+             numbers have full ones, unless they come of a coarse converter, as the NTU slabs' do. The FHWA slab is what to expect of \
+             recorded taps."
+                .to_owned(),
+            "`gzip` is deflate of level 4 over shuffled bytes, as HDF5's own filter; a line does not offer it. Every tap is unpacked \
+             and compared bit for bit."
+                .to_owned(),
+        ],
+        facets,
+        tables: vec![table],
+    })
+}
+
+fn absent(path: &Path) -> String {
+    format!("no recorded taps in {} (--recordings names their folder)", path.display())
+}
+
+/// Some taps of `source`, from all over its plan.
+fn taps(source: &mut impl Source, count: usize) -> Result<Taps> {
+    let recording = source.plan().recording.clone();
+    let source_count = source.plan().taps().len();
+    let every = (source_count / count).max(1);
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(recording.payload_bytes_max())];
+    let mut tap = |row: usize| -> Result<Vec<u8>> {
+        let mut header = TapHeader::default();
+        source
+            .render(u32::try_from(row)?, 0, &mut header, &mut buffer)
+            .map_err(|refusal| anyhow::anyhow!("{refusal:?}"))?;
+        Ok(bytes_of(&buffer)[..header.payload_bytes()].to_vec())
+    };
+    let rows = (0..count.min(source_count)).map(|k| k * every);
+    Ok(Taps { element_bytes: recording.sample_format.bytes(), all: rows.map(&mut tap).collect::<Result<_>>()? })
+}
+
+fn facet(bench: &Bench, name: &'static str, title: &str, taps: &Taps, table: &mut Table) -> Result<Facet> {
+    let packed: Vec<Vec<Vec<u8>>> =
+        Codec::ALL.map(|codec| taps.all.iter().map(|tap| pack_by(codec, taps.element_bytes, tap)).collect()).into();
+    for (codec, packed) in Codec::ALL.into_iter().zip(&packed) {
+        let mut back = Vec::new();
+        for (tap, packed) in taps.all.iter().zip(packed) {
+            unpack_by(codec, taps.element_bytes, packed, tap.len(), &mut back);
+            ensure!(back == *tap, "{codec} did not return a tap of {name} bit for bit");
+        }
+    }
+    let units = taps.all.iter().map(Vec::len).sum::<usize>() as f64 / UNIT_BYTES;
+    let scaled = |cost: Cost| {
+        let scale = taps.all.len() as f64 / units;
+        Cost { median: scale * cost.median, low: scale * cost.low, high: scale * cost.high }
+    };
+    let mut workloads: Vec<Workload<'_>> = Codec::ALL
+        .map(|codec| Workload::each(&taps.all, move |tap| pack_by(codec, taps.element_bytes, tap).len() as f64))
+        .into();
+    for (codec, packed) in Codec::ALL.into_iter().zip(&packed) {
+        let (length, mut back) = (taps.all[0].len(), Vec::new());
+        workloads.push(Workload::each(packed, move |packed| {
+            unpack_by(codec, taps.element_bytes, packed, length, &mut back);
+            back.len() as f64
+        }));
+    }
+    let costs = by_turns(&mut workloads, bench.size.rounds.div_ceil(2));
+    drop(workloads);
+    let mut points = Vec::new();
+    for (place, (codec, packed)) in Codec::ALL.into_iter().zip(&packed).enumerate() {
+        let (pack_cost, unpack_cost) = (scaled(costs[place]), scaled(costs[place + Codec::ALL.len()]));
+        let left = |tap: &[Vec<u8>], packed: &[Vec<u8>]| {
+            let bytes = |all: &[Vec<u8>]| all.iter().map(Vec::len).sum::<usize>() as f64;
+            100.0 * bytes(packed) / bytes(tap)
+        };
+        let of_part = taps.all.len().div_ceil(PARTS);
+        let by_part =
+            taps.all.chunks(of_part).zip(packed.chunks(of_part)).map(|(taps, packed)| left(taps, packed)).collect();
+        let all = left(&taps.all, packed);
+        let error = Error { value: all, ..Error::mean_of(by_part) };
+        points.push(
+            Point::new(format!("codec = \"{codec}\""), codec.name(), pack_cost, error, taps.all.len())
+                .default_if(codec == Codec::default())
+                .family(usize::from(!codec.is_for_lines()))
+                .remark(format!("unpacks 64 KiB in {:.1} us", unpack_cost.median)),
+        );
+        table.push([
+            name.into(),
+            codec.name().into(),
+            cell(100.0 / all),
+            cell(pack_cost.median),
+            cell(unpack_cost.median),
+            taps.all.len().into(),
+        ]);
+    }
+    Ok(Facet {
+        name,
+        title: title.to_owned(),
+        cost: Quantity::log("Processor time of packing 64 KiB", "\u{b5}s"),
+        error: Quantity::linear("What is left of the bytes", "%"),
+        tolerance: Tolerance { cost: 0.15, error: 2.0 },
+        truth: "the samples, bit for bit".to_owned(),
+        seeds: vec![bench.seed],
+        families: vec!["for lines", "for archives that are repacked"],
+        guides: Vec::new(),
+        points,
+    })
+}
+
+/// `tap` as the archive keeps it.
+fn pack_by(codec: Codec, element_bytes: usize, tap: &[u8]) -> Vec<u8> {
+    let (mut planes, mut packed) = (Vec::new(), Vec::new());
+    if codec == Codec::Gzip {
+        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::new(codec.level().into()));
+        let written = encoder.write_all(&shuffled(element_bytes, tap));
+        return written.and_then(|()| encoder.finish()).unwrap_or_default();
+    }
+    pack(codec, element_bytes, tap, &mut planes, &mut packed);
+    packed
+}
+
+fn unpack_by(codec: Codec, element_bytes: usize, packed: &[u8], length: usize, back: &mut Vec<u8>) {
+    back.clear();
+    if codec == Codec::Gzip {
+        let mut planes = Vec::new();
+        if ZlibDecoder::new(packed).read_to_end(&mut planes).is_ok() {
+            *back = unshuffled(element_bytes, &planes);
+        }
+        return;
+    }
+    back.resize(length, 0);
+    if !unpack(codec, packed, std::iter::once(0..length), back, &mut Vec::new()) {
+        back.clear();
+    }
+}
+
+/// First the first bytes of all elements, then the second ones, and so on, as HDF5's filter `shuffle`.
+fn shuffled(element_bytes: usize, bytes: &[u8]) -> Vec<u8> {
+    (0..element_bytes).flat_map(|k| bytes.iter().skip(k).step_by(element_bytes).copied()).collect()
+}
+
+fn unshuffled(element_bytes: usize, planes: &[u8]) -> Vec<u8> {
+    let count = planes.len() / element_bytes;
+    (0..planes.len()).map(|k| planes[k % element_bytes * count + k / element_bytes]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches bytes that are lost or change places.
+    #[test]
+    fn shuffled_bytes_come_back() {
+        let bytes: Vec<u8> = (0..24).collect();
+        assert_eq!(shuffled(2, &bytes)[..3], [0, 2, 4]);
+        for element_bytes in [1, 2, 4] {
+            assert_eq!(unshuffled(element_bytes, &shuffled(element_bytes, &bytes)), bytes);
+        }
+    }
+}

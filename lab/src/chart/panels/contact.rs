@@ -1,0 +1,291 @@
+//! The rungs of the contact model: what a contact costs, and how far it is from the equations solved in small steps.
+
+mod small_steps;
+
+use anyhow::{Context as _, Result};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use tapline_draw::stats::quantile;
+use tapline_model::{DampedContact, DampingLaw, Impact, Rung, Scene, choose};
+
+use self::small_steps::Solved;
+use super::Entry;
+use crate::chart::Bench;
+use crate::chart::cost::{Workload, by_turns};
+use crate::chart::front::Tolerance;
+use crate::chart::panel::{Facet, Panel, Quantity};
+use crate::chart::point::{Cost, Error, Failure, Point, exceeds};
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "contact",
+    expected_s: |size| 0.02 * (size.seed_count as usize * size.contacts) as f64 + 2.0,
+    uses_casings: false,
+    measure,
+};
+
+/// The simulated rig's own tolerance: a layer that changes less is left out.
+const RIG_TOLERANCE: f64 = 1e-3;
+
+/// Of the errors of a seed's contacts, the one that nine in ten do not exceed.
+const SHARE: f64 = 0.9;
+
+/// Which contacts are drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Places {
+    /// Over cracks 2 to 12 mm deep.
+    Shallow,
+    /// As casings have them: layers of 4 to 250 mm, mostly thick, as most places are sound.
+    Any,
+}
+
+impl Places {
+    fn scenes(self, seed: u64, count: usize) -> Vec<Scene> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(self as u64);
+        let mut scene = || {
+            let (u, l, v): (f64, f64, f64) = (rng.random(), rng.random(), rng.random());
+            let h_m = match self {
+                Self::Shallow => 2e-3 * 6.0_f64.powf(u),
+                Self::Any => 4e-3 * 62.0_f64.powf(u.sqrt()),
+            };
+            Scene { h_m, l_m: 0.018 + 0.008 * l, velocity_m_per_s: 1.0 + v, ..Scene::default() }
+        };
+        (0..count).map(|_| scene()).collect()
+    }
+}
+
+/// A way to compute a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Way {
+    On(Rung),
+    Chosen(f64),
+}
+
+const WAYS: [Way; 8] = [
+    Way::On(Rung::Closed),
+    Way::On(Rung::Integral),
+    Way::On(Rung::Plate),
+    Way::On(Rung::Full),
+    Way::Chosen(0.2),
+    Way::Chosen(0.05),
+    Way::Chosen(0.01),
+    Way::Chosen(0.001),
+];
+
+impl Way {
+    fn label(self) -> String {
+        match self {
+            Self::On(Rung::Closed) => "closed form".to_owned(),
+            Self::On(Rung::Integral) => "integral".to_owned(),
+            Self::On(rung) => rung.name().to_owned(),
+            Self::Chosen(tolerance) => format!("chosen, {tolerance}"),
+        }
+    }
+
+    fn name(self) -> String {
+        match self {
+            Self::On(rung) => format!("the {} rung, always", rung.name()),
+            Self::Chosen(tolerance) => format!("the cheapest rung known to be within {tolerance} of the full one"),
+        }
+    }
+
+    /// Peak force, contact time, deepest position and restitution; NaN where the model has none.
+    fn contact(self, scene: &Scene) -> [f64; 4] {
+        let contact = match self {
+            Self::On(rung) => rung.contact(scene, DampingLaw::Exact),
+            Self::Chosen(tolerance) => choose(scene, DampingLaw::Exact, tolerance).map(|choice| choice.contact),
+        };
+        contact.map_or([f64::NAN; 4], |c| [c.f_max_n, c.contact_time_s, c.d_max_m, c.restitution])
+    }
+}
+
+/// The largest relative error of `found`; infinite where a number is missing.
+fn error(found: [f64; 4], truth: [f64; 4]) -> f64 {
+    let each = found.iter().zip(truth).map(|(x, truth)| (x / truth - 1.0).abs());
+    each.map(|error| if error.is_nan() { f64::INFINITY } else { error }).max_by(f64::total_cmp).unwrap_or(f64::NAN)
+}
+
+fn measure(bench: &Bench) -> Result<Panel> {
+    let facets = vec![
+        ladder(bench, Places::Shallow, "cracks", "Over cracks 2 to 12 mm deep")?,
+        ladder(bench, Places::Any, "places", "At places as casings have them, most of them sound")?,
+        histories(bench)?,
+    ];
+    Ok(Panel {
+        name: "contact",
+        title: "How much of the contact must be modelled?",
+        question: "A contact can be had from a closed form, from a table, or from an equation of motion with more or less in it. \
+                   Which is enough for a scene?",
+        notes: vec![
+            "The error is the largest relative difference in peak force, contact time, deepest position and restitution; nine \
+             in ten contacts have less. The closed form has no damping, so that its restitution is 1 where 0.5 is meant: that \
+             is most of its error."
+                .to_owned(),
+            "\u{201c}chosen, 0.05\u{201d} is `choose` of the crate `model`: the cheapest rung that is known beforehand to be \
+             within 0.05 of the full one. It has no default; whoever calls it names the accuracy."
+                .to_owned(),
+            "The simulated rig needs the whole course of the force. It leaves out a layer that is known to change nothing by \
+             more than 0.001, which is its default."
+                .to_owned(),
+        ],
+        facets,
+        tables: Vec::new(),
+    })
+}
+
+fn ladder(bench: &Bench, places: Places, name: &'static str, title: &str) -> Result<Facet> {
+    let size = &bench.size;
+    let mut by_seed = vec![Vec::new(); WAYS.len()];
+    for (number, seed) in bench.seeds().enumerate() {
+        let scenes = places.scenes(seed, size.contacts);
+        let truths: Vec<[f64; 4]> =
+            scenes.iter().map(|scene| Ok(Solved::new(&Impact::full(scene)?).quantities())).collect::<Result<_>>()?;
+        for (way, by_seed) in WAYS.into_iter().zip(&mut by_seed) {
+            let errors: Vec<f64> =
+                scenes.iter().zip(&truths).map(|(scene, truth)| error(way.contact(scene), *truth)).collect();
+            by_seed.push(quantile(&errors, SHARE).context("there are contacts")?);
+        }
+        let half = if places == Places::Shallow { 0.0 } else { 0.5 };
+        bench.progress.at(half + 0.4 * (number + 1) as f64 / size.seed_count as f64);
+    }
+    let scenes = places.scenes(bench.seed, size.taps);
+    let mut workloads: Vec<Workload<'_>> =
+        WAYS.map(|way| Workload::each(&scenes, move |scene| way.contact(scene)[0])).into();
+    let costs = by_turns(&mut workloads, size.rounds);
+    drop(workloads);
+    let points = WAYS.into_iter().zip(costs).zip(by_seed).map(|((way, cost), by_seed)| {
+        let n = size.contacts * size.seed_count as usize;
+        let family = usize::from(matches!(way, Way::Chosen(_)));
+        Ok(Point::new(way.name(), way.label(), cost, Error::mean_of(by_seed), n).family(family).failing(failures(way)?))
+    });
+    Ok(Facet {
+        name,
+        title: title.to_owned(),
+        cost: Quantity::log("Processor time of a contact", "\u{b5}s"),
+        error: Quantity::log("Largest relative error, nine in ten contacts", ""),
+        tolerance: Tolerance { cost: 0.15, error: 1e-3 },
+        truth: "the equations of the full rung, solved in small steps of equal length by another program text"
+            .to_owned(),
+        seeds: bench.seeds().collect(),
+        families: vec!["one rung, always", "the cheapest that is known to be enough"],
+        guides: Vec::new(),
+        points: points.collect::<Result<_>>()?,
+    })
+}
+
+/// What `way` does where models end.
+fn failures(way: Way) -> Result<Vec<Failure>> {
+    let film = Scene { h_m: 1e-3, ..Scene::default() };
+    let truth = Solved::new(&Impact::full(&film)?).quantities()[0];
+    let thin = (way.contact(&film)[0] / truth - 1.0).abs();
+    let damped = Scene { h_m: 80e-3, l_m: 20e-3, restitution: 0.3, ..Scene::default() };
+    let truth = Solved::new(&Impact::full(&damped)?).quantities()[3];
+    let returned = (way.contact(&damped)[3] / truth - 1.0).abs();
+    Ok([
+        exceeds("C29: peak force over a crack 1 mm deep, relative error", thin, 0.25),
+        exceeds("C33: restitution where 0.3 is asked for, relative error", returned, 0.25),
+    ]
+    .into_iter()
+    .flatten()
+    .collect())
+}
+
+/// How the simulated rig decides which layers it leaves out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Rule {
+    /// It computes every layer.
+    Every,
+    /// It leaves out those known to change nothing by more.
+    Within(f64),
+    /// It leaves out all.
+    None,
+}
+
+const RULES: [Rule; 6] =
+    [Rule::Every, Rule::Within(1e-4), Rule::Within(RIG_TOLERANCE), Rule::Within(1e-2), Rule::Within(1e-1), Rule::None];
+
+impl Rule {
+    fn label(self) -> String {
+        match self {
+            Self::Every => "every layer".to_owned(),
+            Self::Within(tolerance) => format!("within {tolerance}"),
+            Self::None => "no layer".to_owned(),
+        }
+    }
+
+    fn name(self) -> String {
+        match self {
+            Self::Every => "every layer is computed".to_owned(),
+            Self::Within(tolerance) => format!("layers that change nothing by more than {tolerance} are left out"),
+            Self::None => "no layer is computed".to_owned(),
+        }
+    }
+
+    fn applied(self, impact: Impact, rigid: &DampedContact, loss_tangent: f64) -> Impact {
+        match self {
+            Self::Every => impact,
+            Self::Within(tolerance) => impact.without_rigid_layer(rigid, loss_tangent, tolerance),
+            Self::None => Impact { plate: None, ..impact },
+        }
+    }
+
+    /// The course of the force in N and its step in s.
+    fn history(self, scene: &Scene, rigid: &DampedContact, force_n: &mut Vec<f64>) -> f64 {
+        let impact = Impact::plate(scene).map(|impact| self.applied(impact, rigid, scene.loss_tangent()));
+        impact.map_or(f64::NAN, |impact| impact.force_history(force_n))
+    }
+}
+
+fn histories(bench: &Bench) -> Result<Facet> {
+    let size = &bench.size;
+    let rigid = DampedContact::new(DampingLaw::Exact.chi(Scene::default().restitution)?)?;
+    let mut by_seed = vec![Vec::new(); RULES.len()];
+    let mut force_n = Vec::new();
+    for seed in bench.seeds() {
+        let scenes = Places::Any.scenes(seed, size.contacts);
+        let mut errors = vec![Vec::new(); RULES.len()];
+        for scene in &scenes {
+            let [f_max_n, ..] = Solved::new(&Impact::plate(scene)?).quantities();
+            let impulse = |force_n: &[f64], step_s: f64| force_n.iter().sum::<f64>() * step_s;
+            let step_s = Rule::Every.history(scene, &rigid, &mut force_n);
+            let truth = [f_max_n, impulse(&force_n, step_s)];
+            for (rule, errors) in RULES.into_iter().zip(&mut errors) {
+                let step_s = rule.history(scene, &rigid, &mut force_n);
+                let peak = force_n.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN);
+                let found = [peak, impulse(&force_n, step_s)];
+                let worst = found.iter().zip(truth).map(|(x, truth)| (x / truth - 1.0).abs()).max_by(f64::total_cmp);
+                errors.push(worst.unwrap_or(f64::NAN));
+            }
+        }
+        for (errors, by_seed) in errors.iter().zip(&mut by_seed) {
+            by_seed.push(quantile(errors, SHARE).context("there are contacts")?);
+        }
+    }
+    let scenes = Places::Any.scenes(bench.seed, size.taps);
+    let costs = {
+        let each = |rule: Rule| {
+            let mut force_n = Vec::new();
+            let rigid = &rigid;
+            Workload::each(&scenes, move |scene| rule.history(scene, rigid, &mut force_n))
+        };
+        let mut workloads: Vec<Workload<'_>> = RULES.map(each).into();
+        by_turns(&mut workloads, size.rounds)
+    };
+    let point = |((rule, cost), by_seed): ((Rule, Cost), Vec<f64>)| {
+        let n = size.contacts * size.seed_count as usize;
+        Point::new(rule.name(), rule.label(), cost, Error::mean_of(by_seed), n)
+            .default_if(rule == Rule::Within(RIG_TOLERANCE))
+    };
+    Ok(Facet {
+        name: "history",
+        title: "The course of the force, as the simulated rig needs it".to_owned(),
+        cost: Quantity::log("Processor time of a contact", "\u{b5}s"),
+        error: Quantity::log("Relative error of peak or impulse, nine in ten contacts", ""),
+        tolerance: Tolerance { cost: 0.15, error: RIG_TOLERANCE },
+        truth: "the peak by small steps, and the impulse with every layer".to_owned(),
+        seeds: bench.seeds().collect(),
+        families: vec!["layers left out"],
+        guides: Vec::new(),
+        points: RULES.into_iter().zip(costs).zip(by_seed).map(point).collect(),
+    })
+}

@@ -1,0 +1,313 @@
+//! Index and ring rules: processor time of a casing against loss of detection.
+
+use std::ops::Range;
+
+use anyhow::{Context as _, Result};
+use rayon::prelude::*;
+use tapline_fuse::{FuseConfig, Fusion, IndexKind, Reference};
+use tapline_wire::{Discriminator, Discriminators, Plan, Verdict};
+
+use super::Entry;
+use crate::chart::Bench;
+use crate::chart::casings::{Group, Inspected, OFFSETS_MM, VELOCITY_M_PER_S, inspect, reference_of};
+use crate::chart::cost::{Workload, by_turns};
+use crate::chart::front::Tolerance;
+use crate::chart::panel::{Facet, Panel, Quantity};
+use crate::chart::point::{Cost, Error, Failure, LEVEL, Point, exceeds};
+use crate::chart::size::Size;
+use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt};
+use crate::simulated::{Judged, Judging, ScanTaps, Scene, Simulator, Times, judge};
+use crate::statistics::clopper_pearson;
+
+pub(super) const ENTRY: Entry =
+    Entry { name: "index", expected_s: |size| if size.is_full { 130.0 } else { 8.0 }, uses_casings: true, measure };
+
+/// What becomes one number a place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Rule {
+    Index(IndexKind),
+    /// An index of the belt edge alone.
+    EdgeAlone(IndexKind),
+    /// The default index of one discriminator.
+    Alone(Discriminator),
+}
+
+/// The rules; a short chart tries two discriminators alone.
+fn rules(size: &Size) -> Vec<Rule> {
+    let mut rules: Vec<Rule> = IndexKind::ALL.map(Rule::Index).into();
+    rules.extend(IndexKind::ALL.map(Rule::EdgeAlone));
+    let alone = FuseConfig::default().discriminators.into_iter();
+    rules.extend(alone.take(if size.is_full { usize::MAX } else { 2 }).map(Rule::Alone));
+    rules
+}
+
+/// What an index is called beside its point.
+fn words(index: IndexKind) -> &'static str {
+    if index == IndexKind::Dissertation { "Eqs. 55-56" } else { index.name() }
+}
+
+impl Rule {
+    fn config(self) -> FuseConfig {
+        let config = FuseConfig::by(Reference::Own);
+        match self {
+            Self::Index(index) | Self::EdgeAlone(index) => FuseConfig { index, ..config },
+            Self::Alone(which) => FuseConfig { discriminators: vec![which], ..config },
+        }
+    }
+
+    fn taps(self) -> ScanTaps {
+        let offsets = if matches!(self, Self::EdgeAlone(_)) { &OFFSETS_MM[..1] } else { &OFFSETS_MM[..] };
+        ScanTaps::full(offsets, &[VELOCITY_M_PER_S], 1)
+    }
+
+    fn label(self) -> String {
+        match self {
+            Self::Index(index) => words(index).to_owned(),
+            Self::EdgeAlone(index) => format!("{}, 0 mm", words(index)),
+            Self::Alone(which) => format!("{} alone", which.symbol()),
+        }
+    }
+
+    fn name(self) -> String {
+        match self {
+            Self::Index(index) => format!("index = \"{}\", four offsets", index.name()),
+            Self::EdgeAlone(index) => format!("index = \"{}\", 0 mm alone", index.name()),
+            Self::Alone(which) => {
+                format!("index = \"{}\" of {} alone, four offsets", IndexKind::default().name(), which.name())
+            }
+        }
+    }
+
+    fn judging(self, size: &Size, group: &Group) -> Result<Judging> {
+        let (config, taps) = (self.config(), self.taps());
+        let reference = reference_of(group, &config, size.casings.reference, &taps)?;
+        Ok(Judging { config, reference: Some(reference), taps, times: Times::default() })
+    }
+}
+
+fn measure(bench: &Bench) -> Result<Panel> {
+    let groups = bench.groups()?;
+    let rules = rules(&bench.size);
+    let costs = costs(bench, groups, &rules)?;
+    let mut facets = Vec::new();
+    for (number, simulator) in Simulator::ALL.into_iter().enumerate() {
+        let (mut points, mut ring) = (Vec::new(), Vec::new());
+        let (size, seed) = (&bench.size, bench.seed);
+        let failures: Vec<Vec<Failure>> =
+            rules.par_iter().map(|&rule| failures(size, seed, groups, simulator, rule)).collect::<Result<_>>()?;
+        for (place, ((&rule, &cost), failures)) in rules.iter().zip(&costs).zip(failures).enumerate() {
+            let inspected = inspect(groups, simulator, &|group| rule.judging(size, group))?;
+            points.push(point(bench, rule, cost, &inspected)?.failing(failures.clone()));
+            let of_ring = ring_points(bench, rule, cost, &inspected).into_iter();
+            ring.extend(of_ring.map(|point| point.failing(failures.clone())));
+            bench.progress.at((number as f64 + (place + 1) as f64 / rules.len() as f64) / 2.0);
+        }
+        facets.push(locations(bench, simulator, points));
+        facets.push(shoulders(bench, simulator, ring));
+    }
+    Ok(Panel {
+        name: "index",
+        title: "What makes one number of a place, and one of a shoulder?",
+        question: "Which index ranks locations best, which rule finds the cracked shoulders, and what do they cost?",
+        notes: vec![
+            "One turn at each of four offsets, by the reference of the panel `plans`. The cost is that of taking in a casing's \
+             discriminators, comparing, and judging both shoulders; fitting the reference is not in it."
+                .to_owned(),
+            "Ring rules: the strongest arc of 1 to 20 neighbours, which verdicts rest on, and the largest damage index, which is of \
+             three neighbours. Both come of the same work. A limit is set so that 5 % of the sound shoulders reach it; what is \
+             missed then does not depend on stated rates."
+                .to_owned(),
+        ],
+        facets,
+        tables: Vec::new(),
+    })
+}
+
+/// Processor time of each rule, in us, on one casing of the first group.
+fn costs(bench: &Bench, groups: &[Group], rules: &[Rule]) -> Result<Vec<Cost>> {
+    let group = groups.first().context("there is a group")?;
+    let (scene, set) = group.judged.first().context("a group has a sound scene")?;
+    let mut prepared: Vec<(Fusion, Plan, Vec<Discriminators>)> = Vec::new();
+    for &rule in rules {
+        let judging = rule.judging(&bench.size, group)?;
+        let casing: Range<usize> = 0..1;
+        let (plan, records) = set.part(casing, &judging.taps, *scene)?;
+        let reference = judging.reference.context("rules are by a file")?;
+        prepared.push((Fusion::with_reference(&judging.config, &plan, reference)?, plan, records));
+    }
+    let mut workloads: Vec<Workload<'_>> = prepared
+        .iter_mut()
+        .map(|(fusion, plan, records)| {
+            Workload::batch(1, move || {
+                // A further attempt each time, so that nothing is kept of the one before.
+                records.iter_mut().for_each(|record| record.id.attempt += 1);
+                let is_taken = records.iter().all(|record| fusion.push(record).is_ok());
+                let scans = 0..plan.scans().len();
+                let is_ended = scans.clone().all(|scan| fusion.end(scan).is_ok());
+                let judged =
+                    scans.filter_map(|scan| fusion.judge(scan).ok()).map(|(judgement, _)| judgement.strongest_arc);
+                if is_taken && is_ended { judged.sum() } else { f64::NAN }
+            })
+        })
+        .collect();
+    Ok(by_turns(&mut workloads, bench.size.rounds))
+}
+
+/// The locations of `inspected`, each with its index.
+fn areas_of_locations<'a>(inspected: impl Iterator<Item = &'a Inspected>) -> Areas {
+    let things = inspected.flat_map(|i| {
+        i.sound.iter().chain(&i.cracked).flat_map(move |judged| {
+            let tyre = format!("{}-{}", i.seed, judged.tyre);
+            let places = judged.index.iter().copied().zip(judged.is_cracked.iter().copied());
+            places.map(move |(index, is_cracked)| (tyre.clone(), index, is_cracked))
+        })
+    });
+    Areas::of(things)
+}
+
+fn point(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -> Result<Point> {
+    let loss =
+        |areas: &Areas| Ok::<f64, anyhow::Error>(1.0 - areas.auc().context("locations of both kinds have an index")?);
+    let all = areas_of_locations(inspected.iter());
+    let by_seed: Vec<f64> = bench
+        .seeds()
+        .map(|seed| loss(&areas_of_locations(inspected.iter().filter(|i| i.seed == seed))))
+        .collect::<Result<_>>()?;
+    let interval = all.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
+    let error = Error { value: loss(&all)?, ..Error::mean_of(by_seed) }.with_interval(interval);
+    Ok(Point::new(rule.name(), rule.label(), cost, error, all.count(true) + all.count(false))
+        .family(usize::from(matches!(rule, Rule::Alone(_))))
+        .default_if(rule == Rule::Index(IndexKind::default())))
+}
+
+/// A rule that makes one number of a ring: what it is called beside its point and in a table, the number, and its family.
+type RingRule<'a> = (&'a str, &'a str, &'a dyn Fn(&Judged) -> f64, usize);
+
+/// The shoulders of `inspected` by the two ring rules.
+fn ring_points(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -> Vec<Point> {
+    if matches!(rule, Rule::Alone(_)) {
+        return Vec::new();
+    }
+    let largest = |judged: &Judged| {
+        let known = judged.index.iter().copied().filter(|index| !index.is_nan());
+        known.max_by(f64::total_cmp).unwrap_or(f64::NAN)
+    };
+    let rules: [RingRule<'_>; 2] = [
+        ("arc", "strongest arc", &|judged| judged.strongest_arc, 0),
+        ("three", "largest index of three neighbours", &largest, 1),
+    ];
+    let point = |(label, words, score, family): RingRule<'_>| {
+        let areas = |seed: Option<u64>| {
+            let of_seed = inspected.iter().filter(move |i| seed.is_none_or(|seed| seed == i.seed));
+            Areas::of(of_seed.flat_map(|i| {
+                let of = move |judged: &Judged, is_cracked| {
+                    (format!("{}-{}", i.seed, judged.tyre), score(judged), is_cracked)
+                };
+                i.sound
+                    .iter()
+                    .map(move |j| of(j, false))
+                    .chain(i.cracked.iter().map(move |j| of(j, true)))
+                    .collect::<Vec<_>>()
+            }))
+        };
+        let all = areas(None);
+        let found = all.found_at(FALSE_ALARMS, bench.seed);
+        let missed = |found: Option<FoundAt>| found.map_or(f64::NAN, |found| 100.0 * (1.0 - found.rate));
+        let by_seed = bench.seeds().map(|seed| missed(areas(Some(seed)).found_at(FALSE_ALARMS, bench.seed))).collect();
+        let interval =
+            found.and_then(|found| found.interval).map(|(low, high)| (100.0 * (1.0 - high), 100.0 * (1.0 - low)));
+        let error = Error { value: missed(found), low: f64::NAN, high: f64::NAN, by_seed }.with_interval(interval);
+        Point::new(
+            format!("{}, {words}", rule.name()),
+            format!("{}, {label}", rule.label()),
+            cost,
+            error,
+            all.count(true),
+        )
+        .family(family)
+        .default_if(rule == Rule::Index(IndexKind::default()) && family == 0)
+    };
+    rules.into_iter().map(point).collect()
+}
+
+/// What becomes of `rule` where the stability cases break an index.
+fn failures(size: &Size, seed: u64, groups: &[Group], simulator: Simulator, rule: Rule) -> Result<Vec<Failure>> {
+    // Of one seed: what breaks an index breaks it there.
+    let groups: Vec<&Group> =
+        groups.iter().filter(|group| group.simulator == simulator && group.seed == seed).collect();
+    let (mut called, mut all, mut lost) = (0, 0, 0.0);
+    for group in &groups {
+        let judging = rule.judging(size, group)?;
+        let (scene, sound) = group.judged.first().context("a group has a sound scene")?;
+        if *scene == Scene::SoundSmooth {
+            let judged = judge(&judging, sound, 0..sound.tyres.len(), Scene::Gain08)?;
+            called += judged.iter().filter(|judged| judged.verdict != Verdict::Pass.code()).count();
+            all += judged.len();
+        }
+        lost += lost_to_outliers(size, group, rule, &judging)? / groups.len() as f64;
+    }
+    let called = clopper_pearson(called, all, LEVEL)?;
+    let stated = FuseConfig::default().re_inspect_rate;
+    let cases = [
+        exceeds(
+            "sound shoulders called where one turn is heard with 0.8 of the gain, lower end of the rate",
+            called.low,
+            stated,
+        ),
+        exceeds("C23: AUC lost to two outliers in one discriminator of the reference", lost, 0.005),
+    ];
+    Ok(cases.into_iter().flatten().collect())
+}
+
+/// The area that `rule` loses where two taps of the reference have an initial area, or its one discriminator, twenty times the
+/// usual and a twentieth of it.
+fn lost_to_outliers(size: &Size, group: &Group, rule: Rule, clean: &Judging) -> Result<f64> {
+    let which = if let Rule::Alone(which) = rule { which } else { Discriminator::A1 };
+    let (first, second) = (group.reference.first_tap_of(&clean.taps)?, group.reference.first_tap_of(&clean.taps)? + 1);
+    let spoiled = group.reference.changed(|tap, of, value| match tap {
+        _ if of != which => value,
+        tap if tap == first => 20.0 * value,
+        tap if tap == second => value / 20.0,
+        _ => value,
+    });
+    let reference = crate::simulated::reference(&clean.config, &spoiled, size.casings.reference, &clean.taps)?;
+    let spoiled = Judging { reference: Some(reference), ..clean.clone() };
+    let area = |judging: &Judging| -> Result<f64> {
+        let mut inspected = Inspected { seed: group.seed, sound: Vec::new(), cracked: Vec::new() };
+        for (scene, set) in group.judged.iter().filter(|(scene, _)| !scene.is_sound()) {
+            inspected.cracked.extend(judge(judging, set, 0..set.tyres.len(), *scene)?);
+        }
+        areas_of_locations(std::iter::once(&inspected)).auc().context("locations of both kinds have an index")
+    };
+    Ok(area(clean)? - area(&spoiled)?)
+}
+
+fn locations(bench: &Bench, simulator: Simulator, points: Vec<Point>) -> Facet {
+    Facet {
+        name: if simulator == Simulator::Plate { "plate-locations" } else { "model-locations" },
+        title: format!("Locations, simulator {}", simulator.name()),
+        cost: Quantity::log("Processor time of a casing", "\u{b5}s"),
+        error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
+        tolerance: Tolerance { cost: 0.15, error: 0.005 },
+        truth: "the cracks that were planted".to_owned(),
+        seeds: bench.seeds().collect(),
+        families: vec!["all discriminators", "one discriminator"],
+        guides: Vec::new(),
+        points,
+    }
+}
+
+fn shoulders(bench: &Bench, simulator: Simulator, points: Vec<Point>) -> Facet {
+    Facet {
+        name: if simulator == Simulator::Plate { "plate-shoulders" } else { "model-shoulders" },
+        title: format!("Shoulders, simulator {}", simulator.name()),
+        cost: Quantity::log("Processor time of a casing", "\u{b5}s"),
+        error: Quantity::linear("Cracked shoulders missed at 5 % false calls", "%"),
+        tolerance: Tolerance { cost: 0.15, error: 1.0 },
+        truth: "the cracks that were planted".to_owned(),
+        seeds: bench.seeds().collect(),
+        families: vec!["strongest arc", "largest index of three"],
+        guides: Vec::new(),
+        points,
+    }
+}

@@ -1,0 +1,269 @@
+//! Scan plans: seconds of a casing on the rig against cracks that are missed.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use tapline_fuse::{FuseConfig, IndexKind};
+use tapline_wire::Verdict;
+
+use super::Entry;
+use crate::chart::Bench;
+use crate::chart::casings::{
+    Group, Inspected, OFFSETS_MM, VELOCITIES_M_PER_S, VELOCITY_M_PER_S, called_percent, false_call_failure, inspect,
+    missed_percent, rate_percent, reference_of,
+};
+use crate::chart::front::Tolerance;
+use crate::chart::panel::{Facet, Guide, Panel, Quantity};
+use crate::chart::point::{Cost, Point};
+use crate::chart::size::Size;
+use crate::evaluation::{Cell, Table, cell, ends};
+use crate::simulated::{Judging, ScanTaps, Simulator, Times};
+
+pub(super) const ENTRY: Entry =
+    Entry { name: "plans", expected_s: |size| if size.is_full { 150.0 } else { 8.0 }, uses_casings: true, measure };
+
+/// What the competing method takes, by its vendors.
+const SHEAROGRAPHY_S: (f64, f64) = (45.0, 60.0);
+
+const FIXED: usize = 0;
+const CONFIRMED: usize = 1;
+const DISSERTATION: usize = 2;
+
+/// A plan that is tried.
+struct Tried {
+    label: &'static str,
+    name: &'static str,
+    taps: ScanTaps,
+    index: IndexKind,
+    is_default: bool,
+}
+
+/// The plans; a short chart tries a few.
+fn tried(is_full: bool) -> Vec<Tried> {
+    let v = [VELOCITY_M_PER_S];
+    let full = |offsets: &[f64], repetitions| ScanTaps::full(offsets, &v, repetitions);
+    let all = |offsets: &[f64]| ScanTaps::full(offsets, &VELOCITIES_M_PER_S, 2);
+    let of = |label, name, taps| Tried { label, name, taps, index: IndexKind::default(), is_default: false };
+    let coarse = |steps: &[(f64, u32)]| ScanTaps::coarse(steps, VELOCITY_M_PER_S).confirmed();
+    let mut tried = vec![
+        of("1 turn", "one turn at 0 mm", full(&OFFSETS_MM[..1], 1)),
+        of("2 turns", "two turns at 0 mm", full(&OFFSETS_MM[..1], 2)),
+        of("0 + 10 mm", "one turn each at 0 and 10 mm", full(&[0.0, 10.0], 1)),
+        of("4 offsets", "one turn each at 0, 5, 10 and 15 mm", full(&OFFSETS_MM, 1)),
+        of("4 offsets x 2", "two turns each at 0, 5, 10 and 15 mm", full(&OFFSETS_MM, 2)),
+        of("50, again", "every 2nd location at 0 mm, what stands out again", coarse(&[(0.0, 2)])),
+        of(
+            "34 + 25, again",
+            "every 3rd location at 0 mm, every 4th at 10 mm, what stands out again",
+            coarse(&[(0.0, 3), (10.0, 4)]),
+        ),
+        Tried {
+            is_default: true,
+            ..of(
+                "adaptive 50 + 34",
+                "every 2nd location at 0 mm, every 3rd at 10 mm, what stands out again (tapline line)",
+                ScanTaps::adaptive(VELOCITY_M_PER_S),
+            )
+        },
+        of("100, again", "one turn at 0 mm, what stands out again", coarse(&[(0.0, 1)])),
+        of(
+            "100 + 50, again",
+            "one turn at 0 mm, every 2nd location at 10 mm, what stands out again",
+            coarse(&[(0.0, 1), (10.0, 2)]),
+        ),
+        of(
+            "4 offsets, again",
+            "one turn each at 0, 5, 10 and 15 mm, what stands out again",
+            full(&OFFSETS_MM, 1).confirmed(),
+        ),
+        Tried {
+            index: IndexKind::Dissertation,
+            ..of("Eqs. 55-56, 1 turn", "one turn at 0 mm, the dissertation's index", full(&OFFSETS_MM[..1], 1))
+        },
+        Tried {
+            index: IndexKind::Dissertation,
+            ..of(
+                "Eqs. 55-56, 4 offsets",
+                "one turn each at 0, 5, 10 and 15 mm, the dissertation's index",
+                full(&OFFSETS_MM, 1),
+            )
+        },
+    ];
+    if !is_full {
+        tried.retain(|plan| {
+            ["1 turn", "4 offsets", "adaptive 50 + 34", "100, again", "Eqs. 55-56, 1 turn"].contains(&plan.label)
+        });
+    }
+    if is_full {
+        tried.push(of(
+            "0 mm x 3 velocities x 2",
+            "two turns at 0 mm at each of three velocities",
+            all(&OFFSETS_MM[..1]),
+        ));
+        tried.push(Tried {
+            is_default: true,
+            ..of(
+                "full 4 x 3 x 2",
+                "two turns at each of four offsets and three velocities (tapline run)",
+                all(&OFFSETS_MM),
+            )
+        });
+        tried.push(Tried {
+            index: IndexKind::Dissertation,
+            ..of(
+                "Eqs. 55-56, full",
+                "two turns at each of four offsets and three velocities, the dissertation's index",
+                all(&OFFSETS_MM),
+            )
+        });
+    }
+    tried
+}
+
+fn measure(bench: &Bench) -> Result<Panel> {
+    let groups = bench.groups()?;
+    let stated = FuseConfig::default().re_inspect_rate;
+    let mut table = Table::new(
+        "plans",
+        "Every plan by simulator: seconds a casing, cracked shoulders that pass, by kind of crack and casing, and sound shoulders that \
+         do not pass where 2 % is stated",
+        &[
+            "simulator",
+            "plan",
+            "s_mean",
+            "s_p95",
+            "missed",
+            "missed_low",
+            "missed_high",
+            "faint_smooth",
+            "faint_rough",
+            "strong_smooth",
+            "strong_rough",
+            "not_passed",
+            "not_passed_low",
+            "not_passed_high",
+        ],
+    );
+    let mut facets = Vec::new();
+    let plans = tried(bench.size.is_full);
+    for (number, simulator) in Simulator::ALL.into_iter().enumerate() {
+        let mut points = Vec::new();
+        for (place, plan) in plans.iter().enumerate() {
+            let size = &bench.size;
+            let configure = |group: &Group| judging(size, group, plan);
+            let inspected = inspect(groups, simulator, &configure)?;
+            points.push(point(plan, &inspected, stated)?);
+            table.push(row(simulator, plan, &inspected)?);
+            bench.progress.at((number as f64 + (place + 1) as f64 / plans.len() as f64) / Simulator::ALL.len() as f64);
+        }
+        facets.push(Facet {
+            name: simulator.name(),
+            title: format!("Cracks of the simulator {}", simulator.name()),
+            cost: Quantity::log("Time of a casing on the rig", "s"),
+            error: Quantity::linear("Cracked shoulders that pass", "%"),
+            tolerance: Tolerance { cost: 0.05, error: 1.0 },
+            truth: "the cracks that were planted".to_owned(),
+            seeds: bench.seeds().collect(),
+            families: vec!["these taps and no others", "what stands out is tapped again", "the dissertation's index"],
+            guides: vec![Guide { label: "shearography 45\u{2013}60 s", cost: SHEAROGRAPHY_S }],
+            points,
+        });
+    }
+    Ok(Panel {
+        name: "plans",
+        title: "Which scan plan, and which method?",
+        question: "How many seconds of a casing on the rig buy how few missed cracks, where 2 % of sound shoulders may be called?",
+        notes: notes(bench),
+        facets,
+        tables: vec![table],
+    })
+}
+
+fn notes(bench: &Bench) -> Vec<String> {
+    let casings = bench.size.casings;
+    let (populations, mix) = match bench.size.is_full {
+        true => (
+            "smooth and rough",
+            "Half of the cracks are faint, and half lie in rough casings: misses depend on that mix.",
+        ),
+        false => ("smooth alone", "Half of the cracks are faint: misses depend on that mix."),
+    };
+    vec![
+        format!(
+            "By simulator, population ({populations}) and seed: {} sound casings make the reference, {} sound ones are judged, \
+             {} with faint cracks (12 to 20 mm deep, 10 to 20 mm long, 1 to 4 locations) and {} with strong ones (3 to 12 mm, 20 to \
+             25 mm, 3 to 10 locations). {mix}",
+            casings.reference, casings.sound, casings.cracked, casings.cracked
+        ),
+        "0.4 s from tap to tap, 3 s to another offset, both shoulders at once. A tap period of 0.25 s, which records of 0.05 s allow, \
+         takes five eighths of it."
+            .to_owned(),
+        "Every plan states the same rate: 2 % of sound shoulders not passed. A plan whose sound shoulders are called oftener than \
+         that, beyond chance, is hollow. Shearography's 45 to 60 s are its vendors' figure; what it misses is not published."
+            .to_owned(),
+        "Records are 0.05 s long, as in docs/rates.md; the panel `recording` shows that longer ones find no more.".to_owned(),
+    ]
+}
+
+fn judging(size: &Size, group: &Group, plan: &Tried) -> Result<Judging> {
+    let config = FuseConfig { index: plan.index, ..FuseConfig::default() };
+    let reference = reference_of(group, &config, size.casings.reference, &plan.taps)?;
+    let config = FuseConfig { reference: Some(tapline_fuse::Reference::Own), ..config };
+    Ok(Judging { config, reference: Some(reference), taps: plan.taps.clone(), times: Times::default() })
+}
+
+/// Seconds of each casing.
+fn seconds(inspected: &[Inspected]) -> Vec<f64> {
+    let of_group = |i: &Inspected| -> Vec<f64> {
+        let shoulders = i.sound.iter().chain(&i.cracked);
+        let of_casing: BTreeMap<&str, f64> = shoulders.map(|judged| (judged.tyre.as_str(), judged.scan_s)).collect();
+        of_casing.into_values().collect()
+    };
+    inspected.iter().flat_map(of_group).collect()
+}
+
+fn point(plan: &Tried, inspected: &[Inspected], stated: f64) -> Result<Point> {
+    let called = called_percent(inspected)?;
+    let family = match (plan.index, plan.taps.is_confirmed) {
+        (IndexKind::Dissertation, _) => DISSERTATION,
+        (_, true) => CONFIRMED,
+        (_, false) => FIXED,
+    };
+    let n = inspected.iter().map(|i| i.cracked.len()).sum();
+    let remark = format!(
+        "sound shoulders not passed: {:.1} % ({:.1} to {:.1}) of {}",
+        called.value,
+        called.low,
+        called.high,
+        inspected.iter().map(|i| i.sound.len()).sum::<usize>()
+    );
+    Ok(Point::new(plan.name, plan.label, Cost::of(&seconds(inspected)), missed_percent(inspected)?, n)
+        .family(family)
+        .default_if(plan.is_default)
+        .failing(false_call_failure(&called, stated).into_iter().collect())
+        .remark(remark))
+}
+
+fn row(simulator: Simulator, plan: &Tried, inspected: &[Inspected]) -> Result<Vec<Cell>> {
+    let times = seconds(inspected);
+    let at = |q| tapline_draw::stats::quantile(&times, q);
+    let missed = missed_percent(inspected)?;
+    let called = called_percent(inspected)?;
+    let mut row: Vec<Cell> =
+        vec![simulator.name().into(), plan.name.into(), cell(tapline_draw::stats::mean(&times)), cell(at(0.95))];
+    row.push(cell(missed.value));
+    row.extend(ends(Some((missed.low, missed.high))));
+    for kind in ["faint-smooth", "faint-rough", "strong-smooth", "strong-rough"] {
+        let of_kind: Vec<Inspected> = (inspected.iter())
+            .map(|i| Inspected {
+                cracked: i.cracked.iter().filter(|j| j.tyre.starts_with(kind)).cloned().collect(),
+                ..i.clone()
+            })
+            .collect();
+        let missed = rate_percent(&of_kind, |i| &i.cracked, |judged| judged.verdict == Verdict::Pass.code());
+        row.push(cell(missed.ok().map(|missed| missed.value)));
+    }
+    row.push(cell(called.value));
+    row.extend(ends(Some((called.low, called.high))));
+    Ok(row)
+}

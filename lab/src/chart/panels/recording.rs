@@ -1,0 +1,139 @@
+//! What must be recorded: length, sample rate and bits of a record against loss of detection.
+
+mod readings;
+mod scenes;
+mod table;
+
+use anyhow::{Context as _, Result};
+
+use self::readings::{Heard, costs};
+use self::scenes::{Found, found};
+use super::Entry;
+use crate::chart::Bench;
+use crate::chart::front::Tolerance;
+use crate::chart::panel::{Facet, Panel, Quantity};
+use crate::chart::point::{Cost, Error, Failure, Point};
+use crate::evaluation::Areas;
+use crate::simulated::Simulator;
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "recording",
+    expected_s: |size| if size.is_full { 220.0 } else { 10.0 },
+    uses_casings: false,
+    measure,
+};
+
+fn measure(bench: &Bench) -> Result<Panel> {
+    let lengths = Heard::lengths();
+    let of_lengths = costs(bench, &lengths)?;
+    let found_lengths = found(bench, &lengths, &scenes::ALL, |part| bench.progress.at(0.5 * part))?;
+    let converters = Heard::converters(&bench.size);
+    let of_converters = costs(bench, &converters)?;
+    let found_converters = found(bench, &converters, &scenes::FAINT, |part| bench.progress.at(0.5 + 0.2 * part))?;
+    let mut facets = Vec::new();
+    for simulator in Simulator::ALL {
+        for what in [What::Bytes, What::Time, What::Converter] {
+            let (heard, costs, found) = match what {
+                What::Converter => (&converters, &of_converters, &found_converters),
+                What::Bytes | What::Time => (&lengths, &of_lengths, &found_lengths),
+            };
+            let point = |(place, heard): (usize, &Heard)| {
+                let cost = if what == What::Time { costs[place].cpu_us } else { costs[place].bytes_kib };
+                point(bench, heard, cost, found, (simulator, place))
+            };
+            let points = heard.iter().enumerate().map(point).collect::<Result<_>>()?;
+            facets.push(facet(bench, simulator, what, points));
+        }
+    }
+    let tables = vec![table::by_length(bench, &lengths, &found_lengths)?];
+    Ok(Panel {
+        name: "recording",
+        title: "How long must a record be, how fast and how fine?",
+        question: "The rig waits for a record to end, and every stage carries and reads its samples. How much of it finds cracks?",
+        notes: vec![
+            "The same taps, cut: one turn at each of two offsets, by a reference read likewise. Faint and strong cracks of both \
+             populations, and faint ones beside eight times the noise, all locations together; the table has each scene."
+                .to_owned(),
+            "Sample rates and bits are of faint cracks in smooth casings alone, with and without that noise, in records of 0.1 s. Another \
+             rate is another simulation, with the same noise a sample. The force's range is 222 N, of which a tap uses a tenth."
+                .to_owned(),
+            "Bytes are both channels of taps of `model`, packed with `lz4`. Shared memory and disk without a codec carry 4 bytes a \
+             sample pair. Samples whose number is no power of two pack and transform less well: 0.06 s are 2458 of them, 0.05 s 2048."
+                .to_owned(),
+            "The simulated casings have rung down after 25 ms or so. Casings that ring longer need the ringing to be over before the \
+             next tap, not in the record."
+                .to_owned(),
+        ],
+        facets,
+        tables,
+    })
+}
+
+/// What a facet is about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum What {
+    /// Lengths of the record, by bytes.
+    Bytes,
+    /// Lengths of the record, by processor time.
+    Time,
+    /// Rates and bits, by bytes.
+    Converter,
+}
+
+fn point(
+    bench: &Bench,
+    heard: &Heard,
+    cost: Cost,
+    found: &[Found],
+    (simulator, place): (Simulator, usize),
+) -> Result<Point> {
+    let of = |seed: Option<u64>| {
+        found.iter().filter(move |f| f.simulator == simulator && seed.is_none_or(|seed| seed == f.seed))
+    };
+    let areas = |seed: Option<u64>| Areas::of(of(seed).flat_map(|f| f.things(place)));
+    let new = |error: Error, n: usize| {
+        Point::new(heard.name.clone(), heard.label.clone(), cost, error, n)
+            .family(heard.family)
+            .default_if(heard.is_default)
+    };
+    if of(None).any(|f| f.judged[place].is_none()) {
+        // Of a scene there is no index at all: half of its pairs are ranked rightly, by chance.
+        let error = Error { value: 0.5, low: 0.5, high: 0.5, by_seed: bench.seeds().map(|_| 0.5).collect() };
+        let failure = Failure { case: "scenes in which such records make no reference", measured: 1.0, limit: 0.0 };
+        return Ok(new(error, 0).failing(vec![failure]));
+    }
+    let all = areas(None);
+    let loss =
+        |areas: &Areas| Ok::<f64, anyhow::Error>(1.0 - areas.auc().context("locations of both kinds have an index")?);
+    let by_seed = bench.seeds().map(|seed| loss(&areas(Some(seed)))).collect::<Result<Vec<_>>>()?;
+    let interval = all.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
+    let error = Error { value: loss(&all)?, ..Error::mean_of(by_seed) }.with_interval(interval);
+    Ok(new(error, all.count(true) + all.count(false)).failing(heard.failures()))
+}
+
+fn facet(bench: &Bench, simulator: Simulator, what: What, points: Vec<Point>) -> Facet {
+    let (name, title) = match (simulator, what) {
+        (Simulator::Plate, What::Bytes) => ("plate-bytes", "Length by bytes, simulator plate"),
+        (Simulator::Plate, What::Time) => ("plate-time", "Length by processor time, simulator plate"),
+        (Simulator::Plate, What::Converter) => ("plate-converter", "Sample rate and bits, simulator plate"),
+        (Simulator::Model, What::Bytes) => ("model-bytes", "Length by bytes, simulator model"),
+        (Simulator::Model, What::Time) => ("model-time", "Length by processor time, simulator model"),
+        (Simulator::Model, What::Converter) => ("model-converter", "Sample rate and bits, simulator model"),
+    };
+    let families = if what == What::Converter { readings::CONVERTER_FAMILIES } else { readings::LENGTH_FAMILIES };
+    Facet {
+        name,
+        title: title.to_owned(),
+        cost: match what {
+            What::Time => Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
+            What::Bytes | What::Converter => Quantity::log("Archived a tap, packed with lz4", "KiB"),
+        },
+        error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
+        tolerance: Tolerance { cost: 0.15, error: 0.003 },
+        truth: "the cracks that were planted".to_owned(),
+        seeds: bench.seeds().collect(),
+        families: families.to_vec(),
+        guides: Vec::new(),
+        points,
+    }
+}

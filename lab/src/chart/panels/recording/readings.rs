@@ -1,0 +1,193 @@
+//! The ways of recording and reading that are tried, and what each costs.
+
+use anyhow::{Context as _, Result};
+use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use tapline_codec::{Codec, pack};
+use tapline_model::SimulationConfig;
+use tapline_process::{ProcessConfig, ProcessExtractor, SpectrumEstimator};
+use tapline_wire::{CacheLine, Samples, TapHeader, cache_lines_for};
+
+use crate::chart::Bench;
+use crate::chart::cost::{Workload, by_turns};
+use crate::chart::point::{Cost, Failure};
+use crate::chart::size::Size;
+use crate::chart::stability;
+use crate::simulated::{Reading, quantised};
+
+/// The rig's sample rate.
+pub(super) const RATE_HZ: f64 = 40_960.0;
+/// Length of the longest record, which is that of the simulated rig.
+pub(super) const RECORD_S: f64 = 0.4;
+/// Before the trigger.
+pub(super) const PRE_TRIGGER_S: f64 = 0.0125;
+
+/// Lengths that are tried; the first is the default.
+pub(super) const LENGTHS_S: [f64; 8] = [RECORD_S, 0.2, 0.1, 0.06, 0.05, 0.04, 0.03, 0.025];
+/// The length at which rates and bits are tried.
+const CONVERTER_S: f64 = 0.1;
+const BITS: [u32; 4] = [14, 12, 10, 8];
+const RATES_HZ: [f64; 3] = [20_480.0, 81_920.0, 10_240.0];
+
+/// Families of the ways to read.
+pub(super) const LENGTH_FAMILIES: [&str; 2] = ["length of the record", "gate of 50 ms"];
+/// Families of the converters.
+pub(super) const CONVERTER_FAMILIES: [&str; 2] = ["sample rate, 16 bits", "bits, 41 kHz"];
+
+/// A way to record and to read.
+#[derive(Debug, Clone)]
+pub(super) struct Heard {
+    pub name: String,
+    pub label: String,
+    pub family: usize,
+    pub is_default: bool,
+    pub rate_hz: f64,
+    /// Of the record that the rig makes.
+    pub record_s: f64,
+    pub reading: Reading,
+}
+
+impl Heard {
+    fn plain(record_s: f64) -> Self {
+        Self {
+            name: String::new(),
+            label: String::new(),
+            family: 0,
+            is_default: false,
+            rate_hz: RATE_HZ,
+            record_s,
+            reading: Reading::default(),
+        }
+    }
+
+    /// Lengths of a record, and a gate.
+    pub(super) fn lengths() -> Vec<Self> {
+        let plain = Self::plain(RECORD_S);
+        let process = |process: ProcessConfig| Reading { process, ..Reading::default() };
+        let length = |record_s: f64| {
+            let is_default = record_s >= RECORD_S;
+            // All of the longest record is read by the default itself.
+            let record_used_s = if is_default { 0.0 } else { record_s };
+            Self {
+                name: format!("records of {record_s} s"),
+                label: format!("{record_s} s"),
+                is_default,
+                reading: process(ProcessConfig { record_s: record_used_s, ..ProcessConfig::default() }),
+                ..plain.clone()
+            }
+        };
+        let gate = Self {
+            name: format!("a gate of 50 ms, records of {RECORD_S} s"),
+            label: "gate".to_owned(),
+            family: 1,
+            reading: process(ProcessConfig { spectrum: SpectrumEstimator::Gate, ..ProcessConfig::default() }),
+            ..plain.clone()
+        };
+        LENGTHS_S.into_iter().map(length).chain([gate]).collect()
+    }
+
+    /// Rates and bits of the converter; a short chart tries one other rate.
+    pub(super) fn converters(size: &Size) -> Vec<Self> {
+        let plain = Self::plain(CONVERTER_S);
+        let bits = |bits: u32| Self {
+            name: format!("{bits} bits at 40.96 kHz"),
+            label: format!("{bits} bits"),
+            family: 1,
+            reading: Reading { bits: Some(bits), ..Reading::default() },
+            ..plain.clone()
+        };
+        let rate = |rate_hz: f64| Self {
+            name: format!("16 bits at {} kHz", rate_hz / 1e3),
+            label: if (rate_hz - RATE_HZ).abs() < 1.0 {
+                "16 bits, 41 kHz: the rig".to_owned()
+            } else {
+                format!("{:.0} kHz", rate_hz / 1e3)
+            },
+            rate_hz,
+            // The simulator `plate` gives numbers: they are rounded as a converter of 16 bits does.
+            reading: Reading { bits: Some(16), ..Reading::default() },
+            ..plain.clone()
+        };
+        let rates = if size.is_full { &RATES_HZ[..] } else { &RATES_HZ[..1] };
+        [RATE_HZ].into_iter().chain(rates.iter().copied()).map(rate).chain(BITS.map(bits)).collect()
+    }
+
+    /// The stability limits that it does not keep.
+    pub(super) fn failures(&self) -> Vec<Failure> {
+        if self.record_s < RECORD_S { Vec::new() } else { stability::of_spectrum(&self.reading.process) }
+    }
+
+    /// Samples of a channel.
+    fn sample_count(&self) -> usize {
+        let used_s = self.reading.process.record_s;
+        ((if used_s > 0.0 { used_s } else { self.record_s }) * self.rate_hz).round() as usize
+    }
+}
+
+/// What a way costs, a tap.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct HeardCost {
+    pub bytes_kib: Cost,
+    pub cpu_us: Cost,
+}
+
+/// A tap of `model`, as the line has it.
+struct Tap {
+    header: TapHeader,
+    counts: Vec<i16>,
+}
+
+/// What each of `heard` costs, on taps of one casing of `model`.
+pub(super) fn costs(bench: &Bench, heard: &[Heard]) -> Result<Vec<HeardCost>> {
+    let taps: Vec<Vec<Tap>> = heard.iter().map(|heard| taps(bench, heard)).collect::<Result<_>>()?;
+    let bytes = taps.iter().map(|taps| packed_kib(taps));
+    let mut workloads = Vec::new();
+    for (heard, taps) in heard.iter().zip(&taps) {
+        let mut extractor = ProcessExtractor::new(&heard.reading.process)?;
+        workloads.push(Workload::each(taps, move |tap| {
+            let found = extractor.extract(&tap.header, Samples::I16(&tap.counts));
+            f64::from(found.values.get(tapline_wire::Discriminator::Pr).is_some())
+        }));
+    }
+    let cpu = by_turns(&mut workloads, bench.size.rounds);
+    Ok(bytes.zip(cpu).map(|(bytes_kib, cpu_us)| HeardCost { bytes_kib, cpu_us }).collect())
+}
+
+/// Records as a rig would make them that records no more than `heard` reads.
+fn taps(bench: &Bench, heard: &Heard) -> Result<Vec<Tap>> {
+    let scan =
+        ScanConfig { seed: bench.seed, offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+    let simulation = SimulationConfig {
+        sample_rate_hz: heard.rate_hz,
+        sample_count: u32::try_from(heard.sample_count())?,
+        pre_trigger_samples: (PRE_TRIGGER_S * heard.rate_hz).round() as u32,
+        ..SimulationConfig::default()
+    };
+    let mut line = SimulatedLine::new(&scan, &simulation)?;
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
+    let rows = 0..u32::try_from(bench.size.taps)?;
+    let mut tap = |row| {
+        let mut header = TapHeader::default();
+        line.render(row, 0, &mut header, &mut buffer)?;
+        let samples = Samples::view(&header, &buffer).context("a record does not fit its header")?;
+        let (mut counts, mut units) = (Vec::new(), Vec::new());
+        let heard = match heard.reading.bits {
+            Some(bits) => quantised(bits, &header, samples, &mut counts, &mut units),
+            None => samples,
+        };
+        let Samples::I16(counts) = heard else { anyhow::bail!("the simulated rig gives counts") };
+        Ok(Tap { header, counts: counts.to_vec() })
+    };
+    rows.map(&mut tap).collect()
+}
+
+/// Both channels of each tap, packed.
+fn packed_kib(taps: &[Tap]) -> Cost {
+    let (mut planes, mut packed) = (Vec::new(), Vec::new());
+    let of_tap = |tap: &Tap| {
+        let bytes: Vec<u8> = tap.counts.iter().flat_map(|count| count.to_le_bytes()).collect();
+        pack(Codec::default(), 2, &bytes, &mut planes, &mut packed);
+        packed.len() as f64 / 1024.0
+    };
+    let kib: Vec<f64> = taps.iter().map(of_tap).collect();
+    Cost::of(&kib)
+}

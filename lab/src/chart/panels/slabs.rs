@@ -1,0 +1,234 @@
+//! Recorded taps with a known truth: what index, spectrum and length of the record are worth on them.
+
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use serde::Deserialize;
+use tapline_acquire::{Source as _, TapSet};
+use tapline_fuse::{FuseConfig, Fusion, IndexKind};
+use tapline_process::{Precision, ProcessConfig, ProcessExtractor, SpectrumEstimator};
+use tapline_wire::{CacheLine, Discriminators, Plan, Samples, TapHeader, cache_lines_for};
+
+use super::Entry;
+use crate::chart::Bench;
+use crate::chart::cost::{Workload, by_turns};
+use crate::chart::front::Tolerance;
+use crate::chart::panel::{Facet, Panel, Quantity};
+use crate::chart::point::{Error, Point};
+use crate::evaluation::Areas;
+
+pub(super) const ENTRY: Entry =
+    Entry { name: "slabs", expected_s: |size| if size.is_full { 10.0 } else { 3.0 }, uses_casings: false, measure };
+
+/// A recorded set with the configuration that ships for it.
+struct Slab {
+    folder: &'static str,
+    name: &'static str,
+    title: &'static str,
+    config: &'static str,
+    truth: &'static str,
+}
+
+const SLABS: [Slab; 3] = [
+    Slab {
+        folder: "fhwa-slab-bj",
+        name: "fhwa",
+        title: "FHWA laboratory slab, 5 lines",
+        config: include_str!("../../../../examples/fhwa-slab-bj.toml"),
+        truth: "inferred from the peak-frequency map that was published with the recordings",
+    },
+    Slab {
+        folder: "ntu-slab-06cm",
+        name: "ntu-06",
+        title: "NTU slab, crack 6 cm deep, 19 lines",
+        config: include_str!("../../../../examples/ntu-slab-06cm.toml"),
+        truth: "the design of the specimen",
+    },
+    Slab {
+        folder: "ntu-slab-10cm",
+        name: "ntu-10",
+        title: "NTU slab, crack 10 cm deep, 19 lines",
+        config: include_str!("../../../../examples/ntu-slab-10cm.toml"),
+        truth: "the design of the specimen",
+    },
+];
+
+/// The tables of a configuration that are used here.
+#[derive(Debug, Clone, Deserialize)]
+struct Config {
+    process: ProcessConfig,
+    fuse: FuseConfig,
+}
+
+/// A way to read a slab.
+struct Way {
+    label: &'static str,
+    name: &'static str,
+    family: usize,
+    change: fn(&mut Config, record_s: f64),
+}
+
+const WAYS: [Way; 7] = [
+    Way { label: "as shipped", name: "the configuration that ships", family: 0, change: |_, _| () },
+    Way {
+        label: "f64",
+        name: "double precision",
+        family: 0,
+        change: |config, _| config.process.precision = Precision::F64,
+    },
+    Way {
+        label: "3/4 of the record",
+        name: "the first three quarters of each record",
+        family: 1,
+        change: |config, record_s| config.process.record_s = 0.75 * record_s,
+    },
+    Way {
+        label: "1/2",
+        name: "the first half of each record",
+        family: 1,
+        change: |config, record_s| config.process.record_s = 0.5 * record_s,
+    },
+    Way {
+        label: "3/8",
+        name: "the first three eighths of each record",
+        family: 1,
+        change: |config, record_s| config.process.record_s = 0.375 * record_s,
+    },
+    Way {
+        label: "gate",
+        name: "a gate of a quarter of the record",
+        family: 2,
+        change: |config, record_s| {
+            config.process.spectrum = SpectrumEstimator::Gate;
+            config.process.gate_s = 0.25 * record_s;
+        },
+    },
+    Way {
+        label: "Eqs. 55-56",
+        name: "the dissertation's index",
+        family: 3,
+        change: |config, _| config.fuse.index = IndexKind::Dissertation,
+    },
+];
+
+/// The taps of a slab.
+struct Taps {
+    plan: Plan,
+    all: Vec<(TapHeader, Vec<CacheLine>)>,
+}
+
+fn measure(bench: &Bench) -> Result<Panel> {
+    let mut facets = Vec::new();
+    for (number, slab) in SLABS.iter().enumerate() {
+        let path = bench.recordings.join(slab.folder);
+        if path.is_dir() {
+            facets.push(facet(bench, slab, &taps(&path)?)?);
+        } else {
+            bench.skip("slabs", &format!("no recorded taps in {} (--recordings names their folder)", path.display()));
+        }
+        bench.progress.at((number + 1) as f64 / SLABS.len() as f64);
+    }
+    Ok(Panel {
+        name: "slabs",
+        title: "What do recorded taps say?",
+        question: "Concrete slabs, hit by hand, of which only the power ratio is usable: is what holds on simulated tyres true of \
+                   recordings with a known truth?",
+        notes: vec![
+            "Each line is compared with all lines of its slab, as the shipped configurations do. The cost is that of reading a tap, all \
+             discriminators, and judging it. Intervals draw whole lines; there is one recording of each, and no seed."
+                .to_owned(),
+            "These records are 5 and 10 ms long, and ring until they end. Within the wide intervals of so few lines no part of them is \
+             better than all. It is the tyres' ringing, over after 25 ms or so, that makes most of a record of 0.4 s useless."
+                .to_owned(),
+        ],
+        facets,
+        tables: Vec::new(),
+    })
+}
+
+fn taps(path: &Path) -> Result<Taps> {
+    let mut set = TapSet::open(path, 1).with_context(|| format!("cannot read {}", path.display()))?;
+    let plan = set.plan().clone();
+    let bytes = plan.recording.payload_bytes_max();
+    let mut tap = |row: usize| -> Result<(TapHeader, Vec<CacheLine>)> {
+        let (mut header, mut buffer) = (TapHeader::default(), vec![CacheLine::default(); cache_lines_for(bytes)]);
+        let rendered = set.render(u32::try_from(row)?, 0, &mut header, &mut buffer);
+        rendered.map_err(|refusal| anyhow::anyhow!("{}: {refusal:?}", path.display()))?;
+        Ok((header, buffer))
+    };
+    let all = (0..plan.taps().len()).map(&mut tap).collect::<Result<_>>()?;
+    Ok(Taps { plan, all })
+}
+
+impl Slab {
+    /// The configuration of `way`, for records of `record_s`.
+    fn configured(&self, way: &Way, record_s: f64) -> Result<Config> {
+        let mut config: Config =
+            toml::from_str(self.config).with_context(|| format!("the configuration of {}", self.folder))?;
+        (way.change)(&mut config, record_s);
+        Ok(config)
+    }
+}
+
+fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
+    let recording = &taps.plan.recording;
+    let record_s = f64::from(recording.sample_count_max) / recording.sample_rate_hz;
+    let configs: Vec<Config> = WAYS.iter().map(|way| slab.configured(way, record_s)).collect::<Result<_>>()?;
+    let mut workloads = Vec::new();
+    for config in &configs {
+        let mut extractor = ProcessExtractor::new(&config.process)?;
+        workloads.push(Workload::batch(taps.all.len(), move || {
+            let found = read(&mut extractor, taps);
+            judged(&config.fuse, &taps.plan, &found).map_or(f64::NAN, |areas| areas.auc().unwrap_or(f64::NAN))
+        }));
+    }
+    let costs = by_turns(&mut workloads, bench.size.rounds.div_ceil(3));
+    drop(workloads);
+    let points = WAYS.iter().zip(&configs).zip(costs).map(|((way, config), cost)| {
+        let found = read(&mut ProcessExtractor::new(&config.process)?, taps);
+        let areas = judged(&config.fuse, &taps.plan, &found)?;
+        let loss = 1.0 - areas.auc().context("a slab has cracked and sound places")?;
+        let error = Error::mean_of(vec![loss]);
+        let interval = areas.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
+        Ok(Point::new(way.name, way.label, cost, error.with_interval(interval), taps.all.len())
+            .family(way.family)
+            .default_if(way.label == WAYS[0].label))
+    });
+    Ok(Facet {
+        name: slab.name,
+        title: slab.title.to_owned(),
+        cost: Quantity::log("Processor time of a tap, read and judged", "\u{b5}s"),
+        error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
+        tolerance: Tolerance { cost: 0.15, error: 0.003 },
+        truth: slab.truth.to_owned(),
+        seeds: Vec::new(),
+        families: vec!["precision", "part of the record", "gate", "the dissertation's index"],
+        guides: Vec::new(),
+        points: points.collect::<Result<_>>()?,
+    })
+}
+
+fn read(extractor: &mut ProcessExtractor, taps: &Taps) -> Vec<Discriminators> {
+    let of_tap = |(header, buffer): &(TapHeader, Vec<CacheLine>)| match Samples::view(header, buffer) {
+        Some(samples) => extractor.extract(header, samples),
+        None => Discriminators { id: header.id, plan_index: header.plan_index, ..Discriminators::default() },
+    };
+    taps.all.iter().map(of_tap).collect()
+}
+
+/// The places of all lines by their damage index; what lies on a line is drawn together.
+fn judged(config: &FuseConfig, plan: &Plan, found: &[Discriminators]) -> Result<Areas> {
+    let mut fusion = Fusion::new(config, plan)?;
+    found.iter().try_for_each(|found| fusion.push(found))?;
+    (0..plan.scans().len()).try_for_each(|scan| fusion.end(scan))?;
+    let mut places = Vec::new();
+    for (number, scan) in plan.scans().iter().enumerate() {
+        let (_, cells) = fusion.judge(number)?;
+        for cell in cells {
+            let truth = plan.truth().get(&(scan.tyre, scan.shoulder, cell.location)).copied();
+            let Some(is_cracked) = truth else { continue };
+            places.push((format!("{}/{}", scan.tyre, scan.shoulder), cell.damage_index, is_cracked));
+        }
+    }
+    Ok(Areas::of(places.into_iter()))
+}

@@ -1,0 +1,247 @@
+//! The spectrum: processor time of a tap's discriminators against the error of its three powers.
+
+use anyhow::{Context as _, Result};
+use rayon::prelude::*;
+use realfft::RealFftPlanner;
+use tapline_acquire::{ScanConfig, SimulatedLine, Source as _, TyreConfig};
+use tapline_draw::record::{channel, periodogram};
+use tapline_model::{Crack, SimulationConfig};
+use tapline_process::{Precision, ProcessConfig, ProcessExtractor, QualityConfig, SpectrumEstimator, Subtraction};
+use tapline_wire::{CacheLine, Channel, Discriminator, Samples, TapHeader, cache_lines_for};
+
+use super::Entry;
+use crate::chart::Bench;
+use crate::chart::cost::{Workload, by_turns};
+use crate::chart::front::Tolerance;
+use crate::chart::panel::{Facet, Panel, Quantity};
+use crate::chart::point::{Cost, Error, Point};
+use crate::chart::stability;
+
+pub(super) const ENTRY: Entry =
+    Entry { name: "spectrum", expected_s: |size| if size.is_full { 15.0 } else { 2.0 }, uses_casings: false, measure };
+
+/// Samples of the simulated rig's records.
+const SAMPLES: u32 = 16_384;
+const RATE_HZ: f64 = 40_960.0;
+
+/// PR, P_f and E_f.
+type Powers = [f64; 3];
+
+/// A way to the powers.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    spectrum: SpectrumEstimator,
+    precision: Precision,
+    subtract: Subtraction,
+    samples: u32,
+}
+
+fn ways() -> Vec<Way> {
+    use Precision::{F32, F64};
+    use SpectrumEstimator::{Gate, Whole};
+    let way = |spectrum, precision, subtract, samples| Way { spectrum, precision, subtract, samples };
+    let mut ways = Vec::new();
+    for samples in [SAMPLES, 8192, 4096, 2048] {
+        ways.extend([F32, F64].map(|precision| way(Whole, precision, Subtraction::None, samples)));
+    }
+    ways.extend([F32, F64].map(|precision| way(Gate, precision, Subtraction::None, SAMPLES)));
+    ways.push(way(Whole, F32, Subtraction::Noise, SAMPLES));
+    ways.push(way(Gate, F32, Subtraction::Noise, SAMPLES));
+    ways
+}
+
+impl Way {
+    fn config(self) -> ProcessConfig {
+        ProcessConfig {
+            record_s: if self.samples < SAMPLES { f64::from(self.samples) / RATE_HZ } else { 0.0 },
+            spectrum: self.spectrum,
+            precision: self.precision,
+            subtract: self.subtract,
+            quality: QualityConfig::keeping(),
+            ..ProcessConfig::default()
+        }
+    }
+
+    fn label(self) -> String {
+        let precision = if self.precision == Precision::F32 { "f32" } else { "f64" };
+        let noise = if self.subtract == Subtraction::None { "" } else { ", less noise" };
+        match self.spectrum {
+            SpectrumEstimator::Whole => format!("{} {precision}{noise}", self.samples),
+            SpectrumEstimator::Gate => format!("gate {precision}{noise}"),
+        }
+    }
+
+    fn name(self) -> String {
+        let precision = if self.precision == Precision::F32 { "single" } else { "double" };
+        let noise = if self.subtract == Subtraction::None { "" } else { ", less the noise before the trigger" };
+        match self.spectrum {
+            SpectrumEstimator::Whole => format!("all of {} samples, {precision} precision{noise}", self.samples),
+            SpectrumEstimator::Gate => {
+                format!("a gate of 50 ms of {} samples, {precision} precision{noise}", self.samples)
+            }
+        }
+    }
+
+    fn is_default(self) -> bool {
+        let default = ProcessConfig::default();
+        self.spectrum == default.spectrum
+            && self.precision == default.precision
+            && self.subtract == default.subtract
+            && self.samples == SAMPLES
+    }
+
+    /// The powers of a record, on the scale of one of [`SAMPLES`]: densities are of the whole record.
+    fn powers(self, extractor: &mut ProcessExtractor, tap: &Tap) -> Powers {
+        let found = extractor.extract(&tap.header, Samples::I16(&tap.counts)).values;
+        let scale = f64::from(self.samples) / f64::from(SAMPLES);
+        let of = |which| found.get(which).unwrap_or(f64::NAN);
+        [of(Discriminator::Pr), scale * of(Discriminator::Pf), scale * of(Discriminator::Ef)]
+    }
+}
+
+/// A tap of `model`.
+#[derive(Debug, Clone)]
+struct Tap {
+    header: TapHeader,
+    counts: Vec<i16>,
+}
+
+fn measure(bench: &Bench) -> Result<Panel> {
+    let ways = ways();
+    let mut by_seed = [vec![Vec::new(); ways.len()], vec![Vec::new(); ways.len()]];
+    for (number, seed) in bench.seeds().enumerate() {
+        let clean = taps(bench, seed, false)?;
+        let noisy = taps(bench, seed, true)?;
+        let truths: Vec<Powers> = clean.iter().map(truth).collect::<Result<_>>()?;
+        for (taps, by_seed) in [&clean, &noisy].into_iter().zip(&mut by_seed) {
+            let errors: Vec<f64> = ways.par_iter().map(|way| error(*way, taps, &truths)).collect::<Result<_>>()?;
+            by_seed.iter_mut().zip(errors).for_each(|(by_seed, error)| by_seed.push(error));
+        }
+        bench.progress.at(0.6 * (number + 1) as f64 / bench.size.seed_count as f64);
+    }
+    let costs = costs(bench, &ways)?;
+    let [clean, noisy] = by_seed;
+    let facets = vec![
+        facet(bench, "arithmetic", "Taps without noise: arithmetic and definition", &ways, &costs, clean),
+        facet(bench, "noise", "Taps with the simulated rig's noise", &ways, &costs, noisy),
+    ];
+    Ok(Panel {
+        name: "spectrum",
+        title: "How must the spectrum be computed?",
+        question: "Single or double precision, the whole record or a part of it: what do they cost, and what do they change?",
+        notes: vec![
+            "The cost is that of all discriminators of a tap with their flags, force and sound of 16 bits. The error is the root mean \
+             square of the relative errors of PR, P_f and E_f over taps on sound and cracked places."
+                .to_owned(),
+            "The truth is the periodogram of the whole record without noise, in double precision by another library. A shorter record \
+             and a gate leave out the end of the ringing, which is their error without noise; with noise, they leave out more of that."
+                .to_owned(),
+        ],
+        facets,
+        tables: Vec::new(),
+    })
+}
+
+/// Taps of a casing with a crack of middling depth under a tenth of them, with the rig's noise and hum or without.
+fn taps(bench: &Bench, seed: u64, has_noise: bool) -> Result<Vec<Tap>> {
+    let count = u32::try_from(bench.size.taps)?;
+    let crack = Crack { shoulder: 1, first_location: 0, location_count: count.div_ceil(10), ..Crack::default() };
+    let scan = ScanConfig {
+        seed,
+        offsets_mm: vec![0.0],
+        velocities_m_per_s: vec![1.85],
+        locations: count,
+        closing_tap: false,
+        tyre: vec![TyreConfig { serial: "SPECTRUM".to_owned(), station: 1, crack: vec![crack] }],
+        ..ScanConfig::default()
+    };
+    let rig = SimulationConfig::default();
+    let simulation =
+        if has_noise { rig } else { SimulationConfig { force_noise_n: 0.0, sound_noise_v: 0.0, hum_v: 0.0, ..rig } };
+    let mut line = SimulatedLine::new(&scan, &simulation)?;
+    let mut buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
+    let mut tap = |row| {
+        let mut header = TapHeader::default();
+        line.render(row, 0, &mut header, &mut buffer)?;
+        match Samples::view(&header, &buffer) {
+            Some(Samples::I16(counts)) => Ok(Tap { header, counts: counts.to_vec() }),
+            _ => anyhow::bail!("the simulated rig gives counts"),
+        }
+    };
+    (0..count).map(&mut tap).collect()
+}
+
+/// The powers by a periodogram that shares no text with `process`.
+fn truth(tap: &Tap) -> Result<Powers> {
+    let sound = channel(&tap.header, Samples::I16(&tap.counts), Channel::Sound).context("a tap has a sound")?;
+    let bin_hz = RATE_HZ / sound.len() as f64;
+    let density = periodogram(&mut RealFftPlanner::new(), sound, RATE_HZ)?;
+    let config = ProcessConfig::default();
+    let within = |low: f64, high: f64| {
+        let of_bin = move |&(k, _): &(usize, &f64)| (low..=high).contains(&(k as f64 * bin_hz));
+        density.iter().enumerate().filter(of_bin).map(|(_, density)| *density)
+    };
+    let flexural: f64 = within(config.f_c_hz, config.f_hi_hz).sum();
+    let all: f64 = within(config.f_lo_hz, config.f_top_hz).sum();
+    let peak = within(config.f_c_hz, config.f_hi_hz).max_by(f64::total_cmp).context("the band has bins")?;
+    Ok([flexural / all, peak, flexural * bin_hz])
+}
+
+/// Root mean square of the relative errors of all powers of `taps`.
+fn error(way: Way, taps: &[Tap], truths: &[Powers]) -> Result<f64> {
+    let mut extractor = ProcessExtractor::new(&way.config())?;
+    let (mut squares, mut count) = (0.0, 0.0);
+    for (tap, truth) in taps.iter().zip(truths) {
+        for (found, truth) in way.powers(&mut extractor, tap).into_iter().zip(truth) {
+            squares += (found / truth - 1.0).powi(2);
+            count += 1.0;
+        }
+    }
+    Ok((squares / count).sqrt())
+}
+
+fn costs(bench: &Bench, ways: &[Way]) -> Result<Vec<Cost>> {
+    let taps = taps(bench, bench.seed, true)?;
+    let mut workloads = Vec::new();
+    for &way in ways {
+        // With the flags' own policies, as a line has them.
+        let config = ProcessConfig { quality: QualityConfig::default(), ..way.config() };
+        let mut extractor = ProcessExtractor::new(&config)?;
+        workloads.push(Workload::each(&taps, move |tap| way.powers(&mut extractor, tap)[0]));
+    }
+    Ok(by_turns(&mut workloads, bench.size.rounds))
+}
+
+fn facet(
+    bench: &Bench,
+    name: &'static str,
+    title: &str,
+    ways: &[Way],
+    costs: &[Cost],
+    by_seed: Vec<Vec<f64>>,
+) -> Facet {
+    let point = |((&way, &cost), by_seed): ((&Way, &Cost), Vec<f64>)| {
+        Point::new(
+            way.name(),
+            way.label(),
+            cost,
+            Error::mean_of(by_seed),
+            bench.size.taps * bench.size.seed_count as usize,
+        )
+        .family(usize::from(way.precision == Precision::F64))
+        .default_if(way.is_default())
+        .failing(stability::of_spectrum(&way.config()))
+    };
+    Facet {
+        name,
+        title: title.to_owned(),
+        cost: Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
+        error: Quantity::log("Relative error of PR, P_f and E_f, rms", ""),
+        tolerance: Tolerance { cost: 0.1, error: if name == "noise" { 0.005 } else { 1e-4 } },
+        truth: "the periodogram of the whole record without noise, in double precision by realfft".to_owned(),
+        seeds: bench.seeds().collect(),
+        families: vec!["single precision", "double precision"],
+        guides: Vec::new(),
+        points: ways.iter().zip(costs).zip(by_seed).map(point).collect(),
+    }
+}

@@ -1,0 +1,109 @@
+//! Transport: the shared-memory hop beside a Unix socket and a pipe, by the size of the record.
+
+mod hop;
+
+use std::time::Duration;
+
+use anyhow::Result;
+
+pub(crate) use self::hop::{ROLE, consume};
+
+use self::hop::{Run, Way, run};
+use super::Entry;
+use crate::chart::Bench;
+use crate::chart::front::Tolerance;
+use crate::chart::panel::{Facet, Panel, Quantity};
+use crate::chart::point::{Cost, Error, Point};
+
+pub(super) const ENTRY: Entry = Entry {
+    name: "transport",
+    expected_s: |size| if size.is_full { 110.0 } else { 8.0 },
+    uses_casings: false,
+    measure,
+};
+
+/// Sizes of a record. A tap of 0.4 s has 64 KiB, one of 0.05 s 8 KiB.
+const SIZES_KIB: [usize; 5] = [4, 16, 64, 256, 1024];
+
+/// Records a second of a run that is paced.
+const PACE_PER_S: u32 = 500;
+
+fn measure(bench: &Bench) -> Result<Panel> {
+    let size = &bench.size;
+    let mut fast: Vec<Vec<Run>> = Vec::new();
+    let mut paced: Vec<Vec<Run>> = Vec::new();
+    // A short chart leaves out every second size.
+    let sizes = SIZES_KIB.into_iter().step_by(if size.is_full { 1 } else { 2 });
+    let cases: Vec<(usize, Way)> = sizes.flat_map(|kib| Way::ALL.map(|way| (kib, way))).collect();
+    fast.resize_with(cases.len(), Vec::new);
+    paced.resize_with(cases.len(), Vec::new);
+    let period = Duration::from_secs(1) / PACE_PER_S;
+    for round in 0..size.hop_rounds {
+        for (place, &(kib, way)) in cases.iter().enumerate() {
+            let count = (size.hops * 64 / kib as u64).clamp(size.hops / 16, 4 * size.hops);
+            fast[place].push(run(way, kib * 1024, count, None)?);
+            paced[place].push(run(way, kib * 1024, size.paced, Some(period))?);
+            let done = (round * cases.len() + place + 1) as f64 / (size.hop_rounds * cases.len()) as f64;
+            bench.progress.at(done);
+        }
+    }
+    let facets = vec![
+        facet(bench, "fast", "As fast as records go", &cases, &fast, |run| run.elapsed_us, "Time of a record"),
+        facet(bench, "paced", "500 records a second", &cases, &paced, |run| run.p99_us, "Latency, 99 of 100 records"),
+    ];
+    Ok(Panel {
+        name: "transport",
+        title: "How do records cross from process to process?",
+        question: "A producer and two consumers in processes of their own: what does a record cost, and how long is it under way?",
+        notes: vec![
+            "Each record is written by the producer and summed by both consumers, as `acquire`, `process` and `store` do. Through shared \
+             memory it is written once and read in place; a socket and a pipe copy it twice, once for each consumer, through the \
+             kernel. Costs are of all three processes; errors are times, medians over rounds by turns."
+                .to_owned(),
+            "Lines join one way from 4 KiB to 1 MiB. Each size has a front of its own.".to_owned(),
+            "On a machine with other work, the 99th of 100 latencies is that work's.".to_owned(),
+        ],
+        facets,
+        tables: Vec::new(),
+    })
+}
+
+fn facet(
+    bench: &Bench,
+    name: &'static str,
+    title: &str,
+    cases: &[(usize, Way)],
+    runs: &[Vec<Run>],
+    time_us: fn(&Run) -> f64,
+    error: &'static str,
+) -> Facet {
+    let point = |(&(kib, way), runs): (&(usize, Way), &Vec<Run>)| {
+        let cpu: Vec<f64> = runs.iter().map(|run| run.cpu_us).collect();
+        let times: Vec<f64> = runs.iter().map(time_us).collect();
+        let n = runs.iter().map(|run| run.count as usize).sum();
+        let of = Cost::of(&times);
+        let error = Error { value: of.median, low: of.low, high: of.high, by_seed: times };
+        let size = if kib < 1024 { format!("{kib} KiB") } else { "1 MiB".to_owned() };
+        Point::new(format!("{}, {size}", way.name()), size, Cost::of(&cpu), error, n)
+            .family(way as usize)
+            .group(kib)
+            .default_if(way == Way::Topic)
+            .remark(format!(
+                "median latency {:.0} us",
+                Cost::of(&runs.iter().map(|run| run.p50_us).collect::<Vec<_>>()).median
+            ))
+    };
+    Facet {
+        name,
+        title: title.to_owned(),
+        cost: Quantity::log("Processor time of a record, three processes", "\u{b5}s"),
+        error: Quantity::log(error, "\u{b5}s"),
+        // A scheduler's times: what differs by less than 20 us is no difference.
+        tolerance: Tolerance { cost: 0.25, error: 20.0 },
+        truth: "every record arrives whole and in order, or the run fails".to_owned(),
+        seeds: vec![bench.seed],
+        families: Way::ALL.map(Way::name).to_vec(),
+        guides: Vec::new(),
+        points: cases.iter().zip(runs).map(point).collect(),
+    }
+}

@@ -1,0 +1,22 @@
+//! Casings of two simulators that share no code, tapped, read and judged: what `examples/rates` counts and `tapline-lab chart`
+//! draws.
+//!
+//! - [`Scene`]: which casings, of what population, with which cracks; [`Simulator`]: `model` or `plate`.
+//! - [`Reading`]: how a record is heard and read; one simulation can be read in many ways.
+//! - [`Set`]: casings and what came of their taps; [`ScanTaps`]: which of these taps a scan makes, and [`Times`] what it takes.
+//! - [`judge`]: the shoulders of such scans, judged by the fusion, with the truth about them.
+
+mod judged;
+mod reading;
+mod scan_taps;
+mod scene;
+mod set;
+
+pub(crate) use judged::alone_of;
+pub use judged::{Judged, Judging, judge, reference};
+pub use reading::Reading;
+pub(crate) use reading::{Reader, quantised};
+pub use scan_taps::{ScanTaps, Times, Turn};
+pub use scene::{Crack, Scene, Simulator, Tyre};
+pub(crate) use set::simulate;
+pub use set::{COLUMNS, Set, values_of};

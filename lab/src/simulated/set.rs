@@ -1,0 +1,255 @@
+//! Sets of simulated casings: the values of every tap, of which a scan makes some.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use anyhow::{Context as _, Result, ensure};
+use tapline_acquire::ScanConfig;
+use tapline_model::SimulationConfig;
+use tapline_plate::ScanShape;
+use tapline_process::ProcessConfig;
+use tapline_wire::{Discriminator, Discriminators, Plan, PlannedTap, Samples, TapId, Values};
+
+use super::reading::{Reader, Reading};
+use super::scan_taps::ScanTaps;
+use super::scene::{Scene, Simulator, Tyre};
+use crate::in_memory::InMemoryScan;
+
+/// Numbers of a tap: its discriminators and the velocity as measured.
+pub const COLUMNS: usize = Discriminator::COUNT + 1;
+
+/// How often a tap of no use is taken again, as by default.
+const RETAKES: u16 = 2;
+
+/// Casings and what came of their taps.
+#[derive(Debug, Clone)]
+pub struct Set {
+    /// The casings.
+    pub tyres: Vec<Tyre>,
+    /// The taps of each.
+    pub shape: ScanShape,
+    /// `[casing][shoulder][offset][velocity][repetition][location][column]`.
+    values: Vec<f64>,
+}
+
+/// What each of `readings` makes of every tap that `shape` gives `tyres` in `scene`, as sets in the order of the readings.
+///
+/// # Errors
+/// A setting out of its bounds, or a thread that cannot be started.
+pub(crate) fn simulate(
+    simulator: Simulator,
+    scene: Scene,
+    shape: &ScanShape,
+    tyres: &[Tyre],
+    seed: u64,
+    readings: &[Reading],
+) -> Result<Vec<Set>> {
+    let plated: Vec<_> = tyres.iter().map(Tyre::of_plate).collect();
+    let plan = shape.plan(&plated)?;
+    let taps: Vec<Vec<Discriminators>> = match simulator {
+        Simulator::Plate => {
+            let reader =
+                || Reader::new(readings).map_err(|e| tapline_plate::Error::Recording { what: format!("{e:#}") });
+            tapline_plate::taps(
+                &scene.population(),
+                seed,
+                &plated,
+                &plan,
+                RETAKES,
+                reader,
+                |reader, header, samples| reader.read(header, Samples::F32(samples)),
+            )?
+        }
+        Simulator::Model => modelled(&scene.model(shape), shape, tyres, seed, readings)?,
+    };
+    let set = |number: usize| {
+        let found = taps.iter().map(|of_tap| &of_tap[number]);
+        Ok(Set { tyres: tyres.to_vec(), shape: shape.clone(), values: values_in_order(tyres, shape, &plan, found)? })
+    };
+    (0..readings.len()).map(set).collect()
+}
+
+impl Scene {
+    /// The rig of `model` for the scene, with records as `shape` has them.
+    pub fn model(self, shape: &ScanShape) -> SimulationConfig {
+        SimulationConfig {
+            sample_rate_hz: shape.sample_rate_hz,
+            sample_count: (shape.record_s * shape.sample_rate_hz).round() as u32,
+            pre_trigger_samples: shape.pre_trigger_samples,
+            ..self.simulation()
+        }
+    }
+}
+
+/// What comes of the taps of `tyres` by the model.
+fn modelled(
+    simulation: &SimulationConfig,
+    shape: &ScanShape,
+    tyres: &[Tyre],
+    seed: u64,
+    readings: &[Reading],
+) -> Result<Vec<Vec<Discriminators>>> {
+    let scan = ScanConfig {
+        seed,
+        offsets_mm: shape.offsets_mm.clone(),
+        velocities_m_per_s: shape.velocities_m_per_s.clone(),
+        repetitions: shape.repetitions,
+        locations: shape.location_count,
+        closing_tap: false,
+        tyre: tyres.iter().map(Tyre::of_model).collect(),
+        ..ScanConfig::default()
+    };
+    let process = ProcessConfig::default();
+    let scan = InMemoryScan { scan: &scan, simulation, process: &process, retakes: RETAKES, thread_count: 0 };
+    let (_, taps) = scan.read(|| Reader::new(readings), |reader, header, samples| reader.read(header, samples))?;
+    Ok(taps)
+}
+
+/// The values of every tap of `tyres` in `scene` by the default reading, as a set keeps them:
+/// `[casing][shoulder][offset][velocity][repetition][location][column]`.
+///
+/// # Errors
+/// A setting out of its bounds, or a thread that cannot be started.
+pub fn values_of(simulator: Simulator, scene: Scene, shape: &ScanShape, tyres: &[Tyre], seed: u64) -> Result<Vec<f64>> {
+    let sets = simulate(simulator, scene, shape, tyres, seed, &[Reading::default()])?;
+    Ok(sets.into_iter().next().context("there is one reading")?.values)
+}
+
+/// The values of `found`, in the order of a set.
+fn values_in_order<'a>(
+    tyres: &[Tyre],
+    shape: &ScanShape,
+    plan: &Plan,
+    found: impl ExactSizeIterator<Item = &'a Discriminators>,
+) -> Result<Vec<f64>> {
+    let mut values = vec![f64::NAN; tyres.len() * shape.tap_count() * COLUMNS];
+    let numbers = numbers_of(tyres);
+    ensure!(plan.taps().len() == found.len(), "a tap was not taken");
+    for tap in found {
+        let casing = *numbers.get(tap.id.tyre.as_str()).context("a tap of another casing")?;
+        let at = place(shape, casing, &tap.id)? * COLUMNS;
+        for (out, which) in values[at..].iter_mut().zip(Discriminator::ALL) {
+            *out = tap.values.get(which).unwrap_or(f64::NAN);
+        }
+        values[at + Discriminator::COUNT] = tap.velocity_measured_m_per_s;
+    }
+    Ok(values)
+}
+
+/// The number of each casing, by its serial.
+fn numbers_of(tyres: &[Tyre]) -> BTreeMap<&str, usize> {
+    tyres.iter().enumerate().map(|(number, tyre)| (tyre.serial.as_str(), number)).collect()
+}
+
+impl Set {
+    /// A set that was simulated before.
+    ///
+    /// # Errors
+    /// If there are not as many values as the shape and the casings have.
+    pub fn new(tyres: Vec<Tyre>, shape: ScanShape, values: Vec<f64>) -> Result<Self> {
+        let wanted = tyres.len() * shape.tap_count() * COLUMNS;
+        ensure!(values.len() == wanted, "a set of {} values, not of {wanted}", values.len());
+        Ok(Self { tyres, shape, values })
+    }
+
+    /// The same with every value as `change` makes it, which is told the number of the tap in the set.
+    pub fn changed(&self, change: impl Fn(usize, Discriminator, f64) -> f64) -> Self {
+        let mut changed = self.clone();
+        for (tap, values) in changed.values.chunks_mut(COLUMNS).enumerate() {
+            for (value, which) in values.iter_mut().zip(Discriminator::ALL) {
+                *value = change(tap, which, *value);
+            }
+        }
+        changed
+    }
+
+    /// The number in the set of the first casing's tap that a scan by `taps` makes first; its neighbours follow.
+    ///
+    /// # Errors
+    /// If the set has no such tap.
+    pub fn first_tap_of(&self, taps: &ScanTaps) -> Result<usize> {
+        let tyre = self.tyres.first().context("a set without casings")?;
+        let plan = self.shape.plan(&[tyre.of_plate()])?;
+        let first = plan.taps().iter().find(|tap| taps.has(tap)).context("a set without such a tap")?;
+        place(&self.shape, 0, &first.id)
+    }
+
+    /// What comes first of `taps` of some casings of the set: the plan and what came of it, after `scene` has changed it.
+    ///
+    /// # Errors
+    /// If the set has not all of these taps.
+    pub fn part(&self, casings: Range<usize>, taps: &ScanTaps, scene: Scene) -> Result<(Plan, Vec<Discriminators>)> {
+        let tyres: Vec<_> = self.tyres[casings.clone()].iter().map(Tyre::of_plate).collect();
+        let all = self.shape.plan(&tyres)?;
+        let planned: Vec<PlannedTap> = all.taps().iter().copied().filter(|tap| taps.has(tap)).collect();
+        let plan = Plan::new(all.geometry, all.recording.clone(), planned, all.truth().clone())?;
+        let numbers = numbers_of(&self.tyres);
+        let found = (0..).zip(plan.taps()).map(|(plan_index, tap)| {
+            let casing = *numbers.get(tap.id.tyre.as_str()).context("a tap of another casing")?;
+            let mut record = self.record(casing, plan_index, tap)?;
+            if scene.changes_a_turn() && self.is_turn_changed(casing, taps, tap)? {
+                let gone = f64::from(tap.id.location) / f64::from(self.shape.location_count);
+                let mut values = Values::default();
+                for which in Discriminator::ALL {
+                    values.set(which, record.values.get(which).map(|value| scene.changed(which, value, gone)));
+                }
+                record.values = values;
+            }
+            Ok(record)
+        });
+        let found = found.collect::<Result<_>>()?;
+        Ok((plan, found))
+    }
+
+    /// What came of `taps`, which are asked for besides those of `plan`, a part of the set.
+    ///
+    /// # Errors
+    /// If the set has not all of these taps.
+    pub fn again(&self, taps: &[PlannedTap], plan: &Plan) -> Result<Vec<Discriminators>> {
+        let numbers = numbers_of(&self.tyres);
+        let row = u32::try_from(plan.taps().len())?;
+        let of = |(plan_index, tap): (u32, &PlannedTap)| {
+            let casing = *numbers.get(tap.id.tyre.as_str()).context("a tap of another casing")?;
+            self.record(casing, plan_index, tap)
+        };
+        (row..).zip(taps).map(of).collect()
+    }
+
+    /// Whether `tap` is of the turn that a scene changes: of shoulder 1, and another one from casing to casing.
+    fn is_turn_changed(&self, casing: usize, taps: &ScanTaps, tap: &PlannedTap) -> Result<bool> {
+        let repetitions = taps.turns.iter().map(|turn| usize::from(turn.repetition) + 1).max().unwrap_or(1);
+        let turn_count = self.shape.offsets_mm.len() * self.shape.velocities_m_per_s.len() * repetitions;
+        let offset = nearest(&self.shape.offsets_mm, tap.id.offset_mm())?;
+        let velocity = nearest(&self.shape.velocities_m_per_s, tap.id.velocity_m_per_s())?;
+        let condition = offset * self.shape.velocities_m_per_s.len() + velocity;
+        let turn = condition * repetitions + usize::from(tap.id.repetition);
+        Ok(tap.id.shoulder == 1 && turn == casing % turn_count)
+    }
+
+    fn record(&self, casing: usize, plan_index: u32, tap: &PlannedTap) -> Result<Discriminators> {
+        let at = place(&self.shape, casing, &tap.id)? * COLUMNS;
+        let of_tap = self.values.get(at..at + COLUMNS).context("a tap that the set has not")?;
+        let mut values = Values::default();
+        for (&value, which) in of_tap.iter().zip(Discriminator::ALL) {
+            values.set(which, Some(value));
+        }
+        let velocity_measured_m_per_s = of_tap[Discriminator::COUNT];
+        Ok(Discriminators { id: tap.id, plan_index, velocity_measured_m_per_s, values, ..Discriminators::default() })
+    }
+}
+
+/// Which tap of a set the tap `id` of casing number `casing` is.
+fn place(shape: &ScanShape, casing: usize, id: &TapId) -> Result<usize> {
+    let offset = nearest(&shape.offsets_mm, id.offset_mm())?;
+    let velocity = nearest(&shape.velocities_m_per_s, id.velocity_m_per_s())?;
+    ensure!(id.repetition < shape.repetitions, "repetition {} of {}", id.repetition, shape.repetitions);
+    let mut place = casing * 2 + usize::from(id.shoulder == 2);
+    place = place * shape.offsets_mm.len() + offset;
+    place = place * shape.velocities_m_per_s.len() + velocity;
+    place = place * usize::from(shape.repetitions) + usize::from(id.repetition);
+    Ok(place * shape.location_count as usize + id.location as usize)
+}
+
+fn nearest(values: &[f64], value: Option<f64>) -> Result<usize> {
+    value.and_then(|value| values.iter().position(|v| (v - value).abs() < 1e-6)).context("a tap of another plan")
+}

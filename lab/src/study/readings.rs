@@ -1,0 +1,38 @@
+//! Every set by other readings of the same records: what their length is worth.
+
+use anyhow::Result;
+use tapline_fuse::FuseConfig;
+
+use super::candidates::Split;
+use super::judge::judge;
+use super::parallel::each;
+use super::sets::sets;
+use super::size::Size;
+use crate::evaluation::Areas;
+use crate::simulated::Reading;
+
+/// A set's name, and its areas by reading, then by seed.
+pub(crate) type AreasOfSet = (&'static str, Vec<Vec<Areas>>);
+
+/// The areas of the default index by the healthy reference, of each set. `tyres` is how many a set has,
+/// and `tick` is called after each set.
+pub(crate) fn by_readings(
+    readings: &[Reading],
+    tyres: usize,
+    seeds: impl Iterator<Item = u64>,
+    tick: impl Fn(),
+) -> Result<Vec<AreasOfSet>> {
+    let size = Size::full_study(tyres);
+    let mut found: Vec<AreasOfSet> = sets().iter().map(|set| (set.name, vec![Vec::new(); readings.len()])).collect();
+    for seed in seeds {
+        for ((number, set), (_, by_reading)) in (0..).zip(&sets()).zip(&mut found) {
+            let splits = Split::scan_read(set, number, &size, &size.turns, (seed, 0), readings)?;
+            let areas = each(&splits, 0, |split| {
+                Ok(Areas::new(&judge(&FuseConfig::default(), &split.judged()?, &split.healthy()?)?))
+            })?;
+            by_reading.iter_mut().zip(areas).for_each(|(of_reading, areas)| of_reading.push(areas));
+            tick();
+        }
+    }
+    Ok(found)
+}
