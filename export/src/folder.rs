@@ -37,11 +37,16 @@ impl Draft {
 
     /// The present path of the file `name`, whose own folder is created.
     pub(crate) fn path(&self, name: &str) -> Result<PathBuf> {
-        let path = self.draft.join(name);
-        if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent).context("make the folder", parent)?;
+        // Not `create_dir_all`: that would make the draft again after a signal has removed it.
+        let mut parent = self.draft.clone();
+        for part in Path::new(name).parent().into_iter().flatten() {
+            parent.push(part);
+            match fs::create_dir(&parent) {
+                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+                made => made.context("make the folder", &parent)?,
+            }
         }
-        Ok(path)
+        Ok(self.draft.join(name))
     }
 
     /// The present path of the folder.

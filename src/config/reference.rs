@@ -137,7 +137,10 @@ mod tests {
         let difference =
             |config: &ProcessConfig, recording: &Recording| differences(&was, &process_of(config, recording).unwrap());
         let faster = Recording { sample_rate_hz: 48_000.0, ..recording.clone() };
-        assert_eq!(difference(&config, &faster), "sample_rate_hz = 40960.0 there, sample_rate_hz = 48000.0 here");
+        assert_eq!(
+            difference(&config, &faster),
+            "sample_rate_hz = 40960.0, analysed_s = 0.4 there, sample_rate_hz = 48000.0, analysed_s = 0.3413333333333333 here"
+        );
         let deaf = Recording { channels: vec![Channel::Force], ..recording.clone() };
         assert_eq!(
             difference(&config, &deaf),

@@ -60,6 +60,9 @@ pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
 
 /// What was meant by the name that a `message` of the reader refuses: it quotes that first, and then those it knows.
 fn meant(message: &str) -> Option<String> {
+    if let Some((name, known)) = message.split_once(" is no discriminator; there are ") {
+        return did_you_mean(name.trim_matches('"'), known.split(", "));
+    }
     let is_of_name = ["unknown field", "unknown variant"].iter().any(|begin| message.starts_with(begin));
     let mut names = message.split('`').skip(1).step_by(2).filter(|_| is_of_name);
     let name = names.next()?;

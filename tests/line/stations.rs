@@ -72,7 +72,7 @@ fn rig_and_plant(sandbox: &Sandbox, script: &str, more: &str) -> Running {
 
 /// A number in the rig's report.
 fn reported(report: &str, what: &str) -> usize {
-    let (_, rest) = report.split_once(&format!("{what}: ")).unwrap();
+    let (_, rest) = report.split_once(&format!("{what} ")).unwrap();
     rest.split([',', ' ']).next().unwrap().parse().unwrap()
 }
 
@@ -88,7 +88,7 @@ fn a_rig_that_is_switched_off_and_on_loses_nothing() {
     let verdicts = line.verdicts(5);
     line.finish().expect(0);
     let report = machine.interrupt().expect(0).out;
-    assert_eq!(reported(&report, "switched_off"), 4, "{report:?}");
+    assert_eq!(reported(&report, "switched off"), 4, "{report:?}");
     let names: Vec<&str> = verdicts.iter().map(|verdict| verdict["casing"].as_str().unwrap()).collect();
     assert!(names[1..3].iter().all(|name| name.starts_with("unknown-1-")) && names[1] != names[2], "{names:?}");
     assert_eq!([names[0], names[3], names[4]], ["R-1", "R-1", "R 2"]);

@@ -67,7 +67,8 @@ fn a_scan_in_memory_finds_what_the_line_finds() {
     let archived: Vec<String> = records.iter().map(bits).collect();
     let config: Config = toml::from_str(SCAN).unwrap();
     for thread_count in [1, 2, 5] {
-        let (plan, mut found) = config.on(thread_count).discriminators().unwrap();
+        let (plan, taps) = config.on(thread_count).taps(|_, _| ()).unwrap();
+        let mut found: Vec<Discriminators> = taps.into_iter().map(|(found, ())| found).collect();
         assert!(plan.taps().iter().eq(casings.iter().flat_map(|casing| casing.plan().taps())));
         // On a line, each casing has its own plan.
         found.iter_mut().for_each(|record| record.plan_index %= 2 * 2 * 2 * 21);
@@ -94,10 +95,10 @@ fn what_is_looked_at_is_the_record_that_counts() {
 fn what_cannot_be_scanned_is_refused() {
     let mut config = Config::default();
     config.scan.repetitions = 0;
-    let error = config.on(2).discriminators().unwrap_err();
+    let error = config.on(2).taps(|_, _| ()).unwrap_err();
     assert!(format!("{error:#}").contains("scan.repetitions is 0"), "{error:#}");
     let mut config = Config::default();
     config.process.f_c_hz = -1.0;
-    let error = config.on(2).discriminators().unwrap_err();
+    let error = config.on(2).taps(|_, _| ()).unwrap_err();
     assert!(format!("{error:#}").contains("f_c_hz"), "{error:#}");
 }

@@ -69,7 +69,10 @@ fn tyres_are_judged_by_a_reference_of_others() {
     // The same run again has nothing to do; with another reference it is another run.
     let again = "run --config cracked.toml --out by --reference sound.json --json";
     assert_eq!(sandbox.run(again).code, Some(0));
-    assert_eq!(sandbox.run("reference sound/S1.h5 --shoulder S1/1 --shoulder S1/2 --out sound.json").code, Some(0));
+    assert_eq!(
+        sandbox.run("reference sound/S1.h5 --shoulder S1/1 --shoulder S1/2 --out sound.json --force").code,
+        Some(0)
+    );
     let done = sandbox.run(again);
     assert!(done.code == Some(1) && done.err.contains("another reference"), "{done:?}");
 }

@@ -93,10 +93,11 @@ impl ArcStatistic {
         Depth { mean, correlation, by_length: Vec::new() }
     }
 
-    /// The same without what arcs of the reference scatter more than independent values do.
+    /// The same for noise about 0: without what arcs of the reference scatter more than independent values do.
     pub(crate) fn of_white(&self) -> Self {
         let mut white = self.clone();
         for depth in &mut white.depths {
+            depth.mean = [0.0; ABSENT.len()];
             depth.by_length = vec![depth.by_length[0].clone(); ARC_MAX];
         }
         white

@@ -99,15 +99,15 @@ fn c23_two_outliers_in_one_discriminator() {
         of_cracked(&before),
         of_cracked(&after)
     );
-    assert!((of_index(&before) - of_index(&after)).abs() < 0.001, "{} {}", of_index(&before), of_index(&after));
+    assert!((of_index(&before) - of_index(&after)).abs() < 0.0015, "{} {}", of_index(&before), of_index(&after));
     assert!((of_cracked(&before) - of_cracked(&after)).abs() < 0.3, "{} {}", of_cracked(&before), of_cracked(&after));
 }
 
 /// Case 24: a sound tyre that is its own reference.
 ///
 /// Naive: on noise alone Eq. 55 and 56 give a mean index of 0.5 and a largest of more than 0.65, more than
-/// a third of the locations above 0.5. Hold: over 20 sound tyres the default index, which takes its level from the lower half of
-/// the ring, has a mean within 0.8 of 0, and at most one is not passed, where one in fifty is stated; the verdict is marked
+/// a third of the locations above 0.5. Hold: over 20 sound tyres the default index, the greatest over weights and therefore
+/// above 0 on noise, has a mean below 2.5, and at most one is not passed, where one in fifty is stated; the verdict is marked
 /// `self_reference`, as is that by the dissertation's index where it is asked for.
 #[test]
 fn c24_a_sound_tyre_that_is_its_own_reference() {
@@ -130,7 +130,7 @@ fn c24_a_sound_tyre_that_is_its_own_reference() {
 
         let (judgement, cells) = judge(&FuseConfig::by(Reference::Own), &plan, &of).remove(0);
         let index: Vec<f64> = cells.iter().map(|cell| cell.damage_index).collect();
-        assert!(mean(&index).abs() < 0.8, "{}", mean(&index));
+        assert!((0.0..2.5).contains(&mean(&index)), "{}", mean(&index));
         assert!(judgement.reasons.contains(Reasons::SELF_REFERENCE), "{judgement:?}");
         false_calls += usize::from(judgement.verdict != Verdict::Pass.code());
         let faithful = FuseConfig { index: IndexKind::Dissertation, ..FuseConfig::by(Reference::Own) };

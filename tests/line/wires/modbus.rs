@@ -39,8 +39,9 @@ fn a_controller_acknowledges_each_verdict() {
     }
     // The first of each station stays until it is acknowledged, whatever stands there.
     let first = |station: u64| printed.iter().find(|verdict| verdict["station"] == station).unwrap();
-    for (mail, station) in mails.iter().zip([1, 2]) {
-        assert_eq!((&mail["id"], mail["number"].as_u64()), (&first(station)["id"], Some(1)), "{mails:?}");
+    for station in [1, 2] {
+        let mail = mails.iter().find(|mail| mail["id"] == first(station)["id"]);
+        assert_eq!(mail.and_then(|mail| mail["number"].as_u64()), Some(1), "{mails:?}");
     }
     assert!(states.iter().any(|now| now["busy"] == 1), "{states:?}");
     for now in &states {
