@@ -248,7 +248,7 @@ impl Fused {
             let near = shoulder.ring.with_neighbours(place);
             let others = near.flat_map(|near| evidence.iter().enumerate().map(move |(turn, e)| (turn, near, e[near])));
             let others = others.filter(|&(turn, near, _)| (turn, near) != (turn_of_most, place)).map(|(.., e)| e);
-            let next = others.fold(TAP_EVIDENCE_MAX, f64::max);
+            let next = others.fold(TAP_EVIDENCE_MAX, |most, e| if e > most { e } else { most });
             if most > next {
                 scores[turn_of_most][place].iter_mut().for_each(|score| *score *= next / most);
             }
