@@ -72,8 +72,8 @@ fn a_rig_is_heard_through_a_sound_card() {
     }
     eprintln!("{report}");
     let logged = |words: &str| log.lines().filter(|line| line.contains(words)).count();
-    for (what, words) in [("missed_hits", "nothing was heard"), ("double_hits", "heard more than once")] {
-        let (_, rest) = report.split_once(&format!("{what}: ")).unwrap();
+    for (what, words) in [("missed hits", "nothing was heard"), ("double hits", "heard more than once")] {
+        let (_, rest) = report.split_once(&format!("{what} ")).unwrap();
         let made: usize = rest.split([',', ' ']).next().unwrap().parse().unwrap();
         assert!(made > 0 && logged(words) >= made, "{made} {what}, {}", logged(words));
     }
