@@ -73,7 +73,7 @@ fn rig_and_plant(sandbox: &Sandbox, script: &str, more: &str) -> Running {
 /// A number in the rig's report.
 fn reported(report: &str, what: &str) -> usize {
     let (_, rest) = report.split_once(&format!("{what} ")).unwrap();
-    rest.split([',', ' ']).next().unwrap().parse().unwrap()
+    rest.split(|c: char| !c.is_ascii_digit()).next().unwrap().parse().unwrap()
 }
 
 /// Catches a serial that is unreadable or repeated and blocks the line or replaces a file, and taps that are lost or

@@ -43,11 +43,13 @@ fn law_1_only_acquire_reads_a_clock_for_a_result() {
         "acquire/src/rig/dialogue/station.rs", // the name of a casing whose serial is unreadable
         "acquire/src/rig/tests.rs",            // what it is held to
         "src/line/status.rs",                  // how old a status is
-        "src/line/supervisor.rs",              // when a status was so
+        "src/line/supervisor/closed.rs",       // when a file was closed, of one that does not say
+        "src/line/supervisor/mod.rs",          // when a status was so
         "src/serve/metrics.rs",                // how old a status and a calibration are
         "src/serve/mod.rs",                    // whether the line still shows itself
-        "src/shown/verdict.rs",                // when a verdict was told
+        "src/wires/outbox.rs",                 // when a verdict is told again
         "store/src/stage/places.rs",           // names of files and folders
+        "store/src/stage/unreported.rs",       // when a casing's file was finished
         "wire/src/clock.rs",                   // where it is read
         "wire/src/stream/line.rs",             // tells a process's lives apart
     ];
