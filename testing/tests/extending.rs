@@ -18,12 +18,13 @@ fn parts_are_where_the_page_says() {
         let part = cells[2].trim_matches('`');
         let named: BTreeSet<String> = cells[3].split('`').skip(1).step_by(2).map(str::to_owned).collect();
         let mut found = BTreeSet::new();
-        for folder in
-            ["wire", "model", "codec", "acquire", "process", "fuse", "store", "export", "import", "draw", "lab"]
-        {
+        // A part of the lab is known to no other crate: there its name is another thing's.
+        let is_of_lab = named.iter().all(|file| file.starts_with("lab/"));
+        let folders =
+            [".", "wire", "model", "codec", "acquire", "process", "fuse", "store", "export", "import", "draw", "lab"];
+        for folder in folders.iter().filter(|folder| !is_of_lab || **folder == "lab") {
             find(&root.join(folder).join("src"), root, part, &mut found);
         }
-        find(&root.join("src"), root, part, &mut found);
         assert_eq!(found, named, "{part}");
         count += 1;
     }
