@@ -40,7 +40,7 @@ impl FittedReference {
         };
         let (ring, pattern) = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores).next()?;
         let white = white::strongest_arcs(&statistic, ring, pattern)?;
-        let limits = Limits::by(&strongest, white);
+        let limits = Limits::by(&strongest, casing_count, white);
         let levels = if setup.is_own { None } else { Levels::fit(&setup, shoulders) };
         Some(Self { setup, index, statistic, limits, levels, casing_count, strongest })
     }

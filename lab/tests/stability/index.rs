@@ -48,8 +48,8 @@ fn c22_a_constant_discriminator() {
 ///
 /// Naive: at 30 sigma they press the discriminator's scores together, to a quarter of their scatter and less, so that its
 /// share of the index is lost and no fixed threshold fits (the cracked locations' median falls by more than 0.1), and cost
-/// the mean of six more than 0.002 of AUC (0.9972 to 0.9944). Hold: the AUC of the default index moves by less than 0.001
-/// (0.9963 to 0.9968), and the cracked locations' median by less than a third of the sound ones' scatter (5.26 to 5.16).
+/// the mean of six more than 0.002 of AUC (0.9972 to 0.9944). Hold: the default index loses less than 0.001 of AUC
+/// (it gains: 0.9935 to 0.9945), and the cracked locations' median moves by less than 0.3 (5.41 to 5.45).
 #[test]
 fn c23_two_outliers_in_one_discriminator() {
     let mut normal = Normal::new(23);
@@ -99,15 +99,22 @@ fn c23_two_outliers_in_one_discriminator() {
         of_cracked(&before),
         of_cracked(&after)
     );
-    assert!((of_index(&before) - of_index(&after)).abs() < 0.0015, "{} {}", of_index(&before), of_index(&after));
+    assert!(of_index(&before) - of_index(&after) < 0.001, "{} {}", of_index(&before), of_index(&after));
     assert!((of_cracked(&before) - of_cracked(&after)).abs() < 0.3, "{} {}", of_cracked(&before), of_cracked(&after));
+}
+
+/// The mean of the greatest w'z / |w| over w >= 0 for independent normal scores z: the root of the sum of squares of those above 0.
+fn evidence_of_noise(width: usize) -> f64 {
+    let mut normal = Normal::new(0);
+    let of_one = |_| (0..width).map(|_| normal.next()).map(|z| if z > 0.0 { z * z } else { 0.0 }).sum::<f64>().sqrt();
+    mean(&(0..10_000).map(of_one).collect::<Vec<_>>())
 }
 
 /// Case 24: a sound tyre that is its own reference.
 ///
 /// Naive: on noise alone Eq. 55 and 56 give a mean index of 0.5 and a largest of more than 0.65, more than
-/// a third of the locations above 0.5. Hold: over 20 sound tyres the default index, the greatest over weights and therefore
-/// above 0 on noise, has a mean below 2.5, and at most one is not passed, where one in fifty is stated; the verdict is marked
+/// a third of the locations above 0.5. Hold: over 20 sound tyres the mean of the default index is within 0.5 of what noise gives
+/// ([`evidence_of_noise`]), and at most one is not passed, where one in fifty is stated; the verdict is marked
 /// `self_reference`, as is that by the dissertation's index where it is asked for.
 #[test]
 fn c24_a_sound_tyre_that_is_its_own_reference() {
@@ -130,7 +137,8 @@ fn c24_a_sound_tyre_that_is_its_own_reference() {
 
         let (judgement, cells) = judge(&FuseConfig::by(Reference::Own), &plan, &of).remove(0);
         let index: Vec<f64> = cells.iter().map(|cell| cell.damage_index).collect();
-        assert!((0.0..2.5).contains(&mean(&index)), "{}", mean(&index));
+        let noise = evidence_of_noise(directed().len());
+        assert!((mean(&index) - noise).abs() < 0.5, "{} of {noise}", mean(&index));
         assert!(judgement.reasons.contains(Reasons::SELF_REFERENCE), "{judgement:?}");
         false_calls += usize::from(judgement.verdict != Verdict::Pass.code());
         let faithful = FuseConfig { index: IndexKind::Dissertation, ..FuseConfig::by(Reference::Own) };
