@@ -60,6 +60,7 @@ gates: setup
 
 bench: setup
 	cargo bench --bench '*'
+	cargo run --release -p tapline-lab -- chart --quick --panel transport
 
 # What is made of the built program: manual pages, completions, a complete configuration.
 packaged:

@@ -14,7 +14,7 @@ use tapline_wire::{Calibration, Channel, DamageCell, Judgement, Reasons, Scan, T
 pub(crate) struct CasingVerdict {
     /// The kind of this line of JSON: `verdict`.
     pub kind: String,
-    /// Its name: no other casing has it, and it is told under it however often.
+    /// Its name: no other casing has it, and it is reported under it however often.
     pub id: String,
     /// When the casing's file was finished, in ns since the Unix epoch.
     pub at_ns: i64,

@@ -3,11 +3,11 @@
 use serde::Serialize;
 
 use crate::shown::verdict::CasingVerdict;
-use crate::wires::now::Standing;
+use crate::wires::now::StationState;
 
 /// What stands at a station.
 #[derive(Debug, Serialize)]
-struct Standings<'a> {
+struct StationMessage<'a> {
     /// The kind of this line of JSON: `station`.
     kind: &'static str,
     station: u16,
@@ -23,12 +23,12 @@ pub(super) fn verdict(verdict: &CasingVerdict) -> String {
 }
 
 /// What stands at `station`.
-pub(super) fn standing(station: u16, standing: &Standing) -> String {
-    let (state, verdict) = match standing {
-        Standing::NoSignal => ("no_signal", None),
-        Standing::Ready => ("ready", None),
-        Standing::Busy => ("busy", None),
-        Standing::Judged(verdict) => ("judged", Some(&**verdict)),
+pub(super) fn station_state(station: u16, station_state: &StationState) -> String {
+    let (state, verdict) = match station_state {
+        StationState::NoSignal => ("no_signal", None),
+        StationState::Ready => ("ready", None),
+        StationState::Busy => ("busy", None),
+        StationState::Judged(verdict) => ("judged", Some(&**verdict)),
     };
-    serde_json::to_string(&Standings { kind: "station", station, state, verdict }).unwrap_or_default()
+    serde_json::to_string(&StationMessage { kind: "station", station, state, verdict }).unwrap_or_default()
 }

@@ -4,8 +4,8 @@
 //! station now: a casing's verdict until the next one comes, and "no verdict" whenever that is in doubt. Each wire has a thread
 //! of its own; whatever hangs at its other end, the line does not wait.
 //!
-//! - here: all of them are started, told what the line does, and ended
-//! - `outbox`: who has still to be told which verdict
+//! - here: all of them are started, shown what the line does, and ended
+//! - `outbox`: who has still to be reported which verdict
 //! - `now`: what stands at each station
 //! - `on_verdict`: the command
 //! - `credentials`: names and passwords, in files
@@ -41,7 +41,7 @@ use crate::shown::verdict::CasingVerdict;
 use crate::wires::on_verdict::VerdictCommand;
 use crate::wires::outbox::{Outbox, Sink};
 
-/// Whoever is told verdicts. When it is dropped, what waits is told first, for a while; the rest is after the next start.
+/// Whoever receives verdicts. When it is dropped, what waits is reported first, for a while; the rest is after the next start.
 #[derive(Debug)]
 pub(crate) struct Wires {
     outbox: Arc<Outbox>,
@@ -107,7 +107,7 @@ impl Wires {
         Ok((Self { outbox, _command: command }, Vec::new()))
     }
 
-    /// Takes up the casing `number`, whose file has its name now. `None` if its verdict was told before.
+    /// Takes up the casing `number`, whose file has its name now. `None` if its verdict was reported before.
     pub(crate) fn take_up(&self, number: u64) -> Result<Option<Unreported>> {
         self.outbox.take_up(number)
     }
@@ -132,7 +132,7 @@ impl Wires {
         self.outbox.statuses()
     }
 
-    /// What cannot be told to anyone.
+    /// What cannot be reported to anyone.
     pub(crate) fn trouble(&self) -> Option<String> {
         self.outbox.trouble()
     }

@@ -20,7 +20,7 @@ use tokio_modbus::{ExceptionCode, Request, Response};
 
 use crate::config::wires::ModbusConfig;
 use crate::shown::verdict::CasingVerdict;
-use crate::wires::now::Standing;
+use crate::wires::now::StationState;
 use crate::wires::outbox::Sink;
 use crate::wires::wire::{News, Plant, Wire, end_if_gone};
 
@@ -48,7 +48,7 @@ struct Waiting {
     verdict: Arc<CasingVerdict>,
 }
 
-/// What is told to each station's controller.
+/// What is shown to each station's controller.
 #[derive(Debug, Default)]
 struct Mailbox {
     waiting: Option<Waiting>,
@@ -177,15 +177,15 @@ impl Registers {
     /// The block of `station`, as docs/wires.md describes it.
     fn block(&self, station: u16) -> [u16; BLOCK] {
         let mut block = [0; BLOCK];
-        let (standing, judged_count) = self.plant.now.at(station);
+        let (station_state, judged_count) = self.plant.now.at(station);
         block[0] = station;
-        if standing != Standing::NoSignal {
+        if station_state != StationState::NoSignal {
             block[1] = self.heartbeat();
-            block[2] = u16::from(standing != Standing::Busy);
-            block[3] = u16::from(standing == Standing::Busy);
+            block[2] = u16::from(station_state != StationState::Busy);
+            block[3] = u16::from(station_state == StationState::Busy);
             block[7] = (judged_count & 0xffff) as u16;
         }
-        if let Standing::Judged(verdict) = &standing {
+        if let StationState::Judged(verdict) = &station_state {
             block[3 + usize::from(code(verdict.verdict))] = 1;
         }
         if let Some(mailbox) = self.mailboxes().get(&station) {
@@ -208,12 +208,12 @@ impl Registers {
         let station = *station.ok_or(ExceptionCode::IllegalDataAddress)?;
         let mut mailboxes = self.mailboxes();
         let mailbox = mailboxes.get_mut(&station).ok_or(ExceptionCode::IllegalDataAddress)?;
-        let told = mailbox.waiting.take_if(|waiting| waiting.number == value);
-        match told {
-            Some(told) => {
+        let acknowledged = mailbox.waiting.take_if(|waiting| waiting.number == value);
+        match acknowledged {
+            Some(acknowledged) => {
                 mailbox.acknowledged = value;
                 drop(mailboxes);
-                self.plant.outbox.acknowledge(Sink::Modbus, told.casing);
+                self.plant.outbox.acknowledge(Sink::Modbus, acknowledged.casing);
                 self.fill();
                 Ok(())
             }

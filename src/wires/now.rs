@@ -15,7 +15,7 @@ const STANDS_FOR: Duration = Duration::from_secs(600);
 
 /// What stands at a station.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Standing {
+pub(crate) enum StationState {
     /// The line starts, ends or hangs.
     NoSignal,
     /// No casing, or none that was judged of late.
@@ -108,16 +108,18 @@ impl Now {
     }
 
     /// What stands at `station`, and how many casings it has judged since the line was started.
-    pub(crate) fn at(&self, station: u16) -> (Standing, u64) {
+    pub(crate) fn at(&self, station: u16) -> (StationState, u64) {
         let is_alive = self.is_alive();
         let state = self.state();
-        let Some(station) = state.stations.get(&station).filter(|_| is_alive) else { return (Standing::NoSignal, 0) };
-        let standing = match &station.verdict {
-            _ if station.is_busy => Standing::Busy,
-            Some((at, verdict)) if at.elapsed() < STANDS_FOR => Standing::Judged(Arc::clone(verdict)),
-            _ => Standing::Ready,
+        let Some(station) = state.stations.get(&station).filter(|_| is_alive) else {
+            return (StationState::NoSignal, 0);
         };
-        (standing, station.judged_count)
+        let station_state = match &station.verdict {
+            _ if station.is_busy => StationState::Busy,
+            Some((at, verdict)) if at.elapsed() < STANDS_FOR => StationState::Judged(Arc::clone(verdict)),
+            _ => StationState::Ready,
+        };
+        (station_state, station.judged_count)
     }
 
     /// The last verdict of any station, while the line goes on.

@@ -24,7 +24,7 @@ const LATER: i32 = 75;
 /// When it is run again then.
 const AGAIN_AFTER: Duration = Duration::from_secs(5);
 
-/// Runs the command. When it is dropped, the verdicts that wait are told first, for no longer than one may take; the others stay
+/// Runs the command. When it is dropped, the verdicts that wait are reported first, for no longer than one may take; the others stay
 /// in the outbox.
 #[derive(Debug)]
 pub(crate) struct VerdictCommand {
@@ -106,7 +106,9 @@ impl Runner {
     fn tell_all(&self) -> Option<Instant> {
         while let Some(note) = self.outbox.next(Sink::Command, None) {
             if self.is_over() {
-                tracing::warn!("on_verdict took too long: what waits for it is told after the next start of the line");
+                tracing::warn!(
+                    "on_verdict took too long: what waits for it is reported after the next start of the line"
+                );
                 return None;
             }
             let Some(verdict) = self.outbox.read(&note) else { continue };

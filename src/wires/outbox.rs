@@ -1,4 +1,4 @@
-//! Who has still to be told which verdict.
+//! Who has still to be reported which verdict.
 //!
 //! `store` leaves a note of each casing before it gives the finished file its name; the note stays until every sink has
 //! acknowledged the verdict. Work to do = notes - acknowledgements, after a `kill -9` as ever. An acknowledgement is a word at the end
@@ -72,7 +72,7 @@ struct Waiting {
     file_name: String,
     /// Who is still to acknowledge it.
     owed: Vec<Sink>,
-    /// Whether its file could not be read: it is not told before the next start of the line.
+    /// Whether its file could not be read: it is not reported before the next start of the line.
     is_unreadable: bool,
 }
 
@@ -87,7 +87,7 @@ struct State {
     is_full: bool,
 }
 
-/// The verdicts that are still to be told.
+/// The verdicts that are still to be reported.
 pub(crate) struct Outbox {
     places: Places,
     sinks: Vec<Sink>,
@@ -163,7 +163,7 @@ impl Outbox {
         if state.waiting.len() >= WAITING_MAX {
             if !std::mem::replace(&mut state.is_full, true) {
                 let text =
-                    format!("{WAITING_MAX} verdicts wait to be told: further ones are told after the next start");
+                    format!("{WAITING_MAX} verdicts wait to be sent: further ones are sent after the next start");
                 tracing::error!("{text}");
                 state.alarms.push(text);
             }
@@ -174,7 +174,7 @@ impl Outbox {
         state.wakes.iter().for_each(|wake| wake());
     }
 
-    /// Takes up the casing `number`, whose file has its name now. `None` if it was told before.
+    /// Takes up the casing `number`, whose file has its name now. `None` if it was reported before.
     pub(crate) fn take_up(&self, number: u64) -> Result<Option<Unreported>> {
         if let Some(waiting) = self.state().waiting.values().find(|waiting| waiting.note.number == number) {
             return Ok(Some(waiting.note.clone()).filter(|_| waiting.owed.contains(&Sink::Print)));
@@ -189,19 +189,19 @@ impl Outbox {
         Ok(Some(note))
     }
 
-    /// The oldest verdict that `sink` is to be told; of one station, if it asks for one.
+    /// The oldest verdict that `sink` is to be sent; of one station, if it asks for one.
     pub(crate) fn next(&self, sink: Sink, station: Option<u16>) -> Option<Unreported> {
         let of = |waiting: &&Waiting| station.is_none_or(|station| waiting.note.station == station);
         self.state().owed(sink).find(of).map(|waiting| waiting.note.clone())
     }
 
-    /// The verdict on the casing `number`, if `sink` is to be told of it.
+    /// The verdict on the casing `number`, if `sink` is to be sent it.
     #[cfg(feature = "plant")]
     pub(crate) fn find(&self, sink: Sink, number: u64) -> Option<Unreported> {
         self.state().owed(sink).find(|waiting| waiting.note.number == number).map(|waiting| waiting.note.clone())
     }
 
-    /// Ids of the verdicts that `sink` is to be told, the oldest first, at most so many.
+    /// Ids of the verdicts that `sink` is to be sent, the oldest first, at most so many.
     #[cfg(feature = "plant")]
     pub(crate) fn ids(&self, sink: Sink, most: usize) -> Vec<String> {
         self.state().owed(sink).take(most).map(|waiting| waiting.note.id()).collect()
@@ -213,7 +213,7 @@ impl Outbox {
         self.state().waiting.keys().next_back().copied()
     }
 
-    /// The verdicts after `place` that `sink` is to be told, the oldest first.
+    /// The verdicts after `place` that `sink` is to be sent, the oldest first.
     #[cfg(feature = "plant")]
     pub(crate) fn newer(&self, sink: Sink, place: Option<Place>) -> Vec<Unreported> {
         let after = place.map_or(Bound::Unbounded, Bound::Excluded);
@@ -222,19 +222,19 @@ impl Outbox {
         newer.filter(|waiting| waiting.owed.contains(&sink)).map(|waiting| waiting.note.clone()).collect()
     }
 
-    /// The verdict that `note` is about. Where it cannot be read, `note` is not told before the next start of the line.
+    /// The verdict that `note` is about. Where it cannot be read, `note` is not reported before the next start of the line.
     pub(crate) fn read(&self, note: &Unreported) -> Option<Arc<CasingVerdict>> {
         let path = self.file_of(note);
         let read = Reader::open(&path).map_err(anyhow::Error::from);
         match read.and_then(|reader| CasingVerdict::read(&note.name, note.number, note.at_ns, &reader)) {
             Ok(verdict) => Some(Arc::new(verdict)),
             Err(error) => {
-                tracing::error!("the verdict on casing {} cannot be told: {error:#}", note.name);
+                tracing::error!("the verdict on casing {} cannot be reported: {error:#}", note.name);
                 let mut state = self.state();
                 if let Some(waiting) = state.waiting.get_mut(&(note.at_ns, note.number)) {
                     waiting.is_unreadable = true;
                 }
-                state.alarm(format!("casing {}: its verdict cannot be told: {error:#}", note.name));
+                state.alarm(format!("casing {}: its verdict cannot be reported: {error:#}", note.name));
                 None
             }
         }
@@ -245,7 +245,7 @@ impl Outbox {
         self.places.out().join(&note.file)
     }
 
-    /// Notes that `sink` has the verdict on the casing `number`; whether it was to be told.
+    /// Notes that `sink` has the verdict on the casing `number`; whether it was to be sent.
     pub(crate) fn acknowledge(&self, sink: Sink, number: u64) -> bool {
         let _turn = self.disk.lock().unwrap_or_else(PoisonError::into_inner);
         let mut state = self.state();
@@ -321,7 +321,7 @@ impl Outbox {
         self.sinks.iter().filter(|sink| **sink != Sink::Print).map(|&sink| of(sink)).collect()
     }
 
-    /// What cannot be told.
+    /// What cannot be reported.
     pub(crate) fn trouble(&self) -> Option<String> {
         let state = self.state();
         let unreadable = state.waiting.values().filter(|waiting| waiting.is_unreadable).map(|waiting| &waiting.note);
@@ -330,7 +330,7 @@ impl Outbox {
         let first = notes.first()?;
         let file = self.file_of(first);
         Some(format!(
-            "{} verdicts cannot be told: the first one's file, {}, is not there or damaged",
+            "{} verdicts cannot be reported: the first one's file, {}, is not there or damaged",
             notes.len(),
             file.display()
         ))
@@ -338,7 +338,7 @@ impl Outbox {
 }
 
 impl State {
-    /// The verdicts that `sink` is to be told, the oldest first.
+    /// The verdicts that `sink` is to be sent, the oldest first.
     fn owed(&self, sink: Sink) -> impl Iterator<Item = &Waiting> {
         self.waiting.values().filter(move |waiting| !waiting.is_unreadable && waiting.owed.contains(&sink))
     }
@@ -350,9 +350,9 @@ impl State {
     }
 }
 
-/// Reports a note that cannot be changed: after the next start of the line its verdict is told again, under the same id.
+/// Reports a note that cannot be changed: after the next start of the line its verdict is reported again, under the same id.
 fn report(note: &str, changed: std::io::Result<()>) {
     if let Err(error) = changed {
-        tracing::error!("cannot keep the acknowledgement of the verdict {note}: {error}; it will be told again");
+        tracing::error!("cannot keep the acknowledgement of the verdict {note}: {error}; it will be reported again");
     }
 }

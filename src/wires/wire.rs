@@ -86,7 +86,7 @@ impl Wire {
         let work = move || {
             // A wire ends by itself only where it cannot go on.
             if let Err(error) = runtime.block_on(work(news)) {
-                let text = format!("{name}: verdicts are not told any more: {error:#}");
+                let text = format!("{name}: verdicts are not reported any more: {error:#}");
                 tracing::error!("{text}");
                 outbox.set_trouble(sink, Some(text));
             }

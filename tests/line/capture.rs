@@ -119,7 +119,7 @@ fn taps_by_hand_come_in_the_order_of_the_plan() {
 
 /// Catches a sound card that is not there and ends the line, or that nobody hears of.
 #[test]
-fn a_missing_sound_card_is_told_and_waited_for() {
+fn a_missing_sound_card_is_acknowledged_and_waited_for() {
     let sandbox = Sandbox::new();
     sandbox.write("asound.conf", "pcm.null { type null }\n");
     let station = "[[station]]\nnumber = 1\nsource = \"alsa\"\ndevice = \"absent\"\n";

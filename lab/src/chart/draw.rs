@@ -19,7 +19,7 @@ use self::scales::{scale_of_costs, scale_of_errors};
 use super::panel::{Facet, Panel};
 use super::point::Point;
 
-/// Size of a facet on a desk and in print.
+/// Size of a facet on a wide screen and in print.
 pub(crate) const WIDE: Place = (560.0, 460.0);
 /// Size of a facet on a phone.
 pub(crate) const NARROW: Place = (358.0, 430.0);

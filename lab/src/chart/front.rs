@@ -27,9 +27,9 @@ pub(crate) fn front(points: &[Point]) -> Vec<bool> {
     points.iter().map(is_on).collect()
 }
 
-/// Where a default stands.
+/// Whether a default is on its front.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Standing {
+pub(crate) enum Optimality {
     /// No point is better by more than the noise.
     OnFront,
     /// The point of this name costs less and is as good, or is better and costs no more, by more than the noise.
@@ -48,10 +48,10 @@ pub(crate) enum Standing {
     },
 }
 
-/// Where `default` stands among `points`; of several that beat it, the one that costs least counts.
-pub(crate) fn standing(default: &Point, points: &[Point], tolerance: Tolerance) -> Standing {
+/// Whether `default` is on the front of `points`; of several that beat it, the one that costs least counts.
+pub(crate) fn optimality(default: &Point, points: &[Point], tolerance: Tolerance) -> Optimality {
     if let Some(failure) = default.failures.first() {
-        return Standing::Unstable { case: failure.case };
+        return Optimality::Unstable { case: failure.case };
     }
     let rivals =
         points.iter().filter(|point| point.group == default.group && point.is_stable() && point.name != default.name);
@@ -64,10 +64,10 @@ pub(crate) fn standing(default: &Point, points: &[Point], tolerance: Tolerance) 
         let is_as_good = high <= tolerance.error;
         let is_better = high < 0.0 && low.midpoint(high) < -tolerance.error;
         let beats = (is_cheaper && is_as_good) || (is_as_cheap && is_better);
-        beats.then(|| (rival, Standing::Beaten { by: rival.name.clone(), cost_ratio, error_more: more }))
+        beats.then(|| (rival, Optimality::Beaten { by: rival.name.clone(), cost_ratio, error_more: more }))
     });
     let least = beating.min_by(|(a, _), (b, _)| a.cost.median.total_cmp(&b.cost.median));
-    least.map_or(Standing::OnFront, |(_, beaten)| beaten)
+    least.map_or(Optimality::OnFront, |(_, beaten)| beaten)
 }
 
 /// How much greater the error `a` is than `b`, with its interval: over seeds in pairs, or, where they have no seeds in common, the
@@ -117,8 +117,8 @@ mod tests {
     #[test]
     fn a_default_leaves_the_front_by_more_than_the_noise_alone() {
         let default = point("default", 10.0, &[0.10, 0.12, 0.11]);
-        let stands = |rival: Point| standing(&default, &[default.clone(), rival], TOLERANCE);
-        let beaten = |of: Standing| matches!(of, Standing::Beaten { .. });
+        let stands = |rival: Point| optimality(&default, &[default.clone(), rival], TOLERANCE);
+        let beaten = |of: Optimality| matches!(of, Optimality::Beaten { .. });
         // Half the cost, as good within the tolerance in every pair.
         assert!(beaten(stands(point("half", 5.0, &[0.10, 0.121, 0.111]))));
         // Half the cost, but 0.05 worse; or no worse in the mean, with noise that hides it.
@@ -130,6 +130,6 @@ mod tests {
         assert!(beaten(stands(point("better", 10.5, &[0.05, 0.07, 0.06]))));
         assert!(!beaten(stands(failing(point("wrong", 1.0, &[0.0, 0.0, 0.0])))));
         let unstable = failing(default.clone());
-        assert_eq!(standing(&unstable, &[], TOLERANCE), Standing::Unstable { case: "C29" });
+        assert_eq!(optimality(&unstable, &[], TOLERANCE), Optimality::Unstable { case: "C29" });
     }
 }

@@ -1,4 +1,4 @@
-//! The page: one HTML file that needs no other, for a desk, a phone and paper; and the same for a repository, as Markdown.
+//! The page: one HTML file that needs no other, for a wide screen, a phone and paper; and the same for a repository, as Markdown.
 
 use anyhow::Result;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -27,7 +27,7 @@ pub(crate) fn html(panels: &[Panel], skipped: &[Skipped], provenance: &Provenanc
             body {
                 main {
                     h1 { "Speed against accuracy" }
-                    p.lead { "Everything in tapline that can be chosen: what it costs, and how wrong it is, measured in one run on one machine." }
+                    p.lead { "What each choice in tapline costs, and how wrong it is, measured in one run on one machine." }
                     nav { ul { @for panel in panels { li { a href={ "#" (panel.name) } { (panel.title) } } } } }
                     section {
                         h2 { "How to read it" }
@@ -166,8 +166,8 @@ fn origin(skipped: &[Skipped], from: &Provenance) -> Markup {
 /// The page of a repository.
 pub(crate) fn markdown(panels: &[Panel], skipped: &[Skipped], provenance: &Provenance) -> String {
     let mut page = String::from(
-        "# Speed against accuracy\n\nEverything in tapline that can be chosen: what it costs, and how wrong it is. `tapline-lab chart` measures and \
-         draws this page in one run on one machine; [index.html](index.html) is the same for a screen, a phone or paper, with every number, and \
+        "# Speed against accuracy\n\nWhat each choice in tapline costs, and how wrong it is. `tapline-lab chart` measures all of it in one run on \
+         one machine, and draws this page. [index.html](index.html) has every number besides, for a screen, a phone or paper. \
          [points.csv](points.csv) has all points.\n\n## How to read it\n",
     );
     for paragraph in HOW_TO_READ {

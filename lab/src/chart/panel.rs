@@ -1,6 +1,6 @@
 //! A panel of the chart: one question, with a facet for each pair of a cost and an error that answers it.
 
-use super::front::{Standing, Tolerance, front, standing};
+use super::front::{Optimality, Tolerance, front, optimality};
 use super::point::Point;
 use crate::evaluation::Table;
 
@@ -64,9 +64,9 @@ impl Facet {
     }
 
     /// Each default with where it stands.
-    pub(crate) fn standings(&self) -> Vec<(&Point, Standing)> {
+    pub(crate) fn defaults(&self) -> Vec<(&Point, Optimality)> {
         let defaults = self.points.iter().filter(|point| point.is_default);
-        defaults.map(|default| (default, standing(default, &self.points, self.tolerance))).collect()
+        defaults.map(|default| (default, optimality(default, &self.points, self.tolerance))).collect()
     }
 }
 

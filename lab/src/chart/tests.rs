@@ -5,7 +5,7 @@ use std::path::Path;
 
 use tapline_testing::documents::{csv_rows, docs, text};
 
-use super::front::{Standing, Tolerance, standing};
+use super::front::{Optimality, Tolerance, optimality};
 use super::off::{self, OFF};
 use super::panel::Facet;
 use super::panels::{Entry, PANELS};
@@ -48,7 +48,7 @@ fn defaults_are_on_their_fronts() {
     let mut off = Vec::new();
     for ((panel, facet), of) in committed() {
         for default in of.points.iter().filter(|point| point.is_default) {
-            if standing(default, &of.points, of.tolerance) != Standing::OnFront {
+            if optimality(default, &of.points, of.tolerance) != Optimality::OnFront {
                 off.push((panel.clone(), facet.clone(), default.name.clone()));
             }
         }
@@ -95,8 +95,8 @@ fn errors_measured_anew_leave_defaults_on_their_fronts() {
             let both = [tolerance.error, 3.0 * tolerance.error].map(|error| Tolerance { cost, error });
             for default in with_known_costs.iter().filter(|point| point.is_default) {
                 let is_known = off::why(panel.name, name, &default.name).is_some();
-                let now = both.map(|tolerance| standing(default, &with_known_costs, tolerance));
-                assert!(is_known || now.contains(&Standing::OnFront), "{name}: {}: {now:?}", default.name);
+                let now = both.map(|tolerance| optimality(default, &with_known_costs, tolerance));
+                assert!(is_known || now.contains(&Optimality::OnFront), "{name}: {}: {now:?}", default.name);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! What pages say of points and defaults.
 
-use super::front::Standing;
+use super::front::Optimality;
 use super::off;
 use super::panel::{Facet, Panel};
 use super::point::Point;
@@ -8,17 +8,18 @@ use super::point::Point;
 /// How to read a panel, a paragraph each.
 pub(crate) const HOW_TO_READ: [&str; 5] = [
     "Each point is one way of doing a thing: to the right it costs more, upwards it is more wrong. Down and to the left is better.",
-    "The staircase is the front: no point lies below or left of it. What is not on it is beaten by something that costs no more and is \
-     no worse. Take the point on the front that you can afford.",
+    "The staircase is the front: no point lies below or left of it. A point off the front is beaten by one that costs no more and is no \
+     worse. Take the point on the front that you can afford.",
     "A ring marks the default, what the program does when nothing else is asked for. Hollow points fail a stability limit: they are fast and \
      wrong, and take no part in the front.",
-    "Bars are 95 % intervals of the error, over seeds, shoulders or casings, and the quartiles of the cost over repetitions that took turns. Costs \
-     are processor time of one thread unless the axis says otherwise; on another machine they differ, their ratios less.",
+    "An upright bar is the 95 % interval of the error, over seeds, shoulders or casings. A level bar is the quartiles of the cost over \
+     repetitions. The repetitions of all points took turns. Costs are processor time of one thread unless the axis says otherwise. On \
+     another machine they differ; their ratios differ less.",
     "A default has left the front when another point is cheaper and as good, or better at the same cost, by more than the noise: the tolerances are \
      in the table of points.",
 ];
 
-/// A default and where it stands, in words.
+/// A default and whether it is on its front, in words.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct DefaultRow {
     pub panel: &'static str,
@@ -33,24 +34,24 @@ pub(crate) struct DefaultRow {
 /// All defaults of `panels`.
 pub(crate) fn defaults(panels: &[Panel]) -> Vec<DefaultRow> {
     let of_facet = |panel: &Panel, facet: &Facet| -> Vec<DefaultRow> {
-        let row = |(default, standing): (&Point, Standing)| DefaultRow {
+        let row = |(default, optimality): (&Point, Optimality)| DefaultRow {
             panel: panel.name,
             facet: facet.title.clone(),
             default: default.name.clone(),
-            is_on_front: standing == Standing::OnFront,
-            words: words(facet, &standing),
-            why: off::why(panel.name, facet.name, &default.name).filter(|_| standing != Standing::OnFront),
+            is_on_front: optimality == Optimality::OnFront,
+            words: words(facet, &optimality),
+            why: off::why(panel.name, facet.name, &default.name).filter(|_| optimality != Optimality::OnFront),
         };
-        facet.standings().into_iter().map(row).collect()
+        facet.defaults().into_iter().map(row).collect()
     };
     panels.iter().flat_map(|panel| panel.facets.iter().flat_map(move |facet| of_facet(panel, facet))).collect()
 }
 
-fn words(facet: &Facet, standing: &Standing) -> String {
-    match standing {
-        Standing::OnFront => "on the front, within the noise".to_owned(),
-        Standing::Unstable { case } => format!("fails a stability limit: {case}"),
-        Standing::Beaten { by, cost_ratio, error_more: (more, low, high) } => {
+fn words(facet: &Facet, optimality: &Optimality) -> String {
+    match optimality {
+        Optimality::OnFront => "on the front, within the noise".to_owned(),
+        Optimality::Unstable { case } => format!("fails a stability limit: {case}"),
+        Optimality::Beaten { by, cost_ratio, error_more: (more, low, high) } => {
             let unit = if facet.error.unit.is_empty() { String::new() } else { format!(" {}", facet.error.unit) };
             format!(
                 "off the front: {by} costs {} times as much, and its error differs by {}{unit} ({} to {})",

@@ -1,6 +1,6 @@
 //! The folder that a line writes to: held by one line at a time, which is found by it.
 //!
-//! Beside the results it has the folder `open`, for those under way, `unreported`, for verdicts that are still to be told, and while a
+//! Beside the results it has the folder `open`, for those under way, `unreported`, for verdicts that are still to be reported, and while a
 //! line runs the file `.line`: the lock, and in it where the line is found, so that the next line finds and clears what a killed one
 //! has left, and `tapline status` finds the one that runs. Only who owns the folder may use it, as its owner could put anything in the place of a result;
 //! nor may everyone be able to write in it, unless it is sticky. `.line` is of its user alone; results and `open` are as
@@ -72,7 +72,7 @@ impl OutFolder {
         Ok(folder)
     }
 
-    /// Makes the folder for notes of verdicts that are still to be told, if it is not there.
+    /// Makes the folder for notes of verdicts that are still to be reported, if it is not there.
     ///
     /// # Errors
     /// That somebody else could change what is in it; an error of the system.

@@ -29,9 +29,9 @@ impl Supervisor<'_> {
         if is_again {
             return;
         }
-        let told = Unreported { number, name, station: 0, at_ns: now_ns(), file: path };
-        let told = if self.is_list || number == 0 { Some(told) } else { self.take_up(told) };
-        let Some(told) = told else { return };
+        let unreported = Unreported { number, name, station: 0, at_ns: now_ns(), file: path };
+        let unreported = if self.is_list || number == 0 { Some(unreported) } else { self.take_up(unreported) };
+        let Some(unreported) = unreported else { return };
         // A line that never ends counts only those that it has judged itself.
         self.pace.closed += usize::from(self.is_list || number != 0);
         self.settled_closed += header.tap_count as usize;
@@ -39,38 +39,38 @@ impl Supervisor<'_> {
             self.settled_before += header.tap_count as usize;
             if !self.is_list {
                 tracing::warn!(
-                    casing = told.name,
+                    casing = unreported.name,
                     "exactly these recordings were judged before: {}",
-                    told.file.display()
+                    unreported.file.display()
                 );
             }
             return;
         }
-        self.tell(&told, was_open);
+        self.report(&unreported, was_open);
     }
 
-    /// The note of a casing that is closed; `None` if its verdict was told before.
-    fn take_up(&mut self, told: Unreported) -> Option<Unreported> {
-        match self.audience.wires.as_ref()?.take_up(told.number) {
+    /// The note of a casing that is closed; `None` if its verdict was reported before.
+    fn take_up(&mut self, unreported: Unreported) -> Option<Unreported> {
+        match self.audience.wires.as_ref()?.take_up(unreported.number) {
             Ok(note) => note,
             Err(error) => {
-                tracing::error!(casing = told.name, "its verdict is only printed: {error:#}");
-                self.alarm(format!("casing {}: its verdict is only printed: {error:#}", told.name));
-                Some(told)
+                tracing::error!(casing = unreported.name, "its verdict is only printed: {error:#}");
+                self.alarm(format!("casing {}: its verdict is only printed: {error:#}", unreported.name));
+                Some(unreported)
             }
         }
     }
 
-    /// Tells the verdicts that an earlier line had no time to print.
-    pub(super) fn tell_left(&mut self) {
+    /// Reports the verdicts that an earlier line had no time to print.
+    pub(super) fn report_left(&mut self) {
         while let Some(note) = self.audience.wires.as_ref().and_then(|wires| wires.next_unprinted()) {
             self.pace.closed += 1;
-            self.tell(&note, false);
+            self.report(&note, false);
         }
     }
 
     /// Tells the verdict on the casing of `note`; `was_open` says whether it has just left its station.
-    fn tell(&mut self, note: &Unreported, was_open: bool) {
+    fn report(&mut self, note: &Unreported, was_open: bool) {
         let path = self.shown.out.join(&note.file);
         let read = || -> Result<_> {
             let reader = Reader::open(&path)?;
@@ -105,7 +105,7 @@ impl Supervisor<'_> {
         self.alarm(format!("{name}: the verdict could not be printed; it is in its file"));
     }
 
-    /// Counts a casing whose verdict was told, and keeps for viewers how it was.
+    /// Counts a casing whose verdict was unreported, and keeps for viewers how it was.
     fn note_judged(&mut self, verdict: &CasingVerdict, reader: &Reader) {
         match since_last_tap_s(reader) {
             Ok(latency_s) => latency_s.into_iter().for_each(|latency_s| self.shown.latency.note(latency_s)),

@@ -90,7 +90,7 @@ pub(crate) type ShowStatus = Box<dyn Fn(&str) -> bool>;
 /// Where verdicts and progress are published.
 pub(crate) struct Audience {
     pub progress: Progress,
-    /// Whom a plant has told of verdicts; none of a list's.
+    /// Who receives the plant's verdicts; none of a list's.
     pub wires: Option<Wires>,
     /// Whether verdicts are printed as JSON.
     pub as_json: bool,
@@ -171,7 +171,7 @@ impl<'a> Supervisor<'a> {
 
     /// Runs the line until `count` casings are closed or refused, or, if it never ends, until it is asked to stop.
     pub(crate) fn until_done(mut self, count: Option<usize>) -> Result<Pace> {
-        self.tell_left();
+        self.report_left();
         let is_over = |s: &Self| count.is_some_and(|count| s.pace.closed + s.pace.refused >= count);
         while !is_over(&self) && !self.stop.load(Ordering::Relaxed) {
             self.line.wait(LOOK_EVERY)?;
@@ -192,7 +192,7 @@ impl<'a> Supervisor<'a> {
         }
         self.receive()?;
         self.audience.progress.finish();
-        // Whoever is told verdicts has the last ones before the line is reported to be over.
+        // Whoever receives verdicts has the last ones before the line is reported to be over.
         drop(self.audience.wires.take());
         Ok(self.into_pace())
     }

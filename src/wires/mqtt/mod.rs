@@ -23,7 +23,7 @@ use crate::config::wires::MqttConfig;
 use crate::wires::credentials::Credentials;
 use crate::wires::message;
 use crate::wires::mqtt::client::{Client, Connection, Message, Receipt, RumqttClient};
-use crate::wires::now::Standing;
+use crate::wires::now::StationState;
 use crate::wires::outbox::Sink;
 use crate::wires::wire::{News, Plant, Wire};
 
@@ -39,7 +39,7 @@ const TELL_AGAIN_AFTER: Duration = Duration::from_secs(1);
 /// Time until the next attempt to connect: at first, and at most.
 const CONNECT_AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(5));
 
-/// How long verdicts may take that are still to be told when the line ends.
+/// How long verdicts may take that are still to be reported when the line ends.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
 /// Starts to publish the verdicts of `plant`.
@@ -108,7 +108,7 @@ impl<C: Client> Lane<C> {
     async fn run(&mut self) {
         let mut patience = CONNECT_AGAIN_AFTER.0;
         loop {
-            let will = self.standing(&Standing::NoSignal);
+            let will = self.station_state(&StationState::NoSignal);
             let why = match Rc::clone(&self.client).connect(&self.name, &will).await {
                 Ok(mut connection) => {
                     (self.shown, patience) = (None, CONNECT_AGAIN_AFTER.0);
@@ -140,7 +140,7 @@ impl<C: Client> Lane<C> {
             }
         }
         self.tell_at = Instant::now();
-        // What is not told by then is told after the next start.
+        // What is not reported by then is reported after the next start.
         drop(timeout(END_WITHIN, self.tell(connection)).await);
         self.shown = None;
         self.show(connection).await
@@ -148,7 +148,7 @@ impl<C: Client> Lane<C> {
 
     /// Publishes what stands at the station, if that has changed or was not published of late.
     async fn show(&mut self, connection: &mut C::Connection) -> Result<()> {
-        let message = self.standing(&self.plant.now.at(self.station).0);
+        let message = self.station_state(&self.plant.now.at(self.station).0);
         let is_known = |(shown, at): &(String, Instant)| *shown == message.payload && at.elapsed() < SHOW_EVERY;
         if !self.shown.as_ref().is_some_and(is_known) {
             connection.publish(&message).await?;
@@ -157,7 +157,7 @@ impl<C: Client> Lane<C> {
         Ok(())
     }
 
-    /// Publishes the verdicts that are still to be told.
+    /// Publishes the verdicts that are still to be reported.
     async fn tell(&mut self, connection: &mut C::Connection) -> Result<()> {
         if Instant::now() < self.tell_at {
             return Ok(());
@@ -182,10 +182,10 @@ impl<C: Client> Lane<C> {
         Ok(())
     }
 
-    fn standing(&self, standing: &Standing) -> Message {
+    fn station_state(&self, station_state: &StationState) -> Message {
         // The last word of a line that has gone stays.
-        let expires_after_s = (*standing != Standing::NoSignal).then_some(STANDS_FOR_S);
-        let payload = message::standing(self.station, standing);
+        let expires_after_s = (*station_state != StationState::NoSignal).then_some(STANDS_FOR_S);
+        let payload = message::station_state(self.station, station_state);
         Message { topic: format!("{}/now", self.topic), payload, is_retained: true, expires_after_s }
     }
 

@@ -125,8 +125,8 @@ fn acknowledge(plant: &Plant, arguments: &[Variant]) -> Answer {
         return Err(StatusCode::BadTooManyOperations);
     }
     let outbox = Arc::clone(&plant.outbox);
-    let is_told = |id: &&UAString| number_of(id).is_some_and(|number| outbox.acknowledge(Sink::OpcUa, number));
-    let errors: Vec<i32> = ids.iter().map(|id| if is_told(id) { 0 } else { UNKNOWN }).collect();
+    let is_acknowledged = |id: &&UAString| number_of(id).is_some_and(|number| outbox.acknowledge(Sink::OpcUa, number));
+    let errors: Vec<i32> = ids.iter().map(|id| if is_acknowledged(id) { 0 } else { UNKNOWN }).collect();
     match errors.iter().find(|&&error| error != 0) {
         None => Ok(vec![Vec::<i32>::new().into(), 0_i32.into()]),
         Some(&error) => Ok(vec![errors.into(), error.into()]),

@@ -26,7 +26,7 @@ use opcua::types::{DataValue, StatusCode, Variant};
 use crate::config::wires::OpcUaConfig;
 use crate::shown::verdict::CasingVerdict;
 use crate::wires::credentials::Credentials;
-use crate::wires::now::Standing;
+use crate::wires::now::StationState;
 use crate::wires::opcua::names::{LINE_NAMESPACE, Namespaces, RESULT_NAMESPACE};
 use crate::wires::opcua::result::{ResultReady, evaluation, result};
 use crate::wires::outbox::Sink;
@@ -141,35 +141,35 @@ fn prepare(builder: ServerBuilder, plant: &Plant) -> Result<Prepared> {
 
 /// Has clients read what stands at `station`.
 fn show(line: &SimpleNodeManager, namespaces: Namespaces, plant: &Plant, station: u16) {
-    let read = |name: &str, value: fn(&Standing, u64) -> Result<Variant, StatusCode>| {
+    let read = |name: &str, value: fn(&StationState, u64) -> Result<Variant, StatusCode>| {
         let now = Arc::clone(&plant.now);
         line.inner().add_read_callback(namespaces.of_station(station, name), move |_, _, _| {
-            let (standing, judged_count) = now.at(station);
-            if standing == Standing::NoSignal {
+            let (station_state, judged_count) = now.at(station);
+            if station_state == StationState::NoSignal {
                 return Err(StatusCode::BadNoCommunication);
             }
-            value(&standing, judged_count).map(DataValue::new_now)
+            value(&station_state, judged_count).map(DataValue::new_now)
         });
     };
-    read("State", |standing, _| {
-        Ok(match standing {
-            Standing::NoSignal => "no_signal",
-            Standing::Ready => "ready",
-            Standing::Busy => "busy",
-            Standing::Judged(_) => "judged",
+    read("State", |station_state, _| {
+        Ok(match station_state {
+            StationState::NoSignal => "no_signal",
+            StationState::Ready => "ready",
+            StationState::Busy => "busy",
+            StationState::Judged(_) => "judged",
         }
         .into())
     });
-    read("ResultEvaluation", |standing, _| {
-        Ok(match standing {
-            Standing::Judged(verdict) => evaluation(verdict.verdict),
+    read("ResultEvaluation", |station_state, _| {
+        Ok(match station_state {
+            StationState::Judged(verdict) => evaluation(verdict.verdict),
             _ => 0,
         }
         .into())
     });
     read("JudgedCount", |_, judged_count| Ok(judged_count.into()));
-    read("Result", |standing, _| match standing {
-        Standing::Judged(verdict) => Ok(result(verdict)),
+    read("Result", |station_state, _| match station_state {
+        StationState::Judged(verdict) => Ok(result(verdict)),
         _ => Err(StatusCode::BadNoData),
     });
 }
@@ -182,10 +182,10 @@ async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant
     let run = server.run_with(listener);
     tokio::pin!(run);
     let tell = async {
-        let mut told = plant.outbox.newest();
+        let mut newest = plant.outbox.newest();
         while news.next().await {
-            for note in plant.outbox.newer(Sink::OpcUa, told) {
-                told = Some((note.at_ns, note.number));
+            for note in plant.outbox.newer(Sink::OpcUa, newest) {
+                newest = Some((note.at_ns, note.number));
                 if let Some(verdict) = plant.outbox.read(&note) {
                     notify(&handle, namespaces, &verdict);
                 }

@@ -117,7 +117,7 @@ impl StageLoop<'_> {
 
     fn rename_finished(&self, open: &Path, header: &CasingHeader, path: PathBuf) -> Result<(), RunError> {
         if self.run.notes_unreported {
-            // Its name shows that the file was not told yet: a note that is there already is replaced.
+            // Its name shows that the file was not reported yet: a note that is there already is replaced.
             Unreported::new(header, &name_of_open(&stem_of(open)), &path, &self.run.places).write(&self.run.places)?;
         }
         match rename_new(open, &path) {

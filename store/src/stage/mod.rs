@@ -7,7 +7,7 @@
 //! - `outage`: while an archive cannot be written
 //! - `open_casing`: one open casing
 //! - `places`, `closer`, `markers`: paths of the files, and how a finished file gets its name
-//! - `unreported`: which verdicts are still to be told
+//! - `unreported`: which verdicts are still to be reported
 
 mod closer;
 mod flush;
@@ -58,7 +58,7 @@ pub struct StoreRun {
     /// Whether a casing with a finished file is skipped, because the same run is continued; else it is another casing with the
     /// same serial, or is to be judged again.
     pub skips_finished: bool,
-    /// Whether each finished casing has a note ([`Unreported`]) until its verdict is told.
+    /// Whether each finished casing has a note ([`Unreported`]) until its verdict is reported.
     pub notes_unreported: bool,
     /// The configuration, verbatim.
     pub config_toml: String,

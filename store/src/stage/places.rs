@@ -49,7 +49,7 @@ impl Places {
         if self.is_dated { fs::create_dir_all(&unreported).context("create", &unreported) } else { Ok(()) }
     }
 
-    /// The folder of the notes of verdicts that are still to be told.
+    /// The folder of the notes of verdicts that are still to be reported.
     pub fn unreported_folder(&self) -> PathBuf {
         self.out.join(UNREPORTED_FOLDER)
     }

@@ -1,4 +1,4 @@
-//! Notes of casings whose verdict is still to be told: each is on the disk before the casing's file gets its name, and stays until
+//! Notes of casings whose verdict is still to be reported: each is on the disk before the casing's file gets its name, and stays until
 //! whoever tells verdicts removes it. A line that is killed in between tells them after its next start.
 
 use std::fs::{self, File};
@@ -18,7 +18,7 @@ pub const UNREPORTED_FOLDER: &str = "unreported";
 /// End of the name of a note that is being written.
 const DRAFT: &str = "new";
 
-/// A finished casing whose verdict is still to be told.
+/// A finished casing whose verdict is still to be reported.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Unreported {
     /// Number of the casing ([`tapline_wire::casing_number`]); no other casing has it.
@@ -45,7 +45,7 @@ impl Unreported {
         }
     }
 
-    /// Name of its file, and of the casing for those who are told: no other casing has it.
+    /// Name of its file, and of the casing for those who receive it: no other casing has it.
     pub fn id(&self) -> String {
         casing_id(self.number)
     }

@@ -86,7 +86,7 @@ fn a_controller_acknowledges_each_verdict() {
         assert_eq!((&mail["verdict"], &mail["casing"]), (&verdict["verdict"], &verdict["casing"]));
         assert_eq!(mail["at_ms"].as_i64().unwrap(), verdict["at_ns"].as_i64().unwrap() / 1_000_000);
     }
-    until("nothing is left to tell", || unreported(&sandbox).is_empty());
+    until("nothing is left to report", || unreported(&sandbox).is_empty());
     line.interrupt().expect(0);
 }
 

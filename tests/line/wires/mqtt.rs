@@ -43,7 +43,7 @@ fn every_verdict_arrives_although_the_broker_is_killed() {
     }
     let done = line.interrupt().expect(0);
     printed.extend(done.out.lines().map(|line| serde_json::from_str::<Value>(line).unwrap()));
-    assert_eq!(unreported(&sandbox), Vec::<String>::new(), "the last ones are told before the line ends");
+    assert_eq!(unreported(&sandbox), Vec::<String>::new(), "the last ones are reported before the line ends");
     let mut heard = BTreeMap::<String, Heard>::new();
     let mut messages = Vec::new();
     while heard.len() < printed.len() {
@@ -134,7 +134,7 @@ fn what_stands_at_a_station_is_cleared_when_it_is_in_doubt() {
 
 /// Catches a connection that is not encrypted, one to a broker for which nobody vouches, and a password that is not sent.
 #[test]
-fn the_broker_must_be_vouched_for_and_is_told_who_connects() {
+fn the_broker_must_be_vouched_for_and_is_acknowledged_who_connects() {
     let Some(python) = tapline_testing::python_with("cryptography") else { return };
     let sandbox = Sandbox::new();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/line/wires/certificates.py");
@@ -207,7 +207,7 @@ fn a_verdict_waits_for_a_subscriber() {
     let subscriber = Subscriber::start(broker.port, &[]);
     let told = [(); 2].map(|()| subscriber.wait_for(|message| message.topic.ends_with("/verdict")).payload);
     assert_eq!(by_id(&told), by_id(&printed));
-    until("nothing is left to tell", || unreported(&sandbox).is_empty());
+    until("nothing is left to report", || unreported(&sandbox).is_empty());
     line.assert_runs();
     line.interrupt().expect(0);
     drop(subscriber);
@@ -216,7 +216,7 @@ fn a_verdict_waits_for_a_subscriber() {
     slow_plant(&other, 1, 400.0, &format!("{table}needs_subscriber = false\n"));
     let mut line = Running::start(&other, "line --config plant.toml --out out --json");
     line.verdicts(2);
-    until("nothing is left to tell", || unreported(&other).is_empty());
+    until("nothing is left to report", || unreported(&other).is_empty());
     line.interrupt().expect(0);
 }
 

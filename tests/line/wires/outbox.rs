@@ -75,7 +75,7 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
     let mut line = idle_line(&sandbox);
     assert_eq!(line.verdict(), *first, "the verdict is what it was");
     until("both are told", || told(&sandbox).len() == 4);
-    until("nothing is left to tell", || unreported(&sandbox) == ["foreign"]);
+    until("nothing is left to report", || unreported(&sandbox) == ["foreign"]);
     let done = line.interrupt().expect(0);
     assert!(done.out.is_empty() && done.err.contains("foreign is no note"), "{done:?}");
     let ids = |told: &[(String, Value)]| told.iter().map(|(id, _)| id.clone()).collect::<Vec<_>>();
@@ -85,7 +85,7 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
     // Killed after everyone had acknowledged it, and before the last word of that was on the disk.
     put(first, ".print.on_verdict");
     let line = idle_line(&sandbox);
-    until("it is not told again", || unreported(&sandbox) == ["foreign"]);
+    until("it is not reported again", || unreported(&sandbox) == ["foreign"]);
     assert!(line.interrupt().expect(0).out.is_empty());
     assert_eq!(told(&sandbox).len(), 4);
 
@@ -103,7 +103,7 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
         assert_eq!((&verdict["casing"], &verdict["file"]), (&first["casing"], &first["file"]));
         assert_eq!(verdict["id"], format!("{number:016x}"));
         until("it is told", || told(&sandbox).len() == 5 + usize::from(has_note));
-        until("nothing is left to tell", || unreported(&sandbox) == ["foreign"]);
+        until("nothing is left to report", || unreported(&sandbox) == ["foreign"]);
         assert!(line.interrupt().expect(0).out.is_empty());
     }
 
@@ -113,7 +113,7 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
     fs::rename(path(first), sandbox.path("elsewhere.h5")).unwrap();
     let mut line = idle_line(&sandbox);
     assert_eq!(line.verdict(), *second);
-    until("it is reported", || status(&sandbox)["troubles"].to_string().contains("verdicts cannot be told"));
+    until("it is reported", || status(&sandbox)["troubles"].to_string().contains("verdicts cannot be reported"));
     line.interrupt().expect(0);
     fs::rename(sandbox.path("elsewhere.h5"), path(first)).unwrap();
     let mut line = idle_line(&sandbox);

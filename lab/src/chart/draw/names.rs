@@ -84,7 +84,7 @@ struct Candidate {
     badness: f64,
 }
 
-/// A place for each of `names`; `None` for one that has none without standing on another.
+/// A place for each of `names`; `None` for one that has none without covering another.
 pub(super) fn place(names: &[Named], lines: &[Line], room: &Room) -> Vec<Option<Placed>> {
     let mark = |name: &Named| Box::around(name.place, name.radius + 2.0, name.radius + 2.0);
     let marks: Vec<Box> = names.iter().map(mark).collect();

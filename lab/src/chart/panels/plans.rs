@@ -190,16 +190,16 @@ fn notes(bench: &Bench) -> Vec<String> {
     };
     vec![
         format!(
-            "By simulator, population ({populations}) and seed: {} sound casings make the reference, {} sound ones are judged, \
-             {} with faint cracks (12 to 20 mm deep, 10 to 20 mm long, 1 to 4 locations) and {} with strong ones (3 to 12 mm, 20 to \
-             25 mm, 3 to 10 locations). {mix}",
+            "Each simulator, population ({populations}) and seed has its own casings. {} sound ones make the reference, and {} sound ones are \
+             judged. {} have faint cracks: 12 to 20 mm deep, 10 to 20 mm long, 1 to 4 locations. {} have strong ones: 3 to 12 mm, 20 to 25 mm, 3 to \
+             10 locations. {mix}",
             casings.reference, casings.sound, casings.cracked, casings.cracked
         ),
         "0.4 s from tap to tap, 3 s to another offset, both shoulders at once. A tap period of 0.25 s, which records of 0.05 s allow, \
          takes five eighths of it."
             .to_owned(),
-        "Every plan states the same rate: 2 % of sound shoulders not passed. A plan whose sound shoulders are called oftener than \
-         that, beyond chance, is hollow. Shearography's 45 to 60 s are its vendors' figure; what it misses is not published."
+        "Every plan states the same rate: 2 % of sound shoulders are not passed. A plan that calls significantly more of them is hollow. \
+         Shearography's 45 to 60 s are its vendors' figure; what it misses is not published."
             .to_owned(),
         "Records are 0.05 s long, as in docs/rates.md; the panel `recording` shows that longer ones find no more.".to_owned(),
     ]
