@@ -14,7 +14,7 @@ pub(crate) struct Off {
 
 /// All of them. A test asks for a line here when the committed atlas shows a default off its front, and that the line goes when it is
 /// back.
-pub(crate) const OFF: [Off; 6] = [
+pub(crate) const OFF: [Off; 5] = [
     Off {
         panel: "force",
         facet: "tau",
@@ -22,7 +22,6 @@ pub(crate) const OFF: [Off; 6] = [
         why: "the error here is a common factor, which an index divides out; tau alone and the index, beside it, find no more cracks by \
               another estimator that costs as little",
     },
-    record_length("plate-bytes"),
     record_length("plate-time"),
     record_length("model-bytes"),
     record_length("model-time"),
