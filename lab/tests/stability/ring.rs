@@ -163,7 +163,8 @@ fn tyres(name: &str, count: usize) -> Vec<tapline_wire::Serial> {
 ///
 /// Naive, at a false-call rate of 5 % a ring: single locations find a crack of 8 at 1.5 sigma in less than half of the
 /// rings, as a mean of 20 finds one of 3 at 2.5 sigma (0.29, 0.43). Hold: the strongest arc finds both in more than 0.6 of
-/// the rings (0.63, 0.65) by one limit that twelve sound casings set, which at most 8 % of sound rings reach.
+/// the rings (0.68, 0.72) by the limits that twelve sound casings set, as a mean of 20 such references: one reference
+/// alone gives 0.5 to 0.8. 1 to 6 % of sound rings reach the limit (2.8 %).
 #[test]
 fn c39_smoothing_longer_than_the_crack() {
     const RINGS: usize = 200;
@@ -187,18 +188,23 @@ fn c39_smoothing_longer_than_the_crack() {
             vec![(a_1, value(a_1, normal.next() + by))]
         })
     };
-    let (sound, judged) = (ring_plan(&tyres("S", 12), 2, 100), ring_plan(&tyres("T", RINGS), 1, 100));
-    let set = reference(&sound, &of(&mut normal, &sound, 0, 0.0));
+    const REFERENCES: usize = 20;
+    let (sound, judged) = (ring_plan(&tyres("S", 12), 2, 100), ring_plan(&tyres("T", RINGS / 4), 1, 100));
     let config = FuseConfig { discriminators: vec![a_1], re_inspect_rate: 0.05, ..FuseConfig::default() };
-    let mut called = |length: u32, shift: f64| {
-        let judged = judge_by_file(&config, &set, &judged, &of(&mut normal, &judged, length, shift));
-        judged.iter().filter(|(of, _)| of.strongest_arc >= of.limit_re_inspect).count() as f64 / RINGS as f64
-    };
-    let (held, sound) = ((called(8, 1.5), called(3, 2.5)), called(0, 0.0));
-    println!("c39: naive {naive:?}, strongest arc {held:?}, sound {sound}");
+    let mut called = [0.0; 3];
+    for _ in 0..REFERENCES {
+        let set = reference(&sound, &of(&mut normal, &sound, 0, 0.0));
+        for (called, (length, shift)) in called.iter_mut().zip([(8, 1.5), (3, 2.5), (0, 0.0)]) {
+            let judged = judge_by_file(&config, &set, &judged, &of(&mut normal, &judged, length, shift));
+            let hits = judged.iter().filter(|(of, _)| of.strongest_arc >= of.limit_re_inspect).count();
+            *called += hits as f64 / (judged.len() * REFERENCES) as f64;
+        }
+    }
+    println!("c39: naive {naive:?}, strongest arc {called:.3?}");
+    let [long, short, sound] = called;
     assert!(naive.0 < 0.45 && naive.1 < 0.45, "{naive:?}");
-    assert!(held.0 > 0.6 && held.1 > 0.6, "{held:?}");
-    assert!(sound <= 0.08, "{sound}");
+    assert!(long > 0.6 && short > 0.6, "{called:?}");
+    assert!((0.01..0.06).contains(&sound), "{sound}");
 }
 
 /// Case 40: the largest over offsets and velocities.
