@@ -14,7 +14,7 @@
 //! let mut buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
 //! line.render(7, 0, &mut header, &mut buffer)?;
 //! assert_eq!(header.id.location, 7);
-//! assert!(matches!(Samples::view(&header, &buffer), Some(Samples::I16(s)) if s.len() == 2 * 16_384));
+//! assert!(matches!(Samples::view(&header, &buffer), Some(Samples::I16(s)) if s.len() == 2 * 2048));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

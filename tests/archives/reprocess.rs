@@ -82,14 +82,14 @@ fn the_same_lineage_gives_the_same_bits() {
 #[test]
 fn beginnings_give_the_same_bits() {
     let sandbox = Sandbox::new();
-    let config = format!("{CONFIG}[process]\nrecord_s = 0.1\n");
+    let config = format!("{CONFIG}[process]\nrecord_s = 0.025\n");
     scan(&sandbox, &config);
     let redone = again(&sandbox, "run.h5 --from-samples --jobs 2");
     assert_same(&contents(&sandbox.path("run.h5")), &contents(&redone));
     sandbox.write("whole.toml", "[process]\nrecord_s = 0.0\n");
     let whole = again(&sandbox, "run.h5 --config whole.toml");
     let printed = sandbox.run(&format!("diff run.h5 {}", whole.display())).expect(0).out;
-    assert!(printed.contains("process.record_s: 0.1 -> 0.0"), "{printed}");
+    assert!(printed.contains("process.record_s: 0.025 -> 0.0"), "{printed}");
     // The pulse is in the beginning; the power is scaled to the record's length.
     assert!(printed.contains("f_max      the same") && printed.contains("e_f        328 differ"), "{printed}");
 }

@@ -10,13 +10,16 @@ use crate::sandbox::stages::{signal, stage};
 use tapline_testing::documents::csv_rows;
 use tapline_testing::program::Done;
 
-/// A rig with a second hit in a tenth of its taps, and a neighbour's tap in another tenth.
+/// A rig with a second hit in a tenth of its taps, and a neighbour's tap in another tenth, somewhere in records of 0.4 s.
 const FAULTY: &str = "
 [scan]
 offsets_mm = [0.0]
 velocities_m_per_s = [1.85]
 repetitions = 1
 locations = 60
+
+[simulation]
+sample_count = 16384
 
 [[simulation.fault]]
 kind = \"double_hit\"

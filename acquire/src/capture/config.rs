@@ -67,7 +67,7 @@ impl Default for CaptureConfig {
             force_channel: 1,
             sound_channel: 2,
             pre_trigger_samples: 512,
-            sample_count: 16_384,
+            sample_count: 2400,
             microphone_distance_m: None,
             buffer_s: 10.0,
             trigger: TriggerConfig::default(),

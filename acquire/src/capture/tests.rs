@@ -137,7 +137,8 @@ impl Scan {
             closing_tap: false,
             ..ScanConfig::default()
         };
-        let line = SimulatedLine::new(&scan, &SimulationConfig::default()).unwrap();
+        let simulation = SimulationConfig { sample_count: period as u32, ..SimulationConfig::default() };
+        let line = SimulatedLine::new(&scan, &simulation).unwrap();
         let buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
         Self { line, buffer, period, rng: ChaCha8Rng::seed_from_u64(7), offset: 0 }
     }

@@ -13,6 +13,9 @@ use super::tyres;
 use super::tyres::{OFFSETS_MM, REPRESENTATIVE, Severity, VELOCITIES_M_PER_S, VELOCITY_M_PER_S};
 use crate::in_memory::InMemoryScan;
 
+/// Samples of a record: 0.4 s, as in section 5.2.
+const SAMPLES: u32 = 16_384;
+
 /// One tap: its discriminators, and the truth about it.
 #[derive(Debug, Clone)]
 pub(super) struct Tap {
@@ -67,7 +70,7 @@ impl Default for Turn {
 impl Dataset {
     /// Takes the taps of `scan`; spectra of those that `has_spectrum` selects.
     fn scan(scan: &ScanConfig, has_spectrum: impl Fn(&TapId) -> bool + Sync) -> Result<Self> {
-        let simulation = SimulationConfig::default();
+        let simulation = SimulationConfig { sample_count: SAMPLES, ..SimulationConfig::default() };
         let process = ProcessConfig::default();
         let retakes = AcquireConfig::default().retakes;
         let in_memory = InMemoryScan { scan, simulation: &simulation, process: &process, retakes, thread_count: 0 };

@@ -2,11 +2,12 @@
 
 use anyhow::Result;
 use tapline_fuse::FuseConfig;
+use tapline_model::SimulationConfig;
 
 use super::candidates::Split;
 use super::judge::judge;
 use super::parallel::each;
-use super::sets::sets;
+use super::sets::{Set, sets};
 use super::size::Size;
 use crate::evaluation::Areas;
 use crate::simulated::Reading;
@@ -14,18 +15,23 @@ use crate::simulated::Reading;
 /// A set's name, and its areas by reading, then by seed.
 pub(crate) type AreasOfSet = (&'static str, Vec<Vec<Areas>>);
 
-/// The areas of the default index by the healthy reference, of each set. `tyres` is how many a set has,
-/// and `tick` is called after each set.
+/// The areas of the default index by the healthy reference, of each set, in records of `sample_count` samples. `tyres` is how many a
+/// set has, and `tick` is called after each set.
 pub(crate) fn by_readings(
     readings: &[Reading],
+    sample_count: u32,
     tyres: usize,
     seeds: impl Iterator<Item = u64>,
     tick: impl Fn(),
 ) -> Result<Vec<AreasOfSet>> {
     let size = Size::full_study(tyres);
-    let mut found: Vec<AreasOfSet> = sets().iter().map(|set| (set.name, vec![Vec::new(); readings.len()])).collect();
+    let sets: Vec<Set> = sets()
+        .into_iter()
+        .map(|set| Set { simulation: SimulationConfig { sample_count, ..set.simulation }, ..set })
+        .collect();
+    let mut found: Vec<AreasOfSet> = sets.iter().map(|set| (set.name, vec![Vec::new(); readings.len()])).collect();
     for seed in seeds {
-        for ((number, set), (_, by_reading)) in (0..).zip(&sets()).zip(&mut found) {
+        for ((number, set), (_, by_reading)) in (0..).zip(&sets).zip(&mut found) {
             let splits = Split::scan_read(set, number, &size, &size.turns, (seed, 0), readings)?;
             let areas = each(&splits, 0, |split| {
                 Ok(Areas::new(&judge(&FuseConfig::default(), &split.judged()?, &split.healthy()?)?))

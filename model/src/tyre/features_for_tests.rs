@@ -38,7 +38,7 @@ pub(crate) fn features(samples: &[i16]) -> Features {
     let tau = width / (1.0 - 2.0 * 0.1_f64.asin() / PI);
     let onset = at_rise - 0.5 * (tau - width) + SOUND_DELAY;
     let a_1 = (sound[onset.ceil() as usize..=(onset + tau) as usize].iter().sum::<f64>() / FS).abs();
-    let gate = &sound[P - 64..P - 64 + GATE];
+    let gate = &sound[..GATE];
     let density: Vec<f64> = (0..=150).map(|k| power(gate, k)).collect();
     let sum = |low: usize, high: usize| density[low..=high].iter().sum::<f64>();
     // 560 to 2000 Hz over 80 to 3000 Hz.

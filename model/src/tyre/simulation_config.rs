@@ -53,7 +53,7 @@ impl Default for SimulationConfig {
     fn default() -> Self {
         Self {
             sample_rate_hz: 40_960.0,
-            sample_count: 16_384,
+            sample_count: 2048,
             pre_trigger_samples: 512,
             force_full_scale_n: 222.0,
             sound_full_scale_v: 5.0,

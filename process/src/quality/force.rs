@@ -21,8 +21,8 @@ const SECOND_SIGMAS: f64 = 6.0;
 const RISE_SIGMAS: f64 = 8.0;
 /// Longest stretch after the pulse in which hum is looked for.
 const HUM_S: f64 = 0.25;
-/// Fewest periods of hum by which it is known: a record of 50 ms has two.
-const HUM_PERIODS: f64 = 1.9;
+/// Fewest periods of hum by which it is known: a record of 50 ms, of which 12.5 are before the trigger, has 1.7 behind the pulse.
+const HUM_PERIODS: f64 = 1.6;
 /// Largest part of the squares that hum may leave.
 const HUM_LEFT: f64 = 0.3;
 /// Fraction of the peak from which on samples belong to the pulse.

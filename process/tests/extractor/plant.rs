@@ -102,9 +102,14 @@ pub(crate) fn header(
     header
 }
 
-/// `count` taps of four sound and four cracked tyres, at three velocities and four offsets, on the default rig.
+/// The default rig with records of [`N`] samples.
+pub(crate) fn rig() -> SimulationConfig {
+    SimulationConfig { sample_count: N as u32, ..SimulationConfig::default() }
+}
+
+/// `count` taps of four sound and four cracked tyres, at three velocities and four offsets, on the [`rig`].
 pub(crate) fn simulated(count: u32) -> Vec<Tap> {
-    simulated_on(&SimulationConfig::default(), count)
+    simulated_on(&rig(), count)
 }
 
 /// As [`simulated`], on the rig of `config`.

@@ -208,8 +208,8 @@ fn undersampled() {
 /// A clipped sound is only detected if noise is at most 0.2 % of its peak; the default rig has more.
 #[test]
 fn the_rigs_own_faults_are_flagged() {
-    let loud = SimulationConfig::default();
-    let quiet = SimulationConfig { sound_noise_v: 5e-4, hum_v: 0.0, ..SimulationConfig::default() };
+    let loud = rig();
+    let quiet = SimulationConfig { sound_noise_v: 5e-4, hum_v: 0.0, ..rig() };
     for (kind, flag, rig) in [
         (FaultKind::ClippedForce, Quality::CLIPPED, &loud),
         (FaultKind::ClippedSound, Quality::CLIPPED, &quiet),

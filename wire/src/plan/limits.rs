@@ -80,10 +80,10 @@ pub struct Limits {
 
 impl Default for Limits {
     /// One station; two shoulders of 100 locations, four offsets, three velocities, two repetitions; records of two channels of
-    /// 16384 samples of 16 bits.
+    /// 2048 samples of 16 bits.
     fn default() -> Self {
         let casing =
-            CasingLimits { taps: 2 * 4 * 3 * 2 * 101, room: 0, scans: 2, locations: 100, record_bytes: 2 * 16_384 * 2 };
+            CasingLimits { taps: 2 * 4 * 3 * 2 * 101, room: 0, scans: 2, locations: 100, record_bytes: 2 * 2048 * 2 };
         Self { acquire_count: 1, stations: vec![1], casing }
     }
 }

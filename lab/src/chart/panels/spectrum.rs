@@ -20,8 +20,10 @@ use crate::chart::stability;
 pub(super) const ENTRY: Entry =
     Entry { name: "spectrum", expected_s: |size| if size.is_full { 15.0 } else { 2.0 }, uses_casings: false, measure };
 
-/// Samples of the simulated rig's records.
+/// Samples of the longest records.
 const SAMPLES: u32 = 16_384;
+/// Samples of the simulated rig's records by default.
+const DEFAULT_SAMPLES: u32 = 2048;
 const RATE_HZ: f64 = 40_960.0;
 
 /// PR, P_f and E_f.
@@ -87,7 +89,7 @@ impl Way {
         self.spectrum == default.spectrum
             && self.precision == default.precision
             && self.subtract == default.subtract
-            && self.samples == SAMPLES
+            && self.samples == DEFAULT_SAMPLES
     }
 
     /// The powers of a record, on the scale of one of [`SAMPLES`]: densities are of the whole record.
@@ -155,7 +157,7 @@ fn taps(bench: &Bench, seed: u64, has_noise: bool) -> Result<Vec<Tap>> {
         tyre: vec![TyreConfig { serial: "SPECTRUM".to_owned(), station: 1, crack: vec![crack] }],
         ..ScanConfig::default()
     };
-    let rig = SimulationConfig::default();
+    let rig = SimulationConfig { sample_count: SAMPLES, ..SimulationConfig::default() };
     let simulation =
         if has_noise { rig } else { SimulationConfig { force_noise_n: 0.0, sound_noise_v: 0.0, hum_v: 0.0, ..rig } };
     let mut line = SimulatedLine::new(&scan, &simulation)?;

@@ -16,12 +16,14 @@ use crate::simulated::{Reading, quantised};
 
 /// The rig's sample rate.
 pub(super) const RATE_HZ: f64 = 40_960.0;
-/// Length of the longest record, which is that of the simulated rig.
+/// Length of the longest record; the shorter ones are its beginnings.
 pub(super) const RECORD_S: f64 = 0.4;
+/// Length of a record of the simulated rig, and of a capture.
+const DEFAULT_S: f64 = 0.05;
 /// Before the trigger.
 pub(super) const PRE_TRIGGER_S: f64 = 0.0125;
 
-/// Lengths that are tried; the first is the default.
+/// Lengths that are tried, the longest first.
 pub(super) const LENGTHS_S: [f64; 8] = [RECORD_S, 0.2, 0.1, 0.06, 0.05, 0.04, 0.03, 0.025];
 /// The length at which rates and bits are tried.
 const CONVERTER_S: f64 = 0.1;
@@ -64,13 +66,12 @@ impl Heard {
         let plain = Self::plain(RECORD_S);
         let process = |process: ProcessConfig| Reading { process, ..Reading::default() };
         let length = |record_s: f64| {
-            let is_default = record_s >= RECORD_S;
-            // All of the longest record is read by the default itself.
-            let record_used_s = if is_default { 0.0 } else { record_s };
+            // Of the longest record all is read.
+            let record_used_s = if record_s < RECORD_S { record_s } else { 0.0 };
             Self {
                 name: format!("records of {record_s} s"),
                 label: format!("{record_s} s"),
-                is_default,
+                is_default: (record_s - DEFAULT_S).abs() < 1e-9,
                 reading: process(ProcessConfig { record_s: record_used_s, ..ProcessConfig::default() }),
                 ..plain.clone()
             }

@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, Result};
 
-use super::readings::{Heard, LENGTHS_S};
+use super::readings::{Heard, LENGTHS_S, RATE_HZ, RECORD_S};
 use super::scenes::Found;
 use crate::chart::Bench;
 use crate::chart::point::LEVEL;
@@ -35,7 +35,9 @@ pub(super) fn by_length(bench: &Bench, heard: &[Heard], found: &[Found]) -> Resu
     }
     let readings: Vec<_> = heard.iter().take(LENGTHS_S.len()).map(|heard| heard.reading).collect();
     let (tyres, seed_count) = bench.size.study;
-    let of_study = by_readings(&readings, tyres, bench.seed..bench.seed + seed_count, || bench.progress.at(0.9))?;
+    let seeds = bench.seed..bench.seed + seed_count;
+    let sample_count = (RECORD_S * RATE_HZ) as u32;
+    let of_study = by_readings(&readings, sample_count, tyres, seeds, || bench.progress.at(0.9))?;
     for (name, by_length) in of_study.iter().filter(|_| seed_count > 0) {
         table.push(row("model", &format!("study: {name}"), by_length)?);
     }
