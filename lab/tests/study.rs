@@ -124,7 +124,9 @@ fn committed_numbers_keep_their_limits() {
     assert!(published[0]["published"] == "28" && number(&published[0]["here"]) <= 21.0, "{:?}", published[0]);
     let rates: Vec<f64> = published[1..].iter().map(|row| number(&row["here"])).collect();
     let mean = rates.iter().sum::<f64>() / rates.len() as f64;
-    assert!(rates.len() == 9 && mean >= 0.75 && rates.iter().all(|&rate| rate >= 0.55), "{rates:?}");
+    // Eight casings say little of one set: none may be below what was published by more than its interval.
+    let is_below = published[1..].iter().any(|row| number(&row["high"]) < number(&row["published"]));
+    assert!(rates.len() == 9 && mean >= 0.75 && !is_below, "{published:?}");
 }
 
 /// Catches too few tyres for halves of both kinds.

@@ -14,7 +14,7 @@ pub(crate) struct Off {
 
 /// All of them. A test asks for a line here when the committed atlas shows a default off its front, and that the line goes when it is
 /// back.
-pub(crate) const OFF: [Off; 5] = [
+pub(crate) const OFF: [Off; 2] = [
     Off {
         panel: "force",
         facet: "tau",
@@ -22,9 +22,6 @@ pub(crate) const OFF: [Off; 5] = [
         why: "the error here is a common factor, which an index divides out; tau alone and the index, beside it, find no more cracks by \
               another estimator that costs as little",
     },
-    record_length("plate-time"),
-    record_length("model-bytes"),
-    record_length("model-time"),
     Off {
         panel: "index",
         facet: "plate-locations",
@@ -32,16 +29,6 @@ pub(crate) const OFF: [Off; 5] = [
         why: "of the other simulator the dissertation's index loses ten times as much, and one index must do for casings of any kind",
     },
 ];
-
-/// The length of the record in one facet.
-const fn record_length(facet: &'static str) -> Off {
-    Off {
-        panel: "recording",
-        facet,
-        default: "records of 0.4 s",
-        why: "records of 0.05 s are to be the default, and all numbers that tests know of records of 0.4 s change with it",
-    }
-}
 
 /// Why `default` of `facet` is what it is, where it is known to be off.
 pub(crate) fn why(panel: &str, facet: &str, default: &str) -> Option<&'static str> {
