@@ -39,7 +39,9 @@ struct Scan {
 impl Scan {
     fn simulate() -> Result<Self> {
         let scan = ScanConfig { velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
-        let mut line = SimulatedLine::new(&scan, &SimulationConfig::default())?;
+        // Records of 0.4 s, of which a beginning can be read.
+        let simulation = SimulationConfig { sample_count: 16_384, ..SimulationConfig::default() };
+        let mut line = SimulatedLine::new(&scan, &simulation)?;
         let plan = line.plan().clone();
         let mut taps = Vec::new();
         for row in 0..u32::try_from(plan.taps().len())? {

@@ -24,10 +24,12 @@ use tapline_wire::{
 use common::{print_table, quantile};
 
 const ROUNDS: usize = 60;
-/// Taps per round, from all over the tyre: 4 MiB of records, more than the inner caches hold.
+/// Samples of all taps of a round, from all over the tyre: 4 MiB of records, more than the inner caches hold.
+const SAMPLES: usize = 1 << 21;
+/// Contacts of a round.
 const TAPS: usize = 64;
-/// Samples of one channel.
-const COUNT: usize = 16_384;
+/// Samples of one channel: of the default record, and of one of 0.4 s.
+const COUNTS: [usize; 2] = [2048, 16_384];
 
 /// One tap as the line has it, and its sound alone as another converter would record it.
 struct Tap {
@@ -71,12 +73,18 @@ impl<'a> Kernel<'a> {
 }
 
 fn main() -> Result<()> {
-    let mut line = SimulatedLine::new(&ScanConfig::default(), &SimulationConfig::default())?;
+    COUNTS.into_iter().try_for_each(of_records)
+}
+
+/// The table for records of `count` samples.
+fn of_records(count: usize) -> Result<()> {
+    let simulation = SimulationConfig { sample_count: u32::try_from(count)?, ..SimulationConfig::default() };
+    let mut line = SimulatedLine::new(&ScanConfig::default(), &simulation)?;
     let mut extractor = extractor(Precision::F32)?;
     let again = judge_again(&mut extractor)?;
     let (taps, records) = tyre(&mut line, &mut extractor)?;
     let fusion = Fusion::new(&FuseConfig::by(Reference::Own), line.plan())?;
-    let mut kernels = yardsticks(&taps);
+    let mut kernels = yardsticks(&taps, count);
     kernels.push(render(line, &taps));
     kernels.push(extract("extract f32, force and sound i16", &taps, extractor, false));
     kernels.push(extract("extract f64, force and sound i16", &taps, self::extractor(Precision::F64)?, false));
@@ -97,7 +105,7 @@ fn main() -> Result<()> {
             kernel.time();
         }
     }
-    report(&mut kernels);
+    report(&mut kernels, count);
     Ok(())
 }
 
@@ -108,7 +116,8 @@ fn extractor(precision: Precision) -> Result<ProcessExtractor> {
 /// Some taps of a simulated tyre, and the discriminators of all of them.
 fn tyre(line: &mut SimulatedLine, extractor: &mut ProcessExtractor) -> Result<(Vec<Tap>, Vec<Discriminators>)> {
     let plan = line.plan().clone();
-    let every = plan.taps().len() / TAPS;
+    let tap_count = SAMPLES / (2 * plan.recording.sample_count_max as usize);
+    let every = plan.taps().len() / tap_count;
     let (mut taps, mut records) = (Vec::new(), Vec::new());
     for row in 0..u32::try_from(plan.taps().len())? {
         let mut header = TapHeader::default();
@@ -116,7 +125,7 @@ fn tyre(line: &mut SimulatedLine, extractor: &mut ProcessExtractor) -> Result<(V
         line.render(row, 0, &mut header, &mut buffer)?;
         let samples = Samples::view(&header, &buffer).context("a simulated tap describes itself")?;
         records.push(extractor.extract(&header, samples));
-        if (row as usize).is_multiple_of(every) && taps.len() < TAPS {
+        if (row as usize).is_multiple_of(every) && taps.len() < tap_count {
             taps.push(with_mono(Tap { row, header, buffer, mono_header: header, mono: Vec::new() }));
         }
     }
@@ -128,7 +137,7 @@ fn with_mono(mut tap: Tap) -> Tap {
     let sound = tap.header.channels[1];
     #[expect(clippy::cast_possible_truncation, reason = "a converter that gives f32 does the same")]
     let volts = |&count: &i16| (f64::from(count) * sound.unit_per_count) as f32;
-    tap.mono = tap.counts()[COUNT..].iter().map(volts).collect();
+    tap.mono = tap.counts()[tap.header.sample_count as usize..].iter().map(volts).collect();
     tap.mono_header.channel_count = 1;
     tap.mono_header.sample_format = SampleFormat::F32.code();
     tap.mono_header.channels[0] =
@@ -136,30 +145,30 @@ fn with_mono(mut tap: Tap) -> Tap {
     tap
 }
 
-fn yardsticks(taps: &[Tap]) -> Vec<Kernel<'_>> {
-    let fft = RealFftPlanner::<f32>::new().plan_fft_forward(COUNT);
+fn yardsticks(taps: &[Tap], count: usize) -> Vec<Kernel<'_>> {
+    let fft = RealFftPlanner::<f32>::new().plan_fft_forward(count);
     let (mut signal, mut bins) = (fft.make_input_vec(), fft.make_output_vec());
     let mut scratch = fft.make_scratch_vec();
     let transform = move |tap: &Tap| {
         signal.copy_from_slice(&tap.mono);
         transform(fft.as_ref(), &mut signal, &mut bins, &mut scratch)
     };
-    let mut floats = vec![0.0_f32; 2 * COUNT];
+    let mut floats = vec![0.0_f32; 2 * count];
     let convert = move |tap: &Tap| {
         for (to, &from) in floats.iter_mut().zip(tap.counts()) {
             *to = f32::from(from);
         }
-        f64::from(black_box(&mut floats)[COUNT])
+        f64::from(black_box(&mut floats)[count])
     };
-    let mut copied = vec![0_i16; 2 * COUNT];
+    let mut copied = vec![0_i16; 2 * count];
     let copy = move |tap: &Tap| {
         copied.copy_from_slice(tap.counts());
-        f64::from(black_box(&mut copied)[COUNT])
+        f64::from(black_box(&mut copied)[count])
     };
     vec![
-        Kernel::per_tap("yardstick: bare f32 transform of 16384", taps, transform),
+        Kernel::per_tap("yardstick: bare f32 transform", taps, transform),
         Kernel::per_tap("yardstick: i16 to f32 of the record", taps, convert),
-        Kernel::per_tap("yardstick: copy of the record, 64 KiB", taps, copy),
+        Kernel::per_tap("yardstick: copy of the record", taps, copy),
     ]
 }
 
@@ -285,7 +294,7 @@ fn ladder() -> Vec<Kernel<'static>> {
     ]
 }
 
-fn report(kernels: &mut [Kernel<'_>]) {
+fn report(kernels: &mut [Kernel<'_>], count: usize) {
     let rows: Vec<(&str, f64, f64)> = kernels
         .iter_mut()
         .map(|k| (k.name, quantile(&mut k.us_per_tap, 0.5), quantile(&mut k.us_per_tap, 0.25)))
@@ -298,6 +307,8 @@ fn report(kernels: &mut [Kernel<'_>]) {
             [name.to_owned(), format!("{median:.2}"), format!("{quartile:.2}"), ratio(transform), ratio(copy)]
         })
         .collect();
-    let title = format!("kernels, us per tap in {ROUNDS} rounds by turns; ratios of lower quartiles");
+    let title = format!(
+        "kernels, records of {count} samples, us per tap in {ROUNDS} rounds by turns; ratios of lower quartiles"
+    );
     print_table(&title, ["kernel", "median", "lower quartile", "/ transform", "/ copy"], &text);
 }

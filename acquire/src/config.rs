@@ -242,7 +242,9 @@ impl ScanConfig {
 
     /// The scan of a station that taps whatever casings come: adaptive, unless the configuration says otherwise.
     pub fn for_line(&self) -> Self {
-        Self { policy: Some(self.policy.unwrap_or(ScanPolicy::Adaptive)), ..self.clone() }
+        // The stations of a line are those of its configuration, not so many as a run is given.
+        let stations = self.tyre.iter().fold(self.stations, |most, tyre| most.max(tyre.station));
+        Self { policy: Some(self.policy.unwrap_or(ScanPolicy::Adaptive)), stations, ..self.clone() }
     }
 
     /// How many taps a tyre may be given besides: those of the whole scan once more at one offset.

@@ -33,7 +33,9 @@ struct TapsOf {
 
 fn main() {
     let scan = ScanConfig { offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
-    let mut line = SimulatedLine::new(&scan, &tapline_model::SimulationConfig::default()).unwrap();
+    // Records of 0.4 s: 64 KiB.
+    let simulation = tapline_model::SimulationConfig { sample_count: 16_384, ..Default::default() };
+    let mut line = SimulatedLine::new(&scan, &simulation).unwrap();
     print_table(&taps_of("simulated", &mut line));
     for folder in std::env::args_os().skip(1).map(PathBuf::from) {
         let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();

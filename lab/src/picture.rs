@@ -64,7 +64,8 @@ fn draw(reader: &Reader) -> Result<String> {
         Tap::at(reader, damaged.scan, sound_cell(damaged)?, "sound", BLUE)?,
         Tap::at(reader, damaged.scan, damaged.peak, "cracked", VERMILLION)?,
     ];
-    let greatest = damaged.peak.damage_index.ceil();
+    // Thirds of it are written beside the ring.
+    let greatest = 3.0 * (damaged.peak.damage_index / 3.0).ceil();
     let rings = RINGS.map(|center| Ring { center, greatest });
     canvas::svg(SIZE, |area| {
         title(area, reader, damaged, &taps[0])?;

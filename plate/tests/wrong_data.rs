@@ -218,8 +218,11 @@ fn dropouts() {
                 ["sound", "force",][usize::from(of_force)]
             );
             // What holds the value of the peak looks as clipping does; what holds another in its place leaves no pulse.
-            let held = Quality::DROPOUT | Quality::CLIPPED | Quality::NO_PULSE;
-            let flag = if holds { held } else { Quality::DROPOUT };
+            let flag = match (holds, of_force) {
+                (true, true) => Quality::DROPOUT | Quality::CLIPPED | Quality::NO_PULSE,
+                (true, false) => Quality::DROPOUT | Quality::CLIPPED,
+                (false, _) => Quality::DROPOUT,
+            };
             assert_flagged(flag, &what, |k, tap| {
                 let channel = if of_force { &mut tap.force } else { &mut tap.sound };
                 let last = channel.len().min((0.1 * RATE_HZ) as usize) as f64;

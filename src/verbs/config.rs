@@ -1,9 +1,11 @@
 //! `tapline config`: a complete configuration to start from, and the check of one.
 
+use std::fs;
 use std::io::{self, Write as _};
 
 use anyhow::{Context as _, Result};
 use tapline_acquire::validate_stations;
+use tapline_fuse::Reference;
 
 use crate::cli::ConfigArgs;
 use crate::config::Config;
@@ -20,8 +22,15 @@ pub(crate) fn config(args: &ConfigArgs) -> Result<bool> {
     };
     let (config, _) = Config::read(path)?;
     config.validate()?;
+    // What a run and a line look at where they need it.
+    config.scan.for_line().validate()?;
+    config.simulation.validate()?;
+    config.capture.validate()?;
     if !config.station.is_empty() {
         validate_stations(&config.station)?;
+    }
+    if let Some(Reference::File(path)) = &config.fuse.reference {
+        fs::File::open(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
     }
     writeln!(out, "{} is a configuration", path.display()).context("cannot write to standard output")?;
     Ok(true)
@@ -30,7 +39,6 @@ pub(crate) fn config(args: &ConfigArgs) -> Result<bool> {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
-    use std::fs;
     use std::path::Path;
 
     use super::*;

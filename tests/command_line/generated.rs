@@ -39,7 +39,16 @@ fn the_example_of_a_configuration_is_one() {
     let sandbox = Sandbox::new();
     sandbox.write("example.toml", &sandbox.run("config --example").expect(0).out);
     assert!(sandbox.run("config --check example.toml").expect(0).out.contains("example.toml is a configuration"));
-    sandbox.write("wrong.toml", "[fuse]\nre_inspect_rate = 2.0\n");
-    assert!(sandbox.run("config --check wrong.toml").expect(1).err.contains("re_inspect_rate"));
+    for (wrong, named) in [
+        ("[fuse]\nre_inspect_rate = 2.0\n", "re_inspect_rate"),
+        ("[fuse]\nreference = \"nowhere.json\"\n", "cannot read the reference nowhere.json"),
+        ("[scan]\nlocations = 0\n", "scan.locations is 0"),
+        ("[simulation]\nsample_count = 1\n", "sample_count"),
+        ("[capture]\nbits = 20\n", "capture.bits is 20"),
+    ] {
+        sandbox.write("wrong.toml", wrong);
+        let done = sandbox.run("config --check wrong.toml").expect(1);
+        assert!(done.err.contains(named), "{}", done.err);
+    }
     sandbox.run("config").expect(2);
 }

@@ -164,7 +164,7 @@ mod tests {
             ("channels = 1", "capture.channels is 1"),
             ("sound_channel = 3", "capture.sound_channel is 3; it must be from 1 to 2"),
             ("force_channel = 2", "capture.sound_channel is 2; it must be another than capture.force_channel"),
-            ("pre_trigger_samples = 16384", "capture.pre_trigger_samples is 16384"),
+            ("pre_trigger_samples = 2385", "capture.pre_trigger_samples is 2385; it must be from 16 to 2384"),
             ("microphone_distance_m = 0.0", "capture.microphone_distance_m is 0"),
             ("buffer_s = nan", "capture.buffer_s is NaN"),
             ("trigger.level = 2.0", "capture.trigger.level is 2"),

@@ -243,7 +243,7 @@ fn impulse_ratio<C: Count>(
 
 /// Amplitude in counts of hum in the force after the pulse, where it exceeds `hum_ratio_max` of the peak.
 ///
-/// After the pulse a force is silent, so that a fit of a sine to two periods tells hum from whatever else there is.
+/// After the pulse a force is silent, so that a fit of a sine to [`HUM_PERIODS`] tells hum from whatever else there is.
 fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, config: &QualityConfig) -> Option<f64> {
     let means_per_s = force.sample_rate_hz / MEAN_OF as f64;
     let first = (shape.peak_at / MEAN_OF + 1).saturating_add((config.tau_max_s * means_per_s) as usize);

@@ -133,7 +133,7 @@ pub(crate) fn simulated_on(config: &SimulationConfig, count: u32) -> Vec<Tap> {
             attempt: 0,
         };
         let rendered = rig.render(&tap, &mut samples);
-        let (force, sound) = samples.split_at(N);
+        let (force, sound) = samples.split_at(samples.len() / 2);
         Tap {
             header: header_of(config, &tap, rendered.velocity_measured_m_per_s),
             force: force.iter().map(|&x| f64::from(x)).collect(),

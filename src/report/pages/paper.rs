@@ -40,13 +40,13 @@ pub(crate) fn signature(operator: Option<&str>) -> Markup {
     html! {
         section class="sign" {
             h2 { "Decision" }
-            table {
+            div class="scroll" { table {
                 thead { tr { th { "" } th { "name" } th { "date and time" } th { "signature" } } }
                 tbody {
                     tr { td { "Operator" } td { (operator.unwrap_or_default()) } td {} td {} }
                     tr { td { "Released, repaired or scrapped by" } td {} td {} td {} }
                 }
-            }
+            } }
         }
     }
 }

@@ -115,7 +115,7 @@ impl Topic for TapTopic {
     // cache of 2 MiB.
     const BUFFER: usize = 16;
     // `store` packs as many taps together as it may hold, and each batch wakes its workers again: with batches of 16 the disk was
-    // idle for a tenth of the time. A station with 64 KiB a tap needs up to 12.9 MB, with 16 it would be 8.6 MB.
+    // idle for a tenth of the time. A station with 64 KiB a tap (0.4 s) needs up to 12.9 MB, with 16 it would be 8.6 MB.
     const BORROWED: usize = 32;
     const WAKE_EVERY: u64 = 8;
 

@@ -23,7 +23,7 @@ use crate::evaluation::{Table, cell};
 pub(super) const ENTRY: Entry =
     Entry { name: "codecs", expected_s: |size| if size.is_full { 25.0 } else { 3.0 }, uses_casings: false, measure };
 
-/// Bytes that costs are of: those of a tap of the simulated rig.
+/// Bytes that costs are of: those of a tap of 0.4 s.
 const UNIT_BYTES: f64 = 65_536.0;
 
 /// Parts of a set of taps that are compared in pairs.
