@@ -388,6 +388,9 @@ mod tests {
             let error = scan(text).unwrap_err();
             assert!(error.contains(want), "{error:?} lacks {want:?}");
         }
+        // A run is given so many stations; those of a line are in its configuration.
+        let of_line: ScanConfig = toml::from_str("[[tyre]]\nserial = \"A\"\nstation = 2").unwrap();
+        assert!(of_line.validate().is_err() && of_line.for_line().validate().is_ok());
         for taps_per_s in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let error = AcquireConfig { taps_per_s: Some(taps_per_s), ..AcquireConfig::default() }
                 .validate()

@@ -50,7 +50,7 @@ impl Size {
             pulses: 300,
             casings: Casings { reference: 12, sound: 10, cracked: 8 },
             recorded: Casings { reference: 8, sound: 0, cracked: 8 },
-            study: (8, 2),
+            study: (8, 4),
             is_full: true,
             reference_sizes: vec![1, 2, 4, 6, 8, 12],
             hops: 4_000,

@@ -32,7 +32,7 @@ fn clean_taps_are_clean() {
 /// Catches a short record that hides what a long one shows, beyond what `docs/flags.md` says: hum of a tenth of the peak in the
 /// force, and a second hit.
 #[test]
-fn the_default_record_tells_hum_and_second_hits_in_the_force() {
+fn the_default_record_shows_hum_and_second_hits_in_the_force() {
     for (flag, kind) in [(Quality::HUM, None), (Quality::DOUBLE_HIT, Some(FaultKind::DoubleHit))] {
         let fault = kind.map(|kind| PlantedFault { kind, fraction: 1.0 }).into_iter().collect();
         let mut taps = simulated_on(&SimulationConfig { fault, ..SimulationConfig::default() }, 400);
@@ -43,8 +43,8 @@ fn the_default_record_tells_hum_and_second_hits_in_the_force() {
                 tap.force.iter_mut().enumerate().for_each(|(i, x)| *x += hum(i));
             }
         }
-        let told = taps.iter().filter(|tap| tap.flags().contains(flag)).count();
-        assert!(told >= 390, "{flag} in {told} of 400 taps");
+        let flagged = taps.iter().filter(|tap| tap.flags().contains(flag)).count();
+        assert!(flagged >= 390, "{flag} in {flagged} of 400 taps");
     }
 }
 

@@ -18,7 +18,7 @@ use crate::simulated::Simulator;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "recording",
-    expected_s: |size| if size.is_full { 220.0 } else { 10.0 },
+    expected_s: |size| if size.is_full { 280.0 } else { 10.0 },
     uses_casings: false,
     measure,
 };
