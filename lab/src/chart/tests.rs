@@ -6,7 +6,7 @@ use std::path::Path;
 use tapline_testing::documents::{csv_rows, docs, text};
 
 use super::front::{Optimality, Tolerance, optimality};
-use super::off::{self, OFF};
+use super::off::{self, OFF, Off};
 use super::panel::Facet;
 use super::panels::{Entry, PANELS};
 use super::point::{Cost, Error, Failure, Point};
@@ -61,6 +61,10 @@ fn defaults_are_on_their_fronts() {
     for of in &known {
         assert!(off.contains(of), "{of:?} is on its front again: it need not be named any more");
     }
+    let page = text(&docs("atlas/README.md"));
+    for Off { default, why, .. } in &OFF {
+        assert!(page.contains(&format!("Why: {why}.")), "the page does not say why {default} is off");
+    }
 }
 
 fn quick_bench(wanted: &[&Entry]) -> Bench {
@@ -90,6 +94,10 @@ fn errors_measured_anew_leave_defaults_on_their_fronts() {
                 })
                 .collect();
             assert_eq!(points.len(), known.points.len(), "{name}: a point of the atlas is gone");
+            let defaults = |points: &[Point]| -> Vec<String> {
+                points.iter().filter(|point| point.is_default).map(|point| point.name.clone()).collect()
+            };
+            assert_eq!(defaults(points), defaults(&known.points), "{name}: the atlas marks another default");
             // A wider tolerance asks more of a rival that is better, and less of one that is cheaper: both must say beaten.
             let cost = 2.0 * tolerance.cost;
             let both = [tolerance.error, 3.0 * tolerance.error].map(|error| Tolerance { cost, error });

@@ -22,8 +22,6 @@ pub(super) const ENTRY: Entry =
 
 /// Samples of the longest records.
 const SAMPLES: u32 = 16_384;
-/// Samples of the simulated rig's records by default.
-const DEFAULT_SAMPLES: u32 = 2048;
 const RATE_HZ: f64 = 40_960.0;
 
 /// PR, P_f and E_f.
@@ -89,7 +87,7 @@ impl Way {
         self.spectrum == default.spectrum
             && self.precision == default.precision
             && self.subtract == default.subtract
-            && self.samples == DEFAULT_SAMPLES
+            && self.samples == SimulationConfig::default().sample_count
     }
 
     /// The powers of a record, on the scale of one of [`SAMPLES`]: densities are of the whole record.

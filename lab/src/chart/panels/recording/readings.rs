@@ -18,8 +18,6 @@ use crate::simulated::{Reading, quantised};
 pub(super) const RATE_HZ: f64 = 40_960.0;
 /// Length of the longest record; the shorter ones are its beginnings.
 pub(super) const RECORD_S: f64 = 0.4;
-/// Length of a record of the simulated rig, and of a capture.
-const DEFAULT_S: f64 = 0.05;
 /// Before the trigger.
 pub(super) const PRE_TRIGGER_S: f64 = 0.0125;
 
@@ -65,13 +63,15 @@ impl Heard {
     pub(super) fn lengths() -> Vec<Self> {
         let plain = Self::plain(RECORD_S);
         let process = |process: ProcessConfig| Reading { process, ..Reading::default() };
+        let rig = SimulationConfig::default();
+        let default_s = f64::from(rig.sample_count) / rig.sample_rate_hz;
         let length = |record_s: f64| {
             // Of the longest record all is read.
             let record_used_s = if record_s < RECORD_S { record_s } else { 0.0 };
             Self {
                 name: format!("records of {record_s} s"),
                 label: format!("{record_s} s"),
-                is_default: (record_s - DEFAULT_S).abs() < 1e-9,
+                is_default: (record_s - default_s).abs() < 1e-9,
                 reading: process(ProcessConfig { record_s: record_used_s, ..ProcessConfig::default() }),
                 ..plain.clone()
             }
