@@ -58,9 +58,14 @@ gates: setup
 	cargo clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --document-private-items
 
+# Everything that docs/performance.md has, measured on this machine.
+BENCH_PYTHON = target/python-bench/bin/python
 bench: setup
-	cargo bench --bench '*'
-	cargo run --release -p tapline-lab -- chart --quick --panel transport
+	@test -x $(BENCH_PYTHON) || python3 -m venv target/python-bench
+	@$(BENCH_PYTHON) -m pip install -q --disable-pip-version-check -r benches/python.txt
+	cargo build --release -p tapline
+	TAPLINE_BENCH_PYTHON=$(CURDIR)/$(BENCH_PYTHON) cargo bench -p tapline-bench --features zeromq
+	cargo run --release -p tapline-bench
 
 # What is made of the built program: manual pages, completions, a complete configuration.
 packaged:

@@ -2,10 +2,8 @@
 //! a Python program.
 //!
 //! Everything is measured in one run, in turns, on a simulated tyre. The Python program is `benches/peer.py`; it is run
-//! by the Python that `TAPLINE_PYTHON` names, or by `python3`, if that has h5py, Blosc and scipy.
+//! by the Python that `TAPLINE_BENCH_PYTHON` names, or by `python3`, if that has h5py, Blosc and scipy.
 #![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
-
-mod common;
 
 use std::fs::{self, File};
 use std::hint::black_box;
@@ -24,7 +22,7 @@ use tapline_wire::{
     CacheLine, Discriminators, Plan, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of, cache_lines_for,
 };
 
-use common::{print_table, quantile};
+use tapline_bench::{Row, Sheet, Spread, print_table, quantile, root};
 
 const ROUNDS: usize = 15;
 
@@ -81,10 +79,26 @@ impl Scan {
 fn main() -> Result<()> {
     let folder = tempfile::Builder::new().prefix("bench-").tempdir_in(".")?;
     let scan = Scan::simulate()?;
-    codecs(&scan, folder.path())?;
+    let mut rows = codecs(&scan, folder.path())?;
     let archive = judged(&scan, &folder.path().join("judged.h5"))?;
-    reprocessing(&scan, &archive, 0.0)?;
-    reprocessing(&scan, &archive, BEGINNING_S)
+    rows.extend(reprocessing(&scan, &archive, 0.0, "4")?);
+    rows.extend(reprocessing(&scan, &archive, BEGINNING_S, "6")?);
+    let sheet = Sheet {
+        title: "The disk".to_owned(),
+        command: "cargo bench -p tapline-bench --bench archive".to_owned(),
+        notes: vec![
+            format!(
+                "{} simulated taps of 0.4 s (64 KiB), {ROUNDS} rounds. The plain write has the packed chunks of the archive alone, one \
+                 after another, and one fdatasync; the archive packs, digests, keeps its tables and syncs at the end.",
+                scan.taps.len()
+            ),
+            "Judging again: reading, checking, unpacking, discriminators and verdicts on one core; the Python program \
+             (`benches/peer.py`: h5py, scipy) reads the same file and computes the discriminators alone."
+                .to_owned(),
+        ],
+        rows,
+    };
+    sheet.keep("archive")
 }
 
 /// Seconds to write `chunks` one after another and sync them to the disk.
@@ -113,8 +127,8 @@ fn chunks_of(path: &Path) -> Result<Vec<Vec<u8>>> {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts of bytes and taps")]
-fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
-    let mut rows = Vec::new();
+fn codecs(scan: &Scan, folder: &Path) -> Result<Vec<Row>> {
+    let (mut rows, mut kept) = (Vec::new(), Vec::new());
     for codec in [Codec::None, Codec::Lz4, Codec::Zstd] {
         let (path, plain) = (folder.join(format!("{codec}.h5")), folder.join("plain"));
         scan.write(&path, codec)?;
@@ -142,6 +156,15 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
         fs::remove_file(&finished)?;
         fs::remove_file(&repacked)?;
         let us = |s: f64| s * 1e6 / scan.taps.len() as f64;
+        let of_tap = |all: &[f64]| all.iter().map(|&s| us(s)).collect::<Vec<f64>>();
+        let mut ratios: Vec<f64> = ours.iter().zip(&theirs).map(|(ours, theirs)| theirs / ours).collect();
+        let least = quantile(&mut ratios, 0.0);
+        let asked = if codec == Codec::Lz4 { ">= 0.9" } else { "" };
+        kept.push(
+            Row::new(format!("archive, `{codec}`"), "us a tap", &of_tap(&ours))
+                .beside("of the speed of write and fdatasync", Spread::of_ratio(&theirs, &ours), asked)
+                .beside("of it in the slowest round", Spread { median: least, low: least, high: least }, asked),
+        );
         let (ours, theirs, reads) =
             (quantile(&mut ours, 0.25), quantile(&mut theirs, 0.25), quantile(&mut reads, 0.25));
         rows.push([
@@ -162,7 +185,7 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<()> {
     println!(
         "  The archive's time has digests, packing (by all cores) and tables; the plain write has the packed bytes alone."
     );
-    Ok(())
+    Ok(kept)
 }
 
 /// A finished archive with verdicts.
@@ -194,7 +217,7 @@ fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
 /// Seconds to judge the taps again on one core, by part, and of the Python program on the same taps and core; with the
 /// first `record_s` of each tap, or all of it.
 #[expect(clippy::cast_precision_loss, reason = "a count of taps")]
-fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
+fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, asked: &str) -> Result<Vec<Row>> {
     let config = ProcessConfig { record_s, ..ProcessConfig::default() };
     let used = |header: &TapHeader| config.samples_looked_at(header.sample_count, header.sample_rate_hz);
     let rows = 0..u32::try_from(scan.taps.len())?;
@@ -235,6 +258,22 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
         fuse.push(us(begin));
         peer.extend(python(archive.path(), record_s).map(|s| s * 1e6 / scan.taps.len() as f64));
     }
+    let what = if record_s > 0.0 { format!(" from the first {record_s} s") } else { String::new() };
+    let found: Vec<f64> = open.iter().zip(&both).map(|(open, both)| open + both).collect();
+    let all: Vec<f64> = found.iter().zip(&fuse).map(|(found, fuse)| found + fuse).collect();
+    let rows = vec![
+        Row::new(format!("judging a casing again{what}"), "us a tap", &all)
+            .beside(
+                "times as fast as h5py and scipy, discriminators alone",
+                Spread::of_ratio(&peer, &found),
+                &format!(">= {asked}"),
+            )
+            .beside(
+                "of it neither unpacking nor discriminators",
+                Spread::of_ratio(&open.iter().zip(&fuse).map(|(a, b)| a + b).collect::<Vec<_>>(), &all),
+                "",
+            ),
+    ];
     let [open, unpack, both, fuse] = [open, unpack, both, fuse].map(|mut times| quantile(&mut times, 0.25));
     let parts = [open, unpack, both - unpack, fuse];
     let ours: f64 = parts.iter().sum();
@@ -244,7 +283,6 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
     let mut table: Vec<[String; 3]> = names.iter().zip(parts).map(|(name, us)| row(name, us)).collect();
     table.push(row("all", ours));
     table.push(row("Python, discriminators alone", theirs));
-    let what = if record_s > 0.0 { format!(" from the first {record_s} s") } else { String::new() };
     print_table(&format!("judging a tyre again{what} on one core, us per tap"), ["part", "us", "/ all"], &table);
     println!("  Python over discriminators with reading: {:.2}", theirs / (open + both));
     let percent = |part: f64| 100.0 * part / ours;
@@ -253,13 +291,13 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64) -> Result<()> {
         percent(open + fuse),
         percent(open)
     );
-    Ok(())
+    Ok(rows)
 }
 
 /// Seconds that the Python program takes; `None` if it cannot run.
 fn python(archive: &Path, record_s: f64) -> Option<f64> {
-    let named = std::env::var("TAPLINE_PYTHON").ok();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peer.py");
+    let named = std::env::var("TAPLINE_BENCH_PYTHON").ok();
+    let script = root().join("benches/peer.py");
     let run = |python: &str| {
         let mut command = Command::new(python);
         command.arg(&script).arg(archive).arg(record_s.to_string()).env("OMP_NUM_THREADS", "1").output().ok()

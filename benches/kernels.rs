@@ -2,15 +2,18 @@
 //!
 //! All kernels take turns in every round, so that what slows the machine down slows all of them; ratios are from one
 //! run. The lower quartile is the better figure on a busy machine, because other work only ever slows down.
-#![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
+//!
+//! Beside them work two Python programs with batched transforms (`benches/kernels.py`), if `TAPLINE_BENCH_PYTHON` names a Python
+//! that has what `benches/python.txt` lists.
 
-mod common;
-
+use std::fs;
 use std::hint::black_box;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, anyhow};
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
@@ -21,13 +24,20 @@ use tapline_wire::{
     CacheLine, Channel, ChannelHeader, Discriminators, SampleFormat, Samples, TapHeader, cache_lines_for,
 };
 
-use common::{print_table, quantile};
+use tapline_bench::{Row, Sheet, Spread, print_table, quantile, root};
+use tempfile::TempDir;
 
 const ROUNDS: usize = 60;
 /// Samples of all taps of a round, from all over the tyre: 4 MiB of records, more than the inner caches hold.
 const SAMPLES: usize = 1 << 21;
+/// Records that are streamed from memory, bytes: more than any cache holds.
+const STREAMED: usize = 1 << 28;
 /// Contacts of a round.
 const TAPS: usize = 64;
+/// Taps that Python transforms at a time; the fastest counts.
+const BATCHES: [usize; 3] = [8, 16, 64];
+/// The name of what all of this is about.
+const SEVEN: &str = "extract f32, force and sound i16";
 /// Samples of one channel: of the default record, and of one of 0.4 s.
 const COUNTS: [usize; 2] = [2048, 16_384];
 
@@ -73,20 +83,50 @@ impl<'a> Kernel<'a> {
 }
 
 fn main() -> Result<()> {
-    COUNTS.into_iter().try_for_each(of_records)
+    let mut rows = Vec::new();
+    for count in COUNTS {
+        rows.extend(of_records(count)?);
+    }
+    let sheet = Sheet {
+        title: "Kernels".to_owned(),
+        command: "cargo bench -p tapline-bench --bench kernels".to_owned(),
+        notes: vec![
+            format!("One core, {ROUNDS} rounds in which all take turns, simulated taps of the default scan and seed, 4 MiB of records a round."),
+            "The seven discriminators of the method with all quality flags, from force and sound of 16 bits. The Python programs \
+             (`benches/discriminators.py`) compute the same values without flags, in the batch of 8, 16 or 64 taps that is fastest; \
+             versions are pinned in `benches/python.txt`.".to_owned(),
+            "A bare transform is the real transform of the sound alone, from samples that are floats already.".to_owned(),
+            "Without AVX-512 the transform is rustfft's, and the rest is unchanged: it uses AVX2 at most.".to_owned(),
+        ],
+        rows,
+    };
+    if asked().is_empty() {
+        sheet.keep("kernels")?;
+    }
+    Ok(())
+}
+
+/// The kernels that the command line names by a part of their names; none for all. Cargo adds arguments that begin with a dash.
+fn asked() -> Vec<String> {
+    std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect()
 }
 
 /// The table for records of `count` samples.
-fn of_records(count: usize) -> Result<()> {
+fn of_records(count: usize) -> Result<Vec<Row>> {
     let simulation = SimulationConfig { sample_count: u32::try_from(count)?, ..SimulationConfig::default() };
     let mut line = SimulatedLine::new(&ScanConfig::default(), &simulation)?;
     let mut extractor = extractor(Precision::F32)?;
     let again = judge_again(&mut extractor)?;
     let (taps, records) = tyre(&mut line, &mut extractor)?;
     let fusion = Fusion::new(&FuseConfig::by(Reference::Own), line.plan())?;
-    let mut kernels = yardsticks(&taps, count);
+    let folder = TempDir::new()?;
+    let streamed = Streamed::new(&taps);
+    let mut kernels = yardsticks(&taps, count)?;
+    kernels.extend(python(&taps, count, &folder)?);
     kernels.push(render(line, &taps));
-    kernels.push(extract("extract f32, force and sound i16", &taps, extractor, false));
+    kernels.push(extract(SEVEN, &taps, extractor, false));
+    kernels.push(extract("the same without AVX-512", &taps, self::extractor(Precision::F32)?.portable(), false));
+    kernels.extend(streamed.kernels(&taps, self::extractor(Precision::F32)?));
     kernels.push(extract("extract f64, force and sound i16", &taps, self::extractor(Precision::F64)?, false));
     kernels.push(extract("extract f32, sound alone f32", &taps, self::extractor(Precision::F32)?, true));
     kernels.push(extract("extract f64, sound alone f32", &taps, self::extractor(Precision::F64)?, true));
@@ -95,8 +135,7 @@ fn of_records(count: usize) -> Result<()> {
     kernels.push(judge(fusion, &records));
     kernels.extend(again);
     kernels.extend(ladder());
-    // Cargo adds arguments that begin with a dash.
-    let asked: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let asked = asked();
     kernels.retain(|kernel| {
         asked.is_empty() || kernel.name.starts_with("yardstick") || asked.iter().any(|word| kernel.name.contains(word))
     });
@@ -105,8 +144,159 @@ fn of_records(count: usize) -> Result<()> {
             kernel.time();
         }
     }
+    let rows = rows(&kernels, count);
     report(&mut kernels, count);
-    Ok(())
+    Ok(rows)
+}
+
+/// The rows of the page, where the kernels that they compare are there.
+fn rows(kernels: &[Kernel<'_>], count: usize) -> Vec<Row> {
+    let of = |name: &str| Some(kernels.iter().find(|kernel| kernel.name == name)?.us_per_tap.as_slice());
+    let fastest = |library: &str| {
+        let all = kernels.iter().filter(|kernel| kernel.name.contains(library) && !kernel.us_per_tap.is_empty());
+        let medians = all.map(|kernel| (Spread::of(&kernel.us_per_tap).median, kernel.us_per_tap.as_slice()));
+        medians.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, times)| times)
+    };
+    let Some(ours) = of(SEVEN) else { return Vec::new() };
+    let mut seven = Row::new(format!("seven discriminators, records of {count} samples"), "us a tap", ours);
+    for (library, what, asked) in
+        [("scipy", "times as fast as batched scipy f32", ">= 6"), ("MKL", "times as fast as batched MKL f32", ">= 5")]
+    {
+        if let Some(theirs) = fastest(library) {
+            seven = seven.beside(what, Spread::of_ratio(theirs, ours), asked);
+        }
+    }
+    let mut rows = Vec::new();
+    if let Some(zaft) = of(ZAFT) {
+        seven = seven.beside("of a bare transform by zaft", Spread::of_ratio(ours, zaft), "< 1");
+    }
+    if let Some(rustfft) = of(RUSTFFT) {
+        seven = seven.beside("of a bare transform by rustfft (realfft)", Spread::of_ratio(ours, rustfft), "");
+    }
+    rows.push(seven);
+    if let Some(portable) = of("the same without AVX-512") {
+        let row = Row::new("the same without AVX-512", "us a tap", portable);
+        rows.push(row.beside("of the time with it", Spread::of_ratio(portable, ours), "<= 2"));
+    }
+    if let (Some(streamed), Some(read)) = (of(STREAM), of(READ)) {
+        let row = Row::new(format!("the same, {} MiB streamed from memory", STREAMED >> 20), "us a tap", streamed);
+        rows.push(row.beside("of the rate at which memory can be read", Spread::of_ratio(read, streamed), ">= 0.5"));
+    }
+    for (library, what) in [("scipy", "scipy f32, batched"), ("MKL", "MKL f32, batched")] {
+        rows.extend(fastest(library).map(|times| Row::new(format!("yardstick: {what}"), "us a tap", times)));
+    }
+    for (name, what) in [(ZAFT, "bare transform by zaft"), (RUSTFFT, "bare transform by rustfft (realfft)")] {
+        rows.extend(of(name).map(|times| Row::new(format!("yardstick: {what}"), "us a tap", times)));
+    }
+    rows
+}
+
+const RUSTFFT: &str = "yardstick: bare f32 transform";
+const ZAFT: &str = "yardstick: the same by zaft";
+const STREAM: &str = "extract f32, streamed from memory";
+const READ: &str = "yardstick: read from memory";
+
+/// The records of many taps one after another, more than caches hold.
+struct Streamed {
+    counts: Vec<i16>,
+    per_tap: usize,
+}
+
+impl Streamed {
+    fn new(taps: &[Tap]) -> Self {
+        let per_tap = taps[0].counts().len();
+        let count = STREAMED / (2 * per_tap);
+        let counts = (0..count).flat_map(|k| taps[k % taps.len()].counts().iter().copied()).collect();
+        Self { counts, per_tap }
+    }
+
+    fn kernels<'a>(&'a self, taps: &'a [Tap], mut extractor: ProcessExtractor) -> [Kernel<'a>; 2] {
+        let records = || self.counts.chunks_exact(self.per_tap);
+        let taps_per_call = records().len();
+        let extract = move || {
+            let found = |(counts, tap): (&[i16], &Tap)| extractor.extract(&tap.header, Samples::I16(counts));
+            let flagged = records().zip(taps.iter().cycle()).map(found).filter(|found| found.quality.is_empty());
+            flagged.count() as f64
+        };
+        let read = move || {
+            let words: &[u64] = bytemuck::cast_slice(&self.counts);
+            let mut sums = [0_u64; 32];
+            for words in words.as_chunks::<32>().0 {
+                sums.iter_mut().zip(words).for_each(|(sum, word)| *sum = sum.wrapping_add(*word));
+            }
+            sums.iter().fold(0, |all, sum| all ^ sum) as f64
+        };
+        let kernel =
+            |name, call: Box<dyn FnMut() -> f64 + 'a>| Kernel { name, taps_per_call, call, us_per_tap: Vec::new() };
+        [kernel(STREAM, Box::new(extract)), kernel(READ, Box::new(read))]
+    }
+}
+
+/// A Python program that computes the discriminators of all taps each time it is asked.
+struct Python {
+    child: Child,
+    ask: ChildStdin,
+    answer: BufReader<ChildStdout>,
+}
+
+impl Python {
+    /// Has it begin, and wait for it to be ready; `None` if it cannot.
+    fn begin(taps: &[Tap], count: usize, folder: &TempDir, library: &str, batch: usize) -> Result<Option<Self>> {
+        let Ok(python) = std::env::var("TAPLINE_BENCH_PYTHON") else { return Ok(None) };
+        let (counts, units) = (folder.path().join("counts"), folder.path().join("units"));
+        let all: Vec<i16> = taps.iter().flat_map(|tap| tap.counts().iter().copied()).collect();
+        fs::write(&counts, bytemuck::cast_slice(&all))?;
+        let of = |tap: &Tap| [tap.header.channels[0].unit_per_count, tap.header.channels[1].unit_per_count];
+        let all: Vec<f64> = taps.iter().flat_map(of).collect();
+        fs::write(&units, bytemuck::cast_slice(&all))?;
+        let header = &taps[0].header;
+        let words = [count.to_string(), header.sample_rate_hz.to_string(), header.pre_trigger_samples.to_string()];
+        let mut child = Command::new(python)
+            .arg(root().join("benches/kernels.py"))
+            .args([&counts, &units])
+            .args(words)
+            .args([library, &batch.to_string()])
+            .envs(["OMP_NUM_THREADS", "MKL_NUM_THREADS"].map(|name| (name, "1")))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let (ask, answer) = (child.stdin.take(), child.stdout.take());
+        let (ask, answer) = ask.zip(answer).context("a pipe was asked for")?;
+        let mut begun = Self { child, ask, answer: BufReader::new(answer) };
+        begun.compute().context("benches/kernels.py does not run")?;
+        Ok(Some(begun))
+    }
+
+    /// Has it compute everything once.
+    fn compute(&mut self) -> Result<f64> {
+        writeln!(self.ask, "go")?;
+        let mut line = String::new();
+        self.answer.read_line(&mut line)?;
+        Ok(line.trim().parse()?)
+    }
+}
+
+impl Drop for Python {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+/// The Python programs, if there is a Python.
+fn python(taps: &[Tap], count: usize, folder: &TempDir) -> Result<Vec<Kernel<'static>>> {
+    let mut kernels = Vec::new();
+    for (library, names) in [
+        ("scipy", ["yardstick: scipy, 8 taps", "yardstick: scipy, 16 taps", "yardstick: scipy, 64 taps"]),
+        ("mkl", ["yardstick: MKL, 8 taps", "yardstick: MKL, 16 taps", "yardstick: MKL, 64 taps"]),
+    ] {
+        for (batch, name) in BATCHES.into_iter().zip(names) {
+            let Some(mut python) = Python::begin(taps, count, folder, library, batch)? else { return Ok(kernels) };
+            let call = move || python.compute().unwrap_or(f64::NAN);
+            kernels.push(Kernel { name, taps_per_call: taps.len(), call: Box::new(call), us_per_tap: Vec::new() });
+        }
+    }
+    Ok(kernels)
 }
 
 fn extractor(precision: Precision) -> Result<ProcessExtractor> {
@@ -145,7 +335,9 @@ fn with_mono(mut tap: Tap) -> Tap {
     tap
 }
 
-fn yardsticks(taps: &[Tap], count: usize) -> Vec<Kernel<'_>> {
+fn yardsticks(taps: &[Tap], count: usize) -> Result<Vec<Kernel<'_>>> {
+    let zaft = zaft::Zaft::make_r2c_fft_f32(count).map_err(|error| anyhow!("zaft: {error:?}"))?;
+    let mut bins_of_zaft = vec![Complex::<f32>::default(); count / 2 + 1];
     let fft = RealFftPlanner::<f32>::new().plan_fft_forward(count);
     let (mut signal, mut bins) = (fft.make_input_vec(), fft.make_output_vec());
     let mut scratch = fft.make_scratch_vec();
@@ -165,12 +357,19 @@ fn yardsticks(taps: &[Tap], count: usize) -> Vec<Kernel<'_>> {
         copied.copy_from_slice(tap.counts());
         f64::from(black_box(&mut copied)[count])
     };
-    vec![
-        Kernel::per_tap("yardstick: bare f32 transform", taps, transform),
+    let by_zaft = move |tap: &Tap| {
+        // Lengths are the plan's own; an error would show as a time that is no number.
+        zaft.execute(&tap.mono, &mut bins_of_zaft).map_or(f64::NAN, |()| f64::from(black_box(&mut bins_of_zaft)[1].re))
+    };
+    Ok(vec![
+        Kernel::per_tap(RUSTFFT, taps, transform),
+        Kernel::per_tap(ZAFT, taps, by_zaft),
         Kernel::per_tap("yardstick: i16 to f32 of the record", taps, convert),
-        Kernel::per_tap("yardstick: copy of the record", taps, copy),
-    ]
+        Kernel::per_tap(COPY, taps, copy),
+    ])
 }
+
+const COPY: &str = "yardstick: copy of the record";
 
 fn transform(
     fft: &dyn RealToComplex<f32>,
@@ -299,7 +498,8 @@ fn report(kernels: &mut [Kernel<'_>], count: usize) {
         .iter_mut()
         .map(|k| (k.name, quantile(&mut k.us_per_tap, 0.5), quantile(&mut k.us_per_tap, 0.25)))
         .collect();
-    let (transform, copy) = (rows[0].2, rows[2].2);
+    let of = |name: &str| rows.iter().find(|row| row.0 == name).map_or(f64::NAN, |row| row.2);
+    let (transform, copy) = (of(RUSTFFT), of(COPY));
     let text: Vec<[String; 5]> = rows
         .iter()
         .map(|&(name, median, quartile)| {

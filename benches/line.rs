@@ -1,10 +1,9 @@
 //! The speed of a whole line: the built program, from simulated taps to verdicts in an archive.
 //!
 //! The same rounds also measure the taps simulated in one thread and sent nowhere, which is work that a real rig would
-//! do, and their bytes written to one file and synced to the disk.
+//! do; their bytes written to one file and synced to the disk; and the work of the line done by one process, one tap after the
+//! other, without shared memory. Needs the built program: `cargo build --release -p tapline`.
 #![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
-
-mod common;
 
 use std::fs::File;
 use std::io::Write as _;
@@ -15,15 +14,19 @@ use std::time::Instant;
 use anyhow::{Context as _, Result, ensure};
 use serde_json::Value;
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use tapline_bench::{Row, Sheet, Spread, print_table, quantile, tapline};
+use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::SimulationConfig;
-use tapline_wire::{CacheLine, TapHeader, bytes_of, cache_lines_for};
+use tapline_process::{ProcessConfig, ProcessExtractor};
+use tapline_store::Writer;
+use tapline_wire::{CacheLine, RecordKind, Samples, TapHeader, TapTopic, Topic as _, bytes_of, cache_lines_for};
 
-use common::{print_table, quantile};
-
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 5;
 const STATIONS: [u16; 3] = [1, 2, 4];
 /// Full turns of all stations together; every line has the same number of taps, 9696.
 const TURNS: u16 = 8;
+/// What a rig makes at most, taps per second of a station.
+const REAL_TAPS_PER_S: f64 = 2.5;
 /// Clock ticks per second in `/proc/self/stat`, on every Linux.
 const TICKS_PER_S: f64 = 100.0;
 
@@ -36,17 +39,129 @@ fn main() -> Result<()> {
     // Beside the build, because a temporary folder may be in memory, which no archive is.
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR"))?;
     let mut lines: [Vec<Pace>; 3] = Default::default();
-    let (mut renders, mut writes) = (Vec::new(), Vec::new());
+    let (mut renders, mut writes, mut halves, mut alone) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         for (stations, paces) in STATIONS.into_iter().zip(&mut lines) {
-            paces.push(run_line(folder.path(), stations)?);
+            paces.push(run_line(folder.path(), stations, None)?);
         }
+        // Half of what the same stations just reached.
+        let half = lines[2].last().map(|pace| pace.taps_per_s / 2.0 / f64::from(STATIONS[2]));
+        halves.push(run_line(folder.path(), STATIONS[2], half)?);
         renders.push(render()?);
         writes.push(write(folder.path())?);
+        alone.push(one_process(folder.path())?);
     }
+    keep(&lines, &halves, &alone)?;
     let (render, write) = (quantile(&mut renders, 0.5), quantile(&mut writes, 0.5));
     report(&lines, render, write);
     Ok(())
+}
+
+/// Keeps what was measured for the page.
+fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], alone: &[f64]) -> Result<()> {
+    let of = |paces: &[Pace], value: &dyn Fn(&Pace) -> f64| paces.iter().map(value).collect::<Vec<f64>>();
+    let rates = [0, 1, 2].map(|k: usize| of(&lines[k], &|pace| pace.taps_per_s));
+    let mut rows = Vec::new();
+    for (stations, rate) in STATIONS.into_iter().zip(&rates) {
+        let word = if stations == 1 { "station" } else { "stations" };
+        let mut row = Row::new(format!("{stations} simulated {word}"), "taps/s", rate);
+        if stations == STATIONS[2] {
+            row = row.beside("of the rate of 2 stations, one a core", Spread::of_ratio(rate, &rates[1]), ">= 1");
+        }
+        rows.push(row);
+    }
+    let latency = of(halves, &|pace| pace.latency_us.1 / 1e3);
+    rows.push(Row::new("tap to discriminators at half of that load, 99 of 100 taps", "ms", &latency).beside(
+        "at most, ms",
+        Spread::of(&latency),
+        "< 5",
+    ));
+    for name in ["acquire", "process", "fuse", "store", "line"] {
+        let of_name = |pace: &Pace, part: usize| {
+            let all = pace.cpu_us.iter().filter(|(of, _)| of.split(' ').next() == Some(name));
+            all.map(|(_, parts)| parts[part]).sum::<f64>()
+        };
+        let all = of(&lines[1], &|pace| of_name(pace, 0) + of_name(pace, 1));
+        let kernel = of(&lines[1], &|pace| of_name(pace, 1));
+        let what =
+            if name == "acquire" { "`acquire`, which simulates the taps".to_owned() } else { format!("`{name}`") };
+        let share = Spread::of_ratio(&kernel, &all);
+        rows.push(Row::new(format!("processor time of {what}"), "us a tap", &all).beside(
+            "of it in the kernel",
+            share,
+            "",
+        ));
+    }
+    let beside_source = of(&lines[1], &|pace| {
+        pace.cpu_us
+            .iter()
+            .filter(|(name, _)| !name.starts_with("acquire"))
+            .map(|(_, [user, kernel])| user + kernel)
+            .sum()
+    });
+    rows.push(Row::new("processor time beside the source", "us a tap", &beside_source).beside(
+        "of the same work by one process",
+        Spread::of_ratio(&beside_source, alone),
+        "<= 1.5",
+    ));
+    rows.push(Row::new("yardstick: the same work by one process", "us a tap", alone));
+    let sheet = Sheet {
+        title: "The line".to_owned(),
+        command: "cargo build --release -p tapline && cargo bench -p tapline-bench --bench line".to_owned(),
+        notes: vec![
+            format!(
+                "`tapline run` on 9696 simulated taps of 50 ms, the default seed, each shoulder compared with itself, {ROUNDS} rounds; \
+                 nothing is lost, or the bench fails. Processor times are of 2 stations, by the system's clock of 10 ms."
+            ),
+            "The same work by one process: discriminators, fusion and the synced archive of the same taps, one after another in memory, \
+             without shared memory, ledger or supervisor; packing may use all cores.".to_owned(),
+            format!("A rig makes {REAL_TAPS_PER_S} taps/s."),
+        ],
+        rows,
+    };
+    sheet.keep("line")
+}
+
+/// Processor time of a tap, us, when one process does all the work of the line.
+fn one_process(folder: &Path) -> Result<f64> {
+    let mut source = SimulatedLine::new(&scan(2), &SimulationConfig::default())?;
+    let plan = source.plan().clone();
+    let count = u32::try_from(plan.taps().len())?;
+    let mut taps = Vec::new();
+    for row in 0..count {
+        let (mut header, mut buffer) = (TapHeader::default(), record_of(&source));
+        source.render(row, 0, &mut header, &mut buffer)?;
+        header.stamp.kind = RecordKind::Data.code();
+        taps.push((header, buffer));
+    }
+    let path = folder.join("alone.h5");
+    let before_s = own_cpu_s()?;
+    let mut writer = Writer::create(&path, &plan, 0, "[store]\n")?;
+    let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
+    let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &plan)?;
+    for batch in taps.chunks(TapTopic::BORROWED) {
+        let borrowed: Vec<(&TapHeader, &[u8])> =
+            batch.iter().map(|(header, buffer)| (header, bytes_of(buffer))).collect();
+        writer.put_taps(&borrowed)?;
+        for (header, buffer) in batch {
+            let found = extractor.extract(header, Samples::view(header, buffer).context("a tap describes itself")?);
+            writer.put_discriminators(&found)?;
+            fusion.push(&found)?;
+        }
+    }
+    for scan in 0..plan.scans().len() {
+        fusion.end(scan)?;
+    }
+    for number in 0..plan.scans().len() {
+        let (judgement, cells) = fusion.judge(number)?;
+        let scan = u32::try_from(number)?;
+        writer.end_scan(scan)?;
+        writer.put_judgement(scan, &judgement, &cells)?;
+    }
+    writer.finish()?;
+    let us = (own_cpu_s()? - before_s) * 1e6 / f64::from(count);
+    std::fs::remove_file(&path)?;
+    Ok(us)
 }
 
 /// The result of one line.
@@ -57,22 +172,28 @@ struct Pace {
     cpu_us_per_tap: f64,
     latency_us: (f64, f64),
     peak_memory_mb: f64,
+    /// Of each process: its name, and its own and the system's processor time, us a tap.
+    cpu_us: Vec<(String, [f64; 2])>,
 }
 
-fn run_line(folder: &Path, stations: u16) -> Result<Pace> {
+/// A line of `stations` that make `taps_per_s` each, or as many as they can.
+fn run_line(folder: &Path, stations: u16, taps_per_s: Option<f64>) -> Result<Pace> {
     let ScanConfig { offsets_mm, repetitions, .. } = scan(stations);
     let config = folder.join("line.toml");
-    let text =
-        format!("[scan]\noffsets_mm = {offsets_mm:?}\nrepetitions = {repetitions}\n[fuse]\nreference = \"self\"\n");
+    let pace = taps_per_s.map_or_else(String::new, |rate| format!("taps_per_s = {rate:.3}\n"));
+    let text = format!(
+        "[acquire]\n{pace}[scan]\noffsets_mm = {offsets_mm:?}\nrepetitions = {repetitions}\n[fuse]\nreference = \"self\"\n"
+    );
     std::fs::write(&config, text)?;
     let out = folder.join("line");
     let before_s = children_cpu_s()?;
-    let output = Command::new(env!("CARGO_BIN_EXE_tapline"))
+    let output = Command::new(tapline())
         .args(["run", "--json", "--stations", &stations.to_string()])
         .args([Path::new("--config"), &config, Path::new("--out"), &out])
         .stdin(Stdio::null())
         .stderr(Stdio::null())
-        .output()?;
+        .output()
+        .with_context(|| format!("{}: build it first", tapline().display()))?;
     let cpu_s = children_cpu_s()? - before_s;
     ensure!(output.status.success(), "a line of {stations} stations ended with {}", output.status);
     std::fs::remove_dir_all(&out)?;
@@ -82,23 +203,42 @@ fn run_line(folder: &Path, stations: u16) -> Result<Pace> {
     let taps = SimulatedLine::new(&scan(stations), &SimulationConfig::default())?.plan().taps().len();
     ensure!(summary["is_complete"] == true && summary["archived"] == taps, "not all of {taps} taps: {summary}");
     ensure!(summary["pace"]["gaps"] == 0, "records were lost: {summary}");
-    let memory = summary["pace"]["peak_memory_mb"].as_array().into_iter().flatten();
+    let processes = summary["pace"]["processes"].as_array().context("a summary has its processes")?;
+    let number = |of: &Value, key: &str| of[key].as_f64().unwrap_or(f64::NAN);
+    let us = |s: f64| s * 1e6 / taps as f64;
     Ok(Pace {
         taps_per_s: pace("taps_per_s")?,
         gb_per_s: pace("gb_per_s")?,
         cpu_us_per_tap: cpu_s * 1e6 / pace("taps")?,
         latency_us: (pace("latency_p50_us")?, pace("latency_p99_us")?),
-        peak_memory_mb: memory.filter_map(|stage| stage[1].as_f64()).sum(),
+        peak_memory_mb: processes.iter().map(|of| number(of, "peak_memory_mb")).sum(),
+        cpu_us: processes
+            .iter()
+            .map(|of| {
+                let name = of["name"].as_str().unwrap_or_default().to_owned();
+                (name, [us(number(of, "user_s")), us(number(of, "kernel_s"))])
+            })
+            .collect(),
     })
 }
 
 /// Processor time of all children that have ended, and of their children.
 fn children_cpu_s() -> Result<f64> {
+    cpu_s(13)
+}
+
+/// Processor time of this process so far.
+fn own_cpu_s() -> Result<f64> {
+    cpu_s(11)
+}
+
+/// The two times from place `first` on after the name in `/proc/self/stat`.
+fn cpu_s(first: usize) -> Result<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat")?;
-    // The name may contain anything; the fields after it are counted: state is field 3, the children's times are 16 and
-    // 17.
+    // The name may contain anything; the fields after it are counted: state is field 3, own times are 14 and 15, the
+    // children's 16 and 17.
     let fields = stat.rsplit(") ").next().unwrap_or_default().split(' ');
-    let ticks: Vec<f64> = fields.skip(13).take(2).map(str::parse).collect::<Result<_, _>>()?;
+    let ticks: Vec<f64> = fields.skip(first).take(2).map(str::parse).collect::<Result<_, _>>()?;
     Ok(ticks.iter().sum::<f64>() / TICKS_PER_S)
 }
 

@@ -4,6 +4,7 @@ use std::error::Error;
 use std::io::Write as _;
 
 use crate::log::{self, LogFormat, SAID};
+use crate::similar::meant_instead;
 
 /// Writes `text` and a line's end.
 pub fn print_line(text: &str) {
@@ -22,7 +23,10 @@ pub fn say(text: &str) {
 
 /// Prints the error that has ended the program called `program`.
 pub fn print_failure(program: &str, error: &(dyn Error + 'static)) {
-    let text = with_causes(error);
+    let mut text = with_causes(error);
+    if let Some(meant) = meant_instead(&text) {
+        text = format!("{}\n{meant}", text.trim_end());
+    }
     match log::format() {
         LogFormat::Text => {
             let is_coloured = crate::colour::is_shown(&std::io::stderr());

@@ -17,6 +17,19 @@ pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) ->
     most_like(name, known).map(|known| format!("did you mean {known:?}?"))
 }
 
+/// `did you mean "KNOWN"?` for the name that the reader of a TOML file refuses in `message`: it quotes that name, and then those
+/// it knows.
+pub fn meant_instead(message: &str) -> Option<String> {
+    if let Some((before, known)) = message.split_once(" is no discriminator; there are ") {
+        let name = before.trim_end_matches('"').rsplit('"').next()?;
+        return did_you_mean(name, known.lines().next()?.split(", "));
+    }
+    let refused = ["unknown field `", "unknown variant `"].iter().find_map(|begin| message.split_once(begin));
+    let mut names = refused?.1.lines().next()?.split('`').step_by(2);
+    let name = names.next()?;
+    did_you_mean(name, names)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -29,5 +42,13 @@ mod tests {
         assert_eq!(most_like("velocity_m_per_s", known), Some("velocities_m_per_s"));
         assert_eq!(did_you_mean("tua", known).as_deref(), Some("did you mean \"tau\"?"));
         assert_eq!(most_like("colour", known), None);
+    }
+
+    /// Catches a name that is taken from the wrong place of a message.
+    #[test]
+    fn what_a_file_means_is_found_in_the_refusal() {
+        let refusal = "a.toml: TOML parse error at line 1\nunknown field `ofset`, expected one of `offset`, `angle`\n";
+        assert_eq!(meant_instead(refusal).as_deref(), Some("did you mean \"offset\"?"));
+        assert_eq!(meant_instead("cannot read `ofset`, expected `offset`"), None);
     }
 }

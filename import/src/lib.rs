@@ -44,16 +44,23 @@ pub struct Imported {
 }
 
 /// Reads the taps of `files` as the configuration at `config` says, and writes them as the tap set `out`, a new or empty folder.
+/// `progress` is told how many recordings are done, and of how many.
 ///
 /// # Errors
 /// [`Error`] if the configuration or a table is wrong, if no tap can be read, or if the set cannot be written; nothing is left
 /// behind then. A recording that cannot be read is no error: its taps are refused in the set.
-pub fn import(files: &[PathBuf], config: &Path, out: &Path) -> Result<Imported> {
+pub fn import(
+    files: &[PathBuf],
+    config: &Path,
+    out: &Path,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<Imported> {
     let config = Config::read(config)?;
     let records = rows::records(files, &config)?;
     let mut set = Set::begin(&config, out)?;
     let mut last: Option<(&Path, Box<dyn Recorded>)> = None;
-    for record in &records {
+    for (done, record) in records.iter().enumerate() {
+        progress(done, records.len());
         let taps = read(record, &config, &mut last, &mut set.alike);
         set.add(record, taps)?;
     }

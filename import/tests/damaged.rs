@@ -47,7 +47,7 @@ fn import_damaged(case: &Path, damaged: &Path, bytes: &[u8]) -> Result<(), Strin
     fs::write(damaged, bytes).unwrap();
     let set = TempDir::new().unwrap();
     let began = Instant::now();
-    let done = import(&[damaged.to_owned()], &case.join("import.toml"), &set.path().join("set"));
+    let done = import(&[damaged.to_owned()], &case.join("import.toml"), &set.path().join("set"), |_, _| ());
     check(damaged, began, done)
 }
 
@@ -199,7 +199,7 @@ fn headers_that_promise_too_much_are_refused() {
         ("0.tdms", "are promised"),
         ("0.uff", "2000000000 samples a channel; at most"),
     ] {
-        let error = import(&[path(file)], &path("import.toml"), &path("set")).unwrap_err().to_string();
+        let error = import(&[path(file)], &path("import.toml"), &path("set"), |_, _| ()).unwrap_err().to_string();
         assert!(error.contains(file) && error.contains(want), "{error:?} lacks {want:?}");
     }
 }

@@ -41,7 +41,7 @@ impl Case {
     }
 
     fn import(&self) -> Result<tapline_import::Imported, String> {
-        import(&self.files, &self.path("import.toml"), &self.path("set")).map_err(|error| error.to_string())
+        import(&self.files, &self.path("import.toml"), &self.path("set"), |_, _| ()).map_err(|error| error.to_string())
     }
 
     fn fails(&self, parts: &[&str]) {
@@ -209,7 +209,7 @@ fn what_is_not_read_is_refused_by_name() {
             &[],
         );
         fs::write(case.path(file), bytes).unwrap();
-        let done = import(&[case.path(file)], &case.path("import.toml"), &case.path("set"));
+        let done = import(&[case.path(file)], &case.path("import.toml"), &case.path("set"), |_, _| ());
         let error = done.unwrap_err().to_string();
         assert!(error.contains(want) && error.contains(file), "{error:?} lacks {want:?}");
     }

@@ -69,7 +69,8 @@ fn every_format_comes_back() {
     ];
     for (name, stored) in cases {
         let (case, set) = (folder.path().join(name), folder.path().join(format!("{name}.set")));
-        let imported = import(&files(&case), &case.join("import.toml"), &set).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let imported =
+            import(&files(&case), &case.join("import.toml"), &set, |_, _| ()).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!((imported.written, imported.refused.len()), (TAP_COUNT as usize, 0), "{name}: {imported:?}");
         let taps = taps_of(&set);
         for (k, (header, samples)) in (0..).zip(&taps) {
@@ -95,7 +96,7 @@ fn scales_are_those_that_are_known() {
         let config = fs::read_to_string(case.join("import.toml")).unwrap();
         fs::write(case.join("import.toml"), format!("{more}{config}")).unwrap();
         let set = folder.path().join("set");
-        let Imported { unscaled, .. } = import(&files(&case), &case.join("import.toml"), &set).unwrap();
+        let Imported { unscaled, .. } = import(&files(&case), &case.join("import.toml"), &set, |_, _| ()).unwrap();
         let scan = fs::read_to_string(set.join("scan.toml")).unwrap();
         let scales = taps_of(&set)[0].0.channels().map(|(_, scale)| scale).collect::<Vec<_>>();
         fs::remove_dir_all(set).unwrap();
@@ -121,7 +122,8 @@ fn continuous_records_are_cut() {
     let (force, sound) = record.split_at(record.len() / 2);
     for name in ["record_plan", "record_table"] {
         let (case, set) = (folder.path().join(name), folder.path().join(format!("{name}.set")));
-        let imported = import(&files(&case), &case.join("import.toml"), &set).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let imported =
+            import(&files(&case), &case.join("import.toml"), &set, |_, _| ()).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!(imported.written, TAP_COUNT as usize, "{name}: {imported:?}");
         for (k, (header, samples)) in taps_of(&set).into_iter().enumerate() {
             let OwnedSamples::I16(samples) = samples else { panic!("{name}: floats") };
@@ -139,7 +141,9 @@ fn continuous_records_are_cut() {
     let case = folder.path().join("record_plan");
     let text = fs::read_to_string(case.join("import.toml")).unwrap().replace("locations = 3", "locations = 4");
     fs::write(case.join("import.toml"), text).unwrap();
-    let error = import(&files(&case), &case.join("import.toml"), &folder.path().join("none")).unwrap_err().to_string();
+    let error = import(&files(&case), &case.join("import.toml"), &folder.path().join("none"), |_, _| ())
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("the number of its taps is 3 (0.01") && error.contains("4 are planned"), "{error}");
     assert!(!folder.path().join("none").exists());
 }
@@ -149,7 +153,7 @@ fn continuous_records_are_cut() {
 fn the_example_is_imported() {
     let folder = tempfile::TempDir::new().unwrap();
     let (files, config) = tapline_import::write_example(&folder.path().join("example")).unwrap();
-    let imported = import(&files, &config, &folder.path().join("set")).unwrap();
+    let imported = import(&files, &config, &folder.path().join("set"), |_, _| ()).unwrap();
     assert_eq!(imported, Imported { written: 30, refused: vec![], unscaled: vec![] });
     let taps = taps_of(&folder.path().join("set"));
     assert!(taps.iter().any(|(header, _)| header.id.location == 29 && header.id.velocity_m_per_s() == Some(1.85)));

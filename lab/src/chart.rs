@@ -172,15 +172,5 @@ fn wanted(names: &[String]) -> Result<Vec<&'static Entry>> {
     Ok(PANELS.iter().filter(|entry| names.is_empty() || names.iter().any(|name| name == entry.name)).collect())
 }
 
-/// Whether this process was started by the panel `transport` to be a consumer; it is then done with being one.
-///
-/// # Errors
-/// Those of the consumer.
-pub fn is_consumer() -> Result<bool> {
-    let Ok(role) = std::env::var(panels::ROLE) else { return Ok(false) };
-    panels::consume(&role)?;
-    Ok(true)
-}
-
 #[cfg(test)]
 mod tests;

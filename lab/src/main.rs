@@ -14,7 +14,7 @@ use tapline_lab::chart::ChartArgs;
 use tapline_lab::pod::PodArgs;
 use tapline_lab::study::StudyArgs;
 use tapline_lab::written::WrittenArgs;
-use tapline_lab::{chart, estimators, experiment, figures, picture, pod, stability, study};
+use tapline_lab::{chart, estimators, experiment, figures, hop, picture, pod, stability, study};
 
 /// What a researcher runs beside tapline: studies, figures and curves.
 #[derive(Debug, Parser)]
@@ -99,7 +99,7 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
-    match chart::is_consumer() {
+    match hop::is_consumer() {
         Ok(false) => {}
         Ok(true) => return ExitCode::SUCCESS,
         Err(error) => {

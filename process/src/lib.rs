@@ -22,7 +22,7 @@
 //! | `LATE_TRIGGER` | fewer than 5 quiet samples before the pulse; or it lies in the baseline, or 15 % of it before the trigger | F_max, tau, A_1, A_2, and the powers if the pulse is cut; nothing if only the mark is late |
 //! | `DOUBLE_HIT` | the force rises again by 5 % of F_max and 8 sigma, and no returning layer explains it | everything |
 //! | `UNDERSAMPLED` | fewer than 8 samples above 10 % of F_max; a rate below 2 f_top | F_max, tau, A_1, A_2; PR, P_f, E_f |
-//! | `HUM` | a line at 50 or 60 Hz above 2 % of the sound's peak | nothing |
+//! | `HUM` | a line at 50 or 60 Hz above 2 % of the sound's peak, or in the force | nothing |
 //! | `LOW_SNR` | a peak below 50 sigma of the noise before the trigger, or after the ringing | nothing |
 //! | `NEIGHBOUR` | the sound's envelope rises again, or is loud before the tap, by 10 % of its peak and 6 sigma; or rings through the time before it | nothing if a retake did not help; under the policy `drop` A_2, PR, P_f, E_f, and A_1 if it came before |
 //! | `VELOCITY_OFF` | measured and planned velocity differ by more than 3 % | nothing |

@@ -70,6 +70,21 @@ impl ReportConfig {
         Ok(())
     }
 
+    /// How angles on a casing are counted, on both its shoulders.
+    pub(crate) fn angles(&self) -> String {
+        format!("clockwise from the {}, seen from {}", self.mark(), self.side())
+    }
+
+    /// What marks 0 degrees on a casing.
+    pub(crate) fn mark(&self) -> &str {
+        self.start_mark.as_deref().unwrap_or("start mark")
+    }
+
+    /// From where angles run clockwise.
+    pub(crate) fn side(&self) -> &str {
+        self.seen_from.as_deref().unwrap_or("the side of shoulder 1")
+    }
+
     /// Plant and line, as far as they are named.
     pub(crate) fn place(&self) -> String {
         let line = self.line.as_ref().map(|line| format!("line {line}"));

@@ -16,6 +16,7 @@ use tapline_wire::{Line, LineAddress, Recording, Role, Services};
 
 use crate::cli::line::{LineArgs, RunArgs};
 use crate::config::job::Job;
+use crate::config::report::ReportConfig;
 use crate::line::out_folder::OutFolder;
 use crate::line::process_name::name_process;
 use crate::line::setup::{Arriving, Setup};
@@ -85,7 +86,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
         drop(fusions.check(&plan)?);
     }
     // What cannot be served is refused before a line begins.
-    let (show, shown_at) = show_on_page(args)?;
+    let (show, shown_at) = show_on_page(args, &job.config.report)?;
     let mut folder = OutFolder::take(&job.out)?;
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
@@ -124,9 +125,9 @@ fn check_calibrations(job: &Job) -> Result<()> {
 
 /// Starts to serve the page of the line, where `args` ask for it; who is to be given each status, and the page's address.
 #[cfg(feature = "serve")]
-fn show_on_page(args: &LineArgs) -> Result<(Option<ShowStatus>, Option<String>)> {
+fn show_on_page(args: &LineArgs, printed: &ReportConfig) -> Result<(Option<ShowStatus>, Option<String>)> {
     let Some(address) = args.serve else { return Ok((None, None)) };
-    let server = crate::serve::Server::start(address, args.serve_token_file.as_deref())?;
+    let server = crate::serve::Server::start(address, args.serve_token_file.as_deref(), &printed.angles())?;
     let address = server.url();
     Ok((Some(Box::new(move |status| server.show(status))), Some(address)))
 }
@@ -134,7 +135,7 @@ fn show_on_page(args: &LineArgs) -> Result<(Option<ShowStatus>, Option<String>)>
 /// This build has no page.
 #[cfg(not(feature = "serve"))]
 #[expect(clippy::unnecessary_wraps, reason = "as where there is a page")]
-fn show_on_page(_: &LineArgs) -> Result<(Option<ShowStatus>, Option<String>)> {
+fn show_on_page(_: &LineArgs, _: &ReportConfig) -> Result<(Option<ShowStatus>, Option<String>)> {
     Ok((None, None))
 }
 

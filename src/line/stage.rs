@@ -31,9 +31,38 @@ pub(crate) struct StageReport {
     /// What it did.
     #[serde(flatten)]
     pub work: Work,
+    /// What it used of the machine.
+    pub used: Used,
+}
+
+/// What a process used of the machine.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+pub(crate) struct Used {
     /// Most memory it had, shared memory it touched included.
     pub peak_memory_bytes: u64,
+    /// Processor time of its own code.
+    pub user_s: f64,
+    /// Processor time of the system on its behalf.
+    pub kernel_s: f64,
 }
+
+impl Used {
+    /// By this process so far; zeros where the system does not report it.
+    pub(crate) fn here() -> Self {
+        let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
+        let status = read("/proc/self/status");
+        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kib = peak.and_then(|text| text.trim().trim_end_matches(" kB").parse::<u64>().ok());
+        // Times are the 14th and 15th field; the second, a name, may contain anything.
+        let stat = read("/proc/self/stat");
+        let mut times = stat.rsplit(") ").next().unwrap_or_default().split(' ').skip(11).map(str::parse::<f64>);
+        let mut next_s = || times.next().and_then(Result::ok).unwrap_or(0.0) / TICKS_PER_S;
+        Self { peak_memory_bytes: kib.unwrap_or(0) * 1024, user_s: next_s(), kernel_s: next_s() }
+    }
+}
+
+/// Ticks of the system's clock in `/proc`, on every Linux.
+const TICKS_PER_S: f64 = 100.0;
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(tag = "stage", rename_all = "lowercase")]
@@ -97,18 +126,10 @@ fn follow_parent(args: &StageArgs) -> Result<()> {
 }
 
 fn report(work: Work) -> Result<bool> {
-    let report = StageReport { work, peak_memory_bytes: peak_memory_bytes() };
+    let report = StageReport { work, used: Used::here() };
     let line = serde_json::to_string(&report)?;
     writeln!(std::io::stdout(), "{line}").context("cannot report")?;
     Ok(true)
-}
-
-/// Most memory this process had, 0 where the system does not report it.
-fn peak_memory_bytes() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let kib = peak.and_then(|text| text.trim().trim_end_matches(" kB").parse::<u64>().ok());
-    kib.unwrap_or(0) * 1024
 }
 
 /// The arguments of the stage `stage` of the line whose folder is `folder`.

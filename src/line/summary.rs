@@ -14,7 +14,7 @@ use tapline_wire::{Discriminator, Ledger, Quality, TapState};
 
 use crate::config::job::Job;
 use crate::line::setup::Setup;
-use crate::line::stage::Work;
+use crate::line::stage::{Used, Work};
 use crate::line::supervisor::Pace;
 use crate::shown::verdict::ShoulderVerdict;
 
@@ -67,7 +67,23 @@ struct PaceLine {
     sent_again: u64,
     taken_again: u64,
     restarts: u32,
-    peak_memory_mb: Vec<(String, f64)>,
+    /// Each process of the line, this one last.
+    processes: Vec<ProcessLine>,
+}
+
+/// What a process of the line used of the machine.
+#[derive(Debug, Serialize)]
+struct ProcessLine {
+    name: String,
+    peak_memory_mb: f64,
+    user_s: f64,
+    kernel_s: f64,
+}
+
+impl ProcessLine {
+    fn new(name: String, used: &Used) -> Self {
+        Self { name, peak_memory_mb: used.peak_memory_bytes as f64 / 1e6, user_s: used.user_s, kernel_s: used.kernel_s }
+    }
 }
 
 /// What is summed up over the casings, one file at a time.
@@ -85,6 +101,8 @@ struct Sum {
 
 /// Prints the summary of the casings `names` of `job`; whether nothing is missing, refused or contradicted.
 pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, as_json: bool) -> Result<bool> {
+    // Before the scores, which are no work of the line.
+    let used = Used::here();
     let mut sum = Sum { is_judged: true, ..Sum::default() };
     let places = setup.places();
     for name in names {
@@ -96,7 +114,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
             }
         }
     }
-    let pace = pace_line(&pace);
+    let pace = pace_line(&pace, &used);
     let [archived, refused, missing] = sum.counts;
     let is_complete = sum.unfinished == 0 && refused == 0 && missing == 0 && sum.is_judged && pace.conflicts == 0;
     let summary = Summary {
@@ -184,7 +202,7 @@ impl Auc {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "figures for people to read")]
-fn pace_line(pace: &Pace) -> PaceLine {
+fn pace_line(pace: &Pace, used: &Used) -> PaceLine {
     let taps = pace.settled.unwrap_or(0);
     let elapsed_s = pace.elapsed_s;
     let per_s = |count: f64| if elapsed_s > 0.0 { count / elapsed_s } else { 0.0 };
@@ -219,8 +237,9 @@ fn pace_line(pace: &Pace) -> PaceLine {
                 "store".to_owned()
             }
         };
-        line.peak_memory_mb.push((name, report.peak_memory_bytes as f64 / 1e6));
+        line.processes.push(ProcessLine::new(name, &report.used));
     }
+    line.processes.push(ProcessLine::new("line".to_owned(), used));
     line
 }
 
@@ -309,7 +328,11 @@ fn print_pace(out: &mut impl io::Write, pace: &PaceLine) -> Result<()> {
         pace.taken_again,
         pace.restarts
     )?;
-    let memory: Vec<String> = pace.peak_memory_mb.iter().map(|(name, mb)| format!("{name} {mb:.0}")).collect();
-    writeln!(out, "Peak memory, MB: {}", memory.join(", "))?;
+    let of_each =
+        |text: &dyn Fn(&ProcessLine) -> String| pace.processes.iter().map(text).collect::<Vec<_>>().join(", ");
+    writeln!(out, "Peak memory, MB: {}", of_each(&|of| format!("{} {:.0}", of.name, of.peak_memory_mb)))?;
+    let us_per_tap = |s: f64| s * 1e6 / pace.taps as f64;
+    let times = of_each(&|of| format!("{} {:.0} + {:.0}", of.name, us_per_tap(of.user_s), us_per_tap(of.kernel_s)));
+    writeln!(out, "Processor time of a tap, us, own + system: {times}")?;
     Ok(())
 }

@@ -32,6 +32,7 @@ use axum::routing::get;
 use axum::{BoxError, Router};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use maud::html;
 use tapline_wire::now_ns;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, watch};
@@ -80,6 +81,8 @@ pub(crate) struct Server {
 /// What all answers are made of.
 #[derive(Debug, Clone)]
 struct App {
+    /// The page, before anything is known of the line.
+    page: Arc<str>,
     statuses: watch::Receiver<Shown>,
     access: Arc<Access>,
     followers: Arc<Semaphore>,
@@ -88,8 +91,9 @@ struct App {
 }
 
 impl Server {
-    /// Listens at `address`, for those who have the token in `token_file`, or on the loopback for everyone.
-    pub(crate) fn start(address: SocketAddr, token_file: Option<&Path>) -> Result<Self> {
+    /// Listens at `address`, for those who have the token in `token_file`, or on the loopback for everyone. `angles` says how
+    /// angles on a casing are counted.
+    pub(crate) fn start(address: SocketAddr, token_file: Option<&Path>, angles: &str) -> Result<Self> {
         let access = Arc::new(Access::new(address, token_file)?);
         let listener = std::net::TcpListener::bind(address)
             .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
@@ -103,7 +107,8 @@ impl Server {
             .build()
             .context("--serve: cannot start")?;
         let followers = Arc::new(Semaphore::new(FOLLOWERS_MAX));
-        let app = App { statuses, access, followers, reports: Arc::default(), room: Arc::default() };
+        let page = include_str!("page/index.html").replace("{angles}", &html! { (angles) }.into_string()).into();
+        let app = App { page, statuses, access, followers, reports: Arc::default(), room: Arc::default() };
         let serve = move || {
             if let Err(error) = runtime.block_on(serve(listener, app)) {
                 tracing::error!("the page of the line is not served: {error}");
@@ -183,7 +188,7 @@ fn end_if_gone(stream: &TcpStream) {
 fn router(app: App) -> Router {
     let file = |kind: &'static str, text: &'static str| get(async move || ([(CONTENT_TYPE, kind)], text));
     Router::new()
-        .route("/", file("text/html; charset=utf-8", include_str!("page/index.html")))
+        .route("/", get(index))
         .route("/app.js", file("text/javascript; charset=utf-8", include_str!("page/app.js")))
         .route("/app.css", file("text/css; charset=utf-8", include_str!("page/app.css")))
         .route("/login", file("text/html; charset=utf-8", include_str!("page/login.html")).post(login))
@@ -212,6 +217,10 @@ async fn guard(State(app): State<App>, request: Request, next: Next) -> Response
         answer.headers_mut().entry(name).or_insert(HeaderValue::from_static(value));
     }
     answer
+}
+
+async fn index(State(app): State<App>) -> Response {
+    ([(CONTENT_TYPE, "text/html; charset=utf-8")], app.page.to_string()).into_response()
 }
 
 async fn login(State(app): State<App>, Form(login): Form<Login>) -> Response {

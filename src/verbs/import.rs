@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use serde_json::json;
 use tapline_host::messages::say;
+use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::note_folder;
 use tapline_import::{Imported, write_example};
 
@@ -22,7 +23,13 @@ pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
         _ => bail!("--config and --out are needed"),
     };
     note_folder(out);
-    let Imported { written, refused, unscaled } = tapline_import::import(&args.files, config, out)?;
+    let Imported { written, refused, unscaled } = {
+        let mut progress = None;
+        tapline_import::import(&args.files, config, out, |done, total| {
+            let new = || Progress::new(Some(total as u64), Unit::Things("recordings"));
+            progress.get_or_insert_with(new).update(done as u64);
+        })?
+    };
     if args.json {
         let text = json!({
             "out": out.display().to_string(), "written": written, "refused": refused, "unscaled": unscaled,

@@ -288,7 +288,11 @@ impl Outbox {
                     state.alarm(text);
                 }
             }
-            None => drop(state.troubles.remove(&sink)),
+            None => {
+                if let Some(text) = state.troubles.remove(&sink) {
+                    tracing::info!("over: {text}");
+                }
+            }
         }
     }
 

@@ -13,8 +13,6 @@ mod transport;
 
 use anyhow::Result;
 
-pub(crate) use self::transport::{ROLE, consume};
-
 use super::Bench;
 use super::panel::Panel;
 use super::size::Size;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
+use tapline_host::progress::{Progress, Unit};
 use tapline_store::{Judged, LEFT_FOLDER, OPEN_FOLDER, Reader};
 use tapline_wire::{DamageCell, Geometry, Judgement, Scan, Verdict};
 
@@ -74,7 +75,9 @@ impl Scans {
         files.sort();
         ensure!(!files.is_empty(), "{} has no finished archive (NAME.h5)", folder.display());
         let mut scans = Self { archive_count: files.len(), ..Self::default() };
-        for path in &files {
+        let mut progress = Progress::new(Some(files.len() as u64), Unit::Things("archives"));
+        for (path, done) in files.iter().zip(0..) {
+            progress.update(done);
             let name = path.strip_prefix(folder).unwrap_or(path).display().to_string();
             if let Err(error) = scans.add(path, &name) {
                 scans.unreadable.push(format!("{error:#}"));

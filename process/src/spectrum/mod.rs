@@ -6,10 +6,10 @@
 //!
 //! Density and energy of a gate are scaled to the whole record, so that the values of different estimators compare.
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod bands;
 mod gate;
-#[cfg(target_arch = "x86_64")]
-mod lanes;
 mod noise;
 mod plans;
 pub(crate) mod transform;
@@ -90,6 +90,11 @@ pub(crate) struct Spectrum<T> {
 impl<T: Real> Spectrum<T> {
     pub(crate) fn new() -> Self {
         Self { plans: Plans::new(), cut: Vec::new() }
+    }
+
+    /// Transforms as on a processor without AVX-512 from now on.
+    pub(crate) fn make_portable(&mut self) {
+        self.plans.make_portable();
     }
 
     /// PR, P_f and E_f of `signal`, whose mean and mean square are `moments`, computed as `view` says. Overwrites the

@@ -7,9 +7,9 @@ use std::fmt;
 
 use num_complex::Complex;
 
-use super::lanes::Lanes;
-use super::transform::{Rustfft, Transform};
 #[cfg(target_arch = "x86_64")]
+use super::avx512::Lanes;
+use super::transform::{Rustfft, Transform};
 use crate::Real;
 use crate::signal::wide::Kernel;
 
@@ -34,6 +34,8 @@ struct Plan<T> {
 pub(super) struct Plans<T> {
     /// Most recently used last.
     plans: Vec<Plan<T>>,
+    /// Whether transforms are those of processors without AVX-512.
+    is_portable: bool,
 }
 
 impl<T> fmt::Debug for Plans<T> {
@@ -44,7 +46,12 @@ impl<T> fmt::Debug for Plans<T> {
 
 impl<T: Real> Plans<T> {
     pub(super) fn new() -> Self {
-        Self { plans: Vec::with_capacity(PLANS_MAX) }
+        Self { plans: Vec::with_capacity(PLANS_MAX), is_portable: false }
+    }
+
+    /// Transforms as on a processor without AVX-512 from now on.
+    pub(super) fn make_portable(&mut self) {
+        (self.is_portable, self.plans) = (true, Vec::with_capacity(PLANS_MAX));
     }
 
     /// |X|^2 of the first `bin_count` bins of `signal`, from 0 Hz on, none beyond the Nyquist frequency. Overwrites the
@@ -62,7 +69,7 @@ impl<T: Real> Plans<T> {
                 if self.plans.len() >= PLANS_MAX {
                     self.plans.remove(0);
                 }
-                self.plans.push(Plan::new(count));
+                self.plans.push(Plan::new(count, self.is_portable));
             }
         }
         let last = self.plans.len() - 1;
@@ -71,7 +78,7 @@ impl<T: Real> Plans<T> {
 }
 
 impl<T: Real> Plan<T> {
-    fn new(count: usize) -> Self {
+    fn new(count: usize, is_portable: bool) -> Self {
         let is_even = count.is_multiple_of(2);
         let length = length_of(count);
         let zeros = |length: usize| vec![Complex::new(T::zero(), T::zero()); length];
@@ -80,7 +87,7 @@ impl<T: Real> Plan<T> {
             twiddles: if is_even { twiddles(count) } else { Vec::new() },
             complex: if is_even { Vec::new() } else { zeros(length) },
             transformed: zeros(length + 1),
-            transform: plan(length),
+            transform: plan(length, is_portable),
             powers: Vec::new(),
         }
     }
@@ -165,10 +172,11 @@ fn power_of<T: Real>(re: T, im: T) -> f64 {
 }
 
 /// The fastest transform of `length` numbers: our own for powers of two from 1024 on in single precision, where the
-/// processor has AVX-512, and `rustfft` everywhere else.
-fn plan<T: Real>(length: usize) -> Box<dyn Transform<T>> {
+/// processor has AVX-512 and it is not to do without, and `rustfft` everywhere else.
+fn plan<T: Real>(length: usize, is_portable: bool) -> Box<dyn Transform<T>> {
+    let own = if is_portable { None } else { single_precision(length) };
     // Ours is for `f32`; the downcast fails for another `T`.
-    let own: Option<Box<dyn Any>> = single_precision(length).map(|own| Box::new(own) as Box<dyn Any>);
+    let own = own.map(|own| Box::new(own) as Box<dyn Any>);
     match own.and_then(|own| own.downcast::<Box<dyn Transform<T>>>().ok()) {
         Some(own) => *own,
         None => Box::new(Rustfft::new(length)),
@@ -192,7 +200,6 @@ mod tests {
     use realfft::RealFftPlanner;
 
     use super::*;
-    use crate::spectrum::transform::Rustfft;
 
     fn signal<T: Real>(count: usize) -> Vec<T> {
         (0..count).map(|i| T::rounded(((i * i) % 17) as f64 - 0.1 * (i % 5) as f64)).collect()
@@ -221,8 +228,7 @@ mod tests {
             fft.process(&mut signal.clone(), &mut bins).unwrap();
             for bin_count in [bins.len(), bins.len() / 3] {
                 let expected: Vec<f64> = bins[..bin_count].iter().map(|bin| power_of(bin.re, bin.im)).collect();
-                let mut plan = Plan::new(count);
-                plan.transform = Box::new(Rustfft::new(length_of(count)));
+                let mut plan = Plan::new(count, true);
                 assert_eq!(plan.powers(&mut signal.clone(), bin_count), expected, "{count}");
             }
         }

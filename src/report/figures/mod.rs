@@ -6,7 +6,7 @@ pub(super) mod bscan;
 pub(super) mod chart;
 pub(super) mod colour;
 pub(super) mod inline;
-pub(super) mod polar;
+pub(super) mod ring;
 pub(super) mod rounds;
 pub(super) mod scale;
 pub(super) mod sketch;

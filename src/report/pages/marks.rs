@@ -4,6 +4,7 @@ use maud::{Markup, html};
 use tapline_store::Region;
 use tapline_wire::{Discriminator, Geometry, Reasons};
 
+use crate::config::report::ReportConfig;
 use crate::report::evidence::{Evidence, Shoulder, Tyre, condition};
 use crate::report::figures::sketch;
 use crate::report::pages::page::verdict_word;
@@ -46,16 +47,14 @@ fn rests_on(shoulder: &Shoulder) -> String {
 pub(crate) fn regions(evidence: &Evidence, tyre: &Tyre) -> Markup {
     let (geometry, printed) = (evidence.geometry, &evidence.config.report);
     let mm_per_deg = printed.tread_circumference_mm.map(|mm| mm / 360.0);
-    let mark = printed.start_mark.as_deref().unwrap_or("start mark");
-    let seen_from = printed.seen_from.as_deref().unwrap_or("the side of shoulder 1");
     let count: usize = tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum();
     html! {
         h2 { "What to mark" }
         @if count == 0 {
             p { (nothing(tyre)) }
         } @else {
-            p { (counted(count, "region", "regions")) ", counted along the " (words::side(geometry)) ". " (how(geometry, mark, seen_from)) }
-            @if geometry == Geometry::Ring { (sketch::casing(mark, seen_from)) }
+            p { (counted(count, "region", "regions")) ", counted along the " (words::side(geometry)) ". " (how(geometry, printed)) }
+            @if geometry == Geometry::Ring { (sketch::casing(printed.mark(), printed.side())) }
             div class="scroll" { table class="cards" {
                 thead { tr {
                     th { (words::side(geometry)) } th { "region" } th { "from" } th { "to" } th { "length" } th { "worst at" } th { "offset" } th { "severity" }
@@ -85,11 +84,11 @@ fn nothing(tyre: &Tyre) -> &'static str {
     }
 }
 
-fn how(geometry: Geometry, mark: &str, seen_from: &str) -> String {
+fn how(geometry: Geometry, printed: &ReportConfig) -> String {
     match geometry {
         Geometry::Ring => format!(
-            "Angles are those of the tapped locations on both shoulders, clockwise from the {mark}, seen from {seen_from}; the \
-             damage may reach half a step farther."
+            "Angles are those of the tapped locations on both shoulders, {}; the damage may reach half a step farther.",
+            printed.angles()
         ),
         Geometry::Line => "Numbers are those of the tapped locations.".to_owned(),
     }

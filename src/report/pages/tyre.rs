@@ -10,7 +10,7 @@ use tapline_wire::{Channel, Discriminator, Geometry};
 
 use crate::report::evidence::{Evidence, Shoulder, Tyre, spectra};
 use crate::report::figures::scale::Scale;
-use crate::report::figures::{boxes, bscan, polar, rounds, strip, taps};
+use crate::report::figures::{boxes, bscan, ring, rounds, strip, taps};
 use crate::report::pages::marks;
 use crate::report::pages::page::{self, figure, small_figure};
 use crate::report::pages::paper::{self, Paper};
@@ -83,7 +83,7 @@ fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
         let title = format!("{} {}", capital(side(geometry)), shoulder.number);
         let scale = scale.with(shoulder.limits);
         maps.push(match geometry {
-            Geometry::Ring => polar::svg(&title, shoulder, &scale)?,
+            Geometry::Ring => ring::svg(&title, shoulder, &scale)?,
             Geometry::Line => strip::svg(&title, shoulder, &scale)?,
         });
     }

@@ -344,6 +344,7 @@
     const articles = status.stations.map(showStation);
     const box = byId('stations');
     if (articles.length !== box.children.length || articles.some((article, k) => article !== box.children[k])) box.replaceChildren(...articles);
+    put(byId('no-verdicts'), 'None since the line was started.');
     byId('no-verdicts').hidden = status.verdicts.length > 0;
     put(byId('verdicts-title'), isLive ? 'Last verdicts' : 'Last verdicts before the signal was lost');
     keyed(byId('verdict-list'), JSON.stringify(status.verdicts.map((verdict) => [verdict.casing, verdict.at_ns])), () => status.verdicts.map(row));

@@ -162,8 +162,8 @@ impl<C: Client> Lane<C> {
         if Instant::now() < self.tell_at {
             return Ok(());
         }
-        self.set_trouble(None);
         let outbox = Arc::clone(&self.plant.outbox);
+        let mut trouble = None;
         while let Some(note) = outbox.next(Sink::Mqtt, Some(self.station)) {
             let Some(verdict) = outbox.read(&note) else { continue };
             let topic = format!("{}/verdict", self.topic);
@@ -171,7 +171,7 @@ impl<C: Client> Lane<C> {
             let message = Message { topic, payload, is_retained: false, expires_after_s: None };
             let receipt = connection.publish(&message).await?;
             if receipt == Receipt::NoSubscriber && self.needs_subscriber {
-                self.set_trouble(Some(format!("mqtt: nobody subscribes to {}, so verdicts wait", message.topic)));
+                trouble = Some(format!("mqtt: nobody subscribes to {}, so verdicts wait", message.topic));
                 self.tell_at = Instant::now() + TELL_AGAIN_AFTER;
                 break;
             }
@@ -179,6 +179,7 @@ impl<C: Client> Lane<C> {
             // However many wait, the station shows what stands now.
             self.show(connection).await?;
         }
+        self.set_trouble(trouble);
         Ok(())
     }
 

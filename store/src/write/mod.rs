@@ -12,8 +12,9 @@
 //! - `put_taps`, `packer`: taps, packed by several threads
 //! - `tap_state`, `check`: whether a record is accepted
 //! - `pending`: what waits for a flush
-//! - `grow`, `finish`, `recover`, `replay`, `resume`: the plan grows, the archive is finished, a failed disk is back, `fuse` is
-//!   sent records again, an archive is resumed
+//! - `grow`, `finish`, `recover`, `replay`: the plan grows, the archive is finished, a failed disk is back, `fuse` is sent
+//!   records again
+//! - `resume`: a writer goes on with an archive
 
 mod check;
 pub(crate) mod finish;
@@ -30,8 +31,8 @@ use std::path::{Path, PathBuf};
 
 use tapline_wire::{DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, ScanState, TapId, TapState};
 
+use crate::archive::Archive;
 use crate::archive::create::create;
-use crate::archive::{Access, Archive};
 use crate::error::{Context, Error, Result};
 use crate::file::background_sync::SyncErrors;
 use crate::file::guard::FileGuard;
@@ -93,30 +94,6 @@ impl Writer {
         let lineage = lineage.into();
         create(path.as_ref(), plan, taps_max, lineage)?;
         Self::resume(path, lineage)
-    }
-
-    /// Continues the archive at `path`, which must have been begun with the same configuration, reference and program. Its plan
-    /// is the archived one.
-    ///
-    /// # Errors
-    /// [`crate::Error::Finished`], [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`],
-    /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::OtherLineage`],
-    /// [`crate::Error::OfflineCodec`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system returns.
-    pub fn resume<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
-        let archive = Archive::open(path.as_ref(), Access::Write)?;
-        archive.check_lineage(lineage.into())?;
-        Self::new(archive)
-    }
-
-    /// As [`Writer::resume`], with any configuration, as long as results are computed by the same program and options and with
-    /// the same reference.
-    ///
-    /// # Errors
-    /// As [`Writer::resume`], except [`crate::Error::OtherConfiguration`].
-    pub fn resume_as_begun<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
-        let archive = Archive::open(path.as_ref(), Access::Write)?;
-        archive.check_results_lineage(lineage.into())?;
-        Self::new(archive)
     }
 
     /// Creates or continues, at `path`, results of the taps of the archive `raw` (its path, and the digest of its taps). `path` is

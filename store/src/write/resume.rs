@@ -1,16 +1,45 @@
-//! The state in which earlier writers left an archive, for a new writer.
+//! How a writer goes on with an archive: the state in which earlier writers left it.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use tapline_wire::{Ledger, ScanState, TapState};
 
-use crate::archive::Archive;
 use crate::archive::ledger::tap_state;
 use crate::archive::states::States;
+use crate::archive::{Access, Archive};
 use crate::error::{Context, Result};
 use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{LedgerRow, ScanRow};
+use crate::format::lineage::Lineage;
+use crate::write::Writer;
 use crate::write::tap_state::{Track, Version};
+
+impl Writer {
+    /// Continues the archive at `path`, which must have been begun with the same configuration, reference and program. Its plan
+    /// is the archived one.
+    ///
+    /// # Errors
+    /// [`crate::Error::Finished`], [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`],
+    /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::OtherLineage`],
+    /// [`crate::Error::OfflineCodec`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system returns.
+    pub fn resume<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
+        let archive = Archive::open(path.as_ref(), Access::Write)?;
+        archive.check_lineage(lineage.into())?;
+        Self::new(archive)
+    }
+
+    /// As [`Writer::resume`], with any configuration, as long as results are computed by the same program and options and with
+    /// the same reference.
+    ///
+    /// # Errors
+    /// As [`Writer::resume`], except [`crate::Error::OtherConfiguration`].
+    pub fn resume_as_begun<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
+        let archive = Archive::open(path.as_ref(), Access::Write)?;
+        archive.check_results_lineage(lineage.into())?;
+        Self::new(archive)
+    }
+}
 
 /// The state of an archive that is resumed.
 #[derive(Debug)]

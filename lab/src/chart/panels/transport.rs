@@ -1,19 +1,15 @@
 //! Transport: the shared-memory hop beside a Unix socket and a pipe, by the size of the record.
 
-mod hop;
-
 use std::time::Duration;
 
 use anyhow::Result;
 
-pub(crate) use self::hop::{ROLE, consume};
-
-use self::hop::{Run, Way, run};
 use super::Entry;
 use crate::chart::Bench;
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
+use crate::hop::{Run, Way, run};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "transport",

@@ -16,31 +16,46 @@ use tapline_wire::{
     bytes_of_mut, cache_lines_for, now_ns,
 };
 
-/// Tells a copy of this program which consumer to be, and how great records are.
-pub(crate) const ROLE: &str = "TAPLINE_LAB_HOP";
+/// Tells a copy of the program which consumer to be, and how great records are.
+const ROLE: &str = "TAPLINE_LAB_HOP";
 
 /// What a consumer prints first.
 const STARTED: &str = "started\n";
 
 /// How records go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Way {
+pub enum Way {
+    /// Through shared memory, as on a line.
     Topic,
+    /// Through a Unix socket to each consumer.
     Socket,
+    /// Through a pipe to each consumer.
     Pipe,
+    /// Through ZeroMQ (`ipc://`, PUSH to PULL) to each consumer.
+    #[cfg(feature = "zeromq")]
+    ZeroMq,
 }
 
 impl Way {
-    pub(super) const ALL: [Self; 3] = [Self::Topic, Self::Socket, Self::Pipe];
+    /// Those of the atlas.
+    pub const ALL: [Self; 3] = [Self::Topic, Self::Socket, Self::Pipe];
 
-    pub(super) fn name(self) -> &'static str {
-        ["shared memory", "Unix socket", "pipe"][self as usize]
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Topic => "shared memory",
+            Self::Socket => "Unix socket",
+            Self::Pipe => "pipe",
+            #[cfg(feature = "zeromq")]
+            Self::ZeroMq => "ZeroMQ ipc",
+        }
     }
 }
 
 /// What came of a run.
 #[derive(Debug)]
-pub(super) struct Run {
+pub struct Run {
+    /// Records.
     pub count: u64,
     /// From the first record to the last, a record.
     pub elapsed_us: f64,
@@ -48,14 +63,20 @@ pub(super) struct Run {
     pub cpu_us: f64,
     /// From sending to arrival at the first consumer, which is woken for every record.
     pub p50_us: f64,
+    /// The same, of 99 in 100 records.
     pub p99_us: f64,
 }
 
 /// Sends `count` records of `bytes` over `way`, one a `period` or as fast as they are taken.
-pub(super) fn run(way: Way, bytes: usize, count: u64, period: Option<Duration>) -> Result<Run> {
+///
+/// # Errors
+/// A record that does not arrive whole and in order, and what the system returns.
+pub fn run(way: Way, bytes: usize, count: u64, period: Option<Duration>) -> Result<Run> {
     let (cpu_ns, begun_ns, reports) = match way {
         Way::Topic => over_topic(bytes, count, period)?,
         Way::Socket | Way::Pipe => over_stream(way, bytes, count, period)?,
+        #[cfg(feature = "zeromq")]
+        Way::ZeroMq => over_zeromq(bytes, count, period)?,
     };
     for report in &reports {
         ensure!(report.count == count && report.bad == 0, "{}: {report:?} of {count} records", way.name());
@@ -146,7 +167,7 @@ fn over_stream(way: Way, bytes: usize, count: u64, period: Option<Duration>) -> 
     for _ in 0..2 {
         let (ours, theirs): (OwnedFd, OwnedFd) = match way {
             Way::Socket => UnixStream::pair().map(|(a, b)| (a.into(), b.into()))?,
-            Way::Topic | Way::Pipe => io::pipe().map(|(reader, writer)| (writer.into(), reader.into()))?,
+            _ => io::pipe().map(|(reader, writer)| (writer.into(), reader.into()))?,
         };
         ends.push(File::from(ours));
         consumers.push(start(&format!("stream {bytes} -"), Stdio::from(theirs))?);
@@ -161,6 +182,41 @@ fn over_stream(way: Way, bytes: usize, count: u64, period: Option<Duration>) -> 
     })?;
     drop(ends);
     Ok((cpu_ns, begun_ns, reported(consumers)?))
+}
+
+#[cfg(feature = "zeromq")]
+fn over_zeromq(bytes: usize, count: u64, period: Option<Duration>) -> Result<(u64, i64, [Report; 2])> {
+    let context = zmq::Context::new();
+    let (mut sockets, mut consumers) = (Vec::new(), Vec::new());
+    for number in 0..2 {
+        let socket = context.socket(zmq::PUSH)?;
+        // An abstract name, which no folder keeps.
+        let name = format!("ipc://@tapline-hop-{}-{number}", std::process::id());
+        socket.bind(&name)?;
+        consumers.push(start(&format!("zeromq {bytes} {name}"), Stdio::null())?);
+        sockets.push(socket);
+    }
+    let mut record = vec![0_u8; bytes];
+    let (cpu_ns, begun_ns) = produce(count, period, |number| {
+        fill(&mut record, number);
+        Ok(sockets.iter().try_for_each(|socket| socket.send(&record, 0))?)
+    })?;
+    sockets.iter().try_for_each(|socket| socket.send(zmq::Message::new(), 0))?;
+    Ok((cpu_ns, begun_ns, reported(consumers)?))
+}
+
+#[cfg(feature = "zeromq")]
+fn from_zeromq(name: &str) -> Result<Seen> {
+    let socket = zmq::Context::new().socket(zmq::PULL)?;
+    socket.connect(name)?;
+    let (mut message, mut seen) = (zmq::Message::new(), Seen::default());
+    loop {
+        socket.recv(&mut message, 0)?;
+        if message.is_empty() {
+            return Ok(seen);
+        }
+        seen.take(&message);
+    }
 }
 
 /// A consumer that runs, and what it prints.
@@ -217,20 +273,30 @@ impl Seen {
     }
 }
 
-/// Is the consumer that `role` names, which is set by [`run`] alone: its kind, the bytes of a record, and the line.
+/// Whether this process was started by [`run`], which starts copies of the program that calls it, to be a consumer; it is then
+/// done with being one.
 ///
 /// # Errors
-/// Another role, and those of the line and of reading.
-pub(crate) fn consume(role: &str) -> Result<()> {
+/// Those of the consumer.
+pub fn is_consumer() -> Result<bool> {
+    let Ok(role) = std::env::var(ROLE) else { return Ok(false) };
+    consume(&role)?;
+    Ok(true)
+}
+
+/// Is the consumer that `role` names: its kind, the bytes of a record, and the line.
+fn consume(role: &str) -> Result<()> {
     let words: Vec<&str> = role.splitn(3, ' ').collect();
-    let &[kind, bytes, name] = words.as_slice() else { bail!("{ROLE} is {role:?}; it is set by tapline-lab alone") };
+    let &[kind, bytes, name] = words.as_slice() else { bail!("{ROLE} is {role:?}; it is set by this program alone") };
     let bytes: usize = bytes.parse().with_context(|| format!("{ROLE} is {role:?}"))?;
     io::stdout().write_all(STARTED.as_bytes())?;
     let seen = match kind {
         "process" => from_topic(Role::Process, bytes, name)?,
         "store" => from_topic(Role::Store, bytes, name)?,
         "stream" => from_stream(bytes)?,
-        _ => bail!("{ROLE} is {role:?}; it is set by tapline-lab alone"),
+        #[cfg(feature = "zeromq")]
+        "zeromq" => from_zeromq(name)?,
+        _ => bail!("{ROLE} is {role:?}; it is set by this program alone"),
     };
     seen.report()
 }

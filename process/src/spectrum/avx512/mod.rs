@@ -7,7 +7,6 @@
 //! The inner sums are sixteen transforms of length m side by side, each in its own lane. They come first, in passes of
 //! eight or four rows, which decimate in frequency and leave the rows in digit-reversed order. The outer sum goes
 //! across the lanes, for sixteen q at a time, and only for those p whose bins are needed.
-//! outer sum goes across the lanes, for sixteen q at a time, and only of those p whose bins are asked for.
 #![expect(unsafe_code, reason = "a function for processors that have an instruction may be called on them alone")]
 
 mod row;

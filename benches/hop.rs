@@ -1,0 +1,129 @@
+//! A record from one process to two others: through the line's shared memory, a Unix socket, a pipe, and ZeroMQ, by turns.
+
+use std::time::Duration;
+
+use anyhow::Result;
+use tapline_bench::{Row, Sheet, Spread, print_table};
+use tapline_lab::hop::{Run, Way, is_consumer, run};
+
+const ROUNDS: usize = 7;
+/// Sizes of a record. A tap of 50 ms has 8 KiB, one of 0.4 s has 64 KiB.
+const SIZES_KIB: [usize; 5] = [4, 8, 64, 256, 1024];
+const WAYS: &[Way] = &[
+    Way::Topic,
+    Way::Socket,
+    Way::Pipe,
+    #[cfg(feature = "zeromq")]
+    Way::ZeroMq,
+];
+/// Records of a run that is paced, and how many of them a second.
+const PACED: (u64, u32) = (1000, 500);
+/// Records of 64 KiB of a run that is not; of smaller ones more, of greater ones fewer.
+const FAST: u64 = 4000;
+
+/// All runs of one way and size.
+struct Case {
+    kib: usize,
+    way: Way,
+    paced: Vec<Run>,
+    fast: Vec<Run>,
+}
+
+fn main() -> Result<()> {
+    if is_consumer()? {
+        return Ok(());
+    }
+    let of_size = |kib| WAYS.iter().map(move |&way| Case { kib, way, paced: Vec::new(), fast: Vec::new() });
+    let mut cases: Vec<Case> = SIZES_KIB.into_iter().flat_map(of_size).collect();
+    let period = Duration::from_secs(1) / PACED.1;
+    for _ in 0..ROUNDS {
+        for case in &mut cases {
+            let count = (FAST * 64 / case.kib as u64).clamp(FAST / 16, 4 * FAST);
+            case.paced.push(run(case.way, case.kib * 1024, PACED.0, Some(period))?);
+            case.fast.push(run(case.way, case.kib * 1024, count, None)?);
+        }
+    }
+    report(&cases);
+    Sheet {
+        title: "The hop".to_owned(),
+        command: "cargo bench -p tapline-bench --bench hop".to_owned(),
+        notes: vec![
+            format!(
+                "A producer writes each record, two consumers sum it, each in a process of its own; {ROUNDS} rounds of {} records at {} \
+                 a second, and of others as fast as they are taken. Every record arrives whole and in order, or the bench fails.",
+                PACED.0, PACED.1
+            ),
+            "Latency is from sending to the first consumer, which is woken for every record. Processor time is of all three \
+             processes, a record."
+                .to_owned(),
+            "ZeroMQ: libzmq, PUSH to PULL over `ipc://`, a socket for each consumer.".to_owned(),
+        ],
+        rows: rows(&cases),
+    }
+    .keep("hop")
+}
+
+fn of(runs: &[Run], value: fn(&Run) -> f64) -> Vec<f64> {
+    runs.iter().map(value).collect()
+}
+
+fn rows(cases: &[Case]) -> Vec<Row> {
+    let case = |kib, way| cases.iter().find(|case| case.kib == kib && case.way == way);
+    let mut rows = Vec::new();
+    for kib in SIZES_KIB {
+        let Some(ours) = case(kib, Way::Topic) else { continue };
+        let compared = |row: Row, runs: fn(&Case) -> &[Run], value: fn(&Run) -> f64| {
+            WAYS[1..].iter().filter_map(|&way| Some((way, case(kib, way)?))).fold(row, |row, (way, theirs)| {
+                let ratio = Spread::of_ratio(&of(runs(ours), value), &of(runs(theirs), value));
+                row.beside(&format!("of that over {}", name(way)), ratio, if way == Way::Socket { "<= 1" } else { "" })
+            })
+        };
+        for (what, value) in [
+            ("latency at 500 records/s, median", (|run| run.p50_us) as fn(&Run) -> f64),
+            ("latency at 500 records/s, 99 of 100", |run| run.p99_us),
+            ("processor time at 500 records/s", |run| run.cpu_us),
+        ] {
+            let mut row = Row::new(format!("{kib} KiB: {what}"), "us", &of(&ours.paced, value));
+            row = compared(row, |case| &case.paced, value);
+            if let (true, Some(small)) = (what.ends_with("median") && kib == 1024, case(SIZES_KIB[0], Way::Topic)) {
+                let ratio = Spread::of_ratio(&of(&ours.paced, value), &of(&small.paced, value));
+                row = row.beside("of that of 4 KiB", ratio, "<= 1.5");
+            }
+            rows.push(row);
+        }
+        let row = Row::new(
+            format!("{kib} KiB: as fast as they go, time of a record"),
+            "us",
+            &of(&ours.fast, |run| run.elapsed_us),
+        );
+        rows.push(compared(row, |case| &case.fast, |run| run.elapsed_us));
+    }
+    rows
+}
+
+fn name(way: Way) -> &'static str {
+    match way {
+        Way::Socket => "a Unix socket",
+        Way::Pipe => "a pipe",
+        way => way.name(),
+    }
+}
+
+fn report(cases: &[Case]) {
+    let median = |runs: &[Run], value: fn(&Run) -> f64| format!("{:.1}", Spread::of(&of(runs, value)).median);
+    let table: Vec<[String; 6]> = cases
+        .iter()
+        .map(|Case { kib, way, paced, fast }| {
+            [
+                format!("{kib} KiB, {}", way.name()),
+                median(paced, |run| run.p50_us),
+                median(paced, |run| run.p99_us),
+                median(paced, |run| run.cpu_us),
+                median(fast, |run| run.elapsed_us),
+                median(fast, |run| run.cpu_us),
+            ]
+        })
+        .collect();
+    let head = ["record", "p50", "p99", "CPU", "time as fast as they go", "CPU of it"];
+    print_table(&format!("the hop, us, medians of {ROUNDS} rounds; the first three at 500 records/s"), head, &table);
+}

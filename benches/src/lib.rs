@@ -1,0 +1,150 @@
+//! What the benches share: order statistics, a table to read, and the rows of the page `docs/performance.md`.
+#![expect(clippy::print_stdout, reason = "the figures are what these programs are for")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use serde::{Deserialize, Serialize};
+
+/// Value below which the fraction `q` of `values` lies, NaN if there are none; sorts them.
+pub fn quantile(values: &mut [f64], q: f64) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "a place in the list, q being 0 to 1"
+    )]
+    let place = (q * last as f64).round() as usize;
+    values.get(place).copied().unwrap_or(f64::NAN)
+}
+
+/// Prints `rows` under `head`, the first column left-aligned and numbers right-aligned.
+pub fn print_table<const N: usize>(title: &str, head: [&str; N], rows: &[[String; N]]) {
+    let cells_of = |k: usize| std::iter::once(head[k].len()).chain(rows.iter().map(move |row| row[k].chars().count()));
+    let widths: [usize; N] = std::array::from_fn(|k| cells_of(k).fold(0, |most, n| if n > most { n } else { most }));
+    println!("\n{title}");
+    let line = |cells: &[String; N]| {
+        let padded = cells.iter().zip(widths).enumerate();
+        padded.map(|(k, (cell, w))| if k == 0 { format!("{cell:<w$}") } else { format!("  {cell:>w$}") }).collect()
+    };
+    for row in std::iter::once(&head.map(str::to_owned)).chain(rows) {
+        let text: String = line(row);
+        println!("  {text}");
+    }
+}
+
+/// Median and quartiles over rounds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// Half of the rounds are below.
+    pub median: f64,
+    /// A quarter of the rounds is below.
+    pub low: f64,
+    /// A quarter of the rounds is above.
+    pub high: f64,
+}
+
+impl Spread {
+    /// Of `values`, one a round.
+    pub fn of(values: &[f64]) -> Self {
+        let mut sorted = values.to_vec();
+        let [low, median, high] = [0.25, 0.5, 0.75].map(|q| quantile(&mut sorted, q));
+        Self { median, low, high }
+    }
+
+    /// Of what `ours` is, round by round, as a multiple of `theirs`.
+    pub fn of_ratio(ours: &[f64], theirs: &[f64]) -> Self {
+        Self::of(&ours.iter().zip(theirs).map(|(ours, theirs)| ours / theirs).collect::<Vec<_>>())
+    }
+}
+
+/// One thing that was measured.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Row {
+    /// What it is.
+    pub what: String,
+    /// Unit of the value.
+    pub unit: String,
+    /// The value.
+    pub value: Spread,
+    /// What it is compared with, in the same rounds.
+    pub beside: Vec<Beside>,
+}
+
+/// A comparison.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Beside {
+    /// What the ratio is of and to, as "times as fast as ...".
+    pub what: String,
+    /// The ratio, round by round.
+    pub ratio: Spread,
+    /// What is asked of it, as ">= 6".
+    pub asked: String,
+}
+
+impl Row {
+    /// `what`, whose `values` in `unit` are one a round.
+    pub fn new(what: impl Into<String>, unit: &str, values: &[f64]) -> Self {
+        Self { what: what.into(), unit: unit.to_owned(), value: Spread::of(values), beside: Vec::new() }
+    }
+
+    /// Adds a comparison.
+    #[must_use]
+    pub fn beside(mut self, what: &str, ratio: Spread, asked: &str) -> Self {
+        self.beside.push(Beside { what: what.to_owned(), ratio, asked: asked.to_owned() });
+        self
+    }
+}
+
+/// What one bench has measured.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Sheet {
+    /// Heading of its rows.
+    pub title: String,
+    /// The command that measures them.
+    pub command: String,
+    /// What is needed to read them: what was measured, how often, with which seed.
+    pub notes: Vec<String>,
+    /// The rows.
+    pub rows: Vec<Row>,
+}
+
+impl Sheet {
+    /// Keeps it for the page, as the bench called `name`.
+    ///
+    /// # Errors
+    /// What the system returns.
+    pub fn keep(&self, name: &str) -> Result<()> {
+        fs::create_dir_all(folder())?;
+        fs::write(folder().join(format!("{name}.json")), serde_json::to_string_pretty(self)?)?;
+        Ok(())
+    }
+
+    /// What the bench called `name` kept.
+    ///
+    /// # Errors
+    /// It has not run, or its file cannot be read.
+    pub fn kept(name: &str) -> Result<Self> {
+        let path = folder().join(format!("{name}.json"));
+        let text = fs::read_to_string(&path)
+            .with_context(|| format!("{}: `cargo bench -p tapline-bench --bench {name}` writes it", path.display()))?;
+        Ok(serde_json::from_str(&text)?)
+    }
+}
+
+/// The folder of the project.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."))
+}
+
+/// The built program, which `make bench` builds first.
+pub fn tapline() -> PathBuf {
+    root().join("target/release/tapline")
+}
+
+fn folder() -> PathBuf {
+    root().join("target/performance")
+}
