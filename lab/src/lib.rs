@@ -7,6 +7,7 @@
 //! - [`figures`]: the figures of the dissertation's contact theory.
 //! - [`estimators`]: bias and spread of every estimator on taps whose truth is known.
 //! - [`stability`]: breakdown curves, how wrong a number gets as a disturbance grows.
+//! - [`headroom`]: how many stations a host carries, and what binds.
 //! - [`hop`]: a record from process to process, through shared memory and other ways.
 //! - [`picture`]: the README's picture, two shoulders of an archive.
 //! - [`simulated`]: casings of two simulators, tapped and judged.
@@ -18,6 +19,7 @@ pub mod estimators;
 mod evaluation;
 pub mod experiment;
 pub mod figures;
+pub mod headroom;
 pub mod hop;
 mod in_memory;
 pub mod picture;

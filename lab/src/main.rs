@@ -11,10 +11,11 @@ use tapline_host::messages::print_failure;
 use tapline_host::signals::{end_on_signals, wait_if_ending};
 use tapline_host::{generated, log};
 use tapline_lab::chart::ChartArgs;
+use tapline_lab::headroom::HeadroomArgs;
 use tapline_lab::pod::PodArgs;
 use tapline_lab::study::StudyArgs;
 use tapline_lab::written::WrittenArgs;
-use tapline_lab::{chart, estimators, experiment, figures, hop, picture, pod, stability, study};
+use tapline_lab::{chart, estimators, experiment, figures, headroom, hop, picture, pod, stability, study};
 
 /// What a researcher runs beside tapline: studies, figures and curves.
 #[derive(Debug, Parser)]
@@ -36,6 +37,8 @@ enum Verb {
     /// Compare the archives of casings that a plant has scanned with what other means found in them: probability of
     /// detection, ROC, false calls, gauge studies.
     Pod(PodArgs),
+    /// Tell how many stations this host carries, and what binds: a line of simulated stations runs for a short time.
+    Headroom(HeadroomArgs),
     /// Repeat chapter 5 of the dissertation on three simulated tyres, and compare its claims with the results.
     Experiment {
         /// Folder to write figures (SVG), tables (CSV) and claims into, with a page beside it.
@@ -125,6 +128,7 @@ fn dispatch(verb: &Verb) -> Result<()> {
         Verb::Study(args) => study::study(args),
         Verb::Chart(args) => chart::chart(args),
         Verb::Pod(args) => pod::pod(args),
+        Verb::Headroom(args) => headroom::headroom(args),
         Verb::Experiment { out, seed, written } => experiment::experiment(out, *seed, *written),
         Verb::Figures { out, figure, written } => figures::figures(out, *figure, *written),
         Verb::Estimators { out, written } => estimators::write(out, *written),

@@ -356,9 +356,10 @@ mod tests {
     #[test]
     fn every_tap_is_found_once_at_its_time() {
         // Catches a tap that is missed, found twice, or found elsewhere, and a result that depends on how the samples come.
-        // The lowest taps are 0.3 high: the last noise is 1 % of them, and a flank of ten samples tells no more than this.
+        // The lowest taps are 0.3 high. The last noise is 1 % of them: there the bound of Cramer and Rao for a pulse of 1 ms whose
+        // height and length are not known is 0.04 samples, so that of thousands the worst is 0.16 off or more, however it is found.
         let config = TriggerConfig { hold_off_s: 0.02, ..TriggerConfig::default() };
-        for (number, sd) in [0.0, 1e-4, 5e-4, 1e-3, 3e-3].into_iter().enumerate() {
+        for (number, sd) in [0.0, 1e-4, 2e-4, 5e-4, 1e-3, 3e-3].into_iter().enumerate() {
             let (stream, times) = taps(2000, 2048, sd, number as u64);
             let (found, not_taps) = crossings(&config, &stream, 411);
             assert_eq!((found.len(), not_taps), (times.len(), NotTaps::default()), "noise {sd}");

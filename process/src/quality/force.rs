@@ -283,8 +283,19 @@ fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, hum: f64, c
     let of_mean = limit(force.noise / (MEAN_OF as f64).sqrt());
     let first = shape.peak_at / MEAN_OF + 1;
     let mut valley = (shape.peak, shape.peak_at);
+    let height_of = |mean: f32| shape.sign * (f64::from(mean) - force.base);
+    let mut may_rise = true;
     for (number, &mean) in force.means.iter().enumerate().skip(first) {
-        let height = shape.sign * (f64::from(mean) - force.base);
+        let height = height_of(mean);
+        // Once the pulse is over, most taps end here: nothing behind it is that high.
+        if may_rise && height <= of_mean {
+            may_rise = false;
+            let extent = Extent::find(&force.means[number..]);
+            let is_low = |of: Extent<f32>| height_of(of.least) <= of_mean && height_of(of.largest) <= of_mean;
+            if extent.is_some_and(is_low) {
+                return false;
+            }
+        }
         let floor = if valley.0 > 0.0 { valley.0 } else { 0.0 };
         if height > floor + of_mean {
             return is_whole_impact(force, shape, valley.1, config);

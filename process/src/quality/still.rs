@@ -3,6 +3,7 @@
 use super::flat::SHARE;
 use crate::signal::extent::Extent;
 use crate::signal::record::Count;
+use crate::signal::wide::Kernel;
 
 /// Fewest equal samples in a row that count as a dropout, 0.3 ms at 40 kHz.
 const RUN_MIN: f64 = 12.0;
@@ -14,8 +15,10 @@ const LN_IMPROBABLE: f64 = -40.0;
 const PAIRS_MIN: usize = 16;
 /// Most samples before the trigger that are looked at.
 const QUIET_MAX: usize = 4096;
-/// Samples between the places that are probed, each of which looks at five samples: every run of [`RUN_MIN`] has one.
-const STEP: usize = 8;
+/// Samples of a probe: every run of [`RUN_MIN`] has a whole one.
+const PROBE: usize = 4;
+/// Probes that are looked at together: most have none of one value.
+const PROBES: usize = 16;
 
 /// Whether the channel stands still somewhere although its first `quiet_count` samples have noise.
 ///
@@ -26,15 +29,15 @@ pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64
     };
     let (above, below) = (extent.largest.into() - base, base - extent.least.into());
     let extreme = SHARE * if above > below { above } else { below };
-    let mut after = 0;
-    for (number, probe) in samples.windows(5).step_by(STEP).enumerate() {
-        let level = probe[0];
-        if probe[1] != level || probe[2] != level || probe[4] != level || number * STEP < after {
-            continue;
-        }
-        let at = number * STEP;
+    let (probes, _) = samples.as_chunks::<PROBE>();
+    let mut next = 0;
+    while let Some(number) = (Still { probes, from: next }).wide() {
+        let at = number * PROBE;
+        let level = samples[at];
         let from = at - samples[..at].iter().rev().take_while(|&&x| x == level).count();
-        after = at + samples[at..].iter().take_while(|&&x| x == level).count();
+        let after = at + samples[at..].iter().take_while(|&&x| x == level).count();
+        // All probes until then are of this run.
+        next = after.div_ceil(PROBE);
         let is_end = level == extent.largest || level == extent.least;
         let is_clipped = is_end && (level.into() - base).abs() >= extreme;
         if (after - from) as f64 >= run_min && !is_clipped {
@@ -46,13 +49,7 @@ pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64
 
 /// Fewest equal samples in a row that the noise of `quiet` does not explain; `None` if it has too little noise to say.
 fn shortest_dropout<C: Count>(quiet: &[C]) -> Option<f64> {
-    let (mut equal_count, mut run, mut longest) = (0_usize, 0_usize, 0_usize);
-    for pair in quiet.windows(2) {
-        let is_equal = usize::from(pair[0] == pair[1]);
-        equal_count += is_equal;
-        run = (run + 1) * is_equal;
-        longest = if run > longest { run } else { longest };
-    }
+    let Repeats { equal_count, longest } = Repeated { samples: quiet }.wide();
     // Without the longest run, which may itself be a dropout.
     let pair_count = quiet.len().checked_sub(1 + longest).filter(|&count| count >= PAIRS_MIN)?;
     let p = (equal_count - longest + 1) as f64 / (pair_count + 2) as f64;
@@ -60,8 +57,80 @@ fn shortest_dropout<C: Count>(quiet: &[C]) -> Option<f64> {
     Some(if run_min > RUN_MIN { run_min } else { RUN_MIN })
 }
 
+/// The first probe from number `from` on that has one value.
+struct Still<'a, C> {
+    probes: &'a [[C; PROBE]],
+    from: usize,
+}
+
+impl<C: Count> Kernel for Still<'_, C> {
+    type Output = Option<usize>;
+
+    #[inline(always)]
+    fn run(self) -> Option<usize> {
+        let Self { probes, from } = self;
+        let (stretches, _) = probes.get(from..)?.as_chunks::<PROBES>();
+        let none = |stretch: &&[[C; PROBE]; PROBES]| {
+            let mut is_any = false;
+            for &probe in *stretch {
+                is_any |= C::are_equal(probe);
+            }
+            !is_any
+        };
+        let begin = from + PROBES * stretches.iter().take_while(none).count();
+        Some(begin + probes[begin..].iter().position(|&probe| C::are_equal(probe))?)
+    }
+}
+
+/// Samples that equal the one before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Repeats {
+    equal_count: usize,
+    /// Most of them in a row.
+    longest: usize,
+}
+
+/// Pairs of neighbours that are looked at together: most have no equal one.
+const PAIRS: usize = 16;
+
+struct Repeated<'a, C> {
+    samples: &'a [C],
+}
+
+impl<C: Count> Kernel for Repeated<'_, C> {
+    type Output = Repeats;
+
+    #[inline(always)]
+    fn run(self) -> Repeats {
+        let (mut equal_count, mut run, mut longest) = (0_usize, 0_usize, 0_usize);
+        let mut add = |before: &[C], after: &[C]| {
+            for (a, b) in before.iter().zip(after) {
+                let is_equal = usize::from(a == b);
+                equal_count += is_equal;
+                run = (run + 1) * is_equal;
+                longest = if run > longest { run } else { longest };
+            }
+        };
+        let (before, after) = (self.samples, self.samples.get(1..).unwrap_or_default());
+        let ((stretches, _), (next, rest)) = (before.as_chunks::<PAIRS>(), after.as_chunks::<PAIRS>());
+        for (a, b) in stretches.iter().zip(next) {
+            let mut equal = 0_u16;
+            for pair in 0..PAIRS {
+                equal += u16::from(a[pair] == b[pair]);
+            }
+            // A stretch without one ends a run; it is enough to look at its first pair.
+            let looked_at = if equal == 0 { 1 } else { PAIRS };
+            add(&a[..looked_at], &b[..looked_at]);
+        }
+        add(&before[after.len() - rest.len()..], rest);
+        Repeats { equal_count, longest }
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     /// Whether noise of `sigma` counts stands still, with `value` in `hole`.
@@ -88,7 +157,7 @@ mod tests {
                 assert!(still(20.0, from..from + 40, value), "{from} {value}");
             }
         }
-        assert!((0..STEP).all(|shift| still(20.0, 5000 + shift..5012 + shift, 0)), "the shortest, at every place");
+        assert!((0..PROBE).all(|shift| still(20.0, 5000 + shift..5012 + shift, 0)), "the shortest, at every place");
     }
 
     /// Catches quiet noise taken for a dropout, and a channel without noise that is said to stand still.
@@ -98,6 +167,21 @@ mod tests {
             assert!(!still(sigma, 0..0, 0), "{sigma}");
         }
         assert!(!still(0.0, 5000..9000, 100) && !still(20.0, 5000..5008, 0));
+    }
+
+    proptest! {
+        /// Catches a run that is cut where two stretches meet, and one that is not ended between them: the twin looks at each pair.
+        #[test]
+        fn repeats_are_those_of_the_twin(samples in prop::collection::vec(prop_oneof![4 => 0..40_i16, 6 => Just(7_i16)], 1..400)) {
+            let mut expected = Repeats { equal_count: 0, longest: 0 };
+            let mut run = 0;
+            for pair in samples.windows(2) {
+                run = if pair[0] == pair[1] { run + 1 } else { 0 };
+                expected.equal_count += usize::from(pair[0] == pair[1]);
+                expected.longest = expected.longest.max(run);
+            }
+            prop_assert_eq!(Repeated { samples: &samples }.wide(), expected);
+        }
     }
 
     /// Catches clipping that counts as a dropout.

@@ -14,6 +14,8 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn is_rail(self) -> bool;
     /// The sample in single precision, which holds it exactly.
     fn exact_f32(self) -> f32;
+    /// Whether four samples are one value.
+    fn are_equal(four: [Self; 4]) -> bool;
     /// An integer that orders as samples do.
     fn key(self) -> i32;
     /// The key of |sample - `base`|, `base` being a median of samples.
@@ -35,6 +37,10 @@ impl Count for i16 {
     }
     fn exact_f32(self) -> f32 {
         f32::from(self)
+    }
+    fn are_equal(four: [Self; 4]) -> bool {
+        let word: u64 = bytemuck::cast(four);
+        word == word.rotate_left(Self::BITS)
     }
     fn key(self) -> i32 {
         2 * i32::from(self) // the median may be half a count
@@ -61,6 +67,10 @@ impl Count for f32 {
     }
     fn exact_f32(self) -> f32 {
         self
+    }
+    fn are_equal([a, b, c, d]: [Self; 4]) -> bool {
+        // As bits, which a channel that stands still repeats.
+        (a.to_bits() == b.to_bits()) & (b.to_bits() == c.to_bits()) & (c.to_bits() == d.to_bits())
     }
     fn key(self) -> i32 {
         in_order(self.to_bits() as i32)

@@ -1,0 +1,260 @@
+//! `tapline-lab headroom`: how many stations this host carries, and what binds.
+//!
+//! The built program runs a line of simulated stations at the pace of real ones for a short time. What each process of it used
+//! of the processors and of memory, what the line took of `/dev/shm` and what it wrote are shared out over the stations, and
+//! compared with what the host has.
+
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, ensure};
+use clap::Args;
+use serde_json::{Value, json};
+use tapline_host::progress::{Progress, Unit};
+use tapline_host::table::table;
+
+/// Part of the processors that stations may take: the rest is for what else the host does.
+const USABLE: f64 = 0.8;
+
+/// Bytes that are written to see how fast the disk is.
+const WRITTEN: usize = 1 << 26;
+
+/// Where processes of a line share memory.
+const SHARED: &str = "/dev/shm";
+
+/// How the host is measured.
+#[derive(Debug, Args)]
+pub struct HeadroomArgs {
+    /// Stations that are simulated meanwhile.
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    stations: u16,
+    /// Taps of a station in a second.
+    #[arg(long, default_value_t = 2.5)]
+    taps_per_s: f64,
+    /// Seconds that the line runs.
+    #[arg(long, default_value_t = 20.0)]
+    seconds: f64,
+    /// Per cent of a core that listening takes at each station besides: `benches/scripts/listen.py` measures it.
+    #[arg(long, default_value_t = 1.5)]
+    listening_percent: f64,
+    /// Folder on the disk that archives will be written to.
+    #[arg(long, default_value = ".")]
+    folder: PathBuf,
+    /// Print a line of JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Something that stations share.
+struct Resource {
+    name: &'static str,
+    unit: &'static str,
+    /// What the host has.
+    total: f64,
+    /// What a station takes.
+    of_station: f64,
+}
+
+impl Resource {
+    fn stations(&self) -> f64 {
+        (self.total / self.of_station).floor()
+    }
+}
+
+/// Measures this host, and prints how many stations it carries.
+///
+/// # Errors
+/// A value out of its bounds, a program that is not built, a line that fails, or what the system returns.
+pub fn headroom(args: &HeadroomArgs) -> Result<()> {
+    let HeadroomArgs { stations, taps_per_s, seconds, listening_percent, folder, json } = args;
+    for (name, value, bounds) in [
+        ("--taps-per-s", *taps_per_s, 0.01..=1000.0),
+        ("--seconds", *seconds, 5.0..=3600.0),
+        ("--listening-percent", *listening_percent, 0.0..=100.0),
+    ] {
+        ensure!(bounds.contains(&value), "{name} is {value}; it must be from {} to {}", bounds.start(), bounds.end());
+    }
+    let folder = tempfile::Builder::new()
+        .prefix("headroom-")
+        .tempdir_in(folder)
+        .with_context(|| format!("--folder {}", folder.display()))?;
+    let used = Used::of_line(folder.path(), *stations, *taps_per_s, *seconds)?;
+    let disk_mb_per_s = disk_mb_per_s(&folder.path().join("plain"))?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from) as f64;
+    let percent = used.cpu_us_per_tap * taps_per_s / 1e4;
+    let resources = [
+        Resource {
+            name: "processors",
+            unit: "% of a core",
+            total: 100.0 * cores * USABLE,
+            of_station: percent + listening_percent,
+        },
+        Resource { name: "memory", unit: "MB", total: free_memory_mb(), of_station: used.memory_mb },
+        Resource { name: SHARED, unit: "MB", total: used.shared_free_mb, of_station: used.shared_mb },
+        Resource {
+            name: "disk",
+            unit: "MB/s",
+            total: disk_mb_per_s,
+            of_station: used.kib_per_tap * 1024.0 / 1e6 * taps_per_s,
+        },
+    ];
+    let least = resources.iter().min_by(|a, b| a.stations().total_cmp(&b.stations())).context("there are resources")?;
+    let mut out = std::io::stdout().lock();
+    if *json {
+        let each = resources.iter().map(|of| {
+            json!({ "resource": of.name, "unit": of.unit, "total": of.total, "of_station": of.of_station, "stations": of.stations() })
+        });
+        let text = json!({
+            "stations": least.stations(), "binds": least.name, "taps_per_s": taps_per_s,
+            "cpu_us_per_tap": used.cpu_us_per_tap, "resources": each.collect::<Vec<Value>>(),
+        });
+        writeln!(out, "{text}")?;
+        return Ok(());
+    }
+    let mut rows = table(["what", "the host has", "a station takes", "stations"]);
+    for of in &resources {
+        rows.add_row([
+            of.name.to_owned(),
+            format!("{:.0} {}", of.total, of.unit),
+            format!("{:.3} {}", of.of_station, of.unit),
+            format!("{:.0}", of.stations()),
+        ]);
+    }
+    writeln!(out, "{rows}")?;
+    writeln!(
+        out,
+        "This host carries about {:.0} stations of {taps_per_s} taps/s; what binds: {}.",
+        least.stations(),
+        least.name
+    )?;
+    writeln!(
+        out,
+        "Measured with {stations} simulated stations: {:.0} us of processor time a tap without the simulation, {percent:.3} % of a \
+         core a station; listening to a sound card is taken as {listening_percent} % besides. {:.0} % of the cores are shared out.",
+        used.cpu_us_per_tap,
+        100.0 * USABLE
+    )?;
+    Ok(())
+}
+
+/// What a line used.
+struct Used {
+    /// Processor time of all processes but those that simulate.
+    cpu_us_per_tap: f64,
+    /// Most memory of all processes, a station.
+    memory_mb: f64,
+    /// What `/dev/shm` had free before, and what the line took of it, a station.
+    shared_free_mb: f64,
+    shared_mb: f64,
+    /// Archived bytes.
+    kib_per_tap: f64,
+}
+
+impl Used {
+    /// A line of `stations` that make `taps_per_s` each, for about `seconds`.
+    fn of_line(folder: &Path, stations: u16, taps_per_s: f64, seconds: f64) -> Result<Self> {
+        let program = program()?;
+        // Two shoulders, each with one tap more than it has locations.
+        let locations = (taps_per_s * seconds / 2.0).clamp(16.0, 10_000.0) as u32;
+        let config = folder.join("line.toml");
+        let text = format!(
+            "[acquire]\ntaps_per_s = {taps_per_s:?}\n[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\n\
+             locations = {locations}\n[fuse]\nreference = \"self\"\n"
+        );
+        fs::write(&config, text)?;
+        let out = folder.join("line");
+        let printed = folder.join("printed");
+        let shared_before = shared_free_mb();
+        let child = Command::new(&program)
+            .args(["run", "--json", "--quiet", "--stations", &stations.to_string()])
+            .args([Path::new("--config"), &config, Path::new("--out"), &out])
+            .stdin(Stdio::null())
+            .stdout(File::create(&printed)?)
+            .spawn()
+            .with_context(|| format!("cannot start {}", program.display()))?;
+        let shared_least = watch(child, f64::from(2 * locations) / taps_per_s)?;
+        let printed = fs::read_to_string(printed)?;
+        let summary: Value = serde_json::from_str(printed.lines().last().unwrap_or_default())
+            .with_context(|| format!("{} printed no summary", program.display()))?;
+        let pace = &summary["pace"];
+        let number = |of: &Value, key: &str| of[key].as_f64().with_context(|| format!("no {key} in {summary}"));
+        ensure!(number(pace, "gaps")? <= 0.0, "the line has lost records: {summary}");
+        let (taps, each) = (number(pace, "taps")?, f64::from(stations));
+        let (mut cpu_s, mut memory_mb) = (0.0, 0.0);
+        for process in pace["processes"].as_array().context("a summary has its processes")? {
+            memory_mb += number(process, "peak_memory_mb")?;
+            if !process["name"].as_str().unwrap_or_default().starts_with("acquire") {
+                cpu_s += number(process, "user_s")? + number(process, "kernel_s")?;
+            }
+        }
+        Ok(Self {
+            cpu_us_per_tap: cpu_s * 1e6 / taps,
+            memory_mb: memory_mb / each,
+            shared_free_mb: shared_before,
+            shared_mb: ((shared_before - shared_least) / each).clamp(0.001, f64::INFINITY),
+            kib_per_tap: bytes_in(&out)? / 1024.0 / taps,
+        })
+    }
+}
+
+/// The built program beside this one.
+fn program() -> Result<PathBuf> {
+    let path = std::env::current_exe()?.with_file_name("tapline");
+    ensure!(path.is_file(), "{} is not there: `cargo build --release -p tapline` builds it", path.display());
+    Ok(path)
+}
+
+/// Waits for the line, which takes about `expected_s`; the least that `/dev/shm` had free meanwhile.
+fn watch(mut child: Child, expected_s: f64) -> Result<f64> {
+    let begun = Instant::now();
+    let mut progress = Progress::new(Some(expected_s.ceil() as u64), Unit::Things("seconds"));
+    let mut least = f64::INFINITY;
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        let free = shared_free_mb();
+        least = if free < least { free } else { least };
+        progress.update(begun.elapsed().as_secs());
+        sleep(Duration::from_millis(200));
+    };
+    ensure!(status.success(), "the line ended with {status}");
+    Ok(least)
+}
+
+fn shared_free_mb() -> f64 {
+    rustix::fs::statvfs(SHARED).map_or(f64::NAN, |of| (of.f_bavail * of.f_frsize) as f64 / 1e6)
+}
+
+/// What the system says can be used without swapping.
+fn free_memory_mb() -> f64 {
+    let text = fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
+    let kib = line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<f64>().ok());
+    kib.map_or(f64::NAN, |kib| kib * 1024.0 / 1e6)
+}
+
+fn disk_mb_per_s(path: &Path) -> Result<f64> {
+    // Not zeros, which some file systems do not write.
+    let bytes: Vec<u8> = (0..WRITTEN).map(|k| (k * 31 >> 3) as u8).collect();
+    let begun = Instant::now();
+    let mut file = File::create(path)?;
+    file.write_all(&bytes)?;
+    file.sync_data()?;
+    Ok(WRITTEN as f64 / 1e6 / begun.elapsed().as_secs_f64())
+}
+
+/// Bytes of the files in `folder`.
+fn bytes_in(folder: &Path) -> Result<f64> {
+    let mut bytes = 0.0;
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let of = entry.metadata()?;
+        bytes += if of.is_dir() { bytes_in(&entry.path())? } else { of.len() as f64 };
+    }
+    Ok(bytes)
+}
