@@ -36,13 +36,13 @@ python: setup
 
 # Two stations: a cracked tyre and a sound one, a file each.
 demo: setup
-	cargo build --release -p tapline --no-default-features
+	cargo build --profile demo -p tapline --no-default-features
 	@rm -rf $(DEMO)/casings && mkdir -p $(DEMO)
-	target/release/tapline run --stations 2 --config examples/demo.toml --out $(DEMO)/casings
+	target/demo/tapline run --stations 2 --config examples/demo.toml --out $(DEMO)/casings
 	@for table in verdicts regions damage discriminators; do \
-	  target/release/tapline export $(DEMO)/casings $$table --force --out $(DEMO)/$$table.csv || exit 1; \
+	  target/demo/tapline export $(DEMO)/casings $$table --force --out $(DEMO)/$$table.csv || exit 1; \
 	done
-	target/release/tapline report $(DEMO)/casings --force --out $(DEMO)/report
+	target/demo/tapline report $(DEMO)/casings --force --out $(DEMO)/report
 	@echo "Each casing's archive is in $(DEMO)/casings; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
 
 # A scan through a sound card, which is a pipe here: two casings, in about three minutes once built.

@@ -24,7 +24,9 @@ pub fn completions(mut command: Command, shell: Shell, out: &mut impl Write) -> 
 ///
 /// # Errors
 /// What the system returns, with the path.
-pub fn manual(command: Command, folder: &Path) -> Result<Vec<PathBuf>, (PathBuf, io::Error)> {
+pub fn manual(mut command: Command, folder: &Path) -> Result<Vec<PathBuf>, (PathBuf, io::Error)> {
+    // Gives each verb the options that all have.
+    command.build();
     fs::create_dir_all(folder).map_err(|error| (folder.to_owned(), error))?;
     let mut pages = Vec::new();
     let name = command.get_name().to_owned();
@@ -40,7 +42,7 @@ fn write_page(
     pages: &mut Vec<PathBuf>,
 ) -> Result<(), (PathBuf, io::Error)> {
     let command = command.disable_help_subcommand(true).display_name(name.to_owned()).bin_name(called.to_owned());
-    for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
+    for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help") {
         let [name, called] = [(name, "-"), (called, " ")].map(|(of, mark)| format!("{of}{mark}{}", verb.get_name()));
         write_page(verb.clone(), [&name, &called], folder, pages)?;
     }

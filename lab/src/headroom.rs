@@ -39,7 +39,7 @@ pub struct HeadroomArgs {
     #[arg(long, default_value_t = 20.0)]
     seconds: f64,
     /// Per cent of a core that listening takes at each station besides: `benches/scripts/listen.py` measures it.
-    #[arg(long, default_value_t = 1.5)]
+    #[arg(long, default_value_t = 0.4)]
     listening_percent: f64,
     /// Folder on the disk that archives will be written to.
     #[arg(long, default_value = ".")]
@@ -240,7 +240,7 @@ fn free_memory_mb() -> f64 {
 
 fn disk_mb_per_s(path: &Path) -> Result<f64> {
     // Not zeros, which some file systems do not write.
-    let bytes: Vec<u8> = (0..WRITTEN).map(|k| (k * 31 >> 3) as u8).collect();
+    let bytes: Vec<u8> = (0..WRITTEN).map(|k| ((k * 31) >> 3) as u8).collect();
     let begun = Instant::now();
     let mut file = File::create(path)?;
     file.write_all(&bytes)?;

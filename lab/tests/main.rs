@@ -5,6 +5,7 @@
 mod chart;
 mod experiment;
 mod figures;
+mod headroom;
 mod overwriting;
 mod pod;
 mod rates;

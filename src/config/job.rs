@@ -81,6 +81,8 @@ impl Job {
         };
         let job = Self::resolve(&source)?;
         validate_stations(&job.config.station)?;
+        job.config.simulation.validate()?;
+        job.config.capture.validate()?;
         if let Some(Reference::Shoulder { tyre, shoulder }) = &job.config.fuse.reference {
             bail!(
                 "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, which no casing of a \

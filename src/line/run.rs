@@ -110,6 +110,9 @@ fn check_calibrations(job: &Job) -> Result<()> {
         for channel in channels {
             let fault = match &calibration.of(channel).certificate {
                 None => "has no calibration".to_owned(),
+                Some(certificate) if certificate.date > today => {
+                    format!("has a calibration of {}; today is {today}", certificate.date)
+                }
                 Some(certificate) => match certificate.valid_until.as_ref().filter(|until| **until < today) {
                     Some(until) => format!("has a calibration that was valid until {until}; today is {today}"),
                     None => continue,

@@ -10,7 +10,7 @@ use serde_json::json;
 use tapline_store::{Judged, Reader};
 use tapline_wire::{Discriminator, Discriminators, Scan, Verdict};
 
-use crate::archives::{ArchiveFile, Archives, Outcome, Which, of_archive};
+use crate::archives::{ArchiveFile, ArchiveProgress, Archives, Outcome, Which, of_archive};
 use crate::config::lineage::changes;
 use crate::verbs::explain::print;
 
@@ -30,18 +30,22 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         let path = file.path.display().to_string();
         print(&if as_json { format!("{}\n", json!({ "alone": path })) } else { format!("{path}: without a partner\n") })
     };
+    let mut progress = ArchiveProgress::new(&befores);
     for file in &befores.files {
+        progress.begin(file);
         let Some(other) = partners.remove(&casing_of(file)) else {
             alone(file)?;
             outcome.note(false);
             continue;
         };
         let Some(difference) = outcome.take(file, Difference::between(&file.path, &other.path))? else { continue };
-        print(&match as_json {
+        let text = match as_json {
             true => line_of(&difference)?,
             false => format!("{} -> {}\n{difference}", file.path.display(), other.path.display()),
-        })?;
+        };
+        progress.beside(|| print(&text))?;
     }
+    drop(progress);
     // Beside a single file, the other casings of the folder do not count.
     if before.is_dir() && after.is_dir() {
         for file in partners.values() {

@@ -11,7 +11,7 @@ use tapline_host::table::table;
 use tapline_store::{Reader, digest_of, hex_of};
 use tapline_wire::{Discriminator, Scan, TapState, Verdict};
 
-use crate::archives::{Archives, Outcome, Which};
+use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
 use crate::config::lineage::{changes, made_by};
 
@@ -27,20 +27,24 @@ pub(crate) fn explain(
     let archives = Archives::find(paths, which)?;
     let mut outcome = Outcome::new(&archives);
     let mut explained_count = 0;
+    let mut progress = ArchiveProgress::new(&archives);
     for file in &archives.files {
+        progress.begin(file);
         let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
         if archives.is_many && shoulder.is_some_and(|name| number_of(&reader, name).is_none()) {
             continue;
         }
         let explained = Explanation::of(&reader, shoulder, location);
         let Some(explanation) = outcome.take(file, explained)? else { continue };
-        print(&match as_json {
+        let text = match as_json {
             true => format!("{}\n", serde_json::to_string(&explanation)?),
             false if explained_count > 0 => format!("\n{explanation}"),
             false => explanation.to_string(),
-        })?;
+        };
+        progress.beside(|| print(&text))?;
         explained_count += 1;
     }
+    drop(progress);
     let is_complete = outcome.end()?;
     match shoulder.filter(|_| explained_count == 0 && is_complete) {
         Some(name) => bail!("none of the {} archives has a shoulder {name:?}", archives.files.len()),

@@ -113,9 +113,9 @@ impl Runner {
             }
             let Some(verdict) = self.outbox.read(&note) else { continue };
             match self.run_one(&note, &verdict) {
-                Ok(Ended::Told) => self.outbox.set_trouble(Sink::Command, None),
+                Ok(Ended::Told) => self.outbox.set_trouble(Sink::Command, "failed", None),
                 Ok(Ended::Later(why)) => {
-                    self.outbox.set_trouble(Sink::Command, Some(format!("casing {}: {why}", verdict.casing)));
+                    self.outbox.set_trouble(Sink::Command, "failed", Some(format!("casing {}: {why}", verdict.casing)));
                     return Some(Instant::now() + AGAIN_AFTER);
                 }
                 // It was run: run again, it might do twice what it has done.

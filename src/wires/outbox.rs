@@ -81,7 +81,7 @@ struct State {
     waiting: BTreeMap<Place, Waiting>,
     /// Notes of casings whose files did not have their names when the line was started.
     unnamed: Vec<Unreported>,
-    troubles: BTreeMap<Sink, String>,
+    troubles: BTreeMap<(Sink, &'static str), String>,
     alarms: Vec<String>,
     wakes: Vec<Wake>,
     is_full: bool,
@@ -278,19 +278,20 @@ impl Outbox {
         self.state().wakes.push(wake);
     }
 
-    /// Says that something is wrong with `sink`, or nothing any more; what is new is an alarm too.
-    pub(crate) fn set_trouble(&self, sink: Sink, trouble: Option<String>) {
+    /// Says that something is wrong with `sink`, or nothing any more; what is new is an alarm too. `kind` tells one trouble of a sink
+    /// from another.
+    pub(crate) fn set_trouble(&self, sink: Sink, kind: &'static str, trouble: Option<String>) {
         let mut state = self.state();
         match trouble {
             Some(text) => {
-                if state.troubles.insert(sink, text.clone()).is_none() {
+                if state.troubles.insert((sink, kind), text.clone()).is_none() {
                     tracing::warn!("{text}");
                     state.alarm(text);
                 }
             }
             None => {
-                if let Some(text) = state.troubles.remove(&sink) {
-                    tracing::info!("over: {text}");
+                if let Some(text) = state.troubles.remove(&(sink, kind)) {
+                    tracing::warn!("over: {text}");
                 }
             }
         }
@@ -319,7 +320,7 @@ impl Outbox {
                     age_ns / 1_000_000_000
                 )
             });
-            let trouble = state.troubles.get(&sink).cloned().or(late);
+            let trouble = state.troubles.iter().find(|((of, _), _)| *of == sink).map(|(_, text)| text.clone()).or(late);
             SinkStatus { name: sink.name().to_owned(), waiting: count as u64, trouble }
         };
         self.sinks.iter().filter(|sink| **sink != Sink::Print).map(|&sink| of(sink)).collect()

@@ -88,7 +88,7 @@ impl Wire {
             if let Err(error) = runtime.block_on(work(news)) {
                 let text = format!("{name}: verdicts are not reported any more: {error:#}");
                 tracing::error!("{text}");
-                outbox.set_trouble(sink, Some(text));
+                outbox.set_trouble(sink, "ended", Some(text));
             }
             runtime.shutdown_timeout(END_WITHIN);
         };

@@ -7,6 +7,7 @@ use std::process::{Command, Stdio};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_model::SimulationConfig;
 use tapline_store::{Reader, verify};
+use tapline_testing::program::Done;
 use tapline_wire::{CacheLine, TapHeader, cache_lines_for, i16_of_mut};
 
 use crate::line::{SCAN, file_of};
@@ -130,4 +131,17 @@ fn a_missing_sound_card_is_acknowledged_and_waited_for() {
     let status = sandbox.run("status --out out").expect(0).out;
     assert!(status.contains("absent is not heard"), "{status}");
     line.interrupt();
+}
+
+/// Catches an example that no longer runs to its end, whose taps are refused or taken again, or whose crack is not found.
+#[test]
+fn the_example_listens_to_its_rig() {
+    let sandbox = Sandbox::new();
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/listen/run.sh");
+    let mut command = Command::new("sh");
+    command.arg(script).arg(env!("CARGO_BIN_EXE_tapline")).arg(sandbox.path("listen"));
+    let done = Done::from(command.stdin(Stdio::null()).output().unwrap()).expect(0);
+    assert!(done.out.contains("REJECT     A-17/2") && done.out.contains("PASS       B-4/1"), "{done:?}");
+    let faults = ["nothing was heard", "is taken again", "has lost"];
+    assert!(faults.iter().all(|fault| !done.err.contains(fault)), "{}", done.err);
 }

@@ -88,7 +88,8 @@
   function placeOf(arc) {
     if (arc.start_deg === null || arc.end_deg === null) return `locations ${arc.first_location} to ${arc.last_location}`;
     const [from, to] = ends(arc);
-    return to - from >= 359.9 ? 'all round' : `${degrees((from + 360) % 360)} to ${degrees(to % 360)}`;
+    // The outermost locations, as in the report; the arc is drawn half a step farther.
+    return to - from >= 359.9 ? 'all round' : `${degrees(arc.start_deg)} to ${degrees(arc.end_deg)}`;
   }
   // Half way to the neighbours of the first and of the last location.
   function ends(arc) {

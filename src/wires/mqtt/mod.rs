@@ -39,6 +39,10 @@ const TELL_AGAIN_AFTER: Duration = Duration::from_secs(1);
 /// Time until the next attempt to connect: at first, and at most.
 const CONNECT_AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(5));
 
+/// What can be wrong with a station's connection.
+const NO_CONNECTION: &str = "no connection";
+const NO_SUBSCRIBER: &str = "no subscriber";
+
 /// How long verdicts may take that are still to be reported when the line ends.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
@@ -96,7 +100,7 @@ struct Lane<C> {
     plant: Plant,
     news: News,
     /// What is wrong with each station's connection.
-    troubles: Rc<RefCell<BTreeMap<u16, String>>>,
+    troubles: Rc<RefCell<BTreeMap<(&'static str, u16), String>>>,
     /// What was last published of what stands at the station, and when.
     shown: Option<(String, Instant)>,
     /// When verdicts may be published again.
@@ -120,7 +124,7 @@ impl<C: Client> Lane<C> {
                 Err(error) => error,
             };
             let why: &Error = &why;
-            self.set_trouble(Some(format!("mqtt: no connection to {}: {why:#}", self.broker)));
+            self.set_trouble(NO_CONNECTION, Some(format!("mqtt: no connection to {}: {why:#}", self.broker)));
             if timeout(patience, self.news.ended()).await.is_ok() {
                 return;
             }
@@ -162,6 +166,7 @@ impl<C: Client> Lane<C> {
         if Instant::now() < self.tell_at {
             return Ok(());
         }
+        self.set_trouble(NO_CONNECTION, None);
         let outbox = Arc::clone(&self.plant.outbox);
         let mut trouble = None;
         while let Some(note) = outbox.next(Sink::Mqtt, Some(self.station)) {
@@ -179,7 +184,7 @@ impl<C: Client> Lane<C> {
             // However many wait, the station shows what stands now.
             self.show(connection).await?;
         }
-        self.set_trouble(trouble);
+        self.set_trouble(NO_SUBSCRIBER, trouble);
         Ok(())
     }
 
@@ -190,12 +195,13 @@ impl<C: Client> Lane<C> {
         Message { topic: format!("{}/now", self.topic), payload, is_retained: true, expires_after_s }
     }
 
-    fn set_trouble(&self, trouble: Option<String>) {
+    fn set_trouble(&self, kind: &'static str, trouble: Option<String>) {
         let mut troubles = self.troubles.borrow_mut();
         match trouble {
-            Some(text) => drop(troubles.insert(self.station, text)),
-            None => drop(troubles.remove(&self.station)),
+            Some(text) => drop(troubles.insert((kind, self.station), text)),
+            None => drop(troubles.remove(&(kind, self.station))),
         }
-        self.plant.outbox.set_trouble(Sink::Mqtt, troubles.values().next().cloned());
+        let first = troubles.iter().find(|((of, _), _)| *of == kind).map(|(_, text)| text.clone());
+        self.plant.outbox.set_trouble(Sink::Mqtt, kind, first);
     }
 }

@@ -18,6 +18,9 @@ const SILENCE_MAX: Duration = Duration::from_secs(10);
 /// How often a rig at a serial port is asked who it is: a board that starts does not hear it.
 const ASK_AGAIN: Duration = Duration::from_secs(1);
 
+/// An answer that should come at once is late after this time.
+const LATE_AFTER: Duration = Duration::from_secs(1);
+
 /// Most alarms that are kept for the station.
 const ALARMS_MAX: usize = 16;
 
@@ -75,6 +78,8 @@ struct PendingCommand {
     command: Command,
     text: String,
     deadline: Instant,
+    /// Whether it was reported that the answer is late.
+    is_late: bool,
     /// The casing it is for.
     casing: u64,
 }
@@ -257,6 +262,16 @@ impl Dialogue {
     pub(super) fn check_timeouts(&mut self) -> Result<(), String> {
         let now = Instant::now();
         let timeout = self.config.timeout;
+        // A hit and a ping are answered at once; what moves takes its time.
+        let is_prompt = |of: &&mut PendingCommand| matches!(of.command, Command::Hit | Command::Ping) && !of.is_late;
+        if let Some(pending) = self.pending.as_mut().filter(is_prompt)
+            && pending.deadline.saturating_duration_since(now) + LATE_AFTER <= timeout
+        {
+            pending.is_late = true;
+            let text = format!("the rig has not answered {:?} for {LATE_AFTER:?}", pending.text);
+            tracing::warn!("station {}: {text}", self.config.station);
+            self.alarm(text);
+        }
         if let Some(pending) = self.pending.as_ref().filter(|pending| now >= pending.deadline) {
             let timeout = self.timeout_of(pending.command);
             return Err(format!("the rig has not answered {:?} within {timeout:?}", pending.text));
@@ -266,7 +281,11 @@ impl Dialogue {
         if self.rig_name.is_none() && is_unasked && self.is_serial() {
             self.ask();
         }
-        if self.rig_name.is_none() && silence >= timeout && !self.is_serial() {
+        if self.rig_name.is_none() && silence >= timeout {
+            if self.is_serial() {
+                self.log_fault(&format!("the rig has not said hello within {timeout:?}"));
+                return Ok(());
+            }
             return Err(format!("the rig has not said hello within {timeout:?}"));
         }
         if self.rig_name.is_some() && silence >= SILENCE_MAX && self.pending.is_none() {
@@ -325,6 +344,6 @@ impl Dialogue {
     fn command(&mut self, command: Command, text: String, casing: u64) {
         self.send(&text);
         let deadline = Instant::now() + self.timeout_of(command);
-        self.pending = Some(PendingCommand { command, text, deadline, casing });
+        self.pending = Some(PendingCommand { command, text, deadline, is_late: false, casing });
     }
 }
