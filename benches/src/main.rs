@@ -30,7 +30,7 @@ fn page(sheets: &[Sheet]) -> Result<String> {
         machine(),
         printed("rustc", &["--version"])
     )?;
-    page.push_str("| what | value | | beside | asked |\n|---|--:|---|---|---|\n");
+    page.push_str("| what | value | | beside | aim |\n|---|--:|---|---|---|\n");
     for Sheet { title, rows, .. } in sheets {
         writeln!(page, "| **{title}** | | | | |")?;
         for row in rows {

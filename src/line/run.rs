@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
+use tapline_acquire::{StationConfig, StationSource};
 use tapline_host::atomic_file::{Existing, write_atomically};
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::stop_flag;
@@ -81,6 +82,10 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let setup = Setup::new(&job, Arriving::Stations, &absolute(&job.out)?)?;
     let fusions = job.fusions()?;
     check_calibrations(&job)?;
+    let is_simulated = |of: &StationConfig| of.source == StationSource::Simulated;
+    if let Some(station) = job.config.station.iter().find(|of| is_simulated(of) && !job.config.scan.tyre.is_empty()) {
+        tracing::warn!("station {} makes tyres of its own: none of [[scan.tyre]] comes to it", station.number);
+    }
     wires::check(&job.config.line)?;
     for plan in setup.plans_of_stations(&job)? {
         drop(fusions.check(&plan)?);

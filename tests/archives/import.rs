@@ -94,10 +94,10 @@ fn a_casing_comes_back_from_every_format() {
         ("tdms", format!("{names}{rate}{scales}"), true),
         ("mat5", format!("{names}{rate}{scales}"), true),
         ("csv", format!("{names}{rate}{si}"), false),
-        // These say rate and trigger themselves, and the first two their units.
+        // These say rate, trigger and units themselves.
         ("uff", "channels = { force = \"Force\", sound = \"Sound\" }\n".to_owned(), false),
         ("uff-ascii", numbers.to_owned(), false),
-        ("mat", format!("{names}{si}"), false),
+        ("mat", names.to_owned(), false),
     ] {
         let own = ["uff", "uff-ascii", "mat"].contains(&folder);
         let config = if own { config.replace("pre_trigger_samples = 512\n", "") } else { config.clone() };

@@ -20,8 +20,11 @@ const HEADER_BYTES: u64 = 128;
 /// Most bytes of one variable, unpacked.
 const VARIABLE_BYTES_MAX: u64 = 8 * SAMPLES_MAX;
 
-/// Most variables that are kept: the channels, and the scalars of rate and trigger.
-const READ_MAX: usize = 4;
+/// Most variables that are kept: the channels and their units, and the scalars of rate and trigger.
+const READ_MAX: usize = 6;
+
+/// What is added to the name of a channel for that of the text with its unit.
+const UNIT: &str = "_unit";
 
 /// Deepest structure within structures.
 const DEPTH_MAX: usize = 4;
@@ -57,6 +60,8 @@ struct Array {
     shape: Vec<u64>,
     /// Type and bytes of the numbers.
     numbers: Option<(u32, Vec<u8>)>,
+    /// Of an array of characters.
+    text: String,
     /// Of a structure of one element, its fields.
     fields: Vec<(String, Array)>,
 }
@@ -65,6 +70,7 @@ const MI_MATRIX: u32 = 14;
 const MI_COMPRESSED: u32 = 15;
 const MX_STRUCT: u8 = 2;
 const MX_OBJECT: u8 = 3;
+const MX_CHAR: u8 = 4;
 const COMPLEX: u32 = 0x0800;
 
 /// Name of a class of arrays.
@@ -279,13 +285,32 @@ impl Array {
         let (_, name) = elements.next()?;
         let name = String::from_utf8_lossy(name).into_owned();
         let class = flags.to_le_bytes()[0];
-        let mut array = Self { class, is_complex: flags & COMPLEX != 0, shape, numbers: None, fields: Vec::new() };
+        let mut array = Self {
+            class,
+            is_complex: flags & COMPLEX != 0,
+            shape,
+            numbers: None,
+            text: String::new(),
+            fields: Vec::new(),
+        };
         match class {
             MX_STRUCT | MX_OBJECT if depth < DEPTH_MAX => {
                 if class == MX_OBJECT {
                     elements.next()?;
                 }
                 array.fields = fields(&mut elements, &array.shape, depth)?;
+            }
+            MX_CHAR => {
+                let (kind, bytes) = elements.next()?;
+                array.text = match kind {
+                    // 16 bits a character, else UTF-8.
+                    4 => String::from_utf16_lossy(&Numbers { kind, bytes, is_big_endian }.each(
+                        bytes.len() / 2,
+                        |k| k,
+                        u16::from_le_bytes,
+                    )?),
+                    _ => String::from_utf8_lossy(bytes).into_owned(),
+                };
             }
             6..=15 => {
                 let (kind, numbers) = elements.next()?;
@@ -451,6 +476,8 @@ impl Recorded for Mat5 {
         };
         series.sample_rate_hz = self.number(group, &RATE_NAMES);
         series.pre_trigger_samples = self.number(group, &[PRE_TRIGGER_NAME]).and_then(whole);
+        let unit = self.find(&format!("{path}{UNIT}"))?.map(|array| array.text.trim().to_owned());
+        series.unit = unit.filter(|unit| !unit.is_empty());
         Ok(series)
     }
 }
