@@ -230,10 +230,6 @@ pub fn open_station(
             Box::new(ByHand::open(device, station.serial_file.clone(), number, scan, &capture, wake)?)
         }
         (StationSource::Rig | StationSource::Alsa | StationSource::Uldaq, _, Some(address), _) => {
-            let mut capture = capture;
-            // The station asks for each hit: one that comes after the record of another is a second one.
-            let (after_s, hold_off_s) = (capture.after_trigger_s(), &mut capture.trigger.hold_off_s);
-            *hold_off_s = if *hold_off_s > after_s { after_s } else { *hold_off_s };
             let rig = RigConfig {
                 address: address.clone(),
                 patience_s: station.rig_patience_s,

@@ -55,7 +55,7 @@ def main():
             )
             script = os.path.join(folder, f"rig{number}.toml")
             with open(script, "w") as file:
-                file.write(f'play = "{pipe}"\npattern = "C{number}-{{}}"\n[simulation]\nsample_count = 2600\n')
+                file.write(f'play = "{pipe}"\npattern = "C{number}-{{}}"\nhit_s = 0.12\n[simulation]\nsample_count = 2600\n')
             rig = subprocess.Popen(
                 [tapline, "rig", "--listen", "127.0.0.1:0", "--config", script], stdout=subprocess.PIPE, text=True
             )

@@ -135,11 +135,6 @@ impl CaptureConfig {
         [usize::from(self.force_channel) - 1, usize::from(self.sound_channel) - 1]
     }
 
-    /// How long a record goes on after its trigger.
-    pub(crate) fn after_trigger_s(&self) -> f64 {
-        f64::from(self.sample_count.saturating_sub(self.pre_trigger_samples)) / f64::from(self.sample_rate_hz.max(1))
-    }
-
     /// How long a record is.
     pub(crate) fn record_time(&self) -> Duration {
         Duration::from_secs(self.sample_count.into()) / self.sample_rate_hz.max(1)
