@@ -159,11 +159,11 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<Vec<Row>> {
         let of_tap = |all: &[f64]| all.iter().map(|&s| us(s)).collect::<Vec<f64>>();
         let mut ratios: Vec<f64> = ours.iter().zip(&theirs).map(|(ours, theirs)| theirs / ours).collect();
         let least = quantile(&mut ratios, 0.0);
-        let asked = if codec == Codec::Lz4 { ">= 0.9" } else { "" };
+        let aim = if codec == Codec::Lz4 { ">= 0.9" } else { "" };
         kept.push(
             Row::new(format!("archive, `{codec}`"), "us a tap", &of_tap(&ours))
-                .beside("of the speed of write and fdatasync", Spread::of_ratio(&theirs, &ours), asked)
-                .beside("of it in the slowest round", Spread { median: least, low: least, high: least }, asked),
+                .beside("of the speed of write and fdatasync", Spread::of_ratio(&theirs, &ours), aim)
+                .beside("of it in the slowest round", Spread { median: least, low: least, high: least }, aim),
         );
         let (ours, theirs, reads) =
             (quantile(&mut ours, 0.25), quantile(&mut theirs, 0.25), quantile(&mut reads, 0.25));
@@ -217,7 +217,7 @@ fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
 /// Seconds to judge the taps again on one core, by part, and of the Python program on the same taps and core; with the
 /// first `record_s` of each tap, or all of it.
 #[expect(clippy::cast_precision_loss, reason = "a count of taps")]
-fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, asked: &str) -> Result<Vec<Row>> {
+fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, aim: &str) -> Result<Vec<Row>> {
     let config = ProcessConfig { record_s, ..ProcessConfig::default() };
     let used = |header: &TapHeader| config.samples_looked_at(header.sample_count, header.sample_rate_hz);
     let rows = 0..u32::try_from(scan.taps.len())?;
@@ -266,7 +266,7 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, asked: &str) -> Re
             .beside(
                 "times as fast as h5py and scipy, discriminators alone",
                 Spread::of_ratio(&peer, &found),
-                &format!(">= {asked}"),
+                &format!(">= {aim}"),
             )
             .beside(
                 "of it neither unpacking nor discriminators",

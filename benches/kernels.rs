@@ -159,11 +159,11 @@ fn rows(kernels: &[Kernel<'_>], count: usize) -> Vec<Row> {
     };
     let Some(ours) = of(SEVEN) else { return Vec::new() };
     let mut seven = Row::new(format!("seven discriminators, records of {count} samples"), "us a tap", ours);
-    for (library, what, asked) in
+    for (library, what, aim) in
         [("scipy", "times as fast as batched scipy f32", ">= 6"), ("MKL", "times as fast as batched MKL f32", ">= 5")]
     {
         if let Some(theirs) = fastest(library) {
-            seven = seven.beside(what, Spread::of_ratio(theirs, ours), asked);
+            seven = seven.beside(what, Spread::of_ratio(theirs, ours), aim);
         }
     }
     let mut rows = Vec::new();

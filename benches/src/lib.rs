@@ -81,8 +81,8 @@ pub struct Beside {
     pub what: String,
     /// The ratio, round by round.
     pub ratio: Spread,
-    /// What is asked of it, as ">= 6".
-    pub asked: String,
+    /// What it should be, as ">= 6".
+    pub aim: String,
 }
 
 impl Row {
@@ -93,8 +93,8 @@ impl Row {
 
     /// Adds a comparison.
     #[must_use]
-    pub fn beside(mut self, what: &str, ratio: Spread, asked: &str) -> Self {
-        self.beside.push(Beside { what: what.to_owned(), ratio, asked: asked.to_owned() });
+    pub fn beside(mut self, what: &str, ratio: Spread, aim: &str) -> Self {
+        self.beside.push(Beside { what: what.to_owned(), ratio, aim: aim.to_owned() });
         self
     }
 }

@@ -49,7 +49,7 @@ fn page(sheets: &[Sheet]) -> Result<String> {
 /// A row, and a line for each further comparison.
 fn lines(row: &Row) -> String {
     let Row { what, unit, value, beside } = row;
-    let cells = |beside: &Beside| format!("{} {} | {}", text(&beside.ratio), beside.what, beside.asked);
+    let cells = |beside: &Beside| format!("{} {} | {}", text(&beside.ratio), beside.what, beside.aim);
     let mut rest = beside.iter().map(cells);
     let first = rest.next().unwrap_or_else(|| " | ".to_owned());
     let begin = format!("| {what} | {} | {unit} | {first} |\n", text(value));

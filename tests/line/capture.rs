@@ -138,8 +138,9 @@ fn a_missing_sound_card_is_acknowledged_and_waited_for() {
 fn the_example_listens_to_its_rig() {
     let sandbox = Sandbox::new();
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/listen/run.sh");
-    let mut command = Command::new("sh");
-    command.arg(script).arg(env!("CARGO_BIN_EXE_tapline")).arg(sandbox.path("listen"));
+    // One that never ends is a failure too.
+    let mut command = Command::new("timeout");
+    command.args(["300", "sh"]).arg(script).arg(env!("CARGO_BIN_EXE_tapline")).arg(sandbox.path("listen"));
     let done = Done::from(command.stdin(Stdio::null()).output().unwrap()).expect(0);
     assert!(done.out.contains("REJECT     A-17/2") && done.out.contains("PASS       B-4/1"), "{done:?}");
     let faults = ["nothing was heard", "is taken again", "has lost"];

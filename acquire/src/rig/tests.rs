@@ -453,6 +453,32 @@ fn a_rig_at_a_serial_port_is_asked_who_it_is() {
     }
 }
 
+/// Catches a hit that is not answered and not reported before the connection is given up, a report that is repeated, and one of
+/// an answer that comes at once.
+#[test]
+fn a_hit_that_is_not_answered_is_an_alarm() {
+    let (listener, mut bench) = by_hand(30.0);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig-7 1\ncasing T 1\r\n");
+    assert_eq!(rig.hear(), "scan T 1 7");
+    let mut casing = bench.casing();
+    rig.is_homed(&bench, &mut casing, 2, "homed\n");
+    rig.say("ready\n");
+    assert_eq!(rig.hear(), "hit 1.85");
+    assert_eq!(bench.arrivals.take_alarms(), [""; 0]);
+    let since = Instant::now();
+    let mut alarms = Vec::new();
+    while alarms.is_empty() {
+        assert!(since.elapsed() < LONG, "no alarm");
+        bench.pause();
+        alarms = bench.arrivals.take_alarms();
+    }
+    assert_eq!(alarms, ["the rig has not answered \"hit 1.85\" for 1s"]);
+    rig.say("hit 1.84\n");
+    assert_eq!(bench.poll(&mut casing, 2), Readiness::Ready, "late is not lost");
+    assert_eq!(bench.arrivals.take_alarms(), [""; 0]);
+}
+
 #[test]
 fn a_rig_that_is_stopped_makes_its_taps_when_it_goes_on() {
     // Catches a stop that is taken for a fault of the tap, and a tap that is commanded while people are at the rig.

@@ -36,8 +36,8 @@ pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64
         let level = samples[at];
         let from = at - samples[..at].iter().rev().take_while(|&&x| x == level).count();
         let after = at + samples[at..].iter().take_while(|&&x| x == level).count();
-        // All probes until then are of this run.
-        next = after.div_ceil(PROBE);
+        // All probes until then are of this run, which has this one at least.
+        next = after.div_ceil(PROBE).max(number + 1);
         let is_end = level == extent.largest || level == extent.least;
         let is_clipped = is_end && (level.into() - base).abs() >= extreme;
         if (after - from) as f64 >= run_min && !is_clipped {

@@ -42,6 +42,9 @@ fn every_verdict_arrives_although_the_broker_is_killed() {
         until("it is connected again", || status(&sandbox)["sinks"][0]["trouble"].is_null());
     }
     let done = line.interrupt().expect(0);
+    let logged =
+        ["WARN mqtt: no connection", "WARN over: mqtt: no connection"].map(|text| done.err.matches(text).count());
+    assert_eq!(logged, [3, 3], "each time once: {}", done.err);
     printed.extend(done.out.lines().map(|line| serde_json::from_str::<Value>(line).unwrap()));
     assert_eq!(unreported(&sandbox), Vec::<String>::new(), "the last ones are reported before the line ends");
     let mut heard = BTreeMap::<String, Heard>::new();
@@ -202,7 +205,10 @@ fn a_verdict_waits_for_a_subscriber() {
     let metrics = ask(&address, "/metrics", "").body;
     assert!(metrics.contains("\ntapline_verdicts_waiting{sink=\"mqtt\"} 2"), "{metrics}");
     assert!(sandbox.run("status --out out").expect(0).out.contains("wait to be acknowledged: mqtt 2"));
-    line.interrupt().expect(0);
+    // Two more attempts, of which the log says nothing.
+    std::thread::sleep(std::time::Duration::from_millis(2500));
+    let done = line.interrupt().expect(0);
+    assert_eq!(done.err.matches("nobody subscribes").count(), 1, "{}", done.err);
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     let subscriber = Subscriber::start(broker.port, &[]);
     let told = [(); 2].map(|()| subscriber.wait_for(|message| message.topic.ends_with("/verdict")).payload);
