@@ -18,8 +18,8 @@ fn main() -> Result<()> {
 
 fn page(sheets: &[Sheet]) -> Result<String> {
     let mut page = String::from(
-        "# Performance\n\n`make bench` measures all of this, each yardstick in the same rounds as what it is compared with, by turns, and writes \
-         this page. A value is the median over rounds, with the quartiles in brackets. Times of one run may be compared with each \
+        "# Performance\n\n`make bench` measures all of this and writes this page. Each yardstick takes turns with what it is compared with. A value is the \
+         median over rounds, with the quartiles in brackets. Times of one run may be compared with each \
          other, not with those of another: the machine is shared, and other work only ever slows down.\n\n",
     );
     let date = jiff::Zoned::now().strftime("%Y-%m-%d").to_string();
