@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 use jiff::{Timestamp, tz::TimeZone};
 use tapline_host::signals::stop_flag;
 use tapline_host::table::{break_last_column, table};
@@ -45,16 +45,17 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
                 return Ok(true);
             }
         }
-        if last.is_none() && since.elapsed() > ANSWERS_WITHIN {
-            bail!("the line (process {}) does not show how it is: it may be held up", found.pid);
-        }
         if stop.load(Ordering::Relaxed) {
             return Ok(true);
         }
         // A folder that cannot be read, since its disk is away, does not mean that the line has ended.
-        if last.is_some() && matches!(OutFolder::find_line(&args.out), Ok(None)) {
-            writeln!(io::stderr(), "the line has ended").context("cannot write to standard output")?;
+        if matches!(OutFolder::find_line(&args.out), Ok(None)) {
+            ensure!(last.is_some(), "the line on {} has just ended", args.out.display());
+            writeln!(io::stderr(), "the line has ended").context("cannot write to standard error")?;
             return Ok(true);
+        }
+        if last.is_none() && since.elapsed() > ANSWERS_WITHIN {
+            bail!("the line (process {}) does not show how it is: it may be held up", found.pid);
         }
         std::thread::sleep(Duration::from_millis(100));
     }
