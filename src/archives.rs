@@ -128,6 +128,18 @@ impl Archives {
     }
 }
 
+/// Paths, below `folder`, of the finished archives in it, in the order of their names; there may be none.
+#[cfg(feature = "uplink")]
+pub(crate) fn finished_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut here = Found::default();
+    here.look_into(folder, DEPTH_MAX)?;
+    let (casings, _results) = archives_and_results(here.finished);
+    let mut names: Vec<PathBuf> =
+        casings.iter().map(|path| path.strip_prefix(folder).unwrap_or(path).to_owned()).collect();
+    names.sort();
+    Ok(names)
+}
+
 fn nothing_in(folder: &Path, which: Which) -> String {
     let folder = folder.display();
     match which {

@@ -67,6 +67,10 @@ fn draws(verb: &Verb) -> bool {
 
 /// Whether `verb` ends in good order, and listens to signals itself.
 fn ends_in_order(verb: &Verb) -> bool {
+    #[cfg(feature = "uplink")]
+    if matches!(verb, Verb::Uplink(_) | Verb::Collect(_)) {
+        return true;
+    }
     draws(verb) || matches!(verb, Verb::Run(_) | Verb::Line(_) | Verb::Status(_) | Verb::Rig { .. } | Verb::Stage(_))
 }
 
@@ -104,6 +108,10 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Verify { archives, json } => verify::verify(archives, *json),
         Verb::Reprocess(args) => reprocess::reprocess(args),
         Verb::Repack { archives, codec, out, json } => repack::repack(archives, (*codec).into(), out, *json),
+        #[cfg(feature = "uplink")]
+        Verb::Uplink(args) => verbs::uplink::uplink(args),
+        #[cfg(feature = "uplink")]
+        Verb::Collect(args) => verbs::uplink::collect(args),
         Verb::Explain { archives, shoulder, location, results, json } => {
             explain::explain(archives, results.which(), shoulder.as_deref(), *location, *json)
         }

@@ -4,6 +4,8 @@ pub(crate) mod archives;
 pub(crate) mod calibrate;
 pub(crate) mod line;
 pub(crate) mod model;
+#[cfg(feature = "uplink")]
+pub(crate) mod uplink;
 
 use std::path::PathBuf;
 
@@ -138,6 +140,16 @@ pub(crate) enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Send the finished casing files of a line to a centre, each once, over a NATS server.
+    ///
+    /// A file is sent until a centre says that it has it; the line does not notice. Prints a line for each. See docs/uplink.md.
+    #[cfg(feature = "uplink")]
+    Uplink(uplink::UplinkArgs),
+    /// Collect at a centre the casing files that `tapline uplink` sends; several hosts may share the work.
+    ///
+    /// Each file is checked as by `tapline verify` before the sender hears that it has arrived. Prints a line for each.
+    #[cfg(feature = "uplink")]
+    Collect(uplink::CollectArgs),
     /// Show what an archive's numbers are made of and by: recorded taps, sources of the program, options, reference.
     Explain {
         /// Archives or files of results, or folders of archives.

@@ -17,4 +17,6 @@ pub(crate) mod reference;
 pub(crate) mod repack;
 pub(crate) mod reprocess;
 pub(crate) mod rig;
+#[cfg(feature = "uplink")]
+pub(crate) mod uplink;
 pub(crate) mod verify;

@@ -1,0 +1,75 @@
+//! Options of `tapline uplink` and `tapline collect`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use tapline_uplink::{Access, Site};
+
+/// How a connection to the broker is made.
+#[derive(Debug, Args)]
+pub(crate) struct BrokerArgs {
+    /// Certificates (PEM) of who vouches for the broker; with it the connection is encrypted.
+    #[arg(long, value_name = "FILE")]
+    pub ca_file: Option<PathBuf>,
+    /// A `.creds` file of NATS, or a file with a user's name and password, a line each.
+    #[arg(long, value_name = "FILE")]
+    pub credentials_file: Option<PathBuf>,
+    /// Let the connection leave this machine without encryption.
+    #[arg(long)]
+    pub allow_plain: bool,
+    /// Name of the bucket at the broker.
+    #[arg(long, default_value = "tapline")]
+    pub bucket: String,
+}
+
+impl BrokerArgs {
+    /// What a connection to `servers` needs.
+    pub(crate) fn access(&self, servers: &str) -> Access {
+        Access {
+            servers: servers.to_owned(),
+            ca_file: self.ca_file.clone(),
+            credentials_file: self.credentials_file.clone(),
+            allows_plain: self.allow_plain,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct UplinkArgs {
+    /// Folder of a line, or of a run.
+    pub folder: PathBuf,
+    /// The broker: nats://HOST:PORT or tls://HOST:PORT, servers of a cluster separated by commas.
+    #[arg(long, value_name = "SERVER")]
+    pub to: String,
+    /// Name of this host at the centre: the folder that its files come into.
+    #[arg(long)]
+    pub site: Site,
+    #[command(flatten)]
+    pub broker: BrokerArgs,
+    /// End when a centre has settled every file that is there.
+    #[arg(long)]
+    pub once: bool,
+    /// Send files again that a centre has refused.
+    #[arg(long)]
+    pub again: bool,
+    /// Print what becomes of each file as a line of JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CollectArgs {
+    /// Folder for the files: a folder for each site; made when it is not there.
+    pub folder: PathBuf,
+    /// The broker: nats://HOST:PORT or tls://HOST:PORT, servers of a cluster separated by commas.
+    #[arg(long, value_name = "SERVER")]
+    pub from: String,
+    #[command(flatten)]
+    pub broker: BrokerArgs,
+    /// End when no file waits.
+    #[arg(long)]
+    pub once: bool,
+    /// Print what becomes of each file as a line of JSON.
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,80 @@
+//! `tapline uplink` and `tapline collect`: finished casing files go to a centre.
+
+use std::io::{self, Write as _};
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use serde_json::json;
+use tapline_host::signals::stop_flag;
+use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Until};
+
+use crate::archives::finished_in;
+use crate::cli::uplink::{BrokerArgs, CollectArgs, UplinkArgs};
+
+/// Sends the finished files of a folder to a centre; whether it has them all.
+pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
+    let server = server(&args.broker, &args.to)?;
+    ensure!(args.folder.is_dir(), "{} is no folder", args.folder.display());
+    let sender = Sender {
+        folder: args.folder.clone(),
+        site: args.site.clone(),
+        bucket: args.broker.bucket.clone(),
+        again: args.again,
+    };
+    let finished = || finished_in(&args.folder);
+    tapline_uplink::send(&server, &sender, &until(args.once)?, finished, |sent| {
+        print(&sent.file, &args.folder.join(sent.file.below_site()), &sent.receipt, args.json);
+    })
+}
+
+/// Takes the files that come to a centre; whether none was refused.
+pub(crate) fn collect(args: &CollectArgs) -> Result<bool> {
+    let server = server(&args.broker, &args.from)?;
+    let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
+    let collector = Collector { folder: args.folder.clone(), host, bucket: args.broker.bucket.clone(), check };
+    tapline_uplink::collect(&server, &collector, &until(args.once)?, |collected| {
+        print(&collected.file, &collected.path, &collected.receipt, args.json);
+    })
+}
+
+fn server(broker: &BrokerArgs, servers: &str) -> Result<Server> {
+    let is_allowed = |c: char| c.is_ascii_alphanumeric() || ['-', '_'].contains(&c);
+    ensure!(
+        (1..=64).contains(&broker.bucket.len()) && broker.bucket.chars().all(is_allowed),
+        "--bucket {:?}: must have from 1 to 64 letters, digits, - and _",
+        broker.bucket
+    );
+    Server::new(&broker.access(servers))
+}
+
+fn until(is_once: bool) -> Result<Until> {
+    Ok(Until { stop: stop_flag().context("cannot listen to signals")?, is_once })
+}
+
+/// Whether the archive at `path` is finished and unaltered; what is amiss.
+fn check(path: &Path) -> Result<()> {
+    let report = tapline_store::verify(path)?;
+    if let Some(problem) = report.problems.first() {
+        bail!("{problem}");
+    }
+    ensure!(report.is_finished, "it is not finished");
+    Ok(())
+}
+
+fn print(file: &CasingFile, path: &Path, receipt: &Receipt, as_json: bool) {
+    let (is_received, why) = match &receipt.fate {
+        Fate::Received => (true, None),
+        Fate::Refused(why) => (false, Some(why)),
+    };
+    let text = match (as_json, why) {
+        (true, _) => json!({
+            "kind": if is_received { "received" } else { "refused" }, "name": file.as_str(), "path": path, "bytes": receipt.bytes,
+            "digest": receipt.digest, "collector": receipt.collector, "why": why,
+        })
+        .to_string(),
+        (false, None) => format!("received {}: {} bytes, by {}", path.display(), receipt.bytes, receipt.collector),
+        (false, Some(why)) => format!("REFUSED {}: {why}", path.display()),
+    };
+    // Nobody may read it any more; what became of the file does not depend on it.
+    drop(writeln!(io::stdout(), "{text}"));
+}

@@ -1,0 +1,246 @@
+//! The centre's end: takes files from the queue, and gives a receipt for each that is on the disk.
+//!
+//! The receipt decides which of several collectors has a file: only the first receipt of a name counts, and a draft goes to its
+//! place after it. Killed at any moment, a collector finds out at its next start which of its drafts count.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, anyhow, ensure};
+use async_nats::jetstream::{AckKind, Message};
+use futures_util::StreamExt as _;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::time::timeout;
+
+use crate::carrier::Carrier as _;
+use crate::file::CasingFile;
+use crate::jetstream::{JetStream, TAKEN_WITHIN};
+use crate::receipt::{Fate, Receipt};
+use crate::server::Server;
+use crate::session::{self, Trouble, Until};
+use crate::staging::{Folder, digest_of};
+
+/// How long the queue is waited on until it counts as empty.
+const WAIT: Duration = Duration::from_secs(2);
+
+/// How long a request for the next file stands; the broker says three times as often that it is there.
+const ASKED_FOR: Duration = Duration::from_secs(15);
+
+/// How long a broker may take for the next bytes of a file before the file is given up, to be sent again.
+const NEXT_BYTES_WITHIN: Duration = Duration::from_secs(20);
+
+/// How often the broker is told that a file is still being taken.
+const TOLD_EVERY: Duration = Duration::from_secs(5);
+
+/// After how long a file that could not be written may be given to another collector.
+const OTHER_AFTER: Duration = Duration::from_secs(5);
+
+/// A centre's folder, and where its files come from.
+#[derive(Debug, Clone)]
+pub struct Collector {
+    /// The folder; each site has one in it.
+    pub folder: PathBuf,
+    /// Name of this host.
+    pub host: String,
+    /// Bucket of the broker.
+    pub bucket: String,
+    /// Whether the file at a path is a whole and unaltered archive; what is amiss.
+    pub check: fn(&Path) -> Result<()>,
+}
+
+/// A file for which this collector has given a receipt.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Collected {
+    /// The file.
+    pub file: CasingFile,
+    /// Where it is, if it was taken.
+    pub path: PathBuf,
+    /// What was said of it.
+    pub receipt: Receipt,
+}
+
+/// Takes files until it is over; whether none was refused. `tell` hears of each.
+///
+/// # Errors
+/// A folder that cannot be used: all other troubles are logged, and it is tried again.
+pub fn collect(
+    server: &Server,
+    collector: &Collector,
+    until: &Until,
+    mut tell: impl FnMut(&Collected),
+) -> Result<bool> {
+    let folder = Folder::open(&collector.folder, &collector.host)?;
+    let mut is_fine = true;
+    session::run(until, async |trouble| {
+        let broker = JetStream::connect(server, &format!("tapline collect {}", folder.name), &collector.bucket).await?;
+        let mut tell = |collected: Collected| {
+            if let Fate::Refused(why) = &collected.receipt.fate {
+                tracing::error!("{} is not taken: {why}", collected.file);
+                is_fine = false;
+            }
+            tell(&collected);
+        };
+        let mut collecting = Collecting { broker: &broker, folder: &folder, check: collector.check };
+        collecting.recover(&mut tell).await?;
+        collecting.attempt(until, &mut tell, trouble).await
+    })?;
+    Ok(is_fine)
+}
+
+struct Collecting<'a> {
+    broker: &'a JetStream,
+    folder: &'a Folder,
+    check: fn(&Path) -> Result<()>,
+}
+
+impl Collecting<'_> {
+    /// Puts the drafts in their places for which this collector has given the receipt, and removes the others.
+    async fn recover(&mut self, tell: &mut impl FnMut(Collected)) -> Result<()> {
+        for file in self.folder.drafts()? {
+            let receipt = self.broker.receipt(&file).await?.filter(|receipt| {
+                receipt.collector == self.folder.name && receipt.fate == Fate::Received
+            });
+            match receipt {
+                Some(receipt) => self.place(file, receipt, tell).await?,
+                None => self.folder.discard(&file),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes files until there is trouble, or nothing is left to take and that is all that was asked.
+    async fn attempt(&mut self, until: &Until, tell: &mut impl FnMut(Collected), trouble: &mut Trouble) -> Result<()> {
+        let mut queue = self.broker.queue().await?;
+        // No more than is taken at once, so that nothing waits behind a collector while another is idle.
+        let messages = queue.stream().max_messages_per_batch(1).expires(ASKED_FOR).heartbeat(ASKED_FOR / 3);
+        let mut messages = messages.messages().await.context("the queue is not there")?;
+        loop {
+            let Ok(next) = timeout(WAIT, messages.next()).await else {
+                let state = queue.info().await.context("the broker does not answer")?;
+                trouble.ends();
+                if until.is_once && state.num_pending == 0 && state.num_ack_pending == 0 {
+                    return Ok(());
+                }
+                continue;
+            };
+            let message = next.context("the queue has ended")?.context("the queue gives nothing")?;
+            if let Err(error) = self.take(&message, tell).await {
+                // Another collector, or this one again, gets the file. If the broker does not hear it, the file's time runs out.
+                drop(message.ack_with(AckKind::Nak(Some(OTHER_AFTER))).await);
+                return Err(error);
+            }
+            message.double_ack().await.map_err(|error| anyhow!(error)).context("the broker does not answer")?;
+            trouble.ends();
+        }
+    }
+
+    /// Takes the file that was announced, unless it is settled.
+    async fn take(&mut self, message: &Message, tell: &mut impl FnMut(Collected)) -> Result<()> {
+        let name = String::from_utf8_lossy(&message.payload);
+        let file: CasingFile = match name.parse() {
+            Ok(file) => file,
+            Err(error) => {
+                tracing::error!("a file is left with the broker: {error:#}");
+                return Ok(());
+            }
+        };
+        // It may have been taken since it was announced.
+        let Some(info) = self.broker.info(&file).await? else { return Ok(()) };
+        if self.broker.receipt(&file).await?.is_some() {
+            return self.broker.remove(&file).await;
+        }
+        let digest = info.digest.clone().with_context(|| format!("the broker gives no digest of {file}"))?;
+        let receipt =
+            |fate| Receipt { digest: digest.clone(), bytes: info.size as u64, collector: self.folder.name.clone(), fate };
+        match digest_of(&self.folder.place(&file))? {
+            Some((there, _)) if there == digest => self.give(file, receipt(Fate::Received), tell).await,
+            Some(_) => {
+                let why = format!("{} has another file of this name", self.folder.name);
+                self.give(file, receipt(Fate::Refused(why)), tell).await
+            }
+            None => {
+                let read = self.write_draft(message, &file, info.size as u64).await;
+                match read {
+                    Ok(Read::Whole) => {}
+                    Ok(Read::Lost(why)) => {
+                        tracing::warn!("{file} was lost on its way ({why}): it is asked for again");
+                        self.folder.discard(&file);
+                        return self.broker.remove(&file).await;
+                    }
+                    Err(error) => {
+                        self.folder.discard(&file);
+                        return Err(error);
+                    }
+                }
+                let (check, draft) = (self.check, self.folder.draft(&file));
+                let fate = match tokio::task::spawn_blocking(move || check(&draft)).await? {
+                    Ok(()) => Fate::Received,
+                    Err(error) => Fate::Refused(format!("{error:#}").replace(&self.folder.draft(&file).display().to_string(), "it")),
+                };
+                self.give(file, receipt(fate), tell).await
+            }
+        }
+    }
+
+    /// Writes the bytes of `file` into its draft, and has them on the disk.
+    async fn write_draft(&self, message: &Message, file: &CasingFile, bytes: u64) -> Result<Read> {
+        let draft = self.folder.draft(file);
+        let context = || format!("cannot write {}", draft.display());
+        let mut to = tokio::fs::File::from_std(self.folder.begin(file)?);
+        let mut from = self.broker.object(file).await.with_context(|| format!("the broker does not give {file}"))?;
+        let (mut buffer, mut count, mut told) = (vec![0; 1 << 17], 0, Instant::now());
+        loop {
+            let read = match timeout(NEXT_BYTES_WITHIN, from.read(&mut buffer)).await {
+                Err(_) => return Ok(Read::Lost(format!("nothing came for {} s", NEXT_BYTES_WITHIN.as_secs()))),
+                Ok(Err(error)) => return Ok(Read::Lost(error.to_string())),
+                Ok(Ok(0)) => break,
+                Ok(Ok(read)) => read,
+            };
+            to.write_all(&buffer[..read]).await.with_context(context)?;
+            count += read as u64;
+            if told.elapsed() > TOLD_EVERY {
+                // If the broker does not hear it, another collector may get the file too: the receipt decides.
+                drop(message.ack_with(AckKind::Progress).await);
+                told = Instant::now();
+            }
+        }
+        to.flush().await.with_context(context)?;
+        to.sync_all().await.with_context(context)?;
+        Ok(if count == bytes { Read::Whole } else { Read::Lost(format!("{count} of {bytes} bytes came")) })
+    }
+
+    /// Gives the receipt of `file`, unless another has given one, and settles its draft by it.
+    async fn give(&self, file: CasingFile, receipt: Receipt, tell: &mut impl FnMut(Collected)) -> Result<()> {
+        let is_ours = self.broker.give(&file, &receipt).await?;
+        match is_ours && receipt.fate == Fate::Received {
+            true => self.place(file.clone(), receipt, tell).await?,
+            false => {
+                self.folder.discard(&file);
+                if is_ours {
+                    tell(Collected { path: self.folder.place(&file), file: file.clone(), receipt });
+                }
+            }
+        }
+        self.broker.remove(&file).await
+    }
+
+    /// Puts the draft of `file`, for which `receipt` was given, in its place.
+    async fn place(&self, file: CasingFile, receipt: Receipt, tell: &mut impl FnMut(Collected)) -> Result<()> {
+        let path = self.folder.place(&file);
+        if self.folder.draft(&file).exists() {
+            self.folder.put_in_place(&file)?;
+        }
+        ensure!(path.exists(), "{} is gone, although {} has given a receipt for it", path.display(), receipt.collector);
+        tell(Collected { file, path, receipt });
+        Ok(())
+    }
+}
+
+/// How reading a file from the broker ended.
+enum Read {
+    Whole,
+    /// The broker does not have all of it, and why that is thought.
+    Lost(String),
+}
+
+const _: () = assert!(TOLD_EVERY.as_secs() + NEXT_BYTES_WITHIN.as_secs() < TAKEN_WITHIN.as_secs());

@@ -1,0 +1,215 @@
+//! Where the broker is, and what a connection to it needs.
+
+use std::fs;
+use std::net::IpAddr;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use async_nats::{ConnectOptions, ServerAddr};
+
+/// How long it may take to connect.
+const CONNECT_WITHIN: Duration = Duration::from_secs(5);
+
+/// How long the broker may take to answer or to acknowledge.
+pub(crate) const ANSWER_WITHIN: Duration = Duration::from_secs(10);
+
+/// Longest file of credentials, in bytes.
+const CREDENTIALS_BYTES_MAX: u64 = 65_536;
+
+/// How a credentials file of NATS begins.
+const NATS_CREDENTIALS: &str = "-----BEGIN NATS";
+
+/// Where the broker is, and with what a connection is made.
+#[derive(Debug, Clone, Default)]
+pub struct Access {
+    /// `nats://HOST:PORT` or `tls://HOST:PORT`; servers of a cluster are separated by commas.
+    pub servers: String,
+    /// Certificates (PEM) of who vouches for the broker; with it the connection is encrypted.
+    pub ca_file: Option<PathBuf>,
+    /// A `.creds` file of NATS, or a file with a user's name and password, a line each.
+    pub credentials_file: Option<PathBuf>,
+    /// Whether the connection may leave this machine without encryption.
+    pub allows_plain: bool,
+}
+
+/// A broker to which a connection can be made, with everything that it needs from files.
+#[derive(Clone)]
+pub struct Server {
+    servers: Vec<ServerAddr>,
+    ca_file: Option<PathBuf>,
+    credentials: Option<Credentials>,
+    is_encrypted: bool,
+}
+
+#[derive(Clone)]
+enum Credentials {
+    /// The text of a `.creds` file.
+    Nats(String),
+    User { name: String, password: String },
+}
+
+impl std::fmt::Debug for Server {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Server").field("servers", &self.servers).finish_non_exhaustive()
+    }
+}
+
+impl Server {
+    /// Reads what `access` names, and checks it.
+    ///
+    /// # Errors
+    /// An address that is none, files that cannot be read or that others can read, and a connection that would leave this machine
+    /// without encryption.
+    pub fn new(access: &Access) -> Result<Self> {
+        let servers: Vec<ServerAddr> = access.servers.split(',').map(address).collect::<Result<_>>()?;
+        let tls_count = servers.iter().filter(|server| server.tls_required()).count();
+        ensure!(tls_count == 0 || tls_count == servers.len(), "{}: some are tls:// and some are not", access.servers);
+        let is_encrypted = access.ca_file.is_some() || tls_count > 0;
+        if let Some(open) = servers.iter().find(|server| !is_this_machine(server.host()))
+            && !is_encrypted
+            && !access.allows_plain
+        {
+            bail!(
+                "{}: what is sent leaves this machine, unencrypted: give tls://{}:{} or --ca-file FILE for TLS, or --allow-plain",
+                shown(open),
+                open.host(),
+                open.port()
+            );
+        }
+        if let Some(file) = &access.ca_file {
+            fs::File::open(file).with_context(|| format!("cannot read the certificates in {}", file.display()))?;
+        }
+        let credentials = access.credentials_file.as_deref().map(Credentials::read).transpose()?;
+        Ok(Self { servers, ca_file: access.ca_file.clone(), credentials, is_encrypted })
+    }
+
+    /// The broker's addresses, without what is secret in them.
+    pub(crate) fn shown(&self) -> String {
+        self.servers.iter().map(shown).collect::<Vec<_>>().join(",")
+    }
+
+    /// Connects as `name`.
+    pub(crate) async fn connect(&self, name: &str) -> Result<async_nats::Client> {
+        let mut options = ConnectOptions::new()
+            .name(name)
+            .connection_timeout(CONNECT_WITHIN)
+            .request_timeout(Some(ANSWER_WITHIN))
+            .require_tls(self.is_encrypted);
+        if let Some(file) = &self.ca_file {
+            options = options.add_root_certificates(file.clone());
+        }
+        options = match &self.credentials {
+            Some(Credentials::Nats(text)) => options.credentials(text).context("the credentials cannot be used")?,
+            Some(Credentials::User { name, password }) => options.user_and_password(name.clone(), password.clone()),
+            None => options,
+        };
+        options.connect(&self.servers).await.with_context(|| format!("no connection to {}", self.shown()))
+    }
+}
+
+impl Credentials {
+    fn read(file: &Path) -> Result<Self> {
+        let shown = file.display();
+        let context = || format!("cannot read the credentials in {shown}");
+        let there = fs::metadata(file).with_context(context)?;
+        ensure!(there.mode() & 0o007 == 0, "every user of this machine can read {shown}: chmod 600 {shown}");
+        ensure!(
+            there.len() <= CREDENTIALS_BYTES_MAX,
+            "{shown} has {} bytes: credentials have {CREDENTIALS_BYTES_MAX} at most",
+            there.len()
+        );
+        let text = fs::read_to_string(file).with_context(context)?;
+        if text.contains(NATS_CREDENTIALS) {
+            return Ok(Self::Nats(text));
+        }
+        match text.lines().collect::<Vec<_>>().as_slice() {
+            [name, password] if !name.is_empty() && !password.is_empty() => {
+                Ok(Self::User { name: (*name).to_owned(), password: (*password).to_owned() })
+            }
+            lines => bail!(
+                "{shown} has {} lines: it must be a .creds file of NATS, or have two lines, user and password",
+                lines.len()
+            ),
+        }
+    }
+}
+
+fn address(text: &str) -> Result<ServerAddr> {
+    let expected = || format!("{text:?} is no address of a server: must be nats://HOST:PORT or tls://HOST:PORT");
+    let server: ServerAddr = text.trim().parse().ok().with_context(expected)?;
+    ensure!(["nats", "tls"].contains(&server.scheme()) && !server.host().is_empty(), expected());
+    ensure!(
+        server.username().is_none() && server.password().is_none(),
+        "{}: a password in an address can be seen by others: give --credentials-file FILE",
+        shown(&server)
+    );
+    Ok(server)
+}
+
+fn shown(server: &ServerAddr) -> String {
+    format!("{}://{}:{}", server.scheme(), server.host(), server.port())
+}
+
+/// Whether `host` is this machine, by an address of the loopback or by the one name that always leads there.
+fn is_this_machine(host: &str) -> bool {
+    let address = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
+    host == "localhost" || address.is_ok_and(|address| address.is_loopback())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    use super::*;
+
+    fn outcome(access: &Access) -> String {
+        Server::new(access).map_or_else(|error| format!("{error:#}"), |server| server.shown())
+    }
+
+    /// Catches a connection that others can read without having been asked for, and an address that hides a password.
+    #[test]
+    fn a_connection_that_leaves_the_machine_is_encrypted() {
+        let at = |servers: &str| Access { servers: servers.to_owned(), ..Access::default() };
+        for (servers, expected) in [
+            ("127.0.0.1:4222", "nats://127.0.0.1:4222"),
+            ("nats://localhost:1,nats://[::1]:2", "nats://localhost:1,nats://[::1]:2"),
+            ("tls://centre:4222", "tls://centre:4222"),
+            ("nats://centre:4222", "nats://centre:4222: what is sent leaves this machine, unencrypted"),
+            ("nats://127.0.0.1:1,nats://10.0.0.1:2", "nats://10.0.0.1:2: what is sent leaves"),
+            ("tls://a:1,nats://127.0.0.1:2", "some are tls:// and some are not"),
+            ("http://centre", "no address of a server"),
+            ("", "no address of a server"),
+            ("nats://me:secret@127.0.0.1:1", "a password in an address"),
+        ] {
+            let outcome = outcome(&at(servers));
+            assert!(outcome.contains(expected) && !outcome.contains("secret"), "{servers}: {outcome}");
+        }
+        let plain = Access { allows_plain: true, ..at("nats://centre:4222") };
+        assert_eq!(outcome(&plain), "nats://centre:4222");
+        let no_file = Access { ca_file: Some("/nowhere/ca.pem".into()), ..at("nats://centre:4222") };
+        assert!(outcome(&no_file).contains("/nowhere/ca.pem"));
+    }
+
+    /// Catches a password that others can read, and a file without one.
+    #[test]
+    fn credentials_are_of_their_user_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("user");
+        let read = |text: &str, mode| {
+            fs::write(&file, text).unwrap();
+            fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
+            outcome(&Access {
+                servers: "127.0.0.1:1".into(),
+                credentials_file: Some(file.clone()),
+                ..Access::default()
+            })
+        };
+        assert_eq!(read("line\nsecret\n", 0o600), "nats://127.0.0.1:1");
+        assert_eq!(read("-----BEGIN NATS USER JWT-----\nx\n", 0o640), "nats://127.0.0.1:1");
+        for (text, mode, why) in [("line\nsecret\n", 0o604, "every user"), ("line\n", 0o600, "1 lines"), ("\nx\n", 0o600, "two")] {
+            assert!(read(text, mode).contains(why), "{text:?}");
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! Tries again after any trouble, and says each once.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::{Context as _, Error, Result};
+
+/// Time until the next attempt after a trouble: at first, and at most.
+const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(10));
+
+/// How often it is looked whether to stop.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// When to end.
+#[derive(Debug, Clone)]
+pub struct Until {
+    /// Ends when this is set.
+    pub stop: Arc<AtomicBool>,
+    /// Ends also when there is nothing left to do.
+    pub is_once: bool,
+}
+
+impl Until {
+    pub(crate) fn is_over(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Waits for `time`, or until it is over.
+    pub(crate) async fn wait(&self, time: Duration) {
+        drop(tokio::time::timeout(time, self.over()).await);
+    }
+
+    /// Waits until it is over.
+    pub(crate) async fn over(&self) {
+        while !self.is_over() {
+            tokio::time::sleep(LOOK_EVERY).await;
+        }
+    }
+}
+
+/// The trouble that lasts, so that each is logged once, and its end.
+#[derive(Debug, Default)]
+pub(crate) struct Trouble(Option<String>);
+
+impl Trouble {
+    pub(crate) fn begins(&mut self, error: &Error) {
+        let text = format!("{error:#}");
+        match self.0.as_ref() == Some(&text) {
+            true => tracing::debug!("{text}"),
+            false => tracing::warn!("{text}"),
+        }
+        self.0 = Some(text);
+    }
+
+    pub(crate) fn ends(&mut self) {
+        if let Some(text) = self.0.take() {
+            tracing::warn!("over: {text}");
+        }
+    }
+}
+
+/// Runs `work`, one attempt after the other, each with a connection of its own, until one is done or it is over. An attempt calls
+/// [`Trouble::ends`] when it has got on.
+pub(crate) fn run(until: &Until, mut work: impl AsyncFnMut(&mut Trouble) -> Result<()>) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().context("cannot start a runtime")?;
+    runtime.block_on(async {
+        let mut trouble = Trouble::default();
+        let mut again_after = AGAIN_AFTER.0;
+        loop {
+            let attempt = tokio::select! {
+                attempt = work(&mut trouble) => attempt,
+                () = until.over() => return Ok(()),
+            };
+            let Err(error) = attempt else { return Ok(()) };
+            let is_new = trouble.0.is_none();
+            again_after = if is_new { AGAIN_AFTER.0 } else { (again_after * 2).min(AGAIN_AFTER.1) };
+            trouble.begins(&error);
+            until.wait(again_after).await;
+        }
+    })
+}
