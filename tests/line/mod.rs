@@ -80,7 +80,7 @@ fn assert_made(verdict: &Value, made: &BTreeMap<String, Contents>) {
 }
 
 /// Two stations, with casings of 50 taps.
-fn slow_plant(sandbox: &Sandbox, casings_each: u32, taps_per_s: f64, more: &str) {
+pub(crate) fn slow_plant(sandbox: &Sandbox, casings_each: u32, taps_per_s: f64, more: &str) {
     let station = |n: u32| format!("[[station]]\nnumber = {n}\nsource = \"simulated\"\ncasings = {casings_each}\n");
     let head = format!("{SCAN}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = {taps_per_s}\n{more}\n");
     sandbox.write("plant.toml", &format!("{head}{}{}", station(1), station(2)));

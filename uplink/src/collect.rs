@@ -97,9 +97,11 @@ impl Collecting<'_> {
     /// Puts the drafts in their places for which this collector has given the receipt, and removes the others.
     async fn recover(&mut self, tell: &mut impl FnMut(Collected)) -> Result<()> {
         for file in self.folder.drafts()? {
-            let receipt = self.broker.receipt(&file).await?.filter(|receipt| {
-                receipt.collector == self.folder.name && receipt.fate == Fate::Received
-            });
+            let receipt = self
+                .broker
+                .receipt(&file)
+                .await?
+                .filter(|receipt| receipt.collector == self.folder.name && receipt.fate == Fate::Received);
             match receipt {
                 Some(receipt) => self.place(file, receipt, tell).await?,
                 None => self.folder.discard(&file),
@@ -150,8 +152,12 @@ impl Collecting<'_> {
             return self.broker.remove(&file).await;
         }
         let digest = info.digest.clone().with_context(|| format!("the broker gives no digest of {file}"))?;
-        let receipt =
-            |fate| Receipt { digest: digest.clone(), bytes: info.size as u64, collector: self.folder.name.clone(), fate };
+        let receipt = |fate| Receipt {
+            digest: digest.clone(),
+            bytes: info.size as u64,
+            collector: self.folder.name.clone(),
+            fate,
+        };
         match digest_of(&self.folder.place(&file))? {
             Some((there, _)) if there == digest => self.give(file, receipt(Fate::Received), tell).await,
             Some(_) => {
@@ -175,7 +181,9 @@ impl Collecting<'_> {
                 let (check, draft) = (self.check, self.folder.draft(&file));
                 let fate = match tokio::task::spawn_blocking(move || check(&draft)).await? {
                     Ok(()) => Fate::Received,
-                    Err(error) => Fate::Refused(format!("{error:#}").replace(&self.folder.draft(&file).display().to_string(), "it")),
+                    Err(error) => Fate::Refused(
+                        format!("{error:#}").replace(&self.folder.draft(&file).display().to_string(), "it"),
+                    ),
                 };
                 self.give(file, receipt(fate), tell).await
             }

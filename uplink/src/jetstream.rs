@@ -45,7 +45,9 @@ impl JetStream {
         let client = server.connect(name).await?;
         let mut context = jetstream::new(client);
         context.set_timeout(ANSWER_WITHIN);
-        Self::open(context, bucket).await.with_context(|| format!("cannot use the bucket {bucket} of {}", server.shown()))
+        Self::open(context, bucket)
+            .await
+            .with_context(|| format!("cannot use the bucket {bucket} of {}", server.shown()))
     }
 
     async fn open(context: Context, bucket: &str) -> Result<Self> {
@@ -160,8 +162,7 @@ fn is_announced(error: &PublishError) -> bool {
 
 impl Carrier for JetStream {
     async fn publish(&self, file: &CasingFile, path: &Path) -> Result<String> {
-        let mut bytes =
-            tokio::fs::File::open(path).await.with_context(|| format!("cannot read {}", path.display()))?;
+        let mut bytes = tokio::fs::File::open(path).await.with_context(|| format!("cannot read {}", path.display()))?;
         let put = self.objects.put(file.as_str(), &mut bytes).await;
         let info = put.with_context(|| format!("the broker does not keep {file}"))?;
         let Some(digest) = info.digest else { bail!("the broker gives no digest of {file}") };

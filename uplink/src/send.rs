@@ -115,7 +115,9 @@ impl Sending<'_> {
             let mut unsent = Vec::new();
             for (path, file, receipt) in self.receipts(broker, &open).await? {
                 match receipt {
-                    Some(receipt) if !self.is_again(broker, &file, &receipt).await? => self.settle(path, file, receipt, tell),
+                    Some(receipt) if !self.is_again(broker, &file, &receipt).await? => {
+                        self.settle(path, file, receipt, tell)
+                    }
                     _ => unsent.push((path, file)),
                 }
             }
@@ -124,6 +126,9 @@ impl Sending<'_> {
                 self.put(broker, path, &file).await?;
             }
             trouble.ends();
+            if until.is_over() {
+                return Ok(());
+            }
             if until.is_once && open.iter().all(|path| self.is_settled(path)) {
                 return Ok(());
             }

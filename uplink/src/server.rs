@@ -47,7 +47,10 @@ pub struct Server {
 enum Credentials {
     /// The text of a `.creds` file.
     Nats(String),
-    User { name: String, password: String },
+    User {
+        name: String,
+        password: String,
+    },
 }
 
 impl std::fmt::Debug for Server {
@@ -208,7 +211,9 @@ mod tests {
         };
         assert_eq!(read("line\nsecret\n", 0o600), "nats://127.0.0.1:1");
         assert_eq!(read("-----BEGIN NATS USER JWT-----\nx\n", 0o640), "nats://127.0.0.1:1");
-        for (text, mode, why) in [("line\nsecret\n", 0o604, "every user"), ("line\n", 0o600, "1 lines"), ("\nx\n", 0o600, "two")] {
+        for (text, mode, why) in
+            [("line\nsecret\n", 0o604, "every user"), ("line\n", 0o600, "1 lines"), ("\nx\n", 0o600, "two")]
+        {
             assert!(read(text, mode).contains(why), "{text:?}");
         }
     }

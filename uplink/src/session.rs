@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context as _, Error, Result};
+use tapline_host::messages::with_causes;
 
 /// Time until the next attempt after a trouble: at first, and at most.
 const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(10));
@@ -45,7 +46,7 @@ pub(crate) struct Trouble(Option<String>);
 
 impl Trouble {
     pub(crate) fn begins(&mut self, error: &Error) {
-        let text = format!("{error:#}");
+        let text = with_causes(error.as_ref());
         match self.0.as_ref() == Some(&text) {
             true => tracing::debug!("{text}"),
             false => tracing::warn!("{text}"),
@@ -61,9 +62,10 @@ impl Trouble {
 }
 
 /// Runs `work`, one attempt after the other, each with a connection of its own, until one is done or it is over. An attempt calls
-/// [`Trouble::ends`] when it has got on.
+/// [`Trouble::ends`] when it has got on, and looks itself whether it is over wherever it may go round without waiting for anything.
 pub(crate) fn run(until: &Until, mut work: impl AsyncFnMut(&mut Trouble) -> Result<()>) -> Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().context("cannot start a runtime")?;
+    let runtime =
+        tokio::runtime::Builder::new_current_thread().enable_all().build().context("cannot start a runtime")?;
     runtime.block_on(async {
         let mut trouble = Trouble::default();
         let mut again_after = AGAIN_AFTER.0;

@@ -1,0 +1,86 @@
+//! Files that a centre does not take, and connections that are not made.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use std::process::Command;
+
+use tapline_testing::program::Done;
+
+use crate::sandbox::Sandbox;
+use crate::sandbox::archives::bend;
+use crate::sandbox::nats::NatsServer;
+use crate::sandbox::running::Running;
+use crate::uplink::{files, made};
+
+/// Catches a damaged file that counts as received, one that replaces another of its name, and a refusal that nobody hears of or that
+/// cannot be taken back.
+#[test]
+fn a_file_that_is_not_whole_or_not_the_same_is_refused() {
+    let sandbox = Sandbox::new();
+    let Some(server) = NatsServer::start(&sandbox, "") else { return };
+    let made = made(&sandbox, 3);
+    bend(&sandbox.path("made/C2.h5"), "taps/header", 9 * 8);
+    fs::create_dir_all(sandbox.path("centre/a")).unwrap();
+    fs::copy(sandbox.path("made/C1.h5"), sandbox.path("centre/a/C3.h5")).unwrap();
+    let to = format!("uplink made --to {} --site a --once --json", server.address);
+    let collector = Running::start(&sandbox, &format!("collect centre --from {}", server.address));
+    let done = sandbox.run(&to).expect(3);
+    let lines: Vec<serde_json::Value> = done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let of = |name: &str| lines.iter().find(|line| line["name"] == name).unwrap();
+    assert_eq!((&of("a/C1.h5")["kind"], &of("a/C1.h5")["why"]), (&"received".into(), &serde_json::Value::Null));
+    for (name, why) in [("a/C2.h5", "the seal does not fit"), ("a/C3.h5", "another file of this name")] {
+        assert_eq!(of(name)["kind"], "refused");
+        assert!(of(name)["why"].as_str().unwrap().contains(why), "{}", of(name));
+    }
+    assert!(done.err.contains("ERROR made/C2.h5 is not taken by the centre"), "{}", done.err);
+
+    // Told again, but not sent again, unless it is asked for.
+    fs::write(sandbox.path("made/C2.h5"), &made[Path::new("C2.h5")]).unwrap();
+    fs::remove_file(sandbox.path("centre/a/C3.h5")).unwrap();
+    assert_eq!(sandbox.run(&to).expect(3).out.matches("\"refused\"").count(), 2);
+    assert_eq!(sandbox.run(&format!("{to} --again")).expect(0).out.matches("\"received\"").count(), 3);
+    assert!(files(&sandbox.path("centre/a")) == made);
+    let done = collector.interrupt().expect(3);
+    assert_eq!((done.out.matches("received ").count(), done.out.matches("REFUSED ").count()), (3, 2), "{}", done.out);
+    let none = sandbox.run(&format!("uplink nowhere --to {} --site a", server.address)).expect(1);
+    assert!(none.err.contains("nowhere is no folder"), "{}", none.err);
+}
+
+/// Catches a connection that is not encrypted, one to a server for which nobody vouches, and a password that is not sent.
+#[test]
+fn the_server_must_be_vouched_for_and_knows_who_connects() {
+    let Some(python) = tapline_testing::python_with("cryptography") else { return };
+    let sandbox = Sandbox::new();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/line/wires/certificates.py");
+    Done::from(Command::new(python).arg(script).arg(sandbox.path("")).output().unwrap()).expect(0);
+    let file = |name: &str| sandbox.path(name).display().to_string();
+    let more = format!(
+        "tls {{ cert_file: \"{}\", key_file: \"{}\" }}\nauthorization {{ user: press-1, password: \"secret word\" }}",
+        file("server.pem"),
+        file("server.key")
+    );
+    let Some(server) = NatsServer::start(&sandbox, &more) else { return };
+    let made = made(&sandbox, 1);
+    for (name, text) in [("user", "press-1\nsecret word\n"), ("stranger", "press-1\nwrong\n")] {
+        sandbox.write(name, text);
+        fs::set_permissions(sandbox.path(name), fs::Permissions::from_mode(0o600)).unwrap();
+    }
+    let collect = |more: &str| Running::start(&sandbox, &format!("collect centre --from {} {more}", server.address));
+    for (more, why) in [
+        ("--ca-file other.pem --credentials-file user", "certificate"),
+        ("--ca-file ca.pem --credentials-file stranger", "authorization violation"),
+        ("--ca-file ca.pem", "authorization violation"),
+    ] {
+        let mut collector = collect(more);
+        collector.wait_for_log(&["no connection to nats://127.0.0.1", why]);
+        drop(collector.interrupt());
+    }
+    let access = "--ca-file ca.pem --credentials-file user";
+    let collector = collect(access);
+    sandbox.run(&format!("uplink made --to {} --site a --once {access}", server.address)).expect(0);
+    assert!(files(&sandbox.path("centre/a")) == made);
+    drop(collector.interrupt().expect(0));
+    let plain = sandbox.run("uplink made --to nats://10.0.0.1:4222 --site a").expect(1);
+    assert!(plain.err.contains("leaves this machine, unencrypted"), "{}", plain.err);
+}
