@@ -30,7 +30,7 @@ setup:
 # What tests read files and pages back with, Python's part in a folder of its own. With TAPLINE_REQUIRE_ALL=1 no test is skipped.
 PYTHON = target/python/bin/python
 python: setup
-	$(call install,chromium mosquitto mosquitto-clients)
+	$(call install,chromium iproute2 mosquitto mosquitto-clients)
 	@test -x $(PYTHON) || python3 -m venv target/python
 	@$(PYTHON) -m pip install -q --disable-pip-version-check -r tests/python.txt
 

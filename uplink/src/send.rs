@@ -110,7 +110,9 @@ impl Sending<'_> {
                 self.files.retain(|_, state| matches!(state, State::Waits { .. }));
                 self.reconciled = Instant::now();
             }
+            let since = Instant::now();
             let paths = finished()?;
+            let listed_in = since.elapsed();
             let open: Vec<PathBuf> = paths.into_iter().filter(|path| !self.is_settled(path)).collect();
             let mut unsent = Vec::new();
             for (path, file, receipt) in self.receipts(broker, &open).await? {
@@ -133,7 +135,8 @@ impl Sending<'_> {
                 return Ok(());
             }
             let is_busy = self.files.values().any(|state| matches!(state, State::Waits { .. }));
-            until.wait(if is_busy { LOOK_EVERY.0 } else { LOOK_EVERY.1 }).await;
+            // A folder of years may take long to list: a twentieth of the time at most goes into that.
+            until.wait(if is_busy { LOOK_EVERY.0 } else { LOOK_EVERY.1 }.max(20 * listed_in)).await;
         }
     }
 

@@ -1,0 +1,41 @@
+//! What many lines take: unit costs of this machine, how they grow, and what 1 to 100 000 lines need by them. Writes `docs/scale.md`.
+//!
+//! Needs the built program (`cargo build --release -p tapline`), and `nats-server` for the way to a centre; without it that
+//! part stays out.
+//!
+//! - `costs`: what a tap costs at each step, beside how many casings, stations and archives there are
+//! - `sizes`: what so many lines need
+//! - `outages`: whether stations' disks suffice while networks and centres are away
+#![expect(clippy::print_stdout, reason = "the page is what this program is for")]
+
+mod costs;
+mod outages;
+mod sizes;
+
+use std::fmt::Write as _;
+use std::fs;
+
+use anyhow::Result;
+use tapline_bench::root;
+
+use crate::costs::Costs;
+use crate::outages::{Outages, Plant};
+
+fn main() -> Result<()> {
+    let costs = Costs::measure()?;
+    let mut page = String::from(
+        "# From one line to a hundred thousand\n\n`cargo build --release -p tapline && cargo bench -p tapline-bench --bench scale` \
+         measures what a tap costs on this machine, computes from it what many lines need, and writes this page. Processor times \
+         contain the simulation of the taps, which a rig does for nothing.\n\n",
+    );
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let date = jiff::Zoned::now().strftime("%Y-%m-%d");
+    writeln!(page, "Measured on {date} on {cores} shared cores; medians of {} rounds.\n", costs::ROUNDS)?;
+    page.push_str(&costs.text()?);
+    page.push_str(&sizes::text(&costs)?);
+    let plant = Plant { stations: 1000, bytes_per_s: costs.bytes_per_tap * sizes::TAPS_PER_S, headroom: 2.0 };
+    page.push_str(&outages::text(&plant, &Outages::default())?);
+    println!("{page}");
+    fs::write(root().join("docs/scale.md"), page)?;
+    Ok(())
+}
