@@ -299,14 +299,14 @@ impl Ear {
         self.lost(&mut trigger, 1);
         let mut force = Vec::new();
         while !self.is_stopped.load(Ordering::Relaxed) {
-            let outcome = device.read(&mut |chunk| match chunk {
+            let outcome = device.read(&mut |chunk, behind| match chunk {
                 Chunk::Lost(frames) => {
                     let text = format!("{} has lost about {frames} samples; a tap in them is not there", self.device);
                     tracing::error!("{text}");
                     self.state().alarm(&text);
                     self.lost(&mut trigger, frames);
                 }
-                chunk => self.hear(&mut trigger, chunk, &mut force),
+                chunk => self.hear(&mut trigger, chunk, behind, &mut force),
             });
             if let Err(why) = outcome {
                 return why;
@@ -327,7 +327,8 @@ impl Ear {
         trigger.skip(frames);
     }
 
-    fn hear(&self, trigger: &mut Trigger, chunk: Chunk<'_>, force: &mut Vec<f32>) {
+    /// Takes a piece of the stream, `behind` which so many frames have come already.
+    fn hear(&self, trigger: &mut Trigger, chunk: Chunk<'_>, behind: u64, force: &mut Vec<f32>) {
         let (width, picked) = (usize::from(self.config.channels), self.config.picked());
         let mut state = self.state();
         force.clear();
@@ -347,7 +348,7 @@ impl Ear {
         let (end_ns, end_at) = (now_ns(), Instant::now());
         trigger.set_level(state.level);
         trigger.push(force, |crossing| {
-            let ago_s = (end as f64 - crossing.time_samples) / f64::from(self.config.sample_rate_hz);
+            let ago_s = ((end + behind) as f64 - crossing.time_samples) / f64::from(self.config.sample_rate_hz);
             let time_ns = end_ns - (ago_s * 1e9) as i64;
             let ago = Duration::try_from_secs_f64(ago_s).unwrap_or_default();
             let at = end_at.checked_sub(ago).unwrap_or(end_at);

@@ -234,6 +234,7 @@ impl RigCasing {
         if self.heard == Some(tap) && self.struck.poll(tap.0, tap.1) == Readiness::Ready {
             return Readiness::Ready;
         }
+        // Without a tolerance: whatever holds samples up makes a tap seem later than it was, never earlier.
         let stray = ear.forget_before(hit.sent);
         if stray > 0 {
             tracing::warn!(stray, "taps were heard that the rig was not asked for");

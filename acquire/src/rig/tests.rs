@@ -546,6 +546,29 @@ fn a_tap_in_a_gap_is_made_again() {
 }
 
 #[test]
+fn a_pulse_from_before_the_command_is_not_its_tap() {
+    // Catches a stray pulse between move and hit that is taken for the tap: one that is heard at once, and one whose samples were
+    // read late, when the rig had been told to hit.
+    let (bench, cable, mut rig, mut casing) = heard_bench();
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    cable.play([Step::Frames(frames(1000..3000, &[2000]))]);
+    // Half a second of samples waits behind those with the stray pulse.
+    strike(&mut rig, || cable.play([Step::Late(frames(3000..5000, &[4000]), 20_480)]));
+    let since = Instant::now();
+    while bench.arrivals.waits_for() != "its hit to be heard" {
+        assert!(since.elapsed() < LONG, "no hit; {}", bench.arrivals.waits_for());
+        bench.pause();
+    }
+    assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet, "a stray pulse was taken");
+    cable.play([Step::Frames(frames(5000..7000, &[6000]))]);
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    let mut samples = vec![CacheLine::default(); cache_lines_for(config(16).recording().payload_bytes_max())];
+    casing.taps.render(0, 0, &mut TapHeader::default(), &mut samples).unwrap();
+    assert_eq!(frames_of(&mut samples, 16), record(6000));
+}
+
+#[test]
 fn no_hit_is_asked_for_while_the_device_is_not_heard() {
     // Catches a rig that hits while nobody listens, and one that is not told to go on.
     let (bench, cable, mut rig, mut casing) = heard_bench();
