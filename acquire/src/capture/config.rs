@@ -143,7 +143,9 @@ impl CaptureConfig {
     /// Frames that the ring keeps: a few records at least.
     pub(super) fn buffer_frames(&self) -> usize {
         let of_time = (self.buffer_s * f64::from(self.sample_rate_hz)) as usize;
-        of_time.max(4 * self.sample_count as usize)
+        // A tap waits for the end of its hold-off before it can be taken.
+        let of_hold_off = (self.trigger.hold_off_s * f64::from(self.sample_rate_hz)) as usize;
+        of_time.max(4 * self.sample_count as usize) + of_hold_off
     }
 }
 

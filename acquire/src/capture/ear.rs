@@ -38,6 +38,8 @@ pub(crate) struct HeardTap {
     pub(crate) time_ns: i64,
     /// The same by a clock that nobody sets.
     at: Instant,
+    /// Whether another pulse came behind its record and within its hold-off.
+    is_struck_again: bool,
 }
 
 /// What a station hears.
@@ -194,10 +196,10 @@ impl Ear {
         before - state.taps.len() - state.begun.len()
     }
 
-    /// How many taps were heard and not taken, with those whose records are not whole yet.
-    pub(crate) fn tap_count(&self) -> usize {
+    /// How many strikes were heard whose taps were not taken, with those whose records are not whole yet.
+    pub(crate) fn strike_count(&self) -> usize {
         let state = self.state();
-        state.taps.len() + state.begun.len()
+        state.taps.iter().chain(&state.begun).map(|tap| 1 + usize::from(tap.is_struck_again)).sum()
     }
 
     /// Copies the record of `tap` into `buffer`, channel by channel; `false` where it is not there any more.
@@ -217,6 +219,11 @@ impl Ear {
     /// Number of the first frame of the record of `tap`.
     fn first_frame(&self, tap: HeardTap) -> u64 {
         tap.crossing.sample.saturating_sub(self.config.pre_trigger_samples.into())
+    }
+
+    /// Number of the frame behind the record of `tap`.
+    fn end_frame(&self, tap: HeardTap) -> u64 {
+        self.first_frame(tap) + u64::from(self.config.sample_count)
     }
 
     /// Whether all of the record of `tap` is among `samples`.
@@ -352,12 +359,25 @@ impl Ear {
             let time_ns = end_ns - (ago_s * 1e9) as i64;
             let ago = Duration::try_from_secs_f64(ago_s).unwrap_or_default();
             let at = end_at.checked_sub(ago).unwrap_or(end_at);
-            state.begun.push_back(HeardTap { crossing, time_ns, at });
+            state.begun.push_back(HeardTap { crossing, time_ns, at, is_struck_again: false });
         });
+        for &second in trigger.seconds() {
+            // In the record it is the tap's: processing tells a double hit.
+            let is_behind = |tap: &HeardTap| self.end_frame(*tap) <= second;
+            let tap = state.begun.iter_mut().rfind(|tap| tap.crossing.sample < second).filter(|tap| is_behind(tap));
+            if let Some(tap) = tap {
+                tap.is_struck_again = true;
+                let after_s = (second - tap.crossing.sample) as f64 / f64::from(self.config.sample_rate_hz);
+                tracing::warn!("{} was struck again {after_s:.3} s after a tap, within its hold-off", self.device);
+            }
+        }
         state.not_taps = trigger.not_taps();
+        // A crossing comes no later than a longest pulse after its tap begins.
+        let hold_off = trigger.hold_off_samples() + trigger.delay_samples() as u64;
         let mut is_news = false;
         while let Some(&tap) = state.begun.front() {
-            if self.first_frame(tap) + u64::from(self.config.sample_count) > end {
+            // Until the hold-off is over a second strike may come.
+            if self.end_frame(tap).max(tap.crossing.sample + hold_off) > end {
                 break;
             }
             state.begun.pop_front();

@@ -241,7 +241,7 @@ impl RigCasing {
         }
         let record = ear.config().record_time();
         let waited = hit.at.elapsed();
-        let fault = match ear.tap_count() {
+        let fault = match ear.strike_count() {
             0 if waited > HEARD_WITHIN + record => {
                 let before = self.unheard.map_or(0, |(count, _)| count);
                 self.unheard = Some((before.saturating_add(1), Instant::now()));

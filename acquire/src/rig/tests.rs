@@ -13,7 +13,8 @@ use tapline_wire::{cache_lines_for, now_ns};
 
 use super::*;
 use crate::TyreConfig;
-use crate::capture::fake::{Cable, Step, config, frames, frames_of, record};
+use crate::capture::TriggerConfig;
+use crate::capture::fake::{Cable, PRE, RECORD, Step, config, frames, frames_of, record};
 use crate::source::unknown_name;
 
 /// Far longer than anything here takes.
@@ -504,8 +505,12 @@ fn a_rig_that_is_stopped_makes_its_taps_when_it_goes_on() {
 
 /// A station that hears its rig through a cable, and a rig whose casing it has taken over.
 fn heard_bench() -> (Bench, Cable, ByHand, Casing) {
+    heard_bench_of(&config(16))
+}
+
+fn heard_bench_of(config: &CaptureConfig) -> (Bench, Cable, ByHand, Casing) {
     let (listener, mut bench) = by_hand(30.0);
-    let cable = Cable::new(&config(16));
+    let cable = Cable::new(config);
     bench.arrivals.ear = Some(Arc::clone(&cable.ear));
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig 1\ncasing T\n");
@@ -566,6 +571,34 @@ fn a_pulse_from_before_the_command_is_not_its_tap() {
     let mut samples = vec![CacheLine::default(); cache_lines_for(config(16).recording().payload_bytes_max())];
     casing.taps.render(0, 0, &mut TapHeader::default(), &mut samples).unwrap();
     assert_eq!(frames_of(&mut samples, 16), record(6000));
+}
+
+#[test]
+fn a_second_strike_within_the_hold_off_is_told() {
+    // Catches a rig that hits twice, the second time behind the record, and whose tap is taken as if it had hit once; and a
+    // rebound within the record, or a click behind it, that is taken for a second strike.
+    let config = CaptureConfig { trigger: TriggerConfig { hold_off_s: 0.03, ..config(16).trigger }, ..config(16) };
+    let (bench, cable, mut rig, mut casing) = heard_bench_of(&config);
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    // The record of a tap ends 300 frames after it, its hold-off after 1229.
+    strike(&mut rig, || cable.play([Step::Frames(frames(1000..4000, &[1500, 2300]))]));
+    let again = thread::Builder::new().name("rig".to_owned()).spawn(move || {
+        assert_eq!(rig.hear(), "move 1 0 0 5");
+        let mut once = frames(4000..7000, &[4500, 4700]);
+        once[1000][0] = 8000;
+        strike(&mut rig, || cable.play([Step::Frames(once)]));
+        (rig, cable)
+    });
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    let mut samples = vec![CacheLine::default(); cache_lines_for(config.recording().payload_bytes_max())];
+    casing.taps.render(0, 0, &mut TapHeader::default(), &mut samples).unwrap();
+    let first = 4501 - PRE;
+    assert_eq!(frames_of(&mut samples, 16), frames(first..first + RECORD, &[4500, 4700]));
+    let (_rig, _cable) = again.unwrap().join().unwrap();
+    let mut bench = bench;
+    let told = "casing T: the rig was told to hit once, and was heard more than once";
+    assert_eq!(bench.arrivals.take_alarms(), [told]);
 }
 
 #[test]
