@@ -481,6 +481,51 @@ fn a_hit_that_is_not_answered_is_an_alarm() {
 }
 
 #[test]
+fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
+    // Catches a rig that connects anew and homes, and does not move, or does not home: for ever, and nobody is told; an alarm
+    // for each time, and one of a rig that answers in between.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let mut bench = Bench::new(address, 30.0, 0);
+    let mut alarms = Vec::new();
+    let mut casing = None;
+    // Whether it answers `home` and `move` before it is gone.
+    let times =
+        [(true, false), (true, true), (true, false), (true, false), (true, false), (true, false), (false, false)];
+    for (homes, moves) in times.into_iter().chain([(false, false); 3]) {
+        let mut rig = ByHand::accept(&listener);
+        rig.say("hello rig 1\ncasing T\n");
+        assert_eq!(rig.hear(), "scan T 7");
+        let casing = casing.get_or_insert_with(|| bench.casing());
+        bench.until_told(casing, 0, "home");
+        assert_eq!(rig.hear(), "home");
+        if homes {
+            rig.say("homed\n");
+            bench.until_told(casing, 0, "move 1 0 0 5");
+        }
+        if moves {
+            assert_eq!(rig.hear(), "move 1 0 0 5");
+            rig.say("ready\n");
+            assert_eq!(rig.hear(), "hit 1.85");
+        }
+        drop(rig);
+        let since = Instant::now();
+        while !bench.arrivals.waits_for().contains("which went away") {
+            assert!(since.elapsed() < LONG, "{}", bench.arrivals.waits_for());
+            bench.pause();
+        }
+        alarms.push(bench.arrivals.take_alarms());
+    }
+    let told = |what: &str, command: &str| {
+        vec![format!("the rig does not {what}: it was told {command:?} 3 times in a row, and has not answered")]
+    };
+    let mut want = vec![Vec::new(); 10];
+    want[4] = told("move", "move 1 0 0 5");
+    want[8] = told("home", "home");
+    assert_eq!(alarms, want);
+}
+
+#[test]
 fn a_rig_that_is_stopped_makes_its_taps_when_it_goes_on() {
     // Catches a stop that is taken for a fault of the tap, and a tap that is commanded while people are at the rig.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
