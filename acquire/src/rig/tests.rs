@@ -414,7 +414,8 @@ fn scripts_have_bounds() {
 
 #[test]
 fn a_rig_at_a_serial_port_is_asked_who_it_is() {
-    // Catches a port that waits for a greeting, lines that are cut, and a rig that is gone and is not told.
+    // Catches a port that waits for a greeting, one that is opened again for noise while a board starts, which then starts again,
+    // lines that are cut, and a rig that is gone and is not told.
     use serialport::SerialPort as _;
 
     let (rig, port) = serialport::TTYPort::pair().unwrap();
@@ -423,11 +424,13 @@ fn a_rig_at_a_serial_port_is_asked_who_it_is() {
     let played = thread::Builder::new().name("rig".to_owned()).spawn(move || {
         let mut rig = rig;
         rig.set_timeout(LONG).unwrap();
+        let mut noise = rig.try_clone_native().unwrap();
         let mut lines = BufReader::new(rig.try_clone_native().unwrap()).lines();
         // Nothing can be read before the station has opened its end.
         let mut next = || lines.find_map(Result::ok).unwrap();
         let mut say = |line: &str| rig.write_all(format!("{line}\n").as_bytes()).unwrap();
         assert_eq!(next(), "hello");
+        noise.write_all(b"\xff\xfe\x80 boot\n\xc0\n").unwrap();
         say("hello press 1");
         say("casing A-1");
         assert_eq!(next(), "scan A-1 7");
