@@ -196,6 +196,12 @@ impl Ear {
         before - state.taps.len() - state.begun.len()
     }
 
+    /// Forgets the taps that wait and of whose samples some were lost since.
+    pub(crate) fn forget_lost(&self) {
+        let State { taps, samples, .. } = &mut *self.state();
+        taps.retain(|tap| self.is_whole(samples, *tap));
+    }
+
     /// How many strikes were heard whose taps were not taken, with those whose records are not whole yet.
     pub(crate) fn strike_count(&self) -> usize {
         let state = self.state();
