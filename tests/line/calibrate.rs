@@ -84,6 +84,8 @@ fn data_sheets_tell_a_scale() {
     let of = |channel: &str| (file[channel]["full_scale"].as_float().unwrap(), file[channel]["unit"].as_str().unwrap());
     assert!((of("force").0 - 5.0 / 10.0 / 0.0225).abs() < 1e-9 && (of("sound").0 - 0.05).abs() < 1e-12, "{file}");
     assert_eq!((of("force").1, of("sound").1), ("N", "V"));
+    // The range of a module is compared with it.
+    assert_eq!(file["force"]["full_scale_v"].as_float(), Some(5.0), "{file}");
     let error = state("--channel force --full-scale-v 5").expect(1).err;
     assert!(error.contains("--sensitivity-mv is missing"), "{error}");
     let error = state("--channel sound --full-scale-v 0").expect(1).err;

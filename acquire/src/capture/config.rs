@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tapline_wire::{Channel, Recording, SampleFormat};
 
-use crate::capture::TriggerConfig;
+use crate::capture::{DeviceName, TriggerConfig};
 use crate::config::calibration::CalibrationFile;
 use crate::config::refuse;
 use crate::{Error, ScanConfig};
@@ -111,6 +111,18 @@ impl CaptureConfig {
             return refuse("capture.uldaq.range_v", self.uldaq.range_v, "1 or 10");
         }
         self.trigger.validate("capture.trigger")
+    }
+
+    /// The same, and what `device` cannot give.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for the first value that it cannot have.
+    pub(crate) fn validate_for(&self, device: &DeviceName) -> Result<(), Error> {
+        self.validate()?;
+        if matches!(device, DeviceName::Uldaq(_)) && self.bits == 16 {
+            return refuse("capture.bits", self.bits, "24 or 32, as source is \"uldaq\"");
+        }
+        Ok(())
     }
 
     /// What a tap of it is.
