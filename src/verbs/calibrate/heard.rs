@@ -114,6 +114,7 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
     let mut listening = Listening::to(heard)?;
     let mut extractor = Extractor::<f64>::new(&listening.config.process)?;
     let mut peaks = Vec::new();
+    print_line(&format!("strike the sensor: {} blows are wanted", known_n.len()));
     while peaks.len() < known_n.len() {
         let Some(tap) = listening.monitor.take() else {
             listening.wait(&format!("{} of {} blows were heard", peaks.len(), known_n.len()))?;
@@ -125,7 +126,11 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
         match found.values.get(Discriminator::FMax) {
             Some(peak) if spoilt.is_empty() && (PEAK_MIN..CLIPPED).contains(&peak) => {
                 peaks.push(peak);
-                print_line(&format!("blow {}: {:.2} % of full scale", peaks.len(), 100.0 * peak));
+                let next = match known_n.len() - peaks.len() {
+                    0 => String::new(),
+                    left => format!("; strike again, {left} left"),
+                };
+                print_line(&format!("blow {}: {:.2} % of full scale{next}", peaks.len(), 100.0 * peak));
             }
             Some(peak) => print_line(&format!(
                 "not counted, strike again: {:.2} % of full scale, flags {spoilt}; it must have none, and be from {:.0} to {:.0} %",

@@ -76,7 +76,8 @@ impl SoundCard {
             return Err(format!("{name:?} is no name of a device"));
         }
         let _messages = quietly();
-        let pcm = PCM::new(name, Direction::Capture, false).map_err(|e| fault("it cannot be opened", e))?;
+        let pcm = PCM::new(name, Direction::Capture, false)
+            .map_err(|e| fault("it cannot be opened", e) + "; `tapline devices` lists those that can be listened to")?;
         let (layout, period_frames, buffer_frames) = Self::set(&pcm, config)?;
         pcm.prepare().and_then(|()| pcm.start()).map_err(|e| fault("it cannot be started", e))?;
         Ok(Self {
