@@ -7,11 +7,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CacheLine, f32_of_mut, i16_of_mut, now_ns};
+use tapline_wire::{CacheLine, now_ns};
 
 use crate::Wake;
 use crate::capture::device::{self, Chunk, Device};
-use crate::capture::ring::Ring;
+use crate::capture::ring::Samples;
 use crate::capture::{CaptureConfig, Crossing, DeviceName, NotTaps, Trigger};
 
 /// Most taps that wait to be taken.
@@ -68,28 +68,6 @@ struct State {
     not_taps: NotTaps,
 }
 
-#[derive(Debug)]
-enum Samples {
-    I16(Ring<i16>),
-    F32(Ring<f32>),
-}
-
-impl Samples {
-    fn end(&self) -> u64 {
-        match self {
-            Self::I16(ring) => ring.end(),
-            Self::F32(ring) => ring.end(),
-        }
-    }
-
-    fn has(&self, first: u64, count: usize) -> bool {
-        match self {
-            Self::I16(ring) => ring.has(first, count),
-            Self::F32(ring) => ring.has(first, count),
-        }
-    }
-}
-
 impl fmt::Debug for Ear {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Ear").field("device", &self.device).finish_non_exhaustive()
@@ -119,10 +97,7 @@ impl Ear {
         wake: Wake,
         open: impl FnMut() -> Result<Box<dyn Device>, String> + Send + 'static,
     ) -> std::io::Result<Arc<Self>> {
-        let samples = match config.bits {
-            16 => Samples::I16(Ring::new(2, config.buffer_frames())),
-            _ => Samples::F32(Ring::new(2, config.buffer_frames())),
-        };
+        let samples = Samples::new(config.bits, config.buffer_frames());
         let state = State {
             samples,
             level: config.trigger.level,
@@ -214,11 +189,7 @@ impl Ear {
         if !self.is_whole(&state.samples, tap) {
             return false;
         }
-        let first = self.first_frame(tap);
-        match &state.samples {
-            Samples::I16(ring) => ring.copy_to(first, &mut i16_of_mut(buffer)[..2 * count]),
-            Samples::F32(ring) => ring.copy_to(first, &mut f32_of_mut(buffer)[..2 * count]),
-        }
+        state.samples.copy_to(self.first_frame(tap), count, buffer);
         true
     }
 
@@ -331,10 +302,7 @@ impl Ear {
     /// Notes that `frames` were lost, and with them the taps that lie in them.
     fn lost(&self, trigger: &mut Trigger, frames: u64) {
         let mut state = self.state();
-        match &mut state.samples {
-            Samples::I16(ring) => ring.skip(frames),
-            Samples::F32(ring) => ring.skip(frames),
-        }
+        state.samples.skip(frames);
         state.begun.clear();
         state.loss_count += 1;
         trigger.skip(frames);
