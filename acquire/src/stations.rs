@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use tapline_model::SimulationConfig;
+use tapline_wire::Channel;
 
 use crate::capture::DeviceName;
 use crate::capture::by_hand::ByHand;
@@ -99,9 +100,18 @@ impl StationConfig {
     /// The table `capture` with what the samples of this station are worth.
     ///
     /// # Errors
-    /// As [`CalibrationFile::read`].
+    /// As [`CalibrationFile::read`], and [`Error::Setting`] for a calibration at another range of a module.
     pub fn heard_with(&self, capture: &CaptureConfig) -> Result<CaptureConfig, Error> {
         let calibration = self.calibration.as_deref().map(CalibrationFile::read).transpose()?.unwrap_or_default();
+        let range_v = capture.uldaq.range_v;
+        for channel in [Channel::Force, Channel::Sound].into_iter().filter(|_| self.source == StationSource::Uldaq) {
+            let kept_v = calibration.of(channel).and_then(|scale| scale.full_scale_v);
+            if let Some(kept_v) = kept_v.filter(|kept_v| (kept_v / range_v - 1.0).abs() > 1e-9) {
+                let file = self.calibration.as_deref().unwrap_or(Path::new("")).display();
+                let key = format!("{}.full_scale_v in {file}", channel.name());
+                refuse(&key, kept_v, &format!("capture.uldaq.range_v, {range_v}: calibrate again"))?;
+            }
+        }
         Ok(CaptureConfig { calibration, ..capture.clone() })
     }
 
@@ -218,11 +228,8 @@ pub fn open_station(
     let number = station.number;
     let capture = station.heard_with(capture)?;
     let device = station.device_name();
-    if device.is_some() {
-        capture.validate()?;
-    }
-    if station.source == StationSource::Uldaq && capture.bits == 16 {
-        refuse("capture.bits", capture.bits, "24 or 32, as source is \"uldaq\"")?;
+    if let Some(device) = &device {
+        capture.validate_for(device)?;
     }
     Ok(match (station.source, &station.folder, &station.rig, &device) {
         (StationSource::Folder, Some(folder), ..) => Box::new(FolderArrivals::open(folder, number)?),
@@ -249,7 +256,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::Arrival;
+    use crate::{Arrival, Monitor, UldaqConfig};
 
     #[derive(Deserialize)]
     struct Plant {
@@ -348,6 +355,40 @@ mod tests {
         let (scan, simulation) = (ScanConfig::default(), SimulationConfig::default());
         let (acquire, capture) = (AcquireConfig::default(), CaptureConfig::default());
         let error = open_station(&station, &acquire, &scan, &simulation, &capture, Arc::new(|| {})).unwrap_err();
-        assert_eq!(error.to_string(), "capture.bits is 16; it must be 24 or 32, as source is \"uldaq\"");
+        let want = "capture.bits is 16; it must be 24 or 32, as source is \"uldaq\"";
+        assert_eq!(error.to_string(), want);
+        // Who sets the station up would see silence.
+        let device = station.device_name().unwrap();
+        assert_eq!(Monitor::listen(&device, &capture, 1, Arc::new(|| {})).unwrap_err().to_string(), want);
+    }
+
+    /// Catches newtons that are ten times as many: a calibration at one range that is used at another.
+    #[test]
+    fn a_calibration_at_another_range_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("c.toml");
+        let certificate = "[force.certificate]\nmethod = \"5 blows\"\ndate = \"2026-11-24\"\n";
+        for (source, kept_v, range_v, is_refused) in [
+            ("uldaq", "full_scale_v = 10.0\n", 1.0, true),
+            ("uldaq", "full_scale_v = 10.0\n", 10.0, false),
+            ("uldaq", "", 1.0, false),
+            ("alsa", "full_scale_v = 5.0\n", 1.0, false),
+        ] {
+            std::fs::write(&file, format!("[force]\nunit = \"N\"\nfull_scale = 222.0\n{kept_v}{certificate}")).unwrap();
+            let text =
+                format!("[[station]]\nnumber = 1\nsource = {source:?}\ndevice = \"D\"\ncalibration = {file:?}\n");
+            let station = stations(&text).unwrap().remove(0);
+            let uldaq = UldaqConfig { range_v, ..UldaqConfig::default() };
+            let read = station.heard_with(&CaptureConfig { uldaq, ..CaptureConfig::default() });
+            let want = format!(
+                "force.full_scale_v in {} is 10; it must be capture.uldaq.range_v, 1: calibrate again",
+                file.display()
+            );
+            assert_eq!(
+                read.err().map(|error| error.to_string()),
+                is_refused.then_some(want),
+                "{source} {kept_v} {range_v}"
+            );
+        }
     }
 }

@@ -10,9 +10,9 @@ use tapline_wire::{CacheLine, Samples, TapHeader, cache_lines_for};
 
 use crate::error::{Error, Result};
 
-/// Locations of the example, and samples of each tap: enough to show a crack, in a megabyte or two.
-const LOCATIONS: u32 = 30;
-const SAMPLE_COUNT: u32 = 4096;
+/// Locations of the example, and samples of each tap: enough for a verdict that finds the cracks, in a megabyte.
+const LOCATIONS: u32 = 100;
+const SAMPLE_COUNT: u32 = 2048;
 
 /// Writes an example into the new or empty folder `folder`, and returns the files to import and the configuration for them.
 ///

@@ -236,7 +236,7 @@ impl List {
         }
         let bytes = out.into_inner().map_err(|error| config.refuse(error.to_string()))?;
         let text = String::from_utf8_lossy(&bytes);
-        let rows = tap_rows(&config.path, &text, config.geometry).map_err(|error| self.placed(error))?;
+        let rows = tap_rows(&config.path, &text, config.geometry).map_err(|error| self.placed(error, config))?;
         let mut records: Vec<Record> =
             self.records.into_iter().map(|(file, part)| Record { file, part, taps: Vec::new() }).collect();
         for (row, named) in rows.into_iter().zip(&self.taps) {
@@ -245,12 +245,17 @@ impl List {
         Ok(records)
     }
 
-    /// An error of the rows, at the line or the recording that they come from.
-    fn placed(&self, error: tapline_acquire::Error) -> Error {
+    /// An error of the rows, at the line or the recording that they come from, or at what is the same for all taps.
+    fn placed(&self, error: tapline_acquire::Error, config: &Config) -> Error {
         // Below the header, from 1.
         let from = |line: usize| line.checked_sub(2).and_then(|place| self.taps.get(place)).map(|tap| tap.from.clone());
         let (line, reason) = match &error {
             tapline_acquire::Error::Cell { line, column, value, bound, .. } => {
+                let tap = line.checked_sub(2).and_then(|place| self.taps.get(place));
+                let is_own = tap.is_some_and(|tap| tap.cells.get(*column).is_some_and(|cell| !cell.is_empty()));
+                if config.tap.contains_key(*column) && !is_own {
+                    return config.refuse(format!("tap.{column} is {value:?}; it must be {bound}"));
+                }
                 (*line, format!("{column} is {value:?}; it must be {bound}"))
             }
             tapline_acquire::Error::Duplicate { what, first, second, .. } => {
@@ -258,6 +263,9 @@ impl List {
                     line.map_or_else(|| file.display().to_string(), |line| format!("line {line}"))
                 });
                 (*second, format!("is {what} again, after {first}"))
+            }
+            tapline_acquire::Error::Column { column, known, .. } if config.tap.contains_key(column) => {
+                return config.refuse(format!("tap.{column} is unknown; it must be one of {known}, ..."));
             }
             tapline_acquire::Error::Column { fault, column, .. } => {
                 let place = self.taps.first().map(|tap| tap.from.0.clone()).unwrap_or_default();

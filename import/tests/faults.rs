@@ -94,7 +94,17 @@ fn faults_of_the_configuration_are_told() {
             "",
             &["A_1_0.wav: does not say which sample is the trigger: set pre_trigger_samples in"],
         ),
-        ("= 4", "= 4\ntap = { speed = 1 }", &["unknown column \"speed\""]),
+        ("= 4", "= 4\ntap = { speed = 1 }", &["import.toml: tap.speed is unknown; it must be one of file,tyre,"]),
+        (
+            "= 4",
+            "= 4\ntap = { offset_mm = \"5 mm\" }",
+            &["import.toml: tap.offset_mm is \"5 mm\"; it must be a number"],
+        ),
+        (
+            "= 4",
+            "= 4\ntap = { offset_mm = true }",
+            &["import.toml: tap.offset_mm is true; it must be a text or a number"],
+        ),
         ("{shoulder}", "{_}", &["A_1_0.wav: a tap has no shoulder; it must come from"]),
         (
             "{location}.wav",
@@ -212,5 +222,114 @@ fn what_is_not_read_is_refused_by_name() {
         let done = import(&[case.path(file)], &case.path("import.toml"), &case.path("set"), |_, _| ());
         let error = done.unwrap_err().to_string();
         assert!(error.contains(want) && error.contains(file), "{error:?} lacks {want:?}");
+    }
+}
+
+/// A MATLAB file of version 5: each variable by its name, the class and type of its values, and those as bytes.
+fn mat5(variables: &[(&str, u32, u32, Vec<u8>)]) -> Vec<u8> {
+    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    let element = |kind: u32, bytes: &[u8]| {
+        let padding = vec![0; bytes.len().next_multiple_of(8) - bytes.len()];
+        [words(&[kind, u32::try_from(bytes.len()).unwrap()]), bytes.to_vec(), padding].concat()
+    };
+    let mut file = [b"MATLAB 5.0 MAT-file".to_vec(), vec![b' '; 105], vec![0, 1], b"IM".to_vec()].concat();
+    for (name, class, kind, values) in variables {
+        let width = match kind {
+            9 => 8,
+            _ => 1,
+        };
+        let columns = u32::try_from(values.len() / width).unwrap();
+        let about = [element(6, &words(&[*class, 0])), element(5, &words(&[1, columns])), element(1, name.as_bytes())];
+        file.extend(element(14, &[about.concat(), element(*kind, values)].concat()));
+    }
+    file
+}
+
+/// A Universal File with one function in time whose ordinate is called `label`.
+fn uff(label: &str) -> Vec<u8> {
+    let blank = "NONE\n".repeat(5);
+    let form = format!("{:>10}{:>10}{:>10}{:>13}{:>13}{:>13}", 2, 4, 1, 0.0, 0.001, 0.0);
+    let ordinate = format!("{:>10}{:>5}{:>5}{:>5} {label:<20} {:<20}", 0, 0, 0, 0, "N");
+    let text = format!(
+        "    -1\n    58\n{blank}{:>5}\n{form}\n{:>10}\n{ordinate}\n{:>10}\n{:>10}\n{:>13}{:>13}{:>13}{:>13}\n    -1\n",
+        1, 17, 0, 0, 1.0, 2.0, 3.0, 4.0
+    );
+    text.into_bytes()
+}
+
+/// `[tap]` of the files that tell nothing of their taps, and the force by a name.
+const ONE: &str = "channels = { force = \"force\" }\nsample_rate_hz = 1000\npre_trigger_samples = 1\ntap = { tyre = \"A\", shoulder = 1, location = 0, offset_mm = 0.0, velocity_m_per_s = 1.85 }\n";
+
+fn doubles(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+#[test]
+fn a_channel_is_found_whatever_the_case_of_its_name() {
+    // Catches `Force` that is not found as `force`, one of two that is taken for the other, and a name as it is written that is
+    // passed over for another.
+    let of = |values: &[f64]| doubles(values);
+    let one = [1.0, 2.0, 3.0, 4.0];
+    let csv = |header: &str| format!("{header}\n1,5\n2,6\n3,7\n4,8\n").into_bytes();
+    let hdf5 = |names: &[&str]| {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("h.h5");
+        let file = hdf5::File::create(&path).unwrap();
+        for (k, name) in names.iter().enumerate() {
+            let values: Vec<f32> = one.iter().map(|value| *value as f32 + 4.0 * k as f32).collect();
+            file.new_dataset_builder().with_data(&values).create(*name).unwrap();
+        }
+        drop(file);
+        fs::read(path).unwrap()
+    };
+    for (file, bytes, first) in [
+        ("0.mat", mat5(&[("Force", 6, 9, of(&one))]), Ok(1.0)),
+        ("0.mat", mat5(&[("FORCE", 6, 9, of(&[5.0; 4])), ("force", 6, 9, of(&one))]), Ok(1.0)),
+        ("0.mat", mat5(&[("FORCE", 6, 9, of(&one)), ("Force", 6, 9, of(&one))]), Err("no channel \"force\"; it has")),
+        ("0.uff", uff("Force"), Ok(1.0)),
+        ("0.csv", csv("FORCE,sound"), Ok(1.0)),
+        ("0.csv", csv("Force,FORCE"), Err("no channel \"force\"; it has \"Force\", \"FORCE\"")),
+        ("0.h5", hdf5(&["Force", "Sound"]), Ok(1.0)),
+        ("0.h5", hdf5(&["FORCE", "force"]), Ok(5.0)),
+        ("0.h5", hdf5(&["FORCE", "Force"]), Err("no channel \"force\"; it has")),
+    ] {
+        let case = Case::new(ONE, &[]);
+        fs::write(case.path(file), bytes).unwrap();
+        let done = import(&[case.path(file)], &case.path("import.toml"), &case.path("set"), |_, _| ());
+        match (done, first) {
+            (Ok(_), Ok(first)) => {
+                let samples = crate::taps_of(&case.path("set")).remove(0).1;
+                let tapline_store::OwnedSamples::F32(samples) = samples else { panic!("{file}: counts") };
+                assert!((f64::from(samples[0]) - first).abs() < 1e-6, "{file}: {samples:?}");
+            }
+            (Err(error), Err(want)) => assert!(error.to_string().contains(want), "{file}: {error} lacks {want}"),
+            (done, first) => panic!("{file}: {done:?} where {first:?} was wanted"),
+        }
+    }
+}
+
+#[test]
+fn a_unit_that_is_no_text_is_told() {
+    // Catches newtons that are lost without a word because the variable with their unit is a number, and an error of it that
+    // names neither the file nor the variable, nor what it must be.
+    let samples = || ("force", 6, 9, doubles(&[1.0, 2.0, 3.0, 4.0]));
+    for (unit, want) in [
+        (
+            ("force_unit", 6, 9, doubles(&[1.0])),
+            Some("0.mat: \"force_unit\" is an array of class double; it must be a text"),
+        ),
+        (("force_unit", 1, 1, Vec::new()), Some("0.mat: \"force_unit\" is an array of class cell; it must be a text")),
+        (("force_unit", 4, 16, b"N".to_vec()), None),
+    ] {
+        let case = Case::new(ONE, &[]);
+        fs::write(case.path("0.mat"), mat5(&[samples(), unit])).unwrap();
+        let done = import(&[case.path("0.mat")], &case.path("import.toml"), &case.path("set"), |_, _| ());
+        match want {
+            Some(want) => {
+                let error = done.unwrap_err().to_string();
+                assert!(error.contains(want) && error.contains("\"N\""), "{error:?} lacks {want:?}");
+            }
+            None => assert!(done.unwrap().unscaled.is_empty()),
+        }
     }
 }

@@ -154,8 +154,8 @@ fn the_example_is_imported() {
     let folder = tempfile::TempDir::new().unwrap();
     let (files, config) = tapline_import::write_example(&folder.path().join("example")).unwrap();
     let imported = import(&files, &config, &folder.path().join("set"), |_, _| ()).unwrap();
-    assert_eq!(imported, Imported { written: 30, refused: vec![], unscaled: vec![] });
+    assert_eq!(imported, Imported { written: 100, refused: vec![], unscaled: vec![] });
     let taps = taps_of(&folder.path().join("set"));
-    assert!(taps.iter().any(|(header, _)| header.id.location == 29 && header.id.velocity_m_per_s() == Some(1.85)));
+    assert!(taps.iter().any(|(header, _)| header.id.location == 99 && header.id.velocity_m_per_s() == Some(1.85)));
     assert!(tapline_import::write_example(&folder.path().join("example")).unwrap_err().to_string().contains("empty"));
 }

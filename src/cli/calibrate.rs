@@ -80,7 +80,7 @@ pub(crate) struct WrittenArgs {
     #[arg(long)]
     pub out: PathBuf,
     /// For how many days it is valid.
-    #[arg(long, default_value_t = 365)]
+    #[arg(long, default_value_t = 365, allow_negative_numbers = true)]
     pub valid_days: u16,
     #[command(flatten)]
     pub force: ForceArgs,

@@ -185,7 +185,9 @@ fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
         sum.scores.add(fusion()?, &records)?;
     }
     let shoulders = reader.plan().scans().iter().zip(judgements);
-    sum.verdicts.extend(shoulders.map(|(scan, judged)| ShoulderVerdict::new(reader, scan, judged)));
+    for (scan, judged) in shoulders {
+        sum.verdicts.push(ShoulderVerdict::new(reader, scan, judged)?);
+    }
     Ok(())
 }
 
@@ -263,7 +265,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
             format!("{} / {}", cell(line.strongest_arc), cell(line.limit_reject)),
             line.peak_location.map_or_else(String::new, |l| l.to_string()),
             // Parted by spaces, at which lines are broken.
-            line.reasons.replace('|', ", "),
+            line.why(", "),
         ]);
     }
     break_last_column(&mut table);

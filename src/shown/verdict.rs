@@ -1,5 +1,6 @@
 //! The verdict on a casing when its file is closed: that on each shoulder, for people and for programs.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write as _};
 use std::path::PathBuf;
 
@@ -7,7 +8,9 @@ use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
 use tapline_host::colour::Colour;
 use tapline_store::{Reader, Region, casing_id, regions};
-use tapline_wire::{Calibration, Channel, DamageCell, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
+use tapline_wire::{
+    Calibration, Channel, DamageCell, Judgement, Quality, Reasons, Scan, TapState, Verdict, monotonic_ns,
+};
 
 /// The result of one casing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -39,6 +42,9 @@ pub(crate) struct ShoulderVerdict {
     pub station: u16,
     pub verdict: Verdict,
     pub reasons: String,
+    /// The flags on more than half of its taps, with their shares.
+    #[serde(default)]
+    pub flags: BTreeMap<String, f64>,
     pub regions: usize,
     /// The regions: where damage lies.
     pub arcs: Vec<DamageArc>,
@@ -85,12 +91,9 @@ impl CasingVerdict {
     pub(crate) fn read(name: &str, number: u64, at_ns: i64, reader: &Reader) -> Result<Self> {
         let (plan, ledger) = (reader.plan(), reader.ledger());
         let judgements = reader.judgements()?;
-        let shoulders: Vec<ShoulderVerdict> = plan
-            .scans()
-            .iter()
-            .zip(judgements)
-            .map(|(scan, judged)| ShoulderVerdict::new(reader, scan, judged))
-            .collect();
+        let shoulders = plan.scans().iter().zip(judgements);
+        let shoulders = shoulders.map(|(scan, judged)| ShoulderVerdict::new(reader, scan, judged));
+        let shoulders: Vec<ShoulderVerdict> = shoulders.collect::<Result<_>>()?;
         let worst = shoulders.iter().map(|s| s.verdict).max().unwrap_or(Verdict::ReInspect);
         Ok(Self {
             kind: "verdict".to_owned(),
@@ -121,7 +124,8 @@ impl CasingVerdict {
     }
 
     fn line(&self, shoulder: &ShoulderVerdict) -> String {
-        let ShoulderVerdict { tyre, shoulder: number, verdict, reasons, .. } = shoulder;
+        let ShoulderVerdict { tyre, shoulder: number, verdict, .. } = shoulder;
+        let reasons = shoulder.why("|");
         let colour = match verdict {
             Verdict::Pass => Colour::Good,
             Verdict::ReInspect => Colour::Doubtful,
@@ -143,13 +147,14 @@ impl CasingVerdict {
 }
 
 impl ShoulderVerdict {
-    pub(crate) fn new(reader: &Reader, scan: &Scan, judged: Option<(Judgement, Vec<DamageCell>)>) -> Self {
+    pub(crate) fn new(reader: &Reader, scan: &Scan, judged: Option<(Judgement, Vec<DamageCell>)>) -> Result<Self> {
         let mut line = Self {
             tyre: scan.tyre.to_string(),
             shoulder: scan.shoulder,
             station: scan.station,
             verdict: Verdict::ReInspect,
             reasons: Reasons::NOT_ENDED.to_string(),
+            flags: BTreeMap::new(),
             regions: 0,
             arcs: Vec::new(),
             peak_damage_index: None,
@@ -167,6 +172,12 @@ impl ShoulderVerdict {
                 .max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
             line.verdict = Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect);
             line.reasons = judgement.reasons.to_string();
+            if judgement.reasons.contains(Reasons::FLAGGED) {
+                let found = reader.discriminators()?;
+                let qualities = scan.taps.iter().filter_map(|&row| found[row as usize].map(|found| found.quality));
+                let flags = Quality::on_most(qualities);
+                line.flags = flags.into_iter().map(|(flag, share)| (flag.to_string(), share)).collect();
+            }
             line.arcs = regions(reader.plan().geometry, &cells).into_iter().map(DamageArc::from).collect();
             line.regions = line.arcs.len();
             line.peak_damage_index = peak.map(|cell| cell.damage_index);
@@ -176,7 +187,18 @@ impl ShoulderVerdict {
             line.limit_re_inspect = known(judgement.limit_re_inspect);
             line.limit_reject = known(judgement.limit_reject);
         }
-        line
+        Ok(line)
+    }
+
+    /// Its reasons for people, with `between` them; flags that it speaks of have their names and shares.
+    pub(crate) fn why(&self, between: &str) -> String {
+        let flags = self.flags.iter().map(|(name, share)| format!("{name} on {:.0} % of the taps", 100.0 * share));
+        let flagged = flags.collect::<Vec<_>>().join(", ");
+        let reasons = self.reasons.split('|').map(|reason| match reason {
+            "flagged" if !flagged.is_empty() => format!("flagged: {flagged}"),
+            reason => reason.to_owned(),
+        });
+        reasons.collect::<Vec<_>>().join(between)
     }
 }
 

@@ -54,6 +54,9 @@ fn a_station_is_calibrated_by_listening() {
     let peaks = [0.2, 1.5, 0.25, 0.3];
     let done = calibrate(&sandbox, "blows --known-n 44.4,55.5,66.6", peaks.into_iter().flat_map(blow)).expect(0);
     assert_eq!(done.err.matches("not counted, strike again").count(), 1, "{done:?}");
+    let prompts =
+        ["strike the sensor: 3 blows are wanted", "blow 1: 20.0", "; strike again, 2 left", "; strike again, 1 left"];
+    assert!(prompts.iter().all(|prompt| done.err.contains(prompt)), "{}", done.err);
     let tone = |rms: f64| {
         (0..480_000)
             .map(move |k| (0.0, rms * 2f64.sqrt() * (std::f64::consts::TAU * 1003.2 * f64::from(k) / RATE_HZ).sin()))
@@ -84,10 +87,14 @@ fn data_sheets_tell_a_scale() {
     let of = |channel: &str| (file[channel]["full_scale"].as_float().unwrap(), file[channel]["unit"].as_str().unwrap());
     assert!((of("force").0 - 5.0 / 10.0 / 0.0225).abs() < 1e-9 && (of("sound").0 - 0.05).abs() < 1e-12, "{file}");
     assert_eq!((of("force").1, of("sound").1), ("N", "V"));
+    // The range of a module is compared with it.
+    assert_eq!(file["force"]["full_scale_v"].as_float(), Some(5.0), "{file}");
     let error = state("--channel force --full-scale-v 5").expect(1).err;
     assert!(error.contains("--sensitivity-mv is missing"), "{error}");
     let error = state("--channel sound --full-scale-v 0").expect(1).err;
     assert!(error.contains("--full-scale-v is 0; it must be above 0"), "{error}");
+    let error = state("--channel sound --full-scale-v 5 --valid-days -3").expect(2).err;
+    assert!(error.contains("'-3' for '--valid-days") && error.contains("0..=65535"), "{error}");
 }
 
 /// Catches newtons or volts that nobody stated, on any page or in any table, and a remark that is missing.

@@ -12,7 +12,7 @@ use tapline_wire::{CacheLine, TapHeader, cache_lines_for, i16_of_mut};
 
 use crate::line::{SCAN, file_of};
 use crate::sandbox::Sandbox;
-use crate::sandbox::running::Running;
+use crate::sandbox::running::{Running, until};
 
 /// Samples of a record, in frames.
 const RECORD: usize = 4096;
@@ -88,13 +88,14 @@ fn taps_by_hand_come_in_the_order_of_the_plan() {
     plug_in(&sandbox, "hand");
     let station = "[[station]]\nnumber = 3\nsource = \"alsa\"\ndevice = \"hand\"\nserial_file = \"serial.txt\"\n";
     sandbox.write("plant.toml", &format!("{SCAN}{CAPTURE}{station}"));
-    sandbox.write("serial.txt", "A\n");
     let scan: ScanConfig =
         toml::from_str(&format!("{}{CRACKED}", SCAN.replace("[scan]", "")).replace("scan.tyre", "tyre")).unwrap();
     let simulation = SimulationConfig { sample_count: RECORD as u32, ..SimulationConfig::default() };
     let mut simulated = SimulatedLine::new(&scan, &simulation).unwrap();
     let mut line = start_line(&sandbox, 1);
     let mut pipe = File::create(sandbox.path("hand.pcm")).unwrap();
+    until("the station listens", || sandbox.run("status --out out --json").out.contains("and its serial in "));
+    sandbox.write("serial.txt", "A\n");
     let mut header = TapHeader::default();
     let mut buffer = vec![CacheLine::default(); cache_lines_for(4 * RECORD)];
     pipe.write_all(&[0; 4 * RECORD]).unwrap();
@@ -126,7 +127,7 @@ fn a_missing_sound_card_is_acknowledged_and_waited_for() {
     let station = "[[station]]\nnumber = 1\nsource = \"alsa\"\ndevice = \"absent\"\n";
     sandbox.write("plant.toml", &format!("{SCAN}{CAPTURE}{station}"));
     let mut line = start_line(&sandbox, 1);
-    line.wait_for_log(&["station 1", "absent", "not heard", "cannot be opened"]);
+    line.wait_for_log(&["station 1", "absent", "not heard", "cannot be opened", "`tapline devices` lists"]);
     line.assert_runs();
     let status = sandbox.run("status --out out").expect(0).out;
     assert!(status.contains("absent is not heard"), "{status}");

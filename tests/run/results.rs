@@ -79,6 +79,23 @@ fn a_run_finds_the_crack_and_passes_the_sound_tyre() {
     }
 }
 
+#[test]
+fn a_flag_on_every_tap_is_named_on_the_verdict() {
+    // Catches a PASS that says nothing of what is wrong with all of its taps, and one that does not say what that is.
+    let sandbox = Sandbox::new();
+    let scan = "[scan]\nseed = 2\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = 60\n";
+    let tyre = "[[scan.tyre]]\nserial = \"SOUND\"\nstation = 1\n";
+    sandbox.write("scan.toml", &format!("{scan}{tyre}[process.quality]\nsnr_min = 1e6\n"));
+    let summary = sandbox.run("run --config scan.toml --out run --json").json(0);
+    let verdict = &summary["verdicts"][0];
+    assert_eq!(verdict["verdict"], "PASS", "{verdict}");
+    assert!(verdict["reasons"].as_str().unwrap().split('|').any(|reason| reason == "flagged"), "{verdict}");
+    assert_eq!(verdict["flags"], serde_json::json!({ "low_snr": 1.0 }));
+    let told = sandbox.run("run --config scan.toml --out told").expect(0).out;
+    let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(told.contains("flagged: low_snr on 100 % of the taps"), "{told}");
+}
+
 /// Law 6: the same input gives the same archive. Law 4: whatever the number of workers.
 #[test]
 fn results_depend_on_nothing_but_their_input() {

@@ -3,7 +3,7 @@
 //! Each tap that is heard is the next one. So nothing is asked for again: whoever taps would be one place ahead.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 
@@ -26,7 +26,7 @@ pub(crate) struct ByHand {
     scan: ScanConfig,
     /// Holds the serial of the casing that is there.
     serial_file: Option<PathBuf>,
-    /// When that was written for the casing before.
+    /// When that was written last for a casing that is not the next one.
     serial_written: Option<SystemTime>,
     last_unknown_name: String,
     /// The tap that comes next, for people.
@@ -46,18 +46,27 @@ impl ByHand {
         scan.validate()?;
         let ear = Ear::listen(device, capture, station, wake)
             .map_err(|source| Error::Thread { what: format!("the device of station {station}"), source })?;
-        let (last_unknown_name, next_tap) = (String::new(), Arc::default());
-        let (scan, serial_written) = (scan.clone(), None);
-        Ok(Self { ear, station, scan, serial_file, serial_written, last_unknown_name, next_tap })
+        Ok(Self::of(ear, serial_file, station, scan))
+    }
+
+    /// The station that hears with `ear`.
+    fn of(ear: Arc<Ear>, serial_file: Option<PathBuf>, station: u16, scan: &ScanConfig) -> Self {
+        // What is there already may be the serial of the casing before, which was judged or left before a restart.
+        let serial_written = serial_file.as_deref().and_then(written);
+        let (scan, last_unknown_name, next_tap) = (scan.clone(), String::new(), Arc::default());
+        Self { ear, station, scan, serial_file, serial_written, last_unknown_name, next_tap }
     }
 
     /// The serial in the file, or a name for a casing of which none is known.
     fn name(&mut self) -> String {
         if let Some(file) = &self.serial_file {
-            let written = std::fs::metadata(file).and_then(|metadata| metadata.modified()).ok();
+            let written = written(file);
             match std::fs::read_to_string(file) {
                 Ok(_) if written == self.serial_written => {
-                    tracing::error!("{}: it still has the serial of the casing before", file.display());
+                    tracing::error!(
+                        "{}: it still has the serial of the casing before, or one from before the line was started",
+                        file.display()
+                    );
                 }
                 Ok(text) if Serial::new(text.trim()).is_ok() => {
                     self.serial_written = written;
@@ -85,9 +94,14 @@ impl Arrivals for ByHand {
 
     fn next(&mut self) -> Result<Arrival, Error> {
         if !self.ear.has_tap() {
-            "the first tap of a casing".clone_into(&mut self.next_tap.lock().unwrap_or_else(PoisonError::into_inner));
+            let stale = self.serial_file.as_ref().filter(|file| written(file) == self.serial_written);
+            let serial = stale.map_or_else(String::new, |file| format!(" (and its serial in {})", file.display()));
+            *self.next_tap.lock().unwrap_or_else(PoisonError::into_inner) =
+                format!("the first tap of a casing{serial}");
             return Ok(Arrival::NotYet);
         }
+        // They would end this casing when their turn comes.
+        self.ear.forget_lost();
         let name = self.name();
         let serial = Serial::new(&name).map_err(|error| Error::Setting {
             key: "the serial of a casing".to_owned(),
@@ -188,6 +202,11 @@ impl Source for TappedByHand {
     }
 }
 
+/// When `file` was written last; `None` where it is not there.
+fn written(file: &Path) -> Option<SystemTime> {
+    std::fs::metadata(file).and_then(|metadata| metadata.modified()).ok()
+}
+
 /// Where to tap, for people.
 fn place_of(tap: &PlannedTap) -> String {
     let angle = tap.angle_deg.map_or_else(String::new, |angle| format!(" ({angle} degrees)"));
@@ -217,20 +236,58 @@ mod tests {
         }
     }
 
+    fn station(cable: &Cable, serial_file: Option<PathBuf>) -> ByHand {
+        ByHand::of(Arc::clone(&cable.ear), serial_file, 3, &ScanConfig::default())
+    }
+
+    /// Catches the serial of a casing from before the line was started that is taken for that of the next one.
+    #[test]
+    fn a_serial_is_used_once_also_where_the_line_was_started_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("serial.txt");
+        let write = |serial: &str, at_s: u64| {
+            std::fs::write(&file, serial).unwrap();
+            let at = SystemTime::UNIX_EPOCH + Duration::from_secs(at_s);
+            std::fs::File::options().write(true).open(&file).unwrap().set_modified(at).unwrap();
+        };
+        write("A", 1_000_000_000);
+        for at_s in [1_000_000_001, 1_000_000_003] {
+            let cable = Cable::new(&config(16));
+            let mut station = station(&cable, Some(file.clone()));
+            assert!(station.name().starts_with("unknown-3-"));
+            assert!(matches!(station.next().unwrap(), Arrival::NotYet));
+            assert!(station.waits_for().contains("its serial in "), "{}", station.waits_for());
+            write("B", at_s);
+            assert!(matches!(station.next().unwrap(), Arrival::NotYet));
+            assert!(!station.waits_for().contains("its serial in "), "{}", station.waits_for());
+            assert_eq!(station.name(), "B");
+            assert!(station.name().starts_with("unknown-3-"));
+            write("B", at_s + 1);
+            assert_eq!(station.name(), "B", "it was written anew");
+        }
+    }
+
+    /// Catches a tap from before a gap, that nobody had taken, which ends the casing behind the gap.
+    #[test]
+    fn a_tap_that_was_lost_in_waiting_ends_no_other_casing() {
+        let cable = Cable::new(&config(16));
+        let mut station = station(&cable, None);
+        cable.play([Step::Frames(frames(0..4000, &[1000, 2000, 3000]))]);
+        let mut first = casing(&mut station);
+        assert!(is_tap(&mut first, 0, 1000));
+        cable.play([Step::Lost(1000), Step::Frames(frames(5000..8000, &[6000, 7000]))]);
+        assert!(matches!(first.taps.poll(1, 0), Readiness::Gone(_)));
+        let mut second = casing(&mut station);
+        assert!(is_tap(&mut second, 0, 6000) && is_tap(&mut second, 1, 7000));
+        assert_eq!(second.taps.poll(2, 0), Readiness::NotYet);
+    }
+
     /// Catches taps behind a gap that are taken for those of other places, and a casing that is never ended.
     #[test]
     fn the_scan_ends_where_samples_are_lost() {
         for gap in [vec![Step::Lost(1000)], vec![Step::Fails("it was pulled out"), Step::Opens]] {
             let cable = Cable::new(&config(16));
-            let mut station = ByHand {
-                ear: Arc::clone(&cable.ear),
-                station: 3,
-                scan: ScanConfig::default(),
-                serial_file: None,
-                serial_written: None,
-                last_unknown_name: String::new(),
-                next_tap: Arc::default(),
-            };
+            let mut station = station(&cable, None);
             assert!(matches!(station.next().unwrap(), Arrival::NotYet));
             // Of the third tap only the pulse comes before the gap.
             cable.play([Step::Frames(frames(0..3100, &[1000, 2000, 3000]))]);

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tapline_wire::{Channel, Recording, SampleFormat};
 
-use crate::capture::TriggerConfig;
+use crate::capture::{DeviceName, TriggerConfig};
 use crate::config::calibration::CalibrationFile;
 use crate::config::refuse;
 use crate::{Error, ScanConfig};
@@ -113,6 +113,18 @@ impl CaptureConfig {
         self.trigger.validate("capture.trigger")
     }
 
+    /// The same, and what `device` cannot give.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for the first value that it cannot have.
+    pub(crate) fn validate_for(&self, device: &DeviceName) -> Result<(), Error> {
+        self.validate()?;
+        if matches!(device, DeviceName::Uldaq(_)) && self.bits == 16 {
+            return refuse("capture.bits", self.bits, "24 or 32, as source is \"uldaq\"");
+        }
+        Ok(())
+    }
+
     /// What a tap of it is.
     pub fn recording(&self) -> Recording {
         Recording {
@@ -143,7 +155,9 @@ impl CaptureConfig {
     /// Frames that the ring keeps: a few records at least.
     pub(super) fn buffer_frames(&self) -> usize {
         let of_time = (self.buffer_s * f64::from(self.sample_rate_hz)) as usize;
-        of_time.max(4 * self.sample_count as usize)
+        // A tap waits for the end of its hold-off before it can be taken.
+        let of_hold_off = (self.trigger.hold_off_s * f64::from(self.sample_rate_hz)) as usize;
+        of_time.max(4 * self.sample_count as usize) + of_hold_off
     }
 }
 

@@ -7,11 +7,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CacheLine, f32_of_mut, i16_of_mut, now_ns};
+use tapline_wire::{CacheLine, now_ns};
 
 use crate::Wake;
 use crate::capture::device::{self, Chunk, Device};
-use crate::capture::ring::Ring;
+use crate::capture::ring::Samples;
 use crate::capture::{CaptureConfig, Crossing, DeviceName, NotTaps, Trigger};
 
 /// Most taps that wait to be taken.
@@ -38,6 +38,8 @@ pub(crate) struct HeardTap {
     pub(crate) time_ns: i64,
     /// The same by a clock that nobody sets.
     at: Instant,
+    /// Whether another pulse came behind its record and within its hold-off.
+    is_struck_again: bool,
 }
 
 /// What a station hears.
@@ -64,28 +66,6 @@ struct State {
     /// How often taps were lost, or may have been.
     loss_count: u64,
     not_taps: NotTaps,
-}
-
-#[derive(Debug)]
-enum Samples {
-    I16(Ring<i16>),
-    F32(Ring<f32>),
-}
-
-impl Samples {
-    fn end(&self) -> u64 {
-        match self {
-            Self::I16(ring) => ring.end(),
-            Self::F32(ring) => ring.end(),
-        }
-    }
-
-    fn has(&self, first: u64, count: usize) -> bool {
-        match self {
-            Self::I16(ring) => ring.has(first, count),
-            Self::F32(ring) => ring.has(first, count),
-        }
-    }
 }
 
 impl fmt::Debug for Ear {
@@ -117,10 +97,7 @@ impl Ear {
         wake: Wake,
         open: impl FnMut() -> Result<Box<dyn Device>, String> + Send + 'static,
     ) -> std::io::Result<Arc<Self>> {
-        let samples = match config.bits {
-            16 => Samples::I16(Ring::new(2, config.buffer_frames())),
-            _ => Samples::F32(Ring::new(2, config.buffer_frames())),
-        };
+        let samples = Samples::new(config.bits, config.buffer_frames());
         let state = State {
             samples,
             level: config.trigger.level,
@@ -194,10 +171,16 @@ impl Ear {
         before - state.taps.len() - state.begun.len()
     }
 
-    /// How many taps were heard and not taken, with those whose records are not whole yet.
-    pub(crate) fn tap_count(&self) -> usize {
+    /// Forgets the taps that wait and of whose samples some were lost since.
+    pub(crate) fn forget_lost(&self) {
+        let State { taps, samples, .. } = &mut *self.state();
+        taps.retain(|tap| self.is_whole(samples, *tap));
+    }
+
+    /// How many strikes were heard whose taps were not taken, with those whose records are not whole yet.
+    pub(crate) fn strike_count(&self) -> usize {
         let state = self.state();
-        state.taps.len() + state.begun.len()
+        state.taps.iter().chain(&state.begun).map(|tap| 1 + usize::from(tap.is_struck_again)).sum()
     }
 
     /// Copies the record of `tap` into `buffer`, channel by channel; `false` where it is not there any more.
@@ -206,17 +189,18 @@ impl Ear {
         if !self.is_whole(&state.samples, tap) {
             return false;
         }
-        let first = self.first_frame(tap);
-        match &state.samples {
-            Samples::I16(ring) => ring.copy_to(first, &mut i16_of_mut(buffer)[..2 * count]),
-            Samples::F32(ring) => ring.copy_to(first, &mut f32_of_mut(buffer)[..2 * count]),
-        }
+        state.samples.copy_to(self.first_frame(tap), count, buffer);
         true
     }
 
     /// Number of the first frame of the record of `tap`.
     fn first_frame(&self, tap: HeardTap) -> u64 {
         tap.crossing.sample.saturating_sub(self.config.pre_trigger_samples.into())
+    }
+
+    /// Number of the frame behind the record of `tap`.
+    fn end_frame(&self, tap: HeardTap) -> u64 {
+        self.first_frame(tap) + u64::from(self.config.sample_count)
     }
 
     /// Whether all of the record of `tap` is among `samples`.
@@ -299,14 +283,14 @@ impl Ear {
         self.lost(&mut trigger, 1);
         let mut force = Vec::new();
         while !self.is_stopped.load(Ordering::Relaxed) {
-            let outcome = device.read(&mut |chunk| match chunk {
+            let outcome = device.read(&mut |chunk, behind| match chunk {
                 Chunk::Lost(frames) => {
                     let text = format!("{} has lost about {frames} samples; a tap in them is not there", self.device);
                     tracing::error!("{text}");
                     self.state().alarm(&text);
                     self.lost(&mut trigger, frames);
                 }
-                chunk => self.hear(&mut trigger, chunk, &mut force),
+                chunk => self.hear(&mut trigger, chunk, behind, &mut force),
             });
             if let Err(why) = outcome {
                 return why;
@@ -318,16 +302,14 @@ impl Ear {
     /// Notes that `frames` were lost, and with them the taps that lie in them.
     fn lost(&self, trigger: &mut Trigger, frames: u64) {
         let mut state = self.state();
-        match &mut state.samples {
-            Samples::I16(ring) => ring.skip(frames),
-            Samples::F32(ring) => ring.skip(frames),
-        }
+        state.samples.skip(frames);
         state.begun.clear();
         state.loss_count += 1;
         trigger.skip(frames);
     }
 
-    fn hear(&self, trigger: &mut Trigger, chunk: Chunk<'_>, force: &mut Vec<f32>) {
+    /// Takes a piece of the stream, `behind` which so many frames have come already.
+    fn hear(&self, trigger: &mut Trigger, chunk: Chunk<'_>, behind: u64, force: &mut Vec<f32>) {
         let (width, picked) = (usize::from(self.config.channels), self.config.picked());
         let mut state = self.state();
         force.clear();
@@ -347,16 +329,29 @@ impl Ear {
         let (end_ns, end_at) = (now_ns(), Instant::now());
         trigger.set_level(state.level);
         trigger.push(force, |crossing| {
-            let ago_s = (end as f64 - crossing.time_samples) / f64::from(self.config.sample_rate_hz);
+            let ago_s = ((end + behind) as f64 - crossing.time_samples) / f64::from(self.config.sample_rate_hz);
             let time_ns = end_ns - (ago_s * 1e9) as i64;
             let ago = Duration::try_from_secs_f64(ago_s).unwrap_or_default();
             let at = end_at.checked_sub(ago).unwrap_or(end_at);
-            state.begun.push_back(HeardTap { crossing, time_ns, at });
+            state.begun.push_back(HeardTap { crossing, time_ns, at, is_struck_again: false });
         });
+        for &second in trigger.seconds() {
+            // In the record it is the tap's: processing tells a double hit.
+            let is_behind = |tap: &HeardTap| self.end_frame(*tap) <= second;
+            let tap = state.begun.iter_mut().rfind(|tap| tap.crossing.sample < second).filter(|tap| is_behind(tap));
+            if let Some(tap) = tap {
+                tap.is_struck_again = true;
+                let after_s = (second - tap.crossing.sample) as f64 / f64::from(self.config.sample_rate_hz);
+                tracing::warn!("{} was struck again {after_s:.3} s after a tap, within its hold-off", self.device);
+            }
+        }
         state.not_taps = trigger.not_taps();
+        // A crossing comes no later than a longest pulse after its tap begins.
+        let hold_off = trigger.hold_off_samples() + trigger.delay_samples() as u64;
         let mut is_news = false;
         while let Some(&tap) = state.begun.front() {
-            if self.first_frame(tap) + u64::from(self.config.sample_count) > end {
+            // Until the hold-off is over a second strike may come.
+            if self.end_frame(tap).max(tap.crossing.sample + hold_off) > end {
                 break;
             }
             state.begun.pop_front();

@@ -17,9 +17,9 @@ fn what_lies_in_a_gap_is_lost_and_what_follows_has_its_own_samples() {
         // The second tap is cut off after its pulse; the third, in the gap, never comes.
         let taps = [1000, 3000, 3700, 5000, 7000];
         cable.play([Step::Frames(frames(0..2000, &taps)), Step::Frames(frames(2000..3200, &taps))]);
-        assert_eq!((taken(&cable.ear), cable.ear.tap_count()), (vec![record(1000)], 1), "{bits} bits");
+        assert_eq!((taken(&cable.ear), cable.ear.strike_count()), (vec![record(1000)], 1), "{bits} bits");
         cable.play([Step::Lost(1000), Step::Frames(frames(4200..8000, &taps))]);
-        assert_eq!(cable.ear.tap_count(), 2, "{bits} bits");
+        assert_eq!(cable.ear.strike_count(), 2, "{bits} bits");
         assert_eq!(taken(&cable.ear), [5000, 7000].map(record), "{bits} bits");
         // One when it began to listen.
         assert_eq!(cable.ear.loss_count(), 2);
@@ -46,7 +46,7 @@ fn a_tap_that_begins_in_a_gap_is_told_as_lost() {
     let cable = Cable::new(&config(16));
     let tap = 2000 + PRE - 10;
     cable.play([Step::Frames(frames(0..1000, &[])), Step::Lost(1000), Step::Frames(frames(2000..4000, &[tap, 3000]))]);
-    assert_eq!((cable.ear.tap_count(), cable.ear.loss_count()), (2, 2));
+    assert_eq!((cable.ear.strike_count(), cable.ear.loss_count()), (2, 2));
     assert_eq!(taken(&cable.ear), [record(3000)]);
     assert_eq!(cable.ear.loss_count(), 3);
     let alarms = cable.ear.take_alarms();

@@ -27,6 +27,8 @@ pub(crate) type Frame = [i16; 2];
 pub(crate) enum Step {
     /// It gives frames.
     Frames(Vec<Frame>),
+    /// The same, read when so many frames had come behind them.
+    Late(Vec<Frame>, u64),
     /// It has lost so many.
     Lost(u64),
     /// It fails, or cannot be opened, for this reason.
@@ -116,14 +118,18 @@ struct Fake {
 }
 
 impl Device for Fake {
-    fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>)) -> Result<(), String> {
-        match next(&self.played) {
-            Step::Frames(frames) if self.bits == 16 => take(Chunk::I16(frames.as_flattened())),
-            Step::Frames(frames) => {
+    fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>, u64)) -> Result<(), String> {
+        let mut give = |frames: &[Frame], behind: u64| match self.bits {
+            16 => take(Chunk::I16(frames.as_flattened()), behind),
+            _ => {
                 let samples: Vec<f32> = frames.iter().flatten().map(|&x| f32::from(x) / 32_768.0).collect();
-                take(Chunk::F32(&samples));
+                take(Chunk::F32(&samples), behind);
             }
-            Step::Lost(count) => take(Chunk::Lost(count)),
+        };
+        match next(&self.played) {
+            Step::Frames(frames) => give(&frames, 0),
+            Step::Late(frames, behind) => give(&frames, behind),
+            Step::Lost(count) => take(Chunk::Lost(count), 0),
             Step::Fails(why) => return Err(why.to_owned()),
             Step::Nothing => {}
             Step::Opens => return Err("it was open".to_owned()),

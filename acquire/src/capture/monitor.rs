@@ -33,7 +33,7 @@ impl Monitor {
     /// [`Error`] for a value out of its bounds, and when there is no thread to be had. A device that is not there is no
     /// error: see [`Monitor::fault`].
     pub fn listen(device: &DeviceName, config: &CaptureConfig, station: u16, wake: Wake) -> Result<Self, Error> {
-        config.validate()?;
+        config.validate_for(device)?;
         let ear = Ear::listen(device, config, station, wake)
             .map_err(|source| Error::Thread { what: format!("the device {device}"), source })?;
         // Nobody knows where the taps are made.

@@ -1,5 +1,7 @@
 //! The last samples that were heard: bounded, and never waited for.
 
+use tapline_wire::{CacheLine, f32_of_mut, i16_of_mut};
+
 /// The samples of the last while, `[channel][frame]`; frames are numbered from the start of the stream.
 #[derive(Debug)]
 pub(super) struct Ring<S> {
@@ -65,6 +67,54 @@ impl<S: Copy + Default> Ring<S> {
             let (head, tail) = to.split_at_mut(before_end);
             head.copy_from_slice(&channel[at..at + before_end]);
             tail.copy_from_slice(&channel[..count - before_end]);
+        }
+    }
+}
+
+/// The last samples of force and sound, in the format of the device.
+#[derive(Debug)]
+pub(super) enum Samples {
+    /// Counts of 16 bits.
+    I16(Ring<i16>),
+    /// Parts of full scale.
+    F32(Ring<f32>),
+}
+
+impl Samples {
+    /// Of a device of so many `bits`, with room for `frame_count` frames.
+    pub(super) fn new(bits: u16, frame_count: usize) -> Self {
+        match bits {
+            16 => Self::I16(Ring::new(2, frame_count)),
+            _ => Self::F32(Ring::new(2, frame_count)),
+        }
+    }
+
+    pub(super) fn end(&self) -> u64 {
+        match self {
+            Self::I16(ring) => ring.end(),
+            Self::F32(ring) => ring.end(),
+        }
+    }
+
+    pub(super) fn has(&self, first: u64, count: usize) -> bool {
+        match self {
+            Self::I16(ring) => ring.has(first, count),
+            Self::F32(ring) => ring.has(first, count),
+        }
+    }
+
+    /// Copies `count` frames from `first` on into `buffer`, channel by channel. Only if it [`has`](Self::has) them.
+    pub(super) fn copy_to(&self, first: u64, count: usize, buffer: &mut [CacheLine]) {
+        match self {
+            Self::I16(ring) => ring.copy_to(first, &mut i16_of_mut(buffer)[..2 * count]),
+            Self::F32(ring) => ring.copy_to(first, &mut f32_of_mut(buffer)[..2 * count]),
+        }
+    }
+
+    pub(super) fn skip(&mut self, lost: u64) {
+        match self {
+            Self::I16(ring) => ring.skip(lost),
+            Self::F32(ring) => ring.skip(lost),
         }
     }
 }

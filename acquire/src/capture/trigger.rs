@@ -101,6 +101,10 @@ pub struct Trigger {
     before: Option<usize>,
     /// Before this sample there is no other tap.
     quiet_until: u64,
+    /// Where a pulse within the hold-off began that has not ended.
+    second: Option<u64>,
+    /// Where those began that have ended in what was last pushed.
+    seconds: Vec<u64>,
     not_taps: NotTaps,
 }
 
@@ -120,6 +124,8 @@ impl Trigger {
             pulse: Vec::new(),
             before: None,
             quiet_until: 0,
+            second: None,
+            seconds: Vec::new(),
             not_taps: NotTaps::default(),
         }
     }
@@ -140,21 +146,32 @@ impl Trigger {
         self.pulse_max + 1
     }
 
+    /// Samples after a tap in which there is no other, counted from its crossing of the level.
+    pub fn hold_off_samples(&self) -> u64 {
+        self.hold_off
+    }
+
     /// Forgets what has not ended: `lost` samples did not come.
     pub fn skip(&mut self, lost: u64) {
         self.count += lost;
-        (self.baseline, self.before) = (None, None);
+        (self.baseline, self.before, self.second) = (None, None, None);
         self.block.clear();
         self.pulse.clear();
     }
 
     /// Takes the next samples of the force, as parts of full scale, and calls `found` for each tap that has ended in them.
     pub fn push(&mut self, force: &[f32], mut found: impl FnMut(Crossing)) {
+        self.seconds.clear();
         for &sample in force {
             if let Some(crossing) = self.sample(sample) {
                 found(crossing);
             }
         }
+    }
+
+    /// Where pulses began that would be taps but for the hold-off, and have ended in what was last pushed.
+    pub fn seconds(&self) -> &[u64] {
+        &self.seconds
     }
 
     fn sample(&mut self, sample: f32) -> Option<Crossing> {
@@ -178,7 +195,9 @@ impl Trigger {
             }
             return None;
         }
-        if sample - baseline >= self.level && number >= self.quiet_until {
+        if number < self.quiet_until {
+            self.hold_off(sample - baseline, number);
+        } else if sample - baseline >= self.level {
             self.before = Some(self.pulse.len() - 1);
             return None;
         }
@@ -191,6 +210,21 @@ impl Trigger {
             self.follow(sample);
         }
         None
+    }
+
+    /// Follows the force within the hold-off of a tap, `above` its baseline at sample `number`.
+    fn hold_off(&mut self, above: f32, number: u64) {
+        let Some(first) = self.second else {
+            self.second = (above >= self.level).then_some(number);
+            return;
+        };
+        let count = (number - first) as usize;
+        if above < self.release || count > self.pulse_max {
+            self.second = None;
+            if (self.pulse_min..=self.pulse_max).contains(&count) {
+                self.seconds.push(first);
+            }
+        }
     }
 
     fn pulse_ended(&mut self, baseline: f32, before: usize, crossing: u64) -> Option<Crossing> {
@@ -208,7 +242,7 @@ impl Trigger {
         let peak = self.pulse[before..last].iter().fold(0.0, |peak: f32, &x| peak.max(x - baseline));
         let is_quiet = |&sample: &f32| sample - baseline < ONSET * peak;
         let onset = self.pulse[..before].iter().rposition(is_quiet).unwrap_or(0);
-        self.quiet_until = crossing + self.hold_off;
+        (self.quiet_until, self.second) = (crossing + self.hold_off, None);
         self.restart();
         Some(Crossing { sample: crossing - (before - onset) as u64, time_samples })
     }
@@ -394,7 +428,7 @@ mod tests {
 
     #[test]
     fn a_rebound_belongs_to_its_tap() {
-        // Catches a second hit of the impactor that is taken for the next tap, and a clipped pulse that is no tap.
+        // Catches a second hit of the impactor that is taken for the next tap or not told, and a clipped pulse that is no tap.
         let (mut stream, times) = taps(20, 8192, 1e-3, 5);
         for (number, time) in times.iter().enumerate() {
             let rebound = *time as usize + 1500;

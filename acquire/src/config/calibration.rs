@@ -37,6 +37,9 @@ pub struct ChannelScale {
     pub unit: Unit,
     /// Value of a full-scale sample in that unit.
     pub full_scale: f64,
+    /// Volts of a full-scale sample at the device, where they are known: the range of a module.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub full_scale_v: Option<f64>,
     /// Where it comes from.
     pub certificate: Certificate,
 }
@@ -64,7 +67,7 @@ impl CalibrationFile {
     /// [`Error::Setting`] for the first value out of its bounds.
     pub fn validate(&self, name: &str) -> Result<(), Error> {
         for channel in [Channel::Force, Channel::Sound] {
-            let Some(ChannelScale { unit, full_scale, certificate }) = self.of(channel) else { continue };
+            let Some(ChannelScale { unit, full_scale, full_scale_v, certificate }) = self.of(channel) else { continue };
             let key = |key: &str| format!("{}.{key} in {name}", channel.name());
             let (units, bound) = match channel {
                 Channel::Force => (&[Unit::Newton][..], "N"),
@@ -75,6 +78,7 @@ impl CalibrationFile {
             }
             let numbers = [
                 ("full_scale", Some(*full_scale)),
+                ("full_scale_v", *full_scale_v),
                 ("certificate.sensitivity_mv_per_unit", certificate.sensitivity_mv_per_unit),
                 ("certificate.gain", certificate.gain),
             ];

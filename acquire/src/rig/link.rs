@@ -7,7 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::dialogue::{Dialogue, LinkConfig};
-use super::protocol::{LineReader, ReadLine};
+use super::protocol::{LINE_BYTES_MAX, LineReader, ReadLine};
 use super::stream::Stream;
 use crate::Wake;
 
@@ -112,7 +112,7 @@ impl Link {
             }
             Err(error) => return error.to_string(),
         }
-        let mut lines = LineReader::default();
+        let (mut lines, mut has_noise) = (LineReader::default(), false);
         loop {
             let line = match lines.read(&mut stream) {
                 Ok(line) => line,
@@ -126,7 +126,16 @@ impl Link {
                 ReadLine::Text(line) => dialogue.receive(&line),
                 ReadLine::Nothing => Ok(false),
                 ReadLine::End => Err("the rig has closed the connection".to_owned()),
-                ReadLine::Garbage(what) => Err(format!("the rig has sent {what}")),
+                ReadLine::TooLong => Err(format!("the rig has sent a line of more than {LINE_BYTES_MAX} bytes")),
+                // A board that starts sends anything; to open its port again might start it again.
+                ReadLine::NotText if dialogue.is_serial() => {
+                    if !std::mem::replace(&mut has_noise, true) {
+                        let LinkConfig { station, address, .. } = dialogue.config();
+                        tracing::warn!("station {station}: {address}: lines that are not UTF-8 text are passed over");
+                    }
+                    Ok(false)
+                }
+                ReadLine::NotText => Err("the rig has sent a line that is not UTF-8 text".to_owned()),
             };
             let outcome = outcome.and_then(|has_changed| dialogue.check_timeouts().map(|()| has_changed));
             let has_ended = dialogue.end_patience();

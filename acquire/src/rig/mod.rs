@@ -234,13 +234,14 @@ impl RigCasing {
         if self.heard == Some(tap) && self.struck.poll(tap.0, tap.1) == Readiness::Ready {
             return Readiness::Ready;
         }
+        // Without a tolerance: whatever holds samples up makes a tap seem later than it was, never earlier.
         let stray = ear.forget_before(hit.sent);
         if stray > 0 {
             tracing::warn!(stray, "taps were heard that the rig was not asked for");
         }
         let record = ear.config().record_time();
         let waited = hit.at.elapsed();
-        let fault = match ear.tap_count() {
+        let fault = match ear.strike_count() {
             0 if waited > HEARD_WITHIN + record => {
                 let before = self.unheard.map_or(0, |(count, _)| count);
                 self.unheard = Some((before.saturating_add(1), Instant::now()));

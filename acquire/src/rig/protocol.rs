@@ -87,8 +87,10 @@ pub(crate) enum ReadLine {
     Nothing,
     /// The other side has closed the connection.
     End,
-    /// Bytes that are not a line of the protocol: what they are.
-    Garbage(String),
+    /// A line that is not UTF-8 text.
+    NotText,
+    /// More bytes than a line has.
+    TooLong,
 }
 
 impl LineReader {
@@ -100,7 +102,7 @@ impl LineReader {
                 return Ok(text_of(line));
             }
             if self.bytes.len() > LINE_BYTES_MAX {
-                return Ok(ReadLine::Garbage(format!("a line of more than {LINE_BYTES_MAX} bytes")));
+                return Ok(ReadLine::TooLong);
             }
             let mut some = [0; LINE_BYTES_MAX];
             match from.read(&mut some) {
@@ -121,10 +123,9 @@ fn text_of(mut line: Vec<u8>) -> ReadLine {
         line.pop();
     }
     if line.len() > LINE_BYTES_MAX {
-        return ReadLine::Garbage(format!("a line of more than {LINE_BYTES_MAX} bytes"));
+        return ReadLine::TooLong;
     }
-    String::from_utf8(line)
-        .map_or_else(|_| ReadLine::Garbage("a line that is not UTF-8 text".to_owned()), ReadLine::Text)
+    String::from_utf8(line).map_or(ReadLine::NotText, ReadLine::Text)
 }
 
 #[cfg(test)]

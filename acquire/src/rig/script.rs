@@ -282,7 +282,7 @@ impl Rig<'_> {
                 }
                 ReadLine::Nothing => {}
                 ReadLine::End => return Err(io::ErrorKind::UnexpectedEof.into()),
-                ReadLine::Garbage(what) => return Err(io::Error::other(what)),
+                ReadLine::TooLong | ReadLine::NotText => return Err(io::Error::other("it has sent no line of text")),
             }
         }
         Ok(())

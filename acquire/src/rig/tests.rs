@@ -13,7 +13,8 @@ use tapline_wire::{cache_lines_for, now_ns};
 
 use super::*;
 use crate::TyreConfig;
-use crate::capture::fake::{Cable, Step, config, frames, frames_of, record};
+use crate::capture::TriggerConfig;
+use crate::capture::fake::{Cable, PRE, RECORD, Step, config, frames, frames_of, record};
 use crate::source::unknown_name;
 
 /// Far longer than anything here takes.
@@ -413,7 +414,8 @@ fn scripts_have_bounds() {
 
 #[test]
 fn a_rig_at_a_serial_port_is_asked_who_it_is() {
-    // Catches a port that waits for a greeting, lines that are cut, and a rig that is gone and is not told.
+    // Catches a port that waits for a greeting, one that is opened again for noise while a board starts, which then starts again,
+    // lines that are cut, and a rig that is gone and is not told.
     use serialport::SerialPort as _;
 
     let (rig, port) = serialport::TTYPort::pair().unwrap();
@@ -422,11 +424,13 @@ fn a_rig_at_a_serial_port_is_asked_who_it_is() {
     let played = thread::Builder::new().name("rig".to_owned()).spawn(move || {
         let mut rig = rig;
         rig.set_timeout(LONG).unwrap();
+        let mut noise = rig.try_clone_native().unwrap();
         let mut lines = BufReader::new(rig.try_clone_native().unwrap()).lines();
         // Nothing can be read before the station has opened its end.
         let mut next = || lines.find_map(Result::ok).unwrap();
         let mut say = |line: &str| rig.write_all(format!("{line}\n").as_bytes()).unwrap();
         assert_eq!(next(), "hello");
+        noise.write_all(b"\xff\xfe\x80 boot\n\xc0\n").unwrap();
         say("hello press 1");
         say("casing A-1");
         assert_eq!(next(), "scan A-1 7");
@@ -480,6 +484,51 @@ fn a_hit_that_is_not_answered_is_an_alarm() {
 }
 
 #[test]
+fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
+    // Catches a rig that connects anew and homes, and does not move, or does not home: for ever, and nobody is told; an alarm
+    // for each time, and one of a rig that answers in between.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let mut bench = Bench::new(address, 30.0, 0);
+    let mut alarms = Vec::new();
+    let mut casing = None;
+    // Whether it answers `home` and `move` before it is gone.
+    let times =
+        [(true, false), (true, true), (true, false), (true, false), (true, false), (true, false), (false, false)];
+    for (homes, moves) in times.into_iter().chain([(false, false); 3]) {
+        let mut rig = ByHand::accept(&listener);
+        rig.say("hello rig 1\ncasing T\n");
+        assert_eq!(rig.hear(), "scan T 7");
+        let casing = casing.get_or_insert_with(|| bench.casing());
+        bench.until_told(casing, 0, "home");
+        assert_eq!(rig.hear(), "home");
+        if homes {
+            rig.say("homed\n");
+            bench.until_told(casing, 0, "move 1 0 0 5");
+        }
+        if moves {
+            assert_eq!(rig.hear(), "move 1 0 0 5");
+            rig.say("ready\n");
+            assert_eq!(rig.hear(), "hit 1.85");
+        }
+        drop(rig);
+        let since = Instant::now();
+        while !bench.arrivals.waits_for().contains("which went away") {
+            assert!(since.elapsed() < LONG, "{}", bench.arrivals.waits_for());
+            bench.pause();
+        }
+        alarms.push(bench.arrivals.take_alarms());
+    }
+    let told = |what: &str, command: &str| {
+        vec![format!("the rig does not {what}: it was told {command:?} 3 times in a row, and has not answered")]
+    };
+    let mut want = vec![Vec::new(); 10];
+    want[4] = told("move", "move 1 0 0 5");
+    want[8] = told("home", "home");
+    assert_eq!(alarms, want);
+}
+
+#[test]
 fn a_rig_that_is_stopped_makes_its_taps_when_it_goes_on() {
     // Catches a stop that is taken for a fault of the tap, and a tap that is commanded while people are at the rig.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -504,8 +553,12 @@ fn a_rig_that_is_stopped_makes_its_taps_when_it_goes_on() {
 
 /// A station that hears its rig through a cable, and a rig whose casing it has taken over.
 fn heard_bench() -> (Bench, Cable, ByHand, Casing) {
+    heard_bench_of(&config(16))
+}
+
+fn heard_bench_of(config: &CaptureConfig) -> (Bench, Cable, ByHand, Casing) {
     let (listener, mut bench) = by_hand(30.0);
-    let cable = Cable::new(&config(16));
+    let cable = Cable::new(config);
     bench.arrivals.ear = Some(Arc::clone(&cable.ear));
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig 1\ncasing T\n");
@@ -543,6 +596,57 @@ fn a_tap_in_a_gap_is_made_again() {
     assert_eq!(frames_of(&mut samples, 16), record(4000));
     let (_rig, cable) = again.unwrap().join().unwrap();
     assert_eq!(cable.ear.take_alarms(), ["fake has lost about 100 samples; a tap in them is not there"]);
+}
+
+#[test]
+fn a_pulse_from_before_the_command_is_not_its_tap() {
+    // Catches a stray pulse between move and hit that is taken for the tap: one that is heard at once, and one whose samples were
+    // read late, when the rig had been told to hit.
+    let (bench, cable, mut rig, mut casing) = heard_bench();
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    cable.play([Step::Frames(frames(1000..3000, &[2000]))]);
+    // Half a second of samples waits behind those with the stray pulse.
+    strike(&mut rig, || cable.play([Step::Late(frames(3000..5000, &[4000]), 20_480)]));
+    let since = Instant::now();
+    while bench.arrivals.waits_for() != "its hit to be heard" {
+        assert!(since.elapsed() < LONG, "no hit; {}", bench.arrivals.waits_for());
+        bench.pause();
+    }
+    assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet, "a stray pulse was taken");
+    cable.play([Step::Frames(frames(5000..7000, &[6000]))]);
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    let mut samples = vec![CacheLine::default(); cache_lines_for(config(16).recording().payload_bytes_max())];
+    casing.taps.render(0, 0, &mut TapHeader::default(), &mut samples).unwrap();
+    assert_eq!(frames_of(&mut samples, 16), record(6000));
+}
+
+#[test]
+fn a_second_strike_within_the_hold_off_is_told() {
+    // Catches a rig that hits twice, the second time behind the record, and whose tap is taken as if it had hit once; and a
+    // rebound within the record, or a click behind it, that is taken for a second strike.
+    let config = CaptureConfig { trigger: TriggerConfig { hold_off_s: 0.03, ..config(16).trigger }, ..config(16) };
+    let (bench, cable, mut rig, mut casing) = heard_bench_of(&config);
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    // The record of a tap ends 300 frames after it, its hold-off after 1229.
+    strike(&mut rig, || cable.play([Step::Frames(frames(1000..4000, &[1500, 2300]))]));
+    let again = thread::Builder::new().name("rig".to_owned()).spawn(move || {
+        assert_eq!(rig.hear(), "move 1 0 0 5");
+        let mut once = frames(4000..7000, &[4500, 4700]);
+        once[1000][0] = 8000;
+        strike(&mut rig, || cable.play([Step::Frames(once)]));
+        (rig, cable)
+    });
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    let mut samples = vec![CacheLine::default(); cache_lines_for(config.recording().payload_bytes_max())];
+    casing.taps.render(0, 0, &mut TapHeader::default(), &mut samples).unwrap();
+    let first = 4501 - PRE;
+    assert_eq!(frames_of(&mut samples, 16), frames(first..first + RECORD, &[4500, 4700]));
+    let (_rig, _cable) = again.unwrap().join().unwrap();
+    let mut bench = bench;
+    let told = "casing T: the rig was told to hit once, and was heard more than once";
+    assert_eq!(bench.arrivals.take_alarms(), [told]);
 }
 
 #[test]

@@ -25,6 +25,7 @@ use crate::{Error, FuseConfig, Reference, ReferenceSet};
 struct Seen {
     attempt: u16,
     is_refused: bool,
+    quality: Quality,
     velocity_m_per_s: f64,
     values: Values,
 }
@@ -124,9 +125,10 @@ impl Fusion {
         if record.quality.contains(Quality::RETAKE) {
             return Ok(());
         }
-        let is_refused = record.quality.contains(Quality::REFUSED);
+        let quality = record.quality;
+        let is_refused = quality.contains(Quality::REFUSED);
         let velocity_m_per_s = record.velocity_measured_m_per_s;
-        let new = Seen { attempt: record.id.attempt, is_refused, velocity_m_per_s, values: record.values };
+        let new = Seen { attempt: record.id.attempt, is_refused, quality, velocity_m_per_s, values: record.values };
         let scan = self.scan_of_tap[row as usize] as usize;
         let old = &mut self.seen[row as usize];
         self.progress[scan].seen_count += usize::from(old.is_none());
@@ -208,12 +210,13 @@ fn ring(plan: &Plan, scan: &Scan) -> Ring {
 
 /// Of two records of one tap the one with the higher rank holds. The attempt decides; the rest makes
 /// the choice the same in whichever order two different records of one attempt come.
-fn rank(seen: &Seen) -> (u16, bool, [Option<u64>; Discriminator::COUNT], u64) {
+fn rank(seen: &Seen) -> (u16, bool, [Option<u64>; Discriminator::COUNT], u64, u32) {
     (
         seen.attempt,
         !seen.is_refused,
         Discriminator::ALL.map(|d| seen.values.get(d).map(f64::to_bits)),
         seen.velocity_m_per_s.to_bits(),
+        seen.quality.bits(),
     )
 }
 

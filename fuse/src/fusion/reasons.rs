@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use tapline_wire::{Geometry, Reasons};
+use tapline_wire::{Geometry, Quality, Reasons};
 
 use crate::fusion::Fusion;
 use crate::fusion::compared::Compared;
@@ -22,9 +22,13 @@ impl Fusion {
             }
         }
         // Only its own: a reference may lack a tap, as its verdict says, but it has no blind spot here.
-        let mut seen = self.plan.scans()[scan].taps.iter().filter_map(|&row| self.seen[row as usize].as_ref());
-        if seen.any(|seen| seen.is_refused) {
+        let seen = || self.plan.scans()[scan].taps.iter().filter_map(|&row| self.seen[row as usize].as_ref());
+        if seen().any(|seen| seen.is_refused) {
             reasons.insert(Reasons::TAPS_REFUSED);
+        }
+        // What is wrong with all of a shoulder stands out nowhere in it.
+        if !Quality::on_most(seen().map(|seen| seen.quality)).is_empty() {
+            reasons.insert(Reasons::FLAGGED);
         }
         if self.who.reference(scan).contains(&scan) {
             reasons.insert(Reasons::SELF_REFERENCE);

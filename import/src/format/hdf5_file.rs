@@ -7,7 +7,7 @@ use hdf5::{Dataset, File, Group, H5Type, Location};
 use ndarray::s;
 
 use crate::error::{Fault, broken, some_of};
-use crate::format::{Line, PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, picked_twice, whole};
+use crate::format::{Line, PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, picked_twice, place_of, whole};
 use crate::series::{Series, checked_count};
 
 /// Attributes that name a unit.
@@ -69,7 +69,13 @@ impl Hdf5File {
                 let Some((name, line)) = found else { return Err(missing(channel, &names)) };
                 Ok((group.dataset(name).map_err(fault_of)?, line))
             }
-            Pick::Name(_) => Err(missing(channel, &channels(&group)?)),
+            Pick::Name(name) => {
+                let names = channels(&group)?;
+                let Some(place) = place_of(name, names.iter().map(String::as_str)) else {
+                    return Err(missing(channel, &names));
+                };
+                Ok((group.dataset(&names[place]).map_err(fault_of)?, line_of_part))
+            }
         }
     }
 

@@ -11,7 +11,7 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 
 use crate::error::{Fault, broken, some_of};
-use crate::format::{PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, picked_twice, whole};
+use crate::format::{PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, picked_twice, place_of, whole};
 use crate::series::{SAMPLES_MAX, Series, checked_count};
 
 /// Bytes before the first variable.
@@ -25,6 +25,9 @@ const READ_MAX: usize = 6;
 
 /// What is added to the name of a channel for that of the text with its unit.
 const UNIT: &str = "_unit";
+
+/// What that must be.
+const UNIT_BOUND: &str = "it must be a text with the unit of the channel, such as \"N\" or \"V\"";
 
 /// Deepest structure within structures.
 const DEPTH_MAX: usize = 4;
@@ -204,6 +207,17 @@ impl Mat5 {
             array = field;
         }
         Ok(Some(array))
+    }
+
+    /// The name of the variable, or of the field of `group`, that is called `name`, in its own case.
+    fn spelled(&mut self, group: &str, name: &str) -> Result<String, Fault> {
+        let variables = self.variables.iter().map(|variable| variable.name.clone());
+        let names: Vec<String> = match group {
+            "" => variables.collect(),
+            _ => self.find(group)?.map_or(Vec::new(), |of| of.fields.iter().map(|(field, _)| field.clone()).collect()),
+        };
+        let place = place_of(name, names.iter().map(String::as_str));
+        Ok(place.map_or(name, |place| &names[place]).to_owned())
     }
 
     fn number(&mut self, part: &str, names: &[&str]) -> Option<f64> {
@@ -423,8 +437,8 @@ impl Recorded for Mat5 {
         }
         let group = if is_part { part } else { "" };
         let (path, number) = match channel {
-            Pick::Name(name) if group.is_empty() => (name.clone(), line_of_part),
-            Pick::Name(name) => (format!("{group}.{name}"), None),
+            Pick::Name(name) if group.is_empty() => (self.spelled(group, name)?, line_of_part),
+            Pick::Name(name) => (format!("{group}.{}", self.spelled(group, name)?), None),
             Pick::Number(number) if is_part => (group.to_owned(), Some(*number)),
             Pick::Number(_) if line_of_part.is_some() => return Err(picked_twice(part)),
             Pick::Number(number) => {
@@ -476,7 +490,17 @@ impl Recorded for Mat5 {
         };
         series.sample_rate_hz = self.number(group, &RATE_NAMES);
         series.pre_trigger_samples = self.number(group, &[PRE_TRIGGER_NAME]).and_then(whole);
-        let unit = self.find(&format!("{path}{UNIT}"))?.map(|array| array.text.trim().to_owned());
+        let name = format!("{path}{UNIT}");
+        let unit = match self.find(&name) {
+            Ok(None) => None,
+            Ok(Some(array)) if array.class == MX_CHAR => Some(array.text.trim().to_owned()),
+            Ok(Some(array)) => {
+                let class = class_name(array.class);
+                let what = format!("{name:?} is an array of class {class}; {UNIT_BOUND}");
+                return Err(Fault::Unsupported(what));
+            }
+            Err(fault) => return broken(format!("{name:?}: {fault}; {UNIT_BOUND}")),
+        };
         series.unit = unit.filter(|unit| !unit.is_empty());
         Ok(series)
     }

@@ -41,10 +41,19 @@ impl Pick {
     fn find<'a>(&self, names: impl Iterator<Item = &'a str> + Clone) -> Result<usize, Fault> {
         let place = match self {
             Self::Number(number) => number.checked_sub(1).filter(|&place| place < names.clone().count()),
-            Self::Name(name) => names.clone().position(|known| known == name),
+            Self::Name(name) => place_of(name, names.clone()),
         };
         place.ok_or_else(|| Fault::Missing { what: "channel", name: self.to_string(), known: some_of(names) })
     }
+}
+
+/// The place, from 0, of the channel `name` among `names`: as it is written, or else the only one that differs in case alone.
+fn place_of<'a>(name: &str, names: impl Iterator<Item = &'a str> + Clone) -> Option<usize> {
+    names.clone().position(|known| known == name).or_else(|| {
+        let lower = name.to_lowercase();
+        let mut alike = names.enumerate().filter(|(_, known)| known.to_lowercase() == lower);
+        alike.next().filter(|_| alike.next().is_none()).map(|(place, _)| place)
+    })
 }
 
 /// A file of recordings, opened.

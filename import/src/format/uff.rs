@@ -3,12 +3,13 @@
 //! Source: the records of datasets 58 and 58b as the Structural Dynamics Research Laboratory of the University of Cincinnati
 //! publishes them.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use crate::error::{Fault, broken, some_of};
-use crate::format::{Pick, Recorded};
+use crate::format::{Pick, Recorded, place_of};
 use crate::series::{Series, checked_count};
 
 /// Longest line, of text with 80 characters.
@@ -189,6 +190,10 @@ impl Uff {
                 number.checked_sub(1).map(|n| first + n).filter(|&place| place < end).ok_or_else(missing)
             }
             Pick::Name(name) => {
+                let labels = self.functions[first..end].iter().flat_map(|of| of.names.iter().map(String::as_str));
+                let labels: Vec<&str> = labels.collect::<BTreeSet<_>>().into_iter().collect();
+                // As it is written there, where its case is another.
+                let name = place_of(name, labels.iter().copied()).map_or(name.as_str(), |place| labels[place]);
                 let mut found =
                     (first..end).filter(|&place| self.functions[place].names.iter().any(|known| known == name));
                 match (found.next(), found.count()) {

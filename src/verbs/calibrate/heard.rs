@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail, ensure};
-use tapline_acquire::{CaptureConfig, Monitor};
+use tapline_acquire::{CaptureConfig, DeviceName, Monitor};
 use tapline_host::messages::print_line;
 use tapline_process::Extractor;
 use tapline_process::calibration::{of_blows, of_tone};
@@ -40,7 +40,7 @@ struct Listening {
     woken: Receiver<()>,
     until: Instant,
     patience_s: f64,
-    device: String,
+    device: DeviceName,
     config: Config,
 }
 
@@ -59,7 +59,14 @@ impl Listening {
         let monitor =
             Monitor::listen(&device, &capture, number, Arc::new(move || wake.try_send(()).unwrap_or_default()))?;
         let until = Instant::now() + Duration::from_millis((1e3 * heard.patience_s) as u64);
-        Ok(Self { monitor, woken, until, patience_s: heard.patience_s, device: device.to_string(), config })
+        Ok(Self { monitor, woken, until, patience_s: heard.patience_s, device, config })
+    }
+
+    /// What was found of a channel, at the range that was listened at.
+    fn found(&self, unit: Unit, full_scale: f64, method: String) -> Found {
+        let is_module = matches!(self.device, DeviceName::Uldaq(_));
+        let full_scale_v = is_module.then_some(self.config.capture.uldaq.range_v);
+        Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit: None, gain: None }
     }
 
     /// What came of the device, for people who wonder why it was not enough.
@@ -107,6 +114,7 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
     let mut listening = Listening::to(heard)?;
     let mut extractor = Extractor::<f64>::new(&listening.config.process)?;
     let mut peaks = Vec::new();
+    print_line(&format!("strike the sensor: {} blows are wanted", known_n.len()));
     while peaks.len() < known_n.len() {
         let Some(tap) = listening.monitor.take() else {
             listening.wait(&format!("{} of {} blows were heard", peaks.len(), known_n.len()))?;
@@ -118,7 +126,11 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
         match found.values.get(Discriminator::FMax) {
             Some(peak) if spoilt.is_empty() && (PEAK_MIN..CLIPPED).contains(&peak) => {
                 peaks.push(peak);
-                print_line(&format!("blow {}: {:.2} % of full scale", peaks.len(), 100.0 * peak));
+                let next = match known_n.len() - peaks.len() {
+                    0 => String::new(),
+                    left => format!("; strike again, {left} left"),
+                };
+                print_line(&format!("blow {}: {:.2} % of full scale{next}", peaks.len(), 100.0 * peak));
             }
             Some(peak) => print_line(&format!(
                 "not counted, strike again: {:.2} % of full scale, flags {spoilt}; it must have none, and be from {:.0} to {:.0} %",
@@ -137,16 +149,15 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
         100.0 * SPREAD_MAX
     );
     let method = format!("{} blows, standard deviation {:.2} %", peaks.len(), 100.0 * found.spread);
-    Ok(Found { unit: Unit::Newton, full_scale: found.full_scale_n, method, sensitivity_mv_per_unit: None, gain: None })
+    Ok(listening.found(Unit::Newton, found.full_scale_n, method))
 }
 
 /// The scale of the sound by a tone of `known_pa`.
 pub(super) fn tone(known_pa: f64, frequency_hz: f64, listen_s: f64, heard: &HeardArgs) -> Result<Found> {
-    let rate_hz;
+    let listening = Listening::to(heard)?;
+    let rate_hz = f64::from(listening.config.capture.sample_rate_hz);
     let samples = {
-        let listening = Listening::to(heard)?;
         let capture = &listening.config.capture;
-        rate_hz = f64::from(capture.sample_rate_hz);
         ensure!(
             known_pa > 0.0 && known_pa <= 20.0,
             "--known-pa is {known_pa}; it must be above 0 and at most 20, which is 120 dB: 94 dB is 1.0024 Pa"
@@ -194,5 +205,5 @@ pub(super) fn tone(known_pa: f64, frequency_hz: f64, listen_s: f64, heard: &Hear
         100.0 * DRIFT_MAX
     );
     let method = format!("tone of {known_pa} Pa at {:.1} Hz, rest {:.2} %", tone.frequency_hz, 100.0 * tone.rest);
-    Ok(Found { unit: Unit::Pascal, full_scale: known_pa / tone.rms, method, sensitivity_mv_per_unit: None, gain: None })
+    Ok(listening.found(Unit::Pascal, known_pa / tone.rms, method))
 }

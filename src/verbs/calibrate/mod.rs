@@ -37,6 +37,8 @@ pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
 struct Found {
     unit: Unit,
     full_scale: f64,
+    /// Volts of a full-scale sample, where they are known.
+    full_scale_v: Option<f64>,
     method: String,
     sensitivity_mv_per_unit: Option<f64>,
     gain: Option<f64>,
@@ -59,7 +61,8 @@ fn stated(channel: Channel, full_scale_v: f64, sensitivity_mv: Option<f64>, gain
         (Channel::Force, None) => bail!("--sensitivity-mv is missing: without it a force has no newtons"),
     };
     let method = format!("stated: {full_scale_v} V at full scale");
-    Ok(Found { unit, full_scale, method, sensitivity_mv_per_unit: sensitivity_mv, gain: Some(gain) })
+    let full_scale_v = Some(full_scale_v);
+    Ok(Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit: sensitivity_mv, gain: Some(gain) })
 }
 
 /// Writes what was `found` of `channel`, today.
@@ -69,7 +72,7 @@ fn keep(written: &WrittenArgs, channel: Channel, found: Found) -> Result<bool> {
     let today = Timestamp::now().to_zoned(TimeZone::UTC).date();
     let until =
         today.checked_add(i64::from(*valid_days).days()).context("--valid-days ends after the last date there is")?;
-    let Found { unit, full_scale, method, sensitivity_mv_per_unit, gain } = found;
+    let Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit, gain } = found;
     let (date, valid_until) = (today.to_string(), Some(until.to_string()));
     let certificate = Certificate { method, date, valid_until, sensitivity_mv_per_unit, gain };
     let said = format!("{}: {full_scale:.6} {} at full scale ({})", channel.name(), unit.name(), certificate.method);
@@ -85,7 +88,7 @@ fn keep(written: &WrittenArgs, channel: Channel, found: Found) -> Result<bool> {
         let exists = WriteError::Exists { path: out.clone() };
         return Err(anyhow::Error::from(exists).context(format!("the {} is calibrated", channel.name())));
     }
-    *place = Some(ChannelScale { unit, full_scale, certificate });
+    *place = Some(ChannelScale { unit, full_scale, full_scale_v, certificate });
     write(out, &file)?;
     let said = if *as_json { printed.to_string() } else { format!("{said}\n{}: valid until {until}", out.display()) };
     writeln!(std::io::stdout(), "{said}")?;

@@ -16,6 +16,9 @@ const SOUND_MS: (f64, f64) = (-5.0, 60.0);
 /// How long the peaks of the levels are looked at.
 const LEVEL_S: f64 = 0.2;
 
+/// Most lines that the state of the device has, however long it is.
+const HEAD_LINES_MAX: u16 = 6;
+
 /// A channel above this part of full scale is as good as clipped.
 const NEARLY_FULL: f64 = 0.98;
 
@@ -109,14 +112,6 @@ impl Scope {
     }
 
     pub(crate) fn draw(&self, frame: &mut Frame<'_>, capture: &CaptureConfig) {
-        let rows = Layout::vertical([
-            Constraint::Length(1),
-            Constraint::Length(3),
-            Constraint::Length(3),
-            Constraint::Min(8),
-            Constraint::Length(5),
-        ]);
-        let [head, force_level, sound_level, charts, numbers] = rows.areas(frame.area());
         let state = match &self.fault {
             Some(fault) => Line::from(fault.as_str()).fg(Color::Red),
             None => Line::from(format!(
@@ -124,7 +119,18 @@ impl Scope {
                 self.device, self.count, self.not_taps.clicks, self.not_taps.steps
             )),
         };
-        frame.render_widget(state, head);
+        // Words that do not fit go to the next line, so that there may be one line more.
+        let full = state.width() / usize::from(frame.area().width.max(1));
+        let head_lines = if full == 0 { 1 } else { full + 2 };
+        let rows = Layout::vertical([
+            Constraint::Length(u16::try_from(head_lines).unwrap_or(u16::MAX).min(HEAD_LINES_MAX)),
+            Constraint::Length(3),
+            Constraint::Length(3),
+            Constraint::Min(8),
+            Constraint::Length(5),
+        ]);
+        let [head, force_level, sound_level, charts, numbers] = rows.areas(frame.area());
+        frame.render_widget(Paragraph::new(state).wrap(Wrap { trim: true }), head);
         let trigger = format!("force (trigger at {:.2} % of full scale)", 100.0 * capture.trigger.level);
         self.level(frame, force_level, &trigger, self.levels[0]);
         self.level(frame, sound_level, "sound", self.levels[1]);
@@ -189,4 +195,25 @@ fn curve(frame: &mut Frame<'_>, area: Rect, title: &str, points: &[(f64, f64)], 
         ]))
         .y_axis(Axis::default().bounds([least, most]).labels([label(least), label(most)]));
     frame.render_widget(chart, area);
+}
+
+#[cfg(test)]
+mod tests {
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+
+    use super::*;
+
+    #[test]
+    fn a_long_fault_is_shown_to_its_end() {
+        // Catches an error that is cut at the edge of the terminal, where what can be done about it stands.
+        let fault = "the device hw:CARD=Scarlett,DEV=0 is not heard: it cannot be opened: ALSA function 'snd_pcm_open' failed with \
+                     error 'No such file or directory (2)'; `tapline devices` lists those that can be listened to";
+        let scope = Scope { fault: Some(fault.to_owned()), ..Scope::new("hw:0") };
+        let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
+        terminal.draw(|frame| scope.draw(frame, &CaptureConfig::default())).unwrap();
+        let shown: String = terminal.backend().buffer().content().iter().map(|cell| cell.symbol()).collect();
+        let shown = shown.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(shown.contains(fault), "{shown}");
+    }
 }

@@ -109,6 +109,8 @@ flags! {
             "The calibration of a channel had expired when the casing was tapped.";
         CALIBRATION_REQUIRED = 17, "calibration_required":
             "This line passes no casing without a valid calibration.";
+        FLAGGED = 18, "flagged":
+            "A flag stands on more than half of the taps: what it warns of holds for all of the shoulder.";
     }
 }
 
@@ -118,7 +120,20 @@ impl Reasons {
         .union(Self::EXTRAPOLATED)
         .union(Self::VELOCITY_UNKNOWN)
         .union(Self::NOT_CALIBRATED)
-        .union(Self::CALIBRATION_EXPIRED);
+        .union(Self::CALIBRATION_EXPIRED)
+        .union(Self::FLAGGED);
+}
+
+impl Quality {
+    /// The flags on more than half of the taps with these `qualities`, each with its share of them; refused taps do not count.
+    pub fn on_most(qualities: impl IntoIterator<Item = Self>) -> Vec<(Self, f64)> {
+        let qualities: Vec<Self> = qualities.into_iter().filter(|of| !of.contains(Self::REFUSED)).collect();
+        let share = |flag: Self| {
+            let flagged = qualities.iter().filter(|of| of.contains(flag)).count();
+            (flag, flagged as f64 / qualities.len().max(1) as f64)
+        };
+        Self::ALL.iter().map(|&(flag, _)| share(flag)).filter(|&(_, share)| share > 0.5).collect()
+    }
 }
 
 #[cfg(test)]

@@ -60,6 +60,7 @@ pub(super) struct SoundCard {
     layout: Layout,
     channels: usize,
     period_frames: usize,
+    buffer_frames: usize,
     rate_hz: f64,
     /// When frames came last.
     heard: Instant,
@@ -75,21 +76,24 @@ impl SoundCard {
             return Err(format!("{name:?} is no name of a device"));
         }
         let _messages = quietly();
-        let pcm = PCM::new(name, Direction::Capture, false).map_err(|e| fault("it cannot be opened", e))?;
-        let (layout, period_frames) = Self::set(&pcm, config)?;
+        let pcm = PCM::new(name, Direction::Capture, false)
+            .map_err(|e| fault("it cannot be opened", e) + "; `tapline devices` lists those that can be listened to")?;
+        let (layout, period_frames, buffer_frames) = Self::set(&pcm, config)?;
         pcm.prepare().and_then(|()| pcm.start()).map_err(|e| fault("it cannot be started", e))?;
         Ok(Self {
             pcm,
             layout,
             channels: config.channels.into(),
             period_frames,
+            buffer_frames,
             rate_hz: config.sample_rate_hz.into(),
             heard: Instant::now(),
             scaled: Vec::new(),
         })
     }
 
-    fn set(pcm: &PCM, config: &CaptureConfig) -> Result<(Layout, usize), String> {
+    /// How a sample lies in its buffer, and the frames of a period and of the buffer.
+    fn set(pcm: &PCM, config: &CaptureConfig) -> Result<(Layout, usize, usize), String> {
         let fault = |what: String| move |error: alsa::Error| format!("{what}: {error}");
         let params = HwParams::any(pcm).map_err(fault("it has no parameters".to_owned()))?;
         let access = Access::MMapInterleaved;
@@ -112,9 +116,11 @@ impl SoundCard {
         let period = ((PERIOD_S * f64::from(rate)) as u32).next_power_of_two();
         let period = params.set_period_size_near(period.into(), ValueOr::Nearest);
         let period = period.map_err(fault("it has no periods".to_owned()))?;
-        params.set_buffer_size_near(PERIODS * period).map_err(fault("it has no buffer".to_owned()))?;
+        let buffer = params.set_buffer_size_near(PERIODS * period);
+        let buffer = buffer.map_err(fault("it has no buffer".to_owned()))?;
         pcm.hw_params(&params).map_err(fault("it refuses these parameters".to_owned()))?;
-        Ok((layout, usize::try_from(period).unwrap_or(1).max(1)))
+        let count = |frames: alsa::pcm::Frames| usize::try_from(frames).unwrap_or(1).max(1);
+        Ok((layout, count(period), count(buffer)))
     }
 
     /// Starts again after samples were lost; returns how many, by the clock.
@@ -125,18 +131,19 @@ impl SoundCard {
         Ok((lost as u64).max(1))
     }
 
-    /// Passes on a period of frames from the card's buffer; how many they were.
-    fn pass(&mut self, take: &mut dyn FnMut(Chunk<'_>)) -> Result<usize, alsa::Error> {
+    /// Passes on a period of the `left` frames that the card's buffer is known to hold; how many they were.
+    fn pass(&mut self, left: usize, take: &mut dyn FnMut(Chunk<'_>, u64)) -> Result<usize, alsa::Error> {
         let (channels, scaled) = (self.channels, &mut self.scaled);
+        let behind = |samples: usize| left.saturating_sub(samples / channels) as u64;
         scaled.clear();
         let mut as_f32 = |samples: &mut dyn Iterator<Item = f32>, count: usize| {
             scaled.extend(samples);
-            take(Chunk::F32(scaled));
+            take(Chunk::F32(scaled), behind(count));
             count / channels
         };
         match self.layout {
             Layout::I16 => self.pcm.io_i16()?.mmap(self.period_frames, |samples| {
-                take(Chunk::I16(samples));
+                take(Chunk::I16(samples), behind(samples.len()));
                 samples.len() / channels
             }),
             Layout::Packed24 => self
@@ -154,23 +161,25 @@ impl SoundCard {
 }
 
 impl Device for SoundCard {
-    fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>)) -> Result<(), String> {
+    fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>, u64)) -> Result<(), String> {
         let available = match self.pcm.wait(Some(WAIT_MS)).and_then(|_| self.pcm.avail_update()) {
             Ok(frames) => usize::try_from(frames).unwrap_or(0),
             Err(error) => {
                 let lost = self.recover(error)?;
-                take(Chunk::Lost(lost));
+                take(Chunk::Lost(lost), 0);
                 return Ok(());
             }
         };
         let mut left = available;
+        // A card whose buffer is full has lost samples and says so; what is always full, such as a pipe, does not count them.
+        let is_counted = available < self.buffer_frames;
         while left >= self.period_frames {
-            match self.pass(take) {
+            match self.pass(if is_counted { left } else { 0 }, take) {
                 Ok(0) => break,
                 Ok(passed) => left = left.saturating_sub(passed),
                 Err(error) => {
                     let lost = self.recover(error)?;
-                    take(Chunk::Lost(lost));
+                    take(Chunk::Lost(lost), 0);
                     return Ok(());
                 }
             }

@@ -41,11 +41,12 @@ pub(super) enum Chunk<'a> {
 
 /// A device that is heard without a pause.
 pub(super) trait Device {
-    /// Waits a while for the next frames, and passes them on; not at all where none have come.
+    /// Waits a while for the next frames, and passes them on; not at all where none have come. With each piece goes how many
+    /// frames had come behind it by then: what was late in being read was not heard late.
     ///
     /// # Errors
     /// Why the device cannot be read any more. It is then opened again.
-    fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>)) -> Result<(), String>;
+    fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>, u64)) -> Result<(), String>;
 }
 
 /// Opens the device `name`.

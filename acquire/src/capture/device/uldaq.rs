@@ -93,7 +93,7 @@ impl DaqModule {
 }
 
 impl Device for DaqModule {
-    fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>)) -> Result<(), String> {
+    fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>, u64)) -> Result<(), String> {
         let Self { device, buffer, circle, heard } = self;
         if circle.pass(buffer, &mut || Self::written(device), take)? {
             *heard = Instant::now();
@@ -163,7 +163,7 @@ impl Circle {
         &mut self,
         buffer: &[f64],
         written: &mut dyn FnMut() -> Result<u64, String>,
-        take: &mut dyn FnMut(Chunk<'_>),
+        take: &mut dyn FnMut(Chunk<'_>, u64),
     ) -> Result<bool, String> {
         let first = self.taken % self.frames;
         let count = written()?.saturating_sub(self.taken).min(self.frames - first);
@@ -179,10 +179,10 @@ impl Circle {
         if behind > self.frames {
             // What was read may be of two laps.
             self.taken += behind;
-            take(Chunk::Lost(behind));
+            take(Chunk::Lost(behind), 0);
         } else {
             self.taken += count;
-            take(Chunk::F32(&self.scaled));
+            take(Chunk::F32(&self.scaled), behind.saturating_sub(count));
         }
         Ok(true)
     }
@@ -249,7 +249,7 @@ mod tests {
         for &(before, within) in reads {
             let mut counts = [before, within].into_iter();
             let mut written = || counts.next().ok_or_else(|| "asked too often".to_owned());
-            let mut take = |chunk: Chunk<'_>| {
+            let mut take = |chunk: Chunk<'_>, _behind: u64| {
                 passed.push(match chunk {
                     Chunk::F32(samples) => Ok(samples.to_vec()),
                     Chunk::Lost(frames) => Err(frames),

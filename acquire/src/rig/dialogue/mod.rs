@@ -21,6 +21,9 @@ const ASK_AGAIN: Duration = Duration::from_secs(1);
 /// An answer that should come at once is late after this time.
 const LATE_AFTER: Duration = Duration::from_secs(1);
 
+/// How often in a row a rig may lose its connection over one command before people are told.
+const UNANSWERED_MAX: u32 = 3;
+
 /// Most alarms that are kept for the station.
 const ALARMS_MAX: usize = 16;
 
@@ -55,6 +58,8 @@ pub(crate) struct Dialogue {
     fault: Option<String>,
     /// The command that the rig has not answered yet.
     pending: Option<PendingCommand>,
+    /// The command over which the connection was lost, and how often in a row.
+    unanswered: Option<(String, u32)>,
     /// Serial of a casing on the rig that the station has not taken over.
     loaded: Option<String>,
     /// The casing that the station has taken over.
@@ -90,6 +95,18 @@ enum Command {
     Move,
     Hit,
     Ping,
+}
+
+impl Command {
+    /// What a rig does that obeys it; `None` where that is nothing to see.
+    fn deed(self) -> Option<&'static str> {
+        match self {
+            Self::Home => Some("home"),
+            Self::Move => Some("move"),
+            Self::Hit => Some("hit"),
+            Self::Ping => None,
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -165,6 +182,7 @@ impl Dialogue {
             is_homed: false,
             fault: None,
             pending: None,
+            unanswered: None,
             loaded: None,
             current: None,
             end_report: None,
@@ -203,7 +221,7 @@ impl Dialogue {
         self.rig_name = None;
         self.stopped = None;
         self.is_homed = false;
-        self.pending = None;
+        self.count_unanswered();
         self.loaded = None;
         self.unexpected = (0, None);
         if let Some(report) = &mut self.end_report {
@@ -215,6 +233,21 @@ impl Dialogue {
                 current.step = Step::Idle;
             }
         }
+    }
+
+    /// Gives up the command that is not answered; has people told of a rig that never answers it, however often it connects.
+    fn count_unanswered(&mut self) {
+        let Some(PendingCommand { command, text, .. }) = self.pending.take() else { return };
+        let Some(what) = command.deed() else { return };
+        let before = self.unanswered.take().filter(|(of, _)| *of == text).map_or(0, |(_, count)| count);
+        let count = before.saturating_add(1);
+        if count == UNANSWERED_MAX {
+            let told =
+                format!("the rig does not {what}: it was told {text:?} {count} times in a row, and has not answered");
+            tracing::error!("station {}: {told}", self.config.station);
+            self.alarm(told);
+        }
+        self.unanswered = Some((text, count));
     }
 
     /// Whether there is no connection, but a port.

@@ -103,6 +103,7 @@ impl Dialogue {
                 let LinkConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} reports {why:?}");
                 if let Some(pending) = self.pending.take() {
+                    self.unanswered.take_if(|(text, _)| *text == pending.text);
                     // It has no home to find. One that cannot find it says that it is stopped, or refuses to move.
                     self.is_homed |= pending.command == Command::Home;
                     self.advance(pending.casing, |tap| Step::Failed(tap, why));
@@ -171,7 +172,10 @@ impl Dialogue {
     /// The casing for which `command` was sent. An error if the rig answers another command, or none was sent.
     fn answered(&mut self, command: Command, line: &str) -> Result<u64, String> {
         match self.pending.take() {
-            Some(pending) if pending.command == command => Ok(pending.casing),
+            Some(pending) if pending.command == command => {
+                self.unanswered.take_if(|(text, _)| *text == pending.text);
+                Ok(pending.casing)
+            }
             Some(pending) => Err(format!("the rig has answered {:?} with {:?}", pending.text, one_line(line))),
             None => Err(format!("the rig has said {:?} unasked", one_line(line))),
         }

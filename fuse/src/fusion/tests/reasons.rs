@@ -116,3 +116,37 @@ fn a_ring_with_a_gap_is_no_pass() {
     let line = Plan::new(Geometry::Line, recording(), plan.taps().to_vec(), Truth::new()).unwrap();
     assert!(!is_blind(&line, &left));
 }
+
+#[test]
+fn a_flag_on_most_taps_is_a_remark() {
+    // Catches a rate that no casing has, or hum on every tap, that passes without a word; a flag on half of the taps that is
+    // remarked; and a remark that takes PASS away, or stays when the taps are made again.
+    let casing = Casing::default();
+    let plan = casing.plan();
+    let found = records(&casing, &plan, 1);
+    let of = |flag: Quality, flagged: usize| {
+        let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &plan).unwrap();
+        for (k, record) in found.iter().enumerate() {
+            let quality = if k < flagged { flag } else { Quality::default() };
+            fusion.push(&Discriminators { quality, ..*record }).unwrap();
+        }
+        fusion.end(0).unwrap();
+        fusion
+    };
+    let reasons = |fusion: &mut Fusion| {
+        let judgement = fusion.judge(0).unwrap().0;
+        assert_eq!(verdict(&judgement), Verdict::Pass);
+        judgement.reasons.difference(Reasons::SELF_REFERENCE | Reasons::EXTRAPOLATED)
+    };
+    let half = found.len() / 2;
+    for flag in [Quality::RATE_IMPLAUSIBLE, Quality::HUM] {
+        assert_eq!(reasons(&mut of(flag, found.len())), Reasons::FLAGGED, "{flag}");
+        assert_eq!(reasons(&mut of(flag, half)), Reasons::default(), "{flag}");
+        let mut most = of(flag, half + 1);
+        assert_eq!(reasons(&mut most), Reasons::FLAGGED, "{flag}");
+        let mut again = found[0];
+        again.id.attempt += 1;
+        most.push(&again).unwrap();
+        assert_eq!(reasons(&mut most), Reasons::default(), "{flag}");
+    }
+}
