@@ -128,16 +128,33 @@ impl Archives {
     }
 }
 
-/// Paths, below `folder`, of the finished archives in it, in the order of their names; there may be none.
+/// The finished archives of a folder, listed again and again.
 #[cfg(feature = "uplink")]
-pub(crate) fn finished_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut here = Found::default();
-    here.look_into(folder, DEPTH_MAX)?;
-    let (casings, _results) = archives_and_results(here.finished);
-    let mut names: Vec<PathBuf> =
-        casings.iter().map(|path| path.strip_prefix(folder).unwrap_or(path).to_owned()).collect();
-    names.sort();
-    Ok(names)
+#[derive(Debug)]
+pub(crate) struct Finished {
+    folder: PathBuf,
+    /// Files that have results: each was opened once to know it.
+    results: BTreeSet<PathBuf>,
+}
+
+#[cfg(feature = "uplink")]
+impl Finished {
+    pub(crate) fn of(folder: &Path) -> Self {
+        Self { folder: folder.to_owned(), results: BTreeSet::new() }
+    }
+
+    /// Paths below the folder, in the order of their names; there may be none.
+    pub(crate) fn list(&mut self) -> Result<Vec<PathBuf>> {
+        let mut here = Found::default();
+        here.look_into(&self.folder, DEPTH_MAX)?;
+        here.finished.retain(|path| !self.results.contains(path));
+        let (casings, results) = archives_and_results(here.finished);
+        self.results.extend(results.into_iter().map(|(_, path)| path));
+        let below = |path: &PathBuf| path.strip_prefix(&self.folder).unwrap_or(path).to_owned();
+        let mut names: Vec<PathBuf> = casings.iter().map(below).collect();
+        names.sort();
+        Ok(names)
+    }
 }
 
 fn nothing_in(folder: &Path, which: Which) -> String {

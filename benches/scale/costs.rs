@@ -82,7 +82,7 @@ impl Costs {
                 us[0].push(run(folder.path(), &made, casings, 2)? * 1e6 / taps);
                 bytes_per_tap = bytes_of(&made)? / taps;
                 us[1].push(cpu_s_of(Command::new(tapline()).arg("verify").arg(&made))? * 1e6 / taps);
-                us[2].push(cpu_s_of(Command::new(tapline()).args(["reprocess", "--force"]).arg(&made))? * 1e6 / taps);
+                us[2].push(cpu_s_of(Command::new(tapline()).arg("reprocess").arg(&made))? * 1e6 / taps);
                 let table = folder.path().join("verdicts.csv");
                 let export = ["export", "--force", "--out"];
                 let mut command = Command::new(tapline());

@@ -8,7 +8,7 @@ use serde_json::json;
 use tapline_host::signals::stop_flag;
 use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Until};
 
-use crate::archives::finished_in;
+use crate::archives::Finished;
 use crate::cli::uplink::{BrokerArgs, CollectArgs, UplinkArgs};
 
 /// Sends the finished files of a folder to a centre; whether it has them all.
@@ -21,10 +21,16 @@ pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
         bucket: args.broker.bucket.clone(),
         again: args.again,
     };
-    let finished = || finished_in(&args.folder);
-    tapline_uplink::send(&server, &sender, &until(args.once)?, finished, |sent| {
-        print(&sent.file, &args.folder.join(sent.file.below_site()), &sent.receipt, args.json);
-    })
+    let mut finished = Finished::of(&args.folder);
+    tapline_uplink::send(
+        &server,
+        &sender,
+        &until(args.once)?,
+        || finished.list(),
+        |sent| {
+            print(&sent.file, &args.folder.join(sent.file.below_site()), &sent.receipt, args.json);
+        },
+    )
 }
 
 /// Takes the files that come to a centre; whether none was refused.

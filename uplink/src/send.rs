@@ -71,13 +71,13 @@ pub fn send(
     server: &Server,
     sender: &Sender,
     until: &Until,
-    finished: impl Fn() -> Result<Vec<PathBuf>>,
+    mut finished: impl FnMut() -> Result<Vec<PathBuf>>,
     mut tell: impl FnMut(&Sent),
 ) -> Result<bool> {
     let mut sending = Sending { sender, files: BTreeMap::new(), again: sender.again, reconciled: Instant::now() };
     session::run(until, async |trouble| {
         let broker = JetStream::connect(server, &format!("tapline uplink {}", sender.site), &sender.bucket).await?;
-        sending.attempt(&broker, until, &finished, &mut tell, trouble).await
+        sending.attempt(&broker, until, &mut finished, &mut tell, trouble).await
     })?;
     Ok(sending.files.values().all(|state| matches!(state, State::Settled { is_received: true })))
 }
@@ -95,7 +95,7 @@ impl Sending<'_> {
         &mut self,
         broker: &impl Carrier,
         until: &Until,
-        finished: &impl Fn() -> Result<Vec<PathBuf>>,
+        finished: &mut impl FnMut() -> Result<Vec<PathBuf>>,
         tell: &mut impl FnMut(&Sent),
         trouble: &mut Trouble,
     ) -> Result<()> {
