@@ -62,21 +62,28 @@ pub(crate) fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
 pub(crate) struct Cluster {
     pub(crate) engine: String,
     pub(crate) scheduler: Process,
+    bind: String,
     pub(crate) executors: Vec<Process>,
 }
 
 impl Cluster {
     /// Starts one, whose executors run the program `tapline`.
     pub(crate) fn start(sandbox: &Sandbox, tapline: &Path) -> Self {
-        let (scheduler, engine) = scheduler(sandbox, "0");
-        let mut cluster = Self { engine, scheduler, executors: Vec::new() };
-        cluster.add_executor(sandbox, tapline);
-        cluster.add_executor(sandbox, tapline);
+        Self::start_at(sandbox, tapline, "127.0.0.1", 2)
+    }
+
+    /// Starts one with so many executors, all of which listen on that address.
+    pub(crate) fn start_at(sandbox: &Sandbox, tapline: &Path, bind: &str, count: usize) -> Self {
+        let (scheduler, engine) = scheduler(sandbox, bind, "0");
+        let mut cluster = Self { engine, scheduler, bind: bind.to_owned(), executors: Vec::new() };
+        for _ in 0..count {
+            cluster.add_executor(sandbox, tapline);
+        }
         cluster
     }
 
     pub(crate) fn add_executor(&mut self, sandbox: &Sandbox, tapline: &Path) {
-        let mut command = sandbox.command(&["executor", &self.engine, "--heartbeat-s", "1"]);
+        let mut command = sandbox.command(&["executor", &self.engine, "--heartbeat-s", "1", "--bind", &self.bind]);
         command.env("TAPLINE", tapline).stderr(Stdio::null());
         self.executors.push(Process::start(&mut command));
     }
@@ -86,13 +93,13 @@ impl Cluster {
         self.scheduler.signal("KILL");
         self.scheduler.end();
         let port = self.engine.rsplit(':').next().unwrap();
-        (self.scheduler, self.engine) = scheduler(sandbox, port);
+        (self.scheduler, self.engine) = scheduler(sandbox, &self.bind, port);
     }
 }
 
 /// A scheduler that listens, and its address.
-fn scheduler(sandbox: &Sandbox, port: &str) -> (Process, String) {
-    let mut command = sandbox.command(&["scheduler", "--port", port, "--executor-timeout-s", "4"]);
+fn scheduler(sandbox: &Sandbox, bind: &str, port: &str) -> (Process, String) {
+    let mut command = sandbox.command(&["scheduler", "--bind", bind, "--port", port, "--executor-timeout-s", "4"]);
     let mut process = Process::start(command.stderr(Stdio::piped()));
     let mut lines = BufReader::new(process.0.stderr.take().unwrap()).lines();
     let engine = loop {

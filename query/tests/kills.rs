@@ -10,10 +10,10 @@ use crate::cluster::{Cluster, Process, wait_until};
 use crate::sandbox::{CASINGS, Sandbox, contents};
 
 /// Seconds that an archive takes: long enough to kill something meanwhile.
-const SLEEP_S: f64 = 0.3;
+pub(crate) const SLEEP_S: f64 = 0.3;
 
 /// Begins the job on the cluster.
-fn begin(sandbox: &Sandbox, cluster: &Cluster, tapline: &Path, out: &str) -> Process {
+pub(crate) fn begin(sandbox: &Sandbox, cluster: &Cluster, tapline: &Path, out: &str) -> Process {
     let arguments =
         ["reprocess", "in", "--out", out, "--from-samples", "--files-per-task", "1", "--engine", &cluster.engine];
     let mut command = sandbox.command(&arguments);
@@ -22,7 +22,7 @@ fn begin(sandbox: &Sandbox, cluster: &Cluster, tapline: &Path, out: &str) -> Pro
 }
 
 /// Waits until so many archives are judged, but not all.
-fn wait_for_results(sandbox: &Sandbox, out: &str, count: usize) {
+pub(crate) fn wait_for_results(sandbox: &Sandbox, out: &str, count: usize) {
     let is_result = |path: &&std::path::PathBuf| path.extension().is_some_and(|e| e == "h5");
     let staged = || {
         let is_there = sandbox.path(out).is_dir() && sandbox.names(out).iter().any(|name| name.starts_with(".staging"));

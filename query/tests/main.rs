@@ -6,5 +6,6 @@ mod cluster;
 mod dask;
 mod jobs;
 mod kills;
+mod network;
 mod questions;
 mod sandbox;

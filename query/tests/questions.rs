@@ -16,7 +16,7 @@ const QUESTIONS: [&str; 14] = [
     "SELECT * FROM damage",
     "SELECT * FROM regions",
     "SELECT file, location, damage_index FROM damage WHERE damage_index > 2 AND shoulder = 1",
-    "SELECT count(*), count(error), count(DISTINCT tyre), min(f_max_hz), max(f_max_hz) FROM discriminators",
+    "SELECT count(*), count(error), count(DISTINCT tyre), min(f_max), max(tau_s) FROM discriminators",
     "SELECT file, state, count(*), sum(location), avg(angle_deg) FROM taps GROUP BY file, state",
     "SELECT verdict, count(*) FROM verdicts WHERE status = 'ok' GROUP BY verdict HAVING count(*) > 0",
     "SELECT d.file, d.location, d.pr, v.verdict FROM discriminators d JOIN verdicts v ON d.file = v.file AND d.shoulder = v.shoulder",
@@ -47,10 +47,8 @@ fn a_cluster_answers_like_this_host() {
 fn copies_are_the_same(sandbox: &Sandbox, cluster: &Cluster) {
     let copies = ["local", &cluster.engine].map(|engine| {
         let out = sandbox.path(if engine == "local" { "copy-local" } else { "copy-cluster" });
-        let sql = format!(
-            "COPY (SELECT * FROM discriminators WHERE location > 3) TO '{}/' STORED AS PARQUET",
-            out.display()
-        );
+        let sql =
+            format!("COPY (SELECT * FROM discriminators WHERE location > 3) TO '{}/' STORED AS PARQUET", out.display());
         let rows = sandbox.ask(&sql, engine, &["--files-per-task", "3"]);
         (rows, parquet_rows(&out))
     });
@@ -89,7 +87,10 @@ fn what_cannot_be_asked_is_said() {
     let Some(sandbox) = Sandbox::new() else { return };
     let refusal = |arguments: &[&str]| sandbox.run(arguments).expect(1).err;
     let err = refusal(&["sql", "SELECT damage FROM damage", "in"]);
-    assert!(err.contains("cannot plan \"SELECT damage FROM damage\"") && err.contains("No field named damage"), "{err}");
+    assert!(
+        err.contains("cannot plan \"SELECT damage FROM damage\"") && err.contains("No field named damage"),
+        "{err}"
+    );
     let err = refusal(&["sql", "SELECT 1", "nowhere"]);
     assert!(err.contains("cannot read nowhere"), "{err}");
     let err = refusal(&["sql", "SELECT * FROM damage", "in", "--engine", "cluster://127.0.0.1:1"]);

@@ -8,7 +8,7 @@ use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};
 
 use crate::folders::CasingFile;
-use crate::reprocess::ReprocessTask;
+use crate::task::ReprocessTask;
 
 /// Name of the file that is in the folder of every job that was done.
 pub const COMMIT_FILE: &str = "_committed.json";

@@ -5,8 +5,6 @@
 //! tasks may be done twice or by a host that was given up, and the job is still there once, or not at all.
 
 mod commit;
-mod one;
-mod program;
 mod staging;
 
 use std::path::PathBuf;
@@ -14,50 +12,15 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result, ensure};
 use datafusion::arrow::array::{Array as _, BooleanArray, RecordBatch, StringArray, UInt64Array};
-use serde::{Deserialize, Serialize};
 
 pub use commit::{COMMIT_FILE, Committed, Row};
-pub use program::Program;
 
 use crate::engine::Engine;
 use crate::folders::{CasingFile, find, partitions};
 use crate::plan::FilesTable;
-use crate::task::Task;
+use crate::task::{Program, ReprocessTask, Task, given, reference};
 use commit::Job;
 use staging::Staging;
-
-/// A file that says how to judge, and what it held when the job began.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Given {
-    /// Where it is, absolute: every host reads it there.
-    pub path: String,
-    /// BLAKE3 of what it holds.
-    pub digest: String,
-}
-
-/// How every archive of a job is judged, as executors get it.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ReprocessTask {
-    /// The staging folder of the job, absolute: every host writes there.
-    pub staging: String,
-    /// BLAKE3 of the program `tapline`, which must be the same on every host.
-    pub program: String,
-    /// The configuration.
-    pub config: Option<Given>,
-    /// The reference: a file, or a name such as `self`.
-    pub reference: Option<Reference>,
-    /// Whether samples are read even where discriminators would do.
-    pub is_from_samples: bool,
-}
-
-/// What shoulders are compared with.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Reference {
-    /// A file that `tapline reference` made.
-    File(Given),
-    /// A shoulder, or `self`.
-    Name(String),
-}
 
 /// What a job is asked for.
 #[derive(Debug, Clone)]
@@ -98,8 +61,8 @@ pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
     let task = ReprocessTask {
         staging: String::new(),
         program: program.digest()?,
-        config: order.config.as_deref().map(one::given).transpose()?,
-        reference: order.reference.as_deref().map(one::reference).transpose()?,
+        config: order.config.as_deref().map(given).transpose()?,
+        reference: order.reference.as_deref().map(reference).transpose()?,
         is_from_samples: order.is_from_samples,
     };
     let job = Job::new(&task, &files)?;

@@ -11,15 +11,13 @@ use tempfile::TempDir;
 
 use crate::folders::CasingFile;
 use crate::reprocess::commit::{COMMIT_FILE, Committed};
+use crate::task::FILES;
 
 /// What staging folders are called.
 const PREFIX: &str = ".staging-";
 
 /// Locked while folders are made or cleared away.
 const LOCK: &str = ".lock";
-
-/// The folder in it that is committed.
-pub(super) const FILES: &str = "files";
 
 /// A staging folder, locked by this process, and removed if nothing is committed.
 #[derive(Debug)]

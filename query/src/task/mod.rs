@@ -1,9 +1,9 @@
 //! What is done with each casing file, and the form in which that travels to the hosts of a cluster.
 
 pub(crate) mod payload;
+mod program;
+mod reprocess;
 mod rows;
-
-pub(crate) use rows::Columns;
 
 use std::sync::Arc;
 
@@ -12,8 +12,11 @@ use datafusion::arrow::datatypes::{DataType, Field, Schema, SchemaRef};
 use serde::{Deserialize, Serialize};
 use tapline_export::{ColumnKind, Export, columns};
 
+pub use program::Program;
+pub(crate) use reprocess::{FILES, given, reference};
+pub use reprocess::{Given, Reference, ReprocessTask};
+
 use crate::folders::CasingFile;
-use crate::reprocess::ReprocessTask;
 
 /// A table over casing files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]

@@ -9,15 +9,50 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, ensure};
 use datafusion::arrow::array::{BooleanArray, StringArray, UInt64Array};
 use datafusion::arrow::datatypes::{DataType, Field};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::folders::CasingFile;
-use crate::reprocess::program::{Program, file_digest};
-use crate::reprocess::staging::FILES;
-use crate::reprocess::{Given, Reference, ReprocessTask};
+use crate::task::program::{Program, file_digest};
+use crate::task::rows::Columns;
+
+/// The folder in a staging folder that is committed.
+pub(crate) const FILES: &str = "files";
 
 /// Exit codes of `tapline reprocess`: all was judged; not all could be.
 const CODES: [i32; 2] = [0, 3];
+
+/// A file that says how to judge, and what it held when the job began.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Given {
+    /// Where it is, absolute: every host reads it there.
+    pub path: String,
+    /// BLAKE3 of what it holds.
+    pub digest: String,
+}
+
+/// How every archive of a job is judged, as executors get it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ReprocessTask {
+    /// The staging folder of the job, absolute: every host writes there.
+    pub staging: String,
+    /// BLAKE3 of the program `tapline`, which must be the same on every host.
+    pub program: String,
+    /// The configuration.
+    pub config: Option<Given>,
+    /// The reference: a file, or a name such as `self`.
+    pub reference: Option<Reference>,
+    /// Whether samples are read even where discriminators would do.
+    pub is_from_samples: bool,
+}
+
+/// What shoulders are compared with.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Reference {
+    /// A file that `tapline reference` made.
+    File(Given),
+    /// A shoulder, or `self`.
+    Name(String),
+}
 
 /// What `tapline reprocess --json` prints for an archive.
 #[derive(Debug, Deserialize)]
@@ -28,14 +63,14 @@ struct Printed {
 }
 
 /// Notes what the file at `path` holds.
-pub(super) fn given(path: &Path) -> Result<Given> {
+pub(crate) fn given(path: &Path) -> Result<Given> {
     let absolute = path.canonicalize().with_context(|| format!("cannot read {}", path.display()))?;
     let text = absolute.to_str().with_context(|| format!("the name of {} is not UTF-8", path.display()))?.to_owned();
     Ok(Given { digest: file_digest(&absolute)?, path: text })
 }
 
 /// Notes what a reference is, as `tapline reprocess --reference` takes it.
-pub(super) fn reference(text: &str) -> Result<Reference> {
+pub(crate) fn reference(text: &str) -> Result<Reference> {
     match text.ends_with(".json") {
         true => Ok(Reference::File(given(Path::new(text))?)),
         false => Ok(Reference::Name(text.to_owned())),
@@ -67,7 +102,7 @@ impl ReprocessTask {
     ///
     /// # Errors
     /// Where no archive can be judged here: the staging folder is gone, or the program, the configuration or the reference is another.
-    pub(crate) fn run(&self, file: &CasingFile) -> Result<Result<crate::task::Columns, String>> {
+    pub(crate) fn run(&self, file: &CasingFile) -> Result<Result<Columns, String>> {
         let staging = Path::new(&self.staging);
         ensure!(
             staging.join(FILES).is_dir(),
@@ -131,7 +166,7 @@ fn printed(output: &Output, work: &Path) -> Result<Printed, String> {
 }
 
 /// Moves the results to where the job collects them.
-fn keep(printed: &Printed, file: &CasingFile, staging: &Path) -> Result<crate::task::Columns> {
+fn keep(printed: &Printed, file: &CasingFile, staging: &Path) -> Result<Columns> {
     let from = Path::new(&printed.results);
     let name = Path::new(&file.name).with_file_name(from.file_name().unwrap_or_default());
     let to = staging.join(FILES).join(&name);
