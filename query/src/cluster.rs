@@ -17,8 +17,11 @@ use tapline_host::messages::print_line;
 use crate::engine::{Engine, config};
 use crate::plan::codec::{LogicalCodec, PhysicalCodec};
 
-/// Shortest time, in heartbeats, after which a silent executor is taken for lost.
-const HEARTBEATS_MIN: u64 = 3;
+/// Seconds between signs of life of an executor: Ballista's own, where executors ask for work.
+const HEARTBEAT_S: u64 = 5;
+
+/// Shortest time of silence, in seconds, after which an executor may be taken for lost.
+const TIMEOUT_MIN_S: u64 = HEARTBEAT_S + 1;
 
 /// A file is one unit of work, so that an executor has one core.
 const CORES: usize = 1;
@@ -50,8 +53,6 @@ pub struct Executor {
     pub port: u16,
     /// Name or address by which others reach this host; `bind` when left out.
     pub host: Option<String>,
-    /// Seconds between its signs of life.
-    pub heartbeat_s: u64,
     /// Folder for what is under way; one of the system's when left out.
     pub work: Option<PathBuf>,
 }
@@ -64,8 +65,8 @@ impl Scheduler {
     pub async fn run(self) -> Result<()> {
         let Self { bind, port, host, executor_timeout_s } = self;
         ensure!(
-            executor_timeout_s >= HEARTBEATS_MIN,
-            "a timeout of {executor_timeout_s} s is too short: at least {HEARTBEATS_MIN}"
+            executor_timeout_s >= TIMEOUT_MIN_S,
+            "--executor-timeout-s is {executor_timeout_s}; at least {TIMEOUT_MIN_S}, as executors show themselves every {HEARTBEAT_S} s"
         );
         warn_of_others(bind);
         let address = free(bind, port)?;
@@ -96,7 +97,7 @@ impl Executor {
     /// # Errors
     /// A scheduler that is not there after half a minute, a port that is in use, and what Ballista returns.
     pub async fn run(self) -> Result<()> {
-        let Self { engine, bind, port, host, heartbeat_s, work } = self;
+        let Self { engine, bind, port, host, work } = self;
         let Engine::Cluster { host: scheduler_host, port: scheduler_port } = engine.clone() else {
             anyhow::bail!("an executor works for a cluster: give cluster://HOST:PORT");
         };
@@ -121,7 +122,7 @@ impl Executor {
             vcores: CORES,
             task_scheduling_policy: TaskSchedulingPolicy::PullStaged,
             work_dir: Some(folder.path().display().to_string()),
-            executor_heartbeat_interval_seconds: heartbeat_s.max(1),
+            executor_heartbeat_interval_seconds: HEARTBEAT_S,
             override_config_producer: Some(Arc::new(config)),
             override_logical_codec: Some(Arc::new(LogicalCodec::default())),
             override_physical_codec: Some(Arc::new(PhysicalCodec::default())),

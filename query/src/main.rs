@@ -81,9 +81,6 @@ enum Verb {
         /// Port from which results are fetched; 0 for any that is free.
         #[arg(long, default_value_t = 0)]
         port: u16,
-        /// Seconds between signs of life.
-        #[arg(long, default_value_t = 5)]
-        heartbeat_s: u64,
         /// Folder for what is under way; one of the system's when left out.
         #[arg(long)]
         work: Option<PathBuf>,
@@ -153,8 +150,8 @@ async fn dispatch(verb: Verb) -> Result<bool> {
         Verb::Scheduler { listen: ListenArgs { bind, host }, port, executor_timeout_s } => {
             Scheduler { bind, port, host, executor_timeout_s }.run().await.map(|()| true)
         }
-        Verb::Executor { engine, listen: ListenArgs { bind, host }, port, heartbeat_s, work } => {
-            Executor { engine, bind, port, host, heartbeat_s, work }.run().await.map(|()| true)
+        Verb::Executor { engine, listen: ListenArgs { bind, host }, port, work } => {
+            Executor { engine, bind, port, host, work }.run().await.map(|()| true)
         }
     }
 }

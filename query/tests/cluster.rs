@@ -83,7 +83,7 @@ impl Cluster {
     }
 
     pub(crate) fn add_executor(&mut self, sandbox: &Sandbox, tapline: &Path) {
-        let mut command = sandbox.command(&["executor", &self.engine, "--heartbeat-s", "1", "--bind", &self.bind]);
+        let mut command = sandbox.command(&["executor", &self.engine, "--bind", &self.bind]);
         command.env("TAPLINE", tapline).stderr(Stdio::null());
         self.executors.push(Process::start(&mut command));
     }
@@ -99,7 +99,7 @@ impl Cluster {
 
 /// A scheduler that listens, and its address.
 fn scheduler(sandbox: &Sandbox, bind: &str, port: &str) -> (Process, String) {
-    let mut command = sandbox.command(&["scheduler", "--bind", bind, "--port", port, "--executor-timeout-s", "4"]);
+    let mut command = sandbox.command(&["scheduler", "--bind", bind, "--port", port, "--executor-timeout-s", "6"]);
     let mut process = Process::start(command.stderr(Stdio::piped()));
     let mut lines = BufReader::new(process.0.stderr.take().unwrap()).lines();
     let engine = loop {

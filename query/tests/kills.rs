@@ -67,6 +67,19 @@ fn a_job_survives_executors_that_are_killed_or_do_not_answer() {
     assert!(contents(&sandbox.only_job("stopped")) == expected);
 }
 
+/// Catches an executor that is taken for lost while it works on one archive for a long time.
+#[test]
+fn an_archive_may_take_longer_than_a_silent_executor_is_waited_for() {
+    let Some(sandbox) = Sandbox::new() else { return };
+    fs::create_dir(sandbox.path("one")).unwrap();
+    std::os::unix::fs::symlink(sandbox.path("in/1/SIM-0001.h5"), sandbox.path("one/SIM-0001.h5")).unwrap();
+    let counted = sandbox.counting_tapline(9);
+    let cluster = Cluster::start(&sandbox, &counted);
+    let mut command = sandbox.command(&["reprocess", "one", "--out", "out", "--engine", &cluster.engine]);
+    assert!(command.env("TAPLINE", &counted).output().unwrap().status.success());
+    assert_eq!(fs::read_to_string(sandbox.path("runs")).unwrap(), "run\n");
+}
+
 /// Catches a client that waits for ever, and half a job that is taken for a whole one.
 #[test]
 fn a_killed_scheduler_leaves_an_error_and_nothing_committed() {

@@ -68,7 +68,7 @@ fn a_job_survives_a_link_that_is_cut() {
     let mut cluster = Cluster::start_at(&sandbox, &slow, Network::HERE, 1);
     let mut far = Command::new("ip");
     far.args(["netns", "exec", &network.name, env!("CARGO_BIN_EXE_tapline-query"), "executor", &cluster.engine]);
-    far.args(["--heartbeat-s", "1", "--bind", Network::THERE]).env("TAPLINE", &slow).stderr(Stdio::null());
+    far.args(["--bind", Network::THERE]).env("TAPLINE", &slow).env("TMPDIR", sandbox.path(".")).stderr(Stdio::null());
     cluster.executors.push(Process::start(&mut far));
     let mut whole = begin(&sandbox, &cluster, &slow, "whole");
     assert_eq!(whole.end(), Some(0), "{}", fs::read_to_string(sandbox.path("errors")).unwrap());

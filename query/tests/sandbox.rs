@@ -5,7 +5,7 @@ use std::fs;
 use std::os::unix::fs::{PermissionsExt as _, symlink};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use tapline_testing::program::Done;
 use tapline_testing::skip;
@@ -27,8 +27,8 @@ velocities_m_per_s = [1.5]
 reference = \"self\"
 ";
 
-/// Archives that are made once; the folder is left to the system's cleaning, as no test knows that it is the last.
-static ARCHIVES: OnceLock<Option<TempDir>> = OnceLock::new();
+/// Archives that are made once, and removed with the last test that uses them.
+static ARCHIVES: Mutex<Weak<TempDir>> = Mutex::new(Weak::new());
 
 /// The everyday program, beside this one; `None`, and a skip, where it is not built.
 pub(crate) fn tapline() -> Option<PathBuf> {
@@ -40,36 +40,40 @@ pub(crate) fn tapline() -> Option<PathBuf> {
     Some(path)
 }
 
-fn archives() -> Option<&'static Path> {
-    let made = ARCHIVES.get_or_init(|| {
-        let tapline = tapline()?;
-        let folder = TempDir::new().unwrap();
-        let config = folder.path().join("line.toml");
-        fs::write(&config, CONFIG).unwrap();
-        let mut command = Command::new(tapline);
-        command.args(["run", "--quiet", "--config"]).arg(&config).arg("--out").arg(folder.path().join("made"));
-        let done = Done::from(command.args(["--stations", &CASINGS.to_string()]).output().unwrap());
-        done.expect(0);
-        Some(folder)
-    });
-    made.as_ref().map(TempDir::path)
+fn archives() -> Option<Arc<TempDir>> {
+    let tapline = tapline()?;
+    let mut made = ARCHIVES.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(folder) = made.upgrade() {
+        return Some(folder);
+    }
+    let folder = Arc::new(TempDir::new().unwrap());
+    let config = folder.path().join("line.toml");
+    fs::write(&config, CONFIG).unwrap();
+    let mut command = Command::new(tapline);
+    command.args(["run", "--quiet", "--config"]).arg(&config).arg("--out").arg(folder.path().join("made"));
+    let done = Done::from(command.args(["--stations", &CASINGS.to_string()]).output().unwrap());
+    done.expect(0);
+    *made = Arc::downgrade(&folder);
+    Some(folder)
 }
 
 /// A folder with links to the archives, half of them in one sub-folder and half in another.
 pub(crate) struct Sandbox {
     folder: TempDir,
+    _archives: Arc<TempDir>,
 }
 
 impl Sandbox {
     /// `None`, and a skip, where archives cannot be made.
     pub(crate) fn new() -> Option<Self> {
-        let (made, folder) = (archives()?.join("made"), TempDir::new().unwrap());
+        let (archives, folder) = (archives()?, TempDir::new().unwrap());
+        let made = archives.path().join("made");
         for (k, name) in (1..=CASINGS).map(|k| (k, format!("SIM-{k:04}.h5"))) {
             let day = folder.path().join("in").join(if k < CASINGS / 2 { "1" } else { "2" });
             fs::create_dir_all(&day).unwrap();
             symlink(made.join(&name), day.join(&name)).unwrap();
         }
-        Some(Self { folder })
+        Some(Self { folder, _archives: archives })
     }
 
     /// Adds an archive that was cut off in the middle.
@@ -84,8 +88,17 @@ impl Sandbox {
 
     /// Makes a `tapline` that first sleeps, so that a job lasts, and returns its path.
     pub(crate) fn slow_tapline(&self, sleep_s: f64) -> PathBuf {
+        self.tapline_after(&format!("sleep {sleep_s}"))
+    }
+
+    /// Makes one that sleeps and adds a line to the file `runs` whenever it is run.
+    pub(crate) fn counting_tapline(&self, sleep_s: u32) -> PathBuf {
+        self.tapline_after(&format!("echo run >> '{}'\nsleep {sleep_s}", self.path("runs").display()))
+    }
+
+    fn tapline_after(&self, first: &str) -> PathBuf {
         let (path, real) = (self.path("tapline"), tapline().unwrap());
-        fs::write(&path, format!("#!/bin/sh\nsleep {sleep_s}\nexec '{}' \"$@\"\n", real.display())).unwrap();
+        fs::write(&path, format!("#!/bin/sh\n{first}\nexec '{}' \"$@\"\n", real.display())).unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
         path
     }
@@ -94,6 +107,8 @@ impl Sandbox {
     pub(crate) fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tapline-query"));
         command.args(arguments).current_dir(self.folder.path()).env("TAPLINE", tapline().unwrap());
+        // What a killed process leaves goes with the folder.
+        command.env("TMPDIR", self.folder.path());
         command
     }
 
