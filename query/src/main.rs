@@ -99,7 +99,7 @@ struct ArchiveArgs {
     /// Where it is done: local, or cluster://HOST:PORT.
     #[arg(long, default_value = "local")]
     engine: Engine,
-    /// Files of one task: a cluster needs some 50 ms for each task.
+    /// Files of one task; a cluster needs some 50 ms more for each task.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
     files_per_task: u16,
 }
