@@ -71,9 +71,9 @@ impl Scheduler {
         warn_of_others(bind);
         let address = free(bind, port)?;
         let config = SchedulerConfig {
-            bind_host: bind.to_string(),
+            bind_host: in_address(bind),
             bind_port: address.port(),
-            external_host: host.unwrap_or_else(|| bind.to_string()),
+            external_host: reached_by(bind, host)?,
             scheduling_policy: TaskSchedulingPolicy::PullStaged,
             executor_timeout_seconds: executor_timeout_s,
             expire_dead_executor_interval_seconds: executor_timeout_s.div_ceil(5).min(5),
@@ -113,8 +113,8 @@ impl Executor {
         };
         let address = free(bind, port)?;
         let config = ExecutorProcessConfig {
-            bind_host: bind.to_string(),
-            external_host: Some(host.unwrap_or_else(|| bind.to_string())),
+            bind_host: in_address(bind),
+            external_host: Some(reached_by(bind, host)?),
             port: address.port(),
             scheduler_host,
             scheduler_port,
@@ -144,9 +144,51 @@ fn warn_of_others(bind: IpAddr) {
     }
 }
 
+/// The address as it stands before a port.
+fn in_address(bind: IpAddr) -> String {
+    match bind {
+        IpAddr::V4(bind) => bind.to_string(),
+        IpAddr::V6(bind) => format!("[{bind}]"),
+    }
+}
+
+/// The name or address by which others reach this host.
+fn reached_by(bind: IpAddr, host: Option<String>) -> Result<String> {
+    ensure!(
+        host.is_some() || !bind.is_unspecified(),
+        "--bind {bind} stands for every address of this host: say by --host which of them others use"
+    );
+    Ok(host.unwrap_or_else(|| in_address(bind)))
+}
+
 /// That port, or any that is free.
 fn free(bind: IpAddr, port: u16) -> Result<SocketAddr> {
     let address = SocketAddr::new(bind, port);
     let listener = TcpListener::bind(address).with_context(|| format!("cannot listen on {address}"))?;
     listener.local_addr().with_context(|| format!("cannot listen on {address}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches an executor whose results others look for on their own host.
+    #[test]
+    fn a_host_that_listens_everywhere_must_be_named() {
+        let reached = |bind: &str, host: Option<&str>| reached_by(bind.parse().unwrap(), host.map(str::to_owned));
+        assert_eq!(reached("10.0.0.7", None).unwrap(), "10.0.0.7");
+        assert_eq!(reached("::1", None).unwrap(), "[::1]");
+        assert_eq!(reached("0.0.0.0", Some("central")).unwrap(), "central");
+        let refusal = reached("0.0.0.0", None).unwrap_err().to_string();
+        assert!(refusal.starts_with("--bind 0.0.0.0 stands for every address"), "{refusal}");
+    }
+
+    #[test]
+    fn a_port_in_use_is_named() {
+        let first = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = first.local_addr().unwrap();
+        let refusal = free(address.ip(), address.port()).unwrap_err().to_string();
+        assert_eq!(refusal, format!("cannot listen on {address}"));
+        assert_ne!(free(address.ip(), 0).unwrap().port(), 0);
+    }
 }
