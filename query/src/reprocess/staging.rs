@@ -6,12 +6,10 @@ use std::io::Write as _;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result, ensure};
-use tempfile::TempDir;
-
 use crate::folders::CasingFile;
 use crate::reprocess::commit::{COMMIT_FILE, Committed};
 use crate::task::FILES;
+use anyhow::{Context as _, Result, ensure};
 
 /// What staging folders are called.
 const PREFIX: &str = ".staging-";
@@ -22,8 +20,24 @@ const LOCK: &str = ".lock";
 /// A staging folder, locked by this process, and removed if nothing is committed.
 #[derive(Debug)]
 pub(super) struct Staging {
-    folder: TempDir,
+    folder: PathBuf,
     _lock: File,
+}
+
+impl Drop for Staging {
+    fn drop(&mut self) {
+        // Where that fails, the next job removes it.
+        drop(remove(&self.folder));
+    }
+}
+
+/// Removes a staging folder in which executors may still work: under another name they find it no more.
+fn remove(folder: &Path) -> std::io::Result<()> {
+    let gone = folder.with_extension("gone");
+    match fs::rename(folder, &gone) {
+        Ok(()) => fs::remove_dir_all(gone),
+        Err(_) => fs::remove_dir_all(folder),
+    }
 }
 
 /// The folder `out`, made if it is not there, absolute.
@@ -61,20 +75,20 @@ impl Staging {
         let context = || format!("cannot make a staging folder in {}", out.display());
         let all = File::create(out.join(LOCK)).and_then(|lock| lock.lock().map(|()| lock)).with_context(context)?;
         remove_abandoned(out).with_context(context)?;
-        let folder = tempfile::Builder::new().prefix(PREFIX).tempdir_in(out).with_context(context)?;
-        let lock = File::create(folder.path().join(LOCK)).and_then(|lock| lock.lock().map(|()| lock));
+        let folder = tempfile::Builder::new().prefix(PREFIX).tempdir_in(out).with_context(context)?.keep();
+        let lock = File::create(folder.join(LOCK)).and_then(|lock| lock.lock().map(|()| lock));
         let lock = lock.with_context(context)?;
         drop(all);
         let places: BTreeSet<_> = files.iter().filter_map(|file| Path::new(&file.name).parent()).collect();
         for place in std::iter::once(Path::new("")).chain(places) {
-            fs::create_dir_all(folder.path().join(FILES).join(place)).with_context(context)?;
+            fs::create_dir_all(folder.join(FILES).join(place)).with_context(context)?;
         }
         Ok(Self { folder, _lock: lock })
     }
 
     /// Its path.
     pub(super) fn text(&self) -> Result<String> {
-        let path = self.folder.path();
+        let path = &self.folder;
         Ok(path.to_str().with_context(|| format!("the name of {} is not UTF-8", path.display()))?.to_owned())
     }
 
@@ -83,7 +97,7 @@ impl Staging {
     /// # Errors
     /// Results that are not there, and what the system returns. Nothing is committed then.
     pub(super) fn commit(self, to: &Path, committed: &Committed, files: &[CasingFile]) -> Result<bool> {
-        let from = self.folder.path().join(FILES);
+        let from = self.folder.join(FILES);
         for row in &committed.rows {
             let (Some(results), Some(bytes)) = (&row.results, row.bytes) else { continue };
             let there =
@@ -125,7 +139,7 @@ fn remove_abandoned(out: &Path) -> std::io::Result<()> {
         let is_in_use = File::open(entry.path().join(LOCK))
             .is_ok_and(|lock| matches!(lock.try_lock(), Err(TryLockError::WouldBlock)));
         if !is_in_use {
-            fs::remove_dir_all(entry.path())?;
+            remove(&entry.path())?;
         }
     }
     Ok(())
@@ -169,7 +183,7 @@ mod tests {
 
         let (first, second) = (Staging::new(out.path(), &files).unwrap(), Staging::new(out.path(), &files).unwrap());
         for staging in [&first, &second] {
-            fs::write(staging.folder.path().join("files/1/A.0.h5"), "abc").unwrap();
+            fs::write(staging.folder.join("files/1/A.0.h5"), "abc").unwrap();
         }
         assert!(first.commit(&to, &committed(Some("1/A.0.h5")), &files).unwrap());
         assert!(!second.commit(&to, &committed(Some("1/A.0.h5")), &files).unwrap());
@@ -186,7 +200,7 @@ mod tests {
         fs::create_dir_all(out.path().join(".staging-killed/files")).unwrap();
         fs::write(out.path().join(".staging-killed/.lock"), "").unwrap();
         let _next = Staging::new(out.path(), &[]).unwrap();
-        assert!(live.folder.path().exists() && !out.path().join(".staging-killed").exists());
+        assert!(live.folder.exists() && !out.path().join(".staging-killed").exists());
     }
 
     #[test]
