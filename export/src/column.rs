@@ -22,7 +22,6 @@ pub(crate) struct Column<R> {
     /// Name, with the unit as its suffix where it has one.
     pub name: String,
     /// Unit of the values; "1" for a number without dimension, empty if they are not a quantity.
-    #[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "only Parquet stores it"))]
     pub unit: &'static str,
     /// Whether the CSV has it too; CSV has the names of flags but not their bits.
     pub is_in_csv: bool,

@@ -13,6 +13,7 @@ mod tables;
 mod tap_set;
 mod taps;
 mod uff;
+mod values;
 
 use std::{fmt, io};
 
@@ -22,6 +23,7 @@ pub use tap_set::writer::{Scales, TapSetWriter};
 pub use tap_set::{TapSetFolder, export_tap_set};
 pub use taps::{ListedTap, TapCounts};
 pub use uff::{UffEncoding, UffFolder, export_uff};
+pub use values::{ColumnInfo, ColumnKind, Values};
 
 use crate::column::Sink as _;
 use crate::csv_file::CsvFile;
@@ -77,6 +79,19 @@ pub fn export(reader: &Reader, table: Export, out: impl io::Write + Send) -> Res
 #[cfg(feature = "parquet")]
 pub fn export_parquet(reader: &Reader, table: Export, out: impl io::Write + Send) -> Result<()> {
     one(reader, TableFile::parquet(table, out))
+}
+
+/// Describes the columns of `table`, which are those of every archive.
+pub fn columns(table: Export) -> Vec<ColumnInfo> {
+    tables::describe(table)
+}
+
+/// Hands the rows of `table` of the archive to `take`, some thousand at a time, as the values of each of its [`columns`].
+///
+/// # Errors
+/// An error of reading the archive.
+pub fn read_values(reader: &Reader, table: Export, take: impl FnMut(Vec<Values>)) -> Result<()> {
+    tables::write(reader, None, table, &mut values::Batches::new(take))
 }
 
 fn one(reader: &Reader, mut file: TableFile<impl io::Write + Send>) -> Result<()> {

@@ -7,6 +7,7 @@ use tapline_wire::{
 
 use crate::Export;
 use crate::column::{Column, Sink};
+use crate::values::{ColumnInfo, infos};
 use tapline_store::Lost;
 use tapline_store::Reader;
 use tapline_store::{Region, regions};
@@ -21,6 +22,17 @@ pub(crate) fn write(reader: &Reader, name: Option<&str>, table: Export, sink: &m
         Export::Regions => arcs(reader, name, sink),
         Export::Verdicts => verdicts(reader, name, sink),
         Export::Ledger => ledger(reader, name, sink),
+    }
+}
+
+/// Describes the columns of `table`, which are those of every archive.
+pub(crate) fn describe(table: Export) -> Vec<ColumnInfo> {
+    match table {
+        Export::Discriminators => infos(&discriminator_columns(None, [None, None])),
+        Export::Damage => infos(&damage_columns(None)),
+        Export::Regions => infos(&region_columns(None)),
+        Export::Verdicts => infos(&verdict_columns(None)),
+        Export::Ledger => infos(&ledger_columns(None)),
     }
 }
 
@@ -59,10 +71,10 @@ struct FoundRow<'a> {
     found: Discriminators,
 }
 
-fn discriminators(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+/// `units` are those of force and sound.
+fn discriminator_columns<'a>(name: Option<&str>, units: [Option<String>; 2]) -> Vec<Column<FoundRow<'a>>> {
     let mut columns = tap_columns(name, |row: &FoundRow<'_>| row.tap);
     columns.push(Column::u16("attempt", |row: &FoundRow<'_>| row.found.id.attempt));
-    let recording = &reader.plan().recording;
     columns.extend(Discriminator::ALL.map(|which| {
         // Archives of one table may differ in the others: they have columns of their own.
         let unit = which.fixed_unit().unwrap_or_default();
@@ -70,11 +82,19 @@ fn discriminators(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> 
     }));
     columns.push(Column::text("quality", |row: &FoundRow<'_>| row.found.quality.to_string()));
     columns.push(Column::bits("quality_bits", |row: &FoundRow<'_>| row.found.quality.bits()));
-    for (name, channel) in [("force_unit", Channel::Force), ("sound_unit", Channel::Sound)] {
-        let has_it = recording.channels.contains(&channel);
-        let unit = has_it.then(|| recording.calibration.unit(channel).name().to_owned());
+    for (name, unit) in ["force_unit", "sound_unit"].into_iter().zip(units) {
         columns.push(Column::maybe_text(name, move |_| unit.clone()));
     }
+    columns
+}
+
+fn discriminators(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let recording = &reader.plan().recording;
+    let units = [Channel::Force, Channel::Sound].map(|channel| {
+        let has_it = recording.channels.contains(&channel);
+        has_it.then(|| recording.calibration.unit(channel).name().to_owned())
+    });
+    let columns = discriminator_columns(name, units);
     let found = reader.plan().taps().iter().zip(reader.discriminators()?);
     sink.rows(&columns, found.filter_map(|(tap, found)| Some(FoundRow { tap, found: found? })))
 }
@@ -84,7 +104,7 @@ struct CellRow<'a> {
     cell: DamageCell,
 }
 
-fn damage(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+fn damage_columns<'a>(name: Option<&str>) -> Vec<Column<CellRow<'a>>> {
     let mut columns = scan_columns(name, |row: &CellRow<'_>| row.scan);
     columns.extend([
         Column::u32("location", |row: &CellRow<'_>| row.cell.location),
@@ -93,8 +113,13 @@ fn damage(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<(
         Column::f64("first_index", "1", |row: &CellRow<'_>| Some(row.cell.first_index)),
         Column::f64("p_value", "1", |row: &CellRow<'_>| Some(row.cell.p_value)),
     ]);
+    columns
+}
+
+fn damage(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
     let judged = reader.plan().scans().iter().zip(reader.judgements()?);
     let cells = judged.filter_map(|(scan, judged)| Some((scan, judged?.1)));
+    let columns = damage_columns(name);
     sink.rows(&columns, cells.flat_map(|(scan, cells)| cells.into_iter().map(move |cell| CellRow { scan, cell })))
 }
 
@@ -103,7 +128,7 @@ struct RegionRow<'a> {
     region: Region,
 }
 
-fn arcs(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+fn region_columns<'a>(name: Option<&str>) -> Vec<Column<RegionRow<'a>>> {
     let mut columns = scan_columns(name, |row: &RegionRow<'_>| row.scan);
     columns.extend([
         Column::u32("region", |row: &RegionRow<'_>| row.region.region),
@@ -123,9 +148,14 @@ fn arcs(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()>
         Column::f64("offset_low_mm", "mm", |row: &RegionRow<'_>| row.region.offset_low_mm),
         Column::f64("offset_high_mm", "mm", |row: &RegionRow<'_>| row.region.offset_high_mm),
     ]);
+    columns
+}
+
+fn arcs(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
     let geometry = reader.plan().geometry;
     let judged = reader.plan().scans().iter().zip(reader.judgements()?);
     let arcs = judged.filter_map(|(scan, judged)| Some((scan, regions(geometry, &judged?.1))));
+    let columns = region_columns(name);
     sink.rows(&columns, arcs.flat_map(|(scan, arcs)| arcs.into_iter().map(move |region| RegionRow { scan, region })))
 }
 
@@ -149,7 +179,7 @@ impl VerdictRow<'_> {
     }
 }
 
-fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+fn verdict_columns<'a>(name: Option<&str>) -> Vec<Column<VerdictRow<'a>>> {
     let mut columns = scan_columns(name, |row: &VerdictRow<'_>| row.scan);
     columns.extend([
         Column::u16("station", |row: &VerdictRow<'_>| row.scan.station),
@@ -188,6 +218,11 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
             row.value(|judgement| judgement.drift[which as usize])
         }));
     }
+    columns
+}
+
+fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let columns = verdict_columns(name);
     let (geometry, ledger) = (reader.plan().geometry, reader.ledger());
     let scans = reader.plan().scans().iter().zip(ledger.scans()).zip(reader.judgements()?);
     let headers = reader.headers()?;
@@ -236,7 +271,7 @@ struct LedgerRow<'a> {
     lost_at: Option<Lost>,
 }
 
-fn ledger(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+fn ledger_columns<'a>(name: Option<&str>) -> Vec<Column<LedgerRow<'a>>> {
     let mut columns = tap_columns(name, |row: &LedgerRow<'_>| row.tap);
     columns.extend([
         Column::text("state", |row: &LedgerRow<'_>| row.state.name().to_owned()),
@@ -246,6 +281,11 @@ fn ledger(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<(
         Column::maybe_text("retaken_for", |row: &LedgerRow<'_>| row.retaken.map(|(_, quality)| quality.to_string())),
         Column::maybe_text("lost_at", |row: &LedgerRow<'_>| row.lost_at.map(|stage| stage.name().to_owned())),
     ]);
+    columns
+}
+
+fn ledger(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
+    let columns = ledger_columns(name);
     let mut refusals = reader.refusals()?.into_iter().peekable();
     let taps = reader.plan().taps().iter().zip(reader.ledger().taps());
     let rows = (0..).zip(taps).map(|(row, (tap, &state))| LedgerRow {

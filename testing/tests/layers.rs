@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each crate's sources, and how many layers its modules may have.
-const CRATES: [(&str, usize); 11] = [
+const CRATES: [(&str, usize); 12] = [
     ("wire/src", 3),
     ("model/src", 3),
     ("codec/src", 4),
@@ -21,6 +21,7 @@ const CRATES: [(&str, usize); 11] = [
     ("import/src", 5),
     ("draw/src", 2),
     ("lab/src", 4),
+    ("query/src", 5),
     ("src", 5),
 ];
 

@@ -1,0 +1,21 @@
+//! Questions over years of archives, and new results of them, on this host or on a cluster.
+//!
+//! [`folders`] finds the casing files, [`task`] says what is done with each, [`plan`] puts that into a plan of DataFusion, and
+//! [`engine`] runs the plan here or on a cluster of Ballista, whose processes are in [`cluster`]. [`reprocess`] keeps what comes
+//! of a job in one committed folder.
+//!
+//! Two rules make a cluster give what one host gives. A leaf of a plan is always one that Ballista can cut into tasks, the paths
+//! of files in memory, and our own node above it turns paths into rows: of a leaf of ours every task would do all the files.
+//! And a file that cannot be read is a row with its error, because an error would end the whole job.
+
+pub mod cluster;
+pub mod engine;
+pub mod folders;
+pub mod plan;
+pub mod reprocess;
+pub mod sql;
+pub mod task;
+
+pub use engine::Engine;
+pub use folders::CasingFile;
+pub use task::{Table, Task};

@@ -1,0 +1,169 @@
+//! The node that turns paths of files into rows.
+
+use std::fmt;
+use std::sync::{Arc, OnceLock};
+
+use datafusion::arrow::array::{RecordBatch, StringArray};
+use datafusion::arrow::datatypes::SchemaRef;
+use datafusion::common::tree_node::TreeNodeRecursion;
+use datafusion::common::{DataFusionError, Result, internal_err};
+use datafusion::execution::{SendableRecordBatchStream, TaskContext};
+use datafusion::physical_expr::{EquivalenceProperties, PhysicalExpr};
+use datafusion::physical_plan::execution_plan::{
+    ChildrenPropertiesMode, EmissionType, ExecutionPlanProperties as _, ReplaceChildrenOptions,
+};
+use datafusion::physical_plan::stream::RecordBatchReceiverStream;
+use datafusion::physical_plan::{DisplayAs, DisplayFormatType, ExecutionPlan, PlanProperties};
+use futures_util::StreamExt as _;
+use tokio::sync::Semaphore;
+
+use crate::folders::CasingFile;
+use crate::task::Task;
+
+/// Batches of rows that may wait for who reads them.
+const WAITING_MAX: usize = 2;
+
+/// How many files this process works on at a time.
+static WORKERS: OnceLock<Semaphore> = OnceLock::new();
+
+/// Has this process work on at most `count` files at a time; the first call holds.
+pub(crate) fn limit_workers(count: usize) {
+    WORKERS.get_or_init(|| Semaphore::new(count.max(1)));
+}
+
+fn workers() -> &'static Semaphore {
+    WORKERS.get_or_init(|| Semaphore::new(std::thread::available_parallelism().map_or(1, usize::from)))
+}
+
+/// Does its task with every file that its input names.
+#[derive(Debug)]
+pub(crate) struct FilesExec {
+    pub(crate) task: Task,
+    pub(crate) projection: Option<Vec<usize>>,
+    input: Arc<dyn ExecutionPlan>,
+    properties: Arc<PlanProperties>,
+}
+
+impl FilesExec {
+    /// # Errors
+    /// A column of `projection` that the task has not.
+    pub(crate) fn new(task: Task, projection: Option<Vec<usize>>, input: Arc<dyn ExecutionPlan>) -> Result<Self> {
+        let schema = match &projection {
+            Some(columns) => Arc::new(task.schema().project(columns)?),
+            None => task.schema(),
+        };
+        // As many partitions as files come in, in no order: whose rows are in which does not matter.
+        let properties = PlanProperties::new(
+            EquivalenceProperties::new(schema),
+            datafusion::physical_expr::Partitioning::UnknownPartitioning(input.output_partitioning().partition_count()),
+            EmissionType::Incremental,
+            input.boundedness(),
+        );
+        Ok(Self { task, projection, input, properties: Arc::new(properties) })
+    }
+}
+
+impl DisplayAs for FilesExec {
+    fn fmt_as(&self, _t: DisplayFormatType, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.task {
+            Task::Read(table) => write!(f, "FilesExec: read {}", table.name()),
+            Task::Reprocess(_) => write!(f, "FilesExec: reprocess"),
+        }
+    }
+}
+
+impl ExecutionPlan for FilesExec {
+    fn name(&self) -> &'static str {
+        "FilesExec"
+    }
+
+    fn properties(&self) -> &Arc<PlanProperties> {
+        &self.properties
+    }
+
+    /// The partitions are cut as they should be; a shuffle of paths would only cost.
+    fn benefits_from_input_partitioning(&self) -> Vec<bool> {
+        vec![false]
+    }
+
+    fn children(&self) -> Vec<&Arc<dyn ExecutionPlan>> {
+        vec![&self.input]
+    }
+
+    fn apply_expressions(
+        &self,
+        _f: &mut dyn FnMut(&Arc<dyn PhysicalExpr>) -> Result<TreeNodeRecursion>,
+    ) -> Result<TreeNodeRecursion> {
+        Ok(TreeNodeRecursion::Continue)
+    }
+
+    fn replace_children(
+        self: Arc<Self>,
+        mut children: Vec<Arc<dyn ExecutionPlan>>,
+        _options: ReplaceChildrenOptions,
+    ) -> Result<Arc<dyn ExecutionPlan>> {
+        match (children.pop(), children.is_empty()) {
+            (Some(input), true) => Ok(Arc::new(Self::new(self.task.clone(), self.projection.clone(), input)?)),
+            _ => internal_err!("FilesExec has one input"),
+        }
+    }
+
+    fn with_new_children(self: Arc<Self>, children: Vec<Arc<dyn ExecutionPlan>>) -> Result<Arc<dyn ExecutionPlan>> {
+        self.replace_children(children, ReplaceChildrenOptions::new(ChildrenPropertiesMode::Recompute))
+    }
+
+    fn execute(&self, partition: usize, context: Arc<TaskContext>) -> Result<SendableRecordBatchStream> {
+        let mut input = self.input.execute(partition, context)?;
+        let (task, projection) = (self.task.clone(), self.projection.clone());
+        let mut builder = RecordBatchReceiverStream::builder(self.schema(), WAITING_MAX);
+        let send = builder.tx();
+        builder.spawn(async move {
+            while let Some(batch) = input.next().await {
+                for file in files(&batch?)? {
+                    for rows in of_file(task.clone(), projection.clone(), file).await? {
+                        if send.send(Ok(rows)).await.is_err() {
+                            // Who reads has had enough.
+                            return Ok(());
+                        }
+                    }
+                }
+            }
+            Ok(())
+        });
+        Ok(builder.build())
+    }
+
+    fn schema(&self) -> SchemaRef {
+        Arc::clone(self.properties.eq_properties.schema())
+    }
+}
+
+/// The files that a batch names.
+fn files(batch: &RecordBatch) -> Result<Vec<CasingFile>> {
+    let text = |column: usize| batch.columns().get(column)?.as_any().downcast_ref::<StringArray>();
+    let (Some(names), Some(paths)) = (text(0), text(1)) else {
+        return internal_err!("the files of a plan have not the columns name and path");
+    };
+    let file = |(name, path): (Option<&str>, Option<&str>)| {
+        Some(CasingFile { name: name?.to_owned(), path: path?.to_owned() })
+    };
+    Ok(names.iter().zip(paths).filter_map(file).collect())
+}
+
+/// The rows of one file, on a thread that may wait for the disk and for the HDF5 library.
+async fn of_file(task: Task, projection: Option<Vec<usize>>, file: CasingFile) -> Result<Vec<RecordBatch>> {
+    let permit = workers().acquire().await.map_err(|error| DataFusionError::External(Box::new(error)))?;
+    let path = file.path.clone();
+    let work = move || {
+        let _permit = permit;
+        task.run(&file)
+    };
+    let rows = match tokio::task::spawn_blocking(work).await {
+        Ok(rows) => rows.map_err(|error| DataFusionError::Execution(format!("{error:#}")))?,
+        Err(error) => return Err(DataFusionError::Execution(format!("work on {path} did not end: {error}"))),
+    };
+    match projection {
+        None => Ok(rows),
+        Some(columns) => rows.iter().map(|rows| Ok(rows.project(&columns)?)).collect(),
+    }
+}

@@ -1,0 +1,72 @@
+//! A task as a plan of DataFusion: paths of files in memory, and above them the node that turns paths into rows.
+
+pub(crate) mod codec;
+mod files_exec;
+
+use std::sync::Arc;
+
+use async_trait::async_trait;
+use datafusion::arrow::array::{ArrayRef, RecordBatch, StringArray};
+use datafusion::arrow::datatypes::{DataType, Field, Schema, SchemaRef};
+use datafusion::catalog::{Session, TableProvider};
+use datafusion::common::Result;
+use datafusion::datasource::memory::MemorySourceConfig;
+use datafusion::logical_expr::{Expr, TableType};
+use datafusion::physical_plan::ExecutionPlan;
+
+pub(crate) use files_exec::{FilesExec, limit_workers};
+
+use crate::folders::CasingFile;
+use crate::task::Task;
+
+/// The files of partitions, and what is done with each: a table whose rows come of that.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FilesTable {
+    pub(crate) task: Task,
+    pub(crate) partitions: Vec<Vec<CasingFile>>,
+}
+
+impl FilesTable {
+    /// A table of `task` over the files of `partitions`.
+    pub fn new(task: Task, partitions: Vec<Vec<CasingFile>>) -> Self {
+        Self { task, partitions }
+    }
+}
+
+#[async_trait]
+impl TableProvider for FilesTable {
+    fn schema(&self) -> SchemaRef {
+        self.task.schema()
+    }
+
+    fn table_type(&self) -> TableType {
+        TableType::Base
+    }
+
+    async fn scan(
+        &self,
+        _state: &dyn Session,
+        projection: Option<&Vec<usize>>,
+        _filters: &[Expr],
+        _limit: Option<usize>,
+    ) -> Result<Arc<dyn ExecutionPlan>> {
+        let schema = file_schema();
+        let of_files = |files: &Vec<CasingFile>| Ok(vec![file_batch(&schema, files)?]);
+        let partitions = self.partitions.iter().map(of_files).collect::<Result<Vec<_>>>()?;
+        // Ballista cuts this leaf by its partitions. A leaf of our own it would give whole to every task.
+        let files = MemorySourceConfig::try_new_exec(&partitions, Arc::clone(&schema), None)?;
+        Ok(Arc::new(FilesExec::new(self.task.clone(), projection.cloned(), files)?))
+    }
+}
+
+/// Columns of the files that a plan works on.
+fn file_schema() -> SchemaRef {
+    let text = |name| Field::new(name, DataType::Utf8, false);
+    Arc::new(Schema::new(vec![text("name"), text("path")]))
+}
+
+fn file_batch(schema: &SchemaRef, files: &[CasingFile]) -> Result<RecordBatch> {
+    let column = |value: fn(&CasingFile) -> &String| Arc::new(StringArray::from_iter_values(files.iter().map(value)));
+    let columns: Vec<ArrayRef> = vec![column(|file| &file.name), column(|file| &file.path)];
+    Ok(RecordBatch::try_new(Arc::clone(schema), columns)?)
+}

@@ -1,0 +1,96 @@
+//! Questions in SQL over the tables of casing files.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context as _, Result};
+use datafusion::arrow::array::RecordBatch;
+use datafusion::arrow::csv::WriterBuilder;
+use datafusion::arrow::json::LineDelimitedWriter;
+use datafusion::arrow::util::pretty::pretty_format_batches;
+use datafusion::prelude::SessionContext;
+use futures_util::TryStreamExt as _;
+
+use crate::engine::Engine;
+use crate::folders::{CasingFile, find, partitions};
+use crate::plan::FilesTable;
+use crate::task::{Table, Task};
+
+/// How rows are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// A table for people.
+    Table,
+    /// Text with a header line.
+    Csv,
+    /// A line of JSON for each row.
+    Json,
+}
+
+/// A question.
+#[derive(Debug, Clone)]
+pub struct Question {
+    /// The statement.
+    pub sql: String,
+    /// Folders of casing files.
+    pub folders: Vec<PathBuf>,
+    /// Whether the newest results of each casing take the place of its archive.
+    pub is_results: bool,
+    /// Files of one task.
+    pub files_per_task: usize,
+    /// How the rows are printed.
+    pub format: Format,
+}
+
+/// Registers every table over `files` in `context`, which is connected already.
+///
+/// # Errors
+/// What DataFusion returns.
+pub fn register(context: &SessionContext, files: &[CasingFile], files_per_task: usize) -> Result<()> {
+    for table in Table::ALL {
+        let files = FilesTable::new(Task::Read(table), partitions(files, files_per_task));
+        context
+            .register_table(table.name(), Arc::new(files))
+            .with_context(|| format!("cannot register the table {}", table.name()))?;
+    }
+    Ok(())
+}
+
+/// Answers it on `engine`, into `out`.
+///
+/// # Errors
+/// Folders that cannot be read, a statement that is none, an engine that fails, and `out`.
+pub async fn answer(question: &Question, engine: &Engine, out: &mut impl Write) -> Result<()> {
+    let files = find(&question.folders, question.is_results)?;
+    let context = engine.connect().await?;
+    register(&context, &files, question.files_per_task)?;
+    let frame = context.sql(&question.sql).await.with_context(|| format!("cannot plan {:?}", question.sql))?;
+    let schema = Arc::clone(frame.schema().inner());
+    let mut rows = frame.execute_stream().await.with_context(|| engine.at())?;
+    let mut next = async || -> Result<Option<RecordBatch>> { rows.try_next().await.with_context(|| engine.at()) };
+    match question.format {
+        Format::Table => {
+            let mut batches = vec![RecordBatch::new_empty(schema)];
+            while let Some(batch) = next().await? {
+                batches.push(batch);
+            }
+            writeln!(out, "{}", pretty_format_batches(&batches).context("rows that cannot be printed")?)?;
+        }
+        Format::Csv => {
+            let mut writer = WriterBuilder::new().with_header(true).build(&mut *out);
+            writer.write(&RecordBatch::new_empty(schema)).context("cannot write rows")?;
+            while let Some(batch) = next().await? {
+                writer.write(&batch).context("cannot write rows")?;
+            }
+        }
+        Format::Json => {
+            let mut writer = LineDelimitedWriter::new(&mut *out);
+            while let Some(batch) = next().await? {
+                writer.write(&batch).context("cannot write rows")?;
+            }
+            writer.finish().context("cannot write rows")?;
+        }
+    }
+    out.flush().context("cannot write rows")
+}

@@ -1,0 +1,119 @@
+//! What is done with each casing file, and the form in which that travels to the hosts of a cluster.
+
+pub(crate) mod payload;
+mod program;
+mod reprocess;
+mod rows;
+
+use std::sync::Arc;
+
+use datafusion::arrow::array::RecordBatch;
+use datafusion::arrow::datatypes::{DataType, Field, Schema, SchemaRef};
+use serde::{Deserialize, Serialize};
+use tapline_export::{ColumnKind, Export, columns};
+
+pub use program::Program;
+pub(crate) use reprocess::{FILES, given, reference};
+pub use reprocess::{Given, Reference, ReprocessTask};
+
+use crate::folders::CasingFile;
+
+/// A table over casing files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Table {
+    /// What became of every planned tap: the ledger.
+    Taps,
+    /// What was found in every archived tap.
+    Discriminators,
+    /// The damage index of every location.
+    Damage,
+    /// The arcs of damage.
+    Regions,
+    /// The verdict on every shoulder.
+    Verdicts,
+}
+
+impl Table {
+    /// All five.
+    pub const ALL: [Self; 5] = [Self::Taps, Self::Discriminators, Self::Damage, Self::Regions, Self::Verdicts];
+
+    /// Its name in SQL.
+    pub fn name(self) -> &'static str {
+        ["taps", "discriminators", "damage", "regions", "verdicts"][self as usize]
+    }
+
+    fn export(self) -> Export {
+        [Export::Ledger, Export::Discriminators, Export::Damage, Export::Regions, Export::Verdicts][self as usize]
+    }
+}
+
+/// What is done with each file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Task {
+    /// The rows of a table are read.
+    Read(Table),
+    /// The archived taps are judged again.
+    Reprocess(ReprocessTask),
+}
+
+impl Task {
+    /// Columns of the rows: those of the file are between its name, and what came of it.
+    pub fn schema(&self) -> SchemaRef {
+        let of_file = match self {
+            Self::Read(table) => columns(table.export()).into_iter().map(|column| field(&column)).collect(),
+            Self::Reprocess(_) => ReprocessTask::fields(),
+        };
+        let file = Field::new("file", DataType::Utf8, false);
+        let ends = [Field::new("status", DataType::Utf8, false), Field::new("error", DataType::Utf8, true)];
+        Arc::new(Schema::new([file].into_iter().chain(of_file).chain(ends).collect::<Vec<_>>()))
+    }
+
+    /// Does it with `file`, and returns its rows; one row with the error if that file cannot be done.
+    ///
+    /// # Errors
+    /// Where no file can be done: the folder of the job is gone, or the program is another one.
+    pub(crate) fn run(&self, file: &CasingFile) -> anyhow::Result<Vec<RecordBatch>> {
+        let rows = match self {
+            Self::Read(table) => rows::read(&file.path, table.export()).map_err(|error| error.to_string()),
+            Self::Reprocess(task) => task.run(file)?.map(|row| vec![row]),
+        };
+        rows::batches(&self.schema(), &file.name, rows)
+    }
+}
+
+fn field(column: &tapline_export::ColumnInfo) -> Field {
+    let kind = match column.kind {
+        ColumnKind::U16 => DataType::UInt16,
+        ColumnKind::U32 => DataType::UInt32,
+        ColumnKind::F64 => DataType::Float64,
+        ColumnKind::Text => DataType::Utf8,
+    };
+    let field = Field::new(&column.name, kind, true);
+    match column.unit {
+        "" => field,
+        unit => field.with_metadata([("unit".to_owned(), unit.to_owned())].into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a table of another name than its rows.
+    #[test]
+    fn tables_have_the_columns_of_the_export() {
+        for table in Table::ALL {
+            let schema = Task::Read(table).schema();
+            let names: Vec<_> = schema.fields().iter().map(|field| field.name().as_str()).collect();
+            assert_eq!((names[0], &names[names.len() - 2..]), ("file", &["status", "error"][..]));
+            assert_eq!(names.len(), columns(table.export()).len() + 3, "{}", table.name());
+        }
+        let verdicts = Task::Read(Table::Verdicts).schema();
+        assert_eq!(verdicts.field_with_name("scan_s").unwrap().metadata()["unit"], "s");
+        assert_eq!(
+            Task::Read(Table::Taps).schema().field_with_name("location").unwrap().data_type(),
+            &DataType::UInt32
+        );
+    }
+}

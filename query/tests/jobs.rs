@@ -1,0 +1,75 @@
+//! Jobs of `reprocess`: the same bytes on every engine, and one result however often they are run.
+
+use std::process::Stdio;
+
+use tapline_query::reprocess::Committed;
+
+use crate::cluster::{Cluster, Process};
+use crate::sandbox::{CASINGS, Sandbox, TRUNCATED, contents, tapline};
+
+/// Catches results or a commit file that depend on the engine, on partitions, or on the order in which tasks end.
+#[test]
+fn a_job_leaves_the_same_bytes_on_every_engine() {
+    let Some(sandbox) = Sandbox::new() else { return };
+    sandbox.truncate_one();
+    let cluster = Cluster::start(&sandbox, &tapline().unwrap());
+    let job = ["reprocess", "in", "--from-samples", "--out"];
+    let run = |more: &[&str]| sandbox.run(&[&job[..], more].concat()).expect(3);
+    let done = run(&["local"]);
+    assert!(done.err.contains(TRUNCATED) && done.err.contains("11 of 12 archives judged again"), "{}", done.err);
+    run(&["cluster", "--engine", &cluster.engine, "--files-per-task", "2"]);
+    let (local, remote) = (sandbox.only_job("local"), sandbox.only_job("cluster"));
+    assert_eq!(local.file_name(), remote.file_name());
+    let files = contents(&local);
+    // Results, links to archives, and the commit file.
+    assert_eq!(files.len(), CASINGS + CASINGS + 1 + 1);
+    assert!(files == contents(&remote));
+
+    let committed = Committed::read(&local).unwrap().unwrap();
+    assert_eq!(committed.rows.len(), CASINGS + 1);
+    let [failed] = committed.failed().collect::<Vec<_>>()[..] else { panic!("{committed:?}") };
+    let error = failed.error.as_deref().unwrap();
+    assert!(error.contains("its end was cut off") && !error.contains(".work-"), "{error}");
+
+    // The results stand in for their archives, wherever they are asked about.
+    let sql = "SELECT count(DISTINCT file) FROM verdicts WHERE status = 'ok'";
+    let folder = local.display().to_string();
+    let asked = sandbox.run(&["sql", sql, &folder, "--results", "--format", "csv"]).expect(0);
+    assert_eq!(asked.out.lines().last(), Some("11"));
+
+    // Once more, on the other engine: nothing is done, and nothing changes.
+    let before = contents(&sandbox.path("local"));
+    let again = run(&["local", "--engine", &cluster.engine]);
+    assert!(again.err.contains("was committed before"), "{}", again.err);
+    assert!(before == contents(&sandbox.path("local")));
+}
+
+/// Catches two clients that get in each other's way, or leave two results.
+#[test]
+fn two_runs_of_one_job_at_a_time_leave_one_result() {
+    let Some(sandbox) = Sandbox::new() else { return };
+    let slow = sandbox.slow_tapline(0.1);
+    let start = || {
+        let mut command = sandbox.command(&["reprocess", "in", "--out", "out"]);
+        Process::start(command.env("TAPLINE", &slow).stdout(Stdio::null()).stderr(Stdio::null()))
+    };
+    let mut both = [start(), start()];
+    assert_eq!(both.each_mut().map(Process::end), [Some(0), Some(0)]);
+    assert_eq!(Committed::read(&sandbox.only_job("out")).unwrap().unwrap().rows.len(), CASINGS);
+}
+
+#[test]
+fn what_no_job_can_do_is_said_before_it_begins() {
+    let Some(sandbox) = Sandbox::new() else { return };
+    let refusal = |arguments: &[&str]| sandbox.run(&[&["reprocess", "in", "--out"], arguments].concat()).expect(1).err;
+    assert!(refusal(&["in/out"]).contains("--out in/out lies in in"));
+    assert!(refusal(&["out", "--config", "no.toml"]).contains("cannot read no.toml"));
+    let mut command = sandbox.command(&["reprocess", "in", "--out", "out"]);
+    let done = tapline_testing::program::Done::from(command.env("TAPLINE", "no-tapline").output().unwrap()).expect(1);
+    assert!(done.err.contains("the program no-tapline is not there: set TAPLINE"), "{}", done.err);
+    // An executor with another build of tapline would give other results.
+    let cluster = Cluster::start(&sandbox, &sandbox.slow_tapline(0.0));
+    let err = refusal(&["out", "--engine", &cluster.engine]);
+    assert!(err.contains("every host needs the same build of tapline"), "{err}");
+    assert_eq!(sandbox.names("out"), [".lock"]);
+}

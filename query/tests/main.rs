@@ -1,0 +1,11 @@
+//! The built program: every question and every job on this host and on a cluster of real processes, which are killed on purpose.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod cluster;
+mod dask;
+mod jobs;
+mod kills;
+mod network;
+mod questions;
+mod sandbox;

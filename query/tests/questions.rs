@@ -1,0 +1,98 @@
+//! Questions, on this host and on a cluster: the same rows, to the bit.
+
+use std::path::Path;
+
+use datafusion::arrow::util::pretty::pretty_format_batches;
+use datafusion::prelude::{ParquetReadOptions, SessionContext};
+
+use crate::cluster::Cluster;
+use crate::sandbox::{CASINGS, Sandbox, TRUNCATED, tapline};
+
+/// Every shape of a plan. Sums of fractions are taken within a file, whose rows are never shared out.
+const QUESTIONS: [&str; 14] = [
+    "SELECT * FROM verdicts",
+    "SELECT * FROM taps",
+    "SELECT * FROM discriminators",
+    "SELECT * FROM damage",
+    "SELECT * FROM regions",
+    "SELECT file, location, damage_index FROM damage WHERE damage_index > 2 AND shoulder = 1",
+    "SELECT count(*), count(error), count(DISTINCT tyre), min(f_max), max(tau_s) FROM discriminators",
+    "SELECT file, state, count(*), sum(location), avg(angle_deg) FROM taps GROUP BY file, state",
+    "SELECT verdict, count(*) FROM verdicts WHERE status = 'ok' GROUP BY verdict HAVING count(*) > 0",
+    "SELECT d.file, d.location, d.pr, v.verdict FROM discriminators d JOIN verdicts v ON d.file = v.file AND d.shoulder = v.shoulder",
+    "SELECT v.file, x.worst FROM verdicts v LEFT JOIN (SELECT file, max(damage_index) AS worst FROM damage GROUP BY file) x ON v.file = x.file",
+    "SELECT tyre FROM taps UNION ALL SELECT tyre FROM damage",
+    "SELECT file FROM verdicts UNION SELECT file FROM damage",
+    "SELECT file, damage_index, row_number() OVER (PARTITION BY file ORDER BY damage_index DESC, shoulder, location) AS place FROM damage ORDER BY damage_index DESC, file, shoulder, location LIMIT 7",
+];
+
+/// Catches rows that are done by every task (N times as many), lost or doubled between partitions, and altered on their way.
+#[test]
+fn a_cluster_answers_like_this_host() {
+    let Some(sandbox) = Sandbox::new() else { return };
+    sandbox.truncate_one();
+    let cluster = Cluster::start(&sandbox, &tapline().unwrap());
+    for sql in QUESTIONS {
+        // Six partitions of two files.
+        let [local, remote] =
+            ["local", &cluster.engine].map(|engine| sandbox.ask(sql, engine, &["--files-per-task", "2"]));
+        assert!(local.len() > 1, "{sql}");
+        assert_eq!(local, remote, "{sql}");
+        // However the files are shared out.
+        assert_eq!(local, sandbox.ask(sql, "local", &["--files-per-task", "5"]), "{sql}");
+    }
+    copies_are_the_same(&sandbox, &cluster);
+}
+
+fn copies_are_the_same(sandbox: &Sandbox, cluster: &Cluster) {
+    let copies = ["local", &cluster.engine].map(|engine| {
+        let out = sandbox.path(if engine == "local" { "copy-local" } else { "copy-cluster" });
+        let sql =
+            format!("COPY (SELECT * FROM discriminators WHERE location > 3) TO '{}/' STORED AS PARQUET", out.display());
+        let rows = sandbox.ask(&sql, engine, &["--files-per-task", "3"]);
+        (rows, parquet_rows(&out))
+    });
+    assert!(copies[0].1.len() > 100);
+    assert_eq!(copies[0], copies[1]);
+}
+
+/// The rows of the Parquet files in a folder, sorted.
+fn parquet_rows(folder: &Path) -> Vec<String> {
+    let read = async {
+        let context = SessionContext::new();
+        let options = ParquetReadOptions::default();
+        context.read_parquet(folder.to_str().unwrap(), options).await.unwrap().collect().await.unwrap()
+    };
+    let batches = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(read);
+    let text = pretty_format_batches(&batches).unwrap().to_string();
+    let mut lines: Vec<_> = text.lines().filter(|line| line.contains(".h5")).map(str::to_owned).collect();
+    lines.sort();
+    lines
+}
+
+/// Catches a job that ends for one bad file, and a file that is left out without a word.
+#[test]
+fn an_archive_that_was_cut_off_is_a_row_with_its_error() {
+    let Some(sandbox) = Sandbox::new() else { return };
+    sandbox.truncate_one();
+    let bad = sandbox.ask("SELECT file, tyre, error FROM verdicts WHERE status = 'error'", "local", &[]);
+    assert_eq!(bad.len(), 2);
+    assert!(bad[1].starts_with(&format!("{TRUNCATED},,")) && bad[1].contains("its end was cut off"), "{bad:?}");
+    let good = sandbox.ask("SELECT count(DISTINCT file) FROM verdicts WHERE status = 'ok'", "local", &[]);
+    assert_eq!(good[1], CASINGS.to_string());
+}
+
+#[test]
+fn what_cannot_be_asked_is_said() {
+    let Some(sandbox) = Sandbox::new() else { return };
+    let refusal = |arguments: &[&str]| sandbox.run(arguments).expect(1).err;
+    let err = refusal(&["sql", "SELECT damage FROM damage", "in"]);
+    assert!(
+        err.contains("cannot plan \"SELECT damage FROM damage\"") && err.contains("No field named damage"),
+        "{err}"
+    );
+    let err = refusal(&["sql", "SELECT 1", "nowhere"]);
+    assert!(err.contains("cannot read nowhere"), "{err}");
+    let err = refusal(&["sql", "SELECT * FROM damage", "in", "--engine", "cluster://127.0.0.1:1"]);
+    assert!(err.contains("the query failed on cluster://127.0.0.1:1"), "{err}");
+}
