@@ -147,9 +147,11 @@ impl Finished {
     pub(crate) fn list(&mut self) -> Result<Vec<PathBuf>> {
         let mut here = Found::default();
         here.look_into(&self.folder, DEPTH_MAX)?;
+        // Also where the archive is no more that they are of.
+        let is_results = |path: &PathBuf| of_archive(path).is_some() && has_results(path);
         here.finished.retain(|path| !self.results.contains(path));
-        let (casings, results) = archives_and_results(here.finished);
-        self.results.extend(results.into_iter().map(|(_, path)| path));
+        let (results, casings): (Vec<_>, Vec<_>) = here.finished.into_iter().partition(is_results);
+        self.results.extend(results);
         let below = |path: &PathBuf| path.strip_prefix(&self.folder).unwrap_or(path).to_owned();
         let mut names: Vec<PathBuf> = casings.iter().map(below).collect();
         names.sort();

@@ -3,9 +3,11 @@
 use std::io::{self, Write as _};
 use std::path::Path;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, ensure};
 use serde_json::json;
+use tapline_host::messages::with_causes;
 use tapline_host::signals::stop_flag;
+use tapline_store::Error;
 use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Until};
 
 use crate::archives::Finished;
@@ -57,14 +59,15 @@ fn until(is_once: bool) -> Result<Until> {
     Ok(Until { stop: stop_flag().context("cannot listen to signals")?, is_once })
 }
 
-/// Whether the archive at `path` is finished and unaltered; what is amiss.
-fn check(path: &Path) -> Result<()> {
-    let report = tapline_store::verify(path)?;
-    if let Some(problem) = report.problems.first() {
-        bail!("{problem}");
-    }
-    ensure!(report.is_finished, "it is not finished");
-    Ok(())
+/// What is amiss with the archive at `path`; an error, if that cannot be told by this program or now.
+fn check(path: &Path) -> Result<Option<String>> {
+    let report = match tapline_store::verify(path) {
+        Ok(report) => report,
+        Err(error @ (Error::Io { .. } | Error::InUse { .. } | Error::FormatVersion { .. })) => return Err(error.into()),
+        Err(error) => return Ok(Some(with_causes(&error).replace(&path.display().to_string(), "it"))),
+    };
+    let unfinished = || (!report.is_finished).then(|| "it is not finished".to_owned());
+    Ok(report.problems.first().map(ToString::to_string).or_else(unfinished))
 }
 
 fn print(file: &CasingFile, path: &Path, receipt: &Receipt, as_json: bool) {

@@ -47,6 +47,38 @@ fn a_file_that_is_not_whole_or_not_the_same_is_refused() {
     assert!(none.err.contains("nowhere is no folder"), "{}", none.err);
 }
 
+/// Catches a file that cannot be read, or files that were taken away while they waited, for which all others wait; and results of judging
+/// again that are sent as casings.
+#[test]
+fn what_cannot_be_sent_keeps_no_other_file_back() {
+    let sandbox = Sandbox::new();
+    let Some(server) = NatsServer::start(&sandbox, "") else { return };
+    let made = made(&sandbox, 1);
+    let archive = &made[Path::new("C1.h5")];
+    fs::create_dir_all(sandbox.path("line")).unwrap();
+    let put = |name: &str| fs::write(sandbox.path("line").join(name), archive).unwrap();
+    let waiting = ["A1.h5", "A2.h5", "A3.h5", "A4.h5", "A5.h5", "A6.h5", "A7.h5", "A8.h5"];
+    waiting.into_iter().for_each(put);
+    let mut sender = Running::start(&sandbox, &format!("uplink line --to {} --site a -v", server.address));
+    waiting.iter().for_each(|_| sender.wait_for_log(&["sent a/A"]));
+    waiting.iter().for_each(|name| fs::remove_file(sandbox.path("line").join(name)).unwrap());
+    // Memory of a process at address 0, which is no file that can be read.
+    std::os::unix::fs::symlink("/proc/self/mem", sandbox.path("line/B.h5")).unwrap();
+    let printed = sandbox.run("reprocess made/C1.h5 --json").expect(0);
+    let results = fs::read_dir(sandbox.path("made")).unwrap().flatten().map(|entry| entry.path());
+    let results = results.filter(|path| path.to_string_lossy().matches('.').count() > 2).find(|path| path.is_file());
+    let results = results.unwrap_or_else(|| panic!("{}", printed.out));
+    fs::copy(&results, sandbox.path("line").join(results.file_name().unwrap())).unwrap();
+    put("D.h5");
+    sender.wait_for_log(&["ERROR not sent: cannot read line/B.h5"]);
+    sender.wait_for_log(&["sent a/D.h5"]);
+    let collector = Running::start(&sandbox, &format!("collect centre --from {} --once", server.address));
+    assert_eq!(collector.finish().expect(0).out.matches("received ").count(), 9);
+    assert_eq!(sender.interrupt().expect(3).out.matches("received ").count(), 1);
+    let there = files(&sandbox.path("centre/a"));
+    assert!(there.len() == 9 && there.values().all(|bytes| bytes == archive), "{:?}", there.keys());
+}
+
 /// Catches a connection that is not encrypted, one to a server for which nobody vouches, and a password that is not sent.
 #[test]
 fn the_server_must_be_vouched_for_and_knows_who_connects() {

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use async_nats::jetstream::{AckKind, Message};
 use futures_util::StreamExt as _;
+use tapline_wire::now_ns;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::time::timeout;
 
@@ -29,7 +30,7 @@ const ASKED_FOR: Duration = Duration::from_secs(15);
 /// How long a broker may take for the next bytes of a file before the file is given up, to be sent again.
 const NEXT_BYTES_WITHIN: Duration = Duration::from_secs(20);
 
-/// How often the broker is told that a file is still being taken.
+/// How often the broker is told that a file is still being taken or checked.
 const TOLD_EVERY: Duration = Duration::from_secs(5);
 
 /// After how long a file that could not be written may be given to another collector.
@@ -44,8 +45,8 @@ pub struct Collector {
     pub host: String,
     /// Bucket of the broker.
     pub bucket: String,
-    /// Whether the file at a path is a whole and unaltered archive; what is amiss.
-    pub check: fn(&Path) -> Result<()>,
+    /// What is amiss with the file at a path, `None` if it is a whole and unaltered archive; an error, if that cannot be told now.
+    pub check: fn(&Path) -> Result<Option<String>>,
 }
 
 /// A file for which this collector has given a receipt.
@@ -90,7 +91,7 @@ pub fn collect(
 struct Collecting<'a> {
     broker: &'a JetStream,
     folder: &'a Folder,
-    check: fn(&Path) -> Result<()>,
+    check: fn(&Path) -> Result<Option<String>>,
 }
 
 impl Collecting<'_> {
@@ -151,47 +152,52 @@ impl Collecting<'_> {
         if self.broker.receipt(&file).await?.is_some() {
             return self.broker.remove(&file).await;
         }
-        let digest = info.digest.clone().with_context(|| format!("the broker gives no digest of {file}"))?;
-        let receipt = |fate| Receipt {
-            digest: digest.clone(),
-            bytes: info.size as u64,
-            collector: self.folder.name.clone(),
-            fate,
-        };
+        let digest = info.digest.with_context(|| format!("the broker gives no digest of {file}"))?;
         match digest_of(&self.folder.place(&file))? {
-            Some((there, _)) if there == digest => self.give(file, receipt(Fate::Received), tell).await,
+            Some((there, bytes)) if there == digest => {
+                self.give(file, self.receipt(digest, bytes, Fate::Received), tell).await
+            }
             Some(_) => {
                 let why = format!("{} has another file of this name", self.folder.name);
-                self.give(file, receipt(Fate::Refused(why)), tell).await
+                self.give(file, self.receipt(digest, info.size as u64, Fate::Refused(why)), tell).await
             }
-            None => {
-                let read = self.write_draft(message, &file, info.size as u64).await;
-                match read {
-                    Ok(Read::Whole) => {}
-                    Ok(Read::Lost(why)) => {
-                        tracing::warn!("{file} was lost on its way ({why}): it is asked for again");
-                        self.folder.discard(&file);
-                        return self.broker.remove(&file).await;
-                    }
-                    Err(error) => {
-                        self.folder.discard(&file);
-                        return Err(error);
-                    }
+            None => match self.write_draft(message, &file).await {
+                Ok(Read::Whole { digest, bytes }) => {
+                    let fate = self.checked(message, &file).await;
+                    let fate = fate.inspect_err(|_| self.folder.discard(&file))?;
+                    self.give(file, self.receipt(digest, bytes, fate), tell).await
                 }
-                let (check, draft) = (self.check, self.folder.draft(&file));
-                let fate = match tokio::task::spawn_blocking(move || check(&draft)).await? {
-                    Ok(()) => Fate::Received,
-                    Err(error) => Fate::Refused(
-                        format!("{error:#}").replace(&self.folder.draft(&file).display().to_string(), "it"),
-                    ),
-                };
-                self.give(file, receipt(fate), tell).await
+                Ok(Read::Lost(why)) => {
+                    tracing::warn!("{file} was lost on its way ({why}): it is asked for again");
+                    self.folder.discard(&file);
+                    self.broker.remove(&file).await
+                }
+                Err(error) => {
+                    self.folder.discard(&file);
+                    Err(error)
+                }
+            },
+        }
+    }
+
+    fn receipt(&self, digest: String, bytes: u64, fate: Fate) -> Receipt {
+        Receipt { digest, bytes, collector: self.folder.name.clone(), at_ns: now_ns(), fate }
+    }
+
+    /// What the check says of the draft of `file`.
+    async fn checked(&self, message: &Message, file: &CasingFile) -> Result<Fate> {
+        let (check, draft) = (self.check, self.folder.draft(file));
+        let mut checking = tokio::task::spawn_blocking(move || check(&draft));
+        loop {
+            match timeout(TOLD_EVERY, &mut checking).await {
+                Ok(found) => return Ok(found??.map_or(Fate::Received, Fate::Refused)),
+                Err(_) => drop(message.ack_with(AckKind::Progress).await),
             }
         }
     }
 
     /// Writes the bytes of `file` into its draft, and has them on the disk.
-    async fn write_draft(&self, message: &Message, file: &CasingFile, bytes: u64) -> Result<Read> {
+    async fn write_draft(&self, message: &Message, file: &CasingFile) -> Result<Read> {
         let draft = self.folder.draft(file);
         let context = || format!("cannot write {}", draft.display());
         let mut to = tokio::fs::File::from_std(self.folder.begin(file)?);
@@ -213,8 +219,12 @@ impl Collecting<'_> {
             }
         }
         to.flush().await.with_context(context)?;
-        to.sync_all().await.with_context(context)?;
-        Ok(if count == bytes { Read::Whole } else { Read::Lost(format!("{count} of {bytes} bytes came")) })
+        self.folder.keep_draft(file)?;
+        let info = from.info();
+        match &info.digest {
+            Some(digest) if count == info.size as u64 => Ok(Read::Whole { digest: digest.clone(), bytes: count }),
+            _ => Ok(Read::Lost(format!("{count} of {} bytes came", info.size))),
+        }
     }
 
     /// Gives the receipt of `file`, unless another has given one, and settles its draft by it.
@@ -246,7 +256,10 @@ impl Collecting<'_> {
 
 /// How reading a file from the broker ended.
 enum Read {
-    Whole,
+    Whole {
+        digest: String,
+        bytes: u64,
+    },
     /// The broker does not have all of it, and why that is thought.
     Lost(String),
 }

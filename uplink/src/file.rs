@@ -17,8 +17,11 @@ const SITE_BYTES_MAX: usize = 64;
 /// Longest name of a file with its folders, in bytes: as text of base64 it is part of a subject.
 const NAME_BYTES_MAX: usize = 512;
 
-/// Longest name in a folder, in bytes, as file systems have it, less what a draft's name adds.
+/// Longest name in a folder, in bytes.
 const PART_BYTES_MAX: usize = 240;
+
+/// Folders of what is under way or was left: nobody takes what is in them for finished archives.
+const UNFINISHED: [&str; 2] = ["open", "left"];
 
 /// Name of a station's host, as the centre knows it: the folder that its files come into.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -37,8 +40,13 @@ impl FromStr for Site {
     fn from_str(name: &str) -> Result<Self> {
         let is_allowed = |c: char| c.is_ascii_alphanumeric() || ['-', '_', '.'].contains(&c);
         ensure!(
-            (1..=SITE_BYTES_MAX).contains(&name.len()) && name.chars().all(is_allowed) && !name.starts_with('.'),
-            "site {name:?}: must have from 1 to {SITE_BYTES_MAX} letters, digits, -, _ and ., and may not begin with a dot"
+            (1..=SITE_BYTES_MAX).contains(&name.len())
+                && name.chars().all(is_allowed)
+                && !name.starts_with('.')
+                && !UNFINISHED.contains(&name),
+            "site {name:?}: must have from 1 to {SITE_BYTES_MAX} letters, digits, -, _ and ., may not begin with a dot, and may \
+             not be {}",
+            UNFINISHED.join(" or ")
         );
         Ok(Self(name.to_owned()))
     }
@@ -96,7 +104,10 @@ impl FromStr for CasingFile {
             name.len()
         );
         let is_allowed = |part: &str| {
-            (1..=PART_BYTES_MAX).contains(&part.len()) && !part.starts_with('.') && !part.contains(char::is_control)
+            (1..=PART_BYTES_MAX).contains(&part.len())
+                && !part.starts_with('.')
+                && !part.contains(char::is_control)
+                && !UNFINISHED.contains(&part)
         };
         let (site, path) = name.split_once('/').with_context(|| format!("{name:?} names no site"))?;
         let _site: Site = site.parse()?;
@@ -140,6 +151,8 @@ mod tests {
             "a b/A.h5",
             ".a/A.h5",
             "a/",
+            "a/open/A.h5",
+            "left/A.h5",
             "a/\0.h5",
             &long,
             &longer,

@@ -137,12 +137,15 @@ impl JetStream {
         Ok(())
     }
 
-    /// Gives the receipt of `file`; whether it counts: only the first does.
+    /// Gives the receipt of `file`; whether it counts: only the first does. One whose acknowledgement was lost is there when the client
+    /// gives it again, so that it is read back.
     pub(crate) async fn give(&self, file: &CasingFile, receipt: &Receipt) -> Result<bool> {
         let text = serde_json::to_vec(receipt)?;
         match self.receipts.create(file.key(), text.into()).await {
             Ok(_) => Ok(true),
-            Err(error) if error.kind() == CreateErrorKind::AlreadyExists => Ok(false),
+            Err(error) if error.kind() == CreateErrorKind::AlreadyExists => {
+                Ok(self.receipt(file).await?.as_ref() == Some(receipt))
+            }
             Err(error) => Err(error).with_context(|| format!("the broker does not keep the receipt of {file}")),
         }
     }

@@ -11,6 +11,8 @@ pub struct Receipt {
     pub bytes: u64,
     /// Which collector says so.
     pub collector: String,
+    /// When it was given, ns since 1970.
+    pub at_ns: i64,
     /// What has become of the file.
     pub fate: Fate,
 }

@@ -2,11 +2,11 @@
 //!
 //! Nothing is written on the station's disk: what was sent is known by the receipts, so that nothing can disagree with them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, UNIX_EPOCH};
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 
 use crate::carrier::Carrier;
@@ -15,6 +15,7 @@ use crate::jetstream::JetStream;
 use crate::receipt::{Fate, Receipt};
 use crate::server::Server;
 use crate::session::{self, Trouble, Until};
+use crate::staging::digest_of;
 
 /// How many files of a site may be on their way at once: what a broker has to keep for it.
 pub const WINDOW: usize = 8;
@@ -25,7 +26,7 @@ const LOOK_EVERY: (Duration, Duration) = (Duration::from_millis(200), Duration::
 /// After how long without a receipt the broker is asked for a file, and reminded of it.
 const ASK_AFTER: Duration = Duration::from_secs(30);
 
-/// How often all receipts are asked for again: a centre that has lost files removes theirs.
+/// How often all receipts are asked for again: they may have been removed, so that files are sent again.
 const RECONCILE_EVERY: Duration = Duration::from_secs(3600);
 
 /// How many receipts are asked for at once.
@@ -56,10 +57,25 @@ pub struct Sent {
 /// What is known of a file of the folder.
 #[derive(Debug, Clone)]
 enum State {
+    /// No centre has said anything of it, and the broker does not have it.
+    Unsent,
+    /// It could not be read when this was tried last.
+    Unreadable(Instant),
     /// The broker had it when it was asked last; `None`: since this connection it was not asked.
     Waits { digest: Option<String>, asked: Option<Instant> },
-    /// A centre has spoken.
-    Settled { is_received: bool },
+    /// A centre has spoken; `is_due`: it is to be asked again.
+    Settled { receipt: Receipt, is_due: bool },
+}
+
+impl State {
+    fn is_settled(&self) -> bool {
+        matches!(self, Self::Settled { .. })
+    }
+
+    /// Whether a receipt is to be asked for.
+    fn is_asked(&self) -> bool {
+        matches!(self, Self::Waits { .. } | Self::Settled { is_due: true, .. })
+    }
 }
 
 /// Sends the files of a folder until it is over; whether a centre has all of them. `finished` lists the paths below the folder, and
@@ -79,7 +95,8 @@ pub fn send(
         let broker = JetStream::connect(server, &format!("tapline uplink {}", sender.site), &sender.bucket).await?;
         sending.attempt(&broker, until, &mut finished, &mut tell, trouble).await
     })?;
-    Ok(sending.files.values().all(|state| matches!(state, State::Settled { is_received: true })))
+    let is_received = |state: &State| matches!(state, State::Settled { receipt, .. } if receipt.fate == Fate::Received);
+    Ok(sending.files.values().all(is_received))
 }
 
 struct Sending<'a> {
@@ -107,31 +124,28 @@ impl Sending<'_> {
         }
         loop {
             if self.reconciled.elapsed() > RECONCILE_EVERY {
-                self.files.retain(|_, state| matches!(state, State::Waits { .. }));
+                for state in self.files.values_mut() {
+                    if let State::Settled { is_due, .. } = state {
+                        *is_due = true;
+                    }
+                }
                 self.reconciled = Instant::now();
             }
             let since = Instant::now();
             let paths = finished()?;
             let listed_in = since.elapsed();
-            let open: Vec<PathBuf> = paths.into_iter().filter(|path| !self.is_settled(path)).collect();
-            let mut unsent = Vec::new();
-            for (path, file, receipt) in self.receipts(broker, &open).await? {
-                match receipt {
-                    Some(receipt) if !self.is_again(broker, &file, &receipt).await? => {
-                        self.settle(path, file, receipt, tell)
-                    }
-                    _ => unsent.push((path, file)),
-                }
-            }
+            // What was taken out of the folder is no longer sent.
+            let listed: BTreeSet<&PathBuf> = paths.iter().collect();
+            self.files.retain(|path, _| listed.contains(path));
+            self.ask(broker, &paths, tell).await?;
             self.again = false;
-            for (path, file) in unsent {
-                self.put(broker, path, &file).await?;
+            for path in &paths {
+                self.put(broker, path).await?;
             }
             trouble.ends();
-            if until.is_over() {
-                return Ok(());
-            }
-            if until.is_once && open.iter().all(|path| self.is_settled(path)) {
+            let is_unreadable = |state: &State| matches!(state, State::Unreadable(_));
+            let is_done = |path: &PathBuf| self.files.get(path).is_some_and(|s| s.is_settled() || is_unreadable(s));
+            if until.is_over() || (until.is_once && paths.iter().all(is_done)) {
                 return Ok(());
             }
             let is_busy = self.files.values().any(|state| matches!(state, State::Waits { .. }));
@@ -140,23 +154,18 @@ impl Sending<'_> {
         }
     }
 
-    fn is_settled(&self, path: &Path) -> bool {
-        matches!(self.files.get(path), Some(State::Settled { .. }))
-    }
-
-    /// The receipts of the files at `paths`; a file whose name cannot be sent is settled.
-    async fn receipts(
-        &mut self,
-        broker: &impl Carrier,
-        paths: &[PathBuf],
-    ) -> Result<Vec<(PathBuf, CasingFile, Option<Receipt>)>> {
-        let mut named = Vec::new();
+    /// Asks for the receipts of files that wait, and of those of which nothing is known yet.
+    async fn ask(&mut self, broker: &impl Carrier, paths: &[PathBuf], tell: &mut impl FnMut(&Sent)) -> Result<()> {
+        let mut asked = Vec::new();
         for path in paths {
+            if self.files.get(path).is_some_and(|state| !state.is_asked()) {
+                continue;
+            }
             match CasingFile::new(&self.sender.site, path) {
-                Ok(file) => named.push((path.clone(), file)),
+                Ok(file) => asked.push((path.clone(), file)),
                 Err(error) => {
                     tracing::error!("not sent: {error:#}");
-                    self.files.insert(path.clone(), State::Settled { is_received: false });
+                    self.files.insert(path.clone(), State::Unreadable(Instant::now()));
                 }
             }
         }
@@ -164,66 +173,112 @@ impl Sending<'_> {
             let receipt = broker.receipt(&file).await?;
             anyhow::Ok((path, file, receipt))
         };
-        stream::iter(named).map(ask).buffered(ASKED_AT_ONCE).try_collect().await
-    }
-
-    /// Whether a file that was refused is to be sent again; its receipt is removed then.
-    async fn is_again(&self, broker: &impl Carrier, file: &CasingFile, receipt: &Receipt) -> Result<bool> {
-        let is_again = self.again && matches!(receipt.fate, Fate::Refused(_));
-        if is_again {
-            broker.forget(file).await?;
+        let mut answers = stream::iter(asked).map(ask).buffered(ASKED_AT_ONCE);
+        while let Some((path, file, receipt)) = answers.try_next().await? {
+            match receipt {
+                Some(receipt) => {
+                    let receipt = self.judged(&path, receipt);
+                    if self.again && receipt.fate != Fate::Received {
+                        broker.forget(&file).await?;
+                        self.files.insert(path, State::Unsent);
+                    } else {
+                        self.settle(path, file, receipt, tell);
+                    }
+                }
+                None if matches!(self.files.get(&path), Some(State::Waits { .. })) => {}
+                None => drop(self.files.insert(path, State::Unsent)),
+            }
         }
-        Ok(is_again)
+        Ok(())
     }
 
-    /// Takes what a centre says of a file for settled.
-    fn settle(&mut self, path: PathBuf, file: CasingFile, receipt: Receipt, tell: &mut impl FnMut(&Sent)) {
-        let there = self.sender.folder.join(&path);
-        let is_same = match self.files.get(&path) {
+    /// A receipt, or a refusal in its place where it is of another file of that name.
+    fn judged(&self, path: &Path, receipt: Receipt) -> Receipt {
+        let there = self.sender.folder.join(path);
+        let is_same = match self.files.get(path) {
             Some(State::Waits { digest: Some(digest), .. }) => *digest == receipt.digest,
-            // Sent before this process began: a file is never written again, so that its size tells another by the same name.
-            _ => there.metadata().is_ok_and(|there| there.len() == receipt.bytes),
+            Some(State::Settled { receipt: before, .. }) => before.digest == receipt.digest,
+            // Sent before this process began. A file is never written again: its size tells another of that name, or, if it
+            // was written after the receipt, its digest.
+            _ => there.metadata().is_ok_and(|metadata| {
+                let written = metadata.modified().ok().and_then(|at| at.duration_since(UNIX_EPOCH).ok());
+                let is_old = written.is_some_and(|written| {
+                    i64::try_from(written.as_nanos()).is_ok_and(|written| written <= receipt.at_ns)
+                });
+                let digest = || digest_of(&there).ok().flatten().map(|(digest, _)| digest);
+                metadata.len() == receipt.bytes && (is_old || digest().as_ref() == Some(&receipt.digest))
+            }),
         };
-        let receipt = match is_same {
+        match is_same {
             true => receipt,
             false => {
                 let text = format!("{} has another file of this name", receipt.collector);
                 Receipt { fate: Fate::Refused(text), ..receipt }
             }
-        };
+        }
+    }
+
+    /// Takes what a centre says of a file for settled, and tells it if it is new.
+    fn settle(&mut self, path: PathBuf, file: CasingFile, receipt: Receipt, tell: &mut impl FnMut(&Sent)) {
+        let state = State::Settled { receipt: receipt.clone(), is_due: false };
+        let there = self.sender.folder.join(&path);
+        let before = self.files.insert(path, state);
+        if matches!(before, Some(State::Settled { receipt: before, .. }) if before == receipt) {
+            return;
+        }
         if let Fate::Refused(why) = &receipt.fate {
             tracing::error!("{} is not taken by the centre: {why}", there.display());
         }
-        self.files.insert(path, State::Settled { is_received: receipt.fate == Fate::Received });
         tell(&Sent { file, receipt });
     }
 
-    /// Has the broker keep a file without a receipt, if it does not, and if not too many are on their way.
-    async fn put(&mut self, broker: &impl Carrier, path: PathBuf, file: &CasingFile) -> Result<()> {
-        let there = self.sender.folder.join(&path);
-        let known = self.files.get(&path).cloned();
-        if matches!(&known, Some(State::Waits { asked: Some(asked), .. }) if asked.elapsed() < ASK_AFTER) {
-            return Ok(());
-        }
+    /// Has the broker keep the file at `path`, if no centre has spoken of it, it does not, and not too many are on their way.
+    async fn put(&mut self, broker: &impl Carrier, path: &PathBuf) -> Result<()> {
+        let (is_sent, digest) = match self.files.get(path) {
+            None | Some(State::Settled { .. }) => return Ok(()),
+            Some(State::Waits { asked: Some(asked), .. } | State::Unreadable(asked)) if asked.elapsed() < ASK_AFTER => {
+                return Ok(());
+            }
+            Some(State::Waits { digest, .. }) => (true, digest.clone()),
+            Some(State::Unsent | State::Unreadable(_)) => (false, None),
+        };
         let count = self.files.values().filter(|state| matches!(state, State::Waits { .. })).count();
-        if known.is_none() && count >= WINDOW {
+        if !is_sent && count >= WINDOW {
             return Ok(());
         }
-        let bytes = there.metadata().with_context(|| format!("cannot read {}", there.display()))?.len();
-        if broker.remind(file).await? == Some(bytes) {
-            let digest = known.and_then(|known| match known {
-                State::Waits { digest, .. } => digest,
-                State::Settled { .. } => None,
-            });
-            self.files.insert(path, State::Waits { digest, asked: Some(Instant::now()) });
-            return Ok(());
-        }
-        if known.is_some() {
-            tracing::warn!("{file} was lost on its way: it is sent again");
-        }
-        let digest = Some(broker.publish(file, &there).await?);
-        tracing::info!("sent {file}: {bytes} bytes");
-        self.files.insert(path, State::Waits { digest, asked: Some(Instant::now()) });
+        let Ok(file) = CasingFile::new(&self.sender.site, path) else { return Ok(()) };
+        let there = self.sender.folder.join(path);
+        let state = match there.metadata() {
+            Ok(metadata) if broker.remind(&file).await? == Some(metadata.len()) => {
+                State::Waits { digest, asked: Some(Instant::now()) }
+            }
+            Ok(metadata) => {
+                if is_sent {
+                    tracing::warn!("{file} was lost on its way: it is sent again");
+                }
+                match broker.publish(&file, &there).await {
+                    Ok(digest) => {
+                        tracing::info!("sent {file}: {} bytes", metadata.len());
+                        State::Waits { digest: Some(digest), asked: Some(Instant::now()) }
+                    }
+                    Err(error) => match digest_of(&there) {
+                        Ok(_) => return Err(error),
+                        // It is the file that cannot be read: the others are sent.
+                        Err(error) => unreadable(&error),
+                    },
+                }
+            }
+            // It was taken out of the folder just now.
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+            Err(error) => unreadable(&anyhow::Error::new(error).context(format!("cannot read {}", there.display()))),
+        };
+        self.files.insert(path.clone(), state);
         Ok(())
     }
+}
+
+/// A file that cannot be read now; the others are sent.
+fn unreadable(error: &anyhow::Error) -> State {
+    tracing::error!("not sent: {error:#}");
+    State::Unreadable(Instant::now())
 }

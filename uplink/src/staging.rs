@@ -17,7 +17,7 @@ use crate::file::CasingFile;
 const INCOMING: &str = ".incoming";
 
 /// In it: the name of this collector, and that a process works here.
-const NAME: &str = "collector";
+const NAME: &str = ".collector";
 
 /// A centre's folder, which one process at a time fills.
 #[derive(Debug)]
@@ -61,6 +61,15 @@ impl Folder {
     /// Where `file` is written first.
     pub(crate) fn draft(&self, file: &CasingFile) -> PathBuf {
         self.path.join(INCOMING).join(file.path())
+    }
+
+    /// Has the draft of `file` on the disk, its name too.
+    pub(crate) fn keep_draft(&self, file: &CasingFile) -> Result<()> {
+        let draft = self.draft(file);
+        File::open(&draft)
+            .and_then(|draft| draft.sync_all())
+            .with_context(|| format!("cannot write {}", draft.display()))?;
+        sync_folders(&draft, &self.path)
     }
 
     /// Starts the draft of `file`.
