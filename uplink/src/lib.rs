@@ -6,9 +6,9 @@
 //!
 //! | who | does |
 //! |---|---|
-//! | [`send`] | publishes each finished file for which there is no receipt, at most [`WINDOW`] at a time |
+//! | [`send()`] | publishes each finished file for which there is no receipt, at most [`WINDOW`] at a time |
 //! | the broker | keeps the bytes of files, who has yet to take which, and the receipts |
-//! | [`collect`] | takes files, several hosts from one queue; writes, checks, and gives the receipt |
+//! | [`collect()`] | takes files, several hosts from one queue; writes, checks, and gives the receipt |
 //!
 //! - `server`: where the broker is, and what a connection to it needs
 //! - `file`: names of files, and which of them are safe to write
