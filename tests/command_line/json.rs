@@ -7,6 +7,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::sandbox::Sandbox;
+use crate::sandbox::nats::NatsServer;
 use crate::sandbox::running::Running;
 
 /// The rows of the page's table: verb and thing, and the keys of its value.
@@ -69,6 +70,16 @@ fn the_page_has_the_shapes_of_every_verb() {
     check(&mut shapes, "line: a casing", &line.verdict());
     check(&mut shapes, "status: the line", &values(&sandbox.run("status --out results --json").expect(0).out)[0]);
     drop(line.interrupt());
+    match NatsServer::start(&sandbox, "") {
+        Some(server) => {
+            let mut collector = Running::start(&sandbox, &format!("collect centre --from {} --json", server.address));
+            let sent = sandbox.run(&format!("uplink x --to {} --site s --once --json", server.address)).expect(0);
+            check(&mut shapes, "uplink: a file", &values(&sent.out)[0]);
+            check(&mut shapes, "collect: a file", &serde_json::from_str(&collector.line()).unwrap());
+            drop(collector.interrupt().expect(0));
+        }
+        None => shapes.retain(|of, _| !["uplink: a file", "collect: a file"].contains(&of.as_str())),
+    }
     // Whether there is a sound card is the machine's affair.
     shapes.remove("devices: a device");
     assert!(shapes.is_empty(), "the page has {shapes:?}, which no verb printed");
