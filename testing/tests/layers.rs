@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each crate's sources, and how many layers its modules may have.
-const CRATES: [(&str, usize); 12] = [
+const CRATES: [(&str, usize); 13] = [
     ("wire/src", 3),
     ("model/src", 3),
     ("codec/src", 4),
@@ -22,6 +22,7 @@ const CRATES: [(&str, usize); 12] = [
     ("draw/src", 2),
     ("lab/src", 4),
     ("query/src", 5),
+    ("uplink/src", 4),
     ("src", 5),
 ];
 

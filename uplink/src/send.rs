@@ -197,7 +197,8 @@ impl Sending<'_> {
         let there = self.sender.folder.join(path);
         let is_same = match self.files.get(path) {
             Some(State::Waits { digest: Some(digest), .. }) => *digest == receipt.digest,
-            Some(State::Settled { receipt: before, .. }) => before.digest == receipt.digest,
+            // The same as before, of which it was judged whether it is of this file.
+            Some(State::Settled { receipt: before, .. }) if before.at_ns == receipt.at_ns => return before.clone(),
             // Sent before this process began. A file is never written again: its size tells another of that name, or, if it
             // was written after the receipt, its digest.
             _ => there.metadata().is_ok_and(|metadata| {
