@@ -43,8 +43,14 @@ pub fn start(args: LogArgs, level: Option<LevelFilter>) {
         LogFormat::Text => log.with_ansi(colour::is_shown(&std::io::stderr())).boxed(),
         LogFormat::Json => log.with_ansi(false).json().flatten_event(true).boxed(),
     };
-    // Whatever strangers send to the OPC UA server would be an error of the line's.
-    let usual = || Targets::new().with_default(level).with_target("opcua", LevelFilter::OFF);
+    // Whatever strangers send to the OPC UA server would be an error of the line's; what the client of NATS says is said again, with
+    // the server's name.
+    let usual = || {
+        Targets::new()
+            .with_default(level)
+            .with_target("opcua", LevelFilter::OFF)
+            .with_target("async_nats", LevelFilter::OFF)
+    };
     let filter = filter.unwrap_or_else(usual).with_target(SAID, LevelFilter::INFO);
     tracing_subscriber::registry().with(filter).with(log).init();
 }

@@ -46,10 +46,10 @@ pub(crate) struct UplinkArgs {
     pub site: Site,
     #[command(flatten)]
     pub broker: BrokerArgs,
-    /// End when a centre has settled every file that is there.
+    /// End when a centre has spoken of every file that is there, with code 3 if it refused one; wait until then.
     #[arg(long)]
     pub once: bool,
-    /// Send files again that a centre has refused.
+    /// Send files again that a centre has refused; none that it has received.
     #[arg(long)]
     pub again: bool,
     /// Print what becomes of each file as a line of JSON.

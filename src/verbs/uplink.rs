@@ -5,10 +5,10 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, ensure};
 use serde_json::json;
-use tapline_host::messages::with_causes;
+use tapline_host::messages::{say, with_causes};
 use tapline_host::signals::stop_flag;
 use tapline_store::Error;
-use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Until};
+use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Standing, Until};
 
 use crate::archives::Finished;
 use crate::cli::uplink::{BrokerArgs, CollectArgs, UplinkArgs};
@@ -24,7 +24,7 @@ pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
         again: args.again,
     };
     let mut finished = Finished::of(&args.folder);
-    tapline_uplink::send(
+    let standing = tapline_uplink::send(
         &server,
         &sender,
         &until(args.once)?,
@@ -32,7 +32,10 @@ pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
         |sent| {
             print(&sent.file, &args.folder.join(sent.file.below_site()), &sent.receipt, args.json);
         },
-    )
+    )?;
+    let Standing { files, at_centre } = standing;
+    say(&format!("{at_centre} of {files} finished files of {} are at the centre", args.folder.display()));
+    Ok(at_centre == files)
 }
 
 /// Takes the files that come to a centre; whether none was refused.
@@ -40,9 +43,13 @@ pub(crate) fn collect(args: &CollectArgs) -> Result<bool> {
     let server = server(&args.broker, &args.from)?;
     let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
     let collector = Collector { folder: args.folder.clone(), host, bucket: args.broker.bucket.clone(), check };
-    tapline_uplink::collect(&server, &collector, &until(args.once)?, |collected| {
+    let mut count = 0;
+    let is_fine = tapline_uplink::collect(&server, &collector, &until(args.once)?, |collected| {
+        count += usize::from(collected.receipt.fate == Fate::Received);
         print(&collected.file, &collected.path, &collected.receipt, args.json);
-    })
+    })?;
+    say(&format!("{count} files were taken from the bucket {}", args.broker.bucket));
+    Ok(is_fine)
 }
 
 fn server(broker: &BrokerArgs, servers: &str) -> Result<Server> {

@@ -35,11 +35,22 @@ fn a_file_that_is_not_whole_or_not_the_same_is_refused() {
     }
     assert!(done.err.contains("ERROR made/C2.h5 is not taken by the centre"), "{}", done.err);
 
-    // Told again, but not sent again, unless it is asked for.
+    // Told again, but not sent again, unless it is asked for, or is another file by now.
+    assert_eq!(sandbox.run(&to).expect(3).out.matches("\"refused\"").count(), 2);
     fs::write(sandbox.path("made/C2.h5"), &made[Path::new("C2.h5")]).unwrap();
     fs::remove_file(sandbox.path("centre/a/C3.h5")).unwrap();
-    assert_eq!(sandbox.run(&to).expect(3).out.matches("\"refused\"").count(), 2);
-    assert_eq!(sandbox.run(&format!("{to} --again")).expect(0).out.matches("\"received\"").count(), 3);
+    let done = sandbox.run(&to).expect(3);
+    assert_eq!(["\"refused\"", "\"received\""].map(|kind| done.out.matches(kind).count()), [1, 1], "{}", done.out);
+    assert_eq!(sandbox.run(&format!("{to} --again")).expect(0).out.matches("\"received\"").count(), 1);
+    // A receipt for one file is none for another of its name, and is not taken back by it.
+    fs::create_dir(sandbox.path("other")).unwrap();
+    fs::copy(sandbox.path("made/C2.h5"), sandbox.path("other/C1.h5")).unwrap();
+    let other = to.replace("made", "other");
+    for again in ["", " --again"] {
+        let done = sandbox.run(&format!("{other}{again}")).expect(3);
+        assert!(done.out.contains("another file of this name"), "{}", done.out);
+        sandbox.run(&to).expect(0);
+    }
     assert!(files(&sandbox.path("centre/a")) == made);
     let done = collector.interrupt().expect(3);
     assert_eq!((done.out.matches("received ").count(), done.out.matches("REFUSED ").count()), (3, 2), "{}", done.out);

@@ -31,6 +31,6 @@ pub use crate::carrier::Carrier;
 pub use crate::collect::{Collected, Collector, collect};
 pub use crate::file::{CasingFile, Site};
 pub use crate::receipt::{Fate, Receipt};
-pub use crate::send::{Sender, Sent, WINDOW, send};
+pub use crate::send::{Sender, Sent, Standing, WINDOW, send};
 pub use crate::server::{Access, Server};
 pub use crate::session::Until;

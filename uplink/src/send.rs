@@ -26,6 +26,9 @@ const LOOK_EVERY: (Duration, Duration) = (Duration::from_millis(200), Duration::
 /// After how long without a receipt the broker is asked for a file, and reminded of it.
 const ASK_AFTER: Duration = Duration::from_secs(30);
 
+/// After how long it is said that nobody takes what waits.
+const TOLD_AFTER: Duration = Duration::from_secs(60);
+
 /// How often all receipts are asked for again: they may have been removed, so that files are sent again.
 const RECONCILE_EVERY: Duration = Duration::from_secs(3600);
 
@@ -54,6 +57,15 @@ pub struct Sent {
     pub receipt: Receipt,
 }
 
+/// How a folder stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Standing {
+    /// Finished files in it.
+    pub files: usize,
+    /// How many of them a centre has.
+    pub at_centre: usize,
+}
+
 /// What is known of a file of the folder.
 #[derive(Debug, Clone)]
 enum State {
@@ -63,8 +75,8 @@ enum State {
     Unreadable(Instant),
     /// The broker had it when it was asked last; `None`: since this connection it was not asked.
     Waits { digest: Option<String>, asked: Option<Instant> },
-    /// A centre has spoken; `is_due`: it is to be asked again.
-    Settled { receipt: Receipt, is_due: bool },
+    /// A centre has spoken, of this file or of another of its name; `is_due`: it is to be asked again.
+    Settled { receipt: Receipt, is_same: bool, is_due: bool },
 }
 
 impl State {
@@ -78,8 +90,8 @@ impl State {
     }
 }
 
-/// Sends the files of a folder until it is over; whether a centre has all of them. `finished` lists the paths below the folder, and
-/// `tell` hears of each file once.
+/// Sends the files of a folder until it is over; how many of them are at a centre then. `finished` lists the paths below the folder, and
+/// `tell` hears of each that was sent or is refused, once.
 ///
 /// # Errors
 /// A runtime that cannot be started: all other troubles are logged, and it is tried again.
@@ -89,14 +101,22 @@ pub fn send(
     until: &Until,
     mut finished: impl FnMut() -> Result<Vec<PathBuf>>,
     mut tell: impl FnMut(&Sent),
-) -> Result<bool> {
-    let mut sending = Sending { sender, files: BTreeMap::new(), again: sender.again, reconciled: Instant::now() };
+) -> Result<Standing> {
+    let now = Instant::now();
+    let mut sending = Sending {
+        sender,
+        files: BTreeMap::new(),
+        again: sender.again,
+        reconciled: now,
+        taken: now,
+        is_waiting_told: false,
+    };
     session::run(until, async |trouble| {
         let broker = JetStream::connect(server, &format!("tapline uplink {}", sender.site), &sender.bucket).await?;
         sending.attempt(&broker, until, &mut finished, &mut tell, trouble).await
     })?;
-    let is_received = |state: &State| matches!(state, State::Settled { receipt, .. } if receipt.fate == Fate::Received);
-    Ok(sending.files.values().all(is_received))
+    let is_received = |state: &&State| matches!(state, State::Settled { receipt, is_same: true, .. } if receipt.fate == Fate::Received);
+    Ok(Standing { files: sending.files.len(), at_centre: sending.files.values().filter(is_received).count() })
 }
 
 struct Sending<'a> {
@@ -104,6 +124,9 @@ struct Sending<'a> {
     files: BTreeMap<PathBuf, State>,
     again: bool,
     reconciled: Instant,
+    /// When a centre took a file last, or none waited.
+    taken: Instant,
+    is_waiting_told: bool,
 }
 
 impl Sending<'_> {
@@ -149,9 +172,26 @@ impl Sending<'_> {
                 return Ok(());
             }
             let is_busy = self.files.values().any(|state| matches!(state, State::Waits { .. }));
+            self.tell_waiting(is_busy);
             // A folder of years may take long to list: a twentieth of the time at most goes into that.
             until.wait(if is_busy { LOOK_EVERY.0 } else { LOOK_EVERY.1 }.max(20 * listed_in)).await;
         }
+    }
+
+    /// Says that no centre takes what waits, and that it does again.
+    fn tell_waiting(&mut self, is_busy: bool) {
+        if !is_busy {
+            self.taken = Instant::now();
+        }
+        let is_waiting = self.taken.elapsed() > TOLD_AFTER;
+        if is_waiting != self.is_waiting_told {
+            let what = format!("no collector takes the files that wait in the bucket {}", self.sender.bucket);
+            match is_waiting {
+                true => tracing::warn!("for {} s {what}", TOLD_AFTER.as_secs()),
+                false => tracing::warn!("over: {what}"),
+            }
+        }
+        self.is_waiting_told = is_waiting;
     }
 
     /// Asks for the receipts of files that wait, and of those of which nothing is known yet.
@@ -177,12 +217,13 @@ impl Sending<'_> {
         while let Some((path, file, receipt)) = answers.try_next().await? {
             match receipt {
                 Some(receipt) => {
-                    let receipt = self.judged(&path, receipt);
-                    if self.again && receipt.fate != Fate::Received {
+                    let is_same = self.is_of(&path, &receipt);
+                    // What was refused may be another file by now, such as one that was damaged then.
+                    if matches!(receipt.fate, Fate::Refused(_)) && (self.again || !is_same) {
                         broker.forget(&file).await?;
                         self.files.insert(path, State::Unsent);
                     } else {
-                        self.settle(path, file, receipt, tell);
+                        self.settle(path, file, receipt, is_same, tell);
                     }
                 }
                 None if matches!(self.files.get(&path), Some(State::Waits { .. })) => {}
@@ -192,43 +233,53 @@ impl Sending<'_> {
         Ok(())
     }
 
-    /// A receipt, or a refusal in its place where it is of another file of that name.
-    fn judged(&self, path: &Path, receipt: Receipt) -> Receipt {
-        let there = self.sender.folder.join(path);
-        let is_same = match self.files.get(path) {
+    /// Whether `receipt` is of the file at `path`, and not of another of that name.
+    fn is_of(&self, path: &Path, receipt: &Receipt) -> bool {
+        match self.files.get(path) {
             Some(State::Waits { digest: Some(digest), .. }) => *digest == receipt.digest,
-            // The same as before, of which it was judged whether it is of this file.
-            Some(State::Settled { receipt: before, .. }) if before.at_ns == receipt.at_ns => return before.clone(),
+            Some(State::Settled { receipt: before, is_same, .. }) if before == receipt => *is_same,
             // Sent before this process began. A file is never written again: its size tells another of that name, or, if it
             // was written after the receipt, its digest.
-            _ => there.metadata().is_ok_and(|metadata| {
-                let written = metadata.modified().ok().and_then(|at| at.duration_since(UNIX_EPOCH).ok());
-                let is_old = written.is_some_and(|written| {
-                    i64::try_from(written.as_nanos()).is_ok_and(|written| written <= receipt.at_ns)
-                });
-                let digest = || digest_of(&there).ok().flatten().map(|(digest, _)| digest);
-                metadata.len() == receipt.bytes && (is_old || digest().as_ref() == Some(&receipt.digest))
-            }),
-        };
-        match is_same {
-            true => receipt,
-            false => {
-                let text = format!("{} has another file of this name", receipt.collector);
-                Receipt { fate: Fate::Refused(text), ..receipt }
+            _ => {
+                let there = self.sender.folder.join(path);
+                there.metadata().is_ok_and(|metadata| {
+                    let written = metadata.modified().ok().and_then(|at| at.duration_since(UNIX_EPOCH).ok());
+                    let written = written.and_then(|written| i64::try_from(written.as_nanos()).ok());
+                    let is_old = written.is_some_and(|written| written <= receipt.at_ns);
+                    let digest = || digest_of(&there).ok().flatten().map(|(digest, _)| digest);
+                    metadata.len() == receipt.bytes && (is_old || digest().as_ref() == Some(&receipt.digest))
+                })
             }
         }
     }
 
-    /// Takes what a centre says of a file for settled, and tells it if it is new.
-    fn settle(&mut self, path: PathBuf, file: CasingFile, receipt: Receipt, tell: &mut impl FnMut(&Sent)) {
-        let state = State::Settled { receipt: receipt.clone(), is_due: false };
+    /// Takes what a centre says of a file for settled, and tells it if it is news: a file that was there before this process began is
+    /// none.
+    fn settle(
+        &mut self,
+        path: PathBuf,
+        file: CasingFile,
+        receipt: Receipt,
+        is_same: bool,
+        tell: &mut impl FnMut(&Sent),
+    ) {
+        let state = State::Settled { receipt: receipt.clone(), is_same, is_due: false };
         let there = self.sender.folder.join(&path);
         let before = self.files.insert(path, state);
-        if matches!(before, Some(State::Settled { receipt: before, .. }) if before == receipt) {
+        if matches!(&before, Some(State::Settled { receipt: before, .. }) if *before == receipt) {
             return;
         }
-        if let Fate::Refused(why) = &receipt.fate {
-            tracing::error!("{} is not taken by the centre: {why}", there.display());
+        let receipt = match is_same {
+            true => receipt,
+            false => {
+                let why = format!("{} has another file of this name: give this one another name", receipt.collector);
+                Receipt { fate: Fate::Refused(why), ..receipt }
+            }
+        };
+        match &receipt.fate {
+            Fate::Received if before.is_none() => return,
+            Fate::Received => self.taken = Instant::now(),
+            Fate::Refused(why) => tracing::error!("{} is not taken by the centre: {why}", there.display()),
         }
         tell(&Sent { file, receipt });
     }

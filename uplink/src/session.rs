@@ -49,7 +49,7 @@ impl Trouble {
         let text = with_causes(error.as_ref());
         match self.0.as_ref() == Some(&text) {
             true => tracing::debug!("{text}"),
-            false => tracing::warn!("{text}"),
+            false => tracing::warn!("{text}; it is tried again"),
         }
         self.0 = Some(text);
     }
