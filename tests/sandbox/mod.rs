@@ -3,6 +3,7 @@
 pub(crate) mod archives;
 pub(crate) mod broker;
 pub(crate) mod browser;
+pub(crate) mod cut;
 pub(crate) mod nats;
 pub(crate) mod recordings;
 pub(crate) mod running;

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::sandbox::Sandbox;
+use crate::sandbox::cut::Cut;
 use crate::sandbox::nats::NatsServer;
 use crate::sandbox::running::{Running, until};
 use crate::uplink::{files, made};
@@ -74,6 +75,21 @@ fn every_file_is_at_the_centre_once_whoever_is_killed() {
         sandbox.run("verify centre-1 centre-2 --json").expect(0).out.matches("\"is_complete\":true").count(),
         73
     );
+}
+
+/// Catches a file that is thrown away because its own receipt, whose acknowledgement was lost, is taken for another's.
+#[test]
+fn a_receipt_whose_acknowledgement_is_lost_counts() {
+    let sandbox = Sandbox::new();
+    let Some(server) = NatsServer::start(&sandbox, "") else { return };
+    let made = made(&sandbox, 1);
+    let cut = Cut::at(&server.address, "HPUB $KV.tapline-receipts.");
+    let collector = Running::start(&sandbox, &format!("collect centre --from {}", cut.address));
+    let sender = Running::start(&sandbox, &format!("uplink made --to {} --site a --once", server.address));
+    assert_eq!(sender.finish().expect(0).out.matches("received ").count(), 1);
+    until("the file is in its place", || files(&sandbox.path("centre/a")) == made);
+    assert!(cut.is_done());
+    assert_eq!(collector.interrupt().expect(0).out.matches("received ").count(), 1);
 }
 
 /// Catches a sender that relies on what a server has said: a server that loses everything, also what it had acknowledged, costs nothing
