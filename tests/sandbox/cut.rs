@@ -26,14 +26,14 @@ impl Cut {
         let address = listener.local_addr().unwrap().to_string();
         let state = Arc::new(AtomicU8::new(WHOLE));
         let (server, of_all) = (server.to_owned(), Arc::clone(&state));
-        thread::spawn(move || {
+        start(move || {
             for client in listener.incoming().flatten() {
                 let Ok(server) = TcpStream::connect(&server) else { continue };
                 let (back_from, back_to) = (server.try_clone().unwrap(), client.try_clone().unwrap());
                 let state = Arc::clone(&of_all);
-                thread::spawn(move || back(back_from, back_to, &state));
+                start(move || back(back_from, back_to, &state));
                 let state = Arc::clone(&of_all);
-                thread::spawn(move || forth(client, server, word, &state));
+                start(move || forth(client, server, word, &state));
             }
         });
         Self { state, address }
@@ -43,6 +43,10 @@ impl Cut {
     pub(crate) fn is_done(&self) -> bool {
         self.state.load(Ordering::SeqCst) == CUT
     }
+}
+
+fn start(work: impl FnOnce() + Send + 'static) {
+    drop(thread::Builder::new().name("cut".to_owned()).spawn(work).unwrap());
 }
 
 fn forth(mut client: TcpStream, mut server: TcpStream, word: &str, state: &AtomicU8) {
