@@ -125,7 +125,7 @@ impl Costs {
         }
         writeln!(
             text,
-            "\nAn exponent of 0 means that a tap costs the same however many there are; below 0, that what is done once is shared by \
+            "\nAn exponent of 0 means that a tap costs the same however many there are. Below 0, work that is done once is shared by \
              more. A tap takes {:.0} bytes in its archive (50 ms, two channels, simulated with noise).\n",
             self.bytes_per_tap
         )?;

@@ -25,8 +25,8 @@ fn main() -> Result<()> {
     let costs = Costs::measure()?;
     let mut page = String::from(
         "# From one line to a hundred thousand\n\n`cargo build --release -p tapline && cargo bench -p tapline-bench --bench scale` \
-         measures what a tap costs on this machine, computes from it what many lines need, and writes this page. Processor times \
-         contain the simulation of the taps, which a rig does for nothing.\n\n",
+         writes this page. It measures what a tap costs on this machine, and computes what many lines need. Processor times \
+         include the simulation of the taps, which a rig does for nothing.\n\n",
     );
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let date = jiff::Zoned::now().strftime("%Y-%m-%d");

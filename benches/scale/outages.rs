@@ -110,8 +110,8 @@ pub(crate) fn text(plant: &Plant, outages: &Outages) -> Result<String> {
     let Outages { site, centre, longest_h } = outages;
     writeln!(
         text,
-        "{} stations for a year, {SEEDS} seeds, minute by minute. A site's network is away every {} days for {} h on average, the centre \
-         every {} days for {} h, both at random, and once for {longest_h} h; it can take {} times what the stations make. What a station has to \
+        "{} stations for a year, {SEEDS} seeds, minute by minute. On average, a site's network is away every {} days for {} h, and the \
+         centre every {} days for {} h. Once the centre is away for {longest_h} h. It can take {} times what the stations make. What a station has to \
          keep for the centre at most:\n\n| half of the stations | 99 of 100 | the most of any | room for {stated} days ({:.1} GB) overflows at |\n|--:|--:|--:|--:|\n\
          | {half:.1} days | {most_of_them:.1} days | {most:.1} days | {over} of {} stations |\n",
         plant.stations,
