@@ -75,10 +75,9 @@ impl Server {
             && !access.allows_plain
         {
             bail!(
-                "{}: what is sent leaves this machine, unencrypted: give tls://{}:{} or --ca-file FILE for TLS, or --allow-plain",
+                "{}: what is sent leaves this machine, unencrypted: give tls://{} or --ca-file FILE for TLS, or --allow-plain",
                 shown(open),
-                open.host(),
-                open.port()
+                host_and_port(open)
             );
         }
         if let Some(file) = &access.ca_file {
@@ -152,7 +151,13 @@ fn address(text: &str) -> Result<ServerAddr> {
 }
 
 fn shown(server: &ServerAddr) -> String {
-    format!("{}://{}:{}", server.scheme(), server.host(), server.port())
+    format!("{}://{}", server.scheme(), host_and_port(server))
+}
+
+/// An address of IPv6 stands in brackets.
+fn host_and_port(server: &ServerAddr) -> String {
+    let (host, port) = (server.host(), server.port());
+    if host.contains(':') { format!("[{host}]:{port}") } else { format!("{host}:{port}") }
 }
 
 /// Whether `host` is this machine, by an address of the loopback or by the one name that always leads there.
