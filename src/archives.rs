@@ -1,27 +1,15 @@
 //! Which archives a verb works on: the files that are named, and those in the folders that are.
 //!
-//! A folder stands for every finished archive in it and in its sub-folders, such as the days of a line; not those under way
-//! (`open`), those that a line could not continue (`left`), and hidden files. Results that
-//! `tapline reprocess` put beside an archive are kept apart from archives, so that no casing counts twice.
+//! For which files a folder stands, [`tapline_store::Folder`] says.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use anyhow::{Context as _, Result, bail};
-use tapline_store::{LEFT_FOLDER, OPEN_FOLDER, Reader};
+use tapline_store::{Folder, OPEN_FOLDER};
 
 use tapline_host::messages::print_line;
 use tapline_host::progress::{Progress, Unit};
-
-/// Ending of an archive's name.
-const ENDING: &str = "h5";
-
-/// Hexadecimal digits of the lineage in the name of a file of results.
-pub(crate) const KEY_DIGITS: usize = 12;
-
-/// Depth of nested folders that are searched.
-const DEPTH_MAX: usize = 16;
 
 /// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -102,19 +90,11 @@ impl Archives {
 
     /// The files of `folder`.
     fn in_folder(&mut self, folder: &Path, which: Which) -> Result<Vec<ArchiveFile>> {
-        let mut here = Found::default();
-        here.look_into(folder, DEPTH_MAX)?;
-        here.finished.sort();
-        here.unfinished.sort();
-        let (casings, results) = archives_and_results(here.finished);
+        let here = Folder::list(folder)?;
         let chosen = match which {
-            Which::Casings => casings,
-            Which::Results => newest(results.clone()),
-            Which::All => {
-                let mut all: Vec<PathBuf> = casings.into_iter().chain(results.iter().map(|(_, r)| r.clone())).collect();
-                all.sort();
-                all
-            }
+            Which::Casings => here.sorted().archives,
+            Which::Results => here.sorted().newest_results(),
+            Which::All => here.finished,
         };
         if chosen.is_empty() && (which != Which::All || here.unfinished.is_empty()) {
             bail!("{}{}", nothing_in(folder, which), and_unfinished(here.unfinished.len()));
@@ -145,17 +125,14 @@ impl Finished {
 
     /// Paths below the folder, in the order of their names; there may be none.
     pub(crate) fn list(&mut self) -> Result<Vec<PathBuf>> {
-        let mut here = Found::default();
-        here.look_into(&self.folder, DEPTH_MAX)?;
+        let mut finished = Folder::list(&self.folder)?.finished;
+        finished.retain(|path| !self.results.contains(path));
         // Also where the archive is no more that they are of.
-        let is_results = |path: &PathBuf| of_archive(path).is_some() && has_results(path);
-        here.finished.retain(|path| !self.results.contains(path));
-        let (results, casings): (Vec<_>, Vec<_>) = here.finished.into_iter().partition(is_results);
+        let (results, casings): (Vec<_>, Vec<_>) =
+            finished.into_iter().partition(|path| tapline_store::has_results(path));
         self.results.extend(results);
         let below = |path: &PathBuf| path.strip_prefix(&self.folder).unwrap_or(path).to_owned();
-        let mut names: Vec<PathBuf> = casings.iter().map(below).collect();
-        names.sort();
-        Ok(names)
+        Ok(casings.iter().map(below).collect())
     }
 }
 
@@ -163,7 +140,7 @@ fn nothing_in(folder: &Path, which: Which) -> String {
     let folder = folder.display();
     match which {
         Which::Results => format!("{folder} has no results of tapline reprocess"),
-        Which::Casings | Which::All => format!("{folder} has no finished archive (NAME.{ENDING})"),
+        Which::Casings | Which::All => format!("{folder} has no finished archive (NAME.h5)"),
     }
 }
 
@@ -173,83 +150,6 @@ fn and_unfinished(count: usize) -> String {
         1 => format!("; 1 is not finished: {OPEN_FOLDER} has it"),
         count => format!("; {count} are not finished: {OPEN_FOLDER} has them"),
     }
-}
-
-/// The files of a folder and its sub-folders.
-#[derive(Debug, Default)]
-struct Found {
-    finished: Vec<PathBuf>,
-    unfinished: Vec<PathBuf>,
-}
-
-impl Found {
-    fn look_into(&mut self, folder: &Path, depth: usize) -> Result<()> {
-        for entry in entries(folder)? {
-            let name = entry.file_name();
-            let Some(name) = name.to_str().filter(|name| !name.starts_with('.')) else { continue };
-            let path = entry.path();
-            let kind = entry.file_type().with_context(|| format!("cannot read {}", path.display()))?;
-            match kind.is_dir() {
-                true if name == OPEN_FOLDER || name == LEFT_FOLDER => {
-                    let files = entries(&path)?.into_iter().map(|entry| entry.path());
-                    self.unfinished.extend(files.filter(|path| is_archive(path)));
-                }
-                true if depth > 1 => self.look_into(&path, depth - 1)?,
-                true => {}
-                false if is_archive(&path) => self.finished.push(path),
-                false => {}
-            }
-        }
-        Ok(())
-    }
-}
-
-fn entries(folder: &Path) -> Result<Vec<std::fs::DirEntry>> {
-    let context = || format!("cannot read {}", folder.display());
-    std::fs::read_dir(folder).with_context(context)?.collect::<Result<_, _>>().with_context(context)
-}
-
-/// Whether a plain file with an archive's ending is at `path`, or where a link there leads.
-fn is_archive(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending == ENDING) && path.metadata().is_ok_and(|there| there.is_file())
-}
-
-/// The archives, and the files of results, each with the archive that it is of.
-fn archives_and_results(files: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<(PathBuf, PathBuf)>) {
-    let all: BTreeSet<PathBuf> = files.iter().cloned().collect();
-    let (mut casings, mut results) = (Vec::new(), Vec::new());
-    for path in files {
-        match of_archive(&path).filter(|of| all.contains(of) && has_results(&path)) {
-            Some(of) => results.push((of, path)),
-            None => casings.push(path),
-        }
-    }
-    (casings, results)
-}
-
-/// The archive that a file of results is of, by its name: `NAME.0123456789ab.h5` is of `NAME.h5`.
-pub(crate) fn of_archive(path: &Path) -> Option<PathBuf> {
-    let (name, key) = path.file_stem()?.to_str()?.rsplit_once('.')?;
-    let is_key = key.len() == KEY_DIGITS && key.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
-    is_key.then(|| path.with_file_name(format!("{name}.{ENDING}")))
-}
-
-/// Whether the file with such a name has results, and is not the archive of a casing that is called so. One that cannot be
-/// read is taken by its name.
-fn has_results(path: &Path) -> bool {
-    Reader::open(path).map_or(true, |reader| reader.is_results())
-}
-
-/// The results of each archive that were written last.
-fn newest(results: Vec<(PathBuf, PathBuf)>) -> Vec<PathBuf> {
-    let mut newest: BTreeMap<PathBuf, (SystemTime, PathBuf)> = BTreeMap::new();
-    for (of, path) in results {
-        let at = path.metadata().and_then(|there| there.modified()).unwrap_or(SystemTime::UNIX_EPOCH);
-        if newest.get(&of).is_none_or(|(before, _)| *before <= at) {
-            newest.insert(of, (at, path));
-        }
-    }
-    newest.into_values().map(|(_, path)| path).collect()
 }
 
 /// How far a verb is that reads archives, by their bytes.
@@ -367,38 +267,19 @@ mod tests {
         archives.files.iter().map(|file| file.name.display().to_string()).collect()
     }
 
-    /// Catches a casing that counts twice or not at all, and files of others that are taken for archives.
+    /// Catches a casing that counts twice or not at all.
     #[test]
-    fn a_folder_is_its_finished_archives() {
+    fn a_verb_has_each_file_of_a_folder_once() {
         let folder = tempfile::tempdir().unwrap();
-        let files = [
-            "2026-11-24/A.h5",
-            "2026-11-23/B.h5",
-            "2026-11-23/A.0123456789ab.h5",
-            "C.h5",
-            "C.0123456789ab.h5",
-            "C.2.h5",
-            "open/D.17.h5",
-            "left/E.18.h5",
-            ".hidden/F.h5",
-            ".G.h5",
-            "run.toml",
-            "H.h5.1-0.new",
-        ];
-        make(folder.path(), &files);
-        fs::create_dir(folder.path().join("I.h5")).unwrap();
-        let casings = Archives::find(&[folder.path()], Which::Casings).unwrap();
-        // The results of an archive that is not there are all that there is of it.
-        assert_eq!(
-            names(&casings),
-            ["2026-11-23/A.0123456789ab.h5", "2026-11-23/B.h5", "2026-11-24/A.h5", "C.2.h5", "C.h5"]
-        );
-        assert_eq!((casings.unfinished.len(), casings.is_many), (2, true));
-        let results = Archives::find(&[folder.path()], Which::Results).unwrap();
-        assert_eq!(names(&results), ["C.0123456789ab.h5"]);
-        assert_eq!(Archives::find(&[folder.path()], Which::All).unwrap().files.len(), 6);
+        make(folder.path(), &["1/A.h5", "C.h5", "C.0123456789ab.h5", "open/D.17.h5"]);
+        let found = |which| Archives::find(&[folder.path()], which).unwrap();
+        let casings = found(Which::Casings);
+        assert_eq!(names(&casings), ["1/A.h5", "C.h5"]);
+        assert_eq!((casings.unfinished.len(), casings.is_many), (1, true));
+        assert_eq!(names(&found(Which::Results)), ["C.0123456789ab.h5"]);
+        assert_eq!(found(Which::All).files.len(), 3);
         let twice = Archives::find(&[folder.path().join("C.h5"), folder.path().to_owned()], Which::Casings).unwrap();
-        assert_eq!((twice.files.len(), names(&twice)[0].as_str()), (5, "C.h5"));
+        assert_eq!(names(&twice), ["C.h5", "1/A.h5"]);
     }
 
     #[test]

@@ -7,10 +7,10 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use serde::Serialize;
 use serde_json::json;
-use tapline_store::{Judged, Reader};
+use tapline_store::{Judged, Reader, archive_of};
 use tapline_wire::{Discriminator, Discriminators, Scan, Verdict};
 
-use crate::archives::{ArchiveFile, ArchiveProgress, Archives, Outcome, Which, of_archive};
+use crate::archives::{ArchiveFile, ArchiveProgress, Archives, Outcome, Which};
 use crate::config::lineage::changes;
 use crate::verbs::explain::print;
 
@@ -63,7 +63,7 @@ fn line_of(difference: &Difference) -> Result<String> {
 /// Name of the casing of an archive, or of a file of results.
 fn casing_of(file: &ArchiveFile) -> String {
     let name = file.casing();
-    match of_archive(&file.path) {
+    match archive_of(&file.path) {
         Some(of) => of.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         None => name,
     }

@@ -5,7 +5,7 @@
 
 use std::io::Write as _;
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::{Builder, available_parallelism, scope};
@@ -18,10 +18,10 @@ use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::note_folder;
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key};
+use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key, results_path};
 use tapline_wire::{Discriminators, ScanState, TapHeader, TapState};
 
-use crate::archives::{Archives, KEY_DIGITS, Outcome, Which};
+use crate::archives::{Archives, Outcome, Which};
 use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
@@ -123,7 +123,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let task = Task::new(archive, args)?;
     let raw_digest = task.reader.raw_digest()?;
     let key = lineage_key(&raw_digest, &task.made_by, task.reference.as_deref());
-    let out = beside(archive, &key);
+    let out = results_path(archive, &key);
     note_folder(&out);
     let lineage = Lineage {
         config_toml: &task.config_toml,
@@ -176,7 +176,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let took_s = begin.elapsed().as_secs_f64();
     #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
     let rate = done as f64 / took_s;
-    progress.print(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..KEY_DIGITS]));
+    progress.print(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {key}"));
     print(args, archive, &out, &key, is_complete)?;
     Ok(is_complete)
 }
@@ -192,12 +192,6 @@ fn print(args: &ReprocessArgs, archive: &Path, out: &Path, key: &str, is_complet
         false => out.display().to_string(),
     };
     writeln!(std::io::stdout(), "{text}").context("cannot print where the results are")
-}
-
-/// The file of the results of lineage `key`, beside `archive`.
-fn beside(archive: &Path, key: &str) -> PathBuf {
-    let stem = archive.file_stem().unwrap_or_default().to_string_lossy();
-    archive.with_file_name(format!("{stem}.{}.h5", &key[..KEY_DIGITS]))
 }
 
 /// Whether every tap of finished results is settled, and every shoulder judged.

@@ -13,6 +13,7 @@
 //! - `h5`: calls of the HDF5 library, and its structures read without it
 //! - `archive`: one archive, created, or opened and checked
 //! - `read`, `write`: reading and writing taps and results; [`verify`]
+//! - `folder`: the archives that a folder stands for
 //! - `stage`: the archives of a running line; [`repack()`]
 //!
 //! ```
@@ -50,6 +51,7 @@ mod archive;
 mod config;
 mod error;
 mod file;
+mod folder;
 mod format;
 mod h5;
 mod read;
@@ -61,6 +63,7 @@ mod write;
 
 pub use config::StoreConfig;
 pub use error::{Error, Result};
+pub use folder::{Folder, LEFT_FOLDER, OPEN_FOLDER, Results, Sorted, archive_of, has_results, results_path};
 pub use format::layout::{FORMAT_VERSION, REASON_BYTES};
 pub use format::lineage::{Lineage, digest_of, hex_of, lineage_key};
 pub use format::lost::Lost;
@@ -69,9 +72,7 @@ pub use read::regions::{Region, regions};
 pub use read::samples::{ReadBuffer, Taps};
 pub use read::verify::{Problem, Report, verify, verify_with};
 pub use repack::{Repacked, repack, repack_with};
-pub use stage::{
-    LEFT_FOLDER, OPEN_FOLDER, Outcome, Places, RunError, StoreRun, UNREPORTED_FOLDER, Unreported, casing_id, run,
-};
+pub use stage::{Outcome, Places, RunError, StoreRun, UNREPORTED_FOLDER, Unreported, casing_id, run};
 pub use tapline_codec::Codec;
 pub use write::Writer;
 pub use write::finish::Finishing;

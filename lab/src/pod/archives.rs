@@ -1,18 +1,15 @@
 //! The shoulders of all finished archives of a folder.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context as _, Result, ensure};
 use tapline_host::progress::{Progress, Unit};
-use tapline_store::{Judged, LEFT_FOLDER, OPEN_FOLDER, Reader};
+use tapline_store::{Folder, Judged, Reader};
 use tapline_wire::{DamageCell, Geometry, Judgement, Scan, Verdict};
 
 use super::truth::{Crack, Extent, Inspected, KnownTruth, Shoulder};
 use crate::evaluation::ShoulderResult;
-
-/// Depth of nested folders that are searched.
-const DEPTH_MAX: usize = 16;
 
 /// One shoulder as it was scanned and judged once.
 #[derive(Debug, Clone)]
@@ -70,9 +67,7 @@ impl Scans {
     /// # Errors
     /// A folder that cannot be read, or that has no archive that can.
     pub(super) fn read(folder: &Path) -> Result<Self> {
-        let mut files = Vec::new();
-        look_into(folder, DEPTH_MAX, &mut files)?;
-        files.sort();
+        let files = Folder::list(folder)?.finished;
         ensure!(!files.is_empty(), "{} has no finished archive (NAME.h5)", folder.display());
         let mut scans = Self { archive_count: files.len(), ..Self::default() };
         let mut progress = Progress::new(Some(files.len() as u64), Unit::Things("archives"));
@@ -200,23 +195,6 @@ fn cracks(extent: Extent, locations: &[u32], is_cracked: &[bool]) -> Vec<Crack> 
         Crack::of_archive(first, ahead + 1)
     };
     runs.map(crack).collect()
-}
-
-fn look_into(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
-    let context = || format!("cannot read {}", folder.display());
-    for entry in std::fs::read_dir(folder).with_context(context)? {
-        let entry = entry.with_context(context)?;
-        let name = entry.file_name();
-        let Some(name) = name.to_str().filter(|name| !name.starts_with('.')) else { continue };
-        let path = entry.path();
-        match path.is_dir() {
-            true if name == OPEN_FOLDER || name == LEFT_FOLDER || depth <= 1 => {}
-            true => look_into(&path, depth - 1, files)?,
-            false if path.extension().is_some_and(|ending| ending == "h5") => files.push(path),
-            false => {}
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

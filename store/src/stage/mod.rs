@@ -31,7 +31,7 @@ use tapline_wire::{
 };
 
 pub use self::outcome::{Outcome, RunError};
-pub use self::places::{LEFT_FOLDER, OPEN_FOLDER, Places};
+pub use self::places::Places;
 pub use self::unreported::{UNREPORTED_FOLDER, Unreported, casing_id};
 
 use self::closer::Closer;

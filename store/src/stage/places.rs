@@ -10,15 +10,7 @@ use tapline_wire::{NAME_BYTES_MAX, now_ns};
 
 use super::unreported::UNREPORTED_FOLDER;
 use crate::error::{Context as _, Result};
-
-/// Folder of the unfinished files, within the output folder.
-pub const OPEN_FOLDER: &str = "open";
-
-/// Folder of unfinished files that a line cannot resume, within the output folder.
-pub const LEFT_FOLDER: &str = "left";
-
-/// Extension of an archive.
-const ENDING: &str = "h5";
+use crate::folder::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
 
 /// Paths of the archives of a line.
 #[derive(Debug, Clone)]

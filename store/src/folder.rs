@@ -1,0 +1,202 @@
+//! Which archives a folder stands for.
+//!
+//! These are the finished ones in it and in its sub-folders, such as the days of a line; not those under way (`open`), those that
+//! a line could not continue (`left`), and hidden files. Results that `tapline reprocess` put beside an archive are told apart
+//! from archives, so that no casing counts twice.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, DirEntry};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use crate::error::{Context as _, Result};
+use crate::read::reader::Reader;
+
+/// Folder of the unfinished files, within the output folder of a line.
+pub const OPEN_FOLDER: &str = "open";
+
+/// Folder of unfinished files that a line cannot resume, within its output folder.
+pub const LEFT_FOLDER: &str = "left";
+
+/// Ending of an archive's name.
+pub(crate) const ENDING: &str = "h5";
+
+/// Hexadecimal digits of the lineage in the name of a file of results.
+const KEY_DIGITS: usize = 12;
+
+/// Depth of nested folders that are searched.
+const DEPTH_MAX: usize = 16;
+
+/// The archives in a folder and its sub-folders, in the order of their paths.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Folder {
+    /// Files that are finished: archives, and results of them.
+    pub finished: Vec<PathBuf>,
+    /// Files that are under way, or were left.
+    pub unfinished: Vec<PathBuf>,
+}
+
+/// What a folder has finished, as a casing is counted.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Sorted {
+    /// Files of casings.
+    pub archives: Vec<PathBuf>,
+    /// Files of results that lie beside their archives.
+    pub results: Vec<Results>,
+}
+
+/// A file of results.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Results {
+    /// Where it is.
+    pub path: PathBuf,
+    /// The archive that it is of.
+    pub archive: PathBuf,
+}
+
+impl Folder {
+    /// Lists `folder`.
+    ///
+    /// # Errors
+    /// A folder that cannot be read.
+    pub fn list(folder: &Path) -> Result<Self> {
+        let mut here = Self::default();
+        here.look_into(folder, DEPTH_MAX)?;
+        here.finished.sort();
+        here.unfinished.sort();
+        Ok(here)
+    }
+
+    fn look_into(&mut self, folder: &Path, depth: usize) -> Result<()> {
+        for entry in entries(folder)? {
+            let (name, path) = (entry.file_name(), entry.path());
+            if name.as_encoded_bytes().starts_with(b".") {
+                continue;
+            }
+            match entry.file_type().context("read", &path)?.is_dir() {
+                true if name == OPEN_FOLDER || name == LEFT_FOLDER => {
+                    let files = entries(&path)?.into_iter().map(|entry| entry.path());
+                    self.unfinished.extend(files.filter(|path| is_archive(path)));
+                }
+                true if depth > 1 => self.look_into(&path, depth - 1)?,
+                true => {}
+                false if is_archive(&path) => self.finished.push(path),
+                false => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells results from archives. A file whose name is that of results of an archive beside it is opened to know it; one that
+    /// cannot be read is taken by its name.
+    pub fn sorted(&self) -> Sorted {
+        let all: BTreeSet<&Path> = self.finished.iter().map(PathBuf::as_path).collect();
+        let mut sorted = Sorted::default();
+        for path in &self.finished {
+            match archive_of(path).filter(|archive| all.contains(archive.as_path()) && has_results(path)) {
+                Some(archive) => sorted.results.push(Results { path: path.clone(), archive }),
+                None => sorted.archives.push(path.clone()),
+            }
+        }
+        sorted
+    }
+}
+
+impl Sorted {
+    /// The results of each archive that were written last.
+    pub fn newest_results(&self) -> Vec<PathBuf> {
+        let mut newest: BTreeMap<&Path, (SystemTime, &Path)> = BTreeMap::new();
+        for Results { path, archive } in &self.results {
+            let at = path.metadata().and_then(|there| there.modified()).unwrap_or(SystemTime::UNIX_EPOCH);
+            if newest.get(archive.as_path()).is_none_or(|(before, _)| *before <= at) {
+                newest.insert(archive, (at, path));
+            }
+        }
+        newest.into_values().map(|(_, path)| path.to_owned()).collect()
+    }
+}
+
+fn entries(folder: &Path) -> Result<Vec<DirEntry>> {
+    fs::read_dir(folder).context("read", folder)?.collect::<std::io::Result<_>>().context("read", folder)
+}
+
+/// Whether a plain file with an archive's ending is at `path`, or where a link there leads.
+fn is_archive(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == ENDING) && path.metadata().is_ok_and(|there| there.is_file())
+}
+
+/// The archive that a file of results is of, by its name: `NAME.0123456789ab.h5` is of `NAME.h5`; `None` for another name.
+pub fn archive_of(path: &Path) -> Option<PathBuf> {
+    let (name, key) = path.file_stem()?.to_str()?.rsplit_once('.')?;
+    let is_key = key.len() == KEY_DIGITS && key.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
+    is_key.then(|| path.with_file_name(format!("{name}.{ENDING}")))
+}
+
+/// Where the results of `archive` with the lineage `key` are.
+pub fn results_path(archive: &Path, key: &str) -> PathBuf {
+    let name = archive.file_stem().unwrap_or_default().to_string_lossy();
+    archive.with_file_name(format!("{name}.{}.{ENDING}", &key[..KEY_DIGITS.min(key.len())]))
+}
+
+/// Whether the file at `path` has results of an archive, and is not that of a casing that is called so; by its name, where it
+/// cannot be read.
+pub fn has_results(path: &Path) -> bool {
+    archive_of(path).is_some() && Reader::open(path).map_or(true, |reader| reader.is_results())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(names: &[&str]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for name in names {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, "").unwrap();
+        }
+        folder
+    }
+
+    /// Catches a casing that counts twice or not at all, and files of others that are taken for archives.
+    #[test]
+    fn a_folder_is_its_finished_archives() {
+        let files = [
+            "2026-11-24/A.h5",
+            "2026-11-23/B.h5",
+            "2026-11-23/A.0123456789ab.h5",
+            "C.h5",
+            "C.0123456789ab.h5",
+            "C.2.h5",
+            "open/D.17.h5",
+            "left/E.18.h5",
+            ".hidden/F.h5",
+            ".G.h5",
+            "run.toml",
+            "H.h5.1-0.new",
+        ];
+        let folder = made(&files);
+        fs::create_dir(folder.path().join("I.h5")).unwrap();
+        let here = Folder::list(folder.path()).unwrap();
+        let sorted = here.sorted();
+        let names = |paths: &[PathBuf]| -> Vec<String> {
+            paths.iter().map(|path| path.strip_prefix(folder.path()).unwrap().display().to_string()).collect()
+        };
+        // The results of an archive that is not there are all that there is of it.
+        let casings = ["2026-11-23/A.0123456789ab.h5", "2026-11-23/B.h5", "2026-11-24/A.h5", "C.2.h5", "C.h5"];
+        assert_eq!(names(&sorted.archives), casings);
+        assert_eq!(names(&sorted.newest_results()), ["C.0123456789ab.h5"]);
+        assert_eq!(names(&here.unfinished), ["left/E.18.h5", "open/D.17.h5"]);
+        let refusal = Folder::list(&folder.path().join("nowhere")).unwrap_err().to_string();
+        assert!(refusal.starts_with("cannot read ") && refusal.contains("nowhere"), "{refusal}");
+    }
+
+    #[test]
+    fn results_are_named_after_their_archive_and_lineage() {
+        let archive = Path::new("/a/B.h5");
+        let results = results_path(archive, "0123456789abcdef");
+        assert_eq!(results, Path::new("/a/B.0123456789ab.h5"));
+        assert_eq!(archive_of(&results).as_deref(), Some(archive));
+        assert_eq!((archive_of(archive), archive_of(Path::new("/a/B.0123456789AB.h5"))), (None, None));
+    }
+}
