@@ -1,127 +1,212 @@
-//! The casing files of folders: every finished archive in them and in their sub-folders.
+//! The casing files of places: every finished archive in them and in what lies below.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::fs::File;
+use std::io::{ErrorKind, Read as _, Seek as _, SeekFrom};
+use std::path::{Component, Path, PathBuf};
+use std::time::SystemTime;
 
 use anyhow::{Context as _, Result, bail, ensure};
-use tapline_store::{LEFT_FOLDER, OPEN_FOLDER, Reader};
+use serde::{Deserialize, Serialize};
+use tapline_store::{Folder, LEFT_FOLDER, OPEN_FOLDER, archive_of};
 
-/// Ending of an archive's name.
-const ENDING: &str = "h5";
+use crate::objects::{self, Object};
+use crate::place::{Key, Place};
 
-/// Hexadecimal digits of the lineage in the name of a file of results.
-const KEY_DIGITS: usize = 12;
+/// Name of the file that is in the folder of every job that was done.
+pub const COMMIT_FILE: &str = "_committed.json";
 
-/// Depth of nested folders that are searched.
-const DEPTH_MAX: usize = 16;
+/// Name of the object that says where the archives are that a job in object storage judged: names of files, and addresses.
+pub(crate) const ARCHIVES_FILE: &str = "_archives.json";
+
+/// What the names of the folders of jobs begin with.
+pub(crate) const JOB_PREFIX: &str = "run=";
+
+/// Bytes at an archive's end that hold the digest of its seal, and with it that of the archive.
+const SEAL_END_BYTES: u64 = 24;
 
 /// A casing file, named in the same way on every host.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct CasingFile {
-    /// Its path within the folder; that folder's own name comes first where several are searched.
+    /// Its path within the place; that place's own name comes first where several are searched.
     pub name: String,
-    /// Where it is, absolute.
+    /// Where it is: an absolute path, or the address of an object.
     pub path: String,
+    /// Of results in object storage, the address of their archive, without which they cannot be read; files have theirs beside
+    /// them.
+    pub archive: Option<String>,
 }
 
-/// Finds the finished archives in `folders`, in the order of their names; or, with `is_results`, of each the newest results.
+/// Length of a file, and what is at its end: archives of which both are the same are the same.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct End {
+    pub(crate) bytes: u64,
+    pub(crate) last: Vec<u8>,
+}
+
+impl CasingFile {
+    /// An archive.
+    pub fn new(name: impl Into<String>, path: impl Into<String>) -> Self {
+        Self { name: name.into(), path: path.into(), archive: None }
+    }
+
+    /// Its end; `None` if it is not there.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(crate) async fn end(&self) -> Result<Option<End>> {
+        if let Some(key) = Key::of_address(&self.path) {
+            return Ok(objects::end_of(&key, SEAL_END_BYTES).await?.map(|(bytes, last)| End { bytes, last }));
+        }
+        match end_of(Path::new(&self.path)) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            end => end.map(Some).with_context(|| format!("cannot read {}", self.path)),
+        }
+    }
+}
+
+fn end_of(path: &Path) -> std::io::Result<End> {
+    let mut file = File::open(path)?;
+    let bytes = file.metadata()?.len();
+    file.seek(SeekFrom::Start(bytes.saturating_sub(SEAL_END_BYTES)))?;
+    let mut last = Vec::new();
+    file.take(SEAL_END_BYTES).read_to_end(&mut last)?;
+    Ok(End { bytes, last })
+}
+
+/// Finds the finished archives in `places`, in the order of their names; or, with `is_results`, of each the newest results.
 ///
 /// # Errors
-/// A folder that cannot be read or has no such file, two folders of the same name, and a name that is not UTF-8.
-pub fn find(folders: &[PathBuf], is_results: bool) -> Result<Vec<CasingFile>> {
+/// A place that cannot be read or has no such file, two places of the same name, and a name that is not UTF-8.
+pub async fn find(places: &[Place], is_results: bool) -> Result<Vec<CasingFile>> {
     let mut labels = BTreeSet::new();
     let mut found = Vec::new();
-    for folder in folders {
-        let context = || format!("cannot read {}", folder.display());
-        let absolute = folder.canonicalize().with_context(context)?;
-        ensure!(absolute.is_dir(), "{} is no folder", folder.display());
-        let label = match folders.len() {
-            1 => PathBuf::new(),
-            _ => PathBuf::from(absolute.file_name().unwrap_or_default()),
+    for place in places {
+        let inside = match place {
+            Place::Folder(folder) => in_folder(folder, is_results)?,
+            Place::Keys(keys) => in_keys(keys, is_results).await?,
         };
-        ensure!(
-            labels.insert(label.clone()),
-            "two of the folders are called {}: name one folder above them",
-            label.display()
-        );
-        let mut paths = Vec::new();
-        look_into(&absolute, DEPTH_MAX, &mut paths)?;
-        let (casings, results) = archives_and_results(paths);
-        let chosen = if is_results { newest(results) } else { casings };
+        let label = if places.len() == 1 { String::new() } else { label(place)? };
+        ensure!(labels.insert(label.clone()), "two of the folders are called {label}: name one folder above them");
         let what = if is_results { "results of tapline reprocess" } else { "finished archive (NAME.h5)" };
-        ensure!(!chosen.is_empty(), "{} has no {what}", folder.display());
-        for path in chosen {
-            let name = label.join(path.strip_prefix(&absolute).unwrap_or(&path));
-            match (name.to_str(), path.to_str()) {
-                (Some(name), Some(path)) => found.push(CasingFile { name: name.to_owned(), path: path.to_owned() }),
-                _ => bail!("the name of {} is not UTF-8", path.display()),
-            }
-        }
+        ensure!(!inside.is_empty(), "{place} has no {what}");
+        let named = |file: CasingFile| match label.as_str() {
+            "" => file,
+            label => CasingFile { name: format!("{label}/{}", file.name), ..file },
+        };
+        found.extend(inside.into_iter().map(named));
     }
     found.sort();
     Ok(found)
 }
 
-fn look_into(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<()> {
-    let context = || format!("cannot read {}", folder.display());
-    for entry in std::fs::read_dir(folder).with_context(context)? {
-        let entry = entry.with_context(context)?;
-        let (name, path) = (entry.file_name(), entry.path());
-        let is_hidden = name.as_encoded_bytes().starts_with(b".");
-        if is_hidden || name == OPEN_FOLDER || name == LEFT_FOLDER {
+/// The name that a place has among others.
+fn label(place: &Place) -> Result<String> {
+    match place {
+        Place::Keys(_) => Ok(place.name()),
+        Place::Folder(folder) => {
+            let absolute = folder.canonicalize().with_context(|| format!("cannot read {}", folder.display()))?;
+            Ok(Place::Folder(absolute).name())
+        }
+    }
+}
+
+fn in_folder(folder: &Path, is_results: bool) -> Result<Vec<CasingFile>> {
+    let absolute = folder.canonicalize().with_context(|| format!("cannot read {}", folder.display()))?;
+    ensure!(absolute.is_dir(), "{} is no folder", folder.display());
+    let sorted = Folder::list(&absolute)?.sorted();
+    let chosen = if is_results { sorted.newest_results() } else { sorted.archives };
+    let file = |path: PathBuf| {
+        let name = path.strip_prefix(&absolute).unwrap_or(&path);
+        match (name.to_str(), path.to_str()) {
+            (Some(name), Some(path)) => Ok(CasingFile::new(name, path)),
+            _ => bail!("the name of {} is not UTF-8", path.display()),
+        }
+    };
+    chosen.into_iter().map(file).collect()
+}
+
+async fn in_keys(keys: &Key, is_results: bool) -> Result<Vec<CasingFile>> {
+    let objects = objects::list(keys).await?;
+    let mut jobs: BTreeMap<&str, BTreeMap<String, String>> = BTreeMap::new();
+    let mut found = Vec::new();
+    for Chosen { name, key, job } in chosen(keys, &objects, is_results) {
+        let at = |key: &str| Key { bucket: keys.bucket.clone(), key: key.to_owned() };
+        let mut file = CasingFile::new(name, at(key).to_string());
+        let archive = archive_of(Path::new(key)).filter(|_| is_results).map(|of| of.to_string_lossy().into_owned());
+        file.archive = match (archive, job) {
+            (Some(archive), Some(job)) => {
+                if !jobs.contains_key(job) {
+                    jobs.insert(job, archives_of(&at(job)).await?);
+                }
+                let name = archive.strip_prefix(job).unwrap_or(&archive).trim_start_matches('/');
+                jobs[job].get(name).cloned()
+            }
+            (archive, _) => archive.map(|archive| at(&archive).to_string()),
+        };
+        found.push(file);
+    }
+    Ok(found)
+}
+
+/// Where the archives of a job are.
+async fn archives_of(job: &Key) -> Result<BTreeMap<String, String>> {
+    let key = job.join(ARCHIVES_FILE);
+    let text = objects::read(&key).await?.with_context(|| format!("{key} is gone"))?;
+    serde_json::from_slice(&text).with_context(|| format!("{key} does not say where archives are"))
+}
+
+/// A file of a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Chosen<'a> {
+    /// Within the place.
+    name: &'a str,
+    key: &'a str,
+    /// The folder of the job whose results it is.
+    job: Option<&'a str>,
+}
+
+/// The archives or results among `objects`, without opening any: results are those of jobs that were committed, and of archives
+/// that lie beside them. What a job that is not committed left does not count.
+fn chosen<'a>(keys: &Key, objects: &'a [Object], is_results: bool) -> Vec<Chosen<'a>> {
+    let all: BTreeMap<&str, SystemTime> = objects.iter().map(|object| (object.key.as_str(), object.modified)).collect();
+    let (mut archives, mut newest) = (Vec::new(), BTreeMap::new());
+    for (&key, &modified) in &all {
+        let Some(name) = keys.below(key).filter(|name| is_archive(name)) else { continue };
+        let job = job_of(key);
+        if job.is_some_and(|job| !all.contains_key(format!("{job}/{COMMIT_FILE}").as_str())) {
             continue;
         }
-        let is_folder = entry.file_type().with_context(|| format!("cannot read {}", path.display()))?.is_dir();
-        if is_folder && depth > 1 {
-            look_into(&path, depth - 1, found)?;
-        } else if !is_folder && is_archive(&path) {
-            found.push(path);
+        let this = Chosen { name, key, job };
+        let of = archive_of(Path::new(key)).map(|of| of.to_string_lossy().into_owned());
+        match of.filter(|of| job.is_some() || all.contains_key(of.as_str())) {
+            None => archives.push(this),
+            Some(of) => {
+                let entry = newest.entry(of).or_insert((modified, this));
+                if entry.0 <= modified {
+                    *entry = (modified, this);
+                }
+            }
         }
     }
-    Ok(())
+    if is_results { newest.into_values().map(|(_, this)| this).collect() } else { archives }
 }
 
-/// Whether a plain file with an archive's ending is at `path`, or where a link there leads.
-fn is_archive(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending == ENDING) && path.metadata().is_ok_and(|there| there.is_file())
+/// Whether a key is that of a finished file: not hidden, and not in a folder of unfinished ones.
+fn is_archive(name: &str) -> bool {
+    let mut parts = Path::new(name).components();
+    let is_seen = |part: Component<'_>| match part.as_os_str().to_str() {
+        Some(part) => !part.starts_with('.') && part != OPEN_FOLDER && part != LEFT_FOLDER,
+        None => false,
+    };
+    Path::new(name).extension().is_some_and(|ending| ending == "h5") && parts.all(is_seen)
 }
 
-/// The archives, and the files of results, each with the archive that it is of.
-fn archives_and_results(files: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<(PathBuf, PathBuf)>) {
-    let all: BTreeSet<PathBuf> = files.iter().cloned().collect();
-    let (mut casings, mut results) = (Vec::new(), Vec::new());
-    for path in files {
-        match of_archive(&path).filter(|of| all.contains(of) && has_results(&path)) {
-            Some(of) => results.push((of, path)),
-            None => casings.push(path),
-        }
-    }
-    (casings, results)
-}
-
-/// The archive that a file of results is of, by its name: `NAME.0123456789ab.h5` is of `NAME.h5`.
-fn of_archive(path: &Path) -> Option<PathBuf> {
-    let (name, key) = path.file_stem()?.to_str()?.rsplit_once('.')?;
-    let is_key = key.len() == KEY_DIGITS && key.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
-    is_key.then(|| path.with_file_name(format!("{name}.{ENDING}")))
-}
-
-/// Whether the file with such a name has results; one that cannot be read is taken by its name.
-fn has_results(path: &Path) -> bool {
-    Reader::open(path).map_or(true, |reader| reader.is_results())
-}
-
-/// The results of each archive that were written last.
-fn newest(results: Vec<(PathBuf, PathBuf)>) -> Vec<PathBuf> {
-    let mut newest = BTreeMap::new();
-    for (of, path) in results {
-        let at = path.metadata().and_then(|there| there.modified()).ok();
-        let entry = newest.entry(of).or_insert_with(|| (at, path.clone()));
-        if entry.0 < at {
-            *entry = (at, path);
-        }
-    }
-    newest.into_values().map(|(_, path)| path).collect()
+/// The folder of a job that an object lies in.
+fn job_of(key: &str) -> Option<&str> {
+    let at = if key.starts_with(JOB_PREFIX) { 0 } else { key.find(&format!("/{JOB_PREFIX}"))? + 1 };
+    let end = key[at..].find('/')? + at;
+    Some(&key[..end])
 }
 
 /// Cuts `files` into runs of at most `count_max`, each of which is one partition of a plan.
@@ -145,8 +230,13 @@ mod tests {
         folder
     }
 
+    fn found(folders: &[PathBuf], is_results: bool) -> Result<Vec<CasingFile>> {
+        let places: Vec<_> = folders.iter().map(|folder| Place::from(folder.as_path())).collect();
+        tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(find(&places, is_results))
+    }
+
     fn names(folders: &[PathBuf], is_results: bool) -> Vec<String> {
-        find(folders, is_results).unwrap().into_iter().map(|file| file.name).collect()
+        found(folders, is_results).unwrap().into_iter().map(|file| file.name).collect()
     }
 
     /// Catches casings that are counted twice, and files that a line still writes.
@@ -166,15 +256,45 @@ mod tests {
         let folder = made(&["x/A.h5", "y/A.h5", "y/x/A.h5", "empty/a.txt"]);
         let at = |name| folder.path().join(name);
         assert_eq!(names(&[at("x"), at("y")], false), ["x/A.h5", "y/A.h5", "y/x/A.h5"]);
-        let refusal = find(&[at("x"), at("y/x")], false).unwrap_err().to_string();
+        let refusal = found(&[at("x"), at("y/x")], false).unwrap_err().to_string();
         assert!(refusal.contains("two of the folders are called x"), "{refusal}");
-        let refusal = find(&[at("empty")], false).unwrap_err().to_string();
+        let refusal = found(&[at("empty")], false).unwrap_err().to_string();
         assert!(refusal.ends_with("empty has no finished archive (NAME.h5)"), "{refusal}");
+    }
+
+    /// Catches results of a job that was killed before its commit, and a casing that counts twice.
+    #[test]
+    fn of_keys_the_archives_and_committed_results_are_found() {
+        let keys = [
+            "2025/1/A.h5",
+            "2025/1/A.0123456789ab.h5",
+            "2025/1/A.1123456789ab.h5",
+            "2025/B.0123456789ab.h5",
+            "2025/open/C.h5",
+            "2025/.D.h5",
+            "2025/run.toml",
+            "20251/E.h5",
+            "again/run=1/1/A.0123456789ab.h5",
+            "again/run=1/_committed.json",
+            "again/run=2/1/A.2123456789ab.h5",
+        ];
+        let at = |k: u64| SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(100 - k);
+        let objects: Vec<_> =
+            keys.iter().zip(0..).map(|(key, k)| Object { key: (*key).to_owned(), modified: at(k) }).collect();
+        let place = |key: &str| Key { bucket: "plant".to_owned(), key: key.to_owned() };
+        let names = |key: &str, is_results: bool| -> Vec<&str> {
+            chosen(&place(key), &objects, is_results).into_iter().map(|file| file.name).collect()
+        };
+        assert_eq!(names("2025", false), ["1/A.h5", "B.0123456789ab.h5"]);
+        assert_eq!(names("2025", true), ["1/A.0123456789ab.h5"]);
+        assert_eq!(names("again", true), ["run=1/1/A.0123456789ab.h5"]);
+        assert_eq!(names("again/run=1", true), ["1/A.0123456789ab.h5"]);
+        assert!(names("again", false).is_empty());
     }
 
     #[test]
     fn partitions_have_every_file_once() {
-        let files: Vec<_> = (0..7).map(|k| CasingFile { name: format!("{k}"), path: format!("/{k}") }).collect();
+        let files: Vec<_> = (0..7).map(|k| CasingFile::new(format!("{k}"), format!("/{k}"))).collect();
         let cut = partitions(&files, 3);
         assert_eq!(cut.iter().map(Vec::len).collect::<Vec<_>>(), [3, 3, 1]);
         assert_eq!(cut.concat(), files);

@@ -1,6 +1,7 @@
 //! Questions over years of archives, and new results of them, on this host or on a cluster.
 //!
-//! [`folders`] finds the casing files, [`task`] says what is done with each, [`plan`] puts that into a plan of DataFusion, and
+//! A [`place`] is a folder or the keys of a bucket, whose objects `objects` reads and writes; [`folders`] finds the casing files
+//! there, [`copy`] copies them from one place to another. [`task`] says what is done with each, [`plan`] puts that into a plan of DataFusion, and
 //! [`engine`] runs the plan here or on a cluster of Ballista, whose processes are in [`cluster`]. [`reprocess`] keeps what comes
 //! of a job in one committed folder.
 //!
@@ -9,8 +10,11 @@
 //! And a file that cannot be read is a row with its error, because an error would end the whole job.
 
 pub mod cluster;
+pub mod copy;
 pub mod engine;
 pub mod folders;
+mod objects;
+pub mod place;
 pub mod plan;
 pub mod reprocess;
 pub mod sql;
@@ -18,4 +22,5 @@ pub mod task;
 
 pub use engine::Engine;
 pub use folders::CasingFile;
+pub use place::Place;
 pub use task::{Table, Task};

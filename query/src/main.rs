@@ -8,15 +8,16 @@ use std::process::ExitCode;
 use anyhow::{Context as _, Result};
 use clap::{Args, Parser, Subcommand};
 use tapline_host::messages::{print_failure, print_line};
-use tapline_query::Engine;
 use tapline_query::cluster::{Executor, Scheduler};
+use tapline_query::copy::Copied;
 use tapline_query::reprocess::{self, Order};
 use tapline_query::sql::{self, Format, Question};
+use tapline_query::{Engine, Place};
 
 /// Exit code where something was left out.
 const INCOMPLETE: u8 = 3;
 
-/// Files that could not be judged and are named; of more the number is given.
+/// Files that could not be judged or copied and are named; of more the number is given.
 const NAMED_MAX: usize = 20;
 
 /// Ask about years of archives, or judge them again: on this host, or on a cluster.
@@ -47,9 +48,9 @@ enum Verb {
     Reprocess {
         #[command(flatten)]
         archives: ArchiveArgs,
-        /// Folder for the folders of jobs; on a cluster every host must reach it under this name.
-        #[arg(long)]
-        out: PathBuf,
+        /// Folder for the folders of jobs, or s3://BUCKET/FOLDER; on a cluster every host must reach it under this name.
+        #[arg(long, value_name = "DIR|s3://BUCKET/DIR")]
+        out: Place,
         /// Configuration whose tables `process` and `fuse` take the place of the archives', as for `tapline reprocess`.
         #[arg(long)]
         config: Option<PathBuf>,
@@ -59,6 +60,15 @@ enum Verb {
         /// Read the samples even where the archives' own discriminators would do.
         #[arg(long)]
         from_samples: bool,
+    },
+    /// Copy finished archives to another place, such as a bucket. Each is checked first; what is there is not overwritten.
+    Copy {
+        /// Folders of casing files; every finished archive in them and in their sub-folders is copied.
+        #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]
+        places: Vec<Place>,
+        /// Where they go.
+        #[arg(long, value_name = "DIR|s3://BUCKET/DIR")]
+        to: Place,
     },
     /// Be the scheduler of a cluster.
     Scheduler {
@@ -94,8 +104,8 @@ is one row with its error: SELECT file, error FROM verdicts WHERE status = 'erro
 #[derive(Debug, Args)]
 struct ArchiveArgs {
     /// Folders of casing files; every finished archive in them and in their sub-folders is taken.
-    #[arg(required = true, value_name = "DIR")]
-    folders: Vec<PathBuf>,
+    #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]
+    places: Vec<Place>,
     /// Where it is done: local, or cluster://HOST:PORT.
     #[arg(long, default_value = "local")]
     engine: Engine,
@@ -135,18 +145,18 @@ fn main() -> ExitCode {
 async fn dispatch(verb: Verb) -> Result<bool> {
     match verb {
         Verb::Sql { sql, archives, results, format } => {
-            let ArchiveArgs { folders, engine, files_per_task } = archives;
-            let question =
-                Question { sql, folders, is_results: results, files_per_task: files_per_task.into(), format };
+            let ArchiveArgs { places, engine, files_per_task } = archives;
+            let question = Question { sql, places, is_results: results, files_per_task: files_per_task.into(), format };
             sql::answer(&question, &engine, &mut io::stdout().lock()).await?;
             Ok(true)
         }
         Verb::Reprocess { archives, out, config, reference, from_samples } => {
-            let ArchiveArgs { folders, engine, files_per_task } = archives;
+            let ArchiveArgs { places, engine, files_per_task } = archives;
             let files_per_task = files_per_task.into();
-            let order = Order { folders, out, config, reference, is_from_samples: from_samples, files_per_task };
+            let order = Order { places, out, config, reference, is_from_samples: from_samples, files_per_task };
             reprocess(&order, &engine).await
         }
+        Verb::Copy { places, to } => copy(&places, &to).await,
         Verb::Scheduler { listen: ListenArgs { bind, host }, port, executor_timeout_s } => {
             Scheduler { bind, port, host, executor_timeout_s }.run().await.map(|()| true)
         }
@@ -154,6 +164,18 @@ async fn dispatch(verb: Verb) -> Result<bool> {
             Executor { engine, bind, port, host, work }.run().await.map(|()| true)
         }
     }
+}
+
+async fn copy(places: &[Place], to: &Place) -> Result<bool> {
+    let Copied { copied, there, failed } = tapline_query::copy::copy(places, to).await?;
+    for (file, why) in failed.iter().take(NAMED_MAX) {
+        print_line(&format!("tapline-query: {file}: {why}"));
+    }
+    let (count, failed) = (copied + there + failed.len(), failed.len());
+    print_line(&format!(
+        "tapline-query: {copied} of {count} archives copied to {to}, {there} were there, {failed} failed"
+    ));
+    Ok(failed == 0)
 }
 
 async fn reprocess(order: &Order, engine: &Engine) -> Result<bool> {
@@ -171,6 +193,6 @@ async fn reprocess(order: &Order, engine: &Engine) -> Result<bool> {
         rows.len() - failed.len(),
         rows.len()
     ));
-    writeln!(io::stdout(), "{}", done.folder.display()).context("cannot print where the results are")?;
+    writeln!(io::stdout(), "{}", done.folder).context("cannot print where the results are")?;
     Ok(failed.is_empty() && incomplete == 0)
 }

@@ -1,7 +1,6 @@
 //! Questions in SQL over the tables of casing files.
 
 use std::io::Write;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
@@ -14,6 +13,7 @@ use futures_util::TryStreamExt as _;
 
 use crate::engine::Engine;
 use crate::folders::{CasingFile, find, partitions};
+use crate::place::Place;
 use crate::plan::FilesTable;
 use crate::task::{Table, Task};
 
@@ -33,8 +33,8 @@ pub enum Format {
 pub struct Question {
     /// The statement.
     pub sql: String,
-    /// Folders of casing files.
-    pub folders: Vec<PathBuf>,
+    /// Where casing files are.
+    pub places: Vec<Place>,
     /// Whether the newest results of each casing take the place of its archive.
     pub is_results: bool,
     /// Files of one task.
@@ -62,7 +62,7 @@ pub fn register(context: &SessionContext, files: &[CasingFile], files_per_task: 
 /// # Errors
 /// Folders that cannot be read, a statement that is none, an engine that fails, and `out`.
 pub async fn answer(question: &Question, engine: &Engine, out: &mut impl Write) -> Result<()> {
-    let files = find(&question.folders, question.is_results)?;
+    let files = find(&question.places, question.is_results).await?;
     let context = engine.connect().await?;
     register(&context, &files, question.files_per_task)?;
     let frame = context.sql(&question.sql).await.with_context(|| format!("cannot plan {:?}", question.sql))?;

@@ -11,7 +11,7 @@ use crate::sandbox::Sandbox;
 pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A process that is killed when the test ends.
-pub(crate) struct Process(Child);
+pub(crate) struct Process(pub(crate) Child);
 
 impl Process {
     pub(crate) fn start(command: &mut Command) -> Self {

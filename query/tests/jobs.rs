@@ -2,10 +2,8 @@
 
 use std::process::Stdio;
 
-use tapline_query::reprocess::Committed;
-
 use crate::cluster::{Cluster, Process};
-use crate::sandbox::{CASINGS, Sandbox, TRUNCATED, contents, tapline};
+use crate::sandbox::{CASINGS, Sandbox, TRUNCATED, committed, contents, tapline};
 
 /// Catches results or a commit file that depend on the engine, on partitions, or on the order in which tasks end.
 #[test]
@@ -25,7 +23,7 @@ fn a_job_leaves_the_same_bytes_on_every_engine() {
     assert_eq!(files.len(), CASINGS + CASINGS + 1 + 1);
     assert!(files == contents(&remote));
 
-    let committed = Committed::read(&local).unwrap().unwrap();
+    let committed = committed(&local);
     assert_eq!(committed.rows.len(), CASINGS + 1);
     let [failed] = committed.failed().collect::<Vec<_>>()[..] else { panic!("{committed:?}") };
     let error = failed.error.as_deref().unwrap();
@@ -55,7 +53,7 @@ fn two_runs_of_one_job_at_a_time_leave_one_result() {
     };
     let mut both = [start(), start()];
     assert_eq!(both.each_mut().map(Process::end), [Some(0), Some(0)]);
-    assert_eq!(Committed::read(&sandbox.only_job("out")).unwrap().unwrap().rows.len(), CASINGS);
+    assert_eq!(committed(&sandbox.only_job("out")).rows.len(), CASINGS);
 }
 
 #[test]

@@ -4,10 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Stdio;
 
-use tapline_query::reprocess::Committed;
-
 use crate::cluster::{Cluster, Process, wait_until};
-use crate::sandbox::{CASINGS, Sandbox, contents};
+use crate::sandbox::{CASINGS, Sandbox, committed, contents};
 
 /// Seconds that an archive takes: long enough to kill something meanwhile.
 pub(crate) const SLEEP_S: f64 = 0.3;
@@ -97,7 +95,7 @@ fn a_killed_scheduler_leaves_an_error_and_nothing_committed() {
     // The executors find the new scheduler, and the job is done from the beginning.
     let mut job = begin(&sandbox, &cluster, &slow, "out");
     assert_eq!(job.end(), Some(0), "{}", fs::read_to_string(sandbox.path("errors")).unwrap());
-    assert_eq!(Committed::read(&sandbox.only_job("out")).unwrap().unwrap().rows.len(), CASINGS);
+    assert_eq!(committed(&sandbox.only_job("out")).rows.len(), CASINGS);
 
     // A client that is killed leaves its staging folder, and the next one removes it.
     let mut job = begin(&sandbox, &cluster, &slow, "killed");

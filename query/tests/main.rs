@@ -2,10 +2,12 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod bucket;
 mod cluster;
 mod dask;
 mod jobs;
 mod kills;
 mod network;
+mod objects;
 mod questions;
 mod sandbox;

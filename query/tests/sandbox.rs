@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
+use tapline_query::Place;
+use tapline_query::reprocess::Committed;
 use tapline_testing::program::Done;
 use tapline_testing::skip;
 use tempfile::TempDir;
@@ -60,6 +62,8 @@ fn archives() -> Option<Arc<TempDir>> {
 /// A folder with links to the archives, half of them in one sub-folder and half in another.
 pub(crate) struct Sandbox {
     folder: TempDir,
+    /// What programs find in their environment besides.
+    pub(crate) variables: Vec<(String, String)>,
     _archives: Arc<TempDir>,
 }
 
@@ -73,7 +77,7 @@ impl Sandbox {
             fs::create_dir_all(&day).unwrap();
             symlink(made.join(&name), day.join(&name)).unwrap();
         }
-        Some(Self { folder, _archives: archives })
+        Some(Self { folder, variables: Vec::new(), _archives: archives })
     }
 
     /// Adds an archive that was cut off in the middle.
@@ -108,7 +112,7 @@ impl Sandbox {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tapline-query"));
         command.args(arguments).current_dir(self.folder.path()).env("TAPLINE", tapline().unwrap());
         // What a killed process leaves goes with the folder.
-        command.env("TMPDIR", self.folder.path());
+        command.env("TMPDIR", self.folder.path()).envs(self.variables.iter().cloned());
         command
     }
 
@@ -119,7 +123,12 @@ impl Sandbox {
 
     /// Rows that answer a question, as CSV, those after the header sorted.
     pub(crate) fn ask(&self, sql: &str, engine: &str, more: &[&str]) -> Vec<String> {
-        let arguments = ["sql", sql, "in", "--format", "csv", "--engine", engine];
+        self.ask_of("in", sql, engine, more)
+    }
+
+    /// The same, of another place.
+    pub(crate) fn ask_of(&self, place: &str, sql: &str, engine: &str, more: &[&str]) -> Vec<String> {
+        let arguments = ["sql", sql, place, "--format", "csv", "--engine", engine];
         let done = self.run(&[&arguments[..], more].concat()).expect(0);
         let mut lines: Vec<_> = done.out.lines().map(str::to_owned).collect();
         lines[1..].sort();
@@ -138,6 +147,13 @@ impl Sandbox {
         let entries = fs::read_dir(self.path(folder)).unwrap();
         entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
     }
+}
+
+/// The commit file in `folder`.
+pub(crate) fn committed(folder: &Path) -> Committed {
+    let place = Place::from(folder);
+    let read = Committed::read(&place);
+    tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(read).unwrap().unwrap()
 }
 
 /// Every file below `folder`, with what it holds.

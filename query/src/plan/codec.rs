@@ -43,7 +43,7 @@ impl LogicalExtensionCodec for LogicalCodec {
         ctx: &TaskContext,
     ) -> Result<Arc<dyn TableProvider>> {
         match Payload::decode(buf).map_err(refused)? {
-            Some(payload) => Ok(Arc::new(FilesTable::new(payload.task.clone(), payload.files()))),
+            Some(payload) => Ok(Arc::new(FilesTable::new(payload.task, payload.partitions))),
             None => self.ballista.try_decode_table_provider(buf, table_ref, schema, ctx),
         }
     }
@@ -120,7 +120,7 @@ mod tests {
     use crate::task::{Table, Task};
 
     fn table() -> Arc<FilesTable> {
-        let file = |k: usize| CasingFile { name: format!("{k}.h5"), path: format!("/{k}.h5") };
+        let file = |k: usize| CasingFile::new(format!("{k}.h5"), format!("/{k}.h5"));
         Arc::new(FilesTable::new(Task::Read(Table::Damage), vec![vec![file(0), file(1)], vec![file(2)], vec![file(3)]]))
     }
 

@@ -141,13 +141,13 @@ impl ExecutionPlan for FilesExec {
 /// The files that a batch names.
 fn files(batch: &RecordBatch) -> Result<Vec<CasingFile>> {
     let text = |column: usize| batch.columns().get(column)?.as_any().downcast_ref::<StringArray>();
-    let (Some(names), Some(paths)) = (text(0), text(1)) else {
-        return internal_err!("the files of a plan have not the columns name and path");
+    let (Some(names), Some(paths), Some(archives)) = (text(0), text(1), text(2)) else {
+        return internal_err!("the files of a plan have not the columns name, path and archive");
     };
-    let file = |(name, path): (Option<&str>, Option<&str>)| {
-        Some(CasingFile { name: name?.to_owned(), path: path?.to_owned() })
+    let file = |((name, path), archive): ((Option<&str>, Option<&str>), Option<&str>)| {
+        Some(CasingFile { archive: archive.map(str::to_owned), ..CasingFile::new(name?, path?) })
     };
-    Ok(names.iter().zip(paths).filter_map(file).collect())
+    Ok(names.iter().zip(paths).zip(archives).filter_map(file).collect())
 }
 
 /// The rows of one file, on a thread that may wait for the disk and for the HDF5 library.

@@ -61,12 +61,15 @@ impl TableProvider for FilesTable {
 
 /// Columns of the files that a plan works on.
 fn file_schema() -> SchemaRef {
-    let text = |name| Field::new(name, DataType::Utf8, false);
-    Arc::new(Schema::new(vec![text("name"), text("path")]))
+    let text = |name, is_nullable| Field::new(name, DataType::Utf8, is_nullable);
+    Arc::new(Schema::new(vec![text("name", false), text("path", false), text("archive", true)]))
 }
 
 fn file_batch(schema: &SchemaRef, files: &[CasingFile]) -> Result<RecordBatch> {
-    let column = |value: fn(&CasingFile) -> &String| Arc::new(StringArray::from_iter_values(files.iter().map(value)));
-    let columns: Vec<ArrayRef> = vec![column(|file| &file.name), column(|file| &file.path)];
+    let column = |value: fn(&CasingFile) -> Option<&str>| -> ArrayRef {
+        Arc::new(files.iter().map(value).collect::<StringArray>())
+    };
+    let columns =
+        vec![column(|file| Some(&file.name)), column(|file| Some(&file.path)), column(|file| file.archive.as_deref())];
     Ok(RecordBatch::try_new(Arc::clone(schema), columns)?)
 }

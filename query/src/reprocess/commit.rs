@@ -1,17 +1,16 @@
 //! What a job is, and the file that says that it was done.
 
-use std::fs::{self, File};
-use std::io::{ErrorKind, Read as _, Seek as _, SeekFrom};
-use std::path::Path;
+use std::fs;
+use std::io::ErrorKind;
 
 use anyhow::{Context as _, Result, ensure};
+use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 use serde::{Deserialize, Serialize};
 
-use crate::folders::CasingFile;
+use crate::folders::{COMMIT_FILE, CasingFile, End, JOB_PREFIX};
+use crate::objects;
+use crate::place::Place;
 use crate::task::ReprocessTask;
-
-/// Name of the file that is in the folder of every job that was done.
-pub const COMMIT_FILE: &str = "_committed.json";
 
 /// Version of the commit file.
 const VERSION: u32 = 1;
@@ -19,8 +18,8 @@ const VERSION: u32 = 1;
 /// Hexadecimal digits of a job in the name of its folder.
 const JOB_DIGITS: usize = 16;
 
-/// Bytes at an archive's end that hold the digest of its seal, and with it that of the archive.
-const SEAL_END_BYTES: u64 = 24;
+/// Files whose ends are read at a time.
+const AT_A_TIME: usize = 16;
 
 /// What is asked for: the same files, judged in the same way by the same program, are the same job.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,7 +33,7 @@ impl Job {
     ///
     /// # Errors
     /// A file that cannot be read.
-    pub(super) fn new(task: &ReprocessTask, files: &[CasingFile]) -> Result<Self> {
+    pub(super) async fn new(task: &ReprocessTask, files: &[CasingFile]) -> Result<Self> {
         let mut digest = blake3::Hasher::new();
         let mut part = |bytes: &[u8]| {
             digest.update(&(bytes.len() as u64).to_le_bytes());
@@ -43,29 +42,23 @@ impl Job {
         let task = ReprocessTask { staging: String::new(), ..task.clone() };
         part(&VERSION.to_le_bytes());
         part(&serde_json::to_vec(&task).context("a task does not fit JSON")?);
-        for file in files {
-            let (bytes, end) = end_of(file).with_context(|| format!("cannot read {}", file.path))?;
+        let end = |file: &CasingFile| {
+            let file = file.clone();
+            async move { file.end().await?.with_context(|| format!("{} is gone", file.path)) }
+        };
+        let ends: Vec<End> = stream::iter(files.iter().map(end)).buffered(AT_A_TIME).try_collect().await?;
+        for (file, end) in files.iter().zip(ends) {
             part(file.name.as_bytes());
-            part(&bytes.to_le_bytes());
-            part(&end);
+            part(&end.bytes.to_le_bytes());
+            part(&end.last);
         }
         Ok(Self { key: digest.finalize().to_hex().to_string(), task })
     }
 
     /// Name of its folder.
     pub(super) fn folder(&self) -> String {
-        format!("run={}", &self.key[..JOB_DIGITS])
+        format!("{JOB_PREFIX}{}", &self.key[..JOB_DIGITS])
     }
-}
-
-/// Length of a file, and what is at its end.
-fn end_of(file: &CasingFile) -> std::io::Result<(u64, Vec<u8>)> {
-    let mut there = File::open(&file.path)?;
-    let bytes = there.metadata()?.len();
-    there.seek(SeekFrom::Start(bytes.saturating_sub(SEAL_END_BYTES)))?;
-    let mut end = Vec::new();
-    there.take(SEAL_END_BYTES).read_to_end(&mut end)?;
-    Ok((bytes, end))
 }
 
 /// What became of a file.
@@ -111,21 +104,31 @@ impl Committed {
     ///
     /// # Errors
     /// It cannot be read, or is of another version.
-    pub fn read(folder: &Path) -> Result<Option<Self>> {
+    pub async fn read(folder: &Place) -> Result<Option<Self>> {
         let path = folder.join(COMMIT_FILE);
-        let text = match fs::read_to_string(&path) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            text => text.with_context(|| format!("cannot read {}", path.display()))?,
+        let text = match &path {
+            Place::Keys(key) => objects::read(key).await?,
+            Place::Folder(path) => match fs::read(path) {
+                Err(error) if error.kind() == ErrorKind::NotFound => None,
+                text => Some(text.with_context(|| format!("cannot read {}", path.display()))?),
+            },
         };
-        let committed: Self =
-            serde_json::from_str(&text).with_context(|| format!("{} is no commit file", path.display()))?;
+        let Some(text) = text else { return Ok(None) };
+        let committed: Self = serde_json::from_slice(&text).with_context(|| format!("{path} is no commit file"))?;
         ensure!(
             committed.version == VERSION,
-            "{} has version {}, and this program reads {VERSION}",
-            path.display(),
+            "{path} has version {}, and this program reads {VERSION}",
             committed.version
         );
         Ok(Some(committed))
+    }
+
+    /// The text of the commit file.
+    ///
+    /// # Errors
+    /// None that is known.
+    pub(super) fn text(&self) -> Result<Vec<u8>> {
+        serde_json::to_vec_pretty(self).context("the commit file does not fit JSON")
     }
 
     /// Files that could not be judged.
@@ -149,32 +152,33 @@ mod tests {
     }
 
     /// Catches a job that is taken for done although its archives or options are others.
-    #[test]
-    fn a_job_is_named_after_all_that_decides_its_results() {
+    #[tokio::test]
+    async fn a_job_is_named_after_all_that_decides_its_results() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("A.h5").display().to_string();
-        let files = [CasingFile { name: "A.h5".to_owned(), path: path.clone() }];
+        let files = [CasingFile::new("A.h5", path.clone())];
         fs::write(&path, [1; 100]).unwrap();
-        let key = |task: &ReprocessTask| Job::new(task, &files).unwrap().key;
-        let first = key(&task());
-        assert_eq!(first, key(&ReprocessTask { staging: "/b".to_owned(), ..task() }));
-        assert_ne!(first, key(&ReprocessTask { program: "q".to_owned(), ..task() }));
-        assert_ne!(first, key(&ReprocessTask { is_from_samples: true, ..task() }));
+        let key = async |task: &ReprocessTask| Job::new(task, &files).await.unwrap().key;
+        let first = key(&task()).await;
+        assert_eq!(first, key(&ReprocessTask { staging: "/b".to_owned(), ..task() }).await);
+        assert_ne!(first, key(&ReprocessTask { program: "q".to_owned(), ..task() }).await);
+        assert_ne!(first, key(&ReprocessTask { is_from_samples: true, ..task() }).await);
         let mut bytes = [1; 100];
         bytes[99] = 2;
         fs::write(&path, bytes).unwrap();
-        assert_ne!(first, key(&task()));
+        assert_ne!(first, key(&task()).await);
         fs::remove_file(&path).unwrap();
-        assert!(Job::new(&task(), &files).unwrap_err().to_string().contains("A.h5"));
+        assert!(Job::new(&task(), &files).await.unwrap_err().to_string().contains("A.h5"));
     }
 
-    #[test]
-    fn a_commit_file_of_another_version_is_refused() {
+    #[tokio::test]
+    async fn a_commit_file_of_another_version_is_refused() {
         let folder = tempfile::tempdir().unwrap();
-        assert_eq!(Committed::read(folder.path()).unwrap(), None);
+        let place = Place::from(folder.path());
+        assert_eq!(Committed::read(&place).await.unwrap(), None);
         let other = Committed { version: 2, job: String::new(), program: String::new(), rows: Vec::new() };
         fs::write(folder.path().join(COMMIT_FILE), serde_json::to_string(&other).unwrap()).unwrap();
-        let refusal = Committed::read(folder.path()).unwrap_err().to_string();
+        let refusal = Committed::read(&place).await.unwrap_err().to_string();
         assert!(refusal.ends_with("has version 2, and this program reads 1"), "{refusal}");
     }
 }

@@ -1,10 +1,12 @@
 //! New results of many archives, as one job: all of them, or none.
 //!
 //! `tapline reprocess` judges each casing file in a folder of its own, beside a link to the archive. What it writes is the same on
-//! every engine. The results gather in a staging folder, which one rename makes the job's folder, with its commit file in it:
-//! tasks may be done twice or by a host that was given up, and the job is still there once, or not at all.
+//! every engine. The results gather in a staging folder, which one rename makes the job's folder, with its commit file in it; in
+//! object storage they gather under the job's keys, and count once the commit file is there, which only one client can put.
+//! Tasks may be done twice or by a host that was given up, and the job is still there once, or not at all.
 
 mod commit;
+mod gathering;
 mod staging;
 
 use std::path::PathBuf;
@@ -13,22 +15,23 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, ensure};
 use datafusion::arrow::array::{Array as _, BooleanArray, RecordBatch, StringArray, UInt64Array};
 
-pub use commit::{COMMIT_FILE, Committed, Row};
+pub use commit::{Committed, Row};
 
 use crate::engine::Engine;
 use crate::folders::{CasingFile, find, partitions};
+use crate::place::Place;
 use crate::plan::FilesTable;
 use crate::task::{Program, ReprocessTask, Task, given, reference};
 use commit::Job;
-use staging::Staging;
+use gathering::{Gathering, out_place};
 
 /// What a job is asked for.
 #[derive(Debug, Clone)]
 pub struct Order {
-    /// Folders of casing files.
-    pub folders: Vec<PathBuf>,
-    /// The folder for jobs, which every host can write to.
-    pub out: PathBuf,
+    /// Where casing files are.
+    pub places: Vec<Place>,
+    /// The place for jobs, which every host can write to.
+    pub out: Place,
     /// A configuration whose tables take the place of the archives', as for `tapline reprocess`.
     pub config: Option<PathBuf>,
     /// A reference in place of the configuration's, as for `tapline reprocess`.
@@ -43,7 +46,7 @@ pub struct Order {
 #[derive(Debug)]
 pub struct Done {
     /// The folder of its results.
-    pub folder: PathBuf,
+    pub folder: Place,
     /// What is committed there.
     pub committed: Committed,
     /// Whether it was there before.
@@ -53,10 +56,10 @@ pub struct Done {
 /// Does the job on `engine`, unless it is committed already.
 ///
 /// # Errors
-/// Folders that cannot be read or written, a program that is not there, and an engine that fails. Nothing is committed then.
+/// Places that cannot be read or written, a program that is not there, and an engine that fails. Nothing is committed then.
 pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
-    let files = find(&order.folders, false)?;
-    let out = staging::out_folder(&order.out, &order.folders)?;
+    let files = find(&order.places, false).await?;
+    let out = out_place(&order.out, &order.places)?;
     let program = Program::find()?;
     let task = ReprocessTask {
         staging: String::new(),
@@ -65,21 +68,21 @@ pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
         reference: order.reference.as_deref().map(reference).transpose()?,
         is_from_samples: order.is_from_samples,
     };
-    let job = Job::new(&task, &files)?;
-    let folder = out.join(job.folder());
-    if let Some(committed) = Committed::read(&folder)? {
+    let job = Job::new(&task, &files).await?;
+    let folder = out.join(&job.folder());
+    if let Some(committed) = Committed::read(&folder).await? {
         return Ok(Done { folder, committed, was_there: true });
     }
-    let staging = Staging::new(&out, &files)?;
-    let task = ReprocessTask { staging: staging.text()?, ..task };
+    let gathering = Gathering::new(&out, &folder, &files)?;
+    let task = ReprocessTask { staging: gathering.text()?, ..task };
     let table = FilesTable::new(Task::Reprocess(task), partitions(&files, order.files_per_task));
     let context = engine.connect().await?;
     let rows = context.read_table(Arc::new(table)).context("cannot plan the job")?.collect().await;
     let rows = rows.with_context(|| format!("{}; nothing is committed", engine.at()))?;
     let committed = Committed { rows: checked(rows_of(&rows)?, &files)?, ..Committed::new(job) };
-    let was_there = !staging.commit(&folder, &committed, &files)?;
+    let was_there = !gathering.commit(&folder, &committed, &files).await?;
     let committed = match was_there {
-        true => Committed::read(&folder)?.with_context(|| format!("{} is not committed", folder.display()))?,
+        true => Committed::read(&folder).await?.with_context(|| format!("{folder} is not committed"))?,
         false => committed,
     };
     Ok(Done { folder, committed, was_there })
@@ -130,7 +133,7 @@ mod tests {
     /// Catches a cluster that did a file twice or left one out.
     #[test]
     fn a_row_too_many_or_of_another_file_is_refused() {
-        let file = |name: &str| CasingFile { name: name.to_owned(), path: format!("/{name}") };
+        let file = |name: &str| CasingFile::new(name, format!("/{name}"));
         let row = |name: &str| Row { file: name.to_owned(), ..Row::default() };
         let files = [file("A.h5"), file("B.h5")];
         assert_eq!(checked(vec![row("A.h5"), row("B.h5")], &files).unwrap().len(), 2);

@@ -6,8 +6,8 @@ use std::io::Write as _;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-use crate::folders::CasingFile;
-use crate::reprocess::commit::{COMMIT_FILE, Committed};
+use crate::folders::{COMMIT_FILE, CasingFile};
+use crate::reprocess::commit::Committed;
 use crate::task::FILES;
 use anyhow::{Context as _, Result, ensure};
 
@@ -110,7 +110,7 @@ impl Staging {
             symlink(&file.path, &link).with_context(|| format!("cannot make the link {}", link.display()))?;
         }
         let path = from.join(COMMIT_FILE);
-        let text = serde_json::to_vec_pretty(committed).context("the commit file does not fit JSON")?;
+        let text = committed.text()?;
         let written = File::create(&path).and_then(|mut file| {
             file.write_all(&text)?;
             file.sync_all()
@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     fn file(folder: &Path, name: &str) -> CasingFile {
-        CasingFile { name: name.to_owned(), path: folder.join(name).display().to_string() }
+        CasingFile::new(name, folder.join(name).display().to_string())
     }
 
     fn names(folder: &Path) -> Vec<String> {

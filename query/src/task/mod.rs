@@ -1,5 +1,6 @@
 //! What is done with each casing file, and the form in which that travels to the hosts of a cluster.
 
+mod local;
 pub(crate) mod payload;
 mod program;
 mod reprocess;
@@ -12,6 +13,7 @@ use datafusion::arrow::datatypes::{DataType, Field, Schema, SchemaRef};
 use serde::{Deserialize, Serialize};
 use tapline_export::{ColumnKind, Export, columns};
 
+pub(crate) use local::Local;
 pub use program::Program;
 pub(crate) use reprocess::{FILES, given, reference};
 pub use reprocess::{Given, Reference, ReprocessTask};
@@ -72,10 +74,13 @@ impl Task {
     /// Does it with `file`, and returns its rows; one row with the error if that file cannot be done.
     ///
     /// # Errors
-    /// Where no file can be done: the folder of the job is gone, or the program is another one.
+    /// Where no file can be done: the folder of the job is gone, the program is another one, or object storage cannot be reached.
     pub(crate) fn run(&self, file: &CasingFile) -> anyhow::Result<Vec<RecordBatch>> {
         let rows = match self {
-            Self::Read(table) => rows::read(&file.path, table.export()).map_err(|error| error.to_string()),
+            Self::Read(table) => Local::of(file)?.and_then(|local| {
+                let rows = rows::read(local.path(), table.export());
+                rows.map_err(|error| local.message(file, &error.to_string()))
+            }),
             Self::Reprocess(task) => task.run(file)?.map(|row| vec![row]),
         };
         rows::batches(&self.schema(), &file.name, rows)

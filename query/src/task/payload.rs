@@ -23,19 +23,12 @@ const BYTES_MAX: usize = 12 << 20;
 pub(crate) struct Payload {
     pub task: Task,
     pub projection: Option<Vec<usize>>,
-    pub partitions: Vec<Vec<(String, String)>>,
+    pub partitions: Vec<Vec<CasingFile>>,
 }
 
 impl Payload {
     pub(crate) fn of_table(task: &Task, partitions: &[Vec<CasingFile>]) -> Self {
-        let pair = |file: &CasingFile| (file.name.clone(), file.path.clone());
-        let partitions = partitions.iter().map(|files| files.iter().map(pair).collect()).collect();
-        Self { task: task.clone(), projection: None, partitions }
-    }
-
-    pub(crate) fn files(&self) -> Vec<Vec<CasingFile>> {
-        let file = |(name, path): &(String, String)| CasingFile { name: name.clone(), path: path.clone() };
-        self.partitions.iter().map(|files| files.iter().map(file).collect()).collect()
+        Self { task: task.clone(), projection: None, partitions: partitions.to_vec() }
     }
 
     /// Appends it to `bytes`.
@@ -105,7 +98,7 @@ mod tests {
     use crate::task::Table;
 
     fn payload() -> Payload {
-        let file = CasingFile { name: "A.h5".to_owned(), path: "/A.h5".to_owned() };
+        let file = CasingFile::new("A.h5", "/A.h5");
         Payload { projection: Some(vec![0, 2]), ..Payload::of_table(&Task::Read(Table::Verdicts), &[vec![file]]) }
     }
 
@@ -114,7 +107,7 @@ mod tests {
         let mut bytes = Vec::new();
         payload().encode(&mut bytes).unwrap();
         assert_eq!(Payload::decode(&bytes).unwrap(), Some(payload()));
-        assert_eq!(payload().files()[0][0].path, "/A.h5");
+        assert_eq!(payload().partitions[0][0].path, "/A.h5");
         assert_eq!(Payload::decode(b"of Ballista").unwrap(), None);
     }
 
@@ -136,7 +129,7 @@ mod tests {
 
     #[test]
     fn more_files_than_a_message_holds_are_refused_by_their_number() {
-        let file = CasingFile { name: "n".repeat(1000), path: "p".repeat(1000) };
+        let file = CasingFile::new("n".repeat(1000), "p".repeat(1000));
         let many = Payload::of_table(&Task::Read(Table::Taps), &[vec![file; 7000]]);
         let refusal = many.encode(&mut Vec::new()).unwrap_err().to_string();
         assert!(refusal.starts_with("the names of 7000 files have 14"), "{refusal}");

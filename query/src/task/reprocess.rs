@@ -1,7 +1,6 @@
 //! One archive judged again: `tapline reprocess` in a folder of its own.
 
 use std::fs;
-use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
@@ -10,8 +9,12 @@ use anyhow::{Context as _, Result, ensure};
 use datafusion::arrow::array::{BooleanArray, StringArray, UInt64Array};
 use datafusion::arrow::datatypes::{DataType, Field};
 use serde::{Deserialize, Serialize};
+use tokio::runtime::Handle;
 
 use crate::folders::CasingFile;
+use crate::objects;
+use crate::place::Key;
+use crate::task::local::{base_name, put_at, temporary_folder};
 use crate::task::program::{Program, file_digest};
 use crate::task::rows::Columns;
 
@@ -33,7 +36,7 @@ pub struct Given {
 /// How every archive of a job is judged, as executors get it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReprocessTask {
-    /// The staging folder of the job, absolute: every host writes there.
+    /// The staging folder of the job, absolute, or the address of its folder in object storage: every host writes there.
     pub staging: String,
     /// BLAKE3 of the program `tapline`, which must be the same on every host.
     pub program: String,
@@ -103,9 +106,10 @@ impl ReprocessTask {
     /// # Errors
     /// Where no archive can be judged here: the staging folder is gone, or the program, the configuration or the reference is another.
     pub(crate) fn run(&self, file: &CasingFile) -> Result<Result<Columns, String>> {
+        let keys = Key::of_address(&self.staging);
         let staging = Path::new(&self.staging);
         ensure!(
-            staging.join(FILES).is_dir(),
+            keys.is_some() || staging.join(FILES).is_dir(),
             "the staging folder {} is not here: its job ended, or this host does not share that folder",
             staging.display()
         );
@@ -119,14 +123,21 @@ impl ReprocessTask {
         if let Some(Reference::File(file)) = &self.reference {
             file.check()?;
         }
-        let work = tempfile::Builder::new().prefix(".work-").tempdir_in(staging);
-        let work = work.with_context(|| format!("cannot make a folder in {}", staging.display()))?;
-        let archive = work.path().join(Path::new(&file.name).file_name().unwrap_or_default());
-        symlink(&file.path, &archive).with_context(|| format!("cannot make the link {}", archive.display()))?;
+        let work = match &keys {
+            Some(_) => temporary_folder()?,
+            None => {
+                let work = tempfile::Builder::new().prefix(".work-").tempdir_in(staging);
+                work.with_context(|| format!("cannot make a folder in {}", staging.display()))?
+            }
+        };
+        let archive = work.path().join(base_name(&file.name));
+        if let Err(why) = put_at(file, &archive)? {
+            return Ok(Err(why));
+        }
         let output = self.command(&program, &archive).output();
         let output = output.with_context(|| format!("cannot run {}", program.path().display()))?;
         match printed(&output, work.path()) {
-            Ok(printed) => Ok(Ok(keep(&printed, file, staging)?)),
+            Ok(printed) => Ok(Ok(keep(&printed, file, staging, keys.as_ref())?)),
             Err(why) => Ok(Err(why)),
         }
     }
@@ -166,18 +177,28 @@ fn printed(output: &Output, work: &Path) -> Result<Printed, String> {
 }
 
 /// Moves the results to where the job collects them.
-fn keep(printed: &Printed, file: &CasingFile, staging: &Path) -> Result<Columns> {
+fn keep(printed: &Printed, file: &CasingFile, staging: &Path, keys: Option<&Key>) -> Result<Columns> {
     let from = Path::new(&printed.results);
     let name = Path::new(&file.name).with_file_name(from.file_name().unwrap_or_default());
-    let to = staging.join(FILES).join(&name);
     let blake3 = file_digest(from)?;
-    let kept = fs::File::open(from).and_then(|results| {
-        results.sync_all()?;
-        let bytes = results.metadata()?.len();
-        fs::rename(from, &to)?;
-        Ok(bytes)
-    });
-    let bytes = kept.with_context(|| format!("cannot move {} to {}", from.display(), to.display()))?;
+    let bytes = match keys {
+        Some(keys) => {
+            // Whoever does it twice puts the same again.
+            let key = keys.join(&name.to_string_lossy());
+            Handle::current().block_on(objects::put(from, &key, false))?;
+            from.metadata().with_context(|| format!("cannot read {}", from.display()))?.len()
+        }
+        None => {
+            let to = staging.join(FILES).join(&name);
+            let kept = fs::File::open(from).and_then(|results| {
+                results.sync_all()?;
+                let bytes = results.metadata()?.len();
+                fs::rename(from, &to)?;
+                Ok(bytes)
+            });
+            kept.with_context(|| format!("cannot move {} to {}", from.display(), to.display()))?
+        }
+    };
     let text = |text: String| Arc::new(StringArray::from(vec![text]));
     Ok(vec![
         text(name.to_string_lossy().into_owned()),

@@ -1,5 +1,6 @@
 //! Rows of a casing file as batches of Arrow.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use datafusion::arrow::array::{
@@ -16,7 +17,7 @@ pub(crate) type Columns = Vec<ArrayRef>;
 ///
 /// # Errors
 /// What [`Reader::open`] returns, and errors of reading the archive.
-pub(crate) fn read(path: &str, table: Export) -> Result<Vec<Columns>, tapline_export::Error> {
+pub(crate) fn read(path: &Path, table: Export) -> Result<Vec<Columns>, tapline_export::Error> {
     let reader = Reader::open(path)?;
     let mut rows = Vec::new();
     read_values(&reader, table, |values| rows.push(values.into_iter().map(array).collect()))?;
