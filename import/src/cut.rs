@@ -6,9 +6,6 @@ use crate::config::Cut;
 use crate::error::Fault;
 use crate::series::{Series, Stored};
 
-/// Most times that an error lists.
-const TIMES_MAX: usize = 6;
-
 /// The taps of a record, each `before` samples before its trigger and as long as `cut` says; a tap at an end of the record may lack
 /// some.
 ///
@@ -36,12 +33,9 @@ pub(crate) fn cut(
     trigger.push(&values, |crossing| found.push(crossing.sample));
     if found.len() != planned {
         let not = trigger.not_taps();
-        #[expect(clippy::cast_precision_loss, reason = "samples of a record, far below 2^53")]
-        let times = found.iter().take(TIMES_MAX).map(|&sample| format!("{:.3} s", sample as f64 / sample_rate_hz));
-        let times = times.collect::<Vec<_>>().join(", ");
         return Err(Fault::Contradiction {
             what: "the number of its taps",
-            value: format!("{} ({times}{})", found.len(), if found.len() > TIMES_MAX { ", ..." } else { "" }),
+            value: format!("{}{}", found.len(), where_to_look(&found, planned, sample_rate_hz)),
             bound: format!(
                 "{planned} are planned; {} pulses were too short and {} too long to be taps (cut.trigger)",
                 not.clicks, not.steps
@@ -64,4 +58,18 @@ pub(crate) fn cut(
         })
     };
     Ok(found.into_iter().map(piece).collect())
+}
+
+/// Where a tap may be missing, or one too many: the longest pause between two, or the shortest.
+fn where_to_look(found: &[u64], planned: usize, sample_rate_hz: f64) -> String {
+    let pauses = found.windows(2).map(|pair| (pair[1] - pair[0], pair[0], pair[1]));
+    let (which, pause) = match found.len() < planned {
+        true => ("longest", pauses.max_by_key(|&(pause, ..)| pause)),
+        false => ("shortest", pauses.min_by_key(|&(pause, ..)| pause)),
+    };
+    #[expect(clippy::cast_precision_loss, reason = "samples of a record, far below 2^53")]
+    let at_s = |sample: u64| sample as f64 / sample_rate_hz;
+    pause.map_or_else(String::new, |(_, from, to)| {
+        format!(" (the {which} pause is from {:.3} to {:.3} s)", at_s(from), at_s(to))
+    })
 }

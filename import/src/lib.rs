@@ -39,8 +39,10 @@ pub struct Imported {
     pub written: usize,
     /// Taps that could not be read, and why: they are listed as refused.
     pub refused: Vec<String>,
-    /// Channels whose samples have no known scale.
-    pub unscaled: Vec<&'static str>,
+    /// Files whose parts would tell their taps and that could not be read, and why: none of their taps is in the set.
+    pub unread: Vec<String>,
+    /// Channels whose samples have no known scale, and the unit that their files name.
+    pub unscaled: Vec<(&'static str, Option<String>)>,
 }
 
 /// Reads the taps of `files` as the configuration at `config` says, and writes them as the tap set `out`, a new or empty folder.
@@ -48,7 +50,8 @@ pub struct Imported {
 ///
 /// # Errors
 /// [`Error`] if the configuration or a table is wrong, if no tap can be read, or if the set cannot be written; nothing is left
-/// behind then. A recording that cannot be read is no error: its taps are refused in the set.
+/// behind then. A recording that cannot be read is no error: its taps are refused in the set, or, where only the file itself could
+/// tell them, the file is [`Imported::unread`].
 pub fn import(
     files: &[PathBuf],
     config: &Path,
@@ -56,8 +59,9 @@ pub fn import(
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Imported> {
     let config = Config::read(config)?;
-    let records = rows::records(files, &config)?;
+    let (records, unread) = rows::records(files, &config)?;
     let mut set = Set::begin(&config, out)?;
+    set.imported.unread = unread;
     let mut last: Option<(&Path, Box<dyn Recorded>)> = None;
     for (done, record) in records.iter().enumerate() {
         progress(done, records.len());
@@ -298,8 +302,12 @@ impl<'a> Set<'a> {
             Ok(_) => {
                 self.imported.written += 1;
                 for (channel, _) in self.config.channels() {
-                    if scales.of(channel).is_none() && !self.imported.unscaled.contains(&channel.name()) {
-                        self.imported.unscaled.push(channel.name());
+                    if scales.of(channel).is_none()
+                        && !self.imported.unscaled.iter().any(|(of, _)| *of == channel.name())
+                    {
+                        let unit =
+                            self.alike.units.iter().find(|(of, _)| *of == channel).and_then(|(_, unit)| unit.clone());
+                        self.imported.unscaled.push((channel.name(), unit));
                     }
                 }
             }
@@ -313,19 +321,19 @@ impl<'a> Set<'a> {
     fn finish(mut self) -> Result<Imported> {
         if self.imported.written == 0 {
             let refused = &self.imported.refused;
-            let mut reasons = refused.iter().take(REASONS_MAX).cloned().collect::<Vec<_>>().join("; ");
-            if refused.len() > REASONS_MAX {
+            // All taps of a record are refused for one reason.
+            let mut distinct = refused.clone();
+            distinct.dedup();
+            let mut reasons = distinct.iter().take(REASONS_MAX).cloned().collect::<Vec<_>>().join("; ");
+            if distinct.len() > REASONS_MAX {
                 reasons.push_str("; ...");
             }
             return Err(Error::NoTap { tap_count: refused.len(), reasons });
         }
-        let units = self.alike.units.clone();
+        let unscaled = self.imported.unscaled.clone();
         let mut remarks = vec![("source", "imported by tapline")];
-        for (channel, unit) in units.iter().filter(|(channel, _)| self.imported.unscaled.contains(&channel.name())) {
-            let key = match channel {
-                Channel::Force => "force_unit",
-                Channel::Sound => "sound_unit",
-            };
+        for (channel, unit) in &unscaled {
+            let key = if *channel == Channel::Force.name() { "force_unit" } else { "sound_unit" };
             remarks.extend(unit.as_deref().map(|unit| (key, unit)));
         }
         self.writer.describe(self.config.geometry, &self.recording(), &remarks)?;

@@ -35,8 +35,8 @@ struct Named {
     from: (PathBuf, Option<usize>),
 }
 
-/// The taps of `files`.
-pub(crate) fn records(files: &[PathBuf], config: &Config) -> Result<Vec<Record>> {
+/// The taps of `files`, and the files whose parts would tell their taps and cannot be read, with the reason.
+pub(crate) fn records(files: &[PathBuf], config: &Config) -> Result<(Vec<Record>, Vec<String>)> {
     let mut list = List::default();
     match (&config.name, &config.table) {
         (_, Some(table)) => list.add_by_table(files, config, &config.path.with_file_name("").join(table))?,
@@ -52,7 +52,11 @@ pub(crate) fn records(files: &[PathBuf], config: &Config) -> Result<Vec<Record>>
             }
         }
     }
-    list.read(config)
+    let unread = std::mem::take(&mut list.unread);
+    match unread.first() {
+        Some(first) if unread.len() == files.len() => Err(Error::NoTap { tap_count: 0, reasons: first.clone() }),
+        _ => Ok((list.read(config)?, unread)),
+    }
 }
 
 /// What is the same for all taps, as text.
@@ -70,6 +74,8 @@ struct List {
     records: Vec<(PathBuf, String)>,
     places: HashMap<(PathBuf, String), usize>,
     taps: Vec<Named>,
+    /// Files whose parts cannot be read, and why.
+    unread: Vec<String>,
 }
 
 impl List {
@@ -124,8 +130,13 @@ impl List {
             let cells = pattern.read(&name).map_err(refuse)?.ok_or_else(|| unfit(&format!("{name:?}")))?;
             return self.add(file, String::new(), &text_of(cells), (file.to_owned(), None), config);
         }
-        let fault = |fault| Error::Recording { file: file.to_owned(), fault };
-        let parts = open(file).map_err(fault)?.parts(pattern.depth).map_err(fault)?;
+        let parts = match open(file).and_then(|opened| opened.parts(pattern.depth)) {
+            Ok(parts) => parts,
+            Err(fault) => {
+                self.unread.push(format!("{}: {fault}", file.display()));
+                return Ok(());
+            }
+        };
         let before = self.taps.len();
         for part in &parts {
             // A file may hold other things beside its taps.

@@ -333,3 +333,49 @@ fn a_unit_that_is_no_text_is_told() {
         }
     }
 }
+
+/// A file of HDF5 with a tap in the group `1`; with `unit`, as MATLAB 7.3 writes a variable and the text beside it.
+fn hdf5_bytes(unit: Option<&str>) -> Vec<u8> {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("h.h5");
+    let file = hdf5::File::create(&path).unwrap();
+    let group = file.create_group("1").unwrap();
+    let force = group.new_dataset_builder().with_data(&[1.0_f64, 2.0, 3.0, 4.0]).create("force").unwrap();
+    if let Some(unit) = unit {
+        force.new_attr::<u8>().create("MATLAB_class").unwrap().write_scalar(&0_u8).unwrap();
+        let text: Vec<u16> = unit.encode_utf16().collect();
+        group.new_dataset_builder().with_data(&text).create("force_unit").unwrap();
+    }
+    drop((force, group, file));
+    fs::read(path).unwrap()
+}
+
+const GROUPS: &str = "name = \"{tyre}.h5/{location}\"\nchannels = { force = \"force\" }\nsample_rate_hz = 40960.0
+pre_trigger_samples = 1\ntap = { shoulder = 1, offset_mm = 0.0, velocity_m_per_s = 1.5 }\n";
+
+/// Catches newtons of MATLAB 7.3 that are lost, and another unit that nobody hears of.
+#[test]
+fn matlab_7_3_names_units_as_earlier_versions_do() {
+    for (unit, want) in [("N", None), ("kg", Some(("force", Some("kg".to_owned()))))] {
+        let case = Case::new(GROUPS, &[]);
+        fs::write(case.path("A.h5"), hdf5_bytes(Some(unit))).unwrap();
+        let done = import(&[case.path("A.h5")], &case.path("import.toml"), &case.path("set"), |_, _| ()).unwrap();
+        assert_eq!((done.written, done.unscaled), (1, want.into_iter().collect()), "{unit}");
+    }
+}
+
+/// Catches one damaged file that stops the import of all others because its parts would tell its taps.
+#[test]
+fn a_file_whose_parts_cannot_be_read_is_left_out() {
+    let case = Case::new(GROUPS, &[]);
+    let whole = hdf5_bytes(None);
+    fs::write(case.path("A.h5"), &whole).unwrap();
+    fs::write(case.path("B.h5"), &whole[..100]).unwrap();
+    let files = [case.path("A.h5"), case.path("B.h5")];
+    let done = import(&files, &case.path("import.toml"), &case.path("set"), |_, _| ()).unwrap();
+    assert_eq!((done.written, done.unread.len()), (1, 1));
+    assert!(done.unread[0].contains("B.h5: is no sound HDF5"), "{:?}", done.unread);
+    let case = Case { files: vec![files[1].clone()], ..case };
+    fs::remove_dir_all(case.path("set")).unwrap();
+    case.fails(&["B.h5"]);
+}

@@ -59,8 +59,8 @@ pub(crate) struct StationStatus {
     pub tally: Tally,
     /// Day of the oldest calibration that its last casing was judged by, as `2026-11-24`.
     pub calibrated_on: Option<String>,
-    /// Whether a calibration had expired when that was tapped.
-    pub is_calibration_expired: bool,
+    /// Whether a calibration did not hold on the day on which that was tapped.
+    pub is_calibration_out_of_date: bool,
 }
 
 /// How it stands with one of those who are told verdicts.

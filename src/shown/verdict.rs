@@ -209,7 +209,7 @@ pub(crate) fn since_last_tap_s(reader: &Reader) -> Result<Option<f64>> {
     Ok(sent_ns.map(|sent_ns| monotonic_ns().saturating_sub(sent_ns) as f64 / 1e9))
 }
 
-/// Day of the oldest certificate of the casing's calibrations, and whether one had expired; computed samples need none.
+/// Day of the oldest certificate of the casing's calibrations, and whether one did not hold on the day of the taps; computed samples need none.
 pub(crate) fn calibration(reader: &Reader) -> (Option<String>, bool) {
     let recording = &reader.plan().recording;
     let channels = [Channel::Force, Channel::Sound];
@@ -218,5 +218,5 @@ pub(crate) fn calibration(reader: &Reader) -> (Option<String>, bool) {
         let certificate = recording.calibration.of(channel).certificate.as_ref();
         certificate.filter(|_| recording.calibration.of(channel) != computed.of(channel))
     });
-    (certificates.map(|certificate| certificate.date.clone()).min(), recording.calibration.is_expired(&channels))
+    (certificates.map(|certificate| certificate.date.clone()).min(), recording.calibration.is_out_of_date(&channels))
 }

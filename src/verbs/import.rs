@@ -23,30 +23,40 @@ pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
         _ => bail!("--config and --out are needed"),
     };
     note_folder(out);
-    let Imported { written, refused, unscaled } = {
+    let Imported { written, refused, unread, unscaled } = {
         let mut progress = None;
         tapline_import::import(&args.files, config, out, |done, total| {
             let new = || Progress::new(Some(total as u64), Unit::Things("recordings"));
             progress.get_or_insert_with(new).update(done as u64);
         })?
     };
+    let is_whole = refused.is_empty() && unread.is_empty();
     if args.json {
+        let unscaled: Vec<_> = unscaled.iter().map(|(channel, _)| channel).collect();
         let text = json!({
-            "out": out.display().to_string(), "written": written, "refused": refused, "unscaled": unscaled,
+            "out": out.display().to_string(), "written": written, "refused": refused, "unread": unread,
+            "unscaled": unscaled,
         });
         writeln!(io::stdout().lock(), "{text}")?;
-        return Ok(refused.is_empty());
+        return Ok(is_whole);
+    }
+    for reason in unread.iter().take(REFUSED_MAX) {
+        say(&format!("not imported: {reason}"));
     }
     for reason in refused.iter().take(REFUSED_MAX) {
         say(&format!("refused: {reason}"));
     }
     if !unscaled.is_empty() {
-        let channels = unscaled.join(" and ");
+        let named = |(channel, unit): &(&str, Option<String>)| match unit {
+            Some(unit) => format!("{channel} (in {unit:?})"),
+            None => (*channel).to_owned(),
+        };
+        let channels = unscaled.iter().map(named).collect::<Vec<_>>().join(" and ");
         say(&format!("the scale of {channels} is not known: values are parts of full scale (FS), 1.0 of floats"));
     }
     let why = if refused.is_empty() { "" } else { "; taps.csv lists them with the reason" };
     writeln!(io::stdout().lock(), "{}: {written} taps written, {} refused{why}", out.display(), refused.len())?;
-    Ok(refused.is_empty())
+    Ok(is_whole)
 }
 
 fn example(folder: &Path) -> Result<bool> {

@@ -141,20 +141,23 @@ fn a_calibration_goes_with_the_taps() {
     sandbox.write("taps/scan.toml", &unscaled);
     sandbox.write("taps/calibration.toml", &calibration);
     let list = std::fs::read_to_string(sandbox.path("taps/taps.csv")).unwrap();
-    // 1 July 2026, a day after the last one.
-    let dated = list.lines().enumerate().map(|(k, line)| match k {
-        0 => format!("{line},tap_time_ns\n"),
-        k => format!("{line},{}\n", 1_782_864_000_000_000_000_i64 + k as i64),
-    });
-    let dated: String = dated.collect();
-    for (out, list, reasons) in [("fresh", &list, ""), ("late", &dated, "calibration_expired")] {
+    let at = |time_ns: i64| -> String {
+        let dated = list.lines().enumerate().map(|(k, line)| match k {
+            0 => format!("{line},tap_time_ns\n"),
+            k => format!("{line},{}\n", time_ns + k as i64),
+        });
+        dated.collect()
+    };
+    // 30 June 2026, the last day, and the next one.
+    let (fresh, late) = (at(1_782_777_600_000_000_000), at(1_782_864_000_000_000_000));
+    for (out, list, is_out) in [("fresh", &fresh, false), ("undated", &list, true), ("late", &late, true)] {
         sandbox.write("taps/taps.csv", list);
         let summary = sandbox.run(&format!("run --taps taps --out {out} --json")).json(0);
         let verdict = &summary["verdicts"][0];
         assert_eq!(verdict["verdict"], "PASS", "{summary}");
         let rows = csv_rows(&sandbox.run(&format!("export {out}/A-17.h5 verdicts")).expect(0).out);
         assert!(!rows[0]["reasons"].contains("not_calibrated"), "{rows:?}");
-        assert_eq!(rows[0]["reasons"].contains("calibration_expired"), !reasons.is_empty(), "{rows:?}");
+        assert_eq!(rows[0]["reasons"].contains("calibration_out_of_date"), is_out, "{rows:?}");
     }
     let reader = Reader::open(sandbox.path("late/A-17.h5")).unwrap();
     let kept = &reader.plan().recording.calibration;

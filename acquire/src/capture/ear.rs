@@ -342,7 +342,10 @@ impl Ear {
             if let Some(tap) = tap {
                 tap.is_struck_again = true;
                 let after_s = (second - tap.crossing.sample) as f64 / f64::from(self.config.sample_rate_hz);
-                tracing::warn!("{} was struck again {after_s:.3} s after a tap, within its hold-off", self.device);
+                tracing::warn!(
+                    "device {}: a second strike {after_s:.3} s after a tap, within its hold-off",
+                    self.device
+                );
             }
         }
         state.not_taps = trigger.not_taps();

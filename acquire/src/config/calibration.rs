@@ -165,7 +165,8 @@ mod tests {
         assert_eq!((certificate.gain, certificate.sensitivity_mv_per_unit), (Some(10.0), Some(22.5)));
         assert_eq!((file.full_scale(Channel::Force), file.full_scale(Channel::Sound)), (222.0, 1.0));
         assert!(
-            !calibration.is_certified(&[Channel::Force, Channel::Sound]) && !calibration.is_expired(&[Channel::Force])
+            !calibration.is_certified(&[Channel::Force, Channel::Sound])
+                && !calibration.is_out_of_date(&[Channel::Force])
         );
         assert_eq!(read(&toml::to_string(&file).unwrap()).unwrap(), file);
     }

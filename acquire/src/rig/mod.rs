@@ -168,6 +168,7 @@ impl Arrivals for RigArrivals {
             failed: None,
             heard: None,
             unheard: None,
+            has_refused: false,
         };
         Ok(Arrival::Casing(Casing { name: loaded.name, taps: Box::new(taps) }))
     }
@@ -219,6 +220,22 @@ struct RigCasing {
     heard: Option<Tap>,
     /// Hits in a row of which nothing was heard, and since when.
     unheard: Option<(u16, Instant)>,
+    /// Whether a tap was refused.
+    has_refused: bool,
+}
+
+/// Says that no tap was heard in `time`, and what was: a level that is too high, or a sensor that is not there.
+fn unheard(ear: &Ear, time: Duration) -> String {
+    let frames = time.as_secs_f64() * f64::from(ear.config().sample_rate_hz);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a time of a second or so, in samples")]
+    let latest = ear.latest(frames as usize);
+    let [force, sound] = latest.map(|samples| {
+        let (least, greatest) =
+            samples.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
+        format!("from {:.1} to {:.1} %", 100.0 * least, 100.0 * greatest)
+    });
+    let level = 100.0 * ear.config().trigger.level;
+    format!("{UNHEARD}: the force was {force} of full scale, the sound {sound}; the trigger level is {level:.1} %")
 }
 
 impl RigCasing {
@@ -237,7 +254,10 @@ impl RigCasing {
         // Without a tolerance: whatever holds samples up makes a tap seem later than it was, never earlier.
         let stray = ear.forget_before(hit.sent);
         if stray > 0 {
-            tracing::warn!(stray, "taps were heard that the rig was not asked for");
+            tracing::warn!(
+                "{}: {stray} taps were heard that the rig was not asked for",
+                self.link.dialogue().config().address
+            );
         }
         let record = ear.config().record_time();
         let waited = hit.at.elapsed();
@@ -245,7 +265,7 @@ impl RigCasing {
             0 if waited > HEARD_WITHIN + record => {
                 let before = self.unheard.map_or(0, |(count, _)| count);
                 self.unheard = Some((before.saturating_add(1), Instant::now()));
-                UNHEARD
+                unheard(ear, waited)
             }
             0 => return Readiness::NotYet,
             1 => {
@@ -255,10 +275,10 @@ impl RigCasing {
                 }
                 return readiness;
             }
-            _ => "the rig was told to hit once, and was heard more than once",
+            _ => "the rig was told to hit once, and was heard more than once".to_owned(),
         };
         self.heard = None;
-        self.link.dialogue().fail(self.id, tap, fault);
+        self.link.dialogue().fail(self.id, tap, &fault);
         self.poll(tap.0, tap.1)
     }
 
@@ -316,11 +336,16 @@ impl Source for RigCasing {
             Progress::Failed(why) => {
                 let failed = self.failed.take().filter(|(of, _)| *of == (row, attempt)).map_or(0, |(_, count)| count);
                 // What nobody hears is no fault of this tap: it waits until it is heard, or the casing is taken away.
-                if why != UNHEARD {
+                if !why.starts_with(UNHEARD) {
                     self.unheard = None;
                 }
                 if failed >= self.retakes && self.unheard.is_none() {
-                    return Readiness::Refused(self.refusal(format!("the rig cannot make this tap: {why}")));
+                    let reason = format!("the rig cannot make this tap: {why}");
+                    // The next taps may fail for the same reason: people are told once of a casing.
+                    if !std::mem::replace(&mut self.has_refused, true) {
+                        self.link.dialogue().alarm_of(self.id, &reason);
+                    }
+                    return Readiness::Refused(self.refusal(reason));
                 }
                 self.failed = Some(((row, attempt), failed.saturating_add(1)));
                 self.poll(row, attempt)

@@ -343,6 +343,10 @@ fn patience_ends() {
     drop(rig);
     let Readiness::Gone(why) = bench.poll(&mut casing, 0) else { panic!("not gone") };
     assert_eq!(why, "the rig was away for more than 0.05 s");
+    // People hear of it at once, not when patience ends.
+    let alarms = bench.arrivals.take_alarms();
+    assert!(alarms[0].starts_with("casing T: the rig is away: "), "{alarms:?}");
+    assert_eq!(alarms[1..], ["casing T: the rig was away for more than 0.05 s"]);
     // It comes back with nothing, and then with the same casing: that is scanned anew.
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig 1\ncasing T\n");
@@ -517,7 +521,13 @@ fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
             assert!(since.elapsed() < LONG, "{}", bench.arrivals.waits_for());
             bench.pause();
         }
-        alarms.push(bench.arrivals.take_alarms());
+        let (away, other): (Vec<_>, Vec<_>) = bench
+            .arrivals
+            .take_alarms()
+            .into_iter()
+            .partition(|alarm| alarm.starts_with("casing T: the rig is away: "));
+        assert_eq!(away.len(), 1, "{away:?}");
+        alarms.push(other);
     }
     let told = |what: &str, command: &str| {
         vec![format!("the rig does not {what}: it was told {command:?} 3 times in a row, and has not answered")]

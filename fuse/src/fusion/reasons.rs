@@ -33,9 +33,12 @@ impl Fusion {
         if self.who.reference(scan).contains(&scan) {
             reasons.insert(Reasons::SELF_REFERENCE);
         }
-        // What another shoulder lacks is its own affair, unless this one is compared with it.
-        if self.who.reference(scan).iter().chain([&scan]).any(|&asked| self.lacks_features(asked)) {
+        if self.lacks_features(scan) {
             reasons.insert(Reasons::FEATURES_ABSENT);
+        }
+        // What another shoulder lacks is its own affair, unless this one is compared with it.
+        if self.who.reference(scan).iter().any(|&other| other != scan && self.lacks_features(other)) {
+            reasons.insert(Reasons::REFERENCE_LACKS_FEATURES);
         }
         if self.plan.geometry == Geometry::Ring && !self.rings[scan].is_whole() {
             reasons.insert(Reasons::LOCATION_BLIND);
@@ -60,8 +63,8 @@ impl Fusion {
         if !recording.calibration.is_certified(&recording.channels) {
             reasons.insert(Reasons::NOT_CALIBRATED);
         }
-        if recording.calibration.is_expired(&recording.channels) {
-            reasons.insert(Reasons::CALIBRATION_EXPIRED);
+        if recording.calibration.is_out_of_date(&recording.channels) {
+            reasons.insert(Reasons::CALIBRATION_OUT_OF_DATE);
         }
         if self.config.requires_calibration && !reasons.is_empty() {
             reasons.insert(Reasons::CALIBRATION_REQUIRED);

@@ -7,11 +7,19 @@ use hdf5::{Dataset, File, Group, H5Type, Location};
 use ndarray::s;
 
 use crate::error::{Fault, broken, some_of};
-use crate::format::{Line, PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, picked_twice, place_of, whole};
+use crate::format::{
+    Line, PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, UNIT, UNIT_BOUND, line_of, picked_twice, place_of, whole,
+};
 use crate::series::{Series, checked_count};
 
 /// Attributes that name a unit.
 const UNIT_NAMES: [&str; 3] = ["unit", "units", "unit_string"];
+
+/// Attribute of what MATLAB wrote.
+const MATLAB_CLASS: &str = "MATLAB_class";
+
+/// Most characters of a unit.
+const UNIT_CHARACTERS_MAX: usize = 64;
 
 /// An HDF5 file.
 #[derive(Debug)]
@@ -98,6 +106,22 @@ impl Hdf5File {
     }
 }
 
+impl Hdf5File {
+    /// The text beside a variable that MATLAB wrote, as `force_unit` beside `force`: 16-bit characters.
+    fn matlab_unit(&self, dataset: &Dataset) -> Result<Option<String>, Fault> {
+        let path = format!("{}{UNIT}", dataset.name());
+        if dataset.attr(MATLAB_CLASS).is_err() || !has(&self.file, &path) {
+            return Ok(None);
+        }
+        let unit = self.file.dataset(&path).map_err(fault_of)?;
+        let kind = unit.dtype().and_then(|kind| kind.to_descriptor()).map_err(fault_of)?;
+        if kind != TypeDescriptor::Unsigned(IntSize::U2) || unit.size() > UNIT_CHARACTERS_MAX {
+            return broken(format!("{path:?} is no short text; {UNIT_BOUND}"));
+        }
+        Ok(Some(String::from_utf16_lossy(&unit.read_raw::<u16>().map_err(fault_of)?)))
+    }
+}
+
 fn has(group: &Group, path: &str) -> bool {
     // The library asks that each step of a path be there before the next is asked for.
     let mut upto = String::new();
@@ -124,7 +148,8 @@ fn names(group: &Group) -> Result<Vec<String>, Fault> {
 
 /// Names of the datasets of a group that are no scalars.
 fn channels(group: &Group) -> Result<Vec<String>, Fault> {
-    let is_channel = |name: &String| group.dataset(name).is_ok_and(|dataset| dataset.size() > 1);
+    let is_channel =
+        |name: &String| !name.ends_with(UNIT) && group.dataset(name).is_ok_and(|dataset| dataset.size() > 1);
     Ok(names(group)?.into_iter().filter(is_channel).collect())
 }
 
@@ -167,6 +192,9 @@ impl Recorded for Hdf5File {
         series.sample_rate_hz = self.number(part, &dataset, &RATE_NAMES);
         series.pre_trigger_samples = self.number(part, &dataset, &[PRE_TRIGGER_NAME]).and_then(whole);
         series.unit = UNIT_NAMES.iter().find_map(|name| text(&dataset, name));
+        if series.unit.is_none() {
+            series.unit = self.matlab_unit(&dataset)?;
+        }
         Ok(series)
     }
 }

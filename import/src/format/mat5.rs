@@ -11,7 +11,9 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 
 use crate::error::{Fault, broken, some_of};
-use crate::format::{PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, line_of, picked_twice, place_of, whole};
+use crate::format::{
+    PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, UNIT, UNIT_BOUND, line_of, picked_twice, place_of, whole,
+};
 use crate::series::{SAMPLES_MAX, Series, checked_count};
 
 /// Bytes before the first variable.
@@ -22,12 +24,6 @@ const VARIABLE_BYTES_MAX: u64 = 8 * SAMPLES_MAX;
 
 /// Most variables that are kept: the channels and their units, and the scalars of rate and trigger.
 const READ_MAX: usize = 6;
-
-/// What is added to the name of a channel for that of the text with its unit.
-const UNIT: &str = "_unit";
-
-/// What that must be.
-const UNIT_BOUND: &str = "it must be a text with the unit of the channel, such as \"N\" or \"V\"";
 
 /// Deepest structure within structures.
 const DEPTH_MAX: usize = 4;

@@ -199,6 +199,10 @@ fn line_of(shape: &[u64], number: Option<usize>, time_axis: Option<u8>) -> Resul
 const RATE_NAMES: [&str; 4] = ["sample_rate_hz", "sample_rate", "fs", "Fs"];
 const PRE_TRIGGER_NAME: &str = "pre_trigger_samples";
 
+/// What is added to the name of a channel of MATLAB for that of the text with its unit, and what that must be.
+const UNIT: &str = "_unit";
+const UNIT_BOUND: &str = "it must be a text with the unit of the channel, such as \"N\" or \"V\"";
+
 /// A number of samples that a file states as a float.
 fn whole(value: f64) -> Option<u32> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in bounds")]

@@ -123,7 +123,7 @@ impl Supervisor<'_> {
         if let Some(station) = self.shown.stations.iter_mut().find(|station| station.number == verdict.station) {
             station.tally.add(verdict, last.retaken);
             station.last = Some(last);
-            (station.calibrated_on, station.is_calibration_expired) = calibration(reader);
+            (station.calibrated_on, station.is_calibration_out_of_date) = calibration(reader);
         }
     }
 }

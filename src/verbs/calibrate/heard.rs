@@ -117,7 +117,7 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
     print_line(&format!("strike the sensor: {} blows are wanted", known_n.len()));
     while peaks.len() < known_n.len() {
         let Some(tap) = listening.monitor.take() else {
-            listening.wait(&format!("{} of {} blows were heard", peaks.len(), known_n.len()))?;
+            listening.wait(&format!("{} of {} blows were counted", peaks.len(), known_n.len()))?;
             continue;
         };
         let Some(samples) = Samples::view(&tap.header, &tap.samples) else { continue };
@@ -138,6 +138,9 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
                 100.0 * PEAK_MIN,
                 100.0 * CLIPPED
             )),
+            None if found.quality.contains(Quality::CLIPPED) => {
+                print_line("not counted, strike again: the force is clipped; lower the gain, or strike more softly");
+            }
             None => print_line(&format!("not counted, strike again: the force has no peak, flags {}", found.quality)),
         }
     }

@@ -135,15 +135,15 @@ impl Calibration {
         channels.iter().all(|&channel| self.of(channel).certificate.is_some())
     }
 
-    /// Whether the certificate of one of `channels` no longer held on the day of the taps. Where that day is unknown, none had
-    /// expired.
-    pub fn is_expired(&self, channels: &[Channel]) -> bool {
+    /// Whether the certificate of one of `channels` is not known to hold on the day of the taps: it is of a later day, it had
+    /// expired, or it expires and that day is not known.
+    pub fn is_out_of_date(&self, channels: &[Channel]) -> bool {
         // Dates of this form are in order as texts.
-        let is_over = |&channel: &Channel| {
-            let until = self.of(channel).certificate.as_ref().and_then(|certificate| certificate.valid_until.as_ref());
-            self.tapped_on.as_ref().zip(until).is_some_and(|(tapped_on, until)| tapped_on > until)
+        let is_out = |certificate: &Certificate| match (&self.tapped_on, &certificate.valid_until) {
+            (Some(day), until) => *day < certificate.date || until.as_ref().is_some_and(|until| day > until),
+            (None, until) => until.is_some(),
         };
-        channels.iter().any(is_over)
+        channels.iter().filter_map(|&channel| self.of(channel).certificate.as_ref()).any(is_out)
     }
 }
 
@@ -151,19 +151,27 @@ impl Calibration {
 mod tests {
     use super::*;
 
-    /// Catches a certificate that expires on its last day, that of a channel that is not there, and one that never expires.
+    /// Catches a certificate that expires on its last day, that of a channel that is not there, one that never expires, one of
+    /// a later day, and taps of an unknown day that any certificate would do for.
     #[test]
-    fn a_certificate_holds_until_its_last_day() {
+    fn a_certificate_holds_from_its_date_until_its_last_day() {
         let mut calibration = Calibration::computed();
         let both = [Channel::Force, Channel::Sound];
-        calibration.of_mut(Channel::Sound).certificate.as_mut().unwrap().valid_until = Some("2026-11-24".to_owned());
-        for (day, is_expired) in [("2026-11-24", false), ("2026-11-25", true), ("2027-01-01", true)] {
+        let sound = calibration.of_mut(Channel::Sound).certificate.as_mut().unwrap();
+        (sound.date, sound.valid_until) = ("2026-01-02".to_owned(), Some("2026-11-24".to_owned()));
+        for (day, is_out) in [
+            ("2026-01-01", true),
+            ("2026-01-02", false),
+            ("2026-11-24", false),
+            ("2026-11-25", true),
+            ("2027-01-01", true),
+        ] {
             calibration.tapped_on = Some(day.to_owned());
-            assert_eq!(calibration.is_expired(&both), is_expired, "{day}");
-            assert!(!calibration.is_expired(&[Channel::Force]) && calibration.is_certified(&both));
+            assert_eq!(calibration.is_out_of_date(&both), is_out, "{day}");
+            assert!(!calibration.is_out_of_date(&[Channel::Force]) && calibration.is_certified(&both));
         }
         calibration.tapped_on = None;
-        assert!(!calibration.is_expired(&both));
+        assert!(calibration.is_out_of_date(&both) && !calibration.is_out_of_date(&[Channel::Force]));
         assert!(!Calibration::stated().is_certified(&[Channel::Sound]));
     }
 }

@@ -105,12 +105,14 @@ flags! {
             "No impact velocity was measured: a wrong one would not show.";
         NOT_CALIBRATED = 15, "not_calibrated":
             "There is no calibration of a channel: a sensor that changed would not show.";
-        CALIBRATION_EXPIRED = 16, "calibration_expired":
-            "The calibration of a channel had expired when the casing was tapped.";
+        CALIBRATION_OUT_OF_DATE = 16, "calibration_out_of_date":
+            "The calibration of a channel is not known to hold on the day of the taps: it is of a later day, had expired, or that day is not known.";
         CALIBRATION_REQUIRED = 17, "calibration_required":
             "This line passes no casing without a valid calibration.";
         FLAGGED = 18, "flagged":
             "A flag stands on more than half of the taps: what it warns of holds for all of the shoulder.";
+        REFERENCE_LACKS_FEATURES = 19, "reference_lacks_features":
+            "A discriminator is absent from a shoulder that this one is compared with, as features_absent says of that one.";
     }
 }
 
@@ -120,7 +122,7 @@ impl Reasons {
         .union(Self::EXTRAPOLATED)
         .union(Self::VELOCITY_UNKNOWN)
         .union(Self::NOT_CALIBRATED)
-        .union(Self::CALIBRATION_EXPIRED)
+        .union(Self::CALIBRATION_OUT_OF_DATE)
         .union(Self::FLAGGED);
 }
 

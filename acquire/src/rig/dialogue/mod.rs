@@ -283,8 +283,12 @@ impl Dialogue {
     pub(super) fn log_fault(&mut self, reason: &str) {
         if self.fault.as_deref() != Some(reason) {
             let LinkConfig { station, address, .. } = &self.config;
-            tracing::warn!("station {station}: no connection to the rig at {address}: {reason}; trying again");
-            self.fault = Some(reason.to_owned());
+            tracing::warn!("station {station}: the rig at {address} is not there: {reason}; trying again");
+            let is_news = self.fault.replace(reason.to_owned()).is_none();
+            // Without a casing a rig may be off.
+            if let Some(current) = self.current.as_ref().filter(|_| is_news) {
+                self.alarm(format!("casing {}: the rig is away: {reason}", current.serial));
+            }
         }
     }
 

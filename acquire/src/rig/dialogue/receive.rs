@@ -117,7 +117,14 @@ impl Dialogue {
         let LinkConfig { station, address, .. } = &self.config;
         match message {
             RigMessage::Hello { name, version: VERSION } => {
-                tracing::info!("station {station}: connected to the rig {name:?} at {address}");
+                match &self.current {
+                    Some(Current { serial, .. }) => {
+                        tracing::warn!(
+                            "station {station}: the rig {name:?} at {address} is back; casing {serial} goes on"
+                        );
+                    }
+                    None => tracing::info!("station {station}: connected to the rig {name:?} at {address}"),
+                }
                 self.rig_name = Some(name);
                 self.fault = None;
                 Ok(true)

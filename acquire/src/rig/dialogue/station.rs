@@ -74,9 +74,15 @@ impl Dialogue {
         let station = self.config.station;
         if let Some(current) = self.current.as_mut().filter(|current| current.id == id) {
             tracing::warn!("station {station}: casing {}: {why}", current.serial);
-            let alarm = format!("casing {}: {why}", current.serial);
             current.step = Step::Failed(tap, why.to_owned());
-            self.alarm(alarm);
+            self.alarm_of(id, why);
+        }
+    }
+
+    /// Raises an alarm about the casing `id`, if that is the current one.
+    pub(crate) fn alarm_of(&mut self, id: u64, why: &str) {
+        if let Some(current) = self.current.as_ref().filter(|current| current.id == id) {
+            self.alarm(format!("casing {}: {why}", current.serial));
         }
     }
 

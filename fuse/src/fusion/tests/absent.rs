@@ -11,9 +11,13 @@ fn plan_of(casing: &Casing, channels: &[Channel]) -> Plan {
     Plan::new(plan.geometry, recording, plan.taps().to_vec(), Truth::new()).unwrap()
 }
 
-/// Verdict, and whether absent features are a reason, for a casing that is its own reference; `spoil` has the number of each
+/// Verdict, and the reasons of absent features, for a casing that is its own reference; `spoil` has the number of each
 /// tap that is no closing one, its name and its values. Of all scans, in their order.
-fn judged(casing: &Casing, channels: &[Channel], spoil: impl Fn(usize, &TapId, &mut Values)) -> Vec<(Verdict, bool)> {
+fn judged(
+    casing: &Casing,
+    channels: &[Channel],
+    spoil: impl Fn(usize, &TapId, &mut Values),
+) -> Vec<(Verdict, Reasons)> {
     let plan = plan_of(casing, channels);
     let mut all = records(casing, &plan, 1);
     let entering = all.iter_mut().zip(plan.taps()).filter(|(_, tap)| !tap.is_closing());
@@ -23,14 +27,15 @@ fn judged(casing: &Casing, channels: &[Channel], spoil: impl Fn(usize, &TapId, &
     let mut fusion = whole(&FuseConfig::by(Reference::Own), &plan, &all);
     let of = |scan| {
         let judgement = fusion.judge(scan).unwrap().0;
-        (verdict(&judgement), judgement.reasons.contains(Reasons::FEATURES_ABSENT))
+        (verdict(&judgement), judgement.reasons.intersection(ABSENT))
     };
     (0..plan.scans().len()).map(of).collect()
 }
 
 const BOTH: [Channel; 2] = [Channel::Force, Channel::Sound];
-const PASS: (Verdict, bool) = (Verdict::Pass, false);
-const TOLD: (Verdict, bool) = (Verdict::ReInspect, true);
+const ABSENT: Reasons = Reasons::FEATURES_ABSENT.union(Reasons::REFERENCE_LACKS_FEATURES);
+const PASS: (Verdict, Reasons) = (Verdict::Pass, Reasons::empty());
+const TOLD: (Verdict, Reasons) = (Verdict::ReInspect, Reasons::FEATURES_ABSENT);
 
 #[test]
 fn a_discriminator_that_most_taps_lack_is_told() {
@@ -80,9 +85,9 @@ fn a_stuck_sensor_is_told() {
         })[0]
     };
     assert_eq!(stuck(|_| true), TOLD);
-    assert!(!stuck(|number| number < 400).1);
+    assert!(stuck(|number| number < 400).1.is_empty());
     let told = stuck(|number| number <= 400);
-    assert!(told.1 && told.0 != Verdict::Pass, "{told:?}");
+    assert!(!told.1.is_empty() && told.0 != Verdict::Pass, "{told:?}");
 }
 
 #[test]
@@ -95,7 +100,7 @@ fn one_tap_of_a_discriminator_is_not_stuck() {
         repetition_count: 1,
         ..Casing::default()
     };
-    assert!(!judged(&one, &BOTH, |_, _, _| ())[0].1);
+    assert!(judged(&one, &BOTH, |_, _, _| ())[0].1.is_empty());
 }
 
 #[test]
@@ -121,12 +126,13 @@ fn a_location_that_lacks_most_of_its_discriminators_is_told() {
 
 #[test]
 fn a_reference_that_lacks_features_is_told() {
-    // Catches a sound shoulder that passes by a reference half of which is dead.
+    // Catches a sound shoulder that passes by a reference half of which is dead, and people who are sent to its own sensors.
     let casing = Casing { shoulder_count: 2, ..Casing::default() };
     let told = judged(&casing, &BOTH, |_, id, values| {
         if id.shoulder == 2 {
             values.set(Discriminator::Pf, None);
         }
     });
-    assert_eq!(told, [TOLD, TOLD]);
+    assert_eq!(told[0], (Verdict::ReInspect, Reasons::REFERENCE_LACKS_FEATURES));
+    assert_eq!((told[1].0, told[1].1), (Verdict::ReInspect, Reasons::FEATURES_ABSENT));
 }
