@@ -85,14 +85,11 @@ pub struct ScanConfig {
     pub tyre: Vec<TyreConfig>,
 }
 
-/// Offset, from the belt edge inwards, at which an adaptive scan looks besides.
-const INWARDS_MM: f64 = 10.0;
-
 /// How a scan goes on after its first taps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ScanPolicy {
-    /// A few taps all round; what stands out is tapped again. The default of `tapline line`.
+    /// One turn at the belt edge; what stands out is tapped again. The default of `tapline line`.
     Adaptive,
     /// All taps; what stands out is tapped again.
     Full,
@@ -106,8 +103,6 @@ pub(crate) struct Turn {
     pub(crate) offset_mm: f64,
     pub(crate) velocity_m_per_s: f64,
     pub(crate) repetition: u16,
-    /// From location to location.
-    pub(crate) every: u32,
 }
 
 /// One simulated tyre: an entry `[[scan.tyre]]`.
@@ -197,47 +192,34 @@ impl ScanConfig {
     }
 
     fn taps_of_tyre(&self) -> u128 {
-        let of_turn = |every: u32| u128::from(self.locations.div_ceil(every)) + u128::from(self.closing_tap);
-        let of_shoulder = match self.policy {
-            Some(ScanPolicy::Adaptive) => self.coarse_turns().iter().map(|turn| of_turn(turn.every)).sum(),
-            _ => {
-                let turns = self.offsets_mm.len() as u128
-                    * self.velocities_m_per_s.len() as u128
-                    * u128::from(self.repetitions);
-                turns.saturating_mul(of_turn(1))
-            }
+        let turns = match self.policy {
+            Some(ScanPolicy::Adaptive) => 1,
+            _ => self.offsets_mm.len() as u128 * self.velocities_m_per_s.len() as u128 * u128::from(self.repetitions),
         };
-        of_shoulder.saturating_mul(self.shoulders.into())
+        let of_turn = u128::from(self.locations) + u128::from(self.closing_tap);
+        turns.saturating_mul(of_turn).saturating_mul(self.shoulders.into())
     }
 
     /// The turns around a shoulder, in their order.
     pub(crate) fn turns(&self) -> Vec<Turn> {
         if self.policy == Some(ScanPolicy::Adaptive) {
-            return self.coarse_turns();
+            return self.turn_at_the_edge().into_iter().collect();
         }
         let mut turns = Vec::new();
         for &offset_mm in &self.offsets_mm {
             for &velocity_m_per_s in &self.velocities_m_per_s {
-                let turn = |repetition| Turn { offset_mm, velocity_m_per_s, repetition, every: 1 };
+                let turn = |repetition| Turn { offset_mm, velocity_m_per_s, repetition };
                 turns.extend((0..self.repetitions).map(turn));
             }
         }
         turns
     }
 
-    /// The turns of an adaptive scan: with the greatest velocity every second location at the belt edge, and every third where
-    /// cracks that have grown inwards show.
-    fn coarse_turns(&self) -> Vec<Turn> {
-        let nearest = |to: f64, but: Option<f64>| {
-            let others = self.offsets_mm.iter().copied().filter(|&mm| Some(mm) != but);
-            others.min_by(|a, b| (a - to).abs().total_cmp(&(b - to).abs()))
-        };
-        let velocity_m_per_s = self.velocities_m_per_s.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN);
-        let edge = nearest(0.0, None);
-        let turn = |(offset_mm, every): (Option<f64>, u32)| {
-            Some(Turn { offset_mm: offset_mm?, velocity_m_per_s, repetition: 0, every })
-        };
-        [(edge, 2), (nearest(INWARDS_MM, edge), 3)].into_iter().filter_map(turn).collect()
+    /// The turn of an adaptive scan: with the greatest velocity at the offset nearest to the belt edge, where cracks begin.
+    fn turn_at_the_edge(&self) -> Option<Turn> {
+        let offset_mm = self.offsets_mm.iter().copied().min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+        let velocity_m_per_s = self.velocities_m_per_s.iter().copied().max_by(f64::total_cmp)?;
+        Some(Turn { offset_mm, velocity_m_per_s, repetition: 0 })
     }
 
     /// The scan of a station that taps whatever casings come: adaptive, unless the configuration says otherwise.
@@ -251,7 +233,7 @@ impl ScanConfig {
     pub(crate) fn room(&self) -> u32 {
         let turns = match self.policy {
             None | Some(ScanPolicy::Fixed) => return 0,
-            Some(ScanPolicy::Adaptive) => 2,
+            Some(ScanPolicy::Adaptive) => 1,
             Some(ScanPolicy::Full) => self.velocities_m_per_s.len() * usize::from(self.repetitions),
         };
         let turns = u32::try_from(turns).unwrap_or(u32::MAX);

@@ -27,8 +27,9 @@ fn a_crack_is_tapped_again_before_it_is_judged() {
     assert!(verify(&file).unwrap().is_complete());
     let reader = Reader::open(&file).unwrap();
     let plan = reader.plan();
-    // Every second location at the belt edge, every third at 10 mm, each turn closed, on both shoulders.
-    assert_eq!(plan.begun().taps().len(), 2 * (51 + 35));
+    // One turn at the belt edge, closed, on both shoulders.
+    assert_eq!(plan.begun().taps().len(), 2 * 101);
+    assert!(plan.taps().iter().all(|tap| tap.id.offset_mm() == Some(0.0)));
     let is = |purpose| plan.added().iter().filter(move |tap| tap.purpose == purpose).count();
     assert!(
         is(Purpose::Suspect) > 0 && is(Purpose::Control) >= 24,
@@ -55,7 +56,7 @@ fn a_second_reading_outlives_the_stages() {
     let station = "[[station]]\nnumber = 1\nsource = \"simulated\"\n";
     let scan = "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\n";
     let head = "[simulation]\nsample_count = 2048\n[fuse]\nreference = \"self\"\n[acquire]\n";
-    // The casing is killed for when so many of its 102 first taps and some 30 second ones are archived.
+    // The casing is killed for when so many of its 202 first taps and some 30 second ones are archived.
     let made = |taps_per_s: f64, kills: &[(u64, &str)]| {
         sandbox.write("plant.toml", &format!("{scan}{head}taps_per_s = {taps_per_s}\n{station}"));
         let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 1");
@@ -75,5 +76,5 @@ fn a_second_reading_outlives_the_stages() {
     };
     let expected = made(1000.0, &[]);
     assert!(!expected.0.added().is_empty());
-    assert_eq!(made(20.0, &[(60, "fuse"), (99, "store"), (106, "fuse"), (110, "store")]), expected);
+    assert_eq!(made(20.0, &[(120, "fuse"), (199, "store"), (206, "fuse"), (210, "store")]), expected);
 }

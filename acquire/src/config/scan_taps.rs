@@ -11,10 +11,10 @@ pub(crate) fn taps_of(scan: &ScanConfig, tyres: impl Iterator<Item = (Serial, u1
     let mut taps = Vec::new();
     for (serial, station) in tyres {
         for shoulder in 1..=scan.shoulders {
-            for Turn { offset_mm, velocity_m_per_s, repetition, every } in scan.turns() {
+            for Turn { offset_mm, velocity_m_per_s, repetition } in scan.turns() {
                 let mut id = id_of(offset_mm, velocity_m_per_s)?;
                 (id.tyre, id.station, id.shoulder, id.repetition) = (serial, station, shoulder, repetition);
-                taps.extend(turn(scan, id, every));
+                taps.extend(turn(scan, id));
             }
         }
     }
@@ -30,11 +30,11 @@ fn id_of(offset_mm: f64, velocity_m_per_s: f64) -> Result<TapId, Error> {
     })
 }
 
-/// One full turn of `id` at `every` so many locations, with the first location again at its end.
-fn turn(scan: &ScanConfig, id: TapId, every: u32) -> impl Iterator<Item = PlannedTap> {
+/// One full turn of `id`, with the first location again at its end.
+fn turn(scan: &ScanConfig, id: TapId) -> impl Iterator<Item = PlannedTap> {
     let locations = scan.locations;
     let closing = scan.closing_tap.then_some(locations);
-    (0..locations).step_by(every as usize).chain(closing).map(move |location| {
+    (0..locations).chain(closing).map(move |location| {
         let mut id = id;
         id.location = location;
         let angle_deg = 360.0 * f64::from(location) / f64::from(locations);

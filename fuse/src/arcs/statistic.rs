@@ -62,7 +62,8 @@ impl ArcStatistic {
         for depth in 1..=statistic.offsets.len() {
             statistic.depths.push(statistic.depth(depth, reference, is_own));
         }
-        let maps: Vec<(&Ring, Maps)> = reference.iter().map(|(ring, scores)| (*ring, statistic.maps(scores))).collect();
+        let maps: Vec<(&Ring, Maps)> =
+            reference.iter().map(|(ring, scores)| (*ring, statistic.maps(&scores.by_offset))).collect();
         for (number, depth) in statistic.depths.iter_mut().enumerate() {
             let mut sums = vec![Vec::new(); ARC_MAX];
             for (ring, maps) in &maps {
@@ -78,7 +79,7 @@ impl ArcStatistic {
         let (mut mean, mut correlation) = ([0.0; ABSENT.len()], [0.0; ABSENT.len()]);
         for d in 0..ABSENT.len() {
             let places = reference.iter().flat_map(|(ring, scores)| (0..ring.len()).map(move |place| (scores, place)));
-            let sums = places.map(|(scores, place)| self.sum(depth, scores, place, d));
+            let sums = places.map(|(scores, place)| self.sum(depth, &scores.by_offset, place, d));
             let full: Vec<f64> =
                 sums.filter(|&(_, count)| count == depth).map(|(sum, count)| sum / (count as f64).sqrt()).collect();
             let scatter = if full.len() < PLACES_MIN { None } else { spread(&full, is_own) };
@@ -126,18 +127,18 @@ impl ArcStatistic {
     }
 
     /// The sum of the scores of discriminator number `d` over the first `depth` offsets at `place`, and how many there are.
-    fn sum(&self, depth: usize, scores: &Scores, place: usize, d: usize) -> (f64, usize) {
-        let values = self.offsets[..depth].iter().map(|&offset| scores.by_offset[offset][place][d]);
+    fn sum(&self, depth: usize, by_offset: &[Vec<Vector>], place: usize, d: usize) -> (f64, usize) {
+        let values = self.offsets[..depth].iter().map(|&offset| by_offset[offset][place][d]);
         values.filter(|value| value.is_finite()).fold((0.0, 0), |(sum, count), value| (sum + value, count + 1))
     }
 
-    /// The scores of the places of a shoulder.
-    pub(crate) fn maps(&self, scores: &Scores) -> Maps {
-        let place_count = scores.by_offset.first().map_or(0, Vec::len);
+    /// The scores of the places of a shoulder, from those `[offset][place]`.
+    pub(crate) fn maps(&self, by_offset: &[Vec<Vector>]) -> Maps {
+        let place_count = by_offset.first().map_or(0, Vec::len);
         let of = |(number, depth): (usize, &Depth)| {
             let value = |place: usize| -> Vector {
                 std::array::from_fn(|d| {
-                    let (sum, count) = self.sum(number + 1, scores, place, d);
+                    let (sum, count) = self.sum(number + 1, by_offset, place, d);
                     let n = count as f64;
                     // Where offsets are missing, the sum of the others scatters as that of so many.
                     (sum / n.sqrt() - depth.mean[d]) / (1.0 + (n - 1.0) * depth.correlation[d]).sqrt()
@@ -308,7 +309,7 @@ mod tests {
             let geometry = if is_ring { Geometry::Ring } else { Geometry::Line };
             let ring = ring(30, geometry);
             let statistic = ArcStatistic::fit((0..values.len()).collect(), &[], false);
-            let found = statistic.strongest(&ring, &statistic.maps(&scores(values.clone())));
+            let found = statistic.strongest(&ring, &statistic.maps(&scores(values.clone()).by_offset));
             let expected = strongest_by_search(is_ring, &values);
             prop_assert!((found.map_or(f64::NEG_INFINITY, |arc| arc.value) - expected).abs() < 1e-9 || expected == f64::NEG_INFINITY);
         }
@@ -324,7 +325,7 @@ mod tests {
         let reference: Vec<(&Ring, Scores)> = (0..10).map(|k| (&ring, scores(vec![wave(f64::from(k))]))).collect();
         let statistic = ArcStatistic::fit(vec![0], &reference, false);
         let sound = scores(vec![wave(0.5)]);
-        let value = |of: &ArcStatistic| of.strongest(&ring, &of.maps(&sound)).unwrap().value;
+        let value = |of: &ArcStatistic| of.strongest(&ring, &of.maps(&sound.by_offset)).unwrap().value;
         let (fitted, white) = (value(&statistic), value(&statistic.of_white()));
         assert!(fitted < 2.0 && white > 2.5, "{fitted} {white}");
     }
@@ -335,7 +336,8 @@ mod tests {
         let mut by_offset = vec![vec![0.0; 60]; 4];
         by_offset[0][20..26].fill(3.0);
         let statistic = ArcStatistic::fit((0..4).collect(), &[], false);
-        let found = statistic.strongest(&ring(60, Geometry::Ring), &statistic.maps(&scores(by_offset))).unwrap();
+        let found =
+            statistic.strongest(&ring(60, Geometry::Ring), &statistic.maps(&scores(by_offset).by_offset)).unwrap();
         assert_eq!((found.start, found.length), (20, 6));
         assert!((found.value - 3.0 * 6.0_f64.sqrt()).abs() < 1e-12);
     }

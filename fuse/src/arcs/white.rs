@@ -44,7 +44,7 @@ pub(crate) fn strongest_arcs(statistic: &ArcStatistic, ring: &Ring, pattern: &Sc
                 }
             }
         }
-        found.extend(statistic.strongest(ring, &statistic.maps(&drawn)).map(|arc| arc.value));
+        found.extend(statistic.strongest(ring, &statistic.maps(&drawn.by_offset)).map(|arc| arc.value));
     }
     let width = place_scatter.used().count();
     Some(White { sd: mean_and_sd(&found)?.1, median: median(&mut found)?, width })

@@ -15,7 +15,8 @@ use crate::fusion::{Fusion, Seen};
 /// Most arcs of a shoulder that are tapped again, the strongest first.
 const ARCS_MAX: usize = 4;
 
-/// Fewest controls: places that do not stand out, which tell the level of a second reading.
+/// Fewest controls: places that do not stand out, which tell the level of a second reading. There are as many as suspects where
+/// these are more; twice as many take time and decide no more (`docs/rates.md`).
 const CONTROLS_MIN: usize = 24;
 
 /// Places that are to be tapped again at one offset.
@@ -27,9 +28,9 @@ struct Wanted {
 
 impl Fusion {
     /// The taps that the casing of scan number `scan` wants besides before it is judged, `room` at most: of each arc that sound
-    /// shoulders reach at [`confirm_rate`](crate::FuseConfig::confirm_rate), at the offset where it stands out most, and of
-    /// places that nothing is known of, as often as the scan tapped there, and controls. None of a shoulder that was tapped
-    /// again already.
+    /// shoulders reach at [`confirm_rate`](crate::FuseConfig::confirm_rate), where a tap that stands out alone counts in full, at
+    /// the offset where the arc stands out most, and of places that nothing is known of, as often as the scan tapped there, and
+    /// controls. None of a shoulder that was tapped again already.
     ///
     /// # Errors
     /// [`Error::NoSuchScan`].
@@ -55,7 +56,10 @@ impl Fusion {
             let Some(view) = compared.view(scan).filter(|view| !has_second && is_by_offset(view)) else { continue };
             let limit = view.fitted.limits.at(self.config.confirm_rate);
             let ring = &view.shoulder.ring;
-            let mut arcs = arcs_above(&view.fitted.statistic, ring, &view.maps, limit);
+            // A tap that stands out alone is cut before it is believed, but not before it is asked about: over a crack of one
+            // location nothing else stands out, and what is cut does not reach the limit.
+            let uncut = view.fitted.statistic.maps(&view.scores.uncut);
+            let mut arcs = arcs_above(&view.fitted.statistic, ring, &uncut, limit);
             // Controls are none of them, also where not all are tapped again.
             let mut is_near = vec![false; ring.len()];
             for place in arcs.iter().flat_map(|arc| ring.from(arc.start).take(arc.length)) {
@@ -106,7 +110,7 @@ impl Fusion {
             let is_sound =
                 |place: &usize| !is_near[*place] && view.scores.is_inlier[*place] && is_known(offset, *place);
             let sound: Vec<usize> = (0..ring.len()).filter(is_sound).collect();
-            wanted.controls.extend(spread(&sound, CONTROLS_MIN.max(2 * wanted.suspects.len())));
+            wanted.controls.extend(spread(&sound, CONTROLS_MIN.max(wanted.suspects.len())));
         }
         self.planned(scan, compared, &by_offset)
     }
@@ -157,7 +161,7 @@ fn strongest_offset(view: &View<'_>, arc: Arc) -> Option<usize> {
     let scatter = view.fitted.statistic.of_place()?;
     let of_offset = |&offset: &usize| {
         let mut sum = Sum::default();
-        view.shoulder.ring.from(arc.start).take(arc.length).for_each(|p| sum.add(&view.scores.by_offset[offset][p]));
+        view.shoulder.ring.from(arc.start).take(arc.length).for_each(|p| sum.add(&view.scores.uncut[offset][p]));
         Some((offset, scatter.evidence(&sum.over_root()))).filter(|(_, evidence)| !evidence.is_nan())
     };
     let each = view.fitted.statistic.offsets().iter().filter_map(of_offset);

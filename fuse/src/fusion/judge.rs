@@ -55,7 +55,7 @@ impl Compared {
     pub(super) fn view(&self, scan: usize) -> Option<View<'_>> {
         let number = self.scans.iter().position(|&s| s == scan)?;
         let Found { fitted, scores, readings } = self.found.as_ref()?;
-        let maps = |scores: &Vec<Scores>| fitted.statistic.maps(&scores[number]);
+        let maps = |scores: &Vec<Scores>| fitted.statistic.maps(&scores[number].by_offset);
         Some(View {
             shoulder: &self.shoulders[number],
             fitted,
@@ -146,7 +146,7 @@ impl Fusion {
         };
         let map = |(number, mm): (usize, Option<f64>)| {
             let alone = view.fitted.statistic.alone(number);
-            let index = damage_index(&alone, &view.shoulder.ring, &alone.maps(view.scores));
+            let index = damage_index(&alone, &view.shoulder.ring, &alone.maps(&view.scores.by_offset));
             Some(OffsetMap {
                 offset_mm: mm?,
                 index: index.into_iter().map(|x| Some(x).filter(|x| !x.is_nan())).collect(),

@@ -101,8 +101,10 @@ impl Index for Extremes {
                 scores
             };
             let width = self.setup.discriminators.len();
+            let by_offset: Vec<Vec<Vector>> = vec![self.values(shoulder).into_iter().map(standardised).collect()];
             let mut scores = Scores {
-                by_offset: vec![self.values(shoulder).into_iter().map(standardised).collect()],
+                by_offset: by_offset.clone(),
+                uncut: by_offset,
                 by_discriminator: vec![vec![f64::NAN; width]; place_count],
                 is_inlier: vec![true; place_count],
             };

@@ -38,6 +38,8 @@ pub(crate) struct Scores {
     /// `[offset][place]`, greater the more likely there is damage: each of mean 0 and standard deviation 1 over sound places;
     /// NaN where no tap says anything. An index of one number has it in the first place.
     pub(crate) by_offset: Vec<Vec<Vector>>,
+    /// The same where no tap that stands out alone is cut: what it says is asked again rather than believed.
+    pub(crate) uncut: Vec<Vec<Vector>>,
     /// Mean score of each discriminator by place, in the order of [`Setup::discriminators`]; NaN where it is absent.
     pub(crate) by_discriminator: Vec<Vec<f64>>,
     /// Places that are not left out of the level of their turns, as ones that stand out are.

@@ -83,7 +83,7 @@ fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[
     let own: Vec<&Shoulder> = casing.iter().collect();
     let strongest = |(shoulder, mut scores): (&Shoulder, Scores)| {
         scores.hide(&shoulder.sound());
-        Some(statistic.strongest(&shoulder.ring, &statistic.maps(&scores))?.value)
+        Some(statistic.strongest(&shoulder.ring, &statistic.maps(&scores.by_offset))?.value)
     };
     casing.iter().zip(index.scores(&own)).filter_map(strongest).collect()
 }

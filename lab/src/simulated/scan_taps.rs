@@ -48,10 +48,9 @@ impl ScanTaps {
         Self { turns: steps.iter().map(turn).collect(), is_confirmed: false }
     }
 
-    /// What `tapline line` makes by default: every second location at the belt edge, every third at 10 mm, and what stands out
-    /// again.
+    /// What `tapline line` makes by default: one turn at the belt edge, and what stands out again.
     pub fn adaptive(velocity_m_per_s: f64) -> Self {
-        Self::coarse(&[(0.0, 2), (10.0, 3)], velocity_m_per_s).confirmed()
+        Self::coarse(&[(0.0, 1)], velocity_m_per_s).confirmed()
     }
 
     /// The same turns, and what stands out again.
@@ -130,9 +129,10 @@ mod tests {
         let count = |taps: &ScanTaps| plan.taps().iter().filter(|tap| taps.has(tap)).count();
         assert_eq!(count(&ScanTaps::full(&shape.offsets_mm, &[1.2, 1.85], 2)), plan.taps().len());
         assert_eq!(count(&ScanTaps::full(&[5.0], &[1.2], 1)), 200);
-        let adaptive = ScanTaps::adaptive(1.85);
-        assert_eq!(count(&adaptive), 2 * (50 + 34));
-        let of = adaptive.shape(&shape);
+        assert_eq!(count(&ScanTaps::adaptive(1.85)), 2 * 100);
+        let coarse = ScanTaps::coarse(&[(0.0, 2), (10.0, 3)], 1.85).confirmed();
+        assert_eq!(count(&coarse), 2 * (50 + 34));
+        let of = coarse.shape(&shape);
         assert_eq!((of.offsets_mm, of.velocities_m_per_s, of.repetitions), (vec![0.0, 10.0], vec![1.85], 2));
     }
 }

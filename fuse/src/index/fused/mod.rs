@@ -149,7 +149,7 @@ impl Fused {
 
     /// The mean over offsets of each place and its neighbours.
     fn near_means(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vector> {
-        let scores = self.by_offset(shoulder, levels);
+        let scores = self.by_offset(self.tap_means(shoulder, levels));
         let mut means = vec![ABSENT; shoulder.place_count()];
         for d in 0..self.setup.discriminators.len() {
             let mean = |place: usize| {
@@ -231,11 +231,15 @@ impl Fused {
         sums.into_iter().map(|sum| sum.mean()[..self.setup.discriminators.len()].to_vec()).collect()
     }
 
+    /// The scores of every tap, `[turn][place]`.
+    fn tap_scores(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
+        shoulder.turns.iter().zip(levels).map(|(turn, levels)| self.turn_scores(turn, levels)).collect()
+    }
+
     /// The scores of every tap, `[turn][place]`, in which the tap of a place that stands out most counts no more than the next
     /// one bears out: another of that place, or one of a neighbour.
     fn borne_out(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
-        let mut scores: Vec<Vec<Vector>> =
-            shoulder.turns.iter().zip(levels).map(|(turn, levels)| self.turn_scores(turn, levels)).collect();
+        let mut scores = self.tap_scores(shoulder, levels);
         // Most taps are far from the limit, as a bound tells at once.
         let stands_out = |scores: &Vector| {
             let is_near = has_value(scores) && self.tap_scatter.bound(scores) > TAP_EVIDENCE_MAX;
@@ -256,10 +260,15 @@ impl Fused {
         scores
     }
 
-    /// The means of the taps of each place at each offset.
+    /// The means of the taps of each place at each offset, of which none stands out alone.
     fn tap_means(&self, shoulder: &Shoulder, levels: &Levels) -> TapMeans {
+        self.means(shoulder, self.borne_out(shoulder, levels))
+    }
+
+    /// The means of the `scores` of the taps of each place at each offset.
+    fn means(&self, shoulder: &Shoulder, scores: Vec<Vec<Vector>>) -> TapMeans {
         let mut sums = vec![vec![Sum::default(); shoulder.place_count()]; self.setup.offset_count];
-        for (turn, scores) in shoulder.turns.iter().zip(self.borne_out(shoulder, levels)) {
+        for (turn, scores) in shoulder.turns.iter().zip(scores) {
             let sums = &mut sums[self.setup.offset_of[turn.condition]];
             sums.iter_mut().zip(scores).for_each(|(sum, scores)| sum.add(&scores));
         }
@@ -270,7 +279,7 @@ impl Fused {
     }
 
     /// `[offset][place]`, as [`Scores::by_offset`].
-    fn by_offset(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
+    fn by_offset(&self, means: TapMeans) -> Vec<Vec<Vector>> {
         let of = |(means, scales): (Vec<Means>, &Vec<Option<OffsetScale>>)| {
             let score = |means: Means| {
                 let mut scores = ABSENT;
@@ -281,7 +290,7 @@ impl Fused {
             };
             means.into_iter().map(score).collect()
         };
-        self.tap_means(shoulder, levels).into_iter().zip(&self.offsets).map(of).collect()
+        means.into_iter().zip(&self.offsets).map(of).collect()
     }
 
     /// Fits what comes after the scales.
@@ -290,7 +299,8 @@ impl Fused {
         for ((shoulder, kept), levels) in shoulders.iter().zip(kept).zip(levels) {
             for (turn, levels) in shoulder.turns.iter().zip(levels) {
                 let scores = self.turn_scores(turn, levels).into_iter().zip(kept);
-                taps.extend(scores.filter(|(_, kept)| **kept).map(|(scores, _)| scores));
+                // A turn of some places has no tap at the others.
+                taps.extend(scores.filter(|(scores, kept)| **kept && has_value(scores)).map(|(scores, _)| scores));
             }
         }
         self.tap_scatter = self.scatter_of(taps);
@@ -377,7 +387,8 @@ impl Fused {
 
     fn scores_by(&self, shoulder: &Shoulder, levels: &Levels, is_inlier: Vec<bool>) -> Scores {
         Scores {
-            by_offset: self.by_offset(shoulder, levels),
+            by_offset: self.by_offset(self.tap_means(shoulder, levels)),
+            uncut: self.by_offset(self.means(shoulder, self.tap_scores(shoulder, levels))),
             by_discriminator: self.by_discriminator(shoulder, levels),
             is_inlier,
         }

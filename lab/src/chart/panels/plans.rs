@@ -57,15 +57,19 @@ fn tried(is_full: bool) -> Vec<Tried> {
             "every 3rd location at 0 mm, every 4th at 10 mm, what stands out again",
             coarse(&[(0.0, 3), (10.0, 4)]),
         ),
+        of(
+            "50 + 34, again",
+            "every 2nd location at 0 mm, every 3rd at 10 mm, what stands out again",
+            coarse(&[(0.0, 2), (10.0, 3)]),
+        ),
         Tried {
             is_default: true,
             ..of(
-                "adaptive 50 + 34",
-                "every 2nd location at 0 mm, every 3rd at 10 mm, what stands out again (tapline line)",
+                "adaptive",
+                "one turn at 0 mm, what stands out again (tapline line)",
                 ScanTaps::adaptive(VELOCITY_M_PER_S),
             )
         },
-        of("100, again", "one turn at 0 mm, what stands out again", coarse(&[(0.0, 1)])),
         of(
             "100 + 50, again",
             "one turn at 0 mm, every 2nd location at 10 mm, what stands out again",
@@ -91,7 +95,7 @@ fn tried(is_full: bool) -> Vec<Tried> {
     ];
     if !is_full {
         tried.retain(|plan| {
-            ["1 turn", "4 offsets", "adaptive 50 + 34", "100, again", "Eqs. 55-56, 1 turn"].contains(&plan.label)
+            ["1 turn", "4 offsets", "50 + 34, again", "adaptive", "Eqs. 55-56, 1 turn"].contains(&plan.label)
         });
     }
     if is_full {
