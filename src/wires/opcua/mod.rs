@@ -22,10 +22,10 @@ use opcua::server::diagnostics::NamespaceMetadata;
 use opcua::server::node_manager::memory::{SimpleNodeManager, simple_node_manager};
 use opcua::server::{ANONYMOUS_USER_TOKEN_ID, Server, ServerBuilder, ServerEndpoint, ServerHandle, ServerUserToken};
 use opcua::types::{DataValue, StatusCode, Variant};
+use tapline_host::connection::User;
 
 use crate::config::wires::OpcUaConfig;
 use crate::shown::verdict::CasingVerdict;
-use crate::wires::credentials::Credentials;
 use crate::wires::now::StationState;
 use crate::wires::opcua::names::{LINE_NAMESPACE, Namespaces, RESULT_NAMESPACE};
 use crate::wires::opcua::result::{ResultReady, evaluation, result};
@@ -59,11 +59,10 @@ pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String
         .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
         .with_context(context)?;
     let address = listener.local_addr().with_context(context)?;
-    let credentials = config.credentials_file.as_deref();
-    let credentials = credentials.map(|path| Credentials::read("line.opcua.credentials_file", path)).transpose()?;
+    let user = config.credentials_file.as_deref().map(User::read).transpose().context("line.opcua.credentials_file")?;
     // Without certificates the server makes their folder all the same.
     let scratch = tempfile::tempdir().context("cannot make a folder for the OPC UA server")?;
-    let builder = builder(address, config.pki_folder.as_deref(), credentials, scratch.path())?;
+    let builder = builder(address, config.pki_folder.as_deref(), user, scratch.path())?;
     let wire = Wire::start(Sink::OpcUa, plant, || {
         let (prepared, plant) = (prepare(builder, plant)?, plant.clone());
         Ok(move |news| async move {
@@ -75,12 +74,7 @@ pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String
 }
 
 /// The server's options.
-fn builder(
-    address: SocketAddr,
-    pki: Option<&Path>,
-    credentials: Option<Credentials>,
-    scratch: &Path,
-) -> Result<ServerBuilder> {
+fn builder(address: SocketAddr, pki: Option<&Path>, user: Option<User>, scratch: &Path) -> Result<ServerBuilder> {
     let mut builder = ServerBuilder::new()
         .application_name("tapline")
         .application_uri("urn:tapline:line:server")
@@ -94,9 +88,9 @@ fn builder(
         .diagnostics_enabled(false)
         .with_node_manager(simple_node_manager(namespace(RESULT_NAMESPACE), TYPES))
         .with_node_manager(simple_node_manager(namespace(LINE_NAMESPACE), LINE));
-    let user = match credentials {
-        Some(Credentials { user, password }) => {
-            builder = builder.add_user_token(USER, ServerUserToken::user_pass(user, password));
+    let token = match user {
+        Some(User { name, password }) => {
+            builder = builder.add_user_token(USER, ServerUserToken::user_pass(name, password));
             USER.to_owned()
         }
         None => ANONYMOUS_USER_TOKEN_ID.to_owned(),
@@ -108,11 +102,11 @@ fn builder(
             made.with_context(|| format!("line.opcua.pki_folder = \"{}\": cannot make it", folder.display()))?;
             builder = builder.pki_dir(folder).create_sample_keypair(true);
             builder = builder.certificate_path("own/cert.der").private_key_path("private/private.pem");
-            ServerEndpoint::new_basic256sha256_sign_encrypt("/", &[user])
+            ServerEndpoint::new_basic256sha256_sign_encrypt("/", &[token])
         }
         None => {
             builder = builder.pki_dir(scratch);
-            ServerEndpoint::new_none("/", &[user])
+            ServerEndpoint::new_none("/", &[token])
         }
     };
     Ok(builder.add_endpoint("line", endpoint))
