@@ -9,6 +9,7 @@ mod link;
 mod played;
 mod protocol;
 mod script;
+mod simulated;
 pub(crate) mod stream;
 
 use std::collections::VecDeque;
@@ -21,7 +22,8 @@ use tapline_wire::{CacheLine, Plan, Serial, SourceKind, TapHeader};
 use self::dialogue::{LinkConfig, Progress, Removal, Tap};
 use self::link::Link;
 use self::protocol::one_line;
-pub use self::script::{RigReport, RigScript, serve_rig};
+pub use self::script::RigScript;
+pub use self::simulated::{RigReport, serve_rig};
 use crate::capture::ear::Ear;
 use crate::capture::heard::HeardCasing;
 use crate::capture::{CaptureConfig, DeviceName};
