@@ -7,6 +7,7 @@ pub mod colour;
 pub mod connection;
 pub mod generated;
 pub mod log;
+pub mod memory;
 pub mod messages;
 pub mod progress;
 pub mod signals;
