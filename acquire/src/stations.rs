@@ -104,7 +104,7 @@ impl StationConfig {
     pub fn heard_with(&self, capture: &CaptureConfig) -> Result<CaptureConfig, Error> {
         let calibration = self.calibration.as_deref().map(CalibrationFile::read).transpose()?.unwrap_or_default();
         let range_v = capture.uldaq.range_v;
-        for channel in [Channel::Force, Channel::Sound].into_iter().filter(|_| self.source == StationSource::Uldaq) {
+        for channel in Channel::BOTH.into_iter().filter(|_| self.source == StationSource::Uldaq) {
             let kept_v = calibration.of(channel).and_then(|scale| scale.full_scale_v);
             if let Some(kept_v) = kept_v.filter(|kept_v| (kept_v / range_v - 1.0).abs() > 1e-9) {
                 let file = self.calibration.as_deref().unwrap_or(Path::new("")).display();

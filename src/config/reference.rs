@@ -129,7 +129,7 @@ mod tests {
             pre_trigger_samples: 512,
             sample_count_max: 16_384,
             sample_format: SampleFormat::I16,
-            channels: vec![Channel::Force, Channel::Sound],
+            channels: Channel::BOTH.to_vec(),
             calibration: Calibration::stated(),
         };
         let config = ProcessConfig::default();

@@ -16,7 +16,7 @@ pub(crate) const LOCATIONS: u32 = 4;
 
 /// A plan of two stations with one shoulder each: four locations and a closing tap.
 pub(crate) fn plan(sample_format: SampleFormat) -> Plan {
-    let channels = vec![Channel::Force, Channel::Sound];
+    let channels = Channel::BOTH.to_vec();
     plan_of(Recording {
         sample_rate_hz: 40960.0,
         pre_trigger_samples: 8,

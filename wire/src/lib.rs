@@ -57,6 +57,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[macro_use]
+mod coded;
+
 mod clock;
 mod csv_text;
 mod plan;

@@ -31,7 +31,7 @@ impl HeardCasing {
         recording.calibration = config.calibration.calibration(Some(now_ns()));
         let plan = Plan::new(Geometry::Ring, recording, taps, Truth::new())?;
         let counts = if config.bits == 16 { 32_768.0 } else { 1.0 };
-        let per_count = [Channel::Force, Channel::Sound].map(|channel| config.calibration.full_scale(channel) / counts);
+        let per_count = Channel::BOTH.map(|channel| config.calibration.full_scale(channel) / counts);
         let channels = channel_headers(&plan.recording, &per_count);
         Ok(Self { ear, plan, room: scan.room(), channels, taken: None })
     }

@@ -172,7 +172,7 @@ pub(crate) fn plan_of(scan: &ScanConfig, simulation: &SimulationConfig, tyres: &
         pre_trigger_samples: simulation.pre_trigger_samples,
         sample_count_max: simulation.sample_count,
         sample_format: SampleFormat::I16,
-        channels: vec![Channel::Force, Channel::Sound],
+        channels: Channel::BOTH.to_vec(),
         calibration: Calibration::computed(),
     };
     Ok(Plan::new(

@@ -31,7 +31,7 @@ fn header(
         channel_count: 2,
         ..TapHeader::default()
     };
-    for ((slot, kind), unit_per_count) in header.channels.iter_mut().zip([Channel::Force, Channel::Sound]).zip(units) {
+    for ((slot, kind), unit_per_count) in header.channels.iter_mut().zip(Channel::BOTH).zip(units) {
         *slot = ChannelHeader { code: kind.code(), unit_per_count, reserved: 0 };
     }
     header

@@ -305,7 +305,7 @@ mod tests {
             pre_trigger_samples: 400,
             sample_count_max: 4096,
             sample_format: SampleFormat::I16,
-            channels: vec![Channel::Force, Channel::Sound],
+            channels: Channel::BOTH.to_vec(),
             calibration: crate::Calibration::stated(),
         }
     }

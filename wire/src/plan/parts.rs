@@ -43,33 +43,13 @@ pub enum Purpose {
     Control,
 }
 
-impl Purpose {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Scan, Self::Closing, Self::Suspect, Self::Control];
+coded!(Purpose: u16, Scan = 0, Closing = 1, Suspect = 2, Control = 3);
+named!(Purpose, Scan = "scan", Closing = "closing", Suspect = "suspect", Control = "control");
 
     /// [`Purpose::Closing`] if `is_closing`, else [`Purpose::Scan`].
     pub fn closing_if(is_closing: bool) -> Self {
+impl Purpose {
         if is_closing { Self::Closing } else { Self::Scan }
-    }
-
-    /// Number that stands for it on the wire and in archives.
-    pub fn code(self) -> u16 {
-        self as u16
-    }
-
-    /// The purpose that `code` stands for.
-    pub fn from_code(code: u16) -> Option<Self> {
-        Self::ALL.into_iter().find(|purpose| purpose.code() == code)
-    }
-
-    /// Name in tables.
-    pub fn name(self) -> &'static str {
-        ["scan", "closing", "suspect", "control"][self as usize]
-    }
-
-    /// The purpose of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|purpose| purpose.name() == name)
     }
 }
 

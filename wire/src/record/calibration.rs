@@ -25,25 +25,9 @@ pub enum Unit {
     Pascal,
 }
 
+named!(Unit, FullScale = "FS", Newton = "N", Volt = "V", Pascal = "Pa");
+
 impl Unit {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::FullScale, Self::Newton, Self::Volt, Self::Pascal];
-
-    /// Name in tables, files and pages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::FullScale => "FS",
-            Self::Newton => "N",
-            Self::Volt => "V",
-            Self::Pascal => "Pa",
-        }
-    }
-
-    /// The unit of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|unit| unit.name() == name)
-    }
-
     /// Whether a sample is worth something outside of the recording.
     pub fn is_known(self) -> bool {
         self != Self::FullScale
@@ -155,7 +139,7 @@ mod tests {
     #[test]
     fn a_certificate_holds_until_its_last_day() {
         let mut calibration = Calibration::computed();
-        let both = [Channel::Force, Channel::Sound];
+        let both = Channel::BOTH;
         calibration.of_mut(Channel::Sound).certificate.as_mut().unwrap().valid_until = Some("2026-11-24".to_owned());
         for (day, is_expired) in [("2026-11-24", false), ("2026-11-25", true), ("2027-01-01", true)] {
             calibration.tapped_on = Some(day.to_owned());

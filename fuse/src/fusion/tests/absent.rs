@@ -28,7 +28,6 @@ fn judged(casing: &Casing, channels: &[Channel], spoil: impl Fn(usize, &TapId, &
     (0..plan.scans().len()).map(of).collect()
 }
 
-const BOTH: [Channel; 2] = [Channel::Force, Channel::Sound];
 const PASS: (Verdict, bool) = (Verdict::Pass, false);
 const TOLD: (Verdict, bool) = (Verdict::ReInspect, true);
 
@@ -37,7 +36,7 @@ fn a_discriminator_that_most_taps_lack_is_told() {
     // Catches a limit that is not at one half, counted in locations or among the taps that came alone, and closing taps that
     // count: of 800 taps 400 or 401 lack it.
     let lacks = |count: usize| {
-        judged(&Casing::default(), &BOTH, |number, _, values| {
+        judged(&Casing::default(), &Channel::BOTH, |number, _, values| {
             // Of the four turns of 100 in every two, one and then the other: no location lacks more than another.
             let place = number % 200;
             if place < 100 && number / 200 * 100 + place < count || number == 150 && count == 401 {
@@ -49,7 +48,7 @@ fn a_discriminator_that_most_taps_lack_is_told() {
     assert_eq!(lacks(400), [PASS]);
     assert_eq!(lacks(401), [TOLD]);
     // What the index does not ask for may lack.
-    assert_eq!(judged(&Casing::default(), &BOTH, |_, _, values| values.set(Discriminator::A2, None)), [PASS]);
+    assert_eq!(judged(&Casing::default(), &Channel::BOTH, |_, _, values| values.set(Discriminator::A2, None)), [PASS]);
 }
 
 #[test]
@@ -63,8 +62,8 @@ fn a_channel_that_dies_is_told_and_one_that_is_not_there_is_not() {
             }
         })
     };
-    assert_eq!(of(&BOTH, Channel::Sound), [TOLD]);
-    assert_eq!(of(&BOTH, Channel::Force), [TOLD]);
+    assert_eq!(of(&Channel::BOTH, Channel::Sound), [TOLD]);
+    assert_eq!(of(&Channel::BOTH, Channel::Force), [TOLD]);
     assert_eq!(of(&[Channel::Force], Channel::Sound), [PASS]);
     assert_eq!(of(&[Channel::Sound], Channel::Force), [PASS]);
 }
@@ -73,7 +72,7 @@ fn a_channel_that_dies_is_told_and_one_that_is_not_there_is_not() {
 fn a_stuck_sensor_is_told() {
     // Catches one that says the same of every tap, and so of nothing; and values that are alike by chance, or in a few taps.
     let stuck = |is_stuck: fn(usize) -> bool| {
-        judged(&Casing::default(), &BOTH, |number, _, values| {
+        judged(&Casing::default(), &Channel::BOTH, |number, _, values| {
             if is_stuck(number) {
                 values.set(Discriminator::Pr, Some(0.3125));
             }
@@ -95,7 +94,7 @@ fn one_tap_of_a_discriminator_is_not_stuck() {
         repetition_count: 1,
         ..Casing::default()
     };
-    assert!(!judged(&one, &BOTH, |_, _, _| ())[0].1);
+    assert!(!judged(&one, &Channel::BOTH, |_, _, _| ())[0].1);
 }
 
 #[test]
@@ -103,7 +102,7 @@ fn a_location_that_lacks_most_of_its_discriminators_is_told() {
     // Catches a location of which almost nothing is known, and that passes: of 48 values 24 or 25 are absent.
     let lacks = |count: usize| {
         let asked = FuseConfig::default().discriminators;
-        judged(&Casing::default(), &BOTH, |number, id, values| {
+        judged(&Casing::default(), &Channel::BOTH, |number, id, values| {
             if id.location != 70 {
                 return;
             }
@@ -123,7 +122,7 @@ fn a_location_that_lacks_most_of_its_discriminators_is_told() {
 fn a_reference_that_lacks_features_is_told() {
     // Catches a sound shoulder that passes by a reference half of which is dead.
     let casing = Casing { shoulder_count: 2, ..Casing::default() };
-    let told = judged(&casing, &BOTH, |_, id, values| {
+    let told = judged(&casing, &Channel::BOTH, |_, id, values| {
         if id.shoulder == 2 {
             values.set(Discriminator::Pf, None);
         }
