@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::record::calibration::Calibration;
 use crate::record::id::{Serial, TapId};
 use crate::record::tap::{Channel, SampleFormat};
@@ -46,15 +48,15 @@ pub enum Purpose {
 coded!(Purpose: u16, Scan = 0, Closing = 1, Suspect = 2, Control = 3);
 named!(Purpose, Scan = "scan", Closing = "closing", Suspect = "suspect", Control = "control");
 
+impl Purpose {
     /// [`Purpose::Closing`] if `is_closing`, else [`Purpose::Scan`].
     pub fn closing_if(is_closing: bool) -> Self {
-impl Purpose {
         if is_closing { Self::Closing } else { Self::Scan }
     }
 }
 
 /// Shape of every record of a run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recording {
     /// Samples per second and channel.
     pub sample_rate_hz: f64,
