@@ -99,9 +99,7 @@ impl RigScript {
     /// # Errors
     /// [`Error::Setting`] for the first value out of bounds.
     pub fn validate(&self) -> Result<(), Error> {
-        let refuse = |key: &str, value: String, bound: &str| {
-            Err(Error::Setting { key: format!("rig.{key}"), value, bound: bound.to_owned() })
-        };
+        let refuse = |key: &str, value: String, bound: &str| Err(Error::setting(format!("rig.{key}"), value, bound));
         if Serial::new(&self.name).is_err() {
             return refuse("name", format!("{:?}", self.name), "1 to 32 bytes of plain text");
         }

@@ -41,15 +41,15 @@ fn a_rig_may_take_its_own_time_to_home_and_no_more() {
     // Catches a rig that homes slowly and is cut off, and one that never answers and is waited for.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let times = |timeout_s, home_timeout_s| RigConfig {
+    let times = |timeout_ms, home_timeout_ms| RigConfig {
         address: address.clone(),
-        patience_s: 30.0,
-        timeout_s,
-        home_timeout_s,
+        patience: LONG,
+        timeout: Duration::from_millis(timeout_ms),
+        home_timeout: Duration::from_millis(home_timeout_ms),
         retakes: 0,
         device: None,
     };
-    for (rig, is_patient) in [(times(0.2, 30.0), true), (times(30.0, 0.2), false)] {
+    for (rig, is_patient) in [(times(200, 30_000), true), (times(30_000, 200), false)] {
         let mut bench = Bench::of(&rig);
         let mut rig = ByHand::accept(&listener);
         rig.say("hello rig 1\ncasing T\n");

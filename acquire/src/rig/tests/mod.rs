@@ -16,7 +16,7 @@ use std::thread;
 use std::time::Instant;
 
 use tapline_model::Crack;
-use tapline_wire::{cache_lines_for, now_ns};
+use tapline_wire::{Serial, cache_lines_for, now_ns};
 
 use super::*;
 use crate::TyreConfig;
@@ -58,7 +58,8 @@ struct Went {
 
 impl Bench {
     fn new(address: String, patience_s: f64, retakes: u16) -> Self {
-        Self::of(&RigConfig { address, patience_s, timeout_s: 5.0, home_timeout_s: 5.0, retakes, device: None })
+        let [patience, timeout] = [patience_s, 5.0].map(|seconds| Duration::try_from_secs_f64(seconds).unwrap());
+        Self::of(&RigConfig { address, patience, timeout, home_timeout: timeout, retakes, device: None })
     }
 
     fn of(rig: &RigConfig) -> Self {
