@@ -1,7 +1,7 @@
 //! What a connection over a network needs: whether it leaves this machine, and a user's name and password.
 
 use std::fs;
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
@@ -97,10 +97,20 @@ pub fn read_credentials(path: &Path) -> Result<String, CredentialsError> {
     fs::read_to_string(path).map_err(unreadable)
 }
 
+/// Listens at `address`, for a runtime that waits for connections by itself.
+///
+/// # Errors
+/// What the system returns.
+pub fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
+    let listener = TcpListener::bind(address)?;
+    listener.set_nonblocking(true)?;
+    Ok(listener)
+}
+
 /// Whether `host` is this machine, by an address of the loopback or by the one name that always leads there.
 pub fn is_this_machine(host: &str) -> bool {
     let address = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
-    host == "localhost" || address.is_ok_and(|address| address.is_loopback())
+    host.eq_ignore_ascii_case("localhost") || address.is_ok_and(|address| address.is_loopback())
 }
 
 #[cfg(test)]

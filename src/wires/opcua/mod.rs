@@ -22,7 +22,7 @@ use opcua::server::diagnostics::NamespaceMetadata;
 use opcua::server::node_manager::memory::{SimpleNodeManager, simple_node_manager};
 use opcua::server::{ANONYMOUS_USER_TOKEN_ID, Server, ServerBuilder, ServerEndpoint, ServerHandle, ServerUserToken};
 use opcua::types::{DataValue, StatusCode, Variant};
-use tapline_host::connection::User;
+use tapline_host::connection::{User, listen};
 
 use crate::config::wires::OpcUaConfig;
 use crate::shown::verdict::CasingVerdict;
@@ -55,9 +55,7 @@ struct Prepared {
 /// Starts to serve the verdicts of `plant`; and where.
 pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String)> {
     let context = || format!("line.opcua.listen = \"{}\": cannot listen there", config.listen);
-    let listener = std::net::TcpListener::bind(config.listen)
-        .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
-        .with_context(context)?;
+    let listener = listen(config.listen).with_context(context)?;
     let address = listener.local_addr().with_context(context)?;
     let user = config.credentials_file.as_deref().map(User::read).transpose().context("line.opcua.credentials_file")?;
     // Without certificates the server makes their folder all the same.
@@ -145,15 +143,7 @@ fn show(line: &SimpleNodeManager, namespaces: Namespaces, plant: &Plant, station
             value(&station_state, judged_count).map(DataValue::new_now)
         });
     };
-    read("State", |station_state, _| {
-        Ok(match station_state {
-            StationState::NoSignal => "no_signal",
-            StationState::Ready => "ready",
-            StationState::Busy => "busy",
-            StationState::Judged(_) => "judged",
-        }
-        .into())
-    });
+    read("State", |station_state, _| Ok(station_state.name().into()));
     read("ResultEvaluation", |station_state, _| {
         Ok(match station_state {
             StationState::Judged(verdict) => evaluation(verdict.verdict),
