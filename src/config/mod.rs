@@ -3,6 +3,7 @@
 pub(crate) mod job;
 pub(crate) mod lineage;
 pub(crate) mod reference;
+mod renamed;
 pub(crate) mod report;
 pub(crate) mod wires;
 
@@ -106,7 +107,7 @@ impl LineConfig {
 impl Config {
     /// Reads the TOML `text`.
     pub(crate) fn parse(text: &str) -> Result<Self> {
-        Ok(toml::from_str(text)?)
+        renamed::parse(text)
     }
 
     /// Reads the file at `path`: the configuration, and its text.
@@ -145,27 +146,5 @@ impl Config {
             StationSource::Rig | StationSource::Simulated => self.scan.for_line().limits(&self.simulation),
         };
         Ok(self.station.iter().map(of).fold(CasingLimits::default(), CasingLimits::and))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use tapline_host::similar::meant_instead;
-
-    use super::*;
-
-    /// Catches a slip that is taken for something else, or that is not helped at all.
-    #[test]
-    fn what_was_meant_by_a_slip_is_said() {
-        for (text, meant) in [
-            ("[process]\nf_hi = 1.0", Some("did you mean \"f_hi_hz\"?")),
-            ("[fuse]\nindex = \"fusde\"", Some("did you mean \"fused\"?")),
-            ("[fuse]\ndiscriminators = [\"f_max\", \"tua\"]", Some("did you mean \"tau\"?")),
-            ("[fusion]", Some("did you mean \"fuse\"?")),
-            ("[process]\ncolour = 1.0", None),
-        ] {
-            let refusal = format!("{:#}", Config::parse(text).unwrap_err());
-            assert_eq!(meant_instead(&refusal).as_deref(), meant, "{refusal}");
-        }
     }
 }
