@@ -8,14 +8,14 @@
 use std::fs::File;
 use std::io::Write as _;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
-use serde_json::Value;
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
-use tapline_bench::{Row, Sheet, Spread, print_table, quantile, tapline};
+use tapline_bench::{Row, Sheet, Spread, children_cpu_s, cpu_s, print_table, quantile, tapline};
 use tapline_fuse::{FuseConfig, Fusion, Reference};
+use tapline_lab::line_cost::{LineCost, run_command};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::Writer;
@@ -27,8 +27,6 @@ const STATIONS: [u16; 3] = [1, 2, 4];
 const TURNS: u16 = 8;
 /// What a rig makes at most, taps per second of a station.
 const REAL_TAPS_PER_S: f64 = 2.5;
-/// Clock ticks per second in `/proc/self/stat`, on every Linux.
-const TICKS_PER_S: f64 = 100.0;
 
 /// The default scan with two offsets, its turns distributed over `stations`.
 fn scan(stations: u16) -> ScanConfig {
@@ -135,7 +133,7 @@ fn one_process(folder: &Path) -> Result<f64> {
         taps.push((header, buffer));
     }
     let path = folder.join("alone.h5");
-    let before_s = own_cpu_s()?;
+    let before_s = cpu_s(std::process::id())?;
     let mut writer = Writer::create(&path, &plan, 0, "[store]\n")?;
     let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
     let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &plan)?;
@@ -159,7 +157,7 @@ fn one_process(folder: &Path) -> Result<f64> {
         writer.put_judgement(scan, &judgement, &cells)?;
     }
     writer.finish()?;
-    let us = (own_cpu_s()? - before_s) * 1e6 / f64::from(count);
+    let us = (cpu_s(std::process::id())? - before_s) * 1e6 / f64::from(count);
     std::fs::remove_file(&path)?;
     Ok(us)
 }
@@ -187,59 +185,26 @@ fn run_line(folder: &Path, stations: u16, taps_per_s: Option<f64>) -> Result<Pac
     std::fs::write(&config, text)?;
     let out = folder.join("line");
     let before_s = children_cpu_s()?;
-    let output = Command::new(tapline())
-        .args(["run", "--json", "--stations", &stations.to_string()])
-        .args([Path::new("--config"), &config, Path::new("--out"), &out])
-        .stdin(Stdio::null())
+    let output = run_command(tapline(), &config, stations, &out)
         .stderr(Stdio::null())
         .output()
         .with_context(|| format!("{}: build it first", tapline().display()))?;
     let cpu_s = children_cpu_s()? - before_s;
     ensure!(output.status.success(), "a line of {stations} stations ended with {}", output.status);
     std::fs::remove_dir_all(&out)?;
-    let printed = String::from_utf8(output.stdout)?;
-    let summary: Value = serde_json::from_str(printed.lines().last().unwrap_or_default())?;
-    let pace = |key: &str| summary["pace"][key].as_f64().with_context(|| format!("no {key} in {summary}"));
+    let cost = LineCost::printed(&String::from_utf8(output.stdout)?)?;
     let taps = SimulatedLine::new(&scan(stations), &SimulationConfig::default())?.plan().taps().len();
-    ensure!(summary["is_complete"] == true && summary["archived"] == taps, "not all of {taps} taps: {summary}");
-    ensure!(summary["pace"]["gaps"] == 0, "records were lost: {summary}");
-    let processes = summary["pace"]["processes"].as_array().context("a summary has its processes")?;
-    let number = |of: &Value, key: &str| of[key].as_f64().unwrap_or(f64::NAN);
+    ensure!(cost.is_complete && cost.archived == taps, "not all of {taps} taps: {cost:?}");
     let us = |s: f64| s * 1e6 / taps as f64;
+    let pace = cost.pace;
     Ok(Pace {
-        taps_per_s: pace("taps_per_s")?,
-        gb_per_s: pace("gb_per_s")?,
-        cpu_us_per_tap: cpu_s * 1e6 / pace("taps")?,
-        latency_us: (pace("latency_p50_us")?, pace("latency_p99_us")?),
-        peak_memory_mb: processes.iter().map(|of| number(of, "peak_memory_mb")).sum(),
-        cpu_us: processes
-            .iter()
-            .map(|of| {
-                let name = of["name"].as_str().unwrap_or_default().to_owned();
-                (name, [us(number(of, "user_s")), us(number(of, "kernel_s"))])
-            })
-            .collect(),
+        taps_per_s: pace.taps_per_s,
+        gb_per_s: pace.gb_per_s,
+        cpu_us_per_tap: cpu_s * 1e6 / pace.taps,
+        latency_us: (pace.latency_p50_us, pace.latency_p99_us),
+        peak_memory_mb: pace.processes.iter().map(|of| of.peak_memory_mb).sum(),
+        cpu_us: pace.processes.into_iter().map(|of| (of.name, [us(of.user_s), us(of.kernel_s)])).collect(),
     })
-}
-
-/// Processor time of all children that have ended, and of their children.
-fn children_cpu_s() -> Result<f64> {
-    cpu_s(13)
-}
-
-/// Processor time of this process so far.
-fn own_cpu_s() -> Result<f64> {
-    cpu_s(11)
-}
-
-/// The two times from place `first` on after the name in `/proc/self/stat`.
-fn cpu_s(first: usize) -> Result<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat")?;
-    // The name may contain anything; the fields after it are counted: state is field 3, own times are 14 and 15, the
-    // children's 16 and 17.
-    let fields = stat.rsplit(") ").next().unwrap_or_default().split(' ');
-    let ticks: Vec<f64> = fields.skip(first).take(2).map(str::parse).collect::<Result<_, _>>()?;
-    Ok(ticks.iter().sum::<f64>() / TICKS_PER_S)
 }
 
 /// Taps per second when one thread only simulates them.

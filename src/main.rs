@@ -23,11 +23,12 @@ use clap::{CommandFactory as _, Parser as _};
 use tapline_host::log;
 use tapline_host::messages::print_failure;
 use tapline_host::signals::{end_on_signals, wait_if_ending};
+use tapline_store::RunError;
 use tracing::level_filters::LevelFilter;
 
 use crate::archives::Which;
 use crate::cli::{Cli, ModelVerb, Verb};
-use crate::line::stage::{DISK_FAILED, DiskFailed};
+use crate::line::stage::DISK_FAILED;
 use crate::verbs::{
     diff, explain, export, import, model_contact, model_table, reference, repack, reprocess, rig, verify,
 };
@@ -46,7 +47,7 @@ fn main() -> ExitCode {
         Err(error) => {
             tracing::debug!(?error);
             // A disk that has failed is in the log already.
-            if error.is::<DiskFailed>() {
+            if let Some(RunError::FileSystem { .. }) = error.downcast_ref() {
                 return ExitCode::from(DISK_FAILED);
             }
             print_failure("tapline", error.as_ref());

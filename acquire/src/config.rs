@@ -317,7 +317,7 @@ fn all_distinct(key: &str, values: &[f64], scale: f64, (low, high): (f64, f64)) 
 }
 
 pub(crate) fn refuse(key: &str, value: impl ToString, bound: &str) -> Result<(), Error> {
-    Err(Error::Setting { key: key.to_owned(), value: value.to_string(), bound: bound.to_owned() })
+    Err(Error::setting(key, value, bound))
 }
 
 #[cfg(test)]

@@ -166,3 +166,10 @@ pub enum Error {
     #[error(transparent)]
     Plan(#[from] tapline_wire::PlanError),
 }
+
+impl Error {
+    /// The refusal of the value of `key`.
+    pub(crate) fn setting(key: impl Into<String>, value: impl ToString, bound: impl Into<String>) -> Self {
+        Self::Setting { key: key.into(), value: value.to_string(), bound: bound.into() }
+    }
+}

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tapline_model::SimulationConfig;
@@ -104,7 +105,7 @@ impl StationConfig {
     pub fn heard_with(&self, capture: &CaptureConfig) -> Result<CaptureConfig, Error> {
         let calibration = self.calibration.as_deref().map(CalibrationFile::read).transpose()?.unwrap_or_default();
         let range_v = capture.uldaq.range_v;
-        for channel in [Channel::Force, Channel::Sound].into_iter().filter(|_| self.source == StationSource::Uldaq) {
+        for channel in Channel::BOTH.into_iter().filter(|_| self.source == StationSource::Uldaq) {
             let kept_v = calibration.of(channel).and_then(|scale| scale.full_scale_v);
             if let Some(kept_v) = kept_v.filter(|kept_v| (kept_v / range_v - 1.0).abs() > 1e-9) {
                 let file = self.calibration.as_deref().unwrap_or(Path::new("")).display();
@@ -120,9 +121,8 @@ impl StationConfig {
     /// # Errors
     /// [`Error::Setting`] for the first value out of bounds, missing, or of another source.
     pub fn validate(&self) -> Result<(), Error> {
-        let refuse = |key: &str, value: String, bound: String| {
-            Err(Error::Setting { key: format!("station.{key}"), value, bound })
-        };
+        let refuse =
+            |key: &str, value: String, bound: String| Err(Error::setting(format!("station.{key}"), value, bound));
         if self.number == 0 {
             return refuse("number", "0".to_owned(), "from 1 to 65535".to_owned());
         }
@@ -161,19 +161,24 @@ impl StationConfig {
             let bound = "HOST:PORT, the port from 1 to 65535, or serial:PATH or serial:PATH@BAUD".to_owned();
             return refuse("rig", format!("{rig:?}"), bound);
         }
-        for (key, time_s) in [
-            ("rig_patience_s", self.rig_patience_s),
-            ("rig_timeout_s", self.rig_timeout_s),
-            ("rig_home_timeout_s", self.rig_home_timeout_s),
-        ] {
-            if !(0.001..=TIME_MAX_S).contains(&time_s) {
-                return refuse(key, time_s.to_string(), format!("from 0.001 to {TIME_MAX_S}"));
-            }
-        }
+        self.rig_times()?;
         if self.first_casing == 0 {
             return refuse("first_casing", "0".to_owned(), "at least 1".to_owned());
         }
         Ok(())
+    }
+
+    /// How long its rig may be away, may take to answer, and to find its home.
+    fn rig_times(&self) -> Result<[Duration; 3], Error> {
+        let time = |key: &str, time_s: f64| {
+            let time = Duration::try_from_secs_f64(time_s).ok().filter(|_| (0.001..=TIME_MAX_S).contains(&time_s));
+            time.ok_or_else(|| Error::setting(format!("station.{key}"), time_s, format!("from 0.001 to {TIME_MAX_S}")))
+        };
+        Ok([
+            time("rig_patience_s", self.rig_patience_s)?,
+            time("rig_timeout_s", self.rig_timeout_s)?,
+            time("rig_home_timeout_s", self.rig_home_timeout_s)?,
+        ])
     }
 
     /// What it listens to, if it does.
@@ -195,7 +200,7 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
         let key = |field: &str| format!("station[{place}].{field}");
         if let Some(first) = numbers.insert(station.number, place) {
             let bound = format!("another number than that of station[{first}]");
-            return Err(Error::Setting { key: key("number"), value: station.number.to_string(), bound });
+            return Err(Error::setting(key("number"), station.number, bound));
         }
         let named = [
             ("folder", station.folder.as_deref()),
@@ -205,7 +210,7 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
         for (field, of) in named.into_iter().filter_map(|(field, of)| Some((field, of?))) {
             if let Some(first) = sources.insert((field, of), station.number) {
                 let bound = format!("another than that of the station with number {first}");
-                return Err(Error::Setting { key: key(field), value: of.display().to_string(), bound });
+                return Err(Error::setting(key(field), of.display(), bound));
             }
         }
     }
@@ -237,11 +242,12 @@ pub fn open_station(
             Box::new(ByHand::open(device, station.serial_file.clone(), number, scan, &capture, wake)?)
         }
         (StationSource::Rig | StationSource::Alsa | StationSource::Uldaq, _, Some(address), _) => {
+            let [patience, timeout, home_timeout] = station.rig_times()?;
             let rig = RigConfig {
                 address: address.clone(),
-                patience_s: station.rig_patience_s,
-                timeout_s: station.rig_timeout_s,
-                home_timeout_s: station.rig_home_timeout_s,
+                patience,
+                timeout,
+                home_timeout,
                 retakes: acquire.retakes,
                 device: device.map(|device| (device, capture.clone())),
             };

@@ -8,7 +8,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
-use tapline_bench::{quantile, root, tapline};
+use tapline_bench::{children_cpu_s, cpu_s, quantile, root, tapline};
+use tapline_lab::line_cost::run_command;
 
 /// How often each is measured.
 pub(crate) const ROUNDS: usize = 3;
@@ -17,13 +18,10 @@ pub(crate) const ROUNDS: usize = 3;
 const CASINGS: [u32; 4] = [4, 16, 64, 256];
 
 /// Stations that share 64 casings.
-const STATIONS: [u32; 4] = [1, 4, 16, 64];
+const STATIONS: [u16; 4] = [1, 4, 16, 64];
 
 /// Taps of a casing: two shoulders, each a turn of 100 locations with its first again.
 const TAPS: f64 = 202.0;
-
-/// Clock ticks per second in `/proc`, on every Linux.
-const TICKS_PER_S: f64 = 100.0;
 
 /// A step, with its processor time beside how many there are of something.
 pub(crate) struct Step {
@@ -97,7 +95,7 @@ impl Costs {
             for _ in 0..ROUNDS {
                 us.push(run(folder.path(), &folder.path().join("shared"), 64, stations)? * 1e6 / (64.0 * TAPS));
             }
-            steps[1].points.push((stations, quantile(&mut us, 0.5)));
+            steps[1].points.push((stations.into(), quantile(&mut us, 0.5)));
         }
         let way = match nats_server() {
             Some(server) => Some(Way::measure(&server, folder.path(), &made)?),
@@ -169,8 +167,8 @@ impl Way {
             sender.arg("uplink").arg(made).args(["--to", &address, "--site", &site, "--once"]);
             rounds[0].push(cpu_s_of(&mut sender)? * 1e6 / count);
             rounds[3].push(count / since.elapsed().as_secs_f64());
-            rounds[1].push(cpu_s(server.0.id(), 11)? * 1e6 / count);
-            rounds[2].push(cpu_s(collector.0.id(), 11)? * 1e6 / count);
+            rounds[1].push(cpu_s(server.0.id())? * 1e6 / count);
+            rounds[2].push(cpu_s(collector.0.id())? * 1e6 / count);
             collector.end()?;
             server.end()?;
             fs::remove_dir_all(&centre)?;
@@ -200,7 +198,7 @@ impl Drop for Ended {
 }
 
 /// Processor time of `tapline run` on so many casings at so many stations, s.
-fn run(folder: &Path, out: &Path, casings: u32, stations: u32) -> Result<f64> {
+fn run(folder: &Path, out: &Path, casings: u32, stations: u16) -> Result<f64> {
     let tyres: String = (1..=casings).map(|n| format!("[[scan.tyre]]\nserial = \"C{n}\"\n")).collect();
     let config = folder.join("scale.toml");
     let scan =
@@ -209,26 +207,16 @@ fn run(folder: &Path, out: &Path, casings: u32, stations: u32) -> Result<f64> {
     if out.exists() {
         fs::remove_dir_all(out)?;
     }
-    let mut command = Command::new(tapline());
-    command.arg("run").arg("--config").arg(&config).arg("--out").arg(out);
-    cpu_s_of(command.args(["--stations", &stations.to_string()]))
+    cpu_s_of(&mut run_command(tapline(), &config, stations, out))
 }
 
 /// Processor time of a command and its children, s.
 fn cpu_s_of(command: &mut Command) -> Result<f64> {
-    let before = cpu_s(std::process::id(), 13)?;
+    let before = children_cpu_s()?;
     let status = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status();
     let status = status.with_context(|| format!("{}: build it first", tapline().display()))?;
     ensure!(status.success(), "{command:?} ended with {status}");
-    Ok(cpu_s(std::process::id(), 13)? - before)
-}
-
-/// The two times from place `first` on after the name in `/proc/PID/stat`: 11 its own, 13 those of children that have ended.
-fn cpu_s(pid: u32, first: usize) -> Result<f64> {
-    let stat = fs::read_to_string(format!("/proc/{pid}/stat"))?;
-    let fields = stat.rsplit(") ").next().unwrap_or_default().split(' ');
-    let ticks: Vec<f64> = fields.skip(first).take(2).map(str::parse).collect::<Result<_, _>>()?;
-    Ok(ticks.iter().sum::<f64>() / TICKS_PER_S)
+    Ok(children_cpu_s()? - before)
 }
 
 /// Bytes of the archives in `folder`.

@@ -1,4 +1,4 @@
-//! What the benches share: order statistics, a table to read, and the rows of the page `docs/performance.md`.
+//! What the benches share: order statistics, a table to read, processor times, and the rows of the page `docs/performance.md`.
 #![expect(clippy::print_stdout, reason = "the figures are what these programs are for")]
 
 use std::fs;
@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
+
+/// Clock ticks per second in `/proc`, on every Linux.
+const TICKS_PER_S: f64 = 100.0;
 
 /// Value below which the fraction `q` of `values` lies, NaN if there are none; sorts them.
 pub fn quantile(values: &mut [f64], q: f64) -> f64 {
@@ -143,6 +146,32 @@ pub fn root() -> &'static Path {
 /// The built program, which `make bench` builds first.
 pub fn tapline() -> PathBuf {
     root().join("target/release/tapline")
+}
+
+/// Processor time of the process `pid` so far, without its children.
+///
+/// # Errors
+/// There is no such process.
+pub fn cpu_s(pid: u32) -> Result<f64> {
+    two_times_s(pid, 11)
+}
+
+/// Processor time of all children of this process that have ended, and of their children.
+///
+/// # Errors
+/// What the system returns.
+pub fn children_cpu_s() -> Result<f64> {
+    two_times_s(std::process::id(), 13)
+}
+
+/// The two times from place `first` on after the name in `/proc/PID/stat`.
+fn two_times_s(pid: u32, first: usize) -> Result<f64> {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat"))?;
+    // The name may contain anything; the fields after it are counted: state is field 3, own times are 14 and 15, the
+    // children's 16 and 17.
+    let fields = stat.rsplit(") ").next().unwrap_or_default().split(' ');
+    let ticks: Vec<f64> = fields.skip(first).take(2).map(str::parse).collect::<Result<_, _>>()?;
+    Ok(ticks.iter().sum::<f64>() / TICKS_PER_S)
 }
 
 fn folder() -> PathBuf {

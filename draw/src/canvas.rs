@@ -51,6 +51,18 @@ pub fn number(value: f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6 + 0.0).replace('-', "\u{2212}")
 }
 
+/// `exponent` as it stands above a line.
+pub fn superscript(exponent: i32) -> String {
+    let raised = |digit: char| match digit {
+        '-' => '\u{207b}',
+        '1' => '\u{b9}',
+        '2' => '\u{b2}',
+        '3' => '\u{b3}',
+        digit => digit.to_digit(10).and_then(|k| char::from_u32(0x2070 + k)).unwrap_or(digit),
+    };
+    exponent.to_string().chars().map(raised).collect()
+}
+
 /// Pixels in units of the canvas.
 pub fn units(pixels: f64) -> i32 {
     (pixels * UNITS_PER_PIXEL).round() as i32

@@ -64,7 +64,7 @@ mod tests {
             channel_count: 2,
             ..TapHeader::default()
         };
-        for (place, kind) in [Channel::Force, Channel::Sound].into_iter().enumerate() {
+        for (place, kind) in Channel::BOTH.into_iter().enumerate() {
             header.channels[place] = ChannelHeader { code: kind.code(), unit_per_count: 0.5, ..Default::default() };
         }
         let mut samples = vec![0.0_f32; 5];

@@ -1,6 +1,6 @@
 //! A scale: where a value lies along an axis, linear or logarithmic, and the ticks that people read it by.
 
-use crate::canvas::{Point, number};
+use crate::canvas::{Point, number, superscript};
 
 /// Decades from which on a logarithmic scale has its ticks at powers of ten alone.
 const DECADES_MANY: f64 = 2.5;
@@ -119,18 +119,8 @@ fn short(value: f64) -> String {
     }
     let power = size.log10().floor() as i32;
     let digit = value / 10.0_f64.powi(power);
-    let exponent: String = power.to_string().chars().map(superscript).collect();
+    let exponent = superscript(power);
     if (digit - 1.0).abs() < 1e-6 { format!("10{exponent}") } else { format!("{}·10{exponent}", number(digit)) }
-}
-
-fn superscript(digit: char) -> char {
-    match digit {
-        '-' => '\u{207b}',
-        '1' => '\u{b9}',
-        '2' => '\u{b2}',
-        '3' => '\u{b3}',
-        digit => digit.to_digit(10).and_then(|k| char::from_u32(0x2070 + k)).unwrap_or(digit),
-    }
 }
 
 #[cfg(test)]

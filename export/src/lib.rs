@@ -15,20 +15,23 @@ mod taps;
 mod uff;
 mod values;
 
+use std::path::Path;
 use std::{fmt, io};
 
 pub use error::{Error, Result};
-pub use mat::MatFolder;
 pub use tap_set::writer::{Scales, TapSetWriter};
-pub use tap_set::{TapSetFolder, export_tap_set};
-pub use taps::{ListedTap, TapCounts};
-pub use uff::{UffEncoding, UffFolder, export_uff};
+pub use taps::{ListedTap, TapCounts, TapFolder};
+pub use uff::UffEncoding;
 pub use values::{ColumnInfo, ColumnKind, Values};
 
 use crate::column::Sink as _;
 use crate::csv_file::CsvFile;
+use crate::mat::Mat;
 #[cfg(feature = "parquet")]
 use crate::parquet_file::ParquetFile;
+use crate::tap_set::TapSetFolder;
+use crate::taps::scan_files::ScanFiles;
+use crate::uff::Uff;
 use tapline_store::Reader;
 
 /// A table that can be exported.
@@ -61,24 +64,29 @@ impl Export {
     }
 }
 
-/// Writes `table` of the archive to `out` as CSV with a header line.
-///
-/// # Errors
-/// [`Error::Csv`] if `out` fails, or an error of reading the archive.
-pub fn export(reader: &Reader, table: Export, out: impl io::Write + Send) -> Result<()> {
-    one(reader, TableFile::csv(table, out))
+/// What taps are exported as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum TapFormat {
+    /// A tap set, with a WAV a tap, and with the configuration of the run and the reference that it had.
+    Wav,
+    /// Universal Files.
+    Uff(UffEncoding),
+    /// MATLAB files.
+    Mat,
 }
 
-/// Writes `table` of the archive to `out` as Parquet: the columns and rows of the CSV, typed, and sets of flags also as bits.
-///
-/// Units are in the columns' metadata (`unit`). The metadata of the file names the table, the digest of the scan plan, and
-/// the programs that made the archive and the file. One row group is in memory at a time.
-///
-/// # Errors
-/// [`Error`] if `out` fails, or an error of reading the archive.
-#[cfg(feature = "parquet")]
-pub fn export_parquet(reader: &Reader, table: Export, out: impl io::Write + Send) -> Result<()> {
-    one(reader, TableFile::parquet(table, out))
+impl TapFormat {
+    /// Begins the new or empty folder `folder` of taps.
+    ///
+    /// # Errors
+    /// [`Error::FolderNotEmpty`], or an error of writing.
+    pub fn begin(self, folder: &Path) -> Result<Box<dyn TapFolder>> {
+        Ok(match self {
+            Self::Wav => Box::new(TapSetFolder::begin(folder)?),
+            Self::Uff(encoding) => Box::new(ScanFiles::begin(folder, Uff(encoding))?),
+            Self::Mat => Box::new(ScanFiles::begin(folder, Mat)?),
+        })
+    }
 }
 
 /// Describes the columns of `table`, which are those of every archive.
@@ -92,11 +100,6 @@ pub fn columns(table: Export) -> Vec<ColumnInfo> {
 /// An error of reading the archive.
 pub fn read_values(reader: &Reader, table: Export, take: impl FnMut(Vec<Values>)) -> Result<()> {
     tables::write(reader, None, table, &mut values::Batches::new(take))
-}
-
-fn one(reader: &Reader, mut file: TableFile<impl io::Write + Send>) -> Result<()> {
-    file.add(reader, None)?;
-    file.finish()
 }
 
 /// A table of one archive or of many, written archive by archive: no more than one is in memory.
@@ -123,7 +126,10 @@ impl<W: io::Write + Send> TableFile<W> {
         Self { table, format: TableFormat::Csv(Box::new(CsvFile::new(out))) }
     }
 
-    /// `table` as Parquet, into `out`; see [`export_parquet`].
+    /// `table` as Parquet, into `out`: the columns and rows of the CSV, typed, and sets of flags also as bits.
+    ///
+    /// Units are in the columns' metadata (`unit`). The metadata of the file names the table, the digest of the scan plan, and
+    /// the programs that made the archive and the file. One row group is in memory at a time.
     #[cfg(feature = "parquet")]
     pub fn parquet(table: Export, out: W) -> Self {
         Self { table, format: TableFormat::Parquet(ParquetFile::new(table, out)) }

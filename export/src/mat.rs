@@ -9,7 +9,7 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
@@ -17,12 +17,9 @@ use tapline_store::Reader;
 use tapline_wire::{Channel, Scan};
 
 use crate::error::Context as _;
-use crate::folder::Draft;
-use crate::taps::{COLUMNS, ListedTap, TapCounts, Taps, cells, known, physical, scan_names};
+use crate::taps::scan_files::{List, ScanFormat};
+use crate::taps::{ListedTap, Taps, known, physical};
 use crate::{Error, Result};
-
-/// The column after [`COLUMNS`]: the column of a tap in the matrices of its file, from 1.
-const PART: &str = "part";
 
 /// Most bytes of a variable: MATLAB reads no more from a file of this version.
 const VARIABLE_BYTES_MAX: usize = (1 << 31) - 1;
@@ -39,69 +36,21 @@ const MX_CHAR: u32 = 4;
 const MX_DOUBLE: u32 = 6;
 const MX_SINGLE: u32 = 7;
 
-/// A folder of MATLAB files of the taps of one archive or of many, added archive by archive. It appears when it is finished.
+/// MATLAB files; the part of a tap is its column in the matrices.
 #[derive(Debug)]
-pub struct MatFolder {
-    draft: Draft,
-    list: csv::Writer<File>,
-    counts: TapCounts,
-    last: PathBuf,
-}
+pub(crate) struct Mat;
 
-impl MatFolder {
-    /// Begins the folder `folder`.
-    ///
-    /// # Errors
-    /// [`Error::FolderNotEmpty`], or an error of writing.
-    pub fn begin(folder: &Path) -> Result<Self> {
-        let draft = Draft::new(folder)?;
-        let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
-        list.write_record(COLUMNS.iter().chain(&[PART]))?;
-        Ok(Self { draft, list, counts: TapCounts::default(), last: folder.to_owned() })
-    }
+impl ScanFormat for Mat {
+    const ENDING: &'static str = "mat";
 
-    /// Adds the taps of an archive.
-    ///
-    /// # Errors
-    /// [`Error::TooLarge`] if a matrix would have more bytes than MATLAB reads, or an error of reading or writing.
-    pub fn add(&mut self, reader: &Reader) -> Result<()> {
-        self.add_with(reader, &|_part| ())
-    }
-
-    /// As `add`; `on_part` is called before each tap with the part of them that is done, from 0 to 1.
-    ///
-    /// # Errors
-    /// As `add`.
-    pub fn add_with(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> Result<()> {
-        let (plan, taps) = (reader.plan(), Taps::with(reader, on_part));
-        let names = scan_names(plan, |name| self.draft.has(&format!("{name}.mat")));
-        for (scan, name) in plan.scans().iter().zip(names) {
-            let name = format!("{name}.mat");
-            let path = self.draft.path(&name)?;
-            let mut columns = Columns::default();
-            for &row in &scan.taps {
-                let tap = taps.tap(row)?;
-                let part = columns.take(&tap, &path)?;
-                self.list.write_record(cells(&tap, &name).iter().chain(&[part]))?;
-            }
-            columns.write(reader, scan, &path).context("write", &path)?;
+    fn write(&self, taps: &Taps<'_>, scan: &Scan, _name: &str, path: &Path, list: &mut List<'_>) -> Result<()> {
+        let mut columns = Columns::default();
+        for &row in &scan.taps {
+            let tap = taps.tap(row)?;
+            let part = columns.take(&tap, path)?;
+            list(&tap, &part)?;
         }
-        self.counts = self.counts.and(taps.counts());
-        reader.path().clone_into(&mut self.last);
-        Ok(())
-    }
-
-    /// Finishes the folder, and returns the counts of its taps.
-    ///
-    /// # Errors
-    /// [`Error::NoSamples`] if it has no tap, or an error of writing.
-    pub fn finish(self) -> Result<TapCounts> {
-        let Self { draft, mut list, counts, last } = self;
-        list.flush().map_err(|error| Error::Csv(error.into()))?;
-        drop(list);
-        let counts = counts.if_any(&last)?;
-        draft.finish()?;
-        Ok(counts)
+        columns.write(taps.reader(), scan, path).context("write", path)
     }
 }
 

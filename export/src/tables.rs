@@ -90,7 +90,7 @@ fn discriminator_columns<'a>(name: Option<&str>, units: [Option<String>; 2]) -> 
 
 fn discriminators(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
     let recording = &reader.plan().recording;
-    let units = [Channel::Force, Channel::Sound].map(|channel| {
+    let units = Channel::BOTH.map(|channel| {
         let has_it = recording.channels.contains(&channel);
         has_it.then(|| recording.calibration.unit(channel).name().to_owned())
     });

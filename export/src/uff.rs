@@ -1,7 +1,6 @@
 //! The taps of an archive as Universal Files: dataset 58, functions of time, in SI units.
 //!
-//! There is one file for each shoulder, which has one verdict and is one test for programs that analyse vibration. Beside the files,
-//! `taps.csv` lists every planned tap, and its file or why it has none. A file begins with datasets 151 (header) and 164 (SI units); then every
+//! A file begins with datasets 151 (header) and 164 (SI units); then every
 //! channel of every tap is a dataset, force in N and sound in V, with time 0 at the trigger. This format has six digits for the
 //! time step: the exact rate is in ID line 5.
 //!
@@ -10,15 +9,15 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use tapline_wire::{Channel, Scan, TapHeader, Unit};
 
+use crate::Result;
 use crate::error::Context as _;
-use crate::folder::Draft;
 use crate::fortran::{exponent, plain};
-use crate::taps::{COLUMNS, ListedTap, TapCounts, Taps, cells, known, physical, scan_names};
-use crate::{Error, Result};
+use crate::taps::scan_files::{List, ScanFormat};
+use crate::taps::{ListedTap, Taps, known, physical};
 use tapline_store::Reader;
 
 /// The encoding of values in dataset 58.
@@ -30,111 +29,44 @@ pub enum UffEncoding {
     Ascii,
 }
 
-/// The column after [`COLUMNS`]: number, in its file and from 1, of a tap's first dataset 58; `tapline import` takes it for the part
-/// that the tap is.
-const PART: &str = "part";
-
-/// Writes the taps of the archive into the new folder `folder` as Universal Files.
-///
-/// # Errors
-/// [`crate::Error::FolderNotEmpty`], [`crate::Error::NoSamples`], or an error of reading or writing; the folder is then not
-/// created.
-pub fn export_uff(reader: &Reader, folder: &Path, encoding: UffEncoding) -> Result<TapCounts> {
-    Taps::new(reader).counts().if_any(reader.path())?;
-    let mut files = UffFolder::begin(folder, encoding)?;
-    files.add(reader)?;
-    files.finish()
-}
-
-/// A folder of Universal Files of the taps of one archive or of many, added archive by archive. It appears when it is
-/// finished.
+/// Universal Files; the part of a tap is the number of its first dataset 58.
 #[derive(Debug)]
-pub struct UffFolder {
-    draft: Draft,
-    list: csv::Writer<File>,
-    encoding: UffEncoding,
-    counts: TapCounts,
-    last: PathBuf,
-}
+pub(crate) struct Uff(pub(crate) UffEncoding);
 
-impl UffFolder {
-    /// Begins the folder `folder`.
-    ///
-    /// # Errors
-    /// [`crate::Error::FolderNotEmpty`], or an error of writing.
-    pub fn begin(folder: &Path, encoding: UffEncoding) -> Result<Self> {
-        let draft = Draft::new(folder)?;
-        let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
-        list.write_record(COLUMNS.iter().chain(&[PART]))?;
-        Ok(Self { draft, list, encoding, counts: TapCounts::default(), last: folder.to_owned() })
-    }
+impl ScanFormat for Uff {
+    const ENDING: &'static str = "uff";
 
-    /// Adds the taps of an archive.
-    ///
-    /// # Errors
-    /// An error of reading or writing.
-    pub fn add(&mut self, reader: &Reader) -> Result<()> {
-        self.add_with(reader, &|_part| ())
-    }
-
-    /// As `add`; `on_part` is called before each tap with the part of them that is done, from 0 to 1.
-    ///
-    /// # Errors
-    /// As `add`.
-    pub fn add_with(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> Result<()> {
-        let (plan, taps, draft) = (reader.plan(), Taps::with(reader, on_part), &self.draft);
-        let file_of = |name: &str| draft.path(&format!("{name}.uff"));
-        let names = scan_names(plan, |name| draft.has(&format!("{name}.uff")));
-        for (scan, name) in plan.scans().iter().zip(names) {
-            let path = file_of(&name)?;
-            let mut out = BufWriter::new(File::create(&path).context("create", &path)?);
-            let mut function_count = 0_u32;
-            let mut is_begun = false;
-            for &row in &scan.taps {
-                let tap = taps.tap(row)?;
-                let mut part = String::new();
-                if let Ok((header, samples)) = &tap.record {
-                    if !is_begun {
-                        let written = write_header(&mut out, scan, &name, header.tap_time_ns);
-                        written.and_then(|()| write_units(&mut out)).context("write", &path)?;
-                        is_begun = true;
-                    }
-                    part = (function_count + 1).to_string();
-                    for (k, (channel, unit_per_count)) in header.channels().enumerate() {
-                        function_count += 1;
-                        let values = physical(samples, k, header.sample_count as usize, unit_per_count);
-                        let function = Function { reader, tap: &tap, header, channel, number: function_count };
-                        function.write(&mut out, self.encoding, &values).context("write", &path)?;
-                    }
+    fn write(&self, taps: &Taps<'_>, scan: &Scan, name: &str, path: &Path, list: &mut List<'_>) -> Result<()> {
+        let mut out = BufWriter::new(File::create(path).context("create", path)?);
+        let mut function_count = 0_u32;
+        let mut is_begun = false;
+        for &row in &scan.taps {
+            let tap = taps.tap(row)?;
+            let mut part = String::new();
+            if let Ok((header, samples)) = &tap.record {
+                if !is_begun {
+                    let written = write_header(&mut out, scan, name, header.tap_time_ns);
+                    written.and_then(|()| write_units(&mut out)).context("write", path)?;
+                    is_begun = true;
                 }
-                self.list.write_record(cells(&tap, &format!("{name}.uff")).iter().chain(&[part]))?;
+                part = (function_count + 1).to_string();
+                for (k, (channel, unit_per_count)) in header.channels().enumerate() {
+                    function_count += 1;
+                    let values = physical(samples, k, header.sample_count as usize, unit_per_count);
+                    let reader = taps.reader();
+                    let function = Function { reader, tap: &tap, header, channel, number: function_count };
+                    function.write(&mut out, self.0, &values).context("write", path)?;
+                }
             }
-            if !is_begun {
-                write_header(&mut out, scan, &name, 0).and_then(|()| write_units(&mut out)).context("write", &path)?;
-            }
-            out.flush().context("write", &path)?;
+            list(&tap, &part)?;
         }
-        self.counts = self.counts.and(taps.counts());
-        reader.path().clone_into(&mut self.last);
-        Ok(())
-    }
-
-    /// Finishes the folder, and returns the counts of its taps.
-    ///
-    /// # Errors
-    /// [`crate::Error::NoSamples`] if it has no tap, or an error of writing.
-    pub fn finish(self) -> Result<TapCounts> {
-        let Self { draft, mut list, counts, last, .. } = self;
-        list.flush().map_err(|error| Error::Csv(error.into()))?;
-        drop(list);
-        let counts = counts.if_any(&last)?;
-        draft.finish()?;
-        Ok(counts)
+        if !is_begun {
+            write_header(&mut out, scan, name, 0).and_then(|()| write_units(&mut out)).context("write", path)?;
+        }
+        out.flush().context("write", path)
     }
 }
 
-/// Dataset 151: what the file is; programs that import Universal Files show it, and some read none without it. Times are those of
-/// the first tap: a file of the same taps is the same.
 fn write_header(out: &mut impl Write, scan: &Scan, name: &str, tap_time_ns: i64) -> io::Result<()> {
     let line = date_line(tap_time_ns);
     let (date, time) = line.split_once(' ').unwrap_or(("", ""));

@@ -8,3 +8,14 @@ mod common;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod tables;
+
+use std::io::Write;
+
+use tapline_export::TableFile;
+use tapline_store::Reader;
+
+/// Writes the table of one archive.
+fn write(mut file: TableFile<impl Write + Send>, reader: &Reader) {
+    file.add(reader, None).unwrap();
+    file.finish().unwrap();
+}

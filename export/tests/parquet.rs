@@ -8,12 +8,13 @@ use arrow_array::types::{Float64Type, UInt16Type, UInt32Type};
 use arrow_array::{Array as _, ArrayRef, RecordBatch};
 use arrow_schema::DataType;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-use tapline_export::{Export, export, export_parquet};
+use tapline_export::{Export, TableFile};
 use tapline_store::Reader;
 use tapline_wire::Quality;
 
 use crate::common;
 use crate::tables::unfinished;
+use crate::write;
 
 /// Columns that only Parquet has: the bits of what CSV names in words.
 const BITS: [&str; 2] = ["quality_bits", "reasons_bits"];
@@ -21,7 +22,7 @@ const BITS: [&str; 2] = ["quality_bits", "reasons_bits"];
 /// Header and cells of a table as CSV.
 fn as_csv(reader: &Reader, table: Export) -> (Vec<String>, Vec<Vec<String>>) {
     let mut out = Vec::new();
-    export(reader, table, &mut out).unwrap();
+    write(TableFile::csv(table, &mut out), reader);
     let mut csv = csv::Reader::from_reader(out.as_slice());
     let texts = |record: &csv::StringRecord| record.iter().map(str::to_owned).collect::<Vec<_>>();
     let header = texts(csv.headers().unwrap());
@@ -50,7 +51,7 @@ fn parquet_is_the_csv_cell_by_cell() {
     let reader = unfinished(&folder);
     for table in Export::ALL {
         let path = folder.path().join("table.parquet");
-        export_parquet(&reader, table, File::create(&path).unwrap()).unwrap();
+        write(TableFile::parquet(table, File::create(&path).unwrap()), &reader);
         let builder = ParquetRecordBatchReaderBuilder::try_new(File::open(&path).unwrap()).unwrap();
         let schema = builder.schema().clone();
         let names: Vec<&str> =
@@ -85,7 +86,7 @@ fn units_bits_and_origin_are_in_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let reader = unfinished(&folder);
     let mut found = Vec::new();
-    export_parquet(&reader, Export::Discriminators, &mut found).unwrap();
+    write(TableFile::parquet(Export::Discriminators, &mut found), &reader);
     let path = folder.path().join("found.parquet");
     std::fs::write(&path, found).unwrap();
     let builder = ParquetRecordBatchReaderBuilder::try_new(File::open(&path).unwrap()).unwrap();
@@ -132,7 +133,7 @@ fn pyarrow_reads_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let reader = unfinished(&folder);
     let path = folder.path().join("found.parquet");
-    export_parquet(&reader, Export::Discriminators, File::create(&path).unwrap()).unwrap();
+    write(TableFile::parquet(Export::Discriminators, File::create(&path).unwrap()), &reader);
     let out = Command::new(python).env("PYTHONIOENCODING", "utf-8").args(["-c", SCRIPT]).arg(&path).output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let expected = [

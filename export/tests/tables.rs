@@ -1,14 +1,15 @@
 //! Exported tables, character by character.
 
-use tapline_export::{ColumnKind, Export, Values, columns, export, read_values};
+use tapline_export::{ColumnKind, Export, TableFile, Values, columns, read_values};
 use tapline_store::{Reader, Writer};
 use tapline_wire::SampleFormat;
 
 use crate::common::{CONFIG, judgement, plan, put};
+use crate::write;
 
 fn exported(reader: &Reader, table: Export) -> String {
     let mut out = Vec::new();
-    export(reader, table, &mut out).unwrap();
+    write(TableFile::csv(table, &mut out), reader);
     String::from_utf8(out).unwrap()
 }
 

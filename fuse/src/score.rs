@@ -1,10 +1,8 @@
 //! How well the index and each discriminator tell cracked from sound, where the truth is known.
 
-use std::sync::Arc;
+use tapline_wire::{Discriminator, Discriminators};
 
-use tapline_wire::{Discriminator, Discriminators, Plan};
-
-use crate::{Error, FuseConfig, Fusion, ReferenceSet};
+use crate::{Error, FuseConfig, Fusion};
 
 /// Areas under the ROC curve over all locations whose truth is known, all shoulders pooled.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,35 +16,6 @@ pub struct Score {
     pub cracked_count: u32,
     /// Sound locations that have an index.
     pub sound_count: u32,
-}
-
-impl Score {
-    /// The score of `records` against [`Plan::truth`].
-    ///
-    /// # Errors
-    /// What [`Fusion::new`] and [`Fusion::push`] refuse.
-    pub fn of(config: &FuseConfig, plan: &Plan, records: &[Discriminators]) -> Result<Self, Error> {
-        Self::of_fusion(Fusion::new(config, plan)?, records)
-    }
-
-    /// The score of `records` by a reference of earlier runs.
-    ///
-    /// # Errors
-    /// What [`Fusion::with_reference`] and [`Fusion::push`] refuse.
-    pub fn by_reference(
-        config: &FuseConfig,
-        plan: &Plan,
-        set: Arc<ReferenceSet>,
-        records: &[Discriminators],
-    ) -> Result<Self, Error> {
-        Self::of_fusion(Fusion::with_reference(config, plan, set)?, records)
-    }
-
-    fn of_fusion(fusion: Fusion, records: &[Discriminators]) -> Result<Self, Error> {
-        let mut pool = ScorePool::default();
-        pool.add(fusion, records)?;
-        Ok(pool.score())
-    }
 }
 
 /// Values of the locations of many casings, each with whether it is cracked, to be scored together.
@@ -141,7 +110,7 @@ mod tests {
 
     use super::*;
     use crate::Reference;
-    use crate::testing::{Casing, records};
+    use crate::testing::{Casing, records, scored};
 
     /// The definition: every pair of a cracked and a sound location.
     fn auc_by_pairs(scores: &[f64], labels: &[bool]) -> Option<f64> {
@@ -183,7 +152,7 @@ mod tests {
             Casing { cracks: vec![(1, 20..26)], shift: 3.0, shifted: vec![Discriminator::Pr], ..Casing::default() };
         let plan = casing.plan();
         let records = records(&casing, &plan, 5);
-        let score = Score::of(&FuseConfig::by(Reference::Own), &plan, &records).unwrap();
+        let score = scored(Fusion::new(&FuseConfig::by(Reference::Own), &plan).unwrap(), &records);
         let pr = score.discriminators[Discriminator::Pr as usize].unwrap();
         assert!(pr > 0.99, "{score:?}");
         for (which, alone) in Discriminator::ALL.into_iter().zip(score.discriminators) {
@@ -196,7 +165,7 @@ mod tests {
         assert_eq!((score.cracked_count, score.sound_count), (6, 94));
         let mut reversed = FuseConfig::by(Reference::Own);
         reversed.directions.set(Discriminator::Pr, crate::Direction::Falls);
-        let reversed = Score::of(&reversed, &plan, &records).unwrap();
+        let reversed = scored(Fusion::new(&reversed, &plan).unwrap(), &records);
         assert!(reversed.discriminators[Discriminator::Pr as usize].unwrap() < 0.01);
     }
 
@@ -205,7 +174,7 @@ mod tests {
         // Catches a division by zero when a class is empty.
         let casing = Casing::default();
         let sound = casing.plan();
-        let score = Score::of(&FuseConfig::by(Reference::Own), &sound, &records(&casing, &sound, 1)).unwrap();
+        let score = scored(Fusion::new(&FuseConfig::by(Reference::Own), &sound).unwrap(), &records(&casing, &sound, 1));
         assert_eq!((score.index, score.discriminators, score.cracked_count), (None, [None; Discriminator::COUNT], 0));
     }
 }

@@ -11,6 +11,8 @@ use tapline_wire::{
     Values,
 };
 
+use crate::{Fusion, Score, ScorePool};
+
 /// A casing, its scan and its scatter; standard deviations are in those of one tap.
 #[derive(Debug, Clone)]
 pub(crate) struct Casing {
@@ -49,6 +51,13 @@ impl Default for Casing {
             shifted: Discriminator::ALL.to_vec(),
         }
     }
+}
+
+/// The score of `fusion` by `records`.
+pub(crate) fn scored(fusion: Fusion, records: &[Discriminators]) -> Score {
+    let mut pool = ScorePool::default();
+    pool.add(fusion, records).unwrap();
+    pool.score()
 }
 
 pub(crate) fn tyre() -> Serial {

@@ -7,15 +7,18 @@
 use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use serde_json::{Value, json};
+use tapline_host::memory;
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::table::table;
+
+use crate::line_cost::{LineCost, Pace, run_command};
 
 /// Part of the processors that stations may take: the rest is for what else the host does.
 const USABLE: f64 = 0.8;
@@ -169,28 +172,15 @@ impl Used {
         let out = folder.join("line");
         let printed = folder.join("printed");
         let shared_before = shared_free_mb();
-        let child = Command::new(&program)
-            .args(["run", "--json", "--quiet", "--stations", &stations.to_string()])
-            .args([Path::new("--config"), &config, Path::new("--out"), &out])
-            .stdin(Stdio::null())
+        let child = run_command(&program, &config, stations, &out)
             .stdout(File::create(&printed)?)
             .spawn()
             .with_context(|| format!("cannot start {}", program.display()))?;
         let shared_least = watch(child, f64::from(2 * locations) / taps_per_s)?;
-        let printed = fs::read_to_string(printed)?;
-        let summary: Value = serde_json::from_str(printed.lines().last().unwrap_or_default())
-            .with_context(|| format!("{} printed no summary", program.display()))?;
-        let pace = &summary["pace"];
-        let number = |of: &Value, key: &str| of[key].as_f64().with_context(|| format!("no {key} in {summary}"));
-        ensure!(number(pace, "gaps")? <= 0.0, "the line has lost records: {summary}");
-        let (taps, each) = (number(pace, "taps")?, f64::from(stations));
-        let (mut cpu_s, mut memory_mb) = (0.0, 0.0);
-        for process in pace["processes"].as_array().context("a summary has its processes")? {
-            memory_mb += number(process, "peak_memory_mb")?;
-            if !process["name"].as_str().unwrap_or_default().starts_with("acquire") {
-                cpu_s += number(process, "user_s")? + number(process, "kernel_s")?;
-            }
-        }
+        let Pace { taps, processes, .. } = LineCost::printed(&fs::read_to_string(printed)?)?.pace;
+        let each = f64::from(stations);
+        let cpu_s: f64 = processes.iter().filter(|of| !of.is_source()).map(|of| of.user_s + of.kernel_s).sum();
+        let memory_mb: f64 = processes.iter().map(|of| of.peak_memory_mb).sum();
         Ok(Self {
             cpu_us_per_tap: cpu_s * 1e6 / taps,
             memory_mb: memory_mb / each,
@@ -233,9 +223,7 @@ fn shared_free_mb() -> f64 {
 /// What the system says can be used without swapping.
 fn free_memory_mb() -> f64 {
     let text = fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
-    let kib = line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<f64>().ok());
-    kib.map_or(f64::NAN, |kib| kib * 1024.0 / 1e6)
+    memory::bytes(&text, "MemAvailable").map_or(f64::NAN, |bytes| bytes as f64 / 1e6)
 }
 
 fn disk_mb_per_s(path: &Path) -> Result<f64> {

@@ -8,6 +8,7 @@
 //! - [`estimators`]: bias and spread of every estimator on taps whose truth is known.
 //! - [`stability`]: breakdown curves, how wrong a number gets as a disturbance grows.
 //! - [`headroom`]: how many stations a host carries, and what binds.
+//! - [`line_cost`]: what a run of the built program cost.
 //! - [`hop`]: a record from process to process, through shared memory and other ways.
 //! - [`picture`]: the README's picture, two shoulders of an archive.
 //! - [`simulated`]: casings of two simulators, tapped and judged.
@@ -22,6 +23,7 @@ pub mod figures;
 pub mod headroom;
 pub mod hop;
 mod in_memory;
+pub mod line_cost;
 pub mod picture;
 pub mod pod;
 pub mod simulated;

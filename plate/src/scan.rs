@@ -76,7 +76,7 @@ impl ScanShape {
             pre_trigger_samples: self.pre_trigger_samples,
             sample_count_max: sample_count as u32,
             sample_format: SampleFormat::F32,
-            channels: vec![Channel::Force, Channel::Sound],
+            channels: Channel::BOTH.to_vec(),
             calibration: tapline_wire::Calibration::computed(),
         };
         let mut taps = Vec::with_capacity(tyres.len() * self.tap_count());
@@ -181,7 +181,7 @@ pub(crate) fn check(recording: &Recording) -> Result<(), Error> {
     let refuse = |what: &str| Err(Error::Recording { what: what.to_owned() });
     match () {
         () if recording.sample_format != SampleFormat::F32 => refuse("integer samples"),
-        () if recording.channels != [Channel::Force, Channel::Sound] => refuse("other channels"),
+        () if recording.channels != Channel::BOTH => refuse("other channels"),
         () => Ok(()),
     }
 }

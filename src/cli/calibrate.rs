@@ -2,9 +2,11 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use tapline_host::arguments::ForceArgs;
 use tapline_wire::Channel;
+
+use crate::cli::one_of;
 
 /// How a channel is calibrated.
 #[derive(Debug, Subcommand)]
@@ -42,9 +44,9 @@ pub(crate) enum CalibrateVerb {
     },
     /// Either channel, by data sheets: sensitivity of the sensor, gain, and voltage of a full-scale sample.
     State {
-        /// The channel.
-        #[arg(long)]
-        channel: ChannelArg,
+        /// The channel: the impactor's force, or the microphone's sound.
+        #[arg(long, value_parser = one_of::<Channel>(&["force", "sound"]))]
+        channel: Channel,
         /// Voltage of a full-scale sample at the input of the sound card or converter.
         #[arg(long, allow_negative_numbers = true)]
         full_scale_v: f64,
@@ -87,22 +89,4 @@ pub(crate) struct WrittenArgs {
     /// Print the calibration as JSON.
     #[arg(long)]
     pub json: bool,
-}
-
-/// A channel, as people name it.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum ChannelArg {
-    /// The impactor's force.
-    Force,
-    /// The microphone.
-    Sound,
-}
-
-impl From<ChannelArg> for Channel {
-    fn from(channel: ChannelArg) -> Self {
-        match channel {
-            ChannelArg::Force => Self::Force,
-            ChannelArg::Sound => Self::Sound,
-        }
-    }
 }

@@ -9,12 +9,16 @@ pub(crate) mod uplink;
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
+use serde::de::value::Error;
+use serde::de::{DeserializeOwned, IntoDeserializer};
 use tapline_host::arguments::{ForceArgs, LogArgs};
+use tapline_model::EffectiveLength;
 
 use crate::cli::archives::{ExportArgs, ImportArgs, PackedBy, ReferenceArgs, ReprocessArgs, ResultsArgs};
 use crate::cli::line::{LineArgs, RunArgs, StageArgs, StatusArgs};
-use crate::cli::model::{ContactArgs, Length};
+use crate::cli::model::{ContactArgs, LENGTHS};
 
 /// Finds hidden cracks in truck-tyre casings by tapping them and listening.
 #[derive(Debug, Parser)]
@@ -232,12 +236,21 @@ pub(crate) enum ModelVerb {
         /// Number of the table: 4, 5, 6, 8, 9, 10 or 11.
         number: u8,
         /// How the effective length of a crack is had: as the printed tables used it, or as the text describes it.
-        #[arg(long, value_enum, default_value_t = Length::Published)]
-        effective_length: Length,
+        #[arg(long, value_parser = one_of::<EffectiveLength>(&LENGTHS), default_value = "published")]
+        effective_length: EffectiveLength,
         /// Print it as JSON, an object a row.
         #[arg(long)]
         json: bool,
     },
     /// Print what one contact does, on a rung of the ladder of models or on the cheapest that is true enough.
     Contact(ContactArgs),
+}
+
+/// Takes one of `names`, by which configurations name a `T`.
+fn one_of<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: DeserializeOwned + Clone + Send + Sync + 'static,
+{
+    let parse = |name: String| T::deserialize(IntoDeserializer::<Error>::into_deserializer(name));
+    PossibleValuesParser::new(names.iter().copied()).try_map(parse)
 }

@@ -1,13 +1,12 @@
 //! The options of `tapline model`.
 
-use clap::{Args, ValueEnum};
-use tapline_model::Scene;
+use clap::Args;
+use tapline_model::{DampingLaw, EffectiveLength, Rung, Scene};
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum Length {
-    Published,
-    Table1,
-}
+use crate::cli::one_of;
+
+/// The rules of [`EffectiveLength`].
+pub(crate) const LENGTHS: [&str; 2] = ["published", "table1"];
 
 /// One contact.
 #[derive(Debug, Args)]
@@ -41,34 +40,27 @@ pub(crate) struct ContactArgs {
     #[arg(long, default_value_t = Scene::default().resilience)]
     pub resilience: f64,
     /// How the effective length of a crack is had: as the printed tables used it, or as the text describes it.
-    #[arg(long, value_enum, default_value_t = Length::Published)]
-    pub effective_length: Length,
+    #[arg(long, value_parser = one_of::<EffectiveLength>(&LENGTHS), default_value = "published")]
+    pub effective_length: EffectiveLength,
     /// How damping follows from the restitution.
-    #[arg(long, value_enum, default_value_t = Damping::Exact)]
-    pub damping: Damping,
+    #[arg(
+        long,
+        value_parser = one_of::<DampingLaw>(&["exact", "lankarani-nikravesh", "flores", "gonthier"]),
+        default_value = "exact"
+    )]
+    pub damping: DampingLaw,
     /// The model: closed form, damped contact without a crack, plate in time, or the same with shear and membrane.
-    #[arg(long, value_enum, required_unless_present = "tolerance", conflicts_with = "tolerance")]
-    pub rung: Option<RungName>,
+    #[arg(
+        long,
+        value_parser = one_of::<Rung>(&["closed", "integral", "plate", "full"]),
+        required_unless_present = "tolerance",
+        conflicts_with = "tolerance"
+    )]
+    pub rung: Option<Rung>,
     /// Take the cheapest rung whose quantities are all within this relative difference from the full rung's, and print why.
     #[arg(long)]
     pub tolerance: Option<f64>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum RungName {
-    Closed,
-    Integral,
-    Plate,
-    Full,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum Damping {
-    Exact,
-    LankaraniNikravesh,
-    Flores,
-    Gonthier,
 }

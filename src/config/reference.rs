@@ -30,13 +30,8 @@ impl Fusions {
 
     /// The fusion of the taps of `plan`.
     pub(crate) fn for_plan(&self, plan: &Plan) -> Result<Fusion, tapline_fuse::Error> {
-        match &self.set {
-            Some(set) => {
-                check_reference(set, &self.process, &plan.recording)?;
-                Fusion::with_reference(&self.fuse, plan, Arc::clone(set))
-            }
-            None => Fusion::new(&self.fuse, plan),
-        }
+        self.set.iter().try_for_each(|set| check_reference(set, &self.process, &plan.recording))?;
+        Fusion::by(&self.fuse, plan, self.set.clone())
     }
 
     /// What of the stated rates the reference does not support, for people to read.
@@ -129,7 +124,7 @@ mod tests {
             pre_trigger_samples: 512,
             sample_count_max: 16_384,
             sample_format: SampleFormat::I16,
-            channels: vec![Channel::Force, Channel::Sound],
+            channels: Channel::BOTH.to_vec(),
             calibration: Calibration::stated(),
         };
         let config = ProcessConfig::default();

@@ -1,10 +1,11 @@
 //! Where verdicts go over the plant's network: the tables `[line.mqtt]`, `[line.opcua]` and `[line.modbus]`.
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};
+use tapline_host::connection::is_this_machine;
 
 /// Longest topic prefix and client name, in bytes.
 const TEXT_BYTES_MAX: usize = 128;
@@ -131,12 +132,6 @@ impl ModbusConfig {
         );
         Ok(())
     }
-}
-
-/// Whether `host` is this machine, by an address of the loopback or by the one name that always leads there.
-fn is_this_machine(host: &str) -> bool {
-    let address = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
-    host == "localhost" || address.is_ok_and(|address| address.is_loopback())
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use tapline_host::memory;
 use tapline_wire::shm;
 
 /// What a line will need.
@@ -78,12 +79,8 @@ impl Limits {
 /// Memory that the system can still give, in bytes, where it reports it.
 fn memory_available() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let value = |name: &str| -> Option<u64> {
-        let line = text.lines().find_map(|line| line.strip_prefix(name))?;
-        Some(line.trim().trim_end_matches(" kB").parse::<u64>().ok()? * 1024)
-    };
     // Shared memory can be swapped out.
-    Some(value("MemAvailable:")? + value("SwapFree:").unwrap_or(0))
+    Some(memory::bytes(&text, "MemAvailable")? + memory::bytes(&text, "SwapFree").unwrap_or(0))
 }
 
 /// Memory that the control groups of this process (a container, a service) still allow, in bytes, where one is limited.

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::Wake;
-use tapline_host::log;
 use tapline_host::signals::stop_flag;
+use tapline_host::{log, memory};
 use tapline_wire::{Line, LineAddress, Role};
 
 use crate::cli::line::StageArgs;
@@ -19,11 +19,6 @@ use crate::line::setup::Setup;
 /// Exit code of a stage that has closed its files on a disk that has failed: the supervisor starts it again when the disk is
 /// back.
 pub(crate) const DISK_FAILED: u8 = 75;
-
-/// The disk of the archive has failed.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub(crate) struct DiskFailed(String);
 
 /// What a stage reports when it ends: one line of JSON on standard output.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -50,14 +45,12 @@ impl Used {
     /// By this process so far; zeros where the system does not report it.
     pub(crate) fn here() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
-        let status = read("/proc/self/status");
-        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        let kib = peak.and_then(|text| text.trim().trim_end_matches(" kB").parse::<u64>().ok());
+        let peak_memory_bytes = memory::bytes(&read("/proc/self/status"), "VmHWM").unwrap_or(0);
         // Times are the 14th and 15th field; the second, a name, may contain anything.
         let stat = read("/proc/self/stat");
         let mut times = stat.rsplit(") ").next().unwrap_or_default().split(' ').skip(11).map(str::parse::<f64>);
         let mut next_s = || times.next().and_then(Result::ok).unwrap_or(0.0) / TICKS_PER_S;
-        Self { peak_memory_bytes: kib.unwrap_or(0) * 1024, user_s: next_s(), kernel_s: next_s() }
+        Self { peak_memory_bytes, user_s: next_s(), kernel_s: next_s() }
     }
 }
 
@@ -95,7 +88,7 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
         None if args.stage == "store" => match tapline_store::run(&join(Role::Store)?, &setup.store_run(&job)) {
             Err(error @ tapline_store::RunError::FileSystem { .. }) => {
                 tracing::error!("{error}");
-                bail!(DiskFailed(error.to_string()))
+                bail!(error)
             }
             outcome => Work::Store(outcome?),
         },

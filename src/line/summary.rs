@@ -172,17 +172,10 @@ fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
     }
     let judgements = reader.judgements()?;
     let records: Vec<_> = found.into_iter().flatten().collect();
-    let fusion = || -> Result<Fusion> {
-        Ok(match reader.reference() {
-            Some(text) => {
-                Fusion::with_reference(&job.config.fuse, reader.plan(), Arc::new(ReferenceSet::parse(text)?))?
-            }
-            None => Fusion::new(&job.config.fuse, reader.plan())?,
-        })
-    };
     if !reader.truth().is_empty() && sum.scored < SCORED_MAX {
         (sum.has_truth, sum.scored) = (true, sum.scored + 1);
-        sum.scores.add(fusion()?, &records)?;
+        let set = reader.reference().map(ReferenceSet::parse).transpose()?.map(Arc::new);
+        sum.scores.add(Fusion::by(&job.config.fuse, reader.plan(), set)?, &records)?;
     }
     let shoulders = reader.plan().scans().iter().zip(judgements);
     for (scan, judged) in shoulders {

@@ -1,9 +1,7 @@
 //! Who may look: on the loopback everyone on this machine, elsewhere who has the token.
 
 use std::fmt;
-use std::fs;
-use std::net::{IpAddr, SocketAddr};
-use std::os::unix::fs::MetadataExt as _;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
 
@@ -13,6 +11,7 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, Method, StatusCode, Uri};
 use axum::response::{IntoResponse as _, Response};
 use serde::Deserialize;
+use tapline_host::connection::{is_this_machine, read_credentials};
 
 use crate::serve::refuse;
 
@@ -102,9 +101,7 @@ impl Access {
 impl Token {
     fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
-        let text = fs::read_to_string(path).with_context(|| format!("cannot read {shown}"))?;
-        let mode = fs::metadata(path).with_context(|| format!("cannot look at {shown}"))?.mode();
-        ensure!(mode & 0o007 == 0, "{shown} can be read by every user of this machine: chmod 600 {shown}");
+        let text = read_credentials(path)?;
         let text = text.trim();
         ensure!(
             TOKEN_BYTES.contains(&text.len()),
@@ -156,7 +153,7 @@ fn see(path: &'static str) -> (StatusCode, [(axum::http::HeaderName, &'static st
 /// what is served there.
 fn refuse_other_host(headers: &HeaderMap) -> Option<Response> {
     let host = headers.get(HOST).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    if is_this_machine(host) {
+    if is_at_this_machine(host) {
         return None;
     }
     let why =
@@ -164,12 +161,11 @@ fn refuse_other_host(headers: &HeaderMap) -> Option<Response> {
     Some(refuse(StatusCode::FORBIDDEN, why.to_owned()))
 }
 
-/// Whether `host`, with or without a port, is a name of the loopback.
-fn is_this_machine(host: &str) -> bool {
+/// Whether `host`, with its port or without, is this machine.
+fn is_at_this_machine(host: &str) -> bool {
     let is_port = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let name = host.rsplit_once(':').filter(|(_, port)| is_port(port)).map_or(host, |(name, _)| name);
-    let address = name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
-    name.eq_ignore_ascii_case("localhost") || address.is_ok_and(|address| address.is_loopback())
+    is_this_machine(name)
 }
 
 #[cfg(test)]
@@ -180,7 +176,7 @@ mod tests {
     #[test]
     fn only_names_of_the_loopback_are_this_machine() {
         for host in ["127.0.0.1:8088", "127.0.0.1", "localhost:1", "LOCALHOST", "[::1]:8088", "127.3.2.1:80"] {
-            assert!(is_this_machine(host), "{host}");
+            assert!(is_at_this_machine(host), "{host}");
         }
         for host in [
             "",
@@ -191,7 +187,7 @@ mod tests {
             "10.0.0.1",
             "[::2]:1",
         ] {
-            assert!(!is_this_machine(host), "{host}");
+            assert!(!is_at_this_machine(host), "{host}");
         }
     }
 
@@ -199,7 +195,9 @@ mod tests {
     /// an error that does not say so.
     #[test]
     fn an_address_that_others_can_reach_needs_a_token() {
+        use std::fs;
         use std::os::unix::fs::PermissionsExt as _;
+
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("token");
         let open = SocketAddr::from(([0, 0, 0, 0], 8088));

@@ -17,6 +17,7 @@ use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::{Registry, Unit};
+use tapline_host::memory;
 use tapline_wire::{Verdict, now_ns, shm};
 
 use crate::serve::beside;
@@ -168,8 +169,7 @@ fn of_machine(registry: &mut Registry, status: &Status, disk_free_bytes: Option<
 /// Memory of the process `pid`, in bytes.
 fn resident_bytes(pid: u32) -> Option<f64> {
     let text = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    Some(line.trim().trim_end_matches(" kB").parse::<f64>().ok()? * 1024.0)
+    Some(memory::bytes(&text, "VmRSS")? as f64)
 }
 
 /// Time since the begin of the `day`, as `2026-11-24`, in UTC.

@@ -33,6 +33,7 @@ use axum::{BoxError, Router};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use maud::html;
+use tapline_host::connection::listen;
 use tapline_wire::now_ns;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, watch};
@@ -95,9 +96,7 @@ impl Server {
     /// angles on a casing are counted.
     pub(crate) fn start(address: SocketAddr, token_file: Option<&Path>, angles: &str) -> Result<Self> {
         let access = Arc::new(Access::new(address, token_file)?);
-        let listener = std::net::TcpListener::bind(address)
-            .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
-            .with_context(|| format!("--serve: cannot listen at {address}"))?;
+        let listener = listen(address).with_context(|| format!("--serve: cannot listen at {address}"))?;
         let url = format!("http://{}", listener.local_addr().context("--serve")?);
         let (sender, statuses) = watch::channel(Shown::from(""));
         let runtime = tokio::runtime::Builder::new_current_thread()

@@ -212,7 +212,7 @@ pub(crate) fn since_last_tap_s(reader: &Reader) -> Result<Option<f64>> {
 /// Day of the oldest certificate of the casing's calibrations, and whether one did not hold on the day of the taps; computed samples need none.
 pub(crate) fn calibration(reader: &Reader) -> (Option<String>, bool) {
     let recording = &reader.plan().recording;
-    let channels = [Channel::Force, Channel::Sound];
+    let channels = Channel::BOTH;
     let computed = Calibration::computed();
     let certificates = channels.iter().filter_map(|&channel| {
         let certificate = recording.calibration.of(channel).certificate.as_ref();

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use serde_json::json;
-use tapline_export::{Error, Export, MatFolder, TableFile, TapCounts, TapSetFolder, UffEncoding, UffFolder};
+use tapline_export::{Error, Export, TableFile, TapCounts, TapFormat, UffEncoding};
 use tapline_host::atomic_file::{check_writable, write_atomically};
 use tapline_host::signals::note_folder;
 use tapline_store::Reader;
@@ -81,40 +81,6 @@ fn write(archives: &Archives, table: Export, format: Format, out: impl Write + S
     Ok(is_complete)
 }
 
-/// A folder that taps are written into.
-enum TapFolder {
-    Wav(Box<TapSetFolder>),
-    Uff(Box<UffFolder>),
-    Mat(Box<MatFolder>),
-}
-
-impl TapFolder {
-    fn begin(folder: &Path, format: Format) -> Result<Self> {
-        Ok(match format {
-            Format::Uff => Self::Uff(Box::new(UffFolder::begin(folder, UffEncoding::Binary)?)),
-            Format::UffAscii => Self::Uff(Box::new(UffFolder::begin(folder, UffEncoding::Ascii)?)),
-            Format::Mat => Self::Mat(Box::new(MatFolder::begin(folder)?)),
-            _ => Self::Wav(Box::new(TapSetFolder::begin(folder)?)),
-        })
-    }
-
-    fn add(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> tapline_export::Result<()> {
-        match self {
-            Self::Wav(folder) => folder.add_with(reader, on_part),
-            Self::Uff(folder) => folder.add_with(reader, on_part),
-            Self::Mat(folder) => folder.add_with(reader, on_part),
-        }
-    }
-
-    fn finish(self) -> tapline_export::Result<TapCounts> {
-        match self {
-            Self::Wav(folder) => folder.finish(),
-            Self::Uff(folder) => folder.finish(),
-            Self::Mat(folder) => folder.finish(),
-        }
-    }
-}
-
 fn taps(args: &ExportArgs) -> Result<bool> {
     let format = allowed(args, &OF_TAPS)?;
     let Some(folder) = &args.out else {
@@ -134,7 +100,7 @@ fn taps(args: &ExportArgs) -> Result<bool> {
         let Some(reader) = outcome.take(archive, Reader::open(&archive.path))? else { continue };
         let out = match &mut out {
             Some(out) => out,
-            none => none.insert(TapFolder::begin(folder, format)?),
+            none => none.insert(tap_format(format).begin(folder)?),
         };
         // Some taps of the archive may be in the folder already: they are removed.
         let shown = RefCell::new(&mut progress);
@@ -142,7 +108,7 @@ fn taps(args: &ExportArgs) -> Result<bool> {
     }
     drop(progress);
     let is_complete = outcome.end()?;
-    let counts = out.map(TapFolder::finish).transpose()?.unwrap_or_default();
+    let counts = out.map(|out| out.finish()).transpose()?.unwrap_or_default();
     let TapCounts { written, refused, missing, damaged } = counts;
     if args.json {
         let is_complete = is_complete && refused + missing + damaged == 0;
@@ -155,6 +121,15 @@ fn taps(args: &ExportArgs) -> Result<bool> {
     let folder = folder.display();
     writeln!(io::stdout().lock(), "{folder}: {written} taps written, {refused} refused, {missing} missing{hurt}{why}")?;
     Ok(is_complete && !is_listed)
+}
+
+fn tap_format(format: Format) -> TapFormat {
+    match format {
+        Format::Uff => TapFormat::Uff(UffEncoding::Binary),
+        Format::UffAscii => TapFormat::Uff(UffEncoding::Ascii),
+        Format::Mat => TapFormat::Mat,
+        _ => TapFormat::Wav,
+    }
 }
 
 /// The format that is asked for, or the first of the possible `formats`.

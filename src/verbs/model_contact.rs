@@ -4,30 +4,17 @@ use std::io::{self, Write};
 
 use anyhow::{Result, anyhow};
 use serde_json::{Value, json};
-use tapline_model::{Contact, DampingLaw, EffectiveLength, Error, Rung, Scene, choose_by_trial};
+use tapline_model::{Contact, Error, Scene, choose_by_trial};
 
-use crate::cli::model::{ContactArgs, Damping, Length, RungName};
+use crate::cli::model::ContactArgs;
 
 pub(crate) fn contact(args: &ContactArgs) -> Result<bool> {
     let scene = args.scene();
-    let law = match args.damping {
-        Damping::Exact => DampingLaw::Exact,
-        Damping::LankaraniNikravesh => DampingLaw::LankaraniNikravesh,
-        Damping::Flores => DampingLaw::Flores,
-        Damping::Gonthier => DampingLaw::Gonthier,
-    };
-    let rung = match args.rung {
-        Some(RungName::Closed) => Some(Rung::Closed),
-        Some(RungName::Integral) => Some(Rung::Integral),
-        Some(RungName::Plate) => Some(Rung::Plate),
-        Some(RungName::Full) => Some(Rung::Full),
-        None => None,
-    };
     let named = |error| args.in_its_own_words(error);
-    let (contact, more) = match (rung, args.tolerance) {
-        (Some(rung), _) => (rung.contact(&scene, law).map_err(named)?, Vec::new()),
+    let (contact, more) = match (args.rung, args.tolerance) {
+        (Some(rung), _) => (rung.contact(&scene, args.damping).map_err(named)?, Vec::new()),
         (None, tolerance) => {
-            let choice = choose_by_trial(&scene, law, tolerance.unwrap_or(0.0)).map_err(named)?;
+            let choice = choose_by_trial(&scene, args.damping, tolerance.unwrap_or(0.0)).map_err(named)?;
             let error = choice.bounds.of(choice.contact.rung);
             let more =
                 vec![("tolerance", json!(choice.tolerance)), ("error", json!(error)), ("why", json!(choice.why()))];
@@ -50,10 +37,7 @@ impl ContactArgs {
             w_m: self.width_mm * 1e-3,
             restitution: self.restitution,
             resilience: self.resilience,
-            effective_length: match self.effective_length {
-                Length::Published => EffectiveLength::Published,
-                Length::Table1 => EffectiveLength::Table1,
-            },
+            effective_length: self.effective_length,
             ..Scene::default()
         }
     }

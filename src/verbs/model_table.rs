@@ -6,13 +6,7 @@ use anyhow::Result;
 use serde_json::{Value, json};
 use tapline_model::EffectiveLength;
 
-use crate::cli::model::Length;
-
-pub(crate) fn model(number: u8, length: Length, as_json: bool) -> Result<bool> {
-    let rule = match length {
-        Length::Published => EffectiveLength::Published,
-        Length::Table1 => EffectiveLength::Table1,
-    };
+pub(crate) fn model(number: u8, rule: EffectiveLength, as_json: bool) -> Result<bool> {
     let table = tapline_model::table(number, rule)?;
     if as_json {
         let row = |row: &Vec<f64>| {

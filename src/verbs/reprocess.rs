@@ -108,14 +108,11 @@ impl Task {
     fn fusion(&self) -> Result<Fusion> {
         let plan = self.reader.plan();
         check_record_s(&self.config.process, &plan.recording)?;
-        Ok(match &self.reference {
-            None => Fusion::new(&self.config.fuse, plan)?,
-            Some(text) => {
-                let set = ReferenceSet::parse(text).context("cannot use the reference")?;
-                check_reference(&set, &self.config.process, &plan.recording)?;
-                Fusion::with_reference(&self.config.fuse, plan, Arc::new(set))?
-            }
-        })
+        let set = self.reference.as_deref().map(ReferenceSet::parse).transpose().context("cannot use the reference")?;
+        if let Some(set) = &set {
+            check_reference(set, &self.config.process, &plan.recording)?;
+        }
+        Ok(Fusion::by(&self.config.fuse, plan, set.map(Arc::new))?)
     }
 }
 

@@ -24,11 +24,7 @@ pub(super) fn verdict(verdict: &CasingVerdict) -> String {
 
 /// What stands at `station`.
 pub(super) fn station_state(station: u16, station_state: &StationState) -> String {
-    let (state, verdict) = match station_state {
-        StationState::NoSignal => ("no_signal", None),
-        StationState::Ready => ("ready", None),
-        StationState::Busy => ("busy", None),
-        StationState::Judged(verdict) => ("judged", Some(&**verdict)),
-    };
+    let verdict = if let StationState::Judged(verdict) = station_state { Some(&**verdict) } else { None };
+    let state = station_state.name();
     serde_json::to_string(&StationMessage { kind: "station", station, state, verdict }).unwrap_or_default()
 }

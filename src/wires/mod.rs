@@ -8,13 +8,10 @@
 //! - `outbox`: who has still to be reported which verdict
 //! - `now`: what stands at each station
 //! - `on_verdict`: the command
-//! - `credentials`: names and passwords, in files
 //! - `message`: verdicts and what stands as JSON
 //! - `mqtt`, `opcua`, `modbus`: the wires
 //! - `wire`: a wire's thread
 
-#[cfg(feature = "plant")]
-mod credentials;
 #[cfg(feature = "plant")]
 mod message;
 #[cfg(feature = "plant")]

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use tapline_wire::Verdict;
+use tapline_host::connection::listen;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_modbus::server::Service;
@@ -67,9 +67,7 @@ struct Registers {
 /// Starts to serve the verdicts of `plant`; and where.
 pub(super) fn start(config: &ModbusConfig, plant: &Plant) -> Result<(Wire, SocketAddr)> {
     let context = || format!("line.modbus.listen = \"{}\": cannot listen there", config.listen);
-    let listener = std::net::TcpListener::bind(config.listen)
-        .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
-        .with_context(context)?;
+    let listener = listen(config.listen).with_context(context)?;
     let address = listener.local_addr().with_context(context)?;
     let mailboxes = plant.stations.iter().map(|&station| (station, Mailbox::default())).collect();
     let registers = Registers { plant: plant.clone(), mailboxes: Mutex::new(mailboxes) };
@@ -186,7 +184,7 @@ impl Registers {
             block[7] = (judged_count & 0xffff) as u16;
         }
         if let StationState::Judged(verdict) = &station_state {
-            block[3 + usize::from(code(verdict.verdict))] = 1;
+            block[3 + verdict.verdict.code() as usize] = 1;
         }
         if let Some(mailbox) = self.mailboxes().get(&station) {
             block[ACKNOWLEDGE] = mailbox.acknowledged;
@@ -228,7 +226,7 @@ impl Waiting {
     fn fill(&self, block: &mut [u16; BLOCK]) {
         let verdict = &self.verdict;
         block[16] = self.number;
-        block[18] = code(verdict.verdict);
+        block[18] = verdict.verdict.code() as u16;
         fill_number(&mut block[20..24], self.casing);
         fill_number(&mut block[24..28], verdict.at_ns.unsigned_abs() / 1_000_000);
         let mut name = [0; NAME_BYTES];
@@ -245,14 +243,5 @@ impl Waiting {
 fn fill_number(registers: &mut [u16], number: u64) {
     for (register, pair) in registers.iter_mut().zip(number.to_be_bytes().as_chunks().0) {
         *register = u16::from_be_bytes(*pair);
-    }
-}
-
-/// 1 for PASS, 2 for RE-INSPECT, 3 for REJECT.
-fn code(verdict: Verdict) -> u16 {
-    match verdict {
-        Verdict::Pass => 1,
-        Verdict::ReInspect => 2,
-        Verdict::Reject => 3,
     }
 }

@@ -26,6 +26,18 @@ pub(crate) enum StationState {
     Judged(Arc<CasingVerdict>),
 }
 
+impl StationState {
+    /// Its name on every wire.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::NoSignal => "no_signal",
+            Self::Ready => "ready",
+            Self::Busy => "busy",
+            Self::Judged(_) => "judged",
+        }
+    }
+}
+
 #[derive(Debug, Default)]
 struct Station {
     is_busy: bool,

@@ -29,7 +29,7 @@
 //!     pre_trigger_samples: 64,
 //!     sample_count_max: 256,
 //!     sample_format: SampleFormat::I16,
-//!     channels: vec![Channel::Force, Channel::Sound],
+//!     channels: Channel::BOTH.to_vec(),
 //!     calibration: Calibration::stated(),
 //! };
 //! let taps = vec![PlannedTap { id, angle_deg: Some(0.0), purpose: Purpose::Scan }];

@@ -69,7 +69,7 @@ pub fn repack_with(
         return Err(Error::Exists { path: to.to_owned() });
     }
     if let Some(problem) = verify_with(from, |part| on_part(part * CHECKED_PART))?.problems.first() {
-        return Err(reader.archive().damaged(format!("it is not repacked: {problem}")));
+        return Err(reader.archive.damaged(format!("it is not repacked: {problem}")));
     }
     remove_dead_drafts(to);
     let draft = draft::begin(to).context("create", to)?;
@@ -89,17 +89,17 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec, on_part: impl FnMut(f64)) -
         codec,
         raw: None,
     };
-    let old = reader.archive();
-    create(draft, old.begun(), old.taps_max(), lineage)?;
+    let old = &reader.archive;
+    create(draft, &old.begun, old.taps_max, lineage)?;
     let mut new = Archive::open(draft, Access::Write)?;
-    new.grow_to(old.plan().clone());
-    copy(old.plan_rows(), new.plan_rows(), draft)?;
+    new.grow_to(old.plan.clone());
+    copy(&old.plan_rows, &new.plan_rows, draft)?;
     let sample_bytes = copy_taps(reader, &new, on_part)?;
-    copy(old.discriminators(), new.discriminators(), draft)?;
-    copy(old.refusals(), new.refusals(), draft)?;
-    copy(old.damage(), new.damage(), draft)?;
-    copy(old.scans(), new.scans(), draft)?;
-    copy(old.ledger(), new.ledger(), draft)?;
+    copy(&old.discriminators, &new.discriminators, draft)?;
+    copy(&old.refusals, &new.refusals, draft)?;
+    copy(&old.damage, &new.damage, draft)?;
+    copy(&old.scans, &new.scans, draft)?;
+    copy(&old.ledger, &new.ledger, draft)?;
     if !old.stored_key()?.is_empty() {
         new.write_key()?;
     }
@@ -117,16 +117,9 @@ fn copy<R: ChecksummedRow>(from: &Table<R>, to: &Table<R>, path: &Path) -> Resul
 
 /// Packs the samples of every archived tap and writes them with their headers.
 fn copy_taps(reader: &Reader, new: &Archive, mut on_part: impl FnMut(f64)) -> Result<u64> {
-    let recording = &reader.plan().recording;
-    let rows = new.samples();
-    let shape = Shape {
-        codec: rows.codec(),
-        channel_count: recording.channels.len(),
-        element_bytes: recording.sample_format.bytes(),
-        row_bytes: rows.row_bytes(),
-    };
+    let (rows, shape) = (&new.samples, Shape::of(new));
     let taps = reader.taps()?;
-    let mut headers = reader.archive().headers().read_all().context("read the headers", reader.path())?;
+    let mut headers = reader.archive.headers.read_all().context("read the headers", reader.path())?;
     let numbers: Vec<u32> = (0..).take(headers.len()).collect();
     let mut buffer = ReadBuffer::default();
     let mut sample_bytes = 0;
@@ -147,11 +140,11 @@ fn copy_taps(reader: &Reader, new: &Archive, mut on_part: impl FnMut(f64)) -> Re
             if packed.samples_digest != header.samples_digest {
                 let what =
                     format!("the samples of plan row {row} are not those that were recorded: their digest differs");
-                return Err(reader.archive().damaged(what));
+                return Err(reader.archive.damaged(what));
             }
             match rows.codec() {
                 Codec::None | Codec::Lz4 | Codec::Zstd => {
-                    rows.write(row, packed.stored(record)).context("write samples", new.path())?;
+                    rows.write(row, packed.stored(record)).context("write samples", &new.path)?;
                     header.stored_checksum = packed.stored_checksum;
                 }
                 Codec::Gzip => write_by_library(new, row, packed.stored(record))?,
@@ -162,31 +155,31 @@ fn copy_taps(reader: &Reader, new: &Archive, mut on_part: impl FnMut(f64)) -> Re
     if rows.codec() == Codec::Gzip {
         checksum_stored(new, reader.ledger().taps(), &mut headers)?;
     }
-    new.headers().write_all(&headers).context("write the headers", new.path())?;
+    new.headers.write_all(&headers).context("write the headers", &new.path)?;
     Ok(sample_bytes)
 }
 
 /// Writes `row`, unpacked, through the library, which packs it.
 fn write_by_library(new: &Archive, row: u32, samples: &[u8]) -> Result<()> {
-    let rows = new.samples();
-    let written = match new.plan().recording.sample_format {
+    let rows = &new.samples;
+    let written = match new.plan.recording.sample_format {
         SampleFormat::I16 => rows.write_unpacked::<i16>(row, samples),
         SampleFormat::F32 => rows.write_unpacked::<f32>(row, samples),
     };
-    written.context("write samples", new.path())
+    written.context("write samples", &new.path)
 }
 
 /// Sets the checksums of the archived taps' chunks, which the library packed, in `headers`.
 fn checksum_stored(new: &Archive, states: &[TapState], headers: &mut [HeaderRow]) -> Result<()> {
-    new.flush().context("write samples", new.path())?;
-    let file = fs::File::open(new.path()).context("read back", new.path())?;
-    let locations = new.samples().locations(&file).context("find samples", new.path())?;
+    new.flush().context("write samples", &new.path)?;
+    let file = fs::File::open(&new.path).context("read back", &new.path)?;
+    let locations = new.samples.locations(&file).context("find samples", &new.path)?;
     let mut stored = Vec::new();
     for (row, ((state, location), header)) in states.iter().zip(locations).zip(headers).enumerate() {
         if *state == TapState::Archived {
             let location =
                 location.ok_or_else(|| new.damaged(format!("the samples of plan row {row} have no location")))?;
-            location.read(&file, &mut stored).context("read back", new.path())?;
+            location.read(&file, &mut stored).context("read back", &new.path)?;
             header.stored_checksum = chunk_checksum(Codec::Gzip, &stored);
         }
     }

@@ -14,7 +14,7 @@ pub(crate) fn two_scans() -> Plan {
         pre_trigger_samples: 8,
         sample_count_max: 32,
         sample_format: SampleFormat::I16,
-        channels: vec![Channel::Force, Channel::Sound],
+        channels: Channel::BOTH.to_vec(),
         calibration: Calibration::stated(),
     };
     Plan::new(Geometry::Ring, recording, vec![tap(1), tap(2)], [].into()).unwrap()

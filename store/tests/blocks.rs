@@ -5,7 +5,7 @@ use std::path::Path;
 use tapline_store::{Error, ReadBuffer, Reader, Writer, verify};
 use tapline_wire::{Discriminators, Geometry, Plan, Recording, SampleFormat, TapHeader, Truth};
 
-use crate::common::{CONFIG, header, plan};
+use crate::common::{CONFIG, header, new_path, plan};
 
 /// Samples a channel of taps that have several blocks, of 8 KiB each.
 const LONG_SAMPLE_COUNT: u32 = 6000;
@@ -44,9 +44,7 @@ fn write_blocks(path: &Path) {
 /// Catches blocks that are looked for where they are not, whole records and beginnings of them.
 #[test]
 fn blocks_come_back() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     write_blocks(&path);
     {
         let (taps, mut room) = (Reader::open(&path).unwrap().taps().unwrap(), ReadBuffer::default());

@@ -1,13 +1,16 @@
 //! A small run: its plan, and records that depend on nothing but their plan row.
 
 use std::array::from_fn;
+use std::path::PathBuf;
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
 use tapline_store::{Result, Writer};
 use tapline_wire::{
     Channel, ChannelHeader, DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Purpose,
     Quality, Reasons, RecordKind, Recording, SampleFormat, Samples, Serial, SourceKind, Stamp, TapHeader, TapId, Truth,
     Verdict,
 };
+use tempfile::TempDir;
 
 pub(crate) const CONFIG: &str = "[process]\nf_c_hz = 550.0 # \u{b5}\n";
 
@@ -16,7 +19,7 @@ pub(crate) const LOCATIONS: u32 = 4;
 
 /// A plan of two stations with one shoulder each: four locations and a closing tap.
 pub(crate) fn plan(sample_format: SampleFormat) -> Plan {
-    let channels = vec![Channel::Force, Channel::Sound];
+    let channels = Channel::BOTH.to_vec();
     plan_of(Recording {
         sample_rate_hz: 40960.0,
         pre_trigger_samples: 8,
@@ -201,6 +204,23 @@ static CHILDREN: RwLock<()> = RwLock::new(());
 /// Held by a test that starts no child.
 pub(crate) fn beside_others() -> RwLockReadGuard<'static, ()> {
     CHILDREN.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A test that starts no child, and a folder of its own.
+pub(crate) type Here = (RwLockReadGuard<'static, ()>, TempDir);
+
+/// The path of an archive to be made, in a folder that is there as long as [`Here`].
+pub(crate) fn new_path() -> (Here, PathBuf) {
+    let here = (beside_others(), tempfile::tempdir().unwrap());
+    let path = here.1.path().join("run.h5");
+    (here, path)
+}
+
+/// An archive that was begun there, and its plan.
+pub(crate) fn begun(sample_format: SampleFormat) -> (Here, PathBuf, Plan, Writer) {
+    let ((here, path), plan) = (new_path(), plan(sample_format));
+    let writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    (here, path, plan, writer)
 }
 
 /// Held by a test that starts a child.

@@ -8,7 +8,9 @@ use std::time::Duration;
 use tapline_store::{Codec, Lineage, Reader, Writer};
 use tapline_wire::{Plan, Recording, SampleFormat, TapState};
 
-use crate::common::{CONFIG, bytes, discriminators, header, open_or_create, plan, plan_with, put_all, samples};
+use crate::common::{
+    CONFIG, bytes, discriminators, header, new_path, open_or_create, plan, plan_with, put_all, samples,
+};
 
 /// Names the archive to the test that is started again as the process to be killed.
 const VICTIM: &str = "TAPLINE_STORE_TEST_VICTIM";
@@ -110,9 +112,7 @@ fn killed_at_any_time_it_opens_and_goes_on() {
 /// run only ever overwrites what was allotted, so the length stays and so does all that is not table contents.
 #[test]
 fn a_run_never_changes_the_structure() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     let plan = plan(SampleFormat::I16);
     let mut writer =
         Writer::create(&path, &plan, plan.taps().len(), Lineage { codec: Codec::None, ..CONFIG.into() }).unwrap();
@@ -142,9 +142,7 @@ fn a_run_never_changes_the_structure() {
 /// where it stands, so that a writer killed in between leaves all others as they were.
 #[test]
 fn packed_chunks_change_entries_only() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     let plan = big_plan();
     let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     let before = std::fs::read(&path).unwrap();

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use tapline_store::{Codec, Lineage, ReadBuffer, Reader, Writer, verify};
 use tapline_wire::SampleFormat;
 
-use crate::common::{CONFIG, plan, put_all};
+use crate::common::{CONFIG, new_path, plan, put_all};
 
 /// How many files are damaged; 200 when it is not set.
 const FILES: &str = "TAPLINE_STORE_TEST_DAMAGED";
@@ -43,9 +43,7 @@ fn write(path: &Path, codec: Codec, is_finished: bool) -> Vec<u8> {
 /// Catches a damaged file that ends the process, takes for ever, or is taken for valid.
 #[test]
 fn a_damaged_file_is_noticed() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     let mut whole = Vec::new();
     for codec in [Codec::Lz4, Codec::None] {
         for is_finished in [true, false] {

@@ -8,7 +8,7 @@ use hdf5::{Dataset, File, Location};
 use tapline_store::{Lineage, Reader, Writer};
 use tapline_wire::{Quality, Reasons, SampleFormat};
 
-use crate::common::{CONFIG, plan};
+use crate::common::{CONFIG, new_path, plan};
 
 /// What stands at a place: (type, unit), by path and by the name of a field or, behind an `@`, of an attribute.
 type Found = BTreeMap<(String, String), (String, String)>;
@@ -173,9 +173,7 @@ fn the_page_names_every_flag() {
 /// Catches hints for other viewers that point at nothing.
 #[test]
 fn hints_lead_to_the_samples() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     Writer::create(&path, &plan(SampleFormat::F32), 0, CONFIG).unwrap().finish().unwrap();
     let file = File::open(&path).unwrap();
     let group = file.group(&text(&file, "default")).unwrap();

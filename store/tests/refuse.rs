@@ -6,7 +6,7 @@ use std::path::Path;
 use tapline_store::{Error, Reader, Writer};
 use tapline_wire::{Plan, RecordKind, Recording, SampleFormat};
 
-use crate::common::{CONFIG, discriminators, header, judgement, plan, plan_of, put, put_all, samples};
+use crate::common::{CONFIG, discriminators, header, judgement, new_path, plan, plan_of, put, put_all, samples};
 
 fn finished(path: &Path, plan: &Plan) {
     let mut writer = Writer::create(path, plan, plan.taps().len(), CONFIG).unwrap();
@@ -44,9 +44,7 @@ fn another_run_is_refused_with_both_values() {
 /// Catches two writers, or a reader beside a writer, within one process.
 #[test]
 fn a_second_writer_is_refused() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     let given = plan(SampleFormat::I16);
     let writer = Writer::create(&path, &given, given.taps().len(), CONFIG).unwrap();
     for error in [Writer::resume(&path, CONFIG).unwrap_err(), Reader::open(&path).unwrap_err()] {

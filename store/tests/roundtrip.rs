@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use tapline_store::{Codec, Lineage, OwnedSamples, PutOutcome, Reader, Writer};
 use tapline_wire::{Ledger, Plan, Quality, SampleFormat, ScanState, TapState};
 
-use crate::common::{CONFIG, bytes, discriminators, header, judgement, open_or_create, plan, put, put_all, samples};
+use crate::common::{
+    CONFIG, begun, bytes, discriminators, header, judgement, new_path, open_or_create, plan, put, put_all, samples,
+};
 
 /// Whether `reader` has what [`put_all`] puts.
 pub(crate) fn everything_is_there(reader: &Reader, plan: &Plan) {
@@ -48,11 +50,7 @@ fn everything_comes_back_bit_for_bit() {
 /// Catches short records whose channels run into each other, stale samples of a longer take, and an empty record.
 #[test]
 fn short_records_keep_their_channels_apart() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
-    let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let (_here, path, plan, mut writer) = begun(SampleFormat::I16);
     for (row, sample_count) in [(0, 32), (1, 5), (2, 0)] {
         let mut tap = header(&plan, row, sample_count);
         let mut payload = samples(&tap);
@@ -139,11 +137,7 @@ fn forward_and_backward(forward: &Path, backward: &Path, codec: Codec) -> [PathB
 /// Catches a duplicate that is taken for new, a different record that replaces a settled one, before and after resuming.
 #[test]
 fn what_is_settled_stays() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
-    let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let (_here, path, plan, mut writer) = begun(SampleFormat::I16);
     put_all(&mut writer).unwrap();
     assert_eq!(writer.counts().already_there, 0);
     for life in 0..2 {
@@ -171,11 +165,7 @@ fn what_is_settled_stays() {
 /// Catches a tap vouched for before it is flushed, by half, or with halves of two attempts.
 #[test]
 fn the_ledger_vouches_for_whole_flushed_taps_only() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
-    let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let (_here, path, plan, mut writer) = begun(SampleFormat::I16);
     let tap = header(&plan, 0, 32);
     writer.put_tap(&tap, &samples(&tap)).unwrap();
     writer.flush().unwrap();
@@ -204,9 +194,7 @@ fn the_ledger_vouches_for_whole_flushed_taps_only() {
 /// undoes a newer one, and a settled tap that is opened again.
 #[test]
 fn a_tap_that_is_taken_again_is_archived_as_its_last_attempt() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     let plan = plan(SampleFormat::I16);
     let at = |attempt| {
         let (mut tap, mut found) = (header(&plan, 0, 32), discriminators(&plan, 0));
@@ -239,11 +227,7 @@ fn a_tap_that_is_taken_again_is_archived_as_its_last_attempt() {
 /// Catches a reason that is lost, misattributed, or cut without a mark.
 #[test]
 fn refusals_say_why() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
-    let plan = plan(SampleFormat::F32);
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let (_here, path, plan, mut writer) = begun(SampleFormat::F32);
     let mut id = plan.taps()[4].id;
     id.attempt = 2;
     let long = "\u{e9}".repeat(300);
@@ -264,11 +248,7 @@ fn refusals_say_why() {
 /// does not come to its end.
 #[test]
 fn a_replay_has_all_that_is_known() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
-    let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let (_here, path, plan, mut writer) = begun(SampleFormat::I16);
     put(&mut writer, 1).unwrap();
     writer.put_refusal(2, &plan.taps()[2].id, "double bounce").unwrap();
     writer.suspend().unwrap();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use tapline_store::{Codec, Error, Lineage, Problem, Reader, Writer, verify};
 use tapline_wire::{SampleFormat, ScanState, TapState};
 
-use crate::common::{CONFIG, plan, put, put_all};
+use crate::common::{CONFIG, new_path, plan, put, put_all};
 
 fn finished(folder: &tempfile::TempDir) -> PathBuf {
     let path = folder.path().join("run.h5");
@@ -146,9 +146,7 @@ fn what_is_finished_is_told_from_what_is_not() {
 /// Catches a row that is not what was written and is believed, or that keeps its tap or scan from being done again.
 #[test]
 fn a_corrupt_row_is_a_missing_tap() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     for table in ["ledger", "taps/header", "discriminators", "scans"] {
         unfinished(&path, Codec::Lz4);
         let (at, ..) = places(&path).into_iter().find(|&(_, name, row)| name == table && row == 1).unwrap();
@@ -170,9 +168,7 @@ fn a_corrupt_row_is_a_missing_tap() {
 /// Catches a change of what never changes in an archive that is still written: none is gone on with, and none is read.
 #[test]
 fn a_changed_structure_is_refused() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     for codec in [Codec::Lz4, Codec::None] {
         unfinished(&path, codec);
         let whole = std::fs::read(&path).unwrap();

@@ -3,6 +3,7 @@
 pub(crate) mod export_taps;
 mod folders;
 mod import;
+mod other_readers;
 mod python_pages;
 mod report;
 mod reprocess;

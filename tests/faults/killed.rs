@@ -10,7 +10,7 @@ use tapline_wire::TapState;
 
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{Contents, assert_same_casings, casings, finished, under_way};
-use crate::sandbox::stages::{signal, stage, stage_now};
+use crate::sandbox::stages::{kill, signal, stage, stage_now};
 use tapline_testing::program::Done;
 
 /// Two stations, 2 shoulders of 40 locations each, twice: 164 taps per station.
@@ -146,9 +146,7 @@ fn stages_are_killed_at_the_end() {
         let line = sandbox.start("run --config paced.toml --out paced --json");
         let pid = stage(&line, words);
         std::thread::sleep(Duration::from_secs_f32(when * TAPS_A_STATION / TAPS_PER_S));
-        if let Err(error) = rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), Signal::KILL) {
-            eprintln!("{words} was gone already: {error}");
-        }
+        kill(pid, words);
         finish(line).expect(0);
         assert_whole(&sandbox, "paced", &expected);
     }
@@ -211,10 +209,8 @@ fn a_stage_that_dies_again_and_again_ends_the_line() {
     let mut line = sandbox.start("run --config paced.toml --out paced");
     let deadline = Instant::now() + Duration::from_secs(60);
     while line.try_wait().unwrap().is_none() && Instant::now() < deadline {
-        if let Some(pid) = stage_now(&line, "store").and_then(rustix::process::Pid::from_raw)
-            && let Err(error) = rustix::process::kill_process(pid, Signal::KILL)
-        {
-            eprintln!("store was gone already: {error}");
+        if let Some(pid) = stage_now(&line, "store") {
+            kill(pid, "store");
         }
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -258,11 +254,7 @@ fn everyone_is_killed_while_casings_come_and_go() {
             let victim = ["process", "fuse", "store", "acquire-0"][dice(4) as usize];
             let Some(pid) = stage_now(&line, victim) else { continue };
             eprintln!("round {round}: {victim} is killed");
-            if let Err(error) =
-                rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), Signal::KILL)
-            {
-                eprintln!("{victim} was gone already: {error}");
-            }
+            kill(pid, victim);
         }
         if is_ended {
             break;
@@ -298,10 +290,7 @@ fn store_is_killed_as_files_are_finished() {
         if there > killed {
             killed = there;
             if let Some(pid) = stage_now(&line, "store") {
-                let pid = rustix::process::Pid::from_raw(pid).unwrap();
-                if let Err(error) = rustix::process::kill_process(pid, Signal::KILL) {
-                    eprintln!("store was gone already: {error}");
-                }
+                kill(pid, "store");
             }
         }
         std::thread::sleep(Duration::from_micros(200));

@@ -5,25 +5,14 @@ use std::os::unix::process::CommandExt as _;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::sandbox::Sandbox;
+use crate::sandbox::{Sandbox, short_scan};
 use tapline_testing::program::Done;
-
-/// Two stations with a shoulder each, which take a few seconds.
-const SCAN: &str = "
-[scan]
-offsets_mm = [0.0]
-velocities_m_per_s = [1.85]
-repetitions = 1
-locations = 24
-[acquire]
-taps_per_s = 20.0
-";
 
 /// Time within which a line that cannot start must end.
 const AT_ONCE: Duration = Duration::from_secs(10);
 
 fn limited(sandbox: &Sandbox, limit: &str, out: &str) -> Command {
-    sandbox.write("scan.toml", SCAN);
+    sandbox.write("scan.toml", &format!("{}[acquire]\ntaps_per_s = 20.0\n", short_scan(24)));
     let line = sandbox.command(&format!("run --config scan.toml --stations 2 --out {out}"));
     let mut shell = Command::new("sh");
     shell.args(["-c", &format!("ulimit {limit} && exec \"$0\" \"$@\"")]).arg(line.get_program()).args(line.get_args());

@@ -11,20 +11,11 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::sandbox::short_scan;
+
 /// The user who runs the line, and the one who attacks it.
 const VICTIM: u32 = 65_533;
 const OTHER: u32 = 65_534;
-
-/// One station with one shoulder, which takes a few seconds.
-const SCAN: &str = "
-[scan]
-offsets_mm = [0.0]
-velocities_m_per_s = [1.85]
-repetitions = 1
-locations = 40
-[acquire]
-taps_per_s = 40.0
-";
 
 /// A place that two users can reach, with the program and a folder for each.
 struct Ground {
@@ -53,7 +44,7 @@ impl Ground {
         // Like the system's own temporary folder: writable for everyone, and sticky.
         fs::create_dir(ground.path("t")).unwrap();
         fs::set_permissions(ground.path("t"), Permissions::from_mode(0o1777)).unwrap();
-        fs::write(ground.path("scan.toml"), SCAN).unwrap();
+        fs::write(ground.path("scan.toml"), format!("{}[acquire]\ntaps_per_s = 40.0\n", short_scan(40))).unwrap();
         Some(ground)
     }
 

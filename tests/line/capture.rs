@@ -10,9 +10,9 @@ use tapline_store::{Reader, verify};
 use tapline_testing::program::Done;
 use tapline_wire::{CacheLine, TapHeader, cache_lines_for, i16_of_mut};
 
-use crate::line::{SCAN, file_of};
-use crate::sandbox::Sandbox;
+use crate::line::file_of;
 use crate::sandbox::running::{Running, until};
+use crate::sandbox::{Sandbox, short_scan};
 
 /// Samples of a record, in frames.
 const RECORD: usize = 4096;
@@ -49,11 +49,11 @@ fn a_rig_is_heard_through_a_sound_card() {
     let simulation = format!("[simulation]\nsample_count = {RECORD}\n");
     let rig =
         "casings = 2\nserials = [\"A\", \"B\"]\nplay = \"shoulder.pcm\"\nmissed_hits = 0.05\ndouble_hits = 0.05\n";
-    sandbox.write("rig.toml", &format!("{rig}{SCAN}seed = 4\n{CRACKED}{simulation}"));
+    sandbox.write("rig.toml", &format!("{rig}{}seed = 4\n{CRACKED}{simulation}", short_scan(24)));
     let mut machine = Running::start(&sandbox, "rig --listen 127.0.0.1:0 --config rig.toml");
     let address = machine.line().strip_prefix("listening at ").unwrap().to_owned();
     let station = format!("[[station]]\nnumber = 1\nsource = \"alsa\"\ndevice = \"shoulder\"\nrig = \"{address}\"\n");
-    sandbox.write("plant.toml", &format!("{SCAN}{CAPTURE}{station}"));
+    sandbox.write("plant.toml", &format!("{}{CAPTURE}{station}", short_scan(24)));
     let mut line = start_line(&sandbox, 2);
     line.wait_for_log(&["station 1", "shoulder", "not heard"]);
     std::thread::sleep(std::time::Duration::from_millis(500));
@@ -87,9 +87,10 @@ fn taps_by_hand_come_in_the_order_of_the_plan() {
     sound_card(&sandbox, "hand");
     plug_in(&sandbox, "hand");
     let station = "[[station]]\nnumber = 3\nsource = \"alsa\"\ndevice = \"hand\"\nserial_file = \"serial.txt\"\n";
-    sandbox.write("plant.toml", &format!("{SCAN}{CAPTURE}{station}"));
+    sandbox.write("plant.toml", &format!("{}{CAPTURE}{station}", short_scan(24)));
     let scan: ScanConfig =
-        toml::from_str(&format!("{}{CRACKED}", SCAN.replace("[scan]", "")).replace("scan.tyre", "tyre")).unwrap();
+        toml::from_str(&format!("{}{CRACKED}", short_scan(24).replace("[scan]", "")).replace("scan.tyre", "tyre"))
+            .unwrap();
     let simulation = SimulationConfig { sample_count: RECORD as u32, ..SimulationConfig::default() };
     let mut simulated = SimulatedLine::new(&scan, &simulation).unwrap();
     let mut line = start_line(&sandbox, 1);
@@ -125,7 +126,7 @@ fn a_missing_sound_card_is_acknowledged_and_waited_for() {
     let sandbox = Sandbox::new();
     sandbox.write("asound.conf", "pcm.null { type null }\n");
     let station = "[[station]]\nnumber = 1\nsource = \"alsa\"\ndevice = \"absent\"\n";
-    sandbox.write("plant.toml", &format!("{SCAN}{CAPTURE}{station}"));
+    sandbox.write("plant.toml", &format!("{}{CAPTURE}{station}", short_scan(24)));
     let mut line = start_line(&sandbox, 1);
     line.wait_for_log(&["station 1", "absent", "not heard", "cannot be opened", "`tapline devices` lists"]);
     line.assert_runs();

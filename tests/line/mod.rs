@@ -19,18 +19,8 @@ use serde_json::Value;
 use tapline_store::verify;
 
 use crate::archives::export_taps::as_from_a_tap_set;
-use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{Contents, assert_same, casings, contents, finished};
-
-/// Casings of 50 taps: 2 shoulders of 24 locations.
-const SCAN: &str = "
-[scan]
-offsets_mm = [0.0]
-velocities_m_per_s = [1.85]
-repetitions = 1
-locations = 24
-policy = \"fixed\"
-";
+use crate::sandbox::{Sandbox, short_scan};
 
 /// Limits of a line that takes tap sets.
 const ROOM: &str = "[line]\ntaps_max = 200\nrecord_samples_max = 40000\nscans_max = 4\n";
@@ -64,7 +54,7 @@ fn all_finished(out: &Path) -> Vec<String> {
 fn tap_sets(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
     let crack = "crack = [{ shoulder = 2, first_location = 10, location_count = 4, depth_mm = 6.0 }]";
     let tyres = format!("[[scan.tyre]]\nserial = \"A\"\n{crack}\n[[scan.tyre]]\nserial = \"B\"\n");
-    sandbox.write("scan.toml", &format!("{SCAN}{tyres}"));
+    sandbox.write("scan.toml", &format!("{}{tyres}", short_scan(24)));
     sandbox.run("run --config scan.toml --out made").expect(0);
     fs::create_dir(sandbox.path("sets")).unwrap();
     for casing in ["A", "B"] {
@@ -82,6 +72,7 @@ fn assert_made(verdict: &Value, made: &BTreeMap<String, Contents>) {
 /// Two stations, with casings of 50 taps.
 pub(crate) fn slow_plant(sandbox: &Sandbox, casings_each: u32, taps_per_s: f64, more: &str) {
     let station = |n: u32| format!("[[station]]\nnumber = {n}\nsource = \"simulated\"\ncasings = {casings_each}\n");
-    let head = format!("{SCAN}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = {taps_per_s}\n{more}\n");
+    let head =
+        format!("{}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = {taps_per_s}\n{more}\n", short_scan(24));
     sandbox.write("plant.toml", &format!("{head}{}{}", station(1), station(2)));
 }

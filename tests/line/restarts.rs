@@ -7,11 +7,11 @@ use rustix::process::Signal;
 use serde_json::Value;
 use tapline_store::verify;
 
-use crate::line::{ROOM, SCAN, all_finished, archived, assert_made, casing_under_way, file_of, slow_plant, tap_sets};
-use crate::sandbox::Sandbox;
+use crate::line::{ROOM, all_finished, archived, assert_made, casing_under_way, file_of, slow_plant, tap_sets};
 use crate::sandbox::archives::{assert_same, contents, under_way};
 use crate::sandbox::running::{Running, until};
 use crate::sandbox::stages::{signal, stage};
+use crate::sandbox::{Sandbox, short_scan};
 
 /// Catches a casing that is lost, judged twice or begun again after the line was killed during it.
 #[test]
@@ -102,7 +102,7 @@ fn a_line_goes_on_after_its_configuration_was_edited() {
 #[test]
 fn taps_that_a_disk_has_lost_are_taken_again() {
     let sandbox = Sandbox::new();
-    sandbox.write("plant.toml", &format!("{SCAN}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = 20.0\n[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 1\n"));
+    sandbox.write("plant.toml", &format!("{}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = 20.0\n[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 1\n", short_scan(24)));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 1");
     let open = || under_way(&sandbox.path("out"))[0].clone();
     until("some taps are archived", || archived(&sandbox) > 5);

@@ -7,10 +7,10 @@ use std::time::Instant;
 use tapline_store::{Reader, verify};
 use tapline_wire::TapState;
 
-use crate::line::{ROOM, SCAN, all_finished, archived, assert_made, casing_under_way, file_of, tap_sets};
-use crate::sandbox::Sandbox;
+use crate::line::{ROOM, all_finished, archived, assert_made, casing_under_way, file_of, tap_sets};
 use crate::sandbox::archives::under_way;
 use crate::sandbox::running::{Running, until};
+use crate::sandbox::{Sandbox, short_scan};
 
 /// Catches a verdict that waits for another casing, a file that cannot be opened while the line runs, a set that stays
 /// where it was, and a line that ends because a set cannot be read.
@@ -66,7 +66,7 @@ fn rig_and_plant(sandbox: &Sandbox, script: &str, more: &str) -> Running {
     let mut machine = Running::start(sandbox, "rig --listen 127.0.0.1:0 --config rig.toml");
     let address = machine.line().strip_prefix("listening at ").unwrap().to_owned();
     let station = format!("[[station]]\nnumber = 1\nsource = \"rig\"\nrig = \"{address}\"\n");
-    sandbox.write("plant.toml", &format!("{SCAN}[simulation]\nsample_count = 4096\n{more}\n{station}"));
+    sandbox.write("plant.toml", &format!("{}[simulation]\nsample_count = 4096\n{more}\n{station}", short_scan(24)));
     machine
 }
 

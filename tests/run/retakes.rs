@@ -4,31 +4,17 @@ use std::collections::BTreeMap;
 
 use rustix::process::Signal;
 
-use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{assert_same, contents};
 use crate::sandbox::stages::{signal, stage};
+use crate::sandbox::{Sandbox, short_scan};
 use tapline_testing::documents::csv_rows;
 use tapline_testing::program::Done;
 
 /// A rig with a second hit in a tenth of its taps, and a neighbour's tap in another tenth, somewhere in records of 0.4 s.
-const FAULTY: &str = "
-[scan]
-offsets_mm = [0.0]
-velocities_m_per_s = [1.85]
-repetitions = 1
-locations = 60
-
-[simulation]
-sample_count = 16384
-
-[[simulation.fault]]
-kind = \"double_hit\"
-fraction = 0.1
-
-[[simulation.fault]]
-kind = \"neighbour\"
-fraction = 0.1
-";
+fn faulty() -> String {
+    let fault = |kind| format!("[[simulation.fault]]\nkind = \"{kind}\"\nfraction = 0.1\n");
+    format!("{}[simulation]\nsample_count = 16384\n{}{}", short_scan(60), fault("double_hit"), fault("neighbour"))
+}
 
 /// Number of taps with each flag in the archive.
 fn flags(sandbox: &Sandbox, archive: &str) -> BTreeMap<String, u32> {
@@ -46,7 +32,7 @@ fn flags(sandbox: &Sandbox, archive: &str) -> BTreeMap<String, u32> {
 #[test]
 fn unusable_taps_are_taken_again() {
     let sandbox = Sandbox::new();
-    sandbox.write("faulty.toml", &format!("[acquire]\nretakes = 4\n{FAULTY}"));
+    sandbox.write("faulty.toml", &format!("[acquire]\nretakes = 4\n{}", faulty()));
     let summary = sandbox.run("run --config faulty.toml --out faulty --json").json(0);
     let taken_again = summary["pace"]["taken_again"].as_u64().unwrap();
     assert!((10..60).contains(&taken_again), "{summary:#}");
@@ -60,7 +46,7 @@ fn unusable_taps_are_taken_again() {
     sandbox.run("verify faulty/SIM-0001.h5").expect(0);
 
     // Without retakes, the first record is archived with its flags.
-    sandbox.write("once.toml", &format!("[acquire]\nretakes = 0\n{FAULTY}"));
+    sandbox.write("once.toml", &format!("[acquire]\nretakes = 0\n{}", faulty()));
     let summary = sandbox.run("run --config once.toml --out once --json").json(0);
     assert_eq!(summary["pace"]["taken_again"], 0);
     let found = flags(&sandbox, "once/SIM-0001.h5");
@@ -76,7 +62,8 @@ fn unusable_taps_are_taken_again() {
         assert!(!row["quality"].contains("double_hit") || (row["f_max"].is_empty() && row["pr"].is_empty()), "{row:?}");
     }
 
-    sandbox.write("keep.toml", &format!("[process.quality]\ndouble_hit = \"keep\"\nneighbour = \"drop\"\n{FAULTY}"));
+    sandbox
+        .write("keep.toml", &format!("[process.quality]\ndouble_hit = \"keep\"\nneighbour = \"drop\"\n{}", faulty()));
     let summary = sandbox.run("run --config keep.toml --out keep --json").json(0);
     assert_eq!(summary["pace"]["taken_again"], 0);
     let found = flags(&sandbox, "keep/SIM-0001.h5");
@@ -92,10 +79,10 @@ fn unusable_taps_are_taken_again() {
 #[test]
 fn attempts_outlive_the_stages() {
     let sandbox = Sandbox::new();
-    sandbox.write("quick.toml", FAULTY);
+    sandbox.write("quick.toml", &faulty());
     sandbox.run("run --config quick.toml --out quick").expect(0);
     let expected = contents(&sandbox.path("quick/SIM-0001.h5"));
-    sandbox.write("paced.toml", &format!("[acquire]\ntaps_per_s = 60.0\n{FAULTY}"));
+    sandbox.write("paced.toml", &format!("[acquire]\ntaps_per_s = 60.0\n{}", faulty()));
     let line = sandbox.start("run --config paced.toml --out paced --json");
     for victim in ["process", "acquire-0", "store"] {
         std::thread::sleep(std::time::Duration::from_millis(500));

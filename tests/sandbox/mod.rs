@@ -16,6 +16,13 @@ use std::process::{Child, Command, Stdio};
 use tapline_testing::program::Done;
 use tempfile::TempDir;
 
+/// `[scan]` of casings that take a second: two shoulders of `locations` taps, the first again, and no others.
+pub(crate) fn short_scan(locations: u32) -> String {
+    format!(
+        "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = {locations}\npolicy = \"fixed\"\n"
+    )
+}
+
 /// A new folder in which the built program runs.
 pub(crate) struct Sandbox {
     folder: TempDir,

@@ -4,6 +4,8 @@ use std::fs;
 use std::process::Child;
 use std::time::{Duration, Instant};
 
+use rustix::process::Signal;
+
 /// The process of the stage `name` (`store`, `acquire-0`) of the line `parent`; waits for it.
 pub(crate) fn stage(parent: &Child, name: &str) -> i32 {
     let deadline = Instant::now() + Duration::from_secs(10);
@@ -28,7 +30,14 @@ pub(crate) fn stage_now(parent: &Child, name: &str) -> Option<i32> {
     })
 }
 
+/// Kills the process `pid` of the stage `name`, which may have ended by itself.
+pub(crate) fn kill(pid: i32, name: &str) {
+    if let Err(error) = rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), Signal::KILL) {
+        eprintln!("{name} was gone already: {error}");
+    }
+}
+
 /// Sends `signal` to a process, which must exist.
-pub(crate) fn signal(pid: i32, signal: rustix::process::Signal) {
+pub(crate) fn signal(pid: i32, signal: Signal) {
     rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), signal).unwrap();
 }

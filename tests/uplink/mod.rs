@@ -8,22 +8,12 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::sandbox::Sandbox;
-
-/// Casings of 50 taps.
-const SCAN: &str = "
-[scan]
-offsets_mm = [0.0]
-velocities_m_per_s = [1.85]
-repetitions = 1
-locations = 24
-policy = \"fixed\"
-";
+use crate::sandbox::{Sandbox, short_scan};
 
 /// The finished files of a run of `count` casings in the folder `made`, by their names.
 fn made(sandbox: &Sandbox, count: usize) -> BTreeMap<PathBuf, Vec<u8>> {
     let tyres: String = (1..=count).map(|n| format!("[[scan.tyre]]\nserial = \"C{n}\"\n")).collect();
-    sandbox.write("scan.toml", &format!("{SCAN}{tyres}"));
+    sandbox.write("scan.toml", &format!("{}{tyres}", short_scan(24)));
     sandbox.run("run --config scan.toml --out made").expect(0);
     files(&sandbox.path("made"))
 }

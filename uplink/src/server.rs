@@ -1,22 +1,18 @@
 //! Where the broker is, and what a connection to it needs.
 
 use std::fs;
-use std::net::IpAddr;
-use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use async_nats::{ConnectOptions, ServerAddr};
+use tapline_host::connection::{User, is_this_machine, read_credentials};
 
 /// How long it may take to connect.
 const CONNECT_WITHIN: Duration = Duration::from_secs(5);
 
 /// How long the broker may take to answer or to acknowledge.
 pub(crate) const ANSWER_WITHIN: Duration = Duration::from_secs(10);
-
-/// Longest file of credentials, in bytes.
-const CREDENTIALS_BYTES_MAX: u64 = 65_536;
 
 /// How a credentials file of NATS begins.
 const NATS_CREDENTIALS: &str = "-----BEGIN NATS";
@@ -47,10 +43,7 @@ pub struct Server {
 enum Credentials {
     /// The text of a `.creds` file.
     Nats(String),
-    User {
-        name: String,
-        password: String,
-    },
+    User(User),
 }
 
 impl std::fmt::Debug for Server {
@@ -104,7 +97,9 @@ impl Server {
         }
         options = match &self.credentials {
             Some(Credentials::Nats(text)) => options.credentials(text).context("the credentials cannot be used")?,
-            Some(Credentials::User { name, password }) => options.user_and_password(name.clone(), password.clone()),
+            Some(Credentials::User(User { name, password })) => {
+                options.user_and_password(name.clone(), password.clone())
+            }
             None => options,
         };
         options.connect(&self.servers).await.with_context(|| format!("no connection to {}", self.shown()))
@@ -113,28 +108,11 @@ impl Server {
 
 impl Credentials {
     fn read(file: &Path) -> Result<Self> {
-        let shown = file.display();
-        let context = || format!("cannot read the credentials in {shown}");
-        let there = fs::metadata(file).with_context(context)?;
-        ensure!(there.mode() & 0o007 == 0, "every user of this machine can read {shown}: chmod 600 {shown}");
-        ensure!(
-            there.len() <= CREDENTIALS_BYTES_MAX,
-            "{shown} has {} bytes: credentials have {CREDENTIALS_BYTES_MAX} at most",
-            there.len()
-        );
-        let text = fs::read_to_string(file).with_context(context)?;
+        let text = read_credentials(file)?;
         if text.contains(NATS_CREDENTIALS) {
             return Ok(Self::Nats(text));
         }
-        match text.lines().collect::<Vec<_>>().as_slice() {
-            [name, password] if !name.is_empty() && !password.is_empty() => {
-                Ok(Self::User { name: (*name).to_owned(), password: (*password).to_owned() })
-            }
-            lines => bail!(
-                "{shown} has {} lines: it must be a .creds file of NATS, or have two lines, user and password",
-                lines.len()
-            ),
-        }
+        Ok(Self::User(User::in_text(&text, file).context("no .creds file of NATS")?))
     }
 }
 
@@ -158,12 +136,6 @@ fn shown(server: &ServerAddr) -> String {
 fn host_and_port(server: &ServerAddr) -> String {
     let (host, port) = (server.host(), server.port());
     if host.contains(':') { format!("[{host}]:{port}") } else { format!("{host}:{port}") }
-}
-
-/// Whether `host` is this machine, by an address of the loopback or by the one name that always leads there.
-fn is_this_machine(host: &str) -> bool {
-    let address = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
-    host == "localhost" || address.is_ok_and(|address| address.is_loopback())
 }
 
 #[cfg(test)]
@@ -200,26 +172,20 @@ mod tests {
         assert!(outcome(&no_file).contains("/nowhere/ca.pem"));
     }
 
-    /// Catches a password that others can read, and a file without one.
+    /// Catches credentials of NATS that are taken for a user's, and the reverse.
     #[test]
-    fn credentials_are_of_their_user_alone() {
+    fn both_kinds_of_credentials_are_known() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("user");
-        let read = |text: &str, mode| {
+        let read = |text: &str| {
             fs::write(&file, text).unwrap();
-            fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
-            outcome(&Access {
-                servers: "127.0.0.1:1".into(),
-                credentials_file: Some(file.clone()),
-                ..Access::default()
-            })
+            fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).unwrap();
+            let credentials_file = Some(file.clone());
+            outcome(&Access { servers: "127.0.0.1:1".into(), credentials_file, ..Access::default() })
         };
-        assert_eq!(read("line\nsecret\n", 0o600), "nats://127.0.0.1:1");
-        assert_eq!(read("-----BEGIN NATS USER JWT-----\nx\n", 0o640), "nats://127.0.0.1:1");
-        for (text, mode, why) in
-            [("line\nsecret\n", 0o604, "every user"), ("line\n", 0o600, "1 lines"), ("\nx\n", 0o600, "two")]
-        {
-            assert!(read(text, mode).contains(why), "{text:?}");
-        }
+        assert_eq!(read("line\nsecret\n"), "nats://127.0.0.1:1");
+        assert_eq!(read("-----BEGIN NATS USER JWT-----\nx\n"), "nats://127.0.0.1:1");
+        let said = read("line\n");
+        assert!(said.contains(".creds") && said.contains("1 lines"), "{said}");
     }
 }

@@ -57,6 +57,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[macro_use]
+mod coded;
+
 mod clock;
 mod csv_text;
 mod plan;
@@ -92,7 +95,7 @@ pub use stream::line::Line;
 pub use stream::publisher::{Loan, Publisher};
 pub use stream::service::Services;
 pub use stream::shm;
-pub use stream::subscriber::{GapCounter, Received, Subscriber};
+pub use stream::subscriber::{Received, Subscriber};
 pub use stream::topic::{
     AskTopic, CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SETTLED_RECORDS_MAX,
     STATUS_BYTES_MAX, SettledTopic, StatusTopic, TapTopic, Topic, WAIT_BYTES_MAX, WaitTopic, line_bytes,

@@ -41,7 +41,7 @@ fn law_1_only_acquire_reads_a_clock_for_a_result() {
         "acquire/src/capture/heard.rs",        // the day of a casing, on which its calibration is valid or not
         "acquire/src/rig/dialogue/receive.rs", // when a rig has hit: the time of a tap
         "acquire/src/rig/dialogue/station.rs", // the name of a casing whose serial is unreadable
-        "acquire/src/rig/tests.rs",            // what it is held to
+        "acquire/src/rig/tests/mod.rs",        // what it is held to
         "src/line/status.rs",                  // how old a status is
         "src/line/supervisor/closed.rs",       // when a file was closed, of one that does not say
         "src/line/supervisor/mod.rs",          // when a status was so

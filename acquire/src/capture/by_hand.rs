@@ -12,8 +12,8 @@ use tapline_wire::{CacheLine, Plan, PlannedTap, Serial, SourceKind, TapHeader, n
 use crate::capture::ear::Ear;
 use crate::capture::heard::HeardCasing;
 use crate::capture::{CaptureConfig, DeviceName};
-use crate::source::unknown_name;
-use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, Source, Wake};
+use crate::source::{serial_of, unknown_name};
+use crate::{Arrival, Arrivals, Casing, Error, Readiness, Refusal, ScanConfig, Source, Wake};
 
 /// How often to look without being woken; a tap that was heard wakes the station.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -103,11 +103,7 @@ impl Arrivals for ByHand {
         // They would end this casing when their turn comes.
         self.ear.forget_lost();
         let name = self.name();
-        let serial = Serial::new(&name).map_err(|error| Error::Setting {
-            key: "the serial of a casing".to_owned(),
-            value: name.clone(),
-            bound: error.bound(),
-        })?;
+        let serial = serial_of("the serial of a casing", &name)?;
         let heard = HeardCasing::new(Arc::clone(&self.ear), &self.scan, serial, self.station)?;
         Ok(Arrival::Casing(Casing {
             name,
@@ -120,11 +116,9 @@ impl Arrivals for ByHand {
         }))
     }
 
-    fn ended(&mut self, _name: &str, _end: &CasingEnd) {}
-
     fn waits_for(&self) -> String {
         let next_tap = self.next_tap.lock().unwrap_or_else(PoisonError::into_inner);
-        self.ear.fault().unwrap_or_else(|| format!("{next_tap}, at {}", self.ear.device()))
+        self.ear.fault().unwrap_or_else(|| format!("{next_tap}, at {}", self.ear.device))
     }
 
     /// A casing that was left half tapped is not known again.
@@ -172,7 +166,7 @@ impl Source for TappedByHand {
             );
         }
         if self.made.contains(&row) && !self.heard.has_taken(row) {
-            let file = self.heard.ear.device().to_owned();
+            let file = self.heard.ear.device.to_owned();
             return Readiness::Refused(Refusal {
                 file,
                 line: 0,

@@ -132,7 +132,7 @@ impl CaptureConfig {
             pre_trigger_samples: self.pre_trigger_samples,
             sample_count_max: self.sample_count,
             sample_format: if self.bits == 16 { SampleFormat::I16 } else { SampleFormat::F32 },
-            channels: vec![Channel::Force, Channel::Sound],
+            channels: Channel::BOTH.to_vec(),
             calibration: self.calibration.calibration(None),
         }
     }

@@ -44,8 +44,8 @@ pub(crate) struct HeardTap {
 
 /// What a station hears.
 pub(crate) struct Ear {
-    device: String,
-    config: CaptureConfig,
+    pub(crate) device: String,
+    pub(crate) config: CaptureConfig,
     state: Mutex<State>,
     is_stopped: AtomicBool,
     wake: Wake,
@@ -128,14 +128,6 @@ impl Ear {
     /// Has taps found at another trigger `level`.
     pub(crate) fn set_level(&self, level: f64) {
         self.state().level = level;
-    }
-
-    pub(crate) fn device(&self) -> &str {
-        &self.device
-    }
-
-    pub(crate) fn config(&self) -> &CaptureConfig {
-        &self.config
     }
 
     /// Whether a tap waits to be taken.

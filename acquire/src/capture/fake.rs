@@ -151,7 +151,7 @@ pub(crate) fn frames_of(samples: &mut [CacheLine], bits: u16) -> Vec<Frame> {
 
 /// The record of a tap as an ear has it.
 pub(crate) fn heard(ear: &Ear, tap: HeardTap) -> Vec<Frame> {
-    let mut samples = vec![CacheLine::default(); cache_lines_for(ear.config().recording().payload_bytes_max())];
+    let mut samples = vec![CacheLine::default(); cache_lines_for(ear.config.recording().payload_bytes_max())];
     assert!(ear.copy(tap, &mut samples));
-    frames_of(&mut samples, ear.config().bits)
+    frames_of(&mut samples, ear.config.bits)
 }

@@ -8,7 +8,7 @@ use tapline_wire::{
 
 use crate::capture::ear::{Ear, HeardTap};
 use crate::config::scan_taps::taps_of;
-use crate::source::{channel_headers, named, no_room, no_such_row};
+use crate::source::{channel_headers, named, no_room};
 use crate::{Error, Readiness, Refusal, ScanConfig, Source};
 
 /// A casing whose taps are heard, in the order in which they are asked for.
@@ -25,13 +25,13 @@ pub(crate) struct HeardCasing {
 impl HeardCasing {
     /// The casing `serial` on `station`, scanned by `scan`; what is cracked of it nobody knows.
     pub(crate) fn new(ear: Arc<Ear>, scan: &ScanConfig, serial: Serial, station: u16) -> Result<Self, Error> {
-        let config = ear.config();
+        let config = &ear.config;
         let taps = taps_of(scan, std::iter::once((serial, station)))?;
         let mut recording = config.recording();
         recording.calibration = config.calibration.calibration(Some(now_ns()));
         let plan = Plan::new(Geometry::Ring, recording, taps, Truth::new())?;
         let counts = if config.bits == 16 { 32_768.0 } else { 1.0 };
-        let per_count = [Channel::Force, Channel::Sound].map(|channel| config.calibration.full_scale(channel) / counts);
+        let per_count = Channel::BOTH.map(|channel| config.calibration.full_scale(channel) / counts);
         let channels = channel_headers(&plan.recording, &per_count);
         Ok(Self { ear, plan, room: scan.room(), channels, taken: None })
     }
@@ -42,7 +42,7 @@ impl HeardCasing {
     }
 
     fn refusal(&self, reason: &str) -> Refusal {
-        Refusal { file: self.ear.device().to_owned(), line: 0, reason: reason.to_owned() }
+        Refusal { file: self.ear.device.to_owned(), line: 0, reason: reason.to_owned() }
     }
 }
 
@@ -89,7 +89,7 @@ impl Source for HeardCasing {
         buffer: &mut [CacheLine],
     ) -> Result<(), Refusal> {
         let kind = self.kind();
-        *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
+        *header = named(&self.plan, row, attempt, kind, header)?;
         if let Some(reason) = no_room(buffer, self.plan.recording.payload_bytes_max()) {
             return Err(self.refusal(&reason));
         }
@@ -99,8 +99,8 @@ impl Source for HeardCasing {
             return Err(self.refusal("samples of the tap were lost"));
         }
         header.tap_time_ns = tap.time_ns;
-        header.microphone_distance_m = self.ear.config().microphone_distance_m.unwrap_or(0.0);
-        header.sample_count = self.ear.config().sample_count;
+        header.microphone_distance_m = self.ear.config.microphone_distance_m.unwrap_or(0.0);
+        header.sample_count = self.ear.config.sample_count;
         header.channels = self.channels;
         Ok(())
     }

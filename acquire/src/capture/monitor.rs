@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use tapline_wire::{CacheLine, Serial, TapHeader, cache_lines_for};
+use tapline_wire::{CacheLine, TapHeader, cache_lines_for};
 
 use crate::capture::ear::Ear;
 use crate::capture::heard::HeardCasing;
 use crate::capture::{CaptureConfig, DeviceName, NotTaps, TriggerConfig};
+use crate::source::serial_of;
 use crate::{Error, Readiness, ScanConfig, Source as _, Wake};
 
 /// Listens to a device as a station would.
@@ -38,12 +39,7 @@ impl Monitor {
             .map_err(|source| Error::Thread { what: format!("the device {device}"), source })?;
         // Nobody knows where the taps are made.
         let nowhere = ScanConfig { locations: 1, shoulders: 1, ..ScanConfig::default() };
-        let serial = Serial::new("monitor").map_err(|error| Error::Setting {
-            key: "the name of the monitor".to_owned(),
-            value: "monitor".to_owned(),
-            bound: error.bound(),
-        })?;
-        let taps = HeardCasing::new(Arc::clone(&ear), &nowhere, serial, 0)?;
+        let taps = HeardCasing::new(Arc::clone(&ear), &nowhere, serial_of("the name of the monitor", "monitor")?, 0)?;
         Ok(Self { ear, taps, count: 0 })
     }
 

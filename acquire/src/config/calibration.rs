@@ -66,7 +66,7 @@ impl CalibrationFile {
     /// # Errors
     /// [`Error::Setting`] for the first value out of its bounds.
     pub fn validate(&self, name: &str) -> Result<(), Error> {
-        for channel in [Channel::Force, Channel::Sound] {
+        for channel in Channel::BOTH {
             let Some(ChannelScale { unit, full_scale, full_scale_v, certificate }) = self.of(channel) else { continue };
             let key = |key: &str| format!("{}.{key} in {name}", channel.name());
             let (units, bound) = match channel {
@@ -164,10 +164,7 @@ mod tests {
         let certificate = calibration.force.certificate.clone().unwrap();
         assert_eq!((certificate.gain, certificate.sensitivity_mv_per_unit), (Some(10.0), Some(22.5)));
         assert_eq!((file.full_scale(Channel::Force), file.full_scale(Channel::Sound)), (222.0, 1.0));
-        assert!(
-            !calibration.is_certified(&[Channel::Force, Channel::Sound])
-                && !calibration.is_out_of_date(&[Channel::Force])
-        );
+        assert!(!calibration.is_certified(&Channel::BOTH) && !calibration.is_out_of_date(&[Channel::Force]));
         assert_eq!(read(&toml::to_string(&file).unwrap()).unwrap(), file);
     }
 

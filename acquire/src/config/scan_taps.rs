@@ -23,10 +23,9 @@ pub(crate) fn taps_of(scan: &ScanConfig, tyres: impl Iterator<Item = (Serial, u1
 
 fn id_of(offset_mm: f64, velocity_m_per_s: f64) -> Result<TapId, Error> {
     let named = TapId::default().with_offset_mm(Some(offset_mm));
-    named.and_then(|id| id.with_velocity_m_per_s(Some(velocity_m_per_s))).map_err(|e| Error::Setting {
-        key: "scan.offsets_mm or scan.velocities_m_per_s".to_owned(),
-        value: format!("{offset_mm} or {velocity_m_per_s}"),
-        bound: e.bound(),
+    named.and_then(|id| id.with_velocity_m_per_s(Some(velocity_m_per_s))).map_err(|e| {
+        let value = format!("{offset_mm} or {velocity_m_per_s}");
+        Error::setting("scan.offsets_mm or scan.velocities_m_per_s", value, e.bound())
     })
 }
 

@@ -9,6 +9,7 @@ mod link;
 mod played;
 mod protocol;
 mod script;
+mod simulated;
 pub(crate) mod stream;
 
 use std::collections::VecDeque;
@@ -16,16 +17,18 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tapline_model::SimulationConfig;
-use tapline_wire::{CacheLine, Plan, Serial, SourceKind, TapHeader};
+use tapline_wire::{CacheLine, Plan, SourceKind, TapHeader};
 
 use self::dialogue::{LinkConfig, Progress, Removal, Tap};
 use self::link::Link;
 use self::protocol::one_line;
-pub use self::script::{RigReport, RigScript, serve_rig};
+pub use self::script::RigScript;
+pub use self::simulated::{RigReport, serve_rig};
 use crate::capture::ear::Ear;
 use crate::capture::heard::HeardCasing;
 use crate::capture::{CaptureConfig, DeviceName};
 use crate::simulated::{Tyre, rig_of};
+use crate::source::{no_such_row, serial_of};
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, SimulatedLine, Source, Wake};
 
 /// How often to look without being woken; the rig wakes the station whenever something has changed.
@@ -48,12 +51,12 @@ const HEARD_WITHIN: Duration = Duration::from_millis(500);
 pub struct RigConfig {
     /// Host and port of the rig, or `serial:PATH`.
     pub address: String,
-    /// How long a rig may be away with a casing under way before that is given up, in s.
-    pub patience_s: f64,
-    /// How long a rig may take to answer before the connection is made anew, in s.
-    pub timeout_s: f64,
-    /// The same where it has to find its home, in s.
-    pub home_timeout_s: f64,
+    /// How long a rig may be away with a casing under way before that is given up.
+    pub patience: Duration,
+    /// How long a rig may take to answer before the connection is made anew.
+    pub timeout: Duration,
+    /// The same where it has to find its home.
+    pub home_timeout: Duration,
     /// How often a failed move or hit is tried again before its tap is refused.
     pub retakes: u16,
     /// The device that hears its taps; simulated ones where left out.
@@ -92,22 +95,13 @@ impl RigArrivals {
         let tyres: Result<Vec<Tyre>, Error> =
             (0..scan.tyre.len()).map(|number| crate::simulated::tyre_of(scan, number)).collect();
         rig_of(scan, simulation, &tyres?)?;
-        let seconds = |key: &str, value: f64| {
-            let time =
-                Duration::try_from_secs_f64(value).ok().filter(|time| (0.001..=86_400.0).contains(&time.as_secs_f64()));
-            time.ok_or_else(|| Error::Setting {
-                key: format!("station.{key}"),
-                value: value.to_string(),
-                bound: "from 0.001 to 86400".to_owned(),
-            })
-        };
         let config = LinkConfig {
             address: rig.address.clone(),
             station,
             tap_count: scan.taps_per_tyre(),
-            patience: seconds("rig_patience_s", rig.patience_s)?,
-            timeout: seconds("rig_timeout_s", rig.timeout_s)?,
-            home_timeout: seconds("rig_home_timeout_s", rig.home_timeout_s)?,
+            patience: rig.patience,
+            timeout: rig.timeout,
+            home_timeout: rig.home_timeout,
         };
         let no_thread = |what: &str, source| Error::Thread { what: format!("the {what} of station {station}"), source };
         let ear = match &rig.device {
@@ -143,11 +137,7 @@ impl Arrivals for RigArrivals {
 
     fn next(&mut self) -> Result<Arrival, Error> {
         let Some(loaded) = self.link.dialogue().take_casing() else { return Ok(Arrival::NotYet) };
-        let serial = Serial::new(&loaded.name).map_err(|error| Error::Setting {
-            key: "the serial of a casing on the rig".to_owned(),
-            value: loaded.name.clone(),
-            bound: error.bound(),
-        })?;
+        let serial = serial_of("the serial of a casing on the rig", &loaded.name)?;
         let struck: Box<dyn Source> = match &self.ear {
             Some(ear) => Box::new(HeardCasing::new(Arc::clone(ear), &self.scan, serial, self.station)?),
             None => {
@@ -259,7 +249,7 @@ impl RigCasing {
                 self.link.dialogue().config().address
             );
         }
-        let record = ear.config().record_time();
+        let record = ear.config.record_time();
         let waited = hit.at.elapsed();
         let fault = match ear.strike_count() {
             0 if waited > HEARD_WITHIN + record => {
@@ -318,7 +308,7 @@ impl Source for RigCasing {
             return Readiness::NotYet;
         }
         let Some(&tap) = self.plan().taps().get(row as usize) else {
-            return Readiness::Refused(crate::source::no_such_row(self.plan(), row));
+            return Readiness::Refused(no_such_row(self.plan(), row));
         };
         let to_move = || {
             let (angle_deg, offset_mm) = (tap.angle_deg.unwrap_or(0.0), tap.id.offset_mm().unwrap_or(0.0));

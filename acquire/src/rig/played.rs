@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use tapline_model::{SimulatedRig, SimulatedTap, SimulationConfig};
 
-use crate::simulated::{Tyre, default_tyre, rig_of, simulated_serial};
+use crate::simulated::{SERIAL, Tyre, default_tyre, rig_of};
+use crate::source::serial_of;
 use crate::{Error, ScanConfig};
 
 /// What is written at once, about; a power of two, as stations read it.
@@ -62,7 +63,7 @@ impl Player {
     pub(super) fn load(&mut self, serial: &str) -> Result<(), Error> {
         let listed = self.scan.tyre.iter().find(|tyre| tyre.serial == serial);
         let tyre = match listed {
-            Some(tyre) => Tyre { serial: simulated_serial(serial)?, station: 1, cracks: tyre.crack.clone() },
+            Some(tyre) => Tyre { serial: serial_of(SERIAL, serial)?, station: 1, cracks: tyre.crack.clone() },
             None => default_tyre(&self.scan, serial, 1, false)?,
         };
         self.rig = Some((serial.to_owned(), rig_of(&self.scan, &self.simulation, &[tyre])?, Vec::new()));

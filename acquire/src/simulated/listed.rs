@@ -7,7 +7,7 @@ use tapline_model::SimulationConfig;
 use tapline_wire::{CasingLimits, Plan, digest_of_parts};
 
 use crate::simulated::{Tyre, default_tyre, plan_of, rig_of, station_of, tyre_of};
-use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, ScanConfig, SimulatedLine};
+use crate::{Arrival, Arrivals, Casing, Error, ScanConfig, SimulatedLine};
 
 /// What waits for nothing is asked again this late.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
@@ -161,8 +161,6 @@ impl Arrivals for SimulatedTyres {
         }
         Ok(Arrival::Casing(Casing { name: tyre.serial.to_string(), taps: Box::new(taps) }))
     }
-
-    fn ended(&mut self, _name: &str, _end: &CasingEnd) {}
 
     fn waits_for(&self) -> String {
         "nothing: simulated tyres are always there".to_owned()

@@ -9,8 +9,11 @@ use tapline_wire::{
 };
 
 use crate::config::scan_taps::taps_of;
-use crate::source::{channel_headers, named, no_room, no_such_row};
+use crate::source::{channel_headers, named, no_room, serial_of};
 use crate::{Error, Refusal, ScanConfig, Source};
+
+/// The key of a tyre's serial.
+pub(crate) const SERIAL: &str = "scan.tyre.serial";
 
 /// Cracks of a tyre that is damaged by default.
 const CRACKS_PLANTED: u32 = 3;
@@ -135,7 +138,7 @@ impl Source for SimulatedLine {
         buffer: &mut [CacheLine],
     ) -> Result<(), Refusal> {
         let kind = self.kind();
-        *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
+        *header = named(&self.plan, row, attempt, kind, header)?;
         if let Some(reason) = no_room(buffer, self.plan.recording.payload_bytes_max()) {
             return Err(Refusal { file: "simulation".to_owned(), line: 0, reason });
         }
@@ -172,7 +175,7 @@ pub(crate) fn plan_of(scan: &ScanConfig, simulation: &SimulationConfig, tyres: &
         pre_trigger_samples: simulation.pre_trigger_samples,
         sample_count_max: simulation.sample_count,
         sample_format: SampleFormat::I16,
-        channels: vec![Channel::Force, Channel::Sound],
+        channels: Channel::BOTH.to_vec(),
         calibration: Calibration::computed(),
     };
     Ok(Plan::new(
@@ -193,7 +196,7 @@ pub(crate) fn tyre_of(scan: &ScanConfig, number: usize) -> Result<Tyre, Error> {
     let station = station_of(scan, number);
     match scan.tyre.get(number) {
         Some(written) => {
-            Ok(Tyre { serial: simulated_serial(&written.serial)?, station, cracks: written.crack.clone() })
+            Ok(Tyre { serial: serial_of(SERIAL, &written.serial)?, station, cracks: written.crack.clone() })
         }
         None => default_tyre(scan, &format!("SIM-{station:04}"), station, station % 2 == 1),
     }
@@ -203,15 +206,7 @@ pub(crate) fn tyre_of(scan: &ScanConfig, number: usize) -> Result<Tyre, Error> {
 pub(crate) fn default_tyre(scan: &ScanConfig, serial: &str, station: u16, is_damaged: bool) -> Result<Tyre, Error> {
     let crack_count = if is_damaged { CRACKS_PLANTED } else { 0 };
     let cracks = plant_cracks(scan.seed, serial, scan.locations, crack_count);
-    Ok(Tyre { serial: simulated_serial(serial)?, station, cracks })
-}
-
-pub(crate) fn simulated_serial(text: &str) -> Result<Serial, Error> {
-    Serial::new(text).map_err(|e| Error::Setting {
-        key: "scan.tyre.serial".to_owned(),
-        value: format!("{text:?}"),
-        bound: e.bound(),
-    })
+    Ok(Tyre { serial: serial_of(SERIAL, serial)?, station, cracks })
 }
 
 /// For every location of every shoulder that is scanned, whether it is cracked.

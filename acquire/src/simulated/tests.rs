@@ -85,7 +85,7 @@ fn the_header_describes_the_samples() {
     assert_eq!((header.sample_count, header.pre_trigger_samples, header.sent_ns), (2048, 512, 78));
     assert_eq!(SourceKind::from_code(header.source), Some(SourceKind::Simulated));
     let (channels, unit_per_count): (Vec<_>, Vec<f64>) = header.channels().unzip();
-    assert_eq!(channels, [Channel::Force, Channel::Sound]);
+    assert_eq!(channels, Channel::BOTH);
     assert!((unit_per_count[0] * 32_768.0 - 222.0).abs() < 1e-9 && (unit_per_count[1] * 32_768.0 - 5.0).abs() < 1e-9);
     assert!((header.velocity_measured_m_per_s / header.id.velocity_m_per_s().unwrap() - 1.0).abs() < 0.1);
     let peak_n = f64::from(*samples[..2048].iter().max().unwrap()) * unit_per_count[0];

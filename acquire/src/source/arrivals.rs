@@ -58,7 +58,9 @@ pub trait Arrivals: Send + fmt::Debug {
     fn next(&mut self) -> Result<Arrival, Error>;
 
     /// Is told how the casing `name` ended. Casings of one name end in the order in which they came.
-    fn ended(&mut self, name: &str, end: &CasingEnd);
+    fn ended(&mut self, name: &str, end: &CasingEnd) {
+        let _nobody_asks = (name, end);
+    }
 
     /// What is waited for while [`Arrivals::next`] says [`Arrival::NotYet`], for people: `the rig at 127.0.0.1:7001`.
     fn waits_for(&self) -> String;

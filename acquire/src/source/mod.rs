@@ -4,7 +4,9 @@ pub(crate) mod arrivals;
 
 use std::fmt;
 
-use tapline_wire::{CHANNELS_MAX, CacheLine, ChannelHeader, Plan, Recording, SourceKind, TapHeader};
+use tapline_wire::{CHANNELS_MAX, CacheLine, ChannelHeader, Plan, Recording, Serial, SourceKind, TapHeader};
+
+use crate::Error;
 
 /// A source of taps: those of one casing at one station.
 ///
@@ -94,13 +96,17 @@ impl fmt::Display for Refusal {
 impl std::error::Error for Refusal {}
 
 /// Everything of a header that is the same for all taps of `plan`, plus the tap's name.
-///
-/// `None` when there is no such row.
-pub(crate) fn named(plan: &Plan, row: u32, attempt: u16, kind: SourceKind, old: &TapHeader) -> Option<TapHeader> {
-    let mut id = plan.taps().get(row as usize)?.id;
+pub(crate) fn named(
+    plan: &Plan,
+    row: u32,
+    attempt: u16,
+    kind: SourceKind,
+    old: &TapHeader,
+) -> Result<TapHeader, Refusal> {
+    let mut id = plan.taps().get(row as usize).ok_or_else(|| no_such_row(plan, row))?.id;
     id.attempt = attempt;
     let recording = &plan.recording;
-    Some(TapHeader {
+    Ok(TapHeader {
         stamp: old.stamp,
         sent_ns: old.sent_ns,
         id,
@@ -144,6 +150,11 @@ pub(crate) fn no_such_row(plan: &Plan, row: u32) -> Refusal {
 pub(crate) fn no_room(buffer: &[CacheLine], need_bytes: usize) -> Option<String> {
     let got_bytes = size_of_val(buffer);
     (got_bytes < need_bytes).then(|| format!("the loan has {got_bytes} bytes; the samples need {need_bytes}"))
+}
+
+/// The serial `text`, which `key` states.
+pub(crate) fn serial_of(key: &str, text: &str) -> Result<Serial, Error> {
+    Serial::new(text).map_err(|error| Error::setting(key, format!("{text:?}"), error.bound()))
 }
 
 /// A name for a casing whose serial could not be read at `now_ns`; never `last`.

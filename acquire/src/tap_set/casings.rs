@@ -6,6 +6,7 @@ use std::path::Path;
 use tapline_wire::{Geometry, Serial, digest_of_parts};
 
 use crate::Error;
+use crate::config::refuse;
 use crate::tap_set::recordings::Recordings;
 
 /// A casing of a set, or a whole slab, with the taps of one plan.
@@ -22,15 +23,15 @@ pub(crate) struct SetCasing {
 /// to stations 1, 2, ... in turn.
 pub(crate) fn casings_of(set: &Recordings, station_count: u16) -> Result<Vec<SetCasing>, Error> {
     check_station_count(station_count)?;
-    let is_slab = set.geometry() == Geometry::Line;
+    let is_slab = set.scan.geometry == Geometry::Line;
     let mut casings: Vec<SetCasing> = Vec::new();
     // For each casing, the station that the list names, and the line that names it.
     let mut named: Vec<Option<(u16, usize)>> = Vec::new();
     let mut number_of: HashMap<Serial, usize> = HashMap::new();
-    for (number, row) in (0..).zip(set.taps()) {
+    for (number, row) in (0..).zip(&set.taps) {
         let key = if is_slab { Serial::default() } else { row.tap.id.tyre };
         let place = *number_of.entry(key).or_insert_with(|| {
-            let name = if is_slab { folder_name(set.dir()) } else { key.to_string() };
+            let name = if is_slab { folder_name(&set.dir) } else { key.to_string() };
             casings.push(SetCasing { name, station: 0, rows: Vec::new() });
             named.push(None);
             casings.len() - 1
@@ -60,9 +61,7 @@ pub(crate) fn casings_of(set: &Recordings, station_count: u16) -> Result<Vec<Set
 }
 
 pub(crate) fn check_station_count(station_count: u16) -> Result<(), Error> {
-    let bound = || format!("from 1 to {}", u16::MAX);
-    let refusal = || Error::Setting { key: "stations".to_owned(), value: "0".to_owned(), bound: bound() };
-    if station_count == 0 { Err(refusal()) } else { Ok(()) }
+    if station_count == 0 { refuse("stations", 0, "from 1 to 65535") } else { Ok(()) }
 }
 
 /// Longest name of a slab; it becomes part of file names.

@@ -9,7 +9,7 @@ use tapline_wire::{CasingLimits, Plan};
 
 use crate::tap_set::casings::{SetCasing, casings_of, check_station_count};
 use crate::tap_set::recordings::Recordings;
-use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Refusal, Source as _, TapSet};
+use crate::{Arrival, Arrivals, Casing, Error, Refusal, Source as _, TapSet};
 
 /// Interval of looking for a change; a list never waits for one.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
@@ -127,8 +127,6 @@ impl Arrivals for Listed {
             None => Ok(Arrival::Ended),
         }
     }
-
-    fn ended(&mut self, _name: &str, _end: &CasingEnd) {}
 
     fn waits_for(&self) -> String {
         "nothing: the tap set is there".to_owned()

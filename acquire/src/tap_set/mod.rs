@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 use tapline_wire::{CacheLine, Plan, SampleFormat, SourceKind, TapHeader};
 
-use crate::source::{channel_headers, named, no_room, no_such_row};
+use crate::source::{channel_headers, named, no_room};
 use crate::tap_set::casings::{SetCasing, casings_of, check_station_count};
 use crate::tap_set::recordings::{Recordings, check_format, check_shape};
 use crate::tap_set::scan_toml::ScanToml;
@@ -61,13 +61,13 @@ impl TapSet {
         check_station_count(station_count)?;
         let set = Recordings::open(dir)?;
         let casings = casings_of(&set, station_count)?;
-        let mut stations = vec![0; set.taps().len()];
+        let mut stations = vec![0; set.taps.len()];
         for casing in &casings {
             for &row in &casing.rows {
                 stations[row as usize] = casing.station;
             }
         }
-        let rows: Vec<u32> = (0..).zip(set.taps()).map(|(row, _)| row).collect();
+        let rows: Vec<u32> = (0..).zip(&set.taps).map(|(row, _)| row).collect();
         let plan = set.plan(&rows, |row| stations[row])?;
         Ok(Self { set: Arc::new(set), plan, rows, scratch: Vec::new() })
     }
@@ -81,7 +81,7 @@ impl TapSet {
     /// The remarks in `scan.toml`, which do not affect results: units, description, source and licence of the
     /// recordings.
     pub fn remarks(&self) -> &BTreeMap<String, String> {
-        &self.set.scan().remarks
+        &self.set.scan.remarks
     }
 
     /// The taps that will be refused, as far as the headers of their recordings show, in the order of the plan.
@@ -98,16 +98,16 @@ impl TapSet {
     }
 
     fn refusal(&self, row: u32, reason: String) -> Refusal {
-        let TapRow { file, line, .. } = &self.set.taps()[row as usize];
+        let TapRow { file, line, .. } = &self.set.taps[row as usize];
         Refusal { file: file.clone(), line: *line, reason }
     }
 
     fn read(&mut self, row: u32, buffer: &mut [CacheLine]) -> Result<u32, WavFault> {
         let recording = &self.plan.recording;
-        let (mut file, file_bytes) = wav::open(&self.set.dir().join(&self.set.taps()[row as usize].file))?;
+        let (mut file, file_bytes) = wav::open(&self.set.dir.join(&self.set.taps[row as usize].file))?;
         // The header is read again because the file may have changed since the set was opened.
-        let wav = header(&mut file, &self.set.taps()[row as usize].file, file_bytes, self.set.scan())?;
-        check_shape(&wav, self.set.scan())?;
+        let wav = header(&mut file, &self.set.taps[row as usize].file, file_bytes, &self.set.scan)?;
+        check_shape(&wav, &self.set.scan)?;
         check_format(&wav, recording.sample_format)?;
         if wav.sample_count > recording.sample_count_max {
             return Err(WavFault::Grown { got: wav.sample_count, most: recording.sample_count_max });
@@ -138,16 +138,16 @@ impl Source for TapSet {
         buffer: &mut [CacheLine],
     ) -> Result<(), Refusal> {
         let kind = self.kind();
-        *header = named(&self.plan, row, attempt, kind, header).ok_or_else(|| no_such_row(&self.plan, row))?;
+        *header = named(&self.plan, row, attempt, kind, header)?;
         let row = self.rows[row as usize];
-        let TapRow { velocity_measured_m_per_s, extras, .. } = &self.set.taps()[row as usize];
-        let scan = self.set.scan();
+        let TapRow { velocity_measured_m_per_s, extras, .. } = &self.set.taps[row as usize];
+        let scan = &self.set.scan;
         let recording = &self.plan.recording;
         header.id.attempt = attempt.max(extras.attempt);
         header.tap_time_ns = extras.tap_time_ns;
         header.velocity_measured_m_per_s = velocity_measured_m_per_s.unwrap_or(f64::NAN);
         header.microphone_distance_m = extras.microphone_distance_m.unwrap_or(scan.microphone_distance_m);
-        let full_scales = self.set.scales().of_tap(&scan.channels, extras);
+        let full_scales = self.set.scales.of_tap(&scan.channels, extras);
         header.channels = channel_headers(recording, &per_count(&full_scales, recording.sample_format));
         if let Some(reason) = self.fault(row).or_else(|| no_room(buffer, recording.payload_bytes_max())) {
             return Err(self.refusal(row, reason));

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use tapline_wire::{Calibration, Geometry, Plan, PlannedTap, Recording, SampleFormat, Serial, Truth, digest_of_parts};
+use tapline_wire::{Calibration, Plan, PlannedTap, Recording, SampleFormat, Serial, Truth, digest_of_parts};
 
 use crate::tap_set::scales::Scales;
 use crate::tap_set::scan_toml::{self, ScanToml};
@@ -22,11 +22,13 @@ const REASONS_MAX: usize = 3;
 /// The tables of a folder and the headers of its recordings.
 #[derive(Debug)]
 pub(crate) struct Recordings {
-    dir: PathBuf,
-    scan: ScanToml,
+    pub(crate) dir: PathBuf,
+    pub(crate) scan: ScanToml,
     scan_text: String,
-    scales: Scales,
-    taps: Vec<TapRow>,
+    /// What the samples are worth.
+    pub(crate) scales: Scales,
+    /// The rows of the list of taps.
+    pub(crate) taps: Vec<TapRow>,
     /// The header of each recording, or why it cannot be used.
     headers: Vec<Result<WavHeader, String>>,
     truth: Truth,
@@ -55,36 +57,14 @@ impl Recordings {
         Ok(Self { dir: dir.to_owned(), scan, scan_text, scales, taps, headers, truth })
     }
 
-    pub(crate) fn dir(&self) -> &Path {
-        &self.dir
-    }
-
     /// The path of the list of taps.
     pub(crate) fn taps_file(&self) -> PathBuf {
         self.dir.join("taps.csv")
     }
 
-    /// The rows of the list of taps.
-    pub(crate) fn taps(&self) -> &[TapRow] {
-        &self.taps
-    }
-
     /// The header of the recording in `row`, or why it cannot be used.
     pub(crate) fn header(&self, row: u32) -> Result<&WavHeader, &str> {
         self.headers[row as usize].as_ref().map_err(String::as_str)
-    }
-
-    pub(crate) fn scan(&self) -> &ScanToml {
-        &self.scan
-    }
-
-    /// What the samples are worth.
-    pub(crate) fn scales(&self) -> &Scales {
-        &self.scales
-    }
-
-    pub(crate) fn geometry(&self) -> Geometry {
-        self.scan.geometry
     }
 
     /// The plan of the taps in `rows` of the set, at the station that `station_of` gives each row.

@@ -56,7 +56,7 @@ impl Scales {
         let last_ns = taps.map(|tap| tap.extras.tap_time_ns).max().filter(|&time_ns| time_ns != 0);
         let mut calibration = self.file.calibration(None);
         calibration.tapped_on = last_ns.and_then(day_of);
-        for channel in [Channel::Force, Channel::Sound] {
+        for channel in Channel::BOTH {
             match channels.iter().position(|&of_set| of_set == channel) {
                 Some(place) => calibration.of_mut(channel).unit = self.units[place],
                 None => *calibration.of_mut(channel) = Default::default(),

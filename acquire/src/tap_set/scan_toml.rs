@@ -158,10 +158,7 @@ impl Keys<'_> {
         let refused = || self.refuse(key, value, bound.to_owned());
         let mut channels = Vec::new();
         for name in value.as_array().ok_or_else(refused)? {
-            let channel = [Channel::Force, Channel::Sound]
-                .into_iter()
-                .find(|c| Some(c.name()) == name.as_str())
-                .ok_or_else(refused)?;
+            let channel = name.as_str().and_then(Channel::from_name).ok_or_else(refused)?;
             // No discriminator could tell two channels of one kind apart.
             if channels.contains(&channel) {
                 return Err(refused());
@@ -234,11 +231,11 @@ mod tests {
     fn what_is_left_out_has_its_default() {
         let scan = parsed(GOOD).unwrap();
         assert_eq!(scan.geometry, Geometry::Ring);
-        assert_eq!(scan.channels, [Channel::Force, Channel::Sound]);
+        assert_eq!(scan.channels, Channel::BOTH);
         assert_eq!(scan.pre_trigger_samples, 512);
         let numbers = [scan.sample_rate_hz, scan.microphone_distance_m];
         assert_eq!(numbers.map(f64::to_bits), [40960.0, 0.0].map(f64::to_bits));
-        assert_eq!([Channel::Force, Channel::Sound].map(|channel| scan.full_scale(channel)), [None; 2]);
+        assert_eq!(Channel::BOTH.map(|channel| scan.full_scale(channel)), [None; 2]);
     }
 
     /// Catches full scales that are swapped, and free text that is refused.

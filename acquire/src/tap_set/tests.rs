@@ -100,7 +100,7 @@ fn a_16_bit_set_is_rendered() {
     assert_eq!(set.plan().taps().iter().map(|t| t.id.station).collect::<Vec<_>>(), [1, 1, 1], "one casing");
     assert_eq!(set.plan().truth().len(), 1);
     let recording = set.plan().recording.clone();
-    assert_eq!(recording.channels, [Channel::Force, Channel::Sound]);
+    assert_eq!(recording.channels, Channel::BOTH);
     assert_eq!((recording.sample_format, recording.sample_count_max), (SampleFormat::I16, 4));
 
     let (header, buffer) = render(&mut set, 1).unwrap();

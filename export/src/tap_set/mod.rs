@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use tapline_wire::{Geometry, Recording, SampleFormat, Serial, TapHeader, csv_cell};
 
 use crate::tap_set::writer::{Scales, TapSetWriter};
-use crate::taps::{ListedTap, TapCounts, Taps, scan_names};
+use crate::taps::{ListedTap, TapCounts, TapFolder, Taps, scan_names};
 use crate::{Error, Result};
 use tapline_store::Reader;
 
@@ -24,19 +24,6 @@ const COUNTS_FULL_SCALE: f64 = 32_768.0;
 
 /// Largest full scale that a tap set may have.
 const FULL_SCALE_MAX: f64 = 1e12;
-
-/// Writes the taps of the archive into the new folder `folder` as a tap set, with the configuration of the run and the
-/// reference that it had.
-///
-/// # Errors
-/// [`Error::FolderNotEmpty`], [`Error::NoSamples`], [`Error::NoTapSet`], or an error of reading or writing; the folder is then not
-/// created.
-pub fn export_tap_set(reader: &Reader, folder: &Path) -> Result<TapCounts> {
-    Taps::new(reader).counts().if_any(reader.path())?;
-    let mut set = TapSetFolder::begin(folder)?;
-    set.add(reader)?;
-    set.finish()
-}
 
 /// What must be the same in all archives of a tap set.
 #[derive(Debug)]
@@ -85,7 +72,7 @@ impl Alike {
 
 /// A tap set of the taps of one archive or of many, added archive by archive. It appears when it is finished.
 #[derive(Debug)]
-pub struct TapSetFolder {
+pub(crate) struct TapSetFolder {
     set: TapSetWriter,
     truth: Option<csv::Writer<File>>,
     alike: Option<Alike>,
@@ -96,10 +83,7 @@ pub struct TapSetFolder {
 
 impl TapSetFolder {
     /// Begins the tap set `folder`.
-    ///
-    /// # Errors
-    /// [`Error::FolderNotEmpty`], or an error of writing.
-    pub fn begin(folder: &Path) -> Result<Self> {
+    pub(crate) fn begin(folder: &Path) -> Result<Self> {
         Ok(Self {
             set: TapSetWriter::begin(folder)?,
             truth: None,
@@ -108,38 +92,6 @@ impl TapSetFolder {
             archive_count: 0,
             counts: TapCounts::default(),
         })
-    }
-
-    /// Adds the taps of an archive.
-    ///
-    /// # Errors
-    /// [`Error::NoTapSet`], also if the archive does not fit those before, or an error of reading or writing.
-    pub fn add(&mut self, reader: &Reader) -> Result<()> {
-        self.add_with(reader, &|_part| ())
-    }
-
-    /// As `add`; `on_part` is called before each tap with the part of them that is done, from 0 to 1.
-    ///
-    /// # Errors
-    /// As `add`.
-    pub fn add_with(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> Result<()> {
-        let plan = reader.plan();
-        self.check(reader)?;
-        let taps = Taps::with(reader, on_part);
-        let names = scan_names(plan, |name| self.set.has(name));
-        for (row, &scan) in (0..).zip(&plan.scan_of_tap()) {
-            let tap = taps.tap(row)?;
-            let file = format!("{}/{row:06}-{:03}.wav", names[scan as usize], tap.planned.id.location);
-            let scales = match &tap.record {
-                Ok((header, _)) => scales_of(reader, &tap, header)?,
-                Err(_) => Scales::default(),
-            };
-            self.set.add(&file, &plan.recording, &tap, &scales)?;
-        }
-        self.add_truth(reader)?;
-        self.counts = self.counts.and(taps.counts());
-        self.archive_count += 1;
-        Ok(())
     }
 
     /// Checks that the archive fits the set.
@@ -175,7 +127,7 @@ impl TapSetFolder {
         let mut out = match self.truth.take() {
             Some(out) => out,
             None => {
-                let mut out = csv::Writer::from_path(self.set.path("truth.csv")?)?;
+                let mut out = csv::Writer::from_path(self.set.draft.path("truth.csv")?)?;
                 out.write_record(["tyre", "shoulder", "location", "cracked"])?;
                 out
             }
@@ -188,13 +140,31 @@ impl TapSetFolder {
         self.truth = Some(out);
         Ok(())
     }
+}
 
-    /// Finishes the folder, and returns the counts of its taps.
-    ///
-    /// # Errors
-    /// [`Error::NoSamples`] if it has no tap, or an error of writing.
-    pub fn finish(self) -> Result<TapCounts> {
-        let Self { mut set, truth, alike, archive_count, counts, .. } = self;
+impl TapFolder for TapSetFolder {
+    fn add(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> Result<()> {
+        let plan = reader.plan();
+        self.check(reader)?;
+        let taps = Taps::new(reader, on_part);
+        let names = scan_names(plan, |name| self.set.draft.has(name));
+        for (row, &scan) in (0..).zip(&plan.scan_of_tap()) {
+            let tap = taps.tap(row)?;
+            let file = format!("{}/{row:06}-{:03}.wav", names[scan as usize], tap.planned.id.location);
+            let scales = match &tap.record {
+                Ok((header, _)) => scales_of(reader, &tap, header)?,
+                Err(_) => Scales::default(),
+            };
+            self.set.add(&file, &plan.recording, &tap, &scales)?;
+        }
+        self.add_truth(reader)?;
+        self.counts = self.counts.and(taps.counts());
+        self.archive_count += 1;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<TapCounts> {
+        let Self { mut set, truth, alike, archive_count, counts, .. } = *self;
         if let Some(mut truth) = truth {
             truth.flush().map_err(|error| Error::Csv(error.into()))?;
         }
@@ -205,9 +175,9 @@ impl TapSetFolder {
             };
             set.describe(alike.geometry, &alike.recording, &[("source", &source)])?;
             set.certify(&alike.recording)?;
-            set.write("config.toml", &alike.config)?;
+            set.draft.write("config.toml", &alike.config)?;
             if let Some(reference) = &alike.reference {
-                set.write("reference.json", reference)?;
+                set.draft.write("reference.json", reference)?;
             }
         }
         let path = alike.map(|alike| alike.path).unwrap_or_default();

@@ -1,7 +1,7 @@
 //! A tap set that is written tap by tap: what an archive and recordings of others become.
 
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use hound::{SampleFormat as Kind, WavSpec, WavWriter};
 use tapline_store::OwnedSamples;
@@ -67,7 +67,7 @@ impl Scales {
 /// A tap set, written into a folder that appears when it is finished.
 #[derive(Debug)]
 pub struct TapSetWriter {
-    draft: Draft,
+    pub(crate) draft: Draft,
     list: csv::Writer<File>,
     /// Those of the first tap with samples, which `scan.toml` will state.
     scales: Option<Scales>,
@@ -145,21 +145,6 @@ impl TapSetWriter {
     /// The present path of the set, in which it can be looked at before it is finished.
     pub fn folder(&self) -> &Path {
         self.draft.present()
-    }
-
-    /// Whether the set has a file or folder `name`.
-    pub(crate) fn has(&self, name: &str) -> bool {
-        self.draft.has(name)
-    }
-
-    /// The present path of another file of the set.
-    pub(crate) fn path(&self, name: &str) -> Result<PathBuf> {
-        self.draft.path(name)
-    }
-
-    /// Writes another file of the set.
-    pub(crate) fn write(&self, name: &str, text: &str) -> Result<()> {
-        self.draft.write(name, text)
     }
 
     /// Has the folder appear.

@@ -92,6 +92,17 @@ impl Fusion {
         Self::build(&config, plan, Some(set))
     }
 
+    /// As [`Fusion::with_reference`] where there is a `set`, and else as [`Fusion::new`].
+    ///
+    /// # Errors
+    /// As theirs.
+    pub fn by(config: &FuseConfig, plan: &Plan, set: Option<Arc<ReferenceSet>>) -> Result<Self, Error> {
+        match set {
+            Some(set) => Self::with_reference(config, plan, set),
+            None => Self::new(config, plan),
+        }
+    }
+
     fn build(config: &FuseConfig, plan: &Plan, set: Option<Arc<ReferenceSet>>) -> Result<Self, Error> {
         config.validate()?;
         Ok(Self {

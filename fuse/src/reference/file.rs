@@ -164,11 +164,6 @@ impl ReferenceSet {
         tyres.len()
     }
 
-    /// Whether any of its locations is labelled as cracked.
-    pub fn is_labelled(&self) -> bool {
-        self.shoulders.iter().any(|s| s.is_cracked.as_ref().is_some_and(|labels| labels.contains(&true)))
-    }
-
     /// The condition of each turn of `shoulder`, one of its own.
     pub(crate) fn conditions_of(&self, shoulder: &KnownShoulder, conditions: &Conditions) -> Vec<usize> {
         shoulder.turns.iter().filter_map(|turn| conditions.number(&shoulder.tap_id(turn)?)).collect()

@@ -4,8 +4,8 @@ use proptest::prelude::*;
 use tapline_wire::{Discriminator, Reasons, Verdict};
 
 use super::*;
-use crate::testing::{Casing, records, tyre};
-use crate::{Built, Direction, FuseConfig, Fusion, IndexKind, Reference, Score, build_reference};
+use crate::testing::{Casing, records, scored, tyre};
+use crate::{Built, Direction, FuseConfig, Fusion, IndexKind, Reference, build_reference};
 
 fn built(config: FuseConfig) -> Built {
     Built { config, lineage: Vec::new(), process: "f_c_hz = 550.0\n".to_owned(), learns_directions: false }
@@ -50,7 +50,7 @@ fn a_reference_comes_back_as_it_went() {
     let set = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
     let again = ReferenceSet::parse(&set.text().unwrap()).unwrap();
     assert_eq!(again, set);
-    assert!(set.is_labelled() && set.digest().len() == 64);
+    assert_eq!(set.digest().len(), 64);
     assert_eq!((set.summary.sound_count, set.summary.cracked_count), (70, 30));
     let lines: Vec<_> = set.summary.scales.iter().map(|s| (s.offset_mm, s.velocity_m_per_s)).collect();
     assert_eq!(lines.len(), 4 * 6, "four conditions of six discriminators");
@@ -195,7 +195,7 @@ fn every_index_finds_a_crack_beside_labelled_ones() {
     let found = records(&casing, &plan, 9);
     for index in IndexKind::ALL {
         let config = FuseConfig { index, ..file() };
-        let score = Score::by_reference(&config, &plan, Arc::new(set.clone()), &found).unwrap();
+        let score = scored(Fusion::with_reference(&config, &plan, Arc::new(set.clone())).unwrap(), &found);
         assert!(score.index.unwrap() > 0.9, "{} {score:?}", index.name());
     }
     assert_eq!(judged(&set, &file(), &casing, 9).0, Verdict::Reject);

@@ -89,10 +89,7 @@ pub fn judge(judging: &Judging, set: &Set, casings: Range<usize>, scene: Scene) 
 impl Judging {
     /// The fusion that has had all of `records`.
     fn fusion(&self, plan: &Plan, records: &[Discriminators]) -> Result<Fusion> {
-        let mut fusion = match &self.reference {
-            None => Fusion::new(&self.config, plan)?,
-            Some(set) => Fusion::with_reference(&self.config, plan, set.clone())?,
-        };
+        let mut fusion = Fusion::by(&self.config, plan, self.reference.clone())?;
         records.iter().try_for_each(|record| fusion.push(record))?;
         (0..plan.scans().len()).try_for_each(|number| fusion.end(number))?;
         Ok(fusion)

@@ -72,7 +72,7 @@ impl Tap {
             header.velocity_nominal_m_per_s = planned;
             header.velocity_measured_m_per_s = measured;
         }
-        for (channel, header) in [Channel::Force, Channel::Sound].into_iter().zip(&mut header.channels) {
+        for (channel, header) in Channel::BOTH.into_iter().zip(&mut header.channels) {
             *header = ChannelHeader { code: channel.code(), unit_per_count: 1.0, ..Default::default() };
         }
         // The default configuration is one that can be worked with, and the only one that is used without a check.

@@ -17,7 +17,7 @@ fn archived_plan() -> Plan {
         pre_trigger_samples: 64,
         sample_count_max: 256,
         sample_format: SampleFormat::I16,
-        channels: vec![Channel::Force, Channel::Sound],
+        channels: Channel::BOTH.to_vec(),
         calibration: tapline_wire::Calibration::computed(),
     };
     let taps = (0..=4).map(|l| planned(tyre("T1"), 1, l, 4)).collect();

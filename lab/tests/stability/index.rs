@@ -1,6 +1,6 @@
 //! Cases 22 to 27: values that become an index.
 
-use tapline_fuse::{Direction, FuseConfig, Fusion, IndexKind, Reference, Score, auc};
+use tapline_fuse::{Direction, FuseConfig, Fusion, IndexKind, Reference, Score, ScorePool, auc};
 use tapline_wire::{Discriminator, Reasons, Truth, Verdict};
 
 use crate::stability::scatter::{
@@ -258,7 +258,12 @@ fn c27_the_direction_of_the_power_ratio() {
     let ours = FuseConfig::by(Reference::Own);
     let mut naive = ours.clone();
     naive.directions.set(Discriminator::Pr, Direction::Falls);
-    let (right, wrong) = (Score::of(&ours, &plan, &of).unwrap(), Score::of(&naive, &plan, &of).unwrap());
+    let scored = |config: &FuseConfig| {
+        let mut pool = ScorePool::default();
+        pool.add(Fusion::new(config, &plan).unwrap(), &of).unwrap();
+        pool.score()
+    };
+    let (right, wrong) = (scored(&ours), scored(&naive));
     let alone = |score: &Score| score.discriminators[Discriminator::Pr as usize].unwrap();
     println!("c27: PR {} / {}, index {:?} / {:?}", alone(&right), alone(&wrong), right.index, wrong.index);
     assert!(alone(&wrong) < 0.1 && alone(&right) > 0.9);

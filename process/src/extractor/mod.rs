@@ -1,9 +1,14 @@
 //! One tap in, its discriminators out: the state machine that owns plans and scratch.
 
 pub(crate) mod config;
+mod precise;
+mod window;
+
+pub use precise::ProcessExtractor;
 
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
+use crate::extractor::window::{Window, window};
 use crate::force::{Pulse, PulseFinder};
 use crate::quality::{
     self, ForceRecord, QualityReport, SoundRecord, check_force, check_sound, fill_means, stands_still,
@@ -14,9 +19,9 @@ use crate::signal::blocks::Blocks;
 use crate::signal::extent::Extent;
 use crate::signal::hum::Hum;
 use crate::signal::record::{Count, Record, Track};
-use crate::sound::{SOUND_M_PER_S, deviation, magnitude_area, magnitude_of_noise, onset_without_force};
+use crate::sound::{SOUND_M_PER_S, deviation, magnitude_area, magnitude_of_noise};
 use crate::spectrum::{Bands, Spectrum, View};
-use crate::{Error, Precision, ProcessConfig, Real, SpectrumEstimator};
+use crate::{Error, ProcessConfig, Real, SpectrumEstimator};
 
 /// How long before the sound's onset the gate opens, because the onset is an estimate.
 const GATE_LEAD_S: f64 = 1e-3;
@@ -302,39 +307,6 @@ impl<T: Real> Extractor<T> {
     }
 }
 
-/// Where the sound's areas begin, in samples.
-#[derive(Debug, Clone, Copy)]
-struct Window {
-    /// Beginning of A_1, absent without a force.
-    onset: Option<f64>,
-    /// End of A_1 and beginning of A_2.
-    ringing: f64,
-}
-
-/// The areas' window, or the flag that says why there is none.
-fn window<C: Count>(
-    record: &Record<'_, C>,
-    track: Track<'_, C>,
-    base: f64,
-    microphone_distance_m: f64,
-    pulse: &Result<Pulse, Quality>,
-) -> Result<Window, Quality> {
-    let last = track.samples.len() as f64 - 1.0;
-    let window = match *pulse {
-        Ok(pulse) => {
-            let travel_samples = microphone_distance_m / SOUND_M_PER_S * record.sample_rate_hz;
-            let onset = pulse.onset_samples + travel_samples;
-            let has_distance = microphone_distance_m >= 0.0 && onset >= 0.0;
-            has_distance.then_some(Window { onset: Some(onset), ringing: onset + pulse.tau_samples })
-        }
-        Err(Quality::NO_FORCE) => onset_without_force(track.samples, record.pre_trigger_samples, base)
-            .map(|onset| Window { onset: None, ringing: onset as f64 }),
-        Err(why) => return Err(why),
-    };
-    // Both areas must lie in the record; otherwise the shorter would look like the quieter.
-    window.filter(|window| window.ringing < last).ok_or(Quality::NO_ONSET)
-}
-
 /// Extent of a channel; an error if a sample or the scale is not a number.
 fn extent_of<C: Count>(track: Track<'_, C>) -> Result<Extent<C>, Quality> {
     let has_scale = track.unit_per_count.is_finite();
@@ -356,52 +328,5 @@ impl Found {
             self.flag(Quality::NON_FINITE);
         }
         self.0.values.set(which, Some(value));
-    }
-}
-
-/// An [`Extractor`] of the precision that the configuration asks for.
-#[derive(Debug)]
-pub enum ProcessExtractor {
-    /// Single precision. Taps with a faint flexural band are repeated in double precision: beside a sound 50 dB above
-    /// the band, single precision does not keep 1e-4.
-    F32(Box<Extractor<f32>>, Box<Extractor<f64>>),
-    /// Double precision.
-    F64(Box<Extractor<f64>>),
-}
-
-impl ProcessExtractor {
-    /// An extractor for `config`, in its precision.
-    ///
-    /// # Errors
-    /// What [`ProcessConfig::validate`] finds.
-    pub fn new(config: &ProcessConfig) -> Result<Self, Error> {
-        Ok(match config.precision {
-            Precision::F32 => Self::F32(Box::new(Extractor::new(config)?), Box::new(Extractor::new(config)?)),
-            Precision::F64 => Self::F64(Box::new(Extractor::new(config)?)),
-        })
-    }
-
-    /// This extractor as it is on a processor without AVX-512: what those get, and what they take for it, can be seen on any.
-    #[must_use]
-    pub fn portable(mut self) -> Self {
-        match &mut self {
-            Self::F32(single, double) => {
-                single.spectrum.make_portable();
-                double.spectrum.make_portable();
-            }
-            Self::F64(extractor) => extractor.spectrum.make_portable(),
-        }
-        self
-    }
-
-    /// The discriminators of one tap; see [`Extractor::extract`].
-    pub fn extract(&mut self, header: &TapHeader, samples: Samples<'_>) -> Discriminators {
-        match self {
-            Self::F32(single, double) => {
-                let found = single.extract(header, samples);
-                if single.is_faint { double.extract(header, samples) } else { found }
-            }
-            Self::F64(extractor) => extractor.extract(header, samples),
-        }
     }
 }

@@ -96,7 +96,7 @@ pub(crate) fn header(
         channel_count: 2,
         ..TapHeader::default()
     };
-    for (slot, kind) in header.channels.iter_mut().zip([Channel::Force, Channel::Sound]) {
+    for (slot, kind) in header.channels.iter_mut().zip(Channel::BOTH) {
         *slot = ChannelHeader { code: kind.code(), unit_per_count: 1.0, reserved: 0 };
     }
     header

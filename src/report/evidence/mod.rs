@@ -135,11 +135,7 @@ impl Evidence {
             config.fuse.directions = set.directions;
         }
         // Without a readable configuration there is no fusion, and no map of an offset.
-        let fusion = match &reference {
-            Some(set) => Fusion::with_reference(&config.fuse, plan, Arc::clone(set)),
-            None => Fusion::new(&config.fuse, plan),
-        };
-        let per_offset = match fusion {
+        let per_offset = match Fusion::by(&config.fuse, plan, reference.clone()) {
             Ok(mut fusion) => {
                 for record in found.iter().flatten() {
                     fusion.push(record)?;

@@ -4,7 +4,7 @@ use anyhow::Result;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
-use tapline_draw::canvas::{self, Area, GRID, INK, PALE_INK, Point, at, font, line, units, write};
+use tapline_draw::canvas::{self, Area, GRID, INK, PALE_INK, Point, at, font, line, superscript, units, write};
 
 use crate::report::figures::axis::{Axis, Ticked};
 use crate::report::figures::colour::heat;
@@ -194,15 +194,7 @@ pub(crate) fn scaled_unit(exponent: i32, unit: &str) -> String {
     if exponent == 0 {
         return unit.to_owned();
     }
-    let digit = |c: char| match c {
-        '-' => '⁻',
-        '1' => '¹',
-        '2' => '²',
-        '3' => '³',
-        digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
-    };
-    let digits: String = exponent.to_string().chars().map(digit).collect();
-    format!("10{digits} {unit}").trim_end().to_owned()
+    format!("10{} {unit}", superscript(exponent)).trim_end().to_owned()
 }
 
 #[cfg(test)]

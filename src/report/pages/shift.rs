@@ -1,7 +1,6 @@
 //! The page of a shift: all tyres, the worst first.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use anyhow::Result;
 use maud::{Markup, html};
@@ -43,11 +42,7 @@ impl Shift {
         if evidence.has_truth {
             // The score that the run prints at its end. A configuration that does not fit the plan has none.
             let records: Vec<_> = evidence.tyres.iter().flat_map(Tyre::taps).filter_map(|tap| tap.found).collect();
-            let (config, plan) = (&evidence.config.fuse, reader.plan());
-            let fusion = match &evidence.reference {
-                Some(set) => Fusion::with_reference(config, plan, Arc::clone(set)),
-                None => Fusion::new(config, plan),
-            };
+            let fusion = Fusion::by(&evidence.config.fuse, reader.plan(), evidence.reference.clone());
             let added = fusion.and_then(|fusion| self.scores.add(fusion, &records));
             self.is_scored |= added.is_ok();
         }

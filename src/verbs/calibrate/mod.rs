@@ -27,8 +27,7 @@ pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
             keep(written, Channel::Sound, heard::tone(*known_pa, *frequency_hz, *listen_s, heard)?)
         }
         CalibrateVerb::State { channel, full_scale_v, sensitivity_mv, gain, written } => {
-            let channel = Channel::from(*channel);
-            keep(written, channel, stated(channel, *full_scale_v, *sensitivity_mv, *gain)?)
+            keep(written, *channel, stated(*channel, *full_scale_v, *sensitivity_mv, *gain)?)
         }
     }
 }

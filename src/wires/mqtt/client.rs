@@ -8,11 +8,10 @@ use rumqttc::{
     AsyncClient, Event, EventLoop, LastWill, MqttOptions, Outgoing, PublishNoticeError, PublishOptions, PublishResult,
     QoS, TlsConfiguration, Transport,
 };
+use tapline_host::connection::User;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
-
-use crate::wires::credentials::Credentials;
 
 /// A broker that has not heard of a client for one and a half times as long publishes its will, in seconds.
 const KEEP_ALIVE_S: u16 = 5;
@@ -74,7 +73,7 @@ pub(super) struct RumqttClient {
     pub port: u16,
     /// Certificates (PEM) of who vouches for the broker.
     pub ca: Option<Vec<u8>>,
-    pub credentials: Option<Credentials>,
+    pub user: Option<User>,
 }
 
 /// Its connection, which a task of its own keeps alive.
@@ -101,8 +100,8 @@ impl Client for RumqttClient {
             let tls = TlsConfiguration::Simple { ca: ca.clone(), alpn: None, client_auth: None };
             options.set_transport(Transport::tls_with_config(tls));
         }
-        if let Some(Credentials { user, password }) = &self.credentials {
-            options.set_credentials(user, password.clone());
+        if let Some(User { name, password }) = &self.user {
+            options.set_credentials(name, password.clone());
         }
         let (client, mut events) = AsyncClient::builder(options).capacity(REQUESTS_MAX).try_build()?;
         timeout(CONNECT_WITHIN, connected(&mut events)).await.context("it does not answer")??;

@@ -16,11 +16,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Error, Result};
+use tapline_host::connection::User;
 use tokio::task::LocalSet;
 use tokio::time::timeout;
 
 use crate::config::wires::MqttConfig;
-use crate::wires::credentials::Credentials;
 use crate::wires::message;
 use crate::wires::mqtt::client::{Client, Connection, Message, Receipt, RumqttClient};
 use crate::wires::now::StationState;
@@ -52,12 +52,12 @@ pub(super) fn start(config: &MqttConfig, plant: &Plant) -> Result<Wire> {
     let read = |path: &std::path::PathBuf| {
         fs::read(path).with_context(|| format!("line.mqtt.ca_file = \"{}\": cannot read it", path.display()))
     };
-    let credentials = config.credentials_file.as_ref();
+    let user = config.credentials_file.as_deref().map(User::read).transpose();
     let client = RumqttClient {
         host: host.trim_start_matches('[').trim_end_matches(']').to_owned(),
         port,
         ca: config.ca_file.as_ref().map(read).transpose()?,
-        credentials: credentials.map(|path| Credentials::read("line.mqtt.credentials_file", path)).transpose()?,
+        user: user.context("line.mqtt.credentials_file")?,
     };
     let (config, plant_of_wire) = (config.clone(), plant.clone());
     Wire::start(Sink::Mqtt, plant, || Ok(move |news| publish(client, config, plant_of_wire, news)))

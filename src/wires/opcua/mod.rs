@@ -22,10 +22,10 @@ use opcua::server::diagnostics::NamespaceMetadata;
 use opcua::server::node_manager::memory::{SimpleNodeManager, simple_node_manager};
 use opcua::server::{ANONYMOUS_USER_TOKEN_ID, Server, ServerBuilder, ServerEndpoint, ServerHandle, ServerUserToken};
 use opcua::types::{DataValue, StatusCode, Variant};
+use tapline_host::connection::{User, listen};
 
 use crate::config::wires::OpcUaConfig;
 use crate::shown::verdict::CasingVerdict;
-use crate::wires::credentials::Credentials;
 use crate::wires::now::StationState;
 use crate::wires::opcua::names::{LINE_NAMESPACE, Namespaces, RESULT_NAMESPACE};
 use crate::wires::opcua::result::{ResultReady, evaluation, result};
@@ -55,15 +55,12 @@ struct Prepared {
 /// Starts to serve the verdicts of `plant`; and where.
 pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String)> {
     let context = || format!("line.opcua.listen = \"{}\": cannot listen there", config.listen);
-    let listener = std::net::TcpListener::bind(config.listen)
-        .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
-        .with_context(context)?;
+    let listener = listen(config.listen).with_context(context)?;
     let address = listener.local_addr().with_context(context)?;
-    let credentials = config.credentials_file.as_deref();
-    let credentials = credentials.map(|path| Credentials::read("line.opcua.credentials_file", path)).transpose()?;
+    let user = config.credentials_file.as_deref().map(User::read).transpose().context("line.opcua.credentials_file")?;
     // Without certificates the server makes their folder all the same.
     let scratch = tempfile::tempdir().context("cannot make a folder for the OPC UA server")?;
-    let builder = builder(address, config.pki_folder.as_deref(), credentials, scratch.path())?;
+    let builder = builder(address, config.pki_folder.as_deref(), user, scratch.path())?;
     let wire = Wire::start(Sink::OpcUa, plant, || {
         let (prepared, plant) = (prepare(builder, plant)?, plant.clone());
         Ok(move |news| async move {
@@ -75,12 +72,7 @@ pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String
 }
 
 /// The server's options.
-fn builder(
-    address: SocketAddr,
-    pki: Option<&Path>,
-    credentials: Option<Credentials>,
-    scratch: &Path,
-) -> Result<ServerBuilder> {
+fn builder(address: SocketAddr, pki: Option<&Path>, user: Option<User>, scratch: &Path) -> Result<ServerBuilder> {
     let mut builder = ServerBuilder::new()
         .application_name("tapline")
         .application_uri("urn:tapline:line:server")
@@ -94,9 +86,9 @@ fn builder(
         .diagnostics_enabled(false)
         .with_node_manager(simple_node_manager(namespace(RESULT_NAMESPACE), TYPES))
         .with_node_manager(simple_node_manager(namespace(LINE_NAMESPACE), LINE));
-    let user = match credentials {
-        Some(Credentials { user, password }) => {
-            builder = builder.add_user_token(USER, ServerUserToken::user_pass(user, password));
+    let token = match user {
+        Some(User { name, password }) => {
+            builder = builder.add_user_token(USER, ServerUserToken::user_pass(name, password));
             USER.to_owned()
         }
         None => ANONYMOUS_USER_TOKEN_ID.to_owned(),
@@ -108,11 +100,11 @@ fn builder(
             made.with_context(|| format!("line.opcua.pki_folder = \"{}\": cannot make it", folder.display()))?;
             builder = builder.pki_dir(folder).create_sample_keypair(true);
             builder = builder.certificate_path("own/cert.der").private_key_path("private/private.pem");
-            ServerEndpoint::new_basic256sha256_sign_encrypt("/", &[user])
+            ServerEndpoint::new_basic256sha256_sign_encrypt("/", &[token])
         }
         None => {
             builder = builder.pki_dir(scratch);
-            ServerEndpoint::new_none("/", &[user])
+            ServerEndpoint::new_none("/", &[token])
         }
     };
     Ok(builder.add_endpoint("line", endpoint))
@@ -151,15 +143,7 @@ fn show(line: &SimpleNodeManager, namespaces: Namespaces, plant: &Plant, station
             value(&station_state, judged_count).map(DataValue::new_now)
         });
     };
-    read("State", |station_state, _| {
-        Ok(match station_state {
-            StationState::NoSignal => "no_signal",
-            StationState::Ready => "ready",
-            StationState::Busy => "busy",
-            StationState::Judged(_) => "judged",
-        }
-        .into())
-    });
+    read("State", |station_state, _| Ok(station_state.name().into()));
     read("ResultEvaluation", |station_state, _| {
         Ok(match station_state {
             StationState::Judged(verdict) => evaluation(verdict.verdict),

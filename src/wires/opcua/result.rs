@@ -57,14 +57,6 @@ pub(super) fn evaluation(verdict: Verdict) -> i32 {
     }
 }
 
-fn code(verdict: Verdict) -> i64 {
-    match verdict {
-        Verdict::Pass => 1,
-        Verdict::ReInspect => 2,
-        Verdict::Reject => 3,
-    }
-}
-
 impl ResultMetaData {
     fn new(verdict: &CasingVerdict) -> Self {
         Self {
@@ -75,7 +67,7 @@ impl ResultMetaData {
             creation_time: time(verdict.at_ns),
             result_uri: Some(vec![format!("file://{}", verdict.file.display()).into()]),
             evaluation: evaluation(verdict.verdict),
-            evaluation_code: code(verdict.verdict),
+            evaluation_code: verdict.verdict.code().into(),
             evaluation_details: LocalizedText::new("en", &verdict.verdict.to_string()),
         }
     }

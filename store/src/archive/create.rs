@@ -16,7 +16,7 @@ use crate::file::draft::{self, folder_of, remove_dead_drafts};
 use crate::format::fields::fixed;
 use crate::format::layout::{
     CellRow, DiscriminatorsRow, FORMAT, FORMAT_VERSION, HeaderRow, Key, LedgerRow, NOTES, PlanRow, ReasonRow, ScanRow,
-    TruthRow, attribute, channel_units, format_name, table, units_of,
+    TruthRow, attribute, channel_units, table, units_of,
 };
 use crate::format::lineage::{Lineage, hex_of};
 use crate::format::scan_rows::first_cells;
@@ -197,7 +197,7 @@ fn create_samples(file: &File, plan: &Plan, taps_max: usize, codec: Codec) -> hd
     let channels: Vec<&str> = recording.channels.iter().map(|c| c.name()).collect();
     write_text(&dataset, attribute::CHANNELS, &channels.join(","))?;
     write_text(&dataset, attribute::CHANNEL_UNITS, &channel_units(recording))?;
-    write_text(&dataset, attribute::SAMPLE_FORMAT, format_name(recording.sample_format))?;
+    write_text(&dataset, attribute::SAMPLE_FORMAT, recording.sample_format.name())?;
     write_number(&dataset, attribute::SAMPLE_RATE_HZ, &recording.sample_rate_hz)?;
     write_number(&dataset, attribute::PRE_TRIGGER_SAMPLES, &recording.pre_trigger_samples)
 }

@@ -17,7 +17,7 @@ pub(crate) mod states;
 mod units;
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use hdf5::File;
 use tapline_wire::Plan;
@@ -37,111 +37,41 @@ use crate::h5::text::read_text;
 /// An open archive.
 #[derive(Debug)]
 pub(crate) struct Archive {
-    path: PathBuf,
-    plan: Plan,
-    config: String,
-    /// The reference file of the run, verbatim.
-    reference: Option<String>,
-    samples: ChunkRows,
-    headers: Table<HeaderRow>,
-    discriminators: Table<DiscriminatorsRow>,
-    ledger: Table<LedgerRow>,
-    refusals: Table<ReasonRow>,
-    scans: Table<ScanRow>,
-    damage: Table<CellRow>,
+    pub(crate) path: PathBuf,
+    /// Its plan, with the taps that were added.
+    pub(crate) plan: Plan,
+    /// The configuration that it was begun with, verbatim.
+    pub(crate) config: String,
+    /// The reference file that it was begun with, verbatim.
+    pub(crate) reference: Option<String>,
+    pub(crate) samples: ChunkRows,
+    pub(crate) headers: Table<HeaderRow>,
+    pub(crate) discriminators: Table<DiscriminatorsRow>,
+    pub(crate) ledger: Table<LedgerRow>,
+    pub(crate) refusals: Table<ReasonRow>,
+    pub(crate) scans: Table<ScanRow>,
+    pub(crate) damage: Table<CellRow>,
     /// The plan as rows, with spare rows.
-    plan_rows: Table<PlanRow>,
+    pub(crate) plan_rows: Table<PlanRow>,
     /// The plan as it was begun.
-    begun: Plan,
+    pub(crate) begun: Plan,
     /// Most taps that it has room for.
-    taps_max: usize,
+    pub(crate) taps_max: usize,
     /// Row in the damage table of the first cell of every scan, and last the number of rows.
     first_cells: Vec<usize>,
     /// Whether it is finished and sealed.
-    is_finished: bool,
-    /// What the results were computed by.
-    made_by: String,
+    pub(crate) is_finished: bool,
+    /// What its results were computed by.
+    pub(crate) made_by: String,
     file: File,
     /// The archive of the taps, if this one has results alone.
     raw: Option<Box<Archive>>,
 }
 
 impl Archive {
-    /// Its path.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Its plan, with the taps that were added.
-    pub(crate) fn plan(&self) -> &Plan {
-        &self.plan
-    }
-
-    /// The configuration that it was begun with, verbatim.
-    pub(crate) fn config(&self) -> &str {
-        &self.config
-    }
-
-    /// The reference file that it was begun with, verbatim.
-    pub(crate) fn reference(&self) -> Option<&str> {
-        self.reference.as_deref()
-    }
-
-    /// What its results were computed by.
-    pub(crate) fn made_by(&self) -> &str {
-        &self.made_by
-    }
-
-    /// Most taps that it has room for.
-    pub(crate) fn taps_max(&self) -> usize {
-        self.taps_max
-    }
-
-    /// Whether it is finished and sealed.
-    pub(crate) fn is_finished(&self) -> bool {
-        self.is_finished
-    }
-
-    pub(crate) fn samples(&self) -> &ChunkRows {
-        &self.samples
-    }
-
-    pub(crate) fn headers(&self) -> &Table<HeaderRow> {
-        &self.headers
-    }
-
-    pub(crate) fn discriminators(&self) -> &Table<DiscriminatorsRow> {
-        &self.discriminators
-    }
-
-    pub(crate) fn ledger(&self) -> &Table<LedgerRow> {
-        &self.ledger
-    }
-
-    pub(crate) fn refusals(&self) -> &Table<ReasonRow> {
-        &self.refusals
-    }
-
-    pub(crate) fn scans(&self) -> &Table<ScanRow> {
-        &self.scans
-    }
-
-    pub(crate) fn damage(&self) -> &Table<CellRow> {
-        &self.damage
-    }
-
-    /// Its plan as it was begun.
-    pub(crate) fn begun(&self) -> &Plan {
-        &self.begun
-    }
-
     /// Version of the program that created it; `None` if it gives none.
     pub(crate) fn written_by(&self) -> Option<String> {
         read_text(&self.file, attribute::TAPLINE_VERSION).ok()
-    }
-
-    pub(crate) fn plan_rows(&self) -> &Table<PlanRow> {
-        &self.plan_rows
     }
 
     /// Closes the file without writing to it: see [`crate::h5::file::abandon`].

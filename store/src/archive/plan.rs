@@ -10,7 +10,7 @@ use crate::archive::metadata::Metadata;
 use crate::error::{Context, Error, Result};
 use crate::format::checksum::ChecksummedRow as _;
 use crate::format::fields::serial;
-use crate::format::layout::{PlanRow, attribute, format_name, table};
+use crate::format::layout::{PlanRow, attribute, table};
 use crate::h5::text::{read_number, read_text};
 
 /// The plan of an archive.
@@ -28,9 +28,7 @@ pub(super) fn read_plan(
     taps_file: &File,
     path: &Path,
 ) -> Result<Planned> {
-    let geometry = [Geometry::Ring, Geometry::Line]
-        .into_iter()
-        .find(|&g| g.name() == metadata.geometry)
+    let geometry = Geometry::from_name(&metadata.geometry)
         .ok_or_else(|| Error::damaged(path, format!("its geometry is {:?}", metadata.geometry)))?;
     let recording = Recording { calibration, ..read_recording(taps_file, path)? };
     let taps_in = |rows: Range<usize>| -> Result<Vec<PlannedTap>> {
@@ -82,13 +80,10 @@ fn growth(rows: &[PlanRow], tap_count: usize) -> Option<Range<usize>> {
 fn read_recording(file: &File, path: &Path) -> Result<Recording> {
     let samples = file.dataset(table::SAMPLES).context("find the samples", path)?;
     let format = read_text(&samples, attribute::SAMPLE_FORMAT).context("read the sample format", path)?;
-    let sample_format = [SampleFormat::I16, SampleFormat::F32]
-        .into_iter()
-        .find(|&f| format_name(f) == format)
+    let sample_format = SampleFormat::from_name(&format)
         .ok_or_else(|| Error::damaged(path, format!("its sample format is {format:?}")))?;
     let names = read_text(&samples, attribute::CHANNELS).context("read the channels", path)?;
-    let channels: Option<Vec<Channel>> =
-        names.split(',').map(|name| [Channel::Force, Channel::Sound].into_iter().find(|c| c.name() == name)).collect();
+    let channels: Option<Vec<Channel>> = names.split(',').map(Channel::from_name).collect();
     let shape = samples.shape();
     let sample_count_max = shape.get(2).and_then(|&n| u32::try_from(n).ok());
     Ok(Recording {

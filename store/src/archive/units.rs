@@ -48,7 +48,7 @@ fn check_channels(taps_file: &File, calibration: &Calibration, path: &Path) -> R
         [attribute::CHANNELS, attribute::CHANNEL_UNITS].map(|name| read_text(&samples, name).unwrap_or_default());
     let mut units = archived.split(',');
     for name in names.split(',') {
-        let channel = [Channel::Force, Channel::Sound].into_iter().find(|channel| channel.name() == name);
+        let channel = Channel::from_name(name);
         let known = channel.map_or("", |channel| calibration.unit(channel).name());
         let is_known = units.next() == Some(known);
         if !is_known {

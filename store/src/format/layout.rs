@@ -11,7 +11,7 @@ use std::mem::offset_of;
 
 use hdf5::H5Type;
 use hdf5::types::{CompoundField, CompoundType, FixedAscii, FixedUnicode, TypeDescriptor};
-use tapline_wire::{CHANNELS_MAX, Calibration, Discriminator, Recording, SERIAL_BYTES, SampleFormat};
+use tapline_wire::{CHANNELS_MAX, Calibration, Discriminator, Recording, SERIAL_BYTES};
 
 use crate::format::lineage::Digest;
 
@@ -309,14 +309,6 @@ pub(crate) struct TruthRow {
     pub location: u32,
     pub shoulder: u16,
     pub cracked: u16,
-}
-
-/// Name of a sample format in archives, as in configurations.
-pub(crate) fn format_name(format: SampleFormat) -> &'static str {
-    match format {
-        SampleFormat::I16 => "i16",
-        SampleFormat::F32 => "f32",
-    }
 }
 
 /// Units of the channels' samples once they are scaled, in their order.

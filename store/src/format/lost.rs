@@ -15,21 +15,5 @@ pub enum Lost {
     Store,
 }
 
-impl Lost {
-    const ALL: [Self; 4] = [Self::Unknown, Self::Acquire, Self::Process, Self::Store];
-
-    /// Its code in the archive.
-    pub fn code(self) -> u16 {
-        self as u16
-    }
-
-    /// The stage with that code.
-    pub fn from_code(code: u16) -> Option<Self> {
-        Self::ALL.get(usize::from(code)).copied()
-    }
-
-    /// Its name in tables: the stage that should have passed the tap on.
-    pub fn name(self) -> &'static str {
-        ["unknown", "acquire", "process", "store"][self as usize]
-    }
-}
+tapline_wire::coded!(Lost: u16, Unknown = 0, Acquire = 1, Process = 2, Store = 3);
+tapline_wire::named!(Lost, Unknown = "unknown", Acquire = "acquire", Process = "process", Store = "store");

@@ -1,9 +1,8 @@
 //! The rows of a scan and of its damage map: from the records of the stream and back.
 
-use std::hash::{DefaultHasher, Hash, Hasher};
-
 use tapline_wire::{DamageCell, Discriminator, Judgement, Plan, Reasons, RecordKind, Scan, ScanState, Serial, Stamp};
 
+use crate::format::checksum::{ChecksummedRow as _, checksum};
 use crate::format::fields::fixed;
 use crate::format::layout::{CellRow, ScanRow, UNWRITTEN};
 
@@ -85,33 +84,6 @@ impl ScanRow {
             absent_count: self.absent_count,
         }
     }
-
-    /// A hash that differs for different judgements and maps.
-    pub(crate) fn fingerprint(&self, cells: &[CellRow]) -> u64 {
-        let mut hasher = DefaultHasher::new();
-        (self.verdict, self.reasons).hash(&mut hasher);
-        [
-            self.limit_re_inspect,
-            self.limit_reject,
-            self.strongest_arc,
-            self.first_strongest_arc,
-            self.re_inspect_rate,
-            self.reject_rate,
-            self.p_value,
-        ]
-        .map(f64::to_bits)
-        .hash(&mut hasher);
-        [self.evidence, self.drift].map(|of| of.map(f64::to_bits)).hash(&mut hasher);
-        (self.planned_count, self.received_count, self.refused_count, self.absent_count).hash(&mut hasher);
-        for cell in cells {
-            (cell.location, cell.region, cell.tap_count, cell.absent_count).hash(&mut hasher);
-            [cell.angle_deg, cell.damage_index, cell.first_index, cell.p_value, cell.region_index, cell.region_p_value]
-                .map(f64::to_bits)
-                .hash(&mut hasher);
-            [cell.offset_best_mm, cell.offset_low_mm, cell.offset_high_mm].map(f64::to_bits).hash(&mut hasher);
-        }
-        hasher.finish()
-    }
 }
 
 impl CellRow {
@@ -164,6 +136,14 @@ impl CellRow {
             absent_count: self.absent_count,
         }
     }
+}
+
+/// What tells the verdict on scan `number` and its map from others: the checksums of their rows, the cells' from row `first_cell` on.
+pub(crate) fn fingerprint(number: usize, row: ScanRow, first_cell: usize, cells: &[CellRow]) -> u64 {
+    let cells = (first_cell..).zip(cells).map(|(number, cell)| cell.with_checksum(number).checksum);
+    let all: Vec<u8> =
+        [row.with_checksum(number).checksum].into_iter().chain(cells).flat_map(u64::to_le_bytes).collect();
+    checksum(&[&all])
 }
 
 /// Row in the damage table of the first cell of every scan of `begun`, and last the number of rows. Each scan has spare rows:

@@ -190,14 +190,6 @@ impl DiscriminatorsRow {
             values,
         }
     }
-
-    /// A hash that differs for different records.
-    pub(crate) fn fingerprint(&self) -> u64 {
-        let mut hasher = DefaultHasher::new();
-        (self.attempt, self.quality, self.velocity_measured_m_per_s.to_bits()).hash(&mut hasher);
-        self.values.map(f64::to_bits).hash(&mut hasher);
-        hasher.finish()
-    }
 }
 
 impl From<&Discriminators> for DiscriminatorsRow {

@@ -58,7 +58,7 @@ pub type Judged = (Judgement, Vec<DamageCell>);
 /// Several readers may have an archive open, but not while a writer has.
 #[derive(Debug)]
 pub struct Reader {
-    archive: Archive,
+    pub(crate) archive: Archive,
     ledger: Ledger,
     samples: SampleFile,
     /// Rows of the ledger; a corrupt row is replaced by that of a missing tap.
@@ -92,7 +92,7 @@ impl Reader {
 
     /// Whether the archive is finished, so that it never changes.
     pub fn is_finished(&self) -> bool {
-        self.archive.is_finished()
+        self.archive.is_finished
     }
 
     /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
@@ -103,24 +103,19 @@ impl Reader {
         self.archive.check_same(plan, lineage.into())
     }
 
-    /// The archive.
-    pub(crate) fn archive(&self) -> &Archive {
-        &self.archive
-    }
-
     /// Path of the archive.
     pub fn path(&self) -> &Path {
-        self.archive.path()
+        &self.archive.path
     }
 
     /// The scan plan.
     pub fn plan(&self) -> &Plan {
-        self.archive.plan()
+        &self.archive.plan
     }
 
     /// The configuration, verbatim.
     pub fn config(&self) -> &str {
-        self.archive.config()
+        &self.archive.config
     }
 
     /// Version of the program that created the archive; `None` if it gives none.
@@ -130,12 +125,12 @@ impl Reader {
 
     /// The reference file of the run, verbatim; `None` if it had none.
     pub fn reference(&self) -> Option<&str> {
-        self.archive.reference()
+        self.archive.reference.as_deref()
     }
 
     /// What the results were computed by: digests of the program's sources and every option, a line each.
     pub fn made_by(&self) -> &str {
-        self.archive.made_by()
+        &self.archive.made_by
     }
 
     /// BLAKE3 of what was recorded in the archived taps.
@@ -198,8 +193,8 @@ impl Reader {
             return Ok(None);
         }
         let archive = &self.archive;
-        let rows = archive.headers().read(k..k + 1).context("read a header", archive.path())?;
-        let header = checked_header(archive.path(), archive.plan(), row, rows[0])?;
+        let rows = archive.headers.read(k..k + 1).context("read a header", &archive.path)?;
+        let header = checked_header(&archive.path, &archive.plan, row, rows[0])?;
         let mut buffer = ReadBuffer::default();
         let location = self.samples.location(row)?;
         let samples = match self.samples.read(&header, rows[0].stored_checksum, location, false, &mut buffer)? {
@@ -219,7 +214,7 @@ impl Reader {
 
     /// The codec of the samples.
     pub fn codec(&self) -> Codec {
-        self.archive.samples().codec()
+        self.archive.samples.codec()
     }
 
     /// The headers of all planned taps, by plan row; `None` for a tap that is not archived.
@@ -228,8 +223,8 @@ impl Reader {
     /// [`crate::Error::Damaged`] if a checksum differs, or what the system returns.
     pub fn headers(&self) -> Result<Vec<Option<TapHeader>>> {
         let archive = &self.archive;
-        let rows = archive.headers().read_all().context("read the headers", archive.path())?;
-        let header = |row: u32| checked_header(archive.path(), archive.plan(), row, rows[row as usize]);
+        let rows = archive.headers.read_all().context("read the headers", &archive.path)?;
+        let header = |row: u32| checked_header(&archive.path, &archive.plan, row, rows[row as usize]);
         (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| header(row)).transpose()).collect()
     }
 
@@ -239,10 +234,10 @@ impl Reader {
     /// What the system returns.
     pub fn discriminators(&self) -> Result<Vec<Option<Discriminators>>> {
         let archive = &self.archive;
-        let rows = archive.discriminators().read_all().context("read the discriminators", archive.path())?;
+        let rows = archive.discriminators.read_all().context("read the discriminators", &archive.path)?;
         let found = |row: u32| {
             let k = row as usize;
-            let found = valid(archive, k, rows[k])?.to_discriminators(&archive.plan().taps()[k].id);
+            let found = valid(archive, k, rows[k])?.to_discriminators(&archive.plan.taps()[k].id);
             Ok(Discriminators { plan_index: row, ..found })
         };
         (0..).zip(self.ledger.taps()).map(|(row, state)| archived(*state).then(|| found(row)).transpose()).collect()
@@ -278,10 +273,10 @@ impl Reader {
     /// What the system returns.
     pub fn judgements(&self) -> Result<Vec<Option<Judged>>> {
         let archive = &self.archive;
-        let rows = archive.scans().read_all().context("read the scans", archive.path())?;
+        let rows = archive.scans.read_all().context("read the scans", &archive.path)?;
         let judged = |scan: u32| {
             let k = scan as usize;
-            let cells = archive.damage().read(archive.cells(k)).context("read a damage map", archive.path())?;
+            let cells = archive.damage.read(archive.cells(k)).context("read a damage map", &archive.path)?;
             let judgement = valid(archive, k, rows[k])?.to_judgement(scan);
             let cells = archive.cells(k).zip(cells).map(|(k, cell)| Ok(valid(archive, k, cell)?.to_cell()));
             Ok((judgement, cells.collect::<Result<_>>()?))
@@ -306,7 +301,7 @@ fn valid<R: ChecksummedRow>(archive: &Archive, number: usize, row: R) -> Result<
 
 /// Why the tap in row `k` was refused; `None` if the row is corrupt or cannot be read.
 fn reason(archive: &Archive, k: usize) -> Result<Option<String>> {
-    let rows = match archive.refusals().read(k..k + 1).context("read a reason", archive.path()) {
+    let rows = match archive.refusals.read(k..k + 1).context("read a reason", &archive.path) {
         Err(error) if error.is_unreadable_part() => return Ok(None),
         rows => rows?,
     };

@@ -41,9 +41,9 @@ pub(crate) struct SampleFile {
 impl SampleFile {
     /// The file of the samples of `archive`, which may be that of another archive.
     pub(crate) fn open(archive: &Archive) -> Result<Self> {
-        let path = PathBuf::from(archive.samples().dataset().filename());
+        let path = PathBuf::from(archive.samples.dataset().filename());
         let file = File::open(&path).context("open the samples", &path)?;
-        Ok(Self { path, file, rows: archive.samples().clone(), locations: OnceLock::new() })
+        Ok(Self { path, file, rows: archive.samples.clone(), locations: OnceLock::new() })
     }
 
     /// The location of every row.
@@ -164,12 +164,12 @@ impl Taps {
     pub(crate) fn new(archive: &Archive, states: &[TapState]) -> Result<Self> {
         let file = SampleFile::open(archive)?;
         let locations = file.locations()?;
-        let headers = archive.headers().read_all().context("read the headers", archive.path())?;
+        let headers = archive.headers.read_all().context("read the headers", &archive.path)?;
         let taps = states.iter().zip(headers).zip(locations);
         let found = taps.map(|((state, header), location)| {
             Some(Found { header, location }).filter(|_| *state == TapState::Archived)
         });
-        Ok(Self { file, plan: archive.plan().clone(), found: found.collect() })
+        Ok(Self { file, plan: archive.plan.clone(), found: found.collect() })
     }
 
     /// The tap in plan row `row`, bit for bit, its samples in `buffer`; `None` if it is not archived or there is no such row.

@@ -112,13 +112,13 @@ impl Report {
 }
 
 fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report> {
-    let plan = archive.plan();
+    let plan = &archive.plan;
     let mut report = Report::empty(plan);
     let context = "read a table";
-    let ledger = archive.ledger().read_all().context(context, archive.path())?;
-    let headers = archive.headers().read_all().context(context, archive.path())?;
-    let discriminators = archive.discriminators().read_all().context(context, archive.path())?;
-    let reasons = archive.refusals().read_all().context(context, archive.path())?;
+    let ledger = archive.ledger.read_all().context(context, &archive.path)?;
+    let headers = archive.headers.read_all().context(context, &archive.path)?;
+    let discriminators = archive.discriminators.read_all().context(context, &archive.path)?;
+    let reasons = archive.refusals.read_all().context(context, &archive.path)?;
     let file = SampleFile::open(archive)?;
     let (mut buffer, locations) = (ReadBuffer::default(), file.locations()?);
     for (plan_index, tap) in (0..).zip(plan.taps()) {
@@ -137,7 +137,7 @@ fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report
         // A corrupt row is reported above; for the other checks its tap is missing.
         let row = match ledger[k].is_valid(k) {
             true => ledger[k],
-            false => tap_state(archive.path(), k, &ledger[k]).map(|(state, attempt)| LedgerRow::new(state, attempt))?,
+            false => tap_state(&archive.path, k, &ledger[k]).map(|(state, attempt)| LedgerRow::new(state, attempt))?,
         };
         match row.state() {
             None => complain(format!("its state is {}, which is none", row.state)),
@@ -155,12 +155,12 @@ fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report
             }
         }
     }
-    report.is_finished = archive.is_finished();
+    report.is_finished = archive.is_finished;
     report.missing_count = report.ledger.count(TapState::Missing);
-    let scans = archive.scans().read_all().context(context, archive.path())?;
+    let scans = archive.scans.read_all().context(context, &archive.path)?;
     for (scan, row) in (0..).zip(&scans) {
         let k = scan as usize;
-        let cells = archive.damage().read(archive.cells(k)).context(context, archive.path())?;
+        let cells = archive.damage.read(archive.cells(k)).context(context, &archive.path)?;
         let mut complain = |what: String| report.problems.push(Problem::Scan { scan, what });
         if !row.is_valid(k) {
             complain("its row is not what was written: the checksum differs".to_owned());

@@ -1,16 +1,19 @@
 //! Paths of the archives of a line: unfinished ones in one folder, finished ones under their names.
 
-use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 use tapline_wire::{NAME_BYTES_MAX, now_ns};
 
 use super::unreported::UNREPORTED_FOLDER;
 use crate::error::{Context as _, Result};
 use crate::folder::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
+
+/// What a name has in no file name.
+const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.');
 
 /// Paths of the archives of a line.
 #[derive(Debug, Clone)]
@@ -144,16 +147,9 @@ pub(crate) fn stem_of(path: &Path) -> String {
 
 /// `name` for file names: bytes other than letters, digits, `-`, `_` and dots within it become `%` and two digits.
 pub(crate) fn escaped(name: &str) -> String {
-    let mut text = String::new();
-    for (k, byte) in name.bytes().enumerate() {
-        match byte {
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' => text.push(byte.into()),
-            b'.' if k > 0 => text.push('.'),
-            _ => {
-                let is_written = write!(text, "%{byte:02X}");
-                debug_assert!(is_written.is_ok(), "texts take all that is written to them");
-            }
-        }
+    let mut text = utf8_percent_encode(name, ESCAPED).to_string();
+    if text.starts_with('.') {
+        text.replace_range(..1, "%2E");
     }
     text.truncate(NAME_BYTES_MAX);
     text
@@ -161,22 +157,7 @@ pub(crate) fn escaped(name: &str) -> String {
 
 /// The inverse of [`escaped`].
 pub(crate) fn unescaped(text: &str) -> String {
-    let mut bytes = Vec::new();
-    let mut rest = text.as_bytes();
-    while let Some((&byte, after)) = rest.split_first() {
-        let code = after.get(..2).and_then(|code| u8::from_str_radix(std::str::from_utf8(code).ok()?, 16).ok());
-        match code.filter(|_| byte == b'%') {
-            Some(code) => {
-                bytes.push(code);
-                rest = &after[2..];
-            }
-            None => {
-                bytes.push(byte);
-                rest = after;
-            }
-        }
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
+    percent_decode_str(text).decode_utf8_lossy().into_owned()
 }
 
 /// Name of the casing whose unfinished file has the stem `stem`.

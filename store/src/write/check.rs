@@ -3,7 +3,6 @@
 use tapline_wire::{Channel, DamageCell, Plan, RecordKind, SampleFormat, TapHeader, TapId};
 
 use crate::error::{Error, Result};
-use crate::format::layout::format_name;
 
 /// Checks that `id`, at any attempt, is the tap planned in row `plan_index`.
 pub(crate) fn check_id(plan: &Plan, plan_index: u32, id: &TapId) -> Result<()> {
@@ -25,8 +24,8 @@ pub(crate) fn check_shape(plan: &Plan, header: &TapHeader, samples: &[u8]) -> Re
     let kind = header.stamp.kind();
     check(kind == Some(RecordKind::Data), "kind", format!("{kind:?}"), format!("{:?}", RecordKind::Data))?;
     let (format, planned) = (SampleFormat::from_code(header.sample_format), recording.sample_format);
-    let name = format.map_or("unknown", format_name).to_owned();
-    check(format == Some(planned), "sample format", name, format_name(planned).to_owned())?;
+    let name = format.map_or("unknown", SampleFormat::name).to_owned();
+    check(format == Some(planned), "sample format", name, planned.name().to_owned())?;
     let channels: Vec<Channel> = header.channels().map(|(kind, _)| kind).collect();
     let is_same = channels == recording.channels && channels.len() == header.channel_count as usize;
     check(is_same, "channels", format!("{channels:?}"), format!("{:?}", recording.channels))?;

@@ -62,11 +62,11 @@ impl Finishing {
 
 /// Closes and seals `archive`, which must be flushed; `states` are those of its taps.
 pub(crate) fn close_and_seal(archive: Archive, states: &[TapState]) -> Result<()> {
-    let path = archive.path().to_owned();
+    let path = archive.path.clone();
     let mut samples = Vec::new();
     if !archive.is_results() {
         let file = File::open(&path).context("find samples", &path)?;
-        let locations = archive.samples().locations(&file).context("find samples", &path)?;
+        let locations = archive.samples.locations(&file).context("find samples", &path)?;
         let archived = states.iter().zip(locations).filter(|(state, _)| **state == TapState::Archived);
         samples.extend(archived.filter_map(|(_, location)| location.map(Extent::from)));
     }

@@ -40,13 +40,13 @@ impl Writer {
         let planned = |row: u32| PlanRow::new(&plan.taps()[row as usize], scan_of_tap[row as usize], growth);
         let written = (|| -> hdf5::Result<()> {
             // An earlier attempt that a crash undid may have left rows.
-            archive.headers().write(&rows().map(|row| (row, HeaderRow::unwritten())).collect())?;
-            archive.discriminators().write(&rows().map(|row| (row, DiscriminatorsRow::unwritten())).collect())?;
-            archive.refusals().write(&rows().map(|row| (row, ReasonRow::none())).collect())?;
-            archive.ledger().write(&rows().map(|row| (row, LedgerRow::new(TapState::Missing, 0))).collect())?;
-            archive.scans().write(&scans)?;
+            archive.headers.write(&rows().map(|row| (row, HeaderRow::unwritten())).collect())?;
+            archive.discriminators.write(&rows().map(|row| (row, DiscriminatorsRow::unwritten())).collect())?;
+            archive.refusals.write(&rows().map(|row| (row, ReasonRow::none())).collect())?;
+            archive.ledger.write(&rows().map(|row| (row, LedgerRow::new(TapState::Missing, 0))).collect())?;
+            archive.scans.write(&scans)?;
             archive.flush()?;
-            archive.plan_rows().write(&rows().map(|row| (row, planned(row))).collect())?;
+            archive.plan_rows.write(&rows().map(|row| (row, planned(row))).collect())?;
             archive.flush()
         })();
         if let Err(error) = written.context("plan more taps", &self.path) {
@@ -55,7 +55,7 @@ impl Writer {
         }
         archive.grow_to(plan.clone());
         self.tracks.resize(plan.taps().len(), Track::missing(0));
-        self.ledger = self.ledger_of(&plan);
+        self.ledger.grow(plan.taps().len(), plan.scans().len());
         for (&scan, row) in &scans {
             self.scans[scan as usize] = *row;
             self.ledger.set_scan(scan as usize, ScanState::Open);
@@ -86,17 +86,5 @@ impl Writer {
             }
             None => Ok(plan),
         }
-    }
-
-    /// The present ledger, extended to the taps of `plan`.
-    fn ledger_of(&self, plan: &Plan) -> tapline_wire::Ledger {
-        let mut ledger = tapline_wire::Ledger::empty(plan.taps().len(), plan.scans().len());
-        for (row, &state) in self.ledger.taps().iter().enumerate() {
-            ledger.set_tap(row, state, self.ledger.attempt(row));
-        }
-        for (scan, &state) in self.ledger.scans().iter().enumerate() {
-            ledger.set_scan(scan, state);
-        }
-        ledger
     }
 }

@@ -36,8 +36,10 @@ use crate::archive::create::create;
 use crate::error::{Context, Error, Result};
 use crate::file::background_sync::SyncErrors;
 use crate::file::guard::FileGuard;
+use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{CellRow, DiscriminatorsRow, ReasonRow, ScanRow};
 use crate::format::lineage::Lineage;
+use crate::format::scan_rows::fingerprint;
 use crate::write::check::{check_cells, check_id, check_scan};
 use crate::write::packer::Shape;
 use crate::write::pending::Pending;
@@ -124,16 +126,10 @@ impl Writer {
     }
 
     fn new(archive: Archive) -> Result<Self> {
-        let (recording, codec) = (&archive.plan().recording, archive.samples().codec());
-        if !codec.is_for_lines() && !archive.is_results() {
-            return Err(Error::OfflineCodec { path: archive.path().to_owned(), codec });
+        let shape = Shape::of(&archive);
+        if !shape.codec.is_for_lines() && !archive.is_results() {
+            return Err(Error::OfflineCodec { path: archive.path.clone(), codec: shape.codec });
         }
-        let shape = Shape {
-            codec,
-            channel_count: recording.channels.len(),
-            element_bytes: recording.sample_format.bytes(),
-            row_bytes: archive.samples().row_bytes(),
-        };
         let (state, sync_errors) = (load_resume_state(&archive)?, SyncErrors::default());
         Ok(Self {
             tracks: state.tracks,
@@ -141,17 +137,17 @@ impl Writer {
             scan_fingerprints: state.scan_fingerprints,
             ledger: state.ledger,
             pending: Pending::of_changed(state.changed_taps, state.changed_scans),
-            taps_max: archive.taps_max(),
+            taps_max: archive.taps_max,
             counts: PutCounts::default(),
             shape,
-            guard: FileGuard::new(archive.read_handle()?, archive.path(), &sync_errors)?,
+            guard: FileGuard::new(archive.read_handle()?, &archive.path, &sync_errors)?,
             sync_errors,
-            path: archive.path().to_owned(),
-            plan: archive.plan().clone(),
+            path: archive.path.clone(),
+            plan: archive.plan.clone(),
             provenance: Provenance {
-                config: archive.config().to_owned(),
-                reference: archive.reference().map(str::to_owned),
-                made_by: archive.made_by().to_owned(),
+                config: archive.config.clone(),
+                reference: archive.reference.clone(),
+                made_by: archive.made_by.clone(),
             },
             is_results: archive.is_results(),
             archive: Some(archive),
@@ -183,8 +179,8 @@ impl Writer {
     pub fn put_discriminators(&mut self, discriminators: &Discriminators) -> Result<PutOutcome> {
         let row = discriminators.plan_index;
         check_id(self.plan(), row, &discriminators.id)?;
-        let discriminators_row = DiscriminatorsRow::from(discriminators);
-        let version = Version { attempt: discriminators.id.attempt, fingerprint: discriminators_row.fingerprint() };
+        let discriminators_row = DiscriminatorsRow::from(discriminators).with_checksum(row as usize);
+        let version = Version { attempt: discriminators.id.attempt, fingerprint: discriminators_row.checksum };
         let outcome = self.tracks[row as usize].outcome(Half::Discriminators, version);
         if outcome == PutOutcome::Stored {
             self.pending.discriminators.insert(row, discriminators_row);
@@ -253,7 +249,8 @@ impl Writer {
         let planned = &self.plan.scans()[number];
         let cells: Vec<CellRow> = cells.iter().map(|cell| CellRow::new(scan, planned, cell)).collect();
         let row = self.scans[number].judged(judgement);
-        let fingerprint = row.fingerprint(&cells);
+        let first = row.first_cell;
+        let fingerprint = fingerprint(number, row, first as usize, &cells);
         let outcome = match self.scan_fingerprints[number] {
             None => PutOutcome::Stored,
             Some(archived) if archived == fingerprint => PutOutcome::AlreadyThere,
@@ -263,7 +260,6 @@ impl Writer {
             self.scan_fingerprints[number] = Some(fingerprint);
             self.scans[number] = row;
             self.pending.scans.insert(scan, row);
-            let first = self.scans[number].first_cell;
             self.pending.cells.extend((first..).zip(cells));
         }
         self.count(outcome)

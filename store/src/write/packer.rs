@@ -3,7 +3,6 @@
 //! All writers of the process share the threads and the buffers.
 
 use std::num::NonZeroUsize;
-use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 
@@ -12,6 +11,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use tapline_codec::chunk_checksum;
 use tapline_codec::{Codec, pack as pack_by_codec};
 
+use crate::archive::Archive;
 use crate::format::lineage::{Digest, digest_of};
 use crate::h5::samples::padded;
 
@@ -82,7 +82,7 @@ pub(crate) fn recycle(samples: impl IntoIterator<Item = Vec<u8>>) {
 
 /// Packed records; their buffers are kept for later calls when this is dropped.
 #[derive(Debug, Default)]
-pub(crate) struct PackBuffers(Vec<Packed>);
+pub(crate) struct PackBuffers(pub(crate) Vec<Packed>);
 
 impl PackBuffers {
     fn take(count: usize) -> Self {
@@ -97,20 +97,6 @@ impl PackBuffers {
 impl Drop for PackBuffers {
     fn drop(&mut self) {
         keep(&BUFFERS, self.0.drain(..));
-    }
-}
-
-impl Deref for PackBuffers {
-    type Target = [Packed];
-
-    fn deref(&self) -> &[Packed] {
-        &self.0
-    }
-}
-
-impl DerefMut for PackBuffers {
-    fn deref_mut(&mut self) -> &mut [Packed] {
-        &mut self.0
     }
 }
 
@@ -142,7 +128,7 @@ fn pack_on<E>(
     mut take: impl FnMut(usize, &Packed) -> Result<(), E>,
 ) -> Result<PackBuffers, E> {
     let mut all = PackBuffers::take(records.len());
-    let buffers = &mut all[..];
+    let buffers = &mut all.0;
     let helper_count = helpers.map_or(0, ThreadPool::current_num_threads).min(records.len().saturating_sub(1));
     {
         let (give, jobs) = bounded(records.len());
@@ -211,6 +197,17 @@ fn begin(thread_count: usize) -> Option<ThreadPool> {
 }
 
 impl Shape {
+    /// That of the records of `archive`.
+    pub(crate) fn of(archive: &Archive) -> Self {
+        let recording = &archive.plan.recording;
+        Self {
+            codec: archive.samples.codec(),
+            channel_count: recording.channels.len(),
+            element_bytes: recording.sample_format.bytes(),
+            row_bytes: archive.samples.row_bytes(),
+        }
+    }
+
     fn pack(&self, samples: &[u8], buffer: &mut Packed) {
         buffer.samples_digest = digest_of(samples);
         let padded = padded(samples, self.channel_count, self.row_bytes, &mut buffer.padded);
@@ -256,7 +253,7 @@ mod tests {
                 });
                 assert_eq!(packed.is_err(), bad < record_count);
                 if let Ok(all) = packed {
-                    assert!(all.iter().map(of).eq(taken.iter().cloned()));
+                    assert!(all.0.iter().map(of).eq(taken.iter().cloned()));
                 }
                 assert_eq!(taken.len(), bad);
                 assert!(taken.into_iter().eq(records[..bad].iter().map(|(_, samples)| alone(samples))));

@@ -73,21 +73,21 @@ impl Pending {
 
     /// Writes the samples again, to an archive that was opened anew.
     pub(crate) fn write_samples(&self, archive: &Archive) -> Result<()> {
-        let write = |(&row, stored): (&u32, &Vec<u8>)| archive.samples().write(row, stored);
-        self.samples.iter().try_for_each(write).context("write samples", archive.path())
+        let write = |(&row, stored): (&u32, &Vec<u8>)| archive.samples.write(row, stored);
+        self.samples.iter().try_for_each(write).context("write samples", &archive.path)
     }
 
     /// Writes the rows of records and passes them to the system, and then the states.
     pub(crate) fn flush(&self, archive: &Archive) -> Result<()> {
-        self.write_contents(archive).context("write what taps and scans hold", archive.path())?;
-        self.write_states(archive).context("write what state taps and scans are in", archive.path())
+        self.write_contents(archive).context("write what taps and scans hold", &archive.path)?;
+        self.write_states(archive).context("write what state taps and scans are in", &archive.path)
     }
 
     fn write_contents(&self, archive: &Archive) -> hdf5::Result<()> {
-        archive.headers().write(&self.headers)?;
-        archive.discriminators().write(&self.discriminators)?;
-        archive.refusals().write(&self.reasons)?;
-        archive.damage().write(&self.cells)?;
+        archive.headers.write(&self.headers)?;
+        archive.discriminators.write(&self.discriminators)?;
+        archive.refusals.write(&self.reasons)?;
+        archive.damage.write(&self.cells)?;
         archive.flush()
     }
 
@@ -96,11 +96,11 @@ impl Pending {
         let (open, others): (BTreeMap<u32, ScanRow>, BTreeMap<u32, ScanRow>) =
             self.scans.iter().partition(|(_, row)| row.state() == Some(ScanState::Open));
         if !open.is_empty() {
-            archive.scans().write(&open)?;
+            archive.scans.write(&open)?;
             archive.flush()?;
         }
-        archive.ledger().write(&self.taps)?;
-        archive.scans().write(&others)?;
+        archive.ledger.write(&self.taps)?;
+        archive.scans.write(&others)?;
         archive.flush()
     }
 }
@@ -123,13 +123,13 @@ mod tests {
         drop(Writer::create(&path, &plan, 2, "").unwrap());
         let archive = Archive::open(&path, Access::Write).unwrap();
         let ended = ScanRow { state: ScanState::Ended.code().into(), ..ScanRow::open(&plan.scans()[0], 0) };
-        archive.scans().write(&[(0, ended), (1, ended)].into()).unwrap();
+        archive.scans.write(&[(0, ended), (1, ended)].into()).unwrap();
         // A row that does not exist makes the write of the ledger fail.
         let taps = [(99, LedgerRow::new(TapState::Missing, 0))].into();
         let open = ScanRow::open(&plan.scans()[0], 0);
         let pending = Pending::of_changed(taps, [(0, open), (1, open.judged(&Default::default()))].into());
         assert!(pending.flush(&archive).is_err());
-        let states: Vec<_> = archive.scans().read_all().unwrap().iter().map(ScanRow::state).collect();
+        let states: Vec<_> = archive.scans.read_all().unwrap().iter().map(ScanRow::state).collect();
         assert_eq!(states, [Some(ScanState::Open), Some(ScanState::Ended)]);
     }
 }

@@ -78,7 +78,7 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
     .unwrap_or_else(|never| match never {});
     (0..writers.len()).filter(|&writer| is_failed[writer]).for_each(|writer| writers[writer].abandon());
     // All are written: only now they replace earlier attempts.
-    for ((tap, header), packed) in new.iter().zip(headers).zip(packed.iter_mut()) {
+    for ((tap, header), packed) in new.iter().zip(headers).zip(&mut packed.0) {
         let writer = &mut writers[tap.writer];
         if !is_failed[tap.writer] {
             let stored = packed.take_bytes(tap.samples);
@@ -145,6 +145,6 @@ impl Writer {
     }
 
     fn write_samples(&self, row: u32, stored: &[u8]) -> Result<()> {
-        self.open()?.samples().write(row, stored).context("write samples", &self.path)
+        self.open()?.samples.write(row, stored).context("write samples", &self.path)
     }
 }

@@ -37,7 +37,7 @@ impl Writer {
             let bytes = self.pending.sample_bytes() + self.plan.recording.payload_bytes_max();
             self.guard.check_room(bytes as u64)?;
             let archive = self.reopen()?;
-            self.guard = FileGuard::new(archive.read_handle()?, archive.path(), &self.sync_errors)?;
+            self.guard = FileGuard::new(archive.read_handle()?, &archive.path, &self.sync_errors)?;
             self.archive = Some(archive);
         }
         let Some(archive) = &self.archive else { return Ok(()) };

@@ -22,7 +22,7 @@ impl Writer {
         let taps = self.plan.taps();
         let first = (from as usize).min(taps.len());
         let last = (first + most.min(REPLAY_ROWS_MAX)).min(taps.len());
-        let rows = self.open()?.discriminators().read(first..last).context("read discriminators", &self.path)?;
+        let rows = self.open()?.discriminators.read(first..last).context("read discriminators", &self.path)?;
         let mut records = Vec::new();
         for (plan_index, row) in (from..).zip(rows) {
             let (track, planned) = (&self.tracks[plan_index as usize], &taps[plan_index as usize].id);

@@ -12,6 +12,7 @@ use crate::error::{Context, Result};
 use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{LedgerRow, ScanRow};
 use crate::format::lineage::Lineage;
+use crate::format::scan_rows::fingerprint;
 use crate::write::Writer;
 use crate::write::tap_state::{Track, Version};
 
@@ -57,30 +58,30 @@ pub(crate) struct ResumeState {
 /// Loads the state of `archive`; the rows of a missing tap are ignored.
 pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
     let context = "read what is archived";
-    let tap_count = archive.plan().taps().len();
+    let tap_count = archive.plan.taps().len();
     let mut samples = vec![Version { attempt: 0, fingerprint: 0 }; tap_count];
     let mut discriminators = samples.clone();
     let mut is_valid = vec![true; tap_count];
-    let headers = archive.headers().for_each(|k, row| {
+    let headers = archive.headers.for_each(|k, row| {
         is_valid[k] &= row.is_valid(k);
         samples[k] = Version { attempt: row.attempt, fingerprint: row.fingerprint() };
     });
-    headers.context(context, archive.path())?;
-    let found = archive.discriminators().for_each(|k, row| {
+    headers.context(context, &archive.path)?;
+    let found = archive.discriminators.for_each(|k, row| {
         is_valid[k] &= row.is_valid(k);
-        discriminators[k] = Version { attempt: row.attempt, fingerprint: row.fingerprint() };
+        discriminators[k] = Version { attempt: row.attempt, fingerprint: row.checksum };
     });
-    found.context(context, archive.path())?;
+    found.context(context, &archive.path)?;
     let states = States::load(archive, |k| !is_valid[k])?;
     // For results alone, the samples are in another archive.
     let ledger_of_taps = match archive.is_results() {
-        true => archive.ledger_of_taps().read_all().context(context, archive.path())?,
+        true => archive.ledger_of_taps().read_all().context(context, &archive.path)?,
         false => Vec::new(),
     };
     let mut tracks = Vec::with_capacity(tap_count);
     for (k, row) in states.taps.iter().enumerate() {
         let raw = ledger_of_taps.get(k);
-        let of_raw = raw.map(|row| tap_state(archive.path(), k, row)).transpose()?;
+        let of_raw = raw.map(|row| tap_state(&archive.path, k, row)).transpose()?;
         let track = match row.state().unwrap_or(TapState::Missing) {
             TapState::Missing if of_raw.is_some_and(|(state, _)| state == TapState::Archived) => {
                 Track::recorded(samples[k])
@@ -95,9 +96,9 @@ pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
     let mut scan_fingerprints = Vec::with_capacity(states.scans.len());
     for (k, row) in states.scans.iter().enumerate() {
         let is_judged = row.state() == Some(ScanState::Judged);
-        let cells = if is_judged { archive.cells(k) } else { 0..0 };
-        let cells = archive.damage().read(cells).context(context, archive.path())?;
-        scan_fingerprints.push(is_judged.then(|| row.fingerprint(&cells)));
+        let of_scan = if is_judged { archive.cells(k) } else { 0..0 };
+        let cells = archive.damage.read(of_scan.clone()).context(context, &archive.path)?;
+        scan_fingerprints.push(is_judged.then(|| fingerprint(k, *row, of_scan.start, &cells)));
     }
     let number = |k: &usize| u32::try_from(*k).unwrap_or(u32::MAX);
     Ok(ResumeState {

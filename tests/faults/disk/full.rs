@@ -10,7 +10,7 @@ use rustix::process::Signal;
 use tapline_store::Reader;
 use tapline_wire::TapState;
 
-use crate::faults::disk::{SCAN, assert_whole, start_on_disk, undisturbed};
+use crate::faults::disk::{assert_whole, quick, start_on_disk, undisturbed};
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{casings, finished};
 use crate::sandbox::running::Running;
@@ -131,8 +131,8 @@ fn a_line_on_a_full_disk_ends_in_order() {
 fn a_full_disk_holds_up_the_next_file() {
     let sandbox = Sandbox::new();
     let tyres: String = (1..=3).map(|k| format!("[[scan.tyre]]\nserial = \"T{k}\"\n")).collect();
-    sandbox.write("quick.toml", &format!("{SCAN}{tyres}"));
-    sandbox.write("paced.toml", &format!("{SCAN}{tyres}[acquire]\ntaps_per_s = 60.0\n"));
+    sandbox.write("quick.toml", &format!("{}{tyres}", quick()));
+    sandbox.write("paced.toml", &format!("{}{tyres}[acquire]\ntaps_per_s = 60.0\n", quick()));
     sandbox.run("run --config quick.toml --out quick").expect(0);
     let expected = casings(&sandbox.path("quick"));
     let Some(disk) = Disk::new(&sandbox, "64m") else { return };

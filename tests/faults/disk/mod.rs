@@ -9,26 +9,22 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{Contents, assert_same_casings, casings, finished};
 use crate::sandbox::running::Running;
+use crate::sandbox::{Sandbox, short_scan};
 
-/// One station, 2 shoulders of 40 locations each: 82 taps, some 5 MB unpacked.
-const SCAN: &str = "
-[scan]
-offsets_mm = [0.0]
-velocities_m_per_s = [1.85]
-repetitions = 1
-locations = 40
-";
+/// A casing of 82 taps.
+fn quick() -> String {
+    short_scan(40)
+}
 
 /// The same scan at a pace that takes at least a second, so that the disk can be changed meanwhile.
 fn paced() -> String {
-    format!("{SCAN}\n[acquire]\ntaps_per_s = 60.0\n")
+    format!("{}[acquire]\ntaps_per_s = 60.0\n", quick())
 }
 
 fn undisturbed(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
-    sandbox.write("quick.toml", SCAN);
+    sandbox.write("quick.toml", &quick());
     sandbox.write("paced.toml", &paced());
     sandbox.run("run --config quick.toml --out quick").expect(0);
     casings(&sandbox.path("quick"))

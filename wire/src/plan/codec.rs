@@ -3,21 +3,13 @@
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    Calibration, CasingLimits, Channel, Geometry, Plan, PlanError, PlannedTap, Purpose, Recording, SampleFormat,
-    Serial, TapId, Truth,
-};
+use crate::{CasingLimits, Geometry, Plan, PlanError, PlannedTap, Purpose, Recording, Serial, TapId, Truth};
 
 /// What is not a row: few values, written as JSON.
 #[derive(Serialize, Deserialize)]
 struct Head {
-    is_ring: bool,
-    sample_rate_hz: f64,
-    pre_trigger_samples: u32,
-    sample_count_max: u32,
-    sample_format: SampleFormat,
-    channels: Vec<Channel>,
-    calibration: Calibration,
+    geometry: Geometry,
+    recording: Recording,
     source_digest: u64,
     truth_count: usize,
     /// Taps of the plan as it was begun; others follow, which were added.
@@ -80,15 +72,9 @@ pub fn decode_taps(bytes: &[u8]) -> Result<Vec<PlannedTap>, PlanError> {
 impl Plan {
     /// The plan as bytes for [`Plan::decode`].
     pub fn encode(&self) -> Vec<u8> {
-        let recording = &self.recording;
         let head = Head {
-            is_ring: self.geometry == Geometry::Ring,
-            sample_rate_hz: recording.sample_rate_hz,
-            pre_trigger_samples: recording.pre_trigger_samples,
-            sample_count_max: recording.sample_count_max,
-            sample_format: recording.sample_format,
-            channels: recording.channels.clone(),
-            calibration: recording.calibration.clone(),
+            geometry: self.geometry,
+            recording: self.recording.clone(),
             source_digest: self.source_digest(),
             truth_count: self.truth().len(),
             begun_count: self.begun_count,
@@ -124,16 +110,7 @@ impl Plan {
         }
         let taps = decode_taps(tap_rows)?;
         let (begun, added) = taps.split_at_checked(head.begun_count).ok_or_else(cut)?;
-        let recording = Recording {
-            sample_rate_hz: head.sample_rate_hz,
-            pre_trigger_samples: head.pre_trigger_samples,
-            sample_count_max: head.sample_count_max,
-            sample_format: head.sample_format,
-            channels: head.channels,
-            calibration: head.calibration,
-        };
-        let geometry = if head.is_ring { Geometry::Ring } else { Geometry::Line };
-        let begun = Self::from_source(geometry, recording, begun.to_vec(), truth, head.source_digest)?;
+        let begun = Self::from_source(head.geometry, head.recording, begun.to_vec(), truth, head.source_digest)?;
         if added.is_empty() { Ok(begun) } else { begun.grown(added) }
     }
 
@@ -147,6 +124,7 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Calibration, Channel, SampleFormat};
 
     fn begun() -> Plan {
         let tyre = Serial::new("A-17").unwrap();
@@ -160,7 +138,7 @@ mod tests {
             pre_trigger_samples: 64,
             sample_count_max: 4096,
             sample_format: SampleFormat::F32,
-            channels: vec![Channel::Force, Channel::Sound],
+            channels: Channel::BOTH.to_vec(),
             calibration: Calibration::computed(),
         };
         let truth = Truth::from([((tyre, 1, 3), true), ((tyre, 2, 4), false)]);

@@ -68,7 +68,7 @@ mod tests {
             pre_trigger_samples: 64,
             sample_count_max: 1024,
             sample_format: SampleFormat::I16,
-            channels: vec![Channel::Force, Channel::Sound],
+            channels: Channel::BOTH.to_vec(),
             calibration: Calibration::stated(),
         };
         let tap = PlannedTap {

@@ -13,24 +13,10 @@ pub enum TapState {
     Refused,
 }
 
+coded!(TapState: u8, Missing = 0, Archived = 1, Refused = 2);
+named!(TapState, Missing = "missing", Archived = "archived", Refused = "refused");
+
 impl TapState {
-    const ALL: [Self; 3] = [Self::Missing, Self::Archived, Self::Refused];
-
-    /// Number that stands for the state on the wire and in archives.
-    pub fn code(self) -> u8 {
-        self as u8
-    }
-
-    /// The state that `code` stands for.
-    pub fn from_code(code: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|s| s.code() == code)
-    }
-
-    /// The state's name in tables.
-    pub fn name(self) -> &'static str {
-        ["missing", "archived", "refused"][self as usize]
-    }
-
     /// Whether nothing is left to do for the tap.
     pub fn is_settled(self) -> bool {
         self != Self::Missing
@@ -48,19 +34,7 @@ pub enum ScanState {
     Judged,
 }
 
-impl ScanState {
-    const ALL: [Self; 3] = [Self::Open, Self::Ended, Self::Judged];
-
-    /// Number that stands for the state on the wire and in archives.
-    pub fn code(self) -> u8 {
-        self as u8
-    }
-
-    /// The state that `code` stands for.
-    pub fn from_code(code: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|s| s.code() == code)
-    }
-}
+coded!(ScanState: u8, Open = 0, Ended = 1, Judged = 2);
 
 /// The mark of the end of scan number `scan`, of a casing with `tap_count` planned taps: an end that is older than the last taps of
 /// a plan ends nothing.

@@ -8,8 +8,6 @@ pub(crate) mod limits;
 mod nominal;
 pub(crate) mod parts;
 
-use std::collections::BTreeSet;
-
 use rustc_hash::{FxBuildHasher, FxHashMap};
 
 use crate::plan::digest::digest_of;
@@ -199,22 +197,6 @@ impl Plan {
         self
     }
 
-    /// The plan of some scans alone, by number: their taps in the same order, with what is known of them.
-    ///
-    /// # Errors
-    /// [`PlanError::Empty`] where none of the numbers is of a scan.
-    pub fn subset(&self, scans: &[u32]) -> Result<Self, PlanError> {
-        let scans: Vec<&Scan> = scans.iter().filter_map(|&scan| self.scans.get(scan as usize)).collect();
-        let mut rows: Vec<u32> = scans.iter().flat_map(|scan| scan.taps.iter().copied()).collect();
-        rows.sort_unstable();
-        let taps = rows.into_iter().map(|row| self.taps[row as usize]).collect();
-        let shoulders: BTreeSet<_> = scans.iter().map(|scan| (scan.tyre, scan.shoulder)).collect();
-        let is_of = |&(tyre, shoulder, _): &(Serial, u16, u32)| shoulders.contains(&(tyre, shoulder));
-        let truth =
-            self.truth.iter().filter(|(place, _)| is_of(place)).map(|(&place, &known)| (place, known)).collect();
-        Self::from_source(self.geometry, self.recording.clone(), taps, truth, self.source_digest)
-    }
-
     /// What tells the plan's source from others with the same taps; 0 where nothing does.
     pub fn source_digest(&self) -> u64 {
         self.source_digest
@@ -305,7 +287,7 @@ mod tests {
             pre_trigger_samples: 400,
             sample_count_max: 4096,
             sample_format: SampleFormat::I16,
-            channels: vec![Channel::Force, Channel::Sound],
+            channels: Channel::BOTH.to_vec(),
             calibration: crate::Calibration::stated(),
         }
     }
@@ -336,21 +318,6 @@ mod tests {
         assert!(matches!(error, PlanError::Duplicate { first: 0, second: 2, .. }), "{error}");
         let error = plan(vec![tap(1, "A", 1, 0), tap(2, "A", 1, 1)]).unwrap_err();
         assert!(matches!(error, PlanError::TwoStations { first: 1, second: 2, .. }), "{error}");
-    }
-
-    /// Catches a part of a plan that has other taps, another order or another truth than those of its scans.
-    #[test]
-    fn a_part_of_a_plan_is_its_scans() {
-        let truth = |tyres: &[&str]| -> Truth {
-            tyres.iter().map(|&tyre| ((Serial::new(tyre).unwrap(), 1, 5), true)).collect()
-        };
-        let taps = vec![tap(2, "B", 1, 5), tap(1, "A", 1, 0), tap(2, "B", 1, 3), tap(1, "C", 1, 0)];
-        let whole = Plan::new(Geometry::Ring, recording(), taps.clone(), truth(&["A", "B"])).unwrap().with_source(7);
-        let part = whole.subset(&[2, 0]).unwrap();
-        assert_eq!(part.taps(), [taps[0], taps[2], taps[3]]);
-        assert_eq!((part.truth(), part.source_digest()), (&truth(&["B"]), 7));
-        assert_eq!(whole.subset(&[0, 1, 2]).unwrap(), whole);
-        assert_eq!(whole.subset(&[3]), Err(PlanError::Empty));
     }
 
     /// Stages that would disagree on a row must notice: any change of what is planned changes the digest.

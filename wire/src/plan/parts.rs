@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::record::calibration::Calibration;
 use crate::record::id::{Serial, TapId};
 use crate::record::tap::{Channel, SampleFormat};
@@ -43,38 +45,18 @@ pub enum Purpose {
     Control,
 }
 
-impl Purpose {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Scan, Self::Closing, Self::Suspect, Self::Control];
+coded!(Purpose: u16, Scan = 0, Closing = 1, Suspect = 2, Control = 3);
+named!(Purpose, Scan = "scan", Closing = "closing", Suspect = "suspect", Control = "control");
 
+impl Purpose {
     /// [`Purpose::Closing`] if `is_closing`, else [`Purpose::Scan`].
     pub fn closing_if(is_closing: bool) -> Self {
         if is_closing { Self::Closing } else { Self::Scan }
     }
-
-    /// Number that stands for it on the wire and in archives.
-    pub fn code(self) -> u16 {
-        self as u16
-    }
-
-    /// The purpose that `code` stands for.
-    pub fn from_code(code: u16) -> Option<Self> {
-        Self::ALL.into_iter().find(|purpose| purpose.code() == code)
-    }
-
-    /// Name in tables.
-    pub fn name(self) -> &'static str {
-        ["scan", "closing", "suspect", "control"][self as usize]
-    }
-
-    /// The purpose of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|purpose| purpose.name() == name)
-    }
 }
 
 /// Shape of every record of a run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recording {
     /// Samples per second and channel.
     pub sample_rate_hz: f64,

@@ -25,25 +25,9 @@ pub enum Unit {
     Pascal,
 }
 
+named!(Unit, FullScale = "FS", Newton = "N", Volt = "V", Pascal = "Pa");
+
 impl Unit {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::FullScale, Self::Newton, Self::Volt, Self::Pascal];
-
-    /// Name in tables, files and pages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::FullScale => "FS",
-            Self::Newton => "N",
-            Self::Volt => "V",
-            Self::Pascal => "Pa",
-        }
-    }
-
-    /// The unit of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|unit| unit.name() == name)
-    }
-
     /// Whether a sample is worth something outside of the recording.
     pub fn is_known(self) -> bool {
         self != Self::FullScale
@@ -156,7 +140,7 @@ mod tests {
     #[test]
     fn a_certificate_holds_from_its_date_until_its_last_day() {
         let mut calibration = Calibration::computed();
-        let both = [Channel::Force, Channel::Sound];
+        let both = Channel::BOTH;
         let sound = calibration.of_mut(Channel::Sound).certificate.as_mut().unwrap();
         (sound.date, sound.valid_until) = ("2026-01-02".to_owned(), Some("2026-11-24".to_owned()));
         for (day, is_out) in [

@@ -22,19 +22,12 @@ pub enum Verdict {
     Reject,
 }
 
+// 0 is none.
+coded!(Verdict: u32, Pass = 1, ReInspect = 2, Reject = 3);
+
 impl Verdict {
     /// All three.
     pub const ALL: [Self; 3] = [Self::Pass, Self::ReInspect, Self::Reject];
-
-    /// Number that stands for the verdict on the wire and in archives; 0 is none.
-    pub fn code(self) -> u32 {
-        self as u32 + 1
-    }
-
-    /// The verdict that `code` stands for.
-    pub fn from_code(code: u32) -> Option<Self> {
-        Self::ALL.into_iter().find(|v| v.code() == code)
-    }
 }
 
 impl fmt::Display for Verdict {

@@ -224,15 +224,7 @@ pub enum Geometry {
     Line,
 }
 
-impl Geometry {
-    /// The geometry's name, in archives as in configurations.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ring => "ring",
-            Self::Line => "line",
-        }
-    }
-}
+named!(Geometry, Ring = "ring", Line = "line");
 
 #[cfg(test)]
 mod tests {

@@ -23,20 +23,17 @@ pub enum RecordKind {
     Closed,
 }
 
-impl RecordKind {
-    const ALL: [Self; 8] =
-        [Self::Handshake, Self::Data, Self::Refusal, Self::Barrier, Self::End, Self::Plan, Self::Ledger, Self::Closed];
-
-    /// Number that stands for the kind in a [`Stamp`].
-    pub fn code(self) -> u32 {
-        self as u32 + 1
-    }
-
-    /// The kind that `code` stands for.
-    pub fn from_code(code: u32) -> Option<Self> {
-        Self::ALL.into_iter().find(|k| k.code() == code)
-    }
-}
+coded!(
+    RecordKind: u32,
+    Handshake = 1,
+    Data = 2,
+    Refusal = 3,
+    Barrier = 4,
+    End = 5,
+    Plan = 6,
+    Ledger = 7,
+    Closed = 8,
+);
 
 /// Identity of a record: its sender, when the sender started, and its position in what the sender has sent.
 #[repr(C)]

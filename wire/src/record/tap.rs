@@ -33,27 +33,12 @@ pub enum Channel {
     Sound,
 }
 
+coded!(Channel: u32, Force = 1, Sound = 2);
+named!(Channel, Force = "force", Sound = "sound");
+
 impl Channel {
-    /// The channel's name in configurations, archives and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Force => "force",
-            Self::Sound => "sound",
-        }
-    }
-
-    /// Number that stands for the channel in a [`ChannelHeader`].
-    pub fn code(self) -> u32 {
-        match self {
-            Self::Force => 1,
-            Self::Sound => 2,
-        }
-    }
-
-    /// The channel that `code` stands for.
-    pub fn from_code(code: u32) -> Option<Self> {
-        [Self::Force, Self::Sound].into_iter().find(|c| c.code() == code)
-    }
+    /// Both of them.
+    pub const BOTH: [Self; 2] = [Self::Force, Self::Sound];
 }
 
 /// How the converter gave its samples.
@@ -66,6 +51,9 @@ pub enum SampleFormat {
     F32,
 }
 
+coded!(SampleFormat: u32, I16 = 1, F32 = 2);
+named!(SampleFormat, I16 = "i16", F32 = "f32");
+
 impl SampleFormat {
     /// Bytes of one sample.
     pub fn bytes(self) -> usize {
@@ -73,19 +61,6 @@ impl SampleFormat {
             Self::I16 => 2,
             Self::F32 => 4,
         }
-    }
-
-    /// Number that stands for the format in a [`TapHeader`].
-    pub fn code(self) -> u32 {
-        match self {
-            Self::I16 => 1,
-            Self::F32 => 2,
-        }
-    }
-
-    /// The format that `code` stands for.
-    pub fn from_code(code: u32) -> Option<Self> {
-        [Self::I16, Self::F32].into_iter().find(|c| c.code() == code)
     }
 }
 
@@ -100,30 +75,8 @@ pub enum SourceKind {
     Captured,
 }
 
-impl SourceKind {
-    /// Number that stands for the source in a [`TapHeader`].
-    pub fn code(self) -> u32 {
-        match self {
-            Self::Simulated => 1,
-            Self::TapSet => 2,
-            Self::Captured => 3,
-        }
-    }
-
-    /// The source's name in archives.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Simulated => "simulated",
-            Self::TapSet => "tap set",
-            Self::Captured => "captured",
-        }
-    }
-
-    /// The source that `code` stands for.
-    pub fn from_code(code: u32) -> Option<Self> {
-        [Self::Simulated, Self::TapSet, Self::Captured].into_iter().find(|c| c.code() == code)
-    }
-}
+coded!(SourceKind: u32, Simulated = 1, TapSet = 2, Captured = 3);
+named!(SourceKind, Simulated = "simulated", TapSet = "tap set", Captured = "captured");
 
 /// Kind and scale of one channel.
 #[repr(C)]

@@ -1,6 +1,6 @@
 //! Receiving records in place, in order, with every gap noticed.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::marker::PhantomData;
 use std::ops::Deref;
@@ -16,7 +16,7 @@ use crate::{Delivery, Line, LineError, RecordKind, Role, Signal, Stamped, Topic}
 
 /// Counts lost records by the gaps in sequence numbers.
 #[derive(Debug)]
-pub struct GapCounter<K> {
+struct GapCounter<K> {
     next: HashMap<K, u64>,
     lost: u64,
 }
@@ -29,12 +29,12 @@ impl<K> Default for GapCounter<K> {
 
 impl<K: std::hash::Hash + Eq> GapCounter<K> {
     /// Notes that the next record of `sender` will have the number `sequence`.
-    pub fn expect(&mut self, sender: K, sequence: u64) -> u64 {
+    fn expect(&mut self, sender: K, sequence: u64) -> u64 {
         self.arrive(sender, sequence, 0)
     }
 
     /// Notes the record numbered `sequence` of `sender`; how many before it are missing.
-    pub fn note(&mut self, sender: K, sequence: u64) -> u64 {
+    fn note(&mut self, sender: K, sequence: u64) -> u64 {
         self.arrive(sender, sequence, 1)
     }
 
@@ -43,11 +43,6 @@ impl<K: std::hash::Hash + Eq> GapCounter<K> {
         let missing = sequence.saturating_sub(expected);
         self.lost += missing;
         missing
-    }
-
-    /// Records lost so far.
-    pub fn lost(&self) -> u64 {
-        self.lost
     }
 }
 
@@ -59,7 +54,6 @@ pub struct Subscriber<'l, T: Topic> {
     // The service must outlive the subscriber, or publishers would lose it first.
     _service: Service<T>,
     gaps: RefCell<GapCounter<UniquePublisherId>>,
-    lost: Cell<u64>,
 }
 
 impl<'l, T: Topic> Subscriber<'l, T> {
@@ -82,7 +76,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
             Role::Process | Role::Store | Role::Viewer(_) => Vec::new(),
         };
         senders.into_iter().for_each(|role| line.notify(role, Signal::Joined));
-        Ok(Self { line, port, _service: service, gaps: RefCell::default(), lost: Cell::new(0) })
+        Ok(Self { line, port, _service: service, gaps: RefCell::default() })
     }
 
     /// The next record, `None` if there is none now. Handshakes are answered here and not returned.
@@ -102,7 +96,8 @@ impl<'l, T: Topic> Subscriber<'l, T> {
             if !is_handshake {
                 return Ok(Some(Received { sample, topic: PhantomData }));
             }
-            self.line.notify(T::sender(&stamp), Signal::Ready(self.line.role(), stamp.mark));
+            let sender = T::SENDER.unwrap_or(Role::Acquire(u16::try_from(stamp.source).unwrap_or(u16::MAX)));
+            self.line.notify(sender, Signal::Ready(self.line.role(), stamp.mark));
         }
     }
 
@@ -120,7 +115,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
 
     /// Records lost on the way here so far.
     pub fn lost(&self) -> u64 {
-        self.lost.get()
+        self.gaps.borrow().lost
     }
 
     fn count(&self, origin: UniquePublisherId, sequence: u64, is_handshake: bool) {
@@ -129,7 +124,6 @@ impl<'l, T: Topic> Subscriber<'l, T> {
         if missing > 0 {
             tracing::error!(topic = T::NAME, missing, sequence, "records were lost");
         }
-        self.lost.set(gaps.lost());
     }
 }
 
@@ -178,6 +172,6 @@ mod tests {
         assert_eq!(gaps.note("a", 12), 0);
         assert_eq!(gaps.expect("b", 3), 2, "a handshake names the next number");
         assert_eq!(gaps.note("b", 3), 0);
-        assert_eq!(gaps.lost(), 4);
+        assert_eq!(gaps.lost, 4);
     }
 }

@@ -78,6 +78,8 @@ pub trait Topic: std::fmt::Debug + 'static {
     type Element: Clone + Copy + Default + std::fmt::Debug + ZeroCopySend + 'static;
     /// Name of the topic's service.
     const NAME: &'static str;
+    /// Who publishes on it; `None` where every process that acquires does.
+    const SENDER: Option<Role>;
     /// Who receives it.
     const DELIVERY: Delivery;
     /// Records that may wait at one subscriber.
@@ -88,15 +90,9 @@ pub trait Topic: std::fmt::Debug + 'static {
     /// look often enough by themselves; always below [`Topic::BUFFER`].
     const WAKE_EVERY: u64 = 1;
 
-    /// Who sent a record with this stamp.
-    fn sender(stamp: &Stamp) -> Role;
     /// Whether a subscriber in this role is notified of every data record, whatever [`Topic::WAKE_EVERY`] is.
     fn wakes_always(_: Role) -> bool {
         false
-    }
-    /// How many processes publish on the topic.
-    fn publishers(_: &Limits) -> usize {
-        1
     }
     /// Elements of the longest record, to `receiver` where the topic is addressed.
     fn elements_max(limits: &Limits, receiver: Option<Role>) -> usize;
@@ -110,6 +106,7 @@ impl Topic for TapTopic {
     type Header = TapHeader;
     type Element = CacheLine;
     const NAME: &'static str = "tapline/tap";
+    const SENDER: Option<Role> = None;
     const DELIVERY: Delivery = Delivery::All(&[Role::Process, Role::Store]);
     // 16 rather than 8: a station is not held up by one flush of the archive, and the waiting records of two stations still fit a
     // cache of 2 MiB.
@@ -119,14 +116,8 @@ impl Topic for TapTopic {
     const BORROWED: usize = 32;
     const WAKE_EVERY: u64 = 8;
 
-    fn sender(stamp: &Stamp) -> Role {
-        Role::Acquire(u16::try_from(stamp.source).unwrap_or(u16::MAX))
-    }
     fn wakes_always(subscriber: Role) -> bool {
         subscriber == Role::Process
-    }
-    fn publishers(limits: &Limits) -> usize {
-        limits.acquire_count.into()
     }
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
         cache_lines_for(limits.casing.record_bytes).max(cache_lines_for(REASON_BYTES_MAX))
@@ -141,14 +132,12 @@ impl Topic for DiscriminatorTopic {
     type Header = Stamp;
     type Element = Discriminators;
     const NAME: &'static str = "tapline/discriminators";
+    const SENDER: Option<Role> = Some(Role::Process);
     const DELIVERY: Delivery = Delivery::All(&[Role::Store]);
     const BUFFER: usize = 64;
     const BORROWED: usize = 2;
     const WAKE_EVERY: u64 = 32;
 
-    fn sender(_: &Stamp) -> Role {
-        Role::Process
-    }
     fn elements_max(_: &Limits, _: Option<Role>) -> usize {
         1
     }
@@ -162,16 +151,11 @@ impl Topic for ProposalTopic {
     type Header = Stamp;
     type Element = u8;
     const NAME: &'static str = "tapline/proposal";
+    const SENDER: Option<Role> = None;
     const DELIVERY: Delivery = Delivery::All(&[Role::Store]);
     const BUFFER: usize = 4;
     const BORROWED: usize = 2;
 
-    fn sender(stamp: &Stamp) -> Role {
-        TapTopic::sender(stamp)
-    }
-    fn publishers(limits: &Limits) -> usize {
-        limits.acquire_count.into()
-    }
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
         proposal_bytes_max(limits)
     }
@@ -189,18 +173,13 @@ impl Topic for WaitTopic {
     type Header = Stamp;
     type Element = u8;
     const NAME: &'static str = "tapline/wait";
+    const SENDER: Option<Role> = None;
     const DELIVERY: Delivery = Delivery::All(&[Role::Supervisor]);
     const BUFFER: usize = 32;
     const BORROWED: usize = 1;
     // The supervisor looks several times a second.
     const WAKE_EVERY: u64 = 31;
 
-    fn sender(stamp: &Stamp) -> Role {
-        TapTopic::sender(stamp)
-    }
-    fn publishers(limits: &Limits) -> usize {
-        limits.acquire_count.into()
-    }
     fn elements_max(_: &Limits, _: Option<Role>) -> usize {
         WAIT_BYTES_MAX
     }
@@ -214,13 +193,11 @@ impl Topic for CasingTopic {
     type Header = CasingHeader;
     type Element = u8;
     const NAME: &'static str = "tapline/casing";
+    const SENDER: Option<Role> = Some(Role::Store);
     const DELIVERY: Delivery = Delivery::Addressed;
     const BUFFER: usize = 8;
     const BORROWED: usize = 2;
 
-    fn sender(_: &Stamp) -> Role {
-        Role::Store
-    }
     fn elements_max(limits: &Limits, receiver: Option<Role>) -> usize {
         let casing = &limits.casing;
         match receiver {
@@ -242,13 +219,11 @@ impl Topic for SettledTopic {
     type Header = Stamp;
     type Element = Discriminators;
     const NAME: &'static str = "tapline/settled";
+    const SENDER: Option<Role> = Some(Role::Store);
     const DELIVERY: Delivery = Delivery::All(&[Role::Fuse]);
     const BUFFER: usize = 8;
     const BORROWED: usize = 2;
 
-    fn sender(_: &Stamp) -> Role {
-        Role::Store
-    }
     fn elements_max(_: &Limits, _: Option<Role>) -> usize {
         SETTLED_RECORDS_MAX
     }
@@ -262,13 +237,11 @@ impl Topic for DamageTopic {
     type Header = Judgement;
     type Element = DamageCell;
     const NAME: &'static str = "tapline/damage";
+    const SENDER: Option<Role> = Some(Role::Fuse);
     const DELIVERY: Delivery = Delivery::All(&[Role::Store]);
     const BUFFER: usize = 4;
     const BORROWED: usize = 2;
 
-    fn sender(_: &Stamp) -> Role {
-        Role::Fuse
-    }
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
         limits.casing.locations.max(1)
     }
@@ -283,13 +256,10 @@ impl Topic for AskTopic {
     type Header = Stamp;
     type Element = u8;
     const NAME: &'static str = "tapline/ask";
+    const SENDER: Option<Role> = Some(Role::Fuse);
     const DELIVERY: Delivery = Delivery::All(&[Role::Store]);
     const BUFFER: usize = 4;
     const BORROWED: usize = 2;
-
-    fn sender(_: &Stamp) -> Role {
-        Role::Fuse
-    }
 
     fn elements_max(limits: &Limits, _: Option<Role>) -> usize {
         (limits.casing.room * TAP_BYTES).max(1)
@@ -307,14 +277,12 @@ impl Topic for StatusTopic {
     type Header = Stamp;
     type Element = u8;
     const NAME: &'static str = "tapline/status";
+    const SENDER: Option<Role> = Some(Role::Supervisor);
     const DELIVERY: Delivery = Delivery::Newest;
     const BUFFER: usize = 1;
     // A viewer holds one record while it looks for a newer one.
     const BORROWED: usize = 2;
 
-    fn sender(_: &Stamp) -> Role {
-        Role::Supervisor
-    }
     fn elements_max(_: &Limits, _: Option<Role>) -> usize {
         STATUS_BYTES_MAX
     }
@@ -331,6 +299,11 @@ pub(crate) fn receivers(limits: &Limits) -> impl Iterator<Item = Role> {
     [Role::Fuse, Role::Supervisor].into_iter().chain((0..limits.acquire_count).map(Role::Acquire))
 }
 
+/// How many processes publish on a topic.
+fn publishers<T: Topic>(limits: &Limits) -> usize {
+    if T::SENDER.is_some() { 1 } else { limits.acquire_count.into() }
+}
+
 /// Limits of a topic's service: publishers, subscribers and nodes, dead ones included.
 pub(crate) fn port_limits<T: Topic>(limits: &Limits) -> (usize, usize, usize) {
     let subscribers = match T::DELIVERY {
@@ -338,7 +311,7 @@ pub(crate) fn port_limits<T: Topic>(limits: &Limits) -> (usize, usize, usize) {
         Delivery::Addressed => 1,
         Delivery::Newest => VIEWERS_MAX,
     };
-    let ports = (T::publishers(limits) + SPARE_PORTS, subscribers + SPARE_PORTS);
+    let ports = (publishers::<T>(limits) + SPARE_PORTS, subscribers + SPARE_PORTS);
     // A viewer's node stays until the supervisor removes dead ones.
     (ports.0, ports.1, ports.0 + ports.1 + 2 * VIEWERS_MAX)
 }
@@ -357,7 +330,7 @@ pub(crate) const LOANED: usize = 2;
 /// Shared memory that a whole line may come to need, in bytes.
 pub fn line_bytes(limits: &Limits) -> usize {
     fn of<T: Topic>(limits: &Limits) -> usize {
-        publisher_bytes::<T>(limits, None) * T::publishers(limits)
+        publisher_bytes::<T>(limits, None) * publishers::<T>(limits)
     }
     let to_each: usize = receivers(limits).map(|role| publisher_bytes::<CasingTopic>(limits, Some(role))).sum();
     of::<TapTopic>(limits)

@@ -32,7 +32,6 @@ fn judged(
     (0..plan.scans().len()).map(of).collect()
 }
 
-const BOTH: [Channel; 2] = [Channel::Force, Channel::Sound];
 const ABSENT: Reasons = Reasons::FEATURES_ABSENT.union(Reasons::REFERENCE_LACKS_FEATURES);
 const PASS: (Verdict, Reasons) = (Verdict::Pass, Reasons::empty());
 const TOLD: (Verdict, Reasons) = (Verdict::ReInspect, Reasons::FEATURES_ABSENT);
@@ -42,7 +41,7 @@ fn a_discriminator_that_most_taps_lack_is_told() {
     // Catches a limit that is not at one half, counted in locations or among the taps that came alone, and closing taps that
     // count: of 800 taps 400 or 401 lack it.
     let lacks = |count: usize| {
-        judged(&Casing::default(), &BOTH, |number, _, values| {
+        judged(&Casing::default(), &Channel::BOTH, |number, _, values| {
             // Of the four turns of 100 in every two, one and then the other: no location lacks more than another.
             let place = number % 200;
             if place < 100 && number / 200 * 100 + place < count || number == 150 && count == 401 {
@@ -54,7 +53,7 @@ fn a_discriminator_that_most_taps_lack_is_told() {
     assert_eq!(lacks(400), [PASS]);
     assert_eq!(lacks(401), [TOLD]);
     // What the index does not ask for may lack.
-    assert_eq!(judged(&Casing::default(), &BOTH, |_, _, values| values.set(Discriminator::A2, None)), [PASS]);
+    assert_eq!(judged(&Casing::default(), &Channel::BOTH, |_, _, values| values.set(Discriminator::A2, None)), [PASS]);
 }
 
 #[test]
@@ -68,8 +67,8 @@ fn a_channel_that_dies_is_told_and_one_that_is_not_there_is_not() {
             }
         })
     };
-    assert_eq!(of(&BOTH, Channel::Sound), [TOLD]);
-    assert_eq!(of(&BOTH, Channel::Force), [TOLD]);
+    assert_eq!(of(&Channel::BOTH, Channel::Sound), [TOLD]);
+    assert_eq!(of(&Channel::BOTH, Channel::Force), [TOLD]);
     assert_eq!(of(&[Channel::Force], Channel::Sound), [PASS]);
     assert_eq!(of(&[Channel::Sound], Channel::Force), [PASS]);
 }
@@ -78,7 +77,7 @@ fn a_channel_that_dies_is_told_and_one_that_is_not_there_is_not() {
 fn a_stuck_sensor_is_told() {
     // Catches one that says the same of every tap, and so of nothing; and values that are alike by chance, or in a few taps.
     let stuck = |is_stuck: fn(usize) -> bool| {
-        judged(&Casing::default(), &BOTH, |number, _, values| {
+        judged(&Casing::default(), &Channel::BOTH, |number, _, values| {
             if is_stuck(number) {
                 values.set(Discriminator::Pr, Some(0.3125));
             }
@@ -100,7 +99,7 @@ fn one_tap_of_a_discriminator_is_not_stuck() {
         repetition_count: 1,
         ..Casing::default()
     };
-    assert!(judged(&one, &BOTH, |_, _, _| ())[0].1.is_empty());
+    assert!(judged(&one, &Channel::BOTH, |_, _, _| ())[0].1.is_empty());
 }
 
 #[test]
@@ -108,7 +107,7 @@ fn a_location_that_lacks_most_of_its_discriminators_is_told() {
     // Catches a location of which almost nothing is known, and that passes: of 48 values 24 or 25 are absent.
     let lacks = |count: usize| {
         let asked = FuseConfig::default().discriminators;
-        judged(&Casing::default(), &BOTH, |number, id, values| {
+        judged(&Casing::default(), &Channel::BOTH, |number, id, values| {
             if id.location != 70 {
                 return;
             }
@@ -128,7 +127,7 @@ fn a_location_that_lacks_most_of_its_discriminators_is_told() {
 fn a_reference_that_lacks_features_is_told() {
     // Catches a sound shoulder that passes by a reference half of which is dead, and people who are sent to its own sensors.
     let casing = Casing { shoulder_count: 2, ..Casing::default() };
-    let told = judged(&casing, &BOTH, |_, id, values| {
+    let told = judged(&casing, &Channel::BOTH, |_, id, values| {
         if id.shoulder == 2 {
             values.set(Discriminator::Pf, None);
         }

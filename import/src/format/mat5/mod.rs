@@ -2,6 +2,13 @@
 //!
 //! Source: MathWorks, *MAT-File Format*. No crate that reads these files keeps 32-bit integers, bounds memory, and passes over
 //! variables of other classes.
+//!
+//! - here: the variables, and which of them is a channel
+//! - `elements`: what an array is written as; `array`: what it holds; `numbers`: its numbers
+
+mod array;
+mod elements;
+mod numbers;
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -11,6 +18,9 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 
 use crate::error::{Fault, broken, some_of};
+use crate::format::mat5::array::{Array, MI_MATRIX, MX_CHAR, class_name};
+use crate::format::mat5::elements::Elements;
+use crate::format::mat5::numbers::Numbers;
 use crate::format::{
     PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, UNIT, UNIT_BOUND, line_of, picked_twice, place_of, whole,
 };
@@ -24,13 +34,6 @@ const VARIABLE_BYTES_MAX: u64 = 8 * SAMPLES_MAX;
 
 /// Most variables that are kept: the channels and their units, and the scalars of rate and trigger.
 const READ_MAX: usize = 6;
-
-/// Deepest structure within structures.
-const DEPTH_MAX: usize = 4;
-
-/// Most axes of an array, and fields of a structure.
-const AXES_MAX: usize = 32;
-const FIELDS_MAX: usize = 4096;
 
 /// A MATLAB file, read into memory but for what other variables hold.
 #[derive(Debug)]
@@ -51,35 +54,7 @@ struct Variable {
     is_packed: bool,
 }
 
-/// An array, unpacked.
-#[derive(Debug)]
-struct Array {
-    class: u8,
-    is_complex: bool,
-    shape: Vec<u64>,
-    /// Type and bytes of the numbers.
-    numbers: Option<(u32, Vec<u8>)>,
-    /// Of an array of characters.
-    text: String,
-    /// Of a structure of one element, its fields.
-    fields: Vec<(String, Array)>,
-}
-
-const MI_MATRIX: u32 = 14;
 const MI_COMPRESSED: u32 = 15;
-const MX_STRUCT: u8 = 2;
-const MX_OBJECT: u8 = 3;
-const MX_CHAR: u8 = 4;
-const COMPLEX: u32 = 0x0800;
-
-/// Name of a class of arrays.
-fn class_name(class: u8) -> &'static str {
-    const NAMES: [&str; 16] = [
-        "unknown", "cell", "struct", "object", "char", "sparse", "double", "single", "int8", "uint8", "int16",
-        "uint16", "int32", "uint32", "int64", "uint64",
-    ];
-    NAMES.get(usize::from(class)).copied().unwrap_or(NAMES[0])
-}
 
 impl Mat5 {
     pub(crate) fn open(path: &Path) -> Result<Self, Fault> {
@@ -229,190 +204,6 @@ impl Mat5 {
 
     fn names(&self) -> String {
         some_of(self.variables.iter().map(|variable| variable.name.as_str()))
-    }
-}
-
-/// The elements of an array, one after the other.
-struct Elements<'a> {
-    bytes: &'a [u8],
-    is_big_endian: bool,
-}
-
-impl<'a> Elements<'a> {
-    fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
-        match self.bytes.split_at_checked(count) {
-            Some((taken, rest)) => {
-                self.bytes = rest;
-                Ok(taken)
-            }
-            None => broken(format!("an array ends after {} bytes; its next element has {count}", self.bytes.len())),
-        }
-    }
-
-    fn word(&self, bytes: &[u8]) -> u32 {
-        let word = bytes.try_into().unwrap_or_default();
-        if self.is_big_endian { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) }
-    }
-
-    /// Type and bytes of the next element.
-    fn next(&mut self) -> Result<(u32, &'a [u8]), Fault> {
-        let first = self.take(4)?;
-        let first = self.word(first);
-        // Up to four bytes follow a short tag.
-        if first >> 16 != 0 {
-            let (kind, count) = (first & 0xffff, (first >> 16) as usize);
-            let data = self.take(4)?;
-            return match data.get(..count) {
-                Some(data) => Ok((kind, data)),
-                None => broken(format!("a short element of an array has {count} bytes; at most 4 fit")),
-            };
-        }
-        let count = self.take(4)?;
-        let count = self.word(count) as usize;
-        let data = self.take(count)?;
-        // The last element may end without its padding.
-        let padding = (count.next_multiple_of(8) - count).min(self.bytes.len());
-        self.take(padding)?;
-        Ok((first, data))
-    }
-
-    /// Whole numbers of 32 bits.
-    fn words(&mut self, most: usize, what: &str) -> Result<Vec<u32>, Fault> {
-        let (_, bytes) = self.next()?;
-        if bytes.len() / 4 > most {
-            return broken(format!("an array has {} {what}; at most {most} are read", bytes.len() / 4));
-        }
-        Ok(bytes.chunks_exact(4).map(|word| self.word(word)).collect())
-    }
-}
-
-impl Array {
-    /// The name and the contents of an array.
-    fn parse(bytes: &[u8], is_big_endian: bool, depth: usize) -> Result<(String, Self), Fault> {
-        let mut elements = Elements { bytes, is_big_endian };
-        let flags = elements.words(4, "flags")?.first().copied().unwrap_or(0);
-        let shape: Vec<u64> = elements.words(AXES_MAX, "axes")?.into_iter().map(u64::from).collect();
-        let (_, name) = elements.next()?;
-        let name = String::from_utf8_lossy(name).into_owned();
-        let class = flags.to_le_bytes()[0];
-        let mut array = Self {
-            class,
-            is_complex: flags & COMPLEX != 0,
-            shape,
-            numbers: None,
-            text: String::new(),
-            fields: Vec::new(),
-        };
-        match class {
-            MX_STRUCT | MX_OBJECT if depth < DEPTH_MAX => {
-                if class == MX_OBJECT {
-                    elements.next()?;
-                }
-                array.fields = fields(&mut elements, &array.shape, depth)?;
-            }
-            MX_CHAR => {
-                let (kind, bytes) = elements.next()?;
-                array.text = match kind {
-                    // 16 bits a character, else UTF-8.
-                    4 => String::from_utf16_lossy(&Numbers { kind, bytes, is_big_endian }.each(
-                        bytes.len() / 2,
-                        |k| k,
-                        u16::from_le_bytes,
-                    )?),
-                    _ => String::from_utf8_lossy(bytes).into_owned(),
-                };
-            }
-            6..=15 => {
-                let (kind, numbers) = elements.next()?;
-                array.numbers = Some((kind, numbers.to_vec()));
-            }
-            _ => {}
-        }
-        Ok((name, array))
-    }
-
-    /// The first number, if it is one.
-    fn double(&self, is_big_endian: bool) -> Option<f64> {
-        let (kind, bytes) = self.numbers.as_ref()?;
-        Numbers { kind: *kind, bytes, is_big_endian }.doubles(1, |_| 0).ok()?.first().copied()
-    }
-}
-
-/// The fields of a structure with one element; those of more have no names of their own.
-fn fields(elements: &mut Elements<'_>, shape: &[u64], depth: usize) -> Result<Vec<(String, Array)>, Fault> {
-    if shape.iter().any(|&n| n != 1) {
-        return Ok(Vec::new());
-    }
-    let name_bytes = elements.words(1, "lengths of names")?.first().copied().unwrap_or(0) as usize;
-    let (_, names) = elements.next()?;
-    if name_bytes == 0 || names.len() / name_bytes > FIELDS_MAX {
-        return broken(format!("a structure has names of {name_bytes} bytes in {} bytes", names.len()));
-    }
-    let mut fields = Vec::new();
-    for name in names.chunks_exact(name_bytes) {
-        let name = String::from_utf8_lossy(name.split(|&byte| byte == 0).next().unwrap_or_default()).into_owned();
-        let (kind, bytes) = elements.next()?;
-        if kind == MI_MATRIX && !bytes.is_empty() {
-            fields.push((name, Array::parse(bytes, elements.is_big_endian, depth + 1)?.1));
-        }
-    }
-    Ok(fields)
-}
-
-/// Numbers as they are in the file, which may be narrower than the class of their array.
-struct Numbers<'a> {
-    kind: u32,
-    bytes: &'a [u8],
-    is_big_endian: bool,
-}
-
-impl Numbers<'_> {
-    /// `count` numbers at the places that `place` gives.
-    fn each<const N: usize, T>(
-        &self,
-        count: usize,
-        place: impl Fn(usize) -> usize,
-        number: impl Fn([u8; N]) -> T,
-    ) -> Result<Vec<T>, Fault> {
-        let (numbers, _) = self.bytes.as_chunks::<N>();
-        let got = numbers.len();
-        let one = |k: usize| {
-            let mut bytes = *numbers
-                .get(place(k))
-                .ok_or_else(|| Fault::Broken(format!("an array has {got} numbers; its shape asks for more")))?;
-            if self.is_big_endian {
-                bytes.reverse();
-            }
-            Ok(number(bytes))
-        };
-        // Checked before memory is asked for.
-        if count > 0 {
-            one(count - 1)?;
-        }
-        (0..count).map(one).collect()
-    }
-
-    fn doubles(&self, count: usize, place: impl Fn(usize) -> usize) -> Result<Vec<f64>, Fault> {
-        match self.kind {
-            9 => self.each(count, place, f64::from_le_bytes),
-            7 => self.each(count, place, |bytes| f32::from_le_bytes(bytes).into()),
-            #[expect(clippy::cast_precision_loss, reason = "doubles that were stored as integers")]
-            _ => Ok(self.integers(count, place)?.into_iter().map(|integer| integer as f64).collect()),
-        }
-    }
-
-    fn integers(&self, count: usize, place: impl Fn(usize) -> usize) -> Result<Vec<i64>, Fault> {
-        match self.kind {
-            1 => self.each(count, place, |bytes| i8::from_le_bytes(bytes).into()),
-            2 => self.each(count, place, |bytes| u8::from_le_bytes(bytes).into()),
-            3 => self.each(count, place, |bytes| i16::from_le_bytes(bytes).into()),
-            4 => self.each(count, place, |bytes| u16::from_le_bytes(bytes).into()),
-            5 => self.each(count, place, |bytes| i32::from_le_bytes(bytes).into()),
-            6 => self.each(count, place, |bytes| u32::from_le_bytes(bytes).into()),
-            12 => self.each(count, place, i64::from_le_bytes),
-            13 => self.each(count, place, |bytes| i64::try_from(u64::from_le_bytes(bytes)).unwrap_or(i64::MAX)),
-            kind => broken(format!("an array of integers holds data of type {kind}")),
-        }
     }
 }
 

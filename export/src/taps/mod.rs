@@ -1,5 +1,7 @@
 //! What exports of taps share: the list of all planned taps, and the names of files.
 
+pub(crate) mod scan_files;
+
 use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -66,6 +68,22 @@ pub struct ListedTap<'a> {
     pub attempt: u16,
 }
 
+/// A folder of the taps of one archive or of many, added archive by archive. It appears when it is finished.
+pub trait TapFolder: std::fmt::Debug {
+    /// Adds the taps of an archive; `on_part` is called before each tap with the part of them that is done, from 0 to 1.
+    ///
+    /// # Errors
+    /// [`Error::NoTapSet`] if it does not fit a tap set, [`Error::TooLarge`] if a matrix would have more bytes than MATLAB reads, or
+    /// an error of reading or writing.
+    fn add(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> Result<()>;
+
+    /// Finishes the folder, and returns the counts of its taps.
+    ///
+    /// # Errors
+    /// [`Error::NoSamples`] if no tap has samples that can be read, or an error of writing.
+    fn finish(self: Box<Self>) -> Result<TapCounts>;
+}
+
 /// The planned taps of an archive, read one at a time.
 pub(crate) struct Taps<'a> {
     reader: &'a Reader,
@@ -74,14 +92,14 @@ pub(crate) struct Taps<'a> {
 }
 
 impl<'a> Taps<'a> {
-    /// The taps of an archive.
-    pub(crate) fn new(reader: &'a Reader) -> Self {
-        Self::with(reader, &|_part| ())
+    /// The taps of an archive; `on_part` is called before each with the part of them that is done, from 0 to 1.
+    pub(crate) fn new(reader: &'a Reader, on_part: &'a dyn Fn(f64)) -> Self {
+        Self { reader, damaged_count: Cell::new(0), on_part }
     }
 
-    /// The taps of an archive; `on_part` is called before each with the part of them that is done, from 0 to 1.
-    pub(crate) fn with(reader: &'a Reader, on_part: &'a dyn Fn(f64)) -> Self {
-        Self { reader, damaged_count: Cell::new(0), on_part }
+    /// The archive.
+    pub(crate) fn reader(&self) -> &'a Reader {
+        self.reader
     }
 
     /// Counts of the taps by state; of corrupt taps, those read so far.

@@ -1,0 +1,49 @@
+//! When a force pulse is a tap: the table `[capture.trigger]`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::config::refuse;
+
+/// When a force pulse is a tap.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TriggerConfig {
+    /// What the force rises to above its baseline, as a part of full scale.
+    pub level: f64,
+    /// What it falls below again, as a part of the level.
+    pub release: f64,
+    /// Shortest time above the release level: what is shorter is a click.
+    pub pulse_min_s: f64,
+    /// Longest time above the release level: what is longer is a step.
+    pub pulse_max_s: f64,
+    /// Time from one tap within which there is no other: a rebound belongs to the tap before it.
+    pub hold_off_s: f64,
+}
+
+impl Default for TriggerConfig {
+    fn default() -> Self {
+        Self { level: 0.05, release: 0.5, pulse_min_s: 1e-4, pulse_max_s: 0.006, hold_off_s: 0.1 }
+    }
+}
+
+impl TriggerConfig {
+    /// Checks every value against its bounds; `table` is what stands before their names in an error.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for the first value out of bounds.
+    pub fn validate(&self, table: &str) -> Result<(), Error> {
+        for (key, value, low, high) in [
+            ("level", self.level, 1e-4, 0.9),
+            ("release", self.release, 0.05, 0.95),
+            ("pulse_min_s", self.pulse_min_s, 0.0, 0.01),
+            ("pulse_max_s", self.pulse_max_s, 1e-3, 0.1),
+            ("hold_off_s", self.hold_off_s, 0.0, 10.0),
+        ] {
+            if !(low..=high).contains(&value) {
+                return refuse(&format!("{table}.{key}"), value, &format!("from {low} to {high}"));
+            }
+        }
+        Ok(())
+    }
+}

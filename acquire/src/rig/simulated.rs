@@ -1,0 +1,317 @@
+//! The simulated rig: the other side of the protocol, with everything that can go wrong at a real rig.
+
+use std::io::{self, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::played::Player;
+use super::protocol::{LineReader, ReadLine, UNKNOWN, VERSION};
+use super::script::RigScript;
+use crate::Error;
+
+/// How often a waiting rig checks whether it is to stop.
+const TICK: Duration = Duration::from_millis(20);
+
+/// What a simulated rig did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RigReport {
+    /// Casings that were put on it.
+    pub casings: u64,
+    /// Casings that the station reported as closed.
+    pub closed: u64,
+    /// Casings that the station refused or did not accept.
+    pub refused: u64,
+    /// Casings that were removed before their last tap.
+    pub removed: u64,
+    /// How often it was switched off.
+    pub switched_off: u64,
+    /// How often its emergency stop was pressed.
+    pub stopped: u64,
+    /// How often it has found its home.
+    pub homed: u64,
+    /// Hits.
+    pub hits: u64,
+    /// Hits that failed.
+    pub failed_hits: u64,
+    /// Hits that were reported and not made.
+    pub missed_hits: u64,
+    /// Hits that were made twice.
+    pub double_hits: u64,
+}
+
+/// Plays `script` for whoever connects to `listener`, one connection at a time, until its casings are done or `stop` is
+/// set.
+///
+/// # Errors
+/// [`Error::Setting`] for a script out of its bounds, [`Error::Rig`] if the listener fails. A station that disconnects
+/// is no error; the rig waits for it to return.
+pub fn serve_rig(listener: &TcpListener, script: &RigScript, stop: &AtomicBool) -> Result<RigReport, Error> {
+    script.validate()?;
+    listener.set_nonblocking(true).map_err(Error::Rig)?;
+    let player = script.play.as_ref().map(|path| Player::start(path, &script.scan, &script.simulation)).transpose()?;
+    let mut rig = Rig {
+        script,
+        stop,
+        player,
+        dice: Dice(script.seed),
+        report: RigReport::default(),
+        on_it: None,
+        is_homed: false,
+        before: String::new(),
+        next_at: Instant::now(),
+    };
+    while !rig.is_done() {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                // Whatever ends the conversation, the next connection begins with hello.
+                if let Err(error) = rig.converse(stream) {
+                    tracing::info!("the station has gone: {error}");
+                }
+            }
+            Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionAborted) => {
+                thread::sleep(TICK)
+            }
+            Err(error) => return Err(Error::Rig(error)),
+        }
+    }
+    Ok(rig.report)
+}
+
+struct Rig<'a> {
+    script: &'a RigScript,
+    stop: &'a AtomicBool,
+    player: Option<Player>,
+    dice: Dice,
+    report: RigReport,
+    on_it: Option<OnRig>,
+    /// Whether it knows its position: not after it was off, or stopped.
+    is_homed: bool,
+    /// Serial of the previous casing.
+    before: String,
+    /// When the next casing comes.
+    next_at: Instant,
+}
+
+/// The casing on the rig, and what will happen to it.
+struct OnRig {
+    serial: String,
+    hits: u64,
+    is_removed: bool,
+    is_switched_off: bool,
+    is_stopped: bool,
+    /// The hit at which it happens.
+    at_hit: u64,
+}
+
+impl Rig<'_> {
+    fn is_done(&self) -> bool {
+        let are_all_there = self.script.casings.is_some_and(|most| self.report.casings >= most);
+        self.stop.load(Ordering::Relaxed) || are_all_there && self.on_it.is_none()
+    }
+
+    /// Talks to one station until that disconnects, the rig is switched off, or all casings are done.
+    fn converse(&mut self, mut stream: TcpStream) -> io::Result<()> {
+        stream.set_nonblocking(false)?;
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(TICK))?;
+        self.is_homed = false;
+        say(&mut stream, &format!("hello {} {VERSION}", self.script.name))?;
+        if let Some(casing) = &self.on_it {
+            say(&mut stream, &format!("casing {}", casing.serial))?;
+        }
+        let mut lines = LineReader::default();
+        while !self.is_done() {
+            if self.on_it.is_none() && Instant::now() >= self.next_at {
+                let serial = self.load();
+                say(&mut stream, &format!("casing {serial}"))?;
+            }
+            match lines.read(&mut stream)? {
+                ReadLine::Text(line) => {
+                    if !self.answer(&mut stream, &line)? {
+                        drop(stream);
+                        self.be_off();
+                        return Ok(());
+                    }
+                }
+                ReadLine::Nothing => {}
+                ReadLine::End => return Err(io::ErrorKind::UnexpectedEof.into()),
+                ReadLine::TooLong | ReadLine::NotText => return Err(io::Error::other("it has sent no line of text")),
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the next casing on the rig; returns its serial.
+    fn load(&mut self) -> String {
+        let script = self.script;
+        self.report.casings += 1;
+        let number = self.report.casings;
+        let (is_unknown, is_repeated) = (self.dice.is(script.unknown), self.dice.is(script.repeated));
+        let place = usize::try_from(number - 1).unwrap_or(usize::MAX);
+        let serial = match script.serials.get(place) {
+            Some(serial) => serial.clone(),
+            None if is_unknown => UNKNOWN.to_owned(),
+            None if is_repeated && !self.before.is_empty() => self.before.clone(),
+            None => script.serial_of(number),
+        };
+        if serial != UNKNOWN {
+            self.before.clone_from(&serial);
+        }
+        let (is_removed, is_switched_off) = (self.dice.is(script.removed), self.dice.is(script.switched_off));
+        let is_stopped = script.stopped > 0.0 && self.dice.is(script.stopped);
+        if let Some(Err(error)) = self.player.as_mut().map(|player| player.load(&serial)) {
+            tracing::error!("casing {serial} is not heard: {error}");
+        }
+        self.on_it =
+            Some(OnRig { serial: serial.clone(), hits: 0, is_removed, is_switched_off, is_stopped, at_hit: 1 });
+        serial
+    }
+
+    /// Takes the casing off the rig; the next one comes after its gap.
+    fn unload(&mut self) {
+        self.on_it = None;
+        self.next_at = Instant::now() + self.dice.between(self.script.gap_s);
+    }
+
+    /// Answers the station's `line`; returns whether the rig is still on.
+    fn answer(&mut self, stream: &mut TcpStream, line: &str) -> io::Result<bool> {
+        let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
+        match word {
+            "ping" => say(stream, "pong")?,
+            "scan" => {
+                let taps: u64 = rest.rsplit(' ').next().and_then(|taps| taps.parse().ok()).unwrap_or(1);
+                let at_hit = 1 + self.dice.below(taps);
+                if let Some(casing) = self.on_it.as_mut().filter(|casing| casing.hits == 0) {
+                    casing.at_hit = at_hit;
+                }
+            }
+            "home" => {
+                self.rest(self.script.home_s);
+                self.is_homed = true;
+                self.report.homed += 1;
+                say(stream, "homed")?;
+            }
+            "move" if self.on_it.is_none() => say(stream, "error there is no casing")?,
+            "move" if !self.is_homed => say(stream, "error it was not homed")?,
+            "move" => {
+                self.rest(self.script.move_s);
+                self.player.iter_mut().for_each(|player| player.go(rest));
+                say(stream, "ready")?;
+            }
+            "hit" => return self.hit(stream, rest),
+            "closed" | "refused" => {
+                if self.on_it.as_ref().is_some_and(|casing| rest.starts_with(casing.serial.as_str())) {
+                    *if word == "closed" { &mut self.report.closed } else { &mut self.report.refused } += 1;
+                    say(stream, "removed")?;
+                    self.unload();
+                }
+            }
+            // The station does not accept the serial, so the casing is taken off.
+            "error" if self.on_it.as_ref().is_some_and(|casing| casing.hits == 0) => {
+                self.report.refused += 1;
+                say(stream, "removed")?;
+                self.unload();
+            }
+            _ => tracing::info!("the station says {line:?}"),
+        }
+        Ok(true)
+    }
+
+    fn hit(&mut self, stream: &mut TcpStream, velocity: &str) -> io::Result<bool> {
+        let script = self.script;
+        let velocity: f64 = velocity.parse().unwrap_or(0.0);
+        let Some(casing) = self.on_it.as_mut() else { return say(stream, "error there is no casing").map(|()| true) };
+        casing.hits += 1;
+        if casing.hits == casing.at_hit && casing.is_switched_off {
+            casing.is_switched_off = false;
+            self.report.switched_off += 1;
+            if self.dice.is(script.swapped) {
+                self.report.removed += 1;
+                self.on_it = None;
+            }
+            return Ok(false);
+        }
+        if casing.hits == casing.at_hit && casing.is_stopped {
+            self.report.stopped += 1;
+            self.is_homed = false;
+            say(stream, "stopped emergency stop")?;
+            self.be_off();
+            say(stream, "running")?;
+            return Ok(true);
+        }
+        if casing.hits >= casing.at_hit && casing.is_removed {
+            self.report.removed += 1;
+            say(stream, "removed")?;
+            say(stream, "error there is no casing")?;
+            self.unload();
+            return Ok(true);
+        }
+        self.rest(script.hit_s);
+        if self.dice.is(script.failed_hits) {
+            self.report.failed_hits += 1;
+            say(stream, "error no air")?;
+            return Ok(true);
+        }
+        self.report.hits += 1;
+        if let Some(player) = &mut self.player {
+            let (is_missed, is_double) = (self.dice.is(script.missed_hits), self.dice.is(script.double_hits));
+            self.report.missed_hits += u64::from(is_missed);
+            self.report.double_hits += u64::from(is_double && !is_missed);
+            player.hit(velocity, if is_missed { 0 } else { 1 + usize::from(is_double) });
+        }
+        let measured = velocity * (1.0 + script.velocity_error * (2.0 * self.dice.uniform() - 1.0));
+        say(stream, &format!("hit {measured}"))?;
+        Ok(true)
+    }
+
+    fn be_off(&mut self) {
+        let time = self.dice.between(self.script.off_s);
+        self.rest(time.as_secs_f64());
+    }
+
+    /// Waits for `time_s`, unless it is to stop.
+    fn rest(&self, time_s: f64) {
+        let until = Instant::now() + Duration::try_from_secs_f64(time_s).unwrap_or_default();
+        while !self.stop.load(Ordering::Relaxed)
+            && let Some(left) = until.checked_duration_since(Instant::now())
+        {
+            thread::sleep(left.min(TICK));
+        }
+    }
+}
+
+fn say(stream: &mut TcpStream, line: &str) -> io::Result<()> {
+    stream.write_all(format!("{line}\n").as_bytes())
+}
+
+/// Random numbers for what happens to casings (SplitMix64); no result depends on them.
+struct Dice(u64);
+
+impl Dice {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+    fn uniform(&mut self) -> f64 {
+        (self.next() >> 11) as f64 * (-53.0_f64).exp2()
+    }
+
+    fn is(&mut self, share: f64) -> bool {
+        self.uniform() < share
+    }
+
+    fn below(&mut self, end: u64) -> u64 {
+        self.next() % end.max(1)
+    }
+
+    fn between(&mut self, [from, to]: [f64; 2]) -> Duration {
+        Duration::try_from_secs_f64(from + (to - from) * self.uniform()).unwrap_or_default()
+    }
+}

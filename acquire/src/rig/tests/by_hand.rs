@@ -1,0 +1,219 @@
+//! What station and rig say to each other, and when one of them is silent.
+
+use std::collections::BTreeMap;
+
+use super::*;
+
+/// Catches words that are not those of `docs/rig-protocol.md`, and a tap that begins anew although it is there.
+#[test]
+fn the_words_are_those_of_the_protocol() {
+    let (listener, mut bench) = by_hand(30.0);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig-7 1\ncasing T 1\r\n");
+    assert_eq!(rig.hear(), "scan T 1 7");
+    let mut casing = bench.casing();
+    rig.is_homed(&bench, &mut casing, 2, "homed\n");
+    assert_eq!(casing.taps.poll(2, 0), Readiness::NotYet);
+    assert!(bench.arrivals.waits_for().ends_with(" to move 1 2 120 5"), "{}", bench.arrivals.waits_for());
+    assert!(render(&mut *casing.taps, 2).unwrap_err().reason.contains("has not made this tap"));
+    rig.say("ready\n");
+    assert_eq!(rig.hear(), "hit 1.85");
+    rig.say("hit 1.84\n");
+    assert_eq!(bench.poll(&mut casing, 2), Readiness::Ready);
+    assert!((render(&mut *casing.taps, 2).unwrap().0.velocity_measured_m_per_s - 1.84).abs() < 1e-12);
+    rig.say("casing T 1\n");
+    assert_eq!(rig.hear(), "error casing T 1 is on the rig already");
+    assert_eq!(bench.poll(&mut casing, 2), Readiness::Ready, "it was made");
+    bench.arrivals.ended("T 1", &CasingEnd::Refused { reason: "no\nroom".to_owned() });
+    assert_eq!(rig.hear(), "refused T 1 no room");
+    // The same serial again is another casing, but not when the rig did not hear that the first is closed.
+    rig.say("removed\ncasing T 1\n");
+    assert_eq!(rig.hear(), "scan T 1 7");
+    let second = bench.casing();
+    drop(rig);
+    bench.until(|waits_for| waits_for.contains("went away"));
+    bench.arrivals.ended(&second.name, &CasingEnd::Closed { file: "x.h5".into() });
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig-7 1\ncasing T 1\n");
+    assert_eq!(rig.hear(), "closed T 1");
+}
+
+/// Catches the end of a casing that is lost with the connection: the rig would wait for a scan that is over.
+#[test]
+fn an_end_that_may_not_have_arrived_is_reported_again() {
+    let (listener, mut bench, mut rig, casing) = scanning();
+    bench.arrivals.ended(&casing.name, &CasingEnd::Closed { file: "x.h5".into() });
+    assert_eq!(rig.hear(), "closed T");
+    drop(rig); // it has answered nothing since
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "closed T");
+    rig.say("casing T\n");
+    assert_eq!(rig.hear(), "scan T 7", "it was reported: the same serial is a new casing");
+}
+
+/// Catches a rig that is away for ever being waited for as long.
+#[test]
+fn patience_ends() {
+    let (listener, mut bench) = by_hand(0.05);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    let mut casing = bench.casing();
+    assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet);
+    drop(rig);
+    let Readiness::Gone(why) = bench.poll(&mut casing, 0) else { panic!("not gone") };
+    assert_eq!(why, "the rig was away for more than 0.05 s");
+    // People hear of it at once, not when patience ends.
+    let alarms = bench.arrivals.take_alarms();
+    assert!(alarms[0].starts_with("casing T: the rig is away: "), "{alarms:?}");
+    assert_eq!(alarms[1..], ["casing T: the rig was away for more than 0.05 s"]);
+    // It comes back with nothing, and then with the same casing: that is scanned anew.
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "scan T 7");
+    let mut again = bench.casing();
+    rig.is_homed(&bench, &mut again, 0, "homed\n");
+    bench.arrivals.ended("T", &CasingEnd::Closed { file: "x.h5".into() });
+    rig.say("ready\n");
+    assert_eq!(casing.taps.poll(0, 0), Readiness::Gone(why));
+    assert_eq!(rig.hear(), "hit 1.85", "the second is not what ended");
+}
+
+/// Catches a rig that sends anything at all being listened to for ever.
+#[test]
+fn rigs_that_send_garbage_are_cut_off() {
+    let (listener, bench) = by_hand(30.0);
+    let flood = "casing A\nremoved\n".repeat(50);
+    let long = "x".repeat(1000);
+    for (says, want) in [
+        ("good day\n", "the rig has said \"good day\", which means nothing here"),
+        ("ready\n", "the rig has said \"ready\" before hello"),
+        ("hello rig 2\n", "the rig speaks version 2 of the protocol; this station speaks 1"),
+        ("hello rig 1\nready\n", "the rig has said \"ready\" unasked"),
+        ("hello rig 1\nhit 1e9\n", "the rig has said \"hit 1e9\", which means nothing here"),
+        (&*format!("hello rig 1\n{flood}"), "the rig has said more than 20 lines unasked within a second"),
+        (&*long, "the rig has sent a line of more than 256 bytes"),
+    ] {
+        let mut rig = ByHand::accept(&listener);
+        rig.say(says);
+        let mut heard = BTreeMap::new();
+        // A connection that is cut off may end with a reset.
+        let mut line = String::new();
+        while rig.heard.read_line(&mut line).is_ok_and(|count| count > 0) {
+            *heard.entry(std::mem::take(&mut line)).or_insert(0) += 1;
+        }
+        bench.until(|waits_for| waits_for.contains(want));
+    }
+}
+
+#[test]
+fn a_rig_at_a_serial_port_is_asked_who_it_is() {
+    // Catches a port that waits for a greeting, one that is opened again for noise while a board starts, which then starts again,
+    // lines that are cut, and a rig that is gone and is not told.
+    use serialport::SerialPort as _;
+
+    let (rig, port) = serialport::TTYPort::pair().unwrap();
+    let address = format!("serial:{}", port.name().unwrap());
+    drop(port);
+    let played = thread::Builder::new().name("rig".to_owned()).spawn(move || {
+        let mut rig = rig;
+        rig.set_timeout(LONG).unwrap();
+        let mut noise = rig.try_clone_native().unwrap();
+        let mut lines = BufReader::new(rig.try_clone_native().unwrap()).lines();
+        // Nothing can be read before the station has opened its end.
+        let mut next = || lines.find_map(Result::ok).unwrap();
+        let mut say = |line: &str| rig.write_all(format!("{line}\n").as_bytes()).unwrap();
+        assert_eq!(next(), "hello");
+        noise.write_all(b"\xff\xfe\x80 boot\n\xc0\n").unwrap();
+        say("hello press 1");
+        say("casing A-1");
+        assert_eq!(next(), "scan A-1 7");
+        loop {
+            let line = next();
+            match line.split(' ').next().unwrap() {
+                "home" => say("homed"),
+                "move" => say("ready"),
+                "hit" => say("hit 1.85"),
+                "closed" => break,
+                _ => panic!("{line}"),
+            }
+        }
+        say("removed");
+    });
+    let mut bench = Bench::new(address, 30.0, 0);
+    let went = bench.scan_one();
+    assert_eq!((went.name.as_str(), went.taps, went.refused, went.gone), ("A-1", 7, 0, None));
+    played.unwrap().join().unwrap();
+    bench.until(|waits_for| waits_for.contains("the rig at serial:"));
+}
+
+/// Catches a hit that is not answered and not reported before the connection is given up, a report that is repeated, and one of
+/// an answer that comes at once.
+#[test]
+fn a_hit_that_is_not_answered_is_an_alarm() {
+    let (listener, mut bench) = by_hand(30.0);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig-7 1\ncasing T 1\r\n");
+    assert_eq!(rig.hear(), "scan T 1 7");
+    let mut casing = bench.casing();
+    rig.is_homed(&bench, &mut casing, 2, "homed\n");
+    rig.say("ready\n");
+    assert_eq!(rig.hear(), "hit 1.85");
+    assert_eq!(bench.arrivals.take_alarms(), [""; 0]);
+    let since = Instant::now();
+    let mut alarms = Vec::new();
+    while alarms.is_empty() {
+        assert!(since.elapsed() < LONG, "no alarm");
+        bench.pause();
+        alarms = bench.arrivals.take_alarms();
+    }
+    assert_eq!(alarms, ["the rig has not answered \"hit 1.85\" for 1s"]);
+    rig.say("hit 1.84\n");
+    assert_eq!(bench.poll(&mut casing, 2), Readiness::Ready, "late is not lost");
+    assert_eq!(bench.arrivals.take_alarms(), [""; 0]);
+}
+
+#[test]
+fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
+    // Catches a rig that connects anew and homes, and does not move, or does not home: for ever, and nobody is told; an alarm
+    // for each time, and one of a rig that answers in between.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let mut bench = Bench::new(address, 30.0, 0);
+    let mut alarms = Vec::new();
+    let mut casing = None;
+    // Whether it answers `home` and `move` before it is gone.
+    let times =
+        [(true, false), (true, true), (true, false), (true, false), (true, false), (true, false), (false, false)];
+    for (homes, moves) in times.into_iter().chain([(false, false); 3]) {
+        let mut rig = ByHand::accept(&listener);
+        rig.say("hello rig 1\ncasing T\n");
+        assert_eq!(rig.hear(), "scan T 7");
+        let casing = casing.get_or_insert_with(|| bench.casing());
+        bench.until_told(casing, 0, "home");
+        assert_eq!(rig.hear(), "home");
+        if homes {
+            rig.say("homed\n");
+            bench.until_told(casing, 0, "move 1 0 0 5");
+        }
+        if moves {
+            assert_eq!(rig.hear(), "move 1 0 0 5");
+            rig.say("ready\n");
+            assert_eq!(rig.hear(), "hit 1.85");
+        }
+        drop(rig);
+        bench.until(|waits_for| waits_for.contains("which went away"));
+        let all = bench.arrivals.take_alarms();
+        let (away, other): (Vec<_>, Vec<_>) =
+            all.into_iter().partition(|alarm| alarm.starts_with("casing T: the rig is away: "));
+        assert_eq!(away.len(), 1, "{away:?}");
+        alarms.push(other);
+    }
+    let told = |what: &str, command: &str| {
+        vec![format!("the rig does not {what}: it was told {command:?} 3 times in a row, and has not answered")]
+    };
+    let mut want = vec![Vec::new(); 10];
+    want[4] = told("move", "move 1 0 0 5");
+    want[8] = told("home", "home");
+    assert_eq!(alarms, want);
+}

@@ -1,0 +1,116 @@
+//! Taps of a rig that a sound card hears.
+
+use super::*;
+use crate::capture::TriggerConfig;
+use crate::capture::fake::{Cable, PRE, RECORD, Step, config, frames, frames_of, record};
+
+/// A station that hears its rig through a cable, and a rig whose casing it has taken over.
+fn heard_bench() -> (Bench, Cable, ByHand, Casing) {
+    heard_bench_of(&config(16))
+}
+
+fn heard_bench_of(config: &CaptureConfig) -> (Bench, Cable, ByHand, Casing) {
+    let (listener, mut bench) = by_hand(30.0);
+    let cable = Cable::new(config);
+    bench.arrivals.ear = Some(Arc::clone(&cable.ear));
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "scan T 7");
+    let casing = bench.casing();
+    (bench, cable, rig, casing)
+}
+
+/// Hits when it is told to, and reports the hit once `play` has played it.
+fn strike(rig: &mut ByHand, play: impl FnOnce()) {
+    rig.say("ready\n");
+    assert_eq!(rig.hear(), "hit 1.85");
+    // Longer than what is played lasts: all of it was heard after the command.
+    thread::sleep(Duration::from_millis(100));
+    play();
+    rig.say("hit 1.85\n");
+}
+
+#[test]
+fn a_tap_in_a_gap_is_made_again() {
+    // Catches a tap of which half was lost and that is taken, or given up.
+    let (bench, cable, mut rig, mut casing) = heard_bench();
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    let gap = [Step::Frames(frames(1000..1700, &[1500])), Step::Lost(100), Step::Frames(frames(1800..2800, &[]))];
+    strike(&mut rig, || cable.play(gap));
+    let again = thread::Builder::new().name("rig".to_owned()).spawn(move || {
+        assert_eq!(rig.hear(), "move 1 0 0 5");
+        strike(&mut rig, || cable.play([Step::Frames(frames(2800..4800, &[4000]))]));
+        (rig, cable)
+    });
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    let mut samples = vec![CacheLine::default(); cache_lines_for(config(16).recording().payload_bytes_max())];
+    casing.taps.render(0, 0, &mut TapHeader::default(), &mut samples).unwrap();
+    assert_eq!(frames_of(&mut samples, 16), record(4000));
+    let (_rig, cable) = again.unwrap().join().unwrap();
+    assert_eq!(cable.ear.take_alarms(), ["fake has lost about 100 samples; a tap in them is not there"]);
+}
+
+#[test]
+fn a_pulse_from_before_the_command_is_not_its_tap() {
+    // Catches a stray pulse between move and hit that is taken for the tap: one that is heard at once, and one whose samples were
+    // read late, when the rig had been told to hit.
+    let (bench, cable, mut rig, mut casing) = heard_bench();
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    cable.play([Step::Frames(frames(1000..3000, &[2000]))]);
+    // Half a second of samples waits behind those with the stray pulse.
+    strike(&mut rig, || cable.play([Step::Late(frames(3000..5000, &[4000]), 20_480)]));
+    bench.until(|waits_for| waits_for == "its hit to be heard");
+    assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet, "a stray pulse was taken");
+    cable.play([Step::Frames(frames(5000..7000, &[6000]))]);
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    let mut samples = vec![CacheLine::default(); cache_lines_for(config(16).recording().payload_bytes_max())];
+    casing.taps.render(0, 0, &mut TapHeader::default(), &mut samples).unwrap();
+    assert_eq!(frames_of(&mut samples, 16), record(6000));
+}
+
+#[test]
+fn a_second_strike_within_the_hold_off_is_told() {
+    // Catches a rig that hits twice, the second time behind the record, and whose tap is taken as if it had hit once; and a
+    // rebound within the record, or a click behind it, that is taken for a second strike.
+    let config = CaptureConfig { trigger: TriggerConfig { hold_off_s: 0.03, ..config(16).trigger }, ..config(16) };
+    let (bench, cable, mut rig, mut casing) = heard_bench_of(&config);
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    // The record of a tap ends 300 frames after it, its hold-off after 1229.
+    strike(&mut rig, || cable.play([Step::Frames(frames(1000..4000, &[1500, 2300]))]));
+    let again = thread::Builder::new().name("rig".to_owned()).spawn(move || {
+        assert_eq!(rig.hear(), "move 1 0 0 5");
+        let mut once = frames(4000..7000, &[4500, 4700]);
+        once[1000][0] = 8000;
+        strike(&mut rig, || cable.play([Step::Frames(once)]));
+        (rig, cable)
+    });
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    let mut samples = vec![CacheLine::default(); cache_lines_for(config.recording().payload_bytes_max())];
+    casing.taps.render(0, 0, &mut TapHeader::default(), &mut samples).unwrap();
+    let first = 4501 - PRE;
+    assert_eq!(frames_of(&mut samples, 16), frames(first..first + RECORD, &[4500, 4700]));
+    let (_rig, _cable) = again.unwrap().join().unwrap();
+    let mut bench = bench;
+    let told = "casing T: the rig was told to hit once, and was heard more than once";
+    assert_eq!(bench.arrivals.take_alarms(), [told]);
+}
+
+#[test]
+fn no_hit_is_asked_for_while_the_device_is_not_heard() {
+    // Catches a rig that hits while nobody listens, and one that is not told to go on.
+    let (bench, cable, mut rig, mut casing) = heard_bench();
+    cable.play([Step::Frames(frames(0..1000, &[])), Step::Fails("it was pulled out")]);
+    // Once it cannot be opened either, the ear has said so.
+    cable.play([Step::Fails("it is not there"), Step::Opens]);
+    assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet);
+    assert!(bench.arrivals.waits_for().contains("fake is not heard"), "{}", bench.arrivals.waits_for());
+    rig.stream.set_read_timeout(Some(Duration::from_millis(300))).unwrap();
+    let mut line = String::new();
+    assert!(rig.heard.read_line(&mut line).is_err() && line.is_empty(), "{line:?}");
+    rig.stream.set_read_timeout(Some(LONG)).unwrap();
+    cable.play([Step::Frames(frames(1000..2000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+}

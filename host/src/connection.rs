@@ -1,0 +1,146 @@
+//! What a connection over a network needs: whether it leaves this machine, and a user's name and password.
+
+use std::fs;
+use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+
+/// Longest file of credentials, in bytes.
+const CREDENTIALS_BYTES_MAX: u64 = 65_536;
+
+/// Why a file of credentials is not used.
+#[derive(Debug, thiserror::Error)]
+pub enum CredentialsError {
+    /// It cannot be read.
+    #[error("cannot read the credentials in {}", path.display())]
+    Unreadable {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// It is not its user's alone.
+    #[error("every user of this machine can read {path}: chmod 600 {path}", path = path.display())]
+    Shared {
+        /// Which.
+        path: PathBuf,
+    },
+    /// It is something else.
+    #[error("{} has {bytes} bytes: credentials have {CREDENTIALS_BYTES_MAX} at most", path.display())]
+    TooLong {
+        /// Which.
+        path: PathBuf,
+        /// Its length.
+        bytes: u64,
+    },
+    /// It holds no name and password.
+    #[error("{} has {lines} lines, and must have two: user and password", path.display())]
+    NotTwoLines {
+        /// Which.
+        path: PathBuf,
+        /// How many it has.
+        lines: usize,
+    },
+}
+
+/// A user's name and password.
+#[derive(Clone)]
+pub struct User {
+    /// The name.
+    pub name: String,
+    /// The password.
+    pub password: String,
+}
+
+impl std::fmt::Debug for User {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("User").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+impl User {
+    /// The one in the file at `path`, which has a line for each.
+    ///
+    /// # Errors
+    /// [`CredentialsError`].
+    pub fn read(path: &Path) -> Result<Self, CredentialsError> {
+        Self::in_text(&read_credentials(path)?, path)
+    }
+
+    /// The one in `text`, which is what the file at `path` holds.
+    ///
+    /// # Errors
+    /// [`CredentialsError::NotTwoLines`].
+    pub fn in_text(text: &str, path: &Path) -> Result<Self, CredentialsError> {
+        match text.lines().collect::<Vec<_>>().as_slice() {
+            [name, password] if !name.is_empty() && !password.is_empty() => {
+                Ok(Self { name: (*name).to_owned(), password: (*password).to_owned() })
+            }
+            lines => Err(CredentialsError::NotTwoLines { path: path.to_owned(), lines: lines.len() }),
+        }
+    }
+}
+
+/// The text of the file at `path`, which other users of the machine may not read.
+///
+/// # Errors
+/// [`CredentialsError`].
+pub fn read_credentials(path: &Path) -> Result<String, CredentialsError> {
+    let unreadable = |source| CredentialsError::Unreadable { path: path.to_owned(), source };
+    let there = fs::metadata(path).map_err(unreadable)?;
+    if there.mode() & 0o007 != 0 {
+        return Err(CredentialsError::Shared { path: path.to_owned() });
+    }
+    if there.len() > CREDENTIALS_BYTES_MAX {
+        return Err(CredentialsError::TooLong { path: path.to_owned(), bytes: there.len() });
+    }
+    fs::read_to_string(path).map_err(unreadable)
+}
+
+/// Listens at `address`, for a runtime that waits for connections by itself.
+///
+/// # Errors
+/// What the system returns.
+pub fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
+    let listener = TcpListener::bind(address)?;
+    listener.set_nonblocking(true)?;
+    Ok(listener)
+}
+
+/// Whether `host` is this machine, by an address of the loopback or by the one name that always leads there.
+pub fn is_this_machine(host: &str) -> bool {
+    let address = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
+    host.eq_ignore_ascii_case("localhost") || address.is_ok_and(|address| address.is_loopback())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    use super::*;
+
+    /// Catches a password that others can read, and a file without one.
+    #[test]
+    fn credentials_are_of_their_user_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("user");
+        let read = |text: &str, mode| {
+            fs::write(&file, text).unwrap();
+            fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
+            User::read(&file)
+        };
+        let user = read("line\nsecret\n", 0o600).unwrap();
+        assert_eq!((user.name.as_str(), user.password.as_str()), ("line", "secret"));
+        assert!(!format!("{user:?}").contains("secret"));
+        let long = "x".repeat(65_537);
+        for (text, mode, why) in [
+            ("line\nsecret\n", 0o604, "every user"),
+            ("line\n", 0o600, "1 lines"),
+            ("\nx\n", 0o600, "two"),
+            (&long, 0o600, "65537 bytes"),
+        ] {
+            let said = read(text, mode).unwrap_err().to_string();
+            assert!(said.contains(why) && said.contains(&file.display().to_string()), "{said}");
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! Wrong data is told: faults planted in the taps of two simulators that share no code, and how many of them are flagged.
+//!
+//! Each fault must be flagged in 99 of 100 faulty taps, and no flag may be raised in more than 1 of 100 clean ones. Run it with
+//! `cargo test -p tapline-plate --test wrong_data -- --nocapture` to see the shares.
+#![expect(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
+mod shoulders;
+mod taps;
+
+use tapline_wire::{Channel, ChannelHeader, SampleFormat, TapHeader, TapId};
+
+const RATE_HZ: f64 = 40_960.0;
+
+/// A tap of so many samples, of a `velocity` as it was planned and as it was measured.
+fn header(
+    format: SampleFormat,
+    count: u32,
+    pre_trigger_samples: u32,
+    velocity: (f64, f64),
+    units: [f64; 2],
+) -> TapHeader {
+    let mut header = TapHeader {
+        id: TapId::default().with_velocity_m_per_s(Some(velocity.0)).unwrap(),
+        sample_rate_hz: RATE_HZ,
+        velocity_nominal_m_per_s: velocity.0,
+        velocity_measured_m_per_s: velocity.1,
+        pre_trigger_samples,
+        sample_count: count,
+        planned_sample_count: count,
+        sample_format: format.code(),
+        channel_count: 2,
+        ..TapHeader::default()
+    };
+    for ((slot, kind), unit_per_count) in header.channels.iter_mut().zip(Channel::BOTH).zip(units) {
+        *slot = ChannelHeader { code: kind.code(), unit_per_count, reserved: 0 };
+    }
+    header
+}
