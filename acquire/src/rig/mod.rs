@@ -216,7 +216,7 @@ struct RigCasing {
 
 /// Says that no tap was heard in `time`, and what was: a level that is too high, or a sensor that is not there.
 fn unheard(ear: &Ear, time: Duration) -> String {
-    let frames = time.as_secs_f64() * f64::from(ear.config().sample_rate_hz);
+    let frames = time.as_secs_f64() * f64::from(ear.config.sample_rate_hz);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a time of a second or so, in samples")]
     let latest = ear.latest(frames as usize);
     let [force, sound] = latest.map(|samples| {
@@ -224,7 +224,7 @@ fn unheard(ear: &Ear, time: Duration) -> String {
             samples.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
         format!("from {:.1} to {:.1} %", 100.0 * least, 100.0 * greatest)
     });
-    let level = 100.0 * ear.config().trigger.level;
+    let level = 100.0 * ear.config.trigger.level;
     format!("{UNHEARD}: the force was {force} of full scale, the sound {sound}; the trigger level is {level:.1} %")
 }
 
