@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, ensure};
 use futures_util::{StreamExt as _, stream};
 use tapline_store::verify;
 use tokio::task::spawn_blocking;
 
-use crate::folders::{CasingFile, find};
+use crate::folders::{CasingFile, End, find};
 use crate::objects::{self, Put};
 use crate::place::{Key, Place};
 use crate::task::Local;
@@ -30,8 +30,11 @@ pub struct Copied {
 /// there is not overwritten.
 ///
 /// # Errors
-/// Places that cannot be read. What keeps one file from being copied is in [`Copied`].
+/// Places that cannot be read or written: other files would fare no better. What is wrong with one file is in [`Copied`].
 pub async fn copy(from: &[Place], to: &Place) -> Result<Copied> {
+    for place in from {
+        ensure!(!to.lies_in(place)?, "{to} lies in {place}, and would be copied into itself: name a folder outside");
+    }
     let files = find(from, false).await?;
     let one = |file: CasingFile| async move {
         let done = copy_one(&file, to).await;
@@ -40,22 +43,29 @@ pub async fn copy(from: &[Place], to: &Place) -> Result<Copied> {
     let mut done = stream::iter(files.into_iter().map(one)).buffered(AT_A_TIME);
     let mut copied = Copied::default();
     while let Some((file, done)) = done.next().await {
-        match done {
+        match done? {
             Ok(Put::Done) => copied.copied += 1,
             Ok(Put::WasThere) => copied.there += 1,
-            Err(error) => copied.failed.push((file.name, format!("{error:#}"))),
+            Err(why) => copied.failed.push((file.name, why)),
         }
     }
     Ok(copied)
 }
 
-async fn copy_one(file: &CasingFile, to: &Place) -> Result<Put> {
+/// Copies a file; `Err` with what is wrong with it.
+///
+/// # Errors
+/// What is wrong with a place.
+async fn copy_one(file: &CasingFile, to: &Place) -> Result<Result<Put, String>> {
     let target = CasingFile::new(file.name.clone(), to.join(&file.name).to_string());
-    if is_same(file, &target).await? {
-        return Ok(Put::WasThere);
+    if let Some(end) = target.end().await? {
+        return of_target(file, &target, &end).await;
     }
     let source = file.clone();
-    let local = spawn_blocking(move || checked(&source)).await.context("a file was not read to its end")??;
+    let local = match spawn_blocking(move || checked(&source)).await.context("a file was not read to its end")?? {
+        Ok(local) => local,
+        Err(why) => return Ok(Err(why)),
+    };
     let put = match Key::of_address(&target.path) {
         Some(key) => objects::put(local.path(), &key, true).await?,
         None => {
@@ -63,33 +73,39 @@ async fn copy_one(file: &CasingFile, to: &Place) -> Result<Put> {
             spawn_blocking(move || put_file(&local, Path::new(&to))).await.context("a file was not written")??
         }
     };
-    // Another process was faster; what it put must be the same.
-    match put == Put::WasThere && !is_same(file, &target).await? {
-        true => bail!("{} vanished while it was read", target.path),
-        false => Ok(put),
+    match put {
+        Put::Done => Ok(Ok(Put::Done)),
+        // Another process was faster; what it put must be the same.
+        Put::WasThere => match target.end().await? {
+            Some(end) => of_target(file, &target, &end).await,
+            None => Ok(Err(format!("{} vanished while it was copied", target.path))),
+        },
     }
 }
 
-/// Whether `target` is there already, and is the same archive.
-async fn is_same(file: &CasingFile, target: &CasingFile) -> Result<bool> {
-    match target.end().await? {
-        None => Ok(false),
-        end if end == file.end().await? => Ok(true),
-        Some(_) => bail!("another file is at {}; it is not overwritten", target.path),
-    }
+/// What it means that `target` is there, with that end.
+async fn of_target(file: &CasingFile, target: &CasingFile, end: &End) -> Result<Result<Put, String>> {
+    Ok(match file.end().await? {
+        Some(of_file) if of_file == *end => Ok(Put::WasThere),
+        Some(_) => Err(format!("another file is at {}; it is not overwritten", target.path)),
+        None => Err("it is gone".to_owned()),
+    })
 }
 
-/// The file on this host, if it is a whole archive.
-fn checked(file: &CasingFile) -> Result<Local> {
-    let local = Local::of(file)?.map_err(anyhow::Error::msg)?;
-    let report = verify(local.path()).map_err(|error| anyhow::Error::msg(local.message(file, &error.to_string())))?;
-    if let Some(problem) = report.problems.first() {
-        bail!("{problem}");
-    }
-    match report.is_finished {
-        true => Ok(local),
-        false => bail!("it is not finished"),
-    }
+/// The file on this host, if it is a whole archive; `Err` with what is wrong with it.
+fn checked(file: &CasingFile) -> Result<Result<Local, String>> {
+    let local = match Local::of(file)? {
+        Ok(local) => local,
+        Err(why) => return Ok(Err(why)),
+    };
+    Ok(match verify(local.path()) {
+        Err(error) => Err(local.message(file, &error.to_string())),
+        Ok(report) => match report.problems.first() {
+            Some(problem) => Err(problem.to_string()),
+            None if report.is_finished => Ok(local),
+            None => Err("it is not finished".to_owned()),
+        },
+    })
 }
 
 /// Writes a copy of `from` at `to`: the whole of it, or nothing.
@@ -97,7 +113,7 @@ fn put_file(from: &Local, to: &Path) -> Result<Put> {
     let folder = to.parent().with_context(|| format!("{} is in no folder", to.display()))?;
     let cannot = || format!("cannot write {}", to.display());
     std::fs::create_dir_all(folder).with_context(cannot)?;
-    let mut part = tempfile::Builder::new().prefix(".copy-").tempfile_in(folder).with_context(cannot)?;
+    let mut part = draft().tempfile_in(folder).with_context(cannot)?;
     let mut source =
         std::fs::File::open(from.path()).with_context(|| format!("cannot read {}", from.path().display()))?;
     std::io::copy(&mut source, &mut part).with_context(cannot)?;
@@ -108,4 +124,12 @@ fn put_file(from: &Local, to: &Path) -> Result<Put> {
     };
     std::fs::File::open(folder).and_then(|folder| folder.sync_all()).with_context(cannot)?;
     Ok(Put::Done)
+}
+
+/// What an unfinished copy is called and who may read it: as other files of this user.
+fn draft() -> tempfile::Builder<'static, 'static> {
+    use std::os::unix::fs::PermissionsExt as _;
+    let mut draft = tempfile::Builder::new();
+    draft.prefix(".copy-").permissions(std::fs::Permissions::from_mode(0o666));
+    draft
 }

@@ -19,8 +19,9 @@ pub const COMMIT_FILE: &str = "_committed.json";
 /// Name of the object that says where the archives are that a job in object storage judged: names of files, and addresses.
 pub(crate) const ARCHIVES_FILE: &str = "_archives.json";
 
-/// What the names of the folders of jobs begin with.
+/// What the names of the folders of jobs begin with, and how many hexadecimal digits follow.
 pub(crate) const JOB_PREFIX: &str = "run=";
+pub(crate) const JOB_DIGITS: usize = 16;
 
 /// Bytes at an archive's end that hold the digest of its seal, and with it that of the archive.
 const SEAL_END_BYTES: u64 = 24;
@@ -32,6 +33,8 @@ pub struct CasingFile {
     pub name: String,
     /// Where it is: an absolute path, or the address of an object.
     pub path: String,
+    /// What another object at this address would not have.
+    pub e_tag: Option<String>,
     /// Of results in object storage, the address of their archive, without which they cannot be read; files have theirs beside
     /// them.
     pub archive: Option<String>,
@@ -47,7 +50,7 @@ pub(crate) struct End {
 impl CasingFile {
     /// An archive.
     pub fn new(name: impl Into<String>, path: impl Into<String>) -> Self {
-        Self { name: name.into(), path: path.into(), archive: None }
+        Self { name: name.into(), path: path.into(), e_tag: None, archive: None }
     }
 
     /// Its end; `None` if it is not there.
@@ -129,11 +132,13 @@ fn in_folder(folder: &Path, is_results: bool) -> Result<Vec<CasingFile>> {
 async fn in_keys(keys: &Key, is_results: bool) -> Result<Vec<CasingFile>> {
     let objects = objects::list(keys).await?;
     let mut jobs: BTreeMap<&str, BTreeMap<String, String>> = BTreeMap::new();
-    let mut found = Vec::new();
-    for Chosen { name, key, job } in chosen(keys, &objects, is_results) {
+    let mut newest: BTreeMap<String, (SystemTime, CasingFile)> = BTreeMap::new();
+    for Chosen { name, object, job } in chosen(keys, &objects, is_results) {
         let at = |key: &str| Key { bucket: keys.bucket.clone(), key: key.to_owned() };
-        let mut file = CasingFile::new(name, at(key).to_string());
-        let archive = archive_of(Path::new(key)).filter(|_| is_results).map(|of| of.to_string_lossy().into_owned());
+        let mut file = CasingFile::new(name, at(&object.key).to_string());
+        file.e_tag.clone_from(&object.e_tag);
+        let archive = archive_of(Path::new(&object.key)).filter(|_| is_results);
+        let archive = archive.map(|archive| archive.to_string_lossy().into_owned());
         file.archive = match (archive, job) {
             (Some(archive), Some(job)) => {
                 if !jobs.contains_key(job) {
@@ -144,9 +149,14 @@ async fn in_keys(keys: &Key, is_results: bool) -> Result<Vec<CasingFile>> {
             }
             (archive, _) => archive.map(|archive| at(&archive).to_string()),
         };
-        found.push(file);
+        // Several jobs may have judged an archive.
+        let of = file.archive.clone().unwrap_or_else(|| file.path.clone());
+        match newest.get(&of) {
+            Some((before, _)) if *before > object.modified => {}
+            _ => _ = newest.insert(of, (object.modified, file)),
+        }
     }
-    Ok(found)
+    Ok(newest.into_values().map(|(_, file)| file).collect())
 }
 
 /// Where the archives of a job are.
@@ -161,7 +171,7 @@ async fn archives_of(job: &Key) -> Result<BTreeMap<String, String>> {
 struct Chosen<'a> {
     /// Within the place.
     name: &'a str,
-    key: &'a str,
+    object: &'a Object,
     /// The folder of the job whose results it is.
     job: Option<&'a str>,
 }
@@ -169,27 +179,20 @@ struct Chosen<'a> {
 /// The archives or results among `objects`, without opening any: results are those of jobs that were committed, and of archives
 /// that lie beside them. What a job that is not committed left does not count.
 fn chosen<'a>(keys: &Key, objects: &'a [Object], is_results: bool) -> Vec<Chosen<'a>> {
-    let all: BTreeMap<&str, SystemTime> = objects.iter().map(|object| (object.key.as_str(), object.modified)).collect();
-    let (mut archives, mut newest) = (Vec::new(), BTreeMap::new());
-    for (&key, &modified) in &all {
-        let Some(name) = keys.below(key).filter(|name| is_archive(name)) else { continue };
+    let all: BTreeSet<&str> = objects.iter().map(|object| object.key.as_str()).collect();
+    let is_chosen = |object: &'a Object| {
+        let key = object.key.as_str();
+        let name = keys.below(key).filter(|name| is_archive(name))?;
         let job = job_of(key);
-        if job.is_some_and(|job| !all.contains_key(format!("{job}/{COMMIT_FILE}").as_str())) {
-            continue;
-        }
-        let this = Chosen { name, key, job };
-        let of = archive_of(Path::new(key)).map(|of| of.to_string_lossy().into_owned());
-        match of.filter(|of| job.is_some() || all.contains_key(of.as_str())) {
-            None => archives.push(this),
-            Some(of) => {
-                let entry = newest.entry(of).or_insert((modified, this));
-                if entry.0 <= modified {
-                    *entry = (modified, this);
-                }
-            }
-        }
-    }
-    if is_results { newest.into_values().map(|(_, this)| this).collect() } else { archives }
+        let archive = archive_of(Path::new(key)).map(|archive| archive.to_string_lossy().into_owned());
+        let is_of_archive = archive.is_some_and(|archive| job.is_some() || all.contains(archive.as_str()));
+        let counts = match job.filter(|_| is_of_archive) {
+            Some(job) => all.contains(format!("{job}/{COMMIT_FILE}").as_str()),
+            None => true,
+        };
+        (counts && is_of_archive == is_results).then_some(Chosen { name, object, job })
+    };
+    objects.iter().filter_map(is_chosen).collect()
 }
 
 /// Whether a key is that of a finished file: not hidden, and not in a folder of unfinished ones.
@@ -204,9 +207,15 @@ fn is_archive(name: &str) -> bool {
 
 /// The folder of a job that an object lies in.
 fn job_of(key: &str) -> Option<&str> {
-    let at = if key.starts_with(JOB_PREFIX) { 0 } else { key.find(&format!("/{JOB_PREFIX}"))? + 1 };
-    let end = key[at..].find('/')? + at;
-    Some(&key[..end])
+    let is_job = |part: &str| {
+        part.strip_prefix(JOB_PREFIX)
+            .is_some_and(|job| job.len() == JOB_DIGITS && job.bytes().all(|b| b.is_ascii_hexdigit()))
+    };
+    let mut end = 0;
+    key.split('/').find_map(|part| {
+        end += part.len() + 1;
+        is_job(part).then(|| &key[..end - 1])
+    })
 }
 
 /// Cuts `files` into runs of at most `count_max`, each of which is one partition of a plan.
@@ -274,22 +283,28 @@ mod tests {
             "2025/.D.h5",
             "2025/run.toml",
             "20251/E.h5",
-            "again/run=1/1/A.0123456789ab.h5",
-            "again/run=1/_committed.json",
-            "again/run=2/1/A.2123456789ab.h5",
+            "again/run=1111111111111111/1/A.0123456789ab.h5",
+            "again/run=1111111111111111/_committed.json",
+            "again/run=2222222222222222/1/A.2123456789ab.h5",
+            "again/run=2222222222222222/1/A.h5",
+            "again/run=2025-01/B.h5",
         ];
         let at = |k: u64| SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(100 - k);
-        let objects: Vec<_> =
-            keys.iter().zip(0..).map(|(key, k)| Object { key: (*key).to_owned(), modified: at(k) }).collect();
+        let objects: Vec<_> = keys
+            .iter()
+            .zip(0..)
+            .map(|(key, k)| Object { key: (*key).to_owned(), modified: at(k), e_tag: None })
+            .collect();
         let place = |key: &str| Key { bucket: "plant".to_owned(), key: key.to_owned() };
         let names = |key: &str, is_results: bool| -> Vec<&str> {
             chosen(&place(key), &objects, is_results).into_iter().map(|file| file.name).collect()
         };
         assert_eq!(names("2025", false), ["1/A.h5", "B.0123456789ab.h5"]);
-        assert_eq!(names("2025", true), ["1/A.0123456789ab.h5"]);
-        assert_eq!(names("again", true), ["run=1/1/A.0123456789ab.h5"]);
-        assert_eq!(names("again/run=1", true), ["1/A.0123456789ab.h5"]);
-        assert!(names("again", false).is_empty());
+        assert_eq!(names("2025", true), ["1/A.0123456789ab.h5", "1/A.1123456789ab.h5"]);
+        assert_eq!(names("again", true), ["run=1111111111111111/1/A.0123456789ab.h5"]);
+        assert_eq!(names("again/run=1111111111111111", true), ["1/A.0123456789ab.h5"]);
+        // What is no result is an archive, wherever it lies.
+        assert_eq!(names("again", false), ["run=2222222222222222/1/A.h5", "run=2025-01/B.h5"]);
     }
 
     #[test]

@@ -126,16 +126,19 @@ struct ListenArgs {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let done = tokio::runtime::Builder::new_multi_thread()
-        .enable_all()
-        .build()
-        .context("cannot start threads")
-        .and_then(|runtime| runtime.block_on(dispatch(cli.verb)));
-    match done {
+    let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
+        Ok(runtime) => runtime,
+        Err(error) => {
+            print_failure("tapline-query", &error);
+            return ExitCode::FAILURE;
+        }
+    };
+    match runtime.block_on(dispatch(cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
         Err(error) => {
             print_failure("tapline-query", error.as_ref());
+            runtime.block_on(tapline_query::plan::settle());
             ExitCode::FAILURE
         }
     }

@@ -1,19 +1,19 @@
 //! Objects under the keys of a bucket, by the crate `object_store`, in the way of S3.
 //!
-//! Servers, keys and regions come from the variables `AWS_...`, as other programs have them.
+//! Server, keys and region come from the variables `AWS_...`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 use futures_util::TryStreamExt as _;
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey, Checksum};
 use object_store::path::Path as ObjectPath;
 use object_store::{
-    ClientConfigKey, Error, GetOptions, GetRange, ObjectStore as _, ObjectStoreExt as _, PutMode, PutOptions,
-    PutPayload, RetryConfig,
+    BackoffConfig, ClientConfigKey, Error, GetOptions, GetRange, ObjectStore as _, ObjectStoreExt as _, PutMode,
+    PutOptions, PutPayload, RetryConfig,
 };
 use tokio::io::AsyncWriteExt as _;
 
@@ -22,23 +22,33 @@ use crate::place::Key;
 /// Bytes that are asked for at a time.
 const PART_BYTES: u64 = 8 << 20;
 
-/// Longest time for a request, with what is sent or received.
-const REQUEST_MAX: &str = "120 seconds";
+/// Longest time for a request that reads, with what is received; and for one that writes, with all of the object.
+const READ_MAX: &str = "30 seconds";
+const WRITE_MAX: &str = "600 seconds";
 
-/// Attempts after the first, over some 13 seconds.
+/// Attempts after the first, and the pauses between them: some ten seconds in all, where a server refuses at once.
 const RETRIES: usize = 7;
+const PAUSES_S: [f64; 2] = [0.5, 5.0];
 
 /// Most bytes of an object that is put: S3 takes no more in one request, and only one request can refuse to overwrite.
 const BYTES_MAX: u64 = 5 << 30;
 
 /// Buckets that were used, with their connections.
-static BUCKETS: Mutex<BTreeMap<String, Arc<AmazonS3>>> = Mutex::new(BTreeMap::new());
+static BUCKETS: Mutex<BTreeMap<String, Arc<Bucket>>> = Mutex::new(BTreeMap::new());
+
+#[derive(Debug)]
+struct Bucket {
+    read: AmazonS3,
+    write: AmazonS3,
+}
 
 /// An object of a list.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Object {
     pub(crate) key: String,
     pub(crate) modified: SystemTime,
+    /// What another object under this key would not have.
+    pub(crate) e_tag: Option<String>,
 }
 
 /// Whether an object was put, or one was there.
@@ -48,28 +58,58 @@ pub(crate) enum Put {
     WasThere,
 }
 
-fn bucket(name: &str) -> Result<Arc<AmazonS3>> {
+fn bucket(name: &str) -> Result<Arc<Bucket>> {
     let mut buckets = BUCKETS.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(there) = buckets.get(name) {
         return Ok(Arc::clone(there));
     }
-    let retry = RetryConfig { max_retries: RETRIES, ..RetryConfig::default() };
+    let made = Arc::new(Bucket { read: connect(name, READ_MAX)?, write: connect(name, WRITE_MAX)? });
+    buckets.insert(name.to_owned(), Arc::clone(&made));
+    Ok(made)
+}
+
+fn connect(name: &str, timeout: &str) -> Result<AmazonS3> {
     let builder = AmazonS3Builder::from_env();
     let endpoint = builder.get_config_value(&AmazonS3ConfigKey::Endpoint).unwrap_or_default();
     let may_be_plain = builder.get_config_value(&AmazonS3ConfigKey::Client(ClientConfigKey::AllowHttp));
     if endpoint.starts_with("http://") && may_be_plain.as_deref() != Some("true") {
         bail!("the connection to {endpoint} is not encrypted: use https://, or set AWS_ALLOW_HTTP=true");
     }
+    ensure!(
+        endpoint.is_empty() || endpoint.starts_with("http://") || endpoint.starts_with("https://"),
+        "AWS_ENDPOINT_URL is {endpoint:?}; it must begin with https://"
+    );
+    let [first, last] = PAUSES_S.map(Duration::from_secs_f64);
+    let backoff = BackoffConfig { init_backoff: first, max_backoff: last, ..BackoffConfig::default() };
     let made = builder
         .with_bucket_name(name)
         .with_checksum_algorithm(Checksum::SHA256)
-        .with_config(AmazonS3ConfigKey::Client(ClientConfigKey::Timeout), REQUEST_MAX)
-        .with_retry(retry)
-        .build()
-        .with_context(|| format!("cannot use the bucket {name}: set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION or AWS_ENDPOINT_URL"))?;
-    let made = Arc::new(made);
-    buckets.insert(name.to_owned(), Arc::clone(&made));
-    Ok(made)
+        .with_config(AmazonS3ConfigKey::Client(ClientConfigKey::Timeout), timeout)
+        .with_retry(RetryConfig { max_retries: RETRIES, backoff, ..RetryConfig::default() })
+        .build();
+    made.map_err(said).with_context(|| format!("cannot use the bucket {name}"))
+}
+
+/// What the server or the system says, in one line, with what may be missing.
+fn said(error: Error) -> anyhow::Error {
+    let text = error.to_string();
+    let tagged =
+        |tag: &str| text.split_once(&format!("<{tag}>"))?.1.split_once('<').map(|(inside, _)| inside.to_owned());
+    let why = match (tagged("Code"), tagged("Message")) {
+        (Some(code), Some(message)) => format!("{code}: {message}"),
+        (Some(code), None) => code,
+        _ => {
+            let mut cause: &dyn std::error::Error = &error;
+            while let Some(next) = cause.source() {
+                cause = next;
+            }
+            cause.to_string()
+        }
+    };
+    match std::env::var_os("AWS_ACCESS_KEY_ID") {
+        Some(_) => anyhow::Error::msg(why),
+        None => anyhow::Error::msg(format!("{why} (AWS_ACCESS_KEY_ID is not set)")),
+    }
 }
 
 fn path(key: &Key) -> Result<ObjectPath> {
@@ -82,10 +122,13 @@ fn path(key: &Key) -> Result<ObjectPath> {
 /// A bucket that cannot be used or read.
 pub(crate) async fn list(keys: &Key) -> Result<Vec<Object>> {
     let (bucket, path) = (bucket(&keys.bucket)?, path(keys)?);
-    let objects = bucket
-        .list(Some(&path))
-        .map_ok(|object| Object { key: object.location.to_string(), modified: object.last_modified.into() });
-    let mut objects: Vec<_> = objects.try_collect().await.with_context(|| format!("cannot read {keys}"))?;
+    let objects = bucket.read.list(Some(&path)).map_ok(|object| Object {
+        key: object.location.to_string(),
+        modified: object.last_modified.into(),
+        e_tag: object.e_tag,
+    });
+    let objects = objects.try_collect().await.map_err(said);
+    let mut objects: Vec<_> = objects.with_context(|| format!("cannot read {keys}"))?;
     objects.sort_by(|a, b| a.key.cmp(&b.key));
     Ok(objects)
 }
@@ -95,20 +138,20 @@ pub(crate) async fn list(keys: &Key) -> Result<Vec<Object>> {
 /// # Errors
 /// It cannot be read.
 pub(crate) async fn end_of(key: &Key, bytes: u64) -> Result<Option<(u64, Vec<u8>)>> {
-    let options = GetOptions { range: Some(GetRange::Suffix(bytes)), ..GetOptions::default() };
-    let read = async {
-        let got = bucket(&key.bucket)?.get_opts(&path(key)?, options).await?;
-        let length = got.meta.size;
-        anyhow::Ok((length, got.bytes().await?.to_vec()))
-    };
-    there(key, read.await)
+    let (bucket, path) = (bucket(&key.bucket)?, path(key)?);
+    let Some(meta) = there(key, bucket.read.head(&path).await)? else { return Ok(None) };
+    if meta.size == 0 {
+        return Ok(Some((0, Vec::new())));
+    }
+    let range = meta.size.saturating_sub(bytes)..meta.size;
+    Ok(there(key, bucket.read.get_range(&path, range).await)?.map(|last| (meta.size, last.to_vec())))
 }
 
 /// Turns an object that is not there into `None`.
-fn there<T>(key: &Key, read: Result<T>) -> Result<Option<T>> {
+fn there<T>(key: &Key, read: Result<T, Error>) -> Result<Option<T>> {
     match read {
-        Err(error) if matches!(error.downcast_ref(), Some(Error::NotFound { .. })) => Ok(None),
-        read => read.map(Some).with_context(|| format!("cannot read {key}")),
+        Err(Error::NotFound { .. }) => Ok(None),
+        read => read.map(Some).map_err(said).with_context(|| format!("cannot read {key}")),
     }
 }
 
@@ -117,26 +160,31 @@ fn there<T>(key: &Key, read: Result<T>) -> Result<Option<T>> {
 /// # Errors
 /// It cannot be read.
 pub(crate) async fn read(key: &Key) -> Result<Option<Vec<u8>>> {
-    let read = async { anyhow::Ok(bucket(&key.bucket)?.get(&path(key)?).await?.bytes().await?.to_vec()) };
-    there(key, read.await)
+    let (bucket, path) = (bucket(&key.bucket)?, path(key)?);
+    let Some(got) = there(key, bucket.read.get(&path).await)? else { return Ok(None) };
+    Ok(there(key, got.bytes().await)?.map(|bytes| bytes.to_vec()))
 }
 
-/// Writes an object into the new file `to`; `false` if the object is not there.
+/// Writes an object into the new file `to`, if it is still the one with `e_tag`; else `Err` with the reason.
 ///
 /// # Errors
-/// It cannot be read, or is replaced meanwhile, or the file cannot be written.
-pub(crate) async fn fetch(key: &Key, to: &Path) -> Result<bool> {
+/// It cannot be read now, or the file cannot be written.
+pub(crate) async fn fetch(key: &Key, e_tag: Option<&str>, to: &Path) -> Result<Result<(), String>> {
     let (bucket, path) = (bucket(&key.bucket)?, path(key)?);
-    let Some(meta) = there(key, bucket.head(&path).await.map_err(Into::into))? else { return Ok(false) };
+    let Some(meta) = there(key, bucket.read.head(&path).await)? else { return Ok(Err(format!("{key} is gone"))) };
     let cannot_write = || format!("cannot write {}", to.display());
     let mut file = tokio::fs::File::create_new(to).await.with_context(cannot_write)?;
+    let e_tag = e_tag.map(str::to_owned).or(meta.e_tag);
     let mut at = 0;
     while at < meta.size {
         let range = GetRange::Bounded(at..meta.size.min(at + PART_BYTES));
-        // Another object under this key ends it: no file is of two.
-        let options = GetOptions { range: Some(range), if_match: meta.e_tag.clone(), ..GetOptions::default() };
-        let part = async { bucket.get_opts(&path, options).await?.bytes().await };
-        let part = part.await.with_context(|| format!("cannot read {key}"))?;
+        let options = GetOptions { range: Some(range), if_match: e_tag.clone(), ..GetOptions::default() };
+        let part = async { bucket.read.get_opts(&path, options).await?.bytes().await };
+        let part = match part.await {
+            Err(Error::Precondition { .. }) => return Ok(Err(format!("{key} was replaced by another object"))),
+            Err(Error::NotFound { .. }) => return Ok(Err(format!("{key} is gone"))),
+            part => part.map_err(said).with_context(|| format!("cannot read {key}"))?,
+        };
         if part.is_empty() {
             bail!("{key} ends at byte {at} of {}", meta.size);
         }
@@ -144,7 +192,7 @@ pub(crate) async fn fetch(key: &Key, to: &Path) -> Result<bool> {
         at += part.len() as u64;
     }
     file.flush().await.with_context(cannot_write)?;
-    Ok(true)
+    Ok(Ok(()))
 }
 
 /// Puts the file `from` under `key`, in place of another or, with `is_new`, only if none is there. The server checks its SHA-256.
@@ -167,9 +215,9 @@ pub(crate) async fn put(from: &Path, key: &Key, is_new: bool) -> Result<Put> {
 pub(crate) async fn put_bytes(bytes: Vec<u8>, key: &Key, is_new: bool) -> Result<Put> {
     let mode = if is_new { PutMode::Create } else { PutMode::Overwrite };
     let options = PutOptions { mode, ..PutOptions::default() };
-    match bucket(&key.bucket)?.put_opts(&path(key)?, PutPayload::from(bytes), options).await {
+    match bucket(&key.bucket)?.write.put_opts(&path(key)?, PutPayload::from(bytes), options).await {
         Ok(_) => Ok(Put::Done),
         Err(Error::AlreadyExists { .. } | Error::Precondition { .. }) if is_new => Ok(Put::WasThere),
-        Err(error) => Err(error).with_context(|| format!("cannot write {key}")),
+        Err(error) => Err(said(error)).with_context(|| format!("cannot write {key}")),
     }
 }

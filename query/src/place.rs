@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context as _, Result, ensure};
 
 /// What the address of an object begins with.
 const SCHEME: &str = "s3://";
@@ -65,7 +65,11 @@ impl FromStr for Place {
             return Ok(Self::Folder(PathBuf::from(text)));
         };
         let (bucket, key) = rest.split_once('/').unwrap_or((rest, ""));
-        ensure!(!bucket.is_empty(), "{text:?} has no bucket: {SCHEME}BUCKET/FOLDER");
+        let is_allowed = |c: char| c.is_ascii_alphanumeric() || ['.', '-', '_'].contains(&c);
+        ensure!(
+            (3..=63).contains(&bucket.len()) && bucket.chars().all(is_allowed),
+            "the bucket of {text:?} is {bucket:?}; it must have from 3 to 63 letters, digits, dots, - and _"
+        );
         Ok(Self::Keys(Key { bucket: bucket.to_owned(), key: key.trim_matches('/').to_owned() }))
     }
 }
@@ -86,6 +90,27 @@ impl Place {
         match self {
             Self::Folder(folder) => Self::Folder(folder.join(name)),
             Self::Keys(keys) => Self::Keys(keys.join(name)),
+        }
+    }
+
+    /// Whether it is `other`, or lies in it.
+    ///
+    /// # Errors
+    /// A folder `other` that cannot be read.
+    pub(crate) fn lies_in(&self, other: &Self) -> Result<bool> {
+        match (self, other) {
+            (Self::Keys(this), Self::Keys(other)) => {
+                Ok(this.bucket == other.bucket && (this.key == other.key || other.below(&this.key).is_some()))
+            }
+            (Self::Folder(this), Self::Folder(other)) => {
+                let context = |folder: &Path| format!("cannot read {}", folder.display());
+                let other = other.canonicalize().with_context(|| context(other))?;
+                let this = std::path::absolute(this).with_context(|| context(this))?;
+                // Also where a link leads there; what is not there yet lies where what is above it does.
+                let real = this.ancestors().find_map(|above| above.canonicalize().ok());
+                Ok(this.starts_with(&other) || real.is_some_and(|real| real.starts_with(&other)))
+            }
+            _ => Ok(false),
         }
     }
 
@@ -122,7 +147,10 @@ mod tests {
             assert_eq!(place, Place::Keys(Key { bucket: "plant".to_owned(), key: key.to_owned() }));
             assert_eq!((place.to_string().as_str(), place.name().as_str()), (again, name));
         }
-        assert_eq!(read("s3:///a").unwrap_err().to_string(), "\"s3:///a\" has no bucket: s3://BUCKET/FOLDER");
+        assert_eq!(
+            read("s3:///a").unwrap_err().to_string(),
+            "the bucket of \"s3:///a\" is \"\"; it must have from 3 to 63 letters, digits, dots, - and _"
+        );
         assert!(read("gs://plant/a").unwrap_err().to_string().contains("is neither a folder nor s3://"));
     }
 

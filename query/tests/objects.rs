@@ -1,11 +1,14 @@
 //! Archives and results in object storage: the same answers and bytes as from folders.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
 use std::process::Stdio;
 
 use crate::bucket::Bucket;
 use crate::cluster::{Cluster, Process, wait_until};
-use crate::sandbox::{CASINGS, Sandbox, TRUNCATED, contents, tapline};
+use crate::sandbox::{CASINGS, Sandbox, TRUNCATED, committed, contents, tapline};
+use tapline_testing::program::Done;
 
 const ARCHIVES: &str = "s3://plant/2025";
 
@@ -53,6 +56,25 @@ fn whole_archives_are_copied_once_and_come_back_as_they_were() {
     let mut expected = inside;
     expected.retain(|path, _| !path.ends_with("SIM-0001.h5"));
     assert!(contents(&sandbox.path("back")) == expected);
+    let mode = |path: &str| sandbox.path(path).metadata().unwrap().permissions().mode();
+    assert_eq!(mode("back/2/SIM-0006.h5"), mode("in/2/SIM-0006.h5"), "who may read it");
+}
+
+/// Catches a fault of the host that is taken for one of the archive, and committed for good.
+#[test]
+fn what_is_wrong_with_the_host_is_not_committed() {
+    let Some((sandbox, bucket)) = prepared() else { return };
+    for says in ["kill -9 $$", "echo 'tapline: cannot write: No space left on device' >&2; exit 1"] {
+        let program = sandbox.path("faulty");
+        fs::write(&program, format!("#!/bin/sh\n{says}\n")).unwrap();
+        fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+        for (of, out) in [(ARCHIVES, "s3://plant/again"), ("in", "again")] {
+            let mut command = sandbox.command(&["reprocess", of, "--out", out]);
+            let done = Done::from(command.env("TAPLINE", &program).output().unwrap()).expect(1);
+            assert!(done.err.contains("nothing is committed") && !done.err.contains("panicked"), "{}", done.err);
+        }
+    }
+    assert!(bucket.keys("again").is_empty() && sandbox.names("again") == [".lock"]);
 }
 
 /// Catches rows that are lost, or read from another object, and a bad object that ends a question.
@@ -75,18 +97,22 @@ fn a_bucket_answers_like_a_folder() {
     assert!(bad[1].replace('"', "").starts_with(&of_bucket) && bad[1].contains("its end was cut off"), "{bad:?}");
 }
 
-/// Catches results that differ with where they lie, and a job that counts before it is committed.
+/// Catches results that differ with where they lie, and a job that counts before it is committed, or that a pause of the server ends.
 #[test]
 fn a_job_in_a_bucket_leaves_what_it_leaves_in_a_folder() {
     let Some((sandbox, bucket)) = prepared() else { return };
     let slow = sandbox.slow_tapline(0.3);
     let cluster = Cluster::start(&sandbox, &slow);
     let mut command = sandbox.command(&["reprocess", "in", "--from-samples", "--out", "local"]);
-    tapline_testing::program::Done::from(command.env("TAPLINE", &slow).output().unwrap()).expect(0);
-    let mut expected = contents(&sandbox.only_job("local"));
-    // Links to the archives.
-    expected.retain(|path, _| !inside_of(&sandbox, path));
-    assert_eq!(expected.len(), CASINGS + 1);
+    Done::from(command.env("TAPLINE", &slow).output().unwrap()).expect(0);
+    // Without links to the archives, and the commit file, which names the job.
+    let results = |folder: &Path| {
+        let mut all = contents(folder);
+        all.retain(|path, _| !inside_of(&sandbox, path) && !path.starts_with("_committed.json"));
+        all
+    };
+    let expected = results(&sandbox.only_job("local"));
+    assert_eq!(expected.len(), CASINGS);
 
     let begin = |out: &str| {
         let arguments = ["reprocess", ARCHIVES, "--from-samples", "--out", out, "--files-per-task", "1", "--engine"];
@@ -113,16 +139,20 @@ fn a_job_in_a_bucket_leaves_what_it_leaves_in_a_folder() {
     bucket.server.signal("CONT");
     assert_eq!(job.end(), Some(0), "{}", fs::read_to_string(sandbox.path("errors")).unwrap());
     let job = bucket.keys("again")[0].split('/').nth(1).unwrap().to_owned();
-    assert_eq!(sandbox.only_job("local").file_name().unwrap(), job.as_str());
-    let mut found = contents(&bucket.download(&sandbox, &format!("again/{job}"), "again"));
-    assert!(found.remove(std::path::Path::new("_archives.json")).is_some() && found == expected);
+    let downloaded = bucket.download(&sandbox, &format!("again/{job}"), "again");
+    let mut found = results(&downloaded);
+    assert!(found.remove(Path::new("_archives.json")).is_some() && found == expected);
+    assert_eq!(committed(&downloaded).rows, committed(&sandbox.only_job("local")).rows);
 
-    // Once more, twice at a time: it is there already, and stays.
-    let slow_again = || {
-        let mut command = sandbox.command(&["reprocess", ARCHIVES, "--from-samples", "--out", "s3://plant/again"]);
-        tapline_testing::program::Done::from(command.env("TAPLINE", &slow).output().unwrap()).expect(0)
+    // Once more: it is there already, and stays. What a killed client left is gone over and then counts.
+    let again = |out: &str| {
+        let mut command = sandbox.command(&["reprocess", ARCHIVES, "--from-samples", "--out", out]);
+        Done::from(command.env("TAPLINE", &slow).output().unwrap()).expect(0).err
     };
-    assert!(slow_again().err.contains("was committed before"));
+    assert!(again("s3://plant/again").contains("was committed before"));
+    assert!(again("s3://plant/killed").contains("the job is committed: 11 of 11"));
+    let asked = sandbox.ask_of("s3://plant/killed", sql, "local", &["--results"]);
+    assert_eq!(asked[1], CASINGS.to_string());
     let asked = sandbox.ask_of("s3://plant/again", sql, "local", &["--results"]);
     assert_eq!(asked[1], CASINGS.to_string());
     let folders = [sandbox.only_job("local").display().to_string(), format!("s3://plant/again/{job}")];
@@ -136,7 +166,7 @@ fn a_job_in_a_bucket_leaves_what_it_leaves_in_a_folder() {
 }
 
 /// Whether there is an archive of that name.
-fn inside_of(sandbox: &Sandbox, path: &std::path::Path) -> bool {
+fn inside_of(sandbox: &Sandbox, path: &Path) -> bool {
     sandbox.path("in").join(path).exists()
 }
 
@@ -170,8 +200,18 @@ fn what_cannot_be_had_of_a_bucket_is_said() {
     assert!(err.contains("whose archives are judged"), "{err}");
     let err = refusal(&["reprocess", ARCHIVES, "--out", "again"]);
     assert!(err.contains("give --out s3://BUCKET/FOLDER"), "{err}");
-    let mut command = sandbox.command(&["sql", "SELECT 1", ARCHIVES]);
-    let done = command.env("AWS_ALLOW_HTTP", "false").output().unwrap();
-    let done = tapline_testing::program::Done::from(done).expect(1);
-    assert!(done.err.contains("AWS_ALLOW_HTTP"), "{}", done.err);
+    let err = refusal(&["copy", ARCHIVES, "--to", "s3://plant/2025/copy"]);
+    assert!(err.contains("would be copied into itself"), "{err}");
+    let err = refusal(&["reprocess", "in", "--out", "s3://plant/again"]);
+    assert!(err.contains("copy the archives into the bucket first"), "{err}");
+    for (name, value, why) in [
+        ("AWS_ALLOW_HTTP", "false", "is not encrypted: use https://, or set AWS_ALLOW_HTTP=true"),
+        ("AWS_ENDPOINT_URL", "127.0.0.1:9", "AWS_ENDPOINT_URL is \"127.0.0.1:9\"; it must begin with https://"),
+        ("AWS_ENDPOINT_URL", "http://127.0.0.1:9", "cannot read s3://plant/2025"),
+    ] {
+        for first in [&["sql", "SELECT 1", ARCHIVES][..], &["copy", "in", "--to", ARCHIVES]] {
+            let done = Done::from(sandbox.command(first).env(name, value).output().unwrap()).expect(1);
+            assert!(done.err.contains(why) && done.err.lines().count() == 1, "{}", done.err);
+        }
+    }
 }

@@ -2,8 +2,9 @@
 
 use std::fmt;
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
-use datafusion::arrow::array::{RecordBatch, StringArray};
+use datafusion::arrow::array::{Array as _, RecordBatch, StringArray};
 use datafusion::arrow::datatypes::SchemaRef;
 use datafusion::common::tree_node::TreeNodeRecursion;
 use datafusion::common::{DataFusionError, Result, internal_err};
@@ -23,16 +24,29 @@ use crate::task::Task;
 /// Batches of rows that may wait for who reads them.
 const WAITING_MAX: usize = 2;
 
-/// How many files this process works on at a time.
-static WORKERS: OnceLock<Semaphore> = OnceLock::new();
+/// How often to look whether work has ended.
+const SETTLE_EVERY: Duration = Duration::from_millis(20);
+
+/// How many files this process works on at a time, and leave for each.
+static WORKERS: OnceLock<(usize, Semaphore)> = OnceLock::new();
 
 /// Has this process work on at most `count` files at a time; the first call holds.
 pub(crate) fn limit_workers(count: usize) {
-    WORKERS.get_or_init(|| Semaphore::new(count.max(1)));
+    WORKERS.get_or_init(|| (count.max(1), Semaphore::new(count.max(1))));
 }
 
-fn workers() -> &'static Semaphore {
-    WORKERS.get_or_init(|| Semaphore::new(std::thread::available_parallelism().map_or(1, usize::from)))
+fn workers() -> &'static (usize, Semaphore) {
+    limit_workers(std::thread::available_parallelism().map_or(1, usize::from));
+    WORKERS.wait()
+}
+
+/// Begins no other file, and waits for those that are under way: after an error some may be, and they need the runtime.
+pub async fn settle() {
+    let (count, leave) = workers();
+    leave.close();
+    while leave.available_permits() < *count {
+        tokio::time::sleep(SETTLE_EVERY).await;
+    }
 }
 
 /// Does its task with every file that its input names.
@@ -141,18 +155,21 @@ impl ExecutionPlan for FilesExec {
 /// The files that a batch names.
 fn files(batch: &RecordBatch) -> Result<Vec<CasingFile>> {
     let text = |column: usize| batch.columns().get(column)?.as_any().downcast_ref::<StringArray>();
-    let (Some(names), Some(paths), Some(archives)) = (text(0), text(1), text(2)) else {
-        return internal_err!("the files of a plan have not the columns name, path and archive");
+    let (Some(names), Some(paths), Some(e_tags), Some(archives)) = (text(0), text(1), text(2), text(3)) else {
+        return internal_err!("the files of a plan have not the columns name, path, e_tag and archive");
     };
-    let file = |((name, path), archive): ((Option<&str>, Option<&str>), Option<&str>)| {
-        Some(CasingFile { archive: archive.map(str::to_owned), ..CasingFile::new(name?, path?) })
+    let maybe = |column: &StringArray, k: usize| column.is_valid(k).then(|| column.value(k).to_owned());
+    let file = |k: usize| CasingFile {
+        e_tag: maybe(e_tags, k),
+        archive: maybe(archives, k),
+        ..CasingFile::new(names.value(k), paths.value(k))
     };
-    Ok(names.iter().zip(paths).zip(archives).filter_map(file).collect())
+    Ok((0..batch.num_rows()).map(file).collect())
 }
 
 /// The rows of one file, on a thread that may wait for the disk and for the HDF5 library.
 async fn of_file(task: Task, projection: Option<Vec<usize>>, file: CasingFile) -> Result<Vec<RecordBatch>> {
-    let permit = workers().acquire().await.map_err(|error| DataFusionError::External(Box::new(error)))?;
+    let permit = workers().1.acquire().await.map_err(|error| DataFusionError::External(Box::new(error)))?;
     let path = file.path.clone();
     let work = move || {
         let _permit = permit;

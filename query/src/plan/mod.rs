@@ -14,6 +14,7 @@ use datafusion::datasource::memory::MemorySourceConfig;
 use datafusion::logical_expr::{Expr, TableType};
 use datafusion::physical_plan::ExecutionPlan;
 
+pub use files_exec::settle;
 pub(crate) use files_exec::{FilesExec, limit_workers};
 
 use crate::folders::CasingFile;
@@ -62,14 +63,18 @@ impl TableProvider for FilesTable {
 /// Columns of the files that a plan works on.
 fn file_schema() -> SchemaRef {
     let text = |name, is_nullable| Field::new(name, DataType::Utf8, is_nullable);
-    Arc::new(Schema::new(vec![text("name", false), text("path", false), text("archive", true)]))
+    Arc::new(Schema::new(vec![text("name", false), text("path", false), text("e_tag", true), text("archive", true)]))
 }
 
 fn file_batch(schema: &SchemaRef, files: &[CasingFile]) -> Result<RecordBatch> {
     let column = |value: fn(&CasingFile) -> Option<&str>| -> ArrayRef {
         Arc::new(files.iter().map(value).collect::<StringArray>())
     };
-    let columns =
-        vec![column(|file| Some(&file.name)), column(|file| Some(&file.path)), column(|file| file.archive.as_deref())];
+    let columns = vec![
+        column(|file| Some(&file.name)),
+        column(|file| Some(&file.path)),
+        column(|file| file.e_tag.as_deref()),
+        column(|file| file.archive.as_deref()),
+    ];
     Ok(RecordBatch::try_new(Arc::clone(schema), columns)?)
 }

@@ -7,16 +7,13 @@ use anyhow::{Context as _, Result, ensure};
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 use serde::{Deserialize, Serialize};
 
-use crate::folders::{COMMIT_FILE, CasingFile, End, JOB_PREFIX};
+use crate::folders::{COMMIT_FILE, CasingFile, End, JOB_DIGITS, JOB_PREFIX};
 use crate::objects;
-use crate::place::Place;
+use crate::place::{Key, Place};
 use crate::task::ReprocessTask;
 
 /// Version of the commit file.
 const VERSION: u32 = 1;
-
-/// Hexadecimal digits of a job in the name of its folder.
-const JOB_DIGITS: usize = 16;
 
 /// Files whose ends are read at a time.
 const AT_A_TIME: usize = 16;
@@ -51,6 +48,8 @@ impl Job {
             part(file.name.as_bytes());
             part(&end.bytes.to_le_bytes());
             part(&end.last);
+            // Results in object storage are read with the archives that they are of.
+            part(Key::of_address(&file.path).map_or("", |_| &file.path).as_bytes());
         }
         Ok(Self { key: digest.finalize().to_hex().to_string(), task })
     }

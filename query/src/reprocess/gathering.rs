@@ -1,6 +1,7 @@
 //! Where the results of a job gather until they are committed: a staging folder, or the job's own keys in object storage.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
@@ -17,8 +18,8 @@ const AT_A_TIME: usize = 16;
 /// Results of a job that is not committed.
 #[derive(Debug)]
 pub(super) enum Gathering {
-    /// In a staging folder that becomes the job's.
-    Folder(Staging),
+    /// In a staging folder, that becomes this one.
+    Folder(Staging, PathBuf),
     /// Under the keys of the job, which count once its commit file is there.
     Keys(Key),
 }
@@ -26,58 +27,57 @@ pub(super) enum Gathering {
 /// The place `out` for jobs over `places`, absolute, and made if it is a folder.
 ///
 /// # Errors
-/// It cannot be made, or lies in one of `places`, whose archives would be others next time; or it is a folder, and archives are
-/// in object storage: results are read with their archive beside them.
+/// It cannot be made, or lies in one of `places`, whose archives would be others next time; or one of them is a folder and the other
+/// is not: results are read with their archive, and whoever can read these must find those.
 pub(super) fn out_place(out: &Place, places: &[Place]) -> Result<Place> {
-    let mut folders = Vec::new();
     for place in places {
         match (out, place) {
-            (_, Place::Folder(folder)) => folders.push(folder.clone()),
             (Place::Folder(_), Place::Keys(_)) => {
                 bail!("--out {out} is a folder, and {place} is not: give --out s3://BUCKET/FOLDER")
             }
-            (Place::Keys(out), Place::Keys(keys)) => {
-                let is_in = out.bucket == keys.bucket && (out.key == keys.key || keys.below(&out.key).is_some());
-                ensure!(!is_in, "--out {out} lies in {keys}, whose archives are judged: name a folder outside");
+            (Place::Keys(_), Place::Folder(_)) => {
+                bail!("--out {out} is no folder, and {place} is one: copy the archives into the bucket first")
             }
+            _ => ensure!(
+                !out.lies_in(place)?,
+                "--out {out} lies in {place}, whose archives are judged: name a folder outside"
+            ),
         }
     }
     match out {
-        Place::Folder(out) => Ok(Place::Folder(staging::out_folder(out, &folders)?)),
+        Place::Folder(out) => Ok(Place::Folder(staging::out_folder(out)?)),
         Place::Keys(_) => Ok(out.clone()),
     }
 }
 
 impl Gathering {
-    /// Prepares the job `folder` in `out`.
+    /// Prepares the job named `job` in `out`.
     ///
     /// # Errors
     /// `out` cannot be written.
-    pub(super) fn new(out: &Place, folder: &Place, files: &[CasingFile]) -> Result<Self> {
-        match (out, folder) {
-            (Place::Folder(out), _) => Ok(Self::Folder(Staging::new(out, files)?)),
-            (_, Place::Keys(keys)) => Ok(Self::Keys(keys.clone())),
-            (_, Place::Folder(folder)) => bail!("{} is no place of object storage", folder.display()),
+    pub(super) fn new(out: &Place, job: &str, files: &[CasingFile]) -> Result<Self> {
+        match out {
+            Place::Folder(out) => Ok(Self::Folder(Staging::new(out, files)?, out.join(job))),
+            Place::Keys(keys) => Ok(Self::Keys(keys.join(job))),
         }
     }
 
     /// Where executors put results.
     pub(super) fn text(&self) -> Result<String> {
         match self {
-            Self::Folder(staging) => staging.text(),
+            Self::Folder(staging, _) => staging.text(),
             Self::Keys(keys) => Ok(keys.to_string()),
         }
     }
 
-    /// Makes what was gathered the job's `folder`, with its commit file; `false` if it was committed meanwhile.
+    /// Makes what was gathered the job's folder, with its commit file; `false` if it was committed meanwhile.
     ///
     /// # Errors
     /// Results that are not there, and what the system or the server returns. Nothing is committed then.
-    pub(super) async fn commit(self, folder: &Place, committed: &Committed, files: &[CasingFile]) -> Result<bool> {
-        match (self, folder) {
-            (Self::Folder(staging), Place::Folder(to)) => staging.commit(to, committed, files),
-            (Self::Keys(keys), _) => commit_keys(&keys, committed, files).await,
-            (Self::Folder(_), Place::Keys(keys)) => bail!("{keys} is no folder"),
+    pub(super) async fn commit(self, committed: &Committed, files: &[CasingFile]) -> Result<bool> {
+        match self {
+            Self::Folder(staging, to) => staging.commit(&to, committed, files),
+            Self::Keys(keys) => commit_keys(&keys, committed, files).await,
         }
     }
 }
@@ -110,14 +110,18 @@ mod tests {
     fn results_do_not_lie_among_the_archives() {
         let place = |text: &str| text.parse::<Place>().unwrap();
         let refusal = |out: &str, of: &str| out_place(&place(out), &[place(of)]).unwrap_err().to_string();
+        let folder = tempfile::tempdir().unwrap();
+        let here = folder.path().display().to_string();
         for (out, of) in [
             ("s3://plant/2025", "s3://plant/2025"),
             ("s3://plant/2025/again", "s3://plant/2025"),
             ("s3://plant/a", "s3://plant"),
+            (&*format!("{here}/out"), &*here),
         ] {
             assert!(refusal(out, of).contains("whose archives are judged"), "{out} {of}");
         }
         assert!(refusal("again", "s3://plant/2025").contains("give --out s3://BUCKET/FOLDER"));
+        assert!(refusal("s3://plant/again", &here).contains("copy the archives into the bucket first"));
         let out = place("s3://plant/20251");
         assert_eq!(out_place(&out, &[place("s3://plant/2025"), place("s3://other")]).unwrap(), out);
     }

@@ -73,14 +73,14 @@ pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
     if let Some(committed) = Committed::read(&folder).await? {
         return Ok(Done { folder, committed, was_there: true });
     }
-    let gathering = Gathering::new(&out, &folder, &files)?;
+    let gathering = Gathering::new(&out, &job.folder(), &files)?;
     let task = ReprocessTask { staging: gathering.text()?, ..task };
     let table = FilesTable::new(Task::Reprocess(task), partitions(&files, order.files_per_task));
     let context = engine.connect().await?;
     let rows = context.read_table(Arc::new(table)).context("cannot plan the job")?.collect().await;
     let rows = rows.with_context(|| format!("{}; nothing is committed", engine.at()))?;
     let committed = Committed { rows: checked(rows_of(&rows)?, &files)?, ..Committed::new(job) };
-    let was_there = !gathering.commit(&folder, &committed, &files).await?;
+    let was_there = !gathering.commit(&committed, &files).await?;
     let committed = match was_there {
         true => Committed::read(&folder).await?.with_context(|| format!("{folder} is not committed"))?,
         false => committed,

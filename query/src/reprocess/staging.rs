@@ -43,27 +43,11 @@ fn remove(folder: &Path) -> std::io::Result<()> {
 /// The folder `out`, made if it is not there, absolute.
 ///
 /// # Errors
-/// It cannot be made, or lies in one of `folders`, whose archives would be others next time.
-pub(super) fn out_folder(out: &Path, folders: &[PathBuf]) -> Result<PathBuf> {
+/// It cannot be made.
+pub(super) fn out_folder(out: &Path) -> Result<PathBuf> {
     let context = || format!("cannot make the folder {}", out.display());
-    let check = |absolute: &Path| -> Result<()> {
-        for folder in folders {
-            let archives = folder.canonicalize().with_context(|| format!("cannot read {}", folder.display()))?;
-            ensure!(
-                !absolute.starts_with(&archives),
-                "--out {} lies in {}, whose archives are judged: name a folder outside",
-                out.display(),
-                folder.display()
-            );
-        }
-        Ok(())
-    };
-    check(&std::path::absolute(out).with_context(context)?)?;
     fs::create_dir_all(out).with_context(context)?;
-    let absolute = out.canonicalize().with_context(context)?;
-    // The same by another path.
-    check(&absolute)?;
-    Ok(absolute)
+    out.canonicalize().with_context(context)
 }
 
 impl Staging {
@@ -201,13 +185,5 @@ mod tests {
         fs::write(out.path().join(".staging-killed/.lock"), "").unwrap();
         let _next = Staging::new(out.path(), &[]).unwrap();
         assert!(live.folder.exists() && !out.path().join(".staging-killed").exists());
-    }
-
-    #[test]
-    fn an_out_folder_among_the_archives_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let archives = [folder.path().to_owned()];
-        let refusal = out_folder(&folder.path().join("out"), &archives).unwrap_err().to_string();
-        assert!(refusal.contains("whose archives are judged"), "{refusal}");
     }
 }

@@ -11,21 +11,21 @@ use crate::folders::CasingFile;
 use crate::objects;
 use crate::place::Key;
 
-/// A casing file that can be opened: itself, or an object that was fetched and goes with this value.
+/// A casing file that can be opened: itself, or an object that was fetched, which goes with this value.
 #[derive(Debug)]
 pub(crate) struct Local {
     path: PathBuf,
-    _fetched: Option<TempDir>,
+    fetched: Option<TempDir>,
 }
 
 impl Local {
-    /// Has `file` here; `Err` with the reason if it is not there.
+    /// Has `file` here; `Err` with the reason if an object is gone or another.
     ///
     /// # Errors
     /// An object that cannot be read now, and a disk that cannot hold it: another host may do better.
     pub(crate) fn of(file: &CasingFile) -> Result<Result<Self, String>> {
         if Key::of_address(&file.path).is_none() {
-            return Ok(Ok(Self { path: PathBuf::from(&file.path), _fetched: None }));
+            return Ok(Ok(Self { path: PathBuf::from(&file.path), fetched: None }));
         }
         let folder = temporary_folder()?;
         let at = |name: &str| folder.path().join(base_name(name));
@@ -36,7 +36,7 @@ impl Local {
             }
         }
         let path = at(&file.name);
-        Ok(put_at(file, &path)?.map(|()| Self { path, _fetched: Some(folder) }))
+        Ok(put_at(file, &path)?.map(|()| Self { path, fetched: Some(folder) }))
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -45,20 +45,24 @@ impl Local {
 
     /// A message about it, with the place that the user knows.
     pub(crate) fn message(&self, file: &CasingFile, message: &str) -> String {
-        message.replace(&self.path.display().to_string(), &file.path)
+        let text = message.replace(&self.path.display().to_string(), &file.path);
+        match (&self.fetched, &file.archive) {
+            (Some(folder), Some(archive)) => {
+                let archive_here = folder.path().join(base_name(archive)).display().to_string();
+                text.replace(&archive_here, archive)
+            }
+            _ => text,
+        }
     }
 }
 
-/// Makes `to` the file, by a link or by fetching it; `Err` with the reason if it is not there.
+/// Makes `to` the file, by a link or by fetching it; `Err` with the reason if an object is gone or another.
 ///
 /// # Errors
 /// As for [`Local::of`].
 pub(super) fn put_at(file: &CasingFile, to: &Path) -> Result<Result<(), String>> {
     match Key::of_address(&file.path) {
-        Some(key) => {
-            let is_there = Handle::current().block_on(objects::fetch(&key, to))?;
-            Ok(is_there.then_some(()).ok_or_else(|| format!("{key} is not there")))
-        }
+        Some(key) => Handle::current().block_on(objects::fetch(&key, file.e_tag.as_deref(), to)),
         None => {
             symlink(&file.path, to).with_context(|| format!("cannot make the link {}", to.display()))?;
             Ok(Ok(()))

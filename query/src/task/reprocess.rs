@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 use datafusion::arrow::array::{BooleanArray, StringArray, UInt64Array};
 use datafusion::arrow::datatypes::{DataType, Field};
 use serde::{Deserialize, Serialize};
@@ -23,6 +23,15 @@ pub(crate) const FILES: &str = "files";
 
 /// Exit codes of `tapline reprocess`: all was judged; not all could be.
 const CODES: [i32; 2] = [0, 3];
+
+/// What the system says of a host that lacks room, memory or files, or whose disk fails.
+const OF_HOST: [&str; 5] = [
+    "No space left on device",
+    "Disk quota exceeded",
+    "Input/output error",
+    "Cannot allocate memory",
+    "Too many open files",
+];
 
 /// A file that says how to judge, and what it held when the job began.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -131,12 +140,11 @@ impl ReprocessTask {
             }
         };
         let archive = work.path().join(base_name(&file.name));
-        if let Err(why) = put_at(file, &archive)? {
-            return Ok(Err(why));
-        }
+        // Another archive than the job was named after is none of it.
+        put_at(file, &archive)?.map_err(anyhow::Error::msg)?;
         let output = self.command(&program, &archive).output();
         let output = output.with_context(|| format!("cannot run {}", program.path().display()))?;
-        match printed(&output, work.path()) {
+        match printed(&output, work.path())? {
             Ok(printed) => Ok(Ok(keep(&printed, file, staging, keys.as_ref())?)),
             Err(why) => Ok(Err(why)),
         }
@@ -161,19 +169,21 @@ impl ReprocessTask {
 }
 
 /// What the program printed, or its error without the names of its folder.
-fn printed(output: &Output, work: &Path) -> Result<Printed, String> {
-    let code = output.status.code();
+///
+/// # Errors
+/// The program was killed, or this host has not what it takes: the archive is not to blame.
+fn printed(output: &Output, work: &Path) -> Result<Result<Printed, String>> {
+    let Some(code) = output.status.code() else { bail!("tapline reprocess ended with {}", output.status) };
     let out = String::from_utf8_lossy(&output.stdout);
     let line = out.lines().find_map(|line| serde_json::from_str(line).ok());
-    match line.filter(|_| code.is_some_and(|code| CODES.contains(&code))) {
-        Some(printed) => Ok(printed),
-        None => {
-            let err = String::from_utf8_lossy(&output.stderr).replace(&format!("{}/", work.display()), "");
-            let why =
-                err.lines().rfind(|line| !line.trim().is_empty()).map(|line| line.trim_start_matches("tapline: "));
-            Err(why.map_or_else(|| format!("tapline reprocess ended with {}", output.status), str::to_owned))
-        }
+    if let Some(printed) = line.filter(|_| CODES.contains(&code)) {
+        return Ok(Ok(printed));
     }
+    let err = String::from_utf8_lossy(&output.stderr).replace(&format!("{}/", work.display()), "");
+    let why = err.lines().rfind(|line| !line.trim().is_empty()).map(|line| line.trim_start_matches("tapline: "));
+    let why = why.map_or_else(|| format!("tapline reprocess ended with {}", output.status), str::to_owned);
+    ensure!(!OF_HOST.iter().any(|fault| why.contains(fault)), "{why}");
+    Ok(Err(why))
 }
 
 /// Moves the results to where the job collects them.
