@@ -7,9 +7,10 @@ use futures_util::{StreamExt as _, stream};
 use tapline_store::verify;
 use tokio::task::spawn_blocking;
 
-use crate::folders::{CasingFile, End, find};
-use crate::objects::{self, Put};
-use crate::place::{Key, Place};
+use crate::places::{
+    CasingFile, End, Key, Place, find,
+    objects::{self, Put},
+};
 use crate::task::Local;
 
 /// Files that are under way at a time.

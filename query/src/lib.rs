@@ -1,9 +1,8 @@
 //! Questions over years of archives, and new results of them, on this host or on a cluster.
 //!
-//! A [`place`] is a folder or the keys of a bucket, whose objects `objects` reads and writes; [`folders`] finds the casing files
-//! there, [`copy`] copies them from one place to another. [`task`] says what is done with each, [`plan`] puts that into a plan of DataFusion, and
-//! [`engine`] runs the plan here or on a cluster of Ballista, whose processes are in [`cluster`]. [`reprocess`] keeps what comes
-//! of a job in one committed folder.
+//! [`places`] are folders or the keys of a bucket, and have the casing files; [`copy`] copies them from one to another. [`task`]
+//! says what is done with each, [`plan`] puts that into a plan of DataFusion, and [`engine`] runs the plan here or on a cluster of
+//! Ballista, whose processes are in [`cluster`]. [`reprocess`] keeps what comes of a job in one committed folder.
 //!
 //! Two rules make a cluster give what one host gives. A leaf of a plan is always one that Ballista can cut into tasks, the paths
 //! of files in memory, and our own node above it turns paths into rows: of a leaf of ours every task would do all the files.
@@ -12,15 +11,12 @@
 pub mod cluster;
 pub mod copy;
 pub mod engine;
-pub mod folders;
-mod objects;
-pub mod place;
+pub mod places;
 pub mod plan;
 pub mod reprocess;
 pub mod sql;
 pub mod task;
 
 pub use engine::Engine;
-pub use folders::CasingFile;
-pub use place::Place;
+pub use places::{CasingFile, Place};
 pub use task::{Table, Task};

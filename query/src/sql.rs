@@ -12,8 +12,7 @@ use datafusion::prelude::SessionContext;
 use futures_util::TryStreamExt as _;
 
 use crate::engine::Engine;
-use crate::folders::{CasingFile, find, partitions};
-use crate::place::Place;
+use crate::places::{CasingFile, Place, find, partitions};
 use crate::plan::FilesTable;
 use crate::task::{Table, Task};
 

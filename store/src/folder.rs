@@ -10,16 +10,8 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::error::{Context as _, Result};
+use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
 use crate::read::reader::Reader;
-
-/// Folder of the unfinished files, within the output folder of a line.
-pub const OPEN_FOLDER: &str = "open";
-
-/// Folder of unfinished files that a line cannot resume, within its output folder.
-pub const LEFT_FOLDER: &str = "left";
-
-/// Ending of an archive's name.
-pub(crate) const ENDING: &str = "h5";
 
 /// Hexadecimal digits of the lineage in the name of a file of results.
 const KEY_DIGITS: usize = 12;

@@ -63,7 +63,8 @@ mod write;
 
 pub use config::StoreConfig;
 pub use error::{Error, Result};
-pub use folder::{Folder, LEFT_FOLDER, OPEN_FOLDER, Results, Sorted, archive_of, has_results, results_path};
+pub use file::{LEFT_FOLDER, OPEN_FOLDER};
+pub use folder::{Folder, Results, Sorted, archive_of, has_results, results_path};
 pub use format::layout::{FORMAT_VERSION, REASON_BYTES};
 pub use format::lineage::{Lineage, digest_of, hex_of, lineage_key};
 pub use format::lost::Lost;

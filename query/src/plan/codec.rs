@@ -116,7 +116,7 @@ mod tests {
     use datafusion::prelude::SessionContext;
 
     use super::*;
-    use crate::folders::CasingFile;
+    use crate::places::CasingFile;
     use crate::task::{Table, Task};
 
     fn table() -> Arc<FilesTable> {

@@ -18,7 +18,7 @@ use datafusion::physical_plan::{DisplayAs, DisplayFormatType, ExecutionPlan, Pla
 use futures_util::StreamExt as _;
 use tokio::sync::Semaphore;
 
-use crate::folders::CasingFile;
+use crate::places::CasingFile;
 use crate::task::Task;
 
 /// Batches of rows that may wait for who reads them.

@@ -17,7 +17,7 @@ use datafusion::physical_plan::ExecutionPlan;
 pub use files_exec::settle;
 pub(crate) use files_exec::{FilesExec, limit_workers};
 
-use crate::folders::CasingFile;
+use crate::places::CasingFile;
 use crate::task::Task;
 
 /// The files of partitions, and what is done with each: a table whose rows come of that.

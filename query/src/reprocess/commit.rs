@@ -7,9 +7,7 @@ use anyhow::{Context as _, Result, ensure};
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 use serde::{Deserialize, Serialize};
 
-use crate::folders::{COMMIT_FILE, CasingFile, End, JOB_DIGITS, JOB_PREFIX};
-use crate::objects;
-use crate::place::{Key, Place};
+use crate::places::{COMMIT_FILE, CasingFile, End, JOB_DIGITS, JOB_PREFIX, Key, Place, objects};
 use crate::task::ReprocessTask;
 
 /// Version of the commit file.

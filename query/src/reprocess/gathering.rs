@@ -6,9 +6,10 @@ use std::path::PathBuf;
 use anyhow::{Context as _, Result, bail, ensure};
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 
-use crate::folders::{ARCHIVES_FILE, COMMIT_FILE, CasingFile};
-use crate::objects::{self, Put};
-use crate::place::{Key, Place};
+use crate::places::{
+    ARCHIVES_FILE, COMMIT_FILE, CasingFile, Key, Place,
+    objects::{self, Put},
+};
 use crate::reprocess::commit::{Committed, Row};
 use crate::reprocess::staging::{self, Staging};
 

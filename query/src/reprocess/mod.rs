@@ -18,8 +18,7 @@ use datafusion::arrow::array::{Array as _, BooleanArray, RecordBatch, StringArra
 pub use commit::{Committed, Row};
 
 use crate::engine::Engine;
-use crate::folders::{CasingFile, find, partitions};
-use crate::place::Place;
+use crate::places::{CasingFile, Place, find, partitions};
 use crate::plan::FilesTable;
 use crate::task::{Program, ReprocessTask, Task, given, reference};
 use commit::Job;

@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-use crate::folders::{COMMIT_FILE, CasingFile};
+use crate::places::{COMMIT_FILE, CasingFile};
 use crate::reprocess::commit::Committed;
 use crate::task::FILES;
 use anyhow::{Context as _, Result, ensure};

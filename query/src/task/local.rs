@@ -7,9 +7,7 @@ use anyhow::{Context as _, Result};
 use tempfile::TempDir;
 use tokio::runtime::Handle;
 
-use crate::folders::CasingFile;
-use crate::objects;
-use crate::place::Key;
+use crate::places::{CasingFile, Key, objects};
 
 /// A casing file that can be opened: itself, or an object that was fetched, which goes with this value.
 #[derive(Debug)]

@@ -18,7 +18,7 @@ pub use program::Program;
 pub(crate) use reprocess::{FILES, given, reference};
 pub use reprocess::{Given, Reference, ReprocessTask};
 
-use crate::folders::CasingFile;
+use crate::places::CasingFile;
 
 /// A table over casing files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]

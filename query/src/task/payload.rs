@@ -3,7 +3,7 @@
 use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};
 
-use crate::folders::CasingFile;
+use crate::places::CasingFile;
 use crate::task::Task;
 
 /// What bytes of this program begin with; other bytes are Ballista's own.

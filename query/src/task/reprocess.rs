@@ -11,9 +11,7 @@ use datafusion::arrow::datatypes::{DataType, Field};
 use serde::{Deserialize, Serialize};
 use tokio::runtime::Handle;
 
-use crate::folders::CasingFile;
-use crate::objects;
-use crate::place::Key;
+use crate::places::{CasingFile, Key, objects};
 use crate::task::local::{base_name, put_at, temporary_folder};
 use crate::task::program::{Program, file_digest};
 use crate::task::rows::Columns;

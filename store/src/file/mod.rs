@@ -7,3 +7,12 @@
 pub(crate) mod background_sync;
 pub(crate) mod draft;
 pub(crate) mod guard;
+
+/// Folder of the unfinished files, within the output folder of a line.
+pub const OPEN_FOLDER: &str = "open";
+
+/// Folder of unfinished files that a line cannot resume, within its output folder.
+pub const LEFT_FOLDER: &str = "left";
+
+/// Ending of an archive's name.
+pub(crate) const ENDING: &str = "h5";

@@ -10,7 +10,7 @@ use tapline_wire::{NAME_BYTES_MAX, now_ns};
 
 use super::unreported::UNREPORTED_FOLDER;
 use crate::error::{Context as _, Result};
-use crate::folder::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
+use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
 
 /// What a name has in no file name.
 const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.');

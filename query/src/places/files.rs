@@ -10,8 +10,8 @@ use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 use tapline_store::{Folder, LEFT_FOLDER, OPEN_FOLDER, archive_of};
 
-use crate::objects::{self, Object};
-use crate::place::{Key, Place};
+use super::objects::{self, Object};
+use super::place::{Key, Place};
 
 /// Name of the file that is in the folder of every job that was done.
 pub const COMMIT_FILE: &str = "_committed.json";

@@ -17,7 +17,7 @@ use object_store::{
 };
 use tokio::io::AsyncWriteExt as _;
 
-use crate::place::Key;
+use super::place::Key;
 
 /// Bytes that are asked for at a time.
 const PART_BYTES: u64 = 8 << 20;
@@ -28,7 +28,7 @@ const WRITE_MAX: &str = "600 seconds";
 
 /// Attempts after the first, and the pauses between them: some ten seconds in all, where a server refuses at once.
 const RETRIES: usize = 7;
-const PAUSES_S: [f64; 2] = [0.5, 5.0];
+const PAUSES: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(5)];
 
 /// Most bytes of an object that is put: S3 takes no more in one request, and only one request can refuse to overwrite.
 const BYTES_MAX: u64 = 5 << 30;
@@ -79,7 +79,7 @@ fn connect(name: &str, timeout: &str) -> Result<AmazonS3> {
         endpoint.is_empty() || endpoint.starts_with("http://") || endpoint.starts_with("https://"),
         "AWS_ENDPOINT_URL is {endpoint:?}; it must begin with https://"
     );
-    let [first, last] = PAUSES_S.map(Duration::from_secs_f64);
+    let [first, last] = PAUSES;
     let backoff = BackoffConfig { init_backoff: first, max_backoff: last, ..BackoffConfig::default() };
     let made = builder
         .with_bucket_name(name)
