@@ -126,7 +126,8 @@ impl Finished {
     /// Paths below the folder, in the order of their names; there may be none.
     pub(crate) fn list(&mut self) -> Result<Vec<PathBuf>> {
         let mut finished = Folder::list(&self.folder)?.finished;
-        finished.retain(|path| !self.results.contains(path));
+        // Names travel as text.
+        finished.retain(|path| path.to_str().is_some() && !self.results.contains(path));
         // Also where the archive is no more that they are of.
         let (results, casings): (Vec<_>, Vec<_>) =
             finished.into_iter().partition(|path| tapline_store::has_results(path));

@@ -54,7 +54,9 @@ pub(crate) fn records(files: &[PathBuf], config: &Config) -> Result<(Vec<Record>
     }
     let unread = std::mem::take(&mut list.unread);
     match unread.first() {
-        Some(first) if unread.len() == files.len() => Err(Error::NoTap { tap_count: 0, reasons: first.clone() }),
+        Some(first) if unread.len() == files.len() => {
+            Err(config.refuse(format!("its name cannot be applied, as no file can be read: {first}")))
+        }
         _ => Ok((list.read(config)?, unread)),
     }
 }

@@ -344,7 +344,14 @@ fn hdf5_bytes(unit: Option<&str>) -> Vec<u8> {
     if let Some(unit) = unit {
         force.new_attr::<u8>().create("MATLAB_class").unwrap().write_scalar(&0_u8).unwrap();
         let text: Vec<u16> = unit.encode_utf16().collect();
-        group.new_dataset_builder().with_data(&text).create("force_unit").unwrap();
+        let class = |dataset: hdf5::Dataset, name: &str| {
+            dataset.new_attr::<u8>().create(name).unwrap().write_scalar(&1_u8).unwrap();
+        };
+        if text.is_empty() {
+            class(group.new_dataset_builder().with_data(&[0_u64, 0]).create("force_unit").unwrap(), "MATLAB_empty");
+        } else {
+            class(group.new_dataset_builder().with_data(&text).create("force_unit").unwrap(), "MATLAB_class");
+        }
     }
     drop((force, group, file));
     fs::read(path).unwrap()
@@ -356,7 +363,7 @@ pre_trigger_samples = 1\ntap = { shoulder = 1, offset_mm = 0.0, velocity_m_per_s
 /// Catches newtons of MATLAB 7.3 that are lost, and another unit that nobody hears of.
 #[test]
 fn matlab_7_3_names_units_as_earlier_versions_do() {
-    for (unit, want) in [("N", None), ("kg", Some(("force", Some("kg".to_owned()))))] {
+    for (unit, want) in [("N ", None), ("kg", Some(("force", Some("kg".to_owned())))), ("", Some(("force", None)))] {
         let case = Case::new(GROUPS, &[]);
         fs::write(case.path("A.h5"), hdf5_bytes(Some(unit))).unwrap();
         let done = import(&[case.path("A.h5")], &case.path("import.toml"), &case.path("set"), |_, _| ()).unwrap();

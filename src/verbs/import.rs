@@ -54,7 +54,10 @@ pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
         let channels = unscaled.iter().map(named).collect::<Vec<_>>().join(" and ");
         say(&format!("the scale of {channels} is not known: values are parts of full scale (FS), 1.0 of floats"));
     }
-    let why = if refused.is_empty() { "" } else { "; taps.csv lists them with the reason" };
+    let mut why = if refused.is_empty() { String::new() } else { "; taps.csv lists them with the reason".to_owned() };
+    if !unread.is_empty() {
+        why.push_str(&format!("; {} files not imported", unread.len()));
+    }
     writeln!(io::stdout().lock(), "{}: {written} taps written, {} refused{why}", out.display(), refused.len())?;
     Ok(is_whole)
 }

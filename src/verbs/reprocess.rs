@@ -173,7 +173,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     let took_s = begin.elapsed().as_secs_f64();
     #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
     let rate = done as f64 / took_s;
-    progress.print(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {key}"));
+    progress.print(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..12]));
     print(args, archive, &out, &key, is_complete)?;
     Ok(is_complete)
 }

@@ -1,7 +1,7 @@
 //! Which archives a folder stands for.
 //!
 //! These are the finished ones in it and in its sub-folders, such as the days of a line; not those under way (`open`), those that
-//! a line could not continue (`left`), and hidden files. Results that `tapline reprocess` put beside an archive are told apart
+//! a line could not continue (`left`), hidden files, and folders that are links. Results that `tapline reprocess` put beside an archive are told apart
 //! from archives, so that no casing counts twice.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -67,7 +67,8 @@ impl Folder {
             }
             match entry.file_type().context("read", &path)?.is_dir() {
                 true if name == OPEN_FOLDER || name == LEFT_FOLDER => {
-                    let files = entries(&path)?.into_iter().map(|entry| entry.path());
+                    // Who only reads finished files may not be allowed in there.
+                    let files = entries(&path).unwrap_or_default().into_iter().map(|entry| entry.path());
                     self.unfinished.extend(files.filter(|path| is_archive(path)));
                 }
                 true if depth > 1 => self.look_into(&path, depth - 1)?,

@@ -218,14 +218,22 @@ struct RigCasing {
 fn unheard(ear: &Ear, time: Duration) -> String {
     let frames = time.as_secs_f64() * f64::from(ear.config.sample_rate_hz);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a time of a second or so, in samples")]
-    let latest = ear.latest(frames as usize);
-    let [force, sound] = latest.map(|samples| {
-        let (least, greatest) =
-            samples.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
-        format!("from {:.1} to {:.1} %", 100.0 * least, 100.0 * greatest)
-    });
+    let heights = ear.latest(frames as usize).map(|samples| height(&samples));
     let level = 100.0 * ear.config.trigger.level;
-    format!("{UNHEARD}: the force was {force} of full scale, the sound {sound}; the trigger level is {level:.1} %")
+    match heights {
+        [Some(force), Some(sound)] => format!(
+            "{UNHEARD}: the force rose to {force:.1} % of full scale, the sound to {sound:.1} %; the trigger level is {level:.1} %"
+        ),
+        _ => format!("{UNHEARD}: no samples came"),
+    }
+}
+
+/// How far `samples` rise or fall from what they mostly are, in % of full scale; `None` of no samples.
+fn height(samples: &[f32]) -> Option<f32> {
+    let mut sorted = samples.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    let (least, median, greatest) = (sorted.first()?, sorted[sorted.len() / 2], sorted.last()?);
+    Some(100.0 * (median - least).max(greatest - median))
 }
 
 impl RigCasing {
@@ -255,7 +263,7 @@ impl RigCasing {
             0 if waited > HEARD_WITHIN + record => {
                 let before = self.unheard.map_or(0, |(count, _)| count);
                 self.unheard = Some((before.saturating_add(1), Instant::now()));
-                unheard(ear, waited)
+                unheard(ear, hit.sent.elapsed())
             }
             0 => return Readiness::NotYet,
             1 => {

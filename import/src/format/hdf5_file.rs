@@ -15,8 +15,9 @@ use crate::series::{Series, checked_count};
 /// Attributes that name a unit.
 const UNIT_NAMES: [&str; 3] = ["unit", "units", "unit_string"];
 
-/// Attribute of what MATLAB wrote.
+/// Attributes of what MATLAB wrote, and of what is empty of that.
 const MATLAB_CLASS: &str = "MATLAB_class";
+const MATLAB_EMPTY: &str = "MATLAB_empty";
 
 /// Most characters of a unit.
 const UNIT_CHARACTERS_MAX: usize = 64;
@@ -114,11 +115,16 @@ impl Hdf5File {
             return Ok(None);
         }
         let unit = self.file.dataset(&path).map_err(fault_of)?;
+        // An empty text is written as the lengths of its axes.
+        if unit.attr(MATLAB_EMPTY).is_ok() || unit.size() == 0 {
+            return Ok(None);
+        }
         let kind = unit.dtype().and_then(|kind| kind.to_descriptor()).map_err(fault_of)?;
         if kind != TypeDescriptor::Unsigned(IntSize::U2) || unit.size() > UNIT_CHARACTERS_MAX {
             return broken(format!("{path:?} is no short text; {UNIT_BOUND}"));
         }
-        Ok(Some(String::from_utf16_lossy(&unit.read_raw::<u16>().map_err(fault_of)?)))
+        let unit = String::from_utf16_lossy(&unit.read_raw::<u16>().map_err(fault_of)?);
+        Ok(Some(unit.trim().to_owned()).filter(|unit| !unit.is_empty()))
     }
 }
 
@@ -148,8 +154,9 @@ fn names(group: &Group) -> Result<Vec<String>, Fault> {
 
 /// Names of the datasets of a group that are no scalars.
 fn channels(group: &Group) -> Result<Vec<String>, Fault> {
+    let is_unit = |name: &str, dataset: &Dataset| name.ends_with(UNIT) && dataset.attr(MATLAB_CLASS).is_ok();
     let is_channel =
-        |name: &String| !name.ends_with(UNIT) && group.dataset(name).is_ok_and(|dataset| dataset.size() > 1);
+        |name: &String| group.dataset(name).is_ok_and(|dataset| dataset.size() > 1 && !is_unit(name, &dataset));
     Ok(names(group)?.into_iter().filter(is_channel).collect())
 }
 

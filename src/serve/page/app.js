@@ -259,7 +259,7 @@
     put(parts.waits, waits);
     const before = isLive && !verdict ? verdictOf(station) : undefined;
     keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Before: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
-    put(parts.due, station.is_calibration_out_of_date ? `▲ The calibration of ${station.calibrated_on ?? 'this station'} did not hold on the day of the last casing` : '');
+    put(parts.due, station.is_calibration_out_of_date ? `▲ The calibration of ${station.calibrated_on ?? 'this station'} is not known to hold on the day of the last casing` : '');
     return parts.article;
   }
 

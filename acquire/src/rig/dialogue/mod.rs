@@ -120,6 +120,8 @@ struct Current {
     hit: String,
     /// When it was sent.
     hit_sent: Option<Instant>,
+    /// Whether people were told that the rig is away, and no tap was made since.
+    is_away_told: bool,
 }
 
 #[derive(Debug)]
@@ -283,11 +285,14 @@ impl Dialogue {
     pub(super) fn log_fault(&mut self, reason: &str) {
         if self.fault.as_deref() != Some(reason) {
             let LinkConfig { station, address, .. } = &self.config;
-            tracing::warn!("station {station}: the rig at {address} is not there: {reason}; trying again");
-            let is_news = self.fault.replace(reason.to_owned()).is_none();
-            // Without a casing a rig may be off.
-            if let Some(current) = self.current.as_ref().filter(|_| is_news) {
-                self.alarm(format!("casing {}: the rig is away: {reason}", current.serial));
+            tracing::warn!("station {station}: the connection to the rig at {address} is lost: {reason}; trying again");
+            self.fault = Some(reason.to_owned());
+            // Without a casing a rig may be off. One that comes and goes is told once until it has made a tap.
+            if let Some(current) = &mut self.current
+                && !std::mem::replace(&mut current.is_away_told, true)
+            {
+                let text = format!("casing {}: the connection to the rig is lost: {reason}", current.serial);
+                self.alarm(text);
             }
         }
     }

@@ -118,11 +118,7 @@ impl Dialogue {
         match message {
             RigMessage::Hello { name, version: VERSION } => {
                 match &self.current {
-                    Some(Current { serial, .. }) => {
-                        tracing::warn!(
-                            "station {station}: the rig {name:?} at {address} is back; casing {serial} goes on"
-                        );
-                    }
+                    Some(_) => tracing::warn!("station {station}: the rig {name:?} at {address} is back"),
                     None => tracing::info!("station {station}: connected to the rig {name:?} at {address}"),
                 }
                 self.rig_name = Some(name);
@@ -199,6 +195,7 @@ impl Dialogue {
             && let Step::Begun(tap) = current.step
         {
             current.step = next(tap);
+            current.is_away_told &= !matches!(current.step, Step::Hit(..));
         }
     }
 

@@ -21,8 +21,15 @@ impl Dialogue {
         };
         let (id, removal) = (self.last_id, Removal::default());
         let step = Step::Idle;
-        self.current =
-            Some(Current { id, serial, removal: Arc::clone(&removal), step, hit: String::new(), hit_sent: None });
+        self.current = Some(Current {
+            id,
+            serial,
+            removal: Arc::clone(&removal),
+            step,
+            hit: String::new(),
+            hit_sent: None,
+            is_away_told: false,
+        });
         Some(LoadedCasing { id, name, removal })
     }
 
