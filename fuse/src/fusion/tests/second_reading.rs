@@ -161,8 +161,8 @@ fn suspects_have_no_say_in_the_level_of_their_second_reading() {
     let (before, after) = (of(&all), of(&lowered));
     for &control in &controls {
         let change = (before[control as usize] - after[control as usize]).abs();
-        // The level of the first reading moves a little: it counts places that no longer stand out.
-        assert!(change < 0.3, "location {control}: {change}");
+        // At most 0.10 here; at least 0.42 where suspects have a say.
+        assert!(change < 0.15, "location {control}: {change}");
     }
     assert!((41..49).all(|location| after[location] < before[location] - 0.5), "{before:?} {after:?}");
 }
