@@ -215,3 +215,19 @@ fn what_cannot_be_had_of_a_bucket_is_said() {
         }
     }
 }
+
+/// Catches results of another archive than the job is named after.
+#[test]
+fn an_archive_that_is_replaced_meanwhile_ends_its_job() {
+    let Some((sandbox, bucket)) = prepared() else { return };
+    let slow = sandbox.slow_tapline(0.5);
+    let mut command = sandbox.command(&["reprocess", ARCHIVES, "--out", "s3://plant/again", "--files-per-task", "11"]);
+    let errors = fs::File::create(sandbox.path("errors")).unwrap();
+    let mut job = Process::start(command.env("TAPLINE", &slow).stdout(Stdio::null()).stderr(errors));
+    wait_until("an archive is judged", || !bucket.keys("again").is_empty());
+    bucket.put(&sandbox, "in/1/SIM-0001.h5", "2025/2/SIM-0011.h5");
+    assert_eq!(job.end(), Some(1));
+    let said = fs::read_to_string(sandbox.path("errors")).unwrap();
+    assert!(said.contains("s3://plant/2025/2/SIM-0011.h5 was replaced by another object"), "{said}");
+    assert!(!bucket.keys("again").iter().any(|key| key.ends_with("_committed.json")));
+}

@@ -117,3 +117,28 @@ fn no_hit_is_asked_for_while_the_device_is_not_heard() {
     cable.play([Step::Frames(frames(1000..2000, &[]))]);
     rig.is_homed(&bench, &mut casing, 0, "homed\n");
 }
+
+#[test]
+fn a_hit_below_the_trigger_level_is_told_with_its_height() {
+    // Catches a height of what came after the strike, with which people are sent to the cable and not to the trigger level: the rig
+    // reports late, and the pulse is older than its report.
+    let config = CaptureConfig { trigger: TriggerConfig { level: 0.5, ..config(16).trigger }, ..config(16) };
+    let (mut bench, cable, mut rig, mut casing) = heard_bench_of(&config);
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    strike(&mut rig, || {
+        cable.play([Step::Frames(frames(1000..40_000, &[1500]))]);
+        thread::sleep(Duration::from_millis(600));
+    });
+    let since = Instant::now();
+    let told = loop {
+        assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet);
+        match bench.arrivals.take_alarms().into_iter().find(|alarm| alarm.contains("nothing was heard")) {
+            Some(told) => break told,
+            None => bench.pause(),
+        }
+        assert!(since.elapsed() < LONG);
+    };
+    assert!(told.contains("the force rose to 24.4 % of full scale"), "{told}");
+    assert!(told.ends_with("the trigger level is 50.0 %"), "{told}");
+}
