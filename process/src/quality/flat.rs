@@ -293,6 +293,51 @@ mod tests {
         assert!(share(10.0) <= 1 && share(0.9) >= 495, "{} {}", share(10.0), share(0.9));
     }
 
+    /// Catches a broad and smooth trough, in which two low modes meet, that counts as clipped; and a cut through it that does not.
+    #[test]
+    fn a_trough_of_low_modes_is_not_clipped() {
+        let mut state = 3_u32;
+        let mut uniform = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state) / 4_294_967_296.0
+        };
+        for (low_hz, high_hz) in [(180.0, 420.0), (150.0, 330.0), (200.0, 400.0), (180.0, 540.0)] {
+            let (mut false_count, mut found_count, count) = (0, 0, 400);
+            for _ in 0..count {
+                let modes = [
+                    (low_hz, 1.0, uniform()),
+                    (high_hz, 0.2 + 0.8 * uniform(), uniform()),
+                    (900.0, 0.1 * uniform(), uniform()),
+                ];
+                let ringing = |t: f64| {
+                    let of = |&(f_hz, amplitude, phase): &(f64, f64, f64)| {
+                        amplitude * (std::f64::consts::TAU * (f_hz * t + phase)).sin()
+                    };
+                    modes.iter().map(of).sum::<f64>() * (-60.0 * t).exp() * (1.0 - (-3000.0 * t).exp())
+                };
+                let shift = uniform();
+                let mut sound = |level: f64| -> Vec<f32> {
+                    let sample = |i: i32| {
+                        let t = (f64::from(i) - 100.0 - shift) / 40_960.0;
+                        let hiss = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+                        (if t < 0.0 { 0.0 } else { ringing(t).clamp(-level, level) }) + 1e-3 * hiss
+                    };
+                    (0..1500).map(sample).map(|x| x as f32).collect()
+                };
+                let whole = sound(f64::INFINITY);
+                let peak = whole.iter().fold(0_f32, |a, x| a.max(x.abs()));
+                let cut = sound(0.8 * f64::from(peak));
+                let is = |samples: &[f32]| is_clipped(samples, Extent::find(samples).unwrap(), 0.0, 1e-3);
+                false_count += usize::from(is(&whole));
+                found_count += usize::from(is(&cut));
+            }
+            assert!(
+                false_count <= 2 && found_count >= 392,
+                "{low_hz} {high_hz}: {false_count} {found_count} of {count}"
+            );
+        }
+    }
+
     /// Catches a run that the probes step over, anywhere in a record and at its ends.
     #[test]
     fn every_place_is_probed() {
