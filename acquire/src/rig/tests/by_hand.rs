@@ -219,3 +219,33 @@ fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
     want[8] = told("home", "home");
     assert_eq!(alarms, want);
 }
+
+#[test]
+fn a_tap_that_the_rig_cannot_make_is_an_alarm() {
+    // Catches a broken rig whose taps are refused one by one, and nobody is told; and an alarm for each of them.
+    let (listener, mut bench) = by_hand(30.0);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T\n");
+    assert_eq!(rig.hear(), "scan T 7");
+    let mut casing = bench.casing();
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    for row in 0..2 {
+        // The bench tries a failed move twice again.
+        let rest = if row == 0 { 2 } else { 3 };
+        let answer = thread::Builder::new().name("rig".to_owned()).spawn(move || {
+            if row == 0 {
+                rig.say("error the spring is broken\n");
+            }
+            for _ in 0..rest {
+                assert!(rig.hear().starts_with("move "));
+                rig.say("error the spring is broken\n");
+            }
+            rig
+        });
+        let Readiness::Refused(refusal) = bench.poll(&mut casing, row) else { panic!("not refused") };
+        assert!(refusal.reason.contains("the spring is broken"), "{}", refusal.reason);
+        rig = answer.unwrap().join().unwrap();
+    }
+    let want = "casing T: the rig cannot make this tap: the spring is broken";
+    assert_eq!(bench.arrivals.take_alarms(), [want]);
+}
