@@ -81,4 +81,5 @@ pub use extractor::config::{Precision, ProcessConfig};
 pub use extractor::{Extractor, ProcessExtractor};
 pub use quality::{Policy, QualityConfig};
 pub use signal::real::Real;
+pub use signal::wide::without_avx512;
 pub use stage::{Outcome, RunError, run};

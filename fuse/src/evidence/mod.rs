@@ -82,8 +82,8 @@ pub(crate) struct Scatter {
     covariance: [[f64; WIDTH]; WIDTH],
     /// Lower triangle whose product with itself is the covariance.
     factor: [[f64; WIDTH]; WIDTH],
-    /// 1 over the diagonal of `factor`.
-    inverse_diagonal: [f64; WIDTH],
+    /// The columns of the factor's inverse, 0 where nothing varies.
+    whitening: [[f64; WIDTH]; WIDTH],
     /// Those that vary.
     used: Vec<usize>,
 }
@@ -112,7 +112,13 @@ impl Scatter {
                     _ => 0.0,
                 };
             }
-            self.inverse_diagonal[i] = 1.0 / self.factor[i][i];
+        }
+        // Column by column: what the factor makes 1 in its place and 0 elsewhere.
+        for &column in &self.used {
+            for &i in self.used.iter().filter(|&&i| i >= column) {
+                let before: f64 = (column..i).map(|k| self.factor[i][k] * self.whitening[column][k]).sum();
+                self.whitening[column][i] = (f64::from(u8::from(i == column)) - before) / self.factor[i][i];
+            }
         }
     }
 
@@ -195,16 +201,18 @@ impl Scatter {
         }
     }
 
-    /// Not less than the evidence of `scores`, and faster: that of any weights.
+    /// Not less than the evidence of `scores`, but for rounding, and faster: that of any weights.
     pub(crate) fn bound(&self, scores: &Vector) -> f64 {
-        let (mut white, mut squared) = ([0.0; WIDTH], 0.0);
-        for &i in &self.used {
+        // Whole columns, so that the compiler can use vectors.
+        let mut white = [0.0; WIDTH];
+        for &k in &self.used {
             // A score below 0 has weight 0, or lessens the sum.
-            let score = if scores[i] < 0.0 { 0.0 } else { scores[i] };
-            let before: f64 = (0..i).map(|k| self.factor[i][k] * white[k]).sum();
-            white[i] = (score - before) * self.inverse_diagonal[i];
-            squared += white[i] * white[i];
+            let score = if scores[k] < 0.0 { 0.0 } else { scores[k] };
+            for (white, part) in white.iter_mut().zip(&self.whitening[k]) {
+                *white += part * score;
+            }
         }
+        let squared: f64 = white.iter().map(|x| x * x).sum();
         if squared.is_finite() { squared.sqrt() } else { f64::INFINITY }
     }
 

@@ -27,19 +27,6 @@ impl ProcessExtractor {
         })
     }
 
-    /// This extractor as it is on a processor without AVX-512: what those get, and what they take for it, can be seen on any.
-    #[must_use]
-    pub fn portable(mut self) -> Self {
-        match &mut self {
-            Self::F32(single, double) => {
-                single.spectrum.make_portable();
-                double.spectrum.make_portable();
-            }
-            Self::F64(extractor) => extractor.spectrum.make_portable(),
-        }
-        self
-    }
-
     /// The discriminators of one tap; see [`Extractor::extract`].
     pub fn extract(&mut self, header: &TapHeader, samples: Samples<'_>) -> Discriminators {
         match self {

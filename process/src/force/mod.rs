@@ -69,7 +69,7 @@ impl PulseFinder {
         let count = samples.len();
         let force_n = |i: usize| (samples[i].into() - base) * unit_per_count;
         let peak = if unit_per_count < 0.0 { extent.least } else { extent.largest };
-        let peak_at = position(samples, peak)?;
+        let peak_at = position(samples, peak, 0)?;
         let height_n = vertex(force_n, count, peak_at);
         let stands_out = height_n > NOISE_SIGMAS * noise * unit_per_count.abs();
         if !stands_out {

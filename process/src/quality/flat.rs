@@ -1,11 +1,10 @@
 //! Flat tops: runs of equal samples where a signal would turn.
 
-use crate::signal::extent::{Extent, STRETCH, position, stretch_at};
+use crate::signal::extent::{Extent, position};
 use crate::signal::record::Count;
 
 /// Samples in a row at an extreme from which on a channel may be clipped (B1).
 const RUN: usize = 3;
-const _: () = assert!(STRETCH.is_multiple_of(RUN), "probes go on from stretch to stretch");
 /// Differences below this fraction of the greatest one are rounding of single precision.
 const GRID: f64 = 1e-5;
 /// The lesser extreme counts only if it reaches this fraction of the greater: the silence between impacts is flat too.
@@ -51,22 +50,10 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
     if !is_extreme || extent.is_constant() {
         return false;
     }
-    // A run of three covers one of every three places. Most stretches never touch the level, which a vector comparison
-    // shows.
-    let mut after = 0;
-    let next = |first: usize| stretch_at(samples, level, first);
-    let stretches = std::iter::successors(next(0), |first| next(first + STRETCH));
-    let probes = stretches.flat_map(|first| {
-        let end = samples.len().min(first + STRETCH);
-        (first + RUN - 1..end).step_by(RUN)
-    });
-    for probe in probes {
-        if samples[probe] != level || probe < after {
-            continue;
-        }
-        let from = probe - samples[..probe].iter().rev().take_while(|&&x| x == level).count();
-        after = probe + samples[probe..].iter().take_while(|&&x| x == level).count();
-        let is_cut = after - from >= RUN && (C::is_rail(level) || leaves(samples, from, after));
+    let mut next = 0;
+    while let Some(from) = position(samples, level, next) {
+        next = from + samples[from..].iter().take_while(|&&x| x == level).count();
+        let is_cut = next - from >= RUN && (C::is_rail(level) || leaves(samples, from, next));
         if is_cut {
             return true;
         }
@@ -81,7 +68,7 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
 /// further on it is at most ((n/2 + r)/(n/2 - 1/2))^2 d below. A plateau of the signal's own turns down gently: half way
 /// there it has fallen by little. What is cut has a corner.
 fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, (noise, leaving): (f64, Leaving)) -> bool {
-    let Some(at) = position(samples, level) else { return false };
+    let Some(at) = position(samples, level, 0) else { return false };
     let level: f64 = level.into();
     let (sign, band) = (if level < base { -1.0 } else { 1.0 }, BAND_SIGMAS * noise);
     let is_narrow = band > 0.0 && band < BAND_MAX * (level - base).abs();

@@ -163,7 +163,7 @@ impl<C: Count> Shape<C> {
     fn find(force: &ForceRecord<'_, C>) -> Option<Self> {
         let Track { samples, unit_per_count } = force.track;
         let (level, sign) = if unit_per_count < 0.0 { (force.extent.least, -1.0) } else { (force.extent.largest, 1.0) };
-        let peak_at = position(samples, level)?;
+        let peak_at = position(samples, level, 0)?;
         let peak = sign * (level.into() - force.base);
         let stands_out = peak > NOISE_SIGMAS * force.noise && unit_per_count != 0.0;
         let is_above = |&&x: &&C| sign * (x.into() - force.base) > FOOT * peak;
@@ -215,7 +215,7 @@ fn is_lost_in_baseline<C: Count>(force: &ForceRecord<'_, C>) -> bool {
     let mut medians = Medians::default();
     let base = medians.median(tail);
     let noise = medians.noise_counts(tail, base);
-    let is_before = position(samples, level).is_some_and(|peak_at| peak_at < baseline_count);
+    let is_before = position(samples, level, 0).is_some_and(|peak_at| peak_at < baseline_count);
     is_before && !tail.is_empty() && sign * (level.into() - base) > SECOND_SIGMAS * noise
 }
 

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::signal::record::Count;
+use crate::signal::wide::Kernel;
 
 /// Standard deviations of the noise that a spike must exceed; the deviation of a sample has 1.4 of one.
 const SPIKE_SIGMAS: f64 = 7.0;
@@ -23,15 +24,39 @@ pub(super) fn has_spike<C: Count>(
     let first = pulse.start.saturating_sub(beside);
     let last = samples.len().min(pulse.end + beside);
     let Some(beside) = samples.get(first..last) else { return false };
-    let kink = KINK / pulse.len() as f64;
-    let of_noise = SPIKE_SIGMAS * noise;
-    beside.array_windows().enumerate().any(|(number, window)| {
-        let [a, b, x, c, d] = window.map(Into::into);
-        let deviation = (x - (4.0 * (b + c) - (a + d)) / 6.0).abs();
-        let is_inside = first + number >= pulse.start && first + number + 2 * REACH < pulse.end;
-        let ratio = if is_inside || kink < ratio_max { ratio_max } else { kink };
-        deviation > ratio * peak && deviation > of_noise
-    })
+    Deviations { beside, first, pulse, peak, of_noise: SPIKE_SIGMAS * noise, ratio_max }.wide()
+}
+
+/// Whether any of the samples `beside` the pulse, which begin with number `first`, deviates too much.
+struct Deviations<'a, C> {
+    beside: &'a [C],
+    first: usize,
+    pulse: Range<usize>,
+    peak: f64,
+    of_noise: f64,
+    ratio_max: f64,
+}
+
+impl<C: Count> Kernel for Deviations<'_, C> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Self { beside, first, pulse, peak, of_noise, ratio_max } = self;
+        let kink = KINK / pulse.len() as f64;
+        // Numbers of windows, counted from the first, that lie within the pulse.
+        let inside = pulse.start.saturating_sub(first)..(pulse.end.saturating_sub(2 * REACH)).saturating_sub(first);
+        let limit = |ratio: f64| if ratio * peak > of_noise { ratio * peak } else { of_noise };
+        let (limit_inside, limit_outside) = (limit(ratio_max), limit(if kink < ratio_max { ratio_max } else { kink }));
+        let mut is_any = false;
+        for (number, &window) in beside.array_windows().enumerate() {
+            let [a, b, x, c, d] = window.map(Into::<f64>::into);
+            let deviation = (x - (4.0 * (b + c) - (a + d)) / 6.0).abs();
+            let is_inside = (number >= inside.start) & (number < inside.end);
+            is_any |= deviation > if is_inside { limit_inside } else { limit_outside };
+        }
+        is_any
+    }
 }
 
 #[cfg(test)]

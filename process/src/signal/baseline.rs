@@ -1,6 +1,6 @@
 //! The level of a channel before the impact, and its scatter.
 
-use crate::signal::record::Count;
+use crate::signal::record::{Count, Key};
 use crate::signal::wide::Kernel;
 
 /// Number of samples that the baseline is computed from: the first floor(0.75 p) of a record of `sample_count`.
@@ -20,35 +20,34 @@ pub(crate) struct Medians {
 impl Medians {
     /// Median of `samples` in counts; the mean of the middle two if their number is even, 0 if there are none.
     pub(crate) fn median<C: Count>(&mut self, samples: &[C]) -> f64 {
-        self.keys.resize(samples.len(), 0);
-        Keys { samples, key: |x: C| x.key(), keys: &mut self.keys }.wide();
-        self.median_of_keys::<C>()
+        self.middle(samples, |x| x.key(), C::from_key)
     }
 
     /// Standard deviation of `samples` around `base`, which is a median of samples. It is estimated as 1.4826 times the
     /// median of their magnitudes, so that an impact that began too early does not count as noise, and is never below
     /// the converter's rounding.
     pub(crate) fn noise_counts<C: Count>(&mut self, samples: &[C], base: f64) -> f64 {
-        self.keys.resize(samples.len(), 0);
-        Keys { samples, key: |x: C| x.distance_key(base), keys: &mut self.keys }.wide();
-        let sigma = 1.4826 * self.median_of_keys::<C>();
+        let sigma = 1.4826 * self.middle(samples, |x| x.distance_key(base), |key| C::from_distance_key(key, base));
         if sigma > C::ROUNDING_COUNTS { sigma } else { C::ROUNDING_COUNTS }
     }
 
-    fn median_of_keys<C: Count>(&self) -> f64 {
-        let Some((lower, upper)) = Middle { keys: &self.keys }.wide() else { return 0.0 };
-        f64::midpoint(C::from_key(lower), C::from_key(upper))
+    /// The mean of the middle two by `key` as values `from_key`; 0 if there are none.
+    fn middle<C: Count>(&mut self, samples: &[C], key: impl Fn(C) -> C::Key, from_key: impl Fn(C::Key) -> f64) -> f64 {
+        self.keys.resize(samples.len(), 0);
+        let keys = &mut bytemuck::cast_slice_mut(&mut self.keys)[..samples.len()];
+        Keys { samples, key, keys: &mut *keys }.wide();
+        Middle { keys }.wide().map_or(0.0, |(lower, upper)| f64::midpoint(from_key(lower), from_key(upper)))
     }
 }
 
 /// Fills `keys` with the `key` of each sample.
-struct Keys<'a, C, F> {
+struct Keys<'a, C: Count, F> {
     samples: &'a [C],
     key: F,
-    keys: &'a mut [i32],
+    keys: &'a mut [C::Key],
 }
 
-impl<C: Count, F: Fn(C) -> i32> Kernel for Keys<'_, C, F> {
+impl<C: Count, F: Fn(C) -> C::Key> Kernel for Keys<'_, C, F> {
     type Output = ();
 
     #[inline(always)]
@@ -63,52 +62,65 @@ impl<C: Count, F: Fn(C) -> i32> Kernel for Keys<'_, C, F> {
 ///
 /// Counting the keys below a value uses vectors, where sorting needs comparisons: the range of the median is quartered
 /// up to 16 times.
-struct Middle<'a> {
-    keys: &'a [i32],
+struct Middle<'a, K> {
+    keys: &'a [K],
 }
 
-impl Kernel for Middle<'_> {
-    type Output = Option<(i32, i32)>;
+impl<K: Key> Kernel for Middle<'_, K> {
+    type Output = Option<(K, K)>;
 
     #[inline(always)]
-    fn run(self) -> Option<(i32, i32)> {
+    fn run(self) -> Option<(K, K)> {
         let first = *self.keys.first()?;
         let (mut low, mut high) = (first, first);
         for &key in self.keys {
             low = low.min(key);
             high = high.max(key);
         }
+        let least = low;
         // The upper of the two is the least value that more than half of the keys do not exceed.
         let half = self.keys.len() / 2;
         while low < high {
-            let span = i64::from(high) - i64::from(low);
-            let at = [span / 4, span / 2, 3 * span / 4].map(|part| (i64::from(low) + part) as i32);
+            let (from, span) = (low.into(), high.into() - low.into());
+            // All of them are between keys.
+            let at = [0, span / 4, span / 4 + 1, span / 2, span / 2 + 1, 3 * span / 4, 3 * span / 4 + 1, span]
+                .map(|part| K::try_from(from + part).unwrap_or(high));
             // Arithmetic instead of a branch, which could not be predicted.
-            let quarter: usize = self.counts(at).into_iter().map(|count| usize::from(count <= half)).sum();
-            (low, high) = ([low, at[0] + 1, at[1] + 1, at[2] + 1][quarter], [at[0], at[1], at[2], high][quarter]);
+            let quarter: usize =
+                self.counts([at[1], at[3], at[5]]).into_iter().map(|count| usize::from(count <= half)).sum();
+            (low, high) = (at[2 * quarter], at[2 * quarter + 1]);
         }
         let upper = low;
-        let (mut lower, mut below) = (i32::MIN, 0_u32);
-        for &key in self.keys {
-            below += u32::from(key < upper);
-            lower = lower.max(if key < upper { key } else { i32::MIN });
+        let (mut lower, mut below) = (least, 0);
+        for keys in self.keys.chunks(K::MAX) {
+            let mut count = K::from(false);
+            for &key in keys {
+                count += K::from(key < upper);
+                lower = lower.max(if key < upper { key } else { least });
+            }
+            below += count.into();
         }
-        let is_pair = self.keys.len().is_multiple_of(2) && below as usize == half;
+        let is_pair = self.keys.len().is_multiple_of(2) && below == half as i64;
         Some((if is_pair { lower } else { upper }, upper))
     }
 }
 
-impl Middle<'_> {
+impl<K: Key> Middle<'_, K> {
     /// For each of the values `at`, how many keys do not exceed it.
     #[inline(always)]
-    fn counts(&self, at: [i32; 3]) -> [usize; 3] {
-        let mut counts = [0_u32; 3];
-        for &key in self.keys {
-            for (count, at) in counts.iter_mut().zip(at) {
-                *count += u32::from(key <= at);
+    fn counts(&self, at: [K; 3]) -> [usize; 3] {
+        let mut counts = [0; 3];
+        // Counted in keys, so that both have lanes of one width.
+        for keys in self.keys.chunks(K::MAX) {
+            let mut of_chunk = [K::from(false); 3];
+            for &key in keys {
+                for (count, at) in of_chunk.iter_mut().zip(at) {
+                    *count += K::from(key <= at);
+                }
             }
+            counts.iter_mut().zip(of_chunk).for_each(|(count, of_chunk)| *count += of_chunk.into() as usize);
         }
-        counts.map(|count| count as usize)
+        counts
     }
 }
 
@@ -117,6 +129,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::signal::wide::in_all_vectors;
 
     /// Catches floor(0.75 p) computed as 3 floor(p / 4), or past the end of what a record has.
     #[test]
@@ -165,8 +178,34 @@ mod tests {
             let mut sorted = keys.clone();
             sorted.sort_unstable();
             let expected = sorted.get(keys.len() / 2).map(|&upper| (sorted[(keys.len() - 1) / 2], upper));
-            prop_assert_eq!(Middle { keys: &keys }.run(), expected);
-            prop_assert_eq!(Middle { keys: &keys }.wide(), expected);
+            prop_assert_eq!(in_all_vectors(|| Middle { keys: &keys }), [expected; 3]);
+        }
+    }
+
+    /// Catches distances that overflow, a half count lost or added on one side, and keys that are counted beyond what one of them
+    /// can count: the twin sorts.
+    #[test]
+    fn noise_of_counts_like_a_sort() {
+        let mut medians = Medians::default();
+        for (count, least, largest) in
+            [(9, -3, 4), (10, -3, 4), (10, i16::MIN, i16::MAX), (40_000, -7, 0), (70_001, i16::MIN, i16::MAX)]
+        {
+            let spread = i64::from(largest) - i64::from(least) + 1;
+            let samples: Vec<i16> =
+                (0..count).map(|i: i64| (i64::from(least) + i * i * 7919 % spread) as i16).collect();
+            let middle = |mut values: Vec<f64>| {
+                values.sort_by(f64::total_cmp);
+                f64::midpoint(values[(values.len() - 1) / 2], values[values.len() / 2])
+            };
+            let base = middle(samples.iter().map(|&x| f64::from(x)).collect());
+            let distances = |base: f64| middle(samples.iter().map(|&x| (f64::from(x) - base).abs()).collect());
+            assert_eq!(medians.median(&samples).to_bits(), base.to_bits());
+            for base in
+                [base, base - 0.5, -0.5, 0.5, 7.5, f64::from(i16::MIN), f64::from(i16::MAX), -32_767.5, 32_766.5]
+            {
+                let (found, expected) = (medians.noise_counts(&samples, base), 1.4826 * distances(base));
+                assert_eq!(found.to_bits(), expected.to_bits(), "{count} from {least} to {largest}, {base}");
+            }
         }
     }
 

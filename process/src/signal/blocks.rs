@@ -261,6 +261,7 @@ impl<T: Real> Default for Lanes<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::without_avx512;
 
     /// Catches a lost sample, a signed peak, and a sum instead of a mean.
     #[test]
@@ -350,9 +351,12 @@ mod tests {
             Fill { signal: &mut written, write, count, blocks: &mut blocks }.run();
             assert_eq!(written, signal, "{count}");
             assert_eq!(blocks, expected, "{count}");
-            blocks.fill(Block::default());
-            Fill { signal: &mut written, write: |_: usize, _: &mut [T]| (), count, blocks: &mut blocks }.wide();
-            assert_eq!(blocks, expected, "{count}");
+            for is_narrow in [true, false] {
+                without_avx512(is_narrow);
+                blocks.fill(Block::default());
+                Fill { signal: &mut written, write: |_: usize, _: &mut [T]| (), count, blocks: &mut blocks }.wide();
+                assert_eq!(blocks, expected, "{count}");
+            }
         }
         for count in (4..50).chain([192]) {
             check::<f32>(count);

@@ -34,43 +34,42 @@ impl<C: Count> Extent<C> {
     }
 }
 
-/// Index of the first of `samples` that equals `level`.
-pub(crate) fn position<C: Count>(samples: &[C], level: C) -> Option<usize> {
-    let first = stretch_at(samples, level, 0)?;
-    samples[first..].iter().position(|&x| x == level).map(|at| first + at)
+/// Index of the first of `samples`, from number `from` on, that equals `level`.
+pub(crate) fn position<C: Count>(samples: &[C], level: C, from: usize) -> Option<usize> {
+    First { samples: samples.get(from..)?, level }.wide().map(|at| from + at)
 }
 
-/// Where the first stretch of [`STRETCH`] samples begins that contains `level`; `from` is where the first one begins.
-pub(crate) fn stretch_at<C: Count>(samples: &[C], level: C, from: usize) -> Option<usize> {
-    Touching { samples, level, from }.wide()
-}
+/// Samples that are compared together.
+const STRETCH: usize = 96;
 
-/// Samples that [`stretch_at`] compares together.
-pub(crate) const STRETCH: usize = 96;
-
-struct Touching<'a, C> {
+struct First<'a, C> {
     samples: &'a [C],
     level: C,
-    from: usize,
 }
 
-impl<C: Count> Kernel for Touching<'_, C> {
+impl<C: Count> Kernel for First<'_, C> {
     type Output = Option<usize>;
 
     #[inline(always)]
     fn run(self) -> Option<usize> {
-        let Self { samples, level, from } = self;
-        let (stretches, rest) = samples.get(from..)?.as_chunks::<STRETCH>();
+        let Self { samples, level } = self;
+        let (stretches, rest) = samples.as_chunks::<STRETCH>();
         for (number, stretch) in stretches.iter().enumerate() {
             let mut touches = false;
             for &x in stretch {
                 touches |= x == level;
             }
             if touches {
-                return Some(from + number * STRETCH);
+                // Without a branch, so that the compiler can use vectors.
+                let mut first = STRETCH as u16;
+                for (place, &x) in (0..).zip(stretch) {
+                    let place = if x == level { place } else { STRETCH as u16 };
+                    first = if place < first { place } else { first };
+                }
+                return Some(number * STRETCH + usize::from(first));
             }
         }
-        rest.contains(&level).then_some(samples.len() - rest.len())
+        rest.iter().position(|&x| x == level).map(|at| samples.len() - rest.len() + at)
     }
 }
 
@@ -146,20 +145,20 @@ mod tests {
         assert!((Extent { least: 4_i16, largest: 4 }.gain(4.0) - 1.0).abs() < 1e-15);
     }
 
-    /// Catches a stretch left out or searched twice: the twin goes sample by sample.
+    /// Catches a stretch left out, the wrong place in it, and a place before the one to begin at.
     #[test]
     fn places_like_a_walk() {
         for count in [1, 5, 191, 192, 193, 400, 1000] {
             for place in (0..count).step_by(7).chain([count - 1]) {
                 let mut samples = vec![0_i16; count];
                 samples[place] = 9;
-                assert_eq!(position(&samples, 9), Some(place));
                 let floats: Vec<f32> = samples.iter().map(|&x| f32::from(x)).collect();
-                assert_eq!(position(&floats, 9.0), Some(place));
-                let stretch = place / STRETCH * STRETCH;
-                assert_eq!(stretch_at(&samples, 9, 0), Some(stretch));
-                assert_eq!(stretch_at(&samples, 9, stretch + STRETCH), None);
-                assert_eq!(position(&samples, 8), None);
+                for from in [0, place / 2, place, place + 1] {
+                    let expected = Some(place).filter(|&place| place >= from);
+                    assert_eq!(position(&samples, 9, from), expected);
+                    assert_eq!(position(&floats, 9.0, from), expected);
+                }
+                assert_eq!(position(&samples, 8, 0), None);
             }
         }
     }

@@ -1,5 +1,8 @@
 //! The channels of one record, located in its samples and checked once.
 
+use std::ops::AddAssign;
+
+use bytemuck::Pod;
 use tapline_wire::{CHANNELS_MAX, Channel, TapHeader};
 
 use crate::Real;
@@ -16,17 +19,36 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn exact_f32(self) -> f32;
     /// Whether four samples are one value.
     fn are_equal(four: [Self; 4]) -> bool;
-    /// An integer that orders as samples do.
-    fn key(self) -> i32;
-    /// The key of |sample - `base`|, `base` being a median of samples.
-    fn distance_key(self, base: f64) -> i32;
+    /// Integers that order as samples do, and as their distances from a base do.
+    type Key: Key;
+    /// The key of the sample.
+    fn key(self) -> Self::Key;
     /// The counts that have the key `key`.
-    fn from_key(key: i32) -> f64;
+    fn from_key(key: Self::Key) -> f64;
+    /// The key of |sample - `base`|, `base` being a median of samples.
+    fn distance_key(self, base: f64) -> Self::Key;
+    /// The distance from `base` that has the key `key`.
+    fn from_distance_key(key: Self::Key, base: f64) -> f64;
     /// (sample - `base`) * `gain`, rounded once; `gain` is a power of two.
     fn centred<T: Real>(self, base: f64, gain: f64) -> T;
 }
 
+/// An integer, and as many as one of its kind can count.
+pub(crate) trait Key: Copy + Ord + Pod + From<bool> + AddAssign + Into<i64> + TryFrom<i64> {
+    /// The greatest of its kind.
+    const MAX: usize;
+}
+
+impl Key for i16 {
+    const MAX: usize = i16::MAX as usize;
+}
+
+impl Key for i32 {
+    const MAX: usize = i32::MAX as usize;
+}
+
 impl Count for i16 {
+    type Key = i16;
     const ROUNDING_COUNTS: f64 = 0.288_675_134_594_812_9; // 1/sqrt(12)
     fn is_number(self) -> bool {
         true
@@ -42,14 +64,23 @@ impl Count for i16 {
         let word: u64 = bytemuck::cast(four);
         word == word.rotate_left(Self::BITS)
     }
-    fn key(self) -> i32 {
-        2 * i32::from(self) // the median may be half a count
+    fn key(self) -> i16 {
+        self
     }
-    fn distance_key(self, base: f64) -> i32 {
-        (self.key() - (2.0 * base) as i32).abs()
+    fn from_key(key: i16) -> f64 {
+        f64::from(key)
     }
-    fn from_key(key: i32) -> f64 {
-        f64::from(key) / 2.0
+    fn distance_key(self, base: f64) -> i16 {
+        // A base of half a count is half a count from every sample; the key is the distance without it. From 0 to 65535, so
+        // that no distance overflows; one of the differences is 0.
+        let unsigned = |count: i16| count.cast_unsigned() ^ 0x8000;
+        let floor = base.floor();
+        let (count, floor, half) = (unsigned(self), unsigned(floor as i16), u16::from(base > floor));
+        let distance = count.saturating_sub(floor + half) | floor.saturating_sub(count);
+        (distance ^ 0x8000).cast_signed()
+    }
+    fn from_distance_key(key: i16, base: f64) -> f64 {
+        f64::from(key.cast_unsigned() ^ 0x8000) + base.fract().abs()
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
         // The median of 16-bit counts is a whole or half count, so this is exact in f32 too.
@@ -58,6 +89,7 @@ impl Count for i16 {
 }
 
 impl Count for f32 {
+    type Key = i32;
     const ROUNDING_COUNTS: f64 = 0.0;
     fn is_number(self) -> bool {
         self.is_finite()
@@ -80,6 +112,9 @@ impl Count for f32 {
     }
     fn from_key(key: i32) -> f64 {
         f64::from(f32::from_bits(in_order(key) as u32))
+    }
+    fn from_distance_key(key: i32, _base: f64) -> f64 {
+        Self::from_key(key)
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
         // In double precision, because an offset of many times the signal would cost it digits.

@@ -1,11 +1,39 @@
 //! Kernels in the widest vectors that the machine has.
 //!
 //! The program must run on any x86-64, so the compiler may use no more than SSE2. A kernel is plain Rust whose loops it
-//! can vectorize; [`Kernel::wide`] compiles it twice, and calls the AVX2 version where the processor has AVX2. The
-//! kernel itself fixes its lanes and the order of its sums, and no product is fused with a sum, so every machine gives
-//! the same bits.
+//! can vectorize; [`Kernel::wide`] compiles it also for AVX2 and for AVX-512, and calls the version of the widest that the
+//! processor has. The kernel itself fixes its lanes and the order of its sums, and no product is fused with a sum, so
+//! every machine gives the same bits.
+
+use std::cell::Cell;
 
 use pulp::{Arch, NullaryFnOnce};
+
+thread_local! {
+    static IS_NARROW: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Lets this thread compute as on a processor without AVX-512 from now on, or no longer: what those get, and what they
+/// take for it, can be seen on any.
+///
+/// Transforms that are planned already stay what they are.
+pub fn without_avx512(is_narrow: bool) {
+    IS_NARROW.set(is_narrow);
+}
+
+/// Whether this thread may use AVX-512 where the processor has it.
+pub(crate) fn may_use_avx512() -> bool {
+    !IS_NARROW.get()
+}
+
+/// The widest vectors that this thread may use.
+fn widest() -> Arch {
+    match Arch::new() {
+        #[cfg(target_arch = "x86_64")]
+        Arch::V4(_) if !may_use_avx512() => pulp::x86::V3::try_new().map_or(Arch::Scalar, Arch::V3),
+        widest => widest,
+    }
+}
 
 /// A pass over many samples; its fields are its arguments.
 pub(crate) trait Kernel: Sized {
@@ -17,7 +45,7 @@ pub(crate) trait Kernel: Sized {
 
     /// The same, in the widest vectors.
     fn wide(self) -> Self::Output {
-        Arch::new().dispatch(Wide(self))
+        widest().dispatch(Wide(self))
     }
 }
 
@@ -30,4 +58,14 @@ impl<K: Kernel> NullaryFnOnce for Wide<K> {
     fn call(self) -> K::Output {
         self.0.run()
     }
+}
+
+/// What a `kernel` returns without vectors of its own, without AVX-512, and in the widest vectors.
+#[cfg(test)]
+pub(crate) fn in_all_vectors<K: Kernel>(mut kernel: impl FnMut() -> K) -> [K::Output; 3] {
+    let plain = kernel().run();
+    without_avx512(true);
+    let narrow = kernel().wide();
+    without_avx512(false);
+    [plain, narrow, kernel().wide()]
 }

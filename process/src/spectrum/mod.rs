@@ -92,11 +92,6 @@ impl<T: Real> Spectrum<T> {
         Self { plans: Plans::new(), cut: Vec::new() }
     }
 
-    /// Transforms as on a processor without AVX-512 from now on.
-    pub(crate) fn make_portable(&mut self) {
-        self.plans.make_portable();
-    }
-
     /// PR, P_f and E_f of `signal`, whose mean and mean square are `moments`, computed as `view` says. Overwrites the
     /// signal.
     ///

@@ -11,7 +11,7 @@ use num_complex::Complex;
 use super::avx512::Lanes;
 use super::transform::{Rustfft, Transform};
 use crate::Real;
-use crate::signal::wide::Kernel;
+use crate::signal::wide::{Kernel, may_use_avx512};
 
 /// Lengths whose plans are kept: more than one line uses, and a bound on memory.
 const PLANS_MAX: usize = 8;
@@ -34,8 +34,6 @@ struct Plan<T> {
 pub(super) struct Plans<T> {
     /// Most recently used last.
     plans: Vec<Plan<T>>,
-    /// Whether transforms are those of processors without AVX-512.
-    is_portable: bool,
 }
 
 impl<T> fmt::Debug for Plans<T> {
@@ -46,12 +44,7 @@ impl<T> fmt::Debug for Plans<T> {
 
 impl<T: Real> Plans<T> {
     pub(super) fn new() -> Self {
-        Self { plans: Vec::with_capacity(PLANS_MAX), is_portable: false }
-    }
-
-    /// Transforms as on a processor without AVX-512 from now on.
-    pub(super) fn make_portable(&mut self) {
-        (self.is_portable, self.plans) = (true, Vec::with_capacity(PLANS_MAX));
+        Self { plans: Vec::with_capacity(PLANS_MAX) }
     }
 
     /// |X|^2 of the first `bin_count` bins of `signal`, from 0 Hz on, none beyond the Nyquist frequency. Overwrites the
@@ -69,7 +62,7 @@ impl<T: Real> Plans<T> {
                 if self.plans.len() >= PLANS_MAX {
                     self.plans.remove(0);
                 }
-                self.plans.push(Plan::new(count, self.is_portable));
+                self.plans.push(Plan::new(count));
             }
         }
         let last = self.plans.len() - 1;
@@ -78,7 +71,7 @@ impl<T: Real> Plans<T> {
 }
 
 impl<T: Real> Plan<T> {
-    fn new(count: usize, is_portable: bool) -> Self {
+    fn new(count: usize) -> Self {
         let is_even = count.is_multiple_of(2);
         let length = length_of(count);
         let zeros = |length: usize| vec![Complex::new(T::zero(), T::zero()); length];
@@ -87,7 +80,7 @@ impl<T: Real> Plan<T> {
             twiddles: if is_even { twiddles(count) } else { Vec::new() },
             complex: if is_even { Vec::new() } else { zeros(length) },
             transformed: zeros(length + 1),
-            transform: plan(length, is_portable),
+            transform: plan(length),
             powers: Vec::new(),
         }
     }
@@ -172,9 +165,9 @@ fn power_of<T: Real>(re: T, im: T) -> f64 {
 }
 
 /// The fastest transform of `length` numbers: our own for powers of two from 1024 on in single precision, where the
-/// processor has AVX-512 and it is not to do without, and `rustfft` everywhere else.
-fn plan<T: Real>(length: usize, is_portable: bool) -> Box<dyn Transform<T>> {
-    let own = if is_portable { None } else { single_precision(length) };
+/// thread may use AVX-512, and `rustfft` everywhere else.
+fn plan<T: Real>(length: usize) -> Box<dyn Transform<T>> {
+    let own = if may_use_avx512() { single_precision(length) } else { None };
     // Ours is for `f32`; the downcast fails for another `T`.
     let own = own.map(|own| Box::new(own) as Box<dyn Any>);
     match own.and_then(|own| own.downcast::<Box<dyn Transform<T>>>().ok()) {
@@ -200,6 +193,7 @@ mod tests {
     use realfft::RealFftPlanner;
 
     use super::*;
+    use crate::without_avx512;
 
     fn signal<T: Real>(count: usize) -> Vec<T> {
         (0..count).map(|i| T::rounded(((i * i) % 17) as f64 - 0.1 * (i % 5) as f64)).collect()
@@ -222,13 +216,14 @@ mod tests {
     #[test]
     fn powers_like_realfft() {
         fn check<T: Real>(count: usize) {
+            without_avx512(true);
             let signal: Vec<T> = signal(count);
             let fft = RealFftPlanner::new().plan_fft_forward(count);
             let mut bins = fft.make_output_vec();
             fft.process(&mut signal.clone(), &mut bins).unwrap();
             for bin_count in [bins.len(), bins.len() / 3] {
                 let expected: Vec<f64> = bins[..bin_count].iter().map(|bin| power_of(bin.re, bin.im)).collect();
-                let mut plan = Plan::new(count, true);
+                let mut plan = Plan::new(count);
                 assert_eq!(plan.powers(&mut signal.clone(), bin_count), expected, "{count}");
             }
         }

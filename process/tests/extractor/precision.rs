@@ -1,7 +1,7 @@
 //! Single precision compared with double, for taps of every kind.
 
 use proptest::prelude::*;
-use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
+use tapline_process::{Precision, ProcessConfig, ProcessExtractor, without_avx512};
 use tapline_wire::{Channel, ChannelHeader, Quality, SampleFormat, Samples, TapHeader};
 
 use crate::reference::CASES;
@@ -62,14 +62,15 @@ fn a_faint_band_beside_a_loud_sound() {
         };
         header.channels[0] =
             ChannelHeader { code: Channel::Sound.code(), unit_per_count: 1.0, ..ChannelHeader::default() };
-        let extractor =
-            |precision| ProcessExtractor::new(&ProcessConfig { precision, ..ProcessConfig::default() }).unwrap();
-        let extract = |mut extractor: ProcessExtractor| extractor.extract(&header, Samples::F32(&samples));
-        let double = extract(extractor(Precision::F64));
-        for (single, name) in
-            [(extractor(Precision::F32), "single precision"), (extractor(Precision::F32).portable(), "without AVX-512")]
-        {
-            assert_close(&extract(single), values(&double), 1e-4, &format!("{name}, {level_db} dB"));
+        let extract = |precision| {
+            let config = ProcessConfig { precision, ..ProcessConfig::default() };
+            ProcessExtractor::new(&config).unwrap().extract(&header, Samples::F32(&samples))
+        };
+        let double = extract(Precision::F64);
+        for is_narrow in [false, true] {
+            without_avx512(is_narrow);
+            let what = format!("without AVX-512: {is_narrow}, {level_db} dB");
+            assert_close(&extract(Precision::F32), values(&double), 1e-4, &what);
         }
     }
 }
