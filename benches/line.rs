@@ -2,13 +2,14 @@
 //!
 //! The same rounds also measure the taps simulated in one thread and sent nowhere, which is work that a real rig would
 //! do; their bytes written to one file and synced to the disk; and the work of the line done by one process, one tap after the
-//! other, without shared memory. Needs the built program: `cargo build --release -p tapline`.
+//! other, without shared memory; and the same taps as a tap set in memory, which shows the line without the simulation. Needs the
+//! built program: `cargo build --release -p tapline`.
 #![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
 
 use std::fs::File;
 use std::io::Write as _;
-use std::path::Path;
-use std::process::Stdio;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
@@ -20,6 +21,7 @@ use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::Writer;
 use tapline_wire::{CacheLine, RecordKind, Samples, TapHeader, TapTopic, Topic as _, bytes_of, cache_lines_for};
+use tempfile::TempDir;
 
 const ROUNDS: usize = 5;
 const STATIONS: [u16; 3] = [1, 2, 4];
@@ -38,25 +40,27 @@ fn main() -> Result<()> {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR"))?;
     let mut lines: [Vec<Pace>; 3] = Default::default();
     let (mut renders, mut writes, mut halves, mut alone) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (recorded, mut replayed) = (recorded(folder.path())?, Vec::new());
     for _ in 0..ROUNDS {
         for (stations, paces) in STATIONS.into_iter().zip(&mut lines) {
-            paces.push(run_line(folder.path(), stations, None)?);
+            paces.push(run_line(folder.path(), stations, None, None)?);
         }
         // Half of what the same stations just reached.
         let half = lines[2].last().map(|pace| pace.taps_per_s / 2.0 / f64::from(STATIONS[2]));
-        halves.push(run_line(folder.path(), STATIONS[2], half)?);
+        halves.push(run_line(folder.path(), STATIONS[2], half, None)?);
+        replayed.push(run_line(folder.path(), STATIONS[1], None, Some(recorded.path()))?);
         renders.push(render()?);
         writes.push(write(folder.path())?);
         alone.push(one_process(folder.path())?);
     }
-    keep(&lines, &halves, &alone)?;
+    keep(&lines, &halves, &replayed, &alone)?;
     let (render, write) = (quantile(&mut renders, 0.5), quantile(&mut writes, 0.5));
     report(&lines, render, write);
     Ok(())
 }
 
 /// Keeps what was measured for the page.
-fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], alone: &[f64]) -> Result<()> {
+fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64]) -> Result<()> {
     let of = |paces: &[Pace], value: &dyn Fn(&Pace) -> f64| paces.iter().map(value).collect::<Vec<f64>>();
     let rates = [0, 1, 2].map(|k: usize| of(&lines[k], &|pace| pace.taps_per_s));
     let mut rows = Vec::new();
@@ -68,21 +72,32 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], alone: &[f64]) -> Result<()> {
         }
         rows.push(row);
     }
+    let of_replayed = of(replayed, &|pace| pace.taps_per_s);
+    rows.push(Row::new("2 stations that replay recorded taps from memory", "taps/s", &of_replayed).beside(
+        "of the rate of 2 simulated stations",
+        Spread::of_ratio(&of_replayed, &rates[1]),
+        "",
+    ));
     let latency = of(halves, &|pace| pace.latency_us.1 / 1e3);
     rows.push(Row::new("tap to discriminators at half of that load, 99 of 100 taps", "ms", &latency).beside(
         "at most, ms",
         Spread::of(&latency),
         "< 5",
     ));
-    for name in ["acquire", "process", "fuse", "store", "line"] {
+    for (name, paces, what) in [
+        ("acquire", &lines[1][..], "`acquire`, which simulates the taps"),
+        ("acquire", replayed, "`acquire`, which replays them"),
+        ("process", &lines[1], "`process`"),
+        ("fuse", &lines[1], "`fuse`"),
+        ("store", &lines[1], "`store`"),
+        ("line", &lines[1], "`line`"),
+    ] {
         let of_name = |pace: &Pace, part: usize| {
             let all = pace.cpu_us.iter().filter(|(of, _)| of.split(' ').next() == Some(name));
             all.map(|(_, parts)| parts[part]).sum::<f64>()
         };
-        let all = of(&lines[1], &|pace| of_name(pace, 0) + of_name(pace, 1));
-        let kernel = of(&lines[1], &|pace| of_name(pace, 1));
-        let what =
-            if name == "acquire" { "`acquire`, which simulates the taps".to_owned() } else { format!("`{name}`") };
+        let all = of(paces, &|pace| of_name(pace, 0) + of_name(pace, 1));
+        let kernel = of(paces, &|pace| of_name(pace, 1));
         let share = Spread::of_ratio(&kernel, &all);
         rows.push(Row::new(format!("processor time of {what}"), "us a tap", &all).beside(
             "of it in the kernel",
@@ -113,6 +128,7 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], alone: &[f64]) -> Result<()> {
             ),
             "The same work by one process: discriminators, fusion and the synced archive of the same taps, one after another in memory, \
              without shared memory, ledger or supervisor; packing may use all cores.".to_owned(),
+            "Recorded taps are the same ones, written as WAV files into a folder in memory: `tapline export taps`, `tapline run --taps`.".to_owned(),
             format!("A rig makes {REAL_TAPS_PER_S} taps/s."),
         ],
         rows,
@@ -174,21 +190,48 @@ struct Pace {
     cpu_us: Vec<(String, [f64; 2])>,
 }
 
-/// A line of `stations` that make `taps_per_s` each, or as many as they can.
-fn run_line(folder: &Path, stations: u16, taps_per_s: Option<f64>) -> Result<Pace> {
+/// The taps of two stations as a tap set, in memory where there is a folder of it.
+fn recorded(folder: &Path) -> Result<TempDir> {
+    let memory = Path::new("/dev/shm");
+    let taps = tempfile::tempdir_in(if memory.is_dir() { memory } else { folder })?;
+    let (config, out) = (line_toml(folder, STATIONS[1], None)?, folder.join("recorded"));
+    let run =
+        run_command(tapline(), &config, STATIONS[1], &out).stdout(Stdio::null()).stderr(Stdio::null()).status()?;
+    ensure!(run.success(), "the line to be recorded ended with {run}");
+    let export = Command::new(tapline())
+        .args(["export", "--quiet", "--out"])
+        .args([taps.path(), &out])
+        .arg("taps")
+        .stdout(Stdio::null())
+        .status()?;
+    ensure!(export.success(), "the export of taps ended with {export}");
+    std::fs::remove_dir_all(&out)?;
+    Ok(taps)
+}
+
+/// The configuration of a line of `stations` that make `taps_per_s` each, or as many as they can.
+fn line_toml(folder: &Path, stations: u16, taps_per_s: Option<f64>) -> Result<PathBuf> {
     let ScanConfig { offsets_mm, repetitions, .. } = scan(stations);
-    let config = folder.join("line.toml");
     let pace = taps_per_s.map_or_else(String::new, |rate| format!("taps_per_s = {rate:.3}\n"));
+    let config = folder.join("line.toml");
     let text = format!(
         "[acquire]\n{pace}[scan]\noffsets_mm = {offsets_mm:?}\nrepetitions = {repetitions}\n[fuse]\nreference = \"self\"\n"
     );
     std::fs::write(&config, text)?;
+    Ok(config)
+}
+
+/// A line of `stations` that make `taps_per_s` each, or as many as they can; of the `recorded` taps, or of simulated ones.
+fn run_line(folder: &Path, stations: u16, taps_per_s: Option<f64>, recorded: Option<&Path>) -> Result<Pace> {
+    let config = line_toml(folder, stations, taps_per_s)?;
     let out = folder.join("line");
     let before_s = children_cpu_s()?;
-    let output = run_command(tapline(), &config, stations, &out)
-        .stderr(Stdio::null())
-        .output()
-        .with_context(|| format!("{}: build it first", tapline().display()))?;
+    let mut command = run_command(tapline(), &config, stations, &out);
+    if let Some(taps) = recorded {
+        command.arg("--taps").arg(taps);
+    }
+    let output =
+        command.stderr(Stdio::null()).output().with_context(|| format!("{}: build it first", tapline().display()))?;
     let cpu_s = children_cpu_s()? - before_s;
     ensure!(output.status.success(), "a line of {stations} stations ended with {}", output.status);
     std::fs::remove_dir_all(&out)?;

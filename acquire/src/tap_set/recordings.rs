@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use tapline_wire::{Calibration, Plan, PlannedTap, Recording, SampleFormat, Serial, Truth, digest_of_parts};
 
@@ -31,6 +32,8 @@ pub(crate) struct Recordings {
     pub(crate) taps: Vec<TapRow>,
     /// The header of each recording, or why it cannot be used.
     headers: Vec<Result<WavHeader, String>>,
+    /// What identifies the file of each recording, once it has been asked for: plans are made several times.
+    beginnings: Vec<OnceLock<(u64, u64)>>,
     truth: Truth,
 }
 
@@ -54,7 +57,8 @@ impl Recordings {
         if headers.iter().all(Result::is_err) {
             return Err(no_usable_tap(taps_file, &taps, headers));
         }
-        Ok(Self { dir: dir.to_owned(), scan, scan_text, scales, taps, headers, truth })
+        let beginnings = vec![OnceLock::new(); taps.len()];
+        Ok(Self { dir: dir.to_owned(), scan, scan_text, scales, taps, headers, beginnings, truth })
     }
 
     /// The path of the list of taps.
@@ -92,7 +96,8 @@ impl Recordings {
     fn digest(&self, rows: &[u32]) -> u64 {
         let about = rows.iter().map(|&row| {
             let TapRow { file, velocity_measured_m_per_s, extras, .. } = &self.taps[row as usize];
-            let (length, beginning) = length_and_beginning(&self.dir.join(file));
+            let read = || length_and_beginning(&self.dir.join(file));
+            let (length, beginning) = self.beginnings[row as usize].get_or_init(read);
             let mut about = format!("{file} {length} {velocity_measured_m_per_s:?} {extras:?}").into_bytes();
             about.extend_from_slice(&beginning.to_le_bytes());
             about
