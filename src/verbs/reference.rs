@@ -69,11 +69,12 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         };
         take(args, &reader, &records, is_wanted, &mut shoulders)?;
         if shoulders.len() > before {
-            lineage.push(Origin {
+            let origin = Origin {
                 archive: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
                 plan_digest: format!("{:016x}", reader.plan().digest()),
                 config: reader.config().to_owned(),
-            });
+            };
+            lineage.push((shoulders[before].tyre.clone(), origin));
         }
     }
     if let Some(missing) = wanted.first() {
@@ -81,8 +82,24 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     }
     let is_complete = outcome.end()?;
     let mut built = built.context("no archive is named")?;
-    built.lineage = lineage;
-    let set = build_reference(&built, shoulders)?;
+    let set = loop {
+        built.lineage = lineage.iter().map(|(_, origin)| origin.clone()).collect();
+        let set = build_reference(&built, shoulders.clone())?;
+        let standing_out = &set.summary.standing_out;
+        let is_stated = !names_none || args.labelled;
+        for casing in standing_out {
+            let what = match is_stated {
+                true => "limits that rest on it may pass cracks",
+                false => "it is left out; name its shoulders by --shoulder if they are known to be sound",
+            };
+            say(&format!("{casing} stands out from the other casings and may be cracked: {what}"));
+        }
+        if is_stated || standing_out.is_empty() {
+            break set;
+        }
+        shoulders.retain(|shoulder: &KnownShoulder| !standing_out.contains(&shoulder.tyre));
+        lineage.retain(|(casing, _)| !standing_out.contains(casing));
+    };
     let text = set.text()?;
     write_atomically(&args.out, args.force.existing(), |mut file| file.write_all(text.as_bytes()))?;
     match args.json {
@@ -160,6 +177,7 @@ fn of(path: &Path, set: &ReferenceSet) -> Value {
         "limit_reject": summary.limit_reject,
         "reject_rate": summary.reject_rate,
         "supported_rate": summary.supported_rate,
+        "standing_out": summary.standing_out,
     })
 }
 
@@ -197,12 +215,15 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
     let percent = |rate: f64| format!("{:.2} %", 100.0 * rate);
     writeln!(
         out,
-        "With all of its turns: re-inspect from {:.2} for {} of sound shoulders, reject from {:.2} for {}; {} casings support {}",
+        "With all of its turns: re-inspect from {:.2} for {} of sound shoulders, reject from {:.2} for {}; {} {}",
         summary.limit_re_inspect,
         percent(summary.re_inspect_rate),
         summary.limit_reject,
         percent(summary.reject_rate),
-        summary.casing_count,
+        match summary.casing_count {
+            1 => "1 casing supports".to_owned(),
+            count => format!("{count} casings support"),
+        },
         summary
             .supported_rate
             .map_or_else(|| "no rate".to_owned(), |rate| format!("{} without assumption", percent(rate)))

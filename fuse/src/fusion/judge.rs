@@ -258,9 +258,14 @@ impl View<'_> {
         if 2 * is_inside.iter().filter(|&&inside| inside).count() > ring.len() {
             judgement.reasons.insert(Reasons::NO_SOUND_MAJORITY);
         }
-        let level = self.fitted.levels.as_ref().and_then(|levels| levels.probability(self.shoulder, other));
-        if level.is_some_and(|probability| probability < config.reject_rate) {
-            judgement.reasons.insert(Reasons::LEVEL_OFF);
+        match self.fitted.levels.as_ref().and_then(|levels| levels.probability(self.shoulder, other)) {
+            Some(probability) if probability < config.reject_rate => judgement.reasons.insert(Reasons::LEVEL_OFF),
+            Some(_) => {}
+            // Of a casing that is its own reference another reason says it, and locations in a line have no level in common.
+            None if self.fitted.casing_count > 0 && geometry == Geometry::Ring => {
+                judgement.reasons.insert(Reasons::LEVEL_UNKNOWN);
+            }
+            None => {}
         }
         if self.fitted.supported_rate().is_none_or(|supported| config.reject_rate < supported) {
             judgement.reasons.insert(Reasons::EXTRAPOLATED);

@@ -14,7 +14,7 @@ pub use judge::OffsetMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use tapline_wire::{Discriminator, Discriminators, Plan, Quality, Scan, TapId, Values};
+use tapline_wire::{Discriminator, Discriminators, Plan, Quality, TapId, Values};
 
 use crate::fusion::compared::{Compared, Who};
 use crate::shoulder::ring::Ring;
@@ -111,7 +111,9 @@ impl Fusion {
             seen: vec![None; plan.taps().len()],
             progress: vec![Progress::default(); plan.scans().len()],
             who: Who::new(config, plan)?,
-            rings: plan.scans().iter().map(|scan| ring(plan, scan)).collect(),
+            rings: (plan.scans().iter().enumerate())
+                .map(|(scan, of)| Ring::of(plan.geometry, &of.locations, closing_location(plan, scan)))
+                .collect(),
             plan: plan.clone(),
             set,
             cache: None,
@@ -213,10 +215,10 @@ pub(crate) fn entering(plan: &Plan, scan: usize) -> impl Iterator<Item = (u32, T
     taps.map(move |(row, tap)| (row, meant(row, tap.id)))
 }
 
-/// The locations of a scan of `plan`.
-fn ring(plan: &Plan, scan: &Scan) -> Ring {
-    let mut closing = scan.taps.iter().map(|&row| &plan.taps()[row as usize]).filter(|tap| tap.is_closing());
-    Ring::of(plan.geometry, &scan.locations, closing.next().map(|tap| tap.id.location))
+/// The location of the closing tap of a scan of `plan`.
+fn closing_location(plan: &Plan, scan: usize) -> Option<u32> {
+    let mut taps = plan.scans()[scan].taps.iter().map(|&row| &plan.taps()[row as usize]);
+    taps.find(|tap| tap.is_closing()).map(|tap| tap.id.location)
 }
 
 /// Of two records of one tap the one with the higher rank holds. The attempt decides; the rest makes

@@ -1,12 +1,13 @@
 //! What speaks against PASS before any score is looked at: what is missing, refused, unknown or not calibrated.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use tapline_wire::{Geometry, Quality, Reasons};
+use tapline_wire::{Geometry, Purpose, Quality, Reasons};
 
-use crate::fusion::Fusion;
 use crate::fusion::compared::Compared;
+use crate::fusion::{Fusion, closing_location};
+use crate::shoulder::ring::Ring;
 
 impl Fusion {
     /// What the state of the scan and of its reference gives reason for.
@@ -40,7 +41,7 @@ impl Fusion {
         if self.who.reference(scan).iter().any(|&other| other != scan && self.lacks_features(other)) {
             reasons.insert(Reasons::REFERENCE_LACKS_FEATURES);
         }
-        if self.plan.geometry == Geometry::Ring && !self.rings[scan].is_whole() {
+        if self.plan.geometry == Geometry::Ring && !(self.rings[scan].is_whole() && self.has_whole_turns(scan)) {
             reasons.insert(Reasons::LOCATION_BLIND);
         }
         if compared.is_force_off(scan) {
@@ -54,6 +55,29 @@ impl Fusion {
             reasons.insert(Reasons::CONDITION_UNKNOWN);
         }
         reasons
+    }
+
+    /// Whether the first reading leaves no gap at the belt edge, where cracks begin, nor at another offset that it goes around: at
+    /// every location, or every second, third, ...
+    fn has_whole_turns(&self, scan: usize) -> bool {
+        let mut by_offset: BTreeMap<Option<u64>, (f64, BTreeSet<u32>)> = BTreeMap::new();
+        for (row, id) in self.entering(scan) {
+            if self.plan.taps()[row as usize].purpose == Purpose::Scan {
+                let offset_mm = id.offset_mm();
+                let turn = by_offset.entry(offset_mm.map(f64::to_bits)).or_default();
+                turn.0 = offset_mm.unwrap_or(0.0);
+                turn.1.insert(id.location);
+            }
+        }
+        let all = &self.plan.scans()[scan].locations;
+        let mut turns: Vec<_> = by_offset.into_values().collect();
+        turns.sort_by(|a, b| a.0.total_cmp(&b.0));
+        turns.iter().enumerate().all(|(number, (_, tapped))| {
+            let there: Vec<_> = all.iter().copied().filter(|(location, _)| tapped.contains(location)).collect();
+            // A few taps farther in are more than was asked for.
+            let goes_around = number == 0 || 2 * there.len() > all.len();
+            !goes_around || Ring::of(Geometry::Ring, &there, closing_location(&self.plan, scan)).is_whole()
+        })
     }
 
     /// What the calibration of the channels gives reason for.

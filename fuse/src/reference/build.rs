@@ -9,6 +9,7 @@ use crate::reference::file::{Origin, ReferenceSet};
 use crate::reference::fitted::FittedReference;
 use crate::reference::known_shoulder::KnownShoulder;
 use crate::reference::pattern::Pattern;
+use crate::reference::standing_out::standing_out;
 use crate::reference::summary::{ScaleLine, Summary};
 use crate::shoulder::velocity::Normalisation;
 use crate::shoulder::{Shoulder, Turn};
@@ -64,6 +65,9 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
     let fitted = set.fitted(&setup, &offsets, &pattern, &Normalisation::default());
     let fitted = fitted.ok_or_else(|| refuse("its sound locations are too few, or nothing of them varies"))?;
     set.summary = summed_up(&config, &pattern, &known, &fitted);
+    let casings = set.casings();
+    set.summary.standing_out =
+        standing_out(&fitted, &known).into_iter().map(|number| casings[number].to_owned()).collect();
     Ok(set.signed())
 }
 
@@ -133,7 +137,8 @@ fn summed_up(config: &FuseConfig, pattern: &Pattern, shoulders: &[Shoulder], fit
         cracked_count,
         casing_count: fitted.casing_count,
         supported_rate: fitted.supported_rate(),
-        strongest: fitted.strongest.clone(),
+        strongest: fitted.strongest.iter().map(|(_, value)| *value).collect(),
+        standing_out: Vec::new(),
         re_inspect_rate: config.re_inspect_rate,
         reject_rate: config.reject_rate,
         limit_re_inspect: fitted.limits.at(config.re_inspect_rate),

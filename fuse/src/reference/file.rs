@@ -156,12 +156,12 @@ impl ReferenceSet {
         Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
-    /// How many casings its shoulders are of.
-    pub(crate) fn casing_count(&self) -> usize {
+    /// Serial numbers of the casings that its shoulders are of, ascending.
+    pub(crate) fn casings(&self) -> Vec<&str> {
         let mut tyres: Vec<&str> = self.shoulders.iter().map(|shoulder| shoulder.tyre.as_str()).collect();
         tyres.sort_unstable();
         tyres.dedup();
-        tyres.len()
+        tyres
     }
 
     /// The condition of each turn of `shoulder`, one of its own.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::arcs::limits::Limits;
 use crate::arcs::statistic::ArcStatistic;
-use crate::arcs::white;
+use crate::arcs::white::{self, White};
 use crate::evidence::has_value;
 use crate::index::{self, Index, Scores, Setup};
 use crate::shoulder::Shoulder;
@@ -22,8 +22,10 @@ pub(crate) struct FittedReference {
     pub(crate) levels: Option<Levels>,
     /// How many casings the limits rest on; none where shoulders are their own reference.
     pub(crate) casing_count: usize,
-    /// Strongest arc of each of its shoulders, judged by the other casings.
-    pub(crate) strongest: Vec<f64>,
+    /// Strongest arc of each of its shoulders, judged by the other casings, and the number of its casing.
+    pub(crate) strongest: Vec<(usize, f64)>,
+    /// What noise alone makes of arcs.
+    pub(crate) white: White,
 }
 
 impl FittedReference {
@@ -34,15 +36,19 @@ impl FittedReference {
         let (index, statistic, scores) = learn(&setup, offsets, &all)?;
         let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
         let casing_count = if setup.is_own { 0 } else { casings.len() };
-        let strongest: Vec<f64> = match casing_count {
+        let strongest: Vec<(usize, f64)> = match casing_count {
             0 | 1 => Vec::new(),
             _ => (casings.par_iter()).flat_map_iter(|casing| left_out(&setup, offsets, shoulders, casing)).collect(),
         };
-        let (ring, pattern) = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores).next()?;
+        // Of shoulders with labels the one that shows most: another may have no sound place.
+        let shown = |scores: &Scores| scores.by_offset.iter().flatten().filter(|scores| has_value(scores)).count();
+        let rings = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores);
+        let (ring, pattern) = rings.rev().max_by_key(|(_, scores)| shown(scores))?;
         let white = white::strongest_arcs(&statistic, ring, pattern)?;
-        let limits = Limits::by(&strongest, casing_count, white);
-        let levels = if setup.is_own { None } else { Levels::fit(&setup, shoulders) };
-        Some(Self { setup, index, statistic, limits, levels, casing_count, strongest })
+        let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
+        let limits = Limits::by(&values, casing_count, white);
+        let levels = if setup.is_own { None } else { Levels::fit(&setup, &all) };
+        Some(Self { setup, index, statistic, limits, levels, casing_count, strongest, white })
     }
 
     /// The least rate of false calls that it supports without assuming a distribution; `None` of fewer than two casings.
@@ -76,14 +82,14 @@ fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Le
     Some((index, statistic, scores))
 }
 
-/// The strongest arc of each shoulder of `casing`, judged by all casings but itself.
-fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[Shoulder]) -> Vec<f64> {
+/// The strongest arc of each shoulder of `casing`, judged by all casings but itself, with the casing's number.
+fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[Shoulder]) -> Vec<(usize, f64)> {
     let others: Vec<&Shoulder> = shoulders.iter().filter(|shoulder| shoulder.casing != casing[0].casing).collect();
     let Some((index, statistic, _)) = learn(setup, offsets, &others) else { return Vec::new() };
     let own: Vec<&Shoulder> = casing.iter().collect();
     let strongest = |(shoulder, mut scores): (&Shoulder, Scores)| {
         scores.hide(&shoulder.sound());
-        Some(statistic.strongest(&shoulder.ring, &statistic.maps(&scores.by_offset))?.value)
+        Some((shoulder.casing, statistic.strongest(&shoulder.ring, &statistic.maps(&scores.by_offset))?.value))
     };
     casing.iter().zip(index.scores(&own)).filter_map(strongest).collect()
 }

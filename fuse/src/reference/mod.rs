@@ -6,4 +6,5 @@ pub(crate) mod file;
 pub(crate) mod fitted;
 pub(crate) mod known_shoulder;
 pub(crate) mod pattern;
+mod standing_out;
 pub(crate) mod summary;

@@ -21,6 +21,8 @@ pub struct Summary {
     pub supported_rate: Option<f64>,
     /// Strongest arc of each shoulder, judged by the other casings.
     pub strongest: Vec<f64>,
+    /// Serial numbers of casings that stand out from the others: they may be cracked, and the limits rest on them.
+    pub standing_out: Vec<String>,
     /// Probability that a sound shoulder is not passed.
     pub re_inspect_rate: f64,
     /// Probability that a sound shoulder is rejected.

@@ -295,3 +295,68 @@ fn repetitions_of_a_reference_tell_what_stays_with_a_place() {
     // Two taps of which half stays: 1 / sqrt(0.75); of which nothing stays: 1 / sqrt(0.5).
     assert!(told > 1.1 * supposed, "{told} {supposed}");
 }
+
+/// `count` sound casings of two shoulders, A0, A1, ...
+fn sound(count: u64) -> Vec<KnownShoulder> {
+    let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };
+    (0..count).flat_map(|k| shoulders_of(&casing, 100 + k, false, &format!("A{k}"))).collect()
+}
+
+/// A casing whose shoulder 1 is cracked, `of` how many locations.
+fn cracked(of: u32, with_labels: bool, serial: &str) -> Vec<KnownShoulder> {
+    let cracks = vec![(1, 10..10 + of)];
+    let casing = Casing { shoulder_count: 2, repetition_count: 1, cracks, shift: 6.0, ..Casing::default() };
+    shoulders_of(&casing, 7, with_labels, serial)
+}
+
+#[test]
+fn what_stands_out_of_a_reference_is_named() {
+    // Catches a cracked casing that is taken to be sound because its limits were widened by itself, or by another such, one
+    // cracked all round, which has no arc, and sound ones that are named.
+    let named =
+        |shoulders: Vec<KnownShoulder>| build_reference(&built(file()), shoulders).unwrap().summary.standing_out;
+    for count in [2, 3, 4, 8, 12] {
+        assert!(named(sound(count)).is_empty(), "{count}");
+        assert_eq!(named([sound(count), cracked(5, false, "C")].concat()), ["C"], "{count}");
+    }
+    assert_eq!(named([sound(7), cracked(5, false, "C"), cracked(2, false, "D")].concat()), ["C", "D"]);
+    assert_eq!(named([sound(7), cracked(90, false, "C"), cracked(3, false, "D")].concat()), ["C", "D"]);
+    assert_eq!(named([sound(7), cracked(5, true, "C")].concat()), [""; 0], "labels say which places are sound");
+}
+
+#[test]
+fn labelled_damage_does_not_hide_damage_all_round() {
+    // Catches the level of a shoulder that is known to be cracked all round among those of sound ones, and a reference that such
+    // a shoulder makes impossible.
+    let all_round =
+        Casing { shoulder_count: 2, cracks: vec![(1, 0..100), (2, 0..100)], shift: 8.0, ..Casing::default() };
+    for of in [60, 90, 100] {
+        for serial in ["0", "Z"] {
+            let labelled: Vec<KnownShoulder> = sound(7)
+                .into_iter()
+                .map(|shoulder| KnownShoulder { is_cracked: Some(vec![false; 100]), ..shoulder })
+                .chain(cracked(of, true, serial))
+                .collect();
+            let set = build_reference(&built(file()), labelled).unwrap();
+            let (verdict, reasons, _) = judged(&set, &file(), &all_round, 7);
+            assert!(verdict != Verdict::Pass && reasons.contains(Reasons::LEVEL_OFF), "{of} {serial}: {reasons}");
+        }
+    }
+}
+
+#[test]
+fn few_casings_tell_no_level() {
+    // Catches a PASS that does not say that damage all round was not looked for, and a remark where it was.
+    let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };
+    for count in [1, 4, 5] {
+        let set = build_reference(&built(file()), sound(count)).unwrap();
+        let (verdict, reasons, _) = judged(&set, &file(), &casing, 7);
+        assert_eq!(
+            (verdict, reasons.contains(Reasons::LEVEL_UNKNOWN)),
+            (Verdict::Pass, count < 5),
+            "{count}: {reasons}"
+        );
+        let said = crate::unsupported(&file(), Some(&set)).iter().any(|text| text.starts_with("level:"));
+        assert_eq!(said, count < 5, "{count}");
+    }
+}

@@ -1,5 +1,6 @@
 //! Which rates of false calls a reference supports.
 
+use crate::verdict::whole_shoulder::CASINGS_MIN;
 use crate::{FuseConfig, Reference, ReferenceSet};
 
 /// The least rate of false calls that `casing_count` casings support without assuming a distribution; `None` of fewer than two.
@@ -7,15 +8,23 @@ pub(crate) fn supported_rate(casing_count: usize) -> Option<f64> {
     (casing_count > 1).then(|| 1.0 / (2.0 * casing_count as f64 + 1.0))
 }
 
-/// What of the rates that `config` states is not supported by its reference, `set` where that is a file; for people to read.
+/// What verdicts by `config` cannot rest on its reference for, `set` where that is a file; for people to read.
 pub fn unsupported(config: &FuseConfig, set: Option<&ReferenceSet>) -> Vec<String> {
     let casing_count = match (set, &config.reference) {
-        (Some(set), _) => set.casing_count(),
+        (Some(set), _) => set.casings().len(),
         (None, Some(Reference::Shoulder { .. })) => 1,
         (None, _) => 0,
     };
     let stated = [("re_inspect_rate", config.re_inspect_rate), ("reject_rate", config.reject_rate)];
-    stated.into_iter().filter_map(|(name, rate)| remark(casing_count, name, rate)).collect()
+    let rates = stated.into_iter().filter_map(|(name, rate)| remark(casing_count, name, rate));
+    let level = (1..CASINGS_MIN).contains(&casing_count).then(|| {
+        format!("level: it takes {CASINGS_MIN} casings to tell how those of sound shoulders differ; until then damage all round does not show")
+    });
+    let standing_out = set.filter(|set| !set.summary.standing_out.is_empty()).map(|set| {
+        let names = set.summary.standing_out.join(", ");
+        format!("reference: {names} may be cracked: what stands out from the other casings makes the limits too wide for cracks")
+    });
+    rates.chain(level).chain(standing_out).collect()
 }
 
 fn remark(casing_count: usize, name: &str, rate: f64) -> Option<String> {

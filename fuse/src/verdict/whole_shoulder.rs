@@ -6,14 +6,14 @@ use statrs::distribution::{ContinuousCDF as _, FisherSnedecor};
 use tapline_wire::Discriminator;
 
 use crate::index::Setup;
-use crate::shoulder::Shoulder;
+use crate::shoulder::{Shoulder, Turn};
 use crate::stats::median;
 
 /// What no gain of the microphone changes.
 const FREE_OF_GAIN: [Discriminator; 3] = [Discriminator::FMax, Discriminator::Tau, Discriminator::Pr];
 
 /// Fewest casings that a covariance of levels is taken from.
-const CASINGS_MIN: usize = 5;
+pub(crate) const CASINGS_MIN: usize = 5;
 
 /// How the levels of sound shoulders scatter.
 #[derive(Debug, Clone)]
@@ -25,29 +25,34 @@ pub(crate) struct Levels {
     casing_count: usize,
     /// Covariance of the levels of a shoulder.
     of_shoulder: Mat<f64>,
-    /// Mean square of the difference of the two shoulders of a casing, where they have two.
-    of_difference: Option<Mat<f64>>,
+    /// Mean square of the difference of the two shoulders of a casing, and of how many, where enough have two.
+    of_difference: Option<(Mat<f64>, usize)>,
 }
 
 impl Levels {
     /// What the shoulders of a reference teach; `None` of fewer than five casings, or where their levels do not vary.
-    pub(crate) fn fit(setup: &Setup, shoulders: &[Shoulder]) -> Option<Self> {
+    ///
+    /// A shoulder that is known to be cracked at more than half of its places does not tell the level of a sound one.
+    pub(crate) fn fit(setup: &Setup, shoulders: &[&Shoulder]) -> Option<Self> {
+        let is_mostly_sound =
+            |shoulder: &&Shoulder| 2 * shoulder.sound().iter().filter(|is| **is).count() >= shoulder.place_count();
+        let shoulders: Vec<&Shoulder> = shoulders.iter().copied().filter(is_mostly_sound).collect();
         let condition_count = setup.offset_of.len();
         let has = |which: &Discriminator| {
-            shoulders.iter().all(|shoulder| shoulder.turns.iter().any(|turn| level(turn.log(*which)).is_some()))
+            shoulders.iter().all(|shoulder| shoulder.turns.iter().any(|turn| level(shoulder, turn, *which).is_some()))
         };
         let discriminators: Vec<Discriminator> = FREE_OF_GAIN.into_iter().filter(has).collect();
         let mean = |condition: usize, which: Discriminator| {
-            let turns =
-                shoulders.iter().flat_map(|shoulder| &shoulder.turns).filter(|turn| turn.condition == condition);
-            let levels: Vec<f64> = turns.filter_map(|turn| level(turn.log(which))).collect();
+            let turns = shoulders.iter().flat_map(|shoulder| shoulder.turns.iter().map(move |turn| (shoulder, turn)));
+            let turns = turns.filter(|(_, turn)| turn.condition == condition);
+            let levels: Vec<f64> = turns.filter_map(|(shoulder, turn)| level(shoulder, turn, which)).collect();
             levels.iter().sum::<f64>() / levels.len() as f64
         };
         let means =
             (0..condition_count).map(|c| discriminators.iter().map(|&which| mean(c, which)).collect()).collect();
         let width = discriminators.len();
         let empty = Mat::zeros(width, width);
-        let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
+        let casings: Vec<&[&Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
         let casing_count = casings.len();
         let mut levels = Self { discriminators, means, casing_count, of_shoulder: empty, of_difference: None };
         if casing_count < CASINGS_MIN || width == 0 {
@@ -55,12 +60,12 @@ impl Levels {
         }
         let of_shoulders: Option<Vec<Vec<f64>>> = shoulders.iter().map(|shoulder| levels.of(shoulder)).collect();
         levels.of_shoulder = mean_square(&of_shoulders?, width)?;
-        let difference = |pair: &&[Shoulder]| match pair {
-            [a, b] => Some(minus(&levels.of(a)?, &levels.of(b)?)),
-            _ => None,
-        };
-        let differences: Option<Vec<Vec<f64>>> = casings.iter().map(difference).collect();
-        levels.of_difference = differences.and_then(|differences| mean_square(&differences, width));
+        let pairs = casings.iter().filter_map(|casing| <[&Shoulder; 2]>::try_from(*casing).ok());
+        let differences: Option<Vec<Vec<f64>>> =
+            pairs.map(|[a, b]| Some(minus(&levels.of(a)?, &levels.of(b)?))).collect();
+        levels.of_difference = differences
+            .filter(|differences| differences.len() >= CASINGS_MIN)
+            .and_then(|differences| Some((mean_square(&differences, width)?, differences.len())));
         Some(levels)
     }
 
@@ -70,7 +75,7 @@ impl Levels {
             // Of a second reading a few places are known, and those that stand out are many of them.
             let whole = shoulder.turns.iter().filter(|turn| turn.controls.is_none());
             let above = whole.filter_map(|turn| {
-                Some(level(turn.log(which))? - self.means[turn.condition][d]).filter(|above| above.is_finite())
+                Some(level(shoulder, turn, which)? - self.means[turn.condition][d]).filter(|above| above.is_finite())
             });
             let (sum, count) = above.fold((0.0, 0_u32), |(sum, count), x| (sum + x, count + 1));
             (count > 0).then(|| sum / f64::from(count))
@@ -86,8 +91,9 @@ impl Levels {
         // Hotelling's T^2 of a new observation. The shoulders of a casing are alike: casings count.
         let t_squared = distance(&self.of_shoulder, &own)? * n / (n + 1.0);
         let of_shoulder = f_tail(t_squared * (n - p) / (p * (n - 1.0)), p, n - p)?;
-        let of_pair = self.of_difference.as_ref().zip(other).and_then(|(covariance, other)| {
+        let of_pair = self.of_difference.as_ref().zip(other).and_then(|((covariance, count), other)| {
             let t_squared = distance(covariance, &minus(&own, &self.of(other)?))?;
+            let n = *count as f64;
             f_tail(t_squared * (n - p + 1.0) / (n * p), p, n - p + 1.0)
         });
         let least = of_pair.map_or(of_shoulder, |of_pair| if of_pair < of_shoulder { of_pair } else { of_shoulder });
@@ -95,9 +101,14 @@ impl Levels {
     }
 }
 
-/// The median of a turn's values, cracked places among them.
-fn level(logs: &[f64]) -> Option<f64> {
-    median(&mut logs.iter().copied().filter(|log| log.is_finite()).collect::<Vec<f64>>())
+/// The median of `which` over the places of a turn of `shoulder` that are not known to be cracked.
+fn level(shoulder: &Shoulder, turn: &Turn, which: Discriminator) -> Option<f64> {
+    let known = turn
+        .log(which)
+        .iter()
+        .zip(&shoulder.is_cracked)
+        .filter(|(log, label)| log.is_finite() && **label != Some(true));
+    median(&mut known.map(|(log, _)| *log).collect::<Vec<f64>>())
 }
 
 fn minus(a: &[f64], b: &[f64]) -> Vec<f64> {

@@ -185,7 +185,10 @@ pub(crate) fn made_by(evidence: &Evidence) -> Markup {
             @match (&evidence.config.fuse.reference, &evidence.reference) {
                 (Some(Reference::Own), _) => "itself alone: damage all round would not show",
                 (Some(reference), Some(set)) => {
-                    (reference) ", " (counted(set.summary.casing_count, "casing", "casings")) " known to be sound"
+                    (reference) ", " (counted(set.summary.casing_count, "casing", "casings")) " taken to be sound"
+                    @if !set.summary.standing_out.is_empty() {
+                        " (" (set.summary.standing_out.join(", ")) ": stands out from the others and may be cracked)"
+                    }
                     @match set.summary.supported_rate {
                         Some(rate) => { ", which support a rate of false calls of " (number(100.0 * rate)) " %" }
                         None => ", which supports no rate of false calls",

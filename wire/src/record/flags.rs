@@ -88,13 +88,13 @@ flags! {
         NO_INDEX = 6, "no_index":
             "The damage index could not be formed: no usable discriminator, or no usable reference.";
         SELF_REFERENCE = 7, "self_reference":
-            "Compared with itself, not with a casing known to be sound: damage all around would not show.";
+            "Compared with itself, not with a casing known to be sound: damage all round would not show.";
         FEATURES_ABSENT = 8, "features_absent":
             "A discriminator that the index asks for is absent, or always the same, at most taps or at a location.";
         NO_SOUND_MAJORITY = 9, "no_sound_majority":
-            "More than half of the locations are suspect: another kind of casing than the reference, or damage all around.";
+            "More than half of the locations are suspect: another kind of casing than the reference, or damage all round.";
         LEVEL_OFF = 10, "level_off":
-            "The whole stands off from the other side or from the reference: another construction, a changed sensor, or damage all around.";
+            "The whole stands off from the other side or from the reference: another construction, a changed sensor, or damage all round.";
         CONDITION_UNKNOWN = 11, "condition_unknown":
             "The reference has no tap at an offset and velocity that was scanned: what was tapped there is not judged.";
         EXTRAPOLATED = 12, "extrapolated":
@@ -113,6 +113,8 @@ flags! {
             "A flag stands on more than half of the taps: what it warns of holds for all of the shoulder.";
         REFERENCE_LACKS_FEATURES = 19, "reference_lacks_features":
             "A discriminator is absent from a shoulder that this one is compared with, as features_absent says of that one.";
+        LEVEL_UNKNOWN = 20, "level_unknown":
+            "The reference has too few casings to tell how the levels of sound shoulders differ: damage all round would not show.";
     }
 }
 
@@ -123,7 +125,8 @@ impl Reasons {
         .union(Self::VELOCITY_UNKNOWN)
         .union(Self::NOT_CALIBRATED)
         .union(Self::CALIBRATION_OUT_OF_DATE)
-        .union(Self::FLAGGED);
+        .union(Self::FLAGGED)
+        .union(Self::LEVEL_UNKNOWN);
 }
 
 impl Quality {

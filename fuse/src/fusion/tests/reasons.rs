@@ -41,7 +41,7 @@ fn a_condition_that_the_reference_file_lacks_is_no_pass() {
         }
         fusion.end(0).unwrap();
         let judgement = fusion.judge(0).unwrap().0;
-        (verdict(&judgement), judgement.reasons.difference(Reasons::EXTRAPOLATED))
+        (verdict(&judgement), judgement.reasons.difference(Reasons::REMARKS))
     };
     let unknown = (Verdict::ReInspect, Reasons::CONDITION_UNKNOWN);
     let pass = (Verdict::Pass, Reasons::default());
@@ -59,7 +59,7 @@ fn a_condition_that_the_reference_file_lacks_is_no_pass() {
     let mut fusion = Fusion::with_reference(&config, &plan.plan(), Arc::new(crossed)).unwrap();
     all.iter().for_each(|record| fusion.push(record).unwrap());
     fusion.end(0).unwrap();
-    assert_eq!(fusion.judge(0).unwrap().0.reasons.difference(Reasons::EXTRAPOLATED), Reasons::CONDITION_UNKNOWN);
+    assert_eq!(fusion.judge(0).unwrap().0.reasons.difference(Reasons::REMARKS), Reasons::CONDITION_UNKNOWN);
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn a_condition_that_the_named_shoulder_lacks_is_no_pass() {
     let mut fusion = whole(&config, &plan, &all);
     let judgement = fusion.judge(1).unwrap().0;
     assert_eq!(
-        (verdict(&judgement), judgement.reasons.difference(Reasons::EXTRAPOLATED)),
+        (verdict(&judgement), judgement.reasons.difference(Reasons::REMARKS)),
         (Verdict::ReInspect, Reasons::CONDITION_UNKNOWN)
     );
     assert_eq!(
@@ -85,7 +85,7 @@ fn a_condition_that_the_named_shoulder_lacks_is_no_pass() {
     let config = FuseConfig::by(Reference::Shoulder { tyre: tyre(), shoulder: 2 });
     let judgement = whole(&config, &plan, &all).judge(0).unwrap().0;
     assert_eq!(
-        (verdict(&judgement), judgement.reasons.difference(Reasons::EXTRAPOLATED)),
+        (verdict(&judgement), judgement.reasons.difference(Reasons::REMARKS)),
         (Verdict::Pass, Reasons::default())
     );
 }
@@ -111,6 +111,12 @@ fn a_ring_with_a_gap_is_no_pass() {
     // Every second location is a coarser ring, and no gap.
     let (plan, left) = without(&whole_plan, &all, |id| id.location % 2 == 0);
     assert!(!is_blind(&plan, &left));
+    // A gap at one offset is one, unless little more than that was tapped there.
+    let gap_at = |mm: f64, gap: std::ops::Range<u32>| {
+        let (plan, left) = without(&whole_plan, &all, |id| id.offset_mm() != Some(mm) || !gap.contains(&id.location));
+        is_blind(&plan, &left)
+    };
+    assert!(gap_at(0.0, 10..40) && gap_at(0.0, 10..90) && gap_at(10.0, 10..40) && !gap_at(10.0, 5..95));
     // A line has ends, and may be tapped in parts.
     let (plan, left) = without(&whole_plan, &all, |id| id.location < 100 && !(40..46).contains(&id.location));
     let line = Plan::new(Geometry::Line, recording(), plan.taps().to_vec(), Truth::new()).unwrap();

@@ -1,0 +1,55 @@
+//! Casings of a reference that stand out from its other ones: they may be cracked, and limits that rest on them hide cracks.
+
+use crate::arcs::limits::Limits;
+use crate::reference::fitted::FittedReference;
+use crate::shoulder::Shoulder;
+use crate::verdict::whole_shoulder::Levels;
+
+/// Probability that a sound casing stands out by an arc, or by the level of a shoulder. Below the rate at which shoulders are
+/// rejected: a reference has many casings, and without its widest ones its limits are too narrow.
+const RATE: f64 = 1e-4;
+
+/// The numbers of the casings of `shoulders`, which taught `fitted`, that stand out from the others, ascending.
+pub(super) fn standing_out(fitted: &FittedReference, shoulders: &[Shoulder]) -> Vec<usize> {
+    let mut found = by_arcs(fitted);
+    found.extend(by_levels(fitted, shoulders));
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// By their strongest arcs, each judged by the other casings: beyond the limit of those that stand out less.
+///
+/// Several cracked casings widen each other's limits, so the comparison begins with the half that stands out least.
+fn by_arcs(fitted: &FittedReference) -> Vec<usize> {
+    let mut casings: Vec<&[(usize, f64)]> = fitted.strongest.chunk_by(|a, b| a.0 == b.0).collect();
+    let strongest = |casing: &[(usize, f64)]| casing.iter().map(|(_, value)| *value).fold(f64::NEG_INFINITY, f64::max);
+    casings.sort_by(|a, b| strongest(a).total_cmp(&strongest(b)));
+    let stands_out = |&count: &usize| {
+        let lesser: Vec<f64> = casings[..count].concat().iter().map(|(_, value)| *value).collect();
+        strongest(casings[count]) >= Limits::by(&lesser, count, fitted.white).at(RATE)
+    };
+    let first = (casings.len().div_ceil(2).max(1)..casings.len()).find(stands_out);
+    first.map_or_else(Vec::new, |first| casings[first..].iter().map(|casing| casing[0].0).collect())
+}
+
+/// By the levels of their shoulders, judged by the other casings: the one that is farthest off first, then the next without it.
+fn by_levels(fitted: &FittedReference, shoulders: &[Shoulder]) -> Vec<usize> {
+    let mut kept: Vec<&Shoulder> = shoulders.iter().collect();
+    let mut found = Vec::new();
+    for _ in 0..shoulders.len() {
+        let casings: Vec<&[&Shoulder]> = kept.chunk_by(|a, b| a.casing == b.casing).collect();
+        let least = |casing: &&[&Shoulder]| {
+            let number = casing[0].casing;
+            let others: Vec<&Shoulder> = kept.iter().copied().filter(|other| other.casing != number).collect();
+            let levels = Levels::fit(&fitted.setup, &others)?;
+            let of = |place: usize| levels.probability(casing[place], casing.get(1 - place).copied());
+            (0..casing.len().min(2)).filter_map(of).min_by(f64::total_cmp).map(|least| (number, least))
+        };
+        let farthest = casings.iter().filter_map(least).min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((number, _)) = farthest.filter(|(_, probability)| *probability < RATE) else { break };
+        kept.retain(|shoulder| shoulder.casing != number);
+        found.push(number);
+    }
+    found
+}
