@@ -1,4 +1,4 @@
-//! What the wire needs of an MQTT client, and the one that it has: another client is another implementation of two small traits.
+//! The MQTT client: the crate `rumqttc-v5-next`, which speaks MQTT 5.
 
 use std::time::Duration;
 
@@ -48,27 +48,7 @@ pub(super) enum Receipt {
 }
 
 /// Makes connections to a broker.
-pub(super) trait Client {
-    type Connection: Connection;
-
-    /// Connects under `name`. When the connection is lost, the broker publishes `will`.
-    async fn connect(&self, name: &str, will: &Message) -> Result<Self::Connection>;
-}
-
-/// A connection to a broker, which starts without anything of an earlier one.
-pub(super) trait Connection {
-    /// Publishes `message`, and waits until the broker has acknowledged it.
-    async fn publish(&mut self, message: &Message) -> Result<Receipt>;
-
-    /// Waits until the connection is lost; why.
-    async fn lost(&mut self) -> Error;
-
-    /// Ends the connection, without the will.
-    async fn close(self);
-}
-
-/// The client of the crate `rumqttc-v5-next`. It speaks MQTT 5.
-pub(super) struct RumqttClient {
+pub(super) struct Client {
     pub host: String,
     pub port: u16,
     /// Certificates (PEM) of who vouches for the broker.
@@ -76,17 +56,16 @@ pub(super) struct RumqttClient {
     pub user: Option<User>,
 }
 
-/// Its connection, which a task of its own keeps alive.
-pub(super) struct RumqttConnection {
+/// A connection to a broker, which starts without anything of an earlier one. A task of its own keeps it alive.
+pub(super) struct Connection {
     client: AsyncClient,
     task: JoinHandle<()>,
     lost: oneshot::Receiver<Error>,
 }
 
-impl Client for RumqttClient {
-    type Connection = RumqttConnection;
-
-    async fn connect(&self, name: &str, will: &Message) -> Result<RumqttConnection> {
+impl Client {
+    /// Connects under `name`. When the connection is lost, the broker publishes `will`.
+    pub(super) async fn connect(&self, name: &str, will: &Message) -> Result<Connection> {
         let mut options = MqttOptions::new(name, (self.host.as_str(), self.port));
         options.set_keep_alive(KEEP_ALIVE_S).set_clean_start(true).set_connect_timeout(CONNECT_WITHIN);
         options.set_last_will(LastWill::new(
@@ -111,7 +90,7 @@ impl Client for RumqttClient {
             // Nobody may wait for it any more.
             drop(lose.send(why));
         });
-        Ok(RumqttConnection { client, task, lost })
+        Ok(Connection { client, task, lost })
     }
 }
 
@@ -138,8 +117,9 @@ async fn keep(events: &mut EventLoop) -> Error {
     }
 }
 
-impl Connection for RumqttConnection {
-    async fn publish(&mut self, message: &Message) -> Result<Receipt> {
+impl Connection {
+    /// Publishes `message`, and waits until the broker has acknowledged it.
+    pub(super) async fn publish(&mut self, message: &Message) -> Result<Receipt> {
         let properties =
             PublishProperties { message_expiry_interval: message.expires_after_s, ..PublishProperties::default() };
         let options = PublishOptions::at_least_once().retain(message.is_retained).properties(properties);
@@ -165,18 +145,20 @@ impl Connection for RumqttConnection {
         }
     }
 
-    async fn lost(&mut self) -> Error {
+    /// Waits until the connection is lost; why.
+    pub(super) async fn lost(&mut self) -> Error {
         (&mut self.lost).await.unwrap_or_else(|_| anyhow!("the connection was lost"))
     }
 
-    async fn close(mut self) {
+    /// Ends the connection, without the will.
+    pub(super) async fn close(mut self) {
         if self.client.disconnect().await.is_ok() {
             drop(timeout(CLOSE_WITHIN, self.lost()).await);
         }
     }
 }
 
-impl Drop for RumqttConnection {
+impl Drop for Connection {
     fn drop(&mut self) {
         self.task.abort();
     }

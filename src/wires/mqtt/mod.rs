@@ -22,7 +22,7 @@ use tokio::time::timeout;
 
 use crate::config::wires::MqttConfig;
 use crate::wires::message;
-use crate::wires::mqtt::client::{Client, Connection, Message, Receipt, RumqttClient};
+use crate::wires::mqtt::client::{Client, Connection, Message, Receipt};
 use crate::wires::now::StationState;
 use crate::wires::outbox::Sink;
 use crate::wires::wire::{News, Plant, Wire};
@@ -53,7 +53,7 @@ pub(super) fn start(config: &MqttConfig, plant: &Plant) -> Result<Wire> {
         fs::read(path).with_context(|| format!("line.mqtt.ca_file = \"{}\": cannot read it", path.display()))
     };
     let user = config.credentials_file.as_deref().map(User::read).transpose();
-    let client = RumqttClient {
+    let client = Client {
         host: host.trim_start_matches('[').trim_end_matches(']').to_owned(),
         port,
         ca: config.ca_file.as_ref().map(read).transpose()?,
@@ -64,7 +64,7 @@ pub(super) fn start(config: &MqttConfig, plant: &Plant) -> Result<Wire> {
 }
 
 /// Publishes until the wire ends, each station over its own connections.
-async fn publish(client: RumqttClient, config: MqttConfig, plant: Plant, news: News) -> Result<()> {
+async fn publish(client: Client, config: MqttConfig, plant: Plant, news: News) -> Result<()> {
     let (client, troubles) = (Rc::new(client), Rc::<RefCell<_>>::default());
     let all = LocalSet::new();
     for &station in plant.stations.iter() {
@@ -88,7 +88,7 @@ async fn publish(client: RumqttClient, config: MqttConfig, plant: Plant, news: N
 }
 
 /// What is published of one station.
-struct Lane<C> {
+struct Lane {
     station: u16,
     /// How its topics begin.
     topic: String,
@@ -96,7 +96,7 @@ struct Lane<C> {
     name: String,
     broker: String,
     needs_subscriber: bool,
-    client: Rc<C>,
+    client: Rc<Client>,
     plant: Plant,
     news: News,
     /// What is wrong with each station's connection.
@@ -107,7 +107,7 @@ struct Lane<C> {
     tell_at: Instant,
 }
 
-impl<C: Client> Lane<C> {
+impl Lane {
     /// Publishes until the wire ends, over as many connections as it takes.
     async fn run(&mut self) {
         let mut patience = CONNECT_AGAIN_AFTER.0;
@@ -133,7 +133,7 @@ impl<C: Client> Lane<C> {
     }
 
     /// Publishes over `connection` until the wire ends.
-    async fn serve(&mut self, connection: &mut C::Connection) -> Result<()> {
+    async fn serve(&mut self, connection: &mut Connection) -> Result<()> {
         loop {
             self.show(connection).await?;
             self.tell(connection).await?;
@@ -151,7 +151,7 @@ impl<C: Client> Lane<C> {
     }
 
     /// Publishes what stands at the station, if that has changed or was not published of late.
-    async fn show(&mut self, connection: &mut C::Connection) -> Result<()> {
+    async fn show(&mut self, connection: &mut Connection) -> Result<()> {
         let message = self.station_state(&self.plant.now.at(self.station).0);
         let is_known = |(shown, at): &(String, Instant)| *shown == message.payload && at.elapsed() < SHOW_EVERY;
         if !self.shown.as_ref().is_some_and(is_known) {
@@ -162,7 +162,7 @@ impl<C: Client> Lane<C> {
     }
 
     /// Publishes the verdicts that are still to be reported.
-    async fn tell(&mut self, connection: &mut C::Connection) -> Result<()> {
+    async fn tell(&mut self, connection: &mut Connection) -> Result<()> {
         if Instant::now() < self.tell_at {
             return Ok(());
         }
