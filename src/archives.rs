@@ -11,6 +11,8 @@ use tapline_store::{Folder, OPEN_FOLDER};
 use tapline_host::messages::print_line;
 use tapline_host::progress::{Progress, Unit};
 
+use crate::stdout;
+
 /// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Which {
@@ -211,7 +213,7 @@ impl Outcome {
     /// What was had of `file`; `None` where it failed, which is printed.
     ///
     /// # Errors
-    /// The error, where that file alone was named.
+    /// The error, where that file alone was named, or standard output cannot be written.
     pub(crate) fn take<T, E>(&mut self, file: &ArchiveFile, had: Result<T, E>) -> Result<Option<T>>
     where
         E: Into<anyhow::Error>,
@@ -220,7 +222,8 @@ impl Outcome {
             Ok(value) => return Ok(Some(value)),
             Err(error) => error.into(),
         };
-        if !self.is_many {
+        // What cannot be printed is no fault of the file.
+        if !self.is_many || stdout::fault().is_some() {
             return Err(error);
         }
         self.failed += 1;

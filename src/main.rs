@@ -11,9 +11,11 @@ mod report;
 #[cfg(feature = "serve")]
 mod serve;
 mod shown;
+mod stdout;
 mod verbs;
 mod wires;
 
+use std::io::ErrorKind;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -44,6 +46,7 @@ fn main() -> ExitCode {
     match done {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
+        Err(_) if stdout::fault() == Some(ErrorKind::BrokenPipe) && only_prints(&cli.verb) => ExitCode::SUCCESS,
         Err(error) => {
             tracing::debug!(?error);
             // A disk that has failed is in the log already.
@@ -64,6 +67,18 @@ fn draws(verb: &Verb) -> bool {
     }
     let _shows_text = verb;
     false
+}
+
+/// Whether what `verb` prints is all that it does: then a reader that ends early, like `head`, is no failure.
+fn only_prints(verb: &Verb) -> bool {
+    match verb {
+        #[cfg(feature = "alsa")]
+        Verb::Devices { .. } => true,
+        Verb::Export(args) => args.out.is_none(),
+        Verb::Status(_) | Verb::Config(_) | Verb::Completions { .. } | Verb::Verify { .. } => true,
+        Verb::Explain { .. } | Verb::Diff { .. } | Verb::Model(_) => true,
+        _ => false,
+    }
 }
 
 /// Whether `verb` ends in good order, and listens to signals itself.

@@ -15,6 +15,7 @@ use crate::cli::line::StageArgs;
 use crate::config::job::Job;
 use crate::line::process_name::{name_process, stage_name};
 use crate::line::setup::Setup;
+use crate::stdout::Stdout;
 
 /// Exit code of a stage that has closed its files on a disk that has failed: the supervisor starts it again when the disk is
 /// back.
@@ -121,7 +122,7 @@ fn follow_parent(args: &StageArgs) -> Result<()> {
 fn report(work: Work) -> Result<bool> {
     let report = StageReport { work, used: Used::here() };
     let line = serde_json::to_string(&report)?;
-    writeln!(std::io::stdout(), "{line}").context("cannot report")?;
+    writeln!(Stdout, "{line}")?;
     Ok(true)
 }
 

@@ -1,7 +1,7 @@
 //! `tapline status`: the state of a running line.
 
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
+use std::io::{self, IsTerminal as _, Write as _};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -17,6 +17,7 @@ use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
 use crate::shown::casing::CasingStatus;
 use crate::shown::status::Status;
+use crate::stdout::Stdout;
 
 /// How long a running line may take to show its status.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(15);
@@ -62,11 +63,11 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
 }
 
 fn print(status: &Status, args: &StatusArgs) -> Result<()> {
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     if args.json {
         writeln!(out, "{}", serde_json::to_string(status)?)?;
     } else {
-        if args.follow && io::IsTerminal::is_terminal(&out) {
+        if args.follow && io::stdout().is_terminal() {
             write!(out, "\x1b[H\x1b[2J")?;
         }
         writeln!(out, "{}", text(status))?;

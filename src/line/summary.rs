@@ -17,6 +17,7 @@ use crate::line::setup::Setup;
 use crate::line::stage::{Used, Work};
 use crate::line::supervisor::Pace;
 use crate::shown::verdict::ShoulderVerdict;
+use crate::stdout::Stdout;
 
 /// Casings over which the index is scored again against the truth: it takes as long as to judge them eight times.
 const SCORED_MAX: usize = 64;
@@ -133,7 +134,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
         reference_is_self: job.config.fuse.reference == Some(Reference::Own),
         pace,
     };
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     if as_json {
         writeln!(out, "{}", serde_json::to_string(&summary)?)?;
     } else {

@@ -6,7 +6,7 @@ mod pages;
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
@@ -18,6 +18,7 @@ use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
 use crate::report::evidence::{Evidence, Tyre};
 use crate::report::pages::shift::Shift;
+use crate::stdout::Stdout;
 
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";
@@ -96,7 +97,7 @@ fn put(folder: &Path, name: &str, page: &str, written: Written) -> Result<()> {
     let path = folder.join(name);
     write_atomically(&path, written.existing, |mut file| file.write_all(page.as_bytes()))?;
     let path = path.display().to_string();
-    writeln!(io::stdout().lock(), "{}", if written.as_json { json!({ "page": path }).to_string() } else { path })?;
+    writeln!(Stdout, "{}", if written.as_json { json!({ "page": path }).to_string() } else { path })?;
     Ok(())
 }
 

@@ -1,16 +1,18 @@
 //! The verdict on a casing when its file is closed: that on each shoulder, for people and for programs.
 
 use std::collections::BTreeMap;
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::PathBuf;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use tapline_host::colour::Colour;
 use tapline_store::{Reader, Region, casing_id, regions};
 use tapline_wire::{
     Calibration, Channel, DamageCell, Judgement, Quality, Reasons, Scan, TapState, Verdict, monotonic_ns,
 };
+
+use crate::stdout::Stdout;
 
 /// The result of one casing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -112,15 +114,15 @@ impl CasingVerdict {
 
     /// Prints it: a line for each shoulder, or one of JSON for all.
     pub(crate) fn print(&self, as_json: bool) -> Result<()> {
-        let mut out = io::stdout().lock();
+        let mut out = Stdout;
         if as_json {
-            writeln!(out, "{}", serde_json::to_string(self)?).context("cannot print the verdict")?;
+            writeln!(out, "{}", serde_json::to_string(self)?)?;
         } else {
             for shoulder in &self.shoulders {
-                writeln!(out, "{}", self.line(shoulder)).context("cannot print the verdict")?;
+                writeln!(out, "{}", self.line(shoulder))?;
             }
         }
-        out.flush().context("cannot print the verdict")
+        Ok(out.flush()?)
     }
 
     fn line(&self, shoulder: &ShoulderVerdict) -> String {

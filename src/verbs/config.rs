@@ -1,7 +1,7 @@
 //! `tapline config`: a complete configuration to start from, and the check of one.
 
 use std::fs;
-use std::io::{self, Write as _};
+use std::io::Write as _;
 
 use anyhow::{Context as _, Result};
 use tapline_acquire::validate_stations;
@@ -9,15 +9,15 @@ use tapline_fuse::Reference;
 
 use crate::cli::ConfigArgs;
 use crate::config::Config;
+use crate::stdout::Stdout;
 
 /// Every key of a configuration with its default and what it means.
 pub(crate) const EXAMPLE: &str = include_str!("../config/example.toml");
 
 /// Prints the example, or checks a configuration.
 pub(crate) fn config(args: &ConfigArgs) -> Result<bool> {
-    let mut out = io::stdout().lock();
     let Some(path) = &args.check else {
-        out.write_all(EXAMPLE.as_bytes()).context("cannot write to standard output")?;
+        write!(Stdout, "{EXAMPLE}")?;
         return Ok(true);
     };
     let (config, _) = Config::read(path)?;
@@ -32,7 +32,7 @@ pub(crate) fn config(args: &ConfigArgs) -> Result<bool> {
     if let Some(Reference::File(path)) = &config.fuse.reference {
         fs::File::open(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
     }
-    writeln!(out, "{} is a configuration", path.display()).context("cannot write to standard output")?;
+    writeln!(Stdout, "{} is a configuration", path.display())?;
     Ok(true)
 }
 

@@ -7,10 +7,12 @@ use serde_json::json;
 use tapline_acquire::{Abilities, SoundCardInfo, sound_cards};
 use tapline_host::table::{break_last_column, table};
 
+use crate::stdout::Stdout;
+
 /// Lists the sound cards of this machine, or those of these `names`; whether there is one.
 pub(crate) fn devices(names: &[String], as_json: bool) -> Result<bool> {
     let cards = sound_cards(names).map_err(anyhow::Error::msg).context("ALSA cannot list its devices")?;
-    let mut out = std::io::stdout();
+    let mut out = Stdout;
     if as_json {
         cards.iter().try_for_each(|card| writeln!(out, "{}", of(card)))?;
         return Ok(cards.iter().any(|card| card.abilities.is_ok()));

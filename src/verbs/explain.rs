@@ -14,6 +14,7 @@ use tapline_wire::{Discriminator, Scan, TapState, Verdict};
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
 use crate::config::lineage::{changes, made_by};
+use crate::stdout::Stdout;
 
 /// Prints where the results of the archives at `paths` come from; for one shoulder, and one location of it, also the numbers. Of
 /// many archives only those that have that shoulder are explained.
@@ -274,10 +275,7 @@ fn texts_of(taps: &[TapExplanation]) -> Result<String, fmt::Error> {
     Ok(text)
 }
 
-/// Prints `text`; a reader that ends early, like `head`, is no failure.
+/// Prints `text`.
 pub(super) fn print(text: &str) -> Result<()> {
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
+    Ok(write!(Stdout, "{text}")?)
 }

@@ -14,6 +14,7 @@ use tapline_store::Reader;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome};
 use crate::cli::archives::{ExportArgs, Format, What};
+use crate::stdout::Stdout;
 
 /// Formats of a table.
 const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];
@@ -37,7 +38,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
         None if format == Format::Parquet && io::stdout().is_terminal() => {
             bail!("Parquet is no text for a terminal; name a file with --out, or redirect the output");
         }
-        None => quiet_pipe(write(&archives, table, format, BufWriter::new(io::stdout()))),
+        None => write(&archives, table, format, BufWriter::new(Stdout)),
         Some(path) => {
             check_writable(path, args.force.existing())?;
             let mut is_complete = false;
@@ -119,7 +120,7 @@ fn taps(args: &ExportArgs) -> Result<bool> {
     let is_listed = refused + missing + damaged > 0;
     let why = if is_listed { "; taps.csv lists them with the reason" } else { "" };
     let folder = folder.display();
-    writeln!(io::stdout().lock(), "{folder}: {written} taps written, {refused} refused, {missing} missing{hurt}{why}")?;
+    writeln!(Stdout, "{folder}: {written} taps written, {refused} refused, {missing} missing{hurt}{why}")?;
     Ok(is_complete && !is_listed)
 }
 
@@ -153,24 +154,10 @@ fn print_json(args: &ExportArgs, out: &Path, format: Format, is_complete: bool, 
             text[key] = count.into();
         }
     }
-    Ok(writeln!(io::stdout().lock(), "{text}")?)
+    Ok(writeln!(Stdout, "{text}")?)
 }
 
 /// How the command line spells a value.
 fn name(value: &impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
-}
-
-/// A reader that ends early, like `head`, is no failure.
-fn quiet_pipe(written: Result<bool>) -> Result<bool> {
-    let is_pipe = |error: &anyhow::Error| match error.downcast_ref::<Error>() {
-        Some(Error::Csv(error)) => {
-            matches!(error.kind(), csv::ErrorKind::Io(error) if error.kind() == io::ErrorKind::BrokenPipe)
-        }
-        _ => false,
-    };
-    match written {
-        Err(error) if is_pipe(&error) => Ok(true),
-        other => other,
-    }
 }

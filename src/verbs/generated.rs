@@ -1,17 +1,17 @@
 //! `tapline completions` and `tapline man`: what is made of the description of the command line.
 
-use std::io;
 use std::path::Path;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use clap::Command;
 use clap_complete::Shell;
 use tapline_host::atomic_file::{Existing, check_folder};
 
+use crate::stdout::Stdout;
+
 /// Prints the completions for `shell`.
 pub(crate) fn completions(command: Command, shell: Shell) -> Result<bool> {
-    let printed = tapline_host::generated::completions(command, shell, &mut io::stdout().lock());
-    printed.context("cannot write to standard output")?;
+    tapline_host::generated::completions(command, shell, &mut Stdout)?;
     Ok(true)
 }
 

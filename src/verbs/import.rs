@@ -1,6 +1,6 @@
 //! `tapline import`: a tap set of recordings of other programs.
 
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::{Result, bail};
@@ -11,6 +11,7 @@ use tapline_host::signals::note_folder;
 use tapline_import::{Imported, write_example};
 
 use crate::cli::archives::ImportArgs;
+use crate::stdout::Stdout;
 
 /// Most refused taps that are printed; the set lists all.
 const REFUSED_MAX: usize = 10;
@@ -37,7 +38,7 @@ pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
             "out": out.display().to_string(), "written": written, "refused": refused, "unread": unread,
             "unscaled": unscaled,
         });
-        writeln!(io::stdout().lock(), "{text}")?;
+        writeln!(Stdout, "{text}")?;
         return Ok(is_whole);
     }
     for reason in unread.iter().take(REFUSED_MAX) {
@@ -58,14 +59,14 @@ pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
     if !unread.is_empty() {
         why.push_str(&format!("; {} files not imported", unread.len()));
     }
-    writeln!(io::stdout().lock(), "{}: {written} taps written, {} refused{why}", out.display(), refused.len())?;
+    writeln!(Stdout, "{}: {written} taps written, {} refused{why}", out.display(), refused.len())?;
     Ok(is_whole)
 }
 
 fn example(folder: &Path) -> Result<bool> {
     let (files, config) = write_example(folder)?;
     let (folder, config) = (folder.display(), config.display());
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     writeln!(out, "{} recordings of a simulated shoulder. Import and judge them:", files.len())?;
     writeln!(out, "tapline import {folder}/recordings/*.wav --config {config} --out my-taps")?;
     writeln!(out, "tapline run --taps my-taps --reference self --out mine")?;

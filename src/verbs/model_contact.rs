@@ -1,12 +1,13 @@
 //! `tapline model contact`: one contact on a rung of the ladder of models.
 
-use std::io::{self, Write};
+use std::io::Write;
 
 use anyhow::{Result, anyhow};
 use serde_json::{Value, json};
 use tapline_model::{Contact, Error, Scene, choose_by_trial};
 
 use crate::cli::model::ContactArgs;
+use crate::stdout::Stdout;
 
 pub(crate) fn contact(args: &ContactArgs) -> Result<bool> {
     let scene = args.scene();
@@ -69,7 +70,7 @@ fn bound(value: f64) -> String {
 }
 
 fn print(contact: &Contact, more: Vec<(&str, Value)>, as_json: bool) -> Result<()> {
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     if as_json {
         let flag =
             |c: &tapline_model::DomainCheck| json!({"name": c.name, "value": c.value, "low": c.low, "high": c.high});

@@ -1,10 +1,12 @@
 //! `tapline model table`: tables of the dissertation.
 
-use std::io::{self, Write as _};
+use std::io::Write as _;
 
 use anyhow::Result;
 use serde_json::{Value, json};
 use tapline_model::EffectiveLength;
+
+use crate::stdout::Stdout;
 
 pub(crate) fn model(number: u8, rule: EffectiveLength, as_json: bool) -> Result<bool> {
     let table = tapline_model::table(number, rule)?;
@@ -13,10 +15,10 @@ pub(crate) fn model(number: u8, rule: EffectiveLength, as_json: bool) -> Result<
             let cells = table.columns.iter().zip(row).map(|(column, &value)| ((*column).to_owned(), json!(value)));
             Value::Object(cells.collect())
         };
-        writeln!(io::stdout(), "{:#}", Value::Array(table.rows.iter().map(row).collect()))?;
+        writeln!(Stdout, "{:#}", Value::Array(table.rows.iter().map(row).collect()))?;
         return Ok(true);
     }
-    let mut out = csv::Writer::from_writer(io::stdout().lock());
+    let mut out = csv::Writer::from_writer(Stdout);
     out.write_record(&table.columns)?;
     for row in &table.rows {
         out.write_record(row.iter().map(ToString::to_string))?;

@@ -1,7 +1,7 @@
 //! `tapline reference`: shoulders of archives become a reference for later runs.
 
 use std::collections::BTreeSet;
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
@@ -17,6 +17,7 @@ use crate::archives::{Archives, Outcome};
 use crate::cli::archives::ReferenceArgs;
 use crate::config::Config;
 use crate::config::reference::{differences, process_of};
+use crate::stdout::Stdout;
 
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {
@@ -103,7 +104,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     let text = set.text()?;
     write_atomically(&args.out, args.force.existing(), |mut file| file.write_all(text.as_bytes()))?;
     match args.json {
-        true => writeln!(io::stdout(), "{:#}", of(&args.out, &set))?,
+        true => writeln!(Stdout, "{:#}", of(&args.out, &set))?,
         false => print(&args.out, &set)?,
     }
     Ok(is_complete)
@@ -182,7 +183,7 @@ fn of(path: &Path, set: &ReferenceSet) -> Value {
 }
 
 fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     let mut table = table(["discriminator", "moves", "AUC by that", "spread of a tap, %", "between casings, %"]);
     for which in Discriminator::ALL {
         let of_it = || set.summary.scales.iter().filter(move |line| line.discriminator == which);

@@ -1,7 +1,7 @@
 //! `tapline repack`: copies of archives with another codec.
 
 use std::fs;
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
@@ -11,6 +11,7 @@ use tapline_store::{Codec, Repacked};
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::cli::archives::PackedBy;
+use crate::stdout::Stdout;
 
 /// Packs the archive at `paths` into the file `out`; several into the folder `out`, under their names.
 pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool) -> Result<bool> {
@@ -41,17 +42,13 @@ fn print(archive: &Path, out: &Path, repacked: &Repacked, as_json: bool) -> Resu
             "archive": archive.display().to_string(), "out": out.display().to_string(), "sample_bytes": sample_bytes,
             "before_bytes": before_bytes, "after_bytes": after_bytes,
         });
-        return Ok(writeln!(io::stdout(), "{text}")?);
+        return Ok(writeln!(Stdout, "{text}")?);
     }
     let mb = |bytes: u64| format!("{:.1} MB", bytes as f64 / 1e6);
     #[expect(clippy::cast_precision_loss, reason = "a ratio for people to read")]
     let ratio = sample_bytes as f64 / after_bytes as f64;
     let (samples, before, after) = (mb(sample_bytes), mb(before_bytes), mb(after_bytes));
-    writeln!(
-        io::stdout(),
-        "{}: {after}, from {before}; {samples} of samples, {ratio:.2} times the file",
-        out.display()
-    )?;
+    writeln!(Stdout, "{}: {after}, from {before}; {samples} of samples, {ratio:.2} times the file", out.display())?;
     Ok(())
 }
 

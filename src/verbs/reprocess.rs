@@ -5,7 +5,7 @@
 
 use std::io::Write as _;
 use std::num::NonZeroUsize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::{Builder, available_parallelism, scope};
@@ -26,6 +26,7 @@ use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
 use crate::config::reference::{check_record_s, check_reference};
+use crate::stdout::Stdout;
 
 /// Most threads that may be asked for.
 const JOBS_MAX: usize = 1024;
@@ -49,8 +50,9 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
     let mut outcome = Outcome::new(&archives);
     for file in &archives.files {
         let done = again(&file.path, args, jobs).with_context(|| format!("cannot judge {} again", file.path.display()));
-        if let Some(is_complete) = outcome.take(file, done)? {
-            outcome.note(is_complete);
+        if let Some(results) = outcome.take(file, done)? {
+            print(args, &file.path, &results)?;
+            outcome.note(results.is_complete);
         }
     }
     outcome.end()
@@ -116,7 +118,14 @@ impl Task {
     }
 }
 
-fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
+/// The results of an archive.
+struct Results {
+    path: PathBuf,
+    lineage_key: String,
+    is_complete: bool,
+}
+
+fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<Results> {
     let task = Task::new(archive, args)?;
     let raw_digest = task.reader.raw_digest()?;
     let key = lineage_key(&raw_digest, &task.made_by, task.reference.as_deref());
@@ -133,8 +142,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         && there.is_results()
         && there.lineage_key()? == key
     {
-        print(args, archive, &out, &key, is_complete(&there))?;
-        return Ok(is_complete(&there));
+        return Ok(Results { path: out, lineage_key: key, is_complete: is_complete(&there) });
     }
     let plan = task.reader.plan();
     // Before the file is made: a plan that cannot be judged leaves none.
@@ -143,8 +151,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
         // The same results were made before.
         Err(tapline_store::Error::Finished { .. }) => {
             let is_complete = is_complete(&Reader::open(&out)?);
-            print(args, archive, &out, &key, is_complete)?;
-            return Ok(is_complete);
+            return Ok(Results { path: out, lineage_key: key, is_complete });
         }
         writer => writer?,
     };
@@ -174,21 +181,21 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<bool> {
     #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
     let rate = done as f64 / took_s;
     progress.print(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..12]));
-    print(args, archive, &out, &key, is_complete)?;
-    Ok(is_complete)
+    Ok(Results { path: out, lineage_key: key, is_complete })
 }
 
 /// Prints where the results of an archive are.
-fn print(args: &ReprocessArgs, archive: &Path, out: &Path, key: &str, is_complete: bool) -> Result<()> {
+fn print(args: &ReprocessArgs, archive: &Path, results: &Results) -> Result<()> {
+    let out = results.path.display().to_string();
     let text = match args.json {
         true => json!({
-            "archive": archive.display().to_string(), "results": out.display().to_string(), "lineage": key,
-            "is_complete": is_complete,
+            "archive": archive.display().to_string(), "results": out, "lineage": results.lineage_key,
+            "is_complete": results.is_complete,
         })
         .to_string(),
-        false => out.display().to_string(),
+        false => out,
     };
-    writeln!(std::io::stdout(), "{text}").context("cannot print where the results are")
+    Ok(writeln!(Stdout, "{text}")?)
 }
 
 /// Whether every tap of finished results is settled, and every shoulder judged.

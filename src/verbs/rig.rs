@@ -10,6 +10,8 @@ use tapline_acquire::{RigReport, RigScript, serve_rig};
 
 use tapline_host::signals::stop_flag;
 
+use crate::stdout::Stdout;
+
 /// Serves stations that connect to `listen`, by the script in `config`, until it is asked to stop or the script ends.
 pub(crate) fn rig(listen: &str, config: Option<&Path>, as_json: bool) -> Result<bool> {
     let script: RigScript = match config {
@@ -40,7 +42,7 @@ pub(crate) fn rig(listen: &str, config: Option<&Path>, as_json: bool) -> Result<
 }
 
 fn print(text: String) -> Result<()> {
-    writeln!(std::io::stdout(), "{text}").context("cannot write to standard output")
+    Ok(writeln!(Stdout, "{text}")?)
 }
 
 /// What the rig did, each count by its name.

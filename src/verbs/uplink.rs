@@ -1,6 +1,6 @@
 //! `tapline uplink` and `tapline collect`: finished casing files go to a centre.
 
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result, ensure};
@@ -12,6 +12,7 @@ use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Stand
 
 use crate::archives::Finished;
 use crate::cli::uplink::{BrokerArgs, CollectArgs, UplinkArgs};
+use crate::stdout::Stdout;
 
 /// Sends the finished files of a folder to a centre; whether it has them all.
 pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
@@ -93,5 +94,5 @@ fn print(file: &CasingFile, path: &Path, receipt: &Receipt, as_json: bool) {
         (false, Some(why)) => format!("REFUSED {}: {why}", path.display()),
     };
     // Nobody may read it any more; what became of the file does not depend on it.
-    drop(writeln!(io::stdout(), "{text}"));
+    drop(writeln!(Stdout, "{text}"));
 }

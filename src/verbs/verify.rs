@@ -9,6 +9,7 @@ use tapline_host::colour::Colour;
 use tapline_wire::TapState;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
+use crate::stdout::Stdout;
 
 /// Checks the archives at `paths`.
 pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
@@ -35,7 +36,7 @@ pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
 
 fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
     let (count, unfinished) = (archives.files.len(), &archives.unfinished);
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     if as_json {
         let text = json!({
             "kind": "summary",
@@ -56,7 +57,7 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
 
 /// Reports an archive that is too damaged to be checked row by row.
 fn report_unreadable(archive: &Path, why: &str, as_json: bool, is_of_many: bool) -> Result<bool> {
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     match as_json {
         true => {
             let text = json!({ "archive": archive.display().to_string(), "problems": [why], "is_complete": false });
@@ -98,7 +99,7 @@ fn print(
     let count = |state| report.ledger.count(state);
     let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), report.missing_count);
     let is_complete = report.is_complete() && refused == 0;
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     if as_json {
         let problems: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
         let text = json!({

@@ -1,4 +1,10 @@
-//! What people see: colour, progress, tables, and help with slips.
+//! What people see: colour, progress, tables, help with slips, and a standard output that cannot be written.
+
+use std::fs::OpenOptions;
+use std::io::pipe;
+use std::process::Stdio;
+
+use tapline_testing::program::Done;
 
 use crate::sandbox::Sandbox;
 
@@ -33,7 +39,7 @@ fn colour_is_for_terminals() {
         let mut script = std::process::Command::new("script");
         let command = format!("{environment} {} verify x/SIM-0001.h5", env!("CARGO_BIN_EXE_tapline"));
         script.args(["-qec", &command, "/dev/null"]).current_dir(sandbox.path("."));
-        script.env_remove("NO_COLOR").env("TERM", "xterm").stdin(std::process::Stdio::null());
+        script.env_remove("NO_COLOR").env("TERM", "xterm").stdin(Stdio::null());
         String::from_utf8(script.output().unwrap().stdout).unwrap()
     };
     assert!(on_terminal("").contains("\x1b[32mcomplete"), "{:?}", on_terminal(""));
@@ -74,5 +80,43 @@ fn slips_are_recognised() {
         sandbox.write("wrong.toml", "[process]\nf_hi = 2000.0\n");
         let done = sandbox.run(command).expect(code);
         assert!(done.err.contains(meant), "{command}: {done:?}");
+    }
+}
+
+/// Catches a standard output that cannot be written and is taken for a fault of each archive, and a reader that ends early, like
+/// `head`, and makes a verb fail that does nothing but print.
+#[test]
+fn a_standard_output_that_cannot_be_written_is_told_once() {
+    let sandbox = Sandbox::new();
+    sandbox.write("c.toml", SMALL);
+    sandbox.run("run --config c.toml --stations 2 --out x").expect(0);
+    let to_full = |command: &str| {
+        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        Done::from(sandbox.plain(command).stdout(full).output().unwrap()).expect(1).err
+    };
+    let to_closed = |command: &str| {
+        let (reader, writer) = pipe().unwrap();
+        drop(reader);
+        Done::from(sandbox.plain(command).stdout(writer).output().unwrap())
+    };
+    for command in [
+        "verify x --json",
+        "verify x",
+        "explain x",
+        "diff x x",
+        "export x verdicts",
+        "config --example",
+        "model table 4",
+    ] {
+        let done = to_closed(command).expect(0);
+        assert_eq!(done.err, "", "{command}");
+        let err = to_full(command);
+        assert!(err.ends_with("cannot write to standard output: No space left on device (os error 28)\n"), "{err}");
+        assert!(err.lines().count() == 1 && !err.contains(".h5"), "{command}: {err}");
+    }
+    // Whoever reads what these print may have gone; what they were to make is not all there.
+    for command in ["report x --out pages", "reprocess -q x", "repack x --codec none --out packed"] {
+        let err = to_closed(command).expect(1).err;
+        assert_eq!(err, "tapline: cannot write to standard output: Broken pipe (os error 32)\n", "{command}");
     }
 }

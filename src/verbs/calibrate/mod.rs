@@ -14,6 +14,7 @@ use tapline_host::atomic_file::{Existing, WriteError, write_atomically};
 use tapline_wire::{Certificate, Channel, Unit};
 
 use crate::cli::calibrate::{CalibrateVerb, WrittenArgs};
+use crate::stdout::Stdout;
 
 /// Calibrates a channel, and writes it into the file of its station.
 pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
@@ -90,7 +91,7 @@ fn keep(written: &WrittenArgs, channel: Channel, found: Found) -> Result<bool> {
     *place = Some(ChannelScale { unit, full_scale, full_scale_v, certificate });
     write(out, &file)?;
     let said = if *as_json { printed.to_string() } else { format!("{said}\n{}: valid until {until}", out.display()) };
-    writeln!(std::io::stdout(), "{said}")?;
+    writeln!(Stdout, "{said}")?;
     Ok(true)
 }
 
