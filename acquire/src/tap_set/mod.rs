@@ -9,7 +9,7 @@ mod raw16;
 mod recordings;
 pub(crate) mod scales;
 pub(crate) mod scan_toml;
-mod table;
+pub(crate) mod table;
 pub(crate) mod taps_csv;
 mod text;
 mod truth_csv;

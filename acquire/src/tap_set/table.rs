@@ -7,27 +7,33 @@ use csv::StringRecord;
 use crate::Error;
 
 /// Positions of the columns of a table.
-pub(crate) struct Table<'a> {
+#[derive(Debug)]
+struct Table<'a> {
     file: &'a Path,
     /// Name and position of every column that exists.
     places: Vec<(&'static str, usize)>,
 }
 
-/// One row of a table.
-pub(crate) struct Row<'a> {
+/// One row of a table of text.
+#[derive(Debug)]
+pub struct Row<'a> {
     table: &'a Table<'a>,
     record: &'a StringRecord,
     /// Line of the file, from 1.
     line: usize,
 }
 
-/// Calls `take` with every row of the table `text`, in order; `optional` columns may be missing, and are then empty.
-pub(crate) fn read_rows(
+/// Calls `take` with every row of the table `text` of `file`, in order; `optional` columns may be missing, and are then
+/// empty.
+///
+/// # Errors
+/// The first header or row that does not fit, or the first error of `take`.
+pub fn read_rows<E: From<Error>>(
     file: &Path,
     text: &str,
     (columns, optional): (&'static [&'static str], &'static [&'static str]),
-    mut take: impl FnMut(&Row<'_>) -> Result<(), Error>,
-) -> Result<(), Error> {
+    mut take: impl FnMut(&Row<'_>) -> Result<(), E>,
+) -> Result<(), E> {
     let mut reader =
         csv::ReaderBuilder::new().has_headers(false).flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
     let mut lines = Lines { text: text.as_bytes(), at: 0, line: 1 };
@@ -60,7 +66,8 @@ impl<'a> Table<'a> {
             line,
             fault,
             column: column.to_owned(),
-            known: columns.join(","),
+            // Without those that may be absent where one is that may not.
+            known: if fault == "missing" { columns.join(",") } else { [columns, optional].concat().join(",") },
         };
         for (place, name) in header.iter().enumerate() {
             if !columns.contains(&name) && !optional.contains(&name) {
@@ -91,18 +98,18 @@ impl<'a> Row<'a> {
     }
 
     /// Line of the file, from 1.
-    pub(crate) fn line(&self) -> usize {
+    pub fn line(&self) -> usize {
         self.line
     }
 
     /// The text in `column`; empty if the table has no such column.
-    pub(crate) fn text(&self, column: &'static str) -> &'a str {
+    pub fn text(&self, column: &'static str) -> &'a str {
         let place = self.table.places.iter().find(|(name, _)| *name == column);
         place.and_then(|&(_, place)| self.record.get(place)).unwrap_or("")
     }
 
     /// An error that refuses the value in `column`.
-    pub(crate) fn refuse(&self, column: &'static str, bound: impl Into<String>) -> Error {
+    pub fn refuse(&self, column: &'static str, bound: impl Into<String>) -> Error {
         Error::Cell {
             file: self.table.file.to_owned(),
             line: self.line,
@@ -113,13 +120,20 @@ impl<'a> Row<'a> {
     }
 
     /// The whole number in `column`; `None` if the cell is empty.
-    pub(crate) fn whole(&self, column: &'static str, low: u32, high: u32) -> Result<Option<u32>, Error> {
-        let text = self.text(column);
-        if text.is_empty() {
-            return Ok(None);
-        }
-        let number = text.parse().ok().filter(|n| (low..=high).contains(n));
-        number.map(Some).ok_or_else(|| self.refuse(column, format!("a whole number from {low} to {high}")))
+    ///
+    /// # Errors
+    /// A cell that has none from `low` to `high`.
+    pub fn whole(&self, column: &'static str, low: u32, high: u32) -> Result<Option<u32>, Error> {
+        if self.text(column).is_empty() { Ok(None) } else { self.needed(column, low, high).map(Some) }
+    }
+
+    /// The whole number in `column`, which must not be empty.
+    ///
+    /// # Errors
+    /// A cell that has none from `low` to `high`.
+    pub fn needed(&self, column: &'static str, low: u32, high: u32) -> Result<u32, Error> {
+        let number = self.text(column).parse().ok().filter(|n| (low..=high).contains(n));
+        number.ok_or_else(|| self.refuse(column, format!("a whole number from {low} to {high}")))
     }
 
     /// The number in `column`; `None` if the cell is empty. `low` itself is only allowed if `is_low_in`.
@@ -171,7 +185,7 @@ mod tests {
 
     fn parsed(text: &str) -> Result<Vec<(usize, String, String)>, Error> {
         let mut rows = Vec::new();
-        read_rows(Path::new("t.csv"), text, (COLUMNS, &["z"]), |row| {
+        read_rows(Path::new("t.csv"), text, (COLUMNS, &["z"]), |row| -> Result<(), Error> {
             rows.push((row.line(), row.text("a").to_owned(), row.text("b").to_owned()));
             Ok(())
         })?;
@@ -198,7 +212,7 @@ mod tests {
         for (text, want) in [
             ("", "t.csv line 1: missing column \"a\"; the columns are a,b, in any order"),
             ("a\n", "line 1: missing column \"b\""),
-            ("a,b,c\n", "line 1: unknown column \"c\""),
+            ("a,b,c\n", "line 1: unknown column \"c\"; the columns are a,b,z, in any order"),
             ("\na,b,a\n", "line 2: repeated column \"a\""),
             ("a,b\n1,2\n1,2,3\n", "line 3: has 3 cells; the header has 2 columns"),
         ] {

@@ -53,7 +53,7 @@ pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<T
 /// [`Error`] with the line and column of `file` for the first cell out of bounds, and for a tap that is listed twice.
 pub fn tap_rows(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRow>, Error> {
     let mut rows = Vec::new();
-    read_rows(file, text, (COLUMNS, extras::COLUMNS), |row| {
+    read_rows(file, text, (COLUMNS, extras::COLUMNS), |row| -> Result<(), Error> {
         rows.push(tap_row(row, geometry)?);
         Ok(())
     })?;
@@ -68,9 +68,6 @@ pub fn tap_rows(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRo
 }
 
 fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
-    let whole = |column, low, high| {
-        row.whole(column, low, high)?.ok_or_else(|| row.refuse(column, format!("a whole number from {low} to {high}")))
-    };
     // A ring is a shoulder of a casing, and a casing has two; a slab may have any number of lines.
     let shoulder_max = if geometry == Geometry::Ring { 2 } else { u32::from(u16::MAX) };
     let velocity_m_per_s = row.number("velocity_m_per_s", (0.0, false), 1000.0)?;
@@ -81,8 +78,8 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
         .with_velocity_m_per_s(velocity_m_per_s)
         .map_err(|e| refuse_id(row, "velocity_m_per_s", &e))?;
     id.tyre = Serial::new(csv_text(row.text("tyre"))).map_err(|e| refuse_id(row, "tyre", &e))?;
-    id.shoulder = short(whole("shoulder", 1, shoulder_max)?);
-    id.location = whole("location", 0, LOCATION_MAX)?;
+    id.shoulder = short(row.needed("shoulder", 1, shoulder_max)?);
+    id.location = row.needed("location", 0, LOCATION_MAX)?;
     id.repetition = short(row.whole("repetition", 0, u32::from(u16::MAX))?.unwrap_or(0));
     let angle_deg = row.number("angle_deg", (0.0, true), 360.0)?;
     let extras = Extras::from_row(row, geometry)?;

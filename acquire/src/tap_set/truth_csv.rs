@@ -15,14 +15,10 @@ const COLUMNS: &[&str] = &["tyre", "shoulder", "location", "cracked"];
 pub(crate) fn parse(file: &Path, text: &str) -> Result<Truth, Error> {
     let mut truth = Truth::new();
     let mut line_of = BTreeMap::new();
-    read_rows(file, text, (COLUMNS, &[]), |row| {
-        let whole = |column, low, high: u32| {
-            row.whole(column, low, high)?
-                .ok_or_else(|| row.refuse(column, format!("a whole number from {low} to {high}")))
-        };
+    read_rows(file, text, (COLUMNS, &[]), |row| -> Result<(), Error> {
         let tyre = Serial::new(csv_text(row.text("tyre"))).map_err(|e| row.refuse("tyre", e.bound()))?;
-        let shoulder = whole("shoulder", 1, u32::from(u16::MAX))?;
-        let location = whole("location", 0, LOCATION_MAX)?;
+        let shoulder = row.needed("shoulder", 1, u32::from(u16::MAX))?;
+        let location = row.needed("location", 0, LOCATION_MAX)?;
         let is_cracked = match row.text("cracked") {
             "0" | "false" => false,
             "1" | "true" => true,

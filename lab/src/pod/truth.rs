@@ -6,14 +6,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context as _, Result, anyhow, bail, ensure};
-use csv::StringRecord;
+use anyhow::{Context as _, Result, bail, ensure};
+use tapline_acquire::{Error, TableRow, read_rows};
 use tapline_wire::{Geometry, Serial};
 
 /// Columns that the file must have.
-const COLUMNS: [&str; 4] = ["tyre", "shoulder", "first_location", "location_count"];
+const COLUMNS: &[&str] = &["tyre", "shoulder", "first_location", "location_count"];
 /// Columns that it may have.
-const OPTIONAL: [&str; 2] = ["size_mm", "note"];
+const OPTIONAL: &[&str] = &["size_mm", "note"];
 
 /// A shoulder: the serial number of its casing, and its side.
 pub(super) type Shoulder = (String, u16);
@@ -25,7 +25,7 @@ pub(super) struct Crack {
     pub location_count: u32,
     pub size_mm: Option<f64>,
     /// Line of the file it stands on.
-    line: u64,
+    line: usize,
 }
 
 /// A shoulder that was inspected.
@@ -34,7 +34,7 @@ pub(super) struct Inspected {
     /// What was found; of a sound shoulder nothing.
     pub cracks: Vec<Crack>,
     /// First line of the file that names it.
-    line: u64,
+    line: usize,
 }
 
 impl Inspected {
@@ -87,60 +87,41 @@ impl KnownTruth {
     /// A file that cannot be read, or the first thing in it that is wrong: its line, what it is, and what it may be.
     pub(super) fn read(file: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
-        Self::parse(&text).with_context(|| file.display().to_string())
+        Self::parse(file, &text)
     }
 
-    fn parse(text: &str) -> Result<Self> {
-        let text = text.trim_start_matches('\u{feff}');
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
-        let header = reader.headers()?.clone();
-        check_header(&header)?;
-        let (mut truth, mut sound_at) = (Self::default(), BTreeMap::new());
-        for record in reader.records() {
-            let record = record?;
-            let line = record.position().map_or(0, csv::Position::line);
-            let row = Row { header: &header, record: &record };
-            let took = truth.take(&row, line, &mut sound_at);
-            took.with_context(|| format!("line {line}"))?;
-        }
-        ensure!(!truth.shoulders.is_empty(), "it has no row; it must state at least one shoulder");
+    fn parse(file: &Path, text: &str) -> Result<Self> {
+        let mut truth = Self::default();
+        read_rows(file, text.trim_start_matches('\u{feff}'), (COLUMNS, OPTIONAL), |row| {
+            let (shoulder, crack) = read_row(row)?;
+            let took = truth.take(shoulder, crack, row.line());
+            took.with_context(|| format!("{} line {}", file.display(), row.line()))
+        })?;
+        let is_empty = truth.shoulders.is_empty();
+        ensure!(!is_empty, "{}: it has no row; it must state at least one shoulder", file.display());
         Ok(truth)
     }
 
-    fn take(&mut self, row: &Row<'_>, line: u64, sound_at: &mut BTreeMap<Shoulder, u64>) -> Result<()> {
-        let tyre = Serial::new(row.text("tyre")).map_err(|error| row.refused("tyre", &error.bound()))?;
-        let shoulder = row.whole("shoulder", 1, u32::from(u16::MAX))?;
-        let key = (tyre.to_string(), u16::try_from(shoulder).unwrap_or(u16::MAX));
-        let what = format!("tyre {tyre} shoulder {shoulder}");
-        let location_count = match row.text("location_count") {
-            "" => bail!(
-                "location_count is empty; it must be the number of cracked locations, or 0 for a shoulder that was inspected \
-                 and is sound"
-            ),
-            _ => row.whole("location_count", 0, u32::MAX)?,
-        };
-        let size_mm = row.size_mm()?;
-        let cracks = &mut self.shoulders.entry(key.clone()).or_insert(Inspected { cracks: Vec::new(), line }).cracks;
-        if location_count == 0 {
-            for (column, value) in [("first_location", row.text("first_location")), ("size_mm", row.text("size_mm"))] {
-                ensure!(value.is_empty(), "{column} is {value:?}; it must be empty where location_count is 0 (sound)");
-            }
-            if let Some(first) = sound_at.insert(key, line) {
-                bail!("{what} is stated to be sound twice; line {first} has it already");
-            }
-            ensure!(cracks.is_empty(), "{what} is stated to be sound, and line {} has a crack of it", cracks[0].line);
+    fn take(&mut self, shoulder: Shoulder, crack: Option<Crack>, line: usize) -> Result<()> {
+        let what = format!("tyre {} shoulder {}", shoulder.0, shoulder.1);
+        let Some(Inspected { cracks, line: first }) = self.shoulders.get_mut(&shoulder) else {
+            self.shoulders.insert(shoulder, Inspected { cracks: crack.into_iter().collect(), line });
             return Ok(());
+        };
+        // A shoulder without cracks is one that was stated to be sound.
+        match (cracks.first(), crack) {
+            (None, None) => bail!("{what} is stated to be sound twice; line {first} has it already"),
+            (None, Some(_)) => bail!("{what} has a crack, and line {first} states that it is sound"),
+            (Some(one), None) => bail!("{what} is stated to be sound, and line {} has a crack of it", one.line),
+            (Some(_), Some(crack)) => {
+                let arc = |c: &Crack| (c.first_location, c.location_count);
+                if let Some(same) = cracks.iter().find(|c| arc(c) == arc(&crack)) {
+                    let at = crack.first_location;
+                    bail!("names the crack of {what} at location {at} again; line {} has it already", same.line);
+                }
+                cracks.push(crack);
+            }
         }
-        if let Some(first) = sound_at.get(&key) {
-            bail!("{what} has a crack, and line {first} states that it is sound");
-        }
-        let first_location = row.whole("first_location", 0, u32::MAX)?;
-        let crack = Crack { first_location, location_count, size_mm, line };
-        let is_same = |c: &&Crack| (c.first_location, c.location_count) == (first_location, location_count);
-        if let Some(same) = cracks.iter().find(is_same) {
-            bail!("names the crack of {what} at location {first_location} again; line {} has it already", same.line);
-        }
-        cracks.push(crack);
         Ok(())
     }
 
@@ -204,51 +185,27 @@ fn tyres(scanned: &BTreeMap<Shoulder, Extent>) -> usize {
     tyres.len()
 }
 
-fn check_header(header: &StringRecord) -> Result<()> {
-    for column in COLUMNS {
-        ensure!(
-            header.iter().any(|name| name == column),
-            "line 1: missing column {column:?}; the columns are {}, and optional {}",
-            COLUMNS.join(","),
-            OPTIONAL.join(",")
-        );
+/// The shoulder that `row` names, and its crack; of a sound one `None`.
+fn read_row(row: &TableRow<'_>) -> Result<(Shoulder, Option<Crack>), Error> {
+    let tyre = Serial::new(row.text("tyre")).map_err(|error| row.refuse("tyre", error.bound()))?;
+    let side = row.needed("shoulder", 1, u32::from(u16::MAX))?;
+    let shoulder = (tyre.to_string(), u16::try_from(side).unwrap_or(u16::MAX));
+    let location_count = row.whole("location_count", 0, u32::MAX)?.ok_or_else(|| {
+        let bound = "the number of cracked locations, or 0 for a shoulder that was inspected and is sound";
+        row.refuse("location_count", bound)
+    })?;
+    if location_count == 0 {
+        let stated = ["first_location", "size_mm"].into_iter().find(|column| !row.text(column).is_empty());
+        let refused = stated.map(|column| row.refuse(column, "empty where location_count is 0 (sound)"));
+        return refused.map_or(Ok((shoulder, None)), Err);
     }
-    for (place, name) in header.iter().enumerate() {
-        let is_known = COLUMNS.contains(&name) || OPTIONAL.contains(&name);
-        ensure!(is_known, "line 1: column {name:?} is none of {},{}", COLUMNS.join(","), OPTIONAL.join(","));
-        ensure!(!header.iter().take(place).any(|n| n == name), "line 1: column {name:?} is there twice");
-    }
-    Ok(())
-}
-
-/// One row of the file.
-struct Row<'a> {
-    header: &'a StringRecord,
-    record: &'a StringRecord,
-}
-
-impl<'a> Row<'a> {
-    fn text(&self, column: &str) -> &'a str {
-        self.header.iter().position(|name| name == column).and_then(|k| self.record.get(k)).unwrap_or("")
-    }
-
-    fn refused(&self, column: &str, bound: &str) -> anyhow::Error {
-        anyhow!("{column} is {:?}; it must be {bound}", self.text(column))
-    }
-
-    fn whole(&self, column: &str, low: u32, high: u32) -> Result<u32> {
-        let value = self.text(column).parse().ok().filter(|value| (low..=high).contains(value));
-        value.ok_or_else(|| self.refused(column, &format!("a whole number from {low} to {high}")))
-    }
-
-    fn size_mm(&self) -> Result<Option<f64>> {
-        let text = self.text("size_mm");
-        if text.is_empty() {
-            return Ok(None);
-        }
-        let value = text.parse().ok().filter(|size: &f64| size.is_finite() && *size > 0.0);
-        value.map(Some).ok_or_else(|| self.refused("size_mm", "a number above 0, in mm, or empty"))
-    }
+    let size_of = |text: &str| text.parse().ok().filter(|size: &f64| size.is_finite() && *size > 0.0);
+    let size_mm = match row.text("size_mm") {
+        "" => None,
+        text => Some(size_of(text).ok_or_else(|| row.refuse("size_mm", "a number above 0, in mm, or empty"))?),
+    };
+    let first_location = row.needed("first_location", 0, u32::MAX)?;
+    Ok((shoulder, Some(Crack { first_location, location_count, size_mm, line: row.line() })))
 }
 
 #[cfg(test)]
@@ -257,8 +214,12 @@ mod tests {
 
     const HEAD: &str = "tyre,shoulder,first_location,location_count,size_mm\n";
 
+    fn parsed(text: &str) -> Result<KnownTruth> {
+        KnownTruth::parse(Path::new("truth.csv"), text)
+    }
+
     fn refusal(rows: &str) -> String {
-        format!("{:#}", KnownTruth::parse(&format!("{HEAD}{rows}")).unwrap_err())
+        format!("{:#}", parsed(&format!("{HEAD}{rows}")).unwrap_err())
     }
 
     fn ring(last: u32) -> Extent {
@@ -268,12 +229,12 @@ mod tests {
     /// Catches a sound shoulder that is assumed, a size that is needed, columns by place, and a crack that is lost.
     #[test]
     fn cracks_and_sound_shoulders_are_read() {
-        let truth = KnownTruth::parse(&format!("\u{feff}{HEAD}A,1,98,4,12.5\nA,1,40,2,\nA,2,,0,\n")).unwrap();
+        let truth = parsed(&format!("\u{feff}{HEAD}A,1,98,4,12.5\nA,1,40,2,\nA,2,,0,\n")).unwrap();
         let cracked = &truth.shoulders[&("A".to_owned(), 1)];
         assert_eq!(cracked.cracks.iter().map(|c| c.size_mm).collect::<Vec<_>>(), [Some(12.5), None]);
         assert!(truth.shoulders[&("A".to_owned(), 2)].cracks.is_empty());
         assert_eq!(truth.shoulders.len(), 2);
-        let turned = KnownTruth::parse("note,location_count,first_location,shoulder,tyre\ncut,3,7,2,B\n").unwrap();
+        let turned = parsed("note,location_count,first_location,shoulder,tyre\ncut,3,7,2,B\n").unwrap();
         assert_eq!(turned.shoulders[&("B".to_owned(), 2)].cracks[0].first_location, 7);
     }
 
@@ -311,11 +272,14 @@ mod tests {
             ("", "it has no row; it must state at least one shoulder"),
         ] {
             assert!(refusal(rows).contains(expected), "{rows}: {}", refusal(rows));
+            assert!(refusal(rows).starts_with("truth.csv"), "{rows}: {}", refusal(rows));
         }
-        let missing = format!("{:#}", KnownTruth::parse("tyre,shoulder,first_location\n").unwrap_err());
-        assert!(missing.contains("missing column \"location_count\""), "{missing}");
-        let unknown = format!("{:#}", KnownTruth::parse(&HEAD.replace("size_mm", "size")).unwrap_err());
-        assert!(unknown.contains("column \"size\" is none of"), "{unknown}");
+        let missing = format!("{:#}", parsed("tyre,shoulder,first_location\n").unwrap_err());
+        assert!(missing.contains("truth.csv line 1: missing column \"location_count\""), "{missing}");
+        let unknown = format!("{:#}", parsed(&HEAD.replace("size_mm", "size")).unwrap_err());
+        for expected in ["truth.csv line 1: unknown column \"size\"; the columns are tyre,", ",size_mm,note"] {
+            assert!(unknown.contains(expected), "{unknown}");
+        }
     }
 
     /// Catches rows of casings that were not scanned, and arcs outside of what was.
@@ -324,7 +288,7 @@ mod tests {
         let line = Extent { geometry: Geometry::Line, ..ring(9) };
         let scanned = [(("A".to_owned(), 1), ring(99)), (("A".to_owned(), 2), ring(99)), (("L".to_owned(), 1), line)];
         let check = |rows: &str| {
-            let truth = KnownTruth::parse(&format!("{HEAD}{rows}")).unwrap();
+            let truth = parsed(&format!("{HEAD}{rows}")).unwrap();
             truth.check(&scanned.clone().into()).map_err(|error| format!("{error:#}"))
         };
         assert_eq!(check("A,1,98,4,\nA,2,,0,\n"), Ok(()));
