@@ -69,13 +69,14 @@ fn draws(verb: &Verb) -> bool {
     false
 }
 
-/// Whether what `verb` prints is all that it does: then a reader that ends early, like `head`, is no failure.
+/// Whether what `verb` prints is all that it does: then a reader that ends early, like `head`, is no failure. `verify` also
+/// checks, and its exit code must not speak of what it did not come to.
 fn only_prints(verb: &Verb) -> bool {
     match verb {
         #[cfg(feature = "alsa")]
         Verb::Devices { .. } => true,
         Verb::Export(args) => args.out.is_none(),
-        Verb::Status(_) | Verb::Config(_) | Verb::Completions { .. } | Verb::Verify { .. } => true,
+        Verb::Status(_) | Verb::Config(_) | Verb::Completions { .. } => true,
         Verb::Explain { .. } | Verb::Diff { .. } | Verb::Model(_) => true,
         _ => false,
     }
