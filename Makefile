@@ -50,8 +50,8 @@ listen: setup
 	cargo build --release -p tapline
 	examples/listen/run.sh target/release/tapline $(LISTEN)
 
-test: setup
-	cargo test --workspace
+test: python
+	TAPLINE_PYTHON="$${TAPLINE_PYTHON:-$(CURDIR)/$(PYTHON)}" cargo test --workspace
 
 gates: setup
 	cargo fmt --all --check

@@ -81,7 +81,7 @@ pub struct ScanConfig {
     pub tap_period_s: f64,
     /// Time that the impactor needs besides to go to another offset.
     pub offset_change_s: f64,
-    /// The tyres; one per station when left out, those at odd stations cracked.
+    /// The tyres; if none is listed there is one at each station, cracked at odd stations.
     pub tyre: Vec<TyreConfig>,
 }
 

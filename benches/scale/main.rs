@@ -26,11 +26,17 @@ fn main() -> Result<()> {
     let mut page = String::from(
         "# From one line to a hundred thousand\n\n`cargo build --release -p tapline && cargo bench -p tapline-bench --bench scale` \
          writes this page. It measures what a tap costs on this machine, and computes what many lines need. Processor times \
-         include the simulation of the taps, which a rig does for nothing.\n\n",
+         include the simulation of the taps, which a rig does for nothing. Casings have 202 taps, two shoulders with one turn each, \
+         and each is compared with itself: judging weighs more in a tap than in [performance.md](performance.md).\n\n",
     );
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let date = jiff::Zoned::now().strftime("%Y-%m-%d");
-    writeln!(page, "Measured on {date} on {cores} shared cores; medians of {} rounds.\n", costs::ROUNDS)?;
+    writeln!(
+        page,
+        "Measured on {date} on {cores} {}; medians of {} rounds.\n",
+        if cores == 1 { "core" } else { "cores" },
+        costs::ROUNDS
+    )?;
     page.push_str(&costs.text()?);
     page.push_str(&sizes::text(&costs)?);
     let plant = Plant { stations: 1000, bytes_per_s: costs.bytes_per_tap * sizes::TAPS_PER_S, headroom: 2.0 };

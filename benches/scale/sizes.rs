@@ -48,7 +48,7 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
         "\nWhat binds first, as lines are added to one of each:\n\n| what | is half used by so many lines |\n|---|--:|"
     )?;
     let mut limits = vec![
-        (format!("a host of lines with {CORES} cores"), CORES * USED / (us(0) * 1e-6 * TAPS_PER_S)),
+        (format!("a host of lines with {CORES} cores, without listening"), CORES * USED / (us(0) * 1e-6 * TAPS_PER_S)),
         ("a network of 1 Gbit/s at the centre".to_owned(), NETWORK_BYTES_PER_S * USED / (bytes * TAPS_PER_S)),
     ];
     if let Some(way) = &costs.way {
@@ -59,7 +59,8 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
         writeln!(text, "| {what} | {} |", shown(lines))?;
     }
     text.push_str(
-        "\nSites are independent of each other: beyond what one server or network bears, a second server with its own bucket takes the next sites. \
+        "\nThe host of lines does not count listening to sound cards, which binds earlier: \
+         [operating.md](operating.md#how-many-stations).\n\nSites are independent of each other: beyond what one server or network bears, a second server with its own bucket takes the next sites. \
          Nothing is shared by all lines.\n\n",
     );
     Ok(text)

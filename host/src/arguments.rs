@@ -35,7 +35,7 @@ impl LogArgs {
 /// What becomes of files that stand where a verb writes.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct ForceArgs {
-    /// Write also where something is already: it is replaced. No archive is.
+    /// Replace existing files. Archives are never replaced.
     #[arg(long)]
     pub force: bool,
 }

@@ -12,6 +12,11 @@ pub fn print_line(text: &str) {
     drop(writeln!(std::io::stderr(), "{text}"));
 }
 
+/// `count` and the noun: `one`, or `more` if it is plural.
+pub fn counted(count: usize, one: &str, more: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { more })
+}
+
 /// Tells people `text`, unless they asked for errors alone; into a log for programs it goes as an event.
 pub fn say(text: &str) {
     match log::format() {

@@ -30,7 +30,7 @@ use crate::evaluation::{Detection, Table, print_tables};
 /// What is asked for.
 #[derive(Debug, clap::Args)]
 pub struct PodArgs {
-    /// Folder with finished archives, in sub-folders too.
+    /// Folder with finished archives, in subfolders too.
     pub folder: PathBuf,
     /// What other means found: a CSV file with the columns tyre, shoulder, first_location, location_count and, where it is
     /// known, size_mm; a row with location_count 0 states that a shoulder was inspected and is sound. What the archives

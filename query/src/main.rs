@@ -63,7 +63,7 @@ enum Verb {
     },
     /// Copy finished archives to another place, such as a bucket. Each is checked first; what is there is not overwritten.
     Copy {
-        /// Folders of casing files; every finished archive in them and in their sub-folders is copied.
+        /// Folders of casing files; every finished archive in them and in their subfolders is copied.
         #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]
         places: Vec<Place>,
         /// Where they go.
@@ -103,7 +103,7 @@ is one row with its error: SELECT file, error FROM verdicts WHERE status = 'erro
 
 #[derive(Debug, Args)]
 struct ArchiveArgs {
-    /// Folders of casing files; every finished archive in them and in their sub-folders is taken.
+    /// Folders of casing files; every finished archive in them and in their subfolders is taken.
     #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]
     places: Vec<Place>,
     /// Where it is done: local, or cluster://HOST:PORT.

@@ -59,7 +59,7 @@ fn archives() -> Option<Arc<TempDir>> {
     Some(folder)
 }
 
-/// A folder with links to the archives, half of them in one sub-folder and half in another.
+/// A folder with links to the archives, half of them in one subfolder and half in another.
 pub(crate) struct Sandbox {
     folder: TempDir,
     /// What programs find in their environment besides.

@@ -52,7 +52,7 @@ pub(crate) enum PackedBy {
 /// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct ResultsArgs {
-    /// Of folders take, of each casing, the newest results of `tapline reprocess` instead of its archive.
+    /// In folders, use each casing's newest `tapline reprocess` results instead of its archive.
     #[arg(long)]
     results: bool,
 }
@@ -68,8 +68,8 @@ pub(crate) struct ReprocessArgs {
     /// The archives, or folders of them.
     #[arg(required = true)]
     pub archives: Vec<PathBuf>,
-    /// Configuration file whose tables `process` and `fuse` take the place of the archive's, whole: an option that it does not
-    /// name has its default, but for the reference. Without this file each archive's own are taken.
+    /// Configuration file. Its tables `process` and `fuse` replace the archive's tables completely: options that it does not
+    /// name get their defaults; the reference is kept. Without this file each archive keeps its own.
     #[arg(long)]
     pub config: Option<PathBuf>,
     /// What shoulders are compared with, in place of the configuration's reference, as for `tapline run`.
@@ -135,12 +135,16 @@ pub(crate) struct ExportArgs {
 
 const EXPORT_FORMATS: &str = "\
 A table as parquet has the columns and rows of the csv, typed, with units; sets of flags also as bits.
-Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again. Archives whose
+
+Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again. Archives whose \
 recordings or configurations differ are exported one by one.
-Taps as uff are one file a shoulder, dataset 58b (uff-ascii: 58); as mat one file a shoulder, with matrices force and
-sound, a column a tap. Both name the units; FS is part of full scale, where the scale is not known.
-Taps that were refused, are missing or damaged are counted, and listed in taps.csv (column `refused`); then the exit code
-is 3. It is 3 too where one of several archives cannot be read: it is named, and the others are exported.";
+
+Taps as uff are one file for each shoulder, dataset 58b (uff-ascii: 58); as mat one file for each shoulder, with the \
+matrices force and sound, which have a column for each tap. Both name the units; FS is part of full scale, where the scale \
+is not known.
+
+Taps that were refused, are missing or damaged are counted, and listed in taps.csv (column `refused`); then the exit code \
+is 3. It is also 3 if one of several archives cannot be read: it is named, and the others are exported.";
 
 /// What of an archive can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

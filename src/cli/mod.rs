@@ -30,7 +30,8 @@ pub(crate) struct Cli {
     pub verb: Verb,
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 ended, but taps are missing or refused, or an archive is incomplete or was left out.";
+const EXIT_CODES: &str =
+    "Exit codes: 0: done. 1: failed. 2: wrong usage. 3: done, but something was missing, refused or left out.";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
@@ -44,7 +45,7 @@ pub(crate) enum Verb {
     /// Each casing's verdict is printed, and its file is in its place, within a second of its last tap. Ctrl-C, or SIGTERM,
     /// ends the line in good order; the same command again goes on with the casings that were under way.
     Line(LineArgs),
-    /// Show how a running line is: its stations, casings, verdicts and alarms. The line does not notice.
+    /// Show the state of a running line: its stations, casings, verdicts and alarms. It does not disturb the line.
     Status(StatusArgs),
     /// Play a rig for a station of a line: casings that come and go at random, over TCP. See docs/rig-protocol.md.
     Rig {
@@ -89,7 +90,7 @@ pub(crate) enum Verb {
         /// The shell.
         shell: clap_complete::Shell,
     },
-    /// Write the manual pages, one a verb.
+    /// Write the manual pages, one page for each verb.
     Man {
         /// Folder to write into; made when it is not there.
         folder: PathBuf,
@@ -101,21 +102,21 @@ pub(crate) enum Verb {
     Stage(StageArgs),
     /// Write a table of archives, or their taps, in a format of other programs.
     ///
-    /// A folder stands for every finished archive in it. Of a folder, and of several files, it is one table, with a first
-    /// column `file`; taps are one tap set.
+    /// A folder stands for every finished archive in it. A folder, or several files, gives one table whose first column is
+    /// `file`; taps give one tap set.
     Export(ExportArgs),
     /// Make a tap set of recordings of other programs: WAV, CSV, HDF5, MATLAB, Universal Files, TDMS.
     ///
     /// A file, a part of one, or what a trigger finds in a continuous record is a tap. A small configuration says which, and what
     /// the recordings do not say of themselves.
     Import(ImportArgs),
-    /// Make a reference of shoulders of archives: stated to be sound, or labelled by what is known of them.
+    /// Make a reference from archived shoulders that are known to be sound, or labelled location by location.
     Reference(ReferenceArgs),
     /// Check that archives hold all their plans ask for, that no tap or result in them was altered, and that they do not
     /// contradict themselves.
     ///
-    /// Every sample is read and every checksum compared. Prints what is amiss, a line each, and ends with code 3 then, or
-    /// where a folder has archives that are not finished.
+    /// Every sample is read and every checksum compared. Prints each problem on a line. Ends with code 3 if there is one, or
+    /// if a folder has unfinished archives.
     Verify {
         /// Archives, or folders of them.
         #[arg(required = true)]
@@ -154,12 +155,12 @@ pub(crate) enum Verb {
     /// Each file is checked as by `tapline verify` before the sender hears that it has arrived. Prints a line for each.
     #[cfg(feature = "uplink")]
     Collect(uplink::CollectArgs),
-    /// Show what an archive's numbers are made of and by: recorded taps, sources of the program, options, reference.
+    /// Show what an archive's numbers were made from: recorded taps, sources of the program, options, reference.
     Explain {
         /// Archives or files of results, or folders of archives.
         #[arg(required = true)]
         archives: Vec<PathBuf>,
-        /// Of this shoulder the verdict too; of folders and several files only the archive that has it.
+        /// Also show this shoulder's verdict; of several archives, only the one that has it.
         #[arg(long, value_name = "TYRE/SHOULDER")]
         shoulder: Option<String>,
         /// Of this location of it the index, and what was found in every tap.
@@ -186,7 +187,7 @@ pub(crate) enum Verb {
         #[arg(long)]
         json: bool,
     },
-    /// Write what archives hold as pages to read and print: one a tyre, and one of the whole shift.
+    /// Write what archives hold as pages to read and print: one page for each tyre and one for the shift.
     ///
     /// Each page is one HTML file that needs nothing else. Of an archive with missing taps the pages
     /// show what is there.
@@ -235,7 +236,7 @@ pub(crate) enum ModelVerb {
     Table {
         /// Number of the table: 4, 5, 6, 8, 9, 10 or 11.
         number: u8,
-        /// How the effective length of a crack is had: as the printed tables used it, or as the text describes it.
+        /// How the effective length of a crack is computed: as the printed tables used it, or as the text describes it.
         #[arg(long, value_parser = one_of::<EffectiveLength>(&LENGTHS), default_value = "published")]
         effective_length: EffectiveLength,
         /// Print it as JSON, an object a row.

@@ -39,7 +39,7 @@ pub(crate) struct ContactArgs {
     /// Rebound resilience of the target, for its loss tangent.
     #[arg(long, default_value_t = Scene::default().resilience)]
     pub resilience: f64,
-    /// How the effective length of a crack is had: as the printed tables used it, or as the text describes it.
+    /// How the effective length of a crack is computed: as the printed tables used it, or as the text describes it.
     #[arg(long, value_parser = one_of::<EffectiveLength>(&LENGTHS), default_value = "published")]
     pub effective_length: EffectiveLength,
     /// How damping follows from the restitution.

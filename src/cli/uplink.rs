@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use tapline_uplink::{Access, Site};
 
-/// How a connection to the broker is made.
+/// How a connection to the server is made.
 #[derive(Debug, Args)]
-pub(crate) struct BrokerArgs {
-    /// Certificates (PEM) of who vouches for the broker; with it the connection is encrypted.
+pub(crate) struct ServerArgs {
+    /// Certificates (PEM) of who vouches for the server; with it the connection is encrypted.
     #[arg(long, value_name = "FILE")]
     pub ca_file: Option<PathBuf>,
     /// A `.creds` file of NATS, or a file with a user's name and password, a line each.
@@ -17,12 +17,12 @@ pub(crate) struct BrokerArgs {
     /// Let the connection leave this machine without encryption.
     #[arg(long)]
     pub allow_plain: bool,
-    /// Name of the bucket at the broker.
+    /// Name of the bucket at the server.
     #[arg(long, default_value = "tapline")]
     pub bucket: String,
 }
 
-impl BrokerArgs {
+impl ServerArgs {
     /// What a connection to `servers` needs.
     pub(crate) fn access(&self, servers: &str) -> Access {
         Access {
@@ -38,15 +38,15 @@ impl BrokerArgs {
 pub(crate) struct UplinkArgs {
     /// Folder of a line, or of a run.
     pub folder: PathBuf,
-    /// The broker: nats://HOST:PORT or tls://HOST:PORT, servers of a cluster separated by commas.
+    /// The server: nats://HOST:PORT or tls://HOST:PORT, servers of a cluster separated by commas.
     #[arg(long, value_name = "SERVER")]
     pub to: String,
     /// Name of this host at the centre: the folder that its files come into.
     #[arg(long)]
     pub site: Site,
     #[command(flatten)]
-    pub broker: BrokerArgs,
-    /// End when a centre has spoken of every file that is there, with code 3 if it refused one; wait until then.
+    pub server: ServerArgs,
+    /// End once a centre has answered for every file now present; code 3 if it refused one.
     #[arg(long)]
     pub once: bool,
     /// Send files again that a centre has refused; none that it has received.
@@ -61,11 +61,11 @@ pub(crate) struct UplinkArgs {
 pub(crate) struct CollectArgs {
     /// Folder for the files: a folder for each site; made when it is not there.
     pub folder: PathBuf,
-    /// The broker: nats://HOST:PORT or tls://HOST:PORT, servers of a cluster separated by commas.
+    /// The server: nats://HOST:PORT or tls://HOST:PORT, servers of a cluster separated by commas.
     #[arg(long, value_name = "SERVER")]
     pub from: String,
     #[command(flatten)]
-    pub broker: BrokerArgs,
+    pub server: ServerArgs,
     /// End when no file waits.
     #[arg(long)]
     pub once: bool,

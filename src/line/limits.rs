@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use tapline_host::memory;
+use tapline_host::messages::counted;
 use tapline_wire::shm;
 
 /// What a line will need.
@@ -157,8 +158,7 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
     }
     let enough = (1..stations).rev().find(|&fewer| short.iter().all(|i| i.have >= (i.need)(&needs.scaled(fewer))));
     match enough {
-        Some(1) => bail!("{text}; 1 station would do"),
-        Some(fewer) => bail!("{text}; {fewer} stations would do"),
+        Some(fewer) => bail!("{text}; {} would do", counted(usize::from(fewer), "station", "stations")),
         None => bail!("{text}; it is too little for any line"),
     }
 }

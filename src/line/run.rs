@@ -10,6 +10,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::{StationConfig, StationSource};
 use tapline_host::atomic_file::{Existing, write_atomically};
+use tapline_host::messages::counted;
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::stop_flag;
 use tapline_store::{digest_of, hex_of};
@@ -62,7 +63,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
 /// Progress of a scan of `tap_count` taps.
 fn scanning(tap_count: usize, out: &Path) -> Progress {
     let progress = Progress::new(Some(tap_count as u64), Unit::Things("taps"));
-    progress.print(&format!("scanning {tap_count} taps into {}", out.display()));
+    progress.print(&format!("scanning {} into {}", counted(tap_count, "tap", "taps"), out.display()));
     progress
 }
 
@@ -282,7 +283,7 @@ impl RunFile {
 
     fn difference(&self, there: &Self) -> Option<String> {
         if self.casings != there.casings {
-            return Some(format!("{} casings there, {} here", there.casings, self.casings));
+            return Some(format!("{} there, {} here", counted(there.casings, "casing", "casings"), self.casings));
         }
         if self.plans != there.plans {
             return Some(format!("other recorded taps: {}", first_difference(&there.plans, &self.plans)));

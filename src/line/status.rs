@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use jiff::{Timestamp, tz::TimeZone};
+use tapline_host::messages::counted;
 use tapline_host::signals::stop_flag;
 use tapline_host::table::{break_last_column, table};
 use tapline_wire::{Line, Role, StatusTopic, Subscriber, now_ns};
@@ -77,18 +78,19 @@ fn print(status: &Status, args: &StatusArgs) -> Result<()> {
 
 fn text(status: &Status) -> String {
     let mut text = format!(
-        "Line on {} (process {}): {:.1} taps/s, {} casings closed",
+        "Line on {} (process {}): {:.1} taps/s, {} closed",
         status.out.display(),
         status.pid,
         status.taps_per_s,
-        status.closed_count
+        counted(status.closed_count as usize, "casing", "casings")
     );
     let mut add = |line: &str| text.push_str(line);
     for trouble in &status.troubles {
         add(&format!("\nTROUBLE {trouble}"));
     }
     if status.lost_count > 0 {
-        add(&format!("\n{} records were lost in transit; their taps are taken again.", status.lost_count));
+        let lost = counted(status.lost_count as usize, "record was", "records were");
+        add(&format!("\n{lost} lost in transit; the taps are taken again."));
     }
     let age_ns = now_ns().saturating_sub(status.at_ns);
     if age_ns > STANDS_AFTER_NS {

@@ -8,6 +8,7 @@ use anyhow::Result;
 use serde::Serialize;
 use tapline_fuse::{Fusion, Reference, ReferenceSet, Score, ScorePool};
 use tapline_host::colour::Colour;
+use tapline_host::messages::counted;
 use tapline_host::table::{break_last_column, table};
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Ledger, Quality, TapState};
@@ -34,7 +35,7 @@ struct Summary {
     refused: usize,
     missing: usize,
     verdicts: Vec<ShoulderVerdict>,
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// `None` if nothing is known of the truth.
     auc: Option<Auc>,
     reference_is_self: bool,
     /// What the reference cannot support of the rates that are asked for; each text once.
@@ -269,8 +270,8 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
         let alone: Vec<String> = auc.discriminators.iter().map(|(name, v)| format!("{name} {}", text(*v))).collect();
         writeln!(
             out,
-            "AUC against truth ({} casings, {} cracked, {} sound locations): index {}; alone: {}",
-            auc.casings,
+            "AUC against truth ({}, {} cracked, {} sound locations): index {}; alone: {}",
+            counted(auc.casings, "casing", "casings"),
             auc.cracked,
             auc.sound,
             text(auc.index),
@@ -278,7 +279,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
         )?;
     }
     if summary.reference_is_self {
-        writeln!(out, "Each tyre is compared with itself (reference = \"self\"): damage all around would not show.")?;
+        writeln!(out, "Each tyre is compared with itself (reference = \"self\"): damage all round would not show.")?;
     }
     for text in &summary.remarks {
         writeln!(out, "{text}")?;
@@ -295,9 +296,11 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     };
     writeln!(
         out,
-        "{} is {state}: {} of {casings} casings finished; {archived} taps archived, {refused} refused, {missing} missing.",
+        "{} is {state}: {} of {} finished; {} archived, {refused} refused, {missing} missing.",
         summary.out,
-        casings - unfinished
+        casings - unfinished,
+        counted(*casings, "casing", "casings"),
+        counted(*archived, "tap", "taps")
     )?;
     if *unfinished > 0 {
         writeln!(out, "The same command again takes what is missing.")?;
@@ -311,18 +314,18 @@ fn print_pace(out: &mut impl io::Write, pace: &PaceLine) -> Result<()> {
     }
     writeln!(
         out,
-        "{} taps in {:.1} s: {:.0} taps/s, {:.3} GB/s through shared memory; tap to discriminators p50 {} us, p99 {} us; \
-         {} gaps, {} taps sent again, {} taken again, {} restarts",
-        pace.taps,
+        "{} in {:.1} s: {:.0} taps/s, {:.3} GB/s through shared memory; tap to discriminators p50 {} us, p99 {} us; \
+         {}, {} sent again, {} taken again, {}",
+        counted(pace.taps, "tap", "taps"),
         pace.elapsed_s,
         pace.taps_per_s,
         pace.gb_per_s,
         pace.latency_p50_us,
         pace.latency_p99_us,
-        pace.gaps,
-        pace.sent_again,
+        counted(pace.gaps as usize, "gap", "gaps"),
+        counted(pace.sent_again as usize, "tap", "taps"),
         pace.taken_again,
-        pace.restarts
+        counted(pace.restarts as usize, "restart", "restarts")
     )?;
     let of_each =
         |text: &dyn Fn(&ProcessLine) -> String| pace.processes.iter().map(text).collect::<Vec<_>>().join(", ");

@@ -32,7 +32,13 @@ pub(crate) fn config(args: &ConfigArgs) -> Result<bool> {
     if let Some(Reference::File(path)) = &config.fuse.reference {
         fs::File::open(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
     }
+    let lacks_station = config.station.is_empty().then_some("at least one [[station]]");
+    let lacks_reference = config.fuse.reference.is_none().then_some("a [fuse] reference");
     writeln!(Stdout, "{} is a configuration", path.display())?;
+    // It is good for `tapline run` all the same.
+    for lacking in lacks_station.into_iter().chain(lacks_reference) {
+        writeln!(Stdout, "`tapline line` needs {lacking}")?;
+    }
     Ok(true)
 }
 

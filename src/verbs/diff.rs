@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use serde::Serialize;
 use serde_json::json;
+use tapline_host::messages::counted;
 use tapline_store::{Judged, Reader, archive_of};
 use tapline_wire::{Discriminator, Discriminators, Scan, Verdict};
 
@@ -206,7 +207,7 @@ impl fmt::Display for Difference {
             }
         }
         if self.flags_differ > 0 {
-            writeln!(f, "quality    {} taps have other flags", self.flags_differ)?;
+            writeln!(f, "quality    {} other flags", counted(self.flags_differ, "tap has", "taps have"))?;
         }
         self.shoulders.iter().try_for_each(|shoulder| writeln!(f, "{}  {shoulder}", shoulder.shoulder))
     }
@@ -232,7 +233,8 @@ impl fmt::Display for ShoulderDifference {
         match self.index_max {
             None => f.write_str(", index the same"),
             Some(largest) => {
-                write!(f, ", index differs at {} locations, by {largest:.2e} at most", self.locations_differ)
+                let locations = counted(self.locations_differ, "location", "locations");
+                write!(f, ", index differs at {locations}, by {largest:.2e} at most")
             }
         }
     }

@@ -9,6 +9,7 @@ use clap::ValueEnum;
 use serde_json::json;
 use tapline_export::{Error, Export, TableFile, TapCounts, TapFormat, UffEncoding};
 use tapline_host::atomic_file::{check_writable, write_atomically};
+use tapline_host::messages::counted;
 use tapline_host::signals::note_folder;
 use tapline_store::Reader;
 
@@ -119,8 +120,8 @@ fn taps(args: &ExportArgs) -> Result<bool> {
     let hurt = if damaged == 0 { String::new() } else { format!(", {damaged} damaged") };
     let is_listed = refused + missing + damaged > 0;
     let why = if is_listed { "; taps.csv lists them with the reason" } else { "" };
-    let folder = folder.display();
-    writeln!(Stdout, "{folder}: {written} taps written, {refused} refused, {missing} missing{hurt}{why}")?;
+    let (folder, written) = (folder.display(), counted(written, "tap", "taps"));
+    writeln!(Stdout, "{folder}: {written} written, {refused} refused, {missing} missing{hurt}{why}")?;
     Ok(is_complete && !is_listed)
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use serde_json::json;
-use tapline_host::messages::say;
+use tapline_host::messages::{counted, say};
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::note_folder;
 use tapline_import::{Imported, write_example};
@@ -57,9 +57,10 @@ pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
     }
     let mut why = if refused.is_empty() { String::new() } else { "; taps.csv lists them with the reason".to_owned() };
     if !unread.is_empty() {
-        why.push_str(&format!("; {} files not imported", unread.len()));
+        why.push_str(&format!("; {} not imported", counted(unread.len(), "file", "files")));
     }
-    writeln!(Stdout, "{}: {written} taps written, {} refused{why}", out.display(), refused.len())?;
+    let written = counted(written, "tap", "taps");
+    writeln!(Stdout, "{}: {written} written, {} refused{why}", out.display(), refused.len())?;
     Ok(is_whole)
 }
 

@@ -15,6 +15,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
 use serde_json::json;
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
+use tapline_host::messages::counted;
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::note_folder;
 use tapline_process::{ProcessConfig, ProcessExtractor};
@@ -180,7 +181,8 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<Results> {
     let took_s = begin.elapsed().as_secs_f64();
     #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
     let rate = done as f64 / took_s;
-    progress.print(&format!("{done} taps in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..12]));
+    let done = counted(done, "tap", "taps");
+    progress.print(&format!("{done} in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..12]));
     Ok(Results { path: out, lineage_key: key, is_complete })
 }
 

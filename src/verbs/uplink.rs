@@ -5,23 +5,23 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, ensure};
 use serde_json::json;
-use tapline_host::messages::{say, with_causes};
+use tapline_host::messages::{counted, say, with_causes};
 use tapline_host::signals::stop_flag;
 use tapline_store::Error;
 use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Standing, Until};
 
 use crate::archives::Finished;
-use crate::cli::uplink::{BrokerArgs, CollectArgs, UplinkArgs};
+use crate::cli::uplink::{CollectArgs, ServerArgs, UplinkArgs};
 use crate::stdout::Stdout;
 
 /// Sends the finished files of a folder to a centre; whether it has them all.
 pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
-    let server = server(&args.broker, &args.to)?;
+    let server = server(&args.server, &args.to)?;
     ensure!(args.folder.is_dir(), "{} is no folder", args.folder.display());
     let sender = Sender {
         folder: args.folder.clone(),
         site: args.site.clone(),
-        bucket: args.broker.bucket.clone(),
+        bucket: args.server.bucket.clone(),
         again: args.again,
     };
     let mut finished = Finished::of(&args.folder);
@@ -35,33 +35,37 @@ pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
         },
     )?;
     let Standing { files, at_centre } = standing;
-    say(&format!("{at_centre} of {files} finished files of {} are at the centre", args.folder.display()));
+    say(&format!(
+        "{at_centre} of {} of {} at the centre",
+        counted(files, "finished file", "finished files"),
+        args.folder.display()
+    ));
     // A service that is ended has done what it could; files that wait are sent at its next start.
     Ok(!args.once || at_centre == files)
 }
 
 /// Takes the files that come to a centre; whether none was refused.
 pub(crate) fn collect(args: &CollectArgs) -> Result<bool> {
-    let server = server(&args.broker, &args.from)?;
+    let server = server(&args.server, &args.from)?;
     let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
-    let collector = Collector { folder: args.folder.clone(), host, bucket: args.broker.bucket.clone(), check };
+    let collector = Collector { folder: args.folder.clone(), host, bucket: args.server.bucket.clone(), check };
     let mut count = 0;
     let is_fine = tapline_uplink::collect(&server, &collector, &until(args.once)?, |collected| {
         count += usize::from(collected.receipt.fate == Fate::Received);
         print(&collected.file, &collected.path, &collected.receipt, args.json);
     })?;
-    say(&format!("{count} files were taken from the bucket {}", args.broker.bucket));
+    say(&format!("{} taken from the bucket {}", counted(count, "file was", "files were"), args.server.bucket));
     Ok(!args.once || is_fine)
 }
 
-fn server(broker: &BrokerArgs, servers: &str) -> Result<Server> {
+fn server(args: &ServerArgs, servers: &str) -> Result<Server> {
     let is_allowed = |c: char| c.is_ascii_alphanumeric() || ['-', '_'].contains(&c);
     ensure!(
-        (1..=64).contains(&broker.bucket.len()) && broker.bucket.chars().all(is_allowed),
+        (1..=64).contains(&args.bucket.len()) && args.bucket.chars().all(is_allowed),
         "--bucket {:?}: must have from 1 to 64 letters, digits, - and _",
-        broker.bucket
+        args.bucket
     );
-    Server::new(&broker.access(servers))
+    Server::new(&args.access(servers))
 }
 
 fn until(is_once: bool) -> Result<Until> {

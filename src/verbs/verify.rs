@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use serde_json::{Value, json};
 use tapline_host::colour::Colour;
+use tapline_host::messages::counted;
 use tapline_wire::TapState;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
@@ -51,7 +52,8 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
     for path in unfinished {
         writeln!(out, "{}: NOT FINISHED", path.display())?;
     }
-    writeln!(out, "{count} archives: {} complete, {hurt} INCOMPLETE; {} not finished", count - hurt, unfinished.len())?;
+    let archives = counted(count, "archive", "archives");
+    writeln!(out, "{archives}: {} complete, {hurt} INCOMPLETE; {} not finished", count - hurt, unfinished.len())?;
     Ok(())
 }
 

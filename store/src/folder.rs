@@ -1,6 +1,6 @@
 //! Which archives a folder stands for.
 //!
-//! These are the finished ones in it and in its sub-folders, such as the days of a line; not those under way (`open`), those that
+//! These are the finished ones in it and in its subfolders, such as the days of a line; not those under way (`open`), those that
 //! a line could not continue (`left`), hidden files, and folders that are links. Results that `tapline reprocess` put beside an archive are told apart
 //! from archives, so that no casing counts twice.
 
@@ -19,7 +19,7 @@ const KEY_DIGITS: usize = 12;
 /// Depth of nested folders that are searched.
 const DEPTH_MAX: usize = 16;
 
-/// The archives in a folder and its sub-folders, in the order of their paths.
+/// The archives in a folder and its subfolders, in the order of their paths.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Folder {
     /// Files that are finished: archives, and results of them.

@@ -42,7 +42,18 @@ fn every_verb_has_a_manual_page() {
 fn the_example_of_a_configuration_is_one() {
     let sandbox = Sandbox::new();
     sandbox.write("example.toml", &sandbox.run("config --example").expect(0).out);
-    assert!(sandbox.run("config --check example.toml").expect(0).out.contains("example.toml is a configuration"));
+    let needs = ["`tapline line` needs at least one [[station]]\n", "`tapline line` needs a [fuse] reference\n"];
+    let said = sandbox.run("config --check example.toml").expect(0).out;
+    assert_eq!(said, format!("example.toml is a configuration\n{}{}", needs[0], needs[1]));
+    let station = "[[station]]\nnumber = 1\nsource = \"simulated\"\n";
+    let reference = "[fuse]\nreference = \"self\"\n";
+    for (config, lacking) in
+        [(station.to_owned(), needs[1]), (reference.to_owned(), needs[0]), (format!("{station}{reference}"), "")]
+    {
+        sandbox.write("some.toml", &config);
+        let said = sandbox.run("config --check some.toml").expect(0).out;
+        assert_eq!(said, format!("some.toml is a configuration\n{lacking}"));
+    }
     for (wrong, named) in [
         ("[fuse]\nre_inspect_rate = 2.0\n", "re_inspect_rate"),
         ("[fuse]\nreference = \"nowhere.json\"\n", "cannot read the reference nowhere.json"),

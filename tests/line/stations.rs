@@ -54,8 +54,12 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     until("the set is done", || sandbox.path("inbox/done/B").is_dir());
 
     // The same set again is done already: its recordings were judged.
+    fs::rename(sandbox.path("inbox/done/B"), sandbox.path("inbox/B-again")).unwrap();
+    until("the set is done again", || sandbox.path("inbox/done/B-again").is_dir());
     let done = line.interrupt().expect(0);
     assert!(done.out.is_empty() && done.err.contains("bad"), "{done:?}");
+    let said = done.err.lines().find(|line| line.contains("is not judged twice")).unwrap_or_else(|| panic!("{done:?}"));
+    assert!(said.contains("WARN") && said.contains("casing B of the tap set") && said.contains("B-again"), "{said}");
     assert_eq!(all_finished(&sandbox.path("out")), ["A", "B"]);
     assert!(under_way(&sandbox.path("out")).is_empty() && sandbox.left().is_empty());
 }

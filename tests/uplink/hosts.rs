@@ -1,4 +1,4 @@
-//! Three hosts with two stations each, a broker and a centre, each in a network namespace of its own.
+//! Three hosts with two stations each, a server and a centre, each in a network namespace of its own.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -92,14 +92,14 @@ impl Drop for Network {
     }
 }
 
-/// Catches a station that waits for the network; a file that is lost, comes twice or differs, although the broker is killed while
+/// Catches a station that waits for the network; a file that is lost, comes twice or differs, although the server is killed while
 /// files are published, a cable is cut, a collector is killed, and the centre's disk is full.
 #[test]
 fn three_hosts_lose_nothing_on_the_way_to_a_centre() {
     let hosts = ["host1", "host2", "host3"];
-    let Some(network) = Network::new(&["host1", "host2", "host3", "broker", "centre"]) else { return };
+    let Some(network) = Network::new(&["host1", "host2", "host3", "server", "centre"]) else { return };
     let sandbox = Sandbox::new();
-    let host = network.host("broker");
+    let host = network.host("server");
     let Some(mut server) = NatsServer::start_at(&sandbox, "10.77.0.4:4222", Some(&host), "") else { return };
     slow_plant(&sandbox, 4, 15.0, "");
     let lines: Vec<Running> = hosts

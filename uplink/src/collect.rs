@@ -24,13 +24,13 @@ use crate::staging::{Folder, digest_of};
 /// How long the queue is waited on until it counts as empty.
 const WAIT: Duration = Duration::from_secs(2);
 
-/// How long a request for the next file stands; the broker says three times as often that it is there.
+/// How long a request for the next file stands; the server says three times as often that it is there.
 const ASKED_FOR: Duration = Duration::from_secs(15);
 
-/// How long a broker may take for the next bytes of a file before the file is given up, to be sent again.
+/// How long a server may take for the next bytes of a file before the file is given up, to be sent again.
 const NEXT_BYTES_WITHIN: Duration = Duration::from_secs(20);
 
-/// How often the broker is told that a file is still being taken or checked.
+/// How often the server is told that a file is still being taken or checked.
 const TOLD_EVERY: Duration = Duration::from_secs(5);
 
 /// After how long a file that could not be written may be given to another collector.
@@ -43,7 +43,7 @@ pub struct Collector {
     pub folder: PathBuf,
     /// Name of this host.
     pub host: String,
-    /// Bucket of the broker.
+    /// Bucket of the server.
     pub bucket: String,
     /// What is amiss with the file at a path, `None` if it is a whole and unaltered archive; an error, if that cannot be told now.
     pub check: fn(&Path) -> Result<Option<String>>,
@@ -73,7 +73,8 @@ pub fn collect(
     let folder = Folder::open(&collector.folder, &collector.host)?;
     let mut is_fine = true;
     session::run(until, async |trouble| {
-        let broker = JetStream::connect(server, &format!("tapline collect {}", folder.name), &collector.bucket).await?;
+        let jetstream =
+            JetStream::connect(server, &format!("tapline collect {}", folder.name), &collector.bucket).await?;
         let mut tell = |collected: Collected| {
             if let Fate::Refused(why) = &collected.receipt.fate {
                 tracing::error!("{} is not taken: {why}", collected.file);
@@ -81,7 +82,7 @@ pub fn collect(
             }
             tell(&collected);
         };
-        let mut collecting = Collecting { broker: &broker, folder: &folder, check: collector.check };
+        let mut collecting = Collecting { jetstream: &jetstream, folder: &folder, check: collector.check };
         collecting.recover(&mut tell).await?;
         collecting.attempt(until, &mut tell, trouble).await
     })?;
@@ -89,7 +90,7 @@ pub fn collect(
 }
 
 struct Collecting<'a> {
-    broker: &'a JetStream,
+    jetstream: &'a JetStream,
     folder: &'a Folder,
     check: fn(&Path) -> Result<Option<String>>,
 }
@@ -99,7 +100,7 @@ impl Collecting<'_> {
     async fn recover(&mut self, tell: &mut impl FnMut(Collected)) -> Result<()> {
         for file in self.folder.drafts()? {
             let receipt = self
-                .broker
+                .jetstream
                 .receipt(&file)
                 .await?
                 .filter(|receipt| receipt.collector == self.folder.name && receipt.fate == Fate::Received);
@@ -113,13 +114,13 @@ impl Collecting<'_> {
 
     /// Takes files until there is trouble, or nothing is left to take and that is all that was asked.
     async fn attempt(&mut self, until: &Until, tell: &mut impl FnMut(Collected), trouble: &mut Trouble) -> Result<()> {
-        let mut queue = self.broker.queue().await?;
+        let mut queue = self.jetstream.queue().await?;
         // No more than is taken at once, so that nothing waits behind a collector while another is idle.
         let messages = queue.stream().max_messages_per_batch(1).expires(ASKED_FOR).heartbeat(ASKED_FOR / 3);
         let mut messages = messages.messages().await.context("the queue is not there")?;
         loop {
             let Ok(next) = timeout(WAIT, messages.next()).await else {
-                let state = queue.info().await.context("the broker does not answer")?;
+                let state = queue.info().await.context("the server does not answer")?;
                 trouble.ends();
                 if until.is_once && state.num_pending == 0 && state.num_ack_pending == 0 {
                     return Ok(());
@@ -128,11 +129,11 @@ impl Collecting<'_> {
             };
             let message = next.context("the queue has ended")?.context("the queue gives nothing")?;
             if let Err(error) = self.take(&message, tell).await {
-                // Another collector, or this one again, gets the file. If the broker does not hear it, the file's time runs out.
+                // Another collector, or this one again, gets the file. If the server does not hear it, the file's time runs out.
                 drop(message.ack_with(AckKind::Nak(Some(OTHER_AFTER))).await);
                 return Err(error);
             }
-            message.double_ack().await.map_err(|error| anyhow!(error)).context("the broker does not answer")?;
+            message.double_ack().await.map_err(|error| anyhow!(error)).context("the server does not answer")?;
             trouble.ends();
         }
     }
@@ -143,16 +144,16 @@ impl Collecting<'_> {
         let file: CasingFile = match name.parse() {
             Ok(file) => file,
             Err(error) => {
-                tracing::error!("a file is left with the broker: {error:#}");
+                tracing::error!("a file is left with the server: {error:#}");
                 return Ok(());
             }
         };
         // It may have been taken since it was announced.
-        let Some(info) = self.broker.info(&file).await? else { return Ok(()) };
-        if self.broker.receipt(&file).await?.is_some() {
-            return self.broker.remove(&file).await;
+        let Some(info) = self.jetstream.info(&file).await? else { return Ok(()) };
+        if self.jetstream.receipt(&file).await?.is_some() {
+            return self.jetstream.remove(&file).await;
         }
-        let digest = info.digest.with_context(|| format!("the broker gives no digest of {file}"))?;
+        let digest = info.digest.with_context(|| format!("the server gives no digest of {file}"))?;
         match digest_of(&self.folder.place(&file))? {
             Some((there, bytes)) if there == digest => {
                 self.give(file, self.receipt(digest, bytes, Fate::Received), tell).await
@@ -170,7 +171,7 @@ impl Collecting<'_> {
                 Ok(Read::Lost(why)) => {
                     tracing::warn!("{file} was lost on its way ({why}): it is asked for again");
                     self.folder.discard(&file);
-                    self.broker.remove(&file).await
+                    self.jetstream.remove(&file).await
                 }
                 Err(error) => {
                     self.folder.discard(&file);
@@ -201,7 +202,7 @@ impl Collecting<'_> {
         let draft = self.folder.draft(file);
         let context = || format!("cannot write {}", draft.display());
         let mut to = tokio::fs::File::from_std(self.folder.begin(file)?);
-        let mut from = self.broker.object(file).await.with_context(|| format!("the broker does not give {file}"))?;
+        let mut from = self.jetstream.object(file).await.with_context(|| format!("the server does not give {file}"))?;
         let (mut buffer, mut count, mut told) = (vec![0; 1 << 17], 0, Instant::now());
         loop {
             let read = match timeout(NEXT_BYTES_WITHIN, from.read(&mut buffer)).await {
@@ -213,7 +214,7 @@ impl Collecting<'_> {
             to.write_all(&buffer[..read]).await.with_context(context)?;
             count += read as u64;
             if told.elapsed() > TOLD_EVERY {
-                // If the broker does not hear it, another collector may get the file too: the receipt decides.
+                // If the server does not hear it, another collector may get the file too: the receipt decides.
                 drop(message.ack_with(AckKind::Progress).await);
                 told = Instant::now();
             }
@@ -229,7 +230,7 @@ impl Collecting<'_> {
 
     /// Gives the receipt of `file`, unless another has given one, and settles its draft by it.
     async fn give(&self, file: CasingFile, receipt: Receipt, tell: &mut impl FnMut(Collected)) -> Result<()> {
-        let is_ours = self.broker.give(&file, &receipt).await?;
+        let is_ours = self.jetstream.give(&file, &receipt).await?;
         match is_ours && receipt.fate == Fate::Received {
             true => self.place(file.clone(), receipt, tell).await?,
             false => {
@@ -239,7 +240,7 @@ impl Collecting<'_> {
                 }
             }
         }
-        self.broker.remove(&file).await
+        self.jetstream.remove(&file).await
     }
 
     /// Puts the draft of `file`, for which `receipt` was given, in its place.
@@ -254,13 +255,13 @@ impl Collecting<'_> {
     }
 }
 
-/// How reading a file from the broker ended.
+/// How reading a file from the server ended.
 enum Read {
     Whole {
         digest: String,
         bytes: u64,
     },
-    /// The broker does not have all of it, and why that is thought.
+    /// The server does not have all of it, and why that is thought.
     Lost(String),
 }
 

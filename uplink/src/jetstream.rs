@@ -2,7 +2,7 @@
 //! collectors share.
 //!
 //! The queue has one message for each file that waits: a second is refused until the first was acknowledged. So a file can be
-//! announced again at any time, and nothing relies on the broker's memory of what it has seen (`Nats-Msg-Id` within a window).
+//! announced again at any time, and nothing relies on the server's memory of what it has seen (`Nats-Msg-Id` within a window).
 
 use std::path::Path;
 use std::time::Duration;
@@ -20,7 +20,7 @@ use crate::file::CasingFile;
 use crate::receipt::Receipt;
 use crate::server::{ANSWER_WITHIN, Server};
 
-/// How long the broker keeps what nobody takes: a file that it has forgotten is sent again. What was left of files whose sending
+/// How long the server keeps what nobody takes: a file that it has forgotten is sent again. What was left of files whose sending
 /// was cut off goes then too.
 const KEPT_FOR: Duration = Duration::from_secs(14 * 86_400);
 
@@ -111,7 +111,7 @@ impl JetStream {
         match sent.await {
             Ok(_) => Ok(()),
             Err(error) if error.kind() == PublishErrorKind::Other && is_announced(&error) => Ok(()),
-            Err(error) => Err(error).with_context(|| format!("the broker does not keep the announcement of {file}")),
+            Err(error) => Err(error).with_context(|| format!("the server does not keep the announcement of {file}")),
         }
     }
 
@@ -125,14 +125,14 @@ impl JetStream {
         match self.objects.info(file.as_str()).await {
             Ok(info) => Ok(Some(info).filter(|info| !info.deleted)),
             Err(error) if error.kind() == InfoErrorKind::NotFound => Ok(None),
-            Err(error) => Err(error).with_context(|| format!("the broker does not say whether it has {file}")),
+            Err(error) => Err(error).with_context(|| format!("the server does not say whether it has {file}")),
         }
     }
 
     /// Removes what waits as `file`: it was taken, or is to be sent again.
     pub(crate) async fn remove(&self, file: &CasingFile) -> Result<()> {
         if self.info(file).await?.is_some() {
-            self.objects.delete(file.as_str()).await.with_context(|| format!("the broker does not remove {file}"))?;
+            self.objects.delete(file.as_str()).await.with_context(|| format!("the server does not remove {file}"))?;
         }
         Ok(())
     }
@@ -146,7 +146,7 @@ impl JetStream {
             Err(error) if error.kind() == CreateErrorKind::AlreadyExists => {
                 Ok(self.receipt(file).await?.as_ref() == Some(receipt))
             }
-            Err(error) => Err(error).with_context(|| format!("the broker does not keep the receipt of {file}")),
+            Err(error) => Err(error).with_context(|| format!("the server does not keep the receipt of {file}")),
         }
     }
 }
@@ -167,8 +167,8 @@ impl Carrier for JetStream {
     async fn publish(&self, file: &CasingFile, path: &Path) -> Result<String> {
         let mut bytes = tokio::fs::File::open(path).await.with_context(|| format!("cannot read {}", path.display()))?;
         let put = self.objects.put(file.as_str(), &mut bytes).await;
-        let info = put.with_context(|| format!("the broker does not keep {file}"))?;
-        let Some(digest) = info.digest else { bail!("the broker gives no digest of {file}") };
+        let info = put.with_context(|| format!("the server does not keep {file}"))?;
+        let Some(digest) = info.digest else { bail!("the server gives no digest of {file}") };
         self.announce(file).await?;
         Ok(digest)
     }
@@ -181,7 +181,7 @@ impl Carrier for JetStream {
 
     async fn receipt(&self, file: &CasingFile) -> Result<Option<Receipt>> {
         let entry = self.receipts.get(file.key()).await;
-        let entry = entry.with_context(|| format!("the broker does not say what became of {file}"))?;
+        let entry = entry.with_context(|| format!("the server does not say what became of {file}"))?;
         let read = |bytes: &[u8]| {
             serde_json::from_slice(bytes).with_context(|| format!("the receipt of {file} cannot be read"))
         };

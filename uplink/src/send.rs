@@ -17,13 +17,13 @@ use crate::server::Server;
 use crate::session::{self, Trouble, Until};
 use crate::staging::digest_of;
 
-/// How many files of a site may be on their way at once: what a broker has to keep for it.
+/// How many files of a site may be on their way at once: what a server has to keep for it.
 pub const WINDOW: usize = 8;
 
 /// How often the folder is looked into, and receipts are asked for: when a file is on its way, and when none is.
 const LOOK_EVERY: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(1));
 
-/// After how long without a receipt the broker is asked for a file, and reminded of it.
+/// After how long without a receipt the server is asked for a file, and reminded of it.
 const ASK_AFTER: Duration = Duration::from_secs(30);
 
 /// After how long it is said that nobody takes what waits.
@@ -42,7 +42,7 @@ pub struct Sender {
     pub folder: PathBuf,
     /// As what the centre knows this host.
     pub site: Site,
-    /// Bucket of the broker.
+    /// Bucket of the server.
     pub bucket: String,
     /// Whether files that a centre has refused are sent again, once.
     pub again: bool,
@@ -69,11 +69,11 @@ pub struct Standing {
 /// What is known of a file of the folder.
 #[derive(Debug, Clone)]
 enum State {
-    /// No centre has said anything of it, and the broker does not have it.
+    /// No centre has said anything of it, and the server does not have it.
     Unsent,
     /// It could not be read when this was tried last.
     Unreadable(Instant),
-    /// The broker had it when it was asked last; `None`: since this connection it was not asked.
+    /// The server had it when it was asked last; `None`: since this connection it was not asked.
     Waits { digest: Option<String>, asked: Option<Instant> },
     /// A centre has spoken, of this file or of another of its name; `is_due`: it is to be asked again.
     Settled { receipt: Receipt, is_same: bool, is_due: bool },
@@ -90,7 +90,7 @@ impl State {
     }
 }
 
-/// Sends the files of a folder until it is over; how many of them are at a centre then. `finished` lists the paths below the folder, and
+/// Sends the files of a folder until `until`; returns how many have reached a centre. `finished` lists the paths below the folder, and
 /// `tell` hears of each that was sent or is refused, once.
 ///
 /// # Errors
@@ -112,8 +112,8 @@ pub fn send(
         is_waiting_told: false,
     };
     session::run(until, async |trouble| {
-        let broker = JetStream::connect(server, &format!("tapline uplink {}", sender.site), &sender.bucket).await?;
-        sending.attempt(&broker, until, &mut finished, &mut tell, trouble).await
+        let carrier = JetStream::connect(server, &format!("tapline uplink {}", sender.site), &sender.bucket).await?;
+        sending.attempt(&carrier, until, &mut finished, &mut tell, trouble).await
     })?;
     let is_received = |state: &&State| matches!(state, State::Settled { receipt, is_same: true, .. } if receipt.fate == Fate::Received);
     Ok(Standing { files: sending.files.len(), at_centre: sending.files.values().filter(is_received).count() })
@@ -133,13 +133,13 @@ impl Sending<'_> {
     /// Sends until there is trouble, or nothing is left to send and that is all that was asked.
     async fn attempt(
         &mut self,
-        broker: &impl Carrier,
+        carrier: &impl Carrier,
         until: &Until,
         finished: &mut impl FnMut() -> Result<Vec<PathBuf>>,
         tell: &mut impl FnMut(&Sent),
         trouble: &mut Trouble,
     ) -> Result<()> {
-        // Whatever ended the last connection may have cost the broker what it had.
+        // Whatever ended the last connection may have cost the server what it had.
         for state in self.files.values_mut() {
             if let State::Waits { asked, .. } = state {
                 *asked = None;
@@ -160,10 +160,10 @@ impl Sending<'_> {
             // What was taken out of the folder is no longer sent.
             let listed: BTreeSet<&PathBuf> = paths.iter().collect();
             self.files.retain(|path, _| listed.contains(path));
-            self.ask(broker, &paths, tell).await?;
+            self.ask(carrier, &paths, tell).await?;
             self.again = false;
             for path in &paths {
-                self.put(broker, path).await?;
+                self.put(carrier, path).await?;
             }
             trouble.ends();
             let is_unreadable = |state: &State| matches!(state, State::Unreadable(_));
@@ -195,7 +195,7 @@ impl Sending<'_> {
     }
 
     /// Asks for the receipts of files that wait, and of those of which nothing is known yet.
-    async fn ask(&mut self, broker: &impl Carrier, paths: &[PathBuf], tell: &mut impl FnMut(&Sent)) -> Result<()> {
+    async fn ask(&mut self, carrier: &impl Carrier, paths: &[PathBuf], tell: &mut impl FnMut(&Sent)) -> Result<()> {
         let mut asked = Vec::new();
         for path in paths {
             if self.files.get(path).is_some_and(|state| !state.is_asked()) {
@@ -210,7 +210,7 @@ impl Sending<'_> {
             }
         }
         let ask = |(path, file): (PathBuf, CasingFile)| async move {
-            let receipt = broker.receipt(&file).await?;
+            let receipt = carrier.receipt(&file).await?;
             anyhow::Ok((path, file, receipt))
         };
         let mut answers = stream::iter(asked).map(ask).buffered(ASKED_AT_ONCE);
@@ -220,7 +220,7 @@ impl Sending<'_> {
                     let is_same = self.is_of(&path, &receipt);
                     // What was refused may be another file by now, such as one that was damaged then.
                     if matches!(receipt.fate, Fate::Refused(_)) && (self.again || !is_same) {
-                        broker.forget(&file).await?;
+                        carrier.forget(&file).await?;
                         self.files.insert(path, State::Unsent);
                     } else {
                         self.settle(path, file, receipt, is_same, tell);
@@ -284,8 +284,8 @@ impl Sending<'_> {
         tell(&Sent { file, receipt });
     }
 
-    /// Has the broker keep the file at `path`, if no centre has spoken of it, it does not, and not too many are on their way.
-    async fn put(&mut self, broker: &impl Carrier, path: &PathBuf) -> Result<()> {
+    /// Has the server keep the file at `path`, if no centre has spoken of it, it does not, and not too many are on their way.
+    async fn put(&mut self, carrier: &impl Carrier, path: &PathBuf) -> Result<()> {
         let (is_sent, digest) = match self.files.get(path) {
             None | Some(State::Settled { .. }) => return Ok(()),
             Some(State::Waits { asked: Some(asked), .. } | State::Unreadable(asked)) if asked.elapsed() < ASK_AFTER => {
@@ -301,14 +301,14 @@ impl Sending<'_> {
         let Ok(file) = CasingFile::new(&self.sender.site, path) else { return Ok(()) };
         let there = self.sender.folder.join(path);
         let state = match there.metadata() {
-            Ok(metadata) if broker.remind(&file).await? == Some(metadata.len()) => {
+            Ok(metadata) if carrier.remind(&file).await? == Some(metadata.len()) => {
                 State::Waits { digest, asked: Some(Instant::now()) }
             }
             Ok(metadata) => {
                 if is_sent {
                     tracing::warn!("{file} was lost on its way: it is sent again");
                 }
-                match broker.publish(&file, &there).await {
+                match carrier.publish(&file, &there).await {
                     Ok(digest) => {
                         tracing::info!("sent {file}: {} bytes", metadata.len());
                         State::Waits { digest: Some(digest), asked: Some(Instant::now()) }

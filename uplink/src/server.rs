@@ -1,4 +1,4 @@
-//! Where the broker is, and what a connection to it needs.
+//! Where the server is, and what a connection to it needs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,18 +11,18 @@ use tapline_host::connection::{User, is_this_machine, read_credentials};
 /// How long it may take to connect.
 const CONNECT_WITHIN: Duration = Duration::from_secs(5);
 
-/// How long the broker may take to answer or to acknowledge.
+/// How long the server may take to answer or to acknowledge.
 pub(crate) const ANSWER_WITHIN: Duration = Duration::from_secs(10);
 
 /// How a credentials file of NATS begins.
 const NATS_CREDENTIALS: &str = "-----BEGIN NATS";
 
-/// Where the broker is, and with what a connection is made.
+/// Where the server is, and with what a connection is made.
 #[derive(Debug, Clone, Default)]
 pub struct Access {
     /// `nats://HOST:PORT` or `tls://HOST:PORT`; servers of a cluster are separated by commas.
     pub servers: String,
-    /// Certificates (PEM) of who vouches for the broker; with it the connection is encrypted.
+    /// Certificates (PEM) of who vouches for the server; with it the connection is encrypted.
     pub ca_file: Option<PathBuf>,
     /// A `.creds` file of NATS, or a file with a user's name and password, a line each.
     pub credentials_file: Option<PathBuf>,
@@ -30,7 +30,7 @@ pub struct Access {
     pub allows_plain: bool,
 }
 
-/// A broker to which a connection can be made, with everything that it needs from files.
+/// A server to which a connection can be made, with everything that it needs from files.
 #[derive(Clone)]
 pub struct Server {
     servers: Vec<ServerAddr>,
@@ -80,7 +80,7 @@ impl Server {
         Ok(Self { servers, ca_file: access.ca_file.clone(), credentials, is_encrypted })
     }
 
-    /// The broker's addresses, without what is secret in them.
+    /// The server's addresses, without what is secret in them.
     pub(crate) fn shown(&self) -> String {
         self.servers.iter().map(shown).collect::<Vec<_>>().join(",")
     }

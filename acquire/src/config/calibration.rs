@@ -121,7 +121,8 @@ impl CalibrationFile {
         self.of(channel).map_or(1.0, |scale| scale.full_scale)
     }
 
-    /// What a casing's record says of it, which was tapped at `tap_time_ns` since the Unix epoch, where that is known.
+    /// The part of this calibration that is stored with a casing tapped at `tap_time_ns` since the Unix epoch, if that time is
+    /// known.
     pub fn calibration(&self, tap_time_ns: Option<i64>) -> Calibration {
         let of = |scale: &Option<ChannelScale>| match scale {
             Some(scale) => ChannelCalibration { unit: scale.unit, certificate: Some(scale.certificate.clone()) },

@@ -37,6 +37,9 @@ pub enum CasingEnd {
     Closed {
         /// The finished file.
         file: PathBuf,
+        /// Whether the file was finished before the casing came: the casing was judged by the same recordings, and is not judged
+        /// again.
+        was_there: bool,
     },
     /// Nothing was made of it.
     Refused {

@@ -111,10 +111,12 @@ impl Station {
     pub(crate) fn closed(&mut self, header: &CasingHeader, file: &str) {
         let number = header.stamp.casing;
         self.left_over.retain(|&(left_over, _)| left_over != number);
-        let end = CasingEnd::Closed { file: file.into() };
+        // A casing that is only proposed, and was never open, was finished before.
+        let was_there = matches!(self.work, Work::Proposed { opened: None, .. });
+        let end = |was_there| CasingEnd::Closed { file: file.into(), was_there };
         if let Some(place) = self.closing.iter().position(|&(closing, _)| closing == number) {
             let (_, name) = self.closing.remove(place);
-            self.arrivals.ended(&name, &end);
+            self.arrivals.ended(&name, &end(false));
             return;
         }
         let is_ours = match &self.work {
@@ -123,7 +125,7 @@ impl Station {
             Work::Idle | Work::Ended => false,
         };
         if is_ours {
-            self.end(&end);
+            self.end(&end(was_there));
         }
     }
 
@@ -265,7 +267,7 @@ impl Station {
     fn give_up_left_over(&mut self, outlet: &Outlet<'_>, but: Option<&str>) -> Result<(), LineError> {
         let is_gone = |(_, name): &mut (u64, String)| Some(name.as_str()) != but;
         for (number, name) in self.left_over.extract_if(.., is_gone) {
-            tracing::warn!(casing = name, "was left half tapped; it is judged by the taps that came");
+            tracing::warn!(casing = name, "was half tapped when the line stopped; it is judged by the taps that came");
             outlet.give_up(number, "the casing was taken away before its scan was complete")?;
         }
         Ok(())

@@ -227,8 +227,16 @@ impl Arrivals for FolderArrivals {
         let Some(set) = self.sets.iter_mut().find(|set| set.open.iter().any(|open| open == name)) else { return };
         set.open.retain(|open| open != name);
         match end {
-            CasingEnd::Closed { .. } => {
+            CasingEnd::Closed { file, was_there } => {
                 let dir = self.folder.join(&set.folder_name);
+                if *was_there {
+                    tracing::warn!(
+                        "station {}: casing {name} of the tap set {} is not judged twice: {} has the same recordings",
+                        self.station,
+                        dir.display(),
+                        file.display()
+                    );
+                }
                 if let Err(error) = note_closed(&dir, name) {
                     tracing::warn!("station {}: {}: {error}", self.station, dir.join(CLOSED).display());
                 }

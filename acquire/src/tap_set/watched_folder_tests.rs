@@ -31,7 +31,7 @@ fn next(folder: &mut FolderArrivals) -> Option<String> {
 }
 
 fn close(folder: &mut FolderArrivals, name: &str) {
-    folder.ended(name, &CasingEnd::Closed { file: "x.h5".into() });
+    folder.ended(name, &CasingEnd::Closed { file: "x.h5".into(), was_there: false });
 }
 
 fn names_in(dir: &TempDir, folder: &str) -> Vec<String> {

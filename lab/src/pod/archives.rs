@@ -62,7 +62,7 @@ impl Scanned {
 }
 
 impl Scans {
-    /// Reads the finished archives of `folder` and its sub-folders.
+    /// Reads the finished archives of `folder` and its subfolders.
     ///
     /// # Errors
     /// A folder that cannot be read, or that has no archive that can.

@@ -15,7 +15,7 @@ const HEAD: &str = include_str!("head.md");
 const NOT_SHOWN: &str = "## What is not shown
 
 - No recorded tyre was judged. How faint a crack in rubber is, and how its sound differs, are the simulation's word.
-- Every set changes one thing at a time, and cracks lie on one shoulder; damage all around, which a tyre by itself cannot
+- Every set changes one thing at a time, and cracks lie on one shoulder; damage all round, which a tyre by itself cannot
   show, is in none of them.
 - Differences whose interval holds 0 are not shown by this study. Among so many comparisons, some intervals
   miss 0 by chance.

@@ -1,6 +1,7 @@
 //! What to mark on a casing: the regions of each shoulder, and the reasons of its verdict.
 
 use maud::{Markup, html};
+use tapline_host::messages::counted;
 use tapline_store::Region;
 use tapline_wire::{Discriminator, Geometry, Reasons};
 
@@ -8,7 +9,7 @@ use crate::config::report::ReportConfig;
 use crate::report::evidence::{Evidence, Shoulder, Tyre, condition};
 use crate::report::figures::sketch;
 use crate::report::pages::page::verdict_word;
-use crate::report::pages::words::{self, counted};
+use crate::report::pages::words;
 
 /// Verdict and reasons of every shoulder.
 pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {

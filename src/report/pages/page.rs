@@ -3,11 +3,12 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use tapline_draw::canvas::number;
 use tapline_fuse::Reference;
+use tapline_host::messages::counted;
 use tapline_wire::{TapState, Verdict};
 
 use crate::report::evidence::{Evidence, Shoulder, Tap, flags};
 use crate::report::pages::paper::Paper;
-use crate::report::pages::words::{self, counted};
+use crate::report::pages::words;
 
 /// A page called `title`, which needs no other file.
 pub(crate) fn page(title: &str, paper: &Paper, body: &Markup) -> String {
@@ -190,7 +191,7 @@ pub(crate) fn made_by(evidence: &Evidence) -> Markup {
                         " (" (set.summary.standing_out.join(", ")) ": stands out from the others and may be cracked)"
                     }
                     @match set.summary.supported_rate {
-                        Some(rate) => { ", which support a rate of false calls of " (number(100.0 * rate)) " %" }
+                        Some(rate) => { ", which support a rate of false calls of " (percent(rate)) " %" }
                         None => ", which supports no rate of false calls",
                     }
                 }
@@ -204,6 +205,17 @@ pub(crate) fn made_by(evidence: &Evidence) -> Markup {
             "."
         }
         dt { "Program" } dd { "tapline " (evidence.written_by.as_deref().unwrap_or("(unknown)")) }
+    }
+}
+
+/// `rate` in percent, to three significant digits.
+fn percent(rate: f64) -> String {
+    let percent = 100.0 * rate;
+    if percent.is_normal() {
+        let unit = 10_f64.powf(percent.abs().log10().floor() - 2.0);
+        number((percent / unit).round() * unit)
+    } else {
+        number(percent)
     }
 }
 
@@ -228,7 +240,7 @@ pub(crate) fn lineage(evidence: &Evidence) -> Markup {
                 @if let Some(digest) = evidence.reference_digest { ", kept in the archive, digest " code { (format!("{digest:016x}")) } }
             }
             @if let Some([re_inspect, reject]) = evidence.shoulders().find_map(|shoulder| shoulder.rates) {
-                dt { "False calls" } dd { "the limits are set for " (number(100.0 * re_inspect)) " % of sound shoulders not passed and " (number(100.0 * reject)) " % rejected" }
+                dt { "False calls" } dd { "the limits are set for " (percent(re_inspect)) " % of sound shoulders not passed and " (percent(reject)) " % rejected" }
             }
         }
         details { summary { "Configuration, as the archive has it" } pre { (evidence.config_toml) } }

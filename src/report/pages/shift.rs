@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use maud::{Markup, html};
 use tapline_fuse::{Fusion, Score, ScorePool};
+use tapline_host::messages::counted;
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Verdict};
 
@@ -127,7 +128,7 @@ fn page(
     };
     let paper = Paper {
         top_left: format!("Shift: {name}"),
-        top_right: format!("{} tyres", evidence.tyres.len()),
+        top_right: counted(evidence.tyres.len(), "tyre", "tyres"),
         bottom_left: format!("tapped {}", page::when(taps())),
     };
     Ok(page::page(&format!("Shift {name}"), &paper, &body))

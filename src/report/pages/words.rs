@@ -29,6 +29,7 @@ pub(crate) fn reasons(geometry: Geometry, reasons: Reasons) -> String {
             .replace("casing", "piece")
             .replace("a part of the ring", "a part of the line")
             .replace("all around", "everywhere")
+            .replace("all round", "everywhere")
             .replace("sound shoulders", "sound lines"),
     }
 }
@@ -40,11 +41,6 @@ pub(crate) fn verdict(verdict: Verdict) -> &'static str {
         Verdict::ReInspect => "Something is doubtful or missing: a person must look, or the scan must be repeated.",
         Verdict::Reject => "Damage was found. Mark the regions below.",
     }
-}
-
-/// `count` and the noun: `one`, or `more` if it is plural.
-pub(crate) fn counted(count: usize, one: &str, more: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { more })
 }
 
 /// The time `ns` after the Unix epoch, to the second.

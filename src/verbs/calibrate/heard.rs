@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail, ensure};
 use tapline_acquire::{CaptureConfig, DeviceName, Monitor};
-use tapline_host::messages::print_line;
+use tapline_host::messages::{counted, print_line};
 use tapline_process::Extractor;
 use tapline_process::calibration::{of_blows, of_tone};
 use tapline_wire::{Discriminator, Quality, Samples, Unit};
@@ -110,7 +110,11 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
     let bad = known_n.iter().find(|n| !(**n > 0.0 && **n <= 1e6));
     ensure!(bad.is_none(), "--known-n is {}; it must be above 0 and at most 1000000", bad.copied().unwrap_or_default());
     let known_n = if let [one] = known_n { vec![*one; count] } else { known_n.to_vec() };
-    ensure!((2..=1000).contains(&known_n.len()), "{} blows are asked for; there must be from 2 to 1000", known_n.len());
+    ensure!(
+        (2..=1000).contains(&known_n.len()),
+        "{} asked for; there must be from 2 to 1000",
+        counted(known_n.len(), "blow is", "blows are")
+    );
     let mut listening = Listening::to(heard)?;
     let mut extractor = Extractor::<f64>::new(&listening.config.process)?;
     let mut peaks = Vec::new();

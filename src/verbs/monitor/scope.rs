@@ -7,6 +7,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph, Wrap};
 use tapline_acquire::{CaptureConfig, Monitor, NotTaps};
+use tapline_host::messages::counted;
 use tapline_wire::{Channel, Discriminator, Discriminators, Samples, TapHeader, Unit};
 
 /// Time before and after the trigger that is drawn of the force, and of the sound.
@@ -115,8 +116,11 @@ impl Scope {
         let state = match &self.fault {
             Some(fault) => Line::from(fault.as_str()).fg(Color::Red),
             None => Line::from(format!(
-                "{}: {} taps, {} clicks, {} steps of the offset",
-                self.device, self.count, self.not_taps.clicks, self.not_taps.steps
+                "{}: {}, {}, {} of the offset",
+                self.device,
+                counted(self.count as usize, "tap", "taps"),
+                counted(self.not_taps.clicks as usize, "click", "clicks"),
+                counted(self.not_taps.steps as usize, "step", "steps")
             )),
         };
         // Words that do not fit go to the next line, so that there may be one line more.

@@ -32,7 +32,7 @@ fn the_words_are_those_of_the_protocol() {
     let second = bench.casing();
     drop(rig);
     bench.until(|waits_for| waits_for.contains("went away"));
-    bench.arrivals.ended(&second.name, &CasingEnd::Closed { file: "x.h5".into() });
+    bench.arrivals.ended(&second.name, &CasingEnd::Closed { file: "x.h5".into(), was_there: false });
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig-7 1\ncasing T 1\n");
     assert_eq!(rig.hear(), "closed T 1");
@@ -42,7 +42,7 @@ fn the_words_are_those_of_the_protocol() {
 #[test]
 fn an_end_that_may_not_have_arrived_is_reported_again() {
     let (listener, mut bench, mut rig, casing) = scanning();
-    bench.arrivals.ended(&casing.name, &CasingEnd::Closed { file: "x.h5".into() });
+    bench.arrivals.ended(&casing.name, &CasingEnd::Closed { file: "x.h5".into(), was_there: false });
     assert_eq!(rig.hear(), "closed T");
     drop(rig); // it has answered nothing since
     let mut rig = ByHand::accept(&listener);
@@ -73,7 +73,7 @@ fn patience_ends() {
     assert_eq!(rig.hear(), "scan T 7");
     let mut again = bench.casing();
     rig.is_homed(&bench, &mut again, 0, "homed\n");
-    bench.arrivals.ended("T", &CasingEnd::Closed { file: "x.h5".into() });
+    bench.arrivals.ended("T", &CasingEnd::Closed { file: "x.h5".into(), was_there: false });
     rig.say("ready\n");
     assert_eq!(casing.taps.poll(0, 0), Readiness::Gone(why));
     assert_eq!(rig.hear(), "hit 1.85", "the second is not what ended");

@@ -140,7 +140,7 @@ impl Bench {
                 Readiness::NotYet => unreachable!(),
             }
         }
-        self.arrivals.ended(&casing.name, &CasingEnd::Closed { file: "x.h5".into() });
+        self.arrivals.ended(&casing.name, &CasingEnd::Closed { file: "x.h5".into(), was_there: false });
         went
     }
 }
