@@ -69,7 +69,7 @@ pub(crate) struct ReprocessArgs {
     #[arg(required = true)]
     pub archives: Vec<PathBuf>,
     /// Configuration file. Its tables `process` and `fuse` replace the archive's tables completely: options that it does not
-    /// name get their defaults; the reference is kept. Without this file each archive keeps its own.
+    /// name get their defaults; the reference is kept, unless it names one. Without this file each archive keeps its own.
     #[arg(long)]
     pub config: Option<PathBuf>,
     /// What shoulders are compared with, in place of the configuration's reference, as for `tapline run`.

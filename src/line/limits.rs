@@ -158,7 +158,7 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
     }
     let enough = (1..stations).rev().find(|&fewer| short.iter().all(|i| i.have >= (i.need)(&needs.scaled(fewer))));
     match enough {
-        Some(fewer) => bail!("{text}; {} would do", counted(usize::from(fewer), "station", "stations")),
+        Some(fewer) => bail!("{text}; {} would do", counted(fewer, "station", "stations")),
         None => bail!("{text}; it is too little for any line"),
     }
 }
