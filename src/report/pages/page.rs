@@ -257,3 +257,15 @@ pub(crate) fn when<'a>(taps: impl Iterator<Item = &'a Tap>) -> String {
         (first, last) => format!("{} to {}", words::moment(first), words::moment(last)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a rate with the noise of its division, and one that is rounded to nothing.
+    #[test]
+    fn a_rate_has_three_significant_digits() {
+        let shown = [1.0 / 9.0, 0.02, 0.001, 0.000_123_45, 0.999_9, 0.0, 1.0].map(percent);
+        assert_eq!(shown, ["11.1", "2", "0.1", "0.0123", "100", "0", "100"]);
+    }
+}
