@@ -156,8 +156,8 @@ impl StageLoop<'_> {
     fn begin(&self, number: u64, plan: Plan, room: usize) -> OpenCasing {
         let fusion = (self.begin)(&plan);
         let fusion = fusion.inspect_err(|error| {
-            let tyre = plan.scans().first().map(|scan| scan.tyre);
-            tracing::error!(%error, ?tyre, "a casing cannot be judged; its verdict is RE-INSPECT");
+            let tyre = plan.scans().first().map(|scan| scan.tyre.to_string()).unwrap_or_default();
+            tracing::error!(%error, tyre, "a casing cannot be judged; its verdict is RE-INSPECT");
         });
         let scan_count = plan.scans().len();
         OpenCasing {

@@ -131,6 +131,35 @@ fn a_labelled_reference_teaches() {
     assert_eq!((again.code, remarks(&again.out)), (Some(0), 1), "also when nothing is left to do: {again:?}");
 }
 
+/// Catches a casing that is cracked all round, as nobody knows, among those that passed by themselves; one that is stated to be
+/// sound and is not, without a word; and a reference that is used without one.
+#[test]
+fn what_stands_out_of_a_reference_is_told() {
+    let sandbox = Sandbox::new();
+    let scan = "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.5]\nrepetitions = 1\nseed = 5\n";
+    let tyre = |serial: &str, cracks: &str| format!("[[scan.tyre]]\nserial = \"{serial}\"\ncrack = [{cracks}]\n");
+    let crack = |shoulder, count| {
+        format!("{{ shoulder = {shoulder}, first_location = 0, location_count = {count}, depth_mm = 5.0 }}")
+    };
+    let sound: String = (1..8).map(|k| tyre(&format!("S{k}"), "")).collect();
+    let round = tyre("R1", &format!("{}, {}", crack(1, 100), crack(2, 100)));
+    sandbox.write("scan.toml", &format!("{scan}{sound}{round}{}", tyre("C1", &crack(1, 6))));
+    sandbox.run("run --config scan.toml --out known --reference self").expect(0);
+    // As a plant has them: nobody knows what is cracked.
+    sandbox.run("export known taps --out set").expect(0);
+    std::fs::remove_file(sandbox.path("set/truth.csv")).unwrap();
+    sandbox.run("run --taps set --out scanned --reference self").expect(0);
+    let done = sandbox.run("reference scanned --out passed.json --json").expect(0);
+    assert!(done.err.contains("R1 stands out from the other casings and may be cracked: it is left out"), "{done:?}");
+    assert!(done.err.contains("C1/1 did not pass and is left out"), "{done:?}");
+    assert!(done.out.contains("S7/2") && !done.out.contains("R1/1"), "{done:?}");
+    let named: String = (1..8).map(|k| format!(" --shoulder S{k}/1")).collect();
+    let done = sandbox.run(&format!("reference scanned{named} --shoulder C1/1 --out stated.json")).expect(0);
+    assert!(done.err.contains("C1 stands out from the other casings and may be cracked: limits"), "{done:?}");
+    let done = sandbox.run("run --taps set --out again --reference stated.json").expect(0);
+    assert!(done.out.contains("reference: C1 may be cracked"), "{done:?}");
+}
+
 /// Catches a run without a clear reference, and errors that do not say what to do.
 #[test]
 fn what_cannot_be_a_reference_is_refused() {

@@ -1,5 +1,7 @@
 //! Casings of a reference that stand out from its other ones: they may be cracked, and limits that rest on them hide cracks.
 
+use std::cmp::Ordering;
+
 use crate::arcs::limits::Limits;
 use crate::reference::fitted::FittedReference;
 use crate::shoulder::Shoulder;
@@ -23,11 +25,11 @@ pub(super) fn standing_out(fitted: &FittedReference, shoulders: &[Shoulder]) -> 
 /// Several cracked casings widen each other's limits, so the comparison begins with the half that stands out least.
 fn by_arcs(fitted: &FittedReference) -> Vec<usize> {
     let mut casings: Vec<&[(usize, f64)]> = fitted.strongest.chunk_by(|a, b| a.0 == b.0).collect();
-    let strongest = |casing: &[(usize, f64)]| casing.iter().map(|(_, value)| *value).fold(f64::NEG_INFINITY, f64::max);
-    casings.sort_by(|a, b| strongest(a).total_cmp(&strongest(b)));
+    let strongest = |casing: &[(usize, f64)]| casing.iter().map(|(_, value)| *value).max_by(f64::total_cmp);
+    casings.sort_by(|a, b| strongest(a).partial_cmp(&strongest(b)).unwrap_or(Ordering::Equal));
     let stands_out = |&count: &usize| {
         let lesser: Vec<f64> = casings[..count].concat().iter().map(|(_, value)| *value).collect();
-        strongest(casings[count]) >= Limits::by(&lesser, count, fitted.white).at(RATE)
+        strongest(casings[count]) >= Some(Limits::by(&lesser, count, fitted.white).at(RATE))
     };
     let first = (casings.len().div_ceil(2).max(1)..casings.len()).find(stands_out);
     first.map_or_else(Vec::new, |first| casings[first..].iter().map(|casing| casing[0].0).collect())

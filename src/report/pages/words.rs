@@ -28,7 +28,6 @@ pub(crate) fn reasons(geometry: Geometry, reasons: Reasons) -> String {
             .replace("casings", "pieces")
             .replace("casing", "piece")
             .replace("a part of the ring", "a part of the line")
-            .replace("all around", "everywhere")
             .replace("all round", "everywhere")
             .replace("sound shoulders", "sound lines"),
     }
