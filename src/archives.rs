@@ -11,8 +11,6 @@ use tapline_store::{Folder, OPEN_FOLDER};
 use tapline_host::messages::print_line;
 use tapline_host::progress::{Progress, Unit};
 
-use crate::stdout;
-
 /// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Which {
@@ -223,7 +221,7 @@ impl Outcome {
             Err(error) => error.into(),
         };
         // What cannot be printed is no fault of the file.
-        if !self.is_many || stdout::fault().is_some() {
+        if !self.is_many || tapline_host::stdout::fault().is_some() {
             return Err(error);
         }
         self.failed += 1;

@@ -11,7 +11,6 @@ mod report;
 #[cfg(feature = "serve")]
 mod serve;
 mod shown;
-mod stdout;
 mod verbs;
 mod wires;
 
@@ -46,7 +45,9 @@ fn main() -> ExitCode {
     match done {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
-        Err(_) if stdout::fault() == Some(ErrorKind::BrokenPipe) && only_prints(&cli.verb) => ExitCode::SUCCESS,
+        Err(_) if tapline_host::stdout::fault() == Some(ErrorKind::BrokenPipe) && only_prints(&cli.verb) => {
+            ExitCode::SUCCESS
+        }
         Err(error) => {
             tracing::debug!(?error);
             // A disk that has failed is in the log already.

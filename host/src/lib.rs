@@ -12,4 +12,5 @@ pub mod messages;
 pub mod progress;
 pub mod signals;
 pub mod similar;
+pub mod stdout;
 pub mod table;

@@ -15,7 +15,7 @@ use crate::cli::line::StageArgs;
 use crate::config::job::Job;
 use crate::line::process_name::{name_process, stage_name};
 use crate::line::setup::Setup;
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Exit code of a stage that has closed its files on a disk that has failed: the supervisor starts it again when the disk is
 /// back.

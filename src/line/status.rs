@@ -18,7 +18,7 @@ use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
 use crate::shown::casing::CasingStatus;
 use crate::shown::status::Status;
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// How long a running line may take to show its status.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(15);

@@ -18,7 +18,7 @@ use crate::line::setup::Setup;
 use crate::line::stage::{Used, Work};
 use crate::line::supervisor::Pace;
 use crate::shown::verdict::ShoulderVerdict;
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Casings over which the index is scored again against the truth: it takes as long as to judge them eight times.
 const SCORED_MAX: usize = 64;

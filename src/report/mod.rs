@@ -18,7 +18,7 @@ use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
 use crate::report::evidence::{Evidence, Tyre};
 use crate::report::pages::shift::Shift;
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";

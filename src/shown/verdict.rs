@@ -12,7 +12,7 @@ use tapline_wire::{
     Calibration, Channel, DamageCell, Judgement, Quality, Reasons, Scan, TapState, Verdict, monotonic_ns,
 };
 
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// The result of one casing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -166,12 +166,10 @@ impl ShoulderVerdict {
             limit_reject: None,
         };
         if let Some((judgement, cells)) = judged {
-            // Of equals the first, as everywhere.
-            let peak = cells
-                .iter()
-                .filter(|cell| !cell.damage_index.is_nan())
-                .rev()
-                .max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
+            // Of equals the first, as everywhere. What a second reading cleared is in no region.
+            let has_region = cells.iter().any(|cell| cell.region > 0);
+            let counts = |cell: &&DamageCell| !cell.damage_index.is_nan() && (cell.region > 0 || !has_region);
+            let peak = cells.iter().filter(counts).rev().max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
             line.verdict = Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect);
             line.reasons = judgement.reasons.to_string();
             if judgement.reasons.contains(Reasons::FLAGGED) {

@@ -9,7 +9,7 @@ use tapline_fuse::Reference;
 
 use crate::cli::ConfigArgs;
 use crate::config::Config;
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Every key of a configuration with its default and what it means.
 pub(crate) const EXAMPLE: &str = include_str!("../config/example.toml");

@@ -14,7 +14,7 @@ use tapline_wire::{Discriminator, Scan, TapState, Verdict};
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
 use crate::config::lineage::{changes, made_by};
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Prints where the results of the archives at `paths` come from; for one shoulder, and one location of it, also the numbers. Of
 /// many archives only those that have that shoulder are explained.

@@ -15,7 +15,7 @@ use tapline_store::Reader;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome};
 use crate::cli::archives::{ExportArgs, Format, What};
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Formats of a table.
 const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];

@@ -7,7 +7,7 @@ use clap::Command;
 use clap_complete::Shell;
 use tapline_host::atomic_file::{Existing, check_folder};
 
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Prints the completions for `shell`.
 pub(crate) fn completions(command: Command, shell: Shell) -> Result<bool> {

@@ -11,7 +11,7 @@ use tapline_host::signals::note_folder;
 use tapline_import::{Imported, write_example};
 
 use crate::cli::archives::ImportArgs;
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Most refused taps that are printed; the set lists all.
 const REFUSED_MAX: usize = 10;

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use tapline_model::{Contact, Error, Scene, choose_by_trial};
 
 use crate::cli::model::ContactArgs;
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 pub(crate) fn contact(args: &ContactArgs) -> Result<bool> {
     let scene = args.scene();

@@ -6,7 +6,7 @@ use anyhow::Result;
 use serde_json::{Value, json};
 use tapline_model::EffectiveLength;
 
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 pub(crate) fn model(number: u8, rule: EffectiveLength, as_json: bool) -> Result<bool> {
     let table = tapline_model::table(number, rule)?;

@@ -17,7 +17,7 @@ use crate::archives::{Archives, Outcome};
 use crate::cli::archives::ReferenceArgs;
 use crate::config::Config;
 use crate::config::reference::{differences, process_of};
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {

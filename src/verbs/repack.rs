@@ -11,7 +11,7 @@ use tapline_store::{Codec, Repacked};
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::cli::archives::PackedBy;
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Packs the archive at `paths` into the file `out`; several into the folder `out`, under their names.
 pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool) -> Result<bool> {

@@ -27,7 +27,7 @@ use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
 use crate::config::reference::{check_record_s, check_reference};
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Most threads that may be asked for.
 const JOBS_MAX: usize = 1024;

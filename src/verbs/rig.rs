@@ -10,7 +10,7 @@ use tapline_acquire::{RigReport, RigScript, serve_rig};
 
 use tapline_host::signals::stop_flag;
 
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Serves stations that connect to `listen`, by the script in `config`, until it is asked to stop or the script ends.
 pub(crate) fn rig(listen: &str, config: Option<&Path>, as_json: bool) -> Result<bool> {

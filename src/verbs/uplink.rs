@@ -12,7 +12,7 @@ use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Stand
 
 use crate::archives::Finished;
 use crate::cli::uplink::{CollectArgs, ServerArgs, UplinkArgs};
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Sends the finished files of a folder to a centre; whether it has them all.
 pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
@@ -35,11 +35,9 @@ pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
         },
     )?;
     let Standing { files, at_centre } = standing;
-    say(&format!(
-        "{at_centre} of {} of {} at the centre",
-        counted(files, "finished file", "finished files"),
-        args.folder.display()
-    ));
+    let folder = args.folder.display();
+    let of = counted(files, &format!("finished file of {folder} is"), &format!("finished files of {folder} are"));
+    say(&format!("{at_centre} of {of} at the centre"));
     // A service that is ended has done what it could; files that wait are sent at its next start.
     Ok(!args.once || at_centre == files)
 }

@@ -10,7 +10,7 @@ use tapline_host::messages::counted;
 use tapline_wire::TapState;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Checks the archives at `paths`.
 pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {

@@ -306,13 +306,9 @@ impl Tyre {
         stations
     }
 
-    /// The highest index of its shoulders.
-    pub(crate) fn peak(&self) -> Option<f64> {
-        self.shoulders
-            .iter()
-            .filter_map(Shoulder::peak)
-            .map(|cell| cell.index.unwrap_or(f64::NAN))
-            .max_by(f64::total_cmp)
+    /// The strongest arc of its shoulders, which the limits apply to.
+    pub(crate) fn strongest_arc(&self) -> Option<f64> {
+        self.shoulders.iter().filter_map(|shoulder| shoulder.strongest_arc).max_by(f64::total_cmp)
     }
 }
 

@@ -93,8 +93,8 @@ fn page(
     let geometry = evidence.geometry;
     let mut order: Vec<(&Tyre, &String)> = evidence.tyres.iter().zip(names).collect();
     order.sort_by(|(a, _), (b, _)| {
-        let peak = |tyre: &Tyre| tyre.peak().unwrap_or(f64::INFINITY);
-        b.verdict().cmp(&a.verdict()).then(peak(b).total_cmp(&peak(a)))
+        let strongest = |tyre: &Tyre| tyre.strongest_arc().unwrap_or(f64::INFINITY);
+        b.verdict().cmp(&a.verdict()).then(strongest(b).total_cmp(&strongest(a)))
     });
     let named: Vec<(String, &Shoulder)> = evidence
         .tyres
@@ -140,14 +140,19 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
         h2 { "Overview" }
         div class="scroll" { table class="cards" {
             thead { tr {
-                th { (body(geometry)) } th { "verdict" } th { "by " (side(geometry)) } th class="n" { "regions" } th class="n" { "peak index" } th class="n" { "station" }
+                th { (body(geometry)) } th { "verdict" } th { "by " (side(geometry)) } th class="n" { "regions" } th class="n" { "strongest arc" } th class="n" { "station" }
             } }
             tbody { @for (tyre, name) in order { tr {
-                td class="tyre" data-label=(body(geometry)) { a href=(name) { (tyre.serial) } }
+                td class="tyre" data-label=(body(geometry)) { a href=(name) { (tyre.serial) }
+                    // A serial number that came again: its pages are told apart by their names.
+                    @if order.iter().filter(|(other, _)| other.serial == tyre.serial).count() > 1 {
+                        span class="at" { (name.trim_end_matches(".html")) }
+                    }
+                }
                 td data-label="verdict" { (verdict_word(tyre.verdict())) }
                 td data-label={ "by " (side(geometry)) } { @for shoulder in &tyre.shoulders { (shoulder.number) ": " (shoulder.verdict) " " br; } }
                 td class="n" data-label="regions" { (tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum::<usize>()) }
-                td class="n" data-label="peak index" { (tyre.peak().map_or_else(|| "none".to_owned(), |peak| format!("{peak:.2}"))) }
+                td class="n" data-label="strongest arc" { (tyre.strongest_arc().map_or_else(|| "none".to_owned(), |arc| format!("{arc:.2}"))) }
                 td class="n" data-label="station" { (tyre.stations().iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")) }
             } } }
         } }

@@ -14,7 +14,7 @@ use tapline_host::atomic_file::{Existing, WriteError, write_atomically};
 use tapline_wire::{Certificate, Channel, Unit};
 
 use crate::cli::calibrate::{CalibrateVerb, WrittenArgs};
-use crate::stdout::Stdout;
+use tapline_host::stdout::Stdout;
 
 /// Calibrates a channel, and writes it into the file of its station.
 pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {

@@ -8,13 +8,13 @@ use std::sync::OnceLock;
 static FAULT: OnceLock<ErrorKind> = OnceLock::new();
 
 /// Why standard output could not be written, if it could not.
-pub(crate) fn fault() -> Option<ErrorKind> {
+pub fn fault() -> Option<ErrorKind> {
     FAULT.get().copied()
 }
 
 /// Standard output. An error of writing it says so, or it would be taken for one of what is written.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Stdout;
+pub struct Stdout;
 
 impl Write for Stdout {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
