@@ -304,7 +304,8 @@ fn sound(count: u64) -> Vec<KnownShoulder> {
 
 /// A casing whose shoulder 1 is cracked, `of` how many locations.
 fn cracked(of: u32, with_labels: bool, serial: &str) -> Vec<KnownShoulder> {
-    let cracks = vec![(1, 10..10 + of)];
+    let first = if of > 90 { 0 } else { 10 };
+    let cracks = vec![(1, first..first + of)];
     let casing = Casing { shoulder_count: 2, repetition_count: 1, cracks, shift: 6.0, ..Casing::default() };
     shoulders_of(&casing, 7, with_labels, serial)
 }
