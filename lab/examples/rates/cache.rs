@@ -9,6 +9,7 @@ use anyhow::{Context as _, Result};
 use serde_json::json;
 use tapline_lab::simulated::{COLUMNS, Crack, Scene, Set, Simulator, Tyre, values_of};
 use tapline_plate::ScanShape;
+use tapline_process::ProcessConfig;
 use tapline_wire::{Discriminator, digest_of_parts};
 
 /// Where sets come from.
@@ -17,6 +18,7 @@ pub(crate) struct Cache {
     folder: PathBuf,
     simulator: Simulator,
     shape: ScanShape,
+    process: ProcessConfig,
     /// Sound casings of a group that are kept for references.
     reference_casings: usize,
     simulated: Cell<(usize, f64)>,
@@ -27,11 +29,12 @@ impl Cache {
         folder: &Path,
         simulator: Simulator,
         shape: ScanShape,
+        process: ProcessConfig,
         reference_casings: Option<usize>,
     ) -> Result<Self> {
         fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let reference_casings = reference_casings.unwrap_or(0);
-        Ok(Self { folder: folder.to_owned(), simulator, shape, reference_casings, simulated: Cell::default() })
+        Ok(Self { folder: folder.to_owned(), simulator, shape, process, reference_casings, simulated: Cell::default() })
     }
 
     pub(crate) fn shape(&self) -> &ScanShape {
@@ -93,7 +96,7 @@ impl Cache {
             return Set::new(tyres, shape, values);
         }
         let begun = Instant::now();
-        let values = values_of(self.simulator, scene, &shape, &tyres, seed)?;
+        let values = values_of(self.simulator, scene, &shape, &tyres, seed, self.process)?;
         let (taps, seconds) = self.simulated.get();
         self.simulated.set((taps + values.len() / COLUMNS, seconds + begun.elapsed().as_secs_f64()));
         fs::write(path.with_extension("json"), text)?;
@@ -114,7 +117,7 @@ impl Cache {
         };
         let crack = Crack { first: 0, count: 1, location_count: 2, depth_mm: 8.0, length_mm: 20.0, severity: 1.0 };
         let tyre = Tyre { serial: "fingerprint".to_owned(), cracks: vec![crack] };
-        let values = values_of(self.simulator, scene, &shape, &[tyre], seed)?;
+        let values = values_of(self.simulator, scene, &shape, &[tyre], seed, self.process)?;
         let of_discriminators = values.chunks(COLUMNS).flat_map(|tap| &tap[..Discriminator::COUNT]);
         Ok(of_discriminators.map(|value| value.to_bits()).collect())
     }

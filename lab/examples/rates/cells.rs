@@ -96,6 +96,8 @@ pub(crate) struct Cell {
     by: By,
     repetitions: u16,
     judged: Vec<Judged>,
+    /// Casings of the references that stand out from the others of theirs.
+    standing_out: usize,
     seconds: f64,
 }
 
@@ -110,7 +112,7 @@ pub(crate) fn judge_cell(
     asked: Asked,
 ) -> Result<Cell> {
     let mut judged = Vec::new();
-    let mut seconds = 0.0;
+    let (mut standing_out, mut seconds) = (0, 0.0);
     for seed in seed..seed + groups {
         let set = cache.judged(scene, casings, seed)?;
         let known = match by {
@@ -126,6 +128,7 @@ pub(crate) fn judge_cell(
         }
         let taps = asked.policy.taps(&set.shape, repetitions);
         let reference = known.map(|known| reference(&config, &known, by.casings(), &taps)).transpose()?;
+        standing_out += reference.as_ref().map_or(0, |set| set.summary.standing_out.len());
         let judging = Judging { config, reference, taps, times: asked.times };
         let per_part = casings.div_ceil(rayon::current_num_threads());
         let parts: Vec<_> = (0..casings).step_by(per_part).map(|k| k..casings.min(k + per_part)).collect();
@@ -134,7 +137,7 @@ pub(crate) fn judge_cell(
         judged.extend(found.into_iter().flatten());
         seconds += begun.elapsed().as_secs_f64();
     }
-    Ok(Cell { scene, by, repetitions, judged, seconds })
+    Ok(Cell { scene, by, repetitions, judged, standing_out, seconds })
 }
 
 impl Cell {
@@ -164,6 +167,9 @@ impl Cell {
         let index = |j: &Judged| j.index.clone();
         let [whole, apart] = [false, true].map(|apart| self.auc(&index, apart));
         writeln!(out, "{}{}{:>7.1}", area(whole), area(apart), self.seconds)?;
+        if let By::File(_) = self.by {
+            writeln!(out, "    casings of the references that stand out from the others: {}", self.standing_out)?;
+        }
         let called = || self.judged.iter().filter(|j| j.verdict != Verdict::Pass.code());
         let reasons: Vec<String> = Reasons::ALL
             .iter()

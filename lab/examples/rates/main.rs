@@ -24,6 +24,7 @@ use anyhow::{Context as _, Result, ensure};
 use clap::Parser;
 use tapline_lab::simulated::{Scene, Simulator, Times, Tyre};
 use tapline_plate::{ScanShape, write_tap_set};
+use tapline_process::{DurationEstimator, ProcessConfig};
 
 use cache::Cache;
 use cells::{Asked, By, Cell, Policy, judge_cell};
@@ -79,6 +80,9 @@ struct Args {
     /// Length of a record, s.
     #[arg(long, default_value_t = 0.05)]
     record_s: f64,
+    /// How tau is found, as `[process] tau` says.
+    #[arg(long, value_parser = duration, default_value = "half_sine")]
+    tau: DurationEstimator,
     /// Seed of the first group.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -91,6 +95,10 @@ struct Args {
     /// Writes the scene's first two casings as a tap set into this folder instead of judging (plate alone).
     #[arg(long)]
     write_taps: Option<PathBuf>,
+}
+
+fn duration(name: &str) -> Result<DurationEstimator, String> {
+    serde_json::from_value(name.into()).map_err(|error| error.to_string())
 }
 
 fn main() -> Result<()> {
@@ -124,7 +132,8 @@ fn main() -> Result<()> {
     if let Some(folder) = &args.write_taps {
         return write_taps(&args, &shape, folder);
     }
-    let cache = Cache::new(&args.cache, args.simulator, shape, args.reference.iter().map(By::casings).max())?;
+    let process = ProcessConfig { tau: args.tau, ..ProcessConfig::default() };
+    let cache = Cache::new(&args.cache, args.simulator, shape, process, args.reference.iter().map(By::casings).max())?;
     let begun = Instant::now();
     let mut out = io::stdout().lock();
     writeln!(

@@ -105,13 +105,20 @@ fn modelled(
     Ok(taps)
 }
 
-/// The values of every tap of `tyres` in `scene` by the default reading, as a set keeps them:
+/// The values of every tap of `tyres` in `scene` by `process`, as a set keeps them:
 /// `[casing][shoulder][offset][velocity][repetition][location][column]`.
 ///
 /// # Errors
 /// A setting out of its bounds, or a thread that cannot be started.
-pub fn values_of(simulator: Simulator, scene: Scene, shape: &ScanShape, tyres: &[Tyre], seed: u64) -> Result<Vec<f64>> {
-    let sets = simulate(simulator, scene, shape, tyres, seed, &[Reading::default()])?;
+pub fn values_of(
+    simulator: Simulator,
+    scene: Scene,
+    shape: &ScanShape,
+    tyres: &[Tyre],
+    seed: u64,
+    process: ProcessConfig,
+) -> Result<Vec<f64>> {
+    let sets = simulate(simulator, scene, shape, tyres, seed, &[Reading { process, ..Reading::default() }])?;
     Ok(sets.into_iter().next().context("there is one reading")?.values)
 }
 

@@ -231,6 +231,7 @@ mod tests {
             check::<f32>(count);
             check::<f64>(count);
         }
+        without_avx512(false);
     }
 
     /// Catches a bin that our own transform leaves out, for every number of bins: the powers of noise in single
