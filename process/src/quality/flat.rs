@@ -52,7 +52,7 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
     }
     let mut next = 0;
     while let Some(from) = position(samples, level, next) {
-        next = from + samples[from..].iter().take_while(|&&x| x == level).count();
+        next = from + 1 + samples[from + 1..].iter().take_while(|&&x| x == level).count();
         let is_cut = next - from >= RUN && (C::is_rail(level) || leaves(samples, from, next));
         if is_cut {
             return true;
