@@ -23,7 +23,7 @@ use anyhow::Context as _;
 use clap::{CommandFactory as _, Parser as _};
 use tapline_host::log;
 use tapline_host::messages::print_failure;
-use tapline_host::signals::{end_on_signals, wait_if_ending};
+use tapline_host::signals::end_on_signals;
 use tapline_store::RunError;
 use tracing::level_filters::LevelFilter;
 
@@ -40,9 +40,7 @@ const INCOMPLETE: u8 = 3;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     log::start(cli.log, draws(&cli.verb).then_some(LevelFilter::OFF));
-    let done = begin(&cli.verb).and_then(|()| dispatch(&cli.verb));
-    wait_if_ending();
-    match done {
+    match begin(&cli.verb).and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
         Err(_) if tapline_host::stdout::fault() == Some(ErrorKind::BrokenPipe) && only_prints(&cli.verb) => {

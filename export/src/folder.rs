@@ -37,16 +37,11 @@ impl Draft {
 
     /// The present path of the file `name`, whose own folder is created.
     pub(crate) fn path(&self, name: &str) -> Result<PathBuf> {
-        // Not `create_dir_all`: that would make the draft again after a signal has removed it.
-        let mut parent = self.draft.clone();
-        for part in Path::new(name).parent().into_iter().flatten() {
-            parent.push(part);
-            match fs::create_dir(&parent) {
-                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
-                made => made.context("make the folder", &parent)?,
-            }
+        let path = self.draft.join(name);
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent).context("make the folder", parent)?;
         }
-        Ok(self.draft.join(name))
+        Ok(path)
     }
 
     /// The present path of the folder.

@@ -4,10 +4,11 @@
 //! [`end_on_signals`] removes the drafts in the folders that were noted by [`note_folder`].
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::io;
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::process::Command;
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Builder;
 
@@ -15,11 +16,12 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 
-/// End of a draft's name, after the number of its process: `NAME.PID.new`, or `NAME.PID-RANDOM.new`.
-const DRAFT: &str = ".new";
-
-/// How often a folder is emptied that another thread still writes into.
-const ATTEMPTS_MAX: usize = 100;
+/// Removes the drafts of the process that becomes this shell, then ends it by the signal that is its first word. The folders follow.
+/// A draft is called `NAME.PID.new`, or `NAME.PID-RANDOM.new`.
+const END: &str = r#"for folder; do
+  for name in '*' '.*'; do rm -rf -- "$folder"/$name.$$.new "$folder"/$name.$$-*.new; done
+done
+kill -"$0" $$"#;
 
 /// A flag that SIGTERM and SIGINT set.
 ///
@@ -36,9 +38,6 @@ pub fn stop_flag() -> io::Result<Arc<AtomicBool>> {
 /// Folders in which this process may have drafts.
 static FOLDERS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Whether a signal ends this process now.
-static ENDS: AtomicBool = AtomicBool::new(false);
-
 /// Notes that a draft of `path` may be written beside it.
 pub fn note_folder(path: &Path) {
     let path = path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.to_owned());
@@ -49,63 +48,50 @@ pub fn note_folder(path: &Path) {
 
 /// From now on SIGTERM and SIGINT end this process as they do any other, after its drafts are removed.
 ///
+/// The process becomes a shell that removes them: its other threads end by that, so that none writes another draft meanwhile.
+///
 /// # Errors
 /// What the system returns.
 pub fn end_on_signals() -> io::Result<()> {
     let mut signals = Signals::new([SIGTERM, SIGINT])?;
     let end = move || {
         if let Some(signal) = signals.forever().next() {
-            ENDS.store(true, Ordering::SeqCst);
-            remove_drafts();
+            let folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).clone();
+            // It returns only where there is no shell: the drafts then stay.
+            drop(Command::new("/bin/sh").args(["-c", END, &signal.to_string()]).args(folders).exec());
             // Only a signal that cannot be sent to oneself fails; the program then ends by itself.
             drop(emulate_default_handler(signal));
-            ENDS.store(false, Ordering::SeqCst);
         }
     };
     Builder::new().name("signals".to_owned()).spawn(end).map(drop)
 }
 
-/// Waits for the end, if a signal ends this process: what failed meanwhile failed because its drafts were removed.
-pub fn wait_if_ending() {
-    while ENDS.load(Ordering::SeqCst) {
-        std::thread::sleep(std::time::Duration::from_millis(1));
-    }
-}
-
-fn remove_drafts() {
-    let folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    for entry in folders.iter().filter_map(|folder| fs::read_dir(folder).ok()).flatten().flatten() {
-        let is_draft = entry.file_name().to_str().is_some_and(|name| is_draft_of(name, std::process::id()));
-        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
-        let path = entry.path();
-        if is_draft && is_folder {
-            // Until its writer has noticed that it is gone, a folder may fill again.
-            let _is_removed = (0..ATTEMPTS_MAX).any(|_| fs::remove_dir_all(&path).is_ok());
-        } else if is_draft {
-            // The process ends; a file that cannot be removed stays.
-            drop(fs::remove_file(path));
-        }
-    }
-}
-
-/// Whether a file of this name is a draft of the process `pid`.
-fn is_draft_of(name: &str, pid: u32) -> bool {
-    let number = name.strip_suffix(DRAFT).and_then(|name| name.rsplit_once('.')).map(|(_, number)| number);
-    number.is_some_and(|number| number.split('-').next() == Some(&pid.to_string()))
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::os::unix::process::ExitStatusExt as _;
+
     use super::*;
 
-    /// Catches a draft that stays, and a file of another process, or a result, that is removed.
+    /// Catches a draft that stays, a file of another process, or a result, that is removed, and a process that does not end by the
+    /// signal that it was sent.
     #[test]
     fn drafts_are_known_by_the_number_of_their_process() {
-        for name in ["a.csv.17.new", "SIM-1.h5.17-x9.new", "taps.17.new"] {
-            assert!(is_draft_of(name, 17), "{name}");
-        }
-        for name in ["a.csv", "a.17", "a.new", "17.new", "a.csv.170.new", "a.csv.17.newer", "a.csv.1-17.new"] {
-            assert!(!is_draft_of(name, 17), "{name}");
-        }
+        let folder = tempfile::tempdir().unwrap();
+        let beside = folder.path().join("beside one with a space");
+        let begin = r#"
+            mkdir "$1" "$0/taps.$$.new" "$0/taps.$$.new/T1"
+            touch "$0/a.csv.$$.new" "$0/.b.$$.new" "$0/taps.$$.new/T1/taps.csv" "$1/SIM-1.h5.$$-x9.new" "$1/x.$$-a.new.$$-b.new"
+            touch "$0/a.csv" "$0/a.$$" "$0/a.new" "$0/$$.new" "$0/a.csv.$$0.new" "$0/a.csv.$$.newer" "$1/a.csv.1-$$.new"
+            exec sh -c "$2" 15 "$0" "$1""#;
+        let mut shell = Command::new("/bin/sh");
+        let ended = shell.args(["-c", begin]).arg(folder.path()).arg(&beside).arg(END).status().unwrap();
+        assert_eq!(ended.signal(), Some(SIGTERM));
+        let count = |path: &Path| fs::read_dir(path).unwrap().count();
+        assert_eq!(
+            (count(folder.path()), count(&beside)),
+            (7, 1),
+            "6 files and the folder beside stay, and 1 file in it"
+        );
     }
 }

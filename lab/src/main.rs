@@ -8,7 +8,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use tapline_host::arguments::{ForceArgs, LogArgs};
 use tapline_host::atomic_file::check_folder;
 use tapline_host::messages::print_failure;
-use tapline_host::signals::{end_on_signals, wait_if_ending};
+use tapline_host::signals::end_on_signals;
 use tapline_host::{generated, log};
 use tapline_lab::chart::ChartArgs;
 use tapline_lab::headroom::HeadroomArgs;
@@ -112,9 +112,7 @@ fn main() -> ExitCode {
     }
     let cli = Cli::parse();
     log::start(cli.log, None);
-    let done = end_on_signals().context("cannot listen to signals").and_then(|()| dispatch(&cli.verb));
-    wait_if_ending();
-    match done {
+    match end_on_signals().context("cannot listen to signals").and_then(|()| dispatch(&cli.verb)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             print_failure("tapline-lab", error.as_ref());

@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail, ensure};
@@ -54,7 +56,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         say_unsupported(&job)?;
         let progress = scanning(listed.tap_count, &job.out);
         let audience = Audience { progress, wires: None, as_json: args.json, show: None };
-        operate(&setup, &mut folder, audience, Some(listed.names.len()))?
+        operate(&setup, &mut folder, audience, Some(listed.names.len()), stop_at_signals()?)?
     };
     drop(folder);
     summarise(&job, &setup, &listed.names, pace, args.json)
@@ -100,11 +102,13 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let progress = Progress::new(None, Unit::Things("taps"));
     progress.print(&format!("waiting for casings; results go into {}", job.out.display()));
     shown_at.iter().for_each(|address| progress.print(&format!("the line is shown at {address}")));
+    // Before anything is told: a line that is asked to stop from here on stops in good order.
+    let stop = stop_at_signals()?;
     folder.make_unreported()?;
     let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places())?;
     said.iter().for_each(|text| progress.print(text));
     let audience = Audience { progress, wires: Some(wires), as_json: args.json, show };
-    let pace = operate(&setup, &mut folder, audience, args.casings)?;
+    let pace = operate(&setup, &mut folder, audience, args.casings, stop)?;
     Ok(pace.refusals.is_empty())
 }
 
@@ -157,10 +161,20 @@ fn say_unsupported(job: &Job) -> Result<()> {
     Ok(())
 }
 
-/// Runs the line that `setup` describes.
-fn operate(setup: &Setup, folder: &mut OutFolder, audience: Audience, count: Option<usize>) -> Result<Pace> {
+/// A flag that is set when this process is asked to end.
+fn stop_at_signals() -> Result<Arc<AtomicBool>> {
+    stop_flag().context("cannot listen to signals")
+}
+
+/// Runs the line that `setup` describes, until `stop` is set or `count` casings have their verdicts.
+fn operate(
+    setup: &Setup,
+    folder: &mut OutFolder,
+    audience: Audience,
+    count: Option<usize>,
+    stop: Arc<AtomicBool>,
+) -> Result<Pace> {
     name_process("tapline-line");
-    let stop = stop_flag().context("cannot listen to signals")?;
     let workplace = Workplace { address: LineAddress::fresh()? };
     let address = &workplace.address;
     folder.enter(address)?;
