@@ -121,9 +121,9 @@ impl ArcStatistic {
         if of.is_empty() { 0.0 } else { of.iter().sum::<f64>() / of.len() as f64 }
     }
 
-    /// How a place scatters at one offset.
-    pub(crate) fn of_place(&self) -> Option<&Scatter> {
-        self.depths.first()?.by_length.first()
+    /// How a place scatters: at one offset, over the first two of them, and so on.
+    pub(crate) fn of_places(&self) -> impl Iterator<Item = &Scatter> {
+        self.depths.iter().map(|depth| &depth.by_length[0])
     }
 
     /// The sum of the scores of discriminator number `d` over the first `depth` offsets at `place`, and how many there are.
@@ -167,11 +167,8 @@ impl ArcStatistic {
             for (start, length, sum) in arcs(ring, map, ARC_MAX) {
                 let (scatter, best) =
                     (&depth.by_length[length - 1], strongest.map_or(f64::NEG_INFINITY, |arc| arc.value));
-                if scatter.bound(&sum) > best {
-                    let value = scatter.evidence(&sum);
-                    if value > best {
-                        strongest = Some(Arc { start, length, depth: number, value });
-                    }
+                if let Some(value) = scatter.evidence_above(best, &sum) {
+                    strongest = Some(Arc { start, length, depth: number, value });
                 }
             }
         }

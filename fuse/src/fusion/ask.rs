@@ -158,7 +158,7 @@ impl Fusion {
 
 /// The offset at which `arc` stands out most.
 fn strongest_offset(view: &View<'_>, arc: Arc) -> Option<usize> {
-    let scatter = view.fitted.statistic.of_place()?;
+    let scatter = view.fitted.statistic.of_places().next()?;
     let of_offset = |&offset: &usize| {
         let mut sum = Sum::default();
         view.shoulder.ring.from(arc.start).take(arc.length).for_each(|p| sum.add(&view.scores.uncut[offset][p]));

@@ -305,7 +305,7 @@ impl View<'_> {
         let asked = arc.length.min(PLACES_MAX);
         // The median of the controls is known no better than they are many: its variance is pi/2 that of their mean.
         let level_variance = std::f64::consts::FRAC_PI_2 * count as f64 / control_count;
-        let value = statistic.of_place()?.along(&weights, &sum.over_root()) / (1.0 + level_variance).sqrt();
+        let value = statistic.of_places().next()?.along(&weights, &sum.over_root()) / (1.0 + level_variance).sqrt();
         (2 * count >= asked && asked > 0 && !value.is_nan()).then_some(value)
     }
 
@@ -331,7 +331,7 @@ impl View<'_> {
                 let mut sum = Sum::default();
                 let of_region = cells.iter().zip(self.scores.by_offset.get(offset)?);
                 of_region.filter(|(cell, _)| cell.region == region).for_each(|(_, scores)| sum.add(scores));
-                let evidence = self.fitted.statistic.of_place()?.evidence(&sum.over_root());
+                let evidence = self.fitted.statistic.of_places().next()?.evidence(&sum.over_root());
                 Some((offsets_mm[offset]?, evidence)).filter(|_| !evidence.is_nan())
             });
             let mut shown: Vec<(f64, f64)> = shown.collect();

@@ -139,10 +139,7 @@ impl Fused {
 
     /// Places that do not stand out, by shoulder.
     fn inliers(&self, casing: &[&Shoulder], levels: &[Levels]) -> Vec<Vec<bool>> {
-        let is_inlier = |near: Vector| {
-            let evidence = self.near_scatter.evidence(&near);
-            evidence.is_nan() || evidence <= self.near_limit
-        };
+        let is_inlier = |near: Vector| self.near_scatter.evidence_above(self.near_limit, &near).is_none();
         let of = |(shoulder, levels)| self.near_means(shoulder, levels).into_iter().map(is_inlier).collect();
         casing.iter().copied().zip(levels).map(of).collect()
     }
@@ -240,11 +237,7 @@ impl Fused {
     /// one bears out: another of that place, or one of a neighbour.
     fn borne_out(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
         let mut scores = self.tap_scores(shoulder, levels);
-        // Most taps are far from the limit, as a bound tells at once.
-        let stands_out = |scores: &Vector| {
-            let is_near = has_value(scores) && self.tap_scatter.bound(scores) > TAP_EVIDENCE_MAX;
-            if is_near { self.tap_scatter.evidence(scores) } else { 0.0 }
-        };
+        let stands_out = |scores: &Vector| self.tap_scatter.evidence_above(TAP_EVIDENCE_MAX, scores).unwrap_or(0.0);
         let evidence: Vec<Vec<f64>> = scores.iter().map(|turn| turn.iter().map(stands_out).collect()).collect();
         for place in 0..shoulder.place_count() {
             let of_place = evidence.iter().enumerate().map(|(turn, evidence)| (turn, evidence[place]));
