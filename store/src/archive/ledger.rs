@@ -7,7 +7,7 @@ use tapline_wire::{Plan, TapState};
 use crate::error::{Context as _, Error, Result};
 use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{HeaderRow, LedgerRow};
-use crate::format::lineage::Digest;
+use crate::format::lineage::{Digest, digest_of};
 use crate::h5::table::Table;
 
 /// State and attempt of the tap in row `k` of a ledger; missing if the row is corrupt.
@@ -27,32 +27,35 @@ pub(crate) fn raw_digest(
     ledger: &Table<LedgerRow>,
     headers: &Table<HeaderRow>,
 ) -> Result<Digest> {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(&plan.digest().to_le_bytes());
+    // All at once: a hasher that is given each number by itself takes ten times as long.
+    let mut content = plan.digest().to_le_bytes().to_vec();
     let ledger = ledger.read_all().context("read the ledger", path)?;
     let headers = headers.read_all().context("read the headers", path)?;
     for (k, (row, header)) in ledger.iter().zip(headers).enumerate() {
         let (state, attempt) = tap_state(path, k, row)?;
-        hasher.update(&(k as u64).to_le_bytes()).update(&[state.code()]).update(&attempt.to_le_bytes());
+        content.extend((k as u64).to_le_bytes());
+        content.push(state.code());
+        content.extend(attempt.to_le_bytes());
         if state == TapState::Archived {
             if !header.is_valid(k) {
                 let what = format!("the header of plan row {k} is not what was written: its checksum differs");
                 return Err(Error::damaged(path, what));
             }
-            add_header(&mut hasher, &header);
+            add_header(&mut content, &header);
         }
     }
-    Ok(*hasher.finalize().as_bytes())
+    Ok(digest_of(&content))
 }
 
-fn add_header(hasher: &mut blake3::Hasher, header: &HeaderRow) {
+fn add_header(content: &mut Vec<u8>, header: &HeaderRow) {
     let HeaderRow { source, pre_trigger_samples, sample_count, tap_time_ns, samples_digest, .. } = *header;
     let floats = [header.sample_rate_hz, header.velocity_measured_m_per_s, header.microphone_distance_m];
     for value in floats.into_iter().chain(header.unit_per_count) {
-        hasher.update(&value.to_bits().to_le_bytes());
+        content.extend(value.to_le_bytes());
     }
     for number in [source, pre_trigger_samples, sample_count] {
-        hasher.update(&number.to_le_bytes());
+        content.extend(number.to_le_bytes());
     }
-    hasher.update(&tap_time_ns.to_le_bytes()).update(&samples_digest);
+    content.extend(tap_time_ns.to_le_bytes());
+    content.extend(samples_digest);
 }
