@@ -32,6 +32,7 @@ const BEGINNING_S: f64 = 0.1;
 struct Scan {
     plan: Plan,
     taps: Vec<(TapHeader, Vec<CacheLine>)>,
+    found: Vec<Discriminators>,
 }
 
 impl Scan {
@@ -41,16 +42,19 @@ impl Scan {
         let simulation = SimulationConfig { sample_count: 16_384, ..SimulationConfig::default() };
         let mut line = SimulatedLine::new(&scan, &simulation)?;
         let plan = line.plan().clone();
-        let mut taps = Vec::new();
+        let (mut taps, mut found) = (Vec::new(), Vec::new());
+        let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
         for row in 0..u32::try_from(plan.taps().len())? {
             let mut header = TapHeader::default();
             let mut buffer = vec![CacheLine::default(); cache_lines_for(plan.recording.payload_bytes_max())];
             line.render(row, 0, &mut header, &mut buffer)?;
             // What a publisher would set.
             header.stamp.kind = RecordKind::Data.code();
+            let samples = tapline_wire::Samples::view(&header, &buffer).context("a simulated tap describes itself")?;
+            found.push(extractor.extract(&header, samples));
             taps.push((header, buffer));
         }
-        Ok(Self { plan, taps })
+        Ok(Self { plan, taps, found })
     }
 
     fn bytes(&self) -> usize {
@@ -63,12 +67,13 @@ impl Scan {
         let mut writer = Writer::create(path, &self.plan, 0, Lineage { codec, .."[store]\n".into() })?;
         let begin = Instant::now();
         // As the stage does if taps come faster than it can write them.
-        for flushed in self.taps.chunks(64) {
+        for (flushed, found) in self.taps.chunks(64).zip(self.found.chunks(64)) {
             for batch in flushed.chunks(TapTopic::BORROWED) {
                 let taps: Vec<(&TapHeader, &[u8])> =
                     batch.iter().map(|(header, buffer)| (header, bytes_of(buffer))).collect();
                 writer.put_taps(&taps)?;
             }
+            found.iter().try_for_each(|found| writer.put_discriminators(found).map(drop))?;
             writer.flush()?;
         }
         writer.finish()?;
@@ -89,7 +94,7 @@ fn main() -> Result<()> {
         notes: vec![
             format!(
                 "{} simulated taps of 0.4 s (64 KiB), {ROUNDS} rounds. The plain write has the packed chunks of the archive alone, one \
-                 after another, and one fdatasync; the archive packs, digests, keeps its tables and syncs at the end.",
+                 after another, and one fdatasync; the archive packs, digests, keeps its tables and discriminators, and syncs at the end.",
                 scan.taps.len()
             ),
             "Judging again: reading, checking, unpacking, discriminators and verdicts on one core; the Python program \
@@ -139,7 +144,6 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<Vec<Row>> {
             ours.push(scan.write(&path, codec)?);
             theirs.push(plain_write(&plain, &chunks)?);
         }
-        // This archive has no discriminators, so none of its taps is archived; a finished archive is read below.
         let finished = folder.join(format!("{codec}-finished.h5"));
         judged(scan, &finished)?;
         let repacked = folder.join(format!("{codec}-read.h5"));
@@ -192,14 +196,11 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<Vec<Row>> {
 fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     drop(fs::remove_file(path));
     let mut writer = Writer::create(path, &scan.plan, 0, "[store]\n")?;
-    let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
     let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &scan.plan)?;
-    for (header, buffer) in &scan.taps {
+    for ((header, buffer), found) in scan.taps.iter().zip(&scan.found) {
         writer.put_tap(header, bytes_of(buffer))?;
-        let samples = tapline_wire::Samples::view(header, buffer).context("a simulated tap describes itself")?;
-        let found = extractor.extract(header, samples);
-        writer.put_discriminators(&found)?;
-        fusion.push(&found)?;
+        writer.put_discriminators(found)?;
+        fusion.push(found)?;
     }
     for scan in 0..scan.plan.scans().len() {
         fusion.end(scan)?;

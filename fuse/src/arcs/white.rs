@@ -4,7 +4,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
 use crate::arcs::statistic::{ARC_MAX, ArcStatistic, Maps};
-use crate::evidence::{ROUNDING, Sum, Vector, has_value, squared_length};
+use crate::evidence::{ROUNDING, Sum, Vector, dot, has_value};
 use crate::index::Scores;
 use crate::shoulder::ring::Ring;
 use crate::stats::{mean_and_sd, median};
@@ -73,7 +73,7 @@ fn strongest_above(least: f64, statistic: &ArcStatistic, ring: &Ring, maps: &Map
                 count += 1.0;
                 let limit = if most > 0.0 { most * most * (1.0 - ROUNDING) } else { 0.0 };
                 // An arc that lacks a discriminator somewhere has no length, and is looked at.
-                if squared_length(&sum) < limit * count {
+                if dot(&sum, &sum) < limit * count {
                     continue;
                 }
                 let mut scores = Sum::default();

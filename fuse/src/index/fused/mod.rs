@@ -9,23 +9,19 @@
 
 mod level;
 mod offset_scale;
+mod taps;
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use tapline_wire::{Direction, Discriminator};
 
-use crate::evidence::{ABSENT, Scatter, Sum, Vector, has_value};
+use crate::evidence::{ABSENT, Scatter, Vector, has_value};
 use crate::index::fused::level::{Level, Levels, QUARTILE_Z, START_FRACTION};
 use crate::index::fused::offset_scale::OffsetScale;
+use crate::index::fused::taps::TapMeans;
 use crate::index::{Index, Scores, Setup};
 use crate::shoulder::{Shoulder, Turn};
 use crate::stats::{Spread, mean_and_sd, median, quantile};
-
-/// Largest magnitude of the score of one discriminator of a tap.
-const SCORE_MAX: f64 = 6.0;
-
-/// Largest evidence of a single tap that no other of its place or its neighbours bears out: one rogue tap is no damage.
-const TAP_EVIDENCE_MAX: f64 = 4.0;
 
 /// Part of sound places that are left out of the level of their turns because they and their neighbours stand out most: those
 /// beyond two standard deviations of one score.
@@ -63,12 +59,6 @@ struct Scale {
     /// Median of sound places above the level that [`Fused::levels`] finds.
     residual: f64,
 }
-
-/// Mean scores of the taps of each place at each offset, and how many taps, `[offset][place][discriminator]`.
-type TapMeans = Vec<Vec<Means>>;
-
-/// Mean and count of each discriminator.
-type Means = [(f64, u32); ABSENT.len()];
 
 impl Index for Fused {
     fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores> {
@@ -205,85 +195,6 @@ impl Fused {
                 }
             }
         }
-    }
-
-    /// Scores of the taps of a turn, by place.
-    fn turn_scores(&self, turn: &Turn, levels: &[Level]) -> Vec<Vector> {
-        let mut scores = vec![ABSENT; turn.values.len()];
-        for (d, scale) in self.scales[turn.condition].iter().enumerate() {
-            let Some(scale) = scale else { continue };
-            for (scores, y) in scores.iter_mut().zip(self.above(turn, d, levels[d])) {
-                scores[d] = y.map_or(f64::NAN, |y| (y / scale.sigma).clamp(-SCORE_MAX, SCORE_MAX));
-            }
-        }
-        scores
-    }
-
-    /// Mean score of each discriminator over the taps of a place, `[place][discriminator]`.
-    fn by_discriminator(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<f64>> {
-        let mut sums = vec![Sum::default(); shoulder.place_count()];
-        for (turn, levels) in shoulder.turns.iter().zip(levels) {
-            sums.iter_mut().zip(self.turn_scores(turn, levels)).for_each(|(sum, scores)| sum.add(&scores));
-        }
-        sums.into_iter().map(|sum| sum.mean()[..self.setup.discriminators.len()].to_vec()).collect()
-    }
-
-    /// The scores of every tap, `[turn][place]`.
-    fn tap_scores(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
-        shoulder.turns.iter().zip(levels).map(|(turn, levels)| self.turn_scores(turn, levels)).collect()
-    }
-
-    /// The scores of every tap, `[turn][place]`, in which the tap of a place that stands out most counts no more than the next
-    /// one bears out: another of that place, or one of a neighbour.
-    fn borne_out(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
-        let mut scores = self.tap_scores(shoulder, levels);
-        let stands_out = |scores: &Vector| self.tap_scatter.evidence_above(TAP_EVIDENCE_MAX, scores).unwrap_or(0.0);
-        let evidence: Vec<Vec<f64>> = scores.iter().map(|turn| turn.iter().map(stands_out).collect()).collect();
-        for place in 0..shoulder.place_count() {
-            let of_place = evidence.iter().enumerate().map(|(turn, evidence)| (turn, evidence[place]));
-            let Some((turn_of_most, most)) = of_place.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
-            let near = shoulder.ring.with_neighbours(place);
-            let others = near.flat_map(|near| evidence.iter().enumerate().map(move |(turn, e)| (turn, near, e[near])));
-            let others = others.filter(|&(turn, near, _)| (turn, near) != (turn_of_most, place)).map(|(.., e)| e);
-            let next = others.fold(TAP_EVIDENCE_MAX, |most, e| if e > most { e } else { most });
-            if most > next {
-                scores[turn_of_most][place].iter_mut().for_each(|score| *score *= next / most);
-            }
-        }
-        scores
-    }
-
-    /// The means of the taps of each place at each offset, of which none stands out alone.
-    fn tap_means(&self, shoulder: &Shoulder, levels: &Levels) -> TapMeans {
-        self.means(shoulder, self.borne_out(shoulder, levels))
-    }
-
-    /// The means of the `scores` of the taps of each place at each offset.
-    fn means(&self, shoulder: &Shoulder, scores: Vec<Vec<Vector>>) -> TapMeans {
-        let mut sums = vec![vec![Sum::default(); shoulder.place_count()]; self.setup.offset_count];
-        for (turn, scores) in shoulder.turns.iter().zip(scores) {
-            let sums = &mut sums[self.setup.offset_of[turn.condition]];
-            sums.iter_mut().zip(scores).for_each(|(sum, scores)| sum.add(&scores));
-        }
-        let of_offset = |sums: Vec<Sum>| {
-            sums.into_iter().map(|sum| std::array::from_fn(|d| (sum.mean()[d], sum.count(d)))).collect()
-        };
-        sums.into_iter().map(of_offset).collect()
-    }
-
-    /// `[offset][place]`, as [`Scores::by_offset`].
-    fn by_offset(&self, means: TapMeans) -> Vec<Vec<Vector>> {
-        let of = |(means, scales): (Vec<Means>, &Vec<Option<OffsetScale>>)| {
-            let score = |means: Means| {
-                let mut scores = ABSENT;
-                for ((score, (mean, count)), scale) in scores.iter_mut().zip(means).zip(scales) {
-                    *score = scale.map_or(f64::NAN, |scale| scale.score(mean, count));
-                }
-                scores
-            };
-            means.into_iter().map(score).collect()
-        };
-        means.into_iter().zip(&self.offsets).map(of).collect()
     }
 
     /// Fits what comes after the scales.

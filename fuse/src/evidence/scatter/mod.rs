@@ -1,0 +1,179 @@
+//! How scores of sound places scatter together.
+
+mod weights;
+
+use faer::Mat;
+use rand::Rng;
+use rand_distr::{Distribution as _, StandardNormal};
+
+use crate::evidence::covariance::Covariance;
+use crate::evidence::{ABSENT, Vector, WIDTH};
+
+/// A variance at or below this is rounding: that of what counts is near 1.
+const VARIANCE_MIN: f64 = 1e-12;
+
+/// How scores of sound places scatter together.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Scatter {
+    covariance: [[f64; WIDTH]; WIDTH],
+    /// Lower triangle whose product with itself is the covariance.
+    factor: [[f64; WIDTH]; WIDTH],
+    /// The columns of the factor's inverse, 0 where nothing varies.
+    whitening: [[f64; WIDTH]; WIDTH],
+    /// The inverse of the covariance of those that vary, 0 elsewhere.
+    precision: [[f64; WIDTH]; WIDTH],
+    /// 1 over its diagonal, 0 elsewhere.
+    inverse_diagonal: Vector,
+    /// Those that vary.
+    used: Vec<usize>,
+}
+
+impl Scatter {
+    /// Of the covariance `matrix`; what has no variance in it does not count.
+    pub(crate) fn new(matrix: &Mat<f64>) -> Self {
+        let used: Vec<usize> = (0..matrix.ncols()).filter(|&d| matrix[(d, d)] > VARIANCE_MIN).collect();
+        let mut scatter = Self { used, ..Self::default() };
+        for (i, j) in pairs(&scatter.used) {
+            scatter.covariance[i][j] = matrix[(i, j)];
+        }
+        scatter.factor();
+        scatter
+    }
+
+    /// The factor of Cholesky, row by row.
+    fn factor(&mut self) {
+        for &i in &self.used {
+            for &j in self.used.iter().take_while(|&&j| j <= i) {
+                let before: f64 = (0..j).map(|k| self.factor[i][k] * self.factor[j][k]).sum();
+                let rest = self.covariance[i][j] - before;
+                self.factor[i][j] = match i == j {
+                    true if rest > 0.0 => rest.sqrt(),
+                    false if self.factor[j][j] > 0.0 => rest / self.factor[j][j],
+                    _ => 0.0,
+                };
+            }
+        }
+        // Column by column: what the factor makes 1 in its place and 0 elsewhere.
+        for &column in &self.used {
+            for &i in self.used.iter().filter(|&&i| i >= column) {
+                let before: f64 = (column..i).map(|k| self.factor[i][k] * self.whitening[column][k]).sum();
+                self.whitening[column][i] = (f64::from(u8::from(i == column)) - before) / self.factor[i][i];
+            }
+        }
+        for (i, j) in pairs(&self.used) {
+            self.precision[i][j] = (0..WIDTH).map(|k| self.whitening[i][k] * self.whitening[j][k]).sum();
+            self.inverse_diagonal[i] = 1.0 / self.precision[i][i];
+        }
+    }
+
+    /// Of the scores of sound places, shrunk as far as they are few (Ledoit and Wolf). What most places lack does not count;
+    /// places that lack any of the rest teach nothing.
+    pub(crate) fn of(places: impl Iterator<Item = Vector>) -> Self {
+        let places: Vec<Vector> = places.collect();
+        let has_most = |d: &usize| 2 * places.iter().filter(|place| place[*d].is_finite()).count() > places.len();
+        let columns: Vec<usize> = (0..WIDTH).filter(has_most).collect();
+        let rows: Vec<&Vector> = places.iter().filter(|place| columns.iter().all(|&d| place[d].is_finite())).collect();
+        let covariance =
+            Covariance::ledoit_wolf(Mat::from_fn(rows.len(), columns.len(), |i, j| rows[i][columns[j]]).as_ref());
+        let mut matrix = Mat::zeros(WIDTH, WIDTH);
+        let varies = |&j: &usize| !covariance.is_constant[j];
+        for (i, j) in pairs(&(0..columns.len()).filter(varies).collect::<Vec<_>>()) {
+            matrix[(columns[i], columns[j])] = covariance.matrix[(i, j)];
+        }
+        Self::new(&matrix)
+    }
+
+    /// Of the scores of places any of which may be cracked: those below 0 tell how far each discriminator scatters, as damage
+    /// lies above.
+    pub(crate) fn of_own(places: impl Iterator<Item = Vector>) -> Self {
+        let places: Vec<Vector> = places.collect();
+        let scatter = Self::of(places.iter().copied());
+        let times = |d: usize| {
+            let below = places.iter().map(|place| place[d]).filter(|score| *score <= 0.0);
+            let (sum, count) = below.fold((0.0, 0_u32), |(sum, count), score| (sum + score * score, count + 1));
+            (sum / f64::from(count)).sqrt() / scatter.deviation(d)
+        };
+        scatter.scaled(&std::array::from_fn(times))
+    }
+
+    /// The same where each discriminator scatters `times` as far.
+    pub(crate) fn scaled(&self, times: &Vector) -> Self {
+        self.with(|i, j| times[i] * times[j] * self.covariance[i][j])
+    }
+
+    /// The same without what two discriminators move together.
+    pub(crate) fn uncorrelated(&self) -> Self {
+        self.with(|i, j| if i == j { self.covariance[i][j] } else { 0.0 })
+    }
+
+    /// The same drawn towards `other` by the part `fraction`.
+    pub(crate) fn mixed(&self, other: &Self, fraction: f64) -> Self {
+        self.with(|i, j| (1.0 - fraction) * self.covariance[i][j] + fraction * other.covariance[i][j])
+    }
+
+    fn with(&self, covariance: impl Fn(usize, usize) -> f64) -> Self {
+        let used: Vec<usize> = self.used().filter(|&d| covariance(d, d) > VARIANCE_MIN).collect();
+        let mut found = Self { used, ..Self::default() };
+        pairs(&found.used).for_each(|(i, j)| found.covariance[i][j] = covariance(i, j));
+        found.factor();
+        found
+    }
+
+    /// The discriminators that vary.
+    pub(crate) fn used(&self) -> impl Iterator<Item = usize> + '_ {
+        self.used.iter().copied()
+    }
+
+    /// Standard deviation of discriminator number `d`; 0 of one that does not count.
+    pub(crate) fn deviation(&self, d: usize) -> f64 {
+        self.covariance[d][d].sqrt()
+    }
+
+    /// `scores` as values that are independent on sound places, each of variance 1: but for [`ROUNDING`], their length is not less than
+    /// the evidence. NaN where any that counts is absent.
+    pub(crate) fn whitened(&self, scores: &Vector) -> Vector {
+        // Whole columns, so that the compiler can use vectors.
+        let mut white = [0.0; WIDTH];
+        for &k in &self.used {
+            for (white, part) in white.iter_mut().zip(&self.whitening[k]) {
+                *white += part * scores[k];
+            }
+        }
+        white
+    }
+
+    /// Scores drawn from noise that scatters so.
+    pub(crate) fn draw(&self, rng: &mut impl Rng) -> Vector {
+        let (mut drawn, mut normal) = (ABSENT, [0.0; WIDTH]);
+        for &i in &self.used {
+            normal[i] = StandardNormal.sample(rng);
+            drawn[i] = (0..=i).map(|k| self.factor[i][k] * normal[k]).sum();
+        }
+        drawn
+    }
+}
+
+fn pairs(of: &[usize]) -> impl Iterator<Item = (usize, usize)> + '_ {
+    of.iter().flat_map(move |&i| of.iter().map(move |&j| (i, j)))
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng as _;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    #[test]
+    fn noise_scatters_as_it_is_told() {
+        // Catches a factor of another matrix.
+        let root = Mat::from_fn(3, 3, |i, j| [[0.9, -0.3, 0.2], [0.1, 0.8, -0.5], [0.4, 0.2, 0.7]][i][j]);
+        let scatter = Scatter::new(&(root.transpose() * &root));
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let drawn: Vec<Vector> = (0..20_000).map(|_| scatter.draw(&mut rng)).collect();
+        for (i, j) in pairs(&[0, 1, 2]) {
+            let found = drawn.iter().map(|z| z[i] * z[j]).sum::<f64>() / 20_000.0;
+            assert!((found - scatter.covariance[i][j]).abs() < 0.05, "{i} {j} {found}");
+        }
+    }
+}
