@@ -42,6 +42,11 @@ impl<'a> Head<'a> {
         XxHash3_64::oneshot(self.bytes)
     }
 
+    /// Bytes of the whole chunk.
+    pub fn chunk_bytes(&self) -> usize {
+        self.chunk_bytes
+    }
+
     /// The blocks that hold the bytes `part` of the unpacked row.
     pub fn blocks(&self, part: &Range<usize>) -> Range<usize> {
         let end = part.end.div_ceil(self.block_bytes).min(self.block_count);
@@ -51,6 +56,12 @@ impl<'a> Head<'a> {
     /// All blocks.
     pub fn all(&self) -> Range<usize> {
         0..self.block_count
+    }
+
+    /// Where `blocks` lie in the chunk; within `0..chunk_bytes` whatever the offsets say.
+    pub fn extent(&self, blocks: &Range<usize>) -> Range<usize> {
+        let end = self.begin(blocks.end).min(self.chunk_bytes);
+        self.begin(blocks.start).min(end)..end
     }
 
     /// Whether the checksums of `blocks` of `chunk` are valid.
@@ -135,6 +146,8 @@ mod tests {
         let chunk = chunk();
         let head = Head::new(&chunk).unwrap();
         assert_eq!(head.all(), 0..3);
+        assert_eq!(head.extent(&head.all()), length(3)..chunk.len());
+        assert_eq!(head.extent(&(1..2)), head.begin(1)..head.begin(2));
         for (part, blocks) in [
             (0..1, 0..1),
             (0..8192, 0..1),
@@ -170,6 +183,10 @@ mod tests {
             if let Some(head) = head {
                 prop_assert!(!head.are_valid(head.all(), &bytes));
                 prop_assert!(head.blocks(&(0..usize::MAX)) == head.all());
+                for block in head.all() {
+                    let extent = head.extent(&(block..block + 1));
+                    prop_assert!(extent.start <= extent.end && extent.end <= 300);
+                }
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Samples read past the HDF5 library: chunks are read from their locations in the file and unpacked here.
 
 use std::fs::File;
+use std::io;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -16,6 +17,9 @@ use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::HeaderRow;
 use crate::h5::location::ChunkLocation;
 use crate::h5::samples::{ChunkRows, unpadded};
+
+/// So many bytes of a chunk have the whole head of a record of up to 40 blocks; of a longer one all is read.
+const HEAD_BYTES_MAX: usize = 512;
 
 /// Buffers of one record, which a caller reuses for many.
 #[derive(Debug, Default)]
@@ -72,9 +76,14 @@ impl SampleFile {
     ) -> Result<Samples<'r>> {
         let ReadBuffer { chunk, buffer, planes } = buffer;
         let location = location.ok_or_else(|| self.damaged(header, "have no location in the file"))?;
-        location.read(&self.file, chunk).context("read samples", &self.path)?;
-        let stored = &chunk[..];
         let codec = self.rows.codec();
+        let is_read = if is_beginning && codec == Codec::Lz4 {
+            self.read_blocks(header, location, chunk)
+        } else {
+            location.read(&self.file, chunk)
+        };
+        is_read.context("read samples", &self.path)?;
+        let stored = &chunk[..];
         let is_valid = match head_of(codec, stored).filter(|_| is_beginning) {
             Some(head) => {
                 let are_valid = |part| head.are_valid(head.blocks(&part), stored);
@@ -86,6 +95,21 @@ impl SampleFile {
             return Err(self.damaged(header, "are not what was written: their checksum differs"));
         }
         self.unpacked(header, stored, buffer, planes)
+    }
+
+    /// Reads the head of the chunk at `location` and the blocks that hold the samples of `header`, or all of a chunk that has no head.
+    /// Other bytes of `chunk` stay what they were.
+    fn read_blocks(&self, header: &TapHeader, location: ChunkLocation, chunk: &mut Vec<u8>) -> io::Result<()> {
+        location.make_room(&self.file, chunk)?;
+        let (codec, begin) = (self.rows.codec(), HEAD_BYTES_MAX.min(chunk.len()));
+        location.read_part(&self.file, chunk, 0..begin)?;
+        for part in parts(header, self.rows.row_bytes()) {
+            // The offsets of a damaged head lead nowhere else in the chunk; its checksum tells.
+            let head = head_of(codec, &chunk[..begin]).filter(|head| head.chunk_bytes() == location.length);
+            let extent = head.map_or(begin..location.length, |head| head.extent(&head.blocks(&part)));
+            location.read_part(&self.file, chunk, extent)?;
+        }
+        Ok(())
     }
 
     /// The samples in the chunk `stored`: as many as the header has.
